@@ -44,6 +44,14 @@ pub fn whole(value: f32) -> i32 {
     (value + if value < 0.0 { -0.5 } else { 0.5 }) as i32
 }
 
+/// The mean; `None` of no values.
+pub(crate) fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
+    let (sum, count) = values.fold((0.0, 0u8), |(sum, count), value| {
+        (sum + value, count.saturating_add(1))
+    });
+    (count > 0).then(|| sum / f32::from(count))
+}
+
 /// Bits of a single's significand behind the leading 1.
 const FRACTION_BITS: i32 = 23;
 const EXPONENT_BIAS: i32 = 127;

@@ -167,13 +167,9 @@ fn by_charge(before: ChargeState, remaining_pct: Option<f32>, limits: &ChargeLim
         }
     };
     // Worsens at the threshold, improves only above it by the hysteresis.
-    let at_threshold = worst(remaining_pct);
-    if at_threshold >= before {
-        return at_threshold;
-    }
     before
+        .max(worst(remaining_pct))
         .min(worst(remaining_pct - HYSTERESIS_PCT))
-        .max(at_threshold)
 }
 
 fn is_charging(inputs: &Inputs, before: ChargeState) -> bool {

@@ -1,10 +1,10 @@
 //! Estimates of a pack: resistance, resting voltage, cell count, state of charge, remaining time.
 
-use super::cell_count::CellCount;
 use super::charge::{CellModel, ChargeEstimate, ChargeEstimator, KnownCharge, Second};
 use super::event::PackEvent;
 use super::low_pass::MeanThenLowPass;
 use super::resistance::ResistanceEstimator;
+use super::rest::CellCount;
 use super::settings::PackSettings;
 use super::{ArmState, Chemistry, LearntPack};
 

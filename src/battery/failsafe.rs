@@ -33,31 +33,14 @@ pub(super) struct Observation<'a> {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Failsafe {
     level: FailsafeLevel,
-    reached_by: ReachedBy,
-    loss: Loss,
+    /// The previous pack reached the level; the present one has neither been armed nor lost contact since the swap.
+    is_of_pack_before: bool,
+    /// The loss of the pack was reported, and it has not been healthy for long enough since.
+    has_reported_loss: bool,
     /// How long readings have been healthy, in microseconds (saturating).
     healthy_us: u32,
     low: Timer,
     critical: Timer,
-}
-
-/// Whether the pack is lost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Loss {
-    #[default]
-    None,
-    /// It was reported, and the pack has not been healthy for long enough since.
-    Reported,
-}
-
-/// Which pack reached the level.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum ReachedBy {
-    /// The present one, as far as known.
-    #[default]
-    ThisPack,
-    /// The previous one. The present one has neither been armed nor lost contact since the swap.
-    PackBefore,
 }
 
 /// A voltage that has been below its threshold for this long still counts as below while unknown, in microseconds. A
@@ -129,11 +112,11 @@ impl Failsafe {
             // A dip before disarming must not count after rearming.
             self.low = Timer::default();
             self.critical = Timer::default();
-            self.loss = Loss::None;
+            self.has_reported_loss = false;
             self.release(seen, settings);
             return None;
         }
-        self.reached_by = ReachedBy::ThisPack;
+        self.is_of_pack_before = false;
         let level = if self.is_lost(seen) {
             FailsafeLevel::Unhealthy
         } else {
@@ -159,19 +142,16 @@ impl Failsafe {
 
     /// The pack was swapped.
     pub fn replace_pack(&mut self, replacement: Replacement) {
-        self.reached_by = match replacement {
-            Replacement::Certain => ReachedBy::PackBefore,
-            Replacement::Likely => ReachedBy::ThisPack,
-        };
+        self.is_of_pack_before = replacement == Replacement::Certain;
     }
 
     /// Clears a level of the previous pack once the present one rests above all thresholds.
     fn release(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) {
         let Some(state) = seen.state else {
-            self.reached_by = ReachedBy::ThisPack;
+            self.is_of_pack_before = false;
             return;
         };
-        if self.reached_by == ReachedBy::ThisPack || seen.resting_v.is_none() {
+        if !self.is_of_pack_before || seen.resting_v.is_none() {
             return;
         }
         let remaining_mah = estimated_remaining(state);
@@ -189,9 +169,9 @@ impl Failsafe {
         let last_healthy = seen.last_healthy.unwrap_or(Instant::EPOCH);
         let unhealthy_us = seen.tick.now.us_since(last_healthy);
         if self.healthy_us >= HEALTHY_AGAIN_US {
-            self.loss = Loss::None;
+            self.has_reported_loss = false;
         }
-        unhealthy_us > UNHEALTHY_AFTER_US && mem::replace(&mut self.loss, Loss::Reported) == Loss::None
+        unhealthy_us > UNHEALTHY_AFTER_US && !mem::replace(&mut self.has_reported_loss, true)
     }
 
     /// The level by the thresholds.

@@ -70,16 +70,8 @@ struct BandPass {
 struct Gains {
     fast: f32,
     slow: f32,
-    change: Change,
-}
-
-/// What shows a step.
-#[derive(Clone, Copy, Debug)]
-enum Change {
-    /// The filters.
-    Filtered,
-    /// The difference of readings that are further apart than the filters reach.
-    Difference,
+    /// A step is the difference of two readings, which are further apart than the filters reach.
+    is_difference: bool,
 }
 
 impl BandPass {
@@ -95,9 +87,10 @@ impl BandPass {
         let before = self.slow;
         self.fast += (input - self.fast) * gains.fast;
         self.slow += (input - self.slow) * gains.slow;
-        match gains.change {
-            Change::Filtered => self.fast - self.slow,
-            Change::Difference => input - before,
+        if gains.is_difference {
+            input - before
+        } else {
+            self.fast - self.slow
         }
     }
 }
@@ -145,11 +138,7 @@ impl ResistanceEstimator {
         let gains = Gains {
             fast: self.fast.alpha(dt_s),
             slow: self.slow.alpha(dt_s),
-            change: if is_sparse && dt_s <= MAX_INTERVAL_S {
-                Change::Difference
-            } else {
-                Change::Filtered
-            },
+            is_difference: is_sparse && dt_s <= MAX_INTERVAL_S,
         };
         let start = || (BandPass::start(voltage_v), BandPass::start(current_a));
         let (voltage, current) = self.bands.get_or_insert_with(start);

@@ -1,5 +1,7 @@
-//! Detection of rest: no load and a stable voltage.
+//! Detection of rest, no load and a stable voltage, and of the number of cells by the voltage at rest.
 
+use super::chemistry::Chemistry;
+use super::event::PackEvent;
 use super::low_pass::LowPass;
 
 /// Minimum duration of a stable voltage, in seconds.
@@ -58,6 +60,80 @@ impl Rest {
     }
 }
 
+/// Unambiguous resting voltages of lithium packs: cells, lowest, highest, in volts. From 8.7 to 9.0 V a pack may have
+/// two full or three nearly empty cells, and from four cells on the ranges overlap.
+const DETECTABLE: [(u8, f32, f32); 3] = [(1, 2.5, 4.35), (2, 5.0, 8.7), (3, 9.0, 13.05)];
+
+/// Detects the number of cells once, from the voltage at rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CellCount {
+    detected: Detected,
+    rest: Rest,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Detected {
+    Pending,
+    Ambiguous,
+    Cells(u8),
+}
+
+impl CellCount {
+    pub const fn new() -> Self {
+        Self {
+            detected: Detected::Pending,
+            rest: Rest::new(),
+        }
+    }
+
+    /// The number of cells, once detected.
+    pub fn cells(&self) -> Option<u8> {
+        match self.detected {
+            Detected::Cells(count) => Some(count),
+            Detected::Pending | Detected::Ambiguous => None,
+        }
+    }
+
+    /// Takes over the number detected before a restart of the firmware.
+    pub fn restore(&mut self, count: u8) {
+        self.detected = Detected::Cells(count);
+    }
+
+    /// Takes a reading, and returns an event when detection ends.
+    pub fn update(
+        &mut self,
+        dt_s: f32,
+        voltage_v: f32,
+        current_a: Option<f32>,
+        chemistry: Chemistry,
+    ) -> Option<PackEvent> {
+        if self.detected != Detected::Pending {
+            return None;
+        }
+        let resting_v = self.rest.update(dt_s, voltage_v, current_a)?;
+        match cells_at_rest(resting_v, chemistry) {
+            Some(count) => {
+                self.detected = Detected::Cells(count);
+                Some(PackEvent::CellsDetected { count })
+            }
+            None => {
+                self.detected = Detected::Ambiguous;
+                Some(PackEvent::CellsAmbiguous { voltage_v: resting_v })
+            }
+        }
+    }
+}
+
+fn cells_at_rest(resting_v: f32, chemistry: Chemistry) -> Option<u8> {
+    match chemistry {
+        Chemistry::LiPo | Chemistry::LiIon => DETECTABLE
+            .into_iter()
+            .find(|(_, from_v, to_v)| (*from_v..=*to_v).contains(&resting_v))
+            .map(|(count, ..)| count),
+        Chemistry::LiFe | Chemistry::NiMh => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,5 +147,55 @@ mod tests {
         assert_eq!(rest.update(1.5, 11.5, None), None);
         assert_eq!(rest.update(1.0, 11.5, None), None);
         assert_eq!(rest.update(1.0, 11.5, None), Some(11.5));
+    }
+
+    /// The events in 5 s at 10 Hz of this voltage and current.
+    fn events(chemistry: Chemistry, current_a: Option<f32>, at: impl Fn(f32) -> f32) -> Vec<PackEvent> {
+        let mut cells = CellCount::new();
+        (0..50)
+            .filter_map(|sample| cells.update(0.1, at(sample as f32 / 10.0), current_a, chemistry))
+            .collect()
+    }
+
+    #[test]
+    fn one_to_three_cells_are_detected_at_rest() {
+        for (voltage_v, count) in [
+            (3.7, 1),
+            (4.2, 1),
+            (6.4, 2),
+            (8.4, 2),
+            (8.7, 2),
+            (9.0, 3),
+            (11.1, 3),
+            (12.6, 3),
+        ] {
+            let events = events(Chemistry::LiPo, None, |_| voltage_v);
+            assert_eq!(events, [PackEvent::CellsDetected { count }], "{voltage_v} V");
+        }
+    }
+
+    #[test]
+    fn ambiguous_voltage_is_reported() {
+        for voltage_v in [4.7, 8.85, 14.8, 25.2] {
+            let events = events(Chemistry::LiIon, None, |_| voltage_v);
+            assert!(
+                matches!(events[..], [PackEvent::CellsAmbiguous { .. }]),
+                "{voltage_v} V"
+            );
+        }
+    }
+
+    #[test]
+    fn no_detection_under_load_or_at_a_changing_voltage() {
+        assert_eq!(events(Chemistry::LiPo, Some(3.0), |_| 11.1), []);
+        assert_eq!(events(Chemistry::LiPo, None, |t_s| 12.6 - 0.2 * t_s), []);
+    }
+
+    #[test]
+    fn flat_curves_are_ambiguous() {
+        for chemistry in [Chemistry::LiFe, Chemistry::NiMh] {
+            let events = events(chemistry, None, |_| 9.9);
+            assert!(matches!(events[..], [PackEvent::CellsAmbiguous { .. }]));
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Motor controllers: several may measure a pack together.
 
-use crate::battery::{Consumed, Counted, Measurement, mean};
+use crate::battery::{Consumed, Counted, Measurement};
+use crate::numbers::mean;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MAX_CONTROLLERS, Parameters};
 use crate::time::Instant;

@@ -1,10 +1,8 @@
-//! Charge and energy drawn from a pack, wherever they are counted.
+//! Charge and energy drawn from a pack, wherever they are counted: here, at the source, or by the pack's own fuel gauge.
 
 use crate::battery::consumption::{Consumption, Gap};
-use crate::battery::counter::{Change, SourceCounter};
 use crate::battery::estimator::Reading;
-use crate::battery::gauge::GaugeState;
-use crate::battery::{Consumed, Counted, Measurement};
+use crate::battery::{Consumed, Counted, Gauge, GaugeReading, Measurement};
 use crate::time::Instant;
 
 /// Counts what is drawn from one pack.
@@ -14,14 +12,8 @@ pub(super) struct Counting {
     counter: SourceCounter,
     /// Drawn since the start: neither a battery reset nor another pack changes it.
     drawn: Consumption,
-    last_current: Option<LastCurrent>,
-}
-
-/// The latest known current: a reading may come without one.
-#[derive(Clone, Copy, Debug)]
-struct LastCurrent {
-    time: Instant,
-    current_a: f32,
+    /// The latest known current, in amperes, with its time: a reading may come without one.
+    last_current: Option<(Instant, f32)>,
 }
 
 /// What a reading adds to the consumption.
@@ -47,11 +39,11 @@ impl Counting {
         match measurement.counted {
             Some(Counted::Increment(consumed)) => self.add_counted(consumed),
             Some(Counted::Total(total)) => match self.counter.total(total) {
-                Change::First => {
+                None => {
                     self.consumption.restart(total);
                     Count::at_source(0.0)
                 }
-                Change::Increase(consumed) => self.add_counted(consumed),
+                Some(increase) => self.add_counted(increase),
             },
             Some(Counted::TotalCharge(total_mah)) => {
                 self.integrate_energy(now, measurement);
@@ -60,11 +52,11 @@ impl Counting {
                     energy_wh: 0.0,
                 };
                 match self.counter.total(total) {
-                    Change::First => {
+                    None => {
                         self.consumption.set_charge_mah(total_mah);
                         Count::at_source(0.0)
                     }
-                    Change::Increase(consumed) => self.add_counted(consumed),
+                    Some(increase) => self.add_counted(increase),
                 }
             }
             Some(Counted::Members { consumed, drawn_mah }) => {
@@ -101,8 +93,8 @@ impl Counting {
                     charge_mah,
                     energy_wh: 0.0,
                 };
-                if let Change::Increase(consumed) = self.counter.total(total) {
-                    self.drawn.add_counted(consumed);
+                if let Some(increase) = self.counter.total(total) {
+                    self.drawn.add_counted(increase);
                 }
             }
             return Count::default();
@@ -126,15 +118,15 @@ impl Counting {
     /// Integrates the current since it was known last, also over readings without one.
     fn integrate(&mut self, now: Instant, measurement: &Measurement) -> Option<Gap> {
         let current_a = measurement.current_a?;
-        let last = self.last_current?;
-        let dt_us = now.us_since(last.time);
+        let (last, last_a) = self.last_current?;
+        let dt_us = now.us_since(last);
         self.consumption
-            .integrate(dt_us, last.current_a, current_a, measurement.voltage_v)
+            .integrate(dt_us, last_a, current_a, measurement.voltage_v)
     }
 
     /// The current of a reading, from which the next interval is integrated.
     pub fn remember(&mut self, now: Instant, current_a: Option<f32>) {
-        let known = current_a.map(|current_a| LastCurrent { time: now, current_a });
+        let known = current_a.map(|current_a| (now, current_a));
         self.last_current = known.or(self.last_current);
     }
 
@@ -194,6 +186,179 @@ impl Counting {
         self.consumption = consumption;
         if consumption != Consumption::default() {
             self.counter.rebase();
+        }
+    }
+}
+
+/// Steps of a counter, in milliampere-hours: BATTERY_STATUS and motor controllers count whole ones.
+const STEP_MAH: f32 = 1.0;
+
+/// A counter that falls below this share of what it was has restarted. One that falls less follows a braking motor, or a
+/// frame that was overtaken: it counts again above its maximum.
+const RESTARTED_BELOW: f32 = 0.5;
+
+const MAH_PER_COULOMB: f32 = 1.0 / 3.6;
+
+/// A total at the source.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Total {
+    /// Not read yet: what it has counted so far was drawn from this pack.
+    #[default]
+    Unread,
+    /// The next one is where counting goes on: what it has counted so far is known, or was drawn from the pack before.
+    Rebased,
+    /// The highest since it started.
+    At(f32),
+}
+
+impl Total {
+    fn increase(&mut self, total: f32) -> f32 {
+        match *self {
+            Self::At(highest) if total <= highest && total >= RESTARTED_BELOW * highest => 0.0,
+            Self::At(highest) => {
+                *self = Self::At(total);
+                (total - highest).max(0.0)
+            }
+            Self::Unread | Self::Rebased => {
+                *self = Self::At(total);
+                0.0
+            }
+        }
+    }
+}
+
+/// The counter of one pack's source.
+#[derive(Clone, Copy, Debug, Default)]
+struct SourceCounter {
+    charge: Total,
+    energy: Total,
+    /// The latest of a sum's members, which count down, too.
+    drawn_mah: Option<f32>,
+    /// What it has counted beyond the measured current, in milliampere-hours; negative by up to a step.
+    ahead_mah: f32,
+    progress: Progress,
+}
+
+/// Whether the source counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Progress {
+    /// Nothing was read of a counter.
+    #[default]
+    None,
+    /// It has always stood still, which says nothing about an unknown current.
+    StandsStill,
+    Counts,
+}
+
+impl SourceCounter {
+    /// Goes on from the next total: the pack was swapped, or its charge was set.
+    pub fn rebase(&mut self) {
+        *self = Self {
+            charge: Total::Rebased,
+            energy: Total::Rebased,
+            ..Self::default()
+        };
+    }
+
+    /// Whether there is one.
+    pub fn has_counted(&self) -> bool {
+        self.progress != Progress::None
+    }
+
+    /// Takes the totals of a reading. A total that falls is a restart of the source. Returns what was drawn since the reading
+    /// before; `None` at the first one, whose totals were drawn before.
+    pub fn total(&mut self, total: Consumed) -> Option<Consumed> {
+        let is_first = self.charge == Total::Unread;
+        let increase = Consumed {
+            charge_mah: self.charge.increase(total.charge_mah),
+            energy_wh: self.energy.increase(total.energy_wh),
+        };
+        (!is_first).then_some(increase)
+    }
+
+    /// Takes what was drawn from a sum's members since the start. Returns what was drawn since the reading before.
+    pub fn members(&mut self, drawn_mah: f32) -> f32 {
+        let before_mah = self.drawn_mah.replace(drawn_mah);
+        before_mah.map_or(0.0, |before_mah| drawn_mah - before_mah)
+    }
+
+    /// Corrects a reading by the charge that was counted since the one before, in milliampere-hours. `is_measured`: its
+    /// mean current is that of a sensor, without a gap. The larger of the two counts.
+    pub fn correct(&mut self, reading: &mut Reading, counted_mah: f32, is_measured: bool) {
+        if counted_mah != 0.0 {
+            self.progress = Progress::Counts;
+        } else if self.progress == Progress::None {
+            self.progress = Progress::StandsStill;
+        }
+        match reading.mean_current_a {
+            Some(mean_a) if is_measured => {
+                let measured_mah = mean_a * reading.dt_s * MAH_PER_COULOMB;
+                // A counter that does not count down stands still while a charger does its work.
+                if measured_mah >= 0.0 {
+                    let ahead_mah = (self.ahead_mah + counted_mah - measured_mah).max(-STEP_MAH);
+                    reading.unmeasured_mah = ahead_mah.max(0.0);
+                    self.ahead_mah = ahead_mah.min(0.0);
+                }
+            }
+            _ if self.progress != Progress::Counts => {}
+            _ if reading.dt_s > 0.0 => {
+                reading.mean_current_a = Some(counted_mah / (reading.dt_s * MAH_PER_COULOMB));
+            }
+            _ => reading.unmeasured_mah = counted_mah,
+        }
+    }
+}
+
+/// A gauge that has not reported for longer has timed out, in microseconds: more than two of the slowest period of
+/// batteries, 5 s.
+const TIMEOUT_US: u64 = 12_000_000;
+
+/// What is known of the gauge.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum GaugeState {
+    /// There is none, or it is not to be used.
+    #[default]
+    Absent,
+    /// It has not reported yet.
+    Awaited { since: Instant },
+    /// It has not reported in time: the source has none after all.
+    NeverHeard,
+    /// Its latest report is valid.
+    Valid { gauge: Gauge, at: Instant },
+    /// It has timed out. Its full capacity stays as it was.
+    TimedOut { full_mah: f32 },
+}
+
+impl GaugeState {
+    /// Takes what a reading at `now` says of it.
+    pub fn update(&mut self, now: Instant, reading: GaugeReading) {
+        let is_over = |since: Instant| now.us_since(since) > TIMEOUT_US;
+        *self = match (reading, *self) {
+            (GaugeReading::Absent, _) => Self::Absent,
+            (GaugeReading::Read(gauge), _) => Self::Valid { gauge, at: now },
+            (GaugeReading::Missing, Self::Absent) => Self::Awaited { since: now },
+            (GaugeReading::Missing, Self::Awaited { since }) if is_over(since) => Self::NeverHeard,
+            (GaugeReading::Missing, Self::Valid { gauge, at }) if is_over(at) => Self::TimedOut {
+                full_mah: gauge.full_mah,
+            },
+            (GaugeReading::Missing, unchanged) => unchanged,
+        };
+    }
+
+    /// Its report, until it has timed out.
+    pub fn valid(&self) -> Option<&Gauge> {
+        match self {
+            Self::Valid { gauge, .. } => Some(gauge),
+            _ => None,
+        }
+    }
+
+    /// The pack's full capacity, in milliampere-hours, once it was reported.
+    pub fn full_mah(&self) -> Option<f32> {
+        match self {
+            Self::Valid { gauge, .. } => Some(gauge.full_mah),
+            Self::TimedOut { full_mah } => Some(*full_mah),
+            Self::Absent | Self::Awaited { .. } | Self::NeverHeard => None,
         }
     }
 }

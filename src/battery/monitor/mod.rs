@@ -3,18 +3,16 @@
 mod counting;
 mod learning;
 
-use counting::Counting;
+use counting::{Counting, GaugeState};
 use learning::Learnt;
 
-use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
 use super::diagnosis::{AtRest, Diagnosis};
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
 use super::failsafe::{Failsafe, Observation};
-use super::gauge::GaugeState;
-use super::health::HealthReporter;
+use super::reporters::{ChargeReporter, HealthReporter};
 use super::settings::{FailsafeSettings, PackSettings};
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
@@ -72,15 +70,6 @@ pub struct BatteryMonitor {
 
 /// Nothing is known of a pack.
 static UNKNOWN_PACK: LearntPack = LearntPack::UNKNOWN;
-
-/// Whether the state shows this tick's reading.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Freshness {
-    /// A valid reading of a connected pack.
-    Fresh,
-    /// The read failed or no pack is connected: earlier values, or none.
-    Stale,
-}
 
 /// The latest valid reading.
 #[derive(Clone, Copy, Debug)]
@@ -173,16 +162,16 @@ impl BatteryMonitor {
         if let Some(event) = self.health.contact(dt_s, status, error, tick.arm_state) {
             push(events, event);
         }
-        let freshness = match (error, status) {
-            // The voltage is measured all the same.
-            (None, PackStatus::Healthy) | (Some(ReadError::GaugeTimeout), _) => Freshness::Fresh,
-            _ => Freshness::Stale,
-        };
+        // A connected pack was read. Without its gauge the voltage is measured all the same.
+        let is_fresh = matches!(
+            (error, status),
+            (None, PackStatus::Healthy) | (Some(ReadError::GaugeTimeout), _)
+        );
         // A sum without healthy members has not lost a contact: it can't be swapped itself.
-        if freshness == Freshness::Stale && error != Some(ReadError::NoHealthyMember) {
+        if !is_fresh && error != Some(ReadError::NoHealthyMember) {
             self.swap_detector.lose_contact(dt_s, tick.arm_state);
         }
-        update.failsafe = self.evaluate_failsafes(tick, tick_us, dt_s, freshness, settings, events);
+        update.failsafe = self.evaluate_failsafes(tick, tick_us, dt_s, is_fresh, settings, events);
         // Without its gauge a pack is read all the same.
         update.error = error.filter(|_| self.failed_reads > 0);
         update
@@ -517,14 +506,14 @@ impl BatteryMonitor {
         }
     }
 
-    /// Faults, failsafe level and charge state, after every tick: a failed read counts, too. Returns a level that was
-    /// reached.
+    /// Faults, failsafe level and charge state, after every tick: a failed read counts, too. `is_fresh`: the state shows this
+    /// tick's reading. Returns a level that was reached.
     fn evaluate_failsafes(
         &mut self,
         tick: Tick,
         dt_us: u64,
         dt_s: f32,
-        freshness: Freshness,
+        is_fresh: bool,
         settings: &PackSettings,
         events: &mut PackEvents,
     ) -> Option<FailsafeLevel> {
@@ -541,7 +530,7 @@ impl BatteryMonitor {
         state.serial_number = settings.serial_number;
         state.reported_voltage = settings.reported_voltage;
         state.visibility = settings.visibility;
-        if freshness == Freshness::Fresh {
+        if is_fresh {
             let at_rest = AtRest {
                 voltage_v: self.swap_detector.resting_v(),
                 spread: self.members_spread,
@@ -552,10 +541,7 @@ impl BatteryMonitor {
             tick,
             dt_us: u32::try_from(dt_us).unwrap_or(u32::MAX),
             last_healthy: self.last_healthy,
-            state: match freshness {
-                Freshness::Fresh => Some(state),
-                Freshness::Stale => None,
-            },
+            state: is_fresh.then_some(state),
             remaining_at_most_pct: match state.charge_source {
                 ChargeSource::Estimated => self.estimator.reported().map(|charge| charge.at_most_pct),
                 ChargeSource::Gauge | ChargeSource::Reported => state.remaining_pct,
