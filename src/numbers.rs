@@ -11,7 +11,7 @@ pub struct Hundredths(pub f32);
 
 impl fmt::Display for Hundredths {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let hundredths = whole(self.0 * 100.0);
+        let hundredths = round_to_i32(self.0 * 100.0);
         let sign = if hundredths < 0 { "-" } else { "" };
         let magnitude = hundredths.unsigned_abs();
         write!(f, "{sign}{}.{:02}", magnitude / 100, magnitude % 100)
@@ -37,11 +37,6 @@ impl Write for Fitting<'_> {
         let _ = self.0.push_str(fitting);
         Ok(())
     }
-}
-
-/// Rounds half away from zero, saturating.
-pub fn whole(value: f32) -> i32 {
-    (value + if value < 0.0 { -0.5 } else { 0.5 }) as i32
 }
 
 /// The mean; `None` of no values.

@@ -6,7 +6,7 @@ use heapless::Vec;
 
 use super::consumption::Gap;
 use super::{Amount, ChargeState, FailsafeLevel, Faults, ReadError};
-use crate::numbers::{Hundredths, whole};
+use crate::numbers::{Hundredths, round_to_i32};
 
 /// An event of a pack. Its text follows "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,11 +101,15 @@ impl fmt::Display for PackEvent {
             }) => write!(
                 f,
                 "not measured for {}s: {}mAh assumed",
-                whole(*duration_s),
-                whole(*counted_mah)
+                round_to_i32(*duration_s),
+                round_to_i32(*counted_mah)
             ),
             Self::Gap(Gap { duration_s, .. }) => {
-                write!(f, "not measured for {}s: consumption too low", whole(*duration_s))
+                write!(
+                    f,
+                    "not measured for {}s: consumption too low",
+                    round_to_i32(*duration_s)
+                )
             }
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
@@ -124,9 +128,9 @@ impl fmt::Display for PackEvent {
                     (Some(remaining_pct), Some(usable_pct))
                         if remaining_pct - usable_pct >= WORTH_SAYING_PCT =>
                     {
-                        write!(f, " {}% usable", whole(*usable_pct))
+                        write!(f, " {}% usable", round_to_i32(*usable_pct))
                     }
-                    (Some(remaining_pct), _) => write!(f, " {}% left", whole(*remaining_pct)),
+                    (Some(remaining_pct), _) => write!(f, " {}% left", round_to_i32(*remaining_pct)),
                     (None, _) => Ok(()),
                 }
             }
@@ -137,8 +141,8 @@ impl fmt::Display for PackEvent {
             } => write!(
                 f,
                 "learnt: {} mAh, {} mOhm",
-                whole(*capacity_mah),
-                whole(resistance_ohm * 1e3)
+                round_to_i32(*capacity_mah),
+                round_to_i32(resistance_ohm * 1e3)
             ),
             Self::Faults(faults) => write_faults(f, "fault: ", *faults, &FAULT_NAMES),
             Self::ReportedFaults(faults) => write_faults(f, "reports: ", *faults, &REPORTED_NAMES),
@@ -146,7 +150,7 @@ impl fmt::Display for PackEvent {
                 level,
                 consumed: Amount::Ml(ml),
                 ..
-            } => write!(f, "is {}, used {} ml", name(*level), whole(*ml)),
+            } => write!(f, "is {}, used {} ml", name(*level), round_to_i32(*ml)),
             Self::Failsafe {
                 level,
                 voltage_v,
@@ -162,7 +166,7 @@ impl fmt::Display for PackEvent {
                     "is {}{last} {}V used {} mAh",
                     name(*level),
                     Hundredths(*voltage_v),
-                    whole(*mah)
+                    round_to_i32(*mah)
                 )
             }
         }

@@ -1,6 +1,8 @@
-//! Analog pins and the ADC.
+//! Analog pins, the ADC, and what is wired to the pins, with its scales.
 
 use crate::battery::ReadError;
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// Full-scale code of the RP2040's 12-bit ADC.
 pub const ADC_FULL_SCALE: u16 = 4095;
@@ -52,6 +54,11 @@ impl AnalogPin {
             _ => None,
         }
     }
+}
+
+/// Pin of an analog level sensor (`BATT_FL_PIN`).
+pub(super) fn level_pin(parameters: &Parameters, pack: Pack) -> Option<AnalogPin> {
+    AnalogPin::from_gpio(parameters.get_whole(BatteryParameter::FlPin.of(pack)))
 }
 
 /// ADC readings of one tick, by pin.
@@ -113,11 +120,85 @@ pub async fn read_mean(input: &mut impl AnalogIn, pin: AnalogPin) -> Result<AdcC
     Ok(AdcCount(((sum + conversions / 2) / conversions) as u16))
 }
 
+/// Analog wiring of a pack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AnalogWiring {
+    /// Pin of the voltage divider (`BATT_VOLT_PIN`).
+    pub voltage_pin: Option<AnalogPin>,
+    /// Scale of the voltage.
+    pub divider: VoltageDivider,
+    /// Pin of the current sensor (`BATT_CURR_PIN`).
+    pub current_pin: Option<AnalogPin>,
+    /// Scale of the current.
+    pub current_sensor: CurrentSensor,
+    /// Pin of a fuel level sensor (`BATT_FL_PIN`).
+    pub level_pin: Option<AnalogPin>,
+    /// Voltage at which full throttle draws `BATT_AMP_PERVLT` amperes, in volts (`BATT_MAX_VOLT`).
+    pub full_throttle_voltage_v: f32,
+}
+
+/// Scale of a voltage divider.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VoltageDivider {
+    /// Pack voltage divided by pin voltage, without a unit (`BATT_VOLT_MULT`).
+    pub multiplier: f32,
+    /// Pin voltage at zero pack voltage, in volts (`BATT_VLT_OFFSET`).
+    pub offset_v: f32,
+}
+
+/// Scale of an analog current sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentSensor {
+    /// Amperes per volt at the pin (`BATT_AMP_PERVLT`).
+    pub amperes_per_volt: f32,
+    /// Pin voltage at zero current, in volts (`BATT_AMP_OFFSET`).
+    pub offset_v: f32,
+}
+
+impl VoltageDivider {
+    /// The pack's voltage, in volts: `(pin voltage − offset) × multiplier`.
+    pub fn pack_voltage_v(&self, pin_voltage_v: f32) -> f32 {
+        (pin_voltage_v - self.offset_v) * self.multiplier
+    }
+}
+
+impl CurrentSensor {
+    /// The pack's current, in amperes: `(pin voltage − offset) × amperes per volt`; negative while charging.
+    pub fn current_a(&self, pin_voltage_v: f32) -> f32 {
+        (pin_voltage_v - self.offset_v) * self.amperes_per_volt
+    }
+}
+
+impl AnalogWiring {
+    /// From the live parameters of a pack.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+        let pin =
+            |parameter: BatteryParameter| AnalogPin::from_gpio(parameters.get_whole(parameter.of(pack)));
+        Self {
+            voltage_pin: pin(BatteryParameter::VoltPin),
+            divider: VoltageDivider {
+                multiplier: value(BatteryParameter::VoltMult),
+                offset_v: value(BatteryParameter::VltOffset),
+            },
+            current_pin: pin(BatteryParameter::CurrPin),
+            current_sensor: CurrentSensor {
+                amperes_per_volt: value(BatteryParameter::AmpPervlt),
+                offset_v: value(BatteryParameter::AmpOffset),
+            },
+            level_pin: level_pin(parameters, pack),
+            full_throttle_voltage_v: value(BatteryParameter::MaxVolt),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use embassy_futures::block_on;
     use std::vec::IntoIter;
+
+    use embassy_futures::block_on;
+
+    use super::*;
 
     struct Recorded(IntoIter<Result<AdcCount, ReadError>>);
 

@@ -4,6 +4,10 @@ use super::{FuelKind, PartKind};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 
+/// For how long a pack may be without a reading that is taken in each sampling tick, or reported as often, in microseconds: a
+/// tick.
+pub(super) const TICK_TIMEOUT_US: u64 = 100_000;
+
 /// Kind of battery monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]

@@ -2,23 +2,19 @@
 
 mod analog;
 mod analog_monitor;
-mod analog_wiring;
 mod bus;
 mod can;
 mod controllers;
-mod engine;
 mod external;
 mod fuel;
 mod kind;
 mod serial;
 mod set_up;
-mod timeout;
 
 pub use analog::{
-    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, BURST_CONVERSIONS,
-    read_mean,
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, AnalogWiring,
+    BURST_CONVERSIONS, CurrentSensor, VoltageDivider, read_mean,
 };
-pub use analog_wiring::{AnalogWiring, CurrentSensor, VoltageDivider};
 pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
@@ -28,9 +24,8 @@ pub use can::{
     NodeId,
 };
 pub use controllers::{ControllerBank, ControllerReading, Members};
-pub use engine::EngineReading;
 pub use external::{Admission, ExternalReading, ExternalSource};
-pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
+pub use fuel::{EngineReading, FuelKind, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
 pub use kind::{MonitorKind, needs_pulses, needs_spi};
 pub use serial::{
     DriverEnable, FuelCellError, FuelCellState, REQUEST_BYTES, Request, RichenPowerErrors, SerialDevice,

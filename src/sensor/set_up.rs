@@ -1,6 +1,8 @@
 //! What a sensor is connected to: whether that is set up for it, and how often it has to report.
 
-use super::timeout::{CAN_TIMEOUT_US, EXTERNAL_TIMEOUT_US, TICK_TIMEOUT_US};
+use super::can::CAN_TIMEOUT_US;
+use super::external::EXTERNAL_TIMEOUT_US;
+use super::kind::TICK_TIMEOUT_US;
 use super::{BitTiming, DriverEnable, FuelKind, MonitorKind, SerialProtocol, SerialSetup};
 use crate::battery::ReadError;
 use crate::parameter::Parameters;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::numbers::{Hundredths, whole};
+use crate::numbers::{Hundredths, round_to_i32};
 
 /// Valid values of a parameter.
 #[derive(Clone, Copy, Debug)]
@@ -73,8 +73,8 @@ impl fmt::Display for Range {
 
 /// Without decimals if it has none.
 fn write_number(f: &mut fmt::Formatter<'_>, value: f32) -> fmt::Result {
-    if whole(value) as f32 == value {
-        write!(f, "{}", whole(value))
+    if round_to_i32(value) as f32 == value {
+        write!(f, "{}", round_to_i32(value))
     } else {
         write!(f, "{}", Hundredths(value))
     }

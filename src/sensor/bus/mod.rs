@@ -2,7 +2,6 @@
 //!
 //! A part is one file in `parts/` and one line in `registry.rs`; `docs/adding-a-sensor.md` shows how.
 
-mod address;
 mod devices;
 mod part;
 mod parts;
@@ -10,7 +9,6 @@ mod registers;
 mod registry;
 mod samples;
 mod smbus;
-mod wiring;
 
 #[cfg(test)]
 mod tests;
@@ -20,13 +18,36 @@ use embedded_hal_async::spi::{
     ErrorKind as SpiErrorKind, ErrorType as SpiErrorType, Operation as SpiOperation, SpiDevice,
 };
 
-pub use address::Address;
 pub use devices::{BusDevices, bus_clock_hz};
+pub use part::Wiring;
 pub use registry::PartKind;
 pub use samples::Samples;
-pub use wiring::Wiring;
 
 use crate::battery::BusError;
+
+/// Where a part is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Address {
+    /// At a 7-bit address of the I2C bus.
+    I2c(u8),
+    /// At the SPI bus, behind its one chip select.
+    ChipSelect,
+}
+
+/// What lies outside is reserved (I2C specification UM10204, table 4).
+const LOWEST_ADDRESS: u8 = 0x08;
+const HIGHEST_ADDRESS: u8 = 0x77;
+
+impl Address {
+    /// The address a parameter names; `None` for 0 and for those that are reserved.
+    pub fn from_parameter(value: i32) -> Option<Self> {
+        u8::try_from(value)
+            .ok()
+            .filter(|address| (LOWEST_ADDRESS..=HIGHEST_ADDRESS).contains(address))
+            .map(Self::I2c)
+    }
+}
 
 /// The wires to the parts. Transfers must end: the implementation bounds the wait and frees one that hangs.
 pub trait SensorBus {

@@ -10,17 +10,10 @@ pub struct Samples {
     /// What was counted since the readings were taken.
     counted: Option<Consumed>,
     last: Option<Measurement>,
-    attempts: Attempts,
+    /// Whether the pack was read since the readings were taken.
+    was_read: bool,
     /// Why the latest reading failed, until there is one.
     error: Option<ReadError>,
-}
-
-/// Whether the pack was read since the readings were taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Attempts {
-    #[default]
-    None,
-    Some,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,14 +43,14 @@ impl Samples {
             current: Mean { sum: 0.0, count: 0 },
             counted: None,
             last: None,
-            attempts: Attempts::None,
+            was_read: false,
             error: None,
         }
     }
 
     /// One more reading, or why there is none.
     pub fn add(&mut self, reading: Result<Measurement, ReadError>) {
-        self.attempts = Attempts::Some;
+        self.was_read = true;
         match reading {
             Ok(measurement) => self.add_measurement(&measurement),
             Err(error) => self.error = Some(error),
@@ -87,7 +80,7 @@ impl Samples {
             ..Self::new()
         };
         let taken = core::mem::replace(self, kept);
-        (taken.attempts == Attempts::Some).then(|| taken.reading())
+        taken.was_read.then(|| taken.reading())
     }
 
     /// Why there is no reading: what the latest one failed by, else that none came in time.

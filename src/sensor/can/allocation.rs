@@ -6,7 +6,7 @@ use core::hash::Hasher;
 use hash32::{FnvHasher, Hasher as _};
 use heapless::Vec;
 
-use super::messages::{Allocation, UNIQUE_ID_BYTES, UniqueIdPart};
+use super::messages::{Allocation, UNIQUE_ID_BYTES};
 use super::{MAX_NODES, NodeId};
 use crate::time::Instant;
 
@@ -90,11 +90,7 @@ impl Allocatee {
         let end = (self.confirmed + PART_BYTES).min(UNIQUE_ID_BYTES);
         let allocation = Allocation {
             node_id: None,
-            part: if self.confirmed == 0 {
-                UniqueIdPart::First
-            } else {
-                UniqueIdPart::Later
-            },
+            is_first: self.confirmed == 0,
             unique_id: Vec::from_slice(self.unique_id.get(self.confirmed..end)?).ok()?,
         };
         self.restart(now);
@@ -197,10 +193,10 @@ impl Allocator {
             return None;
         }
         let is_late = now.us_since(self.heard) > FOLLOW_UP_US;
-        if is_late || request.part == UniqueIdPart::First {
+        if is_late || request.is_first {
             self.unique_id.clear();
         }
-        if request.part == UniqueIdPart::Later && self.unique_id.is_empty() {
+        if !request.is_first && self.unique_id.is_empty() {
             return None;
         }
         self.heard = now;
@@ -222,7 +218,7 @@ impl Allocator {
     fn answer(&self, node_id: Option<NodeId>) -> Allocation {
         Allocation {
             node_id,
-            part: UniqueIdPart::Later,
+            is_first: false,
             unique_id: self.unique_id.clone(),
         }
     }

@@ -26,14 +26,8 @@ struct Wanted {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SwitchRequest {
     pub power: ChargerPower,
-    pub attempt: Attempt,
-}
-
-/// Whether the charger was asked before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Attempt {
-    First,
-    Repeated,
+    /// The charger has not confirmed it yet.
+    pub is_repeated: bool,
 }
 
 impl Charger {
@@ -71,15 +65,13 @@ impl Charger {
             _ => {}
         }
         let wanted = self.wanted.as_mut()?;
-        let attempt = match wanted.sent {
-            None => Attempt::First,
-            Some((_, sent)) if now.us_since(sent) >= RETRY_US => Attempt::Repeated,
-            Some(_) => return None,
-        };
-        wanted.sent = Some((transfer_id, now));
+        if wanted.sent.is_some_and(|(_, sent)| now.us_since(sent) < RETRY_US) {
+            return None;
+        }
+        let before = wanted.sent.replace((transfer_id, now));
         Some(SwitchRequest {
             power: wanted.power,
-            attempt,
+            is_repeated: before.is_some(),
         })
     }
 

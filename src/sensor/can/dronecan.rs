@@ -1,7 +1,7 @@
 //! The node on the bus: what is received, what is sent, and when.
 
 use super::allocation::{Allocatee, Allocator, Answer, Random, Request, fnv};
-use super::assembler::Assembler;
+use super::bus::{Acceptance, acceptance};
 use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::frame::{CanFrame, Direction, Identifier, NodeId, Priority, Tail};
 use super::messages::{
@@ -9,9 +9,10 @@ use super::messages::{
     NodeStatus, OUTPUT_ENABLE, parse_controller, parse_output_enable,
 };
 use super::nodes::{NodeInfo, Nodes};
-use super::outgoing::{Outgoing, Transfer};
 use super::packs::{CanPacks, ChargerRequest};
-use super::setup::{Acceptance, CanSettings, CanSetup, acceptance};
+use super::setup::{CanSettings, CanSetup};
+use super::transfers::Assembler;
+use super::transfers::{Outgoing, Transfer};
 use crate::log::{info, warn};
 use crate::memory::identity::FirmwareHash;
 use crate::time::{Cadence, Instant};

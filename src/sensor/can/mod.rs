@@ -1,11 +1,9 @@
 //! Packs that are measured by nodes on a DroneCAN bus. Why it is our own: `docs/decisions/0059-dronecan.md`.
 //!
-//! Frames become transfers (`assembler`), transfers messages (`messages`), and these readings of packs (`packs`). Nothing
+//! Frames become transfers (`transfers`), transfers messages (`messages`), and these readings of packs (`packs`). Nothing
 //! here reads a clock or knows the controller.
 
 mod allocation;
-mod assembler;
-mod bits;
 mod bus;
 mod charger;
 mod dronecan;
@@ -13,19 +11,18 @@ mod event;
 mod frame;
 mod messages;
 mod nodes;
-mod outgoing;
 mod packs;
 mod setup;
-mod status;
 #[cfg(test)]
 mod tests;
+mod transfers;
 
-pub use bus::CanBus;
+pub use bus::{Acceptance, BitTiming, CanBus, CanFilters, CanInterrupt, CanReport, CanState, CanStatus};
 pub use dronecan::DroneCan;
 pub use event::{CanEvent, CanNotice, ChargerPower};
 pub use frame::{CanFrame, FRAME_BYTES, NodeId};
-pub use setup::{Acceptance, BitTiming, CanFilters, CanOptions, CanPack, CanSettings, CanSetup};
-pub use status::{CanInterrupt, CanReport, CanState, CanStatus};
+pub(super) use packs::CAN_TIMEOUT_US;
+pub use setup::{CanOptions, CanPack, CanSettings, CanSetup};
 
 use crate::pack::MAX_PACKS;
 use crate::parameter::MAX_CONTROLLERS;

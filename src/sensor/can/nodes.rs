@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::messages::{NodeStatus, Presence, UNIQUE_ID_BYTES};
+use super::messages::{NodeStatus, UNIQUE_ID_BYTES};
 use super::{CanNotice, MAX_NODES, NodeId};
 use crate::memory::identity::FirmwareHash;
 use crate::time::Instant;
@@ -80,7 +80,7 @@ struct Node {
 impl Nodes {
     /// Takes a node's status. Returns what it changes.
     pub fn report(&mut self, id: NodeId, status: &NodeStatus, now: Instant) -> Option<CanNotice> {
-        if status.presence == Presence::Leaving {
+        if status.is_leaving {
             return self.remove(|node| node.id == id);
         }
         let Some(node) = self.0.iter_mut().find(|node| node.id == id) else {

@@ -1,17 +1,21 @@
 //! Which battery measures which pack, and what its readings mean.
 
 use super::NodeId;
-use super::charger::{Attempt, Charger, SwitchRequest};
+use super::charger::{Charger, SwitchRequest};
 use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
 use super::setup::{CanOptions, CanPack, CanSettings};
-use super::status::{of_battery, of_charger};
-use crate::battery::{CellVoltages, Gauge, GaugeReading, Measurement, PackDetails, Supply};
+use crate::battery::{
+    CellVoltages, ChargeState, Faults, Gauge, GaugeReading, Measurement, PackDetails, Reported, Supply,
+};
 use crate::log::info;
 use crate::pack::{MAX_PACKS, Pack};
-use crate::sensor::timeout::CAN_TIMEOUT_US;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
+
+/// For how long a pack may be without a reading by a node on the bus, in microseconds, as in ArduPilot
+/// (`AP_BATTMONITOR_UAVCAN_TIMEOUT_MICROS`).
+pub(in crate::sensor) const CAN_TIMEOUT_US: u64 = 5_000_000;
 
 /// For how long what BatteryInfoAux has reported is used, in microseconds: more than two of the slowest
 /// period of batteries, 5 s.
@@ -167,7 +171,7 @@ impl CanPacks {
             else {
                 continue;
             };
-            if request.attempt == Attempt::First {
+            if !request.is_repeated {
                 deliver(CanEvent::Announce(CanNotice::Charger(pack, request.power)));
             }
             send(ChargerRequest {
@@ -318,9 +322,10 @@ fn measurement(
         current_a: info
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
-        gauge: match settings.options.has(CanOptions::IGNORE_CHARGE) {
-            true => GaugeReading::Absent,
-            false => GaugeReading::expected(nominal_v.and_then(|nominal_v| gauge(info, nominal_v))),
+        gauge: if counts {
+            GaugeReading::expected(nominal_v.and_then(|nominal_v| gauge(info, nominal_v)))
+        } else {
+            GaugeReading::Absent
         },
         state_of_charge: share.filter(|_| counts),
         temperature_c: celsius(info.temperature_k),
@@ -368,5 +373,76 @@ fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Measurem
         temperature_c: Some(reading.temperature_c),
         reported: of_charger(reading.faults),
         ..Measurement::default()
+    }
+}
+
+/// `STATUS_FLAG_CHARGING` of `uavcan.equipment.power.BatteryInfo`.
+const CHARGING: u16 = 1 << 1;
+
+/// The fault that goes with each of its other flags: hot, cold, overload, bad battery, service needed, and an error of its
+/// management system. "In use" and "charged" are not faults.
+const OF_BATTERIES: [(u16, Faults); 6] = [
+    (1 << 3, Faults::OVER_TEMPERATURE),
+    (1 << 4, Faults::UNDER_TEMPERATURE),
+    (1 << 5, Faults::OVER_CURRENT),
+    (1 << 6, Faults::BAD_BATTERY),
+    (1 << 7, Faults::NEEDS_SERVICE),
+    (1 << 8, Faults::NEEDS_SERVICE),
+];
+
+/// The fault that goes with each bit of `fault_flags` in `mppt.Stream`: too much and too little voltage, overcurrent, too
+/// hot. Too little is the sun's, at dusk.
+const OF_CHARGERS: [(u16, Faults); 4] = [
+    (1 << 0, Faults::INCOMPATIBLE_VOLTAGE),
+    (1 << 1, Faults::INCOMPATIBLE_VOLTAGE),
+    (1 << 2, Faults::OVER_CURRENT),
+    (1 << 3, Faults::OVER_TEMPERATURE),
+];
+
+/// From `status_flags` of BatteryInfo.
+fn of_battery(flags: u16) -> Reported {
+    Reported {
+        faults: faults(flags, &OF_BATTERIES),
+        charge_state: (flags & CHARGING != 0).then_some(ChargeState::Charging),
+    }
+}
+
+/// From `fault_flags` of `mppt.Stream`.
+fn of_charger(flags: u8) -> Reported {
+    Reported {
+        faults: faults(flags.into(), &OF_CHARGERS),
+        ..Reported::NONE
+    }
+}
+
+fn faults(flags: u16, table: &[(u16, Faults)]) -> Faults {
+    let set = table.iter().filter(|(flag, _)| flags & flag != 0);
+    set.fold(Faults::empty(), |faults, (_, fault)| faults | *fault)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flag_of_a_battery_has_its_fault_or_none() {
+        for (bit, fault) in [
+            (0, Faults::empty()),
+            (1, Faults::empty()),
+            (2, Faults::empty()),
+            (3, Faults::OVER_TEMPERATURE),
+            (4, Faults::UNDER_TEMPERATURE),
+            (5, Faults::OVER_CURRENT),
+            (6, Faults::BAD_BATTERY),
+            (7, Faults::NEEDS_SERVICE),
+            (8, Faults::NEEDS_SERVICE),
+            (9, Faults::empty()),
+            (10, Faults::empty()),
+        ] {
+            let reported = of_battery(1 << bit);
+            assert_eq!(reported.faults, fault, "bit {bit}");
+            let charging = (bit == 1).then_some(ChargeState::Charging);
+            assert_eq!(reported.charge_state, charging, "bit {bit}");
+        }
     }
 }

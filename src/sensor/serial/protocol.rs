@@ -1,8 +1,9 @@
-//! What a protocol on the serial line implements, and what it needs of the line.
+//! What a protocol on the serial line implements, what it needs of the line, and what separates frames there: pauses, and a
+//! fixed length.
 
 use super::conditions::SerialNotice;
 use crate::battery::Measurement;
-use crate::sensor::timeout::TICK_TIMEOUT_US;
+use crate::sensor::kind::TICK_TIMEOUT_US;
 use crate::sensor::{ControllerReading, EngineReading, MonitorKind};
 use crate::time::Instant;
 
@@ -90,5 +91,67 @@ pub(super) trait Protocol: Sized {
     /// When [`Self::next_request`] has to be called again; `None` if not before something was received.
     fn next_due(&self) -> Option<Instant> {
         None
+    }
+}
+
+/// Notices pauses of more than `MAX_US` microseconds, which end a frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gaps<const MAX_US: u64> {
+    last_received: Instant,
+}
+
+impl<const MAX_US: u64> Gaps<MAX_US> {
+    /// Nothing was received yet.
+    pub fn new() -> Self {
+        Self {
+            last_received: Instant::EPOCH,
+        }
+    }
+
+    /// Whether the bytes that were received at `now` come after such a pause.
+    pub fn precede(&mut self, now: Instant) -> bool {
+        let is_gap = now.us_since(self.last_received) > MAX_US;
+        self.last_received = now;
+        is_gap
+    }
+}
+
+/// The latest bytes, `N` at most.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window<const N: usize> {
+    bytes: [u8; N],
+    length: usize,
+}
+
+impl<const N: usize> Window<N> {
+    /// Empty.
+    pub fn new() -> Self {
+        Self {
+            bytes: [0; N],
+            length: 0,
+        }
+    }
+
+    /// Adds a byte, and returns all if that is what `decode` finds a frame in, which ends there: they are removed then.
+    ///
+    /// Else no frame starts at the oldest byte, but one may at any other.
+    pub fn push<T>(&mut self, byte: u8, decode: impl FnOnce(&[u8; N]) -> Option<T>) -> Option<T> {
+        if self.length == N {
+            self.bytes.rotate_left(1);
+            self.length -= 1;
+        }
+        *self.bytes.get_mut(self.length)? = byte;
+        self.length += 1;
+        if self.length < N {
+            return None;
+        }
+        let decoded = decode(&self.bytes)?;
+        self.length = 0;
+        Some(decoded)
+    }
+
+    /// Drops what is there of a frame.
+    pub fn clear(&mut self) {
+        self.length = 0;
     }
 }

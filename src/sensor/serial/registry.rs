@@ -1,10 +1,10 @@
-//! Which protocols there are.
+//! Which protocols there are, how the port is set up for the one that is set, and the device that speaks it.
 
-use super::protocol::{Line, Protocol, Request, SerialReading};
+use super::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
 use super::protocols::intelligent_energy::FuelCell;
 use super::protocols::{IntelligentEnergy, Kiss, MegaSquirt, RichenPower, Torqeedo, TorqeedoRole};
 use crate::pack::Pack;
-use crate::parameter::{Parameters, VehicleParameter};
+use crate::parameter::{Parameters, VehicleParameter, serial_baud};
 use crate::sensor::MonitorKind;
 use crate::time::Instant;
 
@@ -46,7 +46,7 @@ macro_rules! protocols {
                 }
             }
 
-            pub(super) const fn line(self) -> Line {
+            const fn line(self) -> Line {
                 match self {
                     $($(Self::$device => $protocol::LINE,)+)+
                 }
@@ -59,7 +59,7 @@ macro_rules! protocols {
                 }
             }
 
-            pub(super) fn start(self) -> AnyProtocol {
+            fn start(self) -> AnyProtocol {
                 match self {
                     $($(Self::$device => AnyProtocol::$protocol($protocol::new(&$model)),)+)+
                 }
@@ -68,30 +68,30 @@ macro_rules! protocols {
 
         /// A protocol and what it knows of the device.
         #[derive(Debug)]
-        pub(super) enum AnyProtocol {
+        enum AnyProtocol {
             $($protocol($protocol),)+
         }
 
         impl AnyProtocol {
-            pub fn begin(&mut self, now: Instant) {
+            fn begin(&mut self, now: Instant) {
                 match self {
                     $(Self::$protocol(protocol) => protocol.begin(now),)+
                 }
             }
 
-            pub fn push(&mut self, byte: u8, now: Instant, deliver: &mut impl FnMut(SerialReading)) {
+            fn push(&mut self, byte: u8, now: Instant, deliver: &mut impl FnMut(SerialReading)) {
                 match self {
                     $(Self::$protocol(protocol) => protocol.push(byte, now, deliver),)+
                 }
             }
 
-            pub fn next_request(&mut self, now: Instant) -> Option<Request> {
+            fn next_request(&mut self, now: Instant) -> Option<Request> {
                 match self {
                     $(Self::$protocol(protocol) => protocol.next_request(now),)+
                 }
             }
 
-            pub fn next_due(&self) -> Option<Instant> {
+            fn next_due(&self) -> Option<Instant> {
                 match self {
                     $(Self::$protocol(protocol) => protocol.next_due(),)+
                 }
@@ -145,5 +145,84 @@ impl SerialProtocol {
         kinds
             .any(|kind| selected.kinds().contains(&kind))
             .then_some(selected)
+    }
+}
+
+/// The pin that switches the driver of an RS-485 transceiver on, high while the port sends (`TRQD1_DE_PIN`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum DriverEnable {
+    /// None: the transceiver switches by itself.
+    None,
+    /// GP22.
+    Gp22,
+}
+
+/// `TRQD1_DE_PIN` for GP22.
+const GP22: i32 = 22;
+
+/// How the second serial port is set up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SerialSetup {
+    /// Its rate, in bits per second.
+    pub baud: u32,
+    /// What is connected to it.
+    pub wires: Wires,
+    /// What switches the transceiver.
+    pub driver_enable: DriverEnable,
+}
+
+impl SerialSetup {
+    /// The set-up that the parameters call for; `None` if no pack is measured by the port, whose pins stay untouched then.
+    pub fn from_parameters(parameters: &Parameters) -> Option<Self> {
+        let Line { baud, wires } = SerialProtocol::in_use(parameters)?.line();
+        Some(Self {
+            baud: match baud {
+                Baud::Fixed(baud) => baud,
+                Baud::Set => serial_baud(parameters.get_whole(VehicleParameter::Serial1Baud)),
+            },
+            wires,
+            driver_enable: match wires {
+                Wires::OneWire => driver_enable(parameters),
+                Wires::ReceiveOnly | Wires::BothWays => DriverEnable::None,
+            },
+        })
+    }
+}
+
+fn driver_enable(parameters: &Parameters) -> DriverEnable {
+    match parameters.get_whole(VehicleParameter::Trqd1DePin) {
+        GP22 => DriverEnable::Gp22,
+        _ => DriverEnable::None,
+    }
+}
+
+/// The device on the serial line.
+#[derive(Debug)]
+pub struct SerialDevice(AnyProtocol);
+
+impl SerialDevice {
+    /// The device that is set, at boot; `None` if no pack is measured by one.
+    pub fn from_parameters(parameters: &Parameters) -> Option<Self> {
+        let protocol = SerialProtocol::in_use(parameters)?;
+        Some(Self(protocol.start()))
+    }
+
+    /// Processes bytes that were received by `now`.
+    pub fn receive(&mut self, bytes: &[u8], now: Instant, mut deliver: impl FnMut(SerialReading)) {
+        self.0.begin(now);
+        for byte in bytes {
+            self.0.push(*byte, now, &mut deliver);
+        }
+    }
+
+    /// What has to be sent at `now`, if anything.
+    pub fn next_request(&mut self, now: Instant) -> Option<Request> {
+        self.0.next_request(now)
+    }
+
+    /// When [`Self::next_request`] has to be called again; `None` if not before something was received.
+    pub fn next_due(&self) -> Option<Instant> {
+        self.0.next_due()
     }
 }

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-use super::bench::{Battery, Bench, controller, message, pack, setup};
 use super::golden::{self, frames};
+use super::{Battery, Bench, controller, message, pack, setup};
 use crate::pack::Pack;
 use crate::parameter::MAX_CONTROLLERS;
 use crate::sensor::can::MAX_NODES;

@@ -9,8 +9,7 @@
 //! | 7, 8 | electrical speed, in 100 rpm |
 //! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
-use super::super::frame::{Gaps, Window};
-use super::super::protocol::{Baud, Line, Protocol, SerialReading, Wires};
+use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
 use crate::sensor::{ControllerReading, MonitorKind};
 use crate::time::Instant;
 

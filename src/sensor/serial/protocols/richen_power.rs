@@ -13,8 +13,7 @@
 //! | 68, 69 | 0x55, 0xAA |
 
 use super::super::conditions::{RichenPowerErrors, SerialNotice};
-use super::super::frame::{Gaps, Window};
-use super::super::protocol::{Baud, Line, Protocol, SerialReading, Wires};
+use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
 use crate::battery::Measurement;
 use crate::sensor::MonitorKind;
 use crate::time::Instant;
@@ -66,28 +65,18 @@ impl Protocol for RichenPower {
     }
 
     fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
-        let Some(frame) = self.window.push(byte, decode) else {
+        let Some((errors, measurement)) = self.window.push(byte, decode) else {
             return;
         };
-        if frame.errors != self.errors {
-            self.errors = frame.errors;
-            deliver(SerialReading::Notice(SerialNotice::RichenPower(frame.errors)));
+        if errors != self.errors {
+            self.errors = errors;
+            deliver(SerialReading::Notice(SerialNotice::RichenPower(errors)));
         }
-        deliver(SerialReading::GeneratorElectrical(Measurement {
-            voltage_v: Some(frame.voltage_v),
-            current_a: Some(frame.current_a),
-            ..Measurement::default()
-        }));
+        deliver(SerialReading::GeneratorElectrical(measurement));
     }
 }
 
-struct Frame {
-    errors: RichenPowerErrors,
-    voltage_v: f32,
-    current_a: f32,
-}
-
-fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<Frame> {
+fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<(RichenPowerErrors, Measurement)> {
     let word = |at: usize| Some(u16::from_be_bytes(*bytes.get(at..)?.first_chunk()?));
     let summed = bytes.get(SUMMED)?.as_chunks().0;
     let sum = summed
@@ -97,11 +86,12 @@ fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<Frame> {
     if !is_frame {
         return None;
     }
-    Some(Frame {
-        errors: RichenPowerErrors(word(ERRORS)?),
-        voltage_v: f32::from(word(VOLTAGE)?) * 0.01,
-        current_a: f32::from(word(CURRENT)?) * 0.01,
-    })
+    let measurement = Measurement {
+        voltage_v: Some(f32::from(word(VOLTAGE)?) * 0.01),
+        current_a: Some(f32::from(word(CURRENT)?) * 0.01),
+        ..Measurement::default()
+    };
+    Some((RichenPowerErrors(word(ERRORS)?), measurement))
 }
 
 #[cfg(test)]

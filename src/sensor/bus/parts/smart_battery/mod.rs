@@ -1,10 +1,8 @@
 //! Smart batteries by the Smart Battery Data Specification 1.1, as ArduPilot's generic driver reads them.
 
-mod cells;
 mod dialect;
 
-use cells::{cell_voltages, sum_v};
-use dialect::{Button, Current, Framing, Voltage};
+use dialect::{Button, Current, Framing, Voltage, cell_voltages, sum_v};
 pub(in crate::sensor::bus) use dialect::{
     Dialect, GENERIC, MAXELL, NEO_DESIGN, ROTOYE, SOLO, SUI_3_CELLS, SUI_6_CELLS,
 };

@@ -1,9 +1,12 @@
-//! Transfers from frames, and their CRC: CRC-16/CCITT-FALSE over the signature of the data type and the payload.
+//! Transfers from frames, and frames of those that are sent. Their CRC is CRC-16/CCITT-FALSE over the signature of the data type and the payload.
+
+use core::iter;
 
 use crc::{CRC_16_IBM_3740, Crc, NoTable};
+use heapless::{Deque, Vec};
 
 use super::MAX_NODES;
-use super::frame::{FRAME_BYTES, Tail};
+use super::frame::{CanFrame, FRAME_BYTES, Identifier, Priority, Tail};
 use crate::time::Instant;
 
 /// Without a table, which would take 512 bytes: a battery's transfer takes some 50 µs.
@@ -85,17 +88,17 @@ impl Slot {
         self.bytes.get(..self.length).unwrap_or(&[])
     }
 
-    /// Takes the next frame; an error ends the transfer.
-    fn continue_with(&mut self, tail: Tail, part: &[u8], now: Instant) -> Result<(), Broken> {
+    /// Takes the next frame; `None` if it does not continue the transfer, which ends then.
+    fn continue_with(&mut self, tail: Tail, part: &[u8], now: Instant) -> Option<()> {
         let is_late = now.us_since(self.heard) > TIMEOUT_US;
         let is_whole = tail.is_end() || part.len() == PART_BYTES;
         if is_late || !is_whole || tail.transfer_id() != self.transfer_id || tail.toggle() != self.toggle {
-            return Err(Broken);
+            return None;
         }
-        self.append(part).ok_or(Broken)?;
+        self.append(part)?;
         self.heard = now;
         self.toggle = !self.toggle;
-        Ok(())
+        Some(())
     }
 
     /// Whether it is the latest frame once more: its sender may have missed that it was received.
@@ -110,9 +113,6 @@ impl Slot {
         (crc.of_transfer(payload) == u16::from_le_bytes(*sent)).then_some(payload)
     }
 }
-
-/// A frame does not continue the transfer.
-struct Broken;
 
 impl Assembler {
     /// Without any transfer.
@@ -187,7 +187,7 @@ impl Assembler {
         if slot.is_repeated(tail, part) {
             return None;
         }
-        let is_broken = slot.continue_with(tail, part, now).is_err();
+        let is_broken = slot.continue_with(tail, part, now).is_none();
         if !is_broken && !tail.is_end() {
             return None;
         }
@@ -198,6 +198,88 @@ impl Assembler {
         }
         payload
     }
+}
+
+/// Frames that can wait. The longest transfer has 9.
+const FRAMES: usize = 20;
+
+/// The longest payload, of a response with what this node is, and its CRC.
+const LONGEST_BYTES: usize = 64;
+
+/// A transfer to be sent.
+#[derive(Debug)]
+pub(super) struct Transfer<'a> {
+    pub identifier: Identifier,
+    pub priority: Priority,
+    /// Counts transfers of the type; its lowest five bits are sent.
+    pub transfer_id: u8,
+    pub crc: SignatureCrc,
+    pub payload: &'a [u8],
+}
+
+/// Frames that wait to be sent.
+#[derive(Debug)]
+pub(super) struct Outgoing {
+    frames: Deque<CanFrame, FRAMES>,
+    dropped: u32,
+}
+
+impl Outgoing {
+    /// Without any frame.
+    pub const EMPTY: Self = Self {
+        frames: Deque::new(),
+        dropped: 0,
+    };
+
+    /// Adds the frames of a transfer, or none of them if they do not all fit.
+    pub fn send(&mut self, transfer: &Transfer) {
+        if self.add(transfer).is_none() {
+            self.dropped = self.dropped.saturating_add(1);
+        }
+    }
+
+    /// The frame that waits the longest.
+    pub fn next(&mut self) -> Option<CanFrame> {
+        self.frames.pop_front()
+    }
+
+    /// Transfers that did not fit.
+    pub fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    fn add(&mut self, transfer: &Transfer) -> Option<()> {
+        let content = content(transfer)?;
+        let id = transfer.identifier.with_priority(transfer.priority);
+        let count = content.len().div_ceil(PART_BYTES).max(1);
+        if self.frames.len() + count > FRAMES {
+            return None;
+        }
+        // Without any content there is one frame, too.
+        let parts = content
+            .chunks(PART_BYTES)
+            .chain(iter::repeat(&[][..]))
+            .take(count);
+        for (index, part) in parts.enumerate() {
+            let mut data: Vec<u8, FRAME_BYTES> = Vec::new();
+            data.extend_from_slice(part).ok()?;
+            data.push(Tail::of_frame(index, count, transfer.transfer_id).0)
+                .ok()?;
+            self.frames.push_back(CanFrame::new(id, &data)?).ok()?;
+        }
+        Some(())
+    }
+}
+
+/// What is divided into frames: the payload, with its CRC in front if it needs several.
+fn content(transfer: &Transfer) -> Option<Vec<u8, LONGEST_BYTES>> {
+    let mut content = Vec::new();
+    if transfer.payload.len() > PART_BYTES {
+        let crc = transfer.crc.of_transfer(transfer.payload);
+        content.extend_from_slice(&crc.to_le_bytes()).ok()?;
+    }
+    content.extend_from_slice(transfer.payload).ok()?;
+    Some(content)
 }
 
 #[cfg(test)]

@@ -12,16 +12,18 @@
 //! | motor | master 0x00 | status | 2: state, 3 and 4: errors; 5 in all |
 //! | motor | master 0x00 | parameters | 6 and 7: voltage in 10 mV, 8 and 9: current in 0.1 A, 10 to 13: temperatures in 0.1 °C; 14 in all |
 //!
+//! A frame has a header, the content, its CRC-8 (Maxim) and a footer. In between, bytes that look like a header, footer or
+//! escape follow an escape, with their highest bit inverted.
+//!
 //! This board drives no boat motor: as a tiller it answers with speed 0, as a master it sends no drive command.
 
-mod frame;
+use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
 
-use super::super::conditions::{SerialNotice, TorqeedoCondition};
-use super::super::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
 use crate::battery::Measurement;
 use crate::sensor::MonitorKind;
+use crate::sensor::serial::conditions::{SerialNotice, TorqeedoCondition};
+use crate::sensor::serial::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
 use crate::time::Instant;
-use frame::FrameReader;
 
 const MASTER: u8 = 0x00;
 const TILLER: u8 = 0x14;
@@ -64,15 +66,9 @@ pub(in crate::sensor::serial) struct Torqeedo {
     speed_awaited: Option<Instant>,
     /// When the motor is asked next.
     ask_due: Instant,
-    next_question: Question,
+    /// The next question to the motor is that for its status, else that for its parameters.
+    asks_for_status: bool,
     announced: TorqeedoCondition,
-}
-
-/// What the motor is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Question {
-    Parameters,
-    Status,
 }
 
 impl Protocol for Torqeedo {
@@ -91,7 +87,7 @@ impl Protocol for Torqeedo {
             place: *place,
             speed_awaited: None,
             ask_due: Instant::EPOCH,
-            next_question: Question::Parameters,
+            asks_for_status: false,
             announced: TorqeedoCondition::default(),
         }
     }
@@ -133,15 +129,11 @@ impl Protocol for Torqeedo {
 impl Torqeedo {
     /// The next question, in turns.
     fn take_question(&mut self) -> &'static [u8] {
-        match self.next_question {
-            Question::Parameters => {
-                self.next_question = Question::Status;
-                &ASK_FOR_PARAMETERS
-            }
-            Question::Status => {
-                self.next_question = Question::Parameters;
-                &ASK_FOR_STATUS
-            }
+        self.asks_for_status = !self.asks_for_status;
+        if self.asks_for_status {
+            &ASK_FOR_PARAMETERS
+        } else {
+            &ASK_FOR_STATUS
         }
     }
 
@@ -241,12 +233,104 @@ impl Message {
     }
 }
 
+/// Without a table, as of contents of a few bytes.
+const CRC: Crc<u8, NoTable> = Crc::<u8, NoTable>::new(&CRC_8_MAXIM_DOW);
+
+const HEADER: u8 = 0xAC;
+const FOOTER: u8 = 0xAD;
+const ESCAPE: u8 = 0xAE;
+const ESCAPE_MASK: u8 = 0x80;
+
+/// Most bytes of a content with its checksum, as ArduPilot's limit.
+const CONTENT_BYTES: usize = 35;
+
+/// Finds frames in what is received.
+#[derive(Clone, Copy, Debug)]
+struct FrameReader {
+    content: [u8; CONTENT_BYTES],
+    length: usize,
+    position: Position,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Position {
+    Outside,
+    Inside,
+    AfterEscape,
+}
+
+impl FrameReader {
+    /// Outside a frame.
+    pub const fn new() -> Self {
+        Self {
+            content: [0; CONTENT_BYTES],
+            length: 0,
+            position: Position::Outside,
+        }
+    }
+
+    /// Whether a frame has begun.
+    pub fn is_inside(&self) -> bool {
+        self.position != Position::Outside
+    }
+
+    /// Takes a byte, and returns the content without its checksum if it completes a valid frame.
+    pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
+        match (self.position, byte) {
+            // Neither is part of a content: whatever was before, a frame begins or ends here.
+            (_, HEADER) => {
+                self.position = Position::Inside;
+                self.length = 0;
+                None
+            }
+            (Position::Inside, FOOTER) => {
+                self.position = Position::Outside;
+                self.checked()
+            }
+            (_, FOOTER) => {
+                self.position = Position::Outside;
+                None
+            }
+            (Position::Outside, _) => None,
+            (Position::Inside, ESCAPE) => {
+                self.position = Position::AfterEscape;
+                None
+            }
+            (Position::AfterEscape, byte) => {
+                self.position = Position::Inside;
+                self.add(byte ^ ESCAPE_MASK);
+                None
+            }
+            (Position::Inside, byte) => {
+                self.add(byte);
+                None
+            }
+        }
+    }
+
+    fn add(&mut self, byte: u8) {
+        match self.content.get_mut(self.length) {
+            Some(place) => {
+                *place = byte;
+                self.length += 1;
+            }
+            // Longer than any frame.
+            None => self.position = Position::Outside,
+        }
+    }
+
+    fn checked(&self) -> Option<&[u8]> {
+        let (crc, content) = self.content.get(..self.length)?.split_last()?;
+        (!content.is_empty() && CRC.checksum(content) == *crc).then_some(content)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::frame::tests::frame;
+    use proptest::prelude::*;
+
     use super::*;
     use crate::time::at_us;
-    use proptest::prelude::*;
 
     fn read(torqeedo: &mut Torqeedo, bytes: &[u8]) -> Vec<SerialReading> {
         let mut found = Vec::new();
@@ -450,6 +534,86 @@ mod tests {
                 prop_assert_eq!(&sent[..], &STOPPED[..]);
                 prop_assert!(bytes.windows(5).any(|window| window == speed_request()));
             }
+        }
+    }
+
+    /// The frame of a content.
+    fn frame(content: &[u8]) -> Vec<u8> {
+        let mut frame = vec![HEADER];
+        for byte in content.iter().copied().chain([CRC.checksum(content)]) {
+            if matches!(byte, HEADER | FOOTER | ESCAPE) {
+                frame.extend([ESCAPE, byte ^ ESCAPE_MASK]);
+            } else {
+                frame.push(byte);
+            }
+        }
+        frame.push(FOOTER);
+        frame
+    }
+
+    fn contents(reader: &mut FrameReader, bytes: &[u8]) -> Vec<Vec<u8>> {
+        let mut found = Vec::new();
+        for byte in bytes {
+            found.extend(reader.push(*byte).map(<[u8]>::to_vec));
+        }
+        found
+    }
+
+    #[test]
+    fn frames_are_those_of_a_tiller() {
+        // The examples of a turned handle in ArduPilot's libraries/AP_Torqeedo/AP_Torqeedo_TQBus.cpp; of the second, the byte
+        // behind the escape is 0x2C: it is 0xAC, not the 0xAE of its comment.
+        let ahead = [0xAC, 0x00, 0x00, 0x05, 0x00, 0x00, 0xED, 0x95, 0xAD];
+        assert_eq!(frame(&[0, 0, 5, 0, 0x00, 0xED]), ahead);
+        let back = [0xAC, 0x00, 0x00, 0x05, 0x00, 0xFF, 0xAE, 0x2C, 0x0C, 0xAD];
+        assert_eq!(frame(&[0, 0, 5, 0, 0xFF, 0xAC]), back);
+        let mut reader = FrameReader::new();
+        assert_eq!(contents(&mut reader, &ahead), [[0, 0, 5, 0, 0x00, 0xED]]);
+        assert_eq!(contents(&mut reader, &back), [[0, 0, 5, 0, 0xFF, 0xAC]]);
+    }
+
+    #[test]
+    fn checksum_is_that_of_the_catalogue() {
+        // CRC-8/MAXIM-DOW's check value.
+        assert_eq!(CRC.checksum(b"123456789"), 0xA1);
+    }
+
+    #[test]
+    fn too_long_or_empty_is_no_frame() {
+        let mut reader = FrameReader::new();
+        let longest = vec![0; CONTENT_BYTES - 1];
+        assert_eq!(contents(&mut reader, &frame(&longest)), [longest]);
+        let long = [&[HEADER][..], &[0; CONTENT_BYTES + 1], &[FOOTER]].concat();
+        assert_eq!(contents(&mut reader, &long), Vec::<Vec<u8>>::new());
+        assert_eq!(contents(&mut reader, &[HEADER, FOOTER]), Vec::<Vec<u8>>::new());
+        assert_eq!(contents(&mut reader, &[HEADER, 0, FOOTER]), Vec::<Vec<u8>>::new());
+    }
+
+    proptest! {
+        #[test]
+        fn frame_is_found_right_after_garbage(
+            garbage in prop::collection::vec(any::<u8>(), 0..100),
+            content in prop::collection::vec(any::<u8>(), 1..CONTENT_BYTES),
+        ) {
+            let mut reader = FrameReader::new();
+            contents(&mut reader, &garbage);
+            let found = contents(&mut reader, &frame(&content));
+            prop_assert_eq!(found, [content]);
+        }
+
+        #[test]
+        fn frame_with_a_wrong_byte_is_not_found(
+            content in prop::collection::vec(any::<u8>(), 1..CONTENT_BYTES),
+            place: prop::sample::Index,
+            change in 1..=u8::MAX,
+        ) {
+            let mut bytes = frame(&content);
+            let place = place.index(bytes.len());
+            bytes[place] ^= change;
+            let found = contents(&mut FrameReader::new(), &bytes);
+            // A new header or escape can make another frame of what is left; its checksum lets one in 256 pass.
+            let is_shorter = |found: &Vec<u8>| found.len() != content.len();
+            prop_assert!(found.iter().all(is_shorter), "{:?}", found);
         }
     }
 }

@@ -1,0 +1,708 @@
+//! Fuel: flow meters, level sensors of a tank, and what an engine takes by its injectors.
+
+use core::f32::consts::TAU;
+
+use super::AnalogReadings;
+use super::analog::level_pin;
+use crate::battery::{Consumed, Contents, Counted, Gauge, GaugeReading, Measurement, ReadError};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::time::Instant;
+
+/// Kind of fuel sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum FuelKind {
+    /// Flow sensor with a fixed volume per pulse.
+    Flow,
+    /// Level sensor with a pulse-width output.
+    LevelPwm,
+    /// Level sensor with an analog output.
+    LevelAnalog,
+}
+
+/// Inputs of a fuel measurement.
+#[derive(Clone, Copy, Debug)]
+pub struct FuelReadings<'a> {
+    /// Readings of the analog pins.
+    pub pins: &'a AnalogReadings,
+    /// Pulses on the pulse input.
+    pub pulses: &'a Pulses,
+    /// When they were taken.
+    pub now: Instant,
+}
+
+/// State of a fuel sensor between readings.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FuelMeter {
+    level: LevelMeter,
+    flow: FlowMeter,
+}
+
+impl FuelMeter {
+    /// Measurement of a sensor of this kind, with the wiring of its pack's parameters.
+    ///
+    /// # Errors
+    /// The pin or the capacity is not set, the read failed or timed out, or the reading is implausible.
+    pub fn measure(
+        &mut self,
+        kind: FuelKind,
+        parameters: &Parameters,
+        pack: Pack,
+        readings: &FuelReadings<'_>,
+    ) -> Result<Measurement, ReadError> {
+        let now = readings.now;
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+        let capacity_ml = capacity_ml(parameters, pack);
+        match kind {
+            FuelKind::Flow => {
+                let pulses = pulses(parameters, pack, readings)?;
+                let ml_per_pulse = value(BatteryParameter::AmpPervlt);
+                Ok(self.flow.measure(pulses, ml_per_pulse, now))
+            }
+            FuelKind::LevelPwm => level_by_pulses(pulses(parameters, pack, readings)?, capacity_ml, now),
+            FuelKind::LevelAnalog => {
+                let pin_v = readings.pins.pin_voltage_v(level_pin(parameters, pack))?;
+                let scale = LevelScale::from_parameters(parameters, pack);
+                self.level.measure(&scale, pin_v, capacity_ml, now)
+            }
+        }
+    }
+}
+
+/// Capacity of a tank (`BATT_CAPACITY`), in millilitres; `None` if it is not set.
+pub fn capacity_ml(parameters: &Parameters, pack: Pack) -> Option<f32> {
+    let capacity_ml = parameters.get(BatteryParameter::Capacity.of(pack));
+    (capacity_ml > 0.0).then_some(capacity_ml)
+}
+
+/// The pulses, if the pack uses the pulse input (`BATT_CURR_PIN`).
+fn pulses<'a>(
+    parameters: &Parameters,
+    pack: Pack,
+    readings: &FuelReadings<'a>,
+) -> Result<&'a Pulses, ReadError> {
+    match parameters.get_whole(BatteryParameter::CurrPin.of(pack)) {
+        PULSE_GPIO => Ok(readings.pulses),
+        _ => Err(ReadError::NoPin),
+    }
+}
+
+/// GPIO number of the pulse input (`BATT_CURR_PIN`).
+const PULSE_GPIO: i32 = 17;
+
+/// Count and timing of pulses since boot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pulses {
+    /// Rising edges, modulo 2^32.
+    count: u32,
+    /// Time of the last rising edge.
+    last_rise: Option<Instant>,
+    /// Time of the last falling edge.
+    last_fall: Option<Instant>,
+    /// Widths of the last three, in µs.
+    widths_us: [u32; 3],
+}
+
+impl Pulses {
+    /// No pulses.
+    pub const NONE: Self = Self {
+        count: 0,
+        last_rise: None,
+        last_fall: None,
+        widths_us: [0; 3],
+    };
+
+    /// Rising edge.
+    pub fn rise(&mut self, now: Instant) {
+        self.count = self.count.wrapping_add(1);
+        self.last_rise = Some(now);
+    }
+
+    /// Falling edge.
+    pub fn fall(&mut self, now: Instant) {
+        let Some(rise) = self.last_rise else { return };
+        let width_us = now.us_since(rise);
+        let [latest, before, _] = self.widths_us;
+        self.widths_us = [u32::try_from(width_us).unwrap_or(u32::MAX), latest, before];
+        self.last_fall = Some(now);
+    }
+
+    /// Pulse width, in µs: the median of three, which rejects one measured late by a busy processor.
+    fn width_us(&self) -> u32 {
+        let [a, b, c] = self.widths_us;
+        a.min(b).max(a.max(b).min(c))
+    }
+}
+
+/// Time without a pulse after which the flow is zero, in microseconds.
+const MAX_PERIOD_US: u64 = 10_000_000;
+
+/// Litres per hour in one millilitre per second.
+const L_H_PER_ML_S: f32 = 3.6;
+
+/// Flow meter: volume and flow rate from pulses.
+#[derive(Clone, Copy, Debug, Default)]
+struct FlowMeter {
+    /// The pulses at the previous call.
+    previous: Pulses,
+    pulses_per_s: f32,
+}
+
+impl FlowMeter {
+    /// Volume since the previous call, and the present flow rate.
+    pub fn measure(&mut self, pulses: &Pulses, ml_per_pulse: f32, now: Instant) -> Measurement {
+        let before = core::mem::replace(&mut self.previous, *pulses);
+        let new = pulses.count.wrapping_sub(before.count) as f32;
+        self.pulses_per_s = match (before.last_rise, pulses.last_rise) {
+            (Some(from), Some(to)) if to > from => new / seconds(to.us_since(from)),
+            (_, Some(last)) => self.decayed_rate(now.us_since(last)),
+            (_, None) => 0.0,
+        };
+        Measurement {
+            contents: Contents::Fuel,
+            current_a: Some(self.pulses_per_s * ml_per_pulse * L_H_PER_ML_S),
+            counted: Some(Counted::Increment(Consumed {
+                charge_mah: new * ml_per_pulse,
+                energy_wh: 0.0,
+            })),
+            ..Measurement::default()
+        }
+    }
+
+    /// The rate decays while no pulse arrives: at most that of a pulse right now.
+    fn decayed_rate(&self, pause_us: u64) -> f32 {
+        if pause_us >= MAX_PERIOD_US {
+            return 0.0;
+        }
+        // A division by 0 gives infinity, which the minimum ignores.
+        self.pulses_per_s.min(1.0 / seconds(pause_us))
+    }
+}
+
+fn seconds(us: u64) -> f32 {
+    us as f32 * 1e-6
+}
+
+/// Servo pulse widths of an empty and a full tank, and their tolerance; ArduPilot's numbers.
+const EMPTY_US: u32 = 1100;
+const FULL_US: u32 = 1900;
+const TOLERANCE_US: u32 = 20;
+
+/// Time-out of the pulses, in microseconds.
+const PULSE_TIMEOUT_US: u64 = 250_000;
+
+/// Scale of an analog level sensor; ArduPilot's formula.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct LevelScale {
+    /// Coefficients of the linearisation, a polynomial of the pin's voltage: constant term (`BATT_FL_OFF`).
+    offset_v: f32,
+    /// `BATT_FL_FF`.
+    first_order: f32,
+    /// `BATT_FL_FS`.
+    second_order: f32,
+    /// `BATT_FL_FT`.
+    third_order: f32,
+    /// Linearised voltage of the empty tank, in volts (`BATT_FL_VLT_MIN`).
+    empty_v: f32,
+    /// Fill level per volt, from 0 to 1 (`BATT_FL_V_MULT`).
+    share_per_volt: f32,
+    /// Cutoff frequency of the filter against sloshing, in Hz (`BATT_FL_FLTR`); `None` is disabled.
+    cutoff_hz: Option<f32>,
+}
+
+impl LevelScale {
+    /// From the live parameters of a pack.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+        Self {
+            offset_v: value(BatteryParameter::FlOff),
+            first_order: value(BatteryParameter::FlFf),
+            second_order: value(BatteryParameter::FlFs),
+            third_order: value(BatteryParameter::FlFt),
+            empty_v: value(BatteryParameter::FlVltMin),
+            share_per_volt: value(BatteryParameter::FlVMult),
+            cutoff_hz: Some(value(BatteryParameter::FlFltr)).filter(|cutoff_hz| *cutoff_hz > 0.0),
+        }
+    }
+
+    fn linearised_v(&self, pin_v: f32) -> f32 {
+        self.offset_v + pin_v * (self.first_order + pin_v * (self.second_order + pin_v * self.third_order))
+    }
+}
+
+/// Analog level meter with a low-pass filter against sloshing.
+#[derive(Clone, Copy, Debug, Default)]
+struct LevelMeter {
+    /// Time and output of the filter at the previous reading.
+    last: Option<(Instant, f32)>,
+}
+
+impl LevelMeter {
+    /// Measurement of a tank with this capacity.
+    pub fn measure(
+        &mut self,
+        scale: &LevelScale,
+        pin_v: f32,
+        capacity_ml: Option<f32>,
+        now: Instant,
+    ) -> Result<Measurement, ReadError> {
+        let level_v = self.filter(scale.linearised_v(pin_v), scale.cutoff_hz, now);
+        tank((level_v - scale.empty_v) * scale.share_per_volt, capacity_ml)
+    }
+
+    fn filter(&mut self, voltage_v: f32, cutoff_hz: Option<f32>, now: Instant) -> f32 {
+        let filtered_v = match (self.last, cutoff_hz) {
+            (Some((last, last_v)), Some(cutoff_hz)) => {
+                let steps = TAU * cutoff_hz * now.us_since(last) as f32 * 1e-6;
+                last_v + (voltage_v - last_v) * steps / (1.0 + steps)
+            }
+            _ => voltage_v,
+        };
+        self.last = Some((now, filtered_v));
+        filtered_v
+    }
+}
+
+/// Pulse-width measurement of a tank with this capacity.
+fn level_by_pulses(
+    pulses: &Pulses,
+    capacity_ml: Option<f32>,
+    now: Instant,
+) -> Result<Measurement, ReadError> {
+    let last = pulses.last_fall.ok_or(ReadError::Timeout)?;
+    if now.us_since(last) > PULSE_TIMEOUT_US {
+        return Err(ReadError::Timeout);
+    }
+    let width_us = pulses.width_us();
+    if width_us <= EMPTY_US - TOLERANCE_US || width_us >= FULL_US + TOLERANCE_US {
+        return Err(ReadError::Implausible);
+    }
+    let above_empty_us = width_us.saturating_sub(EMPTY_US) as f32;
+    tank(above_empty_us / (FULL_US - EMPTY_US) as f32, capacity_ml)
+}
+
+/// Measurement of a tank at this fill level, clamped to 0 to 1.
+///
+/// # Errors
+/// The capacity is not set.
+pub fn tank(fill_level: f32, capacity_ml: Option<f32>) -> Result<Measurement, ReadError> {
+    let full_ml = capacity_ml.ok_or(ReadError::NoCapacity)?;
+    Ok(Measurement {
+        contents: Contents::Fuel,
+        gauge: GaugeReading::Read(Gauge {
+            remaining_mah: fill_level.clamp(0.0, 1.0) * full_ml,
+            full_mah: full_ml,
+        }),
+        ..Measurement::default()
+    })
+}
+
+/// Up to this speed the engine does not run, in revolutions per minute: ArduPilot's limit.
+const STANDSTILL_RPM: u16 = 100;
+
+/// Duty cycle in percent, of an injection of one millisecond in each revolution, at one revolution per minute.
+const DUTY_PCT: f32 = 1.0 / 600.0;
+
+/// Litres per hour in one cubic centimetre per minute.
+const L_H_PER_CM3_MIN: f32 = 0.06;
+
+/// An engine control unit's reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EngineReading {
+    /// Duration of an injection, in milliseconds.
+    pub injection_ms: f32,
+    /// Speed, in revolutions per minute.
+    pub speed_rpm: u16,
+}
+
+impl EngineReading {
+    /// The flow of fuel: the injectors' duty cycle, calibrated by `EFI_COEF1` and `EFI_COEF2` as in ArduPilot. Its volume has
+    /// to be integrated.
+    ///
+    /// # Errors
+    /// The calibration is not set.
+    pub fn measure(&self, parameters: &Parameters) -> Result<Measurement, ReadError> {
+        let slope = parameters.get(VehicleParameter::EfiCoef1);
+        if slope <= 0.0 {
+            return Err(ReadError::NotSetUp);
+        }
+        let duty_pct = self.injection_ms * f32::from(self.speed_rpm) * DUTY_PCT;
+        let calibrated = duty_pct * slope - parameters.get(VehicleParameter::EfiCoef2);
+        let cm3_per_minute = match self.speed_rpm {
+            ..=STANDSTILL_RPM => 0.0,
+            _ => calibrated.max(0.0),
+        };
+        Ok(Measurement {
+            contents: Contents::Fuel,
+            current_a: Some(cm3_per_minute * L_H_PER_CM3_MIN),
+            ..Measurement::default()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::{AdcCount, AnalogPin};
+    use crate::time::at_us;
+
+    fn measure(kind: FuelKind, changes: &[(BatteryParameter, f32)]) -> Result<Measurement, ReadError> {
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in changes {
+            parameters.set(parameter.of(Pack::First), *value).unwrap();
+        }
+        let mut pins = AnalogReadings::NONE;
+        // 1.5 V.
+        pins.set(AnalogPin::Gp28, Ok(AdcCount(1861)));
+        let mut pulses = Pulses::NONE;
+        for start_us in [0, 20_000, 40_000] {
+            pulses.rise(at_us(start_us));
+            pulses.fall(at_us(start_us + 1700));
+        }
+        let readings = FuelReadings {
+            pins: &pins,
+            pulses: &pulses,
+            now: at_us(100_000),
+        };
+        FuelMeter::default().measure(kind, &parameters, Pack::First, &readings)
+    }
+
+    fn remaining_ml(measurement: Result<Measurement, ReadError>) -> f32 {
+        measurement.unwrap().gauge.read().unwrap().remaining_mah.round()
+    }
+
+    #[test]
+    fn level_is_read_from_its_own_pin() {
+        let read = |pin| measure(FuelKind::LevelAnalog, &[(BatteryParameter::FlPin, pin)]);
+        assert_eq!(remaining_ml(read(28.0)), 1650.0, "half of 3300 ml");
+        assert_eq!(read(27.0), Err(ReadError::NoPin), "not read");
+        assert_eq!(measure(FuelKind::LevelAnalog, &[]), Err(ReadError::NoPin));
+    }
+
+    #[test]
+    fn pulses_are_read_from_the_pulse_input_only() {
+        let wired = (BatteryParameter::CurrPin, 17.0);
+        assert_eq!(remaining_ml(measure(FuelKind::LevelPwm, &[wired])), 2475.0);
+        let flow = measure(FuelKind::Flow, &[wired, (BatteryParameter::AmpPervlt, 0.5)]).unwrap();
+        let counted = Consumed {
+            charge_mah: 1.5,
+            energy_wh: 0.0,
+        };
+        assert_eq!(flow.counted, Some(Counted::Increment(counted)));
+        for kind in [FuelKind::Flow, FuelKind::LevelPwm] {
+            for pin in [-1.0, 26.0] {
+                let elsewhere = measure(kind, &[(BatteryParameter::CurrPin, pin)]);
+                assert_eq!(elsewhere, Err(ReadError::NoPin));
+            }
+        }
+    }
+
+    #[test]
+    fn zero_capacity_is_not_set() {
+        let wired = [
+            (BatteryParameter::CurrPin, 17.0),
+            (BatteryParameter::Capacity, 0.0),
+        ];
+        assert_eq!(measure(FuelKind::LevelPwm, &wired), Err(ReadError::NoCapacity));
+        assert!(
+            measure(FuelKind::Flow, &wired).is_ok(),
+            "the flow needs no capacity"
+        );
+    }
+
+    /// Pulses of these widths, one every 20 ms.
+    fn of_widths(widths_us: &[u64]) -> Pulses {
+        let mut pulses = Pulses::NONE;
+        for (start_us, width_us) in (0..).step_by(20_000).zip(widths_us) {
+            pulses.rise(at_us(start_us));
+            pulses.fall(at_us(start_us + width_us));
+        }
+        pulses
+    }
+
+    #[test]
+    fn pulses_are_counted_and_timed() {
+        let pulses = of_widths(&[1500, 1501, 1502]);
+        assert_eq!(pulses.count, 3);
+        assert_eq!(pulses.last_rise, Some(at_us(40_000)));
+        assert_eq!(pulses.last_fall, Some(at_us(41_502)));
+        assert_eq!(pulses.width_us(), 1501);
+    }
+
+    #[test]
+    fn median_rejects_one_wrong_width() {
+        for wrong_us in [0, 700, 2900, 1 << 40] {
+            for place in 0..3 {
+                let mut widths_us = [1500; 3];
+                widths_us[place] = wrong_us;
+                assert_eq!(of_widths(&widths_us).width_us(), 1500, "{wrong_us} at {place}");
+            }
+        }
+    }
+
+    #[test]
+    fn falling_edge_without_a_rising_one_is_ignored() {
+        let mut pulses = Pulses::NONE;
+        pulses.fall(at_us(10));
+        assert_eq!(pulses, Pulses::NONE);
+    }
+
+    const TICK_US: u64 = 100_000;
+
+    /// A sensor of 0.5 ml per pulse with its meter.
+    struct Bench {
+        meter: FlowMeter,
+        pulses: Pulses,
+        now: Instant,
+        volume_ml: f32,
+        flow_l_h: f32,
+    }
+
+    impl Bench {
+        fn new() -> Self {
+            Self {
+                meter: FlowMeter::default(),
+                pulses: Pulses::NONE,
+                now: Instant::EPOCH,
+                volume_ml: 0.0,
+                flow_l_h: 0.0,
+            }
+        }
+
+        /// Runs for seconds with a pulse every `period_us`, the first at once.
+        fn run(&mut self, seconds: u64, period_us: Option<u64>) {
+            let start = self.now;
+            let mut next = period_us.map(|_| start);
+            for _ in 0..seconds * 10 {
+                self.now = self.now.after_us(TICK_US);
+                while let Some(due) = next.filter(|due| *due < self.now) {
+                    self.pulses.rise(due);
+                    next = period_us.map(|period_us| due.after_us(period_us));
+                }
+                self.tick();
+            }
+        }
+
+        fn tick(&mut self) {
+            let measurement = self.meter.measure(&self.pulses, 0.5, self.now);
+            assert_eq!(measurement.contents, Contents::Fuel);
+            assert_eq!(measurement.voltage_v, None);
+            let Some(Counted::Increment(consumed)) = measurement.counted else {
+                panic!("{measurement:?}");
+            };
+            assert_eq!(consumed.energy_wh, 0.0);
+            self.volume_ml += consumed.charge_mah;
+            self.flow_l_h = measurement.current_a.unwrap();
+        }
+    }
+
+    #[test]
+    fn steady_flow_is_exact_at_any_pulse_rate() {
+        // 8.3 pulses per tick, one in most ticks, and one in every 25th.
+        for period_us in [12_000, 150_000, 2_500_000] {
+            let mut bench = Bench::new();
+            bench.run(60, Some(period_us));
+            let flow_l_h = 0.5 * 3.6e6 / period_us as f32;
+            assert!(
+                (bench.flow_l_h - flow_l_h).abs() < 0.001 * flow_l_h,
+                "{} instead of {flow_l_h}",
+                bench.flow_l_h
+            );
+            let volume_ml = 0.5 * 60e6 / period_us as f32;
+            assert!(
+                (bench.volume_ml - volume_ml).abs() <= 0.5,
+                "{} instead of {volume_ml}",
+                bench.volume_ml
+            );
+        }
+    }
+
+    #[test]
+    fn stopped_flow_decays_to_zero_in_ten_seconds() {
+        let mut bench = Bench::new();
+        bench.run(10, Some(100_000));
+        assert!((bench.flow_l_h - 18.0).abs() < 0.1);
+        bench.run(4, None);
+        assert!((0.4..0.5).contains(&bench.flow_l_h), "{}", bench.flow_l_h);
+        bench.run(6, None);
+        assert_eq!(bench.flow_l_h, 0.0);
+        assert_eq!(bench.volume_ml, 50.0);
+    }
+
+    #[test]
+    fn flow_rate_needs_two_pulses() {
+        let mut bench = Bench::new();
+        bench.run(5, None);
+        assert_eq!((bench.flow_l_h, bench.volume_ml), (0.0, 0.0));
+        bench.pulses.rise(bench.now);
+        bench.tick();
+        assert_eq!((bench.flow_l_h, bench.volume_ml), (0.0, 0.5));
+    }
+
+    #[test]
+    fn pulse_counter_may_wrap() {
+        let mut bench = Bench::new();
+        bench.pulses.count = u32::MAX;
+        bench.meter.previous = bench.pulses;
+        bench.run(1, Some(100_000));
+        assert_eq!(bench.volume_ml, 5.0);
+    }
+
+    fn scale(changes: &[(BatteryParameter, f32)]) -> LevelScale {
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in changes {
+            parameters.set(parameter.of(Pack::Second), *value).unwrap();
+        }
+        LevelScale::from_parameters(&parameters, Pack::Second)
+    }
+
+    #[track_caller]
+    fn assert_remaining(measurement: Result<Measurement, ReadError>, expected_ml: f32) {
+        let measurement = measurement.expect("measured");
+        let gauge = measurement.gauge.read().expect("a gauge");
+        assert!(
+            (gauge.remaining_mah - expected_ml).abs() < 0.1,
+            "{} ml instead of {expected_ml}",
+            gauge.remaining_mah
+        );
+        assert_eq!(gauge.full_mah, 2000.0);
+        assert_eq!(measurement.contents, Contents::Fuel);
+        assert_eq!((measurement.voltage_v, measurement.current_a), (None, None));
+    }
+
+    fn read(scale: &LevelScale, pin_v: f32) -> Result<Measurement, ReadError> {
+        LevelMeter::default().measure(scale, pin_v, Some(2000.0), Instant::EPOCH)
+    }
+
+    #[test]
+    fn default_scale_is_empty_at_500_mv_and_full_at_2500_mv() {
+        let scale = scale(&[]);
+        for (pin_v, remaining_ml) in [(0.5, 0.0), (1.0, 500.0), (2.5, 2000.0), (0.2, 0.0), (3.3, 2000.0)] {
+            assert_remaining(read(&scale, pin_v), remaining_ml);
+        }
+    }
+
+    #[test]
+    fn nonlinear_sensor_is_linearised() {
+        let scale = scale(&[
+            (BatteryParameter::FlFf, 0.5),
+            (BatteryParameter::FlFs, -0.25),
+            (BatteryParameter::FlFt, 0.125),
+            (BatteryParameter::FlOff, 0.75),
+            (BatteryParameter::FlVltMin, 0.25),
+            (BatteryParameter::FlVMult, 0.4),
+        ]);
+        // 0.75 + 0.5 · 2 − 0.25 · 4 + 0.125 · 8 = 1.75 V.
+        assert_remaining(read(&scale, 2.0), 2000.0 * 0.4 * 1.5);
+    }
+
+    #[test]
+    fn sloshing_is_low_pass_filtered() {
+        let scale = scale(&[]);
+        let mut meter = LevelMeter::default();
+        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), Instant::EPOCH), 2000.0);
+        // The time constant is 1 / (2 π 0.3 Hz) = 0.53 s: 1/e of a step remains, less the effect of the tick.
+        let mut remaining_ml = 0.0;
+        for tick in 1..=5 {
+            let measurement = meter
+                .measure(&scale, 0.5, Some(2000.0), at_us(tick * TICK_US))
+                .unwrap();
+            remaining_ml = measurement.gauge.read().unwrap().remaining_mah;
+        }
+        assert!((800.0..900.0).contains(&remaining_ml), "{remaining_ml} ml");
+        for tick in 6..=60 {
+            meter
+                .measure(&scale, 0.5, Some(2000.0), at_us(tick * TICK_US))
+                .unwrap();
+        }
+        assert_remaining(meter.measure(&scale, 0.5, Some(2000.0), at_us(61 * TICK_US)), 0.0);
+    }
+
+    #[test]
+    fn disabled_filter_follows_at_once() {
+        let scale = scale(&[(BatteryParameter::FlFltr, -1.0)]);
+        let mut meter = LevelMeter::default();
+        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), Instant::EPOCH), 2000.0);
+        assert_remaining(meter.measure(&scale, 1.5, Some(2000.0), at_us(TICK_US)), 1000.0);
+    }
+
+    #[test]
+    fn level_needs_a_capacity() {
+        let measured = LevelMeter::default().measure(&scale(&[]), 1.0, None, Instant::EPOCH);
+        assert_eq!(measured, Err(ReadError::NoCapacity));
+    }
+
+    fn of_width(width_us: u64) -> Pulses {
+        let mut pulses = Pulses::NONE;
+        for start_us in [0, 20_000, 40_000] {
+            pulses.rise(at_us(start_us));
+            pulses.fall(at_us(start_us + width_us));
+        }
+        pulses
+    }
+
+    #[test]
+    fn pulse_width_is_scaled_from_empty_to_full() {
+        for (width_us, remaining_ml) in [
+            (1081, 0.0),
+            (1100, 0.0),
+            (1300, 500.0),
+            (1500, 1000.0),
+            (1900, 2000.0),
+            (1919, 2000.0),
+        ] {
+            assert_remaining(
+                level_by_pulses(&of_width(width_us), Some(2000.0), at_us(100_000)),
+                remaining_ml,
+            );
+        }
+        for width_us in [1, 1080, 1920, 20_000] {
+            let measured = level_by_pulses(&of_width(width_us), Some(2000.0), at_us(100_000));
+            assert_eq!(measured, Err(ReadError::Implausible), "{width_us}");
+        }
+    }
+
+    #[test]
+    fn pulses_time_out_after_250_ms() {
+        let read = |us| level_by_pulses(&of_width(1500), Some(2000.0), at_us(us));
+        assert_remaining(read(41_500 + 250_000), 1000.0);
+        assert_eq!(read(41_500 + 250_001), Err(ReadError::Timeout));
+        let never = level_by_pulses(&Pulses::NONE, Some(2000.0), at_us(100_000));
+        assert_eq!(never, Err(ReadError::Timeout));
+    }
+
+    fn flow_l_h(injection_ms: f32, speed_rpm: u16, coefficients: [f32; 2]) -> Result<f32, ReadError> {
+        let mut parameters = Parameters::defaults();
+        let [slope, offset] = coefficients;
+        parameters.set(VehicleParameter::EfiCoef1, slope).unwrap();
+        parameters.set(VehicleParameter::EfiCoef2, offset).unwrap();
+        let reading = EngineReading {
+            injection_ms,
+            speed_rpm,
+        };
+        let measurement = reading.measure(&parameters)?;
+        assert_eq!(measurement.contents, Contents::Fuel);
+        assert_eq!(measurement.voltage_v, None);
+        Ok(measurement.current_a.expect("a flow"))
+    }
+
+    #[test]
+    fn flow_is_the_calibrated_duty_cycle() {
+        // 3 ms in each 20 ms are 15 %; 15 × 0.8 − 2 = 10 cm³ a minute.
+        let flow = flow_l_h(3.0, 3000, [0.8, 2.0]).unwrap();
+        assert!((flow - 0.6).abs() < 1e-5, "{flow}");
+    }
+
+    #[test]
+    fn flow_is_never_negative_and_zero_at_standstill() {
+        assert_eq!(flow_l_h(0.1, 3000, [0.1, 2.0]), Ok(0.0));
+        assert_eq!(flow_l_h(50.0, 100, [1.0, 0.0]), Ok(0.0));
+        assert!(flow_l_h(50.0, 101, [1.0, 0.0]).unwrap() > 0.0);
+    }
+
+    #[test]
+    fn without_calibration_there_is_no_flow() {
+        assert_eq!(flow_l_h(3.0, 3000, [0.0, 0.0]), Err(ReadError::NotSetUp));
+    }
+}
