@@ -25,7 +25,7 @@ pub use id_set::ParameterIdSet;
 pub(crate) use parameters::checked;
 pub use parameters::{Parameters, Refused, triggers};
 pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailure, SaveFailures};
-pub use sticks::StickChannel;
+pub use sticks::{StickChannel, StickChannels};
 pub use table::{
     Access, BatteryParameter, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS, Meaning, Parameter,
     Range, StickParameter, VehicleParameter, means,

@@ -2,8 +2,8 @@
 
 use super::progress::Progress;
 use super::{
-    Access, BatteryParameter, ForEachParameter, Kind, Listed, PARAMETER_COUNT, ParameterId, StickParameter,
-    VehicleParameter,
+    Access, BatteryParameter, ForEachParameter, Kind, Listed, PARAMETER_COUNT, ParameterId, StickChannels,
+    StickParameter, VehicleParameter,
 };
 use crate::numbers::round_to_i32;
 use crate::pack::{MAX_PACKS, Pack};
@@ -26,6 +26,8 @@ pub struct Parameters {
     /// Progress of saving the last reset.
     pub(super) reset: Progress,
     pub(super) flash: Flash,
+    /// Those that the parameters of the sticks describe.
+    pub(super) stick_channels: StickChannels,
 }
 
 /// Whether the values in flash are known.
@@ -62,6 +64,7 @@ impl Parameters {
             progress: ForEachParameter::default(),
             reset: Progress::Saved,
             flash: Flash::Loaded,
+            stick_channels: StickChannels::default(),
         }
     }
 
@@ -186,7 +189,7 @@ impl Parameters {
             && self.progress.get(id) == Progress::Saved
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
-            self.values.set(id, value);
+            self.store(id, value);
             self.progress.set(id, Progress::New);
         }
         Ok(())
@@ -223,7 +226,7 @@ impl Parameters {
     pub fn show(&mut self, id: ParameterId, value: f32) -> bool {
         match checked(id, value) {
             Ok(value) if id.row().access == Access::ReadOnly && value != self.get(id) => {
-                self.values.set(id, value);
+                self.store(id, value);
                 true
             }
             _ => false,
@@ -239,7 +242,7 @@ impl Parameters {
         if id.row().access != Access::Setting {
             return Err(Refused::ReadOnly);
         }
-        self.values.set(id, checked(id, value)?);
+        self.store(id, checked(id, value)?);
         Ok(())
     }
 }

@@ -74,15 +74,40 @@ impl StickChannel {
     }
 }
 
+/// The channels of both sticks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StickChannels {
+    /// `RCMAP_THROTTLE`.
+    pub throttle: StickChannel,
+    /// `RCMAP_ROLL`.
+    pub steering: StickChannel,
+}
+
+impl Default for StickChannels {
+    fn default() -> Self {
+        Self {
+            throttle: StickChannel::THROTTLE,
+            steering: StickChannel::STEERING,
+        }
+    }
+}
+
 impl Parameters {
-    /// The channel of the steering (`RCMAP_ROLL`).
-    pub fn steering_channel(&self) -> StickChannel {
-        self.channel_of(RcmapRoll)
+    /// The channels of the sticks, as they are set now.
+    pub fn stick_channels(&self) -> StickChannels {
+        self.stick_channels
     }
 
-    /// The channel of the throttle (`RCMAP_THROTTLE`).
-    pub fn throttle_channel(&self) -> StickChannel {
-        self.channel_of(RcmapThrottle)
+    /// Stores a live value, and what follows from it.
+    pub(super) fn store(&mut self, id: ParameterId, value: f32) {
+        self.values.set(id, value);
+        // Read 50 times a second, from ten parameters.
+        if matches!(id, ParameterId::Stick(_)) {
+            self.stick_channels = StickChannels {
+                throttle: self.channel_of(RcmapThrottle),
+                steering: self.channel_of(RcmapRoll),
+            };
+        }
     }
 
     /// Channels 5 to 8 have no parameters, and the defaults of the others.
@@ -146,7 +171,7 @@ impl Parameters {
         let damaged = groups.map(|group| !group.iter().all(fits));
         for (group, _) in groups.iter().zip(damaged).filter(|(_, is_damaged)| *is_damaged) {
             for id in group.iter().map(|id| ParameterId::from(*id)) {
-                self.values.set(id, id.default_value());
+                self.store(id, id.default_value());
                 self.progress.set(id, Progress::New);
             }
         }
@@ -163,9 +188,9 @@ mod tests {
     #[test]
     fn pulses_are_positions_by_the_channels_parameters() {
         let mut parameters = Parameters::defaults();
-        let steering = parameters.steering_channel();
+        let steering = parameters.stick_channels().steering;
         assert_eq!(
-            (steering, parameters.throttle_channel()),
+            (steering, parameters.stick_channels().throttle),
             (StickChannel::STEERING, StickChannel::THROTTLE)
         );
         let positions = [0, 1000, 1250, 1500, 1900, 2000, 2200].map(|us| steering.position(us));
@@ -181,13 +206,13 @@ mod tests {
         ] {
             parameters.set(id, value).unwrap();
         }
-        let steering = parameters.steering_channel();
+        let steering = parameters.stick_channels().steering;
         let positions = [1100, 1350, 1600, 1750, 1900].map(|us| steering.position(us));
         assert_eq!(positions, [1000, 500, 0, -500, -1000]);
         let pulses = [1, 2, 3, 4, 5, 6, 7, 8];
         assert_eq!(steering.pulse_of(&pulses), Some(3));
-        assert_eq!(parameters.throttle_channel().pulse_of(&pulses), Some(5));
-        assert_eq!(parameters.throttle_channel().position(1900), 800);
+        assert_eq!(parameters.stick_channels().throttle.pulse_of(&pulses), Some(5));
+        assert_eq!(parameters.stick_channels().throttle.position(1900), 800);
     }
 
     #[test]
@@ -248,13 +273,13 @@ mod tests {
                 let value = if value < 300.0 { value / 30.0 } else { value };
                 let _ = parameters.set(id, value);
             }
-            for channel in [parameters.steering_channel(), parameters.throttle_channel()] {
+            for channel in [parameters.stick_channels().steering, parameters.stick_channels().throttle] {
                 prop_assert!((-1000..=1000).contains(&channel.position(pulse_us)));
                 prop_assert_eq!(channel.position(channel.neutral_us), 0);
                 prop_assert_eq!(channel.position(channel.shortest_us).abs(), 1000);
                 prop_assert_eq!(channel.position(channel.longest_us).abs(), 1000);
             }
-            prop_assert_ne!(parameters.steering_channel().index, parameters.throttle_channel().index);
+            prop_assert_ne!(parameters.stick_channels().steering.index, parameters.stick_channels().throttle.index);
             prop_assert!(!parameters.mend_sticks());
         }
     }

@@ -30,34 +30,6 @@ impl StickInput {
     }
 }
 
-/// The channels of both sticks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StickChannels {
-    /// `RCMAP_THROTTLE`.
-    pub throttle: StickChannel,
-    /// `RCMAP_ROLL`.
-    pub steering: StickChannel,
-}
-
-impl StickChannels {
-    /// The channel of a stick.
-    pub fn of(&self, stick: Stick) -> &StickChannel {
-        match stick {
-            Stick::Throttle => &self.throttle,
-            Stick::Steering => &self.steering,
-        }
-    }
-}
-
-impl Default for StickChannels {
-    fn default() -> Self {
-        Self {
-            throttle: StickChannel::THROTTLE,
-            steering: StickChannel::STEERING,
-        }
-    }
-}
-
 /// One of the driver's sticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]

@@ -14,7 +14,7 @@ mod timed_input;
 )]
 mod vehicle;
 
-pub use controls::{Stick, StickChannels, StickInput};
+pub use controls::{Stick, StickInput};
 pub use failsafe::{FailsafeAction, FailsafeLevel, VehicleEvent};
 pub use indication::{BatteryAlert, Colour, Indication, Indicators, Tone};
 pub use motor::{MotorDrive, Motors, SideDrives};

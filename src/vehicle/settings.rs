@@ -1,7 +1,6 @@
 //! Settings of the vehicle.
 
-use super::StickChannels;
-use crate::parameter::{Parameters, VehicleParameter};
+use crate::parameter::{Parameters, StickChannels, VehicleParameter};
 
 /// Settings of the vehicle, from its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,10 +22,7 @@ impl VehicleSettings {
         Self {
             timeout_us: control_timeout_us(parameters),
             ground_station_timeout_us: microseconds(parameters, VehicleParameter::FsGcsTimeout),
-            channels: StickChannels {
-                throttle: parameters.throttle_channel(),
-                steering: parameters.steering_channel(),
-            },
+            channels: parameters.stick_channels(),
             slew_rate_per_s: (slew_rate_pct_per_s > 0.0).then_some(slew_rate_pct_per_s / 100.0),
         }
     }

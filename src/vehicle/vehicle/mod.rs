@@ -1,6 +1,6 @@
 //! Vehicle state machine.
 
-use super::controls::{Controls, StickChannels};
+use super::controls::Controls;
 use super::failsafe::Effect;
 use super::ramp::Ramp;
 use super::timed_input::TimedInput;
@@ -8,6 +8,7 @@ use super::{
     Alert, ArmState, BatteryAlert, Colour, FailsafeAction, FailsafeLevel, Fitness, Indication, Mode, Restart,
     SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings, VehicleStatus,
 };
+use crate::parameter::StickChannels;
 use crate::time::Instant;
 
 /// Buzzer: one long tone when arming is refused, in microseconds.
@@ -104,7 +105,11 @@ impl Vehicle {
 
     /// The number of a stick's channel, from 1.
     pub fn channel_number(&self, stick: Stick) -> u8 {
-        self.channels.of(stick).number()
+        let channel = match stick {
+            Stick::Throttle => &self.channels.throttle,
+            Stick::Steering => &self.channels.steering,
+        };
+        channel.number()
     }
 
     /// Changes the mode, also out of a battery failsafe's Hold.

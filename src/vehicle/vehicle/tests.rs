@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::parameter::{Parameters, StickChannel, StickParameter};
+use crate::parameter::{Parameters, StickChannel, StickChannels, StickParameter};
 use crate::time::at_us;
 use crate::vehicle::MotorDrive;
 
