@@ -13,7 +13,7 @@ use core::ptr;
 use cortex_m_rt::{ExceptionFrame, exception};
 
 use super::memory_map::stack;
-use super::{crash_memory, motors, reset, running};
+use super::{motors, reset, retained, running};
 use crate::crash::{CrashCause, CrashRecord, FaultSite};
 
 /// xPSR: a word for alignment follows the frame (ARMv6-M B1.5.7).
@@ -25,7 +25,7 @@ const PADDED: u32 = 1 << 9;
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     motors::force_coast();
-    crash_memory::write(&CrashRecord {
+    retained::write_crash(&CrashRecord {
         task: running::running_task(),
         cause: CrashCause::Fault(site(frame)),
     });

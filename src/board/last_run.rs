@@ -4,7 +4,7 @@ use embassy_rp::pac::WATCHDOG;
 
 use super::reset::{Predecessor, take_reset_reason};
 use super::running::{Notes, take_notes};
-use super::{ResetReason, crash_memory};
+use super::{ResetReason, retained};
 use crate::crash::{CrashCause, CrashRecord, QuickResets, StartKind, headline};
 use crate::log::warn;
 
@@ -29,11 +29,11 @@ impl LastRun {
             .map_or(Predecessor::Other, |_| Predecessor::Firmware);
         let reset_reason = take_reset_reason(predecessor);
         if let (ResetReason::WatchdogTimeout, Some(notes)) = (reset_reason, notes) {
-            crash_memory::write(&starved(notes));
+            retained::write_crash(&starved(notes));
         }
         Self {
             reset_reason,
-            crash: crash_memory::read(),
+            crash: retained::crash(),
             quick_resets: count(reset_reason),
         }
     }

@@ -1,7 +1,11 @@
 //! Where the linker has put what.
-#![expect(unsafe_code, reason = "symbols of the linker are declared, and never read")]
+#![expect(
+    unsafe_code,
+    reason = "symbols of the linker are declared, and the program reads itself at these addresses"
+)]
 
 use core::ops::Range;
+use core::{ptr, slice};
 
 use embassy_rp::flash::FLASH_BASE;
 
@@ -41,4 +45,14 @@ pub(super) fn program_image() -> [Range<u32>; 3] {
 
 fn address(symbol: *const u32) -> u32 {
     symbol.expose_provenance() as u32
+}
+
+/// The parts of the program that runs, as they are in flash.
+pub fn program() -> [&'static [u32]; 3] {
+    program_image().map(|part| {
+        let words = part.len() / size_of::<u32>();
+        // SAFETY: all of it is in flash, which can be read whenever code runs, and nothing writes to this part of it. The
+        // linker aligns each part to words.
+        unsafe { slice::from_raw_parts(ptr::with_exposed_provenance(part.start as usize), words) }
+    })
 }

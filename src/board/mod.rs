@@ -1,9 +1,7 @@
 //! The Freenove RP2040 board: which pin is what, and the peripherals behind it.
 
 mod adc;
-mod buzzer;
 mod can;
-mod crash_memory;
 mod fault;
 mod flash;
 mod floats;
@@ -14,7 +12,6 @@ mod lamps;
 mod last_run;
 mod memory_map;
 mod motors;
-mod program;
 mod pulses;
 mod receive_ring;
 mod reset;
@@ -27,25 +24,21 @@ mod usb;
 mod watchdog;
 mod wifi;
 
+pub use adc::AnalogInputs;
+pub use can::{BoardCan, CanController, CanPins, can_exchange, interrupt_spawner};
 use embassy_rp::peripherals::{DMA_CH0, DMA_CH1, I2C1, PIO0, PIO1, USB};
 use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
-
-pub use adc::AnalogInputs;
-pub use buzzer::Buzzer;
-pub use can::{BoardCan, CanController, CanPins, can_exchange, interrupt_spawner};
-pub use crash_memory::BoardCrashMemory;
 pub use flash::{BoardFlash, FlashDriver, board_id, flash_driver};
 pub use floats::use_rom_floats;
 pub use i2c::SensorI2c;
 pub use idle::ExecutorIdleTime;
-pub use indicators::{BoardIndicators, indicators};
+pub use indicators::{BoardIndicators, Buzzer, indicators};
 pub use last_run::LastRun;
-pub use memory_map::program_code;
+pub use memory_map::{program, program_code};
 pub use motors::{BoardMotors, MotorPeripherals, MotorPins};
-pub use program::program;
 pub use pulses::{PulseInput, pulse_input};
 pub use reset::{ResetReason, restart};
-pub use retained::{RETAINED_LEASES, retained_memory};
+pub use retained::{BoardCrashMemory, RETAINED_LEASES, retained_memory};
 pub use running::{name_task, name_this_task};
 pub use spi::{SensorSpi, SharedSpi, SpiPeripherals};
 pub use stack_guard::guard_stack;

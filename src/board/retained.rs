@@ -1,4 +1,4 @@
-//! RAM that keeps its content over a reset of the processor.
+//! RAM that keeps its content over a reset of the processor: the state of the packs, leases, and the record of a crash.
 #![expect(
     unsafe_code,
     reason = "the section has no initialiser, and its content is only bytes until it was checked"
@@ -8,7 +8,10 @@ use core::mem::MaybeUninit;
 
 use super::ResetReason;
 use crate::battery::{RetainedMemory, RetainedRecord};
+use crate::crash::{CrashRecord, CrashWords};
+use crate::memory::retained::RetainedWords;
 use crate::net::RetainedLeases;
+use crate::tasks::CrashMemory;
 
 /// `.uninit` is neither cleared nor copied at start-up.
 #[unsafe(link_section = ".uninit.BATTERY_MEMORY")]
@@ -39,4 +42,29 @@ pub fn retained_memory(reset_reason: ResetReason) -> &'static mut RetainedMemory
     // SAFETY: no other reference exists, as above. The records are plain words, of which every bit pattern is valid; the
     // RAM behind them has been written since power came on, by the firmware before this start.
     unsafe { (*memory).assume_init_mut() }
+}
+
+const WORDS: usize = size_of::<CrashWords>() / 4;
+
+#[unsafe(link_section = ".uninit.CRASH")]
+static CRASH: RetainedWords<WORDS> = RetainedWords::new();
+
+/// Writes a crash down. The latest takes the place of one that was not reported yet: it is what keeps the board from
+/// running now, and the log has the other.
+pub(super) fn write_crash(record: &CrashRecord) {
+    CRASH.set(record.to_words());
+}
+
+/// The crash that was not reported yet.
+pub(super) fn crash() -> Option<CrashRecord> {
+    CrashRecord::from_words(&CRASH.get())
+}
+
+/// The same, as the task that reports the crash sees it.
+pub struct BoardCrashMemory;
+
+impl CrashMemory for BoardCrashMemory {
+    fn forget(&mut self) {
+        CRASH.set([0; WORDS]);
+    }
 }

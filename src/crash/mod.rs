@@ -5,10 +5,8 @@
 
 mod quick_resets;
 mod record;
-mod task_name;
 mod text;
 
 pub use quick_resets::{ParameterSource, QuickResets, StartKind};
-pub use record::{CrashCause, CrashRecord, CrashWords, FaultSite, STACK_WORDS};
-pub use task_name::{TaskName, TaskNameWords};
+pub use record::{CrashCause, CrashRecord, CrashWords, FaultSite, STACK_WORDS, TaskName, TaskNameWords};
 pub use text::{call_sites_text, headline};

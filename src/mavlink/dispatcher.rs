@@ -2,21 +2,19 @@
 
 use ::mavlink::MessageData;
 
-use super::COMPONENT_ID;
 use super::dialect::{MavResult, MavSeverity, MavType, WIFI_CONFIG_AP_DATA};
 use super::event::{Action, Event};
 use super::parser::ReceivedFrame;
 use super::rates::is_radio;
 use super::requests::{Command, Peer, ReceivedRequest, Request};
 use super::services::commands::Answer;
-use super::services::context::Context;
 use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
 use super::services::vehicle::VehicleService;
-use super::services::{DISARM_FIRST, file_transfer, mission, signing, time, wifi};
+use super::services::{Context, DISARM_FIRST, file_transfer, mission, signing, time, wifi};
 use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, is_permitted};
-use super::{Message, build_available_mode};
+use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::parameter::VehicleParameter;
 use crate::vehicle::{ArmState, Mode};
 

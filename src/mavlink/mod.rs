@@ -29,7 +29,6 @@ mod stations;
 
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
-
 pub use endpoint::Endpoint;
 pub use event::{Action, Event, SetupRefused, SigningChange, WifiRefused};
 pub use framer::Framer;
@@ -47,7 +46,7 @@ pub use parser::{FrameParser, ReceivedFrame, begins_with_frame};
 pub use payload::{Name, Payload};
 pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, StreamScheduler};
-pub use services::context::Changeable;
+pub use services::Changeable;
 pub use services::log_download::LogRead;
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,

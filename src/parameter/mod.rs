@@ -3,32 +3,29 @@
 //! Names, units and meanings are ArduPilot 4.6's. As there, the parameters of a disabled pack are hidden from lists,
 //! except its `MONITOR`, and so are those of things that are not in use.
 
-mod baud;
+mod collections;
 mod description_files;
 #[cfg(not(target_os = "none"))]
 pub mod documentation;
-mod for_each;
 mod id;
-mod id_set;
 mod parameters;
 mod progress;
 mod save_failures;
+mod stick_channel;
 mod sticks;
 mod table;
 mod unsaved;
 
-pub use baud::serial_baud;
+pub use collections::{ForEachParameter, ParameterIdSet};
 pub use description_files::DescriptionFile;
-pub use for_each::ForEachParameter;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
-pub use id_set::ParameterIdSet;
 pub(crate) use parameters::checked;
 pub use parameters::{Parameters, Refused, triggers};
 pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailure, SaveFailures};
-pub use sticks::{StickChannel, StickChannels};
+pub use stick_channel::{StickChannel, StickChannels};
 pub use table::{
     Access, BatteryParameter, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS, Meaning, Parameter,
-    Range, StickParameter, VehicleParameter, means,
+    Range, StickParameter, VehicleParameter, means, serial_baud,
 };
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};

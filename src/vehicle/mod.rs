@@ -4,7 +4,6 @@ mod controls;
 mod failsafe;
 mod indication;
 mod motor;
-mod ramp;
 mod settings;
 mod status;
 mod timed_input;

@@ -3,19 +3,15 @@
 mod credentials;
 mod network;
 mod packet;
-mod password;
 mod report;
 mod setup;
-mod ssid;
 mod stored;
 
 pub use credentials::{Radio, WifiCredentials};
-pub use network::Network;
+pub use network::{Network, Password, Ssid};
 pub use packet::{PacketFault, PacketKind, check_packet, hide_refusal, lower_link};
-pub use password::Password;
 pub use report::WifiReport;
 pub use setup::{PowerSave, WifiChoice, WifiMode, WifiSetup};
-pub use ssid::Ssid;
 pub use stored::{StoredWifi, WIFI_WORDS, WifiRecord};
 
 /// The task that drives the radio: its name where tasks check in, and in a crash record.

@@ -4,7 +4,6 @@ mod bus;
 mod entropy;
 mod find;
 mod gspi;
-mod program;
 mod radio;
 
 pub use entropy::entropy;

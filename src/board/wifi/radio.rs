@@ -3,14 +3,13 @@
 use core::future::pending;
 use core::pin::pin;
 
-use cyw43::{Control, JoinError, JoinOptions, NetDriver, PowerManagementMode};
+use cyw43::{A4, Aligned, Control, JoinError, JoinOptions, NetDriver, PowerManagementMode};
 use embassy_futures::select::{Either, Either3, select, select3};
-use embassy_rp::Peri;
 use embassy_rp::clocks::RoscRng;
-use embassy_rp::dma;
 use embassy_rp::gpio::{Level, Output};
 use embassy_rp::peripherals::{DMA_CH1, PIN_23, PIN_24, PIN_25, PIN_29, PIO0};
 use embassy_rp::pio::Pio;
+use embassy_rp::{Peri, dma};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
@@ -18,7 +17,6 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 use super::bus::{BusFault, CheckedBus, ChipState, Refusals, Stage};
 use super::find::{BoardKind, note_that_no_radio_answers};
 use super::gspi::Gspi;
-use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
 use crate::board::Irqs;
 use crate::memory::in_place::in_place;
 use crate::net::{self, NetMemory, NetReport, Role, Service};
@@ -487,4 +485,32 @@ impl Operation<'_> {
             }
         }
     }
+}
+
+/// The program of the CYW43439, as the driver uploads it at each start.
+pub(super) static PROGRAM: Aligned<A4, [u8; 231_077]> = Aligned(*cyw43_firmware::CYW43_43439A0);
+
+/// Country locale matrix: which channels and powers are allowed where.
+pub(super) static COUNTRIES: &[u8] = cyw43_firmware::CYW43_43439A0_CLM;
+
+/// What the program has to know of the module on a Pico W, as lines `name=value` (the values that the driver's release
+/// 0.6.0 carried in its source, `nvram.rs`).
+const BOARD_DATA_LINES: &[u8] = include_bytes!("nvram.txt");
+
+/// A zero after each line and one at the end, filled up to whole words.
+const BOARD_DATA_BYTES: usize = (BOARD_DATA_LINES.len() + 1).next_multiple_of(4);
+
+/// The same as the chip reads it.
+pub(super) static BOARD_DATA: Aligned<A4, [u8; BOARD_DATA_BYTES]> = Aligned(ended_by_zeros(BOARD_DATA_LINES));
+
+const fn ended_by_zeros(lines: &[u8]) -> [u8; BOARD_DATA_BYTES] {
+    let mut data = [0; BOARD_DATA_BYTES];
+    let mut at = 0;
+    while at < lines.len() {
+        if lines[at] != b'\n' {
+            data[at] = lines[at];
+        }
+        at += 1;
+    }
+    data
 }

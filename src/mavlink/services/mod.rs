@@ -1,7 +1,6 @@
 //! What a ground station can ask for, one file a service.
 
 pub(super) mod commands;
-pub(super) mod context;
 pub(super) mod downloads;
 pub(super) mod file_transfer;
 pub(super) mod log_download;
@@ -12,5 +11,44 @@ pub(super) mod time;
 pub(super) mod vehicle;
 pub(super) mod wifi;
 
+use crate::mavlink::outbox::Outbox;
+use crate::mavlink::rates::Rates;
+use crate::mavlink::signing::{LinkKind, Signing};
+use crate::mavlink::stations::Stations;
+use crate::parameter::Parameters;
+use crate::system::SystemState;
+use crate::time::Instant;
+use crate::vehicle::Vehicle;
+use crate::wifi::WifiCredentials;
+
 /// Why a restart, a reset of the parameters, a signing key or a download is refused.
 pub(super) const DISARM_FIRST: &str = "Not while armed: disarm first";
+
+/// What requests may change, apart from their link.
+#[derive(Debug)]
+pub struct Changeable<'a> {
+    /// The live parameters.
+    pub parameters: &'a mut Parameters,
+    /// The vehicle.
+    pub vehicle: &'a mut Vehicle,
+    /// The signing key.
+    pub signing: &'a mut Signing,
+    /// Names and passwords of Wi-Fi networks.
+    pub wifi: &'a mut WifiCredentials,
+}
+
+/// What a request may use and change.
+pub(in crate::mavlink) struct Context<'a> {
+    pub now: Instant,
+    /// The frame can't have been received earlier.
+    pub received_at: Instant,
+    pub state: &'a SystemState<'a>,
+    pub changeable: Changeable<'a>,
+    pub rates: &'a mut Rates,
+    pub stations: &'a mut Stations,
+    pub link: LinkKind,
+    /// Messages on this link that were not signed as they would have to be.
+    pub unauthorized: &'a mut u32,
+    /// Takes the answers.
+    pub outbox: &'a mut Outbox,
+}

@@ -3,7 +3,7 @@
 //! Values travel as floats, whole numbers too (`MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST`). The type in a PARAM_SET is
 //! ignored: some ground stations always say REAL32.
 
-use super::context::Context;
+use super::Context;
 use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::payload::Name;

@@ -1,7 +1,6 @@
 //! SETUP_SIGNING (256): another key, or none any more.
 
-use super::DISARM_FIRST;
-use super::context::Context;
+use super::{Context, DISARM_FIRST};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::event::{Event, SetupRefused, SigningChange};
 use crate::mavlink::requests::SetUpSigning;

@@ -1,6 +1,6 @@
 //! PING (4) and TIMESYNC (111).
 
-use super::context::Context;
+use super::Context;
 use crate::mavlink::dialect::{PING_DATA, TIMESYNC_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::{Message, Peer};

@@ -3,7 +3,7 @@
 use ::mavlink::MessageData;
 use heapless::String;
 
-use super::context::Context;
+use super::Context;
 use crate::mavlink::Peer;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, SET_MODE_DATA};
 use crate::mavlink::event::Event;

@@ -1,6 +1,6 @@
 //! WIFI_CONFIG_AP (299): the password of the access point, the network to join, or none of both.
 
-use super::context::Context;
+use super::Context;
 use super::parameters::param_value;
 use crate::mavlink::dialect::{MavResult, WIFI_CONFIG_AP_DATA, WifiConfigApMode, WifiConfigApResponse};
 use crate::mavlink::event::{Event, WifiRefused};

@@ -36,20 +36,15 @@ use core::ops::Range;
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
-mod erase;
 mod error;
-mod layout;
 mod record;
 mod region;
 mod value;
 
-pub use erase::{Erase, MayErase};
-pub use error::{FlashFault, StorageError};
-pub use value::Value;
-
-use layout::Layout;
+pub use error::{Erase, FlashFault, MayErase, StorageError};
 use record::{Record, Slot};
-use region::{Region, Sector, Unused};
+use region::{Layout, Region, Sector, Unused};
+pub use value::Value;
 
 #[cfg(test)]
 mod tests;

@@ -93,7 +93,7 @@ impl Header {
 
 #[cfg(test)]
 mod tests {
-    use super::super::layout::Layout;
+    use super::super::region::Layout;
     use super::*;
 
     const SIZE: usize = Record::<u32>::SIZE;

@@ -113,7 +113,7 @@ pub use range::{Meaning, Range, means};
 #[cfg(not(target_os = "none"))]
 pub use simulation::SimulationParameter;
 pub use sticks::StickParameter;
-pub use vehicle::VehicleParameter;
+pub use vehicle::{VehicleParameter, serial_baud};
 
 /// One row of a table.
 #[derive(Clone, Copy, Debug)]

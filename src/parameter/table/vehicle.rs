@@ -1,4 +1,4 @@
-//! Parameters of the vehicle.
+//! Parameters of the vehicle, and what the codes of baud rates mean.
 
 use super::{Access, Kind, Listed, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
@@ -377,5 +377,38 @@ parameters! {
         label: "Own DroneCAN node id",
         description: "Node id of this board, unique on the bus. With an id of its own the board also assigns ids to nodes \
                       that have none. 0: assigned by another node.",
+    }
+}
+
+/// Baud rate of a `SERIAL0_BAUD` code: thousands, rounded.
+pub fn serial_baud(code: i32) -> u32 {
+    match code {
+        9 => 9_600,
+        19 => 19_200,
+        38 => 38_400,
+        57 => 57_600,
+        111 => 111_100,
+        230 => 230_400,
+        256 => 256_000,
+        460 => 460_800,
+        500 => 500_000,
+        921 => 921_600,
+        // The default, also for an invalid code.
+        _ => 115_200,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_code_has_its_documented_rate() {
+        let Range::OneOf(codes) = VehicleParameter::Serial0Baud.row().range else {
+            panic!("a list of codes");
+        };
+        for (code, rate) in codes {
+            assert_eq!(serial_baud(*code).to_string(), rate.text());
+        }
     }
 }

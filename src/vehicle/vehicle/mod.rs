@@ -2,7 +2,7 @@
 
 use super::controls::Controls;
 use super::failsafe::Effect;
-use super::ramp::Ramp;
+use super::motor::Ramp;
 use super::timed_input::TimedInput;
 use super::{
     Alert, ArmState, BatteryAlert, Colour, FailsafeAction, FailsafeLevel, Fitness, Indication, Mode, Restart,

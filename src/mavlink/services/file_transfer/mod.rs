@@ -14,9 +14,16 @@ mod request;
 mod session;
 mod upload;
 
+use directory::Path;
 use heapless::Deque;
+use parameter_file::ParameterFile;
+use reading::{BurstRead, Checksum, Job, PartOf, PartRequest};
+pub(in crate::mavlink) use request::writes;
+use request::{Operation, path_of};
+use session::{Bytes, OpenFile, Session};
+use upload::{NotSet, Upload, Written};
 
-use super::context::Context;
+use super::Context;
 use super::log_download::{LogRead, Refusal, Step};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::event::Event;
@@ -28,13 +35,6 @@ use crate::parameter::{Parameters, VehicleParameter};
 use crate::recorder::LogFile;
 use crate::system::SystemState;
 use crate::time::Instant;
-use directory::Path;
-use parameter_file::ParameterFile;
-use reading::{BurstRead, Checksum, Job, PartOf, PartRequest};
-pub(in crate::mavlink) use request::writes;
-use request::{Operation, path_of};
-use session::{Bytes, OpenFile, Session};
-use upload::{NotSet, Upload, Written};
 
 /// After this long without a request or an answer, another ground station gets the session, in µs.
 const SILENCE_US: u64 = 10_000_000;

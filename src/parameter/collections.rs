@@ -1,7 +1,39 @@
-//! A map from parameters to values.
+//! A set of parameters, and a map from them to values.
 
-use super::ParameterId;
 use super::id::VARIABLE_COUNT;
+use super::{PARAMETER_COUNT, ParameterId};
+
+/// Bytes that have a bit for each parameter.
+const BYTES: usize = PARAMETER_COUNT.div_ceil(8);
+
+/// A set of parameters: one bit each.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParameterIdSet([u8; BYTES]);
+
+impl ParameterIdSet {
+    /// None of them.
+    pub const EMPTY: Self = Self([0; BYTES]);
+
+    /// Whether it has `id`.
+    pub fn contains(&self, id: ParameterId) -> bool {
+        let (byte, bit) = place(id);
+        self.0.get(byte).is_some_and(|bits| bits & bit != 0)
+    }
+
+    /// Adds `id`.
+    pub fn insert(&mut self, id: ParameterId) {
+        let (byte, bit) = place(id);
+        // In bounds for every id, but an index would leave a panicking path.
+        if let Some(bits) = self.0.get_mut(byte) {
+            *bits |= bit;
+        }
+    }
+}
+
+fn place(id: ParameterId) -> (usize, u8) {
+    let number = id.number();
+    (number / 8, 1 << (number % 8))
+}
 
 /// One `T` for each parameter that is not constant.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +88,19 @@ impl<T: Copy + Default> Default for ForEachParameter<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_parameter_is_added_by_itself() {
+        for added in ParameterId::all() {
+            let mut set = ParameterIdSet::EMPTY;
+            set.insert(added);
+            assert!(
+                ParameterId::all().all(|id| set.contains(id) == (id == added)),
+                "{}",
+                added.name()
+            );
+        }
+    }
 
     #[test]
     fn every_parameter_has_its_value() {
