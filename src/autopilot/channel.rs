@@ -1,4 +1,4 @@
-//! A link as the autopilot serves it: our end of it, its position in the announcements, and its log.
+//! A link as the autopilot serves it.
 
 use super::broadcast::Position;
 use crate::log::LogLimit;
@@ -8,7 +8,8 @@ use crate::time::Instant;
 /// Minimum interval between log lines about drops, and between those about refusals.
 const LOG_INTERVAL_US: u64 = 1_000_000;
 
-/// Our end of a MAVLink link, with a name for the log. [`Autopilot`](super::Autopilot) serves it.
+/// A link as the [`Autopilot`](super::Autopilot) serves it: what MAVLink knows of it, which of the announcements it has sent, and its
+/// name in the log.
 #[derive(Debug)]
 pub struct Channel {
     name: &'static str,

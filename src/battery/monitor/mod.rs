@@ -1,23 +1,25 @@
 //! The monitor of one pack: from its measurements to its state, events and failsafe level.
 
 mod counting;
+mod evaluation;
 mod learning;
+mod reports;
 
 use counting::{Counting, GaugeState};
+use evaluation::{Basis, Evaluation};
 use learning::Learnt;
+use reports::Reports;
 
-use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
-use super::diagnosis::{AtRest, Diagnosis};
+use super::diagnosis::AtRest;
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
-use super::failsafe::{Failsafe, Observation};
-use super::reporters::{ChargeReporter, HealthReporter};
+use super::reporters::HealthReporter;
 use super::settings::{FailsafeSettings, PackSettings};
-use super::swap::{Replacement, SerialNumber, SwapDetector};
+use super::swap::{Replacement, SwapDetector};
 use super::{
     Amount, BatteryState, ChargeSource, Consumed, Contents, FailsafeLevel, Faults, LearntPack, Measurement,
-    PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Supply, Tick,
+    PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Tick,
 };
 use crate::time::Instant;
 
@@ -50,21 +52,12 @@ pub struct BatteryMonitor {
     last_healthy: Option<Instant>,
     /// The latest voltage while connected, in volts.
     last_voltage_v: Option<f32>,
-    /// The pack's own fuel gauge.
-    gauge: GaugeState,
+    reports: Reports,
     health: HealthReporter,
-    supply: Supply,
     counting: Counting,
-    /// Full capacity of a sum's members, and how far apart they rest.
-    members_capacity_mah: Option<f32>,
-    members_spread: Option<f32>,
     estimator: Estimator,
     swap_detector: SwapDetector,
-    serial_number: SerialNumber,
-    diagnosis: Diagnosis,
-    charge_state: ChargeStateMachine,
-    charge_reporter: ChargeReporter,
-    failsafe: Failsafe,
+    evaluation: Evaluation,
     learnt: Option<Learnt>,
 }
 
@@ -90,19 +83,12 @@ impl BatteryMonitor {
             last_reading: None,
             last_healthy: None,
             last_voltage_v: None,
-            gauge: GaugeState::Absent,
+            reports: Reports::new(),
             health: HealthReporter::default(),
-            supply: Supply::On,
             counting: Counting::default(),
-            members_capacity_mah: None,
-            members_spread: None,
             estimator: Estimator::new(),
             swap_detector: SwapDetector::new(),
-            serial_number: SerialNumber::default(),
-            diagnosis: Diagnosis::default(),
-            charge_state: ChargeStateMachine::default(),
-            charge_reporter: ChargeReporter::default(),
-            failsafe: Failsafe::default(),
+            evaluation: Evaluation::default(),
             learnt: None,
         }
     }
@@ -140,9 +126,9 @@ impl BatteryMonitor {
             .map_err(|error| *error)
             .and_then(Measurement::check_plausible);
         if let Ok(measurement) = reading {
-            self.ingest_gauge_data(tick, measurement, events);
+            self.follow_reports(tick, measurement, events);
         }
-        let reported = self.reported_settings(settings);
+        let reported = self.reports.settings(&self.state, settings);
         let settings = reported.as_ref().unwrap_or(settings);
         let error = match reading {
             Ok(measurement) => {
@@ -171,61 +157,22 @@ impl BatteryMonitor {
         if !is_fresh && error != Some(ReadError::NoHealthyMember) {
             self.swap_detector.lose_contact(dt_s, tick.arm_state);
         }
-        update.failsafe = self.evaluate_failsafes(tick, tick_us, dt_s, is_fresh, settings, events);
+        self.show_settings(settings);
+        let basis = self.basis(tick, tick_us, is_fresh);
+        update.failsafe = self.evaluation.update(&basis, &mut self.state, settings, events);
         // Without its gauge a pack is read all the same.
         update.error = error.filter(|_| self.failed_reads > 0);
         update
     }
 
-    /// Takes over what a smart battery reports about itself. Details with a new serial number are ignored until the
-    /// number is confirmed.
-    fn ingest_gauge_data(&mut self, tick: Tick, measurement: &Measurement, events: &mut PackEvents) {
-        let serial_number = measurement.details.serial_number;
-        if let Some(replacement) = self.serial_number.update(serial_number, tick.arm_state) {
+    /// Takes over what the pack reports of itself, and notices another serial number.
+    fn follow_reports(&mut self, tick: Tick, measurement: &Measurement, events: &mut PackEvents) {
+        if let Some(replacement) = self.reports.replacement(tick, measurement) {
             self.swap_detector.reset();
-            self.charge_reporter = ChargeReporter::default();
+            self.evaluation.restart_charge_reports();
             self.replace_pack(replacement, None, events);
         }
-        if self.serial_number.matches(serial_number) {
-            self.state.details = measurement.details;
-        }
-        if self.supply != measurement.supply && measurement.supply == Supply::PoweringOff {
-            push(events, PackEvent::PoweringOff);
-        }
-        self.supply = measurement.supply;
-        self.state.contents = measurement.contents;
-        self.state.reported = measurement.reported;
-        self.state.members = measurement.members;
-        self.state.cells = measurement.cells;
-        self.members_capacity_mah = measurement.members_capacity_mah;
-        self.members_spread = measurement.members_spread;
-        self.gauge.update(tick.now, measurement.gauge);
-    }
-
-    /// The owner's settings, overridden by what a smart battery reports, if it does; a cell count that is set wins,
-    /// and so does the capacity of a sum.
-    fn reported_settings(&self, settings: &PackSettings) -> Option<PackSettings> {
-        let details = &self.state.details;
-        let cells = self.state.cells.millivolts().len() as u8;
-        if details.chemistry.is_none()
-            && details.serial_number.is_none()
-            && self.gauge.full_mah().is_none()
-            && self.members_capacity_mah.is_none()
-            && cells == 0
-        {
-            return None;
-        }
-        Some(PackSettings {
-            chemistry: details.chemistry.unwrap_or(settings.chemistry),
-            cell_count: settings.cell_count.or((cells > 0).then_some(cells)),
-            capacity_mah: self
-                .gauge
-                .full_mah()
-                .or(settings.capacity_mah)
-                .or(self.members_capacity_mah),
-            serial_number: details.serial_number.or(settings.serial_number),
-            ..*settings
-        })
+        self.reports.update(tick, measurement, &mut self.state, events);
     }
 
     fn remember(&mut self, now: Instant, measurement: &Measurement) {
@@ -267,9 +214,9 @@ impl BatteryMonitor {
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         if let Some(replacement) = self.detect_swap(&reading) {
             self.replace_pack(replacement, settings.serial_number, events);
-            self.gauge.update(tick.now, measurement.gauge);
+            self.reports.gauge.update(tick.now, measurement.gauge);
         }
-        let count = self.counting.update(tick.now, measurement, &self.gauge);
+        let count = self.counting.update(tick.now, measurement, &self.reports.gauge);
         if let Some(gap) = count.gap {
             push(events, PackEvent::Gap(gap));
         }
@@ -306,7 +253,7 @@ impl BatteryMonitor {
         self.state.time_remaining_s = None;
         self.state.faults = Faults::empty();
         self.state.reported = Reported::NONE;
-        self.diagnosis = Diagnosis::default();
+        self.evaluation.disconnect();
     }
 
     fn detect_swap(&mut self, reading: &Reading) -> Option<Replacement> {
@@ -330,11 +277,9 @@ impl BatteryMonitor {
             learnt.replace_pack(serial_number);
         }
         self.counting.replace_pack();
-        self.gauge = GaugeState::Absent;
+        self.reports.gauge = GaugeState::Absent;
         self.estimator = Estimator::new();
-        self.failsafe.replace_pack(replacement);
-        self.diagnosis = Diagnosis::default();
-        self.charge_state = ChargeStateMachine::default();
+        self.evaluation.replace_pack(replacement);
         self.last_reading = None;
         self.state.revision = self.state.revision.wrapping_add(1);
         push(events, PackEvent::Swapped);
@@ -362,7 +307,9 @@ impl BatteryMonitor {
 
     /// Whether the pack is learnt here: not one that knows itself, nor a sum of others, nor a tank.
     fn can_learn(&self) -> bool {
-        self.gauge.full_mah().is_none() && self.state.members == 0 && self.state.contents == Contents::Charge
+        self.reports.gauge.full_mah().is_none()
+            && self.state.members == 0
+            && self.state.contents == Contents::Charge
     }
 
     /// Charge drawn since the start, in milliampere-hours.
@@ -379,7 +326,7 @@ impl BatteryMonitor {
         let Measurement {
             voltage_v, current_a, ..
         } = *measurement;
-        let is_counted = match self.gauge {
+        let is_counted = match self.reports.gauge {
             // What was counted is as unknown as what is left.
             GaugeState::TimedOut { .. } => false,
             GaugeState::Valid { .. } => true,
@@ -416,7 +363,7 @@ impl BatteryMonitor {
     ) -> (Option<f32>, ChargeSource) {
         let percent = |share: f32| share * 100.0;
         let reported = measurement.state_of_charge;
-        match (&self.gauge, reported, measurement.contents) {
+        match (&self.reports.gauge, reported, measurement.contents) {
             (GaugeState::Valid { gauge, .. }, ..) => {
                 (Some(percent(gauge.state_of_charge())), ChargeSource::Gauge)
             }
@@ -486,7 +433,7 @@ impl BatteryMonitor {
     fn judge_health(&mut self, now: Instant, settings: &PackSettings) -> Option<ReadError> {
         let FailsafeSettings { low, critical, .. } = &settings.failsafe;
         let needs_charge = low.remaining_mah.or(critical.remaining_mah).is_some();
-        let has_timed_out = matches!(self.gauge, GaugeState::TimedOut { .. });
+        let has_timed_out = matches!(self.reports.gauge, GaugeState::TimedOut { .. });
         if self.state.status != PackStatus::Healthy {
             return None;
         }
@@ -499,28 +446,40 @@ impl BatteryMonitor {
     }
 
     fn reject(&mut self) {
-        self.serial_number.read_failed();
+        self.reports.serial_number.read_failed();
         self.failed_reads = self.failed_reads.saturating_add(1);
         if self.failed_reads >= FAILED_READS_UNTIL_UNHEALTHY {
             self.state.status = PackStatus::Unhealthy;
         }
     }
 
-    /// Faults, failsafe level and charge state, after every tick: a failed read counts, too. `is_fresh`: the state shows this
-    /// tick's reading. Returns a level that was reached.
-    fn evaluate_failsafes(
-        &mut self,
-        tick: Tick,
-        dt_us: u64,
-        dt_s: f32,
-        is_fresh: bool,
-        settings: &PackSettings,
-        events: &mut PackEvents,
-    ) -> Option<FailsafeLevel> {
+    /// What the evaluation of a tick is based on. `is_fresh`: the state shows this tick's reading.
+    fn basis(&self, tick: Tick, dt_us: u64, is_fresh: bool) -> Basis {
+        let remaining_at_most_pct = match self.state.charge_source {
+            ChargeSource::Estimated => self.estimator.reported().map(|charge| charge.at_most_pct),
+            ChargeSource::Gauge | ChargeSource::Reported => self.state.remaining_pct,
+        };
+        Basis {
+            tick,
+            dt_us,
+            dt_s: microseconds(dt_us) * 1e-6,
+            is_fresh,
+            last_healthy: self.last_healthy,
+            last_voltage_v: self.last_voltage_v,
+            remaining_at_most_pct,
+            at_rest: AtRest {
+                voltage_v: self.swap_detector.resting_v(),
+                spread: self.reports.members_spread,
+            },
+        }
+    }
+
+    /// The settings that are shown with the state.
+    fn show_settings(&mut self, settings: &PackSettings) {
         let state = &mut self.state;
         state.chemistry = settings.chemistry;
         // The capacity that is set is not that of a gauge which has yet to report.
-        state.capacity = match self.gauge {
+        state.capacity = match self.reports.gauge {
             GaugeState::Awaited { .. } => None,
             _ => settings
                 .capacity_mah
@@ -530,50 +489,6 @@ impl BatteryMonitor {
         state.serial_number = settings.serial_number;
         state.reported_voltage = settings.reported_voltage;
         state.visibility = settings.visibility;
-        if is_fresh {
-            let at_rest = AtRest {
-                voltage_v: self.swap_detector.resting_v(),
-                spread: self.members_spread,
-            };
-            state.faults = self.diagnosis.update(dt_s, state, &at_rest, settings);
-        }
-        let observation = Observation {
-            tick,
-            dt_us: u32::try_from(dt_us).unwrap_or(u32::MAX),
-            last_healthy: self.last_healthy,
-            state: is_fresh.then_some(state),
-            remaining_at_most_pct: match state.charge_source {
-                ChargeSource::Estimated => self.estimator.reported().map(|charge| charge.at_most_pct),
-                ChargeSource::Gauge | ChargeSource::Reported => state.remaining_pct,
-            },
-            resting_v: self.swap_detector.resting_v(),
-        };
-        let raised = self.failsafe.update(&observation, &settings.failsafe);
-        if let Some(level) = raised {
-            push(
-                events,
-                PackEvent::Failsafe {
-                    level,
-                    voltage_v: self.last_voltage_v.unwrap_or(0.0),
-                    consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
-                },
-            );
-        }
-        state.failsafe = self.failsafe.level();
-        let inputs = Inputs {
-            status: state.status,
-            faults: state.faults,
-            reported: state.reported.charge_state,
-            failsafe: state.failsafe,
-            remaining_pct: state.usable_pct,
-            limits: settings.charge_limits,
-            arm_state: tick.arm_state,
-            current_a: state.current_a,
-            capacity_mah: state.capacity_mah(),
-        };
-        state.charge_state = self.charge_state.update(dt_s, &inputs);
-        self.charge_reporter.update(dt_s, tick.arm_state, state, events);
-        raised
     }
 
     /// What is retained over a reset of the processor, of a pack that is read from `source`.
@@ -632,7 +547,7 @@ impl BatteryMonitor {
     /// Clears the failsafe level *unhealthy*, and no other, of a pack that has been healthy for 5 s. For a disarmed rover,
     /// unless a failsafe has terminated its drive.
     pub fn release_unhealthy(&mut self) {
-        self.failsafe.release_unhealthy();
+        self.evaluation.release_unhealthy();
     }
 
     /// Battery reset: clears the failsafe level and sets the remaining charge, in percent (0 to 100), unless that is
@@ -641,9 +556,7 @@ impl BatteryMonitor {
         if !remaining_pct.is_finite() {
             return;
         }
-        self.charge_state = ChargeStateMachine::default();
-        self.charge_reporter = ChargeReporter::default();
-        self.failsafe.clear();
+        self.evaluation.reset();
         if self.state.charge_source != ChargeSource::Estimated {
             return;
         }

@@ -1126,11 +1126,11 @@ proptest! {
         for (Stretch { ticks, arm_state, reading }, reset) in stretches {
             if reset {
                 bench.monitor.reset(50.0, &bench.settings);
-                prop_assert_eq!(bench.monitor.failsafe.level(), FailsafeLevel::None);
+                prop_assert_eq!(bench.monitor.evaluation.failsafe.level(), FailsafeLevel::None);
             }
             bench.arm_state = arm_state;
             for _ in 0..ticks {
-                let before = bench.monitor.failsafe.level();
+                let before = bench.monitor.evaluation.failsafe.level();
                 bench.events.clear();
                 bench.tick(reading);
                 evidence.update(arm_state, reading);

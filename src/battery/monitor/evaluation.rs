@@ -1,0 +1,126 @@
+//! What follows from the state of a pack: its faults, failsafe level and charge state, and what is announced of them.
+
+use crate::battery::charge_state::{ChargeStateMachine, Inputs};
+use crate::battery::diagnosis::{AtRest, Diagnosis};
+use crate::battery::event::push;
+use crate::battery::failsafe::{Failsafe, Observation};
+use crate::battery::reporters::ChargeReporter;
+use crate::battery::settings::PackSettings;
+use crate::battery::swap::Replacement;
+use crate::battery::{Amount, BatteryState, FailsafeLevel, PackEvent, PackEvents, Tick};
+use crate::time::Instant;
+
+/// Evaluates the state of one pack after every tick.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Evaluation {
+    diagnosis: Diagnosis,
+    pub(super) failsafe: Failsafe,
+    charge_state: ChargeStateMachine,
+    charge_reporter: ChargeReporter,
+}
+
+/// What a tick's evaluation is based on, beside the state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Basis {
+    pub tick: Tick,
+    /// Since the tick before, in microseconds.
+    pub dt_us: u64,
+    /// The same, in seconds.
+    pub dt_s: f32,
+    /// Whether the state shows this tick's reading.
+    pub is_fresh: bool,
+    pub last_healthy: Option<Instant>,
+    /// The latest voltage while connected, in volts.
+    pub last_voltage_v: Option<f32>,
+    /// Upper bound of the remaining charge, in percent, if it is known.
+    pub remaining_at_most_pct: Option<f32>,
+    pub at_rest: AtRest,
+}
+
+impl Evaluation {
+    /// Sets faults, failsafe level and charge state of `state`. Returns a failsafe level that was reached. A failed read counts, too.
+    pub fn update(
+        &mut self,
+        basis: &Basis,
+        state: &mut BatteryState,
+        settings: &PackSettings,
+        events: &mut PackEvents,
+    ) -> Option<FailsafeLevel> {
+        let Basis { tick, dt_s, .. } = *basis;
+        if basis.is_fresh {
+            state.faults = self.diagnosis.update(dt_s, state, &basis.at_rest, settings);
+        }
+        let raised = self.update_failsafe(basis, state, settings, events);
+        state.failsafe = self.failsafe.level();
+        let inputs = Inputs {
+            status: state.status,
+            faults: state.faults,
+            reported: state.reported.charge_state,
+            failsafe: state.failsafe,
+            remaining_pct: state.usable_pct,
+            limits: settings.charge_limits,
+            arm_state: tick.arm_state,
+            current_a: state.current_a,
+            capacity_mah: state.capacity_mah(),
+        };
+        state.charge_state = self.charge_state.update(dt_s, &inputs);
+        self.charge_reporter.update(dt_s, tick.arm_state, state, events);
+        raised
+    }
+
+    fn update_failsafe(
+        &mut self,
+        basis: &Basis,
+        state: &BatteryState,
+        settings: &PackSettings,
+        events: &mut PackEvents,
+    ) -> Option<FailsafeLevel> {
+        let observation = Observation {
+            tick: basis.tick,
+            dt_us: u32::try_from(basis.dt_us).unwrap_or(u32::MAX),
+            last_healthy: basis.last_healthy,
+            state: basis.is_fresh.then_some(state),
+            remaining_at_most_pct: basis.remaining_at_most_pct,
+            resting_v: basis.at_rest.voltage_v,
+        };
+        let level = self.failsafe.update(&observation, &settings.failsafe)?;
+        push(
+            events,
+            PackEvent::Failsafe {
+                level,
+                voltage_v: basis.last_voltage_v.unwrap_or(0.0),
+                consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
+            },
+        );
+        Some(level)
+    }
+
+    /// No pack is connected: what was observed of it has ended.
+    pub fn disconnect(&mut self) {
+        self.diagnosis = Diagnosis::default();
+    }
+
+    /// The pack was swapped: the failsafe level stays latched until the new one disproves it.
+    pub fn replace_pack(&mut self, replacement: Replacement) {
+        self.failsafe.replace_pack(replacement);
+        self.diagnosis = Diagnosis::default();
+        self.charge_state = ChargeStateMachine::default();
+    }
+
+    /// The pack has another serial number: its charge is announced from the start.
+    pub fn restart_charge_reports(&mut self) {
+        self.charge_reporter = ChargeReporter::default();
+    }
+
+    /// See [`BatteryMonitor::release_unhealthy`](super::BatteryMonitor::release_unhealthy).
+    pub fn release_unhealthy(&mut self) {
+        self.failsafe.release_unhealthy();
+    }
+
+    /// Battery reset: clears failsafe level and charge state.
+    pub fn reset(&mut self) {
+        self.charge_state = ChargeStateMachine::default();
+        self.charge_reporter = ChargeReporter::default();
+        self.failsafe.clear();
+    }
+}

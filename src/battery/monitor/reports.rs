@@ -1,0 +1,87 @@
+//! What a pack, or the sum of packs, reports of itself.
+
+use super::counting::GaugeState;
+use crate::battery::event::push;
+use crate::battery::settings::PackSettings;
+use crate::battery::swap::{Replacement, SerialNumber};
+use crate::battery::{BatteryState, Measurement, PackEvent, PackEvents, Supply, Tick};
+
+/// The reports of one pack.
+#[derive(Clone, Debug)]
+pub(super) struct Reports {
+    /// The pack's own fuel gauge.
+    pub gauge: GaugeState,
+    pub serial_number: SerialNumber,
+    supply: Supply,
+    /// Full capacity of a sum's members, and how far apart they rest.
+    members_capacity_mah: Option<f32>,
+    pub members_spread: Option<f32>,
+}
+
+impl Reports {
+    pub fn new() -> Self {
+        Self {
+            gauge: GaugeState::Absent,
+            serial_number: SerialNumber::default(),
+            supply: Supply::On,
+            members_capacity_mah: None,
+            members_spread: None,
+        }
+    }
+
+    /// Whether the pack has another serial number, which was confirmed.
+    pub fn replacement(&mut self, tick: Tick, measurement: &Measurement) -> Option<Replacement> {
+        self.serial_number
+            .update(measurement.details.serial_number, tick.arm_state)
+    }
+
+    /// Takes over what a reading says. Details with a new serial number are ignored until the number is confirmed.
+    pub fn update(
+        &mut self,
+        tick: Tick,
+        measurement: &Measurement,
+        state: &mut BatteryState,
+        events: &mut PackEvents,
+    ) {
+        if self.serial_number.matches(measurement.details.serial_number) {
+            state.details = measurement.details;
+        }
+        if self.supply != measurement.supply && measurement.supply == Supply::PoweringOff {
+            push(events, PackEvent::PoweringOff);
+        }
+        self.supply = measurement.supply;
+        state.contents = measurement.contents;
+        state.reported = measurement.reported;
+        state.members = measurement.members;
+        state.cells = measurement.cells;
+        self.members_capacity_mah = measurement.members_capacity_mah;
+        self.members_spread = measurement.members_spread;
+        self.gauge.update(tick.now, measurement.gauge);
+    }
+
+    /// The owner's settings, overridden by what a smart battery reports, if it does; a cell count that is set wins,
+    /// and so does the capacity of a sum.
+    pub fn settings(&self, state: &BatteryState, settings: &PackSettings) -> Option<PackSettings> {
+        let details = &state.details;
+        let cells = state.cells.millivolts().len() as u8;
+        if details.chemistry.is_none()
+            && details.serial_number.is_none()
+            && self.gauge.full_mah().is_none()
+            && self.members_capacity_mah.is_none()
+            && cells == 0
+        {
+            return None;
+        }
+        Some(PackSettings {
+            chemistry: details.chemistry.unwrap_or(settings.chemistry),
+            cell_count: settings.cell_count.or((cells > 0).then_some(cells)),
+            capacity_mah: self
+                .gauge
+                .full_mah()
+                .or(settings.capacity_mah)
+                .or(self.members_capacity_mah),
+            serial_number: details.serial_number.or(settings.serial_number),
+            ..*settings
+        })
+    }
+}
