@@ -6,7 +6,6 @@ block say how it runs; several may stand together:
 
     <!-- hardware -->       needs a board, a probe or a radio: only checked for its syntax
     <!-- internet -->       needs more of the internet than package registries: only checked for its syntax
-    <!-- to be saved -->    a file that is started with arguments, by a test of its own: only checked for its syntax
     <!-- simulator -->      runs while `cargo run` is running
     <!-- until stopped -->  each command runs until Ctrl-C: it has to print something, stay, and end by Ctrl-C
 
@@ -33,7 +32,7 @@ import time
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
 PAGES = ["README.md", "CONTRIBUTING.md", "examples/README.md", "docs/**/*.md"]
-ONLY_CHECKED = {"hardware", "internet", "to be saved"}
+ONLY_CHECKED = {"hardware", "internet"}
 MARKERS = ONLY_CHECKED | {"simulator", "until stopped"}
 
 # Long enough to build everything on a slow machine.

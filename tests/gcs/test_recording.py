@@ -1,4 +1,4 @@
-"""The script of docs/guides/failsafe-tuning.md makes recordings that `replay` takes."""
+"""examples/record.py makes recordings that `replay` takes."""
 
 import csv
 import os
@@ -7,27 +7,17 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 from pymavlink import mavutil
 
+from conftest import REPOSITORY
 from station import command, connect, messages_of, set_to
 
 mavlink = mavutil.mavlink
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-GUIDE = REPOSITORY / "docs" / "guides" / "failsafe-tuning.md"
+SCRIPT = REPOSITORY / "examples" / "record.py"
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
-
-
-@pytest.fixture
-def script(tmp_path):
-    """The guide's script, as its reader saves it."""
-    (block,) = [block.split("```")[0] for block in GUIDE.read_text().split("```python\n")[1:]]
-    path = tmp_path / "record.py"
-    path.write_text(block)
-    return path
 
 
 def rows(path):
@@ -56,7 +46,7 @@ def test_a_terminal_is_shown_words_and_no_rows():
     assert said.startswith("1 min 10 s, ")
 
 
-def test_a_log_of_a_ground_station_becomes_a_recording(start_simulator, script, tmp_path):
+def test_a_log_of_a_ground_station_becomes_a_recording(start_simulator, tmp_path):
     vehicle = connect(start_simulator().url)
     vehicle.setup_logfile(str(tmp_path / "mav.tlog"))
     for name, value in [("SR0_EXTRA1", 10), ("BATT_CELLS", 3)]:
@@ -70,7 +60,7 @@ def test_a_log_of_a_ground_station_becomes_a_recording(start_simulator, script, 
     vehicle.close()
 
     drive = tmp_path / "drive.csv"
-    subprocess.run([sys.executable, script, tmp_path / "mav.tlog", drive], check=True, timeout=20)
+    subprocess.run([sys.executable, SCRIPT, tmp_path / "mav.tlog", drive], check=True, timeout=20)
     recorded = rows(drive)
     assert 40 <= len(recorded) <= 80
     assert (recorded[0]["armed"], recorded[-1]["armed"]) == ("0", "1")
@@ -81,9 +71,9 @@ def test_a_log_of_a_ground_station_becomes_a_recording(start_simulator, script, 
     assert event.startswith("is low 9.9")
 
 
-def test_a_link_is_recorded_until_ctrl_c(start_simulator, script, tmp_path):
+def test_a_link_is_recorded_until_ctrl_c(start_simulator, tmp_path):
     drive = tmp_path / "drive.csv"
-    run = [sys.executable, script, start_simulator().url, drive]
+    run = [sys.executable, SCRIPT, start_simulator().url, drive]
     with subprocess.Popen(run, env={**os.environ, "PYTHONUNBUFFERED": "1"}) as recorder:
         time.sleep(5)
         recorder.send_signal(signal.SIGINT)
