@@ -111,6 +111,25 @@ fn every_relative_link_leads_somewhere() {
     assert!(followed > 0, "no link was found");
 }
 
+/// Where `Cargo.toml` says the sources are.
+fn address_of_the_sources() -> String {
+    let manifest = read(&repository().join("Cargo.toml"));
+    let mut lines = manifest.lines();
+    let address = lines.find_map(|line| line.strip_prefix("repository = \"")?.strip_suffix('"'));
+    address.expect("an address").into()
+}
+
+#[test]
+fn a_clone_and_releases_come_from_where_the_sources_are() {
+    let (readme, address) = (read(&repository().join("README.md")), address_of_the_sources());
+    let cloned = readme.lines().filter_map(|line| line.strip_prefix("git clone "));
+    assert_eq!(cloned.collect::<Vec<_>>(), [&address]);
+    let releases = links(&readme)
+        .into_iter()
+        .filter(|link| link.ends_with("/releases"));
+    assert_eq!(releases.collect::<Vec<_>>(), [format!("{address}/releases")]);
+}
+
 /// The paths from the top of the repository that a document names.
 fn named_paths(text: &str) -> impl Iterator<Item = &str> {
     let words = text.split(|c: char| c.is_whitespace() || "`()[]|\"',;=".contains(c));
