@@ -1,5 +1,7 @@
 //! Which log files there are, and where.
 
+use core::num::NonZeroU32;
+
 use heapless::Vec;
 
 use super::front::{Header, PAYLOAD_BYTES};
@@ -14,6 +16,8 @@ pub struct LogFile {
     pub number: u16,
     /// Length, bytes.
     pub bytes: u32,
+    /// When it began, in seconds since 1970 (UTC); `None` if that is unknown.
+    pub began_utc_s: Option<NonZeroU32>,
 }
 
 /// Where a part of a file is.
@@ -59,7 +63,11 @@ impl Directory {
         if self.files.is_full() {
             self.remove(0);
         }
-        let file = LogFile { number, bytes: 0 };
+        let file = LogFile {
+            number,
+            bytes: 0,
+            began_utc_s: None,
+        };
         if self.files.push(file).is_ok() {
             // As many as there are files.
             let _ = self.first.push(first);
@@ -73,8 +81,16 @@ impl Directory {
         }
     }
 
-    /// Takes over a sector that a scan found, after all that are older. Not one that contradicts them.
-    pub fn take_over(&mut self, header: Header) {
+    /// The newest file began at this moment, in seconds since 1970.
+    pub fn date(&mut self, began_utc_s: NonZeroU32) {
+        if let Some(file) = self.files.last_mut() {
+            file.began_utc_s = Some(began_utc_s);
+        }
+    }
+
+    /// Takes over a sector that a scan found, after all that are older, of a file that has this date. Not one that contradicts
+    /// them.
+    pub fn take_over(&mut self, header: Header, began_utc_s: Option<NonZeroU32>) {
         let first = header.first_sequence();
         if !self.is_newest(header.number, first) {
             if first < self.end() {
@@ -84,6 +100,7 @@ impl Directory {
         }
         if let Some(file) = self.files.last_mut() {
             file.bytes = (u32::from(header.index) + 1) * PAYLOAD_BYTES;
+            file.began_utc_s = began_utc_s;
         }
     }
 
@@ -215,14 +232,20 @@ mod tests {
     fn sector_that_contradicts_older_ones_is_not_taken_over() {
         let mut found = Directory::default();
         for (number, index, sequence) in [(2, 1, 23), (3, 2, 24)] {
-            found.take_over(Header {
+            let header = Header {
                 sequence,
                 number,
                 index,
-            });
+            };
+            found.take_over(header, None);
         }
         let bytes = 2 * PAYLOAD_BYTES;
-        assert_eq!(found.files(), [LogFile { number: 2, bytes }]);
+        let file = LogFile {
+            number: 2,
+            bytes,
+            began_utc_s: None,
+        };
+        assert_eq!(found.files(), [file]);
         assert_eq!(found.oldest_sequence(), Some(22));
     }
 }

@@ -1,9 +1,12 @@
-//! The first bytes of a sector: its header, and the mark of an erase. Little-endian words, the last of each a CRC-32.
+//! The first bytes of a sector: its header, the mark of an erase, and the date of a file. Little-endian words, the last of
+//! each a CRC-32.
+
+use core::num::NonZeroU32;
 
 use super::geometry::SECTOR_BYTES;
 use crate::memory::checksum::crc32;
 
-/// Bytes before the payload: header, mark, 8 that stay blank.
+/// Bytes before the payload: header, mark, date.
 pub(super) const FRONT_BYTES: u32 = 32;
 
 /// Bytes of a log file that a sector holds.
@@ -18,11 +21,20 @@ pub(super) const MARK_BYTES: usize = 8;
 /// Offset of the mark in its sector.
 pub(super) const MARK_AT: u32 = HEADER_BYTES as u32;
 
+/// Bytes of a date.
+pub(super) const DATE_BYTES: usize = 8;
+
+/// Offset of the date in the first sector of a file.
+pub(super) const DATE_AT: u32 = MARK_AT + MARK_BYTES as u32;
+
 /// Identifies a header, and the layout of its sector.
 const HEADER_MAGIC: u32 = u32::from_le_bytes(*b"LOG1");
 
 /// Enters the checksum of a mark.
 const MARK_MAGIC: u32 = u32::from_le_bytes(*b"ERS1");
+
+/// Enters the checksum of a date.
+const DATE_MAGIC: u32 = u32::from_le_bytes(*b"DAT1");
 
 /// Sequence numbers from here on are invalid. Flash is worn out after some 100,000 laps, at 31 million.
 const SEQUENCE_END: u32 = 1 << 31;
@@ -44,6 +56,8 @@ pub(super) struct Front {
     pub header: HeaderSlot,
     /// The sector was erased completely, to be used as this one. Stays when the sector is used.
     pub erased_for: Option<u32>,
+    /// When the file that begins in the sector began, in seconds since 1970 (UTC).
+    pub began_utc_s: Option<NonZeroU32>,
 }
 
 /// Content of the place of a header.
@@ -92,11 +106,21 @@ pub(super) fn mark(sequence: u32, sectors: u32) -> [u8; MARK_BYTES] {
     to_bytes([sequence, crc32([MARK_MAGIC, sequence, sectors])])
 }
 
+/// The date of a file that began at this moment, in seconds since 1970.
+///
+/// It is programmed into a sector that was erased completely, so that none of an earlier lap can be left. If that is
+/// interrupted the checksum is wrong, and the moment unknown.
+pub(super) fn date(began_utc_s: NonZeroU32, sectors: u32) -> [u8; DATE_BYTES] {
+    let seconds = began_utc_s.get();
+    to_bytes([seconds, crc32([DATE_MAGIC, seconds, sectors])])
+}
+
 impl Front {
     /// What is known of a sector that can't be read.
     pub const UNREADABLE: Self = Self {
         header: HeaderSlot::Damaged,
         erased_for: None,
+        began_utc_s: None,
     };
 
     /// What `bytes` prove in a ring of this many sectors.
@@ -105,11 +129,13 @@ impl Front {
         for (word, bytes) in words.iter_mut().zip(bytes.as_chunks().0) {
             *word = u32::from_le_bytes(*bytes);
         }
-        let [a, b, c, d, sequence, crc, ..] = words;
-        let is_mark = crc == crc32([MARK_MAGIC, sequence, sectors]) && is_sequence(sequence, sectors);
+        let [a, b, c, d, sequence, mark_crc, seconds, date_crc] = words;
+        let is_mark = mark_crc == crc32([MARK_MAGIC, sequence, sectors]) && is_sequence(sequence, sectors);
+        let is_date = date_crc == crc32([DATE_MAGIC, seconds, sectors]);
         Self {
             header: HeaderSlot::from_words([a, b, c, d], sectors),
             erased_for: is_mark.then_some(sequence),
+            began_utc_s: NonZeroU32::new(seconds).filter(|_| is_date),
         }
     }
 }
@@ -142,6 +168,7 @@ mod tests {
     use super::*;
 
     const SECTORS: u32 = 310;
+    const BEGAN: NonZeroU32 = NonZeroU32::new(1_800_000_000).unwrap();
     const HEADER: Header = Header {
         sequence: 1000,
         number: 7,
@@ -163,6 +190,24 @@ mod tests {
             *b"LOG1\xe8\x03\x00\x00\x07\x00\x02\x00\x53\xc9\xfb\x41"
         );
         assert_eq!(mark(1000, SECTORS), *b"\xe8\x03\x00\x00\xb3\x62\xf1\x2d");
+        assert_eq!(date(BEGAN, SECTORS), *b"\x00\xd2\x49\x6b\xb2\xbc\xa8\xf8");
+    }
+
+    #[test]
+    fn date_is_read_back_unless_a_bit_of_it_is_flipped() {
+        let mut bytes = [0xFF; FRONT_BYTES as usize];
+        bytes[DATE_AT as usize..].copy_from_slice(&date(BEGAN, SECTORS));
+        assert_eq!(Front::from_bytes(&bytes, SECTORS).began_utc_s, Some(BEGAN));
+        assert_eq!(Front::from_bytes(&bytes, SECTORS - 1).began_utc_s, None);
+        for bit in DATE_AT as usize * 8..FRONT_BYTES as usize * 8 {
+            let mut flipped = bytes;
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(
+                Front::from_bytes(&flipped, SECTORS).began_utc_s,
+                None,
+                "bit {bit}"
+            );
+        }
     }
 
     #[test]
@@ -176,6 +221,7 @@ mod tests {
     fn erased_and_zero_bytes_prove_nothing() {
         let blank = Front::from_bytes(&[0xFF; FRONT_BYTES as usize], SECTORS);
         assert_eq!((blank.header, blank.erased_for), (HeaderSlot::Blank, None));
+        assert_eq!(blank.began_utc_s, None);
         let zeros = Front::from_bytes(&[0; FRONT_BYTES as usize], SECTORS);
         assert_eq!(zeros, Front::UNREADABLE);
     }

@@ -9,7 +9,7 @@
 //! |---|---|
 //! | first 16 | header, programmed when the sector is begun: magic, sequence number, file number and the sector's index in the file, CRC-32 |
 //! | 8 | mark, programmed after each complete erase: the sequence number for which it was erased, CRC-32 |
-//! | 8 | blank |
+//! | 8 | in the first sector of a file its date, programmed once when it is known: when the file began, in seconds since 1970, CRC-32 |
 //! | [`PAYLOAD_BYTES`] | content of the file |
 //!
 //! Sequence numbers rise by one with each sector; the position in the ring is the remainder of their division by the

@@ -1,11 +1,14 @@
 //! The state of a ring of log files.
 
+use core::num::NonZeroU32;
 use core::ops::Range;
 
 use embedded_storage_async::nor_flash::ReadNorFlash;
 
 use super::directory::{Directory, LogFile};
-use super::front::{FRONT_BYTES, HEADER_BYTES, Header, MARK_AT, MARK_BYTES, PAYLOAD_BYTES, mark};
+use super::front::{
+    DATE_AT, DATE_BYTES, FRONT_BYTES, HEADER_BYTES, Header, MARK_AT, MARK_BYTES, PAYLOAD_BYTES, date, mark,
+};
 use super::geometry::{Geometry, SectorSet};
 use super::scan::{Scan, scan};
 
@@ -57,7 +60,7 @@ pub struct Ring {
 }
 
 // It is kept in RAM all the time.
-const _: () = assert!(size_of::<Ring>() <= 1024);
+const _: () = assert!(size_of::<Ring>() <= 1160);
 
 /// How far a file was written that is open.
 #[derive(Debug, Default)]
@@ -73,6 +76,8 @@ enum InFlight {
     Header,
     /// This many bytes of the file.
     Data(u32),
+    /// When the file began, in seconds since 1970.
+    Date(NonZeroU32),
 }
 
 /// Where bytes of a file are.
@@ -120,6 +125,7 @@ pub struct Program<'a> {
 enum Content<'a> {
     Header([u8; HEADER_BYTES]),
     Data(&'a [u8]),
+    Date([u8; DATE_BYTES]),
 }
 
 /// A sector to be erased, and then marked.
@@ -288,14 +294,30 @@ impl Ring {
         })
     }
 
+    /// What has to be programmed to date the open file, which began at this moment, in seconds since 1970 (UTC).
+    /// [`programmed`](Self::programmed) takes the outcome. `None` if it has its date, or nothing of it was programmed yet.
+    pub fn next_date(&mut self, began_utc_s: NonZeroU32) -> Option<Program<'static>> {
+        let open = self.open.as_ref()?;
+        let (file, first) = self.directory.newest()?;
+        if open.begun == 0 || open.in_flight.is_some() || file.began_utc_s.is_some() {
+            return None;
+        }
+        self.put_in_flight(InFlight::Date(began_utc_s));
+        Some(Program {
+            address: self.geometry.address(first) + DATE_AT,
+            content: Content::Date(date(began_utc_s, self.geometry.sectors())),
+        })
+    }
+
     fn put_in_flight(&mut self, in_flight: InFlight) {
         if let Some(open) = &mut self.open {
             open.in_flight = Some(in_flight);
         }
     }
 
-    /// Takes the outcome of the last [`next_program`](Self::next_program), and returns how many bytes of the data are in the
-    /// file now: none if it was a header, if it failed, which closes the file, or if the file was closed meanwhile.
+    /// Takes the outcome of the last [`next_program`](Self::next_program) or [`next_date`](Self::next_date), and returns how
+    /// many bytes of the data are in the file now: none if it was a header or a date, if it failed, which closes the file, or
+    /// if the file was closed meanwhile.
     pub fn programmed(&mut self, outcome: FlashOutcome) -> usize {
         let Some(open) = &mut self.open else {
             return 0;
@@ -318,6 +340,11 @@ impl Ring {
                 open.in_flight = None;
                 self.directory.grow(bytes);
                 bytes as usize
+            }
+            (Some(InFlight::Date(began_utc_s)), FlashOutcome::Done) => {
+                open.in_flight = None;
+                self.directory.date(began_utc_s);
+                0
             }
         }
     }
@@ -419,6 +446,7 @@ impl Program<'_> {
         match &self.content {
             Content::Header(header) => header,
             Content::Data(data) => data,
+            Content::Date(date) => date,
         }
     }
 }

@@ -105,9 +105,9 @@ impl<F: ReadNorFlash> Reader<'_, F> {
         for sequence in oldest..end {
             if let HeaderSlot::Header(header) = self.front(sequence).await.header
                 && header.sequence == sequence
-                && self.has_first_sector(header, oldest).await
+                && let Some(first) = self.first_front(header, oldest).await
             {
-                directory.take_over(header);
+                directory.take_over(header, first.began_utc_s);
             }
         }
         for index in 0..directory.files().len() {
@@ -120,15 +120,17 @@ impl<F: ReadNorFlash> Reader<'_, F> {
         directory
     }
 
-    /// Whether the first sector of the file with this header was not erased since. The one at `oldest` may be erased in part.
-    async fn has_first_sector(&mut self, header: Header, oldest: u32) -> bool {
+    /// The front of the first sector of the file with this header, unless it was erased since. The one at `oldest` may be
+    /// erased in part.
+    async fn first_front(&mut self, header: Header, oldest: u32) -> Option<Front> {
         let first = header.first_sequence();
         let front = self.front(first).await;
-        match front.header {
+        let is_there = match front.header {
             HeaderSlot::Header(found) => first >= oldest && found.sequence == first,
             HeaderSlot::Damaged => first > oldest && front.erased_for == Some(first),
             HeaderSlot::Blank => false,
-        }
+        };
+        is_there.then_some(front)
     }
 
     /// The front of a sector; what belongs to another position of the ring proves nothing.
@@ -151,6 +153,7 @@ impl<F: ReadNorFlash> Reader<'_, F> {
                 header => header,
             },
             erased_for: front.erased_for.filter(|found| is_here(*found)),
+            began_utc_s: front.began_utc_s,
         }
     }
 

@@ -45,6 +45,7 @@ impl Bench {
             let file = LogFile {
                 number,
                 bytes: *bytes,
+                began_utc_s: None,
             };
             (file, content.collect())
         });

@@ -1,4 +1,5 @@
-use std::collections::BTreeMap;
+use core::num::NonZeroU32;
+use std::collections::{BTreeMap, BTreeSet};
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
@@ -23,6 +24,8 @@ struct Recorder<const SECTORS: usize> {
     files: Vec<(u16, Content)>,
     /// All that was ever appended.
     history: BTreeMap<u16, Content>,
+    /// The numbers of files that have to have their dates.
+    dated: BTreeSet<u16>,
 }
 
 /// Power failed.
@@ -45,6 +48,7 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
             flash,
             files: Vec::new(),
             history: BTreeMap::new(),
+            dated: BTreeSet::new(),
         };
         recorder.files = recorder.listed();
         recorder.history.extend(recorder.files.iter().cloned());
@@ -88,7 +92,18 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         bytes[skipped..][..piece.bytes as usize].to_vec()
     }
 
+    /// Files with dates have their own, and those that have to have one do.
+    fn assert_dates(&self) {
+        for file in self.ring.files() {
+            match file.began_utc_s {
+                Some(began) => assert_eq!(began, began_utc_s(file.number), "file {}", file.number),
+                None => assert!(!self.dated.contains(&file.number), "file {}", file.number),
+            }
+        }
+    }
+
     fn assert_files(&mut self) {
+        self.assert_dates();
         let listed = self.listed();
         assert!(listed == self.files, "{:?}", self.ring.files());
         self.flash.assert_margins_are_untouched();
@@ -104,6 +119,7 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
             self.files.remove(0);
         }
         self.history.insert(number, Content::new());
+        self.dated.remove(&number);
         Ok(number)
     }
 
@@ -155,6 +171,28 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
             data = rest;
         }
         Ok(Ok(()))
+    }
+
+    /// Programs the date of the open file, if it can have one now.
+    fn date(&mut self) -> Result<(), PowerLost> {
+        let Some(file) = self.ring.open_file() else {
+            return Ok(());
+        };
+        let Some(program) = self.ring.next_date(began_utc_s(file.number)) else {
+            return Ok(());
+        };
+        let outcome = outcome(block_on(self.flash.write(program.address(), program.bytes())));
+        if self.flash.is_powered_off() {
+            return Err(PowerLost {
+                in_flight: Content::new(),
+            });
+        }
+        assert_eq!(self.ring.programmed(outcome), 0);
+        self.note_closed();
+        if outcome == FlashOutcome::Done {
+            self.dated.insert(file.number);
+        }
+        Ok(())
     }
 
     /// Appends all of `data` to a file of its own, and closes it.
@@ -245,6 +283,19 @@ fn outcome<E>(result: Result<(), E>) -> FlashOutcome {
     }
 }
 
+/// When the file with this number began.
+fn began_utc_s(number: u16) -> NonZeroU32 {
+    NonZeroU32::MIN.saturating_add(1_800_000_000 + u32::from(number))
+}
+
+fn undated(number: u16, bytes: u32) -> LogFile {
+    LogFile {
+        number,
+        bytes,
+        began_utc_s: None,
+    }
+}
+
 /// Bytes that do not repeat soon, and do not end with 0xFF.
 fn bytes(seed: u64, length: usize) -> Content {
     let mut random = fastrand::Rng::with_seed(seed);
@@ -310,7 +361,7 @@ fn first_file_after_a_start_begins_in_a_fresh_sector() {
 fn blank_bytes_at_the_end_are_lost_at_the_next_start() {
     let mut recorder = Recorder::<4>::with_erased(3);
     let number = recorder.record(&[0xFF, 1, 0xFF, 0xFF]);
-    assert_eq!(recorder.ring.files(), [LogFile { number, bytes: 4 }]);
+    assert_eq!(recorder.ring.files(), [undated(number, 4)]);
     recorder.restart();
     assert_eq!(recorder.listed(), [(number, vec![0xFF, 1])]);
 }
@@ -319,7 +370,7 @@ fn blank_bytes_at_the_end_are_lost_at_the_next_start() {
 fn empty_files_are_not_listed() {
     let mut recorder = Recorder::<4>::with_erased(3);
     let number = recorder.open().unwrap();
-    assert_eq!(recorder.ring.files(), [LogFile { number, bytes: 0 }]);
+    assert_eq!(recorder.ring.files(), [undated(number, 0)]);
     // Its sector is not used up.
     recorder.close();
     assert_eq!(recorder.ring.room(), 3 * PAYLOAD_BYTES);
@@ -379,6 +430,67 @@ fn outcome_for_a_file_that_was_closed_meanwhile_is_ignored() {
         assert_eq!(recorder.append(&bytes(1, 300)), Ok(Ok(())));
         recorder.assert_files();
     }
+}
+
+/// The first begins in the sector of an earlier one, of a lap before.
+#[test]
+fn files_have_their_dates_after_a_restart_and_others_have_none() {
+    let mut recorder = Recorder::<4>::with_erased(3);
+    for is_dated in [true, false, true, true, false, true] {
+        recorder.erase(2);
+        recorder.open().unwrap();
+        assert_eq!(recorder.append(&bytes(1, 100)), Ok(Ok(())));
+        if is_dated {
+            assert_eq!(recorder.date(), Ok(()));
+        }
+        assert_eq!(recorder.append(&bytes(2, 300)), Ok(Ok(())));
+        recorder.assert_files();
+        recorder.restart();
+        recorder.assert_files();
+        let is_now_dated = recorder.ring.files().last().unwrap().began_utc_s.is_some();
+        assert_eq!(is_now_dated, is_dated);
+    }
+}
+
+#[test]
+fn a_date_is_programmed_once_and_not_before_the_file_is_begun() {
+    let mut recorder = Recorder::<4>::with_erased(3);
+    let began = began_utc_s(1);
+    assert!(recorder.ring.next_date(began).is_none(), "no file is open");
+    recorder.open().unwrap();
+    assert!(recorder.ring.next_date(began).is_none(), "it has no sector");
+    assert_eq!(recorder.append(&bytes(1, 5000)), Ok(Ok(())));
+    assert_eq!(recorder.date(), Ok(()));
+    assert!(recorder.ring.next_date(began).is_none(), "it has its date");
+    assert_eq!(recorder.append(&bytes(2, 10)), Ok(Ok(())));
+    recorder.close();
+    assert!(recorder.ring.next_date(began).is_none(), "it is closed");
+    recorder.assert_files();
+}
+
+#[test]
+fn a_file_has_its_date_with_a_damaged_header_too() {
+    let mut recorder = Recorder::<8>::with_erased(8);
+    recorder.record(&bytes(0, 100));
+    recorder.open().unwrap();
+    assert_eq!(recorder.append(&bytes(1, 5000)), Ok(Ok(())));
+    assert_eq!(recorder.date(), Ok(()));
+    recorder.front(1)[5] ^= 1;
+    recorder.restart();
+    recorder.assert_files();
+}
+
+#[test]
+fn a_damaged_date_is_unknown_and_the_file_is_not_harmed() {
+    let mut recorder = Recorder::<4>::with_erased(3);
+    recorder.open().unwrap();
+    assert_eq!(recorder.append(&bytes(1, 100)), Ok(Ok(())));
+    assert_eq!(recorder.date(), Ok(()));
+    recorder.front(0)[25] ^= 4;
+    recorder.dated.clear();
+    recorder.restart();
+    recorder.assert_files();
+    assert_eq!(recorder.ring.files(), [undated(1, 100)]);
 }
 
 #[test]

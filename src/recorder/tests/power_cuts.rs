@@ -11,6 +11,7 @@ enum Step {
     Open,
     Close,
     Append { seed: u64, length: usize },
+    Date,
     Erase { target: u32 },
     EraseAll,
     Restart,
@@ -21,6 +22,7 @@ fn step() -> impl Strategy<Value = Step> {
         3 => Just(Step::Open),
         1 => Just(Step::Close),
         6 => (any::<u64>(), 1..9000_usize).prop_map(|(seed, length)| Step::Append { seed, length }),
+        2 => Just(Step::Date),
         8 => (1..=SECTORS as u32).prop_map(|target| Step::Erase { target }),
         1 => Just(Step::EraseAll),
         1 => Just(Step::Restart),
@@ -40,6 +42,7 @@ impl Step {
             Self::Append { seed, length } => {
                 let _ = recorder.append(&bytes(seed, length))?;
             }
+            Self::Date => recorder.date()?,
             Self::Erase { target } => {
                 recorder.erase_one(target)?;
             }
@@ -146,8 +149,8 @@ fn power_cut_in_any_operation_of_a_rotation_harms_no_other_file() {
     let lap = [
         [erase, erase, Step::Open, append(3, 500), append(4, 3900)],
         [erase, erase, append(5, 300), Step::Open, append(6, 4100)],
-        [erase, erase, erase, Step::EraseAll, Step::Open],
-        [append(7, 300), erase, erase, erase, append(8, 4000)],
+        [Step::Date, erase, erase, Step::EraseAll, Step::Open],
+        [append(7, 300), Step::Date, erase, erase, append(8, 4000)],
     ];
     cut_everywhere(&recorder.flash, lap.as_flattened(), 40);
 }

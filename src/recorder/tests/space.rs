@@ -68,13 +68,7 @@ fn open_file_is_never_erased() {
     let open = recorder.open().unwrap();
     assert_eq!(recorder.append(&bytes(1, 5000)), Ok(Ok(())));
     recorder.erase(8);
-    assert_eq!(
-        recorder.ring.files(),
-        [LogFile {
-            number: open,
-            bytes: 5000
-        }]
-    );
+    assert_eq!(recorder.ring.files(), [undated(open, 5000)]);
     recorder.close();
     recorder.erase(8);
     assert_eq!(recorder.ring.files(), []);
@@ -177,7 +171,7 @@ fn flash_that_fails_always_is_left_after_as_many_attempts_as_the_caller_makes() 
         recorder.flash.refuse_after(0);
         recorder.erase_one(4).unwrap();
     }
-    assert_eq!(recorder.ring.files(), [LogFile { number, bytes: 5000 }]);
+    assert_eq!(recorder.ring.files(), [undated(number, 5000)]);
     recorder.flash.power_up();
     recorder.close();
     recorder.erase(2);

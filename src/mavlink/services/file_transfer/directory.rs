@@ -223,9 +223,17 @@ mod tests {
         assert!(list(Directory::Root, 3, &[]).is_empty());
     }
 
+    fn undated(number: u16, bytes: u32) -> LogFile {
+        LogFile {
+            number,
+            bytes,
+            began_utc_s: None,
+        }
+    }
+
     #[test]
     fn log_files_have_name_and_size() {
-        let logs = [(7, 1234), (65535, u32::MAX)].map(|(number, bytes)| LogFile { number, bytes });
+        let logs = [(7, 1234), (65535, u32::MAX)].map(|(number, bytes)| undated(number, bytes));
         let expected = b"F00000007.BIN\t1234\0F00065535.BIN\t4294967295\0";
         assert_eq!(list(Directory::Logs, 0, &logs).as_slice(), expected);
         assert_eq!(list(Directory::Logs, 1, &logs).as_slice(), &expected[19..]);
@@ -243,7 +251,7 @@ mod tests {
         /// As ground stations read it: the entries so far are skipped by the next request.
         #[test]
         fn all_files_are_listed_in_as_many_messages_as_needed(files in prop::collection::vec(any::<(u16, u32)>(), 0..60)) {
-            let logs: Vec<LogFile, 60> = files.iter().map(|(number, bytes)| LogFile { number: *number, bytes: *bytes }).collect();
+            let logs: Vec<LogFile, 60> = files.iter().map(|(number, bytes)| undated(*number, *bytes)).collect();
             let mut listed = std::vec::Vec::new();
             loop {
                 let part = list(Directory::Logs, listed.len() as u32, &logs);

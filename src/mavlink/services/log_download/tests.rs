@@ -24,6 +24,7 @@ fn files(first: u16, sizes: &[u32]) -> Vec<LogFile> {
         .map(|(number, bytes)| LogFile {
             number: number as u16,
             bytes: *bytes,
+            began_utc_s: None,
         })
         .collect()
 }
