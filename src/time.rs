@@ -1,6 +1,6 @@
-//! Moments, and periodic due times without drift or catch-up bursts.
+//! Moments, the time of day, and periodic due times without drift or catch-up bursts.
 
-use core::num::NonZeroU64;
+use core::num::{NonZeroU32, NonZeroU64};
 
 /// A moment, in whole microseconds since an arbitrary epoch: on the board since boot. It reads no clock.
 ///
@@ -49,6 +49,42 @@ impl Instant {
 #[cfg(test)]
 pub(crate) const fn at_us(us: u64) -> Instant {
     Instant::from_micros(us)
+}
+
+/// A moment in UTC, in whole microseconds since 1970, without leap seconds, as computers count.
+///
+/// Its arithmetic saturates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct Utc {
+    us: u64,
+}
+
+impl Utc {
+    /// The moment `us` microseconds after 1970 began.
+    pub const fn from_micros(us: u64) -> Self {
+        Self { us }
+    }
+
+    /// Microseconds since 1970 began.
+    pub const fn as_micros(self) -> u64 {
+        self.us
+    }
+
+    /// Whole seconds since 1970 began; `None` within the first, and from 2106 on.
+    pub fn seconds(self) -> Option<NonZeroU32> {
+        u32::try_from(self.us / 1_000_000).ok().and_then(NonZeroU32::new)
+    }
+
+    /// The moment `us` microseconds later.
+    pub const fn after_us(self, us: u64) -> Self {
+        Self::from_micros(self.us.saturating_add(us))
+    }
+
+    /// The moment `us` microseconds earlier.
+    pub const fn before_us(self, us: u64) -> Self {
+        Self::from_micros(self.us.saturating_sub(us))
+    }
 }
 
 /// Due times at a fixed interval.

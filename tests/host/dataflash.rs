@@ -7,6 +7,7 @@ use rover_battmon::battery::{Amount, BatteryState, CellVoltages, ChargeState, Fa
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::pack::Pack;
 use rover_battmon::recorder::dataflash::{ArmingMethod, ModeReason, Record, Subsystem, opening_record};
+use rover_battmon::time::Utc;
 use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::Mode;
 
@@ -62,6 +63,7 @@ fn file() -> Vec<u8> {
             load_permille: 345,
             dropped_records: 2,
         },
+        Record::Time(Utc::from_micros(1_767_225_600_123_456)),
     ];
     let records = vehicle.into_iter().chain(Record::of_pack(Pack::Second, &state));
     let records = records
@@ -99,7 +101,7 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
     assert_numbers(
         only(&entries, "BAT"),
         &[
-            ("TimeUS", 1_509_000.0),
+            ("TimeUS", 1_510_000.0),
             ("Inst", 1.0),
             ("Volt", 48.25),
             ("Curr", 3.5),
@@ -144,6 +146,17 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
     assert_numbers(only(&entries, "PM"), &[("Load", 345.0), ("LogDrop", 2.0)]);
     assert_numbers(only(&entries, "CRSH"), &[("PC", f64::from(0x1000_1234))]);
     assert_eq!(only(&entries, "CRSH").get_str("Task"), Some("battery"));
+    assert_numbers(
+        only(&entries, "GPS"),
+        &[
+            ("TimeUS", 1_509_000.0),
+            ("Status", -1.0),
+            ("GWk", 2399.0),
+            ("GMS", 345618123.0),
+            ("Lat", 0.0),
+            ("Lng", 0.0),
+        ],
+    );
 }
 
 #[test]

@@ -23,6 +23,7 @@ pub(super) enum Kind {
     Estimate = 141,
     Health = 142,
     Crash = 143,
+    Gps = 144,
 }
 
 /// A format, as its FMT and FMTU records say it: a character and a name for each field.
@@ -55,8 +56,8 @@ fn field_bytes(field_type: u8) -> usize {
         b'b' | b'B' | b'M' => 1,
         // Signed in hundredths, unsigned.
         b'c' | b'H' => 2,
-        // Unsigned, single, short text.
-        b'I' | b'f' | b'n' => 4,
+        // Signed in hundredths, unsigned, degrees, single, short text.
+        b'e' | b'I' | b'L' | b'f' | b'n' => 4,
         // Unsigned, double.
         b'Q' | b'd' => 8,
         // Texts.
@@ -67,7 +68,7 @@ fn field_bytes(field_type: u8) -> usize {
 }
 
 /// All formats, FMT first, since a reader needs it to read the others.
-pub(super) const FORMATS: [Format; 16] = [
+pub(super) const FORMATS: [Format; 17] = [
     Format {
         kind: Kind::Format,
         name: "FMT",
@@ -195,6 +196,15 @@ pub(super) const FORMATS: [Format; 16] = [
         columns: "TimeUS,Cause,PC,LR,PSR,Task",
         units: "s-----",
         multipliers: "F-----",
+    },
+    // ArduPilot's, but that `Status` has a sign and what is not measured has no unit.
+    Format {
+        kind: Kind::Gps,
+        name: "GPS",
+        types: "QBbIHBcLLeffffB",
+        columns: "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U",
+        units: "s#-s-----------",
+        multipliers: "F--C-----------",
     },
 ];
 

@@ -11,6 +11,7 @@ use crate::battery::{Amount, BatteryState, MAX_CELLS, PackStatus};
 use crate::crash::{CrashCause, CrashRecord};
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
+use crate::time::Utc;
 use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
@@ -67,6 +68,8 @@ pub enum Record<'a> {
     },
     /// CRSH: the crash before this start.
     Crash(&'a CrashRecord),
+    /// GPS: what time it is. There is no GPS; this is the record by which programs date a log.
+    Time(Utc),
 }
 
 impl<'a> Record<'a> {
@@ -123,6 +126,7 @@ impl<'a> Record<'a> {
                 .u32(dropped_records)
                 .finish(),
             Self::Crash(crash) => encode_crash(time_us, crash),
+            Self::Time(utc) => encode_time(time_us, utc),
         }
     }
 }
@@ -308,5 +312,44 @@ fn encode_crash(time_us: u64, crash: &CrashRecord) -> RecordBytes {
         .u32(lr)
         .u32(xpsr)
         .text::<TASK_CHARACTERS>(&task)
+        .finish()
+}
+
+/// GPS time began with 1980-01-06, in milliseconds since 1970.
+const GPS_EPOCH_MS: u64 = 315_964_800_000;
+
+/// What GPS time is ahead of UTC by since 2017, when the last leap second was over.
+const LEAP_SECONDS_MS: u64 = 18_000;
+
+const WEEK_MS: u64 = 7 * 24 * 60 * 60 * 1000;
+
+/// `Status`: neither a GPS nor a position. Mission Planner takes no time from ArduPilot's 0 to 2, and for 3 and more it draws
+/// the position.
+const TIME_ONLY: i8 = -1;
+
+/// `HDop`: unknown, as in ArduPilot.
+const DILUTION_UNKNOWN: u16 = 9999;
+
+/// `GMS` and `GWk` are GPS time: milliseconds of a week, and the weeks before it. `Lat` and `Lng` 0 are no position.
+fn encode_time(time_us: u64, utc: Utc) -> RecordBytes {
+    const INSTANCE: u8 = 0;
+    const SATELLITES: u8 = 0;
+    const POSITION: [u8; 12] = [0; 12];
+    const IN_USE: u8 = 0;
+    let gps_ms = (utc.as_micros() / 1000 + LEAP_SECONDS_MS).saturating_sub(GPS_EPOCH_MS);
+    Packet::at(Kind::Gps, time_us)
+        .u8(INSTANCE)
+        .bytes(&TIME_ONLY.to_le_bytes())
+        .u32((gps_ms % WEEK_MS) as u32)
+        .u16((gps_ms / WEEK_MS) as u16)
+        .u8(SATELLITES)
+        .u16(DILUTION_UNKNOWN)
+        .bytes(&POSITION)
+        // Speed, course, vertical speed, yaw.
+        .number(None)
+        .number(None)
+        .number(None)
+        .number(None)
+        .u8(IN_USE)
         .finish()
 }

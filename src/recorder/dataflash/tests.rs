@@ -9,6 +9,7 @@ use crate::battery::{
 };
 use crate::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use crate::pack::Pack;
+use crate::time::Utc;
 use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
@@ -90,6 +91,7 @@ fn one_of_each<'a>(state: &'a BatteryState, crash: &'a CrashRecord) -> Vec<Recor
             dropped_records: 0,
         },
         Record::Crash(crash),
+        Record::Time(Utc::from_micros(1_800_000_000_000_000)),
     ]
 }
 
@@ -230,6 +232,23 @@ fn opening_states_a_format_as_ardupilot_does() {
          6c74522c437572722c43757272546f742c456e7267546f742c54656d702c5265732c52656d5063742c482c53\
          48"
     );
+}
+
+/// 2026-01-01 00:00:00.123456 is week 2399 of GPS time, 345618123 ms: 18 leap seconds later.
+#[test]
+fn time_is_in_gps_weeks_and_neither_a_fix_nor_a_position() {
+    let time = Utc::from_micros(1_767_225_600_123_456);
+    assert_eq!(
+        encoded(Record::Time(time)),
+        "a39590080706050403020100ffcbb699145f09000f270000000000000000000000000000c07f0000c07f0000c07f0000c07f00"
+    );
+}
+
+#[test]
+fn any_time_has_a_record() {
+    for time_us in [0, 315_964_800_000_000, u64::MAX] {
+        assert_eq!(Record::Time(Utc::from_micros(time_us)).encode(0).len(), 51);
+    }
 }
 
 #[test]
