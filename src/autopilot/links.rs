@@ -208,6 +208,7 @@ impl Autopilot {
         match *event {
             Event::Ignored | Event::Answered => {}
             Event::GroundStationHeard => self.work |= Work::GROUND_STATION_HEARD,
+            Event::TimeHeard(utc) => self.recording.set_time(utc, now),
             Event::Driven => self.work |= Work::DRIVE,
             Event::ListRequested => {
                 channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER);

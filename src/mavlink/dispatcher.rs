@@ -43,6 +43,7 @@ fn effect(request: &Request<'_>) -> Effect {
         | Request::Control { .. }
         | Request::ChannelOverride(_)
         | Request::Heartbeat { .. }
+        | Request::SystemTime { .. }
         | Request::SetUpSigning(_)
         | Request::LogErase
         | Request::WifiConfig(_)
@@ -96,8 +97,8 @@ fn permits(request: &Request<'_>, frame: &ReceivedFrame<'_>, context: &mut Conte
 
 /// Counts a request that is not permitted.
 fn refuse(request: &Request<'_>, unauthorized: &mut u32) -> Event {
-    // Every vehicle and ground station around has a heartbeat, and no key of ours.
-    if matches!(request, Request::Heartbeat { .. }) {
+    // Every vehicle and ground station around has a heartbeat, many tell the time, and none has a key of ours.
+    if matches!(request, Request::Heartbeat { .. } | Request::SystemTime { .. }) {
         return Event::Ignored;
     }
     *unauthorized = unauthorized.wrapping_add(1);
@@ -167,6 +168,7 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             answered_ns,
             asked_ns,
         } => time::timesync(*answered_ns, *asked_ns, from, context),
+        Request::SystemTime { unix_us } => time::system_time(*unix_us, from, context),
         Request::RadioStatus { free_percent } if is_radio(from.component_id, context.link) => {
             context.rates.scheduler.radio_buffer_free(*free_percent, now);
             Event::Answered

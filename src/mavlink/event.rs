@@ -2,6 +2,7 @@
 
 use crate::parameter::{ParameterId, Refused};
 use crate::sensor::ExternalReading;
+use crate::time::Utc;
 use crate::vehicle::Restart;
 use crate::wifi::WifiMode;
 
@@ -13,6 +14,8 @@ pub enum Event {
     Ignored,
     /// A ground station gave a sign of life.
     GroundStationHeard,
+    /// A ground station said what time it is.
+    TimeHeard(Utc),
     /// It was answered.
     Answered,
     /// A ground station reads all parameters.
@@ -66,6 +69,7 @@ impl Event {
             self,
             Self::Ignored
                 | Self::GroundStationHeard
+                | Self::TimeHeard(_)
                 | Self::ControlTooLate
                 | Self::Measured { .. }
                 | Self::Unauthorized { .. }

@@ -19,6 +19,13 @@ struct Heard {
     at: Instant,
 }
 
+impl Heard {
+    /// Whether it is of this station, which has not been silent for long since.
+    fn is_of(&self, station: Peer, now: Instant) -> bool {
+        self.station == station && now.us_since(self.at) <= SILENCE_US
+    }
+}
+
 /// The ground stations that were heard on one link.
 #[derive(Debug, Default)]
 pub(super) struct Stations {
@@ -28,11 +35,17 @@ pub(super) struct Stations {
 }
 
 impl Stations {
+    /// Whether a HEARTBEAT of this station came a while ago at most.
+    pub fn knows(&self, station: Peer, now: Instant) -> bool {
+        let mut heard = self.heard.iter().flatten();
+        heard.any(|heard| heard.is_of(station, now))
+    }
+
     /// HEARTBEAT of a ground station. Returns whether what smart batteries are has to be sent for it, its introduction. That of
     /// one that is too early for it is due at a later HEARTBEAT.
     pub fn heartbeat(&mut self, station: Peer, now: Instant) -> bool {
-        let is_known = |heard: &&mut Heard| heard.station == station && now.us_since(heard.at) <= SILENCE_US;
-        if let Some(known) = self.heard.iter_mut().flatten().find(is_known) {
+        let mut heard = self.heard.iter_mut().flatten();
+        if let Some(known) = heard.find(|heard| heard.is_of(station, now)) {
             known.at = now;
             return false;
         }
@@ -100,6 +113,17 @@ mod tests {
         }
         assert_eq!(introduced[..4], [1, 2, 3, 4]);
         assert_eq!(introduced.len(), 30, "every ten seconds");
+    }
+
+    #[test]
+    fn a_station_is_known_by_its_heartbeat_until_it_was_silent_for_long() {
+        let mut stations = Stations::default();
+        let known = station(255, 190);
+        assert!(!stations.knows(known, at_us(0)));
+        stations.heartbeat(known, at_us(0));
+        assert!(stations.knows(known, at_us(30 * SECOND)));
+        assert!(!stations.knows(known, at_us(31 * SECOND)));
+        assert!(!stations.knows(station(255, 191), at_us(0)));
     }
 
     proptest! {

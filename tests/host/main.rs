@@ -17,6 +17,7 @@ mod failsafe;
 mod fuzz;
 mod learning;
 mod learnt;
+mod log_dates;
 mod monitors;
 mod motor_controllers;
 mod network;

@@ -7,6 +7,7 @@ use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, Signi
 use rover_battmon::memory::storage::Condition;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::time::Utc;
 use support::desk::Desk;
 
 use support::frames::{
@@ -16,7 +17,7 @@ use support::frames::{
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
     param_read_by_name, param_request_list, param_set, param_set_payload, ping, provoke_fault, radio_status,
-    reboot, reboot_to_boot_loader, set_mode, setup_signing, setup_signing_of,
+    reboot, reboot_to_boot_loader, set_mode, setup_signing, setup_signing_of, system_time,
 };
 use support::signer::{NEW_YEAR, Signer};
 
@@ -363,6 +364,33 @@ fn what_is_ignored_is_counted_and_announced_every_ten_seconds() {
     let status = SysStatus(of_message(&frames, SYS_STATUS)[0]);
     assert_eq!(status.dropped(), 0);
     assert_eq!(radio.statistics().unauthorized, 30);
+}
+
+/// 2026-11-25.
+const UNIX_US: u64 = 1_795_564_800_000_000;
+
+#[test]
+fn the_time_is_believed_with_the_key_only_and_without_it_no_news() {
+    let mut radio = protected();
+    let gcs = 6;
+    let mut owner = Signer::new(OWNER);
+    radio.receive_in_chunks(&owner.sign(&heartbeat(gcs)), 64);
+    for allowed in [NOTHING, REQUESTS] {
+        radio.set(VehicleParameter::SignUartAllow, allowed);
+        for time in [
+            system_time(UNIX_US),
+            Signer::new(STRANGER).sign(&system_time(UNIX_US)),
+        ] {
+            assert_eq!(radio.receive_in_chunks(&time, 64), [Event::Ignored], "{allowed}");
+        }
+    }
+    let heard = [Event::TimeHeard(Utc::from_micros(UNIX_US))];
+    assert_eq!(
+        radio.receive_in_chunks(&owner.sign(&system_time(UNIX_US)), 64),
+        heard
+    );
+    radio.set(VehicleParameter::SignUartAllow, EVERYTHING);
+    assert_eq!(radio.receive_in_chunks(&system_time(UNIX_US), 64), heard);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 pub const HEARTBEAT: u32 = 0;
 pub const SYS_STATUS: u32 = 1;
+pub const SYSTEM_TIME: u32 = 2;
 pub const PING: u32 = 4;
 pub const SET_MODE: u32 = 11;
 pub const PARAM_REQUEST_READ: u32 = 20;
@@ -117,6 +118,7 @@ fn crc_extra(message_id: u32) -> u8 {
         HEARTBEAT => 50,
         SYS_STATUS => 124,
         PING => 237,
+        SYSTEM_TIME => 137,
         SET_MODE => 89,
         PARAM_REQUEST_READ => 214,
         PARAM_REQUEST_LIST => 159,

@@ -3,8 +3,8 @@
 use super::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_REQUEST_DATA,
     LOG_REQUEST_LIST, MANUAL_CONTROL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS,
-    RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, WIFI_CONFIG_AP, encode_v2,
-    encode_v2_from,
+    RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, SYSTEM_TIME, TIMESYNC,
+    WIFI_CONFIG_AP, encode_v2, encode_v2_from,
 };
 
 /// The vehicle's system and component id.
@@ -157,6 +157,19 @@ pub fn ping(time_us: u64, sequence: u32) -> Vec<u8> {
 /// A request for the time: no time of its own, and a time stamp to recognise the answer by.
 pub fn timesync(stamp: i64) -> Vec<u8> {
     encode_v2(TIMESYNC, &[&[0; 8][..], &stamp.to_le_bytes()].concat())
+}
+
+/// What time it is, in µs since 1970.
+pub fn system_time(unix_us: u64) -> Vec<u8> {
+    system_time_from(GROUND_STATION, unix_us)
+}
+
+pub fn system_time_from(sender: [u8; 2], unix_us: u64) -> Vec<u8> {
+    encode_v2_from(
+        sender,
+        SYSTEM_TIME,
+        &[&unix_us.to_le_bytes()[..], &[0; 4]].concat(),
+    )
 }
 
 /// A SiK radio reports how much of its transmit buffer is free, in percent.

@@ -1,11 +1,13 @@
 //! The log: what is recorded, into which file, and what of it goes to flash next.
 
+mod date;
 mod share;
 mod step;
 mod stream;
 
 use heapless::Vec;
 
+use date::Date;
 pub(super) use share::Detail;
 use share::Share;
 pub use step::LogStep;
@@ -78,6 +80,7 @@ pub(super) struct Recording {
     retry_at: Instant,
     /// The crash before this start, until it is in flash.
     crash: Option<CrashRecord>,
+    date: Date,
 }
 
 /// Whether records are taken.
@@ -125,6 +128,7 @@ impl Recording {
             announced: None,
             retry_at: Instant::EPOCH,
             crash,
+            date: Date::default(),
         }
     }
 
@@ -178,6 +182,7 @@ impl Recording {
             // Of no concern.
             self.failed_erases = 0;
         }
+        self.record_date();
         match (self.state, self.wish(parameters, vehicle)) {
             (State::Idle, Wish::Record) => return self.begin(arm_state),
             // A failure of a log that is not wanted any more is over once it was announced.
@@ -251,6 +256,7 @@ impl Recording {
         self.state = State::Recording;
         self.chunk.clear();
         self.stream.begin(self.now);
+        self.date.file_began_utc_s = None;
         self.flushed_at = self.now;
         self.add(&Record::Message(GREETING));
         if let Some(crash) = &self.crash {

@@ -7,7 +7,7 @@ use super::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State,
 use crate::log::warn;
 use crate::memory::storage::Erase;
 use crate::parameter::Parameters;
-use crate::recorder::{AppendError, Erasure, FlashOutcome};
+use crate::recorder::{AppendError, Erasure, FlashOutcome, Program};
 use crate::time::Instant;
 
 /// With the interval at which the flash is looked after, at most a second is lost when the power goes.
@@ -35,6 +35,16 @@ pub enum LogStep {
     Erase(Erasure),
 }
 
+impl LogStep {
+    pub(super) fn program(program: &Program<'_>) -> Self {
+        Self::Program {
+            address: program.address(),
+            // It is within one page.
+            bytes: Vec::from_slice(program.bytes()).unwrap_or_default(),
+        }
+    }
+}
+
 impl Recording {
     /// What the flash has to do next at `now`, if anything.
     pub fn next_step(&mut self, now: Instant, parameters: &Parameters, may_erase: Erase) -> Option<LogStep> {
@@ -44,6 +54,9 @@ impl Recording {
         } else {
             Erase::Forbidden
         };
+        if let Some(date) = self.next_date() {
+            return Some(date);
+        }
         let is_flush_due = self.is_flush_due(now, may_erase);
         if is_flush_due || self.stream.has(self.chunk.capacity() - self.chunk.len()) {
             self.fill_chunk(now, parameters);
@@ -91,11 +104,7 @@ impl Recording {
     fn next_program(&mut self) -> Result<LogStep, AppendError> {
         let ring = self.ring.as_mut().ok_or(AppendError::Closed)?;
         let program = ring.next_program(&self.chunk)?;
-        Ok(LogStep::Program {
-            address: program.address(),
-            // It is no longer than the chunk.
-            bytes: Vec::from_slice(program.bytes()).unwrap_or_default(),
-        })
+        Ok(LogStep::program(&program))
     }
 
     fn next_erase(&mut self, may_erase: Erase) -> Option<LogStep> {

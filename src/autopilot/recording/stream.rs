@@ -44,9 +44,14 @@ impl Stream {
         self.opening = Opening::Formats(0);
     }
 
-    /// Adds a record.
-    pub fn add(&mut self, record: &[u8]) {
-        self.queue.add(record);
+    /// When the file began.
+    pub fn began(&self) -> Instant {
+        self.began
+    }
+
+    /// Adds a record, and returns whether there was room for it.
+    pub fn add(&mut self, record: &[u8]) -> bool {
+        self.queue.add(record)
     }
 
     /// Writes all parameters once more.
@@ -121,16 +126,17 @@ struct Queue {
 }
 
 impl Queue {
-    /// Adds a record. One for which there is no room is dropped and counted.
-    fn add(&mut self, record: &[u8]) {
+    /// Adds a record, and returns whether there was room for it. Otherwise it is dropped and counted.
+    fn add(&mut self, record: &[u8]) -> bool {
         if self.bytes.capacity() - self.bytes.len() < record.len() {
             self.dropped = self.dropped.saturating_add(1);
-            return;
+            return false;
         }
         for byte in record {
             // There is room for all of it.
             let _ = self.bytes.push_back(*byte);
         }
+        true
     }
 
     /// The byte that leaves next.

@@ -1,3 +1,4 @@
+use core::num::NonZeroU32;
 use std::vec::Vec;
 
 use embassy_futures::block_on;
@@ -10,7 +11,7 @@ use crate::memory::storage::Erase;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record};
 use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
-use crate::time::{Instant, at_us};
+use crate::time::{Instant, Utc, at_us};
 use crate::vehicle::{ArmState, Fitness, Restart, Vehicle};
 use nor_flash::FlashModel;
 
@@ -499,4 +500,186 @@ fn a_file_that_begins_after_arming_has_mode_and_arming() {
             "{record:?}"
         );
     }
+}
+
+/// 2026-11-25 20:43:16.25.
+const UTC: Utc = Utc::from_micros(1_795_639_396_250_000);
+
+impl Bench {
+    /// A ground station says what time it is; it has not said so before.
+    fn hear_time(&mut self) {
+        self.recording.set_time(UTC, self.now);
+    }
+
+    /// When each file began, in seconds since 1970.
+    fn dates(&self) -> Vec<Option<u32>> {
+        let files = self.recording.files().iter();
+        files.map(|file| file.began_utc_s.map(NonZeroU32::get)).collect()
+    }
+
+    /// The records of what time it is in a file: time since the start in µs, UTC in ms.
+    fn times(&mut self, number: u16) -> Vec<(u64, u64)> {
+        const GPS: [u8; 3] = [0xA3, 0x95, 144];
+        const GPS_MINUS_UTC_MS: u64 = 315_964_800_000 - 18_000;
+        let file = self.file(number);
+        let records = file.windows(51).filter(|record| record.starts_with(&GPS));
+        records
+            .map(|record| {
+                let (_, fields) = record.split_at(3);
+                let time_us = u64::from_le_bytes(fields[..8].try_into().unwrap());
+                let ms = u32::from_le_bytes(fields[10..14].try_into().unwrap());
+                let week = u16::from_le_bytes(fields[14..16].try_into().unwrap());
+                let gps_ms = u64::from(week) * 604_800_000 + u64::from(ms);
+                (time_us, gps_ms + GPS_MINUS_UTC_MS)
+            })
+            .collect()
+    }
+
+    /// Lets the board do what it would, but for one program of this many bytes, before which it stops.
+    fn run_until_program_of(&mut self, length: usize) -> (u32, Vec<u8>) {
+        for _ in 0..100 {
+            self.tick();
+            while let Some(step) = self.next_step() {
+                match step {
+                    LogStep::Program { address, bytes } if bytes.len() == length => {
+                        return (address, bytes.to_vec());
+                    }
+                    step => self.obey(step),
+                }
+            }
+        }
+        panic!("there is none");
+    }
+}
+
+/// The seconds of [`UTC`], and these more.
+fn utc_s(more_s: f32) -> u32 {
+    ((UTC.as_micros() as f64 / 1e6) + f64::from(more_s)) as u32
+}
+
+#[test]
+fn a_file_gets_the_date_of_its_beginning_when_the_time_is_heard() {
+    let mut bench = Bench::armed();
+    bench.run(60);
+    assert_eq!(bench.dates(), [None]);
+    bench.hear_time();
+    bench.run(1);
+    // It begins a tick after arming.
+    let expected = [Some(utc_s(-59.9))];
+    assert_eq!(bench.dates(), expected);
+    assert_eq!(bench.times(1), [(61_100_000, UTC.as_micros() / 1000 + 100)]);
+    assert_eq!(bench.restarted().dates(), expected);
+}
+
+#[test]
+fn files_that_begin_later_have_their_dates_at_once() {
+    let mut bench = Bench::new();
+    bench.run(1);
+    bench.hear_time();
+    bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
+    for _ in 0..2 {
+        bench.arm();
+        bench.run(2);
+        bench.vehicle.disarm();
+        bench.run(28);
+    }
+    assert_eq!(bench.dates(), [Some(utc_s(0.1)), Some(utc_s(30.1))]);
+    assert_eq!((bench.times(1).len(), bench.times(2).len()), (1, 1));
+}
+
+#[test]
+fn a_file_that_waits_for_the_next_arming_gets_its_date() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.vehicle.disarm();
+    bench.run(58);
+    bench.hear_time();
+    bench.run(1);
+    assert_eq!(bench.dates(), [Some(utc_s(-59.9))]);
+    assert_eq!(bench.times(1).len(), 1);
+}
+
+#[test]
+fn another_time_counts_for_the_next_file() {
+    let mut bench = Bench::armed();
+    bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
+    bench.hear_time();
+    bench.run(2);
+    let later = UTC.after_us(1_000_000_000);
+    for _ in 0..3 {
+        bench.recording.set_time(later, bench.now);
+        bench.run(2);
+    }
+    assert_eq!(bench.times(1).len(), 1);
+    bench.vehicle.disarm();
+    bench.run(20);
+    bench.recording.set_time(later, bench.now);
+    bench.arm();
+    bench.run(2);
+    assert_eq!(bench.dates(), [Some(utc_s(0.1)), Some(utc_s(1000.1))]);
+}
+
+#[test]
+fn a_file_without_room_for_the_time_gets_its_date_when_there_is_some() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    (0..100).for_each(|_| bench.say("a text that fills the queue"));
+    bench.hear_time();
+    bench.tick();
+    bench.run(2);
+    assert_eq!(bench.times(1).len(), 1);
+    assert!(bench.dates()[0].is_some());
+}
+
+#[test]
+fn an_erase_of_all_files_leaves_no_date_to_the_next_one() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.hear_time();
+    bench.tick();
+    bench.recording.erase_all();
+    bench.run(12);
+    assert_eq!(bench.dates(), [Some(utc_s(0.2))]);
+}
+
+#[test]
+fn a_power_cut_while_the_date_is_programmed_leaves_the_file_with_it_or_without() {
+    let mut known = 0;
+    for seed in 0..300 {
+        let mut bench = Bench::armed();
+        bench.run(2);
+        bench.say("before");
+        bench.run(1);
+        bench.hear_time();
+        bench.say("after");
+        let (address, date) = bench.run_until_program_of(8);
+        bench.flash.cut_power_after(0, seed);
+        assert!(block_on(bench.flash.write(address, &date)).is_err());
+        let mut bench = bench.restarted();
+        known += bench.dates().iter().flatten().count();
+        assert!([None, Some(utc_s(-2.9))].contains(&bench.dates()[0]), "{seed}");
+        assert!(contains(&bench.file(1), "before"), "{seed}");
+        // The next file has its own date.
+        bench.now = at_us(0);
+        bench.hear_time();
+        bench.run(1);
+        bench.arm();
+        bench.run(1);
+        assert_eq!(bench.dates()[1], Some(utc_s(1.1)), "{seed}");
+    }
+    assert!((1..300).contains(&known), "{known}");
+}
+
+#[test]
+fn a_date_that_can_not_be_programmed_ends_the_file_and_the_next_one_has_its_own() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.hear_time();
+    let (_, date) = bench.run_until_program_of(8);
+    assert_eq!(date.len(), 8);
+    bench.recording.written(FlashOutcome::Failed, bench.now);
+    bench.run(20);
+    assert_eq!(bench.announced, [LogFailure::NotWritten]);
+    assert_eq!(bench.dates().len(), 2);
+    assert!(bench.dates()[1].is_some());
 }

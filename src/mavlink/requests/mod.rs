@@ -18,7 +18,7 @@ use super::dialect::{
     MISSION_REQUEST_LIST_DATA, MISSION_REQUEST_PARTIAL_LIST_DATA, MISSION_WRITE_PARTIAL_LIST_DATA,
     MavMissionType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
     RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA,
-    SETUP_SIGNING_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
+    SETUP_SIGNING_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
 use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
@@ -117,6 +117,11 @@ pub(super) enum Request<'a> {
         answered_ns: i64,
         /// The time at the peer that asks, in ns.
         asked_ns: i64,
+    },
+    /// SYSTEM_TIME.
+    SystemTime {
+        /// UTC in µs since 1970, or 0 if the sender does not know.
+        unix_us: u64,
     },
     /// RADIO_STATUS.
     RadioStatus {
@@ -280,6 +285,7 @@ fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Request
         RADIO_STATUS_DATA::ID => radio_status(payload),
         FILE_TRANSFER_PROTOCOL_DATA::ID => file_transfer(payload),
         TIMESYNC_DATA::ID => timesync(payload),
+        SYSTEM_TIME_DATA::ID => system_time(payload),
         LOG_REQUEST_LIST_DATA::ID => log_request_list(payload),
         LOG_REQUEST_DATA_DATA::ID => log_request_data(payload),
         LOG_ERASE_DATA::ID => (Target::Component(target_at(payload, 0)), Request::LogErase),
@@ -459,6 +465,13 @@ fn timesync(payload: &Payload<'_>) -> (Target, Request<'static>) {
         asked_ns: payload.i64(8),
     };
     (Target::Component(target), timesync)
+}
+
+fn system_time(payload: &Payload<'_>) -> (Target, Request<'static>) {
+    let time = Request::SystemTime {
+        unix_us: payload.u64(0),
+    };
+    (Target::Everyone, time)
 }
 
 fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {

@@ -198,6 +198,15 @@ fn times_are_decoded() {
         asked_ns: -1,
     };
     assert_eq!(decoded(&timesync), (Target::Component(VEHICLE), request));
+
+    let system_time = SYSTEM_TIME_DATA {
+        time_unix_usec: 0x0102_0304_0506_0708,
+        time_boot_ms: 0x090A_0B0C,
+    };
+    let request = Request::SystemTime {
+        unix_us: 0x0102_0304_0506_0708,
+    };
+    assert_eq!(decoded(&system_time), (Target::Everyone, request));
 }
 
 #[test]

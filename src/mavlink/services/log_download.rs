@@ -4,6 +4,8 @@
 //! everything (up to 65535) renumbers the files, and nothing else does: when the oldest file is dropped afterwards, the
 //! others keep their ids until the next such list, and the id of the dropped one is unknown.
 
+use core::num::NonZeroU32;
+
 use crate::mavlink::dialect::{LOG_DATA_DATA, LOG_ENTRY_DATA};
 use crate::mavlink::requests::{LogDataRequest, LogListRequest};
 use crate::mavlink::{Message, Outgoing, Peer};
@@ -16,6 +18,9 @@ const DATA_BYTES: usize = 90;
 
 /// LOG_REQUEST_LIST: to the last one.
 const TO_THE_LAST: u16 = u16::MAX;
+
+/// LOG_ENTRY: when the log began is unknown.
+const TIME_UNKNOWN: u32 = 0;
 
 /// After this long without a request or data of a download, another ground station may begin one, in µs.
 const HOLD_US: u64 = 5_000_000;
@@ -268,33 +273,34 @@ impl LogDownload {
     fn next_entry(&mut self, logs: &[LogFile]) -> Option<LOG_ENTRY_DATA> {
         let listing = self.list?;
         let next = self.numbering.and_then(|numbering| {
-            let entries = logs.iter().map(|file| (numbering.id(file.number), file.bytes));
+            let entries = logs.iter().map(|file| (numbering.id(file.number), *file));
             entries
                 .filter(|(id, _)| (listing.next_id..=listing.last_id).contains(id))
                 .min_by_key(|(id, _)| *id)
         });
         let last_id = self.last_id(logs);
-        let (id, bytes) = match next {
-            Some((id, bytes)) => {
+        let (id, file) = match next {
+            Some((id, file)) => {
                 self.list = id.checked_add(1).map(|next_id| Listing {
                     next_id,
                     has_begun: true,
                     ..listing
                 });
-                (id, bytes)
+                (id, Some(file))
             }
             None => {
                 self.list = None;
                 if listing.has_begun {
                     return None;
                 }
-                (0, 0)
+                (0, None)
             }
         };
         Some(LOG_ENTRY_DATA {
-            // Unknown: there is no clock.
-            time_utc: 0,
-            size: bytes,
+            time_utc: file
+                .and_then(|file| file.began_utc_s)
+                .map_or(TIME_UNKNOWN, NonZeroU32::get),
+            size: file.map_or(0, |file| file.bytes),
             id,
             num_logs: last_id,
             last_log_num: last_id,

@@ -1,11 +1,15 @@
-//! PING (4) and TIMESYNC (111).
+//! PING (4), TIMESYNC (111) and SYSTEM_TIME (2).
 
 use super::Context;
 use crate::mavlink::dialect::{PING_DATA, TIMESYNC_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::{Message, Peer};
+use crate::time::Utc;
 
 const NANOSECONDS_PER_MICROSECOND: i64 = 1000;
+
+/// The clock of a sender that is before 2020 was not set.
+const EARLIEST: Utc = Utc::from_micros(1_577_836_800_000_000);
 
 /// The target of a PING that is a request.
 const NOT_ADDRESSED: Peer = Peer {
@@ -48,4 +52,15 @@ pub(in crate::mavlink) fn timesync(
         }));
     }
     Event::Answered
+}
+
+/// Takes the time of a ground station. Vehicles and cameras near by say theirs to everyone, too.
+pub(in crate::mavlink) fn system_time(unix_us: u64, from: Peer, context: &Context<'_>) -> Event {
+    let utc = Utc::from_micros(unix_us);
+    let is_plausible = utc >= EARLIEST && utc.seconds().is_some();
+    if is_plausible && context.stations.knows(from, context.now) {
+        Event::TimeHeard(utc)
+    } else {
+        Event::Ignored
+    }
 }

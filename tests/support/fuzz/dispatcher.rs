@@ -11,12 +11,12 @@ use crate::desk::Desk;
 use crate::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, MANUAL_CONTROL,
     PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE,
-    REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2_from, of_message,
+    REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, SYSTEM_TIME, TIMESYNC, encode_v2_from, of_message,
 };
 use crate::requests::{SIK_RADIO, param_read_from};
 
 /// The messages that have an effect.
-const MESSAGES: [u32; 15] = [
+const MESSAGES: [u32; 16] = [
     HEARTBEAT,
     PING,
     SET_MODE,
@@ -32,6 +32,7 @@ const MESSAGES: [u32; 15] = [
     FILE_TRANSFER_PROTOCOL,
     TIMESYNC,
     SETUP_SIGNING,
+    SYSTEM_TIME,
 ];
 
 const LONGEST_PAYLOAD: usize = 255;

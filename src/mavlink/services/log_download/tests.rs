@@ -113,6 +113,25 @@ fn read(
 }
 
 #[test]
+fn an_entry_has_the_date_of_its_file_or_0() {
+    let mut logs = files(7, &[100, 200]);
+    logs[1].began_utc_s = NonZeroU32::new(1_800_000_000);
+    let mut download = LogDownload::default();
+    let everything = LogListRequest {
+        start: 0,
+        end: u16::MAX,
+    };
+    let state = state(&logs);
+    assert_eq!(download.list(&everything, STATION, &state), Ok(()));
+    let sent = sent(&mut download, &state);
+    let times = sent.iter().map(|message| match message {
+        Message::LogEntry(entry) => entry.time_utc,
+        other => panic!("{other:?}"),
+    });
+    assert_eq!(times.collect::<Vec<_>>(), [0, 1_800_000_000]);
+}
+
+#[test]
 fn a_list_has_an_entry_for_each_file_of_the_range() {
     let logs = files(7, &[100, 200, 300]);
     let mut download = LogDownload::default();
