@@ -1,5 +1,6 @@
 //! The log of drives: recorded in flash, downloaded, and no burden on driving and measuring.
 
+mod dates;
 mod downloads;
 mod ring;
 mod timing;

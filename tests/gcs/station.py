@@ -91,6 +91,13 @@ def read_list(connection):
     return {listed[index].param_id: listed[index].param_value for index in sorted(listed)}
 
 
+def tell_time(connection):
+    """A ground station says what time it is."""
+    gcs, none = mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID
+    connection.mav.heartbeat_send(gcs, none, 0, 0, mavlink.MAV_STATE_ACTIVE)
+    connection.mav.system_time_send(int(time.time() * 1e6), 0)
+
+
 def command(connection, number, *parameters):
     """Sends a COMMAND_LONG, what isn't given NaN as MAVSDK does, and returns the result."""
     parameters = list(parameters) + [math.nan] * (7 - len(parameters))

@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import contextlib
+import datetime
 import queue
 import struct
 import subprocess
@@ -27,6 +28,7 @@ from station import (
     read_list,
     receive,
     set_to,
+    tell_time,
     unread_messages_of,
     volts,
 )
@@ -44,6 +46,7 @@ BLOCK_BYTES = 90
 TO_THE_END = 0xFFFF_FFFF
 RECORDED = 520
 NOTHING_RECORDED = 0
+A_DATE = r"\w{3} \w{3} +\d+ \d\d:\d\d:\d\d 20\d\d$"
 # A telemetry port has 115200 Bd; it takes five seconds there.
 LONG_LOG = bytes(i * i >> 8 & 0xFF for i in range(50_000))
 OLD_LOG = bytes(i % 256 for i in range(5000))
@@ -90,13 +93,19 @@ class Drive:
             set_to(link, name, value)
         messages_of(link, 1)
         self.offset_s = wall_minus_boot_s(link)
-        messages = [*armed(link), *messages_of_drive(link)]
+        self.armed_at = time.time()
+        messages = armed(link)
+        # In the middle of the file.
+        messages += unread_messages_of(link, 0.5)
+        tell_time(link)
+        messages += messages_of_drive(link)
         link.mav.command_long_send(1, 1, ARM, 0, 0, 0, 0, 0, 0, 0, 0)
         messages += ended(link)
         self.values = read_list(link)
         self.readings = [(m._timestamp - self.offset_s, volts(m)) for m in messages if m.get_type() == "BATTERY_STATUS"]
         self.texts = [m.text for m in messages if m.get_type() == "STATUSTEXT"]
         # A second file, of next to nothing.
+        self.second_at = time.time()
         set_to(link, "LOG_DISARMED", 1)
         set_to(link, "LOG_BITMASK", RECORDED)
         messages_of(link, 1)
@@ -111,6 +120,11 @@ class Drive:
     def log(self):
         """The bytes of the drive's file, as the ring has them."""
         return self.files[7]
+
+    @property
+    def dates(self):
+        """When each file began, in seconds since 1970; 0 is unknown."""
+        return [0, self.armed_at, self.second_at]
 
 
 def wall_minus_boot_s(link):
@@ -217,6 +231,31 @@ def test_texts_are_those_on_the_wire(drive, records):
     assert logged == drive.texts
 
 
+def test_all_of_it_is_dated(drive, records):
+    (arming,) = [record for record in records if record.get_type() == "ARM" and record.ArmState == 1]
+    assert arming._timestamp == pytest.approx(drive.armed_at, abs=1)
+    # All but the formats, which have no time, are as far from it as the board says.
+    for record in records:
+        if "TimeUS" in record.get_fieldnames():
+            apart_s = (record.TimeUS - arming.TimeUS) / 1e6
+            assert record._timestamp - arming._timestamp == pytest.approx(apart_s, abs=0.001)
+
+
+def test_no_viewer_draws_a_position(records):
+    """read: mavflightview.py, message_to_latlon; LogBrowse.cs of Mission Planner, getPointLatLng;
+    dataflashDataExtractor.js of UAV Log Viewer, extractTrajectory."""
+    (gps,) = [record for record in records if record.get_type() == "GPS"]
+    assert gps.Status < 2 and gps.NSats < 5
+    assert (gps.Lat, gps.Lng) == (0, 0)
+
+
+def test_mission_planner_finds_its_date(records):
+    """read: DFLog.cs, GetTimeGPS: it compares texts, and takes no time from a fix that is not of three dimensions."""
+    (gps,) = [record for record in records if record.get_type() == "GPS"]
+    assert str(gps.Status) not in ("0", "1", "2")
+    assert 0 <= gps.GWk <= 5000 and 0 <= gps.GMS / 1000 <= 7 * 24 * 3600
+
+
 # Downloads
 
 
@@ -224,7 +263,7 @@ def test_mavproxy_downloads(reached, tmp_path):
     drive, url = reached
     mavproxy = MavProxy(url, tmp_path, "--streamrate=-1")
     try:
-        mavproxy.ask("log list", rf"Log 3  numLogs 3 lastLog 3 size {len(drive.files[8])} ")
+        mavproxy.ask("log list", rf"Log 3  numLogs 3 lastLog 3 size {len(drive.files[8])} {A_DATE}")
         for log, number in [("1", 6), ("2", 7), ("latest", 8)]:
             mavproxy.ask(f"log download {log} {number}.BIN", rf"Finished downloading {number}.BIN", timeout=15)
             assert (tmp_path / f"{number}.BIN").read_bytes() == drive.files[number], log
@@ -263,6 +302,8 @@ def test_mavsdk_downloads(reached, tmp_path):
         logs = LogFiles(system)
         entries = logs.get_entries()
         assert [entry.size_bytes for entry in entries] == [len(content) for content in drive.files.values()]
+        dates = [datetime.datetime.fromisoformat(entry.date).timestamp() for entry in entries]
+        assert dates == pytest.approx(drive.dates, abs=2)
         path = tmp_path / "drive.BIN"
         downloaded = finished(logs.download_log_file_async, entries[1], str(path), running=LogFilesResult.NEXT)
         assert downloaded == LogFilesResult.SUCCESS
@@ -316,7 +357,9 @@ def ftp_get(link, remote, local):
 def test_pymavlink_downloads(reached, tmp_path):
     drive, url = reached
     with closing(connect(url)) as link:
-        assert [entry.size for entry in log_list(link)] == [len(content) for content in drive.files.values()]
+        entries = log_list(link)
+        assert [entry.size for entry in entries] == [len(content) for content in drive.files.values()]
+        assert [entry.time_utc for entry in entries] == pytest.approx(drive.dates, abs=2)
         for log, content in enumerate(drive.files.values(), start=1):
             assert download(link, log) == content
         assert ftp_get(link, "/LOGS/00000007.BIN", tmp_path / "ftp.BIN") == drive.log
@@ -462,10 +505,13 @@ def test_the_simulator_copies_its_logs_into_a_folder(start_simulator, tmp_path):
         simulator = start_simulator("--flash", str(flash), "--log", str(folder))
         with closing(connect(simulator.url)) as link:
             messages_of(link, 1)
+            tell_time(link)
+            began_at = time.time()
             armed(link)
             messages_of(link, 2.5)
             (*_, newest) = sorted(folder.iterdir())
             assert newest.stat().st_size > 1000, "while it runs"
+            assert records_of(newest)[0]._timestamp == pytest.approx(began_at, abs=1)
         assert simulator.interrupt()[0] == 0
         files = [path.read_bytes() for path in sorted(folder.iterdir())]
         assert [path.name for path in sorted(folder.iterdir())] == ["00000001.BIN", "00000002.BIN"][:run]

@@ -61,6 +61,7 @@ class Session:
 
     def drive_nowhere(self, other_url):
         """Arms in HOLD and disarms as a click on *Disarm* does, with a QGroundControl that connects between."""
+        self.armed_at = time.time()
         assert self.station.command(ARM_DISARM, 1) == ACCEPTED
         self.station.run_for(2)
         self.armed = self.station.shown.shows(0)
@@ -167,6 +168,12 @@ def test_connecting_to_an_armed_rover_takes_no_longer(session):
     assert session.connected_armed.dialogs == []
     assert session.script_armed.file_error in (None, FILE_NOT_FOUND)
     assert session.script_armed.connecting_s < 3
+
+
+def test_the_log_has_the_date_that_was_given_on_connecting(session):
+    entry = session.station.answer(lambda mav: mav.log_request_list_send(*VEHICLE, 0, 0xFFFF), is_named("LOG_ENTRY"))
+    assert (entry.id, entry.num_logs) == (1, 1)
+    assert entry.time_utc == pytest.approx(session.armed_at, abs=2)
 
 
 # ---------------------------------------------------------------- rates

@@ -14,16 +14,27 @@ const SILENCE_US: u64 = 1_000 * MILLISECOND;
 
 /// The log files on the board: id and bytes.
 pub fn list(bench: &mut Bench) -> Vec<(u16, u32)> {
+    let entries = entries(bench).into_iter();
+    entries.map(|entry| (entry.u16(8), entry.u32(4))).collect()
+}
+
+/// When each log file on the board began, in seconds since 1970; 0 is unknown.
+pub fn dates(bench: &mut Bench) -> Vec<u32> {
+    entries(bench).iter().map(|entry| entry.u32(0)).collect()
+}
+
+/// LOG_ENTRY of each file.
+fn entries(bench: &mut Bench) -> Vec<Frame> {
     bench.run_until_silent();
     let position = bench.sent().len();
     bench.request(&log_list(0, u16::MAX));
     bench.run_for(LIST_US);
     let frames = bench.frames_from(position);
-    let entries = of_message(&frames, LOG_ENTRY).into_iter();
-    let listed: Vec<_> = entries.map(|frame| (frame.u16(8), frame.u32(4))).collect();
-    assert!(!listed.is_empty(), "no list");
+    let entries = of_message(&frames, LOG_ENTRY);
+    assert!(!entries.is_empty(), "no list");
     // An empty list is one entry of no file.
-    listed.into_iter().filter(|(id, _)| *id > 0).collect()
+    let of_files = entries.into_iter().filter(|entry| entry.u16(8) > 0);
+    of_files.cloned().collect()
 }
 
 /// LOG_REQUEST_DATA, and what comes of it.

@@ -16,6 +16,11 @@ const UNHEALTHY: f64 = 4.0;
 /// Cells in BCL; BCL2 has those that follow.
 const FIRST_CELLS: usize = 12;
 
+/// GPS time began with 1980-01-06, in seconds since 1970; since 2017 it is 18 leap seconds ahead of UTC.
+const GPS_EPOCH_S: f64 = 315_964_800.0 - 18.0;
+
+const WEEK_S: f64 = 7.0 * 86_400.0;
+
 /// A drive.
 #[derive(Debug)]
 pub struct Drive {
@@ -23,6 +28,8 @@ pub struct Drive {
     pub trace: Trace,
     /// The last value of each parameter in the log, defaults beside; `None` if it has none.
     pub parameters: Option<Parameters>,
+    /// When the recorder started, in seconds since 1970 (UTC), if the log has it.
+    pub started_utc_s: Option<f64>,
 }
 
 impl Drive {
@@ -31,6 +38,7 @@ impl Drive {
         let mut drive = Self {
             trace: Trace { samples: vec![] },
             parameters: None,
+            started_utc_s: None,
         };
         let mut armed = false;
         for record in log.records.iter().filter(|record| !is_of_another(record, pack)) {
@@ -41,6 +49,7 @@ impl Drive {
                 "BATX" => drive.estimate(record),
                 "BCL" => drive.cells(record, 0..FIRST_CELLS),
                 "BCL2" => drive.cells(record, FIRST_CELLS..MAX_CELLS),
+                "GPS" => drive.started_utc_s = drive.started_utc_s.or(started_utc_s(record)),
                 _ => {}
             }
         }
@@ -48,6 +57,11 @@ impl Drive {
             return Err(no_reading(log, pack));
         }
         Ok(drive)
+    }
+
+    /// When its first reading was, in seconds since 1970 (UTC), if the log has it.
+    pub fn began_utc_s(&self) -> Option<f64> {
+        Some(self.started_utc_s? + self.trace.samples.first()?.time_s)
     }
 
     /// What another version has set does not matter here: a parameter that is not known, or a value out of range.
@@ -108,6 +122,13 @@ impl Drive {
     }
 }
 
+/// When the recorder started, by a GPS record. Week 0 is unknown.
+fn started_utc_s(record: &Record) -> Option<f64> {
+    let weeks = record.number("GWk").filter(|weeks| *weeks > 0.0)?;
+    let of_week_s = record.number("GMS")? / 1e3;
+    Some(GPS_EPOCH_S + weeks * WEEK_S + of_week_s - record.number("TimeUS")? / 1e6)
+}
+
 fn no_reading(log: &Log, pack: Pack) -> String {
     let has_reading = |pack: &Pack| log.records.iter().any(|record| is_of(record, "BAT", *pack));
     let numbers: Vec<String> = Pack::ALL
@@ -147,6 +168,7 @@ mod tests {
     use rover_battmon::battery::{Amount, BatteryState, ChargeState, PackStatus};
     use rover_battmon::parameter::BatteryParameter;
     use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded};
+    use rover_battmon::time::Utc;
     use rover_battmon::vehicle::ArmState;
 
     fn log(records: &[Recorded]) -> Log {
@@ -200,6 +222,20 @@ mod tests {
             }),
         };
         assert_eq!(drive.trace.samples, [expected]);
+    }
+
+    #[test]
+    fn the_date_is_that_of_the_first_reading() {
+        let state = healthy();
+        let reading = Recorded::Battery(Pack::First, &state);
+        // At 0.3 and 0.4 s; the first reading is at 0.1 s.
+        let times = [1_795_639_396_450_000, 1_800_000_000_000_000].map(Utc::from_micros);
+        let [time, later] = times.map(Recorded::Time);
+        let drive = Drive::of_pack(&log(&[reading, reading, time, later]), Pack::First).expect("a drive");
+        let began_utc_s = drive.began_utc_s().expect("a date");
+        assert!((began_utc_s - 1_795_639_396.25).abs() < 0.001, "{began_utc_s}");
+        let drive = Drive::of_pack(&log(&[reading]), Pack::First).expect("a drive");
+        assert_eq!(drive.began_utc_s(), None);
     }
 
     #[test]

@@ -35,6 +35,7 @@ use crate::report::Row;
 use crate::run::{Assignment, Inputs};
 use crate::summary::Summary;
 use crate::trace::Trace;
+use crate::words::utc;
 
 /// What clap ends with for arguments it does not understand; a recording that can't be used is treated the same.
 const EXIT_USAGE: u8 = 2;
@@ -120,7 +121,10 @@ fn replay(arguments: &Arguments) -> Result<(), String> {
         learnt: &learnt,
     };
     let compared = compared(arguments, &drive, &parameters, &rows, known)?;
-    show(&format!("{summary}{compared}{written}"));
+    let date = drive.began_utc_s().map_or(String::new(), |utc_s| {
+        format!("Recorded from {} on\n", utc(utc_s))
+    });
+    show(&format!("{date}{summary}{compared}{written}"));
     Ok(())
 }
 
@@ -189,6 +193,7 @@ fn read(path: &Path, pack: Pack) -> Result<Drive, String> {
     Ok(Drive {
         trace: Trace::parse(&bytes).map_err(|error| about(path, &error))?,
         parameters: None,
+        started_utc_s: None,
     })
 }
 
