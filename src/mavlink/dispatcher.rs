@@ -97,7 +97,7 @@ fn permits(request: &Request<'_>, frame: &ReceivedFrame<'_>, context: &mut Conte
 
 /// Counts a request that is not permitted.
 fn refuse(request: &Request<'_>, unauthorized: &mut u32) -> Event {
-    // Every vehicle and ground station around has a heartbeat, many tell the time, and none has a key of ours.
+    // Every vehicle and ground station around has a heartbeat, many have a clock, and none has a key of ours.
     if matches!(request, Request::Heartbeat { .. } | Request::SystemTime { .. }) {
         return Event::Ignored;
     }

@@ -91,7 +91,7 @@ def read_list(connection):
     return {listed[index].param_id: listed[index].param_value for index in sorted(listed)}
 
 
-def tell_time(connection):
+def say_time(connection):
     """A ground station says what time it is."""
     gcs, none = mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID
     connection.mav.heartbeat_send(gcs, none, 0, 0, mavlink.MAV_STATE_ACTIVE)

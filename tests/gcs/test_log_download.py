@@ -28,7 +28,7 @@ from station import (
     read_list,
     receive,
     set_to,
-    tell_time,
+    say_time,
     unread_messages_of,
     volts,
 )
@@ -97,7 +97,7 @@ class Drive:
         messages = armed(link)
         # In the middle of the file.
         messages += unread_messages_of(link, 0.5)
-        tell_time(link)
+        say_time(link)
         messages += messages_of_drive(link)
         link.mav.command_long_send(1, 1, ARM, 0, 0, 0, 0, 0, 0, 0, 0)
         messages += ended(link)
@@ -505,7 +505,7 @@ def test_the_simulator_copies_its_logs_into_a_folder(start_simulator, tmp_path):
         simulator = start_simulator("--flash", str(flash), "--log", str(folder))
         with closing(connect(simulator.url)) as link:
             messages_of(link, 1)
-            tell_time(link)
+            say_time(link)
             began_at = time.time()
             armed(link)
             messages_of(link, 2.5)

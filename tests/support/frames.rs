@@ -10,6 +10,8 @@ pub const PARAM_REQUEST_READ: u32 = 20;
 pub const PARAM_REQUEST_LIST: u32 = 21;
 pub const PARAM_VALUE: u32 = 22;
 pub const PARAM_SET: u32 = 23;
+pub const MISSION_COUNT: u32 = 44;
+pub const MISSION_ACK: u32 = 47;
 pub const REQUEST_DATA_STREAM: u32 = 66;
 pub const MANUAL_CONTROL: u32 = 69;
 pub const RC_CHANNELS_OVERRIDE: u32 = 70;
@@ -124,6 +126,8 @@ fn crc_extra(message_id: u32) -> u8 {
         PARAM_REQUEST_LIST => 159,
         PARAM_VALUE => 220,
         PARAM_SET => 168,
+        MISSION_COUNT => 221,
+        MISSION_ACK => 153,
         REQUEST_DATA_STREAM => 148,
         MANUAL_CONTROL => 243,
         RC_CHANNELS_OVERRIDE => 124,
