@@ -2,7 +2,7 @@
 
 use core::num::NonZeroU32;
 
-use super::{LogStep, Recording, State};
+use super::stream::Stream;
 use crate::recorder::dataflash::Record;
 use crate::time::{Instant, Utc};
 
@@ -15,34 +15,23 @@ pub(super) struct Date {
     pub file_began_utc_s: Option<NonZeroU32>,
 }
 
-impl Recording {
-    /// It is this time in UTC at `now`. Counts for the open file, unless it has its date, and for all that follow, until there
-    /// is a later word.
+impl Date {
+    /// It is this time in UTC at `now`.
     pub fn set_time(&mut self, utc: Utc, now: Instant) {
-        self.date.started = Some(utc.before_us(now.as_micros()));
+        self.started = Some(utc.before_us(now.as_micros()));
     }
 
-    /// Records once in each file what time it is, if that is known.
-    pub(super) fn record_date(&mut self) {
-        let is_open = matches!(self.state, State::Recording | State::Paused);
-        if !is_open || self.date.file_began_utc_s.is_some() {
-            return;
-        }
-        let Some(started) = self.date.started else {
+    /// Records in the open file, once, what time it is at `now`, if that is known.
+    pub fn record(&mut self, stream: &mut Stream, now: Instant) {
+        let (Some(started), None) = (self.started, self.file_began_utc_s) else {
             return;
         };
         let utc_at = |moment: Instant| started.after_us(moment.as_micros());
-        let began_utc_s = utc_at(self.stream.began()).seconds();
-        let record = Record::Time(utc_at(self.now)).encode(self.now.as_micros());
+        let began_utc_s = utc_at(stream.began()).seconds();
+        let record = Record::Time(utc_at(now)).encode(now.as_micros());
         // Without room for it, there is some a moment later.
-        if began_utc_s.is_some() && self.stream.add(&record) {
-            self.date.file_began_utc_s = began_utc_s;
+        if began_utc_s.is_some() && stream.add(&record) {
+            self.file_began_utc_s = began_utc_s;
         }
-    }
-
-    /// The program of the date into the open file's first sector, if it is recorded and not there yet.
-    pub(super) fn next_date(&mut self) -> Option<LogStep> {
-        let program = self.ring.as_mut()?.next_date(self.date.file_began_utc_s?)?;
-        Some(LogStep::program(&program))
     }
 }

@@ -19,7 +19,7 @@ use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::recorder::dataflash::Record;
 use crate::recorder::{LogFile, Piece, Ring};
 use crate::system::LogHealth;
-use crate::time::Instant;
+use crate::time::{Instant, Utc};
 use crate::vehicle::{ArmState, Vehicle};
 
 /// How long the log goes on after disarming, as ArduPilot's does: the pack recovers meanwhile.
@@ -161,6 +161,12 @@ impl Recording {
         self.failure
     }
 
+    /// It is this time in UTC at `now`. Counts for the open file, unless it has its date, and for all that follow, until there
+    /// is a later word.
+    pub fn set_time(&mut self, utc: Utc, now: Instant) {
+        self.date.set_time(utc, now);
+    }
+
     /// Takes over what was found in flash.
     // Not inlined: a ring is large.
     #[inline(never)]
@@ -182,7 +188,9 @@ impl Recording {
             // Of no concern.
             self.failed_erases = 0;
         }
-        self.record_date();
+        if matches!(self.state, State::Recording | State::Paused) {
+            self.date.record(&mut self.stream, self.now);
+        }
         match (self.state, self.wish(parameters, vehicle)) {
             (State::Idle, Wish::Record) => return self.begin(arm_state),
             // A failure of a log that is not wanted any more is over once it was announced.

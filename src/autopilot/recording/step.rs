@@ -77,6 +77,12 @@ impl Recording {
         self.next_erase(may_erase)
     }
 
+    /// The program of the date into the open file's first sector, if it is recorded and not there yet.
+    fn next_date(&mut self) -> Option<LogStep> {
+        let program = self.ring.as_mut()?.next_date(self.date.file_began_utc_s?)?;
+        Some(LogStep::program(&program))
+    }
+
     fn is_flush_due(&self, now: Instant, may_erase: Erase) -> bool {
         let interval_us = match may_erase {
             Erase::Allowed => FLUSH_INTERVAL_WITH_ERASES_US,
