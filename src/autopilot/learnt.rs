@@ -6,6 +6,7 @@ use super::saving::log_failure;
 use super::{Autopilot, Work};
 use crate::battery::{LEARNT_WORDS, LearntPack, PackSettings};
 use crate::log::{info, warn};
+use crate::memory::save_state::SaveState;
 use crate::memory::storage::StorageError;
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
@@ -49,7 +50,7 @@ impl Autopilot {
     /// What has to be done in flash next. What is not saved comes before a read: the read may be of another pack in the
     /// same place.
     pub fn next_learnt_job(&mut self, now: Instant) -> Option<LearntJob> {
-        self.learnt_save.retry_at.take_if(|at| *at <= now);
+        self.learnt_save.take_retry(now);
         self.next_unsaved_learnt().or_else(|| {
             let mut packs = self.packs.order.iter().map(|(pack, _)| self.identity(*pack));
             packs
@@ -97,12 +98,12 @@ impl Autopilot {
     ) {
         let Err(error) = result else {
             info!("battery {}: learnt data saved", pack.number());
-            self.learnt_save.failure = None;
+            self.learnt_save = SaveState::Saved;
             self.packs.bank.monitor(pack).mark_learnt_saved(learnt);
             return;
         };
         log_failure("learnt data", error);
-        if let Some(error) = self.learnt_save.add(error, now) {
+        if let Some(error) = self.learnt_save.fail(error, now) {
             self.announce(Announcement::LearntNotSaved(error), now);
         }
     }
@@ -117,13 +118,13 @@ impl Autopilot {
 
     /// Before a restart what could not be saved has a last chance.
     pub(super) fn retry_learnt(&mut self) {
-        self.learnt_save.retry_at = None;
+        self.learnt_save.retry();
         self.work |= Work::KEEP_LEARNT;
     }
 
     /// What is learnt and has to be written; `None` while a failed write waits for its retry.
     pub(super) fn next_unsaved_learnt(&self) -> Option<LearntJob> {
-        if self.learnt_save.retry_at.is_some() {
+        if self.learnt_save.is_waiting() {
             return None;
         }
         self.packs.bank.monitors().find_map(|(pack, monitor)| {

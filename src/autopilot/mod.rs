@@ -15,7 +15,7 @@ mod links;
 mod packs;
 mod recording;
 mod sampling;
-mod save_state;
+mod save_reports;
 mod saving;
 mod start;
 mod wifi;
@@ -35,11 +35,12 @@ use bitflags::bitflags;
 
 use crate::battery::{BatteryState, PackEvent};
 use crate::log::info;
-use crate::mavlink::Signing;
+use crate::mavlink::{Signing, SigningChange};
 use crate::memory::identity::{FirmwareHash, Identity};
 use crate::memory::in_place::in_place;
+use crate::memory::save_state::SaveState;
 use crate::pack::Pack;
-use crate::parameter::{Parameters, SaveFailures};
+use crate::parameter::Parameters;
 use crate::recorder::dataflash::{ModeReason, Record};
 use crate::sensor::MonitorKind;
 use crate::system::{ArmingReadiness, SystemState};
@@ -50,7 +51,7 @@ use broadcast::{Announced, Broadcast};
 use can_watch::CanWatch;
 use packs::Packs;
 use recording::Recording;
-use save_state::{FailedSave, SigningSave};
+use save_reports::SaveReports;
 use wifi_state::WifiState;
 
 /// The autopilot without its hardware, links and clock.
@@ -67,9 +68,15 @@ pub struct Autopilot {
     start_notice: Option<Announcement<'static>>,
     limit: AnnouncementLimit,
     broadcast: Broadcast,
-    save_failures: SaveFailures,
-    signing_save: SigningSave,
-    learnt_save: FailedSave,
+    /// Failures to save parameters, as a whole.
+    parameter_save: SaveState<Instant>,
+    save_reports: SaveReports,
+    signing_save: SaveState<Instant>,
+    /// To announce once it is in flash.
+    signing_change: Option<SigningChange>,
+    /// Since when the vehicle has been armed, as far as the signing time has to be ahead of it.
+    armed_since: Option<Instant>,
+    learnt_save: SaveState<Instant>,
     wifi: WifiState,
     can: CanWatch,
     recording: Recording,
@@ -93,9 +100,12 @@ impl Autopilot {
             readiness: ArmingReadiness::default(),
             load_permille: 0,
             identity: start.identity,
-            save_failures: SaveFailures::default(),
-            signing_save: SigningSave::default(),
-            learnt_save: FailedSave::default(),
+            parameter_save: SaveState::Saved,
+            save_reports: SaveReports::default(),
+            signing_save: SaveState::Saved,
+            signing_change: None,
+            armed_since: None,
+            learnt_save: SaveState::Saved,
             wifi: in_place(|| WifiState::new(start)),
             can: CanWatch::new(),
             recording: in_place(|| Recording::new(start.crash.clone())),

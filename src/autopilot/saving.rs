@@ -6,8 +6,9 @@ use super::recording::LogStep;
 use super::{Autopilot, Work};
 use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
+use crate::memory::save_state::SaveState;
 use crate::memory::storage::{Erase, StorageError};
-use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
+use crate::parameter::Unsaved;
 use crate::recorder::{Erasure, FlashOutcome, Piece, Ring};
 use crate::time::Instant;
 use crate::vehicle::ArmState;
@@ -25,7 +26,7 @@ impl Autopilot {
     /// The vehicle was disarmed: saves what has waited for erased space, and has it erased ahead for the next drive.
     pub(super) fn save_after_disarming(&mut self) {
         self.parameters.retry_failed();
-        self.signing_save.retry_at = Instant::EPOCH;
+        self.signing_save = SaveState::New;
         self.retry_learnt();
         self.retry_wifi();
         self.follow_wifi_parameters();
@@ -34,14 +35,14 @@ impl Autopilot {
 
     /// The parameter to write to flash next. A value is live and acknowledged before it is written.
     pub fn next_unsaved_parameter(&mut self, now: Instant) -> Option<Unsaved> {
-        if self.save_failures.take_retry(now) {
+        if self.parameter_save.take_retry(now) {
             self.parameters.retry_failed();
         }
-        if let Some(error) = self.save_failures.take_report(now) {
+        if let Some(error) = self.save_reports.take(now) {
             self.report_unsaved(error, now);
         }
         let unsaved = self.parameters.next_unsaved();
-        if unsaved.is_none() && self.parameters.save_failure().is_none() && self.save_failures.take_recovery()
+        if unsaved.is_none() && self.parameters.save_failure().is_none() && self.save_reports.take_recovery()
         {
             self.announce(Announcement::ParametersSaved, now);
         }
@@ -55,7 +56,7 @@ impl Autopilot {
         }
         if let Some(failure) = self.parameters.unsaved_by(error) {
             self.announce(Announcement::ParametersNotSaved(failure), now);
-            self.save_failures.mark_announced();
+            self.save_reports.mark_announced();
         }
     }
 
@@ -66,8 +67,10 @@ impl Autopilot {
             (Ok(()), Unsaved::Value(id, _)) => info!("{} saved", id.name().as_str()),
             (Err(error), _) => {
                 log_failure("parameter", error);
-                let report = self.parameters.mark_failed(unsaved, error);
-                self.save_failures.add(report, now);
+                self.parameter_save.fail(error, now);
+                if let Some(error) = self.parameters.mark_failed(unsaved, error) {
+                    self.save_reports.add(error, now);
+                }
                 return;
             }
         }
@@ -76,43 +79,58 @@ impl Autopilot {
 
     /// The signing data to write to flash next: a key as soon as it was set up, and the time once a minute.
     pub fn next_unsaved_signing(&mut self, now: Instant) -> Option<ToStore> {
-        if now < self.signing_save.retry_at {
+        if self.signing_save.take_retry(now) {
+            self.signing_save = SaveState::New;
+        }
+        if self.signing_save.is_waiting() {
             return None;
         }
-        let armed_us = self.signing_save.armed_us(self.vehicle.arm_state(), now);
+        let armed_us = self.armed_us(now);
         let unsaved = self.signing.next_unsaved(now, armed_us);
         if unsaved.is_none() {
-            self.signing_save.is_repeated = false;
-            if let Some(change) = self.signing_save.change.take() {
+            self.signing_save = SaveState::Saved;
+            if let Some(change) = self.signing_change.take() {
                 self.announce(Announcement::SigningSaved(change), now);
             }
         }
         unsaved
     }
 
-    /// Result of writing `unsaved`. After a failure everything is written once more, to the next sector.
+    /// For how long the vehicle has been armed at `now`; 0 if it is not.
+    fn armed_us(&mut self, now: Instant) -> u64 {
+        match self.vehicle.arm_state() {
+            ArmState::Armed => now.us_since(*self.armed_since.get_or_insert(now)),
+            ArmState::Disarmed => {
+                self.armed_since = None;
+                0
+            }
+        }
+    }
+
+    /// Result of writing `unsaved`. After a failure everything is written once more at once, to the next sector.
     pub fn signing_written(&mut self, unsaved: &ToStore, result: Result<(), StorageError>, now: Instant) {
         let Err(error) = result else {
             self.signing.mark_saved(unsaved);
             return;
         };
         log_failure("signing", error);
+        let was_repeated = self.signing_save.failure().is_some();
+        self.signing_save.fail(error, now);
         if error == StorageError::NoErasedSpace {
             // What is in flash is as good as before.
-            self.signing_save.retry_at = now.after_us(SAVE_RETRY_INTERVAL_US);
             return;
         }
         self.signing.mark_failed();
-        if self.signing_save.is_repeated {
-            self.signing_save.retry_at = now.after_us(SAVE_RETRY_INTERVAL_US);
+        if was_repeated {
             self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
+        } else {
+            self.signing_save.retry();
         }
-        self.signing_save.is_repeated = !self.signing_save.is_repeated;
     }
 
     pub(super) fn save_signing(&mut self, change: SigningChange) {
-        self.signing_save.change = Some(change);
-        self.signing_save.retry_at = Instant::EPOCH;
+        self.signing_change = Some(change);
+        self.signing_save = SaveState::New;
         self.work |= Work::SAVE_SIGNING;
     }
 

@@ -10,6 +10,7 @@ use super::{Autopilot, Work};
 use crate::log::info;
 use crate::mavlink::LinkKind;
 use crate::mavlink::dialect::MavSeverity;
+use crate::memory::save_state::SaveState;
 use crate::memory::storage::StorageError;
 use crate::numbers::text;
 use crate::time::Instant;
@@ -70,7 +71,7 @@ impl Autopilot {
 
     /// The name or password to write to flash next, unless a failed write waits for its retry.
     pub fn next_unsaved_wifi(&mut self, now: Instant) -> Option<WifiRecord> {
-        self.wifi.save.retry_at.take_if(|at| *at <= now);
+        self.wifi.save.take_retry(now);
         self.wifi.next_unsaved()
     }
 
@@ -79,12 +80,12 @@ impl Autopilot {
         match result {
             Ok(()) => {
                 info!("Wi-Fi settings saved");
-                self.wifi.save.failure = None;
+                self.wifi.save = SaveState::Saved;
                 self.wifi.credentials.mark_saved(record);
             }
             Err(error) => {
                 log_failure("Wi-Fi", error);
-                if let Some(error) = self.wifi.save.add(error, now) {
+                if let Some(error) = self.wifi.save.fail(error, now) {
                     self.announce(Announcement::WifiNotSaved(error), now);
                 }
             }
@@ -106,7 +107,7 @@ impl Autopilot {
 
     /// What has waited for its retry is written at once.
     pub(super) fn retry_wifi(&mut self) {
-        self.wifi.save.retry_at = None;
+        self.wifi.save.retry();
         self.work |= Work::SAVE_WIFI;
     }
 

@@ -2,9 +2,9 @@
 
 use heapless::Vec;
 
-use super::save_state::FailedSave;
 use super::start::Start;
 use crate::crash::TaskName;
+use crate::memory::save_state::SaveState;
 use crate::parameter::Parameters;
 use crate::time::Instant;
 use crate::wifi::{
@@ -29,7 +29,7 @@ pub(super) struct WifiState {
     pub off: Option<WifiReport>,
     /// What is wrong now.
     pub fault: Option<WifiReport>,
-    pub save: FailedSave,
+    pub save: SaveState<Instant>,
     /// When a frame last came by Wi-Fi.
     pub heard_at: Option<Instant>,
 }
@@ -42,7 +42,7 @@ impl WifiState {
             announced: Vec::new(),
             off: has_crashed(start).then_some(WifiReport::OffAfterCrash),
             fault: None,
-            save: FailedSave::default(),
+            save: SaveState::Saved,
             heard_at: None,
         }
     }
@@ -94,7 +94,7 @@ impl WifiState {
 
     /// What has to be written; `None` while a failed write waits for its retry.
     pub fn next_unsaved(&self) -> Option<WifiRecord> {
-        if self.save.retry_at.is_some() {
+        if self.save.is_waiting() {
             return None;
         }
         self.credentials.next_unsaved()

@@ -5,4 +5,5 @@ pub mod flash_map;
 pub mod identity;
 pub(crate) mod in_place;
 pub mod retained;
+pub mod save_state;
 pub mod storage;

@@ -54,11 +54,9 @@ impl<T: Copy + Default> ForEachParameter<T> {
         }
     }
 
-    /// Sets each to `update` of itself.
-    pub fn update_all(&mut self, mut update: impl FnMut(T) -> T) {
-        for one in &mut self.0 {
-            *one = update(*one);
-        }
+    /// Updates each.
+    pub fn update_all(&mut self, update: impl FnMut(&mut T)) {
+        self.0.iter_mut().for_each(update);
     }
 
     /// All values: much faster than by their ids.

@@ -9,8 +9,6 @@ mod description_files;
 pub mod documentation;
 mod id;
 mod parameters;
-mod progress;
-mod save_failures;
 mod stick_channel;
 mod sticks;
 mod table;
@@ -21,7 +19,6 @@ pub use description_files::DescriptionFile;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
 pub(crate) use parameters::checked;
 pub use parameters::{Parameters, Refused, triggers};
-pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailure, SaveFailures};
 pub use stick_channel::{StickChannel, StickChannels};
 pub use table::{
     Access, BatteryParameter, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS, Meaning, Parameter,
@@ -29,4 +26,4 @@ pub use table::{
 };
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
-pub use unsaved::Unsaved;
+pub use unsaved::{SaveFailure, Unsaved};

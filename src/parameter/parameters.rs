@@ -1,10 +1,10 @@
 //! The live values of all parameters.
 
-use super::progress::Progress;
 use super::{
     Access, BatteryParameter, ForEachParameter, Kind, Listed, PARAMETER_COUNT, ParameterId, StickChannels,
     StickParameter, VehicleParameter,
 };
+use crate::memory::save_state::SaveState;
 use crate::numbers::round_to_i32;
 use crate::pack::{MAX_PACKS, Pack};
 
@@ -21,10 +21,9 @@ const CAN_DISABLED: f32 = 0.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     pub(super) values: ForEachParameter<f32>,
-    /// Progress of saving each value.
-    pub(super) progress: ForEachParameter<Progress>,
-    /// Progress of saving the last reset.
-    pub(super) reset: Progress,
+    pub(super) save_states: ForEachParameter<SaveState>,
+    /// That of the last reset.
+    pub(super) reset: SaveState,
     pub(super) flash: Flash,
     /// Those that the parameters of the sticks describe.
     pub(super) stick_channels: StickChannels,
@@ -61,8 +60,8 @@ impl Parameters {
     pub fn defaults() -> Self {
         Self {
             values: ForEachParameter::from_fn(ParameterId::default_value),
-            progress: ForEachParameter::default(),
-            reset: Progress::Saved,
+            save_states: ForEachParameter::default(),
+            reset: SaveState::Saved,
             flash: Flash::Loaded,
             stick_channels: StickChannels::default(),
         }
@@ -186,11 +185,11 @@ impl Parameters {
             Access::Trigger => return checked(id, value).map(drop),
         };
         let is_saved = self.flash == Flash::Loaded
-            && self.progress.get(id) == Progress::Saved
+            && self.save_states.get(id) == SaveState::Saved
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
             self.store(id, value);
-            self.progress.set(id, Progress::New);
+            self.save_states.set(id, SaveState::New);
         }
         Ok(())
     }

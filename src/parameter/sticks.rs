@@ -1,9 +1,9 @@
 //! Which values the parameters of the sticks may have beside each other.
 
-use super::progress::Progress;
 use super::stick_channel::{StickChannel, StickChannels};
 use super::table::sticks::LEAST_TRAVEL_US;
 use super::{ParameterId, Parameters, Range, StickParameter};
+use crate::memory::save_state::SaveState;
 use StickParameter::*;
 
 /// Channels of the axes.
@@ -100,7 +100,7 @@ impl Parameters {
         for (group, _) in groups.iter().zip(damaged).filter(|(_, is_damaged)| *is_damaged) {
             for id in group.iter().map(|id| ParameterId::from(*id)) {
                 self.store(id, id.default_value());
-                self.progress.set(id, Progress::New);
+                self.save_states.set(id, SaveState::New);
             }
         }
         damaged.contains(&true)

@@ -1,10 +1,10 @@
 //! Unsaved changes and failed attempts to save them.
 
-use core::iter;
+use core::{fmt, iter};
 
 use super::parameters::{Flash, Parameters};
-use super::progress::Progress;
-use super::{Access, ParameterId, SaveFailure};
+use super::{Access, ParameterId};
+use crate::memory::save_state::SaveState;
 use crate::memory::storage::StorageError;
 
 /// A change that has to be written to flash.
@@ -16,24 +16,45 @@ pub enum Unsaved {
     Value(ParameterId, f32),
 }
 
+/// Changes that could not be saved: they are live.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SaveFailure {
+    /// Why.
+    pub error: StorageError,
+    /// How many are not saved; a reset is one.
+    pub changes: usize,
+}
+
+impl fmt::Display for SaveFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.error {
+            StorageError::NoErasedSpace => write!(f, "Parameters: {} not saved until disarmed", self.changes),
+            StorageError::Full => f.write_str("Parameters can't be saved: too many changed"),
+            StorageError::Flash(_) | StorageError::Corrupt => {
+                f.write_str("Parameters can't be saved: flash worn out?")
+            }
+        }
+    }
+}
+
 impl Parameters {
     /// Resets all settings to their defaults, and marks the stored ones to be erased.
     pub fn reset(&mut self) {
         for id in ParameterId::all().filter(|id| id.row().access == Access::Setting) {
             self.values.set(id, id.default_value());
         }
-        self.progress.update_all(|_| Progress::Saved);
-        self.reset = Progress::New;
+        self.save_states.update_all(|state| *state = SaveState::Saved);
+        self.reset = SaveState::New;
         self.flash = Flash::Loaded;
     }
 
     /// The next change to write; `None` if all are saved or wait for a retry.
     pub fn next_unsaved(&self) -> Option<Unsaved> {
-        if !self.all_progress().any(Progress::is_due) {
+        if !self.all_states().any(|state| state.is_due()) {
             return None;
         }
-        let changed = ParameterId::all().find(|id| self.progress.get(*id).is_due());
-        if self.reset != Progress::Saved {
+        let changed = ParameterId::all().find(|id| self.save_states.get(*id).is_due());
+        if self.reset != SaveState::Saved {
             // Values stored before the reset would be erased with it.
             return (self.reset.is_due() || changed.is_some()).then_some(Unsaved::Reset);
         }
@@ -43,10 +64,10 @@ impl Parameters {
     /// A change was written. A value that has changed since still has to be saved.
     pub fn mark_saved(&mut self, saved: Unsaved) {
         match saved {
-            Unsaved::Reset => self.reset = Progress::Saved,
+            Unsaved::Reset => self.reset = SaveState::Saved,
             Unsaved::Value(id, value) => {
                 if value.to_bits() == self.get(id).to_bits() {
-                    self.progress.set(id, Progress::Saved);
+                    self.save_states.set(id, SaveState::Saved);
                 }
             }
         }
@@ -56,50 +77,50 @@ impl Parameters {
     ///
     /// Returns the error if it has to be reported: a change failed for the first time, or not like before.
     pub fn mark_failed(&mut self, unsaved: Unsaved, error: StorageError) -> Option<StorageError> {
-        let mut is_new = false;
-        let mut fail = |progress: Progress| {
-            if !progress.is_due() {
-                return progress;
+        let mut report = None;
+        let mut fail = |state: &mut SaveState| {
+            if state.is_due() {
+                report = state.fail_until((), error).or(report);
             }
-            is_new |= !progress.failure().is_some_and(|before| before.is_like(error));
-            Progress::Failed(error)
         };
         match unsaved {
             Unsaved::Value(id, _) if error == StorageError::Full => {
-                self.progress.set(id, fail(self.progress.get(id)));
+                let mut state = self.save_states.get(id);
+                fail(&mut state);
+                self.save_states.set(id, state);
             }
             Unsaved::Reset | Unsaved::Value(..) => {
-                self.reset = fail(self.reset);
-                self.progress.update_all(fail);
+                fail(&mut self.reset);
+                self.save_states.update_all(fail);
             }
         }
-        is_new.then_some(error)
+        report
     }
 
     /// Retries all failed changes.
     pub fn retry_failed(&mut self) {
-        self.reset = self.reset.retried();
-        self.progress.update_all(Progress::retried);
+        self.reset.retry();
+        self.save_states.update_all(SaveState::retry);
     }
 
     /// Why changes could not be saved, if that is so.
     pub fn save_failure(&self) -> Option<SaveFailure> {
-        let error = self.all_progress().find_map(Progress::failure)?;
+        let error = self.all_states().find_map(|state| state.failure())?;
         self.unsaved_by(error)
     }
 
     /// The changes that are not saved, if there are any, as a failure with this error.
     pub fn unsaved_by(&self, error: StorageError) -> Option<SaveFailure> {
         let changes = self
-            .all_progress()
-            .filter(|progress| *progress != Progress::Saved)
+            .all_states()
+            .filter(|state| *state != SaveState::Saved)
             .count();
         (changes > 0).then_some(SaveFailure { error, changes })
     }
 
     /// How far the reset and all values are.
-    fn all_progress(&self) -> impl Iterator<Item = Progress> {
-        iter::once(self.reset).chain(self.progress.values())
+    fn all_states(&self) -> impl Iterator<Item = SaveState> {
+        iter::once(self.reset).chain(self.save_states.values())
     }
 }
 

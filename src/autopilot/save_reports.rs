@@ -1,0 +1,108 @@
+//! When failures to save parameters are announced.
+
+use core::mem;
+
+use crate::memory::storage::StorageError;
+use crate::time::Instant;
+
+/// Minimum interval between reports: loading a parameter file into a worn flash fails at every parameter.
+const REPORT_INTERVAL_US: u64 = 5_000_000;
+
+/// When the first of several changes has to wait for erased space, the others get this long to be reported with it.
+const COLLECTION_US: u64 = 1_000_000;
+
+/// Failures to save parameters that have to be announced.
+#[derive(Debug, Default)]
+pub(super) struct SaveReports {
+    /// The latest error that was not reported.
+    pending: Option<StorageError>,
+    muted_until: Instant,
+    /// Whether one was announced since everything was saved.
+    was_announced: bool,
+}
+
+impl SaveReports {
+    /// Adds an error that has to be reported.
+    pub fn add(&mut self, error: StorageError, now: Instant) {
+        if error == StorageError::NoErasedSpace && self.pending.is_none() {
+            self.muted_until = self.muted_until.max(now.after_us(COLLECTION_US));
+        }
+        self.pending = Some(error);
+    }
+
+    /// The error to report at `now`, once.
+    pub fn take(&mut self, now: Instant) -> Option<StorageError> {
+        if now < self.muted_until {
+            return None;
+        }
+        let report = self.pending.take()?;
+        self.muted_until = now.after_us(REPORT_INTERVAL_US);
+        Some(report)
+    }
+
+    /// What [`take`](Self::take) has returned was announced: it may have been over by then.
+    pub fn mark_announced(&mut self) {
+        self.was_announced = true;
+    }
+
+    /// Whether a failure was announced; once, after everything was saved.
+    pub fn take_recovery(&mut self) -> bool {
+        mem::take(&mut self.was_announced)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::storage::FlashFault;
+    use crate::memory::storage::StorageError::{Full, NoErasedSpace};
+    use crate::time::at_us;
+
+    const SECOND_US: u64 = 1_000_000;
+    const FLASH: StorageError = StorageError::Flash(FlashFault::NotVerified);
+
+    #[test]
+    fn error_is_reported_once() {
+        let mut reports = SaveReports::default();
+        assert_eq!(reports.take(Instant::EPOCH), None);
+        reports.add(FLASH, Instant::EPOCH);
+        assert_eq!(reports.take(Instant::EPOCH), Some(FLASH));
+        assert_eq!(reports.take(Instant::MAX), None);
+    }
+
+    #[test]
+    fn reports_are_five_seconds_apart_and_the_latest_is_kept() {
+        let mut reports = SaveReports::default();
+        reports.add(FLASH, Instant::EPOCH);
+        assert_eq!(reports.take(Instant::EPOCH), Some(FLASH));
+        reports.add(FLASH, at_us(SECOND_US));
+        reports.add(Full, at_us(2 * SECOND_US));
+        assert_eq!(reports.take(at_us(5 * SECOND_US - 1)), None);
+        assert_eq!(reports.take(at_us(5 * SECOND_US)), Some(Full));
+        reports.add(FLASH, at_us(10 * SECOND_US));
+        assert_eq!(reports.take(at_us(10 * SECOND_US)), Some(FLASH));
+    }
+
+    #[test]
+    fn changes_that_wait_for_erased_space_are_reported_together() {
+        let mut reports = SaveReports::default();
+        for ms in 0..20 {
+            reports.add(NoErasedSpace, at_us(ms * 100_000));
+            let expected = (ms == 10).then_some(NoErasedSpace);
+            assert_eq!(reports.take(at_us(ms * 100_000)), expected, "{ms}");
+        }
+        assert_eq!(reports.take(at_us(6 * SECOND_US - 1)), None);
+        assert_eq!(reports.take(at_us(6 * SECOND_US)), Some(NoErasedSpace));
+    }
+
+    #[test]
+    fn recovery_is_reported_once_and_only_after_an_announcement() {
+        let mut reports = SaveReports::default();
+        reports.add(NoErasedSpace, Instant::EPOCH);
+        assert_eq!(reports.take(at_us(SECOND_US)), Some(NoErasedSpace));
+        assert!(!reports.take_recovery(), "not announced");
+        reports.mark_announced();
+        assert!(reports.take_recovery());
+        assert!(!reports.take_recovery());
+    }
+}
