@@ -116,12 +116,6 @@ impl Autopilot {
             .any(|(pack, _)| self.identity(*pack).key() == key)
     }
 
-    /// Before a restart what could not be saved has a last chance.
-    pub(super) fn retry_learnt(&mut self) {
-        self.learnt_save.retry();
-        self.work |= Work::KEEP_LEARNT;
-    }
-
     /// What is learnt and has to be written; `None` while a failed write waits for its retry.
     pub(super) fn next_unsaved_learnt(&self) -> Option<LearntJob> {
         if self.learnt_save.is_waiting() {
@@ -137,7 +131,7 @@ impl Autopilot {
     /// Shows and saves what a tick has changed.
     pub(super) fn keep_learnt(&mut self, pack: Pack) {
         if self.packs.bank.monitor(pack).unsaved_learnt().is_some() {
-            self.work |= Work::KEEP_LEARNT;
+            self.work |= Work::SAVE;
             self.show_learnt(pack);
         }
     }

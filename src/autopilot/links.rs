@@ -282,7 +282,7 @@ impl Autopilot {
     /// Another serial number is another pack.
     fn parameters_changed(&mut self) {
         self.follow_wifi_parameters();
-        self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
+        self.work |= Work::SAVE;
     }
 
     fn triggered(&mut self, id: ParameterId, channel: &mut Channel) {

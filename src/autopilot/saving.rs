@@ -25,12 +25,17 @@ impl Autopilot {
 
     /// The vehicle was disarmed: saves what has waited for erased space, and has it erased ahead for the next drive.
     pub(super) fn save_after_disarming(&mut self) {
-        self.parameters.retry_failed();
         self.signing_save = SaveState::New;
-        self.retry_learnt();
-        self.retry_wifi();
+        self.retry_failed();
         self.follow_wifi_parameters();
-        self.work |= Work::SAVE_PARAMETERS | Work::SAVE_SIGNING;
+    }
+
+    /// Tries again what could not be saved, but for the signing key.
+    fn retry_failed(&mut self) {
+        self.parameters.retry_failed();
+        self.learnt_save.retry();
+        self.wifi.save.retry();
+        self.work |= Work::SAVE;
     }
 
     /// The parameter to write to flash next. A value is live and acknowledged before it is written.
@@ -131,7 +136,7 @@ impl Autopilot {
     pub(super) fn save_signing(&mut self, change: SigningChange) {
         self.signing_change = Some(change);
         self.signing_save = SaveState::New;
-        self.work |= Work::SAVE_SIGNING;
+        self.work |= Work::SAVE;
     }
 
     /// The logs in flash were looked for. Nothing is recorded before.
@@ -162,10 +167,7 @@ impl Autopilot {
 
     /// Before a restart: what could not be saved has a last chance, and a signing key that is not saved is announced.
     pub fn prepare_restart(&mut self, now: Instant) {
-        self.parameters.retry_failed();
-        self.work |= Work::SAVE_PARAMETERS;
-        self.retry_learnt();
-        self.retry_wifi();
+        self.retry_failed();
         if self.signing.trouble() == Some(SigningTrouble::NotSaved) {
             self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
         }

@@ -105,12 +105,6 @@ impl Autopilot {
         self.wifi_changed();
     }
 
-    /// What has waited for its retry is written at once.
-    pub(super) fn retry_wifi(&mut self) {
-        self.wifi.save.retry();
-        self.work |= Work::SAVE_WIFI;
-    }
-
     /// Sends name and password of the access point on a link to a person who has the vehicle in hand, and a refusal on any
     /// other. Neither is logged.
     pub(super) fn show_wifi(&self, channel: &mut Channel) {
@@ -142,7 +136,7 @@ impl Autopilot {
 
     fn wifi_changed(&mut self) {
         self.wifi.forget_reports();
-        self.work |= Work::WIFI;
-        self.retry_wifi();
+        self.wifi.save.retry();
+        self.work |= Work::WIFI | Work::SAVE;
     }
 }

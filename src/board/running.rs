@@ -22,7 +22,7 @@ const NOTHING: u32 = 0;
 const NO_TASK: u32 = 1;
 const MAIN: u32 = 2;
 
-const MAX_TASKS: usize = 24;
+const MAX_TASKS: usize = 20;
 const ENTRY_WORDS: usize = 1 + size_of::<TaskNameWords>() / 4;
 
 /// The id and the name of each task. They are retained, too: a name has to be the one that the program had which ran then.

@@ -158,22 +158,17 @@ impl Ring {
     /// The ring in `range` of `flash` as it was left. No file is open. What can't be read, or is not of a ring of this
     /// size, counts as space to be erased.
     pub async fn scan<F: ReadNorFlash>(flash: &mut F, range: Range<u32>) -> Self {
-        let empty = Self::new(range);
+        let mut ring = Self::new(range);
         let Scan {
             next,
             erased_to,
             ready,
-            directory,
             newest_number,
-        } = scan(flash, empty.geometry).await;
-        let mut ring = Self {
-            directory,
-            next_number: newest_number.map_or(1, after),
-            next,
-            erased_to,
-            ready,
-            ..empty
-        };
+        } = scan(flash, ring.geometry, &mut ring.directory).await;
+        ring.next_number = newest_number.map_or(1, after);
+        ring.next = next;
+        ring.erased_to = erased_to;
+        ring.ready = ready;
         ring.skip_unusable();
         ring
     }

@@ -20,7 +20,7 @@ impl Chunk {
     }
 }
 
-/// What a ring holds.
+/// What a ring holds besides files.
 pub(super) struct Scan {
     /// The sector after all that were ever begun.
     pub next: u32,
@@ -28,14 +28,17 @@ pub(super) struct Scan {
     pub erased_to: u32,
     /// The positions of those sectors from `next` to `erased_to` that can be used.
     pub ready: SectorSet,
-    pub directory: Directory,
     /// The number of the newest file, listed or not.
     pub newest_number: Option<u16>,
 }
 
-/// Reads the front of every sector, the whole of those that are erased, and the last one of every file from its end. Yields
-/// to other tasks after each sector.
-pub(super) async fn scan<F: ReadNorFlash>(flash: &mut F, geometry: Geometry) -> Scan {
+/// Reads the front of every sector, the whole of those that are erased, and the last one of every file from its end. Adds the
+/// files to `directory`, which is empty. Yields to other tasks after each sector.
+pub(super) async fn scan<F: ReadNorFlash>(
+    flash: &mut F,
+    geometry: Geometry,
+    directory: &mut Directory,
+) -> Scan {
     let mut reader = Reader { flash, geometry };
     let newest = reader.newest().await;
     let sectors = geometry.sectors();
@@ -47,12 +50,12 @@ pub(super) async fn scan<F: ReadNorFlash>(flash: &mut F, geometry: Geometry) -> 
     let after_begun = newest.begun.map_or(0, |header| header.sequence + 1);
     let next = geometry.first_sequence().max(after_begun).max(after_half_erased);
     let erased_to = newest.erased.map_or(next, |erased| next.max(erased + 1));
-    let directory = reader.files(erased_to.saturating_sub(sectors), after_begun).await;
+    let oldest = erased_to.saturating_sub(sectors);
+    reader.files(oldest, after_begun, directory).await;
     Scan {
         next,
         erased_to,
         ready: reader.ready(next, erased_to).await,
-        directory,
         newest_number: newest.begun.map(|header| header.number),
     }
 }
@@ -99,9 +102,8 @@ impl<F: ReadNorFlash> Reader<'_, F> {
         ready
     }
 
-    /// The files in the sectors from `oldest` to `end`.
-    async fn files(&mut self, oldest: u32, end: u32) -> Directory {
-        let mut directory = Directory::default();
+    /// Adds the files in the sectors from `oldest` to `end`.
+    async fn files(&mut self, oldest: u32, end: u32, directory: &mut Directory) {
         for sequence in oldest..end {
             if let HeaderSlot::Header(header) = self.front(sequence).await.header
                 && header.sequence == sequence
@@ -117,7 +119,6 @@ impl<F: ReadNorFlash> Reader<'_, F> {
             }
         }
         directory.remove_empty();
-        directory
     }
 
     /// The front of the first sector of the file with this header, unless it was erased since. The one at `oldest` may be

@@ -3,7 +3,6 @@
 use core::cell::{Cell, RefCell};
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::{Receiver, Watch};
 
@@ -22,9 +21,6 @@ const MAX_LINKS: usize = if LinkId::ALL.len() > SIMULATED_LINKS {
     SIMULATED_LINKS
 };
 
-/// The tasks that write to flash: parameters, signing, learnt, Wi-Fi, log.
-const FLASH_TASKS: usize = 5;
-
 /// A page is programmed in 0.6 ms, and in 3.2 ms at most.
 const PROGRAMMING_US: u64 = 4_000;
 
@@ -37,10 +33,6 @@ const NETWORK_STEP_US: u64 = 1_000;
 /// A sampling that is due begins within this time, unless something else holds it up.
 const SAMPLING_START_US: u64 = 1_000;
 
-/// Fair lock on the flash, granted in the order of the requests: a task that always has something to write must not keep the
-/// others from theirs until the watchdog misses them.
-type FlashTurns = FairSemaphore<NoopRawMutex, FLASH_TASKS>;
-
 /// Wakes up a link when something was announced.
 pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LINKS>;
 
@@ -50,15 +42,11 @@ pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LI
 pub struct Shared {
     autopilot: RefCell<Autopilot>,
     announced: Watch<NoopRawMutex, (), MAX_LINKS>,
-    flash_turns: FlashTurns,
     /// When the packs are sampled next.
     sampling_due: Cell<Option<Instant>>,
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     pub(super) to_save: Signal<NoopRawMutex, ()>,
-    pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
-    pub(super) to_keep_learnt: Signal<NoopRawMutex, ()>,
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
-    pub(super) to_save_wifi: Signal<NoopRawMutex, ()>,
     /// What the radio is to do may have changed.
     pub(crate) to_set_up_wifi: Signal<NoopRawMutex, ()>,
     pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
@@ -72,14 +60,10 @@ impl Shared {
         Self {
             autopilot: in_place(|| RefCell::new(Autopilot::new(start))),
             announced: Watch::new(),
-            flash_turns: FlashTurns::new(1),
             sampling_due: Cell::new(None),
             to_drive: Signal::new(),
             to_save: Signal::new(),
-            to_save_signing: Signal::new(),
-            to_keep_learnt: Signal::new(),
             to_reboot: Signal::new(),
-            to_save_wifi: Signal::new(),
             to_set_up_wifi: Signal::new(),
             ground_station_heard: Signal::new(),
         }
@@ -94,15 +78,6 @@ impl Shared {
             self.wake(work);
         }
         result
-    }
-
-    /// Waits until no other task writes to flash; it is this one's turn until the result is dropped.
-    ///
-    /// An erase takes up to 400 ms. Were each of three tasks to erase a sector in its turn of one round, nothing else would run
-    /// in between, and the watchdog would not be fed in time.
-    pub(super) async fn flash_turn(&self) -> Option<SemaphoreReleaser<'_, FlashTurns>> {
-        // The queue has a place for each of them.
-        self.flash_turns.acquire(1).await.ok()
     }
 
     /// The packs are sampled next at `due`.
@@ -149,11 +124,8 @@ impl Shared {
     fn wake(&self, work: Work) {
         let signals = [
             (Work::DRIVE, &self.to_drive),
-            (Work::SAVE_PARAMETERS, &self.to_save),
-            (Work::SAVE_SIGNING, &self.to_save_signing),
-            (Work::KEEP_LEARNT, &self.to_keep_learnt),
+            (Work::SAVE, &self.to_save),
             (Work::RESTART, &self.to_reboot),
-            (Work::SAVE_WIFI, &self.to_save_wifi),
             (Work::WIFI, &self.to_set_up_wifi),
             (Work::GROUND_STATION_HEARD, &self.ground_station_heard),
         ];

@@ -3,7 +3,6 @@
 use std::cell::RefCell;
 
 use embassy_futures::block_on;
-use embassy_futures::join::join3;
 use embassy_futures::select::select;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Timer};
@@ -15,11 +14,13 @@ use rover_battmon::mavlink::{Framer, LinkKind};
 use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
-use rover_battmon::tasks::{CheckIn, Shared, boot, keep_learnt, keep_parameters, keep_signing, now};
+use rover_battmon::tasks::{Shared, now};
 use support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
 use support::requests::{
     VEHICLE, command_long, command_long_2, disarm, param_request_list, param_set, setup_signing,
 };
+
+use crate::regions::{Regions, keep};
 
 const ARM_DISARM: u16 = 400;
 const PREFLIGHT_STORAGE: u16 = 245;
@@ -32,25 +33,9 @@ const NOT_WHILE_ARMED: &str = "Not while armed: disarm first";
 /// A capacity that is lost if power is lost before disarming.
 const CAPACITY: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Capacity);
 
-/// The three regions of a vehicle's flash.
-struct Regions {
-    parameters: SmallFlash,
-    signing: SmallFlash,
-    learnt: SmallFlash,
-}
-
-impl Regions {
-    fn blank() -> Self {
-        Self {
-            parameters: SmallFlash::blank(),
-            signing: SmallFlash::blank(),
-            learnt: SmallFlash::blank(),
-        }
-    }
-
-    fn erases(&self) -> [u32; 3] {
-        [&self.parameters, &self.signing, &self.learnt].map(|flash| flash.chip().erases.iter().sum())
-    }
+/// Erases of parameters, signing and learnt data.
+fn erases(regions: &Regions) -> [u32; 3] {
+    [&regions.parameters, &regions.signing, &regions.learnt].map(|flash| flash.chip().erases.iter().sum())
 }
 
 /// The vehicle, and a ground station by cable.
@@ -115,9 +100,9 @@ impl Station<'_> {
     /// What the ground station does with an armed vehicle, in which nothing is erased meanwhile.
     async fn armed<T>(&self, script: impl AsyncFnOnce() -> T) -> T {
         self.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
-        let before = self.regions.erases();
+        let before = erases(self.regions);
         let result = script().await;
-        assert_eq!(self.regions.erases(), before, "erased while armed");
+        assert_eq!(erases(self.regions), before, "erased while armed");
         result
     }
 
@@ -128,20 +113,11 @@ impl Station<'_> {
 
 /// Starts a vehicle with this flash, and switches it off after the script.
 fn run(regions: &Regions, script: impl AsyncFnOnce(&Station<'_>)) {
-    let check_in = CheckIn::new("", u32::MAX);
-    let storage = |flash: &SmallFlash| Storage::new(flash.clone(), SmallFlash::REGION);
     clock::run_for(Duration::from_secs(24 * 3600), async {
         let mut start = Start::default();
-        let mut parameters = storage(&regions.parameters);
-        let signing = storage(&regions.signing);
-        let signing = boot(&mut parameters, signing, ParameterSource::Stored, &mut start).await;
+        let mut storages = regions.storages();
+        storages.boot(ParameterSource::Stored, &mut start).await;
         let shared = Shared::new(&start);
-        let learnt = Storage::new(regions.learnt.clone(), SmallFlash::REGION);
-        let tasks = join3(
-            keep_parameters(parameters, &shared, &check_in),
-            keep_signing(signing, &shared, &check_in),
-            keep_learnt(learnt, &shared, &check_in),
-        );
         let station = Station {
             shared: &shared,
             channel: RefCell::new(Channel::new("cable", LinkKind::Direct, 100_000, now())),
@@ -151,23 +127,23 @@ fn run(regions: &Regions, script: impl AsyncFnOnce(&Station<'_>)) {
             station.wait(2).await;
             script(&station).await;
         };
-        select(tasks, script).await;
+        select(keep(storages, &shared), script).await;
     });
 }
 
-/// The parameter's value after a start with this flash.
-fn stored(regions: &Regions, id: ParameterId) -> f32 {
+/// What a start with this flash reads.
+fn started(regions: &Regions) -> Start {
     let mut start = Start::default();
-    let mut parameters = Storage::new(regions.parameters.clone(), SmallFlash::REGION);
-    let signing = Storage::new(regions.signing.clone(), SmallFlash::REGION);
-    block_on(boot(
-        &mut parameters,
-        signing,
-        ParameterSource::Stored,
-        &mut start,
-    ));
+    block_on(regions.storages().boot(ParameterSource::Stored, &mut start));
+    start
+}
+
+/// The parameter's value after a start with this flash, which is undamaged.
+fn stored(regions: &Regions, id: ParameterId) -> f32 {
+    let mut parameters: Storage<_> = Storage::new(regions.parameters.clone(), SmallFlash::REGION);
+    block_on(parameters.load(&mut |_, _| {})).expect("readable");
     assert_eq!(parameters.condition(), Condition::Intact);
-    start.parameters.get(id)
+    started(regions).parameters.get(id)
 }
 
 /// Sets two parameters in turn until each sector that was erased is full, and then `further` ones.
@@ -286,15 +262,7 @@ fn marks_of_the_signing_time_and_learnt_data_erase_nothing() {
         assert!(!station.shared.with(|autopilot| autopilot.has_unsaved()));
     });
     // The key is there, and what was learnt last.
-    let mut start = Start::default();
-    let mut parameters = Storage::new(regions.parameters.clone(), SmallFlash::REGION);
-    let signing = Storage::new(regions.signing.clone(), SmallFlash::REGION);
-    block_on(boot(
-        &mut parameters,
-        signing,
-        ParameterSource::Stored,
-        &mut start,
-    ));
+    let start = started(&regions);
     assert!(!start.signing.has_lost_key() && !start.signing.is_key_unsaved());
 }
 
@@ -320,11 +288,11 @@ fn each_region_is_prepared_once_and_stays_so_over_restarts() {
         station.ask(&param_set("BATT_LRN_ERASE", 1.0));
         station.wait(2).await;
     });
-    assert_eq!(regions.erases(), [1, 1, 1]);
+    assert_eq!(erases(&regions), [1, 1, 1]);
     for _ in 0..5 {
         run(&regions, async |station| drop(station.wait(5).await));
     }
-    assert_eq!(regions.erases(), [1, 1, 1]);
+    assert_eq!(erases(&regions), [1, 1, 1]);
     // None is erased twice for a move, either.
     let mut parameters: Storage<_> = Storage::new(regions.parameters.clone(), SmallFlash::REGION);
     for value in 0..50 {

@@ -12,11 +12,13 @@ use rover_battmon::memory::storage::{Erase, FlashFault, Storage, StorageError};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
-use rover_battmon::tasks::{CheckIn, Shared, keep_learnt, reboot_requested};
+use rover_battmon::tasks::{Shared, reboot_requested};
 use support::desk::Desk;
 use support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, of_message, texts_of};
 use support::learnt_record::learnt_words;
 use support::requests::{command_long, param_read_by_name, param_set, reboot};
+
+use crate::regions::{Regions, keep};
 
 type Words = [u32; LEARNT_WORDS];
 
@@ -157,7 +159,7 @@ fn another_serial_number_is_another_pack() {
     let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     desk.autopilot.take_work();
     desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
-    assert!(desk.autopilot.take_work().contains(Work::KEEP_LEARNT));
+    assert!(desk.autopilot.take_work().contains(Work::SAVE));
     assert_eq!(job(&mut desk), read_of(Pack::First, Some(7)));
     desk.autopilot.learnt_read(of(Pack::First, Some(7)), Ok(None));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
@@ -216,7 +218,7 @@ fn read_only_parameters_are_refused() {
         assert_eq!(values(&answers), [("BATT_LRN_CAP".into(), 2950.0)]);
     }
     assert!(!desk.autopilot.has_unsaved());
-    assert!(!desk.autopilot.take_work().contains(Work::SAVE_PARAMETERS));
+    assert!(!desk.autopilot.take_work().contains(Work::SAVE));
 }
 
 #[test]
@@ -225,7 +227,7 @@ fn erasing_is_acknowledged_reads_0_and_is_written() {
     let answers = desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
     let erase = |value| ("BATT_LRN_ERASE".to_string(), value);
     assert_eq!(values(&answers), [erase(1.0), erase(0.0)]);
-    assert!(desk.autopilot.take_work().contains(Work::KEEP_LEARNT));
+    assert!(desk.autopilot.take_work().contains(Work::SAVE));
     assert!(desk.autopilot.has_unsaved(), "a restart waits for it");
     let shown = [("BATT_LRN_CAP".into(), 0.0), ("BATT_LRN_RES".into(), 0.0)];
     assert_eq!(values(&posted(&mut desk)), shown);
@@ -408,7 +410,10 @@ fn stored(flash: &SmallFlash, identity: PackIdentity) -> Option<Words> {
 
 /// Runs the task with this flash for `duration` while `script` changes things; returns the capacity shown at the end.
 fn run_task(flash: &SmallFlash, duration: Duration, script: impl AsyncFnOnce(&Shared)) -> f32 {
-    let check_in = CheckIn::new("", u32::MAX);
+    let regions = Regions {
+        learnt: flash.clone(),
+        ..Regions::blank()
+    };
     let mut shown = 0.0;
     clock::run_for(duration, async {
         let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
@@ -416,7 +421,7 @@ fn run_task(flash: &SmallFlash, duration: Duration, script: impl AsyncFnOnce(&Sh
             script(&shared).await;
             Timer::after_millis(500).await;
         };
-        let task = keep_learnt(storage(flash), &shared, &check_in);
+        let task = keep(regions.storages(), &shared);
         select(select(task, reboot_requested(&shared, || true)), all).await;
         let capacity = BatteryParameter::LrnCap.of(Pack::First);
         shown = shared.with(|autopilot| autopilot.parameters().get(capacity));

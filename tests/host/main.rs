@@ -23,6 +23,7 @@ mod motor_controllers;
 mod network;
 mod parameter_docs;
 mod pins_and_wires;
+mod regions;
 mod rover;
 mod safe_driving;
 mod signing;

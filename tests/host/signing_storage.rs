@@ -12,20 +12,21 @@ use embassy_time::{Duration, Instant, Timer};
 use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
+use rover_battmon::crash::ParameterSource;
 use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::{Event, LinkKind, Signing};
-use rover_battmon::memory::storage::Storage;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::tasks::{
-    ByteSource, CheckIn, Link, ReceiveError, Shared, SigningStorage, keep_signing, reboot_requested,
-    serve_link,
+    ByteSource, CheckIn, Link, ReceiveError, Shared, Storages, reboot_requested, serve_link,
 };
 use support::desk::Desk;
 use support::frames::{Frame, frames, texts_of};
 use support::line::{BYTE_US, Line};
 use support::requests::{param_set, reboot, setup_signing};
 use support::signer::{NEW_YEAR, Signer};
+
+use crate::regions::{Regions, keep};
 
 /// What keys are made of; 0 is none.
 const NONE: u8 = 0;
@@ -63,6 +64,15 @@ struct Run {
     late_cable: Vec<Frame>,
 }
 
+/// Of a vehicle with what is stored of signing, and nothing else.
+fn storages(flash: &SmallFlash) -> Storages<SmallFlash> {
+    let regions = Regions {
+        signing: flash.clone(),
+        ..Regions::blank()
+    };
+    regions.storages()
+}
+
 /// Runs a vehicle with this flash until a restart is requested, or for this many seconds. Requests come by cable.
 fn run(seconds: u64, flash: &SmallFlash, requests: &[(u64, Vec<u8>)]) -> Run {
     run_while(seconds, flash, requests, pending())
@@ -87,9 +97,9 @@ fn run_while(
     let sent = [const { RefCell::new(Vec::new()) }; 3];
     let requests = requests.iter().cloned().collect();
     clock::run_for(Duration::from_secs(seconds), async {
-        let storage = Storage::new(flash.clone(), SmallFlash::REGION);
+        let mut storages = storages(flash);
         let mut start = Start::with_parameters(without_packs());
-        let storage = SigningStorage::load(storage, &mut start.signing).await;
+        storages.boot(ParameterSource::Stored, &mut start).await;
         let shared = Shared::new(&start);
         let serve = async |kind, sent, requests| {
             let link = Link::new("link", kind, 11_520);
@@ -112,7 +122,7 @@ fn run_while(
             serve(LinkKind::Radio, &sent[1], VecDeque::new()),
             late,
         );
-        let vehicle = join3(keep_signing(storage, &shared, &check_in), links, script);
+        let vehicle = join3(keep(storages, &shared), links, script);
         select(vehicle, reboot_requested(&shared, || true)).await;
     });
     let [cable, radio, late_cable] = sent.map(|sent| frames(&sent.take()));
@@ -157,10 +167,9 @@ enum Obeys {
 }
 
 fn start(flash: &SmallFlash) -> Signing {
-    let mut signing = Signing::off();
-    let storage = Storage::new(flash.clone(), SmallFlash::REGION);
-    block_on(SigningStorage::load(storage, &mut signing));
-    signing
+    let mut start = Start::default();
+    block_on(storages(flash).boot(ParameterSource::Stored, &mut start));
+    start.signing
 }
 
 /// What a vehicle does when it is started with this flash. `recorded` is what its owner has sent before.

@@ -16,7 +16,7 @@ use rover_battmon::memory::storage::{FlashFault, Storage, StorageError};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
-use rover_battmon::tasks::{CheckIn, Shared, keep_wifi};
+use rover_battmon::tasks::Shared;
 use rover_battmon::time::Instant;
 use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
@@ -28,6 +28,8 @@ use support::frames::{
 use support::requests::{
     command_long, command_long_2, disarm, param_set, setup_signing, wifi_config, wifi_config_payload,
 };
+
+use crate::regions::{Regions, keep};
 use support::signer::{NEW_YEAR, Signer};
 
 const ACCESS_POINT: u8 = 1;
@@ -113,7 +115,7 @@ fn by_cable_it_is_set_up_and_answered_without_the_password() {
     assert_eq!(setup.mode, WifiMode::Station);
     assert_eq!(setup.network, Some(network("home", "at home 1")));
     let work = cable.autopilot.take_work();
-    assert!(work.contains(Work::WIFI | Work::SAVE_WIFI | Work::SAVE_PARAMETERS));
+    assert!(work.contains(Work::WIFI | Work::SAVE));
 
     let sent = cable.ask(&wifi_config("", "another one", ACCESS_POINT));
     assert_eq!(answer(&sent), ("rover-0A2C".into(), ACCESS_POINT, ACCEPTED));
@@ -335,7 +337,7 @@ fn a_radio_without_a_password_gets_one_that_is_saved() {
         .wifi_loaded(StoredWifi::default(), || Some([1; 32]), Instant::EPOCH);
     let made = Password::from_entropy(&[1; 32]);
     assert_eq!(desk.autopilot.wifi_setup().unwrap().own_password, made);
-    assert!(desk.autopilot.take_work().contains(Work::WIFI | Work::SAVE_WIFI));
+    assert!(desk.autopilot.take_work().contains(Work::WIFI | Work::SAVE));
     let unsaved = desk.autopilot.next_unsaved_wifi(desk.now());
     assert_eq!(unsaved, Some(WifiRecord::OwnPassword(made)));
     assert!(desk.autopilot.has_unsaved());
@@ -352,7 +354,7 @@ fn a_radio_stays_off_without_random_numbers_and_after_its_crash() {
     let no_entropy = "Wi-Fi off: no random numbers for a password";
     assert!(texts_of(&desk.sent()).contains(&no_entropy.into()));
 
-    for (task, is_off) in [("Wi-Fi", true), ("Wi-Fi settings", false), ("battery", false)] {
+    for (task, is_off) in [("Wi-Fi", true), ("flash", false), ("battery", false)] {
         let mut desk = Desk::starting(Start {
             crash: Some(CrashRecord {
                 task: TaskName::new(task),
@@ -512,7 +514,10 @@ fn stored(flash: &SmallFlash) -> StoredWifi {
 
 /// Runs the task with this flash while a ground station sends `requests` by cable.
 fn run_task(flash: &SmallFlash, requests: &[Vec<u8>]) {
-    let check_in = CheckIn::new("", u32::MAX);
+    let regions = Regions {
+        wifi: Some(flash.clone()),
+        ..Regions::blank()
+    };
     clock::run_for(Duration::from_secs(10), async {
         let shared = Shared::new(&start(Radio::Present));
         let all = async {
@@ -527,11 +532,7 @@ fn run_task(flash: &SmallFlash, requests: &[Vec<u8>]) {
                 Timer::after_millis(100).await;
             }
         };
-        select(
-            keep_wifi(storage(flash), || Some([7; 32]), &shared, &check_in),
-            all,
-        )
-        .await;
+        select(keep(regions.storages(), &shared), all).await;
     });
 }
 

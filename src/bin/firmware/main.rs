@@ -13,7 +13,7 @@ mod firmware {
     use embassy_futures::yield_now;
     use panic_probe as _;
     use rover_battmon::autopilot::Start;
-    use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
+    use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardCan, BoardCrashMemory, BoardFlash, BoardIndicators, BoardKind, BoardMotors,
         BoardWatchdog, Buzzer, CanController, CanPins, ExecutorIdleTime, FlashDriver, LastRun,
@@ -23,15 +23,14 @@ mod firmware {
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::mavlink::LinkId;
     use rover_battmon::memory::flash_map;
-    use rover_battmon::memory::storage::Storage;
     use rover_battmon::net::{NetMemory, Service};
     use rover_battmon::sensor::{Buses, DriverEnable};
     use rover_battmon::tasks::CheckIn;
-    use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
-    use rover_battmon::wifi::{RADIO_TASK, Radio, WIFI_WORDS};
+    use rover_battmon::tasks::{self, Link, Shared, Storages};
+    use rover_battmon::wifi::{RADIO_TASK, Radio};
     use static_cell::StaticCell;
 
-    static FLASH: StaticCell<FlashDriver> = StaticCell::new();
+    static FLASH_DRIVER: StaticCell<FlashDriver> = StaticCell::new();
     static SHARED: StaticCell<Shared> = StaticCell::new();
     static UART0: StaticCell<Link<'static>> = StaticCell::new();
     static LOGS: StaticCell<BoardFlash> = StaticCell::new();
@@ -49,12 +48,8 @@ mod firmware {
     static TELEMETRY: CheckIn = CheckIn::new("telemetry", 2_500);
     static UART0_WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
     static UART0_READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
-    static PARAMETERS: CheckIn = CheckIn::new("parameters", 5_000);
-    static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
-    static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
-    static LOG: CheckIn = CheckIn::new("log", 5_000);
+    static FLASH: CheckIn = CheckIn::new("flash", 5_000);
     static WIFI: CheckIn = CheckIn::new(RADIO_TASK, 5_000);
-    static WIFI_SETTINGS: CheckIn = CheckIn::new("Wi-Fi settings", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
@@ -134,29 +129,8 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn parameters(storage: Storage<BoardFlash>, shared: &'static Shared) -> ! {
-        tasks::keep_parameters(storage, shared, &PARAMETERS).await
-    }
-
-    #[embassy_executor::task]
-    async fn signing(storage: SigningStorage<BoardFlash>, shared: &'static Shared) -> ! {
-        tasks::keep_signing(storage, shared, &SIGNING).await
-    }
-
-    #[embassy_executor::task]
-    async fn learnt(storage: Storage<BoardFlash, [u32; LEARNT_WORDS]>, shared: &'static Shared) -> ! {
-        tasks::keep_learnt(storage, shared, &LEARNT).await
-    }
-
-    /// Only on a board with a radio.
-    #[embassy_executor::task]
-    async fn wifi_settings(storage: Storage<BoardFlash, [u32; WIFI_WORDS]>, shared: &'static Shared) -> ! {
-        tasks::keep_wifi(storage, board::entropy, shared, &WIFI_SETTINGS).await
-    }
-
-    #[embassy_executor::task]
-    async fn log(flash: BoardFlash, shared: &'static Shared) -> ! {
-        tasks::keep_log(flash, flash_map::LOG, shared, &LOG).await
+    async fn flash(storages: Storages<BoardFlash>, log: BoardFlash, shared: &'static Shared) -> ! {
+        tasks::keep_flash(storages, log, flash_map::LOG, board::entropy, shared, &FLASH).await
     }
 
     /// Only on a board with a radio.
@@ -181,7 +155,6 @@ mod firmware {
     async fn supervisor(mut watchdog: BoardWatchdog, radio: Radio) -> ! {
         let watched = [
             &WIFI,
-            &WIFI_SETTINGS,
             &BATTERY,
             &BUS,
             &CAN,
@@ -191,16 +164,13 @@ mod firmware {
             &TELEMETRY,
             &UART0_WRITER,
             &UART0_READER,
-            &PARAMETERS,
-            &SIGNING,
-            &LEARNT,
-            &LOG,
+            &FLASH,
             &STATUS,
         ];
         let watched = match radio {
             Radio::Present => watched.as_slice(),
-            // The first two do not run.
-            Radio::Absent => watched.get(2..).unwrap_or_default(),
+            // The first one does not run.
+            Radio::Absent => watched.get(1..).unwrap_or_default(),
         };
         tasks::supervise(watched, &mut watchdog).await
     }
@@ -263,21 +233,17 @@ mod firmware {
         );
         let radio = kind.radio();
         info!("Wi-Fi radio: {}", radio);
-        let flash_driver = FLASH.init(board::flash_driver(peripherals.FLASH));
+        let flash_driver = FLASH_DRIVER.init(board::flash_driver(peripherals.FLASH));
         let id = board::board_id(flash_driver);
         if let Some(id) = id {
             info!("board {}", id.serial_number().as_str());
         }
         let flash = BoardFlash::new(flash_driver);
-        let mut storage = Storage::of_double_sectors(flash, flash_map::PARAMETERS);
+        let mut storages = Storages::of_board(flash, radio);
         let mut stored = Start::default();
-        let signing_storage = watchdog
-            .feed_during(pin!(tasks::boot(
-                &mut storage,
-                Storage::new(flash, flash_map::SIGNING),
-                last_run.quick_resets.parameter_source(),
-                &mut stored,
-            )))
+        let source = last_run.quick_resets.parameter_source();
+        watchdog
+            .feed_during(pin!(storages.boot(source, &mut stored)))
             .await;
         stored.radio = radio;
         stored.identity.board_id = id;
@@ -394,14 +360,8 @@ mod firmware {
         }
         start(spawner, SERIAL.name(), serial(serial_port, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
-        start(spawner, PARAMETERS.name(), parameters(storage, shared));
-        start(spawner, SIGNING.name(), signing(signing_storage, shared));
-        let learnt_storage = Storage::new(flash, flash_map::LEARNT);
-        start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
-        start(spawner, LOG.name(), log(flash, shared));
+        start(spawner, FLASH.name(), self::flash(storages, flash, shared));
         if let Some(pins) = wifi_pins {
-            let wifi_storage = Storage::new(flash, flash_map::WIFI);
-            start(spawner, WIFI_SETTINGS.name(), wifi_settings(wifi_storage, shared));
             start(spawner, WIFI.name(), wifi(open_wifi(kind, pins), logs, shared));
         }
         start(spawner, STATUS.name(), status(shared, link));

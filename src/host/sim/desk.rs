@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::future::pending;
 use std::rc::Rc;
 
-use embassy_futures::join::{join, join_array, join3, join4};
+use embassy_futures::join::{join, join_array, join3};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
@@ -18,17 +18,15 @@ use super::{
     SimulatedPackInput, SimulatedRover, UdpWire,
 };
 use crate::autopilot::Start;
-use crate::battery::{LEARNT_WORDS, RetainedRecord};
+use crate::battery::RetainedRecord;
 use crate::crash::ParameterSource;
 use crate::mavlink::{LinkKind, SIMULATED_LINKS};
 use crate::memory::flash_map;
-use crate::memory::storage::Storage;
 use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::tasks::{
-    ByteSource, CheckIn, Link, ReceiveError, SerialLine, Shared, SigningStorage, boot, drive, keep_learnt,
-    keep_log, keep_parameters, keep_signing, read_bus, reboot_requested, refuse_link, sample_batteries,
-    serve_link, serve_serial,
+    ByteSource, CheckIn, Link, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus,
+    reboot_requested, refuse_link, sample_batteries, serve_link, serve_serial,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 
@@ -108,32 +106,18 @@ async fn run_until_restart(
     }
 }
 
-/// Where the tasks keep what has to survive a restart.
-struct Storages {
-    parameters: Storage<SimulatedFlash>,
-    signing: SigningStorage<SimulatedFlash>,
-    learnt: Storage<SimulatedFlash, [u32; LEARNT_WORDS]>,
-}
-
 /// The vehicle as it starts from its flash.
 async fn start<'a>(
     flash: &'a SimulatedFlash,
     scenario: Option<&'static Scenario>,
     pack: &'a RefCell<SimulatedPack>,
-) -> (Desk<'a>, Storages) {
-    let mut parameters = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
-    let signing = Storage::new(flash.clone(), flash_map::SIGNING);
-    let learnt = Storage::new(flash.clone(), flash_map::LEARNT);
+) -> (Desk<'a>, Storages<SimulatedFlash>) {
     let mut start = Start::default();
-    let signing = boot(&mut parameters, signing, ParameterSource::Stored, &mut start).await;
+    let mut storages = Storages::of_board(flash.clone(), start.radio);
+    storages.boot(ParameterSource::Stored, &mut start).await;
     if let Some(scenario) = scenario {
         scenario.set_up(&mut start.parameters);
     }
-    let storages = Storages {
-        parameters,
-        signing,
-        learnt,
-    };
     (Desk::new(&start, pack, flash), storages)
 }
 
@@ -184,7 +168,7 @@ impl<'a> Desk<'a> {
     }
 
     /// Runs the vehicle's tasks, all but those of its links.
-    async fn run_vehicle(&self, storages: Storages, rover: &SimulatedRover) {
+    async fn run_vehicle(&self, storages: Storages<SimulatedFlash>, rover: &SimulatedRover) {
         let mut memory = [RetainedRecord::BLANK; 2];
         let pack = PackSimulation::new(self.pack, rover, &self.shared);
         let sensors = join3(
@@ -197,16 +181,18 @@ impl<'a> Desk<'a> {
             read_bus(Buses::i2c(SimulatedBus::new(&pack)), &self.shared, &UNWATCHED),
             serve_serial(Some(NotSimulated), &self.shared, &UNWATCHED),
         );
-        let keep = join4(
-            keep_parameters(storages.parameters, &self.shared, &UNWATCHED),
-            keep_signing(storages.signing, &self.shared, &UNWATCHED),
-            keep_learnt(storages.learnt, &self.shared, &UNWATCHED),
-            keep_log(self.flash.clone(), flash_map::LOG, &self.shared, &UNWATCHED),
+        let flash = keep_flash(
+            storages,
+            self.flash.clone(),
+            flash_map::LOG,
+            || None,
+            &self.shared,
+            &UNWATCHED,
         );
         join3(
             sensors,
             drive(rover, NotSimulated, &self.shared, &UNWATCHED),
-            keep,
+            flash,
         )
         .await;
     }

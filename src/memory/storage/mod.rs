@@ -77,7 +77,7 @@ pub enum Stored {
 ///
 /// Unknown keys are kept, for another firmware version.
 ///
-/// Yields to other tasks between flash operations. Dropping a future before it completes is like a power cut.
+/// Yields to other tasks between flash operations, and after 0.2 ms of reading. Dropping a future before it completes is like a power cut.
 #[derive(Debug)]
 pub struct Storage<F, V = u32> {
     region: Region<F, V>,
@@ -207,6 +207,11 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         }
     }
 
+    /// Whether there is nothing that [`prepare`](Self::prepare) could do.
+    pub fn is_prepared(&self) -> bool {
+        self.preparation == Preparation::Done
+    }
+
     /// Erases a block of the sector that the next move needs, if that is not erased and it is allowed. Without a stored
     /// value there is none. To be called until nothing can be done.
     ///
@@ -223,6 +228,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
             self.log = self.find_log().await?;
         }
         let Some(log) = self.log.filter(|_| self.region.can_move()) else {
+            self.preparation = Preparation::Done;
             return Ok(Prepared::AsFarAsPossible);
         };
         let next = self.region.after(log.sector);
@@ -482,6 +488,9 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         // Damaged slots, as far as they can be recognised.
         let mut damaged = 0;
         for slot in 0..self.slots() {
+            if slot.is_multiple_of(Region::<F, V>::SLOTS_OF_A_READ) {
+                yield_now().await;
+            }
             match self.region.read_slot(sector, slot).await? {
                 Slot::Blank => continue,
                 Slot::Record(_) => {

@@ -46,6 +46,8 @@ impl Unused {
 const WORD: usize = size_of::<u32>();
 /// Bytes that are read at once in a search: whole records of each width.
 const READ_BYTES: usize = 192;
+/// Bytes that are looked through for content in one turn.
+const BLANK_BYTES_A_TURN: u32 = 256;
 /// Bytes at either end of a sector for headers.
 const MARGIN: u32 = 16;
 /// Offset of the retired mark: a word that is blank until the next sector is active.
@@ -62,7 +64,8 @@ const END_ERASED_AHEAD: [u8; MARGIN as usize] = {
 
 impl<F: NorFlash, V: Value> Region<F, V> {
     const BLOCK: u32 = F::ERASE_SIZE as u32;
-    const SLOTS_OF_A_READ: u32 = (READ_BYTES / Record::<V>::SIZE) as u32;
+    /// Slots that are read at once, or in one turn.
+    pub const SLOTS_OF_A_READ: u32 = (READ_BYTES / Record::<V>::SIZE) as u32;
 
     pub fn new(flash: F, range: Range<u32>, layout: Layout) -> Self {
         const {
@@ -221,6 +224,9 @@ impl<F: NorFlash, V: Value> Region<F, V> {
 
     async fn is_blank_in(&mut self, addresses: Range<u32>) -> Result<bool, StorageError> {
         for address in addresses.step_by(MARGIN as usize) {
+            if address.is_multiple_of(BLANK_BYTES_A_TURN) {
+                yield_now().await;
+            }
             if self.read(address).await? != [0xFF; MARGIN as usize] {
                 return Ok(false);
             }

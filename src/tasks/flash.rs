@@ -1,0 +1,345 @@
+//! Keeps in flash what has to outlast a restart: parameters, the signing key, what is learnt of the packs, Wi-Fi settings and
+//! the log.
+//!
+//! One task does all of it, so one operation follows the other, and other tasks run in between: the one that feeds the
+//! watchdog, too. Nothing waits for more than one thing of each other kind.
+
+use core::ops::Range;
+use core::pin::{Pin, pin};
+
+use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
+use embassy_time::{Duration, Timer};
+use embedded_storage_async::nor_flash::NorFlash;
+
+use super::{CheckIn, Shared, mark, now};
+use crate::autopilot::{LearntJob, LogStep, ParameterLoad, Start};
+use crate::battery::LEARNT_WORDS;
+use crate::crash::ParameterSource;
+use crate::log::warn;
+use crate::mavlink::{Signing, StoredSigning, ToStore};
+use crate::memory::flash_map;
+use crate::memory::storage::{Erase, MayErase, Prepared, Storage, StorageError, Value};
+use crate::parameter::{Parameters, Unsaved};
+use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
+use crate::wifi::{Radio, StoredWifi, WIFI_WORDS, WifiRecord};
+
+/// How often it is looked whether there is something to write without a request: of the log, or because a retry is due.
+const IDLE_CHECK: Duration = Duration::from_millis(250);
+
+/// Minimum pause of the log after an erase, which is as long as the erase otherwise: for others to use the flash and the
+/// processor.
+const LEAST_PAUSE: Duration = Duration::from_millis(50);
+
+/// The telemetry port's first messages leave before the radio begins.
+const RADIO_DELAY: Duration = Duration::from_millis(50);
+
+/// Time armed so far, before the tasks start.
+const NOT_ARMED_US: u64 = 0;
+
+/// Where everything is kept but the log.
+pub struct Storages<F> {
+    parameters: Storage<F>,
+    signing: Storage<F>,
+    stored_signing: StoredSigning,
+    learnt: Storage<F, [u32; LEARNT_WORDS]>,
+    wifi: Option<Storage<F, [u32; WIFI_WORDS]>>,
+}
+
+impl<F: NorFlash> Storages<F> {
+    /// In these storages; names and passwords of networks are kept on a board with a radio only.
+    pub fn new(
+        parameters: Storage<F>,
+        signing: Storage<F>,
+        learnt: Storage<F, [u32; LEARNT_WORDS]>,
+        wifi: Option<Storage<F, [u32; WIFI_WORDS]>>,
+    ) -> Self {
+        Self {
+            parameters,
+            signing,
+            stored_signing: StoredSigning::default(),
+            learnt,
+            wifi,
+        }
+    }
+
+    /// In the [regions](flash_map) of a board's flash.
+    pub fn of_board(flash: F, radio: Radio) -> Self
+    where
+        F: Clone,
+    {
+        Self::new(
+            Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS),
+            Storage::new(flash.clone(), flash_map::SIGNING),
+            Storage::new(flash.clone(), flash_map::LEARNT),
+            (radio == Radio::Present).then(|| Storage::new(flash, flash_map::WIFI)),
+        )
+    }
+
+    /// Reads the parameters and the signing key into `start`, before the tasks start. What can't be read is at its default,
+    /// and [`Autopilot::new`](crate::autopilot::Autopilot::new) reports it.
+    pub async fn boot(&mut self, source: ParameterSource, start: &mut Start) {
+        start.parameter_load = match source {
+            ParameterSource::Stored => self.load_parameters(&mut start.parameters).await,
+            ParameterSource::Defaults => {
+                start.parameters.mark_not_loaded();
+                ParameterLoad::Skipped
+            }
+        };
+        self.load_signing(&mut start.signing).await;
+    }
+
+    async fn load_parameters(&mut self, parameters: &mut Parameters) -> ParameterLoad {
+        let mut found = |key, word| {
+            let value = f32::from_bits(word);
+            if parameters.restore(key, value).is_err() {
+                warn!("stored parameter {} = {} does not fit this firmware", key, value);
+            }
+        };
+        let result = self.parameters.load(&mut found).await;
+        if parameters.mend_sticks() {
+            warn!("stored channels of the sticks do not fit each other: default");
+        }
+        match result {
+            Ok(()) => ParameterLoad::Loaded,
+            Err(error) => ParameterLoad::Damaged(error),
+        }
+    }
+
+    /// What can't be read counts as a lost key: [`Signing::trouble`] reports it.
+    async fn load_signing(&mut self, signing: &mut Signing) {
+        let stored = &mut self.stored_signing;
+        let read = self.signing.load(&mut |key, word| stored.found(key, word)).await;
+        if let Err(error) = read {
+            warn!("signing storage: {:?}", error);
+        }
+        *signing = stored.restore(self.signing.condition());
+        // Before the first frame leaves: what is signed from now on must not be signed again after the next start.
+        if let Some(what) = signing.next_unsaved(now(), NOT_ARMED_US) {
+            match self.write_signing(&what, &Erase::always).await {
+                Ok(()) => signing.mark_saved(&what),
+                Err(_) => signing.mark_failed(),
+            }
+        }
+    }
+
+    /// What can't be read is as if it was never set. `entropy` gives 32 random bytes for the first password.
+    async fn load_wifi(&mut self, entropy: impl FnOnce() -> Option<[u8; 32]>, shared: &Shared) {
+        let Some(storage) = &mut self.wifi else { return };
+        let mut stored = StoredWifi::default();
+        let read = storage.load(&mut |key, words| stored.found(key, &words)).await;
+        if let Err(error) = read {
+            warn!("Wi-Fi storage: {:?}", error);
+        }
+        shared.with(|autopilot| autopilot.wifi_loaded(stored, entropy, now()));
+    }
+
+    /// Saves what has to be saved until `other` is done, which gets its turns meanwhile.
+    // `dyn`: there is one such function.
+    async fn save_during(
+        &mut self,
+        mut other: Pin<&mut dyn Future<Output = ()>>,
+        shared: &Shared,
+        check_in: &CheckIn,
+    ) {
+        loop {
+            mark(check_in);
+            self.save(shared, check_in).await;
+            if let Either::First(()) = select(other.as_mut(), shared.to_save.wait()).await {
+                return;
+            }
+        }
+    }
+
+    /// Does the next thing of each kind, if there is one, and erases ahead once nothing is left.
+    async fn save(&mut self, shared: &Shared, check_in: &CheckIn) {
+        if let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_parameter(now())) {
+            let written = self.write_parameter(unsaved, shared).await;
+            shared.with(|autopilot| autopilot.parameter_written(unsaved, written, now()));
+            go_on(shared, check_in).await;
+        }
+        if let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_signing(now())) {
+            let written = self.write_signing(&unsaved, &|| shared.may_erase()).await;
+            shared.with(|autopilot| autopilot.signing_written(&unsaved, written, now()));
+            go_on(shared, check_in).await;
+        }
+        if let Some(job) = shared.with(|autopilot| autopilot.next_learnt_job(now())) {
+            self.keep_learnt(job, shared).await;
+            go_on(shared, check_in).await;
+        }
+        if let Some(storage) = &mut self.wifi
+            && let Some(record) = shared.with(|autopilot| autopilot.next_unsaved_wifi(now()))
+        {
+            let written = write_wifi(storage, &record, shared).await;
+            shared.with(|autopilot| autopilot.wifi_written(&record, written, now()));
+            go_on(shared, check_in).await;
+        }
+        if shared.to_save.signaled() {
+            return;
+        }
+        prepare(&mut self.parameters, shared, check_in).await;
+        prepare(&mut self.signing, shared, check_in).await;
+        prepare(&mut self.learnt, shared, check_in).await;
+        if let Some(storage) = &mut self.wifi {
+            prepare(storage, shared, check_in).await;
+        }
+    }
+
+    async fn write_parameter(&mut self, unsaved: Unsaved, shared: &Shared) -> Result<(), StorageError> {
+        let may_erase = || shared.may_erase();
+        match unsaved {
+            Unsaved::Reset => self.parameters.clear(&may_erase).await,
+            Unsaved::Value(id, value) => {
+                let stored = self.parameters.store(id.key(), value.to_bits(), &may_erase).await;
+                stored.map(drop)
+            }
+        }
+    }
+
+    async fn write_signing(&mut self, what: &ToStore, may_erase: MayErase<'_>) -> Result<(), StorageError> {
+        if *what == ToStore::Nothing {
+            self.signing.start_over(may_erase).await?;
+            self.stored_signing = StoredSigning::default();
+        }
+        for (key, word) in self.stored_signing.words(what) {
+            self.signing.store(key, word, may_erase).await?;
+            self.stored_signing.found(key, word);
+        }
+        Ok(())
+    }
+
+    /// Reads what is stored of a pack that is monitored, or writes what is learnt of one.
+    async fn keep_learnt(&mut self, job: LearntJob, shared: &Shared) {
+        match job {
+            LearntJob::Read(identity) => {
+                let stored = self.learnt.read(identity.key()).await;
+                shared.with(|autopilot| autopilot.learnt_read(identity, stored));
+            }
+            LearntJob::Write(identity, learnt) => {
+                let is_dispensable = |key| shared.with(|autopilot| !autopilot.is_learnt_in_use(key));
+                let may_erase = || shared.may_erase();
+                let written = self
+                    .learnt
+                    .store_replacing(identity.key(), learnt.to_words(), &is_dispensable, &may_erase)
+                    .await;
+                shared.with(|autopilot| {
+                    autopilot.learnt_written(identity.pack, &learnt, written.map(drop), now());
+                });
+            }
+        }
+    }
+}
+
+async fn write_wifi<F: NorFlash>(
+    storage: &mut Storage<F, [u32; WIFI_WORDS]>,
+    record: &WifiRecord,
+    shared: &Shared,
+) -> Result<(), StorageError> {
+    let may_erase = || shared.may_erase();
+    let stored = storage.store(record.key(), record.to_words(), &may_erase).await;
+    stored.map(drop)
+}
+
+/// Something was done, and more of it may follow; now it is the others' turn.
+async fn go_on(shared: &Shared, check_in: &CheckIn) {
+    mark(check_in);
+    shared.to_save.signal(());
+    yield_now().await;
+}
+
+/// Erases the sector that `storage` needs next, unless the vehicle is armed: a block at a time.
+async fn prepare<F: NorFlash, V: Value>(storage: &mut Storage<F, V>, shared: &Shared, check_in: &CheckIn) {
+    while !storage.is_prepared() && shared.may_erase() == Erase::Allowed {
+        let prepared = storage.prepare(&|| shared.may_erase()).await;
+        mark(check_in);
+        yield_now().await;
+        match prepared {
+            Ok(Prepared::Partly) => {}
+            Ok(Prepared::AsFarAsPossible) => return,
+            Err(error) => {
+                warn!("storage: no sector erased ahead: {:?}", error);
+                return;
+            }
+        }
+    }
+}
+
+/// Reads what was not read before the tasks start: what is learnt of the packs first, then Wi-Fi settings, then which logs there
+/// are in the sectors of `log_range`, an address range of `log`. Then writes whatever has to be saved and recorded, and
+/// erases ahead of it while disarmed.
+pub async fn keep_flash<F: NorFlash>(
+    mut storages: Storages<F>,
+    mut log: F,
+    log_range: Range<u32>,
+    entropy: impl FnOnce() -> Option<[u8; 32]>,
+    shared: &Shared,
+    check_in: &CheckIn,
+) -> ! {
+    if storages.wifi.is_some() {
+        let delay = pin!(Timer::after(RADIO_DELAY));
+        storages.save_during(delay, shared, check_in).await;
+        storages.load_wifi(entropy, shared).await;
+    }
+    let scan = async {
+        let ring = Ring::scan(&mut log, log_range).await;
+        shared.with(|autopilot| autopilot.logs_found(ring));
+    };
+    storages.save_during(pin!(scan), shared, check_in).await;
+    loop {
+        let pause = keep_log(&mut log, shared).await;
+        storages
+            .save_during(pin!(Timer::after(pause)), shared, check_in)
+            .await;
+    }
+}
+
+/// Does what the log needs next, if anything, and returns how long others have the flash and the processor then.
+async fn keep_log<F: NorFlash>(flash: &mut F, shared: &Shared) -> Duration {
+    match shared.with(|autopilot| autopilot.next_log_step(now())) {
+        None => IDLE_CHECK,
+        Some(LogStep::Program { address, bytes }) => {
+            shared.away_from_sampling().await;
+            let written = flash.write(address, &bytes).await;
+            shared.with(|autopilot| autopilot.log_written(outcome(written), now()));
+            Duration::MIN
+        }
+        Some(LogStep::Erase(erasure)) => erase(erasure, flash, shared).await,
+    }
+}
+
+/// Erases a sector, and returns the pause after it.
+async fn erase<F: NorFlash>(erasure: Erasure, flash: &mut F, shared: &Shared) -> Duration {
+    let began = now();
+    let from = erasure.address();
+    let is_blank = erasure.is_first_use() && is_blank(from, flash).await;
+    let mut erased = Ok(());
+    if !is_blank {
+        erased = flash.erase(from, from + SECTOR_BYTES).await;
+    }
+    if erased.is_ok() {
+        erased = flash.write(erasure.mark_address(), &erasure.mark()).await;
+    }
+    shared.with(|autopilot| autopilot.log_erased(erasure, outcome(erased)));
+    let pause = if is_blank { Duration::MIN } else { LEAST_PAUSE };
+    Duration::from_micros(now().us_since(began)).max(pause)
+}
+
+/// Whether a sector reads blank.
+async fn is_blank<F: NorFlash>(from: u32, flash: &mut F) -> bool {
+    const ERASED: u8 = 0xFF;
+    let mut part = [0; 64];
+    for address in (from..from + SECTOR_BYTES).step_by(part.len()) {
+        let read = flash.read(address, &mut part).await;
+        if read.is_err() || part.iter().any(|byte| *byte != ERASED) {
+            return false;
+        }
+    }
+    true
+}
+
+fn outcome<E>(result: Result<(), E>) -> FlashOutcome {
+    match result {
+        Ok(()) => FlashOutcome::Done,
+        Err(_) => FlashOutcome::Failed,
+    }
+}
