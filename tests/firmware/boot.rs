@@ -59,13 +59,35 @@ fn two_lines_a_second_report_voltage_and_rates() {
 /// before it, and waits for its turn; nothing else comes of it.
 const JITTER_US: u64 = 100;
 
+/// What was sent, with zeros for the load in SYS_STATUS and the checksum behind it: a few cycles more or less may round it up.
+fn without_load(sent: &[(u64, u8)]) -> Vec<(u64, u8)> {
+    const SYS_STATUS: [u8; 3] = [1, 0, 0];
+    const HEADER_BYTES: usize = 10;
+    const LOAD_OFFSET: usize = HEADER_BYTES + 12;
+    let mut sent = sent.to_vec();
+    let mut rest = sent.as_mut_slice();
+    while rest.len() > HEADER_BYTES {
+        let length = HEADER_BYTES + usize::from(rest[1].1) + 2;
+        let Some((frame, behind)) = rest.split_at_mut_checked(length) else {
+            break;
+        };
+        if [7, 8, 9].map(|place: usize| frame[place].1) == SYS_STATUS {
+            for place in [LOAD_OFFSET, LOAD_OFFSET + 1, length - 2, length - 1] {
+                frame[place].1 = 0;
+            }
+        }
+        rest = behind;
+    }
+    sent
+}
+
 #[test]
 fn what_is_in_ram_at_power_up_makes_no_difference() {
     let run = |seed| {
         let mut bench = Bench::power_up_seeded(2482, seed);
         bench.run_for(5 * SECOND);
         bench.assert_untroubled();
-        bench.sent().to_vec()
+        without_load(bench.sent())
     };
     let first = run(1);
     assert!(!first.is_empty());

@@ -99,8 +99,8 @@ fn assert_reset(bench: &mut Bench, since_us: u64, within_us: u64, cause: ResetCa
     );
 
     let restarted_us = bench.time_us();
-    // What was on the wire at the reset is cut off.
-    bench.run_for(20 * MILLISECOND);
+    // What was on the wire at the reset is cut off; the first heartbeat leaves meanwhile.
+    bench.run_for(30 * MILLISECOND);
     assert_eq!(
         bench
             .logged(LogLevel::Info, &format!("started by {reason}"))
