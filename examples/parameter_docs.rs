@@ -4,6 +4,7 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
+use flate2::{Compression, GzBuilder};
 use lzma_rust2::{CheckType, XzOptions, XzWriter};
 use rover_battmon::parameter::documentation;
 
@@ -19,12 +20,25 @@ fn main() -> std::io::Result<()> {
     fs::write(docs.join("apm.pdef.xml"), documentation::apm_pdef_xml())?;
     let descriptions = documentation::parameters_json();
     let compressed = compressed(descriptions.as_bytes())?;
+    fs::write(
+        docs.join("parameters.json.gz"),
+        compressed_for_browsers(descriptions.as_bytes())?,
+    )?;
     fs::write(docs.join("parameters.json"), descriptions)?;
     fs::write(
         docs.join("general.json"),
         documentation::general_json(&compressed),
     )?;
     fs::write(docs.join("parameters.json.xz"), compressed)
+}
+
+/// By the one method that all browsers decompress. The same on every system.
+fn compressed_for_browsers(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
+    const UNKNOWN_SYSTEM: u8 = 255;
+    let builder = GzBuilder::new().operating_system(UNKNOWN_SYSTEM);
+    let mut writer = builder.write(Vec::new(), Compression::best());
+    writer.write_all(bytes)?;
+    writer.finish()
 }
 
 /// With the check that every decompressor knows.

@@ -72,11 +72,12 @@
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
 //! | [`drivers`] | the CAN controller, how far a DMA ring is read, whether a USB device is stuck |
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
+//! | `web` | a page for browsers, and MAVLink over a WebSocket, over any stream of bytes (with one of the features `board` and `host`) |
 //! | `net` | MAVLink by UDP and TCP, and addresses for others (with the feature `board`) |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
 //! | `host` | `sim`: a simulated pack, clock and wire; `board_check`: the check of a board over MAVLink, and its report (host only, with the feature `host`) |
 //!
-//! Everything but `tasks`, `drivers`, `net`, `board` and `host` does no I/O and reads no clock: time, counts and parameters
+//! Everything but `tasks`, `drivers`, `net`, `web`, `board` and `host` does no I/O and reads no clock: time, counts and parameters
 //! come in as arguments, states and messages come out. That is what makes the behaviour testable on a desk.
 //!
 //! # Where to go next
@@ -113,6 +114,8 @@ pub mod system;
 pub mod tasks;
 pub mod time;
 pub mod vehicle;
+#[cfg(feature = "web")]
+pub mod web;
 pub mod wifi;
 
 #[cfg(all(target_os = "none", feature = "board"))]

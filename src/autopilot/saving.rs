@@ -5,7 +5,7 @@ use super::announcement::Announcement;
 use super::recording::LogStep;
 use super::{Autopilot, Work};
 use crate::log::{info, warn};
-use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
+use crate::mavlink::{AcceptUnsigned, LinkKind, SigningChange, SigningTrouble, ToStore};
 use crate::memory::save_state::SaveState;
 use crate::memory::storage::{Erase, StorageError};
 use crate::parameter::Unsaved;
@@ -163,6 +163,12 @@ impl Autopilot {
     /// Where the bytes of a log from `offset` on are in flash.
     pub fn locate_log(&self, number: u16, offset: u32) -> Option<Piece> {
         self.recording.locate(number, offset)
+    }
+
+    /// Whether logs are listed and read on a link of this kind without a signature.
+    pub fn permits_unsigned_reads(&self, link: LinkKind) -> bool {
+        let accepted = AcceptUnsigned::on(link, &self.parameters);
+        self.signing.permits_unsigned_reads(accepted)
     }
 
     /// Before a restart: what could not be saved has a last chance, and a signing key that is not saved is announced.

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::io;
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,6 +37,10 @@ struct Arguments {
     /// Where a ground station listens by UDP
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:14550", value_parser = address)]
     udp: SocketAddr,
+
+    /// Where a browser finds the rover's page, or off [default: 127.0.0.1:8080]
+    #[arg(long, value_name = "HOST:PORT", value_parser = web)]
+    web: Option<Web>,
 
     /// Play what happens to a rover: drain, swap, cold or loose-wire. Nothing that it sets is kept
     #[arg(long, value_name = "NAME", value_parser = scenario, conflicts_with = "flash")]
@@ -73,6 +77,46 @@ fn address(text: &str) -> Result<SocketAddr, String> {
         .collect();
     let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
     preferred.copied().ok_or_else(|| "the host has no address".into())
+}
+
+/// Where browsers connect.
+#[derive(Clone, Copy)]
+enum Web {
+    Off,
+    At(SocketAddr),
+}
+
+fn web(text: &str) -> Result<Web, String> {
+    match text {
+        "off" => Ok(Web::Off),
+        _ => address(text).map(Web::At),
+    }
+}
+
+/// Where browsers connect unless it is said: if the port is taken, they do not.
+const DEFAULT_WEB: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);
+
+/// Listens for browsers, and says where.
+fn listen_for_browsers(asked: Option<Web>) -> Result<Option<Clients>, String> {
+    let address = match asked {
+        Some(Web::Off) => return Ok(None),
+        Some(Web::At(address)) => address,
+        None => DEFAULT_WEB,
+    };
+    match (Clients::listen(address), asked) {
+        (Ok(browsers), _) => {
+            println!(
+                "The rover's page: http://{}/",
+                browsers.address().unwrap_or(address)
+            );
+            Ok(Some(browsers))
+        }
+        (Err(error), Some(_)) => Err(format!("Can't serve the page on {address}: {error}.")),
+        (Err(error), None) => {
+            println!("No page on {address}: {error}. --web HOST:PORT takes another port.");
+            Ok(None)
+        }
+    }
 }
 
 fn scenario(name: &str) -> Result<&'static Scenario, String> {
@@ -169,6 +213,7 @@ fn simulate(arguments: Arguments) -> Result<(), String> {
     })?;
     let udp =
         UdpWire::to(arguments.udp).map_err(|error| format!("Can't send to {}: {error}.", arguments.udp))?;
+    let browsers = listen_for_browsers(arguments.web)?;
     let flash_file = arguments.flash.clone().unwrap_or_default();
     let flash = SimulatedFlash::open(arguments.flash)
         .map_err(|error| format!("Can't use the flash file {}: {error}.", flash_file.display()))?;
@@ -193,6 +238,7 @@ fn simulate(arguments: Arguments) -> Result<(), String> {
     let setup = Setup {
         clients: Box::leak(Box::new(clients)),
         udp: Box::leak(Box::new(udp)),
+        web: browsers.map(|browsers| &*Box::leak(Box::new(browsers))),
         flash,
         scenario: arguments.scenario,
         output: console::use_terminal(),

@@ -13,7 +13,7 @@ use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
 use super::services::vehicle::VehicleService;
 use super::services::{Context, DISARM_FIRST, file_transfer, mission, signing, time, wifi};
-use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, is_permitted};
+use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, is_permitted};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::parameter::VehicleParameter;
 use crate::vehicle::{ArmState, Mode};
@@ -87,6 +87,7 @@ fn permits(request: &Request<'_>, frame: &ReceivedFrame<'_>, context: &mut Conte
     let signing = &mut *context.changeable.signing;
     let authenticity = signing.check(frame, context.now);
     match request {
+        _ if context.access == Access::Listen => authenticity == Authenticity::Proven,
         // Over radio a password needs a signature, even without a key.
         Request::WifiConfig(_) if !is_direct && authenticity != Authenticity::Proven => false,
         // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.

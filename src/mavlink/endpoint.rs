@@ -13,7 +13,7 @@ use super::rates::Rates;
 use super::services::log_download::LogRead;
 use super::services::parameters::param_value;
 use super::services::{Changeable, Context};
-use super::signing::LinkKind;
+use super::signing::{Access, LinkKind};
 use super::stations::Stations;
 use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
 use crate::pack::Pack;
@@ -28,6 +28,7 @@ const DROPS_UNTIL_SHORTFALL: u8 = 10;
 #[derive(Debug)]
 pub struct Endpoint {
     kind: LinkKind,
+    access: Access,
     bytes_per_second: u32,
     parser: FrameParser,
     rates: Rates,
@@ -48,6 +49,7 @@ impl Endpoint {
     pub fn new(kind: LinkKind, bytes_per_second: u32, now: Instant) -> Self {
         Self {
             kind,
+            access: Access::Full,
             bytes_per_second,
             parser: FrameParser::new(),
             rates: Rates::new(now),
@@ -60,6 +62,11 @@ impl Endpoint {
             unauthorized: 0,
             shortfall_said: false,
         }
+    }
+
+    /// Whoever is at the other end has this access from now on.
+    pub fn set_access(&mut self, access: Access) {
+        self.access = access;
     }
 
     /// What kind of link it is.
@@ -310,6 +317,7 @@ impl Endpoint {
             rates: &mut self.rates,
             stations: &mut self.stations,
             link: self.kind,
+            access: self.access,
             unauthorized: &mut self.unauthorized,
             outbox: &mut self.outbox,
         };

@@ -2,8 +2,8 @@
 
 use super::signing::LinkKind;
 
-/// Links of the simulator: eight clients by TCP, and one ground station by UDP.
-pub const SIMULATED_LINKS: usize = 9;
+/// Links of the simulator: eight clients by TCP, one ground station by UDP, and two browsers.
+pub const SIMULATED_LINKS: usize = 11;
 
 /// A byte on a serial line has ten bits.
 const BITS_PER_BYTE: u32 = 10;
@@ -29,17 +29,23 @@ pub enum LinkId {
     Tcp1,
     /// The second one.
     Tcp2,
+    /// The first browser.
+    Web1,
+    /// The second one.
+    Web2,
 }
 
 impl LinkId {
     /// All links, in the order of the table.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
         Self::Uart0,
         Self::Usb,
         Self::Udp1,
         Self::Udp2,
         Self::Tcp1,
         Self::Tcp2,
+        Self::Web1,
+        Self::Web2,
     ];
 
     /// The name in the log and in announcements.
@@ -51,6 +57,8 @@ impl LinkId {
             Self::Udp2 => "UDP 2",
             Self::Tcp1 => "TCP 1",
             Self::Tcp2 => "TCP 2",
+            Self::Web1 => "WEB 1",
+            Self::Web2 => "WEB 2",
         }
     }
 
@@ -59,7 +67,7 @@ impl LinkId {
         match self {
             Self::Uart0 => LinkKind::Radio,
             Self::Usb => LinkKind::Direct,
-            Self::Udp1 | Self::Udp2 | Self::Tcp1 | Self::Tcp2 => LinkKind::Wifi,
+            Self::Udp1 | Self::Udp2 | Self::Tcp1 | Self::Tcp2 | Self::Web1 | Self::Web2 => LinkKind::Wifi,
         }
     }
 
@@ -68,7 +76,9 @@ impl LinkId {
         match self {
             Self::Uart0 => telemetry_baud / BITS_PER_BYTE,
             Self::Usb => USB_BYTES_PER_SECOND,
-            Self::Udp1 | Self::Udp2 | Self::Tcp1 | Self::Tcp2 => WIFI_BYTES_PER_SECOND,
+            Self::Udp1 | Self::Udp2 | Self::Tcp1 | Self::Tcp2 | Self::Web1 | Self::Web2 => {
+                WIFI_BYTES_PER_SECOND
+            }
         }
     }
 }
@@ -93,13 +103,18 @@ mod tests {
         let of_kind = |kind| LinkId::ALL.into_iter().filter(move |link| link.kind() == kind);
         assert!(of_kind(LinkKind::Direct).eq([LinkId::Usb]));
         assert!(of_kind(LinkKind::Radio).eq([LinkId::Uart0]));
-        assert_eq!(of_kind(LinkKind::Wifi).count(), 4);
+        assert_eq!(of_kind(LinkKind::Wifi).count(), 6);
     }
 
     #[test]
     fn only_the_telemetry_port_depends_on_the_baud_rate() {
         let at = |baud| LinkId::ALL.map(|link| link.bytes_per_second(baud));
-        assert_eq!(at(115_200), [11_520, 64_000, 100_000, 100_000, 100_000, 100_000]);
+        assert_eq!(
+            at(115_200),
+            [
+                11_520, 64_000, 100_000, 100_000, 100_000, 100_000, 100_000, 100_000
+            ]
+        );
         assert_eq!(at(9_600)[0], 960);
         assert_eq!(at(9_600)[1..], at(115_200)[1..]);
     }

@@ -49,7 +49,7 @@ pub use scheduler::{Interval, IntervalRefused, StreamScheduler};
 pub use services::Changeable;
 pub use services::log_download::LogRead;
 pub use signing::{
-    AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
+    AcceptUnsigned, Access, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
 };
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.

@@ -7,7 +7,7 @@ use embassy_sync::signal::Signal;
 
 use super::{Shared, now};
 use crate::autopilot::{Autopilot, Channel};
-use crate::mavlink::{LinkId, LinkKind, LogRead};
+use crate::mavlink::{Access, LinkId, LinkKind};
 use crate::parameter::{VehicleParameter, serial_baud};
 use crate::recorder::LogSource;
 use crate::system::LinkStatistics;
@@ -64,6 +64,17 @@ impl<'a> Link<'a> {
         }
     }
 
+    /// The same link, at whose other end someone with this access is.
+    pub fn with_access(self, access: Access) -> Self {
+        self.with(|channel| channel.endpoint.set_access(access));
+        self
+    }
+
+    /// There is something to write that is no message, or has to follow the messages that were taken.
+    pub fn wake_writer(&self) {
+        self.to_write.signal(());
+    }
+
     /// This many frames were lost on their way to the wire.
     pub fn count_lost(&self, frames: u32) {
         self.with(|channel| channel.endpoint.count_lost(frames));
@@ -106,32 +117,41 @@ impl<'a> Link<'a> {
         };
         let mut bytes = [0; u8::MAX as usize];
         let wanted = bytes.get_mut(..read.bytes.into()).unwrap_or_default();
-        let filled = self.fill(wanted, read, shared);
+        let filled = match self.log {
+            Some(source) => read_file(read.number, read.offset, wanted, source, shared),
+            None => 0,
+        };
         let bytes = bytes.get(..filled).unwrap_or_default();
         self.with(|channel| channel.endpoint.supply(read, bytes));
         LogReading::Read
     }
+}
 
-    /// Fills `wanted` as far as the file goes and can be read, and returns how far that is.
-    fn fill(&self, wanted: &mut [u8], read: LogRead, shared: &Shared) -> usize {
-        let mut filled = 0;
-        while let Some(rest) = wanted.get_mut(filled..).filter(|rest| !rest.is_empty()) {
-            let offset = read.offset.saturating_add(filled as u32);
-            let piece = shared.with(|autopilot| autopilot.locate_log(read.number, offset));
-            let (Some(source), Some(piece)) = (self.log, piece) else {
-                break;
-            };
-            let bytes = rest.len().min(piece.bytes as usize);
-            let read = rest
-                .get_mut(..bytes)
-                .map(|part| source.read_log(piece.address, part));
-            if !matches!(read, Some(Ok(()))) {
-                break;
-            }
-            filled += bytes;
+/// Fills `wanted` with what the log file `number` has from `offset` on, as far as it goes and can be read, and returns how far
+/// that is.
+pub fn read_file(
+    number: u16,
+    offset: u32,
+    wanted: &mut [u8],
+    source: &dyn LogSource,
+    shared: &Shared,
+) -> usize {
+    let mut filled = 0;
+    while let Some(rest) = wanted.get_mut(filled..).filter(|rest| !rest.is_empty()) {
+        let offset = offset.saturating_add(filled as u32);
+        let Some(piece) = shared.with(|autopilot| autopilot.locate_log(number, offset)) else {
+            break;
+        };
+        let bytes = rest.len().min(piece.bytes as usize);
+        let read = rest
+            .get_mut(..bytes)
+            .map(|part| source.read_log(piece.address, part));
+        if !matches!(read, Some(Ok(()))) {
+            break;
         }
-        filled
+        filled += bytes;
     }
+    filled
 }
 
 /// Result of looking for something to read.

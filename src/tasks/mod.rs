@@ -36,7 +36,7 @@ pub use clock::{now, timer_at};
 pub use crash::{CrashMemory, report_crash};
 pub use drive::drive;
 pub use flash::{Storages, keep_flash};
-pub use link::Link;
+pub use link::{Link, read_file};
 pub use liveness::{CheckIn, first_overdue};
 pub use program::hash_program;
 pub use pulses::follow_pulses;

@@ -8,8 +8,9 @@ use embassy_futures::join::{join, join_array, join3};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
+use super::browsers::Browsers;
 use super::console::{Level, Output, print_event, print_line, print_status};
-use super::links::POLL_MS;
+use super::links::{LINK_BYTES_PER_SECOND, POLL_MS, UNWATCHED};
 use super::scenario::{Player, Scenario};
 use super::station::Station;
 use super::status::{Comparison, Status};
@@ -25,22 +26,16 @@ use crate::memory::flash_map;
 use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::tasks::{
-    ByteSource, CheckIn, Link, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus,
+    ByteSource, Link, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus,
     reboot_requested, refuse_link, sample_batteries, serve_link, serve_serial,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 
-/// Maximum number of TCP clients; UDP has a link, too.
-const MAX_CLIENTS: usize = SIMULATED_LINKS - 1;
-
-/// Assumed capacity of a local link: more than all streams need.
-const LINK_BYTES_PER_SECOND: u32 = 1_000_000;
+/// Maximum number of TCP clients; UDP and two browsers have links, too.
+const MAX_CLIENTS: usize = SIMULATED_LINKS - 3;
 
 /// A ground station by UDP has gone when this many status lines, one a second, were printed since it was heard.
 const MOST_SILENT_LINES: u32 = 5;
-
-/// The simulator has no watchdog that reads check-ins.
-static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 
 /// What a simulation is given.
 pub struct Setup<'a> {
@@ -48,6 +43,8 @@ pub struct Setup<'a> {
     pub clients: &'a Clients,
     /// At its remote end another ground station may listen.
     pub udp: &'a UdpWire,
+    /// Where browsers connect, if they may.
+    pub web: Option<&'a Clients>,
     /// Survives a restart of the vehicle.
     pub flash: SimulatedFlash,
     /// What happens to the rover until its first restart.
@@ -87,7 +84,11 @@ async fn run_until_restart(
     let (desk, storages) = start(&setup.flash, scenario, pack).await;
     let links = join3(
         join_array([(); MAX_CLIENTS].map(|()| desk.serve(setup.clients))),
-        join(desk.refuse_surplus(setup.clients), desk.serve_udp(setup.udp)),
+        join3(
+            desk.refuse_surplus(setup.clients),
+            desk.serve_udp(setup.udp),
+            desk.browsers.serve(setup.web, &desk.shared),
+        ),
         async {
             // Lines in a file have the log beside them, where announcements are, too.
             if scenario.is_some() || setup.output == Output::Terminal {
@@ -132,6 +133,7 @@ struct Desk<'a> {
     /// Of TCP.
     links: RefCell<Vec<Rc<Link<'a>>>>,
     udp: Link<'a>,
+    browsers: Browsers<'a>,
     totals: Cell<Totals>,
     /// Status lines since the ground station at the other end of UDP was heard.
     udp_silence: Cell<u32>,
@@ -162,6 +164,7 @@ impl<'a> Desk<'a> {
             flash,
             links: RefCell::default(),
             udp: Link::new("UDP", LinkKind::Radio, LINK_BYTES_PER_SECOND).with_logs(flash),
+            browsers: Browsers::new(flash),
             totals: Cell::default(),
             udp_silence: Cell::new(MOST_SILENT_LINES),
         }
@@ -265,7 +268,13 @@ impl<'a> Desk<'a> {
     }
 
     fn all_sent(&self) -> bool {
-        self.links.borrow().iter().all(|link| link.is_idle())
+        self.stations().all(|link| link.is_idle())
+    }
+
+    /// The links by TCP and of browsers.
+    fn stations(&self) -> impl Iterator<Item = Rc<Link<'a>>> {
+        let by_tcp = self.links.borrow().clone();
+        by_tcp.into_iter().chain(self.browsers.links())
     }
 
     async fn print_status(&self, output: Output, line_interval: Duration) -> ! {
@@ -290,7 +299,7 @@ impl<'a> Desk<'a> {
 
     /// The status since the previous call.
     fn next_status(&self) -> Status {
-        let links = self.links.borrow();
+        let links: Vec<_> = self.stations().collect();
         let before = self.totals.get();
         let now = Totals {
             samples: self.shared.with(|autopilot| autopilot.samples()),
@@ -318,7 +327,7 @@ impl<'a> Desk<'a> {
 #[derive(Clone, Copy, Default)]
 struct Totals {
     samples: u32,
-    /// Sent by TCP.
+    /// Sent by TCP and to browsers.
     frames: u32,
     /// Received by UDP.
     udp_frames: u32,

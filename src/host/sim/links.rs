@@ -2,16 +2,25 @@
 
 use std::convert::Infallible;
 use std::io::{self, ErrorKind, Read};
-use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::ops::Range;
 
-use embassy_time::Timer;
+use embassy_time::{Duration, Timer, with_timeout};
 use embedded_io_async::{ErrorType, Write};
 
-use crate::tasks::{ByteSource, ReceiveError};
+use crate::tasks::{ByteSource, CheckIn, ReceiveError};
 
 /// Poll interval of sockets, in milliseconds of simulated time.
 pub(super) const POLL_MS: u64 = 5;
+
+/// Time for a client to take what was sent last and to close its side.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Assumed capacity of a local link: more than all streams need.
+pub(super) const LINK_BYTES_PER_SECOND: u32 = 1_000_000;
+
+/// The simulator has no watchdog that reads check-ins.
+pub(super) static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 
 /// Buffer for a datagram of a few MAVLink frames.
 const DATAGRAM_BYTES: usize = 2048;
@@ -39,6 +48,14 @@ impl Clients {
         Ok(Self { listener })
     }
 
+    /// Where it listens.
+    ///
+    /// # Errors
+    /// The system does not say.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
     /// Waits for the next client.
     pub async fn next(&self) -> Client {
         loop {
@@ -61,6 +78,19 @@ impl Client {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
         Ok(Self { address, stream })
+    }
+
+    /// The address that it has connected to.
+    pub fn own_address(&self) -> Option<SocketAddr> {
+        self.stream.local_addr().ok()
+    }
+
+    /// Closes the connection once the client has taken what was sent, and discards what it still sends.
+    pub async fn close(self) {
+        let _ = self.stream.shutdown(Shutdown::Write);
+        let mut receiver = &self;
+        let closed = async { while receiver.receive(&mut [0; 1024]).await.is_ok() {} };
+        let _ = with_timeout(FAREWELL, closed).await;
     }
 
     /// Closes the connection, and discards what the client has sent.

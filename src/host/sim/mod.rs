@@ -3,6 +3,7 @@
 //! It runs the firmware's own tasks. These get only what the board's ADC and I2C bus would measure, not the true state
 //! of the pack.
 
+mod browsers;
 mod bus;
 pub mod clock;
 pub mod console;

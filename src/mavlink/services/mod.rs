@@ -13,7 +13,7 @@ pub(super) mod wifi;
 
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::rates::Rates;
-use crate::mavlink::signing::{LinkKind, Signing};
+use crate::mavlink::signing::{Access, LinkKind, Signing};
 use crate::mavlink::stations::Stations;
 use crate::parameter::Parameters;
 use crate::system::SystemState;
@@ -47,6 +47,7 @@ pub(in crate::mavlink) struct Context<'a> {
     pub rates: &'a mut Rates,
     pub stations: &'a mut Stations,
     pub link: LinkKind,
+    pub access: Access,
     /// Messages on this link that were not signed as they would have to be.
     pub unauthorized: &'a mut u32,
     /// Takes the answers.

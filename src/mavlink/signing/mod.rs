@@ -15,7 +15,7 @@ mod time;
 use core::mem;
 
 pub use key::SigningKey;
-pub use permission::{AcceptUnsigned, LinkKind};
+pub use permission::{AcceptUnsigned, Access, LinkKind};
 pub(super) use permission::{Authenticity, Effect, is_permitted};
 pub use stored::StoredSigning;
 pub use time::Timestamp;
@@ -173,6 +173,15 @@ impl Signing {
     /// Whether frames leave signed.
     pub(super) fn signs(&self) -> bool {
         matches!(self.protection, Protection::Key(_))
+    }
+
+    /// Whether what only reads is answered without a signature where this much is accepted without one.
+    pub fn permits_unsigned_reads(&self, accepted: AcceptUnsigned) -> bool {
+        let authenticity = match self.protection {
+            Protection::Off => Authenticity::Unprotected,
+            Protection::Key(_) | Protection::KeyLost => Authenticity::Unproven,
+        };
+        is_permitted(Effect::Reads, authenticity, accepted)
     }
 
     /// Fills in the last [`TRAILER_BYTES`] of a frame whose header says that it is signed.

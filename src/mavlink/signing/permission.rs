@@ -26,6 +26,17 @@ impl LinkKind {
     }
 }
 
+/// What the station at the other end of a link may do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Access {
+    /// What its kind of link allows.
+    #[default]
+    Full,
+    /// It hears what is sent, and nothing that it sends is obeyed or answered without the right signature: a web page of
+    /// someone else, in a browser that reaches the vehicle.
+    Listen,
+}
+
 /// What is accepted without a right signature while there is a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AcceptUnsigned {

@@ -1,0 +1,208 @@
+//! What is answered to a request.
+
+use heapless::String;
+
+use super::files::{File, PAGE, PARAMETERS};
+use super::head::HeadWriter;
+use super::request::{Request, Sender, TAG_BYTES, Tag, Target};
+use super::status::{Refusal, Status, refusal};
+use crate::autopilot::Autopilot;
+use crate::mavlink::LinkKind;
+use crate::memory::identity::BoardId;
+use crate::numbers::text;
+use crate::recorder::LogFile;
+
+/// An entry of the list of logs, or a log's name.
+pub(super) type Entry = String<80>;
+
+/// What is answered.
+#[derive(Clone, Debug)]
+pub(super) enum Answer {
+    Refused(Refusal),
+    /// The sender has this file already.
+    NotModified(File),
+    File(File),
+    LogList,
+    Log(LogPart),
+    /// The connection becomes a WebSocket; has the key that accepts it.
+    WebSocket([u8; 28]),
+}
+
+/// A part of a log, or the whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct LogPart {
+    pub file: LogFile,
+    /// The place of the first byte.
+    pub first: u32,
+    /// The place behind the last one.
+    pub end: u32,
+    /// Whether the whole was asked for.
+    pub status: Status,
+    /// The board that has recorded it, if it is known.
+    pub board_id: Option<BoardId>,
+}
+
+/// What is answered to a request.
+pub(super) fn answer(request: &Request, autopilot: &Autopilot) -> Answer {
+    match request.target {
+        Target::Page => file(PAGE, request),
+        Target::Parameters => file(PARAMETERS, request),
+        Target::WebSocket(key) => Answer::WebSocket(key),
+        Target::LogList => match check_reader(request, autopilot) {
+            Ok(()) => Answer::LogList,
+            Err(refusal) => Answer::Refused(refusal),
+        },
+        Target::Log(number) => match log(number, request, autopilot) {
+            Ok(part) => Answer::Log(part),
+            Err(refusal) => Answer::Refused(refusal),
+        },
+    }
+}
+
+fn file(file: File, request: &Request) -> Answer {
+    match &request.has {
+        Some(tag) if *tag == text::<TAG_BYTES>(format_args!("{}", file.tag)) => Answer::NotModified(file),
+        _ => Answer::File(file),
+    }
+}
+
+/// Whether the sender may know of logs: as on each Wi-Fi link, and foreign pages never.
+fn check_reader(request: &Request, autopilot: &Autopilot) -> Result<(), Refusal> {
+    if request.sender == Sender::Foreign {
+        return Err(refusal(Status::Forbidden, "Only the rover's own page gets logs."));
+    }
+    if !autopilot.permits_unsigned_reads(LinkKind::Wifi) {
+        return Err(refusal(
+            Status::Forbidden,
+            "A key is set: logs are downloaded by signed MAVLink.",
+        ));
+    }
+    Ok(())
+}
+
+fn log(number: u16, request: &Request, autopilot: &Autopilot) -> Result<LogPart, Refusal> {
+    check_reader(request, autopilot)?;
+    let state = autopilot.system_state();
+    if state.is_armed() {
+        return Err(refusal(Status::Conflict, "Not while armed: disarm first."));
+    }
+    let file = state.logs.iter().copied().find(|file| file.number == number);
+    let file = file.ok_or(refusal(Status::NotFound, "There is no such log."))?;
+    let whole = LogPart {
+        file,
+        first: 0,
+        end: file.bytes,
+        status: Status::Ok,
+        board_id: state.identity.board_id,
+    };
+    let is_of_this_file = match &request.has_part_of {
+        Some(tag) => *tag == whole.tag(),
+        None => true,
+    };
+    match request.range {
+        Some(range) if is_of_this_file => {
+            let part = range.within(file.bytes);
+            let (first, end) =
+                part.ok_or(refusal(Status::RangeNotSatisfiable, "The log has no such bytes."))?;
+            Ok(LogPart {
+                first,
+                end,
+                status: Status::PartialContent,
+                ..whole
+            })
+        }
+        _ => Ok(whole),
+    }
+}
+
+impl LogPart {
+    /// What distinguishes the file from another one: one that grows is another one.
+    fn tag(&self) -> Tag {
+        text(format_args!("\"{}-{}\"", self.file.number, self.file.bytes))
+    }
+}
+
+/// A log's name, for who keeps it: there may be several rovers.
+fn log_name(number: u16, board_id: Option<BoardId>) -> Entry {
+    match board_id {
+        Some(id) => text(format_args!("rover-{}-{number:08}.BIN", id.serial_number())),
+        None => text(format_args!("rover-{number:08}.BIN")),
+    }
+}
+
+/// An entry of the list of logs: the one at `place`, from the oldest one on.
+pub(super) fn list_entry(place: usize, autopilot: &Autopilot) -> Option<Entry> {
+    let state = autopilot.system_state();
+    let file = state.logs.get(place)?;
+    let separator = if place == 0 { "" } else { "," };
+    let name = log_name(file.number, state.identity.board_id);
+    Some(text(format_args!(
+        "{separator}\n{{\"number\":{},\"bytes\":{},\"name\":\"{name}\"}}",
+        file.number, file.bytes
+    )))
+}
+
+impl Answer {
+    /// Writes the head into `buffer`.
+    pub fn head<'a>(&self, buffer: &'a mut [u8]) -> &'a [u8] {
+        match self {
+            Self::Refused(refusal) => refused_head(refusal, buffer),
+            Self::NotModified(file) => HeadWriter::new(buffer, Status::NotModified)
+                .header("ETag", file.tag)
+                .end(),
+            Self::File(file) => HeadWriter::new(buffer, Status::Ok)
+                .header("Content-Type", file.kind)
+                .header("Content-Length", file.content.len())
+                .header("Content-Encoding", "gzip")
+                .header("ETag", file.tag)
+                .end(),
+            Self::LogList => HeadWriter::new(buffer, Status::Ok)
+                .header("Content-Type", "application/json")
+                .header("Transfer-Encoding", "chunked")
+                .end(),
+            Self::Log(part) => log_head(part, buffer),
+            Self::WebSocket(key) => HeadWriter::new(buffer, Status::SwitchingProtocols)
+                .header("Upgrade", "websocket")
+                .header("Connection", "Upgrade")
+                .header(
+                    "Sec-WebSocket-Accept",
+                    core::str::from_utf8(key).unwrap_or_default(),
+                )
+                .end(),
+        }
+    }
+}
+
+fn refused_head<'a>(refusal: &Refusal, buffer: &'a mut [u8]) -> &'a [u8] {
+    let head = HeadWriter::new(buffer, refusal.status)
+        .header("Content-Type", "text/plain; charset=utf-8")
+        .header("Content-Length", refusal.reason.len());
+    match refusal.status {
+        Status::MethodNotAllowed => head.header("Allow", "GET, HEAD").end(),
+        Status::ServiceUnavailable => head.header("Retry-After", 1).end(),
+        _ => head.end(),
+    }
+}
+
+fn log_head<'a>(part: &LogPart, buffer: &'a mut [u8]) -> &'a [u8] {
+    let LogPart { file, first, end, .. } = *part;
+    let name = log_name(file.number, part.board_id);
+    let head = HeadWriter::new(buffer, part.status)
+        .header("Content-Type", "application/octet-stream")
+        .header("Content-Length", end.saturating_sub(first))
+        .header(
+            "Content-Disposition",
+            format_args!("attachment; filename=\"{name}\""),
+        )
+        .header("Accept-Ranges", "bytes")
+        .header("ETag", part.tag());
+    if part.status == Status::Ok {
+        return head.end();
+    }
+    let last = end.saturating_sub(1);
+    head.header(
+        "Content-Range",
+        format_args!("bytes {first}-{last}/{}", file.bytes),
+    )
+    .end()
+}

@@ -1,0 +1,20 @@
+//! A page for browsers, and what it talks to: HTTP, and MAVLink over a WebSocket, over any stream of bytes.
+//!
+//! A connection has one request. It is answered and closed, or becomes a link like any other: the binary messages of a
+//! WebSocket are pieces of MAVLink's stream of bytes. Who may ask for what: [0069](../../docs/decisions/0069-a-page-in-the-browser.md).
+
+mod answer;
+mod attend;
+mod byte_range;
+mod decoder;
+mod files;
+mod head;
+mod places;
+mod request;
+mod status;
+mod web_socket;
+
+pub use attend::{Attended, BUFFER_BYTES, Site, attend, refuse};
+pub use places::{Places, WEB_SOCKETS, WebSocketPlace};
+pub use request::Sender;
+pub use web_socket::serve_web_socket;

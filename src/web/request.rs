@@ -1,0 +1,210 @@
+//! What a browser asks for, from the head of its request.
+
+use heapless::String;
+use httparse::{EMPTY_HEADER, Header};
+
+use super::byte_range::ByteRange;
+use super::head::accept_key;
+use super::status::{Refusal, Status, refusal};
+
+/// Browsers send up to 17.
+const MAX_HEADERS: usize = 32;
+
+/// More than our own tags have.
+pub(super) const TAG_BYTES: usize = 24;
+
+/// The base64 of 16 bytes.
+const KEY_BYTES: usize = 24;
+
+/// The only version of WebSocket (RFC 6455).
+const WEB_SOCKET_VERSION: &str = "13";
+
+const EXTENSION: &str = ".BIN";
+
+/// Whose page has sent a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sender {
+    /// Ours, or no page: a program.
+    Own,
+    /// A page of someone else, in a browser that reaches us.
+    Foreign,
+}
+
+/// What is wanted of the answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Method {
+    Get,
+    /// The head alone.
+    Head,
+}
+
+/// What a request is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    Page,
+    Parameters,
+    LogList,
+    /// The log file with this number, if there is one.
+    Log(u16),
+    /// To be a link from now on; has the key that accepts it.
+    WebSocket([u8; 28]),
+}
+
+/// The tag of a file that the sender has already.
+pub(super) type Tag = String<TAG_BYTES>;
+
+/// A request that is understood.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Request {
+    pub method: Method,
+    pub sender: Sender,
+    pub target: Target,
+    /// The tag of the whole file that the sender has.
+    pub has: Option<Tag>,
+    /// The tag of the file of which the sender has a part.
+    pub has_part_of: Option<Tag>,
+    pub range: Option<ByteRange>,
+}
+
+/// The headers of a request.
+struct Headers<'a>(&'a [Header<'a>]);
+
+impl<'a> Headers<'a> {
+    fn all(&self, name: &str) -> impl Iterator<Item = &'a str> {
+        let of_name = self
+            .0
+            .iter()
+            .filter(move |header| header.name.eq_ignore_ascii_case(name));
+        of_name.map(|header| core::str::from_utf8(header.value).unwrap_or_default().trim())
+    }
+
+    fn get(&self, name: &str) -> Option<&'a str> {
+        self.all(name).next()
+    }
+
+    /// Whether a list has an entry.
+    fn lists(&self, name: &str, entry: &str) -> bool {
+        let mut entries = self.all(name).flat_map(|list| list.split(','));
+        entries.any(|listed| listed.trim().eq_ignore_ascii_case(entry))
+    }
+
+    fn tag(&self, name: &str) -> Option<Tag> {
+        self.get(name)?.try_into().ok()
+    }
+}
+
+impl Request {
+    /// From the whole head of a request to one of the `names` that are ours.
+    ///
+    /// # Errors
+    /// It is not to us, or asks for what we don't have, or is not understood.
+    pub fn parse(head: &[u8], names: &[&str]) -> Result<Self, Refusal> {
+        let mut headers = [EMPTY_HEADER; MAX_HEADERS];
+        let mut parsed = httparse::Request::new(&mut headers);
+        match parsed.parse(head) {
+            Ok(httparse::Status::Complete(length)) if length == head.len() => {}
+            Err(httparse::Error::TooManyHeaders) => {
+                return Err(refusal(Status::HeaderFieldsTooLarge, "Too many headers."));
+            }
+            // Nothing may follow before it is answered.
+            Ok(_) | Err(_) => return Err(refusal(Status::BadRequest, "This is no request of HTTP.")),
+        }
+        let headers = Headers(parsed.headers);
+        let sender = sender(&headers, names)?;
+        let method = method(parsed.method.unwrap_or_default())?;
+        if headers.get("Transfer-Encoding").is_some()
+            || !matches!(headers.get("Content-Length"), None | Some("0"))
+        {
+            return Err(refusal(Status::BadRequest, "A request has no body here."));
+        }
+        let path = parsed.path.unwrap_or_default();
+        let path = path.split_once('?').map_or(path, |(path, _)| path);
+        let mut target = target(path).ok_or(refusal(Status::NotFound, "There is nothing of this name."))?;
+        if headers.lists("Upgrade", "websocket") {
+            target = Target::WebSocket(upgrade(&headers, method, target, parsed.version)?);
+        }
+        Ok(Self {
+            method,
+            sender,
+            target,
+            has: headers.tag("If-None-Match"),
+            has_part_of: headers.tag("If-Range"),
+            range: headers.get("Range").and_then(ByteRange::parse),
+        })
+    }
+}
+
+/// Who sends it. A name that is not ours may have been made to lead here by someone else (DNS rebinding): the browser takes
+/// their page for ours then.
+fn sender(headers: &Headers<'_>, names: &[&str]) -> Result<Sender, Refusal> {
+    let mut hosts = headers.all("Host");
+    let (Some(host), None) = (hosts.next(), hosts.next()) else {
+        return Err(refusal(Status::BadRequest, "A request names one host."));
+    };
+    if !names.iter().any(|name| is_at(host, name)) {
+        return Err(refusal(
+            Status::MisdirectedRequest,
+            "This is not the address of the rover.",
+        ));
+    }
+    let mut origins = headers.all("Origin");
+    let is_own = origins.all(|origin| {
+        let origin = origin.strip_prefix("http://");
+        origin.is_some_and(|origin| origin.eq_ignore_ascii_case(host))
+    });
+    Ok(if is_own { Sender::Own } else { Sender::Foreign })
+}
+
+/// Whether a host is `name`, at whatever port.
+fn is_at(host: &str, name: &str) -> bool {
+    let Some((begin, rest)) = host.split_at_checked(name.len()) else {
+        return false;
+    };
+    let is_port = |port: &str| port.bytes().all(|byte| byte.is_ascii_digit());
+    begin.eq_ignore_ascii_case(name) && (rest.is_empty() || rest.strip_prefix(':').is_some_and(is_port))
+}
+
+fn method(name: &str) -> Result<Method, Refusal> {
+    match name {
+        "GET" => Ok(Method::Get),
+        "HEAD" => Ok(Method::Head),
+        _ => Err(refusal(Status::MethodNotAllowed, "Only GET and HEAD are served.")),
+    }
+}
+
+fn target(path: &str) -> Option<Target> {
+    match path {
+        "/" => Some(Target::Page),
+        "/parameters.json" => Some(Target::Parameters),
+        "/logs/" => Some(Target::LogList),
+        _ => {
+            let digits = path.strip_prefix("/logs/")?.strip_suffix(EXTENSION)?;
+            digits.bytes().all(|byte| byte.is_ascii_digit()).then_some(())?;
+            digits.parse().ok().map(Target::Log)
+        }
+    }
+}
+
+/// The key that accepts an upgrade to a WebSocket.
+fn upgrade(
+    headers: &Headers<'_>,
+    method: Method,
+    target: Target,
+    version: Option<u8>,
+) -> Result<[u8; 28], Refusal> {
+    let key = headers
+        .get("Sec-WebSocket-Key")
+        .filter(|key| key.len() == KEY_BYTES);
+    let is_right = target == Target::Page
+        && method == Method::Get
+        && version == Some(1)
+        && headers.lists("Connection", "Upgrade")
+        && headers.get("Sec-WebSocket-Version") == Some(WEB_SOCKET_VERSION);
+    match key {
+        Some(key) if is_right => Ok(accept_key(key)),
+        _ => Err(refusal(
+            Status::BadRequest,
+            "A WebSocket is opened at /, with a key and version 13.",
+        )),
+    }
+}

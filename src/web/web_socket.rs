@@ -1,0 +1,134 @@
+//! A WebSocket as a link.
+
+use core::cell::RefCell;
+
+use edge_ws::FrameType;
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, with_timeout};
+use embedded_io_async::{Error, ErrorKind, ErrorType, Write};
+
+use super::decoder::{End, FrameDecoder, header};
+use super::places::WebSocketPlace;
+use super::request::Sender;
+use crate::mavlink::Access;
+use crate::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, serve_link};
+
+/// A browser that takes nothing for so long has left. Until then it loses what its own link has no room for.
+const READER_PATIENCE: Duration = Duration::from_secs(12);
+
+/// Time for the last frame, which says why it ends.
+const FAREWELL: Duration = Duration::from_millis(500);
+
+/// Serves `link` on a connection that has become a WebSocket, until it is closed or its place is wanted.
+pub async fn serve_web_socket(
+    mut writer: impl Write,
+    reader: impl ByteSource,
+    place: &WebSocketPlace<'_>,
+    link: &Link<'_>,
+    shared: &Shared,
+    check_in: &CheckIn,
+) {
+    let decoder = RefCell::new(FrameDecoder::default());
+    let transmitter = FrameWriter {
+        writer: &mut writer,
+        decoder: &decoder,
+    };
+    let receiver = FrameReader {
+        reader,
+        decoder: &decoder,
+        link,
+    };
+    let serving = serve_link(transmitter, receiver, shared, link, check_in);
+    let end = match select(serving, place.is_wanted()).await {
+        Either::First(()) => decoder.borrow().end(),
+        Either::Second(()) => Some(End::PlaceWanted),
+    };
+    if let Some(end) = end {
+        let [high, low] = end.code().to_be_bytes();
+        let mut close = header(FrameType::Close, 2);
+        let _ = close.extend_from_slice(&[high, low]);
+        let _ = with_timeout(FAREWELL, writer.write_all(&close)).await;
+    }
+}
+
+impl Sender {
+    /// What whoever sent the request may do on a WebSocket.
+    pub fn access(self) -> Access {
+        match self {
+            Self::Own => Access::Full,
+            Self::Foreign => Access::Listen,
+        }
+    }
+}
+
+/// The way to a browser: each frame of MAVLink is a binary message.
+struct FrameWriter<'a, W> {
+    writer: &'a mut W,
+    decoder: &'a RefCell<FrameDecoder>,
+}
+
+impl<W: Write> FrameWriter<'_, W> {
+    async fn send(&mut self, kind: FrameType, payload: &[u8]) -> Result<(), ErrorKind> {
+        let header = header(kind, payload.len());
+        let sent = with_timeout(READER_PATIENCE, async {
+            self.writer.write_all(&header).await?;
+            self.writer.write_all(payload).await
+        });
+        match sent.await {
+            Ok(sent) => sent.map_err(|error| error.kind()),
+            Err(_) => Err(ErrorKind::TimedOut),
+        }
+    }
+
+    async fn send_pong(&mut self) -> Result<(), ErrorKind> {
+        let pong = self.decoder.borrow_mut().take_pong();
+        match pong {
+            Some(pong) => self.send(FrameType::Pong, &pong).await,
+            None => Ok(()),
+        }
+    }
+}
+
+impl<W: Write> ErrorType for FrameWriter<'_, W> {
+    type Error = ErrorKind;
+}
+
+impl<W: Write> Write for FrameWriter<'_, W> {
+    /// Takes a whole frame of MAVLink.
+    async fn write(&mut self, frame: &[u8]) -> Result<usize, ErrorKind> {
+        self.send_pong().await?;
+        self.send(FrameType::Binary(false), frame).await?;
+        Ok(frame.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        self.send_pong().await
+    }
+}
+
+/// What a browser sends.
+struct FrameReader<'a, R> {
+    reader: R,
+    decoder: &'a RefCell<FrameDecoder>,
+    link: &'a Link<'a>,
+}
+
+impl<R: ByteSource> ByteSource for FrameReader<'_, R> {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        loop {
+            if self.decoder.borrow().end().is_some() {
+                return Err(ReceiveError::Closed);
+            }
+            let received = self.reader.receive(buffer).await?;
+            let received = buffer.get_mut(..received).unwrap_or_default();
+            let mut decoder = self.decoder.borrow_mut();
+            let length = decoder.decode(received);
+            if decoder.has_pong() {
+                self.link.wake_writer();
+            }
+            if length > 0 {
+                return Ok(length);
+            }
+        }
+    }
+}
