@@ -4,6 +4,7 @@ use core::cell::RefCell;
 
 use embassy_net::StackResources;
 
+use super::browsers::{BrowserMemory, CONNECTIONS};
 use super::dhcp::DhcpMemory;
 use super::leases::Leases;
 use super::packet_queue::PacketQueue;
@@ -12,9 +13,9 @@ use super::stations::SLOTS;
 use super::tcp::{CLIENTS, TcpMemory};
 use super::udp::{SlotMemory, UdpLinks};
 
-/// UDP: one that receives, one that looks for ground stations, one for each of two stations; TCP: one for each of two clients;
-/// and two of the DHCP server, or one of the DHCP client.
-const SOCKETS: usize = 8;
+/// UDP: one that receives, one that looks for ground stations, one for each of two stations; TCP: one for each of two clients,
+/// those for browsers, and one for who is refused; and two of the DHCP server, or one of the DHCP client.
+const SOCKETS: usize = 9 + CONNECTIONS;
 
 /// What is longer than a link's queue is lost there; this is a little more, so that it is counted.
 const RECEIVED_BYTES: usize = 832;
@@ -28,6 +29,7 @@ pub struct NetMemory {
     pub(super) udp: UdpMemory,
     pub(super) links: UdpLinks,
     pub(super) tcp: [TcpMemory; CLIENTS],
+    pub(super) browsers: BrowserMemory,
     pub(super) dhcp: DhcpMemory,
     pub(super) leases: RefCell<Leases>,
 }
@@ -53,6 +55,7 @@ impl NetMemory {
             },
             links: UdpLinks::new(),
             tcp: [const { TcpMemory::new() }; CLIENTS],
+            browsers: BrowserMemory::new(),
             dhcp: DhcpMemory::new(),
             leases: RefCell::new(Leases::new(retained)),
         }

@@ -1,8 +1,9 @@
-//! MAVLink by UDP and TCP over a network device, and addresses for others on the network.
+//! MAVLink by UDP and TCP, and a page for browsers, over a network device; addresses for others on the network.
 //!
 //! All of it runs in one task: the network first, then who waits for it (`until.rs`).
 
 mod address;
+mod browsers;
 mod datagram;
 mod dhcp;
 mod discovery;

@@ -2,7 +2,7 @@
 
 use core::future::pending;
 
-use embassy_futures::join::{join, join5};
+use embassy_futures::join::{join, join3, join5};
 use embassy_futures::select::{Either, select};
 use embassy_net::driver::Driver;
 use embassy_net::udp::UdpSocket;
@@ -10,6 +10,7 @@ use embassy_net::{Runner, Stack, StackResources};
 use heapless::Vec;
 
 use super::address::{NetReport, Role, report_address};
+use super::browsers::serve_browsers;
 use super::dhcp::{give_addresses, now_ms};
 use super::discovery::be_found;
 use super::door::Guarded;
@@ -64,9 +65,10 @@ pub async fn serve<D: Driver>(
             serve_stations(0, LinkId::Udp1, sender_1, &mut slot_1.datagram, links, service),
             serve_stations(1, LinkId::Udp2, sender_2, &mut slot_2.datagram, links, service),
         ),
-        join(
+        join3(
             serve_clients(LinkId::Tcp1, stack, tcp_1, service),
             serve_clients(LinkId::Tcp2, stack, tcp_2, service),
+            serve_browsers(stack, &mut memory.browsers, service),
         ),
     );
     match select(runner.run(), members).await {

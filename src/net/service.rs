@@ -2,7 +2,7 @@
 
 use embedded_io_async::Write;
 
-use crate::mavlink::LinkId;
+use crate::mavlink::{Access, LinkId};
 use crate::recorder::LogSource;
 use crate::tasks::{ByteSource, CheckIn, Link, Shared, serve_link};
 
@@ -18,12 +18,13 @@ pub struct Service<'a> {
 }
 
 impl<'a> Service<'a> {
-    /// A new link, whose first frame has this sequence number.
+    /// A new link to someone with this access, whose first frame has this sequence number.
     // Not inlined: see `in_place`.
     #[inline(never)]
-    pub(super) fn open(&self, id: LinkId, first_sequence: u8) -> Link<'a> {
+    pub(super) fn open(&self, id: LinkId, first_sequence: u8, access: Access) -> Link<'a> {
         Link::of_board(id, self.shared)
             .with_logs(self.logs)
+            .with_access(access)
             .with_first_sequence(first_sequence)
     }
 

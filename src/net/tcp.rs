@@ -12,7 +12,7 @@ use embedded_io_async::{ErrorKind, ErrorType, Write};
 use super::service::Service;
 use super::until::until;
 use crate::log::info;
-use crate::mavlink::LinkId;
+use crate::mavlink::{Access, LinkId};
 use crate::tasks::{ByteSource, ReceiveError};
 
 /// Clients that can be connected at a time.
@@ -63,43 +63,48 @@ pub(super) async fn serve_clients(
     memory: &mut TcpMemory,
     service: &Service<'_>,
 ) -> ! {
-    let mut socket = TcpSocket::new(stack, &mut memory.received, &mut memory.sent);
-    socket.set_keep_alive(Some(KEEP_ALIVE));
-    socket.set_timeout(Some(SILENCE));
-    // A frame does not wait for the next one.
-    socket.set_nagle_enabled(false);
-    let socket = RefCell::new(socket);
+    let socket = RefCell::new(socket(stack, &mut memory.received, &mut memory.sent));
     loop {
-        accept(&socket).await;
+        accept(&socket, PORT).await;
         info!("{}: connected", id.name());
-        let link = service.open(id, 0);
+        let link = service.open(id, 0, Access::Full);
         service
             .serve(TcpTransmitter(&socket), TcpReceiver(&socket), &link)
             .await;
         info!("{}: disconnected", id.name());
-        close(&socket).await;
+        close(&socket, FAREWELL).await;
     }
 }
 
-/// Waits for a client.
-async fn accept(socket: &RefCell<TcpSocket<'_>>) {
+/// A socket that notices when its client has left.
+pub(super) fn socket<'s>(stack: Stack<'s>, received: &'s mut [u8], sent: &'s mut [u8]) -> TcpSocket<'s> {
+    let mut socket = TcpSocket::new(stack, received, sent);
+    socket.set_keep_alive(Some(KEEP_ALIVE));
+    socket.set_timeout(Some(SILENCE));
+    // A frame does not wait for the next one.
+    socket.set_nagle_enabled(false);
+    socket
+}
+
+/// Waits for a client at `port`.
+pub(super) async fn accept(socket: &RefCell<TcpSocket<'_>>, port: u16) {
     // It listens from the first poll on.
-    let _ = poll_once(socket.borrow_mut().accept(PORT));
+    let _ = poll_once(socket.borrow_mut().accept(port));
     until(|| !matches!(socket.borrow().state(), State::Listen | State::SynReceived)).await;
 }
 
-/// Lets the client take what was sent last, then forgets it.
-async fn close(socket: &RefCell<TcpSocket<'_>>) {
+/// Lets the client take what was sent last, for so long, then forgets it.
+pub(super) async fn close(socket: &RefCell<TcpSocket<'_>>, farewell: Duration) {
     socket.borrow_mut().close();
     let closed = until(|| matches!(socket.borrow().state(), State::Closed | State::TimeWait));
-    let _ = with_timeout(FAREWELL, closed).await;
+    let _ = with_timeout(farewell, closed).await;
     socket.borrow_mut().abort();
     let reset = until(|| socket.borrow().remote_endpoint().is_none());
     let _ = with_timeout(RESET_PATIENCE, reset).await;
 }
 
 /// The way to a client.
-struct TcpTransmitter<'a, 's>(&'a RefCell<TcpSocket<'s>>);
+pub(super) struct TcpTransmitter<'a, 's>(pub &'a RefCell<TcpSocket<'s>>);
 
 impl ErrorType for TcpTransmitter<'_, '_> {
     type Error = ErrorKind;
@@ -124,7 +129,7 @@ impl Write for TcpTransmitter<'_, '_> {
 }
 
 /// What a client sends.
-struct TcpReceiver<'a, 's>(&'a RefCell<TcpSocket<'s>>);
+pub(super) struct TcpReceiver<'a, 's>(pub &'a RefCell<TcpSocket<'s>>);
 
 impl ByteSource for TcpReceiver<'_, '_> {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {

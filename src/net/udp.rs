@@ -21,7 +21,7 @@ use super::service::Service;
 use super::stations::{Admission, SLOTS, Stations};
 use super::until::until;
 use crate::log::{LogLimit, info, warn};
-use crate::mavlink::{LinkId, begins_with_frame};
+use crate::mavlink::{Access, LinkId, begins_with_frame};
 use crate::tasks::{ByteSource, Link, ReceiveError, now};
 
 /// The port of MAVLink by UDP, on both sides: QGroundControl, MAVProxy and others listen there.
@@ -190,7 +190,7 @@ pub(super) async fn serve_stations(
     loop {
         let station = slot.opened.wait().await;
         info!("{}: {:?} connected", id.name(), station.ip().octets());
-        let link = service.open(id, links.sequence.get());
+        let link = service.open(id, links.sequence.get(), Access::Full);
         datagram.clear();
         let transmitter = UdpTransmitter {
             sender: &mut sender,
