@@ -20,7 +20,9 @@ const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
 
 impl Autopilot {
     /// A link has been opened: sends what every ground station has to know. Announcements follow from now on.
-    pub fn open(&self, channel: &mut Channel) {
+    pub fn open(&mut self, channel: &mut Channel) {
+        self.opened_links = self.opened_links.wrapping_add(1);
+        channel.endpoint.set_number(self.opened_links);
         channel.position = self.broadcast.end();
         self.send_notices(channel);
     }

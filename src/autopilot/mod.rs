@@ -85,6 +85,8 @@ pub struct Autopilot {
     /// The vehicle's status when it was last driven.
     known_status: VehicleStatus,
     work: Work,
+    /// How many links were opened, modulo 65536.
+    opened_links: u16,
 }
 
 impl Autopilot {
@@ -112,6 +114,7 @@ impl Autopilot {
             mode_reason: ModeReason::Command,
             known_status: VehicleStatus::default(),
             work: Work::empty(),
+            opened_links: 0,
             limit: AnnouncementLimit::default(),
             broadcast: Broadcast::new(),
             packs: Packs::new(&start.parameters),

@@ -179,8 +179,12 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             base_mode,
             custom_mode,
         } => VehicleService::of(context).set_mode_by_message(*base_mode, *custom_mode, from),
-        Request::Control { throttle, steering } => VehicleService::of(context).control(*throttle, *steering),
-        Request::ChannelOverride(pulses_us) => VehicleService::of(context).control_by_channels(pulses_us),
+        Request::Control { throttle, steering } => {
+            VehicleService::of(context).control(*throttle, *steering, from)
+        }
+        Request::ChannelOverride(pulses_us) => {
+            VehicleService::of(context).control_by_channels(pulses_us, from)
+        }
         Request::Heartbeat { system_type } if *system_type == GROUND_STATION => heard(from, context),
         Request::Heartbeat { .. } => Event::Ignored,
         Request::SetUpSigning(set_up) => signing::set_up(set_up, context),

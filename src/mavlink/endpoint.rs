@@ -29,6 +29,7 @@ const DROPS_UNTIL_SHORTFALL: u8 = 10;
 pub struct Endpoint {
     kind: LinkKind,
     access: Access,
+    number: u16,
     bytes_per_second: u32,
     parser: FrameParser,
     rates: Rates,
@@ -50,6 +51,7 @@ impl Endpoint {
         Self {
             kind,
             access: Access::Full,
+            number: 0,
             bytes_per_second,
             parser: FrameParser::new(),
             rates: Rates::new(now),
@@ -67,6 +69,11 @@ impl Endpoint {
     /// Whoever is at the other end has this access from now on.
     pub fn set_access(&mut self, access: Access) {
         self.access = access;
+    }
+
+    /// The number that distinguishes it from all that were opened before.
+    pub fn set_number(&mut self, number: u16) {
+        self.number = number;
     }
 
     /// What kind of link it is.
@@ -318,6 +325,7 @@ impl Endpoint {
             stations: &mut self.stations,
             link: self.kind,
             access: self.access,
+            link_number: self.number,
             unauthorized: &mut self.unauthorized,
             outbox: &mut self.outbox,
         };

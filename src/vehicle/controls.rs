@@ -55,6 +55,17 @@ const FULL_DEFLECTION: i16 = 1000;
 /// Deadband of the neutral position: a worn gamepad rests a few percent off centre.
 const DEADBAND: f32 = 0.05;
 
+/// Whether a stick at this position is off neutral.
+pub(super) fn is_deflected(position: i16) -> bool {
+    share(position).abs() > DEADBAND
+}
+
+/// From −1 to 1.
+fn share(position: i16) -> f32 {
+    let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
+    f32::from(position) / f32::from(FULL_DEFLECTION)
+}
+
 /// The driver's sticks. Each times out separately: a message about one does not refresh the other.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Controls {
@@ -146,8 +157,7 @@ impl StickState {
     fn receive(&mut self, received_at: Instant, input: StickInput) {
         match input {
             StickInput::Position(position) => {
-                let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
-                let position = f32::from(position) / f32::from(FULL_DEFLECTION);
+                let position = share(position);
                 self.input.receive(received_at, position);
                 if self.gate == Gate::AwaitsMessage || position.abs() <= DEADBAND {
                     self.gate = Gate::Open;

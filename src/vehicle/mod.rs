@@ -1,6 +1,7 @@
 //! The vehicle state machine: arming, modes, control inputs, failsafes, and the outputs to motors, lamps and buzzer.
 
 mod controls;
+mod driver;
 mod failsafe;
 mod indication;
 mod motor;
@@ -14,6 +15,7 @@ mod timed_input;
 mod vehicle;
 
 pub use controls::{Stick, StickInput};
+pub use driver::{AnotherDrives, DriverId};
 pub use failsafe::{FailsafeAction, FailsafeLevel, VehicleEvent};
 pub use indication::{BatteryAlert, Colour, Indication, Indicators, Tone};
 pub use motor::{MotorDrive, Motors, SideDrives};

@@ -48,6 +48,8 @@ pub(in crate::mavlink) struct Context<'a> {
     pub stations: &'a mut Stations,
     pub link: LinkKind,
     pub access: Access,
+    /// Each link that is opened has another one.
+    pub link_number: u16,
     /// Messages on this link that were not signed as they would have to be.
     pub unauthorized: &'a mut u32,
     /// Takes the answers.

@@ -13,7 +13,9 @@ use crate::numbers::text;
 use crate::parameter::Parameters;
 use crate::system::{SystemState, arming_obstacles};
 use crate::time::Instant;
-use crate::vehicle::{ArmState, Fitness, Mode, StickInput, Vehicle, control_timeout_us};
+use crate::vehicle::{
+    AnotherDrives, ArmState, DriverId, Fitness, Mode, StickInput, Vehicle, control_timeout_us,
+};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -29,6 +31,9 @@ const FORCE: [f32; 2] = [21196.0, 2989.0];
 /// Why a request that could set the rover in motion was refused.
 const TOO_LATE: &str = "Command waited for too long: refused";
 
+/// Said to a station whose sticks are ignored.
+const ANOTHER_DRIVES: &str = "Sticks ignored: another station drives";
+
 const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
 const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
@@ -38,6 +43,8 @@ pub(in crate::mavlink) struct VehicleService<'a> {
     pub now: Instant,
     /// The request can't have been received earlier.
     pub received_at: Instant,
+    /// The number of the link that it came by.
+    pub link_number: u16,
     /// What says, with the parameters, whether the rover is fit to be armed.
     pub state: &'a SystemState<'a>,
     pub parameters: &'a Parameters,
@@ -50,6 +57,7 @@ impl<'a> VehicleService<'a> {
         Self {
             now: context.now,
             received_at: context.received_at,
+            link_number: context.link_number,
             state: context.state,
             parameters: context.changeable.parameters,
             vehicle: context.changeable.vehicle,
@@ -153,21 +161,46 @@ impl<'a> VehicleService<'a> {
     }
 
     /// RC_CHANNELS_OVERRIDE.
-    pub fn control_by_channels(&mut self, pulses_us: &[u16]) -> Event {
+    pub fn control_by_channels(&mut self, pulses_us: &[u16], from: Peer) -> Event {
         if self.is_late() {
             return Event::ControlTooLate;
         }
-        self.vehicle.control_by_channels(self.received_at, pulses_us);
-        Event::Driven
+        let result = self
+            .vehicle
+            .control_by_channels(self.driver(from), self.received_at, pulses_us);
+        self.driven(result)
     }
 
     /// MANUAL_CONTROL.
-    pub fn control(&mut self, throttle: StickInput, steering: StickInput) -> Event {
+    pub fn control(&mut self, throttle: StickInput, steering: StickInput, from: Peer) -> Event {
         if self.is_late() {
             return Event::ControlTooLate;
         }
-        self.vehicle.control(self.received_at, throttle, steering);
-        Event::Driven
+        let result = self
+            .vehicle
+            .control(self.driver(from), self.received_at, throttle, steering);
+        self.driven(result)
+    }
+
+    fn driver(&self, from: Peer) -> DriverId {
+        DriverId {
+            link: self.link_number,
+            system_id: from.system_id,
+            component_id: from.component_id,
+        }
+    }
+
+    /// What became of a control message; who drives in vain gets to know it.
+    fn driven(&mut self, result: Result<(), AnotherDrives>) -> Event {
+        match result {
+            Ok(()) => return Event::Driven,
+            Err(AnotherDrives::IsNews) => {
+                self.outbox
+                    .explain(MavSeverity::MAV_SEVERITY_WARNING, ANOTHER_DRIVES);
+            }
+            Err(AnotherDrives::IsKnown) => {}
+        }
+        Event::Answered
     }
 
     fn acknowledge(&mut self, command: u16, result: MavResult, from: Peer) -> Event {

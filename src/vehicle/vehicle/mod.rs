@@ -1,12 +1,14 @@
 //! Vehicle state machine.
 
 use super::controls::Controls;
+use super::driver::DriverSeat;
 use super::failsafe::Effect;
 use super::motor::Ramp;
 use super::timed_input::TimedInput;
 use super::{
-    Alert, ArmState, BatteryAlert, Colour, FailsafeAction, FailsafeLevel, Fitness, Indication, Mode, Restart,
-    SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings, VehicleStatus,
+    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, DriverId, FailsafeAction, FailsafeLevel, Fitness,
+    Indication, Mode, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings,
+    VehicleStatus,
 };
 use crate::parameter::StickChannels;
 use crate::time::Instant;
@@ -45,6 +47,7 @@ pub struct Vehicle {
     /// When it was armed last.
     fitness: Fitness,
     controls: Controls,
+    seat: DriverSeat,
     /// Those of the settings when it was disarmed last.
     channels: StickChannels,
     ground_stations: TimedInput<()>,
@@ -90,6 +93,7 @@ impl Vehicle {
         self.arm_state = ArmState::Disarmed;
         self.throttle = Ramp::default();
         self.controls.disarm();
+        self.seat.vacate();
         self.ground_stations.clear_time_out();
     }
 
@@ -126,21 +130,41 @@ impl Vehicle {
 
     /// A control message: throttle ahead and steering to the right are positive. Its sender is a ground station, so it
     /// also counts as a heartbeat if these are monitored.
-    pub fn control(&mut self, received_at: Instant, throttle: StickInput, steering: StickInput) {
+    ///
+    /// # Errors
+    /// It has no effect: another station drives.
+    pub fn control(
+        &mut self,
+        from: DriverId,
+        received_at: Instant,
+        throttle: StickInput,
+        steering: StickInput,
+    ) -> Result<(), AnotherDrives> {
+        self.seat.admit(from, received_at, throttle, steering)?;
         let is_driver = self.controls.receive(received_at, throttle, steering);
         if is_driver && self.ground_stations.value().is_some() {
             self.ground_stations.receive(received_at, ());
         }
+        Ok(())
     }
 
     /// A control message of channels, by their pulses in microseconds: see [`Self::control`].
-    pub fn control_by_channels(&mut self, received_at: Instant, pulses_us: &[u16]) {
+    ///
+    /// # Errors
+    /// It has no effect: another station drives.
+    pub fn control_by_channels(
+        &mut self,
+        from: DriverId,
+        received_at: Instant,
+        pulses_us: &[u16],
+    ) -> Result<(), AnotherDrives> {
         let StickChannels { throttle, steering } = self.channels;
         self.control(
+            from,
             received_at,
             StickInput::of_channel(&throttle, pulses_us),
             StickInput::of_channel(&steering, pulses_us),
-        );
+        )
     }
 
     /// A ground station's heartbeat.

@@ -40,6 +40,54 @@ fn run(vehicle: &mut Vehicle, from_us: u64, to_us: u64) -> Vec<(u64, VehicleEven
         .collect()
 }
 
+fn steer(vehicle: &mut Vehicle, at: Instant, throttle: StickInput, steering: StickInput) {
+    let result = vehicle.control(DriverId::default(), at, throttle, steering);
+    result.expect("nobody else drives");
+}
+
+fn steer_by_channels(vehicle: &mut Vehicle, at: Instant, pulses_us: &[u16]) {
+    let result = vehicle.control_by_channels(DriverId::default(), at, pulses_us);
+    result.expect("nobody else drives");
+}
+
+#[test]
+fn sticks_of_a_station_that_does_not_drive_do_nothing() {
+    let driver = |system_id| DriverId {
+        system_id,
+        ..DriverId::default()
+    };
+    let ahead = |throttle| (StickInput::Position(throttle), StickInput::Position(0));
+    let mut vehicle = armed_in(Mode::Manual);
+    for ms in (0..4_000).step_by(50) {
+        let at = at_us(ms * 1_000);
+        let (throttle, steering) = ahead(500);
+        assert_eq!(vehicle.control(driver(1), at, throttle, steering), Ok(()));
+        let (throttle, steering) = ahead(if ms % 100 == 0 { -1000 } else { 0 });
+        assert!(vehicle.control(driver(2), at, throttle, steering).is_err());
+        vehicle.update(at, &SETTINGS);
+    }
+    assert_eq!(vehicle.drives(), both(0.5));
+    // The other one's sticks don't stand for those of a driver that is gone.
+    let events: Vec<_> = (4_000..6_000)
+        .step_by(50)
+        .filter_map(|ms| {
+            let at = at_us(ms * 1_000);
+            let (throttle, steering) = ahead(300);
+            assert!(vehicle.control(driver(2), at, throttle, steering).is_err());
+            vehicle.update(at, &SETTINGS)
+        })
+        .collect();
+    assert_eq!(events, [VehicleEvent::ControlsTimedOut]);
+    // Everyone may stop it and disarm, and after that everyone may drive.
+    vehicle.set_mode(Mode::Hold).unwrap();
+    vehicle.disarm();
+    let (throttle, steering) = ahead(300);
+    assert_eq!(
+        vehicle.control(driver(2), at_us(6_000_000), throttle, steering),
+        Ok(())
+    );
+}
+
 #[test]
 fn starts_disarmed_in_hold_and_coasts() {
     let vehicle = Vehicle::new();
@@ -53,7 +101,8 @@ fn hold_brakes_and_manual_follows_the_sticks() {
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
     vehicle.set_mode(Mode::Manual).unwrap();
     assert_eq!(vehicle.drives(), SideDrives::COAST);
-    vehicle.control(
+    steer(
+        &mut vehicle,
         Instant::EPOCH,
         StickInput::Position(1000),
         StickInput::Position(0),
@@ -73,7 +122,8 @@ fn hold_brakes_and_manual_follows_the_sticks() {
 #[test]
 fn sticks_timed_out_before_arming_do_not_drive() {
     let mut vehicle = Vehicle::new();
-    vehicle.control(
+    steer(
+        &mut vehicle,
         Instant::EPOCH,
         StickInput::Position(1000),
         StickInput::Position(1000),
@@ -88,7 +138,8 @@ fn sticks_timed_out_before_arming_do_not_drive() {
 #[test]
 fn control_time_out_holds_until_inputs_resume() {
     let mut vehicle = armed_in(Mode::Manual);
-    vehicle.control(
+    steer(
+        &mut vehicle,
         Instant::EPOCH,
         StickInput::Position(1000),
         StickInput::Position(0),
@@ -99,7 +150,8 @@ fn control_time_out_holds_until_inputs_resume() {
     assert_eq!(vehicle.status().alert, Alert::TimedOut);
     assert_eq!(vehicle.set_mode(Mode::Manual), Err(ModeRefused));
     assert_eq!(vehicle.set_mode(Mode::Hold), Ok(()));
-    vehicle.control(
+    steer(
+        &mut vehicle,
         at_us(10_000_000),
         StickInput::Position(0),
         StickInput::Position(0),
@@ -114,7 +166,8 @@ fn heartbeat_time_out_holds_and_control_counts_as_one() {
     let mut vehicle = armed_in(Mode::Manual);
     vehicle.ground_station_seen(Instant::EPOCH);
     for second in 0..5 {
-        vehicle.control(
+        steer(
+            &mut vehicle,
             at_us(second * 1_000_000),
             StickInput::Position(100),
             StickInput::Position(0),
@@ -124,7 +177,12 @@ fn heartbeat_time_out_holds_and_control_counts_as_one() {
             []
         );
     }
-    vehicle.control(at_us(5_000_000), StickInput::Released, StickInput::Released);
+    steer(
+        &mut vehicle,
+        at_us(5_000_000),
+        StickInput::Released,
+        StickInput::Released,
+    );
     assert_eq!(
         run(&mut vehicle, 5_000_000, 9_000_000),
         [(6_520_000, VehicleEvent::GroundStationsTimedOut)]
@@ -142,7 +200,7 @@ fn changed_channels_wait_for_disarming_and_a_neutral_stick() {
     let reversed = VehicleSettings::from_parameters(&parameters);
     let mut vehicle = armed_in(Mode::Manual);
     let push = |vehicle: &mut Vehicle, us: u64, pulse_us: u16| {
-        vehicle.control_by_channels(at_us(us), &[1500, 0, pulse_us, u16::MAX, 0, 0, 0, 0]);
+        steer_by_channels(vehicle, at_us(us), &[1500, 0, pulse_us, u16::MAX, 0, 0, 0, 0]);
         vehicle.update(at_us(us), &reversed);
     };
     push(&mut vehicle, 0, 1600);
@@ -183,7 +241,7 @@ fn sticks_that_are_not_in_use_do_not_prevent_arming_after_a_change_but_must_be_n
         (2_100_000, 2000, both(0.1)),
         (3_100_000, 2000, both(1.0)),
     ] {
-        vehicle.control_by_channels(at_us(us), &[1500, 0, pulse_us, 0, 0, 0, 0, 0]);
+        steer_by_channels(&mut vehicle, at_us(us), &[1500, 0, pulse_us, 0, 0, 0, 0, 0]);
         vehicle.update(at_us(us), &settings);
         assert_eq!(vehicle.drives(), expected, "{us}");
     }
@@ -192,7 +250,12 @@ fn sticks_that_are_not_in_use_do_not_prevent_arming_after_a_change_but_must_be_n
 #[test]
 fn disarming_ends_a_time_out_of_the_sticks() {
     let mut vehicle = armed_in(Mode::Manual);
-    vehicle.control(Instant::EPOCH, StickInput::Position(0), StickInput::Position(0));
+    steer(
+        &mut vehicle,
+        Instant::EPOCH,
+        StickInput::Position(0),
+        StickInput::Position(0),
+    );
     let events = run(&mut vehicle, 0, 2_000_000);
     assert_eq!(events, [(1_520_000, VehicleEvent::ControlsTimedOut)]);
     vehicle.disarm();
@@ -389,7 +452,7 @@ proptest! {
                 Input::Arm(fitness) => drop(vehicle.arm(now, fitness)),
                 Input::Disarm => vehicle.disarm(),
                 Input::Mode(mode) => drop(vehicle.set_mode(mode)),
-                Input::Control(throttle, steering) => vehicle.control(now, throttle, steering),
+                Input::Control(throttle, steering) => steer(&mut vehicle, now, throttle, steering),
                 Input::GroundStation => vehicle.ground_station_seen(now),
                 Input::Failsafe(number) => {
                     vehicle.battery_failsafe(FailsafeAction::from_number(number).unwrap());
