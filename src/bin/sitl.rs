@@ -96,7 +96,7 @@ fn web(text: &str) -> Result<Web, String> {
 /// Where browsers connect unless it is said: if the port is taken, they do not.
 const DEFAULT_WEB: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);
 
-/// Listens for browsers, and says where.
+/// Listens for browsers.
 fn listen_for_browsers(asked: Option<Web>) -> Result<Option<Clients>, String> {
     let address = match asked {
         Some(Web::Off) => return Ok(None),
@@ -231,6 +231,9 @@ fn simulate(arguments: Arguments) -> Result<(), String> {
         "MAVLink on tcp:{} and to udp:{}. Ctrl-C ends it.",
         arguments.tcp, arguments.udp
     );
+    if let Some(address) = browsers.as_ref().and_then(|browsers| browsers.address().ok()) {
+        println!("The rover's page: http://{address}/");
+    }
     if let Some(scenario) = arguments.scenario {
         println!("Scenario {scenario} {}", pace(speedup));
     }

@@ -35,9 +35,8 @@ const RECEIVED_BYTES: usize = 512;
 /// What is sent until a browser confirms it.
 const SENT_BYTES: usize = 1024;
 
-/// The same of one that is told that there is no place.
-const REFUSED_RECEIVED_BYTES: usize = 256;
-const REFUSED_SENT_BYTES: usize = 512;
+/// The same, each way, of one that is told that there is no place.
+const REFUSED_BYTES: usize = 256;
 
 /// Time for a browser to receive what was sent last and to close its side.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -55,9 +54,8 @@ struct ConnectionMemory {
 }
 
 struct RefusedMemory {
-    received: [u8; REFUSED_RECEIVED_BYTES],
-    sent: [u8; REFUSED_SENT_BYTES],
-    buffer: [u8; REFUSED_SENT_BYTES],
+    received: [u8; REFUSED_BYTES],
+    sent: [u8; REFUSED_BYTES],
 }
 
 impl BrowserMemory {
@@ -71,9 +69,8 @@ impl BrowserMemory {
         Self {
             connections: [CONNECTION; CONNECTIONS],
             refused: RefusedMemory {
-                received: [0; REFUSED_RECEIVED_BYTES],
-                sent: [0; REFUSED_SENT_BYTES],
-                buffer: [0; REFUSED_SENT_BYTES],
+                received: [0; REFUSED_BYTES],
+                sent: [0; REFUSED_BYTES],
             },
         }
     }
@@ -125,7 +122,7 @@ pub(super) async fn serve_browsers(stack: Stack<'_>, memory: &mut BrowserMemory,
             serve_connection(&two, buffer_2, &handovers, site),
             serve_connection(&three, buffer_3, &handovers, site),
             serve_connection(&four, buffer_4, &handovers, site),
-            refuse_surplus(&surplus, &mut refused.buffer),
+            refuse_surplus(&surplus),
         ),
         serve_links(LinkId::Web1, first, service),
         serve_links(LinkId::Web2, second, service),
@@ -188,11 +185,11 @@ async fn serve_links(id: LinkId, handover: &Handover<'_, '_>, service: &Service<
 }
 
 /// Tells those for whom no connection is left that there is no place.
-async fn refuse_surplus(socket: &RefCell<TcpSocket<'_>>, buffer: &mut [u8]) {
+async fn refuse_surplus(socket: &RefCell<TcpSocket<'_>>) {
     loop {
         accept(socket, PORT).await;
-        refuse(TcpTransmitter(socket), buffer).await;
-        let receive_rest = async { while TcpReceiver(socket).receive(buffer).await.is_ok() {} };
+        refuse(TcpTransmitter(socket)).await;
+        let receive_rest = async { while TcpReceiver(socket).receive(&mut [0; 32]).await.is_ok() {} };
         socket.borrow_mut().close();
         let _ = with_timeout(FAREWELL, receive_rest).await;
         close(socket, FAREWELL).await;

@@ -25,9 +25,19 @@ const READER_PATIENCE: Duration = Duration::from_secs(12);
 
 const HEAD_END: &[u8] = b"\r\n\r\n";
 
-const NO_PLACE: Refusal = refusal(
-    Status::ServiceUnavailable,
-    "The rover serves two browsers at a time: close another one, or try again.",
+macro_rules! no_place {
+    () => {
+        "The rover serves two browsers at a time: close another one, or try again."
+    };
+}
+
+const NO_PLACE: Refusal = refusal(Status::ServiceUnavailable, no_place!());
+
+/// The same without a buffer.
+const NO_CONNECTION: &str = concat!(
+    "HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nRetry-After: 1\r\n",
+    "Content-Type: text/plain; charset=utf-8\r\n\r\n",
+    no_place!()
 );
 
 /// What a server serves.
@@ -79,8 +89,9 @@ pub async fn attend<'a>(
 }
 
 /// Says to who has connected that there is no place, whatever the request is.
-pub async fn refuse(mut writer: impl Write, buffer: &mut [u8]) {
-    send_refusal(NO_PLACE, &mut writer, buffer).await;
+pub async fn refuse(mut writer: impl Write) {
+    // Who has left needs no answer.
+    let _ = send(NO_CONNECTION.as_bytes(), &mut writer).await;
 }
 
 /// Reads the head of a request.

@@ -12,6 +12,9 @@ const CONTROL_BYTES: usize = 125;
 /// The longest payload of a frame of data: stations send a few MAVLink frames in each, which have 280 bytes at most.
 const DATA_BYTES: u64 = 4096;
 
+/// The longest answer to a ping.
+const PONG_BYTES: usize = 2 + CONTROL_BYTES;
+
 const FINAL: u8 = 0x80;
 
 /// Why a WebSocket ends.
@@ -105,10 +108,16 @@ impl FrameDecoder {
         self.end
     }
 
-    /// What has to be sent back for a ping, once.
-    pub fn take_pong(&mut self) -> Option<Vec<u8, CONTROL_BYTES>> {
+    /// The frame that has to be sent back for a ping, once.
+    pub fn take_pong(&mut self) -> Option<Vec<u8, PONG_BYTES>> {
         match core::mem::take(&mut self.pong) {
-            Pong::Due => Some(self.control.clone()),
+            Pong::Due => {
+                let mut pong = Vec::new();
+                // The longest fits.
+                let _ = pong.extend_from_slice(&header(FrameType::Pong, self.control.len()));
+                let _ = pong.extend_from_slice(&self.control);
+                Some(pong)
+            }
             Pong::NotDue => None,
         }
     }

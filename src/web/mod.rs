@@ -18,3 +18,6 @@ pub use attend::{Attended, BUFFER_BYTES, Site, attend, refuse};
 pub use places::{Places, WEB_SOCKETS, WebSocketPlace};
 pub use request::Sender;
 pub use web_socket::serve_web_socket;
+
+#[cfg(test)]
+mod tests;

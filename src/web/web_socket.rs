@@ -68,13 +68,8 @@ struct FrameWriter<'a, W> {
 }
 
 impl<W: Write> FrameWriter<'_, W> {
-    async fn send(&mut self, kind: FrameType, payload: &[u8]) -> Result<(), ErrorKind> {
-        let header = header(kind, payload.len());
-        let sent = with_timeout(READER_PATIENCE, async {
-            self.writer.write_all(&header).await?;
-            self.writer.write_all(payload).await
-        });
-        match sent.await {
+    async fn send(&mut self, bytes: &[u8]) -> Result<(), ErrorKind> {
+        match with_timeout(READER_PATIENCE, self.writer.write_all(bytes)).await {
             Ok(sent) => sent.map_err(|error| error.kind()),
             Err(_) => Err(ErrorKind::TimedOut),
         }
@@ -83,7 +78,7 @@ impl<W: Write> FrameWriter<'_, W> {
     async fn send_pong(&mut self) -> Result<(), ErrorKind> {
         let pong = self.decoder.borrow_mut().take_pong();
         match pong {
-            Some(pong) => self.send(FrameType::Pong, &pong).await,
+            Some(pong) => self.send(&pong).await,
             None => Ok(()),
         }
     }
@@ -97,7 +92,9 @@ impl<W: Write> Write for FrameWriter<'_, W> {
     /// Takes a whole frame of MAVLink.
     async fn write(&mut self, frame: &[u8]) -> Result<usize, ErrorKind> {
         self.send_pong().await?;
-        self.send(FrameType::Binary(false), frame).await?;
+        let header = header(FrameType::Binary(false), frame.len());
+        self.send(&header).await?;
+        self.send(frame).await?;
         Ok(frame.len())
     }
 
