@@ -36,6 +36,9 @@ def free_port():
 
 
 def simulator_command(port, *arguments):
+    if "--web" not in arguments:
+        # Of several simulators one would have the default port.
+        arguments = ("--web", "off", *arguments)
     return ["cargo", "run", "--quiet", "--", "--tcp", f"127.0.0.1:{port}", *arguments]
 
 

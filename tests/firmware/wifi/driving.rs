@@ -3,6 +3,7 @@
 use super::ground::{Ground, Station};
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, is_braking};
 use crate::wheels::duties;
+use emulator::Board;
 use support::frames::{COMMAND_ACK, of_message};
 use support::motor_poles::motors;
 use support::requests::{arm, manual_control, set_mode};
@@ -26,9 +27,9 @@ fn drive(ground: &mut Ground, station: &mut Station, rate_hz: u64, duration_us: 
     }
 }
 
-fn is_driving(bench: &Bench) -> bool {
+pub fn is_driving(board: &Board) -> bool {
     motors().all(|motor| {
-        let (positive, negative) = duties(motor, bench);
+        let (positive, negative) = duties(motor, board);
         positive > negative
     })
 }
@@ -61,6 +62,30 @@ fn drives_and_stops(connect: impl Fn(&mut Ground) -> Station, rate_hz: u64) {
 #[test]
 fn by_udp_the_rover_drives_and_stops_when_the_phone_is_gone() {
     drives_and_stops(Ground::found_station, 50);
+}
+
+#[test]
+fn in_a_browser_the_rover_drives_and_stops_when_the_phone_is_gone() {
+    drives_and_stops(Ground::web_station, 20);
+}
+
+#[test]
+fn a_touch_in_a_browser_reaches_the_motors_within_100_ms() {
+    let mut ground = Ground::of(Bench::power_up(GOOD_3S));
+    ground.bench.set("BATT_CELLS", 3.0);
+    ground.bench.set("MOT_SLEWRATE", 0.0);
+    let mut station = ground.web_station();
+    armed(&mut ground, &mut station);
+    ground.send(&mut station, &manual_control(VEHICLE_ID, 0, 0));
+    ground.run_for(SECOND / 20);
+    let touched_us = ground.bench.time_us();
+    ground.send(&mut station, &manual_control(VEHICLE_ID, 0, 1000));
+    let drives = ground
+        .air
+        .run_until(&mut ground.bench, SECOND, |_, bench| is_driving(bench));
+    let took_us = ground.bench.time_us() - touched_us;
+    println!("{took_us} us from a touch to the motors");
+    assert!(drives && took_us <= 100 * MILLISECOND, "{took_us}");
 }
 
 #[test]

@@ -17,6 +17,7 @@ const GROUND_STATION: u8 = 6;
 pub const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 pub const UDP_PORT: u16 = 14550;
 pub const TCP_PORT: u16 = 5760;
+const WEB_PORT: u16 = 80;
 
 /// From power-up until the network is there, at most.
 const UP_WITHIN_US: u64 = 2 * SECOND;
@@ -37,6 +38,8 @@ pub struct Ground {
 enum Socket {
     Udp(UdpPort),
     Tcp(Connection),
+    /// By TCP, the bytes in frames of a WebSocket.
+    Web(Connection),
 }
 
 /// A ground station on a laptop.
@@ -46,7 +49,14 @@ pub struct Station {
     /// Where the board is; by UDP unknown until it was heard.
     board: Option<SocketAddrV4>,
     received: Vec<(u64, u8)>,
+    /// By WebSocket: what has come of a frame that is not whole.
+    begun: Vec<u8>,
 }
+
+/// What opens a WebSocket.
+const UPGRADE: &[u8] =
+    b"GET / HTTP/1.1\r\nHost: 192.168.4.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+    Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
 
 impl Ground {
     /// A Pico W whose network is up.
@@ -117,6 +127,7 @@ impl Ground {
             socket: Socket::Udp(port),
             board: None,
             received: Vec::new(),
+            begun: Vec::new(),
         }
     }
 
@@ -150,12 +161,74 @@ impl Ground {
             socket: Socket::Tcp(connection),
             board: Some(board),
             received: Vec::new(),
+            begun: Vec::new(),
         }
+    }
+
+    /// A browser that has a WebSocket.
+    pub fn web_station(&mut self) -> Station {
+        let laptop = self.laptop();
+        self.open_web_socket(laptop)
+    }
+
+    pub fn open_web_socket(&mut self, laptop: usize) -> Station {
+        let connection = self.open(laptop);
+        assert_eq!(self.air.laptop(laptop).send(connection, UPGRADE), UPGRADE.len());
+        let mut answer = Vec::new();
+        let opened = self.air.run_until(&mut self.bench, SECOND, |air, _| {
+            answer.extend(air.laptop(laptop).take_received(connection));
+            answer.windows(4).any(|bytes| bytes == b"\r\n\r\n")
+        });
+        assert!(opened && answer.starts_with(b"HTTP/1.1 101 "), "{answer:?}");
+        let end = answer
+            .windows(4)
+            .position(|bytes| bytes == b"\r\n\r\n")
+            .expect("it has one");
+        Station {
+            laptop,
+            socket: Socket::Web(connection),
+            board: Some(SocketAddrV4::new(BOARD, WEB_PORT)),
+            received: Vec::new(),
+            begun: answer.split_off(end + 4),
+        }
+    }
+
+    /// A connection to the port for browsers.
+    pub fn open(&mut self, laptop: usize) -> Connection {
+        let connection = self
+            .air
+            .laptop(laptop)
+            .connect(SocketAddrV4::new(BOARD, WEB_PORT));
+        self.air.run_until(&mut self.bench, ANSWER_TIME_US, |air, _| {
+            air.laptop(laptop).is_established(connection)
+        });
+        connection
+    }
+
+    /// What a request is answered, until the board closes the connection, and how long that took.
+    pub fn fetch(&mut self, laptop: usize, request: &[u8], within_us: u64) -> (Vec<u8>, u64) {
+        let began_us = self.bench.time_us();
+        let connection = self.open(laptop);
+        let sent = self.air.laptop(laptop).send(connection, request);
+        assert_eq!(sent, request.len());
+        let mut answer = Vec::new();
+        self.air.run_until(&mut self.bench, within_us, |air, _| {
+            let laptop = air.laptop(laptop);
+            answer.extend(laptop.take_received(connection));
+            !laptop.is_established(connection)
+        });
+        let took_us = self.bench.time_us() - began_us;
+        self.air.laptop(laptop).close(connection);
+        self.run_for(ANSWER_TIME_US);
+        self.air.laptop(laptop).forget(connection);
+        (answer, took_us)
     }
 
     pub fn is_connected(&mut self, station: &Station) -> bool {
         match station.socket {
-            Socket::Tcp(connection) => self.air.laptop(station.laptop).is_established(connection),
+            Socket::Tcp(connection) | Socket::Web(connection) => {
+                self.air.laptop(station.laptop).is_established(connection)
+            }
             Socket::Udp(_) => station.board.is_some(),
         }
     }
@@ -167,6 +240,10 @@ impl Ground {
             (Socket::Udp(port), Some(board)) => assert!(laptop.send_to(port, bytes, board)),
             (Socket::Udp(_), None) => panic!("the board was not heard yet"),
             (Socket::Tcp(connection), _) => assert_eq!(laptop.send(connection, bytes), bytes.len()),
+            (Socket::Web(connection), _) => {
+                let frame = web_socket_frame(bytes);
+                assert_eq!(laptop.send(connection, &frame), frame.len());
+            }
         }
     }
 
@@ -184,6 +261,11 @@ impl Ground {
             }
             Socket::Tcp(connection) => {
                 let bytes = laptop.take_received(connection);
+                station.received.extend(bytes.iter().map(|byte| (now_us, *byte)));
+            }
+            Socket::Web(connection) => {
+                station.begun.extend(laptop.take_received(connection));
+                let bytes = take_payloads(&mut station.begun);
                 station.received.extend(bytes.iter().map(|byte| (now_us, *byte)));
             }
         }
@@ -241,6 +323,38 @@ impl Ground {
     /// Panics if the board has restarted.
     pub fn assert_not_reset(&self) {
         assert!(self.bench.resets().is_empty(), "{:?}", self.bench.resets());
+    }
+}
+
+/// A binary message of a browser, which masks what it sends.
+pub fn web_socket_frame(payload: &[u8]) -> Vec<u8> {
+    const MASK: [u8; 4] = [0x5a, 0xa5, 0x0f, 0xf0];
+    let mut frame = vec![0x82, 0x80 | 126];
+    frame.extend((payload.len() as u16).to_be_bytes());
+    frame.extend(MASK);
+    frame.extend(
+        payload
+            .iter()
+            .zip(MASK.iter().cycle())
+            .map(|(byte, mask)| byte ^ mask),
+    );
+    frame
+}
+
+/// Takes the payloads of all whole frames, which are binary.
+fn take_payloads(bytes: &mut Vec<u8>) -> Vec<u8> {
+    let mut payloads = Vec::new();
+    loop {
+        let (start, length) = match bytes[..] {
+            [0x82, 126, high, low, ..] => (4, usize::from(u16::from_be_bytes([high, low]))),
+            [0x82, 126, ..] | [_] | [] => return payloads,
+            [0x82, short, ..] => (2, usize::from(short)),
+            [..] => panic!("no binary message: {bytes:x?}"),
+        };
+        if bytes.len() < start + length {
+            return payloads;
+        }
+        payloads.extend(bytes.drain(..start + length).skip(start));
     }
 }
 

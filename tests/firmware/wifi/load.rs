@@ -8,7 +8,7 @@ use support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message};
 use workbench::bench::{CYCLES_PER_US, MILLISECOND, PACK, SECOND};
 
 /// Between two samplings, whatever the network does.
-const JITTER_US: u64 = 200;
+pub const JITTER_US: u64 = 200;
 
 /// For half a minute, and for a moment.
 const FRAMES_PER_SECOND: u64 = 200;
@@ -39,11 +39,7 @@ fn half_a_minute_of_hostile_frames_disturbs_nothing() {
     println!("{} frames did not reach the chip's queue", ground.air.overrun());
 
     let starts = sampling_starts(&mut ground);
-    let intervals: Vec<u64> = starts.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let off = intervals
-        .iter()
-        .map(|interval| interval.abs_diff(100 * MILLISECOND));
-    let worst_us = off.max().expect("it samples");
+    let worst_us = off_by_us(&starts);
     println!("sampling: {} bursts, off by {worst_us} us at most", starts.len());
     assert!(starts.len() >= 299 && worst_us <= JITTER_US, "{worst_us}");
 
@@ -54,6 +50,18 @@ fn half_a_minute_of_hostile_frames_disturbs_nothing() {
     assert!(ground.is_connected(&station), "{:?}", ground.bench.log_lines());
     assert_eq!(of_message(&heard, BATTERY_STATUS).len(), 4);
     assert!(ground.bench.logged(LogLevel::Error, "").is_empty());
+}
+
+/// By how much an interval between two bursts is off at most.
+fn off_by_us(starts: &[u64]) -> u64 {
+    let intervals = starts.windows(2).map(|pair| pair[1] - pair[0]);
+    let off = intervals.map(|interval| interval.abs_diff(100 * MILLISECOND));
+    off.max().expect("it samples")
+}
+
+/// By how much an interval between two samplings was off at most.
+pub fn worst_sampling_us(ground: &mut Ground) -> u64 {
+    off_by_us(&sampling_starts(ground))
 }
 
 /// When each burst of conversions of the pack's pin began, in µs.

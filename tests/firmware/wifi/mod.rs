@@ -1,5 +1,6 @@
 //! The radio of a Pico W, and ground stations in its network.
 
+mod browsers;
 mod credentials;
 mod driving;
 mod faults;

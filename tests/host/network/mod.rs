@@ -2,6 +2,7 @@
 //! between them one by one, in stepped time.
 
 mod air;
+mod browsers;
 mod dhcp;
 mod kept_address;
 mod phone;

@@ -136,14 +136,19 @@ impl Phone {
         .collect()
     }
 
-    /// Connects to the board by TCP, from this port.
+    /// Connects to the board's port of MAVLink by TCP, from this port.
     pub fn connect(&mut self, port: u16) -> SocketHandle {
+        self.connect_to(TCP_PORT, port)
+    }
+
+    /// Connects to this port of the board by TCP.
+    pub fn connect_to(&mut self, board_port: u16, port: u16) -> SocketHandle {
         let buffer = || tcp::SocketBuffer::new(leak(2048));
         let mut socket = tcp::Socket::new(buffer(), buffer());
         socket
             .connect(
                 self.interface.context(),
-                (IpAddress::Ipv4(*BOARD.ip()), TCP_PORT),
+                (IpAddress::Ipv4(*BOARD.ip()), board_port),
                 port,
             )
             .expect("the socket is new");
@@ -154,8 +159,8 @@ impl Phone {
         self.sockets.get_mut(socket)
     }
 
-    /// The frames that have come by TCP. One that is cut off at the end is lost.
-    pub fn tcp_frames(&mut self, socket: SocketHandle) -> Vec<Frame> {
+    /// What has come by TCP.
+    pub fn tcp_bytes(&mut self, socket: SocketHandle) -> Vec<u8> {
         let mut bytes = Vec::new();
         let socket = self.tcp(socket);
         while socket.can_recv() {
@@ -166,6 +171,12 @@ impl Phone {
                 })
                 .expect("it can receive");
         }
+        bytes
+    }
+
+    /// The frames that have come by TCP. One that is cut off at the end is lost.
+    pub fn tcp_frames(&mut self, socket: SocketHandle) -> Vec<Frame> {
+        let bytes = self.tcp_bytes(socket);
         let at_us = embassy_time::Instant::now().as_micros();
         frames(&bytes.into_iter().map(|byte| (at_us, byte)).collect::<Vec<_>>())
     }

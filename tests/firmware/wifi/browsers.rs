@@ -1,0 +1,240 @@
+//! Browsers: the page, MAVLink by WebSocket, logs, and those who mean no good.
+
+use super::driving::is_driving;
+use super::ground::{Ground, Station, web_socket_frame};
+use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID};
+use crate::stack;
+use rover_battmon::memory::flash_map;
+use support::frames::{
+    BATTERY_STATUS, COMMAND_ACK, LOG_DATA, PARAM_VALUE, assert_no_sequence_gap, of_message,
+};
+use support::requests::{
+    VEHICLE, arm, log_data, log_list, manual_control, param_request_list, param_set, set_mode,
+};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, value_of};
+use workbench::log_flash::{LogFlash, noise};
+
+fn get(path: &str, headers: &str) -> Vec<u8> {
+    format!("GET {path} HTTP/1.1\r\nHost: 192.168.4.1\r\n{headers}\r\n").into_bytes()
+}
+
+/// Head and content of an answer.
+fn split(answer: &[u8]) -> (String, &[u8]) {
+    let end = answer
+        .windows(4)
+        .position(|bytes| bytes == b"\r\n\r\n")
+        .expect("a head");
+    let head = String::from_utf8(answer[..end].into()).expect("text");
+    (head, &answer[end + 4..])
+}
+
+fn length(head: &str) -> usize {
+    let length = head
+        .split("Content-Length: ")
+        .nth(1)
+        .and_then(|rest| rest.lines().next());
+    length.and_then(|length| length.parse().ok()).expect("it has one")
+}
+
+#[test]
+fn page_and_descriptions_come_whole_within_a_second() {
+    let mut ground = Ground::up();
+    let laptop = ground.laptop();
+    for path in ["/", "/parameters.json"] {
+        let (answer, took_us) = ground.fetch(laptop, &get(path, ""), SECOND);
+        let (head, content) = split(&answer);
+        println!("{path}: {} bytes in {took_us} us", answer.len());
+        assert!(head.starts_with("HTTP/1.1 200 OK"), "{head}");
+        assert!(content.starts_with(&[0x1f, 0x8b]), "gzip");
+        assert_eq!(content.len(), length(&head));
+        assert!(took_us < SECOND, "{took_us}");
+    }
+    ground.assert_not_reset();
+}
+
+#[test]
+fn two_browsers_are_served_beside_two_by_udp_and_two_by_tcp_and_a_third_gets_a_sentence() {
+    let mut ground = Ground::up();
+    let mut stations = vec![ground.found_station(), ground.found_station()];
+    stations.push(ground.connected_station());
+    stations.push(ground.connected_station());
+    let browsers = [ground.laptop(), ground.laptop()];
+    for laptop in browsers {
+        stations.push(ground.open_web_socket(laptop));
+    }
+    for station in &mut stations {
+        ground.send(station, &param_request_list(VEHICLE));
+        let frames = ground.hear_for(station, 2 * SECOND);
+        let values = of_message(&frames, PARAM_VALUE);
+        assert!(values.len() >= usize::from(values[0].u16(4)), "{}", values.len());
+        assert_no_sequence_gap(&frames);
+    }
+    let upgrade = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\
+        Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+    let (refused, _) = ground.fetch(browsers[0], &get("/", upgrade), SECOND);
+    let (head, content) = split(&refused);
+    assert!(head.starts_with("HTTP/1.1 503 "), "{head}");
+    assert!(content.starts_with(b"The rover serves two browsers"));
+    // Pages still come.
+    let (page, _) = ground.fetch(browsers[1], &get("/", ""), SECOND);
+    assert!(split(&page).0.starts_with("HTTP/1.1 200 "));
+    // All places for connections are taken by those who send nothing.
+    let silent = [ground.open(browsers[0]), ground.open(browsers[0])];
+    let (refused, _) = ground.fetch(browsers[1], &get("/", ""), SECOND);
+    assert!(refused.starts_with(b"HTTP/1.1 503 "), "{refused:?}");
+    ground.run_for(4 * SECOND);
+    for connection in silent {
+        ground.air.laptop(browsers[0]).close(connection);
+    }
+    ground.run_for(SECOND);
+    let (page, _) = ground.fetch(browsers[1], &get("/", ""), SECOND);
+    assert!(split(&page).0.starts_with("HTTP/1.1 200 "));
+    ground.assert_not_reset();
+}
+
+#[test]
+fn four_packs_come_fifty_times_a_second_to_a_browser() {
+    let mut ground = Ground::up();
+    for pack in ["BATT2_MONITOR", "BATT3_MONITOR", "BATT4_MONITOR"] {
+        ground.bench.set(pack, 3.0);
+    }
+    ground.bench.reboot();
+    ground.wait_for_network(2 * SECOND);
+    ground.bench.forget_stack_use();
+    let mut station = ground.web_station();
+    let answers = ground.ask(&mut station, &param_set("SR0_EXTRA1", 50.0));
+    assert_eq!(value_of(&answers, "SR0_EXTRA1"), Some(50.0));
+    let frames = ground.hear_for(&mut station, 2 * SECOND);
+    assert_no_sequence_gap(&frames);
+    let packs = of_message(&frames, BATTERY_STATUS).len();
+    assert!((396..=404).contains(&packs), "{packs}");
+    stack::assert_free(&mut ground.bench, "a browser");
+}
+
+/// How long a log takes by TCP.
+fn download_by_tcp(ground: &mut Ground, station: &mut Station, bytes: usize) -> u64 {
+    ground.ask(station, &log_list(0, u16::MAX));
+    let began_us = ground.bench.time_us();
+    ground.send(station, &log_data(1, 0, bytes as u32));
+    let frames = ground.hear_for(station, 10 * SECOND);
+    let data = of_message(&frames, LOG_DATA);
+    let received: usize = data.iter().map(|frame| usize::from(frame.u8(6))).sum();
+    assert_eq!(received, bytes);
+    data.last().expect("some").at_us - began_us
+}
+
+#[test]
+fn log_comes_as_fast_as_by_tcp_and_a_broken_download_goes_on() {
+    let mut log = LogFlash::erased_ahead();
+    let content = noise(1, 30);
+    log.add(&content);
+    let offset = flash_map::LOG.start;
+    let mut ground = Ground::of(Bench::power_up_with_flash(DIVIDER_CODE, offset, log.bytes()));
+    ground.run_for(2 * SECOND);
+    let laptop = ground.laptop();
+    let (list, _) = ground.fetch(laptop, &get("/logs/", ""), SECOND);
+    let listed = String::from_utf8_lossy(&list).into_owned();
+    let entry = format!("{{\"number\":1,\"bytes\":{},\"name\":\"rover-", content.len());
+    assert!(listed.contains(&entry), "{listed}");
+
+    let (answer, took_us) = ground.fetch(laptop, &get("/logs/1.BIN", ""), 10 * SECOND);
+    let (head, file) = split(&answer);
+    assert!(
+        head.contains("filename=\"rover-") && head.contains("-00000001.BIN\""),
+        "{head}"
+    );
+    assert_eq!(length(&head), content.len());
+    assert!(file == content);
+
+    let range = format!("Range: bytes={}-\r\n", content.len() - 5_000);
+    let (answer, _) = ground.fetch(laptop, &get("/logs/1.BIN", &range), SECOND);
+    let (head, file) = split(&answer);
+    assert!(head.starts_with("HTTP/1.1 206 "), "{head}");
+    assert!(file == &content[content.len() - 5_000..]);
+
+    let mut station = ground.connect(laptop);
+    let by_tcp_us = download_by_tcp(&mut ground, &mut station, content.len());
+    let percent = 100 * by_tcp_us / took_us;
+    println!(
+        "{} bytes in {took_us} us, by TCP in {by_tcp_us} us: {percent} %",
+        content.len()
+    );
+    assert!(percent >= 80, "{percent} %");
+    ground.assert_not_reset();
+}
+
+/// What those send who mean no good.
+fn hostile_requests() -> Vec<Vec<u8>> {
+    let upgrade = get(
+        "/",
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\
+         Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n",
+    );
+    vec![
+        Vec::new(),
+        b"GET / HTTP/1.1\r\nX: ".to_vec(),
+        [b"GET / HTTP/1.1\r\nX: ".to_vec(), vec![b'x'; 1_400]].concat(),
+        b"GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n".to_vec(),
+        b"POST / HTTP/1.1\r\nHost: 192.168.4.1\r\nContent-Length: 100000\r\n\r\n".to_vec(),
+        vec![0xff; 1_000],
+        get("/logs/../../", ""),
+        get("/", "Upgrade: websocket\r\n"),
+        [upgrade.clone(), vec![0x82, 1, 0]].concat(),
+        [upgrade, web_socket_frame(&[0; 600])].concat(),
+        get("/", ""),
+    ]
+}
+
+#[test]
+fn hostile_requests_disturb_neither_the_driver_nor_the_measurement() {
+    let mut ground = Ground::of(Bench::power_up(GOOD_3S));
+    ground.bench.set("BATT_CELLS", 3.0);
+    ground.bench.set("MOT_SLEWRATE", 0.0);
+    let mut driver = ground.found_station();
+    let answers = ground.ask(&mut driver, &arm());
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
+    ground.ask(&mut driver, &set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    let others = [ground.laptop(), ground.laptop()];
+    ground.bench.forget_stack_use();
+    ground.bench.take_adc_record();
+    let began_us = ground.bench.time_us();
+    let requests = hostile_requests();
+    let mut open = Vec::new();
+    for turn in 0..400 {
+        ground.send(&mut driver, &manual_control(VEHICLE_ID, 0, 500));
+        let laptop = others[turn % others.len()];
+        let connection = ground
+            .air
+            .laptop(laptop)
+            .connect("192.168.4.1:80".parse().expect("valid"));
+        open.push((laptop, connection));
+        ground.run_for(15 * MILLISECOND);
+        ground
+            .air
+            .laptop(laptop)
+            .send(connection, &requests[turn % requests.len()]);
+        ground.run_for(10 * MILLISECOND);
+        if open.len() > 6 {
+            let (laptop, connection) = open.remove(0);
+            ground.air.laptop(laptop).forget(connection);
+        }
+        if turn > 10 {
+            assert!(is_driving(&ground.bench), "turn {turn}");
+        }
+    }
+    let seconds = (ground.bench.time_us() - began_us) / SECOND;
+    let frames = ground.heard_since(&mut driver, began_us);
+    assert_no_sequence_gap(&frames);
+    let packs = of_message(&frames, BATTERY_STATUS).len() as u64;
+    assert!(packs + 1 >= 2 * seconds, "{packs} in {seconds} s");
+    let worst_us = super::load::worst_sampling_us(&mut ground);
+    println!("sampling: off by {worst_us} us at most");
+    assert!(worst_us <= super::load::JITTER_US, "{worst_us}");
+    stack::assert_free(&mut ground.bench, "hostile requests, and a driver by UDP");
+    ground.assert_not_reset();
+    // Afterwards browsers are served.
+    ground.run_for(6 * SECOND);
+    let laptop = ground.laptop();
+    let (page, _) = ground.fetch(laptop, &get("/", ""), SECOND);
+    assert!(page.starts_with(b"HTTP/1.1 200 "), "{page:?}");
+}

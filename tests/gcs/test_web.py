@@ -1,0 +1,154 @@
+"""The simulator's page, its logs and its WebSocket, as browsers and pymavlink use them."""
+
+import gzip
+import http.client
+import json
+import socket
+import time
+from contextlib import closing
+
+import pytest
+
+from conftest import REPOSITORY, failed_start, free_port
+from station import command, connect, mavlink, read, read_list, set_to
+
+ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+SET_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+FORCED = 21196
+
+RATE_SECONDS = 3
+FASTEST_HZ = 50
+
+KEY = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+UPGRADE = f"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n{KEY}"
+
+
+class Site:
+    """A simulator with a page."""
+
+    def __init__(self, start_simulator, *arguments):
+        self.port = free_port()
+        self.simulator = start_simulator("--web", f"127.0.0.1:{self.port}", *arguments)
+
+    @property
+    def ws_url(self):
+        return f"ws:127.0.0.1:{self.port}"
+
+    def get(self, path, method="GET", **headers):
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        with closing(connection):
+            names = {name.replace("_", "-"): value for name, value in headers.items()}
+            connection.request(method, path, headers=names)
+            answer = connection.getresponse()
+            return answer.status, answer.headers, answer.read()
+
+    def upgraded(self, headers=""):
+        """A socket on which a WebSocket was asked for, and the status of the answer."""
+        client = socket.create_connection(("127.0.0.1", self.port), timeout=10)
+        client.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\n{UPGRADE}{headers}\r\n".encode())
+        return client, int(client.recv(13)[9:12])
+
+
+@pytest.fixture
+def site(start_simulator):
+    return Site(start_simulator)
+
+
+def message_count(vehicle, name, seconds):
+    end = time.monotonic() + seconds
+    counted = 0
+    while (left := end - time.monotonic()) > 0:
+        counted += vehicle.recv_match(type=name, blocking=True, timeout=left) is not None
+    return counted
+
+
+def test_page_and_descriptions_are_served_compressed_whatever_the_browser_says(site):
+    for path, content in [("/parameters.json", (REPOSITORY / "docs" / "parameters.json").read_bytes()), ("/", None)]:
+        status, headers, body = site.get(path, Accept_Encoding="identity")
+        assert (status, headers["Content-Encoding"]) == (200, "gzip")
+        assert content in (None, gzip.decompress(body))
+        assert site.get(path, If_None_Match=headers["ETag"])[0] == 304
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+
+
+def test_parameters_commands_and_rates_are_those_of_tcp(site):
+    with closing(connect(site.simulator.url)) as tcp, closing(connect(site.ws_url)) as web:
+        assert read_list(web) == read_list(tcp)
+        set_to(web, "BATT_LOW_VOLT", 10.5)
+        assert read(tcp, "BATT_LOW_VOLT") == 10.5
+        counts = []
+        for vehicle in (tcp, web):
+            message = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
+            assert command(vehicle, SET_INTERVAL, message, 1e6 / FASTEST_HZ) == ACCEPTED
+            counts.append(message_count(vehicle, "BATTERY_STATUS", RATE_SECONDS))
+            assert command(vehicle, ARM, 1, FORCED) == ACCEPTED
+            assert command(vehicle, ARM, 0) == ACCEPTED
+        assert all(abs(counted - RATE_SECONDS * FASTEST_HZ) <= 5 for counted in counts), counts
+
+
+def test_logs_are_listed_and_downloaded_and_a_broken_download_goes_on(site):
+    with closing(connect(site.ws_url)) as web:
+        assert command(web, ARM, 1, FORCED) == ACCEPTED
+        time.sleep(2)
+        status, _, answer = site.get("/logs/")
+        (log,) = json.loads(answer)
+        path = f"/logs/{log['number']}.BIN"
+        assert site.get(path)[0] == 409, "armed"
+        assert command(web, ARM, 0) == ACCEPTED
+        set_to(web, "LOG_DISARMED", 0)
+        time.sleep(3)
+    (log,) = json.loads(site.get("/logs/")[2])
+    status, headers, whole = site.get(path)
+    assert status == 200 and len(whole) == log["bytes"] == int(headers["Content-Length"])
+    assert log["name"] in headers["Content-Disposition"]
+    status, headers, part = site.get(path, Range="bytes=100-299", If_Range=headers["ETag"])
+    assert (status, part) == (206, whole[100:300])
+    assert headers["Content-Range"] == f"bytes 100-299/{len(whole)}"
+    assert site.get(path, Range="bytes=-50")[2] == whole[-50:]
+    assert site.get(path, Range="bytes=100-", If_Range='"another"')[0] == 200
+    assert site.get(path, Range=f"bytes={len(whole)}-")[0] == 416
+
+
+def test_with_a_key_logs_follow_sign_wifi_allow(site):
+    with closing(connect(site.simulator.url)) as tcp:
+        tcp.mav.setup_signing_send(1, 1, b"k" * 32, 1)
+        assert tcp.recv_match(type="STATUSTEXT", condition="'igning' in STATUSTEXT.text", blocking=True, timeout=5)
+        assert site.get("/logs/")[0] == 403
+        tcp.setup_signing(b"k" * 32, sign_outgoing=True)
+        set_to(tcp, "SIGN_WIFI_ALLOW", 1)
+        assert site.get("/logs/")[0] == 200
+
+
+def test_a_foreign_page_hears_and_commands_nothing(site):
+    client, status = site.upgraded("Origin: https://evil.example\r\n")
+    with closing(client), closing(connect(site.simulator.url)) as tcp:
+        assert status == 101
+        packed = mavlink.MAVLink(None, srcSystem=255).param_set_encode(1, 1, b"BATT_LOW_VOLT", 10.5, 9)
+        payload = packed.pack(mavlink.MAVLink(None, srcSystem=255))
+        client.sendall(bytes([0x82, 0x80 | len(payload), 0, 0, 0, 0]) + payload)
+        time.sleep(1)
+        assert read(tcp, "BATT_LOW_VOLT") == 0
+        assert len(client.recv(65536)) > 200, "telemetry comes"
+        assert site.get("/logs/", Origin="https://evil.example")[0] == 403
+
+
+def test_foreign_hosts_get_nothing(site):
+    for path in ["/", "/logs/", "/x"]:
+        assert site.get(path, Host="evil.example")[0] == 421
+    assert site.get("/", Host=f"localhost:{site.port}")[0] == 200
+
+
+def test_two_browsers_at_a_time(site):
+    clients = [site.upgraded() for _ in range(3)]
+    assert [status for _, status in clients] == [101, 101, 503]
+    for client, _ in clients:
+        client.close()
+
+
+def test_a_port_that_is_taken_is_an_error_if_it_was_asked_for_and_off_serves_nothing(start_simulator):
+    site = Site(start_simulator)
+    assert "Can't serve the page" in failed_start("--web", f"127.0.0.1:{site.port}")
+    without = start_simulator("--web", "off")
+    code, output = without.interrupt()
+    assert code == 0 and "page" not in output
