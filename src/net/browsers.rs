@@ -35,8 +35,9 @@ const RECEIVED_BYTES: usize = 512;
 /// What is sent until a browser confirms it.
 const SENT_BYTES: usize = 1024;
 
-/// The same, each way, of one that is told that there is no place.
-const REFUSED_BYTES: usize = 256;
+/// The same of one that is told that there is no place.
+const REFUSED_RECEIVED_BYTES: usize = 128;
+const REFUSED_SENT_BYTES: usize = 192;
 
 /// Time for a browser to receive what was sent last and to close its side.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -54,8 +55,8 @@ struct ConnectionMemory {
 }
 
 struct RefusedMemory {
-    received: [u8; REFUSED_BYTES],
-    sent: [u8; REFUSED_BYTES],
+    received: [u8; REFUSED_RECEIVED_BYTES],
+    sent: [u8; REFUSED_SENT_BYTES],
 }
 
 impl BrowserMemory {
@@ -69,8 +70,8 @@ impl BrowserMemory {
         Self {
             connections: [CONNECTION; CONNECTIONS],
             refused: RefusedMemory {
-                received: [0; REFUSED_BYTES],
-                sent: [0; REFUSED_BYTES],
+                received: [0; REFUSED_RECEIVED_BYTES],
+                sent: [0; REFUSED_SENT_BYTES],
             },
         }
     }

@@ -95,7 +95,7 @@ fn log(number: u16, request: &Request, autopilot: &Autopilot) -> Result<LogPart,
         status: Status::Ok,
         board_id: state.identity.board_id,
     };
-    let is_of_this_file = match &request.has_part_of {
+    let is_of_this_file = match &request.has {
         Some(tag) => *tag == whole.tag(),
         None => true,
     };

@@ -59,10 +59,8 @@ pub(super) struct Request {
     pub method: Method,
     pub sender: Sender,
     pub target: Target,
-    /// The tag of the whole file that the sender has.
+    /// The tag of the file that the sender has: the whole, or of a log a part.
     pub has: Option<Tag>,
-    /// The tag of the file of which the sender has a part.
-    pub has_part_of: Option<Tag>,
     pub range: Option<ByteRange>,
 }
 
@@ -127,8 +125,10 @@ impl Request {
             method,
             sender,
             target,
-            has: headers.tag("If-None-Match"),
-            has_part_of: headers.tag("If-Range"),
+            has: headers.tag(match target {
+                Target::Log(_) => "If-Range",
+                _ => "If-None-Match",
+            }),
             range: headers.get("Range").and_then(ByteRange::parse),
         })
     }

@@ -4,6 +4,7 @@ use std::fs;
 use std::io::Read;
 use std::path::PathBuf;
 
+use flate2::read::GzDecoder;
 use lzma_rust2::XzReader;
 use rover_battmon::battery::{BatteryState, PackSettings, PackStatus, arming_failures};
 use rover_battmon::pack::Pack;
@@ -44,6 +45,13 @@ fn the_descriptions_for_ground_stations_are_fresh() {
         "docs/parameters.json.xz is stale: run `cargo run --example parameter_docs`"
     );
     assert_fresh("general.json", &documentation::general_json(&compressed));
+    let for_browsers = fs::read(docs().join("parameters.json.gz")).expect("it can be read");
+    let mut json = String::new();
+    let read = GzDecoder::new(&for_browsers[..]).read_to_string(&mut json);
+    assert!(
+        read.is_ok() && json == expected,
+        "docs/parameters.json.gz is stale: run `cargo run --example parameter_docs`"
+    );
 }
 
 /// The ready files, by name.

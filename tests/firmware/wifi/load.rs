@@ -59,9 +59,15 @@ fn off_by_us(starts: &[u64]) -> u64 {
     off.max().expect("it samples")
 }
 
-/// By how much an interval between two samplings was off at most.
-pub fn worst_sampling_us(ground: &mut Ground) -> u64 {
-    off_by_us(&sampling_starts(ground))
+/// By how much an interval between two of at least so many samplings was off at most.
+pub fn worst_sampling_us(ground: &mut Ground, samplings: u64) -> u64 {
+    let starts = sampling_starts(ground);
+    assert!(
+        starts.len() as u64 >= samplings,
+        "{} of {samplings}",
+        starts.len()
+    );
+    off_by_us(&starts)
 }
 
 /// When each burst of conversions of the pack's pin began, in µs.
