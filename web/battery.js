@@ -2,132 +2,109 @@
 
 // By number of the charge state: a word, and its colour.
 const CHARGE_STATES = [
-  ['Unknown', ''], ['OK', 'good'], ['Low', 'low'], ['Critical', 'bad'], ['Nearly empty', 'bad'],
-  ['Failed', 'bad'], ['Unhealthy', 'bad'], ['Charging', 'charging'],
+  ['Unknown'], ['OK', 'good'], ['Low', 'low'], ['Critical', 'bad'], ['Nearly empty', 'bad'],
+  ['Failed', 'bad'], ['Unhealthy', 'bad'], ['Charging', 'info'],
 ];
+const UNHEALTHY = 6;
 
-// Kinds of pack that have a voltage only.
+const FIGURES = {
+  volts: ['Voltage', 2, ' V'], amps: ['Current', 1, ' A'], watts: ['Power', 0, ' W'],
+  drawn: ['Drawn', 0, ' mAh'], left: ['Time left'], celsius: ['Temperature', 0, ' °C'],
+};
+
+// Kinds of pack that have a voltage only, and chemistries whose voltage hardly changes.
 const VOLTAGE_ONLY = [3, 6];
-const STALE_PACK_MS = 5000;
+const FLAT = [2, 4];
 
-const cards = new Map();
+// From an empty lithium cell to a full one.
+const CELL_EMPTY_V = 2.8;
+const CELL_RANGE_V = 1.4;
+
+const SEVERITIES = ['Emergency', 'Alert', 'Critical', 'Error', 'Warning', 'Notice', 'Info', 'Debug'];
 
 function newCard(pack) {
-  const figure = (name) => {
-    const parts = { value: el('b'), why: el('small') };
-    return [parts, el('div', { className: 'figure' }, el('span', {}, name), parts.value, parts.why)];
-  };
-  const card = { figures: {}, state: el('span'), percent: el('b'), why: el('small'), bar: el('i'), cells: el('div', { className: 'cells' }), text: el('p', { className: 'muted' }) };
-  const figures = el('div', { className: 'figures' });
-  for (const [key, name] of Object.entries({ volts: 'Voltage', amps: 'Current', watts: 'Power', drawn: 'Drawn', left: 'Time left', celsius: 'Temperature' })) {
-    const [parts, element] = figure(name);
-    card.figures[key] = parts;
-    figures.append(element);
-  }
-  card.element = el('article', { className: 'card pack live' },
-    el('header', {}, el('h2', {}, pack.name), card.state),
-    el('div', { className: 'charge' }, card.percent, card.why),
-    el('div', { className: 'bar', ariaHidden: 'true' }, card.bar),
-    figures, card.cells, card.text);
-  $('packs').append(card.element);
-  $('plotted-pack').append(el('option', { value: pack.id }, pack.name));
+  const html = '<header><h2></h2><span></span></header><div class="charge"><b></b><small></small></div><div class="bar"><i></i></div>'
+    + '<div class="figures">' + Object.values(FIGURES).map(([name]) => `<div><span>${name}</span><b></b><small></small></div>`).join('')
+    + '</div><div class="cells"></div><p class="muted"></p>';
+  const card = el('article', { className: 'card live', innerHTML: html });
+  show(card.querySelector('h2'), pack.name);
+  $('packs').append(card);
+  $('pack').append(el('option', { value: pack.id }, pack.name));
   return card;
 }
 
 // Why something of a pack is not known.
-function reason(pack, key) {
-  const kind = value(pack.prefix + 'MONITOR');
-  if (pack.volts == null && pack.state != 6) return 'no pack is connected';
-  if (key == 'volts') return 'the sensor fails';
+function reason({ prefix, volts, state, cellCount }, key) {
+  const hasNoCurrent = VOLTAGE_ONLY.includes(value(prefix + 'MONITOR'));
+  if (volts == null) return state == UNHEALTHY ? 'the sensor fails' : 'no pack is connected';
   if (key == 'celsius') return 'no sensor for it';
-  const hasNoCurrent = VOLTAGE_ONLY.includes(kind);
-  if (key != 'percent') {
-    if (hasNoCurrent) return 'no current sensor';
-    return key == 'left' ? 'not known yet' : 'not measured';
-  }
-  if (hasNoCurrent && [2, 4].includes(value(pack.prefix + 'CHEM'))) return 'the voltage hardly tells: it needs a current sensor';
-  return pack.cellCount ? 'not known yet' : 'the number of cells is not clear: set it under Set up';
+  if (key != 'percent') return hasNoCurrent ? 'no current sensor' : 'not known yet';
+  if (hasNoCurrent && FLAT.includes(value(prefix + 'CHEM'))) return 'it needs a current sensor';
+  return cellCount ? 'not known yet' : 'set the number of cells';
 }
 
 function renderPack(pack) {
-  if (!cards.has(pack.id)) cards.set(pack.id, newCard(pack));
-  const card = cards.get(pack.id);
-  const [word, colour] = CHARGE_STATES[pack.state] || CHARGE_STATES[0];
-  const age = performance.now() - pack.at;
-  card.element.classList.toggle('old', age > STALE_PACK_MS || !link.isFresh);
-  show(card.state, pack.volts == null && !pack.state ? 'Not connected' : word);
-  card.state.className = 'chip ' + colour;
-  show(card.percent, pack.percent == null ? '–' : pack.percent + ' %');
-  show(card.why, pack.percent == null ? 'Charge unknown: ' + reason(pack, 'percent') : age > FRESH_MS ? duration(age / 1000) + ' old' : '');
-  card.bar.style.width = (pack.percent || 0) + '%';
-  card.bar.className = colour;
-  const watts = pack.volts == null || pack.amps == null ? null : pack.volts * pack.amps;
-  const shown = {
-    volts: [pack.volts, 2, 'V'], amps: [pack.amps, 1, 'A'], watts: [watts, 0, 'W'],
-    drawn: [pack.drawn, 0, 'mAh'], celsius: [pack.celsius, 0, '°C'],
-  };
-  for (const [key, parts] of Object.entries(card.figures)) {
-    const [number, places, unit] = shown[key] || [pack.left];
-    show(parts.value, number == null ? '–' : key == 'left' ? duration(number) : digits(number, places) + ' ' + unit);
-    show(parts.why, number == null ? reason(pack, key) : '');
+  const card = (pack.card ||= newCard(pack));
+  const [, state, percent, why, bar] = card.querySelectorAll('h2,header span,.charge *,i');
+  const [word, colour = ''] = CHARGE_STATES[pack.state] || CHARGE_STATES[0];
+  const old = now() - pack.at;
+  card.classList.toggle('old', old > DEAD_MS);
+  show(state, pack.volts == null && !pack.state ? 'Not connected' : word);
+  state.className = 'chip ' + colour;
+  show(percent, pack.percent == null ? '–' : pack.percent + ' %');
+  const unknown = pack.percent == null ? 'Charge unknown: ' + reason(pack, 'percent') : '';
+  show(why, old > FRESH_MS ? duration(old / SECOND) + ' old' : unknown);
+  bar.style.width = pack.percent + '%';
+  bar.className = colour;
+  Object.entries(FIGURES).forEach(([key, [, places, unit]], index) => {
+    const [, figure, why] = card.querySelectorAll('.figures>div')[index].children;
+    const number = pack[key];
+    show(figure, number == null ? '–' : unit ? digits(number, places) + unit : duration(number));
+    show(why, number == null ? reason(pack, key) : '');
+  });
+  const cells = card.querySelector('.cells');
+  if (cells.children.length != pack.cells.length) {
+    cells.replaceChildren(...pack.cells.map((_, index) => el('div', { innerHTML: `Cell ${index + 1}<div class="bar"><i></i></div><b></b>` })));
   }
-  renderCells(card, pack);
-  const { text } = pack;
-  show(card.text, text ? text.text + ', ' + clock(text.at) : '');
-}
-
-function renderCells({ cells }, pack) {
-  const count = pack.cells.length;
-  while (cells.children.length > count) cells.lastChild.remove();
-  while (cells.children.length < count) {
-    cells.append(el('div', {}, el('span', {}, 'Cell ' + (cells.children.length + 1)), el('div', { className: 'bar' }, el('i')), el('b')));
-  }
-  // From an empty lithium cell to a full one.
   pack.cells.forEach((volts, index) => {
-    const [, bar, text] = cells.children[index].children;
-    bar.firstChild.style.width = Math.max(2, Math.min(100, (volts - 2.8) / 1.4 * 100)) + '%';
+    const [bar, text] = cells.children[index].children;
+    bar.firstChild.style.width = (volts - CELL_EMPTY_V) / CELL_RANGE_V * 100 + '%';
     show(text, digits(volts, 2) + ' V');
   });
+  show(card.lastChild, pack.text ? pack.text.text + ', ' + clock(pack.text.at) : '');
 }
 
 // What keeps the rover from driving, in its own words.
 function notices() {
   const found = [];
-  const latest = (pattern) => rover.texts.find(({ text }) => pattern.test(text))?.text;
-  if (link.roverSigns && !link.signer) {
-    found.push('This rover has a signing key: it obeys this page once you enter the passphrase under Link.');
-  } else if (link.signer && link.ignored && performance.now() - link.heartbeatAt > FRESH_MS && link.isOpen) {
-    found.push('Nothing comes that is signed with your key: a wrong passphrase, or a rover without a key. See Link.');
-  }
-  if (rover.status == STATE_TERMINATED) found.push(latest(/^Terminated/) || 'Terminated: reset the battery or restart');
-  if (rover.status == STATE_TIMED_OUT) found.push(latest(/Failsafe: Hold$/) || 'Failsafe: Hold');
-  if (rover.ready == false && !rover.armed) {
-    found.push(...(rover.obstacles.length ? rover.obstacles.map((text) => 'Does not arm: ' + text) : ['Not ready to arm']));
-  }
+  if (roverSigns && !signer) found.push('The rover has a signing key: enter it under Link, or nothing is obeyed.');
+  if (ignored && age() > FRESH_MS) found.push('Nothing comes that is signed with your key: it is wrong, or the rover has none.');
+  if (!isFresh()) return found;
+  if (status == STATE_TERMINATED) found.push(textLike(/^Terminated/) || 'Terminated');
+  if (status == STATE_TIMED_OUT) found.push(textLike(/Failsafe: Hold$/) || 'Failsafe: Hold');
+  if (ready == false && !armed) found.push(...(obstacles[0] ? obstacles : ['not ready']).map((text) => 'Does not arm: ' + text));
   return found;
 }
 
 function renderNotices() {
-  const found = link.isFresh || link.ignored ? notices() : [];
+  const found = notices();
   for (const list of document.querySelectorAll('.notices')) {
-    if (list.textContent == found.join('')) continue;
-    list.replaceChildren(...found.map((text) => el('li', {}, text)));
+    if (list.textContent != found.join('')) list.replaceChildren(...found.map((text) => el('li', {}, text)));
   }
 }
 
 function renderBattery() {
-  for (const pack of rover.packs.values()) if (pack.at) renderPack(pack);
-  $('no-pack').hidden = cards.size > 0;
-  $('history').hidden = !cards.size;
-  $('plotted-pack').parentNode.hidden = cards.size < 2;
-  if (!$('battery').hidden) drawPlot(rover.packs.get(+$('plotted-pack').value));
+  const shown = allPacks();
+  shown.forEach(renderPack);
+  hide('no-pack', shown[0]);
+  hide('history', !shown[0]);
+  hide('pack', !shown[1]);
+  if (shown[0]) drawPlot(chosenPack());
 }
 
-function startBattery() {
-  startPlot();
-  on('text', ({ at, severity, text }) => {
-    const kind = severity < 4 ? 'bad' : severity == 4 ? 'low' : '';
-    $('messages').prepend(el('li', {}, el('time', {}, clock(at)), el('span', { className: kind }, SEVERITIES[severity] || ''), el('span', {}, text)));
-    while ($('messages').children.length > MAX_TEXTS) $('messages').lastChild.remove();
-  });
-}
+on('text', ({ at, severity, text }) => {
+  const colour = severity < 4 ? 'bad' : severity < 5 ? 'low' : '';
+  const list = $('messages');
+  list.prepend(el('li', {}, el('time', {}, clock(at)), el('span', { className: colour }, SEVERITIES[severity]), el('span', {}, text)));
+  list.children[MAX_TEXTS]?.remove();
+});

@@ -5,9 +5,10 @@ const HEADER_BYTES = 10;
 const SIGNATURE_BYTES = 13;
 const SIGNED = 1;
 
+// A frame has the byte order of every browser.
 const TYPES = {
-  B: ['Uint8', 1], b: ['Int8', 1], H: ['Uint16', 2], h: ['Int16', 2],
-  I: ['Uint32', 4], i: ['Int32', 4], f: ['Float32', 4], Q: ['BigUint64', 8],
+  B: Uint8Array, b: Int8Array, H: Uint16Array, h: Int16Array, I: Uint32Array, i: Int32Array,
+  f: Float32Array, Q: BigUint64Array, s: Uint8Array,
 };
 
 const MESSAGES = {};
@@ -31,36 +32,23 @@ function crcOf(bytes, crc = 0xffff) {
   return crc;
 }
 
-function read(view, { type, at, count }) {
-  if (type == 's') {
-    let text = '';
-    for (let place = at; place < at + count && view.getUint8(place); place++) {
-      text += String.fromCharCode(view.getUint8(place));
-    }
-    return text;
-  }
-  const [kind, size] = TYPES[type];
-  const one = (index) => view['get' + kind](at + index * size, true);
-  return count ? Array.from({ length: count }, (_, index) => one(index)) : one(0);
+function read(payload, { type, at, count }) {
+  const kind = TYPES[type];
+  const all = [...new kind(payload.slice(at, at + (count || 1) * kind.BYTES_PER_ELEMENT).buffer)];
+  if (type == 's') return String.fromCharCode(...all).split('\0')[0];
+  return count ? all : all[0];
 }
 
-function write(view, { type, at, count }, value) {
-  if (type == 's') {
-    for (let place = 0; place < Math.min(count, value.length); place++) {
-      view.setUint8(at + place, value.charCodeAt(place));
-    }
-  } else {
-    view['set' + TYPES[type][0]](at, value, true);
-  }
+function bytesOf(type, value) {
+  return type == 's' ? new TextEncoder().encode(value) : new Uint8Array(new TYPES[type]([value]).buffer);
 }
 
-// A frame; fields that aren't given are 0. With `sign` it is signed: that gets all bytes before the signature.
-function encode(name, values, { system, component, sequence, sign }) {
+// A frame; fields that aren't given are 0. With `sign`, which gets all that stands before the signature, it is signed.
+function encode(name, values, system, component, sequence, sign) {
   const message = MESSAGES[name];
   const payload = new Uint8Array(message.size);
-  const view = new DataView(payload.buffer);
-  for (const field of message.fields) {
-    if (field.key in values) write(view, field, values[field.key]);
+  for (const { key, type, at } of message.fields) {
+    if (key in values) payload.set(bytesOf(type, values[key]), at);
   }
   let length = payload.length;
   while (length > 1 && !payload[length - 1]) length--;
@@ -72,50 +60,38 @@ function encode(name, values, { system, component, sequence, sign }) {
   return Uint8Array.from(sign ? sign(frame) : frame);
 }
 
-// Finds frames in pieces of a stream, whatever they begin and end with. What is no frame is skipped byte by byte; of
-// messages that the page doesn't know the checksum can't be tested.
-class Parser {
-  constructor(onFrame) {
-    this.onFrame = onFrame;
-    this.rest = new Uint8Array();
+function decode(bytes) {
+  const end = HEADER_BYTES + bytes[1];
+  const message = MESSAGES[bytes[7] | (bytes[8] << 8) | (bytes[9] << 16)];
+  const fields = {};
+  if (message) {
+    const crc = crcOf([...bytes.subarray(1, end), message.extra]);
+    if (crc != (bytes[end] | (bytes[end + 1] << 8))) return 0;
+    const payload = new Uint8Array(256);
+    payload.set(bytes.subarray(HEADER_BYTES, end));
+    for (const field of message.fields) fields[field.key] = read(payload, field);
   }
+  return {
+    name: message?.name, fields, bytes, isSigned: bytes[2] & SIGNED,
+    sequence: bytes[4], system: bytes[5], component: bytes[6],
+  };
+}
 
-  push(piece) {
-    const bytes = new Uint8Array(this.rest.length + piece.length);
-    bytes.set(this.rest);
-    bytes.set(piece, this.rest.length);
+// Takes pieces of a stream, whatever they begin and end with, and gives the frames in it. What is no frame is skipped byte
+// by byte; of messages that the page doesn't know the checksum can't be tested.
+function parser(onFrame) {
+  let rest = [];
+  return (piece) => {
+    const bytes = Uint8Array.from([...rest, ...piece]);
     let at = 0;
     while (bytes.length - at >= HEADER_BYTES + 2) {
-      const length = bytes[at] == START ? this.lengthOf(bytes, at) : 0;
-      if (at + length > bytes.length) break;
-      const frame = length && this.decode(bytes.slice(at, at + length));
+      const isStart = bytes[at] == START;
+      const length = HEADER_BYTES + bytes[at + 1] + 2 + (bytes[at + 2] & SIGNED) * SIGNATURE_BYTES;
+      if (isStart && at + length > bytes.length) break;
+      const frame = isStart && decode(bytes.slice(at, at + length));
       at += frame ? length : 1;
-      if (frame) this.onFrame(frame);
+      if (frame) onFrame(frame);
     }
-    this.rest = bytes.slice(at);
-  }
-
-  lengthOf(bytes, at) {
-    const signature = bytes[at + 2] & SIGNED ? SIGNATURE_BYTES : 0;
-    return HEADER_BYTES + bytes[at + 1] + 2 + signature;
-  }
-
-  decode(bytes) {
-    const end = HEADER_BYTES + bytes[1];
-    const id = bytes[7] | (bytes[8] << 8) | (bytes[9] << 16);
-    const message = MESSAGES[id];
-    const fields = {};
-    if (message) {
-      const crc = crcOf([...bytes.subarray(1, end), message.extra]);
-      if (crc != (bytes[end] | (bytes[end + 1] << 8))) return null;
-      const payload = new Uint8Array(Math.max(message.size, bytes[1]));
-      payload.set(bytes.subarray(HEADER_BYTES, end));
-      const view = new DataView(payload.buffer);
-      for (const field of message.fields) fields[field.key] = read(view, field);
-    }
-    return {
-      name: message ? message.name : '', fields, bytes, isSigned: bytes[2] & SIGNED,
-      sequence: bytes[4], system: bytes[5], component: bytes[6],
-    };
-  }
+    rest = bytes.slice(at);
+  };
 }

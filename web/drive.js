@@ -1,307 +1,238 @@
 // The room of the driver. The stick is a dead man's handle: whatever takes the driver's hand or eyes away lets go of it.
 
 const TICK_MS = 50;
-const HOLD_TO_ARM_MS = 1000;
-const FULL = 1000;
+const FULL = 10;
 // A socket that has not drained for this many ticks keeps what is sent: it would arrive as old commands.
 const FULL_TICKS = 4;
-const GAMEPAD_DEAD_ZONE = 0.12;
-const STOP_REPEAT_MS = 200;
-const STOP_MS = 5000;
+const DEAD_ZONE = 0.12;
+const STOP_TRIES = 25;
 
-const KEYS = {
-  ArrowUp: [0, 1], KeyW: [0, 1], ArrowDown: [0, -1], KeyS: [0, -1],
-  ArrowLeft: [-1, 0], KeyA: [-1, 0], ArrowRight: [1, 0], KeyD: [1, 0],
-};
-
-const LOST = {
-  closed: 'No connection: the rover stops by itself.',
-  stale: 'Nothing is heard of the rover: it stops by itself.',
-  full: 'The network takes nothing: the rover stops by itself.',
+const BY_ITSELF = ' The rover stops by itself.';
+const TAKEN = {
   hidden: 'The page is hidden.',
-  blurred: 'The page has lost the focus: touch it.',
+  blurred: 'Touch the page: it has lost the focus.',
+  stale: 'The rover is not heard.' + BY_ITSELF,
+  full: 'The network takes nothing.' + BY_ITSELF,
 };
 
-const stick = {
-  // From -1 to 1: to the right, and ahead.
-  x: 0,
-  y: 0,
-  // Whether this page drives: it has armed, chosen Manual or moved the stick, since the rover was disarmed.
-  drives: false,
-  lost: '',
-  fullTicks: 0,
-  pointer: null,
-  keys: new Set(),
-  gamepad: null,
-  sent: 0,
-};
+// From -1 to 1: to the right, and ahead.
+let stickX = 0;
+let stickY = 0;
+// Whether this page drives: it has armed, chosen Manual or moved the stick since the rover was disarmed.
+let drives = false;
+// What took the stick from the driver.
+let taken = '';
+let fullTicks = 0;
+// What holds the stick: a finger, keys, a game pad that was neutral before.
+let pointer = null;
+const keys = new Set();
+let gamepad = 0;
 
-// Why the stick must not be sent, or nothing.
 function obstacle() {
   if (document.hidden) return 'hidden';
   if (!document.hasFocus()) return 'blurred';
-  if (!link.isOpen) return 'closed';
-  if (!link.isFresh) return 'stale';
-  return stick.fullTicks >= FULL_TICKS ? 'full' : '';
+  if (!isFresh()) return 'stale';
+  return fullTicks < FULL_TICKS ? '' : 'full';
 }
 
-function sendStick(x, y) {
-  const scaled = (share) => Math.round(Math.max(-1, Math.min(1, share)) * FULL * $('limit').value / 100);
-  stick.sent++;
-  link.send('MANUAL_CONTROL', { target: link.rover.system, y: scaled(x), z: scaled(y) });
+function sendStick() {
+  const scaled = (share) => Math.round(share * FULL * $('limit').value);
+  send('MANUAL_CONTROL', { target: roverSystem, y: scaled(stickX), z: scaled(stickY) });
 }
-
-const sendNeutral = () => sendStick(0, 0);
 
 function moveStick(x, y) {
-  Object.assign(stick, { x, y });
-  const far = $('pad').clientWidth / 2 - $('knob').offsetWidth / 2;
-  $('knob').style.transform = `translate(${x * far}px,${-y * far}px)`;
-  show($('sticks'), 'Throttle ' + digits(y * $('limit').value, 0) + ' %, steering ' + digits(x * $('limit').value, 0) + ' %');
+  stickX = Math.max(-1, Math.min(1, x));
+  stickY = Math.max(-1, Math.min(1, y));
+  $('knob').style.transform = `translate(${stickX * 100}%,${-stickY * 100}%)`;
+  const shown = (share) => digits(share * $('limit').value) + ' %';
+  tell('sticks', 'Throttle ' + shown(stickY) + ', steering ' + shown(stickX));
 }
 
 // The stick springs back: neutral, at once. What held it has to let go before it holds it again.
 function letGo() {
-  const { pointer } = stick;
-  stick.pointer = null;
-  if (pointer != null && $('pad').hasPointerCapture(pointer)) $('pad').releasePointerCapture(pointer);
-  stick.keys.clear();
-  stick.gamepad = null;
+  pointer = null;
+  keys.clear();
+  gamepad = 0;
   moveStick(0, 0);
-  if (stick.drives) sendNeutral();
+  if (drives) sendStick();
 }
 
 function takeStick(x, y) {
-  if (stick.lost) return;
-  stick.drives = true;
+  drives = true;
   moveStick(x, y);
 }
 
-function lose(why) {
-  if (stick.lost == why) return;
-  const was = stick.lost;
-  stick.lost = why;
-  if (why && !was) letGo();
+// Looks whether the driver still has the stick.
+function look() {
+  const was = taken;
+  taken = obstacle();
+  if (taken && !was) letGo();
 }
 
 function tick() {
-  const isFull = stick.drives && link.isOpen && !link.isDrained;
-  stick.fullTicks = isFull ? stick.fullTicks + 1 : 0;
-  lose(obstacle());
+  const isFull = drives && isOpen() && socket.bufferedAmount > 0;
+  fullTicks = isFull ? fullTicks + 1 : 0;
+  look();
   readGamepad();
-  if (stick.lost || !stick.drives || !rover.armed || isFull) return;
-  sendStick(stick.x, stick.y);
+  if (!taken && drives && armed && !isFull) sendStick();
 }
 
 function readGamepad() {
-  const pads = navigator.getGamepads ? [...navigator.getGamepads()] : [];
-  const pad = pads.find((pad) => pad && pad.connected);
+  const pad = [...(navigator.getGamepads?.() || [])].find((pad) => pad?.connected);
   if (!pad) {
-    if (stick.gamepad) letGo();
+    if (gamepad > 1) letGo();
     return;
   }
-  if (pad.buttons[1]?.pressed) return stop();
-  const live = (share) => (Math.abs(share) < GAMEPAD_DEAD_ZONE ? 0 : share);
-  const [x, y] = [live(pad.axes[0]), -live(pad.axes[1])];
+  if (pad.buttons[1]?.pressed) stop();
+  const [x, y] = pad.axes.map((share) => (Math.abs(share) < DEAD_ZONE ? 0 : share));
   if (!x && !y) {
-    if (stick.gamepad == 'moved') moveStick(0, 0);
-    stick.gamepad = 'neutral';
-  } else if (stick.gamepad && stick.pointer == null) {
-    stick.gamepad = 'moved';
-    takeStick(x, y);
+    if (gamepad > 1) letGo();
+    gamepad = 1;
+  } else if (gamepad && !taken && pointer == null) {
+    gamepad = 2;
+    takeStick(x, -y);
   }
 }
 
 function startPad() {
   const pad = $('pad');
-  const follow = ({ clientX, clientY }) => {
-    const box = pad.getBoundingClientRect();
-    const far = box.width / 2 - $('knob').offsetWidth / 2;
-    let x = (clientX - box.left - box.width / 2) / far;
-    let y = (box.top + box.height / 2 - clientY) / far;
-    const length = Math.hypot(x, y);
-    if (length > 1) [x, y] = [x / length, y / length];
-    takeStick(x, y);
+  const follow = (event) => {
+    const { left, top, width } = pad.getBoundingClientRect();
+    // The knob's way is a third of the pad.
+    const far = width / 3;
+    const x = (event.clientX - left - width / 2) / far;
+    const y = (top + width / 2 - event.clientY) / far;
+    const length = Math.max(1, Math.hypot(x, y));
+    takeStick(x / length, y / length);
   };
   pad.onpointerdown = (event) => {
     event.preventDefault();
-    if (stick.pointer != null || event.button) return;
     pad.focus({ preventScroll: true });
-    lose(obstacle());
-    if (stick.lost) return;
-    stick.pointer = event.pointerId;
-    pad.setPointerCapture(event.pointerId);
+    look();
+    if (taken || pointer != null || event.button) return;
+    pointer = event.pointerId;
+    pad.setPointerCapture(pointer);
     follow(event);
   };
-  pad.onpointermove = (event) => event.pointerId == stick.pointer && follow(event);
-  pad.onpointerup = pad.onpointercancel = pad.onlostpointercapture = (event) => event.pointerId == stick.pointer && letGo();
-  pad.oncontextmenu = (event) => event.preventDefault();
+  const held = (act) => (event) => event.pointerId == pointer && act(event);
+  pad.onpointermove = held(follow);
+  pad.onpointerup = pad.onpointercancel = pad.onlostpointercapture = held(letGo);
   // Browsers without touch-action scroll and zoom otherwise.
-  pad.addEventListener('touchmove', (event) => event.preventDefault(), { passive: false });
+  pad.ontouchmove = pad.oncontextmenu = (event) => event.preventDefault();
 }
-
-const takesText = ({ target }) => /INPUT|SELECT|TEXTAREA/.test(target.tagName);
 
 function startKeys() {
-  const follow = () => {
-    let [x, y] = [0, 0];
-    for (const key of stick.keys) [x, y] = [x + KEYS[key][0], y + KEYS[key][1]];
-    takeStick(x, y);
-  };
-  addEventListener('keydown', (event) => {
-    if (event.key == 'Escape') return stop();
-    if (!KEYS[event.code] || $('drive').hidden || takesText(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+  const has = (arrow, letter) => keys.has('Arrow' + arrow) || keys.has('Key' + letter);
+  const follow = () => takeStick(has('Right', 'D') - has('Left', 'A'), has('Up', 'W') - has('Down', 'S'));
+  onkeydown = (event) => {
+    const { code, target } = event;
+    if (event.key == 'Escape') stop();
+    if (!/^(Arrow|Key[WASD])/.test(code) || $('drive').hidden || /INPUT|SELECT/.test(target.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
-    if (event.repeat || stick.lost) return;
-    stick.keys.add(event.code);
+    if (event.repeat || taken) return;
+    keys.add(code);
     follow();
-  });
-  addEventListener('keyup', (event) => {
-    if (!stick.keys.delete(event.code)) return;
-    if (stick.keys.size) follow();
+  };
+  onkeyup = ({ code }) => {
+    if (!keys.delete(code)) return;
+    if (keys.size) follow();
     else letGo();
-  });
+  };
 }
 
-// Neutral and Hold, until the rover says that it stands.
-let stopping = 0;
+// Neutral and Hold, until the rover has confirmed it.
+let stopTries = 0;
 function stop() {
-  const wasDriving = stick.drives;
-  stick.drives = true;
+  const drove = drives;
+  drives = true;
   letGo();
-  stick.drives = wasDriving;
-  link.ask('COMMAND_LONG', { command: SET_MODE, param1: 1, param2: HOLD });
-  command(REQUEST_MESSAGE, MESSAGES.HEARTBEAT.id, 0, 1);
-  if (!stopping) stopping = performance.now();
-  repeatStop();
+  drives = drove;
+  if (!stopTries) setTimeout(repeatStop);
+  stopTries = STOP_TRIES;
+  tell('stop-state', 'Stopping…');
 }
 
-let stopTimer = 0;
 function repeatStop() {
-  clearTimeout(stopTimer);
-  stopTimer = setTimeout(() => {
-    if (!stopping) return;
-    if (performance.now() - stopping > STOP_MS) {
-      stopping = 0;
-      show($('stop-state'), 'No answer: the rover stops by itself');
-      say('Stop: no answer');
-      return;
-    }
-    link.ask('COMMAND_LONG', { command: SET_MODE, param1: 1, param2: HOLD });
-    repeatStop();
-  }, STOP_REPEAT_MS);
-  show($('stop-state'), 'Stopping…');
-}
-
-function stopped() {
-  clearTimeout(stopTimer);
-  stopping = 0;
-  show($('stop-state'), '');
-  say('Stopped: Hold');
+  if (!stopTries) return;
+  ask('COMMAND_LONG', { command: SET_MODE, param1: 1, param2: HOLD });
+  stopTries--;
+  if (stopTries) setTimeout(repeatStop, 200);
+  else tell('stop-state', 'No answer.' + BY_ITSELF);
 }
 
 on('COMMAND_ACK', ({ command, result }) => {
-  if (stopping && command == SET_MODE && result == ACCEPTED) stopped();
+  if (!stopTries || command != SET_MODE || result) return;
+  stopTries = 0;
+  request('HEARTBEAT');
+  tell('stop-state', 'Stopped: Hold');
 });
-
-function startStop() {
-  // At the touch, not at its end; a click without one is a keyboard's or a screen reader's.
-  $('stop').onpointerdown = (event) => {
-    event.preventDefault();
-    stop();
-  };
-  $('stop').onclick = (event) => event.detail || stop();
-}
 
 function startArming() {
   const button = $('arm');
-  let timer = 0;
+  let timer;
   const begin = () => {
-    if (timer || rover.armed) return;
-    button.classList.add('held');
-    timer = setTimeout(arm, HOLD_TO_ARM_MS);
+    button.className = 'held';
+    timer = setTimeout(arm, SECOND);
+    tell('drive-answer', 'To arm, hold for one second.');
   };
   const cancel = () => {
-    if (timer && button.classList.contains('held') && !rover.armed) show($('drive-answer'), 'To arm, hold the button for one second.');
     clearTimeout(timer);
-    timer = 0;
-    button.classList.remove('held');
+    button.className = '';
   };
   const arm = async () => {
-    button.classList.remove('held');
-    stick.drives = true;
-    sendNeutral();
-    show($('drive-answer'), 'Arming…');
-    const result = await commandState(ARM, 1, 0, 1);
-    const why = rover.texts.find(({ text }) => /^Arm: /.test(text));
-    show($('drive-answer'), result == ACCEPTED ? '' : 'Not armed: ' + (result != null && why ? why.text : because(result)));
+    cancel();
+    letGo();
+    drives = true;
+    sendStick();
+    const why = await changeState(ARM, 1, 0, 1);
+    tell('drive-answer', why && 'Not armed: ' + why);
   };
   button.onpointerdown = (event) => event.button || begin();
-  button.onpointerup = button.onpointerleave = button.onpointercancel = button.onblur = cancel;
+  button.onpointerup = button.onpointerleave = button.onpointercancel = button.onblur = button.onkeyup = cancel;
   button.oncontextmenu = (event) => event.preventDefault();
   button.onkeydown = (event) => {
     if (event.key != ' ' && event.key != 'Enter') return;
     event.preventDefault();
     if (!event.repeat) begin();
   };
-  button.onkeyup = cancel;
-  $('disarm').onclick = async () => {
-    if (stick.drives) letGo();
-    const result = await commandState(ARM, 0);
-    show($('drive-answer'), result == ACCEPTED ? '' : 'Not disarmed: ' + because(result));
-  };
 }
-
-function startModes() {
-  for (const [id, mode] of [['manual', MANUAL], ['hold', HOLD]]) {
-    $(id).onclick = async () => {
-      if (mode == MANUAL) stick.drives = true;
-      if (stick.drives) letGo();
-      const result = await setMode(mode);
-      const [latest] = rover.texts;
-      show($('drive-answer'), result == ACCEPTED ? '' : 'Not changed: ' + (result != null && latest ? latest.text : because(result)));
-    };
-  }
-}
-
-function driveHint() {
-  if (stick.lost) return LOST[stick.lost];
-  if (!rover.armed) return 'To drive: arm, then choose Manual.';
-  return rover.mode == MANUAL ? 'The rover follows the stick.' : 'Armed, in Hold: it stands. Choose Manual to drive.';
-}
-
-function renderDrive() {
-  const isLive = rover.armed != null && link.isFresh;
-  $('arm').disabled = !isLive;
-  $('arm').hidden = !!rover.armed;
-  $('disarm').hidden = !rover.armed;
-  for (const [id, mode] of [['manual', MANUAL], ['hold', HOLD]]) {
-    $(id).ariaPressed = String(rover.mode == mode);
-    $(id).disabled = !isLive;
-  }
-  show($('hint'), driveHint());
-  $('pad').classList.toggle('live', isLive && !!rover.armed && rover.mode == MANUAL && !stick.lost);
-  show($('limit-value'), $('limit').value + ' %');
-  const [pack] = [...rover.packs.values()].filter((pack) => pack.at);
-  const parts = pack ? [pack.percent == null ? '' : pack.percent + ' %', pack.volts == null ? '' : digits(pack.volts, 2) + ' V', pack.amps == null ? '' : digits(pack.amps, 1) + ' A'] : [];
-  show($('drive-pack'), parts.filter((part) => part).join('  '));
-}
-
-on('state', () => {
-  if (!rover.armed) stick.drives = false;
-});
 
 function startDrive() {
+  const changes = { disarm: [ARM, 0], hold: [SET_MODE, 1, HOLD], manual: [SET_MODE, 1, MANUAL] };
+  for (const [id, change] of Object.entries(changes)) {
+    $(id).onclick = async () => {
+      drives ||= id == 'manual';
+      letGo();
+      tell('drive-answer', await changeState(...change));
+    };
+  }
+  // At the touch, not at its end; a click without one is a keyboard's or a screen reader's.
+  $('stop').onpointerdown = (event) => {
+    event.preventDefault();
+    stop();
+  };
+  $('stop').onclick = (event) => event.detail || stop();
   startPad();
   startKeys();
-  startStop();
   startArming();
-  startModes();
-  const look = () => lose(obstacle());
-  addEventListener('blur', look);
-  addEventListener('pagehide', () => lose('hidden'));
-  addEventListener('focus', look);
-  document.addEventListener('visibilitychange', look);
+  onblur = onfocus = document.onvisibilitychange = look;
+  onpagehide = letGo;
   on('closed', look);
   setInterval(tick, TICK_MS);
+}
+
+on('state', () => (drives &&= armed));
+
+function renderDrive() {
+  const isKnown = armed != null && isFresh();
+  const follows = isKnown && armed && mode == MANUAL && !taken;
+  const standing = armed ? 'In Hold it stands: choose Manual to drive.' : 'To drive, arm and choose Manual.';
+  tell('hint', TAKEN[taken] || (follows ? 'The rover follows the stick.' : standing));
+  hide('arm', armed);
+  hide('disarm', !armed);
+  $('hold').ariaPressed = isKnown && mode == HOLD;
+  $('manual').ariaPressed = isKnown && mode == MANUAL;
+  $('arm').disabled = $('manual').disabled = !isKnown;
+  $('pad').className = follows ? 'follows' : '';
+  tell('limit-value', $('limit').value + ' %');
 }

@@ -2,7 +2,7 @@
 
 const $ = (id) => document.getElementById(id);
 
-function el(tag, properties = {}, ...children) {
+function el(tag, properties, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
   element.append(...children);
   return element;
@@ -12,39 +12,42 @@ function show(element, text) {
   if (element.textContent != text) element.textContent = text;
 }
 
-// For screen readers.
-const say = (text) => show($('say'), text);
+// By id.
+const tell = (id, text) => show($(id), text);
+const hide = (id, isHidden) => ($(id).hidden = isHidden);
 
-const digits = (number, places) => number.toFixed(places).replace('-', '−');
+// For screen readers.
+const say = (text) => tell('say', text);
+
+const digits = (number, places = 0) => number.toFixed(places).replace('-', '−');
 
 function duration(seconds) {
   const minutes = Math.round(seconds / 60);
-  if (seconds < 90) return Math.round(seconds) + ' s';
+  if (seconds < 90) return digits(seconds) + ' s';
   return minutes < 60 ? minutes + ' min' : Math.floor(minutes / 60) + ' h ' + (minutes % 60) + ' min';
 }
 
 const clock = (date) => date.toTimeString().slice(0, 8);
 
-// A button that acts when it is pressed a second time, within five seconds.
-function askTwice(button, question, act) {
+// As typed anywhere.
+const numberIn = (input) => (input.value.trim() ? +input.value.replace(',', '.').replace('−', '-') : NaN);
+
+// A button that acts when it is pressed a second time before it loses the focus.
+function askTwice(id, question, act) {
+  const button = $(id);
   const label = button.textContent;
-  let asked = 0;
-  button.onclick = () => {
-    clearTimeout(asked);
-    if (button.classList.toggle('sure')) {
-      show(button, question);
-      asked = setTimeout(reset, 5000);
-    } else {
-      show(button, label);
-      act();
-    }
-  };
   const reset = () => {
-    button.classList.remove('sure');
+    button.className = '';
     show(button, label);
   };
-  button.onblur = () => {
-    clearTimeout(asked);
-    reset();
+  button.onblur = reset;
+  button.onclick = () => {
+    if (button.className) {
+      reset();
+      act();
+    } else {
+      button.className = 'sure';
+      show(button, question);
+    }
   };
 }

@@ -10,172 +10,166 @@ const STATE_TERMINATED = 6;
 const ARMING_CHECKS_PASSED = 1 << 28;
 
 const SET_MODE = 176;
+const RESTART = 246;
 const ARM = 400;
 const CHECK_ARMING = 401;
 const REQUEST_MESSAGE = 512;
-const RESTART = 246;
 
-const RESULTS = ['accepted', 'rejected for now', 'denied', 'unsupported', 'failed', 'in progress', 'cancelled'];
-const PARAM_ERRORS = { 1: 'there is no such parameter', 2: 'out of range', 3: 'not while armed', 5: 'it is read only' };
-const ACCEPTED = 0;
-
-const SEVERITIES = ['Emergency', 'Alert', 'Critical', 'Error', 'Warning', 'Notice', 'Info', 'Debug'];
-const MAX_TEXTS = 100;
-const MAX_TEXT_CHUNKS = 8;
-const CHUNK_CHARACTERS = 50;
-
-const ANSWER_MS = 1000;
+const REFUSED = 'refused';
 const NO_ANSWER = 'no answer';
+const REAL32 = 9;
 
+const MAX_TEXTS = 100;
+const CHUNK_CHARACTERS = 50;
 const UNKNOWN_MV = 65535;
 
-const rover = {
-  armed: null,
-  mode: null,
-  status: 0,
-  ready: null,
-  load: 0,
-  packs: new Map(),
-  params: new Map(),
-  paramCount: 0,
-  texts: [],
-  obstacles: [],
-  version: null,
-};
+// Unknown until the first heartbeat.
+let armed = null;
+let mode;
+let status;
+// Unknown until the first SYS_STATUS.
+let ready = null;
+let system = { load: 0 };
+let version;
+let paramCount = 0;
+// Why it does not arm.
+let obstacles = [];
+// The latest first.
+const texts = [];
+const packs = new Map();
+const params = new Map();
+
+const allPacks = () => [...packs.values()].filter((pack) => pack.at);
+// The one that is plotted and set up.
+const chosenPack = () => packs.get(+$('pack').value) || {};
+const textLike = (pattern) => texts.find(({ text }) => pattern.test(text))?.text;
+const value = (name) => params.get(name)?.param_value;
 
 on('HEARTBEAT', ({ base_mode, custom_mode, system_status }) => {
-  const armed = !!(base_mode & ARMED_FLAG);
-  if (rover.armed != armed && rover.armed != null) say(armed ? 'Armed' : 'Disarmed');
-  Object.assign(rover, { armed, mode: custom_mode, status: system_status });
+  const isArmed = !!(base_mode & ARMED_FLAG);
+  if (armed != isArmed && armed != null) say(isArmed ? 'Armed' : 'Disarmed');
+  armed = isArmed;
+  mode = custom_mode;
+  status = system_status;
   emit('state');
 });
 
-on('SYS_STATUS', (status) => {
-  Object.assign(rover, { load: status.load, errors: status.errors_comm });
-  rover.ready = !!(status.onboard_control_sensors_health & ARMING_CHECKS_PASSED);
-  if (rover.ready) rover.obstacles = [];
+on('SYS_STATUS', (fields) => {
+  const was = ready;
+  system = fields;
+  ready = !!(fields.onboard_control_sensors_health & ARMING_CHECKS_PASSED);
+  if (ready) obstacles = [];
+  else if (was != ready) askObstacles();
 });
 
-on('BATTERY_STATUS', (status) => {
-  const pack = packOf(status.id);
-  const { voltages, voltages_ext: more } = status;
-  const known = [...voltages.filter((mv) => mv != UNKNOWN_MV), ...more.filter((mv) => mv)];
+on('BATTERY_STATUS', (fields) => {
+  const pack = packOf(fields.id);
+  const known = [...fields.voltages.filter((mv) => mv != UNKNOWN_MV), ...fields.voltages_ext.filter((mv) => mv)];
+  // A voltage that one field has no room for goes on in the next.
   const isWhole = known.length == 1 || known[0] == UNKNOWN_MV - 1;
-  const scaled = (value, unknown, by) => (value == unknown ? null : value / by);
+  const unless = (unknown, number, by = 1) => (number == unknown ? null : number / by);
+  const volts = known.length ? known.reduce((sum, mv) => sum + mv) / 1000 : null;
+  const amps = unless(-1, fields.current_battery, 100);
   Object.assign(pack, {
-    at: performance.now(),
-    state: status.charge_state,
-    faults: status.fault_bitmask,
-    volts: known.length ? known.reduce((sum, mv) => sum + mv, 0) / 1000 : null,
+    at: now(),
+    state: fields.charge_state,
     cells: isWhole ? [] : known.map((mv) => mv / 1000),
-    amps: scaled(status.current_battery, -1, 100),
-    percent: scaled(status.battery_remaining, -1, 1),
-    drawn: scaled(status.current_consumed, -1, 1),
-    left: scaled(status.time_remaining, 0, 1),
-    celsius: scaled(status.temperature, 32767, 100),
+    percent: unless(-1, fields.battery_remaining),
+    volts,
+    amps,
+    watts: volts == null || amps == null ? null : volts * amps,
+    drawn: unless(-1, fields.current_consumed),
+    left: unless(0, fields.time_remaining),
+    celsius: unless(32767, fields.temperature, 100),
   });
   emit('pack', pack);
 });
 
-on('BATTERY_INFO', (info) => {
-  Object.assign(packOf(info.id), { cellCount: info.cells_in_series, health: info.state_of_health });
-});
+on('BATTERY_INFO', ({ id, cells_in_series }) => (packOf(id).cellCount = cells_in_series));
 
 function packOf(id) {
-  if (!rover.packs.has(id)) {
-    rover.packs.set(id, { id, name: 'Battery ' + (id + 1), prefix: 'BATT' + (id ? id + 1 : '') + '_', history: [] });
-    command(REQUEST_MESSAGE, MESSAGES.BATTERY_INFO.id, id);
+  if (!packs.has(id)) {
+    packs.set(id, { id, name: 'Battery ' + (id + 1), prefix: 'BATT' + (id ? id + 1 : '') + '_', history: [] });
+    request('BATTERY_INFO', id);
   }
-  return rover.packs.get(id);
+  return packs.get(id);
 }
 
 // A text of more than one message ends with a chunk that is not full.
-const chunks = [];
-on('STATUSTEXT', ({ severity, text, id, chunk_seq }) => {
-  if (!chunk_seq) chunks.length = 0;
-  chunks.push(text);
-  if (id && text.length == CHUNK_CHARACTERS && chunks.length < MAX_TEXT_CHUNKS) return;
-  const whole = chunks.splice(0).join('');
-  const obstacle = /^PreArm: (.*)/.exec(whole);
+let chunks = '';
+on('STATUSTEXT', ({ severity, text: part, id, chunk_seq }) => {
+  chunks = chunk_seq ? chunks + part : part;
+  if (id && part.length == CHUNK_CHARACTERS) return;
+  const [, obstacle] = /^PreArm: (.*)/.exec(chunks) || [];
   if (obstacle) {
-    if (!rover.obstacles.includes(obstacle[1])) rover.obstacles.push(obstacle[1]);
+    if (!obstacles.includes(obstacle)) obstacles.push(obstacle);
     return;
   }
-  const entry = { at: new Date(), severity, text: whole };
-  rover.texts.unshift(entry);
-  rover.texts.splice(MAX_TEXTS);
-  const pack = /^Battery (\d)/.exec(whole);
-  if (pack && rover.packs.has(pack[1] - 1)) rover.packs.get(pack[1] - 1).text = entry;
-  if (severity < 5) say(whole);
+  const entry = { at: new Date(), severity, text: chunks };
+  texts.unshift(entry);
+  texts.splice(MAX_TEXTS);
+  const pack = /^Battery (\d)/.exec(chunks);
+  if (pack && packs.has(pack[1] - 1)) packs.get(pack[1] - 1).text = entry;
+  if (severity < 5) say(chunks);
   emit('text', entry);
 });
 
-on('AUTOPILOT_VERSION', (version) => (rover.version = version));
+on('AUTOPILOT_VERSION', (fields) => (version = fields));
 
 const after = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
-// Sends a command until it is acknowledged; the result, or null without an answer.
-async function command(number, param1 = 0, param2 = 0, tries = 3) {
-  for (let confirmation = 0; confirmation < tries; confirmation++) {
-    const answer = next('COMMAND_ACK', (ack) => ack.command == number);
-    link.ask('COMMAND_LONG', { command: number, param1, param2, confirmation });
-    const ack = await answer;
-    if (ack) return ack.result;
-  }
-  return null;
-}
-
-// The next message of this name that fits; null if none comes in time.
-function next(name, fits, ms = ANSWER_MS) {
+// The next message of this name that fits; undefined if none comes in time.
+function next(name, fits = () => 1, ms = SECOND) {
   return new Promise((resolve) => {
-    const list = (handlers[name] ||= []);
-    const end = (value) => {
+    const end = (fields) => {
       clearTimeout(timer);
-      list.splice(list.indexOf(take), 1);
-      resolve(value);
+      handlers[name].splice(handlers[name].indexOf(take), 1);
+      resolve(fields);
     };
-    const take = (value) => fits(value) && end(value);
-    const timer = setTimeout(() => end(null), ms);
-    list.push(take);
+    const take = (fields) => fits(fields) && end(fields);
+    const timer = setTimeout(end, ms);
+    on(name, take);
   });
 }
 
-const because = (result) => (result == null ? NO_ANSWER : RESULTS[result] || 'refused');
-
-// The heartbeat that follows a command of the rover's state comes at once.
-async function commandState(number, param1, param2, tries) {
-  const result = await command(number, param1, param2, tries);
-  command(REQUEST_MESSAGE, MESSAGES.HEARTBEAT.id);
-  return result;
+// Sends a command until it is acknowledged. Why it was not obeyed, or nothing.
+async function command(number, param1 = 0, param2 = 0, tries = 3) {
+  for (let confirmation = 0; confirmation < tries; confirmation++) {
+    const answer = next('COMMAND_ACK', (ack) => ack.command == number);
+    ask('COMMAND_LONG', { command: number, param1, param2, confirmation });
+    const ack = await answer;
+    if (ack) return ack.result ? REFUSED : '';
+  }
+  return NO_ANSWER;
 }
 
-const setMode = (mode) => commandState(SET_MODE, 1, mode);
+const request = (name, param2) => command(REQUEST_MESSAGE, MESSAGES[name].id, param2);
 
-const value = (name) => rover.params.get(name)?.value;
+// What changes the rover's state is followed by its heartbeat at once. Its own words say best why not.
+async function changeState(number, param1, param2, tries) {
+  const [before] = texts;
+  const why = await command(number, param1, param2, tries);
+  request('HEARTBEAT');
+  return why && texts[0] != before ? texts[0].text : why;
+}
 
-on('PARAM_VALUE', ({ param_id, param_value, param_type, param_index, param_count }) => {
-  rover.params.set(param_id, { name: param_id, value: param_value, type: param_type, index: param_index });
-  rover.paramCount = param_count;
-  emit('param', param_id);
+on('PARAM_VALUE', (fields) => {
+  params.set(fields.param_id, fields);
+  paramCount = fields.param_count;
 });
 
-// Sets a parameter; why it was refused, or nothing. The valid range comes as a text of its own.
-async function setParameter(name, wanted) {
-  const [before] = rover.texts;
-  let error = '';
-  const refused = next('PARAM_ERROR', (answer) => answer.param_id == name && (error = PARAM_ERRORS[answer.error] || 'refused'));
+// Sets a parameter. Why it was refused, or nothing; the valid range comes as a text of its own.
+async function setParameter(name, param_value) {
+  const isIt = ({ param_id }) => param_id == name;
+  const [before] = texts;
+  let why = '';
+  next('PARAM_ERROR', (answer) => isIt(answer) && (why = REFUSED), 3 * SECOND);
   for (let tries = 0; tries < 3; tries++) {
-    const answer = next('PARAM_VALUE', (answer) => answer.param_id == name);
-    const known = rover.params.get(name);
-    link.ask('PARAM_SET', { param_id: name, param_value: wanted, param_type: known ? known.type : 9 });
-    const got = await Promise.race([answer, refused.then((answer) => answer && {})]);
-    if (error) {
-      await after(300);
-      const texts = rover.texts.slice(0, before ? rover.texts.indexOf(before) : MAX_TEXTS);
-      const why = texts.find(({ text }) => text.includes(name) || /armed/.test(text));
-      return why ? why.text : error;
-    }
-    if (got) return '';
+    const answer = next('PARAM_VALUE', isIt);
+    ask('PARAM_SET', { param_id: name, param_value, param_type: params.get(name)?.param_type || REAL32 });
+    if (!(await answer) && !why) continue;
+    if (why) await after(300);
+    return why && texts[0] != before ? texts[0].text : why;
   }
   return NO_ANSWER;
 }
@@ -184,33 +178,30 @@ async function setParameter(name, wanted) {
 let listing = 0;
 async function readParameters() {
   const run = ++listing;
-  rover.params.clear();
-  rover.paramCount = 0;
-  link.ask('PARAM_REQUEST_LIST');
-  while (run == listing && link.isOpen) {
-    if (await next('PARAM_VALUE', () => true, 1500)) continue;
-    const read = new Set([...rover.params.values()].map((param) => param.index));
-    const missing = Array.from({ length: rover.paramCount }, (_, index) => index).filter((index) => !read.has(index));
-    if (rover.paramCount && !missing.length) break;
-    if (!rover.paramCount) link.ask('PARAM_REQUEST_LIST');
-    for (const index of missing.slice(0, 10)) link.ask('PARAM_REQUEST_READ', { param_index: index });
+  params.clear();
+  paramCount = 0;
+  ask('PARAM_REQUEST_LIST');
+  while (run == listing && isOpen()) {
+    if (await next('PARAM_VALUE', undefined, 1500)) continue;
+    if (!paramCount) ask('PARAM_REQUEST_LIST');
+    const read = new Set([...params.values()].map((param) => param.param_index));
+    const missing = [...Array(paramCount).keys()].filter((index) => !read.has(index));
+    if (paramCount && !missing.length) return emit('params');
+    for (const param_index of missing.slice(0, 10)) ask('PARAM_REQUEST_READ', { param_index });
   }
-  emit('params');
 }
 
 on('opened', async () => {
-  rover.version = null;
-  if (!(await next('HEARTBEAT', () => true, FRESH_MS))) return;
-  command(REQUEST_MESSAGE, MESSAGES.AUTOPILOT_VERSION.id);
-  for (const id of rover.packs.keys()) command(REQUEST_MESSAGE, MESSAGES.BATTERY_INFO.id, id);
+  if (!(await next('HEARTBEAT', undefined, DEAD_MS))) return;
+  request('AUTOPILOT_VERSION');
+  for (const id of packs.keys()) request('BATTERY_INFO', id);
   readParameters();
 });
 
-// Why the rover does not arm is asked for while it would not.
-async function askObstacles() {
-  if (rover.ready != false || rover.armed || !link.isFresh || document.hidden) return;
-  rover.obstacles = [];
-  await command(CHECK_ARMING, 0, 0, 1);
+// Why it would not arm is asked for as long as it would not.
+function askObstacles() {
+  if (ready != false || armed || !isFresh() || document.hidden) return;
+  obstacles = [];
+  command(CHECK_ARMING, 0, 0, 1);
 }
-setInterval(askObstacles, 5000);
-on('SYS_STATUS', () => rover.ready == false && !rover.obstacles.length && !rover.asked && (rover.asked = true, askObstacles()));
+setInterval(askObstacles, 5 * SECOND);

@@ -54,36 +54,26 @@ function sha256(bytes) {
 const keyOf = (passphrase) => sha256(new TextEncoder().encode(passphrase));
 
 // Signs frames with a key, and tells frames that were. Times only grow, and follow whoever is ahead.
-class Signer {
-  constructor(key) {
-    this.key = key;
-    this.time = 0;
-    this.heard = 0;
-  }
+function newSigner(key) {
+  let time = 0;
+  let heard = 0;
+  const signatureOf = (bytes) => sha256(Uint8Array.from([...key, ...bytes])).slice(0, 6);
+  return {
+    sign(frame) {
+      time = Math.max(time + 1, (Date.now() - SIGNING_EPOCH_MS) * 100);
+      const signed = [...frame, LINK_ID];
+      for (let byte = 0; byte < 6; byte++) signed.push(Math.floor(time / 256 ** byte) % 256);
+      return [...signed, ...signatureOf(signed)];
+    },
 
-  signatureOf(bytes) {
-    return sha256(Uint8Array.from([...this.key, ...bytes])).subarray(0, 6);
-  }
-
-  sign(frame) {
-    this.time = Math.max(this.time + 1, (Date.now() - SIGNING_EPOCH_MS) * 100);
-    const signed = [...frame, LINK_ID];
-    for (let rest = this.time, byte = 0; byte < 6; byte++) {
-      signed.push(rest % 256);
-      rest = Math.floor(rest / 256);
-    }
-    return [...signed, ...this.signatureOf(signed)];
-  }
-
-  accepts({ bytes, isSigned }) {
-    if (!isSigned) return false;
-    const end = bytes.length - 6;
-    const signature = this.signatureOf(bytes.subarray(0, end));
-    if (signature.some((byte, index) => byte != bytes[end + index])) return false;
-    const time = bytes.subarray(end - 6, end).reduceRight((sum, byte) => sum * 256 + byte, 0);
-    if (time <= this.heard) return false;
-    this.heard = time;
-    this.time = Math.max(this.time, time);
-    return true;
-  }
+    accepts({ bytes, isSigned }) {
+      const end = bytes.length - 6;
+      if (!isSigned || '' + signatureOf(bytes.slice(0, end)) != bytes.slice(end)) return 0;
+      const sent = bytes.slice(end - 6, end).reduceRight((sum, byte) => sum * 256 + byte, 0);
+      if (sent <= heard) return 0;
+      heard = sent;
+      time = Math.max(time, sent);
+      return 1;
+    },
+  };
 }

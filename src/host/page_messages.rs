@@ -8,7 +8,7 @@ use crate::mavlink::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA,
     HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA,
     LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA, MavAutopilot, MavBatteryChargeState,
-    MavBatteryFault, MavBatteryType, MavCmd, MavModeFlag, MavParamError, MavParamType, MavResult,
+    MavCmd, MavModeFlag, MavParamError, MavParamType, MavResult,
     MavSeverity, MavState, MavSysStatusSensor, MavType, PARAM_ERROR_DATA, PARAM_REQUEST_LIST_DATA,
     PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
@@ -60,8 +60,6 @@ fields! {
     CharArray<50>: "s" "x50", CharArray::from([1; 50]);
     MavAutopilot: "B" "", Self::MAV_AUTOPILOT_RESERVED;
     MavBatteryChargeState: "B" "", Self::MAV_BATTERY_CHARGE_STATE_OK;
-    MavBatteryFault: "I" "", Self::from_bits_retain(2);
-    MavBatteryType: "B" "", Self::MAV_BATTERY_TYPE_LIPO;
     MavCmd: "H" "", Self::MAV_CMD_COMPONENT_ARM_DISARM;
     MavModeFlag: "B" "", Self::from_bits_retain(2);
     MavParamError: "B" "", Self::MAV_PARAM_ERROR_DOES_NOT_EXIST;
@@ -117,28 +115,28 @@ macro_rules! rows {
 pub fn messages_js() -> String {
     let rows = rows! {
         HEARTBEAT_DATA { custom_mode mavtype autopilot base_mode system_status mavlink_version }
-        SYS_STATUS_DATA { onboard_control_sensors_health load drop_rate_comm errors_comm }
+        SYS_STATUS_DATA { onboard_control_sensors_health load errors_comm }
         PARAM_REQUEST_READ_DATA { param_index target_system target_component param_id }
         PARAM_REQUEST_LIST_DATA { target_system target_component }
         PARAM_VALUE_DATA { param_value param_count param_index param_id param_type }
         PARAM_SET_DATA { param_value target_system target_component param_id param_type }
-        MANUAL_CONTROL_DATA { x y z r target }
+        MANUAL_CONTROL_DATA { y z target }
         COMMAND_LONG_DATA { param1 param2 command target_system target_component confirmation }
         COMMAND_ACK_DATA { command result }
-        LOG_REQUEST_LIST_DATA { start end target_system target_component }
+        LOG_REQUEST_LIST_DATA { end target_system target_component }
         LOG_ENTRY_DATA { time_utc size id num_logs }
         LOG_REQUEST_DATA_DATA { ofs count id target_system target_component }
-        LOG_DATA_DATA { ofs id count data }
+        LOG_DATA_DATA { ofs id data }
         LOG_ERASE_DATA { target_system target_component }
         LOG_REQUEST_END_DATA { target_system target_component }
         BATTERY_STATUS_DATA {
             current_consumed temperature voltages current_battery id battery_remaining time_remaining charge_state
-            voltages_ext fault_bitmask
+            voltages_ext
         }
         AUTOPILOT_VERSION_DATA { uid flight_sw_version middleware_sw_version flight_custom_version }
         STATUSTEXT_DATA { severity text id chunk_seq }
-        PARAM_ERROR_DATA { param_index param_id error }
-        BATTERY_INFO_DATA { full_charge_capacity id state_of_health cells_in_series }
+        PARAM_ERROR_DATA { param_id error }
+        BATTERY_INFO_DATA { id cells_in_series }
     };
     format!("{HEAD}{}\n`;\n", rows.join("\n"))
 }
