@@ -5,14 +5,14 @@ const versionOf = (number) => [number >>> 24, (number >> 16) & 255, (number >> 8
 function renderAbout() {
   const open = roverSigns ? 'the rover signs, this page does not' : 'open: anyone in its network may command the rover';
   const facts = {
-    Link: signer ? 'this page signs' : open,
+    Signing: signer ? 'this page signs' : open,
     'Frames received': received,
     'Frames lost': lost,
     'Frames ignored, not signed': ignored,
     'Frames lost on the way there': system.errors_comm,
     'Load of the board': digits(system.load / 10) + ' %',
     Firmware: version && versionOf(version.middleware_sw_version) + ' ' + version.flight_custom_version,
-    Board: version?.uid?.toString(16).toUpperCase(),
+    Board: (version?.uid || undefined)?.toString(16).toUpperCase(),
     'System ids': roverSystem + ', of this page ' + ownSystem,
   };
   const rows = Object.entries(facts).map(([name, fact]) => el('div', {}, el('dt', {}, name), el('dd', {}, fact ?? 'unknown')));

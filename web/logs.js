@@ -15,13 +15,14 @@ async function readList() {
   for (;;) {
     const entry = await next('LOG_ENTRY', undefined, LOG_MS);
     if (!entry) throw armed ? 'disarm first' : NO_ANSWER;
-    if (entry.num_logs) entries.set(entry.id, entry);
-    if (entries.size == entry.num_logs) return [...entries.values()];
+    const { id, size, num_logs } = entry;
+    if (num_logs) entries.set(id, { number: id, bytes: size, name: 'rover-' + id + '.BIN' });
+    if (entries.size == num_logs) return [...entries.values()];
   }
 }
 
 // The whole file; what was lost on the way is asked for again.
-async function readLog({ id, size }, progress) {
+async function readLog({ number: id, bytes: size }, progress) {
   const bytes = new Uint8Array(size);
   const has = Array(Math.ceil(size / DATA_BYTES)).fill(0);
   let left = has.length;
@@ -56,19 +57,17 @@ async function listLogs() {
   } catch (error) {
     tell('logs-state', 'No list: ' + error);
   }
-  logs.sort((one, other) => other.id - one.id);
-  $('log-list').replaceChildren(...logs.map(rowOf));
+  $('log-list').replaceChildren(...logs.reverse().map(rowOf));
   hide('erase', !logs[0]);
 }
 
 function rowOf(log) {
-  const { id, size, time_utc } = log;
-  const label = { ariaLabel: 'Download log ' + id };
+  const { number, bytes, name } = log;
+  const label = { ariaLabel: 'Download log ' + number };
   const get = signer
     ? el('button', { ...label, onclick: () => save(log, get) }, 'Download')
-    : el('a', { ...label, className: 'button', href: '/logs/' + id + '.BIN', download: '' }, 'Download');
-  return el('li', {}, el('b', {}, 'Log ' + id), el('span', {}, digits(size / 1e3) + ' kB'), get,
-    el('span', {}, time_utc ? new Date(time_utc * SECOND).toLocaleString() : 'no date'));
+    : el('a', { ...label, className: 'button', href: '/logs/' + number + '.BIN', download: name }, 'Download');
+  return el('li', {}, el('b', {}, 'Log ' + number), el('span', {}, digits(bytes / 1e3) + ' kB'), get);
 }
 
 async function save(log, button) {
@@ -76,7 +75,7 @@ async function save(log, button) {
   const bytes = await readLog(log, (share) => show(button, digits(share * 100) + ' %'));
   button.disabled = false;
   show(button, 'Download');
-  if (bytes) el('a', { href: URL.createObjectURL(new Blob([bytes])), download: 'rover-' + log.id + '.BIN' }).click();
+  if (bytes) el('a', { href: URL.createObjectURL(new Blob([bytes])), download: log.name }).click();
   else tell('logs-state', 'Broken off' + (armed ? ': disarm first' : ''));
 }
 

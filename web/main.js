@@ -10,7 +10,7 @@ function enter() {
   if (drives) letGo();
   ROOMS.forEach((name, index) => {
     hide(name, name != room);
-    document.links[index].ariaCurrent = name == room && 'page';
+    document.querySelectorAll('nav a')[index].ariaCurrent = name == room && 'page';
   });
   if (room == 'setup') {
     readDescriptions();

@@ -25,10 +25,10 @@ function drawPlot({ history }) {
     const figure = (number) => digits(number, places) + unit;
     const points = history.filter((sample) => sample[key] != null);
     const heights = points.map((sample) => sample[key]);
-    const low = Math.min(...heights);
-    const span = Math.max(SPANS[key] || 100, Math.max(...heights) - low);
+    const [low, high] = [Math.min(...heights), Math.max(...heights)];
+    const span = Math.max(SPANS[key] || 100, high - low);
     const x = (time) => (time - start) / PLOT_MS * 600;
-    const bottom = SPANS[key] ? low : 0;
+    const bottom = SPANS[key] ? (low + high - span) / 2 : 0;
     let last;
     // A gap in what was heard is a gap in the line.
     const path = points.map((sample) => {
