@@ -85,7 +85,7 @@ function parser(onFrame) {
     const bytes = Uint8Array.from([...rest, ...piece]);
     let at = 0;
     while (bytes.length - at >= HEADER_BYTES + 2) {
-      const isStart = bytes[at] == START;
+      const isStart = bytes[at] == START && bytes[at + 2] <= SIGNED;
       const length = HEADER_BYTES + bytes[at + 1] + 2 + (bytes[at + 2] & SIGNED) * SIGNATURE_BYTES;
       if (isStart && at + length > bytes.length) break;
       const frame = isStart && decode(bytes.slice(at, at + length));

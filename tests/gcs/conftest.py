@@ -170,13 +170,20 @@ class CanBoard(EmulatedBoard):
 
 def pytest_addoption(parser):
     parser.addoption("--board", metavar="PORT", help="a serial port, or tcp:HOST:PORT: what runs there is tested")
+    parser.addoption("--long", action="store_true", help="also what .ci/web runs: every way of letting go of the stick")
+    parser.addoption("--pictures", metavar="FOLDER", help="where the page in the browser is painted")
 
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "board: needs nothing that only the simulator has")
+    config.addinivalue_line("markers", "long: for .ci/web")
 
 
 def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--long"):
+        long = [item for item in items if item.get_closest_marker("long")]
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if not item.get_closest_marker("long")]
     if config.getoption("--board"):
         others = [item for item in items if not item.get_closest_marker("board")]
         config.hook.pytest_deselected(items=others)

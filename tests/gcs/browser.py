@@ -1,0 +1,256 @@
+"""A person at the page in the browser: reads what is on the screen, touches, types, looks away."""
+
+import contextlib
+import json
+import os
+import pathlib
+import shutil
+import socket
+import threading
+import time
+
+import pytest
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+CHROMEDRIVER = shutil.which("chromedriver")
+
+PHONE = (390, 844)
+SMALL_PHONE = (360, 640)
+LANDSCAPE = (844, 390)
+DESKTOP = (1280, 800)
+
+# Runs in the page before it: what leaves it, and what it would hide.
+WATCH = """
+window.sent = [];
+const { send } = WebSocket.prototype;
+WebSocket.prototype.send = function (data) {
+  window.sockets = (window.sockets || new Set()).add(this);
+  window.sent.push([performance.now(), ...new Uint8Array(data.buffer || data)]);
+  return send.call(this, data);
+};
+window.errors = [];
+addEventListener('error', (event) => window.errors.push(String(event.message)));
+addEventListener('unhandledrejection', (event) => window.errors.push(String(event.reason)));
+"""
+
+MANUAL_CONTROL = 69
+
+
+def require_chromium():
+    """Skips the test where there is no Chromium, by the name of what is missing; on a build server that is a failure."""
+    if CHROMIUM and CHROMEDRIVER:
+        return
+    reason = "Chromium is not installed: apt-get install chromium chromium-driver"
+    if os.environ.get("CI") == "true":
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
+class Page:
+    """The page in a headless Chromium of its own."""
+
+    def __init__(self, url, size=PHONE, scheme="dark", downloads=None):
+        require_chromium()
+        from selenium import webdriver
+
+        options = webdriver.ChromeOptions()
+        options.binary_location = CHROMIUM
+        for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars"):
+            options.add_argument(argument)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(CHROMEDRIVER))
+        self.driver.set_script_timeout(60)
+        self.devtools("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
+        if downloads:
+            self.devtools("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(downloads))
+        self.resize(size, scheme)
+        self.url = url
+        self.driver.get(url)
+
+    def devtools(self, command, **parameters):
+        return self.driver.execute_cdp_cmd(command, parameters)
+
+    def resize(self, size, scheme="dark"):
+        width, height = size
+        is_phone = max(size) < 1000
+        self.devtools(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=2 if is_phone else 1,
+            mobile=is_phone,
+        )
+        self.devtools("Emulation.setTouchEmulationEnabled", enabled=is_phone)
+        self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
+    def run(self, script, *arguments):
+        return self.driver.execute_script(script, *arguments)
+
+    # What a person reads.
+
+    def text(self):
+        """All that is on the screen or can be scrolled to."""
+        return self.run("return document.body.innerText")
+
+    def read(self, element_id):
+        return self.run("return document.getElementById(arguments[0]).innerText", element_id)
+
+    def wait(self, condition, seconds=10):
+        """What the condition gives once that is something."""
+        end = time.monotonic() + seconds
+        while not (found := condition()):
+            assert time.monotonic() < end, f"not within {seconds} s:\n{self.text()}"
+            time.sleep(0.05)
+        return found
+
+    def wait_for(self, text, seconds=10):
+        self.wait(lambda: text in self.text(), seconds)
+
+    def wait_until_gone(self, text, seconds=10):
+        self.wait(lambda: text not in self.text(), seconds)
+
+    # What a person does.
+
+    def enter(self, room):
+        self.run("document.querySelector(`nav a[href='#${arguments[0]}']`).click()", room)
+
+    def element(self, css):
+        from selenium.webdriver.common.by import By
+
+        return self.driver.find_element(By.CSS_SELECTOR, css)
+
+    def button(self, text):
+        """The button that is shown with this text."""
+        find = "return [...document.querySelectorAll('button, a.button')].find((one) => one.offsetParent && one.innerText.includes(arguments[0]))"
+        return self.wait(lambda: self.run(find, text))
+
+    def press(self, text):
+        self.button(text).click()
+
+    def middle(self, css):
+        return self.run(
+            "const box = document.querySelector(arguments[0]).getBoundingClientRect();"
+            "return [box.left + box.width / 2, box.top + box.height / 2, box.width]",
+            css,
+        )
+
+    def mouse(self, kind, x, y):
+        self.devtools("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
+    def touch(self, kind, *points):
+        self.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)])
+
+    def key(self, kind, code, key):
+        self.devtools("Input.dispatchKeyEvent", type=kind, code=code, key=key)
+
+    def hold_to_arm(self, seconds=1.3):
+        x, y, _ = self.middle("#arm")
+        self.touch("touchStart", (x, y))
+        time.sleep(seconds)
+        self.touch("touchEnd")
+
+    def push_stick(self, share=0.9, css="#pad"):
+        """A thumb on the stick, ahead."""
+        x, y, width = self.middle(css)
+        self.touch("touchStart", (x, y))
+        self.touch("touchMove", (x, y - share * width / 3))
+
+    def release_stick(self):
+        self.touch("touchEnd")
+
+    def sticks_sent(self):
+        """Time in ms and throttle of each MANUAL_CONTROL that has left."""
+        frames = self.run("return window.sent")
+        found = []
+        for at, *frame in frames:
+            if frame[7] | frame[8] << 8 == MANUAL_CONTROL:
+                payload = bytes(frame[10 : 10 + frame[1]]).ljust(30, b"\0")
+                found.append((at, int.from_bytes(payload[4:6], "little", signed=True)))
+        return found
+
+    def now_ms(self):
+        return self.run("return performance.now()")
+
+    def picture(self, path):
+        import base64
+
+        data = self.devtools("Page.captureScreenshot", format="png")["data"]
+        pathlib.Path(path).write_bytes(base64.b64decode(data))
+
+    def errors(self):
+        """What the console has said, and what nobody caught."""
+        console = [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+        return console + self.run("return window.errors")
+
+    def kill(self):
+        """The browser is gone at once, without a word."""
+        import subprocess
+
+        profile = self.driver.capabilities["chrome"]["userDataDir"]
+        listed = subprocess.run(["ps", "-eo", "pid,args"], capture_output=True, text=True, check=True).stdout
+        for line in listed.splitlines():
+            pid, _, arguments = line.strip().partition(" ")
+            if f"--user-data-dir={profile}" in arguments:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(int(pid), 9)
+
+    def close(self):
+        with contextlib.suppress(Exception):
+            self.driver.quit()
+
+
+class Network:
+    """What is between a browser and the rover: it can be cut, in one direction or both, without a word to either end."""
+
+    def __init__(self, port):
+        self.port_there = port
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listener.getsockname()[1]
+        # Set while bytes go through.
+        self.up, self.down = threading.Event(), threading.Event()
+        self.mend()
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    @property
+    def url(self):
+        return f"http://127.0.0.1:{self.port}/"
+
+    def accept(self):
+        with contextlib.suppress(OSError):
+            while True:
+                here, _ = self.listener.accept()
+                try:
+                    there = socket.create_connection(("127.0.0.1", self.port_there))
+                except OSError:
+                    here.close()
+                    continue
+                for ends, is_open in (((here, there), self.up), ((there, here), self.down)):
+                    threading.Thread(target=self.pump, args=(*ends, is_open), daemon=True).start()
+
+    @staticmethod
+    def pump(source, sink, is_open):
+        with contextlib.suppress(OSError):
+            while data := source.recv(4096):
+                is_open.wait()
+                sink.sendall(data)
+        for end in (source, sink):
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def cut(self):
+        self.up.clear()
+        self.down.clear()
+
+    def mute(self):
+        """The rover hears, and is not heard."""
+        self.down.clear()
+
+    def mend(self):
+        self.up.set()
+        self.down.set()
+
+    def close(self):
+        self.mend()
+        self.listener.close()
