@@ -228,11 +228,11 @@ function renderDrive() {
   const follows = isKnown && armed && mode == MANUAL && !taken;
   const standing = armed ? 'In Hold it stands: choose Manual to drive.' : 'To drive, arm and choose Manual.';
   tell('hint', TAKEN[taken] || (follows ? 'The rover follows the stick.' : standing));
-  hide('arm', armed);
-  hide('disarm', !armed);
   $('hold').ariaPressed = isKnown && mode == HOLD;
   $('manual').ariaPressed = isKnown && mode == MANUAL;
-  $('arm').disabled = $('manual').disabled = !isKnown;
+  $('manual').disabled = !isKnown;
+  $('arm').disabled = !isKnown || armed;
+  $('disarm').disabled = isKnown && !armed;
   $('pad').className = follows ? 'follows' : '';
   tell('limit-value', $('limit').value + ' %');
 }

@@ -122,7 +122,7 @@ def drive(page):
 
 
 def rows_of_the_table():
-    table = (WEB / "messages.js").read_text().split("`")[1].strip().splitlines()
+    table = (WEB / "messages.js").read_text().split("= `")[1].split("`")[0].strip().splitlines()
     for row in table:
         name, message_id, extra, size, *fields = row.split()
         yield name, int(message_id), int(extra), int(size), [re.fullmatch(r"(\w+):(\w)(\d+)x?(\d*)", one).groups() for one in fields]
@@ -130,6 +130,10 @@ def rows_of_the_table():
 
 def test_the_table_of_messages_is_pymavlinks():
     for name, message_id, extra, size, fields in rows_of_the_table():
+        if message_id not in dialect.mavlink_map:
+            # pymavlink 2.4.50 does not know it.
+            assert name == "BATTERY_INFO"
+            continue
         theirs = dialect.mavlink_map[message_id]
         assert (theirs.msgname, theirs.crc_extra) == (name, extra)
         assert theirs.unpacker.size == size
