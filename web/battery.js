@@ -96,8 +96,6 @@ function renderNotices() {
 function renderBattery() {
   const shown = allPacks();
   shown.forEach(renderPack);
-  hide('no-pack', shown[0]);
-  hide('history', !shown[0]);
   hide('pack', !shown[1]);
   if (shown[0]) drawPlot(chosenPack());
 }

@@ -4,7 +4,7 @@
 Usage: build.py [--check]
 
 `--check` writes nothing, and fails if what is committed is not what would be built, or is larger than it may be.
-Needs what requirements.txt names: a minifier, and a compressor that takes its time.
+Needs the minifier and the compressor that tests/gcs/requirements.txt names.
 """
 
 import gzip

@@ -173,7 +173,6 @@ function startArming() {
   const begin = () => {
     button.className = 'held';
     timer = setTimeout(arm, SECOND);
-    tell('drive-answer', 'To arm, hold for one second.');
   };
   const cancel = () => {
     clearTimeout(timer);
@@ -212,6 +211,7 @@ function startDrive() {
     stop();
   };
   $('stop').onclick = (event) => event.detail || stop();
+  moveStick(0, 0);
   startPad();
   startKeys();
   startArming();

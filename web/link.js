@@ -8,8 +8,6 @@ const SECOND = 1000;
 const FRESH_MS = 2500;
 const DEAD_MS = 5000;
 
-const KEY_STORE = 'signing-key';
-
 const now = () => performance.now();
 
 const handlers = {};
@@ -100,11 +98,11 @@ function receive(frame) {
 function useKey(key) {
   signer = key ? newSigner(key) : null;
   ignored = 0;
-  sessionStorage[KEY_STORE] = key || '';
+  sessionStorage.signingKey = key || '';
 }
 
 function startLink() {
-  const stored = sessionStorage[KEY_STORE];
+  const stored = sessionStorage.signingKey;
   if (stored) useKey(stored.split(','));
   connect();
   setInterval(() => {

@@ -53,10 +53,9 @@ function sha256(bytes) {
 // The key of a passphrase is its SHA-256, as in MAVProxy.
 const keyOf = (passphrase) => sha256(new TextEncoder().encode(passphrase));
 
-// Signs frames with a key, and tells frames that were. Times only grow, and follow whoever is ahead.
+// Signs frames with a key, and tells frames that were. Times only grow, and follow the rover's.
 function newSigner(key) {
   let time = 0;
-  let heard = 0;
   const signatureOf = (bytes) => sha256(Uint8Array.from([...key, ...bytes])).slice(0, 6);
   return {
     sign(frame) {
@@ -68,12 +67,9 @@ function newSigner(key) {
 
     accepts({ bytes, isSigned }) {
       const end = bytes.length - 6;
-      if (!isSigned || '' + signatureOf(bytes.slice(0, end)) != bytes.slice(end)) return 0;
-      const sent = bytes.slice(end - 6, end).reduceRight((sum, byte) => sum * 256 + byte, 0);
-      if (sent <= heard) return 0;
-      heard = sent;
-      time = Math.max(time, sent);
-      return 1;
+      const isOurs = isSigned && '' + signatureOf(bytes.slice(0, end)) == bytes.slice(end);
+      if (isOurs) time = Math.max(time, bytes.slice(end - 6, end).reduceRight((sum, byte) => sum * 256 + byte, 0));
+      return isOurs;
     },
   };
 }

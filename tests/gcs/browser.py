@@ -1,11 +1,14 @@
 """A person at the page in the browser: reads what is on the screen, touches, types, looks away."""
 
+import base64
 import contextlib
 import json
 import os
 import pathlib
+import re
 import shutil
 import socket
+import subprocess
 import threading
 import time
 
@@ -174,8 +177,6 @@ class Page:
         return self.run("return performance.now()")
 
     def picture(self, path):
-        import base64
-
         data = self.devtools("Page.captureScreenshot", format="png")["data"]
         pathlib.Path(path).write_bytes(base64.b64decode(data))
 
@@ -186,8 +187,6 @@ class Page:
 
     def kill(self):
         """The browser is gone at once, without a word."""
-        import subprocess
-
         profile = self.driver.capabilities["chrome"]["userDataDir"]
         listed = subprocess.run(["ps", "-eo", "pid,args"], capture_output=True, text=True, check=True).stdout
         for line in listed.splitlines():
@@ -254,3 +253,86 @@ class Network:
     def close(self):
         self.mend()
         self.listener.close()
+
+
+FIREFOX = shutil.which("firefox-esr") or shutil.which("firefox")
+
+
+class Firefox:
+    """The page in a headless Firefox, by the protocol that it speaks itself, WebDriver BiDi."""
+
+    def __init__(self, url, profile):
+        import websocket
+
+        self.process = subprocess.Popen(
+            [FIREFOX, "--headless", "--no-remote", "--profile", str(profile), "--remote-debugging-port", "0"],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for line in self.process.stderr:
+            if found := re.search(r"ws://\S+", line):
+                break
+        threading.Thread(target=self.process.stderr.read, daemon=True).start()
+        self.socket = websocket.create_connection(found[0] + "/session", suppress_origin=True, timeout=60)
+        self.count = 0
+        self.logged = []
+        self.send("session.new", capabilities={})
+        self.send("session.subscribe", events=["log.entryAdded"])
+        self.context = self.send("browsingContext.getTree")["contexts"][0]["context"]
+        self.send("browsingContext.setViewport", context=self.context, viewport={"width": DESKTOP[0], "height": DESKTOP[1]})
+        self.send("browsingContext.navigate", context=self.context, url=url, wait="complete")
+
+    def send(self, method, **parameters):
+        self.count += 1
+        self.socket.send(json.dumps({"id": self.count, "method": method, "params": parameters}))
+        while (answer := json.loads(self.socket.recv())).get("id") != self.count:
+            if answer.get("method") == "log.entryAdded":
+                self.logged.append(answer["params"])
+        assert answer["type"] == "success", answer
+        return answer["result"]
+
+    def run(self, expression):
+        answer = self.send(
+            "script.evaluate", expression=f"JSON.stringify({expression})", target={"context": self.context}, awaitPromise=True
+        )
+        assert answer["type"] == "success", answer
+        return json.loads(answer["result"]["value"])
+
+    def text(self):
+        return self.run("document.body.innerText")
+
+    def wait_for(self, text, seconds=10):
+        end = time.monotonic() + seconds
+        while text not in (shown := self.text()):
+            assert time.monotonic() < end, shown
+            time.sleep(0.1)
+
+    def enter(self, room):
+        self.run(f"document.querySelector('nav a[href=\"#{room}\"]').click()")
+
+    def pointer(self, *actions):
+        """Actions of a mouse: ("move", x, y), "down", "up", or a pause in seconds."""
+        steps = []
+        for action in actions:
+            if action in ("down", "up"):
+                steps.append({"type": f"pointer{action.capitalize()}", "button": 0})
+            elif isinstance(action, tuple):
+                steps.append({"type": "pointerMove", "x": round(action[1]), "y": round(action[2])})
+            else:
+                steps.append({"type": "pause", "duration": round(action * 1000)})
+        source = {"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"}, "actions": steps}
+        self.send("input.performActions", context=self.context, actions=[source])
+
+    def middle(self, css):
+        return self.run(f"(({{ left, top, width, height }}) => [left + width / 2, top + height / 2])(document.querySelector('{css}').getBoundingClientRect())")
+
+    def errors(self):
+        return [entry["text"] for entry in self.logged if entry["level"] in ("error", "warn")]
+
+    def picture(self, path):
+        data = self.send("browsingContext.captureScreenshot", context=self.context)["data"]
+        pathlib.Path(path).write_bytes(base64.b64decode(data))
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait(timeout=20)

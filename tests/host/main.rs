@@ -21,6 +21,7 @@ mod log_dates;
 mod monitors;
 mod motor_controllers;
 mod network;
+mod page_messages;
 mod parameter_docs;
 mod pins_and_wires;
 mod regions;
