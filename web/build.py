@@ -21,7 +21,7 @@ FOLDER = pathlib.Path(__file__).resolve().parent
 SCRIPTS = "messages codec signing link page rover battery plot drive setup logs about main".split()
 
 MAX_BYTES = 40 * 1024
-MAX_COMPRESSED_BYTES = 16 * 1024
+MAX_COMPRESSED_BYTES = 14 * 1024
 
 
 def source(name):
@@ -46,7 +46,7 @@ def page():
 
 def main():
     built = page()
-    compressed = zopfli.gzip.compress(built, numiterations=15)
+    compressed = zopfli.gzip.compress(built, numiterations=50)
     print(f"page.html: {len(built)} of {MAX_BYTES} bytes, {len(compressed)} of {MAX_COMPRESSED_BYTES} compressed")
     if len(built) > MAX_BYTES or len(compressed) > MAX_COMPRESSED_BYTES:
         return "the page is too large"

@@ -9,7 +9,6 @@ const STOP_TRIES = 25;
 
 const BY_ITSELF = ' The rover stops by itself.';
 const TAKEN = {
-  hidden: 'The page is hidden.',
   blurred: 'Touch the page: it has lost the focus.',
   stale: 'The rover is not heard.' + BY_ITSELF,
   full: 'The network takes nothing.' + BY_ITSELF,
@@ -96,12 +95,13 @@ function readGamepad() {
 
 function startPad() {
   const pad = $('pad');
+  // Where the pad was when it was touched: if it moves meanwhile, the stick does not.
+  let box;
   const follow = (event) => {
-    const { left, top, width } = pad.getBoundingClientRect();
     // The knob's way is a third of the pad.
-    const far = width / 3;
-    const x = (event.clientX - left - width / 2) / far;
-    const y = (top + width / 2 - event.clientY) / far;
+    const half = box.width / 2;
+    const x = (event.clientX - box.left - half) / half * 1.5;
+    const y = (box.top + half - event.clientY) / half * 1.5;
     const length = Math.max(1, Math.hypot(x, y));
     takeStick(x / length, y / length);
   };
@@ -112,6 +112,7 @@ function startPad() {
     if (taken || pointer != null || event.button) return;
     pointer = event.pointerId;
     pad.setPointerCapture(pointer);
+    box = pad.getBoundingClientRect();
     follow(event);
   };
   const held = (act) => (event) => event.pointerId == pointer && act(event);
@@ -221,7 +222,10 @@ function startDrive() {
   setInterval(tick, TICK_MS);
 }
 
-on('state', () => (drives &&= armed));
+on('state', () => {
+  drives &&= armed;
+  if (mode != HOLD) tell('stop-state', '');
+});
 
 function renderDrive() {
   const isKnown = armed != null && isFresh();

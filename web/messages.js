@@ -2,7 +2,7 @@
 // the page uses, each with its type (as of Python's struct, s is text), its place, and how many if it is an array.
 const MESSAGE_TABLE = `
 HEARTBEAT 0 50 9 custom_mode:I0 type:B4 autopilot:B5 base_mode:B6 system_status:B7 mavlink_version:B8
-SYS_STATUS 1 124 43 onboard_control_sensors_health:I8 load:H12 errors_comm:H20
+SYS_STATUS 1 124 43 onboard_control_sensors_health:I8 errors_comm:H20
 PARAM_REQUEST_READ 20 214 20 param_index:h0 target_system:B2 target_component:B3 param_id:s4x16
 PARAM_REQUEST_LIST 21 159 2 target_system:B0 target_component:B1
 PARAM_VALUE 22 220 25 param_value:f0 param_count:H4 param_index:H6 param_id:s8x16 param_type:B24

@@ -29,7 +29,7 @@ let mode;
 let status;
 // Unknown until the first SYS_STATUS.
 let ready = null;
-let system = { load: 0 };
+let system = {};
 let version;
 let paramCount = 0;
 // Why it does not arm.

@@ -115,7 +115,7 @@ macro_rules! rows {
 pub fn messages_js() -> String {
     let rows = rows! {
         HEARTBEAT_DATA { custom_mode mavtype autopilot base_mode system_status mavlink_version }
-        SYS_STATUS_DATA { onboard_control_sensors_health load errors_comm }
+        SYS_STATUS_DATA { onboard_control_sensors_health errors_comm }
         PARAM_REQUEST_READ_DATA { param_index target_system target_component param_id }
         PARAM_REQUEST_LIST_DATA { target_system target_component }
         PARAM_VALUE_DATA { param_value param_count param_index param_id param_type }

@@ -7,6 +7,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import threading
@@ -187,13 +188,11 @@ class Page:
 
     def kill(self):
         """The browser is gone at once, without a word."""
-        profile = self.driver.capabilities["chrome"]["userDataDir"]
-        listed = subprocess.run(["ps", "-eo", "pid,args"], capture_output=True, text=True, check=True).stdout
-        for line in listed.splitlines():
-            pid, _, arguments = line.strip().partition(" ")
-            if f"--user-data-dir={profile}" in arguments:
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(int(pid), 9)
+        profile = self.driver.capabilities["chrome"]["userDataDir"].encode()
+        for arguments in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
+            with contextlib.suppress(OSError):
+                if profile in arguments.read_bytes():
+                    os.kill(int(arguments.parent.name), signal.SIGKILL)
 
     def close(self):
         with contextlib.suppress(Exception):
@@ -280,6 +279,8 @@ class Firefox:
         self.send("session.subscribe", events=["log.entryAdded"])
         self.context = self.send("browsingContext.getTree")["contexts"][0]["context"]
         self.send("browsingContext.setViewport", context=self.context, viewport={"width": DESKTOP[0], "height": DESKTOP[1]})
+        # With the focus, as in front of a person.
+        self.send("browsingContext.activate", context=self.context)
         self.send("browsingContext.navigate", context=self.context, url=url, wait="complete")
 
     def send(self, method, **parameters):
@@ -296,7 +297,7 @@ class Firefox:
             "script.evaluate", expression=f"JSON.stringify({expression})", target={"context": self.context}, awaitPromise=True
         )
         assert answer["type"] == "success", answer
-        return json.loads(answer["result"]["value"])
+        return json.loads(answer["result"].get("value", "null"))
 
     def text(self):
         return self.run("document.body.innerText")

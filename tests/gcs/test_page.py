@@ -360,7 +360,7 @@ def test_dead_man(rover, how):
     time.sleep(1)
     assert rover.turns()
     LETTING_GO[how](rover, page)
-    limit = 0.5 if how in AT_ONCE else FRESH_S + 1 if how == "not heard" else FS_TIMEOUT_S + 0.5
+    limit = 0.5 if how in AT_ONCE else FRESH_S + 1 if how == "not heard" else FS_TIMEOUT_S + 1
     rover.seconds_until(lambda: not rover.turns(), limit)
     time.sleep(FRESH_S + 0.5)
     assert not rover.turns()
@@ -371,17 +371,45 @@ def test_dead_man(rover, how):
         return
     assert rover.mode == "Hold"
     if how in ("blurred", "hidden", "not heard", "not drained"):
-        page_sent = page.sticks_sent()
-        count = len(page_sent)
-        time.sleep(0.5)
         # Neutral once, then nothing.
-        assert page_sent[-1][1] == 0 and page_sent[-2][1] > 0 and len(page.sticks_sent()) == count
+        sent = [throttle for _, throttle in page.sticks_sent()]
+        assert sent[-1] == 0 and sent[-2] > 0
+        time.sleep(0.5)
+        assert len(page.sticks_sent()) == len(sent)
     if how == "cut":
         rover.network.mend()
         page.wait_for("Live", 15)
         time.sleep(1)
         # What was held back on the way is old, and moves nothing.
         assert not rover.turns() and rover.mode == "Hold"
+
+
+@pytest.mark.long
+@pytest.mark.xfail(strict=True, reason="the rover obeys every driver at once so far")
+def test_the_second_of_two_drivers_moves_nothing(rover):
+    rover.measure_current()
+    first, second = rover.open(), rover.open()
+    drive(first)
+    first.push_stick()
+    rover.seconds_until(rover.turns, 3)
+    second.enter("drive")
+    second.wait_for("The rover follows the stick")
+    second.push_stick(0)
+    time.sleep(1)
+    assert all(rover.turns() for _ in range(20))
+    second.release_stick()
+    second.push_stick(-0.9)
+    time.sleep(1)
+    first.release_stick()
+    rover.seconds_until(lambda: not rover.turns(), 1)
+    # Held all the time, the second one's stick has never been neutral.
+    assert not any(rover.turns() for _ in range(40))
+    # Whoever drives, anybody stops.
+    first.push_stick()
+    rover.seconds_until(rover.turns, 3)
+    second.press("Stop")
+    rover.seconds_until(lambda: not rover.turns(), 1)
+    assert rover.mode == "Hold"
 
 
 def test_keys_drive_and_escape_stops(rover):
@@ -434,8 +462,8 @@ def test_settings(rover):
     assert parameter(rover, "BATT_CRT_VOLT") == pytest.approx(10.2)
 
     # What is refused says why, and the old value stays.
-    page.element("#search").send_keys("low_timer")
-    page.wait_for("1 of ")
+    page.element("#search").send_keys("batt_low_timer")
+    page.wait(lambda: page.read("found").startswith("1 of "))
     field = page.element("#list input")
     field.clear()
     field.send_keys("500\t")
@@ -446,8 +474,8 @@ def test_settings(rover):
     # What needs a restart says so, and the page is back after it.
     search = page.element("#search")
     search.clear()
-    search.send_keys("battery monitoring kind")
-    page.wait_for("1 of ")
+    search.send_keys("batt_monitor")
+    page.wait(lambda: page.read("found").startswith("1 of "))
     page.run("const list = document.querySelector('#list select'); list.value = 4; list.dispatchEvent(new Event('change'))")
     page.wait_for("Saved: 4")
     page.wait_for("After a restart: BATT_MONITOR")
@@ -472,11 +500,15 @@ def test_logs_are_listed_downloaded_and_erased_when_asked_twice(rover, tmp_path)
     time.sleep(2)
     page = rover.open(downloads=tmp_path)
     page.enter("logs")
-    page.wait_for("No list: ")
     command(rover.station, *disarm)
     page.wait_for("Disarmed")
-    page.press("Read again")
-    page.wait_for("Log 1")
+
+    def is_listed():
+        page.press("Read again")
+        time.sleep(0.5)
+        return "Log 1" in page.text()
+
+    page.wait(is_listed)
     page.press("Download")
     (file,) = page.wait(lambda: list(tmp_path.glob("*.BIN")))
     assert file.read_bytes()[:2] == b"\xa3\x95"
@@ -545,6 +577,22 @@ def test_a_lost_rover_is_greyed_with_its_age_and_found_again(rover):
     page.wait(lambda: colour() == fresh, 3)
 
 
+@pytest.mark.long
+def test_an_hour_of_telemetry_takes_no_more_memory(start_rover):
+    # Thirty times as fast, an hour takes two minutes.
+    page = start_rover("--speedup", "30").open()
+
+    def heap_bytes():
+        page.devtools("HeapProfiler.collectGarbage")
+        return page.run("return performance.memory.usedJSHeapSize")
+
+    time.sleep(30)
+    before = heap_bytes()
+    time.sleep(120)
+    assert heap_bytes() - before < 500_000
+    assert page.errors() == []
+
+
 def test_everything_is_on_the_screen_and_legible(rover, pytestconfig):
     page = rover.open()
     pictures = pytestconfig.getoption("--pictures")
@@ -565,7 +613,7 @@ def test_everything_is_on_the_screen_and_legible(rover, pytestconfig):
                 assert page.run(HARD_TO_READ) == [], where
                 assert page.run(UNNAMED) == [], where
                 if room == "drive":
-                    assert page.run("const { top, bottom } = document.getElementById('pad').getBoundingClientRect(); return top >= 0 && bottom <= innerHeight"), where
+                    assert page.run("const [pad, main] = ['#pad', 'main'].map((one) => document.querySelector(one).getBoundingClientRect()); return pad.top >= main.top && pad.bottom <= main.bottom"), where
     assert page.errors() == []
 
 
@@ -577,7 +625,7 @@ def test_a_drive_in_firefox(rover, tmp_path, pytestconfig):
     try:
         firefox.wait_for("Live", 20)
         firefox.wait_for("100 %")
-        for room, words in (("setup", "Battery monitoring"), ("logs", "No logs"), ("about", "open: anyone"), ("drive", "Hold 1 s to arm")):
+        for room, words in (("setup", "Battery monitoring"), ("logs", "No logs"), ("about", "open: anyone"), ("drive", "Hold to arm")):
             firefox.enter(room)
             firefox.wait_for(words)
             if pictures := pytestconfig.getoption("--pictures"):
