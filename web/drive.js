@@ -156,17 +156,11 @@ function stop() {
 function repeatStop() {
   if (!stopTries) return;
   ask('COMMAND_LONG', { command: SET_MODE, param1: 1, param2: HOLD });
+  ask('COMMAND_LONG', { command: REQUEST_MESSAGE, param1: MESSAGES.HEARTBEAT.id });
   stopTries--;
   if (stopTries) setTimeout(repeatStop, 200);
   else tell('stop-state', 'No answer.' + BY_ITSELF);
 }
-
-on('COMMAND_ACK', ({ command, result }) => {
-  if (!stopTries || command != SET_MODE || result) return;
-  stopTries = 0;
-  request('HEARTBEAT');
-  tell('stop-state', 'Stopped: Hold');
-});
 
 function startArming() {
   const button = $('arm');
@@ -224,7 +218,9 @@ function startDrive() {
 
 on('state', () => {
   drives &&= armed;
-  if (mode != HOLD) tell('stop-state', '');
+  if (mode == HOLD && stopTries) tell('stop-state', 'Stopped: Hold');
+  if (mode == HOLD) stopTries = 0;
+  else if (!stopTries) tell('stop-state', '');
 });
 
 function renderDrive() {
