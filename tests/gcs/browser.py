@@ -277,9 +277,9 @@ class Firefox:
         self.logged = []
         self.send("session.new", capabilities={})
         self.send("session.subscribe", events=["log.entryAdded"])
-        self.context = self.send("browsingContext.getTree")["contexts"][0]["context"]
+        # The first tab never gets the focus, as nobody is in front of it.
+        self.context = self.send("browsingContext.create", type="tab")["context"]
         self.send("browsingContext.setViewport", context=self.context, viewport={"width": DESKTOP[0], "height": DESKTOP[1]})
-        # With the focus, as in front of a person.
         self.send("browsingContext.activate", context=self.context)
         self.send("browsingContext.navigate", context=self.context, url=url, wait="complete")
 
