@@ -47,6 +47,8 @@ on('closed', async (wasOpen) => {
   refusal = await fetch('/', { cache: 'no-cache' }).then(() => 'No place: two browsers are connected already?', () => '');
 });
 on('state', render);
+// A new one at once.
+on('pack', (pack) => pack.card || render());
 
 startPlot();
 startDrive();

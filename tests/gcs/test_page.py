@@ -578,6 +578,17 @@ def test_a_lost_rover_is_greyed_with_its_age_and_found_again(rover):
 
 
 @pytest.mark.long
+def test_a_third_browser_is_told_and_gets_the_first_free_place(rover):
+    first, _ = rover.open(), rover.open()
+    third = Page(rover.url)
+    rover.pages.append(third)
+    third.wait_for("No place: two browsers are connected already?")
+    first.close()
+    third.wait_for("Live", 15)
+    third.wait_until_gone("No place")
+
+
+@pytest.mark.long
 def test_an_hour_of_telemetry_takes_no_more_memory(start_rover):
     # Thirty times as fast, an hour takes two minutes.
     page = start_rover("--speedup", "30").open()
