@@ -50,6 +50,13 @@ class Rover:
             set_to(self.station, name, value)
         self.station = restarted(self.station, self.simulator.url)
 
+    def record_a_drive(self):
+        # Until the pack is measured, it does not arm.
+        while command(self.station, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) != mavlink.MAV_RESULT_ACCEPTED:
+            time.sleep(0.5)
+        time.sleep(2)
+        assert command(self.station, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mavlink.MAV_RESULT_ACCEPTED
+
     def open(self, **how):
         """The page, once it shows the pack."""
         page = Page(how.pop("url", self.url), **how)
@@ -495,13 +502,9 @@ def parameter(rover, name):
 
 
 def test_logs_are_listed_downloaded_and_erased_when_asked_twice(rover, tmp_path):
-    arm, disarm = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1), (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
-    command(rover.station, *arm)
-    time.sleep(2)
+    rover.record_a_drive()
     page = rover.open(downloads=tmp_path)
     page.enter("logs")
-    command(rover.station, *disarm)
-    page.wait_for("Disarmed")
 
     def is_listed():
         page.press("Read again")
@@ -521,10 +524,7 @@ def test_logs_are_listed_downloaded_and_erased_when_asked_twice(rover, tmp_path)
 
 
 def test_a_rover_with_a_key(rover, tmp_path):
-    arm, disarm = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1), (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
-    command(rover.station, *arm)
-    time.sleep(2)
-    command(rover.station, *disarm)
+    rover.record_a_drive()
     rover.station.mav.setup_signing_send(1, 1, list(KEY), ticks_now())
     wait_for_text(rover.station, "Signing key set")
     sign_with(rover.station, KEY)
