@@ -65,6 +65,8 @@ enum Fault {
     ForgetsParameters,
     RestartIgnored,
     RestartsByItself,
+    /// None, but its first heartbeat comes this many µs after its silence.
+    BootsIn(u64),
     AnnouncesDamage,
     NoiseToTheBoard,
     Busy,
@@ -141,7 +143,11 @@ impl DeskBoard {
                 .expect("in range");
         }
         self.desk = Desk::starting(Start::with_parameters(parameters));
-        self.started_us = self.now_us + BOOT_US;
+        self.started_us = self.now_us
+            + match self.fault {
+                Fault::BootsIn(boot_us) => boot_us,
+                _ => BOOT_US,
+            };
         self.has_crashed = how == Restart::Fault && self.fault != Fault::NoCrashRecord;
         self.open();
     }
@@ -643,6 +649,19 @@ fn ctrl_c_behind_the_set_parameter_sets_it_back() {
         line.board.desk.parameters().get(VehicleParameter::Sr0Params),
         10.0
     );
+}
+
+#[test]
+fn restarts_within_a_second_are_told_apart() {
+    for boot_us in (10_000..300_000).step_by(50_000) {
+        let report = check(Fault::BootsIn(boot_us), &EVERYTHING);
+        assert_eq!(
+            failed(&report),
+            [""; 0],
+            "{boot_us} µs: {}",
+            report.markdown("desk")
+        );
+    }
 }
 
 #[test]

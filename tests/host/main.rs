@@ -14,6 +14,7 @@ mod endpoint;
 mod examples;
 mod external_pack;
 mod failsafe;
+mod flash_turns;
 mod fuzz;
 mod learning;
 mod learnt;

@@ -25,6 +25,9 @@ const ACK_TIMEOUT_US: u64 = 2_000_000;
 /// Until what was set is saved (3.3 s), the board has started and its port is there again.
 const RESTART_TIMEOUT_US: u64 = 12_000_000;
 
+/// A restart shows by the board's time: before, it has to run for longer than until its first answer afterwards.
+const LEAST_UPTIME_US: u64 = 2_000_000;
+
 const MAVLINK_VERSION: u8 = 3;
 
 /// The talk with the board.
@@ -175,6 +178,7 @@ impl<'a> Session<'a> {
     /// # Errors
     /// The check has to end.
     pub fn restart(&mut self, parameters: [f32; 4]) -> Result<Restarted, Interruption> {
+        self.let_run()?;
         let asked_at = self.port.now();
         let before = self.record.starts.len();
         self.is_restarting = true;
@@ -186,6 +190,16 @@ impl<'a> Session<'a> {
         };
         self.is_restarting = false;
         Ok(restarted)
+    }
+
+    /// Waits while the board has started a moment ago.
+    fn let_run(&mut self) -> Result<(), Interruption> {
+        let deadline = self.port.now().after_us(LEAST_UPTIME_US);
+        let has_just_started = |uptime_ns| uptime_ns < LEAST_UPTIME_US as i64 * 1000;
+        while self.uptime_ns.is_some_and(has_just_started) && self.port.now() < deadline {
+            self.listen_once(deadline)?;
+        }
+        Ok(())
     }
 
     fn await_start(&mut self, before: usize, asked_at: Instant) -> Result<Restarted, Interruption> {

@@ -92,17 +92,8 @@ pub struct Storage<F, V = u32> {
 enum Preparation {
     /// It was not looked at since the last move, or this many of its blocks were erased since.
     Due { erased: u32 },
-    /// It is erased, or can't be.
+    /// It is erased or can't be, or there is none.
     Done,
-}
-
-/// What a call of [`Storage::prepare`] leaves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Prepared {
-    /// Another block has to be erased, by another call.
-    Partly,
-    /// Nothing can be done now.
-    AsFarAsPossible,
 }
 
 /// The active sector.
@@ -213,37 +204,35 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     }
 
     /// Erases a block of the sector that the next move needs, if that is not erased and it is allowed. Without a stored
-    /// value there is none. To be called until nothing can be done.
+    /// value there is none. To be called until it [is prepared](Self::is_prepared).
     ///
     /// # Errors
     /// [`StorageError::Flash`]: the sector can't be erased. The next move will try again.
-    pub async fn prepare(&mut self, may_erase: MayErase<'_>) -> Result<Prepared, StorageError> {
+    pub async fn prepare(&mut self, may_erase: MayErase<'_>) -> Result<(), StorageError> {
         let Preparation::Due { erased } = self.preparation else {
-            return Ok(Prepared::AsFarAsPossible);
+            return Ok(());
         };
         if may_erase() == Erase::Forbidden {
-            return Ok(Prepared::AsFarAsPossible);
+            return Ok(());
         }
         if self.log.is_none() {
             self.log = self.find_log().await?;
         }
         let Some(log) = self.log.filter(|_| self.region.can_move()) else {
             self.preparation = Preparation::Done;
-            return Ok(Prepared::AsFarAsPossible);
+            return Ok(());
         };
         let next = self.region.after(log.sector);
         match self.prepare_block(next, erased, may_erase).await {
-            Ok(Prepared::Partly) => {
-                self.preparation = Preparation::Due { erased: erased + 1 };
-                Ok(Prepared::Partly)
-            }
+            Ok(preparation) => self.preparation = preparation,
             // Forbidden in the meantime: another time.
-            Err(StorageError::NoErasedSpace) => Ok(Prepared::AsFarAsPossible),
-            done => {
+            Err(StorageError::NoErasedSpace) => {}
+            Err(error) => {
                 self.preparation = Preparation::Done;
-                done
+                return Err(error);
             }
         }
+        Ok(())
     }
 
     /// Erases the next block of `sector`, of which this many are `erased`.
@@ -252,16 +241,17 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         sector: Sector,
         erased: u32,
         may_erase: MayErase<'_>,
-    ) -> Result<Prepared, StorageError> {
+    ) -> Result<Preparation, StorageError> {
         if erased == 0 && self.region.is_erased_ahead(sector).await? {
-            return Ok(Prepared::AsFarAsPossible);
+            return Ok(Preparation::Done);
         }
         self.region.erase_block(sector, erased, may_erase).await?;
-        if erased + 1 < self.region.layout.blocks() {
-            return Ok(Prepared::Partly);
+        let erased = erased + 1;
+        if erased < self.region.layout.blocks() {
+            return Ok(Preparation::Due { erased });
         }
         self.region.mark_erased_ahead(sector).await?;
-        Ok(Prepared::AsFarAsPossible)
+        Ok(Preparation::Done)
     }
 
     /// Stores `value` under `key`, and verifies it.
