@@ -26,7 +26,7 @@ use crate::web::{
 /// The port of HTTP.
 const PORT: u16 = 80;
 
-/// Those of WebSockets, and two that get a page or a file. One more is told that there is no place.
+/// Those of WebSockets, and two that get a page or a file. One more gets 503.
 pub(super) const CONNECTIONS: usize = 4;
 
 /// What a browser sends while its link is busy.
@@ -35,12 +35,15 @@ const RECEIVED_BYTES: usize = 512;
 /// What is sent until a browser confirms it.
 const SENT_BYTES: usize = 1024;
 
-/// The same of one that is told that there is no place.
+/// The same of the one that gets 503.
 const REFUSED_RECEIVED_BYTES: usize = 128;
 const REFUSED_SENT_BYTES: usize = 192;
 
 /// Time for a browser to receive what was sent last and to close its side.
 const FAREWELL: Duration = Duration::from_secs(3);
+
+/// The same of the one that gets 503: another one may come.
+const REFUSED_FAREWELL: Duration = Duration::from_millis(250);
 
 /// The buffers of the connections.
 pub(super) struct BrowserMemory {
@@ -185,14 +188,14 @@ async fn serve_links(id: LinkId, handover: &Handover<'_, '_>, service: &Service<
     }
 }
 
-/// Tells those for whom no connection is left that there is no place.
+/// Answers 503 to those who come while all other connections are in use.
 async fn refuse_surplus(socket: &RefCell<TcpSocket<'_>>) {
     loop {
         accept(socket, PORT).await;
         refuse(TcpTransmitter(socket)).await;
         let receive_rest = async { while TcpReceiver(socket).receive(&mut [0; 32]).await.is_ok() {} };
         socket.borrow_mut().close();
-        let _ = with_timeout(FAREWELL, receive_rest).await;
-        close(socket, FAREWELL).await;
+        let _ = with_timeout(REFUSED_FAREWELL, receive_rest).await;
+        close(socket, REFUSED_FAREWELL).await;
     }
 }

@@ -83,7 +83,7 @@ struct Other {
     heard_at: Instant,
     /// When its sticks were neutral last, if they are.
     neutral_at: Option<Instant>,
-    told_at: Option<Instant>,
+    said_at: Option<Instant>,
 }
 
 /// Who drives. Another station takes over once the driver has been neutral or silent for a second, with sticks that were neutral
@@ -95,7 +95,7 @@ pub(super) struct DriverSeat {
 }
 
 impl DriverSeat {
-    /// Nobody drives any more.
+    /// There is no driver any more.
     pub fn vacate(&mut self) {
         self.driver = None;
     }
@@ -154,7 +154,7 @@ impl DriverSeat {
                 if was_neutral && driver.is_free(at) {
                     return Ok(());
                 }
-                Err(other.tell(at))
+                Err(other.say_once_in_a_while(at))
             }
             Sticks::Released => Err(AnotherDrives::IsKnown),
         }
@@ -168,7 +168,7 @@ impl DriverSeat {
                 id,
                 heard_at: at,
                 neutral_at: None,
-                told_at: None,
+                said_at: None,
             };
             if self.others.is_full() {
                 let oldest = self.others.iter_mut().min_by_key(|other| other.heard_at)?;
@@ -211,12 +211,12 @@ impl Driver {
 }
 
 impl Other {
-    fn tell(&mut self, at: Instant) -> AnotherDrives {
-        let is_known = |told_at| at.us_since(told_at) < TEXT_INTERVAL_US;
-        if self.told_at.is_some_and(is_known) {
+    fn say_once_in_a_while(&mut self, at: Instant) -> AnotherDrives {
+        let is_known = |said_at| at.us_since(said_at) < TEXT_INTERVAL_US;
+        if self.said_at.is_some_and(is_known) {
             return AnotherDrives::IsKnown;
         }
-        self.told_at = Some(at);
+        self.said_at = Some(at);
         AnotherDrives::IsNews
     }
 }
@@ -244,7 +244,7 @@ mod tests {
     }
 
     const IGNORED: Result<(), AnotherDrives> = Err(AnotherDrives::IsKnown);
-    const TOLD: Result<(), AnotherDrives> = Err(AnotherDrives::IsNews);
+    const SAID: Result<(), AnotherDrives> = Err(AnotherDrives::IsNews);
 
     #[test]
     fn sticks_of_a_second_driver_are_ignored_while_the_first_one_drives() {
@@ -252,8 +252,8 @@ mod tests {
         for ms in (0..10_000).step_by(50) {
             assert_eq!(send(&mut seat, ONE, ms, 400), Ok(()));
             assert_eq!(send(&mut seat, TWO, ms + 10, 0), IGNORED);
-            let told = if ms % 5_000 == 0 { TOLD } else { IGNORED };
-            assert_eq!(send(&mut seat, TWO, ms + 20, -900), told, "{ms}");
+            let said = if ms % 5_000 == 0 { SAID } else { IGNORED };
+            assert_eq!(send(&mut seat, TWO, ms + 20, -900), said, "{ms}");
         }
     }
 
@@ -265,11 +265,11 @@ mod tests {
         assert_eq!(send(&mut seat, ONE, 50, 0), Ok(()));
         assert_eq!(send(&mut seat, ONE, 900, 0), Ok(()));
         // Neutral before the driver was.
-        assert_eq!(send(&mut seat, TWO, 1_060, 500), TOLD);
+        assert_eq!(send(&mut seat, TWO, 1_060, 500), SAID);
         assert_eq!(send(&mut seat, TWO, 1_070, 0), IGNORED, "the driver is there");
         assert_eq!(send(&mut seat, ONE, 1_080, 0), Ok(()));
         assert_eq!(send(&mut seat, TWO, 1_090, 500), Ok(()));
-        assert_eq!(send(&mut seat, ONE, 1_100, 400), TOLD, "it is no driver any more");
+        assert_eq!(send(&mut seat, ONE, 1_100, 400), SAID, "it is no driver any more");
     }
 
     #[test]
@@ -277,7 +277,7 @@ mod tests {
         let mut seat = DriverSeat::default();
         assert_eq!(send(&mut seat, ONE, 0, 0), Ok(()));
         assert_eq!(send(&mut seat, TWO, 500, 0), IGNORED);
-        assert_eq!(send(&mut seat, TWO, 600, 500), TOLD);
+        assert_eq!(send(&mut seat, TWO, 600, 500), SAID);
         for ms in (700..3_000).step_by(100) {
             assert_eq!(send(&mut seat, ONE, ms, 0), Ok(()));
             assert_eq!(send(&mut seat, TWO, ms + 1, 500), IGNORED, "{ms}");
@@ -294,7 +294,7 @@ mod tests {
         assert_eq!(send(&mut seat, TWO, 5_000, 500), Ok(()), "it was neutral since");
         let mut seat = DriverSeat::default();
         assert_eq!(send(&mut seat, ONE, 0, 1000), Ok(()));
-        assert_eq!(send(&mut seat, TWO, 5_000, 500), TOLD);
+        assert_eq!(send(&mut seat, TWO, 5_000, 500), SAID);
         assert_eq!(send(&mut seat, TWO, 5_050, 0), Ok(()));
         assert_eq!(send(&mut seat, TWO, 5_100, 500), Ok(()));
     }
@@ -307,7 +307,7 @@ mod tests {
         };
         assert_eq!(send(&mut seat, ONE, 0, 1000), Ok(()));
         assert_eq!(release(&mut seat, TWO), IGNORED);
-        assert_eq!(send(&mut seat, TWO, 1, 500), TOLD);
+        assert_eq!(send(&mut seat, TWO, 1, 500), SAID);
         assert_eq!(release(&mut seat, ONE), Ok(()));
         assert_eq!(send(&mut seat, TWO, 2, 500), Ok(()));
     }

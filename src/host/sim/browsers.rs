@@ -13,8 +13,7 @@ use crate::mavlink::LinkKind;
 use crate::tasks::{Link, Shared};
 use crate::web::{Attended, Places, Site, WebSocketPlace, attend, serve_web_socket};
 
-/// Connections at a time, as on the board: two WebSockets, two that get a page or a file, and one that is told that there is no
-/// place.
+/// Connections at a time, as on the board: two WebSockets, two that get a page or a file, and one that gets 503.
 const CONNECTIONS: usize = 5;
 
 /// More than on the board: other servers on this computer may have left cookies, which a browser sends to all of them.

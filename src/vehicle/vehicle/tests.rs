@@ -42,12 +42,12 @@ fn run(vehicle: &mut Vehicle, from_us: u64, to_us: u64) -> Vec<(u64, VehicleEven
 
 fn steer(vehicle: &mut Vehicle, at: Instant, throttle: StickInput, steering: StickInput) {
     let result = vehicle.control(DriverId::default(), at, throttle, steering);
-    result.expect("nobody else drives");
+    result.expect("no other one drives");
 }
 
 fn steer_by_channels(vehicle: &mut Vehicle, at: Instant, pulses_us: &[u16]) {
     let result = vehicle.control_by_channels(DriverId::default(), at, pulses_us);
-    result.expect("nobody else drives");
+    result.expect("no other one drives");
 }
 
 #[test]
