@@ -24,10 +24,10 @@ function startAbout() {
     event.preventDefault();
     useKey(keyOf($('passphrase').value));
     $('passphrase').value = '';
-    tell('key-state', 'This page signs, until its tab is closed.');
+    put('key-state', 'This page signs, until its tab is closed.');
   };
   $('forget').onclick = () => {
     useKey();
-    tell('key-state', 'Forgotten: this page does not sign.');
+    put('key-state', 'Forgotten: this page does not sign.');
   };
 }

@@ -105,5 +105,5 @@ on('text', ({ at, severity, text }) => {
   const list = $('messages');
   list.prepend(el('li', {}, el('time', {}, clock(at)), el('span', { className: colour }, SEVERITIES[severity]), el('span', {}, text)));
   list.children[MAX_TEXTS]?.remove();
-  tell('drive-answer', text);
+  put('drive-answer', text);
 });

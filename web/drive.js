@@ -44,7 +44,7 @@ function moveStick(x, y) {
   stickY = Math.max(-1, Math.min(1, y));
   $('knob').style.transform = `translate(${stickX * 100}%,${-stickY * 100}%)`;
   const shown = (share) => digits(share * $('limit').value) + ' %';
-  tell('sticks', 'Throttle ' + shown(stickY) + ', steering ' + shown(stickX));
+  put('sticks', 'Throttle ' + shown(stickY) + ', steering ' + shown(stickX));
 }
 
 // The stick springs back: neutral, at once. What held it has to let go before it holds it again.
@@ -150,7 +150,7 @@ function stop() {
   drives = drove;
   if (!stopTries) setTimeout(repeatStop);
   stopTries = STOP_TRIES;
-  tell('stop-state', 'Stopping…');
+  put('stop-state', 'Stopping…');
 }
 
 function repeatStop() {
@@ -159,7 +159,7 @@ function repeatStop() {
   ask('COMMAND_LONG', { command: REQUEST_MESSAGE, param1: MESSAGES.HEARTBEAT.id });
   stopTries--;
   if (stopTries) setTimeout(repeatStop, 200);
-  else tell('stop-state', 'No answer.' + BY_ITSELF);
+  else put('stop-state', 'No answer.' + BY_ITSELF);
 }
 
 function startArming() {
@@ -179,7 +179,7 @@ function startArming() {
     drives = true;
     sendStick();
     const why = await changeState(ARM, 1, 0, 1);
-    tell('drive-answer', why && 'Not armed: ' + why);
+    put('drive-answer', why && 'Not armed: ' + why);
   };
   button.onpointerdown = (event) => event.button || begin();
   button.onpointerup = button.onpointerleave = button.onpointercancel = button.onblur = button.onkeyup = cancel;
@@ -197,7 +197,7 @@ function startDrive() {
     $(id).onclick = async () => {
       drives ||= id == 'manual';
       letGo();
-      tell('drive-answer', await changeState(...change));
+      put('drive-answer', await changeState(...change));
     };
   }
   // At the touch, not at its end; a click without one is a keyboard's or a screen reader's.
@@ -218,21 +218,21 @@ function startDrive() {
 
 on('state', () => {
   drives &&= armed;
-  if (mode == HOLD && stopTries) tell('stop-state', 'Stopped: Hold');
+  if (mode == HOLD && stopTries) put('stop-state', 'Stopped: Hold');
   if (mode == HOLD) stopTries = 0;
-  else if (!stopTries) tell('stop-state', '');
+  else if (!stopTries) put('stop-state', '');
 });
 
 function renderDrive() {
   const isKnown = armed != null && isFresh();
   const follows = isKnown && armed && mode == MANUAL && !taken;
   const standing = armed ? 'In Hold it stands: choose Manual to drive.' : 'To drive, arm and choose Manual.';
-  tell('hint', TAKEN[taken] || (follows ? 'The rover follows the stick.' : standing));
+  put('hint', TAKEN[taken] || (follows ? 'The rover follows the stick.' : standing));
   $('hold').ariaPressed = isKnown && mode == HOLD;
   $('manual').ariaPressed = isKnown && mode == MANUAL;
   $('manual').disabled = !isKnown;
   $('arm').disabled = !isKnown || armed;
   $('disarm').disabled = isKnown && !armed;
   $('pad').className = follows ? 'follows' : '';
-  tell('limit-value', $('limit').value + ' %');
+  put('limit-value', $('limit').value + ' %');
 }

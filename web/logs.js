@@ -50,12 +50,12 @@ async function readLog({ number: id, bytes: size }, progress) {
 
 async function listLogs() {
   let logs = [];
-  tell('logs-state', 'Reading the list…');
+  put('logs-state', 'Reading the list…');
   try {
     logs = await readList();
-    tell('logs-state', logs[0] ? '' : 'No logs: recorded from arming on.');
+    put('logs-state', logs[0] ? '' : 'No logs: recorded from arming on.');
   } catch (error) {
-    tell('logs-state', 'No list: ' + error);
+    put('logs-state', 'No list: ' + error);
   }
   $('log-list').replaceChildren(...logs.reverse().map(rowOf));
   hide('erase', !logs[0]);
@@ -76,14 +76,14 @@ async function save(log, button) {
   button.disabled = false;
   show(button, 'Download');
   if (bytes) el('a', { href: URL.createObjectURL(new Blob([bytes])), download: log.name }).click();
-  else tell('logs-state', 'Broken off' + (armed ? ': disarm first' : ''));
+  else put('logs-state', 'Broken off' + (armed ? ': disarm first' : ''));
 }
 
 function startLogs() {
   $('read-logs').onclick = listLogs;
   askTwice('erase', 'Press again to erase all for good', async () => {
     ask('LOG_ERASE');
-    tell('logs-state', 'Erasing…');
+    put('logs-state', 'Erasing…');
     await after(LOG_MS);
     listLogs();
   });

@@ -26,13 +26,13 @@ function render() {
   wasFresh = fresh;
   document.body.className = fresh ? '' : 'stale';
   const seen = age() < Infinity ? 'Not heard for ' + duration(age() / SECOND) : 'Connecting…';
-  tell('freshness', fresh ? 'Live' : seen);
-  tell('refused', fresh ? '' : refusal);
-  tell('armed', armed == null ? '' : armed ? 'Armed' : 'Disarmed');
+  put('freshness', fresh ? 'Live' : seen);
+  put('refused', fresh ? '' : refusal);
+  put('armed', armed == null ? '' : armed ? 'Armed' : 'Disarmed');
   $('armed').className = armed ? 'chip info' : 'chip';
-  tell('mode', armed == null ? '' : MODES[mode] || 'Mode ' + mode);
+  put('mode', armed == null ? '' : MODES[mode] || 'Mode ' + mode);
   const { percent, volts } = chosenPack();
-  tell('charge', (percent == null ? '' : percent + ' %  ') + (volts == null ? '' : digits(volts, 1) + ' V'));
+  put('charge', (percent == null ? '' : percent + ' %  ') + (volts == null ? '' : digits(volts, 1) + ' V'));
   renderNotices();
   renderBattery();
   renderDrive();

@@ -13,11 +13,11 @@ function show(element, text) {
 }
 
 // By id.
-const tell = (id, text) => show($(id), text);
+const put = (id, text) => show($(id), text);
 const hide = (id, isHidden) => ($(id).hidden = isHidden);
 
 // For screen readers.
-const say = (text) => tell('say', text);
+const say = (text) => put('say', text);
 
 const digits = (number, places = 0) => number.toFixed(places).replace('-', '−');
 

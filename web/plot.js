@@ -38,10 +38,10 @@ function drawPlot({ history }) {
     });
     $('plot').children[index].setAttribute('d', path.join(''));
     $('plot').children[2].setAttribute('d', 'M' + x(nearest.at) + ' 0V100');
-    tell('range' + index, path[0] ? name + ' from ' + figure(bottom) + ' to ' + figure(bottom + span) : '');
+    put('range' + index, path[0] ? name + ' from ' + figure(bottom) + ' to ' + figure(bottom + span) : '');
     return name + ' ' + (nearest[key] == null ? 'unknown' : figure(nearest[key]));
   });
-  tell('reading', (cursor < 1 ? duration((now() - nearest.at) / SECOND) + ' ago' : 'Now') + ': ' + said.join(', '));
+  put('reading', (cursor < 1 ? duration((now() - nearest.at) / SECOND) + ' ago' : 'Now') + ': ' + said.join(', '));
 }
 
 function startPlot() {

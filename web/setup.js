@@ -32,7 +32,7 @@ async function readDescriptions() {
     descriptions = new Map(parameters.map((parameter) => [parameter.name, parameter]));
     renderForms();
   } catch {
-    tell('setup-state', 'The rover did not send what the parameters mean.');
+    put('setup-state', 'The rover did not send what the parameters mean.');
   }
 }
 
@@ -95,7 +95,7 @@ function renderList() {
     return words.every((word) => text.includes(word));
   });
   $('list').replaceChildren(...found.slice(0, MAX_LISTED).map(fieldOf));
-  tell('found', found.length + ' of ' + params.size + ' parameters' + (found[MAX_LISTED] ? ', the first ' + MAX_LISTED + ' shown' : ''));
+  put('found', found.length + ' of ' + params.size + ' parameters' + (found[MAX_LISTED] ? ', the first ' + MAX_LISTED + ' shown' : ''));
 }
 
 // What suits the cells that are set or detected.
@@ -145,12 +145,12 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
 function renderSetup() {
   const volts = suggestion();
   hide('suggest', !volts);
-  tell('suggest', volts ? 'What suits the cells: ' + volts.map((one) => digits(one, 2) + ' V').join(', ') : '');
+  put('suggest', volts ? 'What suits the cells: ' + volts.map((one) => digits(one, 2) + ' V').join(', ') : '');
   const { cellCount } = chosenPack();
-  tell('detected', cellCount ? 'The rover counts ' + cellCount + ' cells.' : '');
+  put('detected', cellCount ? 'The rover counts ' + cellCount + ' cells.' : '');
   $('restart').parentNode.hidden = !restarts.size;
-  tell('restarts', [...restarts].join(', '));
-  if (params.size < paramCount) tell('setup-state', 'Reading parameters: ' + params.size + ' of ' + paramCount);
+  put('restarts', [...restarts].join(', '));
+  if (params.size < paramCount) put('setup-state', 'Reading parameters: ' + params.size + ' of ' + paramCount);
   emit('setup');
 }
 
@@ -166,11 +166,11 @@ function startSetup() {
   };
   askTwice('restart', 'Press again to restart', async () => {
     const why = await changeState(RESTART, 1);
-    tell('restarted', why || 'Restarting…');
+    put('restarted', why || 'Restarting…');
     if (!why) restarts.clear();
   });
   on('params', () => {
-    tell('setup-state', '');
+    put('setup-state', '');
     if (!$('setup').hidden) renderForms();
   });
 }

@@ -53,7 +53,7 @@ function sha256(bytes) {
 // The key of a passphrase is its SHA-256, as in MAVProxy.
 const keyOf = (passphrase) => sha256(new TextEncoder().encode(passphrase));
 
-// Signs frames with a key, and tells frames that were. Times only grow, and follow the rover's.
+// Signs frames with a key, and recognises frames that were. Times only grow, and follow the rover's.
 function newSigner(key) {
   let time = 0;
   const signatureOf = (bytes) => sha256(Uint8Array.from([...key, ...bytes])).slice(0, 6);

@@ -182,7 +182,7 @@ class Page:
         pathlib.Path(path).write_bytes(base64.b64decode(data))
 
     def errors(self):
-        """What the console has said, and what nobody caught."""
+        """What the console has said, and what was not caught."""
         console = [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
         return console + self.run("return window.errors")
 
@@ -277,7 +277,7 @@ class Firefox:
         self.logged = []
         self.send("session.new", capabilities={})
         self.send("session.subscribe", events=["log.entryAdded"])
-        # The first tab never gets the focus, as nobody is in front of it.
+        # The first tab never gets the focus, as there is no person in front of it.
         self.context = self.send("browsingContext.create", type="tab")["context"]
         self.send("browsingContext.setViewport", context=self.context, viewport={"width": DESKTOP[0], "height": DESKTOP[1]})
         self.send("browsingContext.activate", context=self.context)

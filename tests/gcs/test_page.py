@@ -578,7 +578,7 @@ def test_a_lost_rover_is_greyed_with_its_age_and_found_again(rover):
 
 
 @pytest.mark.long
-def test_a_third_browser_is_told_and_gets_the_first_free_place(rover):
+def test_a_third_browser_learns_why_and_gets_the_first_free_place(rover):
     first, _ = rover.open(), rover.open()
     third = Page(rover.url)
     rover.pages.append(third)
