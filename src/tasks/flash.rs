@@ -19,7 +19,7 @@ use crate::crash::ParameterSource;
 use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::memory::flash_map;
-use crate::memory::storage::{Erase, MayErase, Storage, StorageError, Value};
+use crate::memory::storage::{Erase, MayErase, Prepared, Storage, StorageError, Value};
 use crate::parameter::{Parameters, Unsaved};
 use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS, WifiRecord};
@@ -174,6 +174,9 @@ impl<F: NorFlash> Storages<F> {
             shared.with(|autopilot| autopilot.wifi_written(&record, written, now()));
             go_on(shared, check_in).await;
         }
+        if shared.to_save.signaled() {
+            return;
+        }
         prepare(&mut self.parameters, shared, check_in).await;
         prepare(&mut self.signing, shared, check_in).await;
         prepare(&mut self.learnt, shared, check_in).await;
@@ -244,14 +247,20 @@ async fn go_on(shared: &Shared, check_in: &CheckIn) {
     yield_now().await;
 }
 
-/// Erases a block of the sector that `storage` needs next, unless something has to be saved first or the vehicle is armed.
+/// Erases the sector that `storage` needs next, unless the vehicle is armed: a block at a time.
 async fn prepare<F: NorFlash, V: Value>(storage: &mut Storage<F, V>, shared: &Shared, check_in: &CheckIn) {
-    if shared.to_save.signaled() || storage.is_prepared() || shared.may_erase() == Erase::Forbidden {
-        return;
-    }
-    match storage.prepare(&|| shared.may_erase()).await {
-        Ok(()) => go_on(shared, check_in).await,
-        Err(error) => warn!("storage: no sector erased ahead: {:?}", error),
+    while !storage.is_prepared() && shared.may_erase() == Erase::Allowed {
+        let prepared = storage.prepare(&|| shared.may_erase()).await;
+        mark(check_in);
+        yield_now().await;
+        match prepared {
+            Ok(Prepared::Partly) => {}
+            Ok(Prepared::AsFarAsPossible) => return,
+            Err(error) => {
+                warn!("storage: no sector erased ahead: {:?}", error);
+                return;
+            }
+        }
     }
 }
 

@@ -92,8 +92,17 @@ pub struct Storage<F, V = u32> {
 enum Preparation {
     /// It was not looked at since the last move, or this many of its blocks were erased since.
     Due { erased: u32 },
-    /// It is erased or can't be, or there is none.
+    /// It is erased, or can't be.
     Done,
+}
+
+/// What a call of [`Storage::prepare`] leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Prepared {
+    /// Another block has to be erased, by another call.
+    Partly,
+    /// Nothing can be done now.
+    AsFarAsPossible,
 }
 
 /// The active sector.
@@ -204,35 +213,37 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     }
 
     /// Erases a block of the sector that the next move needs, if that is not erased and it is allowed. Without a stored
-    /// value there is none. To be called until it [is prepared](Self::is_prepared).
+    /// value there is none. To be called until nothing can be done.
     ///
     /// # Errors
     /// [`StorageError::Flash`]: the sector can't be erased. The next move will try again.
-    pub async fn prepare(&mut self, may_erase: MayErase<'_>) -> Result<(), StorageError> {
+    pub async fn prepare(&mut self, may_erase: MayErase<'_>) -> Result<Prepared, StorageError> {
         let Preparation::Due { erased } = self.preparation else {
-            return Ok(());
+            return Ok(Prepared::AsFarAsPossible);
         };
         if may_erase() == Erase::Forbidden {
-            return Ok(());
+            return Ok(Prepared::AsFarAsPossible);
         }
         if self.log.is_none() {
             self.log = self.find_log().await?;
         }
         let Some(log) = self.log.filter(|_| self.region.can_move()) else {
             self.preparation = Preparation::Done;
-            return Ok(());
+            return Ok(Prepared::AsFarAsPossible);
         };
         let next = self.region.after(log.sector);
         match self.prepare_block(next, erased, may_erase).await {
-            Ok(preparation) => self.preparation = preparation,
+            Ok(Prepared::Partly) => {
+                self.preparation = Preparation::Due { erased: erased + 1 };
+                Ok(Prepared::Partly)
+            }
             // Forbidden in the meantime: another time.
-            Err(StorageError::NoErasedSpace) => {}
-            Err(error) => {
+            Err(StorageError::NoErasedSpace) => Ok(Prepared::AsFarAsPossible),
+            done => {
                 self.preparation = Preparation::Done;
-                return Err(error);
+                done
             }
         }
-        Ok(())
     }
 
     /// Erases the next block of `sector`, of which this many are `erased`.
@@ -241,17 +252,16 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         sector: Sector,
         erased: u32,
         may_erase: MayErase<'_>,
-    ) -> Result<Preparation, StorageError> {
+    ) -> Result<Prepared, StorageError> {
         if erased == 0 && self.region.is_erased_ahead(sector).await? {
-            return Ok(Preparation::Done);
+            return Ok(Prepared::AsFarAsPossible);
         }
         self.region.erase_block(sector, erased, may_erase).await?;
-        let erased = erased + 1;
-        if erased < self.region.layout.blocks() {
-            return Ok(Preparation::Due { erased });
+        if erased + 1 < self.region.layout.blocks() {
+            return Ok(Prepared::Partly);
         }
         self.region.mark_erased_ahead(sector).await?;
-        Ok(Preparation::Done)
+        Ok(Prepared::AsFarAsPossible)
     }
 
     /// Stores `value` under `key`, and verifies it.

@@ -72,13 +72,14 @@ fn sector_of_680_records_costs_an_erase_of_each_block() {
 fn block_is_erased_ahead_at_each_call_and_the_mark_is_last() {
     let (mut flash, _) = full();
     let mut storage = flash.storage();
-    assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(()));
-    assert!(!storage.is_prepared());
+    assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(Prepared::Partly));
     assert_eq!(storage.region.flash.erases, [0, 0, 1, 0]);
     let programs = storage.region.flash.programs;
     for _ in 0..2 {
-        assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(()));
-        assert!(storage.is_prepared());
+        assert_eq!(
+            block_on(storage.prepare(&Erase::always)),
+            Ok(Prepared::AsFarAsPossible)
+        );
         assert_eq!(storage.region.flash.erases, [0, 0, 1, 1]);
         assert_eq!(storage.region.flash.programs, programs + 1);
     }
@@ -92,10 +93,12 @@ fn block_is_erased_ahead_at_each_call_and_the_mark_is_last() {
 fn armed_between_two_blocks_erases_the_second_one_later() {
     let (mut flash, mut expected) = full();
     let mut storage = flash.storage();
-    assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(()));
+    assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(Prepared::Partly));
     let forbidden = || Erase::Forbidden;
-    assert_eq!(block_on(storage.prepare(&forbidden)), Ok(()));
-    assert!(!storage.is_prepared());
+    assert_eq!(
+        block_on(storage.prepare(&forbidden)),
+        Ok(Prepared::AsFarAsPossible)
+    );
     assert_eq!(
         block_on(storage.store(0, 99, &forbidden)),
         Err(StorageError::NoErasedSpace)
@@ -111,7 +114,7 @@ fn sector_of_a_failed_move_is_erased_from_its_first_block_on() {
     for operations in 0..6 {
         let (mut flash, _) = full();
         let mut storage = flash.storage();
-        assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(()));
+        assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(Prepared::Partly));
         storage.region.flash.refuse_after(operations);
         assert!(block_on(storage.store(0, 99, &Erase::always)).is_err());
         let [.., third, fourth] = storage.region.flash.erases;

@@ -99,9 +99,8 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Reboot for Fl
 
 /// Erases ahead whatever can be.
 fn prepare<F: NorFlash>(storage: &mut Storage<F>, may_erase: MayErase<'_>) -> Result<(), StorageError> {
-    // Of a sector of two blocks.
-    block_on(storage.prepare(may_erase))?;
-    block_on(storage.prepare(may_erase))
+    while block_on(storage.prepare(may_erase))? == Prepared::Partly {}
+    Ok(())
 }
 
 fn values(pairs: &[(u16, u32)]) -> Values {
