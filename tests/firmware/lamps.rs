@@ -155,7 +155,9 @@ fn frames_are_exact_at_full_load_and_the_port_loses_nothing() {
     }
     assert_eq!(lengths(&edges), (vec![360, 720], vec![1200]), "ns");
     assert_eq!(bench.uart(0).overruns(), overruns);
-    let warnings = bench.logged(LogLevel::Warn, "");
+    // A stream may give way to twenty lists a second; nothing else may happen.
+    let mut warnings = bench.logged(LogLevel::Warn, "");
+    warnings.retain(|(_, text)| !text.contains("link too slow"));
     assert!(warnings.is_empty(), "{warnings:?}");
 }
 

@@ -652,7 +652,7 @@ fn ctrl_c_behind_the_set_parameter_sets_it_back() {
 }
 
 #[test]
-fn restarts_within_a_second_are_told_apart() {
+fn restarts_within_a_second_are_distinguished() {
     for boot_us in (10_000..300_000).step_by(50_000) {
         let report = check(Fault::BootsIn(boot_us), &EVERYTHING);
         assert_eq!(
