@@ -30,15 +30,20 @@ struct PlaceState {
     give_up: Signal<NoopRawMutex, ()>,
 }
 
+impl PlaceState {
+    const fn free() -> Self {
+        Self {
+            taken_by: Cell::new(None),
+            give_up: Signal::new(),
+        }
+    }
+}
+
 impl Places {
     /// All are free.
     pub const fn new() -> Self {
-        const FREE: PlaceState = PlaceState {
-            taken_by: Cell::new(None),
-            give_up: Signal::new(),
-        };
         Self {
-            web_sockets: [FREE; WEB_SOCKETS],
+            web_sockets: [const { PlaceState::free() }; WEB_SOCKETS],
             files: Cell::new(0),
         }
     }
