@@ -104,16 +104,10 @@ fn listen_for_browsers(asked: Option<Web>) -> Result<Option<Clients>, String> {
         None => DEFAULT_WEB,
     };
     match (Clients::listen(address), asked) {
-        (Ok(browsers), _) => {
-            println!(
-                "The rover's page: http://{}/",
-                browsers.address().unwrap_or(address)
-            );
-            Ok(Some(browsers))
-        }
+        (Ok(browsers), _) => Ok(Some(browsers)),
         (Err(error), Some(_)) => Err(format!("Can't serve the page on {address}: {error}.")),
         (Err(error), None) => {
-            println!("No page on {address}: {error}. --web HOST:PORT takes another port.");
+            eprintln!("No page on {address}: {error}. --web HOST:PORT takes another port.");
             Ok(None)
         }
     }
