@@ -92,7 +92,7 @@ class Simulator(Program):
 
     def __init__(self, *arguments, port=None):
         self.port = port or free_port()
-        super().__init__(simulator_command(self.port, *arguments), r"(The rover's page: |No page on |MAVLink on tcp:)", stderr=subprocess.STDOUT)
+        super().__init__(simulator_command(self.port, *arguments), r"MAVLink on tcp:", stderr=subprocess.STDOUT)
 
     @property
     def url(self):
