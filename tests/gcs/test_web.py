@@ -10,15 +10,15 @@ from contextlib import closing
 import pytest
 
 from conftest import REPOSITORY, failed_start, free_port
-from station import command, connect, mavlink, read, read_list, set_to
+from station import command, connect, is_about, mavlink, rate_of, read, read_list, set_to
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 SET_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 FORCED = 21196
 
-RATE_SECONDS = 3
-FASTEST_HZ = 50
+# More than by default; at 50 Hz a busy computer is what limits.
+RATE_HZ = 10
 
 KEY = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
 UPGRADE = f"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n{KEY}"
@@ -55,14 +55,6 @@ def site(start_simulator):
     return Site(start_simulator)
 
 
-def message_count(vehicle, name, seconds):
-    end = time.monotonic() + seconds
-    counted = 0
-    while (left := end - time.monotonic()) > 0:
-        counted += vehicle.recv_match(type=name, blocking=True, timeout=left) is not None
-    return counted
-
-
 def test_page_and_descriptions_are_served_compressed_whatever_the_browser_says(site):
     for path, content in [("/parameters.json", (REPOSITORY / "docs" / "parameters.json").read_bytes()), ("/", None)]:
         status, headers, body = site.get(path, Accept_Encoding="identity")
@@ -77,14 +69,13 @@ def test_parameters_commands_and_rates_are_those_of_tcp(site):
         assert read_list(web) == read_list(tcp)
         set_to(web, "BATT_LOW_VOLT", 10.5)
         assert read(tcp, "BATT_LOW_VOLT").param_value == 10.5
-        counts = []
         for vehicle in (tcp, web):
             message = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
-            assert command(vehicle, SET_INTERVAL, message, 1e6 / FASTEST_HZ) == ACCEPTED
-            counts.append(message_count(vehicle, "BATTERY_STATUS", RATE_SECONDS))
+            assert command(vehicle, SET_INTERVAL, message, 1e6 / RATE_HZ) == ACCEPTED
+            assert is_about(rate_of(vehicle, "BATTERY_STATUS"), RATE_HZ)
+            assert vehicle.mav_loss == 0
             assert command(vehicle, ARM, 1, FORCED) == ACCEPTED
             assert command(vehicle, ARM, 0) == ACCEPTED
-        assert all(abs(counted - RATE_SECONDS * FASTEST_HZ) <= 5 for counted in counts), counts
 
 
 def test_logs_are_listed_and_downloaded_and_a_broken_download_goes_on(site):
