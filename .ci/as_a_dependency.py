@@ -3,8 +3,8 @@
 
 Each block of code below a comment `<!-- file: NAME -->` is a file of that crate. They are written to a folder below
 `target/`, with this clone in place of the page's path and with the versions of its Cargo.lock, and built. The firmware has to
-link, by the page's memory.x, and to hold nothing of the Freenove board. There the clone's own `.cargo/config.toml` applies,
-too: what it adds are flags that make a program smaller.
+link, by the page's memory.x, to be as large as the page says, and to hold nothing of the Freenove board. There the clone's own
+`.cargo/config.toml` applies, too: what it adds are flags that make a program smaller.
 
 On a host the library without its default features has to build without what only the programs there need.
 """
@@ -31,6 +31,9 @@ PATH = 'path = "../rover-battmon"'
 BOARD = re.compile(r"rover_battmon(?:5|\.\.)board")
 # What only the programs for a host need.
 OF_PROGRAMS = ("clap", "ctrlc", "serialport")
+# What the page says of the firmware's size, and how far off that may be.
+SIZE = re.compile(r"(\d+) KB of flash and (\d+) KB of static RAM")
+SIZE_TOLERANCE = 0.05
 # Where the page's memory.x has the stack begin: at the end of RAM.
 STACK_START = 0x2004_2000
 
@@ -70,6 +73,14 @@ def complaints(elf):
         yield f"the stack begins at {found['_stack_start']:#x}: by another memory.x"
 
 
+def complaints_of_size(page, sizes):
+    """What the page says otherwise of flash and static RAM, in bytes."""
+    stated = [int(size) for size in SIZE.search(page).groups()]
+    for kilobytes, size in zip(stated, sizes, strict=True):
+        if abs(kilobytes * 1000 - size) > SIZE_TOLERANCE * size:
+            yield f"{size / 1000:.0f} KB, and not {kilobytes} KB as on the page"
+
+
 def complaints_on_a_host():
     """What a dependent on a host builds that only this repository's programs need."""
     library = ["--package", "rover-battmon", "--no-default-features", "--locked"]
@@ -86,12 +97,13 @@ def complaints_on_a_host():
 
 
 def main():
-    write(files_of(PAGE.read_text(encoding="utf-8")))
+    page = PAGE.read_text(encoding="utf-8")
+    write(files_of(page))
     build()
     elf = FIRMWARE.read_bytes()
     flash, ram = usage(elf)
     print(f"  flash {flash / 1000:.0f} KB, static RAM {ram / 1000:.0f} KB")
-    found = [*complaints(elf), *complaints_on_a_host()]
+    found = [*complaints(elf), *complaints_of_size(page, (flash, ram)), *complaints_on_a_host()]
     for complaint in found:
         print(f"  {complaint}")
     sys.exit(1 if found else 0)
