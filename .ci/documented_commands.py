@@ -158,6 +158,12 @@ def build_the_firmware_here():
     subprocess.run(["cargo", "fw", "--quiet"], cwd=REPOSITORY, check=True)
 
 
+def make_the_venv_here():
+    """The programs in it go by the folder it is made in, which has to be there later."""
+    if not (REPOSITORY / "target/gcs-venv").exists():
+        subprocess.run(["python3", "-m", "venv", "target/gcs-venv"], cwd=REPOSITORY, check=True)
+
+
 def environment(home, clone):
     """Installed programs come from the target folder, and nothing is written to or read from the user's own settings."""
     user = pathlib.Path.home()
@@ -425,6 +431,7 @@ def main():
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if not arguments.empty_target:
         build_the_firmware_here()
+        make_the_venv_here()
     report = Report()
     with scratch_clone(arguments.empty_target) as (clone, environment):
         runner = Runner(clone, environment, arguments.already_run, report, arguments.budget)
