@@ -7,6 +7,7 @@ use embassy_time::{Duration, Ticker};
 use heapless::Vec;
 
 use super::address::{MAX_CLIENTS, broadcast_address};
+use super::greetings::Greetings;
 use super::sender::Sender;
 use super::service::Service;
 use super::stations::Search;
@@ -31,42 +32,46 @@ pub(super) async fn be_found(
         seconds.next().await;
         turn = turn.wrapping_add(1);
         mark(service.check_in);
+        // Who gets a link meanwhile is not greeted.
+        let _ = sender.make_room().await;
         let search = links.stations.borrow().search();
         let mut others = clients();
         others.retain(|client| !links.stations.borrow().has_address(*client));
-        match search {
+        let addresses = match search {
             Search::Anyone if turn % 2 == 1 || others.is_empty() => {
-                let all = broadcast_address(stack);
-                greet(&mut sender, all.as_slice(), 0, &mut framer, links, service).await;
+                broadcast_address(stack).into_iter().collect()
             }
             Search::Anyone | Search::Others => {
                 // Those behind one that does not answer for its address are not reached in the same turn.
                 let first = turn / 2 % others.len().max(1);
-                greet(&mut sender, &others, first, &mut framer, links, service).await;
+                others.rotate_left(first);
+                others
             }
-            Search::NoOne => {}
-        }
+            Search::NoOne => Vec::new(),
+        };
+        greet(&mut sender, addresses, &mut framer, &links.greetings, service).await;
     }
 }
 
-/// Sends one HEARTBEAT to each of `addresses`, from the one at `first` on.
+/// Sends one HEARTBEAT to each of `addresses`.
 async fn greet(
     sender: &mut Sender<'_>,
-    addresses: &[Ipv4Addr],
-    first: usize,
+    addresses: Vec<Ipv4Addr, MAX_CLIENTS>,
     framer: &mut Framer,
-    links: &UdpLinks,
+    greetings: &Greetings,
     service: &Service<'_>,
 ) {
     if addresses.is_empty() {
         return;
     }
-    links.sequence.set(framer.next_sequence().wrapping_add(1));
+    greetings.begin(framer.next_sequence(), addresses);
     let shared = service.shared;
     let heartbeat = shared.with(|autopilot| autopilot.heartbeat_frame(framer, LinkKind::Wifi, now()));
-    for address in addresses.iter().cycle().skip(first).take(addresses.len()) {
-        // There is another one in a second.
+    while !greetings.is_over() {
+        // What is lost comes again in a second.
         let _ = sender.make_room().await;
-        let _ = sender.hand_over(heartbeat, SocketAddrV4::new(*address, PORT));
+        if let Some(address) = greetings.next_address() {
+            let _ = sender.hand_over(heartbeat, SocketAddrV4::new(address, PORT));
+        }
     }
 }

@@ -8,6 +8,7 @@ mod datagram;
 mod dhcp;
 mod discovery;
 mod door;
+mod greetings;
 mod leases;
 mod memory;
 mod paced;

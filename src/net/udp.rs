@@ -15,6 +15,7 @@ use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Write};
 
 use super::datagram::{DATAGRAM_BYTES, Datagram};
+use super::greetings::Greetings;
 use super::packet_queue::PacketQueue;
 use super::sender::Sender;
 use super::service::Service;
@@ -59,8 +60,7 @@ impl SlotMemory {
 pub(super) struct UdpLinks {
     pub stations: RefCell<Stations>,
     slots: [Slot; SLOTS],
-    /// The sequence number of the next frame for those who have no link yet.
-    pub sequence: Cell<u8>,
+    pub greetings: Greetings,
     refusal_log: LogLimit<LOG_INTERVAL_US>,
 }
 
@@ -77,7 +77,7 @@ impl UdpLinks {
         Self {
             stations: RefCell::default(),
             slots: [const { Slot::new() }; SLOTS],
-            sequence: Cell::new(0),
+            greetings: Greetings::new(),
             refusal_log: LogLimit::new(),
         }
     }
@@ -190,7 +190,8 @@ pub(super) async fn serve_stations(
     loop {
         let station = slot.opened.wait().await;
         info!("{}: {:?} connected", id.name(), station.ip().octets());
-        let link = service.open(id, links.sequence.get(), Access::Full);
+        let first_sequence = links.greetings.end_for(*station.ip());
+        let link = service.open(id, first_sequence, Access::Full);
         datagram.clear();
         let transmitter = UdpTransmitter {
             sender: &mut sender,

@@ -123,7 +123,7 @@ fn ten_thousand_hostile_requests_cost_a_station_by_udp_nothing() {
         let socket = station.listen(14550);
         room.pass(2_100, &mut [&mut station]).await;
         station.send(socket, &requests::heartbeat(6));
-        room.pass(2_000, &mut [&mut station]).await;
+        room.pass(100, &mut [&mut station]).await;
         let _ = station.received_frames(socket);
         let began_ms = embassy_time::Instant::now().as_millis();
         let mut frames = Vec::new();
