@@ -6,6 +6,8 @@ use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState};
 
 /// A device that gives one received frame, and takes one to send, each time the network is polled. Without that all frames that
 /// wait would be handled in one go, and the sampling of the packs would wait meanwhile.
+///
+/// A frame stays with the device when the token for it is dropped.
 pub(super) struct Paced<D> {
     device: D,
     received: FrameSlot,
@@ -20,15 +22,9 @@ enum FrameSlot {
 }
 
 impl FrameSlot {
-    /// Whether a frame may pass. After one that did the next may not, and is let through in the next turn, to which the task is
-    /// woken.
-    fn take(&mut self, context: &mut Context<'_>) -> bool {
-        let is_open = *self == Self::Open;
-        *self = Self::Open;
-        if !is_open {
-            context.waker().wake_by_ref();
-        }
-        is_open
+    /// Whether a frame may pass. After one that did the next may not, and is let through in the next turn.
+    fn take(&mut self) -> bool {
+        core::mem::replace(self, Self::Open) == Self::Open
     }
 }
 
@@ -53,10 +49,15 @@ impl<D: Driver> Driver for Paced<D> {
         Self: 'a;
 
     fn receive(&mut self, context: &mut Context<'_>) -> Option<(Self::RxToken<'_>, Self::TxToken<'_>)> {
-        if !self.received.take(context) {
+        let may_pass = self.received.take();
+        let frame = self.device.receive(context);
+        if !may_pass {
+            // Another one waits. Otherwise the device wakes the task when one comes.
+            if frame.is_some() {
+                context.waker().wake_by_ref();
+            }
             return None;
         }
-        let frame = self.device.receive(context);
         if frame.is_some() {
             self.received = FrameSlot::Used;
         }
@@ -64,7 +65,9 @@ impl<D: Driver> Driver for Paced<D> {
     }
 
     fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {
-        if !self.sent.take(context) {
+        if !self.sent.take() {
+            // There is another one to send.
+            context.waker().wake_by_ref();
             return None;
         }
         let place = self.device.transmit(context);
@@ -95,33 +98,36 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
     use std::task::{Wake, Waker};
 
-    /// It always has a frame, and always takes one.
-    struct Endless;
+    /// It has this many frames, and takes any number.
+    struct Waiting(u32);
 
-    struct Token;
+    struct Received<'a>(&'a mut u32);
 
-    impl RxToken for Token {
+    struct Place;
+
+    impl RxToken for Received<'_> {
         fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, use_frame: F) -> R {
+            *self.0 -= 1;
             use_frame(&mut [])
         }
     }
 
-    impl TxToken for Token {
+    impl TxToken for Place {
         fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, _: usize, write: F) -> R {
             write(&mut [])
         }
     }
 
-    impl Driver for Endless {
-        type RxToken<'a> = Token;
-        type TxToken<'a> = Token;
+    impl Driver for Waiting {
+        type RxToken<'a> = Received<'a>;
+        type TxToken<'a> = Place;
 
-        fn receive(&mut self, _: &mut Context<'_>) -> Option<(Token, Token)> {
-            Some((Token, Token))
+        fn receive(&mut self, _: &mut Context<'_>) -> Option<(Received<'_>, Place)> {
+            (self.0 > 0).then_some((Received(&mut self.0), Place))
         }
 
-        fn transmit(&mut self, _: &mut Context<'_>) -> Option<Token> {
-            Some(Token)
+        fn transmit(&mut self, _: &mut Context<'_>) -> Option<Place> {
+            Some(Place)
         }
 
         fn link_state(&mut self, _: &mut Context<'_>) -> LinkState {
@@ -147,17 +153,31 @@ mod tests {
     }
 
     #[test]
-    fn one_frame_passes_each_way_and_the_task_is_woken_for_the_next() {
+    fn one_frame_is_received_a_turn_and_the_task_is_woken_only_while_another_one_waits() {
         let wakes = Arc::new(Wakes::default());
         let waker = Waker::from(wakes.clone());
         let mut context = Context::from_waker(&waker);
-        let mut device = Paced::new(Endless);
-        for turn in 0..3 {
-            assert!(device.receive(&mut context).is_some());
-            assert!(device.receive(&mut context).is_none());
+        let mut device = Paced::new(Waiting(3));
+        for expected_wakes in [1, 2, 2, 2] {
+            if let Some((frame, _)) = device.receive(&mut context) {
+                frame.consume(|_| ());
+                assert!(device.receive(&mut context).is_none());
+            }
+            assert_eq!(wakes.0.load(Ordering::Relaxed), expected_wakes);
+        }
+        assert_eq!(device.device.0, 0);
+    }
+
+    #[test]
+    fn one_frame_is_sent_a_turn_and_the_task_is_woken_for_the_next() {
+        let wakes = Arc::new(Wakes::default());
+        let waker = Waker::from(wakes.clone());
+        let mut context = Context::from_waker(&waker);
+        let mut device = Paced::new(Waiting(0));
+        for turn in 1..4 {
             assert!(device.transmit(&mut context).is_some());
             assert!(device.transmit(&mut context).is_none());
-            assert_eq!(wakes.0.load(Ordering::Relaxed), 2 * (turn + 1));
+            assert_eq!(wakes.0.load(Ordering::Relaxed), turn);
         }
     }
 }

@@ -2,13 +2,15 @@
 
 use core::cell::Cell;
 use core::future::pending;
+use core::task::Poll;
 
 use cyw43::SpiBusCyw43;
-use embassy_futures::yield_now;
+use embassy_futures::{poll_once, yield_now};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Instant, Timer};
 
+use super::gspi::SHORT_BYTES;
 use crate::net::Role;
 use crate::wifi::{PacketFault, PacketKind, check_packet, hide_refusal, lower_link};
 
@@ -130,7 +132,7 @@ impl Stage {
     }
 }
 
-/// A bus on which every transfer leaves the others their turn, and on which the driver sees nothing that it would give up at.
+/// A bus on which no one but the driver waits for long, and on which the driver sees nothing that it would give up at.
 ///
 /// The driver asserts what it reads, and polls without an end. So a transfer after which the chip does not answer never ends
 /// here: the fault is reported, and the caller of the driver drops it.
@@ -150,6 +152,16 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
             Stage::Waking => word.rotate_left(16),
             Stage::Starting | Stage::Running => word,
         })
+    }
+
+    /// A long transfer has left the others their turn already. Between the registers that a running driver asks again and again it
+    /// waits for an event, or transfers a packet.
+    async fn leave_others_their_turn(&self, command: Command) {
+        let is_running = self.chip.stage.get() == Stage::Running;
+        let is_between_waits = is_running && command.function != Function::Packets;
+        if command.bytes <= SHORT_BYTES && !is_between_waits {
+            yield_now().await;
+        }
     }
 
     async fn check_answer(&mut self, command: Command, words: &mut [u32]) {
@@ -239,22 +251,25 @@ impl<B: SpiBusCyw43> SpiBusCyw43 for CheckedBus<'_, B> {
         let status = self.bus.cmd_write(write).await;
         if let Some(command) = command {
             self.note_write(command, write);
+            self.leave_others_their_turn(command).await;
         }
-        yield_now().await;
         status
     }
 
     async fn cmd_read(&mut self, command: u32, words: &mut [u32]) -> u32 {
         let status = self.bus.cmd_read(command, words).await;
-        self.check_answer(self.command(command), words).await;
-        yield_now().await;
+        let command = self.command(command);
+        self.check_answer(command, words).await;
+        self.leave_others_their_turn(command).await;
         status
     }
 
     async fn wait_for_event(&mut self) {
-        self.bus.wait_for_event().await;
-        // A line that stays high for no reason must leave the others their turn, too.
-        yield_now().await;
+        match poll_once(self.bus.wait_for_event()) {
+            // A line that stays high for no reason must leave the others their turn, too.
+            Poll::Ready(()) => yield_now().await,
+            Poll::Pending => self.bus.wait_for_event().await,
+        }
     }
 }
 

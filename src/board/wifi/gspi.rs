@@ -17,11 +17,22 @@ const CLOCK_DIVIDER: u8 = 2;
 /// Follows each transfer.
 const STATUS_WORDS: usize = 1;
 
+/// What a FIFO of the state machine takes, but for one word: the status, or the command.
+const SHORT_WORDS: usize = 3;
+
+/// Up to this length, in bytes, a transfer is over before a DMA channel would have woken the task: the processor waits for it. An
+/// answer that fits into the FIFO can't overflow it.
+pub(super) const SHORT_BYTES: usize = SHORT_WORDS * size_of::<u32>();
+
+/// Looks at a FIFO for a word, which takes 1 µs on the line.
+const LOOKS: usize = 200;
+
 /// The bus, from the pins up to single transfers.
 ///
 /// In the chip's high-speed mode the next bit is on the line as soon as the clock has risen. A full FIFO stops the clock
 /// there, and the bit that should have been read is gone. So whatever takes the words of an answer is ready before the
-/// command that asks for it: the command is one word, which needs no DMA, and the only channel waits for the answer.
+/// command that asks for it: the command is one word, which needs no DMA, and the only channel waits for the answer, unless that
+/// fits into the FIFO.
 pub(super) struct Gspi<'d> {
     select: Output<'d>,
     shifter: StateMachine<'d, PIO0, 0>,
@@ -99,9 +110,18 @@ impl<'d> Gspi<'d> {
         shifter.set_enable(true);
     }
 
+    /// Takes a word that is about to come.
+    async fn pull(&mut self) -> u32 {
+        let fifo = self.shifter.rx();
+        match (0..LOOKS).find_map(|_| fifo.try_pull()) {
+            Some(word) => word,
+            None => fifo.wait_pull().await,
+        }
+    }
+
     /// Takes the status word. After that the data line is the chip's.
     async fn end(&mut self) -> u32 {
-        let status = self.shifter.rx().wait_pull().await;
+        let status = self.pull().await;
         self.select.set_high();
         status
     }
@@ -110,17 +130,29 @@ impl<'d> Gspi<'d> {
 impl SpiBusCyw43 for Gspi<'_> {
     async fn cmd_write(&mut self, words: &[u32]) -> u32 {
         self.begin(words.len(), STATUS_WORDS);
-        self.shifter.tx().dma_push(&mut self.dma, words, false).await;
+        let fifo = self.shifter.tx();
+        if words.len() <= SHORT_WORDS + 1 {
+            words.iter().for_each(|word| fifo.push(*word));
+        } else {
+            fifo.dma_push(&mut self.dma, words, false).await;
+        }
         self.end().await
     }
 
     async fn cmd_read(&mut self, command: u32, words: &mut [u32]) -> u32 {
         self.begin(1, words.len() + STATUS_WORDS);
         let (received, sent) = self.shifter.rx_tx();
-        let received = received.dma_pull(&mut self.dma, words, false);
-        // The clock starts now.
-        sent.push(command);
-        received.await;
+        if words.len() <= SHORT_WORDS {
+            sent.push(command);
+            for word in words {
+                *word = self.pull().await;
+            }
+        } else {
+            let received = received.dma_pull(&mut self.dma, words, false);
+            // The clock starts now.
+            sent.push(command);
+            received.await;
+        }
         self.end().await
     }
 

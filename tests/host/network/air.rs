@@ -76,13 +76,15 @@ impl Air {
 /// The board's radio.
 pub struct BoardDevice(pub SharedAir);
 
-pub struct Received(Vec<u8>);
+/// The frame that came first; it stays with the radio until it is used.
+pub struct Received(SharedAir);
 
 pub struct Place(SharedAir);
 
 impl RxToken for Received {
-    fn consume<R, F: FnOnce(&mut [u8]) -> R>(mut self, use_frame: F) -> R {
-        use_frame(&mut self.0)
+    fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, use_frame: F) -> R {
+        let frame = self.0.borrow_mut().to_board.pop_front();
+        use_frame(&mut frame.expect("one waits"))
     }
 }
 
@@ -102,8 +104,7 @@ impl Driver for BoardDevice {
     fn receive(&mut self, context: &mut Context<'_>) -> Option<(Received, Place)> {
         let mut air = self.0.borrow_mut();
         air.board = Some(context.waker().clone());
-        let frame = air.to_board.pop_front()?;
-        Some((Received(frame), Place(self.0.clone())))
+        (!air.to_board.is_empty()).then(|| (Received(self.0.clone()), Place(self.0.clone())))
     }
 
     fn transmit(&mut self, _: &mut Context<'_>) -> Option<Place> {
