@@ -27,8 +27,8 @@ const PROGRAMMING_US: u64 = 4_000;
 /// The packs' pins are read within this time.
 const SAMPLING_US: u64 = 4_000;
 
-/// What the network does at a time takes no longer than this.
-const NETWORK_STEP_US: u64 = 1_000;
+/// What other tasks do at a time takes no longer than this: a turn of the network, an answer to a request.
+const LONG_STEP_US: u64 = 1_000;
 
 /// A sampling that is due begins within this time, unless something else holds it up.
 const SAMPLING_START_US: u64 = 1_000;
@@ -97,11 +97,11 @@ impl Shared {
         }
     }
 
-    /// Until when work of up to [`NETWORK_STEP_US`] has to wait at `now`, so that it does not delay the sampling of the packs.
+    /// Until when work of up to [`LONG_STEP_US`] has to wait at `now`, so that it does not delay the sampling of the packs.
     pub(super) fn sampling_pause(&self, now: Instant) -> Option<Instant> {
         let due = self.sampling_due.get()?;
         let end = due.after_us(SAMPLING_START_US);
-        (now.after_us(NETWORK_STEP_US) > due && now < end).then_some(end)
+        (now.after_us(LONG_STEP_US) > due && now < end).then_some(end)
     }
 
     /// Whether flash may be erased now, for [`Storage`](crate::memory::storage::Storage).

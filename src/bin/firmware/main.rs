@@ -115,7 +115,8 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn uart0_reader(wire: UartReceiver, shared: &'static Shared, link: &'static Link<'static>) {
-        tasks::read_frames(wire, shared, link, &UART0_READER).await;
+        let reading = pin!(tasks::read_frames(wire, shared, link, &UART0_READER));
+        tasks::beside_sampling(reading, shared).await;
     }
 
     /// Serves one program on the host after the other, each with a link of its own: its own schedule, sequence numbers
