@@ -161,7 +161,25 @@ fn help_begins_with_what_it_is_and_ends_with_examples() {
         "{help}"
     );
     let (_, examples) = help.split_once("Examples:\n").expect("examples");
-    assert_eq!(examples.lines().count(), 3, "{help}");
+    assert_eq!(examples.lines().count(), 4, "{help}");
+}
+
+#[test]
+fn one_recording_is_replayed_at_a_time_unless_there_is_a_table() {
+    let output = replay(&[TRACE, TRACE]);
+    assert_eq!(output.status.code(), Some(2));
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(errors.contains("one recording at a time, or --table"), "{errors}");
+    for of_one in [
+        "--armed",
+        "--plot=x.svg",
+        "--csv=x.csv",
+        "--learned=x.txt",
+        "--pack=2",
+    ] {
+        let output = replay(&["--table", "x.parquet", of_one, TRACE]);
+        assert_eq!(output.status.code(), Some(2), "{of_one}");
+    }
 }
 
 /// A file in a folder for this test run, which does not exist yet.

@@ -187,6 +187,12 @@ impl LearntPack {
         self.capacity.map(|capacity| capacity.capacity_mah)
     }
 
+    /// Standard deviation of the capacity, in milliampere-hours, once learnt.
+    pub fn capacity_sigma_mah(&self) -> Option<f32> {
+        self.capacity
+            .map(|capacity| capacity.capacity_mah * capacity.sigma)
+    }
+
     /// Resistance of the whole pack when warm, in ohms, once learnt.
     pub fn resistance_ohm(&self) -> Option<f32> {
         self.resistance

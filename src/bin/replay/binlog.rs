@@ -1,9 +1,11 @@
-//! Records of a log file in ArduPilot's DataFlash format, as far as they are readable.
+//! Records of a log file in ArduPilot's DataFlash format, as far as they are readable, one after the other: a log of any length
+//! takes the same memory.
 //!
 //! The format has no checksum. A record counts if its format is known and another record, or the end, follows it; anything
 //! else is skipped byte by byte, so that damage costs the records it is in and the one before.
 
 use std::collections::HashMap;
+use std::io::{self, Read};
 use std::rc::Rc;
 
 const SYNCHRONISATION: [u8; 2] = [0xa3, 0x95];
@@ -13,34 +15,45 @@ const HEADER_BYTES: usize = 3;
 const FORMAT: u8 = 128;
 const FORMAT_BYTES: usize = 89;
 
+/// A record, whose length is a byte, and what shows that another one follows.
+const MOST_NEEDED_BYTES: usize = u8::MAX as usize + SYNCHRONISATION.len();
+
+/// What is read of a file at once.
+const BUFFER_BYTES: usize = 1 << 16;
+
 /// A record.
 #[derive(Clone, Debug)]
 pub struct Record {
     format: Rc<Format>,
-    fields: Vec<Field>,
-}
-
-/// What a field holds. Integers of all lengths are exact in a double but for times beyond 285 years.
-#[derive(Clone, Debug, PartialEq)]
-enum Field {
-    Number(f64),
-    Text(String),
+    payload: Vec<u8>,
 }
 
 #[derive(Debug)]
 struct Format {
     name: String,
-    types: Vec<u8>,
-    columns: Vec<String>,
+    columns: Vec<Column>,
+    payload_bytes: usize,
 }
 
-/// What a file holds.
-#[derive(Debug, Default)]
-pub struct Log {
-    /// Its records, as they follow each other, without those that describe formats.
-    pub records: Vec<Record>,
-    /// Bytes that belong to no record.
-    pub skipped_bytes: usize,
+/// A field of a format, and where it lies in the payload.
+#[derive(Debug)]
+struct Column {
+    name: String,
+    field_type: u8,
+    place: std::ops::Range<usize>,
+}
+
+/// The records of a file, as they follow each other, without those that describe formats.
+pub struct Records<R> {
+    source: R,
+    buffer: Vec<u8>,
+    /// Where in the buffer the bytes are that are not used yet.
+    start: usize,
+    end: usize,
+    is_at_end: bool,
+    formats: HashMap<u8, Rc<Format>>,
+    read_bytes: u64,
+    skipped_bytes: u64,
 }
 
 impl Record {
@@ -49,62 +62,132 @@ impl Record {
         &self.format.name
     }
 
-    /// The number in a column; `None` also for a text and for NaN.
+    /// The number in a column; `None` also for a text and for NaN. Integers of all lengths are exact in a double but for times
+    /// beyond 285 years.
     pub fn number(&self, column: &str) -> Option<f64> {
-        match self.field(column)? {
-            Field::Number(number) => Some(*number).filter(|number| number.is_finite()),
-            Field::Text(_) => None,
-        }
+        let (field_type, bytes) = self.field(column)?;
+        number(field_type, bytes).filter(|number| number.is_finite())
     }
 
     /// The text in a column.
-    pub fn text(&self, column: &str) -> Option<&str> {
-        match self.field(column)? {
-            Field::Text(text) => Some(text),
-            Field::Number(_) => None,
-        }
+    pub fn text(&self, column: &str) -> Option<String> {
+        let (field_type, bytes) = self.field(column)?;
+        is_text(field_type).then(|| text(bytes))
     }
 
-    fn field(&self, column: &str) -> Option<&Field> {
-        let place = self.format.columns.iter().position(|name| name == column)?;
-        self.fields.get(place)
+    fn field(&self, column: &str) -> Option<(u8, &[u8])> {
+        let column = self.format.columns.iter().find(|field| field.name == column)?;
+        Some((column.field_type, self.payload.get(column.place.clone())?))
     }
 }
 
-impl Log {
-    /// Reads what is readable.
-    pub fn parse(bytes: &[u8]) -> Self {
-        let mut log = Self::default();
-        let mut formats: HashMap<u8, Rc<Format>> = HashMap::new();
-        let mut rest = bytes;
-        while !rest.is_empty() {
-            let Some((kind, payload)) = first_record(rest, &formats) else {
-                log.skipped_bytes += 1;
-                rest = &rest[1..];
-                continue;
-            };
-            rest = &rest[HEADER_BYTES + payload.len()..];
-            if kind == FORMAT {
-                if let Some((kind, format)) = Format::parse(payload) {
-                    formats.insert(kind, Rc::new(format));
-                }
-            } else if let Some(format) = formats.get(&kind) {
-                log.records.push(Record {
-                    format: format.clone(),
-                    fields: format.fields(payload),
-                });
+impl<R: Read> Records<R> {
+    /// The records of what `source` delivers.
+    pub fn of(source: R) -> Self {
+        Self {
+            source,
+            buffer: vec![0; BUFFER_BYTES],
+            start: 0,
+            end: 0,
+            is_at_end: false,
+            formats: HashMap::new(),
+            read_bytes: 0,
+            skipped_bytes: 0,
+        }
+    }
+
+    /// Bytes so far, of records and others.
+    pub fn read_bytes(&self) -> u64 {
+        self.read_bytes
+    }
+
+    /// Bytes so far that belong to no record.
+    pub fn skipped_bytes(&self) -> u64 {
+        self.skipped_bytes
+    }
+
+    /// Whether any format was described so far: without one there is no record.
+    pub fn has_formats(&self) -> bool {
+        !self.formats.is_empty()
+    }
+
+    /// Makes the next record, and what follows it, available as far as the file goes.
+    fn fill(&mut self) -> io::Result<()> {
+        if self.end - self.start >= MOST_NEEDED_BYTES || self.is_at_end {
+            return Ok(());
+        }
+        self.buffer.copy_within(self.start..self.end, 0);
+        (self.start, self.end) = (0, self.end - self.start);
+        while self.end < MOST_NEEDED_BYTES && !self.is_at_end {
+            match self.source.read(&mut self.buffer[self.end..]) {
+                Ok(0) => self.is_at_end = true,
+                Ok(bytes) => self.end += bytes,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
             }
         }
-        log
+        Ok(())
+    }
+
+    /// Goes past bytes of the buffer.
+    fn advance(&mut self, bytes: usize) {
+        self.start += bytes;
+        self.read_bytes += bytes as u64;
+    }
+
+    /// The next record; `None` at the end of the file.
+    fn read_next(&mut self) -> io::Result<Option<Record>> {
+        loop {
+            self.fill()?;
+            let rest = &self.buffer[self.start..self.end];
+            if rest.is_empty() {
+                return Ok(None);
+            }
+            let Some((kind, payload)) = first_record(rest, &self.formats) else {
+                self.skipped_bytes += 1;
+                self.advance(1);
+                continue;
+            };
+            let length = HEADER_BYTES + payload.len();
+            if kind == FORMAT {
+                if let Some((kind, format)) = Format::parse(payload) {
+                    self.formats.insert(kind, Rc::new(format));
+                }
+                self.advance(length);
+            } else if let Some(format) = self.formats.get(&kind) {
+                let record = Record {
+                    format: format.clone(),
+                    payload: payload.to_vec(),
+                };
+                self.advance(length);
+                return Ok(Some(record));
+            }
+        }
+    }
+}
+
+/// After an error of the source there are no more.
+impl<R: Read> Iterator for Records<R> {
+    type Item = io::Result<Record>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let next = self.read_next();
+        if next.is_err() {
+            (self.start, self.end, self.is_at_end) = (0, 0, true);
+        }
+        next.transpose()
     }
 }
 
 /// Number of the format and payload of the record that `bytes` begin with, if they do.
 fn first_record<'a>(bytes: &'a [u8], formats: &HashMap<u8, Rc<Format>>) -> Option<(u8, &'a [u8])> {
+    if !bytes.starts_with(&SYNCHRONISATION) {
+        return None;
+    }
     let [_, _, kind] = *bytes.first_chunk()?;
     let length = match kind {
         FORMAT => FORMAT_BYTES,
-        _ => HEADER_BYTES + formats.get(&kind)?.payload_bytes(),
+        _ => HEADER_BYTES + formats.get(&kind)?.payload_bytes,
     };
     let (record, following) = bytes.split_at_checked(length)?;
     // As far as the file goes.
@@ -112,7 +195,7 @@ fn first_record<'a>(bytes: &'a [u8], formats: &HashMap<u8, Rc<Format>>) -> Optio
         .iter()
         .zip(SYNCHRONISATION)
         .all(|(byte, expected)| *byte == expected);
-    (record.starts_with(&SYNCHRONISATION) && is_followed).then(|| (kind, &record[HEADER_BYTES..]))
+    is_followed.then(|| (kind, &record[HEADER_BYTES..]))
 }
 
 impl Format {
@@ -123,27 +206,29 @@ impl Format {
         };
         let (name, texts) = texts.split_at_checked(4)?;
         let (types, columns) = texts.split_at_checked(16)?;
+        let (types, names) = (text(types).into_bytes(), text(columns));
+        let mut end = 0;
+        let places = types.iter().map(|field_type| {
+            let start = end;
+            end += field_bytes(*field_type);
+            (*field_type, start..end)
+        });
+        let columns = names
+            .split(',')
+            .zip(places)
+            .map(|(name, (field_type, place))| Column {
+                name: name.into(),
+                field_type,
+                place,
+            });
         let format = Self {
             name: text(name),
-            types: text(types).into_bytes(),
-            columns: text(columns).split(',').map(String::from).collect(),
+            columns: columns.collect(),
+            payload_bytes: types.iter().map(|field_type| field_bytes(*field_type)).sum(),
         };
-        let is_consistent = format.types.iter().all(|field_type| field_bytes(*field_type) > 0)
-            && HEADER_BYTES + format.payload_bytes() == usize::from(*length);
+        let is_consistent = types.iter().all(|field_type| field_bytes(*field_type) > 0)
+            && HEADER_BYTES + format.payload_bytes == usize::from(*length);
         is_consistent.then_some((*kind, format))
-    }
-
-    fn payload_bytes(&self) -> usize {
-        self.types.iter().map(|field_type| field_bytes(*field_type)).sum()
-    }
-
-    fn fields(&self, mut payload: &[u8]) -> Vec<Field> {
-        let fields = self.types.iter().map(|field_type| {
-            let (bytes, rest) = payload.split_at(field_bytes(*field_type));
-            payload = rest;
-            field(*field_type, bytes)
-        });
-        fields.collect()
     }
 }
 
@@ -160,8 +245,13 @@ fn field_bytes(field_type: u8) -> usize {
     }
 }
 
-fn field(field_type: u8, bytes: &[u8]) -> Field {
-    // Those that are written here are as long as their type says.
+fn is_text(field_type: u8) -> bool {
+    matches!(field_type, b'n' | b'N' | b'Z')
+}
+
+/// The number in a field that is as long as its type says; `None` of a text, and of an array: no record that is of use here
+/// has one.
+fn number(field_type: u8, bytes: &[u8]) -> Option<f64> {
     let unsigned = || {
         bytes
             .iter()
@@ -172,15 +262,13 @@ fn field(field_type: u8, bytes: &[u8]) -> Field {
         let unused_bits = 64 - 8 * bytes.len() as u32;
         (unsigned() << unused_bits) as i64 >> unused_bits
     };
-    Field::Number(match field_type {
+    Some(match field_type {
         b'b' | b'h' | b'i' | b'L' | b'q' => signed() as f64,
         b'c' | b'e' => signed() as f64 / 100.0,
         b'C' | b'E' => unsigned() as f64 / 100.0,
         b'f' => f64::from(f32::from_bits(unsigned() as u32)),
         b'd' => f64::from_bits(unsigned()),
-        b'n' | b'N' | b'Z' => return Field::Text(text(bytes)),
-        // An array: no record that is of use here has one.
-        b'a' => f64::NAN,
+        b'a' | b'n' | b'N' | b'Z' => return None,
         _ => unsigned() as f64,
     })
 }
@@ -213,8 +301,39 @@ pub mod tests {
         bytes
     }
 
+    /// A file that is read to its end.
+    struct Log {
+        records: Vec<Record>,
+        skipped_bytes: u64,
+    }
+
+    impl Log {
+        fn parse(bytes: &[u8]) -> Self {
+            Self::read(bytes)
+        }
+
+        fn read(source: impl Read) -> Self {
+            let mut records = Records::of(source);
+            let all = records.by_ref().map(|record| record.expect("it is readable"));
+            Self {
+                records: all.collect(),
+                skipped_bytes: records.skipped_bytes(),
+            }
+        }
+    }
+
+    /// A source that delivers a few bytes at a time.
+    struct Slow<'a>(&'a [u8], usize);
+
+    impl Read for Slow<'_> {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            let few = self.1.min(buffer.len());
+            self.0.read(&mut buffer[..few])
+        }
+    }
+
     /// The texts in a file.
-    fn texts(log: &Log) -> Vec<&str> {
+    fn texts(log: &Log) -> Vec<String> {
         let messages = log.records.iter().filter(|record| record.name() == "MSG");
         messages.filter_map(|record| record.text("Message")).collect()
     }
@@ -239,7 +358,7 @@ pub mod tests {
         let log = Log::parse(&bytes);
         assert_eq!(log.skipped_bytes, 0);
         let [.., battery, parameter] = log.records.as_slice() else {
-            panic!("{log:?}");
+            panic!("{:?}", log.records);
         };
         assert_eq!(battery.name(), "BAT");
         for (column, expected) in [
@@ -253,7 +372,7 @@ pub mod tests {
         ] {
             assert_eq!(battery.number(column), expected, "{column}");
         }
-        assert_eq!(parameter.text("Name"), Some("BATT_CAPACITY_16"));
+        assert_eq!(parameter.text("Name").as_deref(), Some("BATT_CAPACITY_16"));
         assert_eq!(parameter.number("Value"), Some(-1.5));
         assert_eq!((parameter.number("Name"), parameter.text("Value")), (None, None));
         // MULT has the only double.
@@ -266,7 +385,7 @@ pub mod tests {
         let bytes = file(0..3);
         for cut in 1..75 {
             let log = Log::parse(&bytes[..bytes.len() - cut]);
-            assert_eq!(log.skipped_bytes, 75 - cut, "{cut} bytes cut");
+            assert_eq!(log.skipped_bytes, 75 - cut as u64, "{cut} bytes cut");
             assert_eq!(texts(&log), ["0", "1"]);
         }
     }
@@ -300,7 +419,19 @@ pub mod tests {
         fn any_bytes_can_be_read(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
             Log::parse(&bytes);
             let after_formats = [opening(), bytes].concat();
-            Log::parse(&after_formats);
+            let log = Log::parse(&after_formats);
+            prop_assert!(log.skipped_bytes <= after_formats.len() as u64);
+        }
+
+        #[test]
+        fn what_is_read_does_not_depend_on_how_the_source_delivers_it(
+            bytes in prop::collection::vec(any::<u8>(), 0..500),
+            few in 1usize..400,
+        ) {
+            let file = [file(0..20), bytes, file(20..40)].concat();
+            let [whole, slow] = [Log::parse(&file), Log::read(Slow(&file, few))];
+            prop_assert_eq!(texts(&whole), texts(&slow));
+            prop_assert_eq!(whole.skipped_bytes, slow.skipped_bytes);
         }
 
         #[test]
@@ -310,7 +441,7 @@ pub mod tests {
             bytes[start + place] ^= 1 << bit;
             let log = Log::parse(&bytes);
             let expected: Vec<String> = (0..100).map(|number: u64| number.to_string()).collect();
-            let intact = texts(&log).iter().filter(|text| expected.iter().any(|number| number == **text)).count();
+            let intact = texts(&log).iter().filter(|text| expected.iter().any(|number| number == *text)).count();
             prop_assert!(intact >= 97, "{} of 100", intact);
         }
     }

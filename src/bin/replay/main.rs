@@ -8,34 +8,30 @@
 //! of the board or of ArduPilot (`.BIN`), see [`drive`]. What the monitor made of each reading goes to a file or to a pipe, in
 //! the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE` the
 //! drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
+//!
+//! Many logs at once make a table of their drives, see [`table`].
 mod binlog;
 mod comparison;
 mod drive;
 mod plot;
+mod readings;
 mod report;
 mod run;
+mod single;
 mod summary;
+mod survey;
+mod table;
 mod trace;
 mod words;
 
-use std::fs;
-use std::io::{self, ErrorKind, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::Parser;
-use rover_battmon::battery::{LearntPack, PackSettings};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::Parameters;
 
-use crate::binlog::Log;
-use crate::comparison::comparison;
-use crate::drive::Drive;
-use crate::report::Row;
-use crate::run::{Assignment, Inputs};
-use crate::summary::Summary;
-use crate::trace::Trace;
-use crate::words::utc;
+use crate::run::Assignment;
 
 /// What clap ends with for arguments it does not understand; a recording that can't be used is treated the same.
 const EXIT_USAGE: u8 = 2;
@@ -44,7 +40,8 @@ const EXAMPLES: &str = "\
 Examples:
   replay --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 --plot drive.svg drive.csv
   replay --armed --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 from-another-logger.csv
-  replay --param BATT_LOW_VOLT=10.8 --csv rows.csv drive.BIN";
+  replay --param BATT_LOW_VOLT=10.8 --csv rows.csv drive.BIN
+  replay --table drives.parquet logs";
 
 /// Runs a recorded drive through the battery monitor: what it reports, and when its failsafes act
 #[derive(Parser)]
@@ -74,10 +71,18 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     learned: Option<PathBuf>,
 
-    /// The recording: CSV with columns as t_s, voltage_v, current_a, healthy, armed; or a log, drive.BIN
-    #[arg(value_name = "RECORDING")]
-    trace: PathBuf,
+    /// Write a row for each pack and drive of many logs
+    #[arg(long, value_name = "FILE.parquet", conflicts_with_all = OF_ONE)]
+    table: Option<PathBuf>,
+
+    /// The recording: CSV with columns as t_s, voltage_v, current_a, healthy, armed; or a log, drive.BIN. With --table logs,
+    /// and folders with all logs below
+    #[arg(value_name = "RECORDING", required = true)]
+    paths: Vec<PathBuf>,
 }
+
+/// What is of one recording.
+const OF_ONE: [&str; 5] = ["armed", "pack", "plot", "csv", "learned"];
 
 fn pack(number: &str) -> Result<Pack, String> {
     let found = Pack::ALL
@@ -97,147 +102,14 @@ fn main() -> ExitCode {
 }
 
 fn replay(arguments: &Arguments) -> Result<(), String> {
-    let pack = arguments.pack;
-    let mut drive = read(&arguments.trace, pack)?;
-    if arguments.armed {
-        drive.trace.arm_throughout();
+    if arguments.table.is_some() {
+        return table::replay(arguments);
     }
-    let own = drive.parameters.clone().unwrap_or_else(Parameters::defaults);
-    let parameters = run::assign(own, &arguments.assignments, pack, &drive.trace)?;
-    let inputs = Inputs::from_parameters(&parameters, pack)?;
-    let known = match &arguments.learned {
-        Some(path) => read_learnt(path)?,
-        None => LearntPack::UNKNOWN,
+    let [path] = arguments.paths.as_slice() else {
+        let text = "one recording at a time, or --table";
+        Arguments::command().error(ErrorKind::TooManyValues, text).exit();
     };
-    let mut learnt = known;
-    let rows = run::run(&drive.trace, pack, inputs, &parameters, &mut learnt);
-    let written = write_files(arguments, &parameters, &rows, &learnt)?;
-    let summary = Summary {
-        trace: &drive.trace,
-        rows: &rows,
-        pack,
-        settings: &PackSettings::from_parameters(&parameters, pack),
-        known: &known,
-        learnt: &learnt,
-    };
-    let compared = compared(arguments, &drive, &parameters, &rows, known)?;
-    let date = drive.began_utc_s().map_or(String::new(), |utc_s| {
-        format!("Recorded from {} on\n", utc(utc_s))
-    });
-    show(&format!("{date}{summary}{compared}{written}"));
-    Ok(())
-}
-
-/// Writes what was asked for, and returns a line for each file.
-fn write_files(
-    arguments: &Arguments,
-    parameters: &Parameters,
-    rows: &[Row],
-    learnt: &LearntPack,
-) -> Result<String, String> {
-    let files = [
-        arguments.learned.as_ref().map(|path| (path, learnt.to_string())),
-        arguments
-            .plot
-            .as_ref()
-            .map(|path| (path, picture(arguments, parameters, rows))),
-        arguments.csv.as_ref().map(|path| (path, report::csv(rows))),
-    ];
-    let mut written = String::new();
-    for (path, text) in files.into_iter().flatten() {
-        fs::write(path, text).map_err(|error| about(path, &error))?;
-        written += &format!("wrote {}\n", path.display());
-    }
-    if arguments.csv.is_none() && !io::stdout().is_terminal() {
-        print(rows).map_err(|error| format!("standard output: {error}"))?;
-    }
-    Ok(written)
-}
-
-/// What the arguments change of a log's own parameters, and what comes of that; empty if they change nothing.
-fn compared(
-    arguments: &Arguments,
-    drive: &Drive,
-    parameters: &Parameters,
-    rows: &[Row],
-    mut known: LearntPack,
-) -> Result<String, String> {
-    let Some(own) = drive.parameters.clone() else {
-        return Ok(String::new());
-    };
-    let pack = arguments.pack;
-    let own = run::assign(own, &[], pack, &drive.trace)?;
-    let changes = run::changes(&own, parameters, &arguments.assignments);
-    if changes.is_empty() {
-        return Ok(String::new());
-    }
-    let inputs = Inputs::from_parameters(&own, pack)?;
-    let own = run::run(&drive.trace, pack, inputs, &own, &mut known);
-    Ok(comparison(&changes, &own, rows))
-}
-
-/// Shows what a person reads, who may have closed the terminal.
-fn show(text: &str) {
-    let _ = io::stderr().write_all(text.as_bytes());
-}
-
-/// A log by the end of its name, else a trace.
-fn read(path: &Path, pack: Pack) -> Result<Drive, String> {
-    let is_log = path
-        .extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("bin"));
-    if is_log {
-        return read_log(path, pack);
-    }
-    let bytes = fs::read(path).map_err(|error| about(path, &error))?;
-    Ok(Drive {
-        trace: Trace::parse(&bytes).map_err(|error| about(path, &error))?,
-        parameters: None,
-        started_utc_s: None,
-    })
-}
-
-fn read_log(path: &Path, pack: Pack) -> Result<Drive, String> {
-    let bytes = fs::read(path).map_err(|error| about(path, &error))?;
-    let log = Log::parse(&bytes);
-    if log.skipped_bytes > 0 {
-        let (skipped, all) = (log.skipped_bytes, bytes.len());
-        eprintln!(
-            "{}: skipped {skipped} of {all} bytes that are not whole records",
-            path.display()
-        );
-    }
-    Drive::of_pack(&log, pack).map_err(|error| about(path, &error))
-}
-
-fn about(path: &Path, error: &dyn std::fmt::Display) -> String {
-    format!("{}: {error}", path.display())
-}
-
-/// What was learnt in earlier drives; nothing before the first.
-fn read_learnt(path: &Path) -> Result<LearntPack, String> {
-    match fs::read_to_string(path) {
-        Ok(text) => text.parse().map_err(|error| about(path, &error)),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(LearntPack::UNKNOWN),
-        Err(error) => Err(about(path, &error)),
-    }
-}
-
-/// The rows as a picture that says what it shows.
-fn picture(arguments: &Arguments, parameters: &Parameters, rows: &[Row]) -> String {
-    let trace = arguments.trace.file_name().unwrap_or_default().to_string_lossy();
-    let assignments: Vec<String> = arguments.assignments.iter().map(ToString::to_string).collect();
-    let title = format!("{trace} through the battery monitor");
-    let settings = PackSettings::from_parameters(parameters, arguments.pack);
-    plot::plot(rows, &title, &assignments.join("  "), &settings.failsafe)
-}
-
-fn print(rows: &[Row]) -> io::Result<()> {
-    match io::stdout().write_all(report::csv(rows).as_bytes()) {
-        // The reader of the rows has closed the pipe.
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        result => result,
-    }
+    single::replay(path, arguments)
 }
 
 #[cfg(target_os = "none")]

@@ -164,8 +164,8 @@ pub mod tests {
             events: vec!["is low".into()],
             reported: Some(Reported {
                 consumed_mah: Some(3.5),
-                remaining_pct: None,
                 charge_state: Some(2),
+                ..Reported::default()
             }),
         };
         assert_eq!(

@@ -3,7 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use rover_battmon::battery::{BatteryMonitor, LearntPack, Measurement, PackSettings, ReadError, Tick};
+use rover_battmon::battery::{
+    BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, PackUpdate, ReadError, Tick,
+};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Refused};
 use rover_battmon::time::Instant;
@@ -44,17 +46,16 @@ impl fmt::Display for Assignment {
     }
 }
 
-/// `parameters` with these assignments, in their order. `BATT_MONITOR` of `pack` is what the trace has, unless it is
-/// assigned.
+/// `parameters` with these assignments, in their order. `BATT_MONITOR` of `pack` is what is measured, unless it is assigned.
 pub fn assign(
     mut parameters: Parameters,
     assignments: &[Assignment],
     pack: Pack,
-    trace: &Trace,
+    measured: Inputs,
 ) -> Result<Parameters, String> {
     let monitor = Assignment {
         id: BatteryParameter::Monitor.of(pack),
-        value: if trace.has_current() {
+        value: if measured.current {
             VOLTAGE_AND_CURRENT
         } else {
             VOLTAGE_ONLY
@@ -84,18 +85,18 @@ pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment
     changes
 }
 
-/// What the monitor is given.
+/// What is measured, or what the monitor is given of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Inputs {
-    /// The trace's voltage.
+    /// The voltage.
     pub voltage: bool,
-    /// The trace's current.
+    /// The current.
     pub current: bool,
 }
 
 impl Inputs {
     /// By `BATT_MONITOR` of `pack`.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Result<Self, String> {
+    fn from_parameters(parameters: &Parameters, pack: Pack) -> Result<Self, String> {
         let monitor = BatteryParameter::Monitor.of(pack);
         match parameters.get_whole(monitor) {
             VOLTAGE_ONLY => Ok(Self {
@@ -118,32 +119,65 @@ impl Inputs {
     }
 }
 
+/// A fresh monitor that is given the readings of a recording.
+pub struct Replay {
+    monitor: BatteryMonitor,
+    settings: PackSettings,
+    inputs: Inputs,
+    known: LearntPack,
+}
+
+impl Replay {
+    /// With the parameters of `pack`, of which this was learnt before.
+    pub fn new(pack: Pack, parameters: &Parameters, known: LearntPack) -> Result<Self, String> {
+        let mut monitor = BatteryMonitor::new();
+        monitor.restore_learnt(known);
+        Ok(Self {
+            monitor,
+            settings: PackSettings::from_parameters(parameters, pack),
+            inputs: Inputs::from_parameters(parameters, pack)?,
+            known,
+        })
+    }
+
+    /// Takes the next reading.
+    pub fn update(&mut self, sample: &Sample) -> PackUpdate {
+        let reading = reading(sample, self.inputs);
+        self.monitor.update(tick(sample), reading, &self.settings)
+    }
+
+    /// The state after it.
+    pub fn state(&self) -> &BatteryState {
+        self.monitor.state()
+    }
+
+    /// What is learnt by now, as flash would have it.
+    pub fn learnt(&self) -> &LearntPack {
+        self.monitor.unsaved_learnt().unwrap_or(&self.known)
+    }
+}
+
 /// What a fresh monitor with the parameters of `pack` makes of each reading of the trace; `learnt` is known of the pack and
 /// updated as flash would be.
 pub fn run(
     trace: &Trace,
     pack: Pack,
-    inputs: Inputs,
     parameters: &Parameters,
     learnt: &mut LearntPack,
-) -> Vec<Row> {
-    let settings = PackSettings::from_parameters(parameters, pack);
-    let mut monitor = BatteryMonitor::new();
-    monitor.restore_learnt(*learnt);
+) -> Result<Vec<Row>, String> {
+    let mut replay = Replay::new(pack, parameters, *learnt)?;
     let rows = trace.samples.iter().map(|sample| {
-        let update = monitor.update(tick(sample), reading(sample, inputs), &settings);
+        let update = replay.update(sample);
         Row {
             time_s: sample.time_s,
-            state: *monitor.state(),
+            state: *replay.state(),
             events: update.events.iter().map(ToString::to_string).collect(),
             reported: sample.reported,
         }
     });
     let rows = rows.collect();
-    if let Some(unsaved) = monitor.unsaved_learnt() {
-        *learnt = *unsaved;
-    }
-    rows
+    *learnt = *replay.learnt();
+    Ok(rows)
 }
 
 fn tick(sample: &Sample) -> Tick {
@@ -177,7 +211,12 @@ mod tests {
     fn inputs(trace: &str, assignments: &[&str]) -> Result<Inputs, String> {
         let assignments: Result<Vec<Assignment>, _> = assignments.iter().map(|text| text.parse()).collect();
         let trace = Trace::parse(trace.as_bytes()).expect("a trace");
-        let parameters = assign(Parameters::defaults(), &assignments?, Pack::First, &trace)?;
+        let parameters = assign(
+            Parameters::defaults(),
+            &assignments?,
+            Pack::First,
+            trace.measured(),
+        )?;
         Inputs::from_parameters(&parameters, Pack::First)
     }
 
@@ -211,7 +250,7 @@ mod tests {
             .into();
         let own = Parameters::defaults();
         let trace = Trace::parse(WITH_CURRENT.as_bytes()).expect("a trace");
-        let changed = assign(own.clone(), &assignments, Pack::First, &trace).expect("in range");
+        let changed = assign(own.clone(), &assignments, Pack::First, trace.measured()).expect("in range");
         assert_eq!(
             changes(&own, &changed, &assignments),
             ["BATT_LOW_VOLT 10.8 instead of 0"]

@@ -225,7 +225,7 @@ fn thresholds(settings: &FailsafeSettings, level: FailsafeLevel, pack: Pack) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::{Inputs, assign};
+    use crate::run::assign;
     use crate::trace::Sample;
     use crate::{plot, report, run};
     use proptest::prelude::*;
@@ -238,10 +238,10 @@ mod tests {
             .map(|text| text.parse().expect("an assignment"))
             .collect();
         let pack = Pack::First;
-        let parameters = assign(Parameters::defaults(), &assignments, pack, trace).expect("in range");
-        let inputs = Inputs::from_parameters(&parameters, pack).expect("what the trace has");
+        let parameters =
+            assign(Parameters::defaults(), &assignments, pack, trace.measured()).expect("in range");
         let mut learnt = LearntPack::UNKNOWN;
-        let rows = run::run(trace, pack, inputs, &parameters, &mut learnt);
+        let rows = run::run(trace, pack, &parameters, &mut learnt).expect("what the trace has");
         let settings = PackSettings::from_parameters(&parameters, pack);
         // Nothing that is said, written or drawn may fail.
         let _ = (report::csv(&rows), plot::plot(&rows, "", "", &settings.failsafe));

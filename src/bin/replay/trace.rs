@@ -14,6 +14,8 @@
 
 use rover_battmon::battery::CellVoltages;
 
+use crate::run::Inputs;
+
 /// What some recorders write into every row when there is no sensor of the current.
 const NO_SENSOR_A: f32 = -1.0;
 
@@ -80,10 +82,16 @@ impl Sample {
 pub struct Reported {
     /// Charge drawn, in milliampere-hours.
     pub consumed_mah: Option<f32>,
+    /// Energy drawn, in watt-hours.
+    pub consumed_wh: Option<f32>,
     /// Remaining charge, in percent: with its fraction where the log has it.
     pub remaining_pct: Option<f32>,
+    /// State of health, in percent.
+    pub health_pct: Option<f32>,
     /// Number of the charge state.
     pub charge_state: Option<u8>,
+    /// Bits of the faults.
+    pub faults: Option<u16>,
 }
 
 impl Trace {
@@ -127,9 +135,12 @@ impl Trace {
         }
     }
 
-    /// Whether the current was measured at all.
-    pub fn has_current(&self) -> bool {
-        self.samples.iter().any(|sample| sample.current_a.is_some())
+    /// What was measured in any of its readings.
+    pub fn measured(&self) -> Inputs {
+        Inputs {
+            voltage: true,
+            current: self.samples.iter().any(|sample| sample.current_a.is_some()),
+        }
     }
 }
 
@@ -424,7 +435,7 @@ mod tests {
     #[test]
     fn minus_one_throughout_is_no_sensor_but_one_reading_of_it_is_a_charger() {
         let none = Trace::parse(b"t_s,voltage_v,current_a\n0,7.9,-1\n1,7.9,-1.0000\n").unwrap();
-        assert!(!none.has_current());
+        assert!(!none.measured().current);
         let charged = Trace::parse(b"t_s,voltage_v,current_a\n0,7.9,-1\n1,7.9,-1.1\n").unwrap();
         assert_eq!(charged.samples[0].current_a, Some(-1.0));
     }

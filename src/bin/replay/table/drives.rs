@@ -1,0 +1,332 @@
+//! The rows of one log: a log of any length takes the same memory.
+
+use std::io::{self, Read};
+
+use rover_battmon::pack::Pack;
+
+use super::pack_drives::{End, PackDrives};
+use super::row::Row;
+use crate::binlog::{Record, Records};
+use crate::readings::{Readings, time_s};
+use crate::run::Assignment;
+use crate::survey::{Survey, pack_of, serial_number};
+
+/// Drives of a pack in a log. The board's log has some hundred at most: each takes the seconds in which it is recorded.
+const MOST_DRIVES: usize = 10_000;
+
+/// ERR: numbers of the failsafes that are of no pack, with their names. The one of a pack has a text that names the pack.
+const FAILSAFES: [(f64, &str); 2] = [(5.0, "sticks"), (8.0, "ground station")];
+
+/// ERR: a failsafe begins.
+const OCCURRED: f64 = 1.0;
+
+/// The board's word for the levels of a pack's failsafe, and the table's.
+const LEVELS: [(&str, &str); 3] = [
+    ("is low ", "low"),
+    ("is critical ", "critical"),
+    ("is missing", "unhealthy"),
+];
+
+/// The rows of a log that can be opened twice.
+///
+/// # Errors
+/// Why there is none, in words.
+pub fn rows<R: Read>(
+    path: &str,
+    open: impl Fn() -> io::Result<R>,
+    what_if: &[Assignment],
+) -> Result<Vec<Row>, String> {
+    let in_words = |error: io::Error| error.to_string();
+    let survey = open().and_then(Survey::of).map_err(in_words)?;
+    if let Some(obstacle) = survey.obstacle() {
+        return Err(obstacle.into());
+    }
+    let packs = Pack::ALL
+        .into_iter()
+        .filter_map(|pack| PackDrives::new(path, &survey, pack, what_if));
+    let mut log = Log {
+        packs: packs.collect::<Result<_, _>>()?,
+        readings: Readings::default(),
+        latest_s: 0.0,
+    };
+    let mut records = Records::of(open().map_err(in_words)?);
+    while let Some(record) = records.next() {
+        let record = record.map_err(in_words)?;
+        log.add(&record, end(&records));
+        if log.packs.iter().any(|pack| pack.count() > MOST_DRIVES) {
+            return Err(format!("more than {MOST_DRIVES} drives"));
+        }
+    }
+    Ok(log.finish(end(&records)))
+}
+
+/// Whether nothing was lost so far.
+fn end<R: Read>(records: &Records<R>) -> End {
+    match records.skipped_bytes() {
+        0 => End::Whole,
+        _ => End::Damaged,
+    }
+}
+
+struct Log {
+    packs: Vec<PackDrives>,
+    readings: Readings,
+    latest_s: f64,
+}
+
+impl Log {
+    fn add(&mut self, record: &Record, end: End) {
+        self.latest_s = time_s(record).unwrap_or(self.latest_s);
+        let packs = &mut self.packs;
+        self.readings.add(record, |pack, sample| {
+            if let Some(drives) = find(packs, pack) {
+                drives.add(&sample);
+            }
+        });
+        match record.name() {
+            "ARM" if record.number("ArmState") == Some(1.0) => self.each(|drives, time_s| drives.arm(time_s)),
+            "ARM" => self.each(|drives, time_s| drives.disarm(time_s, end)),
+            "PACK" => {
+                let drives = pack_of(record).and_then(|pack| find(packs, pack));
+                if let Some((drives, number)) = drives.zip(serial_number(record)) {
+                    drives.identify(number);
+                }
+            }
+            "ERR" => self.error(record),
+            "MSG" => self.text(&record.text("Message").unwrap_or_default()),
+            _ => {}
+        }
+    }
+
+    fn each(&mut self, mut act: impl FnMut(&mut PackDrives, f64)) {
+        for drives in &mut self.packs {
+            act(drives, self.latest_s);
+        }
+    }
+
+    fn error(&mut self, record: &Record) {
+        if record.number("ECode") != Some(OCCURRED) {
+            return;
+        }
+        let number = record.number("Subsys");
+        for (_, name) in FAILSAFES.iter().filter(|(failsafe, _)| number == Some(*failsafe)) {
+            self.each(|drives, time_s| drives.failsafe(name, time_s));
+        }
+    }
+
+    fn text(&mut self, text: &str) {
+        let refusal = text.strip_prefix("PreArm: ").or(text.strip_prefix("Arm: "));
+        self.each(|drives, time_s| {
+            let prefix = format!("Battery {} ", drives.number());
+            if let Some(reason) = refusal {
+                // One of another pack is in the rows of that pack.
+                if !reason.starts_with("Battery ") || reason.starts_with(&prefix) {
+                    drives.refusal(reason);
+                }
+            } else if let Some(event) = text.strip_prefix(&prefix) {
+                for (_, name) in LEVELS.iter().filter(|(words, _)| event.starts_with(words)) {
+                    drives.failsafe(name, time_s);
+                }
+            }
+        });
+    }
+
+    fn finish(mut self, end: End) -> Vec<Row> {
+        let Self { packs, readings, .. } = &mut self;
+        readings.finish(|pack, sample| {
+            if let Some(drives) = find(packs, pack) {
+                drives.add(&sample);
+            }
+        });
+        let rows = self
+            .packs
+            .into_iter()
+            .flat_map(|drives| drives.finish(self.latest_s, end));
+        rows.collect()
+    }
+}
+
+fn find(packs: &mut [PackDrives], pack: Pack) -> Option<&mut PackDrives> {
+    packs.iter_mut().find(|drives| drives.number() == pack.number())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::binlog::tests::opening;
+    use proptest::prelude::*;
+    use rover_battmon::battery::{BatteryState, Faults, PackStatus};
+    use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded, Subsystem};
+    use rover_battmon::vehicle::ArmState;
+
+    fn state(voltage_v: f32) -> BatteryState {
+        BatteryState {
+            status: PackStatus::Healthy,
+            voltage_v: Some(voltage_v),
+            current_a: Some(5.0),
+            ..BatteryState::UNKNOWN
+        }
+    }
+
+    fn arming(state: ArmState) -> Recorded<'static> {
+        Recorded::Arm {
+            state,
+            enabled_checks: 1,
+            forced: false,
+            method: ArmingMethod::Command,
+        }
+    }
+
+    /// A file with a record a second.
+    fn file(records: &[Recorded]) -> Vec<u8> {
+        let records = records.iter().zip(1..);
+        let records = records.flat_map(|(record, second)| record.encode(1_000_000 * second));
+        opening().into_iter().chain(records).collect()
+    }
+
+    fn rows_of(bytes: &[u8], what_if: &[&str]) -> Vec<Row> {
+        let what_if: Vec<Assignment> = what_if
+            .iter()
+            .map(|text| text.parse().expect("an assignment"))
+            .collect();
+        rows("log", || Ok(bytes), &what_if).expect("rows")
+    }
+
+    const LOW_VOLTAGE: Recorded = Recorded::Parameter {
+        name: "BATT_LOW_VOLT",
+        value: 10.5,
+        default: 0.0,
+    };
+
+    #[test]
+    fn each_drive_is_a_row_from_arming_to_disarming() {
+        let state = state(11.0);
+        let reading = Recorded::Battery(Pack::First, &state);
+        let records = [
+            Recorded::Message("PreArm: Battery 1 below minimum arming voltage"),
+            Recorded::Message("PreArm: Battery 1 below minimum arming voltage"),
+            Recorded::Message("PreArm: Battery 2 unhealthy"),
+            Recorded::Message("Arm: Throttle (RC3) is not neutral"),
+            arming(ArmState::Armed),
+            reading,
+            Recorded::Message("Battery 1 is low 10.40V used 300 mAh"),
+            Recorded::Error(Subsystem::BatteryFailsafe),
+            Recorded::Error(Subsystem::GroundStationFailsafe),
+            Recorded::Message("Battery 2 is critical 6.40V used 300 mAh"),
+            arming(ArmState::Disarmed),
+            reading,
+            arming(ArmState::Armed),
+            reading,
+            reading,
+        ];
+        let rows = rows_of(&file(&records), &[]);
+        let seen: Vec<_> = rows
+            .iter()
+            .map(|row| (row.start_s, row.duration_s, row.complete))
+            .collect();
+        assert_eq!(seen, [(5.0, 6.0, true), (13.0, 2.0, false)]);
+        assert_eq!(
+            rows[0].arming_refusals,
+            [
+                "Battery 1 below minimum arming voltage",
+                "Throttle (RC3) is not neutral"
+            ]
+        );
+        assert_eq!(rows[0].failsafes, ["low 2 s", "ground station 4 s"]);
+        assert!(rows[1].arming_refusals.is_empty() && rows[1].failsafes.is_empty());
+    }
+
+    #[test]
+    fn a_log_without_a_drive_has_a_row_for_each_pack() {
+        let state = state(11.0);
+        let faulty = BatteryState {
+            faults: Faults::DEEP_DISCHARGE | Faults::OVER_CURRENT,
+            ..state
+        };
+        let rows = rows_of(
+            &file(&[
+                Recorded::Battery(Pack::First, &state),
+                Recorded::Battery(Pack::Third, &state),
+                Recorded::Estimate(Pack::Third, &faulty),
+                Recorded::Battery(Pack::First, &state),
+                Recorded::Message("PreArm: Logging failed"),
+            ]),
+            &[],
+        );
+        let seen: Vec<_> = rows
+            .iter()
+            .map(|row| (row.pack, row.duration_s, row.complete))
+            .collect();
+        assert_eq!(seen, [(1, 3.0, true), (3, 0.0, true)]);
+        assert_eq!(rows[1].faults, Faults::DEEP_DISCHARGE | Faults::OVER_CURRENT);
+        assert_eq!(rows[0].arming_refusals, ["Logging failed"]);
+    }
+
+    #[test]
+    fn other_parameters_are_tried_beside_those_of_the_log() {
+        let [before, after] = [state(11.0), state(10.6)];
+        let mut records = vec![LOW_VOLTAGE, arming(ArmState::Armed)];
+        records.extend([Recorded::Battery(Pack::First, &before); 20]);
+        records.extend([Recorded::Battery(Pack::First, &after); 20]);
+        let file = file(&records);
+        let own = rows_of(&file, &[]);
+        assert_eq!((own[0].levels.low_s, &own[0].what_if), (None, &None));
+        let changed = rows_of(&file, &["BATT_LOW_VOLT=10.7"]);
+        let what_if = changed[0].what_if.as_ref().expect("it was asked for");
+        assert_eq!(what_if.parameters, "BATT_LOW_VOLT=10.7");
+        let low_s = what_if.levels.low_s.expect("it is low");
+        // The voltage falls 21 s after arming, and has to be low for ten seconds.
+        assert!((30.0..=32.0).contains(&low_s), "{low_s}");
+        assert_eq!(changed[0].levels.low_s, None);
+    }
+
+    /// Two drives of two packs, with all that a board records of them.
+    fn drives() -> Vec<u8> {
+        let state = state(11.0);
+        let mut records = vec![LOW_VOLTAGE];
+        for _ in 0..2 {
+            records.push(arming(ArmState::Armed));
+            for _ in 0..10 {
+                records.extend([Pack::First, Pack::Second].map(|pack| Recorded::Battery(pack, &state)));
+                records.push(Recorded::Estimate(Pack::First, &state));
+            }
+            records.push(Recorded::Message("Battery 1 is low 10.40V used 300 mAh"));
+            records.push(arming(ArmState::Disarmed));
+            records.push(Recorded::Battery(Pack::First, &state));
+        }
+        file(&records)
+    }
+
+    #[test]
+    fn damage_makes_the_drives_behind_it_incomplete() {
+        let one = drives();
+        let damaged = [&one, &[0xff; 5][..], &one[opening().len()..]].concat();
+        let complete: Vec<bool> = rows_of(&damaged, &[]).iter().map(|row| row.complete).collect();
+        // Of each of two packs.
+        assert_eq!(complete, [true, true, false, false].repeat(2));
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_have_rows_or_a_reason(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+            let _ = rows("log", || Ok(bytes.as_slice()), &[]);
+            let after = [drives(), bytes].concat();
+            prop_assert!(rows("log", || Ok(after.as_slice()), &[]).is_ok());
+        }
+
+        #[test]
+        fn what_is_complete_in_a_cut_log_is_as_in_the_whole_one(cut in 1usize..4000) {
+            let whole = drives();
+            let all = rows_of(&whole, &[]);
+            let cut = &whole[..whole.len().saturating_sub(cut)];
+            let Ok(rows) = rows("log", || Ok(cut), &[]) else {
+                return Ok(());
+            };
+            for row in rows.iter().filter(|row| row.complete) {
+                prop_assert!(all.contains(row), "{:?}", row);
+            }
+            let incomplete = rows.iter().filter(|row| !row.complete);
+            prop_assert!(incomplete.count() <= 2, "{:?}", rows);
+        }
+    }
+}

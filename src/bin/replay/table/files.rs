@@ -1,0 +1,97 @@
+//! Which logs are to be read: files, and folders with all below.
+
+use std::collections::HashSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a path gives no row.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// The path, as it was found.
+    pub path: PathBuf,
+    /// Why.
+    pub reason: String,
+}
+
+/// What was found.
+#[derive(Debug, Default)]
+pub struct Files {
+    /// Logs, each once, in the order of their paths.
+    pub logs: Vec<PathBuf>,
+    /// What can't be read.
+    pub failures: Vec<Failure>,
+    /// What was seen: links may lead to the same file or folder more than once, or in a circle.
+    seen: HashSet<PathBuf>,
+}
+
+impl Files {
+    /// All logs that these paths lead to.
+    pub fn find(paths: &[PathBuf]) -> Self {
+        let mut files = Self::default();
+        for path in paths {
+            files.take(path, Named::ByUser);
+        }
+        files.logs.sort();
+        files
+    }
+
+    fn take(&mut self, path: &Path, named: Named) {
+        if let Err(error) = self.try_take(path, named) {
+            self.fail(path, &error.to_string());
+        }
+    }
+
+    fn try_take(&mut self, path: &Path, named: Named) -> io::Result<()> {
+        let is_folder = path.is_dir();
+        let is_meant = is_folder || named == Named::ByUser || is_log(path);
+        if !is_meant || !self.seen.insert(path.canonicalize()?) {
+            return Ok(());
+        }
+        if !is_folder {
+            self.logs.push(path.into());
+            return Ok(());
+        }
+        let before = self.logs.len();
+        self.take_folder(path)?;
+        if named == Named::ByUser && self.logs.len() == before {
+            self.fail(path, "no log (.BIN) in this folder");
+        }
+        Ok(())
+    }
+
+    /// In the order of names, so that of several links to a file it is always the same one that counts.
+    fn take_folder(&mut self, folder: &Path) -> io::Result<()> {
+        let entries: io::Result<Vec<PathBuf>> = fs::read_dir(folder)?
+            .map(|entry| entry.map(|entry| entry.path()))
+            .collect();
+        let mut entries = entries?;
+        entries.sort();
+        for entry in entries {
+            self.take(&entry, Named::ByFolder);
+        }
+        Ok(())
+    }
+
+    fn fail(&mut self, path: &Path, reason: &str) {
+        self.failures.push(Failure {
+            path: path.into(),
+            reason: reason.into(),
+        });
+    }
+}
+
+/// How a path came to be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Named {
+    /// It was given as an argument.
+    ByUser,
+    /// It lies in a folder: only logs are meant.
+    ByFolder,
+}
+
+/// Whether this is a log by the end of its name.
+pub fn is_log(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("bin"))
+}

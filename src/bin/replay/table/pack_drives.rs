@@ -1,0 +1,277 @@
+//! The drives of one pack in a log, as its readings come.
+
+use rover_battmon::battery::{BatteryState, FailsafeLevel, Faults, LearntPack, PackSettings, PackStatus};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::Parameters;
+
+use super::row::{Estimate, Levels, Row, WhatIf};
+use super::statistics::{Extremes, Span, Spread};
+use crate::run::{self, Assignment, Replay};
+use crate::survey::Survey;
+use crate::trace::Sample;
+
+/// Texts of a kind in a row: what is repeated for ever takes no more room.
+const MOST_TEXTS: usize = 20;
+
+/// How much of a drive a log has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// Nothing is missing.
+    Whole,
+    /// It was cut off, or is damaged.
+    Damaged,
+}
+
+/// The drives of a pack.
+pub struct PackDrives {
+    pack: Pack,
+    own: Replay,
+    what_if: Option<(String, Replay)>,
+    rated_mah: Option<f32>,
+    reported_health_pct: Option<f32>,
+    /// What every row has.
+    common: Row,
+    started_utc_s: Option<f64>,
+    refusals: Vec<String>,
+    /// The present drive; before the first one the log so far.
+    drive: Option<Drive>,
+    rows: Vec<Row>,
+}
+
+/// A drive so far.
+#[derive(Default)]
+struct Drive {
+    is_armed: bool,
+    start_s: f64,
+    end_s: f64,
+    drawn_mah: Span,
+    drawn_wh: Span,
+    resting_v: Extremes,
+    sag_v: Extremes,
+    temperature_c: Extremes,
+    resistance_mohm: Spread,
+    failsafes: Vec<String>,
+    recorded_faults: Option<Faults>,
+    replayed_faults: Faults,
+    levels: Levels,
+    what_if_levels: Levels,
+}
+
+impl PackDrives {
+    /// Those of `pack` in the log of which this is known; `None` if there is no reading of it.
+    pub fn new(
+        path: &str,
+        survey: &Survey,
+        pack: Pack,
+        what_if: &[Assignment],
+    ) -> Option<Result<Self, String>> {
+        let measured = survey.measured(pack)?;
+        let parameters = |assignments: &[Assignment]| {
+            let own = survey.parameters.clone().unwrap_or_else(Parameters::defaults);
+            run::assign(own, assignments, pack, measured)
+        };
+        let known = survey.known(pack).unwrap_or(LearntPack::UNKNOWN);
+        let replay = |parameters: &Parameters| Replay::new(pack, parameters, known);
+        let new = || {
+            let own = parameters(&[])?;
+            let changed = parameters(what_if)?;
+            let texts: Vec<String> = what_if.iter().map(ToString::to_string).collect();
+            let settings = PackSettings::from_parameters(&own, pack);
+            Ok(Self {
+                pack,
+                own: replay(&own)?,
+                what_if: match texts.as_slice() {
+                    [] => None,
+                    texts => Some((texts.join(", "), replay(&changed)?)),
+                },
+                rated_mah: settings.capacity_mah,
+                reported_health_pct: None,
+                common: Row {
+                    path: path.into(),
+                    board_id: survey.board_id.clone(),
+                    system_id: survey.system_id,
+                    pack: pack.number(),
+                    serial_number: settings.serial_number,
+                    ..Row::default()
+                },
+                started_utc_s: survey.started_utc_s,
+                refusals: vec![],
+                drive: None,
+                rows: vec![],
+            })
+        };
+        Some(new())
+    }
+
+    /// Takes a serial number that was read.
+    pub fn identify(&mut self, serial_number: i32) {
+        self.common.serial_number = Some(serial_number);
+    }
+
+    /// Takes the next reading.
+    pub fn add(&mut self, sample: &Sample) {
+        let _ = self.own.update(sample);
+        if let Some((_, replay)) = &mut self.what_if {
+            let _ = replay.update(sample);
+        }
+        let reported_pct = sample.reported.and_then(|reported| reported.health_pct);
+        self.reported_health_pct = reported_pct.or(self.reported_health_pct);
+        if self.rows.is_empty() {
+            self.drive.get_or_insert_with(|| Drive::starting(sample.time_s));
+        }
+        if let Some(drive) = &mut self.drive {
+            drive.add(sample, self.own.state());
+            if let Some((_, replay)) = &self.what_if {
+                drive.reach(sample, replay.state(), |drive| &mut drive.what_if_levels);
+            }
+        }
+    }
+
+    /// The rover is armed.
+    pub fn arm(&mut self, time_s: f64) {
+        self.settle();
+        self.drive = Some(Drive {
+            is_armed: true,
+            ..Drive::starting(time_s)
+        });
+    }
+
+    /// It is disarmed.
+    pub fn disarm(&mut self, time_s: f64, end: End) {
+        if let Some(drive) = self.drive.take_if(|drive| drive.is_armed) {
+            self.close(drive, time_s, end);
+        }
+    }
+
+    /// The log ends. What it has of a pack without any drive is a row, too.
+    pub fn finish(mut self, time_s: f64, end: End) -> Vec<Row> {
+        if let Some(drive) = self.drive.take() {
+            let end = if drive.is_armed { End::Damaged } else { end };
+            let end_s = if drive.is_armed { time_s } else { drive.end_s };
+            self.close(drive, end_s, end);
+        }
+        self.settle();
+        if let Some(row) = self.rows.last_mut() {
+            row.arming_refusals.append(&mut self.refusals);
+        }
+        self.rows
+    }
+
+    /// A failsafe begins, of the rover or of this pack.
+    pub fn failsafe(&mut self, name: &str, time_s: f64) {
+        if let Some(drive) = &mut self.drive {
+            let since_s = drive.since_start_s(time_s).round();
+            push(&mut drive.failsafes, format!("{name} {since_s} s"));
+        }
+    }
+
+    /// Arming is refused.
+    pub fn refusal(&mut self, reason: &str) {
+        if !self.refusals.iter().any(|known| known == reason) {
+            push(&mut self.refusals, reason.into());
+        }
+    }
+
+    /// Its number, as in texts.
+    pub fn number(&self) -> u8 {
+        self.pack.number()
+    }
+
+    /// Drives so far.
+    pub fn count(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn close(&mut self, drive: Drive, end_s: f64, end: End) {
+        let what_if = self.what_if.as_ref().map(|(parameters, _)| WhatIf {
+            parameters: parameters.clone(),
+            levels: drive.what_if_levels,
+        });
+        let resistance = drive.resistance_mohm;
+        self.rows.push(Row {
+            start_utc_s: self.started_utc_s.map(|started_s| started_s + drive.start_s),
+            start_s: drive.start_s,
+            duration_s: drive.since_start_s(end_s).max(0.0),
+            complete: end == End::Whole,
+            drawn_mah: drive.drawn_mah.length(),
+            drawn_wh: drive.drawn_wh.length(),
+            rest_min_v: drive.resting_v.lowest(),
+            sag_max_v: drive.sag_v.highest(),
+            temperature_min_c: drive.temperature_c.lowest(),
+            temperature_max_c: drive.temperature_c.highest(),
+            resistance_mohm: Estimate {
+                value: resistance.mean(),
+                sigma: resistance.sigma(),
+            },
+            failsafes: drive.failsafes,
+            arming_refusals: std::mem::take(&mut self.refusals),
+            faults: drive.recorded_faults.unwrap_or(drive.replayed_faults),
+            levels: drive.levels,
+            what_if,
+            ..self.common.clone()
+        });
+    }
+
+    /// A drive is over when the next one begins: the pack is learnt when it rests.
+    fn settle(&mut self) {
+        if let Some(row) = self.rows.last_mut() {
+            row.serial_number = self.common.serial_number;
+            row.learn(self.own.learnt(), self.rated_mah, self.reported_health_pct);
+        }
+    }
+}
+
+impl Drive {
+    fn starting(start_s: f64) -> Self {
+        Self {
+            start_s,
+            end_s: start_s,
+            ..Self::default()
+        }
+    }
+
+    /// To the microsecond.
+    fn since_start_s(&self, time_s: f64) -> f64 {
+        ((time_s - self.start_s) * 1e6).round() / 1e6
+    }
+
+    fn add(&mut self, sample: &Sample, state: &BatteryState) {
+        self.end_s = sample.time_s;
+        self.reach(sample, state, |drive| &mut drive.levels);
+        self.replayed_faults |= state.faults_to_show();
+        let reported = sample.reported.unwrap_or_default();
+        if let Some(bits) = reported.faults {
+            *self.recorded_faults.get_or_insert_default() |= Faults::from_bits_truncate(bits);
+        }
+        if state.status != PackStatus::Healthy {
+            return;
+        }
+        // The board has counted between the readings that are recorded.
+        self.drawn_mah.add(reported.consumed_mah.or(state.consumed_mah()));
+        self.drawn_wh.add(reported.consumed_wh.or(state.consumed_wh));
+        self.resting_v.add(state.resting_voltage_v);
+        let sag_v = state.resting_voltage_v.zip(state.voltage_v);
+        self.sag_v
+            .add(sag_v.map(|(resting_v, voltage_v)| resting_v - voltage_v));
+        self.temperature_c.add(state.temperature_c);
+        self.resistance_mohm
+            .add(state.resistance_ohm.map(|ohm| ohm * 1e3));
+    }
+
+    /// Notes when a level is reached.
+    fn reach(&mut self, sample: &Sample, state: &BatteryState, levels: fn(&mut Self) -> &mut Levels) {
+        let since_s = self.since_start_s(sample.time_s);
+        let levels = levels(self);
+        match state.failsafe {
+            FailsafeLevel::Low => levels.low_s.get_or_insert(since_s),
+            FailsafeLevel::Critical => levels.critical_s.get_or_insert(since_s),
+            FailsafeLevel::None | FailsafeLevel::Unhealthy => return,
+        };
+    }
+}
+
+fn push(texts: &mut Vec<String>, text: String) {
+    if texts.len() < MOST_TEXTS {
+        texts.push(text);
+    }
+}

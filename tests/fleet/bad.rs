@@ -1,0 +1,107 @@
+//! What is no log, or not a whole one.
+
+use std::fs::{self, File};
+use std::os::unix::fs::symlink;
+
+use crate::generator::{Owned, arming};
+use crate::parquet_file::rows;
+use crate::program::{folder, table};
+
+/// A sparse file of this length is no burden to the disk.
+const TOO_LONG_BYTES: u64 = 300_000_000;
+
+/// A vehicle without a battery monitor: formats, parameters and other records.
+fn without_packs(log: &[u8]) -> Vec<u8> {
+    let format = log
+        .windows(5)
+        .position(|bytes| bytes == [0xa3, 0x95, 128, 138, 41])
+        .expect("the format of BAT");
+    // Of another name.
+    let mut log = log.to_vec();
+    log[format + 5] = b'X';
+    log
+}
+
+#[test]
+fn each_bad_input_ends_as_it_should() {
+    let folder = folder("bad");
+    let log = Owned::new(0).drive();
+    let mut damaged = log.clone();
+    let middle = log.len() / 2;
+    damaged[middle..middle + 500].fill(0xff);
+    let noise: Vec<u8> = (0..100_000u32)
+        .map(|n| (n.wrapping_mul(2_654_435_761) >> 13) as u8)
+        .collect();
+    for (name, bytes) in [
+        ("cut.BIN", &log[..middle]),
+        ("damaged.bin", &damaged),
+        ("empty.BIN", &[]),
+        ("noise.BIN", &noise),
+        ("text.BIN", b"a letter, not a log\n"),
+        ("vehicle.BIN", &without_packs(&log)),
+        ("whole.BIN", &log),
+        ("notes.txt", b"of no interest"),
+    ] {
+        fs::write(folder.join(name), bytes).expect("a file");
+    }
+    let long = File::create(folder.join("long.BIN")).expect("a file");
+    long.set_len(TOO_LONG_BYTES).expect("room for nothing");
+    symlink(&folder, folder.join("circle")).expect("a link");
+    symlink("whole.BIN", folder.join("zz-the-same.BIN")).expect("a link");
+    let name = folder.to_str().expect("a path");
+    let missing = format!("{name}/missing.BIN");
+    let (run, path) = table(&[name, &missing], "bad", 2);
+    assert!(run.output.status.success(), "{}", run.errors());
+    let rows: Vec<(String, bool)> = rows(&path)
+        .iter()
+        .map(|row| (row.text("path").replace(name, ""), row.flag("complete")))
+        .collect();
+    assert_eq!(
+        rows,
+        [("/cut.BIN", false), ("/damaged.bin", false), ("/whole.BIN", true)]
+            .map(|(path, complete)| (path.into(), complete))
+    );
+    let expected = [
+        ("missing.BIN", "No such file or directory (os error 2)"),
+        ("empty.BIN", "empty"),
+        ("long.BIN", "larger than 256 MiB"),
+        ("noise.BIN", "no log in ArduPilot's format (.BIN)"),
+        ("text.BIN", "no log in ArduPilot's format (.BIN)"),
+        ("vehicle.BIN", "no reading of a pack (BAT)"),
+    ];
+    let lines = expected.map(|(file, reason)| format!("{name}/{file}: {reason}\n"));
+    assert!(run.errors().starts_with(&lines.concat()), "{}", run.errors());
+    let failures = fs::read_to_string(path.with_extension("failures.csv")).expect("it is written");
+    let lines = expected.map(|(file, reason)| format!("\"{name}/{file}\",\"{reason}\"\n"));
+    assert_eq!(failures, format!("path,reason\n{}", lines.concat()));
+}
+
+/// A drive that ends with the power has a row; so has one that never began.
+#[test]
+fn a_log_ends_anywhere() {
+    let folder = folder("cut");
+    let log = Owned::new(0).drive();
+    let disarming = arming(rover_battmon::vehicle::ArmState::Disarmed, 660_000_000);
+    let disarmed = log
+        .windows(disarming.len())
+        .position(|bytes| bytes == disarming)
+        .expect("it is disarmed")
+        + disarming.len();
+    let first_reading = log
+        .windows(3)
+        .position(|bytes| bytes == [0xa3, 0x95, 138])
+        .expect("a reading");
+    for end in (first_reading + 60..log.len()).step_by(log.len() / 50) {
+        fs::write(folder.join(format!("{end:08}.BIN")), &log[..end]).expect("a file");
+    }
+    let (run, path) = table(&[folder.to_str().expect("a path")], "cut", 2);
+    assert_eq!(run.errors().lines().count(), 2, "{}", run.errors());
+    let rows = rows(&path);
+    assert!(rows.len() > 45);
+    for row in &rows {
+        let end: usize = row.text("path").rsplit('/').next().expect("a name")[..8]
+            .parse()
+            .expect("a number");
+        assert_eq!(row.flag("complete"), end >= disarmed, "{row:?}");
+    }
+}

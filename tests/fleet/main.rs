@@ -1,0 +1,100 @@
+//! `replay --table` and `--history` on the logs of many rovers, run as their user runs them.
+
+mod bad;
+mod generator;
+mod parquet_file;
+mod program;
+
+use std::fs;
+
+use generator::{DRIVES, Owned, write_fleet};
+use parquet_file::{Row, rows};
+use program::{Run, folder, replay, table};
+
+/// A megabyte, as the limit of memory has it.
+const MB: u64 = 1_000_000;
+
+/// The last drive of a pack.
+const LAST: usize = DRIVES - 1;
+
+/// The most memory that a processor's log may take.
+const MOST_BYTES: u64 = 64 * MB;
+
+fn table_on(cores: u32, logs: &str, name: &str) -> (Run, Vec<Row>) {
+    let (run, path) = table(&[logs], name, cores);
+    assert!(run.output.status.success(), "{}", run.errors());
+    println!("{}", run.figures(cores));
+    assert!(
+        run.peak_bytes < MOST_BYTES * u64::from(cores),
+        "{}",
+        run.figures(cores)
+    );
+    (run, rows(&path))
+}
+
+/// Whether the table has each pack as it is.
+fn assert_true(rows: &[Row], packs: &[Owned]) {
+    assert_eq!(rows.len(), packs.len() * DRIVES);
+    for (rows, pack) in rows.chunks(DRIVES).zip(packs) {
+        for (row, day) in rows.iter().zip(1..) {
+            assert!(row.text("path").ends_with(&format!("{day:08}.BIN")), "{row:?}");
+            assert_eq!(row.text("board_id"), pack.board_id());
+            assert_eq!(row.whole("system_id"), i32::from(pack.system_id()));
+            assert_eq!(row.text("pack_id"), pack.serial_number().to_string());
+            assert_eq!((row.whole("pack"), row.flag("complete")), (1, true));
+            assert!((row.number("duration_s") - 600.0).abs() < 0.01, "{row:?}");
+        }
+        // In the last drive the board knew what it had learnt in the one before; a simulated cell is not the one that the board
+        // expects.
+        let last = rows.last().expect("a drive");
+        let drawn = last.number("drawn_mah") / f64::from(pack.drawn_mah(LAST));
+        assert!((drawn - 1.0).abs() < 0.03, "{drawn}");
+        let error = last.number("capacity_mah") / f64::from(pack.capacity_mah(LAST)) - 1.0;
+        assert!(error.abs() < 0.15, "{error}, {last:?}");
+        let error = last.number("resistance_mohm") / f64::from(pack.resistance_ohm(LAST) * 1e3) - 1.0;
+        assert!(error.abs() < 0.15, "{error}, {last:?}");
+    }
+}
+
+/// Once, with the figures: five packs of twenty drives each.
+#[test]
+fn a_hundred_logs_make_a_table_that_is_the_same_on_one_core_and_on_two() {
+    let logs = folder("fleet");
+    let packs = write_fleet(&logs, 5);
+    let logs = logs.to_str().expect("a path");
+    let (one, rows) = table_on(1, logs, "one");
+    let (two, same) = table_on(2, logs, "two");
+    println!("one core to two: {:.2}", one.seconds / two.seconds);
+    assert_eq!(rows, same);
+    assert_true(&rows, &packs);
+}
+
+/// One log alone begins with what the board knew, too.
+#[test]
+fn a_replay_begins_with_what_the_board_had_learnt() {
+    let folder = folder("learnt");
+    let mut pack = Owned::new(0);
+    let logs = [pack.drive(), pack.drive()];
+    let learnt = logs.map(|log| {
+        let path = folder.join("drive.BIN");
+        fs::write(&path, log).expect("a file");
+        let errors = replay(&[path.to_str().expect("a path")], 1).errors();
+        let line = errors.lines().find(|line| line.starts_with("Learnt: "));
+        line.expect("a summary").to_owned()
+    });
+    assert_eq!(learnt[0], "Learnt: nothing");
+    assert!(
+        learnt[1].starts_with("Learnt: nothing new: capacity 2."),
+        "{learnt:?}"
+    );
+}
+
+/// For the figures of the note, and for other programs: FLEET_FOLDER gets the logs of FLEET_PACKS packs.
+#[test]
+#[ignore = "it takes minutes"]
+fn writes_a_fleet() {
+    let variable = |name: &str| std::env::var(name).unwrap_or_else(|_| panic!("{name} has to be set"));
+    let packs = variable("FLEET_PACKS").parse().expect("a number");
+    let packs = write_fleet(variable("FLEET_FOLDER").as_ref(), packs);
+    println!("{} logs", packs.len() * DRIVES);
+}
