@@ -15,7 +15,7 @@ TARGET = "thumbv6m-none-eabi"
 FIRMWARE = {"MIT", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause", "BSD-3-Clause", "Unlicense", "Zlib", "0BSD"}
 # Packages without one of these, whose own text allows it: docs/dependencies.md#the-radios-program.
 BY_OWN_TEXT = {"cyw43-firmware"}
-DESK = FIRMWARE | {"MPL-2.0", "BSL-1.0", "Unicode-3.0"}
+DESK = FIRMWARE | {"MPL-2.0", "BSL-1.0", "CC0-1.0", "Unicode-3.0"}
 
 
 def cargo(*arguments):

@@ -169,7 +169,10 @@ fn one_recording_is_replayed_at_a_time_unless_there_is_a_table() {
     let output = replay(&[TRACE, TRACE]);
     assert_eq!(output.status.code(), Some(2));
     let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(errors.contains("one recording at a time, or --table"), "{errors}");
+    assert!(
+        errors.contains("one recording at a time, or --table or --history"),
+        "{errors}"
+    );
     for of_one in [
         "--armed",
         "--plot=x.svg",

@@ -23,8 +23,8 @@ const MAX_TO_RATED: f32 = 2.0;
 const LIKE_SHARE: f32 = 0.005;
 const LIKE_VOLTAGE_V: f32 = 0.002;
 
-/// Loss of capacity that makes a pack as old as twice its resistance does.
-const END_OF_LIFE_LOSS: f32 = 0.2;
+/// Loss of capacity, from 0 to 1, at which the life of a pack usually ends; twice its resistance makes it as old.
+pub const END_OF_LIFE_LOSS: f32 = 0.2;
 
 /// The word of a pack without a serial number, as `BATT_SERIAL_NUM`.
 const NO_SERIAL_NUMBER: i32 = -1;

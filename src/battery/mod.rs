@@ -31,7 +31,7 @@ pub use chemistry::Chemistry;
 pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
 pub use event::{PackEvent, PackEvents};
-pub use learnt::{LEARNT_WORDS, LearntPack};
+pub use learnt::{END_OF_LIFE_LOSS, LEARNT_WORDS, LearntPack};
 pub use learnt_text::LearntTextError;
 pub use measurement::{
     Amount, BusError, CellVoltages, Consumed, Contents, Counted, Gauge, GaugeReading, MAX_CELLS, Measurement,

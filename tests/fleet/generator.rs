@@ -184,7 +184,7 @@ impl Owned {
                 DISARMED => log.extend(arming(ArmState::Disarmed, time_us)),
                 _ => {}
             }
-            if (ARMED..LOG_END).contains(&tick) && tick % TICKS_OF_READING == 0 {
+            if (ARMED..LOG_END).contains(&tick) && tick.is_multiple_of(TICKS_OF_READING) {
                 log.extend(records(tick, monitor.state()));
             }
         }
@@ -312,7 +312,7 @@ pub fn arming(state: ArmState, time_us: u64) -> Vec<u8> {
 fn records(tick: u64, state: &BatteryState) -> Vec<u8> {
     let time_us = tick * TICK_US;
     let mut bytes = Record::Battery(Pack::First, state).encode(time_us).to_vec();
-    if tick / TICKS_OF_READING % READINGS_OF_ESTIMATE == 0 {
+    if (tick / TICKS_OF_READING).is_multiple_of(READINGS_OF_ESTIMATE) {
         bytes.extend(Record::Estimate(Pack::First, state).encode(time_us));
     }
     bytes

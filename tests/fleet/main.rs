@@ -5,7 +5,9 @@ mod generator;
 mod parquet_file;
 mod program;
 
+use std::collections::BTreeSet;
 use std::fs;
+use std::io::{self, Write};
 
 use generator::{DRIVES, Owned, write_fleet};
 use parquet_file::{Row, rows};
@@ -20,10 +22,15 @@ const LAST: usize = DRIVES - 1;
 /// The most memory that a processor's log may take.
 const MOST_BYTES: u64 = 64 * MB;
 
+/// Shows a figure also of a test that passes.
+fn show(figure: &str) {
+    let _ = writeln!(io::stderr(), "{figure}");
+}
+
 fn table_on(cores: u32, logs: &str, name: &str) -> (Run, Vec<Row>) {
     let (run, path) = table(&[logs], name, cores);
     assert!(run.output.status.success(), "{}", run.errors());
-    println!("{}", run.figures(cores));
+    show(&run.figures(cores));
     assert!(
         run.peak_bytes < MOST_BYTES * u64::from(cores),
         "{}",
@@ -64,9 +71,54 @@ fn a_hundred_logs_make_a_table_that_is_the_same_on_one_core_and_on_two() {
     let logs = logs.to_str().expect("a path");
     let (one, rows) = table_on(1, logs, "one");
     let (two, same) = table_on(2, logs, "two");
-    println!("one core to two: {:.2}", one.seconds / two.seconds);
+    show(&format!("one core to two: {:.2}", one.seconds / two.seconds));
     assert_eq!(rows, same);
     assert_true(&rows, &packs);
+}
+
+/// The packs that age are those that need attention, and come first.
+#[test]
+fn the_history_finds_the_packs_that_age_and_no_other() {
+    let logs = folder("history");
+    let packs = write_fleet(&logs, 10);
+    let page = logs.join("packs.html");
+    let [logs, page_name] = [&logs, &page].map(|path| path.to_str().expect("a path"));
+    let run = replay(&["--history", page_name, logs], 2);
+    assert!(run.output.status.success(), "{}", run.errors());
+    let text = fs::read_to_string(page).expect("it is written");
+    assert!(text.contains("<h1>2 of 10 packs need attention</h1>"), "{text}");
+    let named = |section: &&str| {
+        let (_, name) = section.split_once("<h2>Pack ").expect("a name");
+        name.split('<')
+            .next()
+            .and_then(|number| number.parse().ok())
+            .expect("a number")
+    };
+    let sections: Vec<&str> = text.split("<section").skip(1).collect();
+    assert_eq!(sections.len(), packs.len());
+    let needing = sections
+        .iter()
+        .filter(|section| section.starts_with(" class=\"attention\""));
+    let found: BTreeSet<i32> = needing.map(named).collect();
+    let aged = packs.iter().filter(|pack| pack.ages()).map(Owned::serial_number);
+    assert_eq!(found, aged.collect());
+    assert!(
+        sections[..2]
+            .iter()
+            .all(|section| found.contains(&named(section)))
+    );
+    for section in sections {
+        let (_, sentence) = section.split_once("<p>").expect("a sentence");
+        println!(
+            "{}: {}",
+            named(&section),
+            sentence.split('<').next().expect("a text")
+        );
+        assert_eq!(
+            section.contains("less capacity than at first"),
+            found.contains(&named(&section))
+        );
+    }
 }
 
 /// One log alone begins with what the board knew, too.

@@ -9,10 +9,13 @@
 //! the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE` the
 //! drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
 //!
-//! Many logs at once make a table of their drives, see [`table`].
+//! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`].
 mod binlog;
 mod comparison;
 mod drive;
+mod files;
+mod history;
+mod many;
 mod plot;
 mod readings;
 mod report;
@@ -41,7 +44,7 @@ Examples:
   replay --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 --plot drive.svg drive.csv
   replay --armed --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 from-another-logger.csv
   replay --param BATT_LOW_VOLT=10.8 --csv rows.csv drive.BIN
-  replay --table drives.parquet logs";
+  replay --table drives.parquet --history packs.html logs";
 
 /// Runs a recorded drive through the battery monitor: what it reports, and when its failsafes act
 #[derive(Parser)]
@@ -75,8 +78,12 @@ struct Arguments {
     #[arg(long, value_name = "FILE.parquet", conflicts_with_all = OF_ONE)]
     table: Option<PathBuf>,
 
-    /// The recording: CSV with columns as t_s, voltage_v, current_a, healthy, armed; or a log, drive.BIN. With --table logs,
-    /// and folders with all logs below
+    /// Write a page with the life of each pack in many logs
+    #[arg(long, value_name = "FILE.html", conflicts_with_all = OF_ONE)]
+    history: Option<PathBuf>,
+
+    /// The recording: CSV with columns as t_s, voltage_v, current_a, healthy, armed; or a log, drive.BIN. With --table and
+    /// --history logs, and folders with all logs below
     #[arg(value_name = "RECORDING", required = true)]
     paths: Vec<PathBuf>,
 }
@@ -102,11 +109,11 @@ fn main() -> ExitCode {
 }
 
 fn replay(arguments: &Arguments) -> Result<(), String> {
-    if arguments.table.is_some() {
-        return table::replay(arguments);
+    if arguments.table.is_some() || arguments.history.is_some() {
+        return many::replay(arguments);
     }
     let [path] = arguments.paths.as_slice() else {
-        let text = "one recording at a time, or --table";
+        let text = "one recording at a time, or --table or --history";
         Arguments::command().error(ErrorKind::TooManyValues, text).exit();
     };
     single::replay(path, arguments)

@@ -1,9 +1,9 @@
 //! The estimates for a trace, as a picture: voltages, current, and the remaining charge with its uncertainty, the
 //! usable charge and the charge states.
 
-mod axis;
-mod panel;
-mod svg;
+pub mod axis;
+pub mod panel;
+pub mod svg;
 
 use rover_battmon::battery::{BatteryState, ChargeState, FailsafeSettings};
 
@@ -12,9 +12,11 @@ use self::panel::{LEFT, Panel, Series};
 use self::svg::{Anchor, Svg};
 use crate::report::{self, Row};
 
-const WIDTH: f64 = 1000.0;
+/// Of a picture, in pixels.
+pub const WIDTH: f64 = 1000.0;
 const HEAD_HEIGHT: f64 = 56.0;
-const PANEL_HEIGHT: f64 = 260.0;
+/// Of a diagram in it.
+pub const PANEL_HEIGHT: f64 = 260.0;
 
 const VOLTAGE: &str = "#1f5fa8";
 const RESTING: &str = "#d1662c";
@@ -24,8 +26,8 @@ const USABLE: &str = "#b0407a";
 const REPORTED: &str = "#888888";
 
 /// The band around the remaining charge: standard deviations, and its name.
-const BAND_SIGMAS: f32 = 2.0;
-const BAND: &str = "± 2 sigma";
+pub const BAND_SIGMAS: f32 = 2.0;
+pub const BAND: &str = "± 2 sigma";
 const BAND_COLOUR: &str = "#c9b8e0";
 
 /// Texts of events are written in this many lines by turns, so that they do not cover each other.
@@ -42,6 +44,11 @@ pub fn plot(rows: &[Row], title: &str, subtitle: &str, failsafe: &FailsafeSettin
     currents(&mut svg, &time, rows);
     remaining(&mut svg, &time, rows);
     svg.finish()
+}
+
+/// Where a diagram begins, counted from the top.
+fn offset(place: u32) -> f64 {
+    HEAD_HEIGHT + f64::from(place) * PANEL_HEIGHT
 }
 
 fn series<'a>(
@@ -70,7 +77,7 @@ fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSetting
         .filter_map(|(name, limit_v)| Some((name, f64::from(limit_v?))));
     let limits_v = limits.clone().map(|(_, limit_v)| limit_v);
     let axis = Axis::over(lines.iter().flat_map(Series::values).chain(limits_v), 6);
-    let panel = Panel::new("Voltage (V)", 0, time, axis);
+    let panel = Panel::new("Voltage (V)", offset(0), time, axis);
     panel.draw(svg, &lines, &[]);
     for (name, limit_v) in limits {
         panel.limit(svg, limit_v, name);
@@ -81,7 +88,7 @@ fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSetting
 fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     let lines = [series(rows, "current", CURRENT, |state| state.current_a)];
     let axis = Axis::over(lines.iter().flat_map(Series::values), 6);
-    let panel = Panel::new("Current (A)", 1, time, axis);
+    let panel = Panel::new("Current (A)", offset(1), time, axis);
     panel.draw(svg, &lines, &[]);
     marks(svg, &panel, rows);
 }
@@ -92,7 +99,12 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
         series(rows, "usable charge", USABLE, |state| state.usable_pct),
     ];
     lines.extend(reported(rows));
-    let panel = Panel::new("Remaining charge (%)", 2, time, Axis::over([0.0, 100.0], 5));
+    let panel = Panel::new(
+        "Remaining charge (%)",
+        offset(2),
+        time,
+        Axis::over([0.0, 100.0], 5),
+    );
     let mut shown = vec![(BAND, BAND_COLOUR)];
     for (from_s, to_s, state) in bands(rows) {
         let (name, colour) = looks(state);

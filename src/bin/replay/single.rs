@@ -10,10 +10,10 @@ use rover_battmon::parameter::Parameters;
 
 use crate::comparison::comparison;
 use crate::drive::Drive;
+use crate::files::is_log;
 use crate::report::Row;
 use crate::summary::Summary;
 use crate::survey::Survey;
-use crate::table::is_log;
 use crate::trace::Trace;
 use crate::words::utc;
 use crate::{Arguments, plot, report, run};

@@ -22,12 +22,19 @@ pub fn duration(duration_s: f64) -> String {
 /// A moment of UTC, in seconds since 1970: 2026-11-25 20:43 UTC.
 pub fn utc(unix_s: f64) -> String {
     let (minutes, _) = minutes_and_seconds(unix_s);
-    let (year, month, day) = day(minutes / (24 * 60));
     format!(
-        "{year}-{month:02}-{day:02} {:02}:{:02} UTC",
+        "{} {:02}:{:02} UTC",
+        date(unix_s),
         minutes / 60 % 24,
         minutes % 60
     )
+}
+
+/// The day of a moment of UTC, in seconds since 1970: 2026-11-25.
+pub fn date(unix_s: f64) -> String {
+    let (minutes, _) = minutes_and_seconds(unix_s);
+    let (year, month, day) = day(minutes / (24 * 60));
+    format!("{year}-{month:02}-{day:02}")
 }
 
 /// Year, month and day of the day that is this many after 1970-01-01. Years are counted from March, so that the day of a leap

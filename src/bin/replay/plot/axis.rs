@@ -18,6 +18,8 @@ pub struct Axis {
     step: f64,
     /// How a value is written, given the distance of ticks.
     label: fn(f64, f64) -> String,
+    /// What the values are, where that is not in the title of the diagram.
+    pub caption: &'static str,
 }
 
 impl Axis {
@@ -28,7 +30,19 @@ impl Axis {
 
     /// The same for moments in seconds, which are written in minutes and seconds.
     pub fn over_time(times_s: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
-        Self::with_steps(times_s, ticks, time_step_s, |time_s, _| clock(time_s))
+        Self {
+            caption: "time (min:s)",
+            ..Self::with_steps(times_s, ticks, time_step_s, |time_s, _| clock(time_s))
+        }
+    }
+
+    /// The same for things that are counted from 1, called `caption`.
+    pub fn over_counted(count: usize, ticks: u32, caption: &'static str) -> Self {
+        let whole_step = |step: f64| round_step(step.max(1.0));
+        Self {
+            caption,
+            ..Self::with_steps([1.0, count as f64], ticks, whole_step, decimal)
+        }
     }
 
     fn with_steps(
@@ -49,6 +63,7 @@ impl Axis {
             highest: ((highest / step).ceil() * step).max(lowest + step),
             step,
             label,
+            caption: "",
         }
     }
 
@@ -64,6 +79,7 @@ impl Axis {
             highest,
             step,
             label,
+            ..
         } = *self;
         let count = ((highest - lowest) / step).round() as u32;
         (0..=count).map(move |number| {
@@ -135,6 +151,17 @@ mod tests {
             ["0:00", "2:00:00", "4:00:00", "6:00:00", "8:00:00", "10:00:00"]
         );
         assert_eq!(ticks([2.3, 2.4], 5), ["0:02", "0:03"]);
+    }
+
+    #[test]
+    fn what_is_counted_has_whole_numbers() {
+        let ticks = |count| {
+            let axis = Axis::over_counted(count, 5, "drive");
+            axis.ticks().map(|(_, text)| text).collect::<Vec<_>>()
+        };
+        assert_eq!(ticks(1), ["1", "2"]);
+        assert_eq!(ticks(3), ["1", "2", "3"]);
+        assert_eq!(ticks(20), ["0", "5", "10", "15", "20"]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::axis::Axis;
 use super::svg::{Anchor, Svg};
-use super::{HEAD_HEIGHT, PANEL_HEIGHT, WIDTH};
+use super::{PANEL_HEIGHT, WIDTH};
 
 /// Where the diagrams begin, in pixels from the left.
 pub const LEFT: f64 = 60.0;
@@ -32,9 +32,8 @@ pub struct Panel<'a> {
 }
 
 impl<'a> Panel<'a> {
-    /// The diagram in this place, counted from the top.
-    pub fn new(title: &'a str, place: u32, time: &'a Axis, values: Axis) -> Self {
-        let offset = HEAD_HEIGHT + f64::from(place) * PANEL_HEIGHT;
+    /// The diagram that begins at this height, in pixels from the top.
+    pub fn new(title: &'a str, offset: f64, time: &'a Axis, values: Axis) -> Self {
         Self {
             title,
             top: offset + MARGIN_TOP,
@@ -69,6 +68,13 @@ impl<'a> Panel<'a> {
         }
     }
 
+    /// Marks each value of a line that has few.
+    pub fn dots(&self, svg: &mut Svg, line: &Series) {
+        for (time_s, value) in line.pieces().concat() {
+            svg.dot((self.x(time_s), self.y(value)), line.colour);
+        }
+    }
+
     fn axes(&self, svg: &mut Svg) {
         for (value, text) in self.values.ticks() {
             let y = self.y(value);
@@ -83,7 +89,7 @@ impl<'a> Panel<'a> {
         svg.text(
             (RIGHT, self.bottom + 2.0 * LINE_HEIGHT),
             Anchor::End,
-            "time (min:s)",
+            self.time.caption,
         );
         svg.text((LEFT, self.top - 12.0), Anchor::Start, self.title);
     }

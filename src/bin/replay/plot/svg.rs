@@ -70,6 +70,13 @@ impl Svg {
         ));
     }
 
+    /// A dot around a point.
+    pub fn dot(&mut self, (x, y): (f64, f64), fill: &str) {
+        self.write(format_args!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{fill}\"/>"
+        ));
+    }
+
     /// A line of text.
     pub fn text(&mut self, place: (f64, f64), anchor: Anchor, text: &str) {
         self.write_text(place, anchor, text, "");
@@ -120,7 +127,8 @@ fn pairs(points: &[(f64, f64)]) -> String {
     points.join(" ")
 }
 
-fn escaped(text: &str) -> String {
+/// A text as it is in XML and HTML.
+pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
