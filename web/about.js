@@ -11,11 +11,11 @@ function renderAbout() {
     'Frames ignored, not signed': ignored,
     'Lost on the way there': system.errors_comm,
     Firmware: version && versionOf(version.middleware_sw_version) + ' ' + version.flight_custom_version,
-    Board: (version?.uid || undefined)?.toString(16).toUpperCase(),
+    Board: boardId(),
     'System ids': roverSystem + ', of this page ' + ownSystem,
   };
   const rows = Object.entries(facts).map(([name, fact]) => el('div', {}, el('dt', {}, name), el('dd', {}, fact ?? 'unknown')));
-  if ($('facts').textContent != rows.map((row) => row.textContent).join('')) $('facts').replaceChildren(...rows);
+  fill($('facts'), rows);
   hide('forget', !signer);
 }
 
@@ -24,10 +24,10 @@ function startAbout() {
     event.preventDefault();
     useKey(keyOf($('passphrase').value));
     $('passphrase').value = '';
-    put('key-state', 'This page signs, until its tab is closed.');
+    put('key-state', 'This page signs.');
   };
   $('forget').onclick = () => {
     useKey();
-    put('key-state', 'Forgotten: this page does not sign.');
+    put('key-state', 'This page does not sign.');
   };
 }

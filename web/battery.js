@@ -88,9 +88,7 @@ function notices() {
 
 function renderNotices() {
   const found = notices();
-  for (const list of document.querySelectorAll('.notices')) {
-    if (list.textContent != found.join('')) list.replaceChildren(...found.map((text) => el('li', {}, text)));
-  }
+  for (const list of document.querySelectorAll('.notices')) fill(list, found.map((text) => el('li', {}, text)));
 }
 
 function renderBattery() {

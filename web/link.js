@@ -12,7 +12,8 @@ const now = () => performance.now();
 
 const handlers = {};
 const on = (name, handler) => (handlers[name] ||= []).push(handler);
-const emit = (name, value) => [...(handlers[name] || [])].forEach((handler) => handler(value));
+const off = (name, handler) => (handlers[name] = handlers[name].filter((other) => other != handler));
+const emit = (name, value) => handlers[name]?.forEach((handler) => handler(value));
 
 let socket;
 let signer = null;
@@ -96,7 +97,7 @@ function receive(frame) {
 }
 
 function useKey(key) {
-  signer = key ? newSigner(key) : null;
+  signer = key && newSigner(key);
   ignored = 0;
   sessionStorage.signingKey = key || '';
 }

@@ -1,7 +1,12 @@
 // The room of the logs: by HTTP, or by signed MAVLink where the rover has a key.
 
-const DATA_BYTES = 90;
 const LOG_MS = 1500;
+
+// As the rover names it by HTTP.
+function nameOf(number, time_utc) {
+  const day = time_utc && new Date(time_utc * SECOND).toISOString().slice(0, 10);
+  return ['rover', boardId(), day, ('' + number).padStart(8, 0)].filter((part) => part).join('-') + '.BIN';
+}
 
 // By HTTP nothing can be signed.
 async function readList() {
@@ -14,38 +19,34 @@ async function readList() {
   ask('LOG_REQUEST_LIST', { end: 65535 });
   for (;;) {
     const entry = await next('LOG_ENTRY', undefined, LOG_MS);
-    if (!entry) throw armed ? 'disarm first' : NO_ANSWER;
-    const { id, size, num_logs } = entry;
-    if (num_logs) entries.set(id, { number: id, bytes: size, name: 'rover-' + id + '.BIN' });
+    if (!entry) throw NO_ANSWER;
+    const { id, size, time_utc, num_logs } = entry;
+    if (num_logs) entries.set(id, { number: id, bytes: size, time_utc, name: nameOf(id, time_utc) });
     if (entries.size == num_logs) return [...entries.values()];
   }
 }
 
-// The whole file; what was lost on the way is asked for again.
+// The whole file, from its begin to its end; what follows something lost is asked for again.
 async function readLog({ number: id, bytes: size }, progress) {
   const bytes = new Uint8Array(size);
-  const has = Array(Math.ceil(size / DATA_BYTES)).fill(0);
-  let left = has.length;
+  let end = 0;
   let tries = 5;
   const isIt = (part) => part.id == id;
-  const take = ({ ofs, data }) => {
-    const part = ofs / DATA_BYTES;
-    if (has[part] != 0) return;
-    bytes.set(data.slice(0, size - ofs), ofs);
-    has[part] = 1;
-    progress(1 - --left / has.length);
+  const take = (part) => {
+    if (!isIt(part) || part.ofs != end) return;
+    const data = part.data.slice(0, size - end);
+    bytes.set(data, end);
+    end += data.length;
+    progress(end / size);
   };
-  on('LOG_DATA', (part) => isIt(part) && take(part));
-  const taker = handlers.LOG_DATA.at(-1);
-  while (left && tries--) {
-    const first = has.indexOf(0);
-    const end = has.indexOf(1, first);
-    ask('LOG_REQUEST_DATA', { id, ofs: first * DATA_BYTES, count: ((end < 0 ? has.length : end) - first) * DATA_BYTES });
-    while (left && (await next('LOG_DATA', isIt, LOG_MS))) tries = 5;
+  on('LOG_DATA', take);
+  while (end < size && tries--) {
+    ask('LOG_REQUEST_DATA', { id, ofs: end, count: size - end });
+    while (end < size && (await next('LOG_DATA', isIt, LOG_MS))) tries = 5;
   }
-  handlers.LOG_DATA.splice(handlers.LOG_DATA.indexOf(taker), 1);
+  off('LOG_DATA', take);
   ask('LOG_REQUEST_END');
-  return left ? null : bytes;
+  return end < size ? null : bytes;
 }
 
 async function listLogs() {
@@ -62,12 +63,12 @@ async function listLogs() {
 }
 
 function rowOf(log) {
-  const { number, bytes, name } = log;
+  const { number, bytes, time_utc, name } = log;
   const label = { ariaLabel: 'Download log ' + number };
   const get = signer
     ? el('button', { ...label, onclick: () => save(log, get) }, 'Download')
     : el('a', { ...label, className: 'button', href: '/logs/' + number + '.BIN', download: name }, 'Download');
-  return el('li', {}, el('b', {}, 'Log ' + number), el('span', {}, digits(bytes / 1e3) + ' kB'), get);
+  return el('li', {}, el('b', {}, 'Log ' + number), el('span', {}, (time_utc ? new Date(time_utc * SECOND).toLocaleString() : 'no date') + ', ' + digits(bytes / 1e3) + ' kB'), get);
 }
 
 async function save(log, button) {
@@ -76,7 +77,7 @@ async function save(log, button) {
   button.disabled = false;
   show(button, 'Download');
   if (bytes) el('a', { href: URL.createObjectURL(new Blob([bytes])), download: log.name }).click();
-  else put('logs-state', 'Broken off' + (armed ? ': disarm first' : ''));
+  else put('logs-state', 'Broken off');
 }
 
 function startLogs() {

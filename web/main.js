@@ -33,6 +33,7 @@ function render() {
   put('mode', armed == null ? '' : MODES[mode] || 'Mode ' + mode);
   const { percent, volts } = chosenPack();
   put('charge', (percent == null ? '' : percent + ' %  ') + (volts == null ? '' : digits(volts, 1) + ' V'));
+  hide('while-armed', !armed);
   renderNotices();
   renderBattery();
   renderDrive();

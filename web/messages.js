@@ -17,7 +17,7 @@ LOG_DATA 120 134 97 ofs:I0 id:H4 data:B7x90
 LOG_ERASE 121 237 2 target_system:B0 target_component:B1
 LOG_REQUEST_END 122 203 2 target_system:B0 target_component:B1
 BATTERY_STATUS 147 154 54 current_consumed:i0 temperature:h8 voltages:H10x10 current_battery:h30 id:B32 battery_remaining:b35 time_remaining:i36 charge_state:B40 voltages_ext:H41x4
-AUTOPILOT_VERSION 148 178 78 uid:Q8 flight_sw_version:I16 middleware_sw_version:I20 flight_custom_version:s36x8
+AUTOPILOT_VERSION 148 178 78 uid:Q8 middleware_sw_version:I20 flight_custom_version:s36x8
 STATUSTEXT 253 83 54 severity:B0 text:s1x50 id:H51 chunk_seq:B53
 PARAM_ERROR 345 209 21 param_id:s4x16 error:B20
 BATTERY_INFO 372 26 140 id:B44 cells_in_series:B48

@@ -12,6 +12,11 @@ function show(element, text) {
   if (element.textContent != text) element.textContent = text;
 }
 
+// A list is left alone while it reads the same: what is selected in it stays selected.
+function fill(list, items) {
+  if (list.textContent != items.map((item) => item.textContent).join('')) list.replaceChildren(...items);
+}
+
 // By id.
 const put = (id, text) => show($(id), text);
 const hide = (id, isHidden) => ($(id).hidden = isHidden);

@@ -116,6 +116,9 @@ on('STATUSTEXT', ({ severity, text: part, id, chunk_seq }) => {
 
 on('AUTOPILOT_VERSION', (fields) => (version = fields));
 
+// As on the board's label; undefined if it is unknown.
+const boardId = () => (version?.uid || undefined)?.toString(16).toUpperCase();
+
 const after = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 // The next message of this name that fits; undefined if none comes in time.
@@ -123,7 +126,7 @@ function next(name, fits = () => 1, ms = SECOND) {
   return new Promise((resolve) => {
     const end = (fields) => {
       clearTimeout(timer);
-      handlers[name].splice(handlers[name].indexOf(take), 1);
+      off(name, take);
       resolve(fields);
     };
     const take = (fields) => fits(fields) && end(fields);

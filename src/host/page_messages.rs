@@ -133,7 +133,7 @@ pub fn messages_js() -> String {
             current_consumed temperature voltages current_battery id battery_remaining time_remaining charge_state
             voltages_ext
         }
-        AUTOPILOT_VERSION_DATA { uid flight_sw_version middleware_sw_version flight_custom_version }
+        AUTOPILOT_VERSION_DATA { uid middleware_sw_version flight_custom_version }
         STATUSTEXT_DATA { severity text id chunk_seq }
         PARAM_ERROR_DATA { param_id error }
         BATTERY_INFO_DATA { id cells_in_series }

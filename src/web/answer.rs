@@ -1,7 +1,10 @@
 //! What is answered to a request.
 
+use core::fmt::Write as _;
+
 use heapless::String;
 
+use super::day::day_of;
 use super::files::{File, PAGE, PARAMETERS};
 use super::head::HeadWriter;
 use super::request::{Request, Sender, TAG_BYTES, Tag, Target};
@@ -12,8 +15,11 @@ use crate::memory::identity::BoardId;
 use crate::numbers::text;
 use crate::recorder::LogFile;
 
-/// An entry of the list of logs, or a log's name.
-pub(super) type Entry = String<80>;
+/// An entry of the list of logs: the longest has 117 bytes.
+pub(super) type Entry = String<120>;
+
+/// A log's name: the longest has 46 bytes.
+type LogName = String<48>;
 
 /// What is answered.
 #[derive(Clone, Debug)]
@@ -122,24 +128,39 @@ impl LogPart {
     }
 }
 
-/// A log's name, for who keeps it: there may be several rovers.
-fn log_name(number: u16, board_id: Option<BoardId>) -> Entry {
-    match board_id {
-        Some(id) => text(format_args!("rover-{}-{number:08}.BIN", id.serial_number())),
-        None => text(format_args!("rover-{number:08}.BIN")),
+/// A log's name, for who keeps it: there may be several rovers. The day is that of UTC, if it is known.
+fn log_name(file: &LogFile, board_id: Option<BoardId>) -> LogName {
+    let mut name = text(format_args!("rover-"));
+    // The longest fits.
+    if let Some(id) = board_id {
+        let _ = write!(name, "{}-", id.serial_number());
     }
+    if let Some(began_utc_s) = file.began_utc_s {
+        let _ = write!(name, "{}-", day_of(began_utc_s));
+    }
+    let _ = write!(name, "{:08}.BIN", file.number);
+    name
 }
 
 /// An entry of the list of logs: the one at `place`, from the oldest one on.
 pub(super) fn list_entry(place: usize, autopilot: &Autopilot) -> Option<Entry> {
     let state = autopilot.system_state();
-    let file = state.logs.get(place)?;
     let separator = if place == 0 { "" } else { "," };
-    let name = log_name(file.number, state.identity.board_id);
-    Some(text(format_args!(
-        "{separator}\n{{\"number\":{},\"bytes\":{},\"name\":\"{name}\"}}",
-        file.number, file.bytes
-    )))
+    let described = description(state.logs.get(place)?, state.identity.board_id);
+    Some(text(format_args!("{separator}\n{described}")))
+}
+
+/// A log as JSON.
+pub(super) fn description(file: &LogFile, board_id: Option<BoardId>) -> Entry {
+    let LogFile { number, bytes, .. } = file;
+    let time_utc = match file.began_utc_s {
+        Some(began_utc_s) => text::<10>(format_args!("{began_utc_s}")),
+        None => text(format_args!("null")),
+    };
+    let name = log_name(file, board_id);
+    text(format_args!(
+        "{{\"number\":{number},\"bytes\":{bytes},\"time_utc\":{time_utc},\"name\":\"{name}\"}}"
+    ))
 }
 
 impl Answer {
@@ -186,7 +207,7 @@ fn refused_head<'a>(refusal: &Refusal, buffer: &'a mut [u8]) -> &'a [u8] {
 
 fn log_head<'a>(part: &LogPart, buffer: &'a mut [u8]) -> &'a [u8] {
     let LogPart { file, first, end, .. } = *part;
-    let name = log_name(file.number, part.board_id);
+    let name = log_name(&file, part.board_id);
     let head = HeadWriter::new(buffer, part.status)
         .header("Content-Type", "application/octet-stream")
         .header("Content-Length", end.saturating_sub(first))

@@ -218,7 +218,7 @@ async fn send_list(writer: &mut impl Write, shared: &Shared) -> Result<(), Gone>
 
 /// An empty one is the end.
 async fn send_chunk(text: &str, writer: &mut impl Write) -> Result<(), Gone> {
-    let mut chunk: String<96> = String::new();
+    let mut chunk: String<128> = String::new();
     // The longest fits.
     let _ = write!(chunk, "{:x}\r\n{text}\r\n", text.len());
     send(chunk.as_bytes(), writer).await

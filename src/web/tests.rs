@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::future::pending;
+use std::num::NonZeroU32;
 
 use embassy_futures::join::join_array;
 use embassy_futures::select::{Either, select};
@@ -16,7 +17,8 @@ use crate::host::frames::{FrameReader, frame};
 use crate::host::sim::clock::run_for;
 use crate::mavlink::LinkKind;
 use crate::mavlink::dialect::{MavMessage, PARAM_REQUEST_READ_DATA};
-use crate::recorder::{LogSource, ReadFailed};
+use crate::memory::identity::BoardId;
+use crate::recorder::{LogFile, LogSource, ReadFailed};
 use crate::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared};
 
 static CHECK_IN: CheckIn = CheckIn::new("", u32::MAX);
@@ -238,6 +240,29 @@ fn each_request_has_its_status() {
         let answer = answered(&request);
         assert_eq!(status(&answer), expected, "{request}\n{answer}");
     }
+}
+
+#[test]
+fn a_log_is_described_with_its_date_if_that_is_known() {
+    let undated = LogFile {
+        number: 7,
+        bytes: 1_000,
+        began_utc_s: None,
+    };
+    assert_eq!(
+        answer::description(&undated, None),
+        r#"{"number":7,"bytes":1000,"time_utc":null,"name":"rover-00000007.BIN"}"#
+    );
+    let longest = LogFile {
+        number: u16::MAX,
+        bytes: u32::MAX,
+        began_utc_s: NonZeroU32::new(u32::MAX),
+    };
+    assert_eq!(
+        answer::description(&longest, Some(BoardId([0xe6; 8]))),
+        "{\"number\":65535,\"bytes\":4294967295,\"time_utc\":4294967295,\
+         \"name\":\"rover-E6E6E6E6E6E6E6E6-2106-02-07-00065535.BIN\"}"
+    );
 }
 
 #[test]
