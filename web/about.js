@@ -3,7 +3,7 @@
 const versionOf = (number) => [number >>> 24, (number >> 16) & 255, (number >> 8) & 255].join('.');
 
 function renderAbout() {
-  const open = roverSigns ? 'the rover signs, this page does not' : 'open: anyone in its network may command the rover';
+  const open = roverSigns ? 'the rover signs, this page does not' : 'open: anyone in the network may command the rover';
   const facts = {
     Signing: signer ? 'this page signs' : open,
     'Frames received': received,

@@ -54,7 +54,7 @@ function renderPack(pack) {
   show(percent, pack.percent == null ? '–' : pack.percent + ' %');
   const unknown = pack.percent == null ? 'Charge unknown: ' + reason(pack, 'percent') : '';
   show(why, old > FRESH_MS ? duration(old / SECOND) + ' old' : unknown);
-  bar.style.width = pack.percent + '%';
+  bar.style.width = +pack.percent + '%';
   bar.className = colour;
   Object.entries(FIGURES).forEach(([key, [, places, unit]], index) => {
     const [, figure, why] = card.querySelectorAll('.figures>div')[index].children;

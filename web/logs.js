@@ -68,7 +68,8 @@ function rowOf(log) {
   const get = signer
     ? el('button', { ...label, onclick: () => save(log, get) }, 'Download')
     : el('a', { ...label, className: 'button', href: '/logs/' + number + '.BIN', download: name }, 'Download');
-  return el('li', {}, el('b', {}, 'Log ' + number), el('span', {}, (time_utc ? new Date(time_utc * SECOND).toLocaleString() : 'no date') + ', ' + digits(bytes / 1e3) + ' kB'), get);
+  const date = time_utc ? new Date(time_utc * SECOND).toLocaleString() : 'no date';
+  return el('li', {}, el('b', {}, 'Log ' + number + ', ' + digits(bytes / 1e3) + ' kB', el('br'), el('small', {}, date)), get);
 }
 
 async function save(log, button) {
