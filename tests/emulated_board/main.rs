@@ -28,8 +28,9 @@ use emulator::{Board, code_of_volts};
 use flash_file::{FlashFile, PROGRAM_BYTES};
 use pace::Pace;
 use port::Port;
+use support::motor_poles::motors;
 use support::repository;
-use wifi::WifiAir;
+use wifi::{HTTP_PORT, MAVLINK_PORT, WifiAir};
 use wires::{UartWire, UsbWire};
 use workbench::bench::{Bench, MILLISECOND, SECOND};
 
@@ -45,6 +46,7 @@ const CAN_BITS_PER_SECOND: u64 = 1_000_000;
 const SLICE_US: u64 = MILLISECOND;
 
 /// Runs the release firmware on an emulated RP2040 with a full 3S pack, in step with the wall clock. Ends by Ctrl-D or Ctrl-C.
+/// The line "motors" of the input shows the emulated time, and whether the motors are driven.
 #[derive(Parser)]
 #[command(bin_name = "cargo test --test emulated_board --")]
 struct Arguments {
@@ -64,6 +66,11 @@ struct Arguments {
     /// Where programs connect to the board's TCP port 5760 over Wi-Fi, from another laptop; makes the board a Pico W
     #[arg(long, value_name = "ADDRESS:PORT")]
     wifi_tcp: Vec<SocketAddr>,
+
+    /// Where browsers connect to the board's TCP port 80 over Wi-Fi, from another laptop; makes the board a Pico W. The board
+    /// answers to its own address only: chromium --host-resolver-rules="MAP 192.168.4.1:80 ADDRESS:PORT" http://192.168.4.1/
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    wifi_http: Vec<SocketAddr>,
 
     /// Where a program connects to an adapter at the board's CAN bus by TCP, which speaks slcan; puts an MCP2515 with 16 MHz at
     /// the board's pins. Lines of the input make trouble on the bus: "can load 0.9", "can noise 0.1", "can wires shorted"
@@ -121,7 +128,7 @@ fn run(arguments: Arguments) -> Result<(), String> {
     for address in &arguments.wifi_udp {
         println!("Wi-Fi to udp:{address}.");
     }
-    for address in &arguments.wifi_tcp {
+    for address in arguments.wifi_tcp.iter().chain(&arguments.wifi_http) {
         println!("Wi-Fi on tcp:{address}.");
     }
     if let Some(address) = &arguments.can {
@@ -163,24 +170,42 @@ impl Wires {
     fn obey_input(&mut self, board: &mut Board) {
         for line in self.typed.try_iter() {
             let words: Vec<_> = line.split_whitespace().collect();
-            if let (Some(can), ["can", words @ ..]) = (&mut self.can, &words[..]) {
-                can.trouble(board, words);
+            match (&mut self.can, &words[..]) {
+                (Some(can), ["can", words @ ..]) => can.trouble(board, words),
+                (_, ["motors"]) => show_motors(board),
+                _ => {}
             }
         }
     }
 }
 
+fn show_motors(board: &Board) {
+    let duty = |pin| board.pwm_output(pin).map(|output| output.duty);
+    let are_driven = motors().any(|motor| duty(motor.positive) != duty(motor.negative));
+    let what = if are_driven { "driven" } else { "at rest" };
+    println!("Motors {what} at {} us.", board.time_us());
+}
+
 /// The air around the board, if anything on the host is to be in it.
 fn wifi_air(arguments: &Arguments) -> Result<Option<WifiAir>, String> {
-    if arguments.wifi_udp.is_empty() && arguments.wifi_tcp.is_empty() {
+    let Arguments {
+        wifi_udp,
+        wifi_tcp,
+        wifi_http,
+        ..
+    } = arguments;
+    if wifi_udp.is_empty() && wifi_tcp.is_empty() && wifi_http.is_empty() {
         return Ok(None);
     }
     let mut air = WifiAir::new();
-    for address in &arguments.wifi_udp {
+    for address in wifi_udp {
         air.add_udp(*address)?;
     }
-    for address in &arguments.wifi_tcp {
-        air.add_tcp(*address)?;
+    for address in wifi_tcp {
+        air.add_tcp(*address, MAVLINK_PORT)?;
+    }
+    for address in wifi_http {
+        air.add_tcp(*address, HTTP_PORT)?;
     }
     Ok(Some(air))
 }

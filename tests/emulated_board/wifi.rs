@@ -8,8 +8,14 @@ use emulator::air::laptop::Laptop;
 use emulator::air::radio::Radio;
 use emulator::air::space::Air;
 
-/// Where the board serves TCP in its own network.
-const BOARDS_TCP: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 4, 1), 5760);
+/// The board in its own network.
+const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
+
+/// Where the board serves MAVLink by TCP.
+pub const MAVLINK_PORT: u16 = 5760;
+
+/// Where the board serves browsers.
+pub const HTTP_PORT: u16 = 80;
 
 /// Where ground stations wait for MAVLink by UDP.
 const STATIONS_UDP_PORT: u16 = 14550;
@@ -42,9 +48,9 @@ impl WifiAir {
         Ok(())
     }
 
-    /// A laptop from which every program that connects to `address` reaches the board.
-    pub fn add_tcp(&mut self, address: SocketAddr) -> Result<(), String> {
-        let bridge = TcpBridge::listen(address, BOARDS_TCP)
+    /// A laptop from which every program that connects to `address` reaches this port of the board.
+    pub fn add_tcp(&mut self, address: SocketAddr, port: u16) -> Result<(), String> {
+        let bridge = TcpBridge::listen(address, SocketAddrV4::new(BOARD, port))
             .map_err(|error| format!("Can't listen on {address}: {error}"))?;
         let number = self.add_laptop();
         self.tcp.push((number, bridge));

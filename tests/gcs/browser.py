@@ -55,13 +55,13 @@ def require_chromium():
 class Page:
     """The page in a headless Chromium of its own."""
 
-    def __init__(self, url, size=PHONE, scheme="dark", downloads=None):
+    def __init__(self, url, size=PHONE, scheme="dark", downloads=None, arguments=()):
         require_chromium()
         from selenium import webdriver
 
         options = webdriver.ChromeOptions()
         options.binary_location = CHROMIUM
-        for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars"):
+        for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars", *arguments):
             options.add_argument(argument)
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self.driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(CHROMEDRIVER))

@@ -12,6 +12,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -153,6 +154,32 @@ class WifiBoard(EmulatedBoard):
     @property
     def tcp_url(self):
         return f"tcp:127.0.0.1:{self.tcp_port}"
+
+
+class PageBoard(EmulatedBoard):
+    """The same with the radio of a Pico W, and a laptop in the board's network for browsers."""
+
+    URL = "http://192.168.4.1/"
+
+    def __init__(self, flash):
+        self.http_port = free_port()
+        super().__init__(flash, "--wifi-http", f"127.0.0.1:{self.http_port}")
+
+    @property
+    def route(self):
+        """The argument by which Chromium finds the board at its own address."""
+        return f"--host-resolver-rules=MAP 192.168.4.1:80 127.0.0.1:{self.http_port}"
+
+    def motors(self):
+        """Whether the motors are driven, and the emulated time in seconds."""
+        begin = len(self.output)
+        self.process.stdin.write("motors\n")
+        self.process.stdin.flush()
+        while True:
+            for line in self.output[begin:]:
+                if shown := re.match(r"Motors (.+) at (\d+) us", line):
+                    return shown[1] == "driven", int(shown[2]) / 1e6
+            time.sleep(0.001)
 
 
 class CanBoard(EmulatedBoard):
