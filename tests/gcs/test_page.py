@@ -15,7 +15,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as dialect
 
 from browser import DESKTOP, FIREFOX, LANDSCAPE, PHONE, REPOSITORY, SMALL_PHONE, Firefox, Network, Page
-from conftest import free_port
+from conftest import PageBoard, free_port
 from station import Background, command, connect, receive, restarted, set_to
 from test_signing import KEY, sign_with, ticks_now, wait_for_text
 
@@ -29,6 +29,9 @@ WEB = REPOSITORY / "web"
 
 # What the pack gives with the motors at rest, at most, in A: the board's own load, and the noise of the sensor.
 AT_REST_A = 0.6
+
+# Noon in UTC of 26 November 2026: the same day wherever this runs, but for some islands.
+LOG_TIME_S = 1_795_694_400
 
 
 class Rover:
@@ -50,12 +53,22 @@ class Rover:
             set_to(self.station, name, value)
         self.station = restarted(self.station, self.simulator.url)
 
-    def record_a_drive(self):
+    def arm(self):
         # Until the pack is measured, it does not arm.
         while command(self.station, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) != mavlink.MAV_RESULT_ACCEPTED:
             time.sleep(0.5)
-        time.sleep(2)
+
+    def disarm(self):
         assert command(self.station, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mavlink.MAV_RESULT_ACCEPTED
+
+    def record_a_drive(self):
+        """Returns how its file is named: without a board id, as a simulator has none."""
+        self.station.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+        self.station.mav.system_time_send(LOG_TIME_S * 1_000_000, 0)
+        self.arm()
+        time.sleep(2)
+        self.disarm()
+        return "rover-2026-11-26-00000001.BIN"
 
     def open(self, **how):
         """The page, once it shows the pack."""
@@ -445,6 +458,42 @@ def test_keys_drive_and_escape_stops(rover):
     assert rover.mode == "Hold"
 
 
+def test_a_game_pad_drives_once_it_was_neutral(rover):
+    rover.measure_current()
+    page = rover.open(size=DESKTOP)
+    move = lambda x, y, stop=False: page.run(
+        "const [x, y, pressed] = arguments;"
+        "const pad = { connected: true, axes: [x, y], buttons: [{ pressed: false }, { pressed }] };"
+        "navigator.getGamepads = () => [null, pad]",
+        x,
+        y,
+        stop,
+    )
+    # In a bag, something lies on its stick.
+    move(0, -1)
+    drive(page)
+    time.sleep(0.5)
+    assert not rover.turns() and "Throttle 0 %, steering 0 %" in page.text()
+    # A stick that is worn out is never quite in its middle.
+    move(0.1, 0.1)
+    time.sleep(0.2)
+    move(0.5, -1)
+    page.wait_for("Throttle 60 %, steering 30 %")
+    rover.seconds_until(rover.turns, 3)
+    move(0, 0)
+    rover.seconds_until(lambda: not rover.turns(), 1)
+    move(0, 1)
+    page.wait_for("Throttle −60 %")
+    rover.seconds_until(rover.turns, 3)
+    # It is switched off, or its battery is empty.
+    page.run("navigator.getGamepads = () => [null]")
+    rover.seconds_until(lambda: not rover.turns(), 1)
+    assert rover.mode == "Manual"
+    move(0, 0, stop=True)
+    page.wait_for("Stopped: Hold")
+    assert rover.mode == "Hold" and page.errors() == []
+
+
 def test_settings(rover):
     page = rover.open(size=DESKTOP)
     page.enter("setup")
@@ -464,7 +513,8 @@ def test_settings(rover):
 
     # Thresholds that suit the cells.
     page.press("What suits the cells: 10.50 V, 10.20 V")
-    page.wait(lambda: parameter(rover, "BATT_LOW_VOLT") == 10.5)
+    page.wait_for("Saved: 10.5")
+    assert parameter(rover, "BATT_LOW_VOLT") == 10.5
     assert parameter(rover, "BATT_CRT_VOLT") == pytest.approx(10.2)
 
     # What is refused says why, and the old value stays.
@@ -502,7 +552,7 @@ def parameter(rover, name):
 
 
 def test_logs_are_listed_downloaded_and_erased_when_asked_twice(rover, tmp_path):
-    rover.record_a_drive()
+    name = rover.record_a_drive()
     page = rover.open(downloads=tmp_path)
     page.enter("logs")
 
@@ -512,9 +562,14 @@ def test_logs_are_listed_downloaded_and_erased_when_asked_twice(rover, tmp_path)
         return "Log 1" in page.text()
 
     page.wait(is_listed)
+    assert "11/26/2026, " in page.read("log-list")
     page.press("Download")
     (file,) = page.wait(lambda: list(tmp_path.glob("*.BIN")))
-    assert file.read_bytes()[:2] == b"\xa3\x95"
+    assert file.read_bytes()[:2] == b"\xa3\x95" and file.name == name
+    rover.arm()
+    page.wait_for("While armed nothing is downloaded or erased: disarm first.")
+    rover.disarm()
+    page.wait_until_gone("While armed")
     page.press("Erase all logs")
     time.sleep(0.5)
     page.press("Press again to erase all for good")
@@ -524,7 +579,7 @@ def test_logs_are_listed_downloaded_and_erased_when_asked_twice(rover, tmp_path)
 
 
 def test_a_rover_with_a_key(rover, tmp_path):
-    rover.record_a_drive()
+    name = rover.record_a_drive()
     rover.station.mav.setup_signing_send(1, 1, list(KEY), ticks_now())
     wait_for_text(rover.station, "Signing key set")
     sign_with(rover.station, KEY)
@@ -553,7 +608,7 @@ def test_a_rover_with_a_key(rover, tmp_path):
     page.wait_for("Log 1")
     page.press("Download")
     (file,) = page.wait(lambda: list(tmp_path.glob("*.BIN")), 30)
-    assert file.read_bytes()[:2] == b"\xa3\x95"
+    assert file.read_bytes()[:2] == b"\xa3\x95" and file.name == name
 
     # The key lasts as long as the tab.
     page.driver.refresh()
@@ -632,6 +687,56 @@ def test_everything_is_on_the_screen_and_legible(rover, pytestconfig):
 
 
 @pytest.mark.long
+def test_the_release_firmware_serves_the_page_and_is_driven_by_it(tmp_path):
+    board = PageBoard(tmp_path / "flash")
+    page = None
+    try:
+        station = connect(board.usb_url)
+        for name, value in (("BATT_CELLS", 3), ("MOT_SLEWRATE", 0)):
+            set_to(station, name, value)
+        while receive(station, ["BATTERY_STATUS"]).battery_remaining < 0:
+            pass
+        page = Page("about:blank", arguments=[board.route])
+        began_s = board.motors()[1]
+        page.driver.get(board.URL)
+        page.wait(lambda: re.search(r"\d %", page.read("packs")), 30)
+        print(f"first percentage after {board.motors()[1] - began_s:.2f} s")
+        assert board.motors()[1] - began_s <= 1
+        drive(page)
+        x, y, width = page.middle("#pad")
+        waited_s = []
+        for _ in range(5):
+            page.touch("touchStart", (x, y))
+            time.sleep(0.1)
+            touched_s = board.motors()[1]
+            page.touch("touchMove", (x, y - width / 3))
+            waited_s.append(seconds_until_motors(board, True) - touched_s)
+            page.release_stick()
+            seconds_until_motors(board, False)
+        print("from touch to motor, in s:", *(f"{seconds:.3f}" for seconds in waited_s))
+        # What this computer takes is in it.
+        assert min(waited_s) <= 0.1
+        page.push_stick()
+        seconds_until_motors(board, True)
+        page.press("Stop")
+        seconds_until_motors(board, False)
+        page.wait_for("Stopped: Hold")
+        assert page.errors() == []
+    finally:
+        if page:
+            page.close()
+        board.kill()
+
+
+def seconds_until_motors(board, are_driven):
+    """The emulated time at which they are so."""
+    end = time.monotonic() + 10
+    while (shown := board.motors())[0] != are_driven:
+        assert time.monotonic() < end
+    return shown[1]
+
+
+@pytest.mark.long
 @pytest.mark.skipif(not FIREFOX, reason="Firefox is not installed: apt-get install firefox-esr")
 def test_a_drive_in_firefox(rover, tmp_path, pytestconfig):
     rover.measure_current()
@@ -639,7 +744,7 @@ def test_a_drive_in_firefox(rover, tmp_path, pytestconfig):
     try:
         firefox.wait_for("Live", 20)
         firefox.wait_for("100 %")
-        for room, words in (("setup", "Battery monitoring"), ("logs", "No logs"), ("about", "open: anyone"), ("drive", "Hold to arm")):
+        for room, words in (("setup", "Battery monitoring"), ("logs", "No logs"), ("about", "open: anyone"), ("drive", "Arm: press 1 s")):
             firefox.enter(room)
             firefox.wait_for(words)
             if pictures := pytestconfig.getoption("--pictures"):

@@ -11,6 +11,7 @@ import pytest
 
 from conftest import REPOSITORY, failed_start, free_port
 from station import command, connect, is_about, mavlink, rate_of, read, read_list, set_to
+from test_signing import KEY, sign_with, ticks_now, wait_for_text
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
@@ -20,8 +21,10 @@ FORCED = 21196
 # More than by default; at 50 Hz a busy computer is what limits.
 RATE_HZ = 10
 
-KEY = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
-UPGRADE = f"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n{KEY}"
+UPGRADE = (
+    "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+)
 
 
 class Site:
@@ -115,13 +118,33 @@ def test_a_foreign_page_hears_and_commands_nothing(site):
     client, status = site.upgraded("Origin: https://evil.example\r\n")
     with closing(client), closing(connect(site.simulator.url)) as tcp:
         assert status == 101
-        packed = mavlink.MAVLink(None, srcSystem=255).param_set_encode(1, 1, b"BATT_LOW_VOLT", 10.5, 9)
-        payload = packed.pack(mavlink.MAVLink(None, srcSystem=255))
-        client.sendall(bytes([0x82, 0x80 | len(payload), 0, 0, 0, 0]) + payload)
+        client.sendall(set_low_volt(mavlink.MAVLink(None, srcSystem=255)))
         time.sleep(1)
         assert read(tcp, "BATT_LOW_VOLT").param_value == 0
         assert len(client.recv(65536)) > 200, "telemetry comes"
         assert site.get("/logs/", Origin="https://evil.example")[0] == 403
+
+
+def set_low_volt(sender):
+    """PARAM_SET of 10.5 V in a WebSocket's frame, with a mask of zeros."""
+    payload = sender.param_set_encode(1, 1, b"BATT_LOW_VOLT", 10.5, 9).pack(sender)
+    return bytes([0x82, 0x80 | len(payload), 0, 0, 0, 0]) + payload
+
+
+def test_a_foreign_page_that_signs_is_obeyed(site):
+    sender = mavlink.MAVLink(None, srcSystem=200)
+    sender.signing.secret_key, sender.signing.timestamp = KEY, ticks_now()
+    with closing(connect(site.simulator.url)) as tcp:
+        tcp.mav.setup_signing_send(1, 1, list(KEY), ticks_now())
+        wait_for_text(tcp, "Signing key set")
+        sign_with(tcp, KEY)
+        client, _ = site.upgraded("Origin: https://evil.example\r\n")
+        with closing(client):
+            for signs, value in ((False, 0), (True, 10.5)):
+                sender.signing.sign_outgoing = signs
+                client.sendall(set_low_volt(sender))
+                time.sleep(1)
+                assert read(tcp, "BATT_LOW_VOLT").param_value == value
 
 
 def test_foreign_hosts_get_nothing(site):
