@@ -175,11 +175,12 @@ class PageBoard(EmulatedBoard):
         begin = len(self.output)
         self.process.stdin.write("motors\n")
         self.process.stdin.flush()
-        while True:
+        while self.process.poll() is None:
             for line in self.output[begin:]:
                 if shown := re.match(r"Motors (.+) at (\d+) us", line):
                     return shown[1] == "driven", int(shown[2]) / 1e6
             time.sleep(0.001)
+        raise AssertionError("it has ended")
 
 
 class CanBoard(EmulatedBoard):

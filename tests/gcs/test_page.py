@@ -288,6 +288,7 @@ def test_the_pack_and_what_is_unknown_of_it(rover):
     assert "no sensor for it" in shown and re.search(r"Now: Voltage 12\.\d\d V, Charge 100 %", shown)
     set_to(rover.station, "SIM_BATT_FAULT", 2)
     page.wait_for("no pack is connected")
+    assert page.run("return document.querySelector('.bar i').offsetWidth") == 0
     page.wait_for("Does not arm: Battery 1 unhealthy")
     set_to(rover.station, "SIM_BATT_FAULT", 0)
     page.wait_until_gone("Does not arm")
