@@ -1,5 +1,6 @@
 //! Moments, the time of day, and periodic due times without drift or catch-up bursts.
 
+use core::fmt;
 use core::num::{NonZeroU32, NonZeroU64};
 
 /// A moment, in whole microseconds since an arbitrary epoch: on the board since boot. It reads no clock.
@@ -66,6 +67,11 @@ impl Utc {
         Self { us }
     }
 
+    /// The moment this many seconds after 1970 began.
+    pub const fn from_seconds(seconds: u32) -> Self {
+        Self::from_micros(seconds as u64 * 1_000_000)
+    }
+
     /// Microseconds since 1970 began.
     pub const fn as_micros(self) -> u64 {
         self.us
@@ -84,6 +90,46 @@ impl Utc {
     /// The moment `us` microseconds earlier.
     pub const fn before_us(self, us: u64) -> Self {
         Self::from_micros(self.us.saturating_sub(us))
+    }
+}
+
+/// A day of the calendar, which is displayed as ISO 8601 writes it: `2026-11-26`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Day {
+    year: u32,
+    month: u32,
+    day: u32,
+}
+
+impl Day {
+    /// That of UTC.
+    pub fn of(utc: Utc) -> Self {
+        const US_PER_DAY: u64 = 24 * 3_600 * 1_000_000;
+        // In days.
+        const FOUR_CENTURIES: u32 = 146_097;
+        const FOUR_YEARS: u32 = 1_461;
+        const FIVE_MONTHS: u32 = 153;
+        const FROM_MARCH_1600_TO_1970: u32 = 135_080;
+        // Years that begin with March have the day that may be missing at their end.
+        let days = (utc.us / US_PER_DAY) as u32 + FROM_MARCH_1600_TO_1970;
+        let century = (4 * days + 3) / FOUR_CENTURIES;
+        let of_century = days - FOUR_CENTURIES * century / 4;
+        let year = (4 * of_century + 3) / FOUR_YEARS;
+        let of_year = of_century - FOUR_YEARS * year / 4;
+        let month = (5 * of_year + 2) / FIVE_MONTHS;
+        let day = of_year - (FIVE_MONTHS * month + 2) / 5 + 1;
+        let march_year = 1_600 + 100 * century + year;
+        let (year, month) = match month {
+            ..10 => (march_year, month + 3),
+            _ => (march_year + 1, month - 9),
+        };
+        Self { year, month, day }
+    }
+}
+
+impl fmt::Display for Day {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}-{:02}-{:02}", self.year, self.month, self.day)
     }
 }
 
@@ -160,6 +206,42 @@ mod tests {
 
     use super::*;
     use crate::time::at_us;
+
+    fn day(utc_s: u32) -> String {
+        Day::of(Utc::from_seconds(utc_s)).to_string()
+    }
+
+    #[test]
+    fn a_day_ends_at_midnight() {
+        // As `date -u -d @…` writes them.
+        assert_eq!(day(0), "1970-01-01");
+        assert_eq!(day(951_782_399), "2000-02-28");
+        assert_eq!(day(951_782_400), "2000-02-29");
+        assert_eq!(day(1_795_651_199), "2026-11-25");
+        assert_eq!(day(1_795_651_200), "2026-11-26");
+        assert_eq!(day(u32::MAX), "2106-02-07");
+        let _ = Day::of(Utc::from_micros(u64::MAX));
+    }
+
+    #[test]
+    fn each_day_follows_the_one_before() {
+        const SECONDS_PER_DAY: u32 = 24 * 3_600;
+        let mut days = (0..=u32::MAX / SECONDS_PER_DAY).map(|number| day(number * SECONDS_PER_DAY));
+        for year in 1_970..2_106 {
+            let february = match year {
+                2_100 => 28,
+                _ if year % 4 == 0 => 29,
+                _ => 28,
+            };
+            let lengths = [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+            for (month, length) in (1..).zip(lengths) {
+                for day in 1..=length {
+                    let expected = format!("{year}-{month:02}-{day:02}");
+                    assert_eq!(days.next().expect("some are left"), expected);
+                }
+            }
+        }
+    }
 
     #[test]
     fn moments_are_in_order_from_the_epoch_on() {

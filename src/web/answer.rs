@@ -4,7 +4,6 @@ use core::fmt::Write as _;
 
 use heapless::String;
 
-use super::day::day_of;
 use super::files::{File, PAGE, PARAMETERS};
 use super::head::HeadWriter;
 use super::request::{Request, Sender, TAG_BYTES, Tag, Target};
@@ -14,6 +13,7 @@ use crate::mavlink::LinkKind;
 use crate::memory::identity::BoardId;
 use crate::numbers::text;
 use crate::recorder::LogFile;
+use crate::time::{Day, Utc};
 
 /// An entry of the list of logs: the longest has 117 bytes.
 pub(super) type Entry = String<120>;
@@ -136,7 +136,7 @@ fn log_name(file: &LogFile, board_id: Option<BoardId>) -> LogName {
         let _ = write!(name, "{}-", id.serial_number());
     }
     if let Some(began_utc_s) = file.began_utc_s {
-        let _ = write!(name, "{}-", day_of(began_utc_s));
+        let _ = write!(name, "{}-", Day::of(Utc::from_seconds(began_utc_s.get())));
     }
     let _ = write!(name, "{:08}.BIN", file.number);
     name

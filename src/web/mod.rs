@@ -6,7 +6,6 @@
 mod answer;
 mod attend;
 mod byte_range;
-mod day;
 mod decoder;
 mod files;
 mod head;
