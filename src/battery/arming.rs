@@ -235,6 +235,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-17, PX-4
     fn failures_have_ardupilots_words_and_order() {
         let mut settings = settings();
         settings.failsafe.critical = thresholds(10.5, 400.0);

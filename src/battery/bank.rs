@@ -284,6 +284,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-4
     fn current_is_unknown_unless_known_of_every_member() {
         let packs = [pack(12.0, Some(2.0)), pack(11.0, None)];
         assert_eq!(sum(packs.iter(), SumVoltage::Mean).unwrap().current_a, None);

@@ -220,6 +220,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: PX-3
     fn state_has_hysteresis_at_each_threshold() {
         let mut machine = ChargeStateMachine::default();
         for (remaining_pct, expected) in [
@@ -291,6 +292,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-23
     fn a_limit_of_zero_disables_its_state() {
         let mut machine = ChargeStateMachine::default();
         let inputs = Inputs {

@@ -219,6 +219,7 @@ mod tests {
     use super::CHEMISTRIES;
 
     #[test]
+    // Requirement: PX-2
     fn every_curve_is_strictly_increasing() {
         for chemistry in CHEMISTRIES {
             let points = &chemistry.cell().curve.0;

@@ -142,6 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
+    // Requirement: AP-15
     fn one_ampere_for_an_hour_is_one_ampere_hour() {
         let mut consumption = Consumption::default();
         for _ in 0..36_000 {

@@ -301,6 +301,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-18
     fn voltage_below_threshold_trips_after_the_timer() {
         let mut failsafe = Failsafe::default();
         assert_eq!(run(&mut failsafe, 0, 10, ArmState::Armed, &at_voltage(10.4)), []);
@@ -310,6 +311,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-18
     fn level_latches_until_a_battery_reset() {
         let mut failsafe = Failsafe::default();
         run(&mut failsafe, 0, 20, ArmState::Armed, &at_voltage(9.0));

@@ -227,6 +227,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-1
     fn every_parameter_of_the_table_changes_a_setting_or_is_read_elsewhere() {
         let defaults = Parameters::defaults();
         let before = PackSettings::from_parameters(&defaults, Pack::Third);
@@ -241,6 +242,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: PX-2
     fn parameters_reach_their_settings_in_their_pack_only() {
         let mut parameters = Parameters::defaults();
         for (parameter, value) in [

@@ -266,6 +266,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: FR-2
     fn rates_are_exact_over_ten_minutes_of_late_service() {
         for rate_hz in [1.0, 2.0, 10.0, 50.0] {
             let mut scheduler = StreamScheduler::new(Instant::EPOCH);

@@ -243,6 +243,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-1
     fn released_names_and_keys_are_unchanged() {
         for (name, key) in [
             ("SYSID_THISMAV", 1),

@@ -327,6 +327,7 @@ mod tests {
         + SimulationParameter::COUNT;
 
     #[test]
+    // Requirement: AP-3
     fn disabled_pack_is_hidden_except_its_monitor_parameter() {
         let mut parameters = Parameters::defaults();
         assert_eq!(parameters.listed().count(), LISTED_BY_DEFAULT);
@@ -370,6 +371,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-3
     fn parameters_of_what_is_not_in_use_are_hidden() {
         let mut parameters = Parameters::defaults();
         let bitrate = ParameterId::from(VehicleParameter::CanP1Bitrate);
@@ -408,6 +410,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-1
     fn value_out_of_range_is_rejected() {
         let mut parameters = Parameters::defaults();
         for value in [-1.0, 51.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {

@@ -82,6 +82,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: FR-13
     fn default_scale_gives_the_required_voltage() {
         // FR-00069: 3000 counts are 9.55 V with the default multiplier.
         let measure = |count| {
@@ -149,6 +150,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-4
     fn each_kind_reads_only_its_pins() {
         let pins = |kind| wiring().pins(kind).collect::<Vec<_>>();
         assert_eq!(pins(MonitorKind::AnalogVoltage), [AnalogPin::Gp26]);

@@ -176,6 +176,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-10
     fn voltages_and_temperatures_are_averaged_and_currents_added_up() {
         for members in [Members::All, FIRST_TWO] {
             let measurement = two().measure(members, 1, Instant::EPOCH).unwrap();

@@ -100,6 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
+    // Requirement: AP-22
     fn a_failed_check_has_ardupilots_words() {
         for (checked_by, pack, failure, expected) in [
             (

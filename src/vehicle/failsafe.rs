@@ -142,6 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
+    // Requirement: AP-19
     fn actions_have_ardupilots_numbers() {
         for (number, text) in [
             "Warning",

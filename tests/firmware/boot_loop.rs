@@ -51,6 +51,7 @@ fn value(bench: &mut Bench) -> Option<f32> {
 }
 
 #[test]
+// Requirement: OWN-6
 fn five_quick_resets_start_with_defaults_and_leave_flash_alone() {
     let mut bench = configured();
     bench.ask(&arm());

@@ -32,6 +32,7 @@ fn result(answers: &[Frame]) -> u8 {
 }
 
 #[test]
+// Requirement: AP-25
 fn an_interval_is_kept_within_one_percent_and_for_its_message_alone() {
     rates_asked_for::by_interval(10 * SECOND);
 }

@@ -103,6 +103,7 @@ fn assert_logged(bench: &Bench, text: &str) {
 }
 
 #[test]
+// Requirement: OWN-6
 fn an_undefined_instruction_is_reported_with_its_address_and_task() {
     let mut bench = in_drive();
     let link_register = bench.register(LINK_REGISTER);

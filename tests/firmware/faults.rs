@@ -67,6 +67,7 @@ fn a_failing_converter_keeps_the_last_value(
 }
 
 #[test]
+// Requirement: FR-12
 fn a_converter_that_never_finishes() {
     a_failing_converter_keeps_the_last_value(
         |bench| bench.adc_fault(AdcFault::Stalled),

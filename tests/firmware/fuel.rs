@@ -56,6 +56,7 @@ fn ask_for_fuel(bench: &mut Bench, instance: f32) -> (u8, Option<Frame>) {
 }
 
 #[test]
+// Requirement: AP-10
 fn the_level_falls_from_full_to_empty() {
     let mut bench = with_tank(&[]);
     for (centivolts, left_pct) in [(250, 100), (200, 75), (150, 50), (100, 25), (50, 0)] {

@@ -36,6 +36,7 @@ fn count_of(frames: &[Frame], instance: u8) -> usize {
 }
 
 #[test]
+// Requirement: FR-11
 fn nine_packs_are_sampled_and_reported_at_10_hz() {
     const SECONDS: u64 = 20;
     const TICKS: usize = 10 * SECONDS as usize;
@@ -142,6 +143,7 @@ fn a_current_without_a_voltage_and_one_without_a_sensor() {
 }
 
 #[test]
+// Requirement: AP-4
 fn a_sum_is_of_the_others() {
     let mut bench = Bench::configured(
         2482,
@@ -165,6 +167,7 @@ fn a_sum_is_of_the_others() {
 }
 
 #[test]
+// Requirement: AP-16
 fn a_battery_reset_is_read_back_exactly() {
     let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
     for percent in [56, 97, 0, 100] {
@@ -283,6 +286,7 @@ fn the_resting_voltage_is_sent_when_that_is_asked_for() {
 }
 
 #[test]
+// Requirement: PX-6
 fn cells_and_swaps_are_announced() {
     let mut bench = Bench::running(2482);
     bench.run_for(3 * SECOND);

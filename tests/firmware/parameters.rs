@@ -69,6 +69,7 @@ fn a_list_leaves_heartbeat_and_telemetry_flowing_and_takes_its_share() {
 }
 
 #[test]
+// Requirement: FR-16, AP-2
 fn what_was_set_is_there_after_a_restart_and_after_a_power_cycle() {
     let mut bench = Bench::running(2482);
     bench.set("BATT_VOLT_MULT", 4.1);
@@ -140,11 +141,13 @@ fn a_reset_to_defaults_is_live_and_stays() {
 }
 
 #[test]
+// Requirement: FR-2
 fn the_rate_follows_sr0_extra1() {
     rates_asked_for::by_parameter(10 * SECOND);
 }
 
 #[test]
+// Requirement: AP-2
 fn the_multiplier_changes_the_voltage_of_the_next_frame() {
     let mut bench = Bench::running(2482);
     bench.run_until_time(3_150 * MILLISECOND);

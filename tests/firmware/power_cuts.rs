@@ -11,6 +11,7 @@ fn a_cut_before_an_operation_loses_nothing() {
 }
 
 #[test]
+// Requirement: FR-16
 fn a_cut_that_leaves_a_prefix_of_an_operation_loses_nothing() {
     power_cuts::run(FlashCut::Prefix, (2..).step_by(STEP));
 }

@@ -37,6 +37,7 @@ fn with_tank(kind: f32, parameters: &[(&str, f32)]) -> Bench {
 }
 
 #[test]
+// Requirement: AP-10
 fn pulses_of_a_flow_sensor_are_counted_to_the_last() {
     let mut bench = with_tank(FUEL_FLOW, &[("BATT2_AMP_PERVLT", 0.5)]);
     let from_us = bench.time_us() + 100 * MILLISECOND;
@@ -90,6 +91,7 @@ fn fast_pulses_are_not_lost() {
 }
 
 #[test]
+// Requirement: AP-10
 fn the_pulse_width_gives_the_level_and_a_timeout_is_announced() {
     let mut bench = with_tank(FUEL_LEVEL_PWM, &[]);
     for (width_us, pct) in [(1900, 100), (1500, 50), (1100, 0)] {
@@ -148,6 +150,7 @@ fn the_frame_of_the_facts_is_the_one_the_tests_make() {
 }
 
 #[test]
+// Requirement: AP-10
 fn an_esc_reports_voltage_current_temperature_and_charge() {
     let mut bench = with_esc();
     for tick in 0..50u16 {

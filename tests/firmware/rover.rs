@@ -104,6 +104,7 @@ fn the_motors_coast_from_reset_until_the_rover_is_armed() {
 }
 
 #[test]
+// Requirement: OWN-3
 fn a_critical_voltage_stops_it_within_the_timer_and_a_quarter_second() {
     let mut bench = driving(&[
         ("BATT_LOW_TIMER", 1.0),
@@ -276,6 +277,7 @@ fn the_smallest_firmware_drives_by_gamepad_and_stops_without_it() {
 }
 
 #[test]
+// Requirement: FR-8
 fn the_smallest_firmware_keeps_its_telemetry_rate_while_it_is_driven() {
     let mut bench = Bench::power_up_example("mavlink_rc_control");
     bench.adc_input(PACK, AdcInput::Code(GOOD_3S));

@@ -18,6 +18,7 @@ fn reported_mv(bench: &mut Bench) -> u16 {
 }
 
 #[test]
+// Requirement: FR-13
 fn the_voltage_follows_the_formula_of_the_requirement() {
     let mut bench = Bench::power_up(2482);
     for code in [700, 1500, 2482, 3000, 3555, 4095] {
@@ -33,6 +34,7 @@ fn the_voltage_follows_the_formula_of_the_requirement() {
 }
 
 #[test]
+// Requirement: FR-11
 fn a_reading_is_the_mean_of_its_burst() {
     let mut bench = Bench::power_up(2482);
     let mut high = false;
@@ -48,6 +50,7 @@ fn a_reading_is_the_mean_of_its_burst() {
 }
 
 #[test]
+// Requirement: FR-14
 fn the_mean_error_over_the_range_stays_within_ten_counts() {
     const POINTS: u32 = 150;
     let mut bench = Bench::power_up(2482);
@@ -67,6 +70,7 @@ fn the_mean_error_over_the_range_stays_within_ten_counts() {
 }
 
 #[test]
+// Requirement: PX-5
 fn usb_power_is_no_pack_and_not_a_flat_one() {
     let mut bench = Bench::power_up(2482);
     bench.run_for(2 * SECOND);

@@ -96,6 +96,7 @@ fn only_who_has_the_key_is_obeyed() {
 }
 
 #[test]
+// Requirement: OWN-4
 fn no_restart_lets_the_time_go_back_or_a_recording_in() {
     let mut bench = protected();
     let mut owner = station(&mut bench);

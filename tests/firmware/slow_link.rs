@@ -20,6 +20,7 @@ fn overloaded() -> Bench {
 }
 
 #[test]
+// Requirement: AP-25
 fn heartbeat_keeps_its_rate_and_every_stream_its_share() {
     let mut bench = overloaded();
     let from_us = bench.time_us();

@@ -6,6 +6,7 @@ use workbench::bench::{Bench, MILLISECOND, MINUTE, PACK, SECOND};
 use workbench::runs::exact_rates;
 
 #[test]
+// Requirement: FR-2
 fn a_minute_at_exact_rates_without_drift() {
     exact_rates::run(MINUTE);
 }

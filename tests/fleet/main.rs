@@ -65,6 +65,7 @@ fn assert_true(rows: &[Row], packs: &[Owned]) {
 
 /// Once, with the figures: five packs of twenty drives each.
 #[test]
+// Requirement: OWN-8
 fn a_hundred_logs_make_a_table_that_is_the_same_on_one_core_and_on_two() {
     let logs = folder("fleet");
     let packs = write_fleet(&logs, 5);
@@ -78,6 +79,7 @@ fn a_hundred_logs_make_a_table_that_is_the_same_on_one_core_and_on_two() {
 
 /// The packs that age are those that need attention, and come first.
 #[test]
+// Requirement: OWN-8
 fn the_history_finds_the_packs_that_age_and_no_other() {
     let logs = folder("history");
     let packs = write_fleet(&logs, 10);

@@ -177,6 +177,7 @@ def test_a_battery_reports_cells_cycles_and_capacity(peer, vehicle):
     assert status.battery_remaining == pytest.approx(percent, abs=1)
 
 
+# Requirement: AP-8
 def test_motor_controllers_measure_a_pack_together(peer, vehicle):
     sent = {1: (24.0, 3.5, 40), 2: (24.25, 4.5, 50), 3: (24.5, 6, 60), 4: (30.0, 9, 90)}
     for index, values in sent.items():
@@ -185,6 +186,7 @@ def test_motor_controllers_measure_a_pack_together(peer, vehicle):
     assert_reports(vehicle, DRIVE, 24.25, 14, 50)
 
 
+# Requirement: AP-8
 def test_a_charger_measures_a_pack_and_is_switched(peer, vehicle):
     assert set_to(vehicle, "BATT5_OPTIONS", OFF_AT_BOOT | ON_AT_ARM | OFF_AT_DISARM).param_id == "BATT5_OPTIONS"
     # The node takes over its settings ten times a second.

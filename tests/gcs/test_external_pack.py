@@ -62,6 +62,7 @@ def set_up(connection, url):
     return restarted(connection, url)
 
 
+# Requirement: AP-11
 def test_readings_and_silence_of_a_pack_that_the_script_feeds(start_simulator):
     simulator = start_simulator()
     station = set_up(connect(simulator.url), simulator.url)

@@ -100,6 +100,7 @@ def start_rover(start_simulator):
     return start
 
 
+# Requirement: AP-16
 def test_a_low_pack_stops_the_rover_until_the_battery_is_reset(start_rover):
     rover = start_rover(5, BATT_LOW_VOLT=10.5, BATT_LOW_TIMER=2, BATT_FS_LOW_ACT=2)
     rover.start_driving()

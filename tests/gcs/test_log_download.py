@@ -178,6 +178,7 @@ def reached(request, drive):
 # What is in the log
 
 
+# Requirement: AP-21
 def test_it_is_read_without_a_warning(drive, tmp_path, capfd):
     path = tmp_path / "drive.BIN"
     path.write_bytes(drive.log)
@@ -296,6 +297,7 @@ def finished(download, *arguments, running):
     return result
 
 
+# Requirement: AP-27
 def test_mavsdk_downloads(reached, tmp_path):
     drive, url = reached
     with mavsdk_system(url) as system:
@@ -382,6 +384,7 @@ def test_parameters_are_downloaded_as_a_file(drive, tmp_path, defaults):
         assert values["BATT_VOLT_MULT"] == pytest.approx(3.85) and values["LOG_BITMASK"] == NOTHING_RECORDED
 
 
+# Requirement: AP-27
 def test_mavproxy_downloads_and_uploads_parameters_by_ftp(drive, tmp_path):
     mavproxy = MavProxy(drive.vehicle.urls["uart"], tmp_path, "--streamrate=-1")
     try:

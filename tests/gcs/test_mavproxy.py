@@ -147,6 +147,7 @@ def voltage(mavproxy):
     return int(mavproxy.ask("status BATTERY_STATUS", r"voltages : \[(\d+), 65535")[1]) / 1000
 
 
+# Requirement: FR-6
 def test_it_shows_the_battery(mavproxy):
     assert 12.0 < voltage(mavproxy) < 12.65
     mavproxy.type("set numcells 3")

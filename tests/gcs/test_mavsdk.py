@@ -81,6 +81,7 @@ def test_what_is_unknown_is_nan(batteries):
     assert math.isnan(battery.time_remaining_s)
 
 
+# Requirement: FR-6
 def test_the_remaining_charge_of_a_full_pack(batteries):
     # Known as soon as the cells are counted: 2 s after the start.
     reports = [batteries.get(timeout=5) for _ in range(8)]

@@ -42,6 +42,7 @@ def test_default_rates_without_loss(start_simulator):
     assert_rate(messages, "BATTERY_STATUS", 5, 2)
 
 
+# Requirement: FR-1
 def test_fields_decode(start_simulator):
     simulator = start_simulator()
     # Longer than the 2 s it takes to count the cells.

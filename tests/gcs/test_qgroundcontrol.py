@@ -110,6 +110,7 @@ def test_it_connects_without_a_dialog(session):
     assert session.script.connecting_s < 3
 
 
+# Requirement: FR-6
 def test_it_shows_the_fly_view(session):
     assert session.connected.view == FLY_VIEW
 

@@ -228,6 +228,7 @@ def healthy(request):
         yield situation
 
 
+# Requirement: FR-6
 def test_healthy(healthy):
     planner = healthy.old.planner
     assert (planner.internal_error, planner.message, planner.failsafe) == (None, None, False)
@@ -351,6 +352,7 @@ def test_strangers_no_critical_failure(strangers):
 drained = situation("drained")
 
 
+# Requirement: FR-6
 def test_drained_is_seen_by_charge_state(drained):
     assert drained.old.planner.batteries[0].remaining_pct <= 8
     assert drained.old.ground.batteries[0].colour == "red"

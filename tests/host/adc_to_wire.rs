@@ -82,6 +82,7 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
 }
 
 #[test]
+// Requirement: FR-1, FR-8
 fn a_pack_appears_on_the_wire_at_the_default_rates() {
     let frames = run(600, 115_200, Converter(|_| Ok(AdcCount(2482))));
     assert_no_sequence_gap(&frames);
@@ -97,6 +98,7 @@ fn a_pack_appears_on_the_wire_at_the_default_rates() {
 }
 
 #[test]
+// Requirement: FR-12
 fn the_last_good_value_stays_and_the_fifth_failed_read_says_unhealthy() {
     let stalls_at = Instant::from_micros(4_950_000);
     let frames = run(10, 115_200, StallingConverter { stalls_at });

@@ -89,6 +89,7 @@ fn healthy(voltage_v: f32) -> BatteryState {
 }
 
 #[test]
+// Requirement: FR-10
 fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike() {
     let golden = golden_frames();
     let full = BatteryState {
@@ -127,6 +128,7 @@ fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike()
 
 /// ArduPilot sends function and type as unknown; with those two fields set so, its frames are ours.
 #[test]
+// Requirement: FR-1
 fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
     let as_ardupilot = |data: BATTERY_STATUS_DATA| BATTERY_STATUS_DATA {
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_UNKNOWN,
@@ -210,6 +212,7 @@ fn with_battery_sensor_alone(data: SYS_STATUS_DATA) -> SYS_STATUS_DATA {
 }
 
 #[test]
+// Requirement: FR-7
 fn sys_status_is_byte_exact() {
     let batteries = [BatteryState {
         current_a: Some(5.0),
@@ -264,6 +267,7 @@ fn heartbeat_says_a_disarmed_ardupilot_rover() {
 }
 
 #[test]
+// Requirement: AP-20
 fn a_pack_that_powers_off_is_a_command_to_every_component() {
     // Target system and component 0, command 42000, parameter 1 the pack's number, confirmation 0; packed by pymavlink.
     for (pack, golden) in [
@@ -282,6 +286,7 @@ fn a_pack_that_powers_off_is_a_command_to_every_component() {
 }
 
 #[test]
+// Requirement: FR-4, FR-5
 fn unknown_is_sent_as_the_sentinel_of_each_field() {
     let state = SystemState::default();
     let data = build_battery_status(&state, Pack::First);
@@ -433,6 +438,7 @@ fn all_packs_that_are_monitored_have_to_be_healthy() {
 }
 
 #[test]
+// Requirement: AP-23, AP-24
 fn each_instance_has_its_own_values_and_the_first_is_in_sys_status() {
     let batteries: [BatteryState; 9] = std::array::from_fn(|instance| healthy(10.0 + instance as f32));
     let state = with_packs(&batteries);
@@ -445,6 +451,7 @@ fn each_instance_has_its_own_values_and_the_first_is_in_sys_status() {
 }
 
 #[test]
+// Requirement: AP-23
 fn the_type_is_what_the_cells_are_made_of() {
     for (chemistry, expected) in [
         (Chemistry::LiPo, MavBatteryType::MAV_BATTERY_TYPE_LIPO),
@@ -462,6 +469,7 @@ fn the_type_is_what_the_cells_are_made_of() {
 }
 
 #[test]
+// Requirement: AP-23
 fn every_fault_has_mavlinks_bit() {
     for (fault, expected) in [
         (Faults::DEEP_DISCHARGE, 1),
@@ -579,6 +587,7 @@ fn a_cells_voltage_is_never_mistaken_for_one_that_is_not_there() {
 }
 
 #[test]
+// Requirement: FR-3
 fn a_high_voltage_spills_in_battery_status_and_saturates_in_sys_status() {
     assert_eq!(status_of(healthy(70.0)).voltages[..3], [65534, 4466, u16::MAX]);
     assert_eq!(system_with(healthy(70.0)).voltage_battery, 65534);
@@ -604,12 +613,14 @@ fn dropped_messages_are_counted_and_saturate() {
 const NAN_BITS: u32 = 0x7fc0_0000;
 
 #[test]
+// Requirement: V2-4
 fn battery_status_v2_of_which_only_the_voltage_is_known_is_byte_exact() {
     let message = Message::BatteryStatusV2(status_v2_of(healthy(11.1)));
     assert_eq!(frame_hex(&message), golden_frames()["battery_status_v2_unknown"]);
 }
 
 #[test]
+// Requirement: V2-1
 fn battery_status_v2_says_what_is_unknown_with_the_sentinel_of_each_field() {
     let data = build_battery_status_v2(&SystemState::default(), Pack::Fourth);
     let numbers = [
@@ -626,6 +637,7 @@ fn battery_status_v2_says_what_is_unknown_with_the_sentinel_of_each_field() {
 }
 
 #[test]
+// Requirement: V2-1
 fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
     let battery = BatteryState {
         current_a: Some(-400.5),
@@ -659,6 +671,7 @@ fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
 }
 
 #[test]
+// Requirement: V2-2
 fn every_fault_has_its_flag() {
     for (faults, expected) in [
         (Faults::empty(), 0),
@@ -699,6 +712,7 @@ fn every_fault_has_its_flag() {
 }
 
 #[test]
+// Requirement: V2-2
 fn a_pack_that_may_not_be_used_is_not_ready() {
     const NOT_READY: u32 = 1;
     const CHARGING: u32 = 2;
@@ -754,6 +768,7 @@ fn a_pack_that_may_not_be_used_is_not_ready() {
 }
 
 #[test]
+// Requirement: V2-3
 fn only_a_gauge_counts_from_the_full_pack() {
     let gauged = BatteryState {
         charge_source: ChargeSource::Gauge,
@@ -896,6 +911,7 @@ fn battery_info_of_what_an_owner_has_set_is_byte_exact() {
 }
 
 #[test]
+// Requirement: PX-1
 fn battery_info_has_the_details_of_a_smart_battery() {
     let data = info_of(smart());
     assert_eq!(
@@ -1227,6 +1243,7 @@ fn assert_cells(data: &BATTERY_STATUS_DATA, count: usize) {
 
 proptest! {
     #[test]
+    // Requirement: FR-17, PX-1
     fn any_state_gives_a_conforming_battery_status(packs in any_packs(), pack in any_pack()) {
         let state = with_packs(&packs);
         let data = build_battery_status(&state, pack);
@@ -1326,6 +1343,7 @@ proptest! {
     }
 
     #[test]
+    // Requirement: AP-24
     fn any_state_gives_a_conforming_sys_status(
         packs in any_packs(), load_permille in any::<u16>(), sent in any::<u32>(), dropped in any::<u32>(),
         unauthorized in any::<u32>(), frames in any::<u32>(), bad_checksums in any::<u32>(),

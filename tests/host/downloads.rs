@@ -289,6 +289,7 @@ fn a_stream_that_is_due_all_the_time_gets_one_message_in_25() {
 }
 
 #[test]
+// Requirement: AP-27
 fn while_armed_downloads_are_refused_and_arming_ends_one() {
     const TEXT: &str = "Not while armed: disarm first";
     let mut bench = Bench::new(&[900_000]);

@@ -64,6 +64,7 @@ fn assert_ack(frame: &Frame, command: u16, result: u8) {
 }
 
 #[test]
+// Requirement: AP-26
 fn every_parameter_is_read_by_name_and_what_is_listed_by_index() {
     let mut desk = Desk::without_packs();
     for id in ParameterId::all() {
@@ -81,6 +82,7 @@ fn every_parameter_is_read_by_name_and_what_is_listed_by_index() {
 }
 
 #[test]
+// Requirement: AP-26
 fn what_does_not_exist_is_an_error_that_says_so() {
     let mut desk = Desk::without_packs();
     for request in [
@@ -366,6 +368,7 @@ fn a_battery_reset_reaches_the_packs_that_exist() {
 }
 
 #[test]
+// Requirement: AP-25
 fn battery_status_is_requested_by_instance() {
     let mut desk = Desk::with_packs(&packs_with_a_gap());
     for (message, instance_at) in [
@@ -414,6 +417,7 @@ fn counts<const N: usize>(frames: &[Frame], messages: [u32; N]) -> [usize; N] {
 
 /// What QGroundControl does: it asks for the newer messages, and once they come it turns the older one off.
 #[test]
+// Requirement: V2-6
 fn a_ground_station_moves_over_to_the_newer_messages() {
     const MESSAGES: [u32; 4] = [
         BATTERY_STATUS,
@@ -486,6 +490,7 @@ fn after_forty_reports(kind: LinkKind, sender: [u8; 2]) -> Desk {
 const RADIOS: [[u8; 2]; 4] = [SIK_RADIO, [255, 68], [1, 240], [255, 240]];
 
 #[test]
+// Requirement: AP-25
 fn telemetry_slows_down_by_two_seconds_at_most_and_only_until_the_radio_is_silent() {
     for sender in RADIOS {
         let mut desk = after_forty_reports(LinkKind::Radio, sender);
@@ -592,6 +597,7 @@ fn sent_cycles(desk: &mut Desk) -> Vec<(u8, u16)> {
 }
 
 #[test]
+// Requirement: V2-5
 fn smart_battery_details_are_sent_once_per_change() {
     let internal = BatteryState {
         visibility: Visibility::Internal,
@@ -713,6 +719,7 @@ fn strangers_with_changing_ids_have_batteries_described_every_ten_seconds_at_mos
 }
 
 #[test]
+// Requirement: V2-5
 fn descriptions_come_every_ten_seconds_by_the_default_interval() {
     let mut desk = Desk::with_packs(&[healthy(), healthy()]);
     for (interval_us, expected) in [(0.0, 6), (20_000_000.0, 3), (-1.0, 0)] {
@@ -982,6 +989,7 @@ fn status_rates(desk: &mut Desk) -> [usize; 2] {
 }
 
 #[test]
+// Requirement: AP-25
 fn each_stream_group_moves_its_message_and_the_latest_request_counts() {
     let mut desk = Desk::with_packs(&[healthy()]);
     assert_eq!(status_rates(&mut desk), [20, 20]);

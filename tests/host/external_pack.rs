@@ -100,6 +100,7 @@ fn result_of(desk: &mut Desk, command: &[u8]) -> u8 {
 }
 
 #[test]
+// Requirement: AP-11
 fn report_of_a_companion_computer_is_the_state_of_its_pack() {
     let mut desk = desk();
     let mut report = of_voltage(4000);

@@ -242,6 +242,7 @@ fn driver_drives_at_once_with_a_healthy_battery() {
 }
 
 #[test]
+// Requirement: FR-15, PX-4
 fn critical_battery_holds_within_the_deciding_tick() {
     // At any offset between two battery ticks.
     for offset_us in (0..100).step_by(7).map(|offset| offset * MILLISECOND) {
@@ -286,6 +287,7 @@ fn critical_battery_holds_within_the_deciding_tick() {
 }
 
 #[test]
+// Requirement: AP-19
 fn action_that_needs_a_position_holds_and_announces_it() {
     let mut parameters = HOLD_WHEN_CRITICAL;
     parameters[2].1 = 1.0;
@@ -308,6 +310,7 @@ fn action_that_needs_a_position_holds_and_announces_it() {
 }
 
 #[test]
+// Requirement: AP-19
 fn termination_coasts_until_a_battery_reset() {
     const BATTERY_RESET: u16 = 42651;
     let mut parameters = HOLD_WHEN_CRITICAL;

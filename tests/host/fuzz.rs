@@ -48,21 +48,25 @@ fn run(name: &str, target: fn(&[u8])) {
 }
 
 #[test]
+// Requirement: OWN-5
 fn parser() {
     run("parser", fuzz::parser::run);
 }
 
 #[test]
+// Requirement: OWN-5
 fn dispatcher() {
     run("dispatcher", fuzz::dispatcher::run);
 }
 
 #[test]
+// Requirement: OWN-5
 fn storage() {
     run("storage", fuzz::storage::run);
 }
 
 #[test]
+// Requirement: OWN-5
 fn signing() {
     run("signing", fuzz::signing::run);
 }

@@ -234,6 +234,7 @@ fn command_long_and_command_int_arm_and_disarm() {
 }
 
 #[test]
+// Requirement: AP-17
 fn unfit_pack_prevents_arming_unless_forced() {
     let unfit = || Rover::new().with(ARM_VOLT, 11.2).with(LOW_VOLT, 11.15);
     let mut rover = unfit();
@@ -253,6 +254,7 @@ fn unfit_pack_prevents_arming_unless_forced() {
 }
 
 #[test]
+// Requirement: AP-17
 fn battery_check_can_be_disabled() {
     for (checks, result) in [(0.0, ACCEPTED), (1.0, FAILED), (256.0, FAILED), (257.0, FAILED)] {
         let mut rover = Rover::new()
@@ -672,6 +674,7 @@ fn sticks_are_ignored_in_hold_and_disarmed() {
 }
 
 #[test]
+// Requirement: OWN-2
 fn controls_time_out_after_fs_timeout() {
     for timeout_s in [1.0, 1.5, 10.0] {
         let mut rover = Rover::armed_in(0.0);
@@ -775,6 +778,7 @@ fn request() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #[test]
+    // Requirement: OWN-2
     fn motors_turn_only_when_armed_in_manual(
         requests in prop::collection::vec((request(), 0u64..2_000_000), 0..60),
     ) {

@@ -368,6 +368,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
 
     #[test]
+    // Requirement: OWN-2
     fn motors_turn_only_by_recent_stick_messages_since_arming(
         steps in prop::collection::vec(step(), 0..80),
     ) {

@@ -460,6 +460,7 @@ fn no_answer_holds_the_key() {
 proptest! {
     /// Whatever is changed in a signed frame, and whatever is behind it: nothing happens.
     #[test]
+    // Requirement: OWN-4
     fn nothing_forged_is_obeyed(
         which in 0..6_usize,
         changes in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 1..4),

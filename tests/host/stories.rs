@@ -175,6 +175,7 @@ fn run(story: &Story) {
 }
 
 #[test]
+// Requirement: AP-18
 fn every_story_has_its_expected_outcomes() {
     for story in Story::all() {
         run(&story);

@@ -131,6 +131,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-21
     fn packs_share_the_bytes_of_the_log_equally() {
         for packs in 1..=9 {
             let turns = turns(packs, 0, 41);
@@ -142,6 +143,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-22
     fn no_pack_is_recorded_more_often_than_allowed() {
         assert_eq!(turns(1, 1_000_000, 41), [100]);
         assert_eq!(turns(2, 1_000_000, 41), [100, 100]);

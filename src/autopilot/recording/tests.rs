@@ -253,6 +253,7 @@ fn a_parameter_set_in_a_pause_is_recorded() {
 }
 
 #[test]
+// Requirement: AP-22
 fn another_file_begins_after_disarming_with_dsrmrot() {
     let mut bench = Bench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
@@ -266,6 +267,7 @@ fn another_file_begins_after_disarming_with_dsrmrot() {
 }
 
 #[test]
+// Requirement: AP-22
 fn the_log_ends_and_begins_with_the_bitmask() {
     let mut bench = Bench::armed();
     bench.run(2);
@@ -374,6 +376,7 @@ fn a_second_long_drive_has_a_file_of_its_own() {
 }
 
 #[test]
+// Requirement: AP-22
 fn while_disarmed_the_log_goes_on_in_further_files() {
     let mut bench = Bench::new();
     bench.set(VehicleParameter::LogDisarmed, 1.0);

@@ -81,6 +81,7 @@ fn initial_state_is_unknown() {
 }
 
 #[test]
+// Requirement: AP-14
 fn fifth_failed_read_is_unhealthy_and_values_are_held() {
     let mut bench = Bench::new();
     bench.tick(Ok(volts(11.1)));
@@ -224,6 +225,7 @@ fn without_voltage_only_a_battery_reset_sets_the_charge() {
 }
 
 #[test]
+// Requirement: AP-15
 fn remaining_time_follows_the_average_load() {
     let mut bench = Bench::new();
     bench.run(1.0, loaded(12.6, 0.2));
@@ -248,6 +250,7 @@ fn cell_count_is_detected_and_announced_once() {
 }
 
 #[test]
+// Requirement: PX-6
 fn other_resting_voltage_after_contact_loss_is_a_swap() {
     // 9 % higher and 9 % lower.
     for rests_at_v in [12.2, 10.2] {
@@ -321,6 +324,7 @@ fn contact_loss_while_armed_is_no_swap_and_holds_failsafe() {
 }
 
 #[test]
+// Requirement: PX-7
 fn pack_lost_while_armed_is_unhealthy_after_5_seconds() {
     let mut bench = Bench::new();
     bench.arm_state = ArmState::Armed;
@@ -482,6 +486,7 @@ fn gap_in_readings_is_counted_and_announced() {
 }
 
 #[test]
+// Requirement: PX-8
 fn faults_begin_and_end() {
     let cases = [
         (volts(3.0 * 2.8), Faults::DEEP_DISCHARGE),
@@ -527,6 +532,7 @@ fn faults_begin_and_end() {
 }
 
 #[test]
+// Requirement: PX-8
 fn single_spike_is_a_short_fault() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(12.0));

@@ -94,6 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
+    // Requirement: FR-4
     fn a_small_charging_current_is_not_mistaken_for_an_unknown_one() {
         assert_eq!(current_ca(Some(-0.01)), 0);
         assert_eq!(current_ca(Some(-0.02)), -2);
@@ -104,6 +105,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: FR-3
     fn a_voltage_no_pack_has_is_unknown() {
         for voltage_v in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.1] {
             assert_eq!(voltage_mv(Some(voltage_v)), None, "{voltage_v}");
@@ -113,6 +115,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: FR-5
     fn remaining_charge_stays_in_range() {
         assert_eq!(remaining_pct(Some(94.6)), 95);
         assert_eq!(remaining_pct(Some(-3.0)), 0);

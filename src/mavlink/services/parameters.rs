@@ -216,6 +216,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-26
     fn a_list_takes_its_share_of_the_link_and_no_more() {
         for (baud, rate_hz) in [(9_600, 10.0), (57_600, 10.0), (57_600, 1.0), (115_200, 50.0)] {
             let bytes_per_second = baud / 10;

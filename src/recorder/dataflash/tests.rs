@@ -96,6 +96,7 @@ fn one_of_each<'a>(state: &'a BatteryState, crash: &'a CrashRecord) -> Vec<Recor
 }
 
 #[test]
+// Requirement: AP-21
 fn battery_has_each_field_in_its_place() {
     let state = known();
     assert_eq!(

@@ -122,6 +122,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-13
     fn voltage_and_current_are_averaged_what_was_counted_is_added_up_the_rest_is_the_latest() {
         let mut samples = Samples::new();
         samples.add(measured(12.0, 1.0, None));

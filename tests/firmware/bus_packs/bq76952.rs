@@ -23,6 +23,7 @@ fn cells(status: &BatteryStatus<'_>, count: usize) -> Vec<u16> {
 }
 
 #[test]
+// Requirement: AP-7
 fn a_stack_reports_its_cells_and_counts_charge_while_it_is_not_read() {
     let part = shared(Bq76952::new());
     part.borrow_mut().set(&[4000, 4010, 3990], 7.2, 31.0);

@@ -133,6 +133,7 @@ impl<D> Faulty<D> {
 }
 
 #[test]
+// Requirement: AP-12
 fn a_part_that_is_unplugged_and_plugged_in_again() {
     let mut faulty = with_monitor();
     faulty.assert_survives(
@@ -247,6 +248,7 @@ fn assert_bus_is_held(hold: impl FnOnce(&mut Bench), release: impl FnOnce(&mut B
 }
 
 #[test]
+// Requirement: AP-12
 fn a_clock_line_that_is_held() {
     assert_bus_is_held(
         |bench| bench.i2c(BUS).hold_scl(),

@@ -34,6 +34,7 @@ fn count(frames: &[Frame], message_id: u32) -> usize {
 }
 
 #[test]
+// Requirement: V2-5
 fn a_smart_battery_is_introduced_once_and_again_when_it_changes() {
     let (mut bench, part) = with_battery();
     bench.run_for(5 * SECOND);
@@ -101,6 +102,7 @@ fn a_smart_battery_is_described_to_each_new_ground_station() {
 }
 
 #[test]
+// Requirement: V2-6
 fn the_second_version_of_battery_status_is_for_those_who_ask() {
     let (mut bench, _) = with_battery();
     bench.run_for(SECOND);

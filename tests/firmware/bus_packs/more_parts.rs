@@ -62,6 +62,7 @@ fn with_ina239(part: &Rc<RefCell<Ina239>>) -> Bench {
 }
 
 #[test]
+// Requirement: AP-6
 fn an_ina239_is_read_by_spi() {
     let part = shared(Ina239::new(0.0002));
     part.borrow_mut().set(24.0, -12.0, 25.0);
@@ -96,6 +97,7 @@ fn an_unplugged_ina239_is_announced_and_recovers() {
 }
 
 #[test]
+// Requirement: AP-6
 fn an_ltc2946_counts_charge_and_energy_itself() {
     let part = shared(Ltc2946::new(0.0005));
     part.borrow_mut().set(12.0, 36.0);
@@ -124,6 +126,7 @@ fn an_ltc2946_counts_charge_and_energy_itself() {
 }
 
 #[test]
+// Requirement: AP-6
 fn a_converter_on_the_bus_is_four_more_analog_pins() {
     let part = shared(Ad7091r5::new(Reference::External(3.3)));
     for (channel, volts) in [(0, 2.0), (1, 1.0), (2, 3.0), (3, 0.5)] {
@@ -217,6 +220,7 @@ fn with_bebop() -> (Bench, Rc<RefCell<Garbled<Bebop>>>) {
 }
 
 #[test]
+// Requirement: AP-6
 fn the_motor_board_of_a_bebop_measures_the_voltage_alone() {
     let (mut bench, part) = with_bebop();
     after_a_second(&mut bench, |status| {

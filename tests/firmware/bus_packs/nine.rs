@@ -7,6 +7,7 @@ use workbench::runs::mixed_packs::{self, MIXED, MIXED_MV};
 const LENGTH_US: u64 = 10 * SECOND;
 
 #[test]
+// Requirement: AP-13
 fn nine_packs_of_mixed_kinds_keep_10_hz() {
     mixed_packs::run(&MIXED, &MIXED_MV, LENGTH_US);
 }

@@ -18,6 +18,7 @@ pub fn assert_measures(status: &BatteryStatus<'_>, volts: f64, step_v: f64, ampe
 }
 
 #[test]
+// Requirement: AP-6
 fn an_ina226_is_found_and_measures_as_its_datasheet_says() {
     // The datasheet's example: 10 A through 2 mOhm at 11.98 V. In 2.5 uV over 2 mOhm there are 1.25 mA.
     let part = shared(Ina226::new(0.002));
@@ -100,6 +101,7 @@ fn an_ina228_counts_on_while_it_is_not_read() {
 }
 
 #[test]
+// Requirement: AP-6
 fn an_ina3221_measures_three_packs_with_one_set_of_transfers() {
     let part = shared(Ina3221::new(0.001));
     for (channel, volts, amperes) in [(1, 12.6, 1.2), (2, 7.4, -0.4), (3, 5.0, 10.0)] {
@@ -132,6 +134,7 @@ fn an_ina3221_measures_three_packs_with_one_set_of_transfers() {
 }
 
 #[test]
+// Requirement: AP-5
 fn a_smart_battery_reports_all_values() {
     let part = shared(SmartBattery::new(Pec::Right));
     part.borrow_mut().set(11.1, 2.5, 31.0);

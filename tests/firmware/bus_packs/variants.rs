@@ -26,6 +26,7 @@ fn cells(status: &BatteryStatus<'_>, count: usize) -> Vec<u16> {
 }
 
 #[test]
+// Requirement: AP-5
 fn a_maxell_holds_twice_what_its_words_say() {
     let mut battery = SmartBattery::new(Pec::None);
     battery.set_block(0x20, b"Hitachi maxell");
@@ -43,6 +44,7 @@ fn a_maxell_holds_twice_what_its_words_say() {
 }
 
 #[test]
+// Requirement: AP-5
 fn a_rotoye_reports_its_hottest_sensor_and_large_currents() {
     let part = shared(SmartBattery::new(Pec::Right));
     part.borrow_mut().set(22.2, 10.0, 30.0);
@@ -62,6 +64,7 @@ fn a_rotoye_reports_its_hottest_sensor_and_large_currents() {
 }
 
 #[test]
+// Requirement: AP-5
 fn a_sui_of_three_cells_has_them_in_a_block() {
     let mut battery = SmartBattery::new(Pec::None);
     battery.set_block(0x28, &block(&[4100, 4101, 4102, 4103]));
@@ -79,6 +82,7 @@ fn a_sui_of_three_cells_has_them_in_a_block() {
 }
 
 #[test]
+// Requirement: AP-5
 fn a_six_cell_sui_reports_the_pack_voltage_and_no_invented_cells() {
     let mut battery = SmartBattery::new(Pec::None);
     battery.set(24.6, 0.0, 25.0);
@@ -94,6 +98,7 @@ fn a_six_cell_sui_reports_the_pack_voltage_and_no_invented_cells() {
 }
 
 #[test]
+// Requirement: AP-5
 fn a_neodesign_counts_its_cells_itself() {
     let part = shared(SmartBattery::new(Pec::Right));
     part.borrow_mut().set(37.0, 2.0, 25.0);
@@ -113,6 +118,7 @@ fn a_neodesign_counts_its_cells_itself() {
 }
 
 #[test]
+// Requirement: AP-5, AP-20
 fn a_solo_has_blocks_and_a_button_that_switches_it_off() {
     let part = shared(SmartBattery::new(Pec::Right));
     part.borrow_mut()

@@ -33,6 +33,7 @@ fn healthy_texts(bench: &mut Bench) -> Vec<String> {
 }
 
 #[test]
+// Requirement: AP-8
 fn a_battery_measures_its_pack() {
     let (mut bench, rig) = with_battery();
     let mut battery = rig.peer();

@@ -20,6 +20,7 @@ fn assert_announced_once(bench: &mut Bench, text: &str) {
 }
 
 #[test]
+// Requirement: AP-9
 fn large_fuel_cell_has_voltage_current_and_tank() {
     let mut bench = with_generator(LARGE_FUEL_CELL);
     // The figures of the maker's manual of the FCPM, section 7.4, with an emptier tank: 100 W into the battery.
@@ -58,6 +59,7 @@ fn small_fuel_cell_has_shares_of_battery_and_tank() {
 }
 
 #[test]
+// Requirement: AP-9
 fn richen_power_has_an_output_and_no_tank() {
     let mut bench = with_generator(RICHEN_POWER);
     report(&mut bench, &richen_power(0, 4995, 1234), 6);

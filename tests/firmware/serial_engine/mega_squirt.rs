@@ -109,6 +109,7 @@ fn with_engine() -> Bench {
 }
 
 #[test]
+// Requirement: AP-9
 fn flow_and_volume_follow_injection_and_speed() {
     let mut bench = with_engine();
     // 24 ms in each 20 ms and more: 120 %, so 94 cm³ a minute, 5.64 l/h.

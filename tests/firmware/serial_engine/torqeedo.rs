@@ -239,6 +239,7 @@ fn with_torqeedo(place: f32, driver_enable: f32) -> Bench {
 }
 
 #[test]
+// Requirement: AP-9
 fn a_battery_is_read_and_answered_with_speed_0() {
     for echo in [Echo::None, Echo::Comes] {
         let mut bench = with_torqeedo(TILLER, -1.0);

@@ -60,6 +60,7 @@ fn drives_and_stops(connect: impl Fn(&mut Ground) -> Station, rate_hz: u64) {
 }
 
 #[test]
+// Requirement: OWN-7
 fn by_udp_the_rover_drives_and_stops_when_the_phone_is_gone() {
     drives_and_stops(Ground::found_station, 50);
 }

@@ -62,6 +62,7 @@ fn hold_up_while_it_comes(ground: &mut Ground) {
 }
 
 #[test]
+// Requirement: OWN-7
 fn stations_are_found_and_served_by_udp() {
     let mut ground = Ground::up();
     let mut first = ground.found_station();

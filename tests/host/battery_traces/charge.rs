@@ -58,6 +58,7 @@ fn assert_voltage_alone_is_sufficient(settings: &PackSettings) {
 }
 
 #[test]
+// Requirement: OWN-1
 fn charge_by_voltage_alone_is_within_5_percent() {
     assert_voltage_alone_is_sufficient(&cells_set());
 }
@@ -96,6 +97,7 @@ fn a_gap_of_two_minutes_costs_a_few_percent() {
 }
 
 #[test]
+// Requirement: OWN-1
 fn charge_by_current_and_capacity_is_within_1_percent() {
     let samples = trace(DISCHARGE);
     let moments = run(&samples, &cells_and_capacity_set());
@@ -107,6 +109,7 @@ fn charge_by_current_and_capacity_is_within_1_percent() {
 }
 
 #[test]
+// Requirement: OWN-1
 fn charge_from_boot_in_mid_drive_is_within_8_percent() {
     let samples = trace(DISCHARGE);
     let truth = truth_pct(&samples);
@@ -122,6 +125,7 @@ fn charge_from_boot_in_mid_drive_is_within_8_percent() {
 }
 
 #[test]
+// Requirement: OWN-1
 fn consumption_is_the_integral_of_the_current() {
     let samples = trace(DISCHARGE);
     let expected_mah = *drawn_mah(&samples).last().unwrap();
@@ -191,6 +195,7 @@ fn largest_rebound_pct(samples: &[Sample], moments: &[Moment]) -> (usize, f64) {
 }
 
 #[test]
+// Requirement: OWN-1
 fn estimate_does_not_rise_when_a_load_ends() {
     for (name, samples) in [
         (DISCHARGE, trace(DISCHARGE)),

@@ -5,6 +5,7 @@ use rover_battmon::battery::PackSettings;
 use super::replay::{Moment, Sample, run, trace};
 
 #[test]
+// Requirement: AP-15, OWN-1
 fn resistance_is_known_within_15_seconds_of_steps() {
     let moments = run(&trace("trace_step_r50m.csv"), &PackSettings::default());
     let first = moments
@@ -40,6 +41,7 @@ fn unexplained_v(moment: &Moment) -> Option<f32> {
 }
 
 #[test]
+// Requirement: OWN-1
 fn voltage_falling_at_constant_load_is_not_sag() {
     let moments = run(&trace("trace_failsafe_voltage.csv"), &PackSettings::default());
     let largest_v = moments.iter().filter_map(unexplained_v).fold(0.0, f32::max);
@@ -68,6 +70,7 @@ fn current_ripple_does_not_explain_a_falling_voltage() {
 }
 
 #[test]
+// Requirement: AP-15
 fn resting_voltage_compensates_the_sag() {
     let moments = run(&trace("trace_sag.csv"), &PackSettings::default());
     for moment in moments.iter().filter(|moment| moment.t_s >= 15.0) {

@@ -84,6 +84,7 @@ fn largest_difference_pct(settings: &PackSettings, measures_current: bool, start
 }
 
 #[test]
+// Requirement: OWN-1
 fn charge_is_the_same_at_5_10_and_50_hz() {
     let cells = PackSettings {
         cell_count: Some(3),

@@ -128,7 +128,7 @@ const WORST_APPLIED_OFFSET_V: f32 = 0.05;
 pub(super) const CALIBRATION: Check = Check {
     name: "calibration",
     measures: "the voltage shown beside a multimeter's; offers the exact `BATT_VOLT_MULT`",
-    expected: "within 0.2 V (docs/requirements.md), within 0.05 V with `--apply`",
+    expected: "within 0.2 V (docs/parity.md), within 0.05 V with `--apply`",
     advice: "Run with `--apply`, or set the value that is offered.",
     judge: judge_calibration,
 };

@@ -1,0 +1,62 @@
+#!/usr/bin/env python3
+"""Writes docs/traceability.csv: which tests show each requirement of docs/parity.md.
+
+A test names the requirements that it shows in a comment between its attributes and its name:
+
+    #[test]
+    // Requirement: FR-2, AP-13
+    fn the_rate_follows_the_parameter() {
+
+In Python the comment begins with `#` and stands above `def`. Fails for a requirement that no test names, unless the page
+marks it `(not met)`, and for a comment that names what the page does not have, or that is not at a test. With --check it
+writes nothing, and fails if the file is not up to date.
+"""
+
+import pathlib
+import re
+import sys
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
+PAGE = REPOSITORY / "docs/parity.md"
+TABLE = REPOSITORY / "docs/traceability.csv"
+
+REQUIREMENT = re.compile(r"^- ([A-Z0-9]+-\d+)( \(not met\))?: ", re.MULTILINE)
+COMMENT = re.compile(r"^\s*(?://|#) Requirement: ", re.MULTILINE)
+OTHER_LINES = r"(?:\s*(?:#\[.*\]|//.*)\n)*?"
+TEST = {
+    ".rs": re.compile(rf"#\[test\]\n{OTHER_LINES}\s*// Requirement: (.+)\n{OTHER_LINES}\s*fn (\w+)\("),
+    ".py": re.compile(r"^# Requirement: (.+)\ndef (test_\w+)\(", re.MULTILINE),
+}
+
+
+def rows(path):
+    """The requirements and tests of a file of tests: (requirement, file, test)."""
+    text = path.read_text()
+    name = path.relative_to(REPOSITORY).as_posix()
+    tests = TEST[path.suffix].findall(text)
+    if len(tests) != len(COMMENT.findall(text)):
+        sys.exit(f"{name}: a requirement is named where no test is")
+    return [(requirement, name, test) for requirements, test in tests for requirement in requirements.split(", ")]
+
+
+def main():
+    met = {identifier: not unmet for identifier, unmet in REQUIREMENT.findall(PAGE.read_text())}
+    files = [path for folder in ("src", "tests") for suffix in TEST for path in (REPOSITORY / folder).rglob(f"*{suffix}")]
+    found = [row for path in sorted(files) for row in rows(path)]
+    if unknown := sorted({row[0] for row in found} - met.keys()):
+        sys.exit(f"not in {PAGE.name}: {', '.join(unknown)}")
+    shown = {row[0] for row in found}
+    if untested := [identifier for identifier, is_met in met.items() if is_met and identifier not in shown]:
+        sys.exit(f"no test names {', '.join(untested)}")
+    order = list(met)
+    found.sort(key=lambda row: (order.index(row[0]), row))
+    table = "".join(f"{','.join(row)}\n" for row in [("requirement", "file", "test"), *found])
+    if "--check" not in sys.argv[1:]:
+        TABLE.write_text(table)
+    elif TABLE.read_text() != table:
+        sys.exit(f"{TABLE.name} is not up to date: run .ci/traceability.py")
+    print(f"{len(met)} requirements, {len(found)} rows")
+
+
+if __name__ == "__main__":
+    main()
