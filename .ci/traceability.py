@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes docs/traceability.csv: which tests show each requirement of docs/parity.md.
+"""Writes docs/traceability.csv: which tests show each requirement of docs/parity.md and each numbered item of docs/proof.md.
 
 A test names the requirements that it shows in a comment between its attributes and its name:
 
@@ -8,7 +8,7 @@ A test names the requirements that it shows in a comment between its attributes 
     fn the_rate_follows_the_parameter() {
 
 In Python the comment begins with `#` and stands above `def`. Fails for a requirement that no test names, unless the page
-marks it `(not met)`, and for a comment that names what the page does not have, or that is not at a test. With --check it
+marks it `(not met)`, and for a comment that names what the pages do not have, or that is not at a test. With --check it
 writes nothing, and fails if the file is not up to date.
 """
 
@@ -17,7 +17,7 @@ import re
 import sys
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
-PAGE = REPOSITORY / "docs/parity.md"
+PAGES = [REPOSITORY / "docs/parity.md", REPOSITORY / "docs/proof.md"]
 TABLE = REPOSITORY / "docs/traceability.csv"
 
 REQUIREMENT = re.compile(r"^- ([A-Z0-9]+-\d+)( \(not met\))?: ", re.MULTILINE)
@@ -40,11 +40,12 @@ def rows(path):
 
 
 def main():
-    met = {identifier: not unmet for identifier, unmet in REQUIREMENT.findall(PAGE.read_text())}
+    stated = [item for page in PAGES for item in REQUIREMENT.findall(page.read_text())]
+    met = {identifier: not unmet for identifier, unmet in stated}
     files = [path for folder in ("src", "tests") for suffix in TEST for path in (REPOSITORY / folder).rglob(f"*{suffix}")]
     found = [row for path in sorted(files) for row in rows(path)]
     if unknown := sorted({row[0] for row in found} - met.keys()):
-        sys.exit(f"not in {PAGE.name}: {', '.join(unknown)}")
+        sys.exit(f"on neither page: {', '.join(unknown)}")
     shown = {row[0] for row in found}
     if untested := [identifier for identifier, is_met in met.items() if is_met and identifier not in shown]:
         sys.exit(f"no test names {', '.join(untested)}")

@@ -181,6 +181,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-10
     fn kinds_do_not_wait_for_each_other() {
         let statuses = (0..400).map(|tick| CanStatus {
             lost_setups: u32::from(tick >= 10),

@@ -71,6 +71,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-18
     fn reports_are_five_seconds_apart_and_the_latest_is_kept() {
         let mut reports = SaveReports::default();
         reports.add(FLASH, Instant::EPOCH);

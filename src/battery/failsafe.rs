@@ -460,6 +460,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-6
     fn mostly_unknown_low_voltage_still_trips() {
         // Known once a second: ten seconds until it counts while unknown, and nine more.
         let raised = levels(1000, |tick| (tick % 10 == 0).then_some(9.0));
@@ -554,6 +555,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-5
     fn arming_or_contact_loss_ends_the_chance_to_clear() {
         let full = at_rest(12.6, Some(100.0));
         for (arm_state, state) in [

@@ -290,6 +290,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-10
     fn intermittent_contact_is_reported_once() {
         let mut reporter = HealthReporter::default();
         let mut reports = Vec::new();
@@ -393,6 +394,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-10
     fn a_state_that_comes_and_goes_with_the_load_is_reported_once() {
         let mut reporter = ChargeReporter::default();
         let mut events = Vec::new();
@@ -423,6 +425,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-10
     fn charging_is_reported_once_and_a_loose_charger_does_not_repeat_it() {
         let mut reporter = ChargeReporter::default();
         let mut events = Vec::new();
@@ -434,6 +437,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-10
     fn a_pack_that_is_plugged_in_is_reported_again() {
         let mut reporter = ChargeReporter::default();
         let low = state(ChargeState::Low);

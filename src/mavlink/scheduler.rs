@@ -420,6 +420,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-17
     fn intervals_that_alternate_do_not_exceed_the_highest_rate() {
         for other in [
             Interval::Off,

@@ -86,6 +86,7 @@ mod tests {
     const FLASH: StorageError = StorageError::Flash(FlashFault::NotVerified);
 
     #[test]
+    // Requirement: L-18
     fn retry_is_due_once_one_minute_after_the_first_failure() {
         let mut state = SaveState::default();
         assert!(!state.take_retry(Instant::MAX));

@@ -341,6 +341,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-19
     fn eight_clients_have_an_address_each_until_they_are_silent_for_the_time_of_a_lease() {
         let mut leases = fresh();
         for client in 0..8 {
@@ -390,6 +391,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: L-19
     fn a_thousand_that_only_ask_do_not_keep_a_phone_from_its_address() {
         let mut leases = fresh();
         assert_eq!(join(&mut leases, 5_000, 0), Some(FIRST));

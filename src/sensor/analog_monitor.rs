@@ -136,6 +136,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: S-5
     fn unset_or_failed_pin_is_an_error() {
         let mut readings = readings(2482, 1241);
         readings.set(AnalogPin::Gp27, Err(ReadError::Timeout));

@@ -145,6 +145,7 @@ mod tests {
     use crate::time::at_us;
 
     #[test]
+    // Requirement: L-1
     fn bytes_that_end_a_wait_came_now_unless_the_task_was_delayed() {
         let at = |ms: u64| at_us(ms * 1_000);
         for (ended_ms, earliest_ms) in [(1_000, 1_000), (1_300, 1_300), (1_301, 1_000), (9_000, 1_000)] {

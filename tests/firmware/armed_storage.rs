@@ -136,6 +136,7 @@ fn texts_since(bench: &mut Bench, from_us: u64) -> Vec<String> {
 }
 
 #[test]
+// Requirement: L-18, R-5
 fn nothing_is_erased_while_armed_and_what_has_no_space_is_saved_after_disarming() {
     let mut bench = rover_with_room(15);
     bench.set("BATT_CAPACITY", 777.0);
@@ -257,6 +258,7 @@ fn full_sectors_of_time_and_learnt_data_move_without_an_erase() {
 const STICK_TO_MOTOR_US: u64 = 50 * MILLISECOND;
 
 #[test]
+// Requirement: R-5
 fn two_hundred_sets_at_full_rate_delay_no_stick_and_lose_no_byte() {
     // The parameters move to the sector that was erased ahead, and fill it.
     let mut bench = rover_with_room(30);

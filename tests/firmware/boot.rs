@@ -149,6 +149,7 @@ fn full_signing() -> Vec<u8> {
 
 /// With both sectors full, the first start erases one, at the slowest that the flash chip's datasheet permits.
 #[test]
+// Requirement: R-5
 fn the_slowest_flash_takes_less_than_half_of_the_watchdogs_second_at_the_start() {
     let mut bench = Bench::power_up_with_parameters(DIVIDER_CODE, &full_parameters());
     bench.write_flash(SIGNING_OFFSET, &full_signing());
@@ -170,6 +171,7 @@ fn the_slowest_flash_takes_less_than_half_of_the_watchdogs_second_at_the_start()
 
 /// What keeps the program in one place with interrupts off, as a flash chip that stays busy does.
 #[test]
+// Requirement: R-5
 fn a_start_that_hangs_is_reset() {
     let mut bench = Bench::power_up(DIVIDER_CODE);
     assert!(bench.run_until(SECOND, |board| board.watchdog_is_enabled()));

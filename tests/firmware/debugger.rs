@@ -25,6 +25,7 @@ fn driving() -> Bench {
 }
 
 #[test]
+// Requirement: R-2
 fn a_rover_whose_processor_is_halted_stands_within_a_second() {
     let mut bench = driving();
     let resets = bench.resets().len();
@@ -47,6 +48,7 @@ fn a_rover_whose_processor_is_halted_stands_within_a_second() {
 }
 
 #[test]
+// Requirement: R-2
 fn a_short_halt_resets_nothing_and_the_time_goes_on() {
     let mut bench = Bench::running(GOOD_3S);
     let from_us = bench.time_us();
@@ -63,6 +65,7 @@ fn a_short_halt_resets_nothing_and_the_time_goes_on() {
 }
 
 #[test]
+// Requirement: R-2
 fn a_halted_core_1_stops_neither_time_nor_watchdog() {
     let mut bench = Bench::running(GOOD_3S);
     bench.halt_cores(CORE_1);
@@ -77,6 +80,7 @@ fn a_halted_core_1_stops_neither_time_nor_watchdog() {
 
 /// A host that reads the log has it block when its buffer is full.
 #[test]
+// Requirement: R-2
 fn a_pulled_probe_cable_does_not_stop_the_firmware() {
     let mut bench = Bench::running(GOOD_3S);
     bench.pull_probe_cable();

@@ -215,6 +215,7 @@ fn a_stack_overflow_harms_no_data_and_ends_in_a_reset() {
 
 /// The datasheet does not say what answers below RAM.
 #[test]
+// Requirement: R-6
 fn a_stack_overflow_ends_so_without_a_bus_error_below_ram_too() {
     let mut bench = Bench::power_up(2482);
     bench.answer_below_ram();

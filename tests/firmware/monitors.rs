@@ -375,6 +375,7 @@ fn engine() -> Rig {
 const RIGS: [fn() -> Rig; 5] = [smart_batteries, parts_and_pins, links, boat, engine];
 
 #[test]
+// Requirement: S-4, S-11
 fn changed_kinds_freeze_no_pack_while_disarmed() {
     let mut kinds = Vec::new();
     for rig in RIGS {
@@ -396,6 +397,7 @@ fn changed_kinds_freeze_no_pack_while_disarmed() {
 }
 
 #[test]
+// Requirement: S-1, S-4
 fn changed_kinds_freeze_no_pack_while_driving() {
     for rig in RIGS {
         rig().assert_never_frozen(true);
@@ -404,6 +406,7 @@ fn changed_kinds_freeze_no_pack_while_driving() {
 
 /// Kind 7 and its relatives are plugged in four seconds after the start.
 #[test]
+// Requirement: S-6
 fn smart_batteries_that_are_plugged_in_later_are_introduced() {
     let mut rig = smart_batteries();
     let Sources::Parts(addresses) = &rig.sources else {

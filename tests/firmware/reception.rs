@@ -101,6 +101,7 @@ fn set_until_erased(bench: &mut Bench, fill: usize) -> Sets {
 }
 
 #[test]
+// Requirement: R-5
 fn a_full_line_loses_no_byte_while_flash_is_written_and_erased() {
     let mut bench = Bench::running(DIVIDER_CODE);
     let from_us = bench.time_us();
@@ -112,6 +113,7 @@ fn a_full_line_loses_no_byte_while_flash_is_written_and_erased() {
 }
 
 #[test]
+// Requirement: R-5
 fn bytes_lost_in_the_longest_erase_are_counted_and_the_link_recovers() {
     let mut bench = Bench::running(DIVIDER_CODE);
     bench.flash_timing(FlashTiming::MAXIMUM);
@@ -192,6 +194,7 @@ fn no_byte_is_lost_at_921600_baud_both_ways_with_lamps_changing() {
 }
 
 #[test]
+// Requirement: R-4
 fn an_unwired_gp1_has_no_errors_in_a_minute() {
     let mut bench = Bench::power_up(DIVIDER_CODE);
     bench.disconnect_uart_receiver(TELEMETRY);
@@ -201,6 +204,7 @@ fn an_unwired_gp1_has_no_errors_in_a_minute() {
 }
 
 #[test]
+// Requirement: R-4
 fn without_its_pull_up_an_unwired_gp1_is_noise() {
     let mut bench = Bench::running(DIVIDER_CODE);
     bench.disconnect_uart_receiver(TELEMETRY);

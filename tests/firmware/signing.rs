@@ -96,7 +96,7 @@ fn only_who_has_the_key_is_obeyed() {
 }
 
 #[test]
-// Requirement: OWN-4
+// Requirement: OWN-4, L-14
 fn no_restart_lets_the_time_go_back_or_a_recording_in() {
     let mut bench = protected();
     let mut owner = station(&mut bench);
@@ -179,6 +179,7 @@ fn a_damaged_key_locks_and_is_announced() {
 }
 
 #[test]
+// Requirement: W-2
 fn the_time_is_written_down_once_a_minute_and_nothing_else() {
     signing_time::run(2 * MINUTE);
 }

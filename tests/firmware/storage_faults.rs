@@ -121,6 +121,7 @@ fn block_the_move_to_the_second_sector(bench: &mut Bench) -> u32 {
 }
 
 #[test]
+// Requirement: L-18
 fn what_could_not_be_saved_is_tried_once_more_before_a_restart() {
     let mut bench = Bench::running(2482);
     bench.set("SR0_EXTRA1", 5.0);

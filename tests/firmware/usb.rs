@@ -103,6 +103,7 @@ fn a_host_enumerates_the_board_and_gets_its_serial_number() {
 }
 
 #[test]
+// Requirement: R-3
 fn after_a_transfer_that_the_host_drops_the_link_is_back_in_two_seconds() {
     for (request, point) in ABORTS {
         let mut bench = opened();
@@ -121,6 +122,7 @@ fn after_a_transfer_that_the_host_drops_the_link_is_back_in_two_seconds() {
 }
 
 #[test]
+// Requirement: R-3
 fn after_a_bus_error_the_link_is_back_in_two_seconds() {
     let mut bench = opened();
     bench.run_for(SECOND);
@@ -139,6 +141,7 @@ fn after_a_bus_error_the_link_is_back_in_two_seconds() {
 
 /// Not all of an enumeration: each time the next packet is hit.
 #[test]
+// Requirement: R-3
 fn a_bus_error_while_the_host_enumerates_the_board() {
     for after_us in [150, 160, 230, 235, 240, 245, 250].map(|ms| ms * MILLISECOND) {
         let mut bench = Bench::running(DIVIDER_CODE);
@@ -157,6 +160,7 @@ fn a_bus_error_while_the_host_enumerates_the_board() {
 }
 
 #[test]
+// Requirement: R-3
 fn a_hundred_opens_and_closes_with_aborts_and_bus_errors() {
     let mut bench = opened();
     let mut random = Random::new(14);

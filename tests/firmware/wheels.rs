@@ -21,6 +21,7 @@ const AHEAD: (f64, f64) = (0.5, 0.0);
 const BACK: (f64, f64) = (0.0, 0.5);
 
 #[test]
+// Requirement: R-1
 fn every_wheel_turns_the_way_the_driver_steers() {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
     bench.ask(&arm());

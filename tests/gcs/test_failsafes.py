@@ -120,6 +120,7 @@ def test_a_low_pack_stops_the_rover_until_the_battery_is_reset(start_rover):
         assert rover.set_mode(MANUAL) == ACCEPTED
 
 
+# Requirement: L-1
 def test_orders_that_waited_while_the_simulator_stood_still_move_nothing(start_rover):
     rover = start_rover(1)
     push = sticks(rover.url, throttle=1000)

@@ -130,6 +130,7 @@ impl FloodedRover {
 }
 
 #[test]
+// Requirement: L-10
 fn a_failsafe_level_and_the_mode_arrive_through_a_flood_of_can_texts() {
     for phase in 0..20 {
         let mut rover = FloodedRover::new();
@@ -188,6 +189,7 @@ fn of_several_refusals_and_levels_the_latest_is_sent() {
 }
 
 #[test]
+// Requirement: L-10
 fn texts_of_a_kind_are_limited_and_what_is_left_out_is_counted() {
     let mut rover = FloodedRover::new();
     rover.run(60 * TICKS_PER_SECOND);

@@ -727,12 +727,12 @@ fn noise_is_no_board() {
 
 #[test]
 fn the_checks_are_on_the_page() {
-    let mut table = String::from("| check | measures | expected | when it differs |\n|---|---|---|---|\n");
-    for check in CHECKS {
-        let (name, measures, expected, advice) = (check.name, check.measures, check.expected, check.advice);
-        table += &format!("| {name} | {measures} | {expected} | {advice} |\n");
+    let mut list = String::new();
+    for alike in CHECKS.chunk_by(|one, next| one.measures == next.measures) {
+        let names: Vec<_> = alike.iter().map(|check| check.name).collect();
+        list += &format!("- {}: {}\n", names.join(", "), alike[0].measures);
     }
-    assert_part("checks", &table, str::to_string);
+    assert_part("checks", &list);
 }
 
 /// The start of an ELF file of 32 bits, little-endian, of the current version.

@@ -449,6 +449,7 @@ fn a_ground_station_moves_over_to_the_newer_messages() {
 }
 
 #[test]
+// Requirement: L-17
 fn the_heartbeats_interval_cannot_be_changed_and_its_acknowledgement_says_so() {
     let mut desk = Desk::without_packs();
     for (interval_us, result) in [
@@ -490,7 +491,7 @@ fn after_forty_reports(kind: LinkKind, sender: [u8; 2]) -> Desk {
 const RADIOS: [[u8; 2]; 4] = [SIK_RADIO, [255, 68], [1, 240], [255, 240]];
 
 #[test]
-// Requirement: AP-25
+// Requirement: AP-25, L-15
 fn telemetry_slows_down_by_two_seconds_at_most_and_only_until_the_radio_is_silent() {
     for sender in RADIOS {
         let mut desk = after_forty_reports(LinkKind::Radio, sender);
@@ -709,6 +710,7 @@ fn smart_batteries_are_described_to_each_new_ground_station_once() {
 }
 
 #[test]
+// Requirement: L-16
 fn strangers_with_changing_ids_have_batteries_described_every_ten_seconds_at_most() {
     let mut desk = Desk::with_packs(&[with_cycles(1); MAX_PACKS]);
     assert_eq!(described(&sent_for(&mut desk, 1)).len(), MAX_PACKS, "on change");
@@ -1196,6 +1198,7 @@ fn rate_request() -> impl Strategy<Value = RateRequest> {
 proptest! {
     /// Each is answered as it would be alone, the heartbeat keeps its rate, and nothing else exceeds 50 Hz.
     #[test]
+    // Requirement: L-17
     fn rates_asked_for_again_and_again_stay_within_their_bounds(
         requests in prop::collection::vec((rate_request(), 1usize..50, 0u64..100_000), 1..50),
     ) {
@@ -1228,6 +1231,7 @@ proptest! {
 
     /// A report may come at any time, so the silence begins with the last one.
     #[test]
+    // Requirement: L-15
     fn whatever_radios_report_telemetry_is_back_at_its_rate_after_their_silence(
         rate_hz in 1u16..=50,
         reports in prop::collection::vec(

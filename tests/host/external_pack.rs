@@ -412,6 +412,7 @@ fn battery_reset_ends_the_level_of_a_pack_that_reports_its_charge() {
 }
 
 #[test]
+// Requirement: S-2
 fn no_voltage_is_no_reading_and_zero_volts_no_pack() {
     let mut desk = desk();
     ticks(&mut desk, 10, &of_voltage(12_000).frame());
@@ -428,6 +429,7 @@ fn no_voltage_is_no_reading_and_zero_volts_no_pack() {
 }
 
 #[test]
+// Requirement: S-3
 fn impossible_count_is_no_reading() {
     let mut desk = desk();
     ticks(&mut desk, 10, &of_voltage(12_000).frame());
@@ -480,6 +482,7 @@ fn pack_of_another_kind_is_not_fed() {
 }
 
 #[test]
+// Requirement: L-9
 fn second_component_takes_over_only_from_a_silent_one() {
     let mut desk = desk();
     let (first, second) = (
@@ -520,6 +523,7 @@ fn one_component_may_measure_several_packs_and_two_one_each() {
 }
 
 #[test]
+// Requirement: L-9
 fn flood_counts_as_one_reading_a_tick() {
     let mut desk = desk();
     let mut report = of_voltage(12_000);

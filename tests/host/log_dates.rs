@@ -141,6 +141,7 @@ fn what_is_not_the_time_is_ignored() {
 }
 
 #[test]
+// Requirement: L-16
 fn only_ground_stations_are_believed() {
     const ANOTHER_VEHICLE: [u8; 2] = [2, 1];
     const QUADROTOR: u8 = 2;

@@ -474,6 +474,7 @@ impl Change {
 }
 
 #[test]
+// Requirement: S-4
 fn changed_settings_never_freeze_a_pack() {
     for kind in kinds() {
         for change in CHANGES {
@@ -526,6 +527,7 @@ fn changed_settings_never_freeze_a_pack() {
 }
 
 #[test]
+// Requirement: S-1
 fn packs_are_unhealthy_when_they_always_were_and_not_before() {
     for kind in kinds().into_iter().filter(|kind| *kind != FUEL_FLOW) {
         let mut rig = Rig::new(kind);
@@ -547,6 +549,7 @@ fn packs_are_unhealthy_when_they_always_were_and_not_before() {
 }
 
 #[test]
+// Requirement: S-2
 fn reading_without_the_voltage_that_its_kind_measures_is_a_failed_one() {
     for kind in kinds() {
         let has_voltage_by_itself = [ANALOG_VOLTAGE, ANALOG, SYNTHETIC].contains(&kind);
@@ -595,6 +598,7 @@ fn any_step() -> impl Strategy<Value = (Does, u8, Option<Change>)> {
 
 proptest! {
     #[test]
+    // Requirement: S-1
     fn whatever_a_source_does_its_pack_is_measured_not_connected_or_unhealthy(
         kind in prop::sample::select(kinds()),
         steps in prop::collection::vec(any_step(), 1..40),

@@ -77,6 +77,7 @@ fn two_packs_have_different_controllers() {
 }
 
 #[test]
+// Requirement: L-20
 fn current_is_unknown_half_a_second_after_one_of_two_fell_silent() {
     let mut desk = desk([0, 0b10]);
     let both = [(0, reading(12.0, 3.0, None)), (1, reading(11.0, 2.0, None))];

@@ -456,6 +456,7 @@ fn override_drives_only_its_target() {
 }
 
 #[test]
+// Requirement: L-1
 fn steering_override_does_not_resume_an_old_throttle() {
     let mut rover = Rover::armed_in(0.0);
     rover.deliver(&rc_override(VEHICLE, 1500, 2000));
@@ -470,6 +471,7 @@ fn steering_override_does_not_resume_an_old_throttle() {
 }
 
 #[test]
+// Requirement: L-2
 fn throttle_times_out_while_steering_continues() {
     let mut rover = Rover::armed_in(0.0);
     rover.deliver(&rc_override(VEHICLE, 1500, 2000));
@@ -562,6 +564,7 @@ fn long_time_outs_are_announced_at_each_arming() {
 }
 
 #[test]
+// Requirement: L-1
 fn stick_deflected_on_forced_arming_must_be_neutral_first() {
     for (checks, force) in [(1.0, FORCED), (0.0, 0.0), (256.0, 0.0)] {
         let mut rover = Rover::new().with(VehicleParameter::ArmingCheck, checks);
@@ -579,6 +582,7 @@ fn stick_deflected_on_forced_arming_must_be_neutral_first() {
 }
 
 #[test]
+// Requirement: L-3
 fn requests_delayed_beyond_the_timeout_are_refused() {
     let mut rover = Rover::armed_in(0.0);
     rover.wait(2_000_000);
@@ -638,6 +642,7 @@ fn restart_and_parameter_reset_are_refused_while_armed() {
 }
 
 #[test]
+// Requirement: L-4
 fn arming_is_refused_before_a_restart() {
     for request in [reboot(), reboot_to_boot_loader(), provoke_fault()] {
         let mut rover = Rover::new();
@@ -651,6 +656,7 @@ fn arming_is_refused_before_a_restart() {
 }
 
 #[test]
+// Requirement: L-2
 fn overrides_of_other_channels_are_no_heartbeat() {
     let mut rover = Rover::armed_in(0.0);
     rover.deliver(&heartbeat(GROUND_STATION));
@@ -698,6 +704,7 @@ fn controls_time_out_after_fs_timeout() {
 }
 
 #[test]
+// Requirement: L-2
 fn only_ground_station_heartbeats_time_out() {
     let mut rover = Rover::armed_in(0.0);
     assert_eq!(rover.deliver(&heartbeat(ONBOARD_CONTROLLER)), Event::Ignored);
@@ -718,6 +725,7 @@ fn only_ground_station_heartbeats_time_out() {
 }
 
 #[test]
+// Requirement: L-3
 fn battery_hold_can_be_left_and_termination_can_not() {
     const BATTERY_RESET: u16 = 42651;
     let mut parameters = Parameters::defaults();

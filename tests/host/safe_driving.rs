@@ -368,7 +368,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
 
     #[test]
-    // Requirement: OWN-2
+    // Requirement: OWN-2, L-1, L-3
     fn motors_turn_only_by_recent_stick_messages_since_arming(
         steps in prop::collection::vec(step(), 0..80),
     ) {
@@ -402,6 +402,7 @@ impl ByteSource for Held {
 
 /// A port that a program on the host has left, or a connection that waited, may hold orders of any age.
 #[test]
+// Requirement: L-1
 fn what_a_source_holds_when_its_link_opens_arms_nothing() {
     let check_in = CheckIn::new("", u32::MAX);
     let sent = RefCell::default();

@@ -83,6 +83,7 @@ fn reading_requests() -> Vec<Vec<u8>> {
 }
 
 #[test]
+// Requirement: L-13
 fn a_key_can_be_set_up_by_cable_only() {
     let mut radio = desk(LinkKind::Radio);
     let events = radio.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
@@ -212,6 +213,7 @@ fn a_lost_key_locks_until_another_is_set_up_by_cable_whatever_the_cable_takes() 
 }
 
 #[test]
+// Requirement: L-14
 fn a_frame_that_was_held_back_for_over_a_minute_does_not_count() {
     let mut radio = protected();
     let mut owner = Signer::new(OWNER);
@@ -278,6 +280,7 @@ fn everything_can_be_allowed_on_the_radio_too() {
 }
 
 #[test]
+// Requirement: L-14
 fn a_frame_that_was_heard_once_does_not_count_again() {
     let mut radio = protected();
     let mut signer = Signer::new(OWNER);
@@ -345,6 +348,7 @@ fn a_removed_key_protects_nothing_any_more() {
 }
 
 #[test]
+// Requirement: L-10
 fn what_is_ignored_is_counted_and_announced_every_ten_seconds() {
     let mut radio = protected();
     radio.post_due(0);
@@ -419,6 +423,7 @@ fn smart_batteries_are_described_to_a_ground_station_with_the_key_only() {
 }
 
 #[test]
+// Requirement: L-2
 fn a_ground_station_without_the_key_does_not_keep_the_failsafe_from_acting() {
     let gcs = 6;
     let mut radio = protected();

@@ -208,6 +208,7 @@ fn recorded(second: u64) -> Vec<u8> {
 }
 
 #[test]
+// Requirement: L-13
 fn whichever_bit_flips_the_choice_stays_or_the_key_is_lost() {
     // At once, after some marks, and when the records have moved to the other sector, once and twice.
     let histories: [(u64, &[u8]); 8] = [
@@ -247,6 +248,7 @@ fn whichever_bit_flips_the_choice_stays_or_the_key_is_lost() {
 }
 
 #[test]
+// Requirement: L-13
 fn damaged_headers_lock_and_blank_flash_does_not() {
     assert_eq!(obeys(&SmallFlash::blank(), &[]), Obeys::Everyone);
     // What other programs have left there.
@@ -303,6 +305,7 @@ fn a_power_cut_at_any_moment_of_a_set_up_never_opens_a_vehicle() {
 }
 
 #[test]
+// Requirement: L-13
 fn a_key_that_can_not_be_written_is_announced_until_it_is_and_locks_after_a_restart() {
     for keys in [&[][..], &[OLD, NONE], &[OLD]] {
         let before = flash_after(10, keys);
@@ -385,6 +388,7 @@ fn a_lost_key_is_announced_on_every_link_until_signing_is_set_up_by_cable() {
 }
 
 #[test]
+// Requirement: L-13
 fn flash_that_fails_while_the_time_is_written_locks_after_a_restart() {
     // The sector fills within minutes. The next one takes nothing, so the time can't be kept.
     let flash = flash_after(10, &[OWNER]);

@@ -169,6 +169,7 @@ fn what_is_not_valid_is_answered_with_its_error_and_changes_nothing() {
 }
 
 #[test]
+// Requirement: L-19
 fn an_armed_rover_keeps_its_setup_until_it_is_disarmed() {
     let mut cable = desk(LinkKind::Direct);
     cable.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));

@@ -4,12 +4,12 @@ use std::fs;
 
 use crate::repository;
 
-/// The page of `board-check`.
-const PAGE: &str = "docs/board-check.md";
+/// The page that describes `board-check`.
+const PAGE: &str = "docs/proof.md";
 
-/// Asserts that the part says what is `expected`, apart from what `without_noise` removes. With `BOARD_CHECK_PAGE=write`
+/// Asserts that the part says what is `expected`. With `BOARD_CHECK_PAGE=write`
 /// in the environment it is written there instead.
-pub fn assert_part(name: &str, expected: &str, without_noise: fn(&str) -> String) {
+pub fn assert_part(name: &str, expected: &str) {
     let path = repository().join(PAGE);
     let (begin, end) = (
         format!("<!-- {name} begins -->\n"),
@@ -23,8 +23,7 @@ pub fn assert_part(name: &str, expected: &str, without_noise: fn(&str) -> String
         return;
     }
     assert!(
-        without_noise(written) == without_noise(expected),
-        "{PAGE} is stale: run `BOARD_CHECK_PAGE=write cargo test --test host board_check::page && BOARD_CHECK_PAGE=write cargo \
-         test --test firmware page`\n{expected}"
+        written == expected,
+        "{PAGE} is stale: run `BOARD_CHECK_PAGE=write cargo test --test host the_checks_are_on`\n{expected}"
     );
 }

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    // Requirement: AP-21
+    // Requirement: AP-21, W-2
     fn packs_share_the_bytes_of_the_log_equally() {
         for packs in 1..=9 {
             let turns = turns(packs, 0, 41);

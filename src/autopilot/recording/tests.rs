@@ -603,6 +603,7 @@ fn a_file_that_waits_for_the_next_arming_gets_its_date() {
 }
 
 #[test]
+// Requirement: L-16
 fn another_time_counts_for_the_next_file() {
     let mut bench = Bench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);

@@ -272,6 +272,7 @@ fn other_resting_voltage_after_contact_loss_is_a_swap() {
 }
 
 #[test]
+// Requirement: L-11
 fn similar_resting_voltage_after_contact_loss_is_no_swap() {
     // It may have recovered from its load meanwhile. A failed sensor is a loss of contact, too.
     for contact_loss in [Ok(loaded(0.3, 0.0)), Err(ReadError::Bus(BusError::NoAnswer))] {
@@ -324,7 +325,7 @@ fn contact_loss_while_armed_is_no_swap_and_holds_failsafe() {
 }
 
 #[test]
-// Requirement: PX-7
+// Requirement: PX-7, S-7, L-8
 fn pack_lost_while_armed_is_unhealthy_after_5_seconds() {
     let mut bench = Bench::new();
     bench.arm_state = ArmState::Armed;
@@ -389,6 +390,7 @@ fn failsafe_level_is_cleared_only_by_a_fuller_pack() {
 }
 
 #[test]
+// Requirement: L-5
 fn low_reading_through_a_bad_wire_is_no_reference() {
     let mut bench = latched();
     for rests_at_v in [8.0, 10.7, 8.5, 10.7] {
@@ -415,6 +417,7 @@ fn charge_level_is_cleared_by_a_pack_above_its_threshold() {
 }
 
 #[test]
+// Requirement: L-7
 fn one_reading_without_a_pack_does_not_trip_charge() {
     let mut bench = Bench::new();
     bench.settings.failsafe.critical.remaining_mah = Some(300.0);
@@ -764,6 +767,7 @@ fn new_serial_number_is_a_swap_after_five_readings() {
 }
 
 #[test]
+// Requirement: L-11
 fn serial_number_misread_or_read_while_armed_is_no_swap() {
     let other = with_serial_number(4712, 11.7);
     for between in [
@@ -1124,6 +1128,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
+    // Requirement: L-5
     fn level_is_cleared_only_by_reset_or_by_a_swap_above_it(
         stretches in prop::collection::vec((any_stretch(), prop::bool::weighted(0.02)), 1..40),
     ) {

@@ -85,6 +85,7 @@ fn reset_is_live_at_once_and_erases_before_storing() {
 }
 
 #[test]
+// Requirement: L-18
 fn value_set_after_a_failed_reset_waits_for_the_reset() {
     let mut parameters = changed(&[(EXTRA1, 5.0)]);
     parameters.reset();
@@ -104,6 +105,7 @@ fn value_set_after_a_failed_reset_waits_for_the_reset() {
 }
 
 #[test]
+// Requirement: L-18
 fn value_without_space_does_not_block_the_others() {
     let no_room_for_extra1 = |unsaved| match unsaved {
         Value(EXTRA1, _) => Err(Full),
@@ -337,6 +339,7 @@ impl Model {
 
 proptest! {
     #[test]
+    // Requirement: L-18
     fn latest_values_are_live_and_saved_once_flash_works(steps in steps()) {
         let mut model = Model::default();
         for step in &steps {

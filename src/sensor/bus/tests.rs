@@ -610,6 +610,7 @@ fn known(kind: PartKind) -> (Measurement, usize) {
 }
 
 #[test]
+// Requirement: S-6
 fn what_is_plugged_in_after_the_start_is_known_like_what_was_there() {
     for kind in SMART {
         let (expected, _) = known(kind);
@@ -635,6 +636,7 @@ fn what_is_plugged_in_after_the_start_is_known_like_what_was_there() {
 }
 
 #[test]
+// Requirement: S-6
 fn contacts_that_bounce_leave_nothing_unknown() {
     for kind in SMART {
         let (expected, transfers) = known(kind);

@@ -486,6 +486,7 @@ fn lamps_and_buzzer_are_off_before_the_boot_loader_alone() {
 }
 
 #[test]
+// Requirement: L-4
 fn a_requested_boot_loader_is_not_revoked_by_a_restart() {
     use Restart::{BootLoader, Fault, Firmware};
     for (requests, pending) in [

@@ -133,7 +133,7 @@ impl<D> Faulty<D> {
 }
 
 #[test]
-// Requirement: AP-12
+// Requirement: AP-12, S-7
 fn a_part_that_is_unplugged_and_plugged_in_again() {
     let mut faulty = with_monitor();
     faulty.assert_survives(
@@ -350,6 +350,7 @@ fn a_battery_that_is_swapped_for_another_is_introduced_again() {
 }
 
 #[test]
+// Requirement: L-11
 fn a_serial_number_that_is_misread_while_armed_is_no_swap() {
     const SERIAL_NUMBER: u8 = 0x1c;
     let mut faulty = with_battery(Pec::Right);

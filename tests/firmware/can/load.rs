@@ -34,6 +34,7 @@ fn texts_of_can(bench: &mut Bench) -> Vec<String> {
 }
 
 #[test]
+// Requirement: R-10
 fn on_a_full_bus_the_start_loses_no_frame_and_reports_no_bus_off() {
     for bits_per_second in [125_000, 1_000_000] {
         let (mut bench, rig) = with_battery_at(bits_per_second);
@@ -92,6 +93,7 @@ fn lost_a_page(bits_per_second: u64) -> f64 {
 }
 
 #[test]
+// Requirement: R-10
 fn frames_lost_while_flash_is_written_are_few_and_never_shown() {
     for (bits_per_second, at_most) in [(125_000, 0.0), (250_000, 0.0), (500_000, 1.0), (1_000_000, 3.5)] {
         let lost = lost_a_page(bits_per_second);

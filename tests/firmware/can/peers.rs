@@ -59,6 +59,7 @@ fn a_battery_reports_its_cells() {
 }
 
 #[test]
+// Requirement: S-7
 fn a_battery_that_falls_silent_is_lost_and_found_again() {
     let (mut bench, rig) = with_battery();
     let mut battery = rig.peer();

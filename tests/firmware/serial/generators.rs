@@ -49,6 +49,7 @@ fn large_fuel_cell_of_protocol_4_is_recognised() {
 }
 
 #[test]
+// Requirement: S-2
 fn small_fuel_cell_has_shares_of_battery_and_tank() {
     let mut bench = with_generator(SMALL_FUEL_CELL);
     report(&mut bench, b"<76,91,2,0x0>\n", 6);

@@ -1,4 +1,4 @@
-//! The table of `docs/reliability.md`, which `.ci/soak` writes, is of the faults there are.
+//! The table of `docs/performance.md`, which `.ci/soak` writes, is of the faults there are.
 
 use std::fs;
 
@@ -8,7 +8,7 @@ use workbench::runs::soak::tally::fixed_cells;
 
 #[test]
 fn the_table_in_the_docs_names_every_fault_with_its_bound() {
-    let file = repository().join("docs/reliability.md");
+    let file = repository().join("docs/performance.md");
     let text = fs::read_to_string(file).expect("the file exists");
     let table = text.split_once("<!-- soak begins -->").expect("a table").1;
     let table = table.split_once("<!-- soak ends -->").expect("its end").0;

@@ -14,6 +14,7 @@ const ERASES: usize = 4;
 const PROGRAMS: usize = SETS + 100;
 
 #[test]
+// Requirement: W-1
 fn a_thousand_parameter_sets_cost_four_erases_in_turn() {
     let mut bench = Bench::running(2482);
     for number in 0..SETS {
@@ -40,6 +41,7 @@ fn a_thousand_parameter_sets_cost_four_erases_in_turn() {
 }
 
 #[test]
+// Requirement: W-1
 fn starts_and_requests_write_nothing() {
     let mut bench = Bench::running(2482);
     bench.set("SR0_EXTRA1", 4.0);

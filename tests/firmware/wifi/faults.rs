@@ -39,6 +39,7 @@ fn times_announced(bench: &mut Bench, text: &str) -> usize {
 }
 
 #[test]
+// Requirement: R-7
 fn a_radio_that_is_missing_is_announced_once() {
     for fault in [RadioFault::Missing, RadioFault::Noise] {
         let mut bench = with_fault(fault);
@@ -54,6 +55,7 @@ fn a_radio_that_is_missing_is_announced_once() {
 }
 
 #[test]
+// Requirement: R-7
 fn a_radio_that_falls_silent_on_its_way_up_harms_nothing_and_comes_back() {
     // Of some 4,000 commands until the network is up most are for the download.
     for words in [0, 1, 2, 3, 5, 9, 25, 60, 400, 3_640, 3_700, 3_750] {
@@ -76,6 +78,7 @@ fn a_radio_that_falls_silent_on_its_way_up_harms_nothing_and_comes_back() {
 }
 
 #[test]
+// Requirement: R-7
 fn a_radio_that_falls_silent_while_a_station_is_served_comes_back() {
     let mut ground = Ground::up();
     let mut station = ground.found_station();
@@ -92,6 +95,7 @@ fn a_radio_that_falls_silent_while_a_station_is_served_comes_back() {
 }
 
 #[test]
+// Requirement: R-7
 fn a_chip_that_answers_and_never_gets_ready_does_not_restart_the_board() {
     for part in [ChipPart::LowPowerClock, ChipPart::WlanCore, ChipPart::Packets] {
         let mut bench = with_fault(RadioFault::NotReady(part));
@@ -109,11 +113,13 @@ fn a_chip_that_answers_and_never_gets_ready_does_not_restart_the_board() {
 }
 
 #[test]
+// Requirement: R-7
 fn a_radio_that_is_restarted_in_the_middle_of_transfers_comes_up_each_time() {
     radio_restarts::run(6, 1);
 }
 
 #[test]
+// Requirement: R-7
 fn a_download_with_flipped_bits_is_no_program() {
     let mut bench = with_fault(RadioFault::FlippedBits { one_in: 1_000 });
     bench.run_for(8 * SECOND);

@@ -35,6 +35,7 @@ fn wait_until_joined(ground: &mut Ground, laptop: usize) {
 }
 
 #[test]
+// Requirement: R-8
 fn a_phone_that_keeps_its_address_over_a_reset_is_heard_at_once() {
     let mut ground = Ground::up();
     let mut phone = connected_phone(&mut ground);
@@ -53,6 +54,7 @@ fn a_phone_that_keeps_its_address_over_a_reset_is_heard_at_once() {
 }
 
 #[test]
+// Requirement: R-8
 fn a_phone_that_keeps_its_address_over_a_power_cycle_is_heard_at_once() {
     let mut ground = Ground::up();
     let mut phone = connected_phone(&mut ground);

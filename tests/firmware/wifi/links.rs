@@ -36,6 +36,7 @@ fn count(frames: &[Frame], message: u32) -> usize {
 /// A late reader of the radio's bus loses a bit of a packet, and reads the one behind it: of a broadcast it is the one by which it is
 /// for all.
 #[test]
+// Requirement: R-7
 fn every_broadcast_is_heard_however_late_the_radios_task_is() {
     let mut ground = Ground::up();
     let mut station = ground.found_station();

@@ -15,6 +15,7 @@ const FRAMES_PER_SECOND: u64 = 200;
 const MANY_FRAMES_PER_SECOND: u64 = 1_000;
 
 #[test]
+// Requirement: R-7
 fn half_a_minute_of_hostile_frames_disturbs_nothing() {
     let mut ground = Ground::up();
     let mut station = ground.connected_station();

@@ -35,6 +35,7 @@ fn the_network_and_the_first_heartbeat_in_it_are_there_within_three_seconds() {
 }
 
 #[test]
+// Requirement: R-9
 fn a_plain_pico_leaves_the_pins_alone_that_a_pico_w_has_its_radio_at() {
     let mut bench = Bench::power_up(DIVIDER_CODE);
     assert!(bench.run_until(SECOND / 10, |board| !board.log_lines().is_empty()));
@@ -50,6 +51,7 @@ fn a_plain_pico_leaves_the_pins_alone_that_a_pico_w_has_its_radio_at() {
 }
 
 #[test]
+// Requirement: R-9
 fn a_board_with_neither_radio_nor_divider_has_gp29_as_a_pin_after_three_vain_starts_and_a_restart() {
     const GP29: usize = 3;
     let mut bench = Bench::power_up(DIVIDER_CODE);
@@ -89,6 +91,7 @@ fn a_board_with_neither_radio_nor_divider_has_gp29_as_a_pin_after_three_vain_sta
 }
 
 #[test]
+// Requirement: R-9
 fn a_radio_that_wakes_up_late_is_found() {
     let mut bench = Bench::power_up(DIVIDER_CODE);
     bench.attach_wifi();

@@ -46,6 +46,7 @@ fn texts(ground: &mut Ground) -> Vec<String> {
 }
 
 #[test]
+// Requirement: R-7
 fn the_board_joins_a_network_and_finds_it_again() {
     let mut ground = sent_home("our own password");
     switch_router_on(&mut ground);
@@ -77,6 +78,7 @@ fn the_board_joins_a_network_and_finds_it_again() {
 }
 
 #[test]
+// Requirement: R-7
 fn without_its_network_for_a_minute_the_board_opens_its_own() {
     for (password, is_there, text) in [
         ("our own password", false, "Wi-Fi network not found"),
@@ -101,6 +103,7 @@ fn without_its_network_for_a_minute_the_board_opens_its_own() {
 }
 
 #[test]
+// Requirement: R-7
 fn a_password_that_the_chip_refuses_to_change_delays_the_boards_own_network_by_no_fault() {
     let mut ground = sent_home("not our password");
     ground.bench.wifi().set_fault(Some(RadioFault::StaysAssociated));
@@ -120,6 +123,7 @@ fn a_password_that_the_chip_refuses_to_change_delays_the_boards_own_network_by_n
 }
 
 #[test]
+// Requirement: R-7
 fn a_radio_that_fails_meanwhile_does_not_delay_the_boards_own_network() {
     let mut ground = sent_home("our own password");
     for _ in 0..3 {
@@ -139,6 +143,7 @@ fn a_radio_that_fails_meanwhile_does_not_delay_the_boards_own_network() {
 }
 
 #[test]
+// Requirement: R-7
 fn a_board_that_its_network_excludes_joins_it_again() {
     let mut ground = sent_home("our own password");
     switch_router_on(&mut ground);

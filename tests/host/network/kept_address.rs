@@ -74,6 +74,7 @@ async fn is_station_served(room: &Room<'_>, phone: &mut Phone, station: SocketHa
 }
 
 #[test]
+// Requirement: L-19
 fn over_a_reset_a_phone_keeps_its_address_and_is_heard_at_once() {
     let retained: &RetainedLeases = Box::leak(Box::default());
     play_with(retained, Role::AccessPoint, async |room| {
@@ -114,6 +115,7 @@ fn after_power_up_a_phone_keeps_its_address_and_is_heard_at_once() {
 }
 
 #[test]
+// Requirement: L-19
 fn who_does_not_ask_for_its_address_has_it_for_ten_minutes_at_most() {
     play(Role::AccessPoint, async |room| {
         for _ in 0..598 {
@@ -145,6 +147,7 @@ fn no_computer_has_two_addresses_or_speaks_for_another() {
 }
 
 #[test]
+// Requirement: L-19
 fn strangers_with_every_address_keep_none_from_who_asks_and_push_out_no_lease() {
     play(Role::AccessPoint, async |room| {
         let mut driver = room.phone(2).await;

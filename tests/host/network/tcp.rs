@@ -8,6 +8,7 @@ use support::frames::{HEARTBEAT, PARAM_VALUE};
 use support::requests;
 
 #[test]
+// Requirement: L-19
 fn two_clients_have_a_link_each_and_a_third_is_refused() {
     play(Role::AccessPoint, async |room| {
         let (mut one, mut two, mut three) = (room.phone(2).await, room.phone(3).await, room.phone(4).await);
@@ -59,6 +60,7 @@ fn a_place_is_free_again_when_a_client_has_closed() {
 }
 
 #[test]
+// Requirement: L-19
 fn a_client_that_vanishes_frees_its_place() {
     play(Role::AccessPoint, async |room| {
         let (mut one, mut two) = (room.phone(2).await, room.phone(3).await);

@@ -64,6 +64,7 @@ fn a_ground_station_is_found_by_broadcast_and_then_gets_everything_by_unicast() 
 }
 
 #[test]
+// Requirement: R-8
 fn a_phone_that_takes_no_broadcasts_is_found_by_its_address() {
     play(Role::AccessPoint, async |room| {
         // Those before it have left, and their addresses answer no more.
@@ -83,6 +84,7 @@ fn a_phone_that_takes_no_broadcasts_is_found_by_its_address() {
 }
 
 #[test]
+// Requirement: L-19
 fn two_stations_have_a_link_each_and_a_third_gets_nothing_until_one_is_silent() {
     play(Role::AccessPoint, async |room| {
         let (mut one, mut two, mut three) = (room.phone(2).await, room.phone(3).await, room.phone(4).await);
@@ -154,6 +156,7 @@ fn each_station_has_its_own_rates() {
 }
 
 #[test]
+// Requirement: L-19
 fn what_is_no_mavlink_gets_no_slot() {
     play(Role::AccessPoint, async |room| {
         let mut noisy = Vec::new();

@@ -28,6 +28,7 @@ const HALF_OF_20_AH: GaugeReading = GaugeReading::Read(Gauge {
 });
 
 #[test]
+// Requirement: L-12
 fn readings_without_the_gauge_trip_no_threshold_in_mah() {
     for share in [None, Some(0.5)] {
         let missing = Measurement {
@@ -81,6 +82,7 @@ fn a_source_that_never_reports_its_gauge_has_none() {
 }
 
 #[test]
+// Requirement: S-8
 fn after_its_time_out_the_charge_of_a_gauge_is_unknown_and_never_estimated() {
     let mut bench = Bench::new();
     bench.run(1.0, half_full(HALF_OF_20_AH));
@@ -126,6 +128,7 @@ fn full_capacity_once_heard_stays_until_another_pack() {
 }
 
 #[test]
+// Requirement: S-8
 fn timed_out_gauge_is_unhealthy_and_announced_while_a_threshold_needs_it() {
     let mut bench = gauged_bench();
     bench.run(1.0, half_full(HALF_OF_20_AH));
@@ -191,6 +194,7 @@ fn count(bench: &mut Bench, seconds: f32, drawn_mah: f32, load_a: f32, current_a
 }
 
 #[test]
+// Requirement: S-10
 fn a_count_beyond_the_capacity_leaves_nothing_whatever_the_voltage() {
     for current_a in [None, Some(0.0), Some(5.0)] {
         let mut bench = Bench::new();
@@ -264,6 +268,7 @@ fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
 }
 
 #[test]
+// Requirement: S-10, L-12
 fn a_count_that_falls_is_a_restart_of_its_source_and_no_charge() {
     let mut bench = Bench::new();
     bench.run(1.0, companion(0.0, Some(0.0)));
@@ -287,6 +292,7 @@ fn a_count_that_falls_is_a_restart_of_its_source_and_no_charge() {
 }
 
 #[test]
+// Requirement: L-12
 fn a_count_that_flickers_is_no_draw() {
     let mut bench = Bench::new();
     for tick in 0..36_000 {
@@ -347,6 +353,7 @@ fn reports(share: f32, cell_v: f32) -> Measurement {
 }
 
 #[test]
+// Requirement: S-9
 fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() {
     for chemistry in CHEMISTRIES {
         let mut bench = Bench::new();
@@ -371,6 +378,7 @@ fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() 
 }
 
 #[test]
+// Requirement: S-9
 fn a_contradicted_charge_acts_on_no_rover_that_drives() {
     let mut bench = gauged_bench();
     bench.settings.failsafe.low.remaining_mah = Some(100.0);
@@ -418,6 +426,7 @@ fn no_sound_cell_contradicts_its_charge() {
 }
 
 #[test]
+// Requirement: L-12
 fn packs_of_a_sum_that_rest_apart_are_a_fault_on_which_nothing_acts() {
     let sum = |spread| Measurement {
         members: 0b110,

@@ -78,7 +78,7 @@ const EXPECTED_CRASH: &str = "Crash: hard fault in reboot";
 pub(super) const CRASH_RECORD: Check = Check {
     name: "crash record",
     measures: "the board's report of a fault that was provoked",
-    expected: "a restart, and `Crash: hard fault in reboot, …` (docs/reliability.md)",
+    expected: "a restart, and `Crash: hard fault in reboot, …` (docs/proof.md)",
     advice: "Detach the debug probe: it catches the fault. Attach the report.",
     judge: judge_crash_record,
 };

@@ -94,6 +94,7 @@ fn found(signing: Signing) -> Found {
 }
 
 #[test]
+// Requirement: L-13
 fn a_key_is_found_again_and_so_is_that_there_is_none() {
     let mut set: Vec<Option<SigningKey>> = Vec::new();
     assert_eq!(found(flash_with(&set).restore()), Found::NoKey);

@@ -297,6 +297,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: S-10
     fn a_count_that_was_restarted_is_no_charge() {
         assert_eq!(charge(0, 1 << 31, 0).since(&charge(-500, 0, 1_000)), None);
     }

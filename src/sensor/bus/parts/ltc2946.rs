@@ -129,6 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
+    // Requirement: S-10
     fn a_counter_goes_on_over_its_end_and_one_that_was_reset_counts_nothing() {
         assert_eq!(steps_between(1_000, 400), Some(600.0));
         assert_eq!(steps_between(3, u32::MAX - 1), Some(5.0));

@@ -142,6 +142,7 @@ fn ids_are_given_as_by_the_reference() {
 }
 
 #[test]
+// Requirement: L-20
 fn id_is_the_same_again_and_after_a_restart_of_this_board() {
     let mut ids = Vec::new();
     for _ in 0..2 {
@@ -208,6 +209,7 @@ fn late_or_foreign_parts_get_nothing() {
 }
 
 #[test]
+// Requirement: L-20
 fn ids_run_out() {
     let mut bench = listening(LISTENING_MS);
     for owner in 0..MAX_NODES as u8 + 4 {

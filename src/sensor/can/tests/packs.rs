@@ -272,6 +272,7 @@ fn cells_are_shown_all_or_none() {
 }
 
 #[test]
+// Requirement: L-20
 fn cells_are_dropped_when_they_are_old() {
     let mut bench = Bench::with_packs(&[pack(Pack::First)]);
     let battery = Battery::new(42, 0);
@@ -326,6 +327,7 @@ fn batteries_take_the_packs_in_order_if_these_take_any() {
 }
 
 #[test]
+// Requirement: L-20
 fn another_node_takes_a_lost_ones_place_by_option_only() {
     for (options, expected) in [
         (CanOptions::default(), None),
@@ -349,6 +351,7 @@ fn another_node_takes_a_lost_ones_place_by_option_only() {
 }
 
 #[test]
+// Requirement: S-5, L-20
 fn changed_id_releases_the_battery() {
     let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7)]);
     bench.receive(&Battery::new(40, 7).frames(0));
@@ -363,6 +366,7 @@ fn changed_id_releases_the_battery() {
 }
 
 #[test]
+// Requirement: L-20
 fn changed_id_releases_a_silent_battery_and_keeps_one_that_reports() {
     let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7)]);
     bench.receive(&Battery::new(40, 7).frames(0));
@@ -556,6 +560,7 @@ fn it_is_switched_when_it_is_found_as_by_the_reference() {
 }
 
 #[test]
+// Requirement: L-20
 fn it_is_asked_each_second_until_it_confirms() {
     let mut bench = charger_with(&[5]);
     bench.receive(&charger(33, 0));

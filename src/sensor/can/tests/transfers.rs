@@ -50,6 +50,7 @@ fn some_of(frames: &[CanFrame], taken: usize) -> Vec<CanFrame> {
 
 /// An MCP2515 may send the highest priority instead of the frame's own (erratum 3).
 #[test]
+// Requirement: R-10
 fn a_frame_of_another_priority_belongs_to_its_transfer() {
     const PRIORITY: u32 = 0x1f00_0000;
     let whole = frames(golden::BATTERY_INFO);
@@ -226,6 +227,7 @@ fn frames_of_cyphal_are_left_out() {
 }
 
 #[test]
+// Requirement: R-10
 fn hardware_lets_everything_through_that_is_used() {
     for own_id in [Some(10), None] {
         let bench = Bench::new(setup(own_id), &[]);

@@ -31,6 +31,7 @@ fn assert_takes(measured: u64, expected: u64) {
 }
 
 #[test]
+// Requirement: R-5
 fn a_page_takes_some_600_us_with_what_the_boot_rom_does() {
     let mut board = flash_board();
     let took = program(&mut board, OFFSET, &[0; 256]);
