@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
-"""Builds the crate that docs/guides/as-a-dependency.md describes, from the page's own text.
+"""Builds examples/pack-monitor/, firmware that has this library as a dependency.
 
-Each block of code below a comment `<!-- file: NAME -->` is a file of that crate. They are written to a folder below
-`target/`, with this clone in place of the page's path and with the versions of its Cargo.lock, and built. The firmware has to
-link, by the page's memory.x, to be as large as the page says, and to hold nothing of the Freenove board. There the clone's own
-`.cargo/config.toml` applies, too: what it adds are flags that make a program smaller.
+It is copied to a folder below `target/`, with the path of this clone and with the versions of its Cargo.lock, and built.
+The firmware has to link, by its own memory.x, to be as large as docs/extending.md says, and to hold nothing of the Freenove
+board. There the clone's own `.cargo/config.toml` applies, too: what it adds are flags that make a program smaller.
 
 On a host the library without its default features has to build without what only the programs there need.
 """
@@ -19,13 +18,13 @@ import sys
 from size_report import symbols, usage
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
-PAGE = REPOSITORY / "docs/guides/as-a-dependency.md"
+PAGE = REPOSITORY / "docs/extending.md"
+SOURCE = REPOSITORY / "examples/pack-monitor"
 CRATE = REPOSITORY / "target/as-a-dependency"
 TARGET = REPOSITORY / "target"
 FIRMWARE = TARGET / "thumbv6m-none-eabi/release/pack-monitor"
 
-FILE = re.compile(r"^<!-- file: (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-PATH = 'path = "../rover-battmon"'
+PATH = 'path = "../.."'
 
 # `rover_battmon::board`, as symbols spell it in paths and in types.
 BOARD = re.compile(r"rover_battmon(?:5|\.\.)board")
@@ -34,26 +33,19 @@ OF_PROGRAMS = ("clap", "ctrlc", "serialport")
 # What the page says of the firmware's size, and how far off that may be.
 SIZE = re.compile(r"(\d+) KB of flash and (\d+) KB of static RAM")
 SIZE_TOLERANCE = 0.05
-# Where the page's memory.x has the stack begin: at the end of RAM.
+# Where its memory.x has the stack begin: at the end of RAM.
 STACK_START = 0x2004_2000
 
 
-def files_of(page):
-    """The files of the crate: name and text."""
-    files = dict(FILE.findall(page))
-    manifest = files["Cargo.toml"]
-    if PATH not in manifest:
-        sys.exit(f"{PAGE.name}: Cargo.toml does not name the library by {PATH}")
-    return {**files, "Cargo.toml": manifest.replace(PATH, f'path = "{REPOSITORY}"')}
-
-
-def write(files):
+def copy():
     shutil.rmtree(CRATE, ignore_errors=True)
-    for name, text in files.items():
-        path = CRATE / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+    shutil.copytree(SOURCE, CRATE, ignore=shutil.ignore_patterns("target", "Cargo.lock"))
     shutil.copy(REPOSITORY / "Cargo.lock", CRATE)
+    manifest = CRATE / "Cargo.toml"
+    text = manifest.read_text(encoding="utf-8")
+    if PATH not in text:
+        sys.exit(f"{SOURCE.name}: Cargo.toml does not name the library by {PATH}")
+    manifest.write_text(text.replace(PATH, f'path = "{REPOSITORY}"'), encoding="utf-8")
 
 
 def build():
@@ -63,7 +55,7 @@ def build():
 
 
 def complaints(elf):
-    """What the firmware has that is not the page's."""
+    """What the firmware has that is not its own."""
     found = dict(symbols(elf))
     of_board = sorted(filter(BOARD.search, found))
     yield from (f"of the Freenove board: {name}" for name in of_board)
@@ -98,7 +90,7 @@ def complaints_on_a_host():
 
 def main():
     page = PAGE.read_text(encoding="utf-8")
-    write(files_of(page))
+    copy()
     build()
     elf = FIRMWARE.read_bytes()
     flash, ram = usage(elf)

@@ -83,13 +83,13 @@
 //! # Where to go next
 //! - One pack and its life: [`BatteryMonitor`](battery::BatteryMonitor), [`BatteryState`](battery::BatteryState),
 //!   [`PackSettings`](battery::PackSettings).
-//! - A sensor of your own: fill a [`Measurement`](battery::Measurement). Into this firmware: `docs/adding-a-sensor.md`.
+//! - A sensor of your own: fill a [`Measurement`](battery::Measurement). Into this firmware: `docs/extending.md`.
 //! - Everything at once, without hardware, links and clock: [`Autopilot`](autopilot::Autopilot).
 //! - A link without its wire, bytes in and frames out: [`Endpoint`](mavlink::Endpoint).
-//! - Firmware of your own, without the feature `board`: `docs/guides/as-a-dependency.md`.
+//! - Firmware of your own, without the feature `board`: `docs/extending.md`.
 //! - Another board: the traits that `board` and `host::sim` implement, as [`AnalogIn`](sensor::AnalogIn),
 //!   [`I2cBus`](sensor::I2cBus), [`Motors`](vehicle::Motors), [`Indicators`](vehicle::Indicators) and those of [`tasks`]; and
-//!   `docs/guides/porting.md`.
+//!   `docs/extending.md`.
 //! - Whole programs: the firmware `src/bin/firmware/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
 //! - What a version of it promises: `docs/versions.md`.
 //! - How it all fits together and why: `docs/architecture.md` and `docs/decisions/`.

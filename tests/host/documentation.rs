@@ -20,8 +20,8 @@ use support::repository;
 /// What stands in front of a path from the top of the repository.
 const TOP_FOLDERS: [&str; 6] = ["src/", "tests/", "docs/", "examples/", "benches/", ".ci/"];
 
-/// Files of other projects: one that a requirement names, and the program of a dependent.
-const NOT_OURS: [&str; 2] = ["src/communication/mavlink/handlers/telemetry.rs", "src/main.rs"];
+/// The file of another project that a requirement names.
+const NOT_OURS: &str = "src/communication/mavlink/handlers/telemetry.rs";
 
 /// Every file below `folder` with this extension, build results and hidden folders aside.
 fn files_below(folder: &Path, extension: &str) -> Vec<PathBuf> {
@@ -146,7 +146,7 @@ fn every_path_that_is_named_exists() {
     let mut missing = Vec::new();
     let mut looked_at = 0;
     for (document, text) in documents() {
-        for path in named_paths(&text).filter(|path| !NOT_OURS.contains(path)) {
+        for path in named_paths(&text).filter(|path| *path != NOT_OURS) {
             looked_at += 1;
             if !repository().join(path).exists() {
                 missing.push(format!("{}: {path}", document.display()));
@@ -176,23 +176,11 @@ fn marked<'a>(line: &'a str, word: &str) -> Option<&'a str> {
     comment.strip_prefix(word)
 }
 
-/// What a hunk of a diff changes, as it is before.
-fn before_the_change(hunk: &str) -> String {
-    let kept = hunk.lines().filter(|line| !line.starts_with('+'));
-    kept.map(|line| line.get(1..).unwrap_or_default())
-        .collect::<Vec<_>>()
-        .join("\n")
-}
-
 #[test]
 fn code_in_a_document_is_code_that_is_compiled() {
     let mut looked_at = 0;
     for (document, text) in documents() {
         for (line, block) in code_blocks(&text, "rust") {
-            // Those are built by .ci/as_a_dependency.py.
-            if marked(line, "file: ").is_some() {
-                continue;
-            }
             let path = marked(line, "from ")
                 .unwrap_or_else(|| panic!("{}: where is it from?\n{block}", document.display()));
             assert!(
@@ -202,20 +190,8 @@ fn code_in_a_document_is_code_that_is_compiled() {
             );
             looked_at += 1;
         }
-        for (line, block) in code_blocks(&text, "diff") {
-            let path = marked(line, "from ")
-                .unwrap_or_else(|| panic!("{}: of which file?\n{block}", document.display()));
-            for hunk in block.split("@@\n").map(before_the_change) {
-                assert!(
-                    read(&repository().join(path)).contains(&hunk),
-                    "{}: {path} does not have\n{hunk}",
-                    document.display()
-                );
-                looked_at += 1;
-            }
-        }
     }
-    assert!(looked_at >= 6, "only {looked_at} blocks and hunks were found");
+    assert!(looked_at > 0, "no block was found");
 }
 
 /// The pin of the Pico that each of its GPIOs is on, by the pinout of its data sheet.

@@ -1,6 +1,6 @@
 //! Packs that are measured by parts on the I2C bus, or on the SPI bus.
 //!
-//! A part is one file in `parts/` and one line in `registry.rs`; `docs/adding-a-sensor.md` shows how.
+//! A part is one file in `parts/` and one line in `registry.rs`; `docs/extending.md` shows how.
 
 mod devices;
 mod part;

@@ -1,6 +1,6 @@
 //! Packs that are measured by what is connected to the second serial port (`SERIAL1_PROTOCOL`).
 //!
-//! A protocol is one file in `protocols/` and one line in `registry.rs`; `docs/adding-a-sensor.md` shows how.
+//! A protocol is one file in `protocols/` and one line in `registry.rs`; `docs/extending.md` shows how.
 
 mod conditions;
 mod protocol;
