@@ -12,7 +12,7 @@ const RATE_HZ: u32 = 10;
 const FAST_PARTS: [(f64, f64); 1] = [(0.2, 0.6)];
 const SLOW_PARTS: [(f64, f64); 3] = [(10.0, 0.25), (100.0, 0.25), (1000.0, 0.5)];
 
-/// Typical cells by `docs/battery-model.md`: resting voltages when full and half empty, voltage that a load of a capacity an
+/// Typical cells by `src/battery/chemistry.rs`: resting voltages when full and half empty, voltage that a load of a capacity an
 /// hour takes off within a second, and the slow sag relative to that.
 #[derive(Clone, Copy, Debug)]
 struct Kind {
