@@ -237,6 +237,23 @@ mod tests {
     }
 
     #[test]
+    fn what_is_refused_after_the_last_drive_is_in_its_row() {
+        let state = state(11.0);
+        let records = [
+            arming(ArmState::Armed),
+            Recorded::Battery(Pack::First, &state),
+            arming(ArmState::Disarmed),
+            Recorded::Message("Arm: Terminated: reset the battery or restart"),
+        ];
+        let rows = rows_of(&file(&records), &[]);
+        assert_eq!(
+            rows[0].arming_refusals,
+            ["Terminated: reset the battery or restart"]
+        );
+        assert_eq!(rows.len(), 1);
+    }
+
+    #[test]
     fn a_log_without_a_drive_has_a_row_for_each_pack() {
         let state = state(11.0);
         let faulty = BatteryState {
