@@ -85,6 +85,10 @@ impl Autopilot {
         );
         let learnt = learnt.unwrap_or(LearntPack::of(serial_number));
         self.packs.bank.monitor(pack).restore_learnt(learnt);
+        // Another serial number follows with the next sample.
+        if self.battery(pack).serial_number == serial_number {
+            self.recording.describe(pack);
+        }
         self.show_learnt(pack);
     }
 

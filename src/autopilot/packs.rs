@@ -3,7 +3,8 @@
 use heapless::Vec;
 
 use crate::battery::{
-    BatteryBank, BatteryState, Measurement, PackSettings, PackSource, PackStatus, ReadError, SumVoltage,
+    BatteryBank, BatteryMonitor, BatteryState, Measurement, PackSettings, PackSource, PackStatus, ReadError,
+    SumVoltage,
 };
 use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
@@ -231,6 +232,12 @@ impl Packs {
             let reading = tank(share, capacity_ml(parameters, pack));
             self.add(pack, MonitorKind::GeneratorFuel, reading, received_at);
         }
+    }
+
+    /// The packs that are monitored, in the order of their instances.
+    pub fn monitors(&self) -> impl Iterator<Item = (Pack, &BatteryMonitor)> {
+        let is_monitored = |pack: Pack| self.order.iter().any(|(monitored, _)| *monitored == pack);
+        self.bank.monitors().filter(move |(pack, _)| is_monitored(*pack))
     }
 
     /// Whether a pack is of this kind since boot.

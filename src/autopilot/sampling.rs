@@ -174,7 +174,6 @@ impl Autopilot {
     fn update_pack(&mut self, pack: Pack, tick: Tick, reading: Result<Measurement, ReadError>) {
         let settings = PackSettings::from_parameters(&self.parameters, pack);
         let monitor = self.packs.bank.monitor(pack);
-        let before = monitor.state().status;
         if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated() {
             monitor.release_unhealthy();
         }
@@ -187,9 +186,13 @@ impl Autopilot {
             Some(error) => log_failure(pack, error, monitor.failed_reads()),
             None => self.packs.confirm(pack),
         }
-        let monitor = self.packs.bank.monitor(pack);
-        log_change(pack, before, monitor.state().status);
-        self.packs.states[pack as usize] = *monitor.state();
+        let state = self.packs.bank.monitor(pack).state();
+        let before = &mut self.packs.states[pack as usize];
+        log_change(pack, before.status, state.status);
+        if (before.serial_number, before.revision) != (state.serial_number, state.revision) {
+            self.recording.describe(pack);
+        }
+        *before = *state;
         self.keep_learnt(pack);
         for event in &events {
             self.announce(Announcement::Pack(pack, event), tick.now);

@@ -2,7 +2,7 @@
 //! Wi-Fi: [`super::wifi`].
 
 use super::announcement::Announcement;
-use super::recording::LogStep;
+use super::recording::{LogStep, Subject};
 use super::{Autopilot, Work};
 use crate::log::{info, warn};
 use crate::mavlink::{AcceptUnsigned, LinkKind, SigningChange, SigningTrouble, ToStore};
@@ -147,7 +147,12 @@ impl Autopilot {
     /// What the flash has to do next for the log at `now`, if anything.
     pub fn next_log_step(&mut self, now: Instant) -> Option<LogStep> {
         let may_erase = self.may_erase();
-        self.recording.next_step(now, &self.parameters, may_erase)
+        let subject = Subject {
+            board_id: self.identity.board_id,
+            packs: &self.packs,
+            parameters: &self.parameters,
+        };
+        self.recording.next_step(now, &subject, may_erase)
     }
 
     /// The outcome of programming a page.

@@ -48,7 +48,7 @@ pub struct LearntPack {
 
 /// A learnt capacity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LearntCapacity {
+pub(crate) struct LearntCapacity {
     pub capacity_mah: f32,
     /// Standard deviation, relative to the capacity.
     pub sigma: f32,
@@ -71,7 +71,7 @@ impl LearntCapacity {
 
 /// A cell's resistance when warm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LearntResistance {
+pub(crate) struct LearntResistance {
     /// The lowest of recent drives, in ohms.
     pub now_ohm: f32,
     /// That of the first drive, in ohms: what ageing is measured against.
@@ -80,7 +80,7 @@ pub(super) struct LearntResistance {
 
 /// How far the cell's curve lies above that of its chemistry at one charge, in tenths of a millivolt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Offset {
+pub(crate) struct Offset {
     pub mean_100uv: i16,
     /// Standard deviation; 0: not learnt.
     pub sigma_100uv: i16,
@@ -88,7 +88,7 @@ pub(super) struct Offset {
 
 /// A state of charge that is kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LastCharge {
+pub(crate) struct LastCharge {
     /// From 0 to 1.
     pub share: f32,
     /// Standard deviation.
@@ -197,6 +197,35 @@ impl LearntPack {
     pub fn resistance_ohm(&self) -> Option<f32> {
         self.resistance
             .map(|resistance| resistance.now_ohm * f32::from(self.cell_count))
+    }
+
+    pub(crate) fn cell_count(&self) -> Option<u8> {
+        (self.cell_count > 0).then_some(self.cell_count)
+    }
+
+    pub(crate) fn drives(&self) -> u16 {
+        self.drives
+    }
+
+    pub(crate) fn capacity(&self) -> Option<LearntCapacity> {
+        self.capacity
+    }
+
+    pub(crate) fn cell_resistance(&self) -> Option<LearntResistance> {
+        self.resistance
+    }
+
+    pub(crate) fn last_charge(&self) -> Option<LastCharge> {
+        self.charge
+    }
+
+    pub(crate) fn offsets(&self) -> &[Offset; OFFSET_POINTS] {
+        &self.offsets
+    }
+
+    /// Whether anything of the curve is learnt.
+    pub(crate) fn has_curve(&self) -> bool {
+        self.offsets.iter().any(|offset| offset.sigma_100uv > 0)
     }
 
     /// Capacity in milliampere-hours and resistance in ohms, once learnt.

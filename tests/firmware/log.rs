@@ -6,6 +6,8 @@ mod ring;
 mod timing;
 
 use emulator::FlashCut;
+use support::frames::{AUTOPILOT_VERSION, of_message};
+use support::requests::command_long_2;
 use workbench::bench::{Bench, MINUTE, Wire};
 use workbench::downloads::{download, get, list};
 use workbench::log_records::{named, records};
@@ -42,6 +44,11 @@ fn assert_drive(drive: &mut Drive, content: &[u8]) -> usize {
             .filter_map(|record| record.get_i64(field))
             .collect()
     };
+    let boards: Vec<_> = named(&records, "BRD")
+        .map(|record| record.get_str("Id"))
+        .collect();
+    assert_eq!(boards, [Some(board_id(&mut drive.bench).as_str())]);
+    assert_eq!(numbers("PACK", "Inst"), [0, 1]);
     assert_eq!(numbers("ARM", "ArmState"), [1, 0]);
     assert_eq!(numbers("EV", "Id"), [10, 11]);
     // HOLD at the start, then MANUAL.
@@ -49,6 +56,14 @@ fn assert_drive(drive: &mut Drive, content: &[u8]) -> usize {
     let seconds = named(&records, "PM").count();
     assert!((75..=77).contains(&seconds), "{seconds} s");
     drive.compare_voltages(&records)
+}
+
+/// What the board says its id is: `uid` of AUTOPILOT_VERSION.
+fn board_id(bench: &mut Bench) -> String {
+    const REQUEST_MESSAGE: u16 = 512;
+    let answers = bench.ask(&command_long_2(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32, 0.0));
+    let version = of_message(&answers, AUTOPILOT_VERSION)[0];
+    format!("{:08X}{:08X}", version.u32(12), version.u32(8))
 }
 
 /// In one of this many operations here, in more of them in `tests/endurance`.

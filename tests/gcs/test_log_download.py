@@ -3,6 +3,7 @@
 import concurrent.futures
 import contextlib
 import datetime
+import math
 import queue
 import struct
 import subprocess
@@ -22,6 +23,7 @@ from conftest import EmulatedBoard, Simulator, failed_start
 from station import (
     command,
     connect,
+    fresh,
     mavlink,
     messages_of,
     read,
@@ -41,7 +43,9 @@ ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 LINKS = ["uart", "usb"]
 # Each link has its own rates. The pack is low at the second step of its voltage.
+SERIAL_NUMBER = 4711
 SETTINGS = {"SR0_EXTRA1": 20, "SR1_EXTRA1": 20, "BATT_CELLS": 3, "BATT_LOW_VOLT": 12.46, "BATT_LOW_TIMER": 1}
+SETTINGS |= {"BATT_SERIAL_NUM": SERIAL_NUMBER}
 BLOCK_BYTES = 90
 TO_THE_END = 0xFFFF_FFFF
 RECORDED = 520
@@ -102,6 +106,7 @@ class Drive:
         link.mav.command_long_send(1, 1, ARM, 0, 0, 0, 0, 0, 0, 0, 0)
         messages += ended(link)
         self.values = read_list(link)
+        self.board_id = f"{fresh(link, 'AUTOPILOT_VERSION').uid:016X}"
         self.readings = [(m._timestamp - self.offset_s, volts(m)) for m in messages if m.get_type() == "BATTERY_STATUS"]
         self.texts = [m.text for m in messages if m.get_type() == "STATUSTEXT"]
         # A second file, of next to nothing.
@@ -185,7 +190,7 @@ def test_it_is_read_without_a_warning(drive, tmp_path, capfd):
     records = records_of(path)
     assert capfd.readouterr() == ("", "")
     types = {record.get_type() for record in records}
-    assert {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "ARM", "EV", "BAT", "BATX"} <= types
+    assert {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "ARM", "EV", "BAT", "BATX", "BRD", "PACK"} <= types
     dump = subprocess.run(
         [Path(sys.executable).parent / "mavlogdump.py", path], check=True, capture_output=True, text=True
     )
@@ -206,6 +211,15 @@ def records(drive, tmp_path):
     path = tmp_path / "drive.BIN"
     path.write_bytes(drive.log)
     return records_of(path)
+
+
+def test_it_says_which_board_and_which_packs_it_is_of(drive, records):
+    (board,) = [record.Id for record in records if record.get_type() == "BRD"]
+    assert board == drive.board_id
+    (pack,) = [record.to_dict() for record in records if record.get_type() == "PACK"]
+    numbers = {name: pack[name] for name in ("Inst", "SN", "Chem", "Cells", "Drv")}
+    assert numbers == {"Inst": 0, "SN": SERIAL_NUMBER, "Chem": 1, "Cells": SETTINGS["BATT_CELLS"], "Drv": 0}
+    assert all(math.isnan(pack[name]) for name in ("Cap", "CapD", "Res", "Res1", "SoC", "SoCD", "RstV"))
 
 
 def test_voltages_are_those_on_the_wire(drive, records):

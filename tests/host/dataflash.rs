@@ -3,8 +3,11 @@
 use std::path::Path;
 
 use ardupilot_binlog::{Entry, Reader};
-use rover_battmon::battery::{Amount, BatteryState, CellVoltages, ChargeState, Faults, PackStatus};
+use rover_battmon::battery::{
+    Amount, BatteryState, CellVoltages, ChargeState, Faults, LearntPack, PackStatus,
+};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
+use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
 use rover_battmon::recorder::dataflash::{ArmingMethod, ModeReason, Record, Subsystem, opening_record};
 use rover_battmon::time::Utc;
@@ -28,8 +31,15 @@ fn file() -> Vec<u8> {
         faults: Faults::OVER_CURRENT,
         cells: CellVoltages::from_millivolts(&[3711; 13]),
         learnt_capacity_mah: Some(4750.0),
+        serial_number: Some(4711),
+        cell_count: Some(13),
         ..BatteryState::UNKNOWN
     };
+    let learnt: LearntPack = "chemistry 1\ncells 13\ndrives 7\n\
+        capacity_mah_sigma 4750 0.25\nresistance_ohm_now_first 0.5 0.25\n\
+        offsets_100uv_sigma -400 80 -200 81 0 82 100 83 350 84"
+        .parse()
+        .expect("a pack");
     let crash = CrashRecord {
         task: TaskName::new("battery"),
         cause: CrashCause::Fault(FaultSite {
@@ -64,6 +74,9 @@ fn file() -> Vec<u8> {
             dropped_records: 2,
         },
         Record::Time(Utc::from_micros(1_767_225_600_123_456)),
+        Record::Board(BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c])),
+        Record::Pack(Pack::Second, &state, Some(&learnt)),
+        Record::Curve(Pack::Second, &learnt),
     ];
     let records = vehicle.into_iter().chain(Record::of_pack(Pack::Second, &state));
     let records = records
@@ -101,7 +114,7 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
     assert_numbers(
         only(&entries, "BAT"),
         &[
-            ("TimeUS", 1_510_000.0),
+            ("TimeUS", 1_513_000.0),
             ("Inst", 1.0),
             ("Volt", 48.25),
             ("Curr", 3.5),
@@ -155,6 +168,32 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
             ("GMS", 345618123.0),
             ("Lat", 0.0),
             ("Lng", 0.0),
+        ],
+    );
+    assert_eq!(only(&entries, "BRD").get_str("Id"), Some("E660583883450A2C"));
+    assert_numbers(
+        only(&entries, "PACK"),
+        &[
+            ("Inst", 1.0),
+            ("SN", 4711.0),
+            ("Chem", 1.0),
+            ("Cells", 13.0),
+            ("Drv", 7.0),
+            ("Cap", 4750.0),
+            ("CapD", 0.25),
+            ("Res", 0.5),
+            ("Res1", 0.25),
+        ],
+    );
+    assert!(only(&entries, "PACK").get_f64("SoC").is_some_and(f64::is_nan));
+    assert_numbers(
+        only(&entries, "PCKO"),
+        &[
+            ("Inst", 1.0),
+            ("O1", -400.0),
+            ("O5", 350.0),
+            ("D1", 80.0),
+            ("D5", 84.0),
         ],
     );
 }

@@ -1,17 +1,11 @@
 //! Dates of logs: who says what time it is, and what is listed.
 
-use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::NorFlash;
-use nor_flash::FlashModel;
-use rover_battmon::autopilot::LogStep;
-use rover_battmon::mavlink::{Event, LinkKind};
-use rover_battmon::recorder::{FlashOutcome, Ring};
+use rover_battmon::mavlink::Event;
 use rover_battmon::time::Utc;
-use support::desk::Desk;
 use support::frames::{GROUND_STATION, LOG_ENTRY, of_message};
-use support::requests::{
-    command_long_2, disarm, heartbeat, heartbeat_from, log_list, system_time, system_time_from,
-};
+use support::requests::{heartbeat, heartbeat_from, log_list, system_time, system_time_from};
+
+use crate::logged_rover::Rover;
 
 const SECOND: u64 = 1_000_000;
 
@@ -21,68 +15,9 @@ const UNIX_US: u64 = 1_795_639_396_750_000;
 /// The type in the HEARTBEAT of a ground station.
 const GCS: u8 = 6;
 
-type Flash = FlashModel<4096, 256, 16>;
-
-/// A desk with a log, and its flash.
-struct Rover {
-    desk: Desk,
-    flash: Flash,
-}
-
 impl Rover {
-    /// After a start with this flash.
-    fn starting(mut flash: Flash) -> Self {
-        let mut desk = Desk::without_packs();
-        desk.connect(LinkKind::Direct);
-        let ring = block_on(Ring::scan(&mut flash, Flash::REGION));
-        desk.autopilot.logs_found(ring);
-        let mut rover = Self { desk, flash };
-        rover.run(1);
-        rover
-    }
-
-    fn new() -> Self {
-        Self::starting(Flash::blank())
-    }
-
-    /// Drives, and writes the log.
-    fn run(&mut self, seconds: u64) {
-        for _ in 0..50 * seconds {
-            self.desk.now_us += SECOND / 50;
-            self.desk.drive();
-            while let Some(step) = self.desk.autopilot.next_log_step(self.desk.now()) {
-                self.obey(step);
-            }
-        }
-    }
-
-    fn obey(&mut self, step: LogStep) {
-        match step {
-            LogStep::Program { address, bytes } => {
-                block_on(self.flash.write(address, &bytes)).expect("it works");
-                let now = self.desk.now();
-                self.desk.autopilot.log_written(FlashOutcome::Done, now);
-            }
-            LogStep::Erase(erasure) => {
-                let from = erasure.address();
-                block_on(self.flash.erase(from, from + 4096)).expect("it works");
-                block_on(self.flash.write(erasure.mark_address(), &erasure.mark())).expect("it works");
-                self.desk.autopilot.log_erased(erasure, FlashOutcome::Done);
-            }
-        }
-    }
-
     fn hear(&mut self, frames: &[Vec<u8>]) -> Vec<Event> {
         self.desk.receive_in_chunks(&frames.concat(), 64)
-    }
-
-    /// A drive of this long, in a file that goes on with the next one.
-    fn drive(&mut self, seconds: u64) {
-        const ARM_DISARM: u16 = 400;
-        const FORCED: f32 = 21196.0;
-        self.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
-        self.run(seconds);
-        self.desk.ask(&disarm());
     }
 
     /// LOG_ENTRY of each file: when it began, in seconds since 1970.

@@ -19,6 +19,8 @@ mod fuzz;
 mod learning;
 mod learnt;
 mod log_dates;
+mod log_packs;
+mod logged_rover;
 mod monitors;
 mod motor_controllers;
 mod network;

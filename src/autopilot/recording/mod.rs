@@ -11,10 +11,12 @@ use date::Date;
 pub(super) use share::Detail;
 use share::Share;
 pub use step::LogStep;
+pub(super) use stream::Subject;
 use stream::{Stream, parameter_record};
 
 use crate::crash::CrashRecord;
 use crate::log::{info, warn};
+use crate::pack::Pack;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::recorder::dataflash::Record;
 use crate::recorder::{LogFile, Piece, Ring};
@@ -299,6 +301,14 @@ impl Recording {
         // A file that goes on later has the values of then.
         if matches!(self.state, State::Recording | State::Paused) {
             self.stream.add(&parameter_record(id, parameters, self.now));
+        }
+    }
+
+    /// Records once more which pack it is, and what is learnt of it.
+    pub fn describe(&mut self, pack: Pack) {
+        // A file that goes on later has the pack of then.
+        if matches!(self.state, State::Recording | State::Paused) {
+            self.stream.describe(pack);
         }
     }
 

@@ -3,10 +3,10 @@
 use heapless::Vec;
 
 use super::share::erase_target;
+use super::stream::Subject;
 use super::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
 use crate::log::warn;
 use crate::memory::storage::Erase;
-use crate::parameter::Parameters;
 use crate::recorder::{AppendError, Erasure, FlashOutcome, Program};
 use crate::time::Instant;
 
@@ -47,9 +47,9 @@ impl LogStep {
 
 impl Recording {
     /// What the flash has to do next at `now`, if anything.
-    pub fn next_step(&mut self, now: Instant, parameters: &Parameters, may_erase: Erase) -> Option<LogStep> {
+    pub fn next_step(&mut self, now: Instant, subject: &Subject<'_>, may_erase: Erase) -> Option<LogStep> {
         // Without a log there is nothing to erase for.
-        let may_erase = if is_on(parameters) {
+        let may_erase = if is_on(subject.parameters) {
             may_erase
         } else {
             Erase::Forbidden
@@ -59,7 +59,7 @@ impl Recording {
         }
         let is_flush_due = self.is_flush_due(now, may_erase);
         if is_flush_due || self.stream.has(self.chunk.capacity() - self.chunk.len()) {
-            self.fill_chunk(now, parameters);
+            self.fill_chunk(now, subject);
         }
         if self.chunk.is_full() || (!self.chunk.is_empty() && is_flush_due) {
             match self.next_program() {
@@ -92,12 +92,12 @@ impl Recording {
     }
 
     /// Takes as much out of the stream as a page holds.
-    fn fill_chunk(&mut self, now: Instant, parameters: &Parameters) {
+    fn fill_chunk(&mut self, now: Instant, subject: &Subject<'_>) {
         if self.state == State::Idle {
             return;
         }
         while !self.chunk.is_full()
-            && let Some(byte) = self.stream.take(parameters, self.now)
+            && let Some(byte) = self.stream.take(subject, self.now)
         {
             // It is not full.
             let _ = self.chunk.push(byte);

@@ -2,6 +2,9 @@
 
 use heapless::Deque;
 
+use crate::autopilot::packs::Packs;
+use crate::memory::identity::BoardId;
+use crate::pack::Pack;
 use crate::parameter::{ParameterId, Parameters};
 use crate::recorder::dataflash::{Record, RecordBytes, opening_record};
 use crate::time::Instant;
@@ -9,11 +12,24 @@ use crate::time::Instant;
 /// A second of records at the log's share, the announcements of all packs in one tick, and an erase of 400 ms.
 const QUEUE_BYTES: usize = 2048;
 
-/// What a log file is made of: formats first, then what happens, and in between all parameters.
+/// All packs, a bit each.
+const ALL_PACKS: u16 = u16::MAX;
+
+/// What a log file is about.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    pub board_id: Option<BoardId>,
+    pub packs: &'a Packs,
+    pub parameters: &'a Parameters,
+}
+
+/// What a log file is made of: formats, board and packs first, then what happens, and in between all parameters.
 #[derive(Debug, Default)]
 pub(super) struct Stream {
     queue: Queue,
     opening: Opening,
+    /// Packs to describe, a bit each.
+    packs: u16,
     /// The time of the formats: what happens meanwhile follows them.
     began: Instant,
     /// Of the opening's current record, what has not left yet.
@@ -25,7 +41,7 @@ pub(super) struct Stream {
 /// What a file begins with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Opening {
-    /// The formats from this one on, then the parameters.
+    /// The formats from this one on, then the board and the parameters.
     Formats(usize),
     /// The parameters from this one on.
     Parameters(usize),
@@ -42,6 +58,7 @@ impl Stream {
         self.part.clear();
         self.left = 0;
         self.opening = Opening::Formats(0);
+        self.packs = ALL_PACKS;
     }
 
     /// When the file began.
@@ -52,6 +69,11 @@ impl Stream {
     /// Adds a record, and returns whether there was room for it.
     pub fn add(&mut self, record: &[u8]) -> bool {
         self.queue.add(record)
+    }
+
+    /// Describes a pack once more.
+    pub fn describe(&mut self, pack: Pack) {
+        self.packs |= pack.bit();
     }
 
     /// Writes all parameters once more.
@@ -68,43 +90,76 @@ impl Stream {
 
     /// Whether this many bytes could leave now.
     pub fn has(&self, bytes: usize) -> bool {
-        self.opening != Opening::Done || self.queue.len() + self.part.len() - self.left >= bytes
+        self.opening != Opening::Done
+            || self.packs != 0
+            || self.queue.len() + self.part.len() - self.left >= bytes
     }
 
     /// The byte that leaves next, at `now`.
-    pub fn take(&mut self, parameters: &Parameters, now: Instant) -> Option<u8> {
+    pub fn take(&mut self, subject: &Subject<'_>, now: Instant) -> Option<u8> {
         loop {
             if let Some(byte) = self.part.get(self.left) {
                 self.left += 1;
                 return Some(*byte);
             }
+            self.left = 0;
             // Nothing may precede the formats.
-            if !matches!(self.opening, Opening::Formats(_))
-                && let Some(byte) = self.queue.take()
-            {
+            if let Some(part) = self.next_format(subject).or_else(|| self.next_pack(subject, now)) {
+                self.part = part;
+                continue;
+            }
+            self.part.clear();
+            if let Some(byte) = self.queue.take() {
                 return Some(byte);
             }
-            self.part = self.next_of_opening(parameters, now)?;
-            self.left = 0;
+            self.part = self.next_parameter(subject.parameters, now)?;
         }
     }
 
-    fn next_of_opening(&mut self, parameters: &Parameters, now: Instant) -> Option<RecordBytes> {
-        if let Opening::Formats(number) = self.opening {
-            if let Some(record) = opening_record(number, self.began.as_micros()) {
-                self.opening = Opening::Formats(number + 1);
-                return Some(record);
-            }
-            self.opening = Opening::Parameters(0);
+    /// The next record of the formats, after which the board's follows.
+    fn next_format(&mut self, subject: &Subject<'_>) -> Option<RecordBytes> {
+        let Opening::Formats(number) = self.opening else {
+            return None;
+        };
+        let time_us = self.began.as_micros();
+        if let Some(record) = opening_record(number, time_us) {
+            self.opening = Opening::Formats(number + 1);
+            return Some(record);
         }
-        if let Opening::Parameters(number) = self.opening {
-            if let Some(id) = parameters.listed().nth(number) {
-                self.opening = Opening::Parameters(number + 1);
-                return Some(parameter_record(id, parameters, now));
-            }
-            self.opening = Opening::Done;
+        self.opening = Opening::Parameters(0);
+        subject.board_id.map(|id| Record::Board(id).encode(time_us))
+    }
+
+    /// The records of the next pack to describe.
+    fn next_pack(&mut self, subject: &Subject<'_>, now: Instant) -> Option<RecordBytes> {
+        let mut due = subject
+            .packs
+            .monitors()
+            .filter(|(pack, _)| self.packs & pack.bit() != 0);
+        let Some((pack, monitor)) = due.next() else {
+            self.packs = 0;
+            return None;
+        };
+        self.packs &= !pack.bit();
+        let learnt = monitor.learnt_of_this();
+        let mut records = Record::Pack(pack, monitor.state(), learnt).encode(now.as_micros());
+        if let Some(learnt) = learnt.filter(|learnt| learnt.has_curve()) {
+            // Both are shorter than the longest record.
+            let _ = records.extend_from_slice(&Record::Curve(pack, learnt).encode(now.as_micros()));
         }
-        None
+        Some(records)
+    }
+
+    fn next_parameter(&mut self, parameters: &Parameters, now: Instant) -> Option<RecordBytes> {
+        let Opening::Parameters(number) = self.opening else {
+            return None;
+        };
+        let id = parameters.listed().nth(number);
+        self.opening = match id {
+            Some(_) => Opening::Parameters(number + 1),
+            None => Opening::Done,
+        };
+        id.map(|id| parameter_record(id, parameters, now))
     }
 }
 

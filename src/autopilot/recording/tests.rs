@@ -4,11 +4,15 @@ use std::vec::Vec;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 
-use super::{GREETING, LogFailure, LogStep, Recording};
+use super::{GREETING, LogFailure, LogStep, Recording, Subject};
+use crate::autopilot::packs::Packs;
 use crate::autopilot::{Autopilot, Start};
+use crate::battery::{LearntPack, Measurement, PackSettings, Tick};
 use crate::crash::{CrashCause, CrashRecord};
+use crate::memory::identity::BoardId;
 use crate::memory::storage::Erase;
-use crate::parameter::{Parameters, VehicleParameter};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record};
 use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
 use crate::time::{Instant, Utc, at_us};
@@ -16,6 +20,8 @@ use crate::vehicle::{ArmState, Fitness, Restart, Vehicle};
 use nor_flash::FlashModel;
 
 const SECTORS: usize = 16;
+
+const BOARD_ID: BoardId = BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c]);
 
 type Flash = FlashModel<4096, 256, SECTORS>;
 
@@ -25,6 +31,7 @@ struct Bench {
     flash: Flash,
     vehicle: Vehicle,
     parameters: Parameters,
+    packs: Packs,
     now: Instant,
     announced: Vec<LogFailure>,
     /// Records a text in each tick.
@@ -43,6 +50,7 @@ impl Bench {
             recording,
             flash,
             vehicle: Vehicle::new(),
+            packs: Packs::new(&Parameters::defaults()),
             parameters: Parameters::defaults(),
             now: Instant::EPOCH,
             announced: Vec::new(),
@@ -135,7 +143,12 @@ impl Bench {
 
     fn next_step(&mut self) -> Option<LogStep> {
         let may_erase = self.may_erase();
-        self.recording.next_step(self.now, &self.parameters, may_erase)
+        let subject = Subject {
+            board_id: Some(BOARD_ID),
+            packs: &self.packs,
+            parameters: &self.parameters,
+        };
+        self.recording.next_step(self.now, &subject, may_erase)
     }
 
     fn work(&mut self) {
@@ -205,6 +218,118 @@ fn a_file_begins_with_arming_and_has_formats_and_parameters_first() {
     for text in ["FMT", "BAT", GREETING, "BATT_CAPACITY", "LOG_BITMASK"] {
         assert!(contains(&file, text), "{text}");
     }
+}
+
+/// BRD, PACK and PCKO, with the time of the beginning of the file.
+const BOARD: [u8; 3] = [0xA3, 0x95, 145];
+const PACK: [u8; 3] = [0xA3, 0x95, 146];
+const CURVE: [u8; 3] = [0xA3, 0x95, 147];
+
+fn places(file: &[u8], header: [u8; 3]) -> Vec<usize> {
+    (0..file.len())
+        .filter(|place| file[*place..].starts_with(&header))
+        .collect()
+}
+
+/// The instances in the file's records of packs, in their order.
+fn packs_in(file: &[u8]) -> Vec<u8> {
+    places(file, PACK)
+        .into_iter()
+        .map(|place| file[place + 11])
+        .collect()
+}
+
+impl Bench {
+    /// All packs are monitored, and everything is learnt of each.
+    fn with_nine_packs() -> Self {
+        let mut bench = Self::new();
+        for pack in Pack::ALL {
+            let monitor = BatteryParameter::Monitor.of(pack);
+            bench.parameters.set(monitor, 4.0).unwrap();
+        }
+        bench.packs = Packs::new(&bench.parameters);
+        for pack in Pack::ALL {
+            bench.packs.bank.monitor(pack).restore_learnt(learnt());
+        }
+        bench
+    }
+}
+
+fn learnt() -> LearntPack {
+    let text = "chemistry 1\ncells 3\ncapacity_mah_sigma 2950 0.02\noffsets_100uv_sigma 1 2 3 4 5 6 7 8 9 10";
+    text.parse().unwrap()
+}
+
+#[test]
+fn a_file_begins_with_the_board_and_its_packs() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    let file = bench.file(1);
+    let (board, pack) = (places(&file, BOARD)[0], places(&file, PACK)[0]);
+    let greeting = file
+        .windows(GREETING.len())
+        .position(|text| text == GREETING.as_bytes());
+    assert!(board < pack && pack < greeting.unwrap());
+    assert_eq!(&file[board + 11..][..16], b"E660583883450A2C");
+    assert_eq!((packs_in(&file), places(&file, CURVE)), (vec![0], vec![]));
+}
+
+#[test]
+fn nine_packs_at_the_beginning_take_no_room_from_what_happens() {
+    let mut bench = Bench::with_nine_packs();
+    bench.run(1);
+    bench.arm();
+    bench.tick();
+    // As much as waits for the flash besides.
+    (0..26).for_each(|_| bench.say("a text that fills the queue"));
+    bench.run(2);
+    let file = bench.file(1);
+    assert_eq!(packs_in(&file), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!((places(&file, CURVE).len(), bench.recording.dropped()), (9, 0));
+}
+
+#[test]
+fn what_was_learnt_of_another_pack_is_not_recorded() {
+    let mut bench = Bench::with_nine_packs();
+    let settings = |capacity_mah| PackSettings {
+        capacity_mah: Some(capacity_mah),
+        ..PackSettings::default()
+    };
+    for (pack, capacity_mah) in [(Pack::First, 2950.0), (Pack::Second, 10_000.0)] {
+        let reading = Measurement {
+            voltage_v: Some(11.1),
+            ..Measurement::default()
+        };
+        let monitor = bench.packs.bank.monitor(pack);
+        let _ = monitor.update(Tick::default(), Ok(reading), &settings(capacity_mah));
+    }
+    bench.run(1);
+    bench.arm();
+    bench.run(2);
+    let file = bench.file(1);
+    let capacities: Vec<_> = places(&file, PACK)
+        .into_iter()
+        .map(|place| f32::from_le_bytes(file[place + 20..][..4].try_into().unwrap()))
+        .collect();
+    assert!(
+        capacities[0] == 2950.0 && capacities[1].is_nan(),
+        "{capacities:?}"
+    );
+    assert_eq!(places(&file, CURVE).len(), 8);
+}
+
+#[test]
+fn another_pack_is_recorded_also_in_a_pause() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.recording.describe(Pack::First);
+    bench.run(1);
+    assert_eq!(packs_in(&bench.file(1)), [0, 0]);
+    bench.vehicle.disarm();
+    bench.run(20);
+    bench.recording.describe(Pack::First);
+    bench.run(1);
+    assert_eq!(packs_in(&bench.file(1)), [0, 0, 0]);
 }
 
 #[test]

@@ -516,6 +516,17 @@ impl BatteryMonitor {
         self.learnt.as_ref().map(Learnt::pack)
     }
 
+    /// The same, unless the pack's state says that it was learnt of another one.
+    pub fn learnt_of_this(&self) -> Option<&LearntPack> {
+        let BatteryState {
+            chemistry,
+            cell_count,
+            ..
+        } = self.state;
+        self.learnt()
+            .filter(|learnt| learnt.matches(chemistry, cell_count, self.state.capacity_mah()))
+    }
+
     /// Continues with what flash holds of the pack, at the start and after a change of its serial number.
     pub fn restore_learnt(&mut self, pack: LearntPack) {
         if self.learnt.is_some() {

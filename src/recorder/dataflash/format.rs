@@ -24,6 +24,9 @@ pub(super) enum Kind {
     Health = 142,
     Crash = 143,
     Gps = 144,
+    Board = 145,
+    Pack = 146,
+    Curve = 147,
 }
 
 /// A format, as its FMT and FMTU records say it: a character and a name for each field.
@@ -54,10 +57,10 @@ fn field_bytes(field_type: u8) -> usize {
     match field_type {
         // Signed and unsigned byte, mode.
         b'b' | b'B' | b'M' => 1,
-        // Signed in hundredths, unsigned.
-        b'c' | b'H' => 2,
-        // Signed in hundredths, unsigned, degrees, single, short text.
-        b'e' | b'I' | b'L' | b'f' | b'n' => 4,
+        // Signed, signed in hundredths, unsigned.
+        b'h' | b'c' | b'H' => 2,
+        // Signed, signed in hundredths, unsigned, degrees, single, short text.
+        b'i' | b'e' | b'I' | b'L' | b'f' | b'n' => 4,
         // Unsigned, double.
         b'Q' | b'd' => 8,
         // Texts.
@@ -68,7 +71,7 @@ fn field_bytes(field_type: u8) -> usize {
 }
 
 /// All formats, FMT first, since a reader needs it to read the others.
-pub(super) const FORMATS: [Format; 17] = [
+pub(super) const FORMATS: [Format; 20] = [
     Format {
         kind: Kind::Format,
         name: "FMT",
@@ -206,6 +209,30 @@ pub(super) const FORMATS: [Format; 17] = [
         units: "s#-s-----------",
         multipliers: "F--C-----------",
     },
+    Format {
+        kind: Kind::Board,
+        name: "BRD",
+        types: "QN",
+        columns: "TimeUS,Id",
+        units: "s-",
+        multipliers: "F-",
+    },
+    Format {
+        kind: Kind::Pack,
+        name: "PACK",
+        types: "QBiBBHfffffff",
+        columns: "TimeUS,Inst,SN,Chem,Cells,Drv,Cap,CapD,Res,Res1,SoC,SoCD,RstV",
+        units: "s#----a-ww--v",
+        multipliers: "F-----C-00--0",
+    },
+    Format {
+        kind: Kind::Curve,
+        name: "PCKO",
+        types: "QBhhhhhhhhhh",
+        columns: "TimeUS,Inst,O1,O2,O3,O4,O5,D1,D2,D3,D4,D5",
+        units: "s#vvvvvvvvvv",
+        multipliers: "F-DDDDDDDDDD",
+    },
 ];
 
 /// Units that the formats use, by ArduPilot's characters, with their names.
@@ -225,11 +252,12 @@ pub(super) const UNITS: [(u8, &str); 11] = [
 
 /// Multipliers that the formats use, by ArduPilot's characters, with their values. `-` is for what is not a number; `?` is ArduPilot's for hundredths of a degree, which the type
 /// of the field divides already.
-pub(super) const MULTIPLIERS: [(u8, f64); 6] = [
+pub(super) const MULTIPLIERS: [(u8, f64); 7] = [
     (b'-', 0.0),
     (b'?', 1.0),
     (b'0', 1.0),
     (b'A', 1e-1),
     (b'C', 1e-3),
+    (b'D', 1e-4),
     (b'F', 1e-6),
 ];

@@ -48,6 +48,14 @@ impl Packet {
         self.bytes(&value.to_le_bytes())
     }
 
+    pub fn i16(self, value: i16) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
+    pub fn i32(self, value: i32) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
     pub fn f32(self, value: f32) -> Self {
         self.bytes(&value.to_le_bytes())
     }

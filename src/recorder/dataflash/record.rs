@@ -7,8 +7,9 @@ use heapless::String;
 
 use super::format::Kind;
 use super::packet::{Packet, RecordBytes, finite, whole_pct};
-use crate::battery::{Amount, BatteryState, MAX_CELLS, PackStatus};
+use crate::battery::{Amount, BatteryState, LearntPack, MAX_CELLS, PackStatus};
 use crate::crash::{CrashCause, CrashRecord};
+use crate::memory::identity::BoardId;
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
 use crate::time::Utc;
@@ -70,6 +71,12 @@ pub enum Record<'a> {
     Crash(&'a CrashRecord),
     /// GPS: what time it is. There is no GPS; this is the record by which programs date a log.
     Time(Utc),
+    /// BRD: which board it is.
+    Board(BoardId),
+    /// PACK: which pack it is, and what is learnt of it, if it was read from flash.
+    Pack(Pack, &'a BatteryState, Option<&'a LearntPack>),
+    /// PCKO: what is learnt of the curve of a pack's cells.
+    Curve(Pack, &'a LearntPack),
 }
 
 impl<'a> Record<'a> {
@@ -127,6 +134,11 @@ impl<'a> Record<'a> {
                 .finish(),
             Self::Crash(crash) => encode_crash(time_us, crash),
             Self::Time(utc) => encode_time(time_us, utc),
+            Self::Board(id) => Packet::at(Kind::Board, time_us)
+                .text::<16>(&id.serial_number())
+                .finish(),
+            Self::Pack(pack, state, learnt) => encode_pack(time_us, pack, state, learnt),
+            Self::Curve(pack, learnt) => encode_curve(time_us, pack, learnt),
         }
     }
 }
@@ -352,4 +364,40 @@ fn encode_time(time_us: u64, utc: Utc) -> RecordBytes {
         .number(None)
         .u8(IN_USE)
         .finish()
+}
+
+/// `SN`: unknown, as `BATT_SERIAL_NUM` has it.
+const NO_SERIAL_NUMBER: i32 = -1;
+
+/// `Cells`: unknown.
+const NO_CELL_COUNT: u8 = 0;
+
+/// `Chem` by MAVLink's numbers. `CapD` and `SoCD` are standard deviations, relative to the capacity and to a full pack.
+fn encode_pack(time_us: u64, pack: Pack, state: &BatteryState, learnt: Option<&LearntPack>) -> RecordBytes {
+    let capacity = learnt.and_then(LearntPack::capacity);
+    let resistance = learnt.and_then(LearntPack::cell_resistance);
+    let charge = learnt.and_then(LearntPack::last_charge);
+    let cell_count = state.cell_count.or_else(|| learnt?.cell_count());
+    Packet::at(Kind::Pack, time_us)
+        .u8(pack.instance())
+        .i32(state.serial_number.unwrap_or(NO_SERIAL_NUMBER))
+        .u8(state.chemistry as u8)
+        .u8(cell_count.unwrap_or(NO_CELL_COUNT))
+        .u16(learnt.map_or(0, LearntPack::drives))
+        .number(capacity.map(|capacity| capacity.capacity_mah))
+        .number(capacity.map(|capacity| capacity.sigma))
+        .number(resistance.map(|resistance| resistance.now_ohm))
+        .number(resistance.map(|resistance| resistance.first_ohm))
+        .number(charge.map(|charge| charge.share))
+        .number(charge.map(|charge| charge.sigma))
+        .number(charge.map(|charge| charge.resting_v))
+        .finish()
+}
+
+/// All offsets, then all standard deviations, in tenths of a millivolt; a deviation of 0 is not learnt.
+fn encode_curve(time_us: u64, pack: Pack, learnt: &LearntPack) -> RecordBytes {
+    let packet = Packet::at(Kind::Curve, time_us).u8(pack.instance());
+    let means = learnt.offsets().iter().map(|offset| offset.mean_100uv);
+    let deviations = learnt.offsets().iter().map(|offset| offset.sigma_100uv);
+    means.chain(deviations).fold(packet, Packet::i16).finish()
 }

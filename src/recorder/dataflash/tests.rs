@@ -5,9 +5,11 @@ use proptest::prelude::*;
 use super::format::{FORMATS, Format, MULTIPLIERS, UNITS};
 use super::*;
 use crate::battery::{
-    Amount, BatteryState, CellVoltages, ChargeState, FailsafeLevel, Faults, MAX_CELLS, PackStatus,
+    Amount, BatteryState, CellVoltages, ChargeState, Chemistry, FailsafeLevel, Faults, LearntPack, MAX_CELLS,
+    PackStatus,
 };
 use crate::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
+use crate::memory::identity::BoardId;
 use crate::pack::Pack;
 use crate::time::Utc;
 use crate::vehicle::ArmState;
@@ -61,8 +63,29 @@ fn fault() -> CrashRecord {
     }
 }
 
+/// What is learnt of a pack, but for the curve of its cells.
+const WITHOUT_CURVE: &str = "\
+chemistry 3
+cells 3
+drives 258
+capacity_mah_sigma 2950 0.015625
+resistance_ohm_now_first 0.03125 0.015625
+charge_sigma_resting_v 0.625 0.0625 3.75
+";
+
+fn learnt() -> LearntPack {
+    let curve = "offsets_100uv_sigma -400 80 -200 81 0 82 100 83 350 84";
+    format!("{WITHOUT_CURVE}{curve}").parse().unwrap()
+}
+
+const BOARD_ID: BoardId = BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c]);
+
 /// A record of every format that is not of the opening.
-fn one_of_each<'a>(state: &'a BatteryState, crash: &'a CrashRecord) -> Vec<Record<'a>> {
+fn one_of_each<'a>(
+    state: &'a BatteryState,
+    learnt: &'a LearntPack,
+    crash: &'a CrashRecord,
+) -> Vec<Record<'a>> {
     vec![
         Record::Parameter {
             name: "BATT_CAPACITY",
@@ -92,6 +115,9 @@ fn one_of_each<'a>(state: &'a BatteryState, crash: &'a CrashRecord) -> Vec<Recor
         },
         Record::Crash(crash),
         Record::Time(Utc::from_micros(1_800_000_000_000_000)),
+        Record::Board(BOARD_ID),
+        Record::Pack(Pack::First, state, Some(learnt)),
+        Record::Curve(Pack::First, learnt),
     ]
 }
 
@@ -154,6 +180,55 @@ fn cells_are_recorded_where_they_are_measured() {
             "{cells} cells"
         );
     }
+}
+
+#[test]
+fn a_board_is_known_by_its_serial_number() {
+    assert_eq!(
+        encoded(Record::Board(BOARD_ID)),
+        "a39591080706050403020145363630353833383833343530413243"
+    );
+}
+
+#[test]
+fn a_pack_has_its_serial_number_and_what_was_learnt_of_it() {
+    let state = BatteryState {
+        serial_number: Some(-559_038_737),
+        cell_count: Some(4),
+        chemistry: Chemistry::LiIon,
+        ..BatteryState::UNKNOWN
+    };
+    assert_eq!(
+        encoded(Record::Pack(Pack::Second, &state, Some(&learnt()))),
+        "a39592080706050403020101efbeadde03040201006038450000803c0000003d0000803c0000203f0000803d00007040"
+    );
+    assert_eq!(
+        encoded(Record::Curve(Pack::Second, &learnt())),
+        "a3959308070605040302010170fe38ff000064005e0150005100520053005400"
+    );
+}
+
+#[test]
+fn what_is_unknown_of_a_pack_is_no_number_it_could_have() {
+    let nothing = "0000c07f".repeat(7);
+    for learnt in [None, Some(&LearntPack::UNKNOWN)] {
+        assert_eq!(
+            encoded(Record::Pack(Pack::First, &BatteryState::UNKNOWN, learnt)),
+            format!("a39592080706050403020100ffffffff01000000{nothing}")
+        );
+    }
+}
+
+#[test]
+fn cells_that_are_not_detected_yet_are_those_of_what_was_learnt() {
+    let bytes = Record::Pack(Pack::First, &BatteryState::UNKNOWN, Some(&learnt())).encode(0);
+    assert_eq!(bytes[17], 3);
+}
+
+#[test]
+fn a_curve_is_learnt_if_one_of_its_deviations_is_known() {
+    let without: LearntPack = WITHOUT_CURVE.parse().unwrap();
+    assert_eq!((without.has_curve(), learnt().has_curve()), (false, true));
 }
 
 #[test]
@@ -271,8 +346,8 @@ fn a_file_says_everything_about_its_formats_once() {
 
 #[test]
 fn each_record_is_as_long_as_its_format_says() {
-    let (state, crash) = (known(), fault());
-    let records = one_of_each(&state, &crash);
+    let (state, learnt, crash) = (known(), learnt(), fault());
+    let records = one_of_each(&state, &learnt, &crash);
     let records = opening().chain(records.iter().map(|record| record.encode(0)));
     let mut seen = std::collections::HashSet::new();
     for record in records {
@@ -380,6 +455,25 @@ proptest! {
             let first_number = f32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
             prop_assert!(format.name == "BCL2" || !first_number.is_infinite());
         }
+    }
+
+    #[test]
+    fn whatever_flash_may_hold_of_a_pack_has_records(
+        words in prop::array::uniform14(any::<u32>()),
+        chemistry in 1u32..=4,
+        serial_number: Option<i32>,
+    ) {
+        let mut words = words;
+        words[0] = words[0] & !0xff | chemistry;
+        let learnt = LearntPack::from_words(&words).expect("a chemistry");
+        let state = BatteryState { serial_number, ..BatteryState::UNKNOWN };
+        let pack = Record::Pack(Pack::First, &state, Some(&learnt)).encode(0);
+        let curve = Record::Curve(Pack::First, &learnt).encode(0);
+        // They leave together.
+        prop_assert!(pack.len() + curve.len() <= MAX_RECORD_BYTES);
+        prop_assert_eq!(pack[12..16].to_vec(), serial_number.unwrap_or(-1).to_le_bytes());
+        prop_assert_eq!(pack[18..20].to_vec(), words[0].to_le_bytes()[2..].to_vec());
+        prop_assert_eq!(learnt.has_curve(), curve[22..].iter().any(|byte| *byte != 0));
     }
 
     #[test]

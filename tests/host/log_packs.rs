@@ -1,0 +1,128 @@
+//! Which board and which packs a log is of.
+
+use std::io::Cursor;
+
+use ardupilot_binlog::{Entry, Reader};
+use nor_flash::FlashModel;
+use rover_battmon::autopilot::{PackIdentity, Start};
+use rover_battmon::battery::{Measurement, PackDetails};
+use rover_battmon::memory::identity::BoardId;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, Parameters};
+use rover_battmon::sensor::AnalogReadings;
+use support::desk::Desk;
+use support::learnt_record::learnt_words;
+
+use crate::logged_rover::Rover;
+
+/// A smart battery.
+const MONITOR: f32 = 7.0;
+const BOARD_ID: BoardId = BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c]);
+const UNKNOWN: i64 = -1;
+
+/// A board with a smart battery that was not read yet.
+fn rover(board_id: Option<BoardId>) -> Rover {
+    let mut parameters = Parameters::defaults();
+    let monitor = BatteryParameter::Monitor.of(Pack::First);
+    parameters.set(monitor, MONITOR).expect("in range");
+    let mut start = Start::with_parameters(parameters);
+    start.identity.board_id = board_id;
+    Rover::with(Desk::starting(start), FlashModel::blank())
+}
+
+impl Rover {
+    /// Has the battery report this serial number, if it has one, for half a second.
+    fn report(&mut self, serial_number: Option<i32>) {
+        let reading = Measurement {
+            voltage_v: Some(8.0),
+            details: PackDetails {
+                serial_number,
+                ..PackDetails::default()
+            },
+            ..Measurement::default()
+        };
+        for _ in 0..5 {
+            let now = self.desk.now();
+            self.desk.autopilot.add_bus_reading(Pack::First, Ok(reading), now);
+            self.desk.sample(AnalogReadings::NONE);
+            self.desk.now_us += 100_000;
+        }
+        self.run(2);
+    }
+
+    fn records(&mut self) -> Vec<Entry> {
+        let reader = Reader::new(Cursor::new(self.file(1)));
+        reader.map(|record| record.expect("no error")).collect()
+    }
+
+    /// The serial numbers of the file's PACK records.
+    fn serial_numbers(&mut self) -> Vec<i64> {
+        let records = self.records();
+        let packs = records.iter().filter(|record| record.name == "PACK");
+        packs.filter_map(|record| record.get_i64("SN")).collect()
+    }
+}
+
+#[test]
+fn a_log_is_of_the_board_whose_id_is_known() {
+    for (board_id, expected) in [(Some(BOARD_ID), vec!["E660583883450A2C"]), (None, vec![])] {
+        let mut rover = rover(board_id);
+        rover.drive(2);
+        let records = rover.records();
+        let boards = records.iter().filter(|record| record.name == "BRD");
+        let ids: Vec<_> = boards.filter_map(|record| record.get_str("Id")).collect();
+        assert_eq!(ids, expected);
+    }
+}
+
+#[test]
+fn a_serial_number_that_is_read_after_the_log_began_is_recorded_and_so_is_another_one() {
+    let mut rover = rover(Some(BOARD_ID));
+    rover.drive(2);
+    assert_eq!(rover.serial_numbers(), [UNKNOWN]);
+    rover.report(Some(4711));
+    assert_eq!(rover.serial_numbers(), [UNKNOWN, 4711]);
+    rover.report(Some(4711));
+    assert_eq!(rover.serial_numbers(), [UNKNOWN, 4711]);
+    rover.report(Some(4712));
+    assert_eq!(rover.serial_numbers(), [UNKNOWN, 4711, 4712]);
+}
+
+#[test]
+fn what_is_read_from_flash_after_the_log_began_is_recorded() {
+    let mut rover = rover(None);
+    rover.drive(2);
+    let identity = PackIdentity {
+        pack: Pack::First,
+        serial_number: None,
+    };
+    let words = learnt_words(None, 2950.0);
+    rover.desk.autopilot.learnt_read(identity, Ok(Some(words)));
+    rover.run(2);
+    let records = rover.records();
+    let packs = records.iter().filter(|record| record.name == "PACK");
+    let capacities: Vec<_> = packs.filter_map(|record| record.get_f64("Cap")).collect();
+    assert!(
+        capacities[0].is_nan() && capacities[1..] == [2950.0],
+        "{capacities:?}"
+    );
+}
+
+#[test]
+fn what_is_learnt_of_another_pack_is_recorded_with_its_serial_number_only() {
+    let mut rover = rover(None);
+    rover.drive(2);
+    rover
+        .desk
+        .set(BatteryParameter::SerialNum.of(Pack::First), 4712.0);
+    let identity = PackIdentity {
+        pack: Pack::First,
+        serial_number: Some(4712),
+    };
+    let words = learnt_words(Some(4712), 2950.0);
+    rover.desk.autopilot.learnt_read(identity, Ok(Some(words)));
+    rover.run(2);
+    assert_eq!(rover.serial_numbers(), [UNKNOWN]);
+    rover.report(None);
+    assert_eq!(rover.serial_numbers(), [UNKNOWN, 4712]);
+}

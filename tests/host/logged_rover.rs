@@ -1,0 +1,88 @@
+//! The autopilot on a desk with a log in its flash.
+
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
+use nor_flash::FlashModel;
+use rover_battmon::autopilot::LogStep;
+use rover_battmon::mavlink::LinkKind;
+use rover_battmon::recorder::{FlashOutcome, Ring};
+use support::desk::Desk;
+use support::requests::{command_long_2, disarm};
+
+const SECOND: u64 = 1_000_000;
+
+pub type Flash = FlashModel<4096, 256, 16>;
+
+/// A desk with a log, and its flash.
+pub struct Rover {
+    pub desk: Desk,
+    pub flash: Flash,
+}
+
+impl Rover {
+    /// A rover without packs after a start with this flash.
+    pub fn starting(flash: Flash) -> Self {
+        Self::with(Desk::without_packs(), flash)
+    }
+
+    /// What is on the desk after its start, with this flash.
+    pub fn with(mut desk: Desk, mut flash: Flash) -> Self {
+        desk.connect(LinkKind::Direct);
+        let ring = block_on(Ring::scan(&mut flash, Flash::REGION));
+        desk.autopilot.logs_found(ring);
+        let mut rover = Self { desk, flash };
+        rover.run(1);
+        rover
+    }
+
+    pub fn new() -> Self {
+        Self::starting(Flash::blank())
+    }
+
+    /// Drives, and writes the log.
+    pub fn run(&mut self, seconds: u64) {
+        for _ in 0..50 * seconds {
+            self.desk.now_us += SECOND / 50;
+            self.desk.drive();
+            while let Some(step) = self.desk.autopilot.next_log_step(self.desk.now()) {
+                self.obey(step);
+            }
+        }
+    }
+
+    fn obey(&mut self, step: LogStep) {
+        match step {
+            LogStep::Program { address, bytes } => {
+                block_on(self.flash.write(address, &bytes)).expect("it works");
+                let now = self.desk.now();
+                self.desk.autopilot.log_written(FlashOutcome::Done, now);
+            }
+            LogStep::Erase(erasure) => {
+                let from = erasure.address();
+                block_on(self.flash.erase(from, from + 4096)).expect("it works");
+                block_on(self.flash.write(erasure.mark_address(), &erasure.mark())).expect("it works");
+                self.desk.autopilot.log_erased(erasure, FlashOutcome::Done);
+            }
+        }
+    }
+
+    /// A drive of this long, in a file that goes on with the next one.
+    pub fn drive(&mut self, seconds: u64) {
+        const ARM_DISARM: u16 = 400;
+        const FORCED: f32 = 21196.0;
+        self.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        self.run(seconds);
+        self.desk.ask(&disarm());
+    }
+
+    /// The content of a file.
+    pub fn file(&mut self, number: u16) -> Vec<u8> {
+        let mut content = Vec::new();
+        while let Some(piece) = self.desk.autopilot.locate_log(number, content.len() as u32) {
+            let mut chip = vec![0; Flash::REGION.end as usize];
+            block_on(self.flash.read(0, &mut chip)).expect("it works");
+            content.extend_from_slice(&chip[piece.address as usize..][..piece.bytes as usize]);
+        }
+        content
+    }
+}
