@@ -3,15 +3,17 @@
 use std::cell::RefCell;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::pin::Pin;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use clap::Parser;
 use embassy_executor::Executor;
 use embassy_time::{Duration, Ticker, Timer};
 use rover_battmon::host::sim::{
-    self, Clients, LogFolder, Scenario, Setup, SimulatedFlash, UdpWire, clock, console,
+    self, Clients, Fleet, LogFolder, MAX_ROVERS, Role, Scenario, Setup, SimulatedFlash, UdpWire, clock,
+    console,
 };
 
 const EXAMPLES: &str = "\
@@ -22,6 +24,7 @@ Examples (`cargo run --` instead of the name in a clone):
   rover-battmon-sitl --speedup 20 --log logs     an hour in three minutes, with log files
   rover-battmon-sitl --flash rover.bin           keep what is set and learnt for the next run
   rover-battmon-sitl --tcp localhost:5761 --udp localhost:14551    beside another simulator
+  rover-battmon-sitl --rovers 20 --log logs      twenty rovers for one ground station
 
 On a terminal the last line is updated in place; `2> log.txt` takes the log, NO_COLOR=1 the colours.";
 
@@ -46,6 +49,11 @@ struct Arguments {
     #[arg(long, value_name = "NAME", value_parser = scenario, conflicts_with = "flash")]
     scenario: Option<&'static Scenario>,
 
+    /// Simulate this many rovers, with packs and system ids of their own. All send by UDP; TCP and page are the first
+    /// one's
+    #[arg(long, value_name = "COUNT", value_parser = rovers, conflicts_with_all = ["flash", "scenario"])]
+    rovers: Option<u8>,
+
     /// Let simulated time pass this many times as fast; by default 1, or what lets a scenario take a minute
     #[arg(long, value_name = "FACTOR", value_parser = speedup)]
     speedup: Option<f64>,
@@ -58,7 +66,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
 
-    /// Copy the logs of this run into this folder, once a second
+    /// Copy the logs of this run into this folder, once a second; of several rovers into rover-01 and so on in it
     #[arg(long, value_name = "DIR")]
     log: Option<PathBuf>,
 }
@@ -120,6 +128,15 @@ fn scenario(name: &str) -> Result<&'static Scenario, String> {
     })
 }
 
+fn rovers(text: &str) -> Result<u8, String> {
+    match text.parse() {
+        Ok(count) if (1..=MAX_ROVERS).contains(&usize::from(count)) => Ok(count),
+        _ => Err(format!(
+            "a number from 1 to {MAX_ROVERS} is needed: ground stations have the system ids above"
+        )),
+    }
+}
+
 fn speedup(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(factor) if (0.01..=1000.0).contains(&factor) => Ok(factor),
@@ -131,6 +148,29 @@ impl Arguments {
     fn speedup(&self) -> f64 {
         let of_scenario = self.scenario.map_or(1.0, |scenario| scenario.speedup);
         self.speedup.unwrap_or(of_scenario)
+    }
+
+    /// Simulated time between two status lines.
+    fn line_interval(&self) -> Duration {
+        Duration::from_micros((self.speedup() * 1e6) as u64)
+    }
+
+    /// Prints where ground stations find the rovers, and what is simulated.
+    fn greet(&self, listeners: &Listeners) {
+        println!(
+            "MAVLink on tcp:{} and to udp:{}. Ctrl-C ends it.",
+            self.tcp, self.udp
+        );
+        let browsers = listeners.browsers.as_ref();
+        if let Some(address) = browsers.and_then(|browsers| browsers.address().ok()) {
+            println!("The rover's page: http://{address}/");
+        }
+        if let Some(count) = self.rovers {
+            println!("{count} rovers, by UDP: system ids 1 to {count}. By TCP and on the page: 1.");
+        }
+        if let Some(scenario) = self.scenario {
+            println!("Scenario {scenario} {}", pace(self.speedup()));
+        }
     }
 
     /// How another simulator can run beside the one that has these ports.
@@ -146,10 +186,21 @@ impl Arguments {
 /// Whether the simulator has to end.
 static STOP: AtomicBool = AtomicBool::new(false);
 
+/// Rovers that have not ended.
+static RUNNING: AtomicUsize = AtomicUsize::new(0);
+
+/// A rover: boxed, or there would be room for as many as there may be.
+#[embassy_executor::task(pool_size = MAX_ROVERS)]
+async fn simulator(rover: Pin<Box<dyn Future<Output = ()>>>) {
+    rover.await;
+    if RUNNING.fetch_sub(1, Ordering::Relaxed) == 1 {
+        STOP.store(true, Ordering::Relaxed);
+    }
+}
+
 #[embassy_executor::task]
-async fn simulator(setup: Setup<'static>) {
-    sim::run(setup).await;
-    STOP.store(true, Ordering::Relaxed);
+async fn show_fleet(fleet: &'static Fleet, interval: Duration) {
+    fleet.print(interval).await;
 }
 
 #[embassy_executor::task]
@@ -158,23 +209,26 @@ async fn end_after(time: Duration) {
     STOP.store(true, Ordering::Relaxed);
 }
 
-/// For the rest of the program, as tasks have it.
-fn open_log_folder(path: PathBuf, flash: &SimulatedFlash) -> io::Result<&'static RefCell<LogFolder>> {
-    let folder = LogFolder::open(path, flash.clone())?;
-    Ok(Box::leak(Box::new(RefCell::new(folder))))
+/// The folder for the logs of the rover in this role.
+fn open_log_folder(path: &Path, role: Role<'_>, flash: &SimulatedFlash) -> Result<LogFolder, String> {
+    let path = match role {
+        Role::Alone(_) => path.to_owned(),
+        Role::Member(_, number) => path.join(format!("rover-{number:02}")),
+    };
+    LogFolder::open(path, flash.clone()).map_err(|error| format!("Can't use the log folder: {error}."))
 }
 
 #[embassy_executor::task]
-async fn log_copier(folder: &'static RefCell<LogFolder>, interval: Duration) {
+async fn log_copier(folders: &'static RefCell<Vec<LogFolder>>, interval: Duration) {
     let mut copies = Ticker::every(interval);
-    while copy_logs(folder).is_ok() {
+    while copy_logs(folders).is_ok() {
         copies.next().await;
     }
 }
 
 /// Copies what is new. A failure is shown.
-fn copy_logs(folder: &RefCell<LogFolder>) -> io::Result<()> {
-    let copied = folder.borrow_mut().update();
+fn copy_logs(folders: &RefCell<Vec<LogFolder>>) -> io::Result<()> {
+    let copied = folders.borrow_mut().iter_mut().try_for_each(LogFolder::update);
     copied.inspect_err(|error| eprintln!("Can't copy the log: {error}."))
 }
 
@@ -195,9 +249,30 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs the simulator until it is stopped, or says why it can't.
-fn simulate(arguments: Arguments) -> Result<(), String> {
-    let speedup = arguments.speedup();
+/// For the rest of the program, as tasks have it.
+fn forever<T>(value: T) -> &'static T {
+    Box::leak(Box::new(value))
+}
+
+/// What each rover is among others, and the fleet, if there is one.
+fn roles(rovers: Option<u8>) -> (Vec<Role<'static>>, Option<&'static Fleet>) {
+    let output = console::use_terminal();
+    let Some(count) = rovers else {
+        return (vec![Role::Alone(output)], None);
+    };
+    // The log does not say which rover it is of.
+    console::print_only_warnings();
+    let fleet: &Fleet = forever(Fleet::of(count));
+    (fleet.roles().collect(), Some(fleet))
+}
+
+/// Where ground stations connect by TCP, and browsers.
+struct Listeners {
+    clients: Clients,
+    browsers: Option<Clients>,
+}
+
+fn listen(arguments: &Arguments) -> Result<Listeners, String> {
     let clients = Clients::listen(arguments.tcp).map_err(|error| {
         format!(
             "Can't listen on {}: {error}.\nIs another simulator running? {} takes other ports.",
@@ -205,47 +280,65 @@ fn simulate(arguments: Arguments) -> Result<(), String> {
             arguments.next_ports()
         )
     })?;
+    let browsers = listen_for_browsers(arguments.web)?;
+    Ok(Listeners { clients, browsers })
+}
+
+/// A rover that ground stations reach by UDP only.
+fn rover(arguments: &Arguments, role: Role<'static>) -> Result<Setup<'static>, String> {
     let udp =
         UdpWire::to(arguments.udp).map_err(|error| format!("Can't send to {}: {error}.", arguments.udp))?;
-    let browsers = listen_for_browsers(arguments.web)?;
     let flash_file = arguments.flash.clone().unwrap_or_default();
-    let flash = SimulatedFlash::open(arguments.flash)
+    let flash = SimulatedFlash::open(arguments.flash.clone())
         .map_err(|error| format!("Can't use the flash file {}: {error}.", flash_file.display()))?;
-    let log_folder = arguments.log.map(|path| open_log_folder(path, &flash));
-    let log_folder = log_folder
-        .transpose()
-        .map_err(|error| format!("Can't use the log folder: {error}."))?;
+    Ok(Setup {
+        role,
+        clients: None,
+        udp: forever(udp),
+        web: None,
+        flash,
+        scenario: arguments.scenario,
+        status_interval: arguments.line_interval(),
+    })
+}
+
+/// Runs the simulator until it is stopped, or says why it can't.
+fn simulate(arguments: Arguments) -> Result<(), String> {
+    let listeners: &Listeners = forever(listen(&arguments)?);
+    let (roles, fleet) = roles(arguments.rovers);
+    let rovers = roles.iter().map(|role| rover(&arguments, *role));
+    let mut rovers = rovers.collect::<Result<Vec<_>, _>>()?;
+    if let Some(first) = rovers.first_mut() {
+        first.clients = Some(&listeners.clients);
+        first.web = listeners.browsers.as_ref();
+    }
+    let log_folders = arguments.log.iter().flat_map(|path| {
+        rovers
+            .iter()
+            .map(|rover| open_log_folder(path, rover.role, &rover.flash))
+    });
+    let log_folders: &RefCell<_> = forever(RefCell::new(log_folders.collect::<Result<Vec<_>, _>>()?));
     if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
         eprintln!("Ctrl-C will end the simulator at once: {error}.");
     }
-    if clock::set_speedup(speedup).is_err() {
+    if clock::set_speedup(arguments.speedup()).is_err() {
         eprintln!("The clock already runs, at real time.");
     }
-    println!(
-        "MAVLink on tcp:{} and to udp:{}. Ctrl-C ends it.",
-        arguments.tcp, arguments.udp
-    );
-    if let Some(address) = browsers.as_ref().and_then(|browsers| browsers.address().ok()) {
-        println!("The rover's page: http://{address}/");
-    }
-    if let Some(scenario) = arguments.scenario {
-        println!("Scenario {scenario} {}", pace(speedup));
-    }
-    let line_interval = Duration::from_micros((speedup * 1e6) as u64);
-    let setup = Setup {
-        clients: Box::leak(Box::new(clients)),
-        udp: Box::leak(Box::new(udp)),
-        web: browsers.map(|browsers| &*Box::leak(Box::new(browsers))),
-        flash,
-        scenario: arguments.scenario,
-        output: console::use_terminal(),
-        line_interval,
-    };
+    arguments.greet(listeners);
+    RUNNING.store(rovers.len(), Ordering::Relaxed);
     Box::leak(Box::new(Executor::new())).run_until(
         |spawner| {
-            spawner.spawn(simulator(setup).expect("it is spawned once"));
-            if let Some(folder) = log_folder {
-                spawner.spawn(log_copier(folder, line_interval).expect("it is spawned once"));
+            for rover in rovers {
+                let rover = Box::pin(sim::run(rover));
+                spawner.spawn(simulator(rover).expect("there are not too many"));
+            }
+            if let Some(fleet) = fleet {
+                let shown = show_fleet(fleet, arguments.line_interval());
+                spawner.spawn(shown.expect("it is spawned once"));
+            }
+            if arguments.log.is_some() {
+                let copier = log_copier(log_folders, arguments.line_interval());
+                spawner.spawn(copier.expect("it is spawned once"));
             }
             if let Some(run_for_s) = arguments.run_for_s {
                 let time = Duration::from_secs(run_for_s.into());
@@ -256,9 +349,7 @@ fn simulate(arguments: Arguments) -> Result<(), String> {
     );
     console::end();
     // What was written since the last copy.
-    if let Some(folder) = log_folder {
-        let _ = copy_logs(folder);
-    }
+    let _ = copy_logs(log_folders);
     println!("Stopped.");
     Ok(())
 }

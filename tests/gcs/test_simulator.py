@@ -106,6 +106,9 @@ def test_what_another_simulator_has_is_said_with_ports_that_are_free(start_simul
         (["--scenario", "flood"], "there are drain, swap, cold, loose-wire"),
         (["--scenario", "drain", "--flash", "x"], "cannot be used with"),
         (["--speedup", "0"], "a number from 0.01 to 1000 is needed"),
+        (["--rovers", "241"], "a number from 1 to 240 is needed"),
+        (["--rovers", "2", "--flash", "x"], "cannot be used with"),
+        (["--rovers", "2", "--scenario", "drain"], "cannot be used with"),
     ],
 )
 def test_an_argument_that_does_not_fit_is_explained(arguments, expected):

@@ -13,7 +13,7 @@ use crate::mavlink::dialect::MavSeverity;
 static SCREEN: Mutex<Option<Screen<Stdout>>> = Mutex::new(None);
 
 /// How urgent a line is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
     /// In the terminal's own colour.
     Info,
@@ -59,9 +59,14 @@ pub fn use_terminal() -> Output {
     let has_colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
     with_screen(|screen| *screen = Some(Screen::new(io::stdout(), has_colours)));
     if io::stderr().is_terminal() {
-        log::set_printer(print_log);
+        print_only_warnings();
     }
     Output::Terminal
+}
+
+/// Prints the log's warnings only, from now on.
+pub fn print_only_warnings() {
+    log::set_printer(print_log);
 }
 
 /// Prints a line that may come at any time. On a terminal the simulated time stands before it.

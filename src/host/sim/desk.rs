@@ -9,14 +9,15 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
 use super::browsers::Browsers;
-use super::console::{Level, Output, print_event, print_line, print_status};
+use super::console::{Level, print_line};
+use super::fleet::Role;
 use super::links::{LINK_BYTES_PER_SECOND, POLL_MS, UNWATCHED};
 use super::scenario::{Player, Scenario};
 use super::station::Station;
 use super::status::{Comparison, Status};
 use super::{
-    Client, Clients, PackModel, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack,
-    SimulatedPackInput, SimulatedRover, UdpWire,
+    Client, Clients, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack, SimulatedPackInput,
+    SimulatedRover, UdpWire,
 };
 use crate::autopilot::Start;
 use crate::battery::RetainedRecord;
@@ -39,8 +40,10 @@ const MOST_SILENT_LINES: u32 = 5;
 
 /// What a simulation is given.
 pub struct Setup<'a> {
-    /// Where ground stations connect by TCP.
-    pub clients: &'a Clients,
+    /// What the rover is among others.
+    pub role: Role<'a>,
+    /// Where ground stations connect by TCP, if they may.
+    pub clients: Option<&'a Clients>,
     /// At its remote end another ground station may listen.
     pub udp: &'a UdpWire,
     /// Where browsers connect, if they may.
@@ -49,10 +52,8 @@ pub struct Setup<'a> {
     pub flash: SimulatedFlash,
     /// What happens to the rover until its first restart.
     pub scenario: Option<&'static Scenario>,
-    /// Where the lines go.
-    pub output: Output,
-    /// Simulated time between two status lines.
-    pub line_interval: Duration,
+    /// Simulated time after which the status is shown again.
+    pub status_interval: Duration,
 }
 
 /// Runs the vehicle, and restarts it at a ground station's request. Pack and flash survive a restart, connections don't.
@@ -60,16 +61,18 @@ pub struct Setup<'a> {
 pub async fn run(setup: Setup<'_>) {
     let pack = RefCell::new(match setup.scenario {
         Some(scenario) => scenario.pack.clone(),
-        None => SimulatedPack::full(PackModel::LIPO_3S_2200),
+        None => setup.role.pack(),
     });
     let rover = SimulatedRover::default();
     let mut scenario = setup.scenario;
     loop {
         match run_until_restart(&setup, scenario.take(), &pack, &rover).await {
-            Restart::Firmware => print_line("Restarted."),
-            Restart::Fault => print_line("A board would have crashed. Restarted."),
+            Restart::Firmware => setup.role.show_line("Restarted."),
+            Restart::Fault => setup.role.show_line("A board would have crashed. Restarted."),
             Restart::BootLoader => {
-                return print_line("A board would wait in its boot loader for another firmware.");
+                return setup
+                    .role
+                    .show_line("A board would wait in its boot loader for another firmware.");
             }
         }
     }
@@ -81,25 +84,24 @@ async fn run_until_restart(
     pack: &RefCell<SimulatedPack>,
     rover: &SimulatedRover,
 ) -> Restart {
-    let (desk, storages) = start(&setup.flash, scenario, pack).await;
+    let (desk, storages) = start(setup.role, &setup.flash, scenario, pack).await;
     let links = join3(
-        join_array([(); MAX_CLIENTS].map(|()| desk.serve(setup.clients))),
-        join3(
-            desk.refuse_surplus(setup.clients),
+        desk.serve_tcp(setup.clients),
+        join(
             desk.serve_udp(setup.udp),
             desk.browsers.serve(setup.web, &desk.shared),
         ),
         async {
-            // Lines in a file have the log beside them, where announcements are, too.
-            if scenario.is_some() || setup.output == Output::Terminal {
-                desk.serve_station(scenario, print_event).await;
+            if scenario.is_some() || setup.role.shows_announcements() {
+                let show = |level, text: &str| setup.role.show_event(level, text);
+                desk.serve_station(scenario, show).await;
             }
         },
     );
     let vehicle = join3(
         desk.run_vehicle(storages, rover),
         links,
-        desk.print_status(setup.output, setup.line_interval),
+        desk.show_status(setup.role, setup.status_interval),
     );
     match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
         Either::First((.., never)) => never,
@@ -109,11 +111,13 @@ async fn run_until_restart(
 
 /// The vehicle as it starts from its flash.
 async fn start<'a>(
+    role: Role<'_>,
     flash: &'a SimulatedFlash,
     scenario: Option<&'static Scenario>,
     pack: &'a RefCell<SimulatedPack>,
 ) -> (Desk<'a>, Storages<SimulatedFlash>) {
     let mut start = Start::default();
+    role.set_up(&mut start);
     let mut storages = Storages::of_board(flash.clone(), start.radio);
     storages.boot(ParameterSource::Stored, &mut start).await;
     if let Some(scenario) = scenario {
@@ -200,6 +204,17 @@ impl<'a> Desk<'a> {
         .await;
     }
 
+    /// Serves who connects to `clients`, and refuses who is too many.
+    async fn serve_tcp(&self, clients: Option<&Clients>) {
+        if let Some(clients) = clients {
+            join(
+                join_array([(); MAX_CLIENTS].map(|()| self.serve(clients))),
+                self.refuse_surplus(clients),
+            )
+            .await;
+        }
+    }
+
     /// Serves one client after the other, each with its own link: schedule, sequence numbers and counters.
     async fn serve(&self, clients: &Clients) {
         loop {
@@ -277,16 +292,11 @@ impl<'a> Desk<'a> {
         by_tcp.into_iter().chain(self.browsers.links())
     }
 
-    async fn print_status(&self, output: Output, line_interval: Duration) -> ! {
-        let mut lines = Ticker::every(line_interval);
+    async fn show_status(&self, role: Role<'_>, interval: Duration) -> ! {
+        let mut times = Ticker::every(interval);
         loop {
-            lines.next().await;
-            let status = self.next_status();
-            let line = match output {
-                Output::Terminal => status.short(),
-                Output::Lines => status.long(),
-            };
-            print_status(status.comparison.level(), &line);
+            times.next().await;
+            role.show_status(self.next_status());
         }
     }
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::SimulatedPack;
 use super::console::Level;
-use crate::battery::{BatteryState, ChargeState, PackStatus};
+use crate::battery::{BatteryState, ChargeState, FailsafeLevel, PackStatus};
 use crate::vehicle::ArmState;
 use crate::vehicle::{Mode, VehicleStatus};
 
@@ -42,6 +42,16 @@ impl Comparison {
             }
             _ => left,
         }
+    }
+
+    /// The remaining charge, in percent, by the monitor.
+    pub fn remaining_pct(&self) -> Option<f32> {
+        self.estimate.remaining_pct
+    }
+
+    /// The failsafe level, by the monitor.
+    pub fn failsafe(&self) -> FailsafeLevel {
+        self.estimate.failsafe
     }
 
     /// How urgent it is, by the monitor.

@@ -1,11 +1,17 @@
 //! Scenarios in stepped time: what is announced, when, and in which order.
 
 use std::cell::RefCell;
+use std::collections::HashSet;
 
 use embassy_time::Instant;
 
+use super::super::Fleet;
+use super::super::console::Output;
 use super::*;
+use crate::autopilot::Autopilot;
 use crate::host::sim::clock;
+use crate::parameter::VehicleParameter;
+use crate::system::ArmingReadiness;
 
 /// Something that was shown, and when, in seconds.
 #[derive(Clone, Debug)]
@@ -22,7 +28,8 @@ fn shown(name: &str) -> Vec<Shown> {
     let (flash, rover) = (SimulatedFlash::open(None).unwrap(), SimulatedRover::default());
     let pack = RefCell::new(scenario.pack.clone());
     clock::run_for(Duration::from_secs(u64::from(scenario.end_s) + 2), async {
-        let (desk, storages) = start(&flash, Some(scenario), &pack).await;
+        let alone = Role::Alone(Output::Lines);
+        let (desk, storages) = start(alone, &flash, Some(scenario), &pack).await;
         let show = |level, text: &str| {
             shown.borrow_mut().push(Shown {
                 at_s: Instant::now().as_secs(),
@@ -37,6 +44,55 @@ fn shown(name: &str) -> Vec<Shown> {
         .await;
     });
     shown.take()
+}
+
+/// What a rover of a fleet has after its start and ten seconds.
+fn after_ten_seconds<R>(number: u8, look: impl FnOnce(&Autopilot) -> R) -> R {
+    let (fleet, flash, rover) = (
+        Fleet::of(number),
+        SimulatedFlash::open(None).unwrap(),
+        SimulatedRover::default(),
+    );
+    let role = Role::Member(&fleet, number);
+    let pack = RefCell::new(role.pack());
+    let seen = clock::run_for(Duration::from_secs(11), async {
+        let (desk, storages) = start(role, &flash, None, &pack).await;
+        let look = async {
+            Timer::after_secs(10).await;
+            desk.shared.with(|autopilot| look(autopilot))
+        };
+        match select(desk.run_vehicle(storages, &rover), look).await {
+            Either::First(()) => unreachable!("it runs on"),
+            Either::Second(seen) => seen,
+        }
+    });
+    seen.expect("it ends")
+}
+
+#[test]
+fn each_of_twenty_rovers_can_be_armed_and_has_a_pack_of_its_own() {
+    let mut seen = HashSet::new();
+    for number in 1..=20 {
+        let (system_id, board_id, pack) = after_ten_seconds(number, |autopilot| {
+            let state = autopilot.system_state();
+            assert_eq!(state.readiness, ArmingReadiness::Ready, "{number}");
+            let battery = autopilot.battery(Pack::First);
+            (
+                autopilot.parameters().get_whole(VehicleParameter::SysidThismav),
+                state.identity.board_id.map(|id| id.number()),
+                (battery.capacity_mah(), battery.remaining_pct),
+            )
+        });
+        assert_eq!(system_id, i32::from(number));
+        // "SIM", and the number.
+        assert_eq!(board_id, Some(0x5349_4D00_0000_0000 + u64::from(number)));
+        let (Some(capacity_mah), Some(remaining_pct)) = pack else {
+            panic!("{number}: {pack:?}");
+        };
+        // The estimate is some percent off.
+        seen.insert((capacity_mah as u32, (remaining_pct / 5.0) as u32));
+    }
+    assert!(seen.len() > 10, "{seen:?}");
 }
 
 /// When each of these was shown, after asserting that they came in this order.
