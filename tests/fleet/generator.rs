@@ -4,10 +4,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, LEARNT_WORDS, LearntPack, Measurement, PackSettings, Tick,
-};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, Tick};
 use rover_battmon::host::sim::{PackModel, SimulatedPack};
+use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::recorder::dataflash::{ArmingMethod, Record, opening_record};
@@ -80,8 +79,13 @@ impl Owned {
         1000 + self.number as i32
     }
 
+    fn id(&self) -> BoardId {
+        let [.., high, middle, low] = self.number.to_be_bytes();
+        BoardId([0xe6, 0x60, 0x38, 0xb7, 0x13, high, middle, low])
+    }
+
     pub fn board_id(&self) -> String {
-        format!("E66038B713{:06X}", self.number)
+        self.id().serial_number().to_string()
     }
 
     pub fn system_id(&self) -> u8 {
@@ -178,7 +182,7 @@ impl Owned {
             let _ = monitor.update(Tick { now, arm_state }, Ok(reading), &settings);
             match tick {
                 ARMED => {
-                    log.extend(self.opening(time_us, &parameters));
+                    log.extend(self.opening(time_us, &parameters, monitor.state()));
                     log.extend(arming(ArmState::Armed, time_us));
                 }
                 DISARMED => log.extend(arming(ArmState::Disarmed, time_us)),
@@ -196,12 +200,12 @@ impl Owned {
     }
 
     /// What the file begins with.
-    fn opening(&self, time_us: u64, parameters: &Parameters) -> Vec<u8> {
+    fn opening(&self, time_us: u64, parameters: &Parameters, state: &BatteryState) -> Vec<u8> {
         let mut bytes: Vec<u8> = (0..)
             .map_while(|index| opening_record(index, time_us))
             .flatten()
             .collect();
-        bytes.extend(self.identity(time_us));
+        bytes.extend(self.identity(time_us, state));
         for id in parameters.listed() {
             bytes.extend(parameter(id, parameters).encode(time_us));
         }
@@ -211,66 +215,15 @@ impl Owned {
         bytes
     }
 
-    /// BRD, PACK and PCKO, with their formats.
-    fn identity(&self, time_us: u64) -> Vec<u8> {
-        let mut board = self.board_id().into_bytes();
-        board.resize(16, 0);
-        let words: [[u8; 4]; LEARNT_WORDS] = self.known.to_words().map(u32::to_le_bytes);
-        let [kind, _, fields @ ..] = &words;
-        let (fields, offsets) = fields.split_at(7);
-        let nan = f32::NAN.to_le_bytes();
-        // Flash has 0, and -1 of a charge, for what is not learnt.
-        let fields = fields.iter().map(|field| match f32::from_le_bytes(*field) {
-            value if value > 0.0 => *field,
-            _ => nan,
-        });
-        let [chemistry, cells, drives @ ..] = *kind;
-        let fields: Vec<u8> = fields.flatten().collect();
-        let serial_number = self.serial_number().to_le_bytes();
-        let pack = [&[0][..], &serial_number, &[chemistry, cells], &drives, &fields].concat();
-        let halves = |at: usize| offsets.iter().flat_map(move |word| word[at..at + 2].to_vec());
-        let offsets: Vec<u8> = [0].into_iter().chain(halves(0)).chain(halves(2)).collect();
-        [
-            format(200, "BRD", "QN", "TimeUS,Id"),
-            format(
-                201,
-                "PACK",
-                "QBiBBHfffffff",
-                "TimeUS,Inst,SN,Chem,Cells,Drv,Cap,CapD,Res,Res1,SoC,SoCD,RstV",
-            ),
-            format(
-                202,
-                "PCKO",
-                "QBhhhhhhhhhh",
-                "TimeUS,Inst,O1,O2,O3,O4,O5,D1,D2,D3,D4,D5",
-            ),
-            record(200, time_us, &board),
-            record(201, time_us, &pack),
-            record(202, time_us, &offsets),
-        ]
-        .concat()
+    /// Which board and pack it is of, and what is known of the pack.
+    fn identity(&self, time_us: u64, state: &BatteryState) -> Vec<u8> {
+        let records = [
+            Record::Board(self.id()),
+            Record::Pack(Pack::First, state, Some(&self.known)),
+            Record::Curve(Pack::First, &self.known),
+        ];
+        records.iter().flat_map(|record| record.encode(time_us)).collect()
     }
-}
-
-fn record(kind: u8, time_us: u64, fields: &[u8]) -> Vec<u8> {
-    [&[0xa3, 0x95, kind], &time_us.to_le_bytes()[..], fields].concat()
-}
-
-fn format(kind: u8, name: &str, types: &str, columns: &str) -> Vec<u8> {
-    let lengths = types.bytes().map(|field_type| match field_type {
-        b'B' => 1,
-        b'h' | b'H' => 2,
-        b'Q' => 8,
-        b'N' => 16,
-        _ => 4,
-    });
-    let mut bytes = vec![0xa3, 0x95, 128, kind, 3 + lengths.sum::<u8>()];
-    for (text, length) in [(name, 4), (types, 16), (columns, 64)] {
-        let mut field = text.as_bytes().to_vec();
-        field.resize(length, 0);
-        bytes.extend(field);
-    }
-    bytes
 }
 
 fn parameter(id: ParameterId, parameters: &Parameters) -> Parameter {
