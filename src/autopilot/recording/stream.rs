@@ -132,6 +132,10 @@ impl Stream {
 
     /// The records of the next pack to describe.
     fn next_pack(&mut self, subject: &Subject<'_>, now: Instant) -> Option<RecordBytes> {
+        // It is called for each byte that waits.
+        if self.packs == 0 {
+            return None;
+        }
         let mut due = subject
             .packs
             .monitors()

@@ -134,7 +134,10 @@ fn log_comes_as_fast_as_by_tcp_and_a_broken_download_goes_on() {
     let laptop = ground.laptop();
     let (list, _) = ground.fetch(laptop, &get("/logs/", ""), SECOND);
     let listed = String::from_utf8_lossy(&list).into_owned();
-    let entry = format!("{{\"number\":1,\"bytes\":{},\"name\":\"rover-", content.len());
+    let entry = format!(
+        "{{\"number\":1,\"bytes\":{},\"time_utc\":null,\"name\":\"rover-",
+        content.len()
+    );
     assert!(listed.contains(&entry), "{listed}");
 
     let (answer, took_us) = ground.fetch(laptop, &get("/logs/1.BIN", ""), 10 * SECOND);
