@@ -1,0 +1,57 @@
+"""What counts as a page's words, and what as a sentence that stands on two pages."""
+
+import words
+
+SENTENCE = "An erase stops the processor for 45 ms, at most 400 ms."
+WITHIN_BUDGET = {name: "" for names in words.BUDGETS for name in names}
+
+
+def test_pages_within_their_budgets_have_no_complaint():
+    assert words.report(WITHIN_BUDGET) == 0
+
+
+def test_a_page_over_its_budget_is_named_with_the_excess(capsys):
+    assert words.report({**WITHIN_BUDGET, "docs/wifi.md": "word " * 1603}) == 1
+    assert "1603 of  1600  docs/wifi.md" in (output := capsys.readouterr().out)
+    assert "3 over" in output
+
+
+def test_pages_that_share_a_budget_are_added_up():
+    assert words.report({**WITHIN_BUDGET, "CONTRIBUTING.md": "one " * 900, "CHANGELOG.md": "other " * 900}) == 0
+    assert words.report({**WITHIN_BUDGET, "CONTRIBUTING.md": "one " * 900, "CHANGELOG.md": "other " * 901}) == 1
+
+
+def test_a_page_without_a_budget_is_named_and_a_missing_one_shown(capsys):
+    pages = {name: text for name, text in WITHIN_BUDGET.items() if name != "docs/fleet.md"}
+    assert words.report({**pages, "docs/glossary.md": "word"}) == 1
+    output = capsys.readouterr().out
+    assert any("docs/glossary.md" in line and "not in the budget" in line for line in output.splitlines())
+    assert any("docs/fleet.md" in line and "missing" in line for line in output.splitlines())
+
+
+def test_readmes_of_folders_have_a_budget_each_and_do_not_count(capsys):
+    assert words.report({**WITHIN_BUDGET, "tests/data/traces/README.md": "word " * 250}) == 0
+    assert words.report({**WITHIN_BUDGET, "examples/README.md": "word " * 251}) == 1
+    assert "\n0 words of 29000" in capsys.readouterr().out
+
+
+def test_generated_pages_are_not_counted(capsys):
+    assert words.report({**WITHIN_BUDGET, "docs/parameters.md": "word " * 9000}) == 0
+    assert "\n0 words of 29000" in capsys.readouterr().out
+
+
+def test_a_sentence_on_two_pages_is_found_through_its_markup():
+    pages = {
+        "one.md": f"# One\nBefore. {SENTENCE} Behind.",
+        "two.md": f"| flash | {SENTENCE.replace('erase', '[erase](one.md)').replace('45 ms', '`45 ms`')} |",
+        "three.md": f"- {SENTENCE.replace('45', '46')}",
+    }
+    ((sentence, names),) = words.repeated_sentences(pages).items()
+    assert sentence == SENTENCE.lower().rstrip(".")
+    assert names == ["one.md", "two.md"]
+
+
+def test_code_heads_of_tables_and_short_sentences_are_no_repetition():
+    head = "| one two three four five six seven eight nine |\n|---|\n"
+    text = f"{head}\n```sh\n{SENTENCE}\n```\nNot tried on a board.\n# One two three four five six seven eight\n"
+    assert words.repeated_sentences({"one.md": text, "two.md": text}) == {}
