@@ -92,7 +92,7 @@
 //!   `docs/extending.md`.
 //! - Whole programs: the firmware `src/bin/firmware/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
 //! - What a version of it promises: `docs/versions.md`.
-//! - How it all fits together and why: `docs/architecture.md` and `docs/decisions/`.
+//! - How it all fits together and why: `docs/architecture.md` and `docs/decisions.md`.
 #![cfg_attr(target_os = "none", no_std)]
 
 mod log;

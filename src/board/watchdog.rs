@@ -21,7 +21,7 @@ pub struct BoardWatchdog(embassy_rp::watchdog::Watchdog);
 
 impl BoardWatchdog {
     /// Starts the watchdog. A debugger does not pause it, and does not stop the time either: while the processor is
-    /// halted, the motors run on (`docs/decisions/0049-debuggers-and-the-watchdog.md`).
+    /// halted, the motors run on.
     pub fn start(peripheral: Peri<'static, WATCHDOG>) -> Self {
         let mut watchdog = embassy_rp::watchdog::Watchdog::new(peripheral);
         watchdog.pause_on_debug(false);

@@ -9,7 +9,7 @@ use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use crate::time::Instant;
 
-/// Kind of fuel sensor.
+/// Kind of fuel sensor. None of them shows that it is broken: without pulses an engine seems to stand, and an open input is some level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum FuelKind {

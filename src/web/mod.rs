@@ -1,7 +1,7 @@
 //! A page for browsers, and what it talks to: HTTP, and MAVLink over a WebSocket, over any stream of bytes.
 //!
 //! A connection has one request. It is answered and closed, or becomes a link like any other: the binary messages of a
-//! WebSocket are pieces of MAVLink's stream of bytes. Who may ask for what: [0070](../../docs/decisions/0070-mavlink-over-websocket.md).
+//! WebSocket are pieces of MAVLink's stream of bytes. Who may ask for what: `docs/decisions.md#browsers`.
 
 mod answer;
 mod attend;

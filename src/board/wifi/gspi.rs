@@ -1,4 +1,7 @@
 //! The wires of the radio's bus, gSPI, which PIO0 drives.
+//!
+//! In the place of `cyw43-pio` 0.10.0, which clears no FIFO, so that a transfer that was dropped halfway shifts all later ones by a word,
+//! and begins to receive only when its task runs again. A release of it without both replaces this file.
 
 use cyw43::SpiBusCyw43;
 use embassy_rp::Peri;

@@ -1,4 +1,7 @@
-//! Packs that are measured by nodes on a DroneCAN bus. Why it is our own: `docs/decisions/0059-dronecan.md`.
+//! Packs that are measured by nodes on a DroneCAN bus.
+//!
+//! Transfers are our own: the crate `dronecan` 0.2 only receives, from one source and of one type at a time, and after a transfer
+//! whose last frame is lost it loses the next one, too.
 //!
 //! Frames become transfers (`transfers`), transfers messages (`messages`), and these readings of packs (`packs`). Nothing
 //! here reads a clock or knows the controller.
