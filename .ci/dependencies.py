@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks the dependencies: licences against two lists, yanked versions, and docs/dependencies.md against Cargo.toml."""
+"""Checks the dependencies: licences against two lists, yanked versions, and that a comment in a Cargo.toml has the use of each."""
 
 import json
 import pathlib
@@ -8,12 +8,11 @@ import subprocess
 import sys
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
-PAGE = REPOSITORY / "docs/dependencies.md"
 TARGET = "thumbv6m-none-eabi"
 
 # What may be linked into the firmware, and beside that into programs that stay on the desk.
 FIRMWARE = {"MIT", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause", "BSD-3-Clause", "Unlicense", "Zlib", "0BSD"}
-# Packages without one of these, whose own text allows it: docs/dependencies.md#the-radios-program.
+# Packages without one of these, whose own text allows it: the comment in Cargo.toml.
 BY_OWN_TEXT = {"cyw43-firmware"}
 DESK = FIRMWARE | {"MPL-2.0", "BSL-1.0", "CC0-1.0", "Unicode-3.0"}
 
@@ -49,20 +48,23 @@ def licence_complaints(part, packages, allowed):
 
 
 def direct_dependencies():
+    """The dependencies of all packages of the workspace but these themselves, and their manifests."""
     metadata = json.loads(cargo("metadata", "--locked", "--no-deps", "--format-version", "1").stdout)
     members = {package["name"] for package in metadata["packages"]}
-    return {dependency["name"] for package in metadata["packages"] for dependency in package["dependencies"]} - members
+    used = {dependency["name"] for package in metadata["packages"] for dependency in package["dependencies"]}
+    return used - members, [pathlib.Path(package["manifest_path"]) for package in metadata["packages"]]
 
 
-def documented_dependencies():
-    return set(re.findall(r"^\| ([a-z0-9_-]+) \| (?:all|build|firmware|simulator|tests) \| \S", PAGE.read_text(), re.MULTILINE))
+def explained_dependencies(manifest):
+    """The dependencies of a manifest that have a comment on the line above."""
+    return set(re.findall(r"^# \S.*\n([A-Za-z0-9_-]+) = ", manifest, re.MULTILINE))
 
 
 def documentation_complaints():
-    used, documented = direct_dependencies(), documented_dependencies()
+    used, manifests = direct_dependencies()
+    explained = set().union(*(explained_dependencies(manifest.read_text()) for manifest in manifests))
     print(f"  direct dependencies: {len(used)}")
-    yield from (f"{name} is not in {PAGE.name}" for name in sorted(used - documented))
-    yield from (f"{name} in {PAGE.name} is not a dependency" for name in sorted(documented - used))
+    yield from (f"{name}: no Cargo.toml has a comment above it that says what it is for" for name in sorted(used - explained))
 
 
 def yanked_complaints():

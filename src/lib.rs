@@ -91,7 +91,7 @@
 //!   [`I2cBus`](sensor::I2cBus), [`Motors`](vehicle::Motors), [`Indicators`](vehicle::Indicators) and those of [`tasks`]; and
 //!   `docs/extending.md`.
 //! - Whole programs: the firmware `src/bin/firmware/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
-//! - What a version of it promises: `docs/versions.md`.
+//! - What a version of it promises: `CHANGELOG.md`.
 //! - How it all fits together and why: `docs/architecture.md` and `docs/decisions.md`.
 #![cfg_attr(target_os = "none", no_std)]
 
