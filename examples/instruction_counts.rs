@@ -25,7 +25,9 @@ mod firmware {
     use rover_battmon::system::SystemState;
     use rover_battmon::time::Instant;
 
-    /// What a ground station sends, in chunks as they come from a port.
+    /// What a ground station sends, in chunks as they come from a port. Eight times over, packed by pymavlink 2.4.50 as MAVLink 2 (system 255,
+    /// component 190): HEARTBEAT, PARAM_REQUEST_READ, PARAM_SET, COMMAND_LONG, REQUEST_DATA_STREAM, MANUAL_CONTROL, RC_CHANNELS_OVERRIDE,
+    /// RADIO_STATUS, SYSTEM_TIME, PING, TIMESYNC, PARAM_REQUEST_LIST.
     const RECEIVED: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
     const CHUNK_BYTES: usize = 64;
 
