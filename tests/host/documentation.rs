@@ -645,6 +645,40 @@ fn refused_in(text: &str) -> Vec<String> {
     found
 }
 
+/// They name pages to come, and made-up ones.
+const OF_OTHER_PAGES: [&str; 2] = [".ci/words.py", ".ci/test_words.py"];
+
+/// The pages that a text names from the top of the repository, with their anchors.
+fn named_pages(text: &str) -> impl Iterator<Item = &str> {
+    let words = text.split(|c: char| !c.is_alphanumeric() && !"/._-#".contains(c));
+    words
+        .map(|word| word.trim_start_matches("../").trim_end_matches('.'))
+        .filter(|word| word.starts_with("docs/") && word.contains(".md"))
+}
+
+fn is_there(page: &str) -> bool {
+    let (path, wanted) = page.split_once('#').unwrap_or((page, ""));
+    let path = repository().join(path);
+    path.is_file() && (wanted.is_empty() || has_anchor(&read(&path), wanted))
+}
+
+#[test]
+fn every_page_that_sources_name_exists_with_its_anchor() {
+    let mut missing = Vec::new();
+    let mut looked_at = 0;
+    let files = checked_files().into_iter().chain(["Cargo.toml".into()]);
+    for file in files.filter(|file| !OF_OTHER_PAGES.contains(&file.as_str())) {
+        for page in named_pages(&read(&repository().join(&file))) {
+            looked_at += 1;
+            if !is_there(page) {
+                missing.push(format!("{file}: {page}"));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing:#?}");
+    assert!(looked_at > 0, "no page was found");
+}
+
 #[test]
 fn pages_sources_and_tests_have_no_refused_words() {
     let files = checked_files();
