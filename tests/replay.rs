@@ -23,7 +23,7 @@ const ASSIGNMENTS: [&str; 5] = [
 ];
 
 /// Shows commands, what they print and the picture they draw.
-const PAGE: &str = "docs/guides/failsafe-tuning.md";
+const PAGE: &str = "docs/failsafes.md";
 
 /// A column of the rows that `replay` writes.
 const REMAINING_PCT: usize = 7;

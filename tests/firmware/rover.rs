@@ -219,7 +219,7 @@ fn a_driver_who_falls_silent_stops_it() {
     );
 }
 
-/// The trial of docs/guides/failsafe-tuning.md.
+/// The trial of docs/failsafes.md.
 #[test]
 fn a_threshold_raised_while_driving_stops_it_until_set_back_and_restarted() {
     let mut bench = driving(&[

@@ -21,7 +21,7 @@ import documented_commands as documented
 pytestmark = pytest.mark.xdist_group("mavproxy")
 
 # Pages with a session in such a ground station, the headings it is below, and what has to be typed in it.
-SESSIONS = [("README.md", SECTION, "bat"), ("docs/guides/failsafe-tuning.md", "### On a desk", "disarm")]
+SESSIONS = [("README.md", SECTION, "bat"), ("docs/failsafes.md", "### On a desk", "disarm")]
 
 
 def way_to_the_session(clone):

@@ -538,19 +538,22 @@ fn matches(pattern: &str, text: &str) -> bool {
 /// Below this a literal has too little fixed text to identify what it matches.
 const LEAST_FIXED_BYTES: usize = 8;
 
-/// What the tables of the guide headed "text" quote in their first column.
+/// The texts that the lists of the guide's part "By text" quote before the colon of each item, with what the line above
+/// a list says that each of them begins with.
 fn quoted() -> Vec<String> {
-    let guide = read(&repository().join("docs/guides/troubleshooting.md"));
+    let guide = read(&repository().join("docs/troubleshooting.md"));
+    let (_, by_text) = guide.split_once("\n## By text\n").expect("the part");
     let mut quoted = Vec::new();
-    let mut is_of_texts = false;
-    for line in guide.lines() {
-        if !line.starts_with('|') {
-            is_of_texts = false;
-        } else if line.starts_with("| text |") {
-            is_of_texts = true;
-        } else if is_of_texts && !line.starts_with("|---") {
-            let cell = line.split(" | ").next().unwrap_or_default();
-            quoted.extend(cell.split('`').skip(1).step_by(2).map(String::from));
+    let mut before = String::new();
+    for line in by_text.lines() {
+        if line.starts_with('#') {
+            before.clear();
+        } else if let Some(prefix) = line.strip_prefix("Each begins with `") {
+            before = prefix.replace("`:", " ");
+        } else if let Some(item) = line.strip_prefix("- ") {
+            let (texts, _) = item.split_once("`: ").expect("a colon behind the texts");
+            let texts = texts.split('`').skip(1).step_by(2);
+            quoted.extend(texts.map(|text| format!("{before}{text}")));
         }
     }
     quoted

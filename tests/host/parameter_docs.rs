@@ -116,8 +116,8 @@ fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
 
 #[test]
 fn every_ready_parameter_file_is_in_the_guide() {
-    let guide = fs::read_to_string(docs().join("guides/pack-kinds.md")).expect("the guide exists");
+    let guide = fs::read_to_string(docs().join("packs.md")).expect("the guide exists");
     for (file, _) in ready_files() {
-        assert!(guide.contains(&format!("../params/{file}")), "{file}");
+        assert!(guide.contains(&format!("](params/{file})")), "{file}");
     }
 }

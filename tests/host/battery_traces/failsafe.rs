@@ -33,7 +33,7 @@ fn low_failsafe_of_the_drive(low_v: f32, timer_s: f32, voltage_source: VoltageSo
 
 #[test]
 fn table_of_the_guide_matches_the_trace() {
-    let guide = support::repository().join("docs/guides/failsafe-tuning.md");
+    let guide = support::repository().join("docs/failsafes.md");
     let guide = std::fs::read_to_string(guide).expect("the guide");
     let mut rows = 0;
     for line in guide.lines() {

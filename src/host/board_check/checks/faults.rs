@@ -59,7 +59,7 @@ pub(super) const ANNOUNCEMENTS: Check = Check {
     name: "announcements",
     measures: "texts of severity CRITICAL or worse, except crashes and answers to an attempt to arm",
     expected: "none",
-    advice: "Look the text up in docs/guides/troubleshooting.md.",
+    advice: "Look the text up in docs/troubleshooting.md.",
     judge: judge_announcements,
 };
 

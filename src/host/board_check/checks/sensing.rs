@@ -10,7 +10,7 @@ pub(super) const SENSORS: Check = Check {
     name: "sensor health",
     measures: "battery and motor outputs in SYS_STATUS's sensor bits",
     expected: "present, enabled and healthy",
-    advice: "The board's texts name the reason; see docs/guides/troubleshooting.md.",
+    advice: "The board's texts name the reason; see docs/troubleshooting.md.",
     judge: judge_sensors,
 };
 

@@ -30,7 +30,7 @@ pub(super) const PARAMETER_KEPT: Check = Check {
     name: "parameter kept",
     measures: "`SR0_PARAMS` set, read after a restart, and set back",
     expected: "the value that was set (parameters are in flash before the board restarts)",
-    advice: "See the board's texts and docs/guides/troubleshooting.md: a worn flash and a key that locks announce themselves.",
+    advice: "See the board's texts and docs/troubleshooting.md: a worn flash and a key that locks announce themselves.",
     judge: judge_parameter_kept,
 };
 
