@@ -46,6 +46,14 @@ class Site:
             answer = connection.getresponse()
             return answer.status, answer.headers, answer.read()
 
+    def logs(self):
+        """Those that are listed, once there are some."""
+        end = time.monotonic() + 15
+        while not (logs := json.loads(self.get("/logs/")[2])):
+            assert time.monotonic() < end
+            time.sleep(0.2)
+        return logs
+
     def upgraded(self, headers=""):
         """A socket on which a WebSocket was asked for, and the status of the answer."""
         client = socket.create_connection(("127.0.0.1", self.port), timeout=10)
@@ -84,15 +92,13 @@ def test_parameters_commands_and_rates_are_those_of_tcp(site):
 def test_logs_are_listed_and_downloaded_and_a_broken_download_goes_on(site):
     with closing(connect(site.ws_url)) as web:
         assert command(web, ARM, 1, FORCED) == ACCEPTED
-        time.sleep(2)
-        status, _, answer = site.get("/logs/")
-        (log,) = json.loads(answer)
+        (log,) = site.logs()
         path = f"/logs/{log['number']}.BIN"
         assert site.get(path)[0] == 409, "armed"
         assert command(web, ARM, 0) == ACCEPTED
         set_to(web, "LOG_DISARMED", 0)
         time.sleep(3)
-    (log,) = json.loads(site.get("/logs/")[2])
+    (log,) = site.logs()
     status, headers, whole = site.get(path)
     assert status == 200 and len(whole) == log["bytes"] == int(headers["Content-Length"])
     assert log["name"] in headers["Content-Disposition"]
