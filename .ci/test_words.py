@@ -40,6 +40,13 @@ def test_generated_pages_are_not_counted(capsys):
     assert "\n0 words of 29000" in capsys.readouterr().out
 
 
+def test_of_a_page_with_generated_tables_the_rest_counts(capsys):
+    page = "two words <!-- bench begins -->\n| 1 | 2 |\n<!-- bench ends --> and three more"
+    assert words.report({**WITHIN_BUDGET, "docs/performance.md": page}) == 0
+    assert "\n5 words of 29000" in capsys.readouterr().out
+    assert words.report({**WITHIN_BUDGET, "docs/performance.md": "word " * 29001}) == 1
+
+
 def test_a_sentence_on_two_pages_is_found_through_its_markup():
     pages = {
         "one.md": f"# One\nBefore. {SENTENCE} Behind.",
