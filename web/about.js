@@ -23,6 +23,7 @@ function startAbout() {
   $('key-form').onsubmit = (event) => {
     event.preventDefault();
     useKey(keyOf($('passphrase').value));
+    emit('opened');
     $('passphrase').value = '';
     put('key-state', 'This page signs.');
   };

@@ -37,26 +37,31 @@ pub(super) async fn be_found(
         let search = links.stations.borrow().search();
         let mut others = clients();
         others.retain(|client| !links.stations.borrow().has_address(*client));
-        let addresses = match search {
-            Search::Anyone if turn % 2 == 1 || others.is_empty() => {
-                broadcast_address(stack).into_iter().collect()
-            }
-            Search::Anyone | Search::Others => {
-                // Those behind one that does not answer for its address are not reached in the same turn.
-                let first = turn / 2 % others.len().max(1);
-                others.rotate_left(first);
-                others
-            }
-            Search::NoOne => Vec::new(),
+        let all = broadcast_address(stack);
+        let addresses: &[Ipv4Addr] = match search {
+            Search::Anyone if turn % 2 == 1 || others.is_empty() => all.as_slice(),
+            Search::Anyone | Search::Others => &others,
+            Search::NoOne => &[],
         };
-        greet(&mut sender, addresses, &mut framer, &links.greetings, service).await;
+        // Those behind one that does not answer for its address are not reached in the same turn.
+        let first = turn / 2 % addresses.len().max(1);
+        greet(
+            &mut sender,
+            addresses,
+            first,
+            &mut framer,
+            &links.greetings,
+            service,
+        )
+        .await;
     }
 }
 
-/// Sends one HEARTBEAT to each of `addresses`.
+/// Sends one HEARTBEAT to each of `addresses`. Where `first` is another one each time, none is always the last.
 async fn greet(
     sender: &mut Sender<'_>,
-    addresses: Vec<Ipv4Addr, MAX_CLIENTS>,
+    addresses: &[Ipv4Addr],
+    first: usize,
     framer: &mut Framer,
     greetings: &Greetings,
     service: &Service<'_>,
@@ -64,7 +69,8 @@ async fn greet(
     if addresses.is_empty() {
         return;
     }
-    greetings.begin(framer.next_sequence(), addresses);
+    let in_turn = addresses.iter().cycle().skip(first).take(addresses.len());
+    greetings.begin(framer.next_sequence(), in_turn.copied());
     let shared = service.shared;
     let heartbeat = shared.with(|autopilot| autopilot.heartbeat_frame(framer, LinkKind::Wifi, now()));
     while !greetings.is_over() {

@@ -37,9 +37,14 @@ impl Greetings {
     }
 
     /// All of `addresses` are to get a HEARTBEAT with this sequence number.
-    pub fn begin(&self, sequence: u8, addresses: Vec<Ipv4Addr, MAX_CLIENTS>) {
+    pub fn begin(&self, sequence: u8, addresses: impl Iterator<Item = Ipv4Addr>) {
         self.next_sequence.set(sequence.wrapping_add(1));
-        self.waiting.replace(addresses);
+        let mut waiting = self.waiting.borrow_mut();
+        waiting.clear();
+        for address in addresses {
+            // There are no more clients than that.
+            let _ = waiting.push(address);
+        }
     }
 
     /// Who gets it next.
@@ -62,7 +67,7 @@ mod tests {
         let [two, three] = [2, 3].map(|number| Ipv4Addr::new(192, 168, 4, number));
         let greetings = Greetings::new();
         assert_eq!(greetings.end_for(two), 0);
-        greetings.begin(255, Vec::from_array([two, three]));
+        greetings.begin(255, [two, three].into_iter());
         assert_eq!(greetings.next_address(), Some(three));
         assert_eq!(greetings.end_for(three), 0);
         assert_eq!(greetings.end_for(two), 255);

@@ -62,13 +62,13 @@ class Rover:
         assert command(self.station, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mavlink.MAV_RESULT_ACCEPTED
 
     def record_a_drive(self):
-        """Returns how its file is named: without a board id, as a simulator has none."""
+        """Returns how its file is named: by the simulator's board id and the day."""
         self.station.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0)
         self.station.mav.system_time_send(LOG_TIME_S * 1_000_000, 0)
         self.arm()
         time.sleep(2)
         self.disarm()
-        return "rover-2026-11-26-00000001.BIN"
+        return "rover-53494D0000000001-2026-11-26-00000001.BIN"
 
     def open(self, **how):
         """The page, once it shows the pack."""
