@@ -284,7 +284,8 @@ pub mod tests {
     use proptest::prelude::*;
     use rover_battmon::battery::BatteryState;
     use rover_battmon::pack::Pack;
-    use rover_battmon::recorder::dataflash::{Record as Recorded, opening_record};
+    use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded, opening_record};
+    use rover_battmon::vehicle::ArmState;
 
     /// What a file of the board begins with.
     pub fn opening() -> Vec<u8> {
@@ -292,6 +293,16 @@ pub mod tests {
             .map_while(|index| opening_record(index, 0))
             .flatten()
             .collect()
+    }
+
+    /// The rover is armed or disarmed by a command.
+    pub fn arming(state: ArmState) -> Recorded<'static> {
+        Recorded::Arm {
+            state,
+            enabled_checks: 1,
+            forced: false,
+            method: ArmingMethod::Command,
+        }
     }
 
     /// A file of the board with texts that are numbers.

@@ -79,12 +79,12 @@ fn no_reading(survey: &Survey, pack: Pack) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::binlog::tests::opening;
+    use crate::binlog::tests::{arming, opening};
     use crate::trace::Reported;
     use proptest::prelude::*;
     use rover_battmon::battery::{Amount, BatteryState, CellVoltages, ChargeState, PackStatus};
     use rover_battmon::parameter::BatteryParameter;
-    use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded};
+    use rover_battmon::recorder::dataflash::Record as Recorded;
     use rover_battmon::time::Utc;
     use rover_battmon::vehicle::ArmState;
 
@@ -114,15 +114,6 @@ mod tests {
             charge_state: ChargeState::Low,
             cells: CellVoltages::from_millivolts(&[3700; 13]),
             ..BatteryState::UNKNOWN
-        }
-    }
-
-    fn arming(state: ArmState) -> Recorded<'static> {
-        Recorded::Arm {
-            state,
-            enabled_checks: 1,
-            forced: false,
-            method: ArmingMethod::Command,
         }
     }
 

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use self::life::{Attention, Life};
 use crate::plot::svg::escaped;
 use crate::table::Row;
-use crate::words::date;
+use crate::words::{date, drives};
 
 /// Whole in itself; on paper each pack stays on one sheet.
 const HEAD: &str = "<!DOCTYPE html>
@@ -60,10 +60,7 @@ fn headline(needing: usize, all: usize) -> String {
 
 fn extent(rows: &[Row]) -> String {
     let dates_s = || rows.iter().filter_map(|row| row.start_utc_s);
-    let drives = match rows.len() {
-        1 => "1 drive".into(),
-        count => format!("{count} drives"),
-    };
+    let drives = drives(rows.len());
     match dates_s()
         .min_by(f64::total_cmp)
         .zip(dates_s().max_by(f64::total_cmp))

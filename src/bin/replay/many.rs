@@ -12,8 +12,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
 use crate::files::{Failure, Files};
-use crate::run::{self, Assignment, Inputs, Replay};
+use crate::run::{self, Assignment, Replay};
 use crate::table::{self, Row};
+use crate::trace::Inputs;
 use crate::{Arguments, history};
 
 /// The longest log that is read, in bytes. The board's have 1 MB at most, and ArduPilot's seldom more than 100 MB; reading this

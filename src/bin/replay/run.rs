@@ -12,7 +12,7 @@ use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 
 use crate::report::Row;
-use crate::trace::{Sample, Trace};
+use crate::trace::{Inputs, Sample, Trace};
 
 /// `BATT_MONITOR`: which of the trace's columns the monitor is given.
 const VOLTAGE_ONLY: i32 = 3;
@@ -83,15 +83,6 @@ pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment
         }
     }
     changes
-}
-
-/// What is measured, or what the monitor is given of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Inputs {
-    /// The voltage.
-    pub voltage: bool,
-    /// The current.
-    pub current: bool,
 }
 
 impl Inputs {

@@ -7,7 +7,7 @@ use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{ParameterId, Parameters};
 
 use crate::binlog::{Record, Records};
-use crate::run::Inputs;
+use crate::trace::Inputs;
 
 /// Parameters with the system id: that of ArduPilot up to 4.6, and the later one.
 const SYSTEM_ID: [&str; 2] = ["SYSID_THISMAV", "MAV_SYSID"];

@@ -14,8 +14,6 @@
 
 use rover_battmon::battery::CellVoltages;
 
-use crate::run::Inputs;
-
 /// What some recorders write into every row when there is no sensor of the current.
 const NO_SENSOR_A: f32 = -1.0;
 
@@ -40,6 +38,15 @@ const SHOWN_CHARACTERS: usize = 40;
 pub struct Trace {
     /// Its readings, as they follow each other.
     pub samples: Vec<Sample>,
+}
+
+/// What is measured, or what the monitor is given of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inputs {
+    /// The voltage.
+    pub voltage: bool,
+    /// The current.
+    pub current: bool,
 }
 
 /// One reading.

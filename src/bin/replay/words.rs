@@ -43,6 +43,14 @@ fn minutes_and_seconds(time_s: f64) -> (u64, u64) {
     (seconds / 60, seconds % 60)
 }
 
+/// A number of drives.
+pub fn drives(count: usize) -> String {
+    match count {
+        1 => "1 drive".into(),
+        count => format!("{count} drives"),
+    }
+}
+
 /// A value with its unit, or that it is unknown.
 pub fn quantity(value: Option<f32>, decimals: usize, unit: &str) -> String {
     match value {

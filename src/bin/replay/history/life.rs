@@ -7,7 +7,7 @@ use std::path::Path;
 use rover_battmon::battery::{END_OF_LIFE_LOSS, Faults};
 
 use crate::table::{Estimate, Row};
-use crate::words::date;
+use crate::words::{date, drives};
 
 /// A pack at or below this state of health is at the end of its life, by the rule that the board has for it.
 const END_OF_LIFE_PCT: f64 = 100.0 * (1.0 - END_OF_LIFE_LOSS) as f64;
@@ -119,10 +119,7 @@ impl<'a> Life<'a> {
             (!faults.is_empty()).then(|| format!("in the last drive {}", names(faults))),
         ];
         let texts: Vec<String> = texts.into_iter().flatten().collect();
-        let drives = match self.drives.len() {
-            1 => "1 drive".into(),
-            count => format!("{count} drives"),
-        };
+        let drives = drives(self.drives.len());
         match texts.as_slice() {
             [] => format!("{drives}: nothing is known of its age."),
             texts => format!("{drives}: {}.", texts.join(", ")),

@@ -153,10 +153,10 @@ fn find(packs: &mut [PackDrives], pack: Pack) -> Option<&mut PackDrives> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::binlog::tests::opening;
+    use crate::binlog::tests::{arming, opening};
     use proptest::prelude::*;
     use rover_battmon::battery::{BatteryState, Faults, PackStatus};
-    use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded, Subsystem};
+    use rover_battmon::recorder::dataflash::{Record as Recorded, Subsystem};
     use rover_battmon::vehicle::ArmState;
 
     fn state(voltage_v: f32) -> BatteryState {
@@ -165,15 +165,6 @@ mod tests {
             voltage_v: Some(voltage_v),
             current_a: Some(5.0),
             ..BatteryState::UNKNOWN
-        }
-    }
-
-    fn arming(state: ArmState) -> Recorded<'static> {
-        Recorded::Arm {
-            state,
-            enabled_checks: 1,
-            forced: false,
-            method: ArmingMethod::Command,
         }
     }
 
