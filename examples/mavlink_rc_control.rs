@@ -4,7 +4,7 @@
 //! acts on a low pack here. Flash it with
 //! `cargo run --release --target thumbv6m-none-eabi --example mavlink_rc_control`, wheels up the first time. Then, in a ground
 //! station on the telemetry port: arm, choose the mode MANUAL, and move the sticks (MANUAL_CONTROL or
-//! RC_CHANNELS_OVERRIDE). When the link is silent for 1.5 s, the rover brakes.
+//! RC_CHANNELS_OVERRIDE), which have to be centred once before they drive. When the link is silent for 1.5 s, the rover brakes.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

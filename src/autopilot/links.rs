@@ -27,6 +27,14 @@ impl Autopilot {
         self.send_notices(channel);
     }
 
+    /// A link has been closed: its stations drive no more.
+    // Not inlined: each link has its own task.
+    #[inline(never)]
+    pub fn close(&mut self, channel: &Channel) {
+        self.vehicle.close_link(channel.endpoint.number());
+        self.work |= Work::DRIVE;
+    }
+
     /// What a ground station that connects has to know: about the start, and what can't be saved or trusted now.
     fn send_notices(&self, channel: &mut Channel) {
         let unsaved = self.parameters.save_failure();

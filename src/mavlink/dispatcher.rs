@@ -12,14 +12,18 @@ use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
 use super::services::vehicle::VehicleService;
-use super::services::{Context, DISARM_FIRST, file_transfer, mission, signing, time, wifi};
+use super::services::{Context, DISARM_FIRST, TOO_LATE, file_transfer, mission, signing, time, wifi};
 use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, is_permitted};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::parameter::VehicleParameter;
-use crate::vehicle::{ArmState, Mode};
+use crate::vehicle::{ArmState, ControlMessage, Mode};
 
 /// The type in the HEARTBEAT of a ground station.
 const GROUND_STATION: u8 = MavType::MAV_TYPE_GCS as u8;
+
+/// The oldest request of the page that changes something for good, in milliseconds. A figure of its own: `FS_TIMEOUT` may be
+/// 100 s.
+const MAX_AGE_MS: u32 = 3_000;
 
 /// What a request does, at most.
 fn effect(request: &Request<'_>) -> Effect {
@@ -73,11 +77,37 @@ pub(super) fn dispatch(
     {
         return Event::Ignored;
     }
-    if permits(&received.request, frame, context) {
-        serve(&received.request, received.from, services, context)
-    } else {
-        refuse(&received.request, context.unauthorized)
+    if !permits(&received.request, frame, context) {
+        return refuse(&received.request, context.unauthorized);
     }
+    context.age_ms = context.clocks.age_ms(received.from, context.now);
+    if changes_for_good(&received.request) && context.age_ms.is_some_and(|age_ms| age_ms > MAX_AGE_MS) {
+        return refuse_late(&received.request, received.from, context);
+    }
+    serve(&received.request, received.from, services, context)
+}
+
+/// Whether a request has to be recent, apart from those that move the rover.
+fn changes_for_good(request: &Request<'_>) -> bool {
+    match request {
+        Request::Command(command) => command.changes_for_good(),
+        Request::FileTransfer(transfer) => file_transfer::writes(transfer.opcode),
+        Request::ParameterSet { .. } | Request::LogErase | Request::WifiConfig(_) => true,
+        _ => false,
+    }
+}
+
+fn refuse_late(request: &Request<'_>, from: Peer, context: &mut Context<'_>) -> Event {
+    context
+        .outbox
+        .explain(MavSeverity::MAV_SEVERITY_WARNING, TOO_LATE);
+    let Request::Command(command) = request else {
+        return Event::Answered;
+    };
+    context
+        .outbox
+        .acknowledge(command.number, MavResult::MAV_RESULT_FAILED, from);
+    Event::CommandRefused(command.number)
 }
 
 /// Whether the sender of `frame` may do what it asks for.
@@ -169,7 +199,7 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             answered_ns,
             asked_ns,
         } => time::timesync(*answered_ns, *asked_ns, from, context),
-        Request::SystemTime { unix_us } => time::system_time(*unix_us, from, context),
+        Request::SystemTime { unix_us, boot_ms } => time::system_time(*unix_us, *boot_ms, from, context),
         Request::RadioStatus { free_percent } if is_radio(from.component_id, context.link) => {
             context.rates.scheduler.radio_buffer_free(*free_percent, now);
             Event::Answered
@@ -180,7 +210,8 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             custom_mode,
         } => VehicleService::of(context).set_mode_by_message(*base_mode, *custom_mode, from),
         Request::Control { throttle, steering } => {
-            VehicleService::of(context).control(*throttle, *steering, from)
+            let message = ControlMessage::ManualControl;
+            VehicleService::of(context).control(*throttle, *steering, message, from)
         }
         Request::ChannelOverride(pulses_us) => {
             VehicleService::of(context).control_by_channels(pulses_us, from)

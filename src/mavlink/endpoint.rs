@@ -10,6 +10,7 @@ use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
+use super::sender_clocks::SenderClocks;
 use super::services::log_download::LogRead;
 use super::services::parameters::param_value;
 use super::services::{Changeable, Context};
@@ -37,6 +38,7 @@ pub struct Endpoint {
     outbox: Outbox,
     details: DetailsChangeDetector,
     stations: Stations,
+    clocks: SenderClocks,
     sent: u32,
     /// Messages of streams that were dropped (saturating).
     streams_dropped: u8,
@@ -59,6 +61,7 @@ impl Endpoint {
             outbox: Outbox::new(),
             details: DetailsChangeDetector::default(),
             stations: Stations::default(),
+            clocks: SenderClocks::default(),
             sent: 0,
             streams_dropped: 0,
             unauthorized: 0,
@@ -72,6 +75,11 @@ impl Endpoint {
     }
 
     /// The number that distinguishes it from all that were opened before.
+    pub fn number(&self) -> u16 {
+        self.number
+    }
+
+    /// Sets the number that distinguishes it from all that were opened before.
     pub fn set_number(&mut self, number: u16) {
         self.number = number;
     }
@@ -319,10 +327,12 @@ impl Endpoint {
         let mut context = Context {
             now,
             received_at,
+            age_ms: None,
             state: &state,
             changeable,
             rates: &mut self.rates,
             stations: &mut self.stations,
+            clocks: &mut self.clocks,
             link: self.kind,
             access: self.access,
             link_number: self.number,

@@ -22,6 +22,7 @@ mod payload;
 mod rates;
 mod requests;
 mod scheduler;
+mod sender_clocks;
 mod services;
 mod signing;
 mod slowdown;

@@ -7,10 +7,30 @@ use embassy_futures::select::select3;
 use super::shared::AnnouncementReceiver;
 use super::{CheckIn, Link, Shared, mark, now, timer_at};
 
-/// Posts each stream of `link` at its due time, and what is announced; sleeps in between.
+/// A link while it is open: closed when this is dropped, however its tasks end.
+struct OpenLink<'a> {
+    shared: &'a Shared,
+    link: &'a Link<'a>,
+}
+
+impl<'a> OpenLink<'a> {
+    fn new(shared: &'a Shared, link: &'a Link<'a>) -> Self {
+        link.serve(shared, |autopilot, channel| autopilot.open(channel));
+        Self { shared, link }
+    }
+}
+
+impl Drop for OpenLink<'_> {
+    fn drop(&mut self) {
+        self.link
+            .serve(self.shared, |autopilot, channel| autopilot.close(channel));
+    }
+}
+
+/// Opens `link`, posts each of its streams at its due time, and what is announced; sleeps in between.
 pub async fn schedule_telemetry(shared: &Shared, link: &Link<'_>, check_in: &CheckIn) -> ! {
     let mut announcements = shared.announcements();
-    link.serve(shared, |autopilot, channel| autopilot.open(channel));
+    let _open = OpenLink::new(shared, link);
     loop {
         link.serve(shared, |autopilot, channel| autopilot.post_due(channel, now()));
         link.to_write.signal(());

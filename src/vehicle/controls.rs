@@ -18,6 +18,11 @@ pub enum StickInput {
 }
 
 impl StickInput {
+    /// Whether it is a position off neutral.
+    pub fn is_deflected(self) -> bool {
+        matches!(self, Self::Position(position) if !is_neutral(position))
+    }
+
     /// What the pulses of all channels, in microseconds, say about the stick of one.
     pub fn of_channel(channel: &StickChannel, pulses_us: &[u16]) -> Self {
         const RELEASED_US: u16 = 0;
@@ -53,17 +58,11 @@ impl Stick {
 const FULL_DEFLECTION: i16 = 1000;
 
 /// Deadband of the neutral position: a worn gamepad rests a few percent off centre.
-const DEADBAND: f32 = 0.05;
+const DEADBAND: i16 = 50;
 
-/// Whether a stick at this position is off neutral.
-pub(super) fn is_deflected(position: i16) -> bool {
-    share(position).abs() > DEADBAND
-}
-
-/// From −1 to 1.
-fn share(position: i16) -> f32 {
-    let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
-    f32::from(position) / f32::from(FULL_DEFLECTION)
+/// Whether a position is within the deadband.
+fn is_neutral(position: i16) -> bool {
+    (-DEADBAND..=DEADBAND).contains(&position)
 }
 
 /// The driver's sticks. Each times out separately: a message about one does not refresh the other.
@@ -102,16 +101,52 @@ impl Controls {
         }
     }
 
-    /// On arming: positions from before do not drive.
-    pub fn arm(&mut self) {
-        self.throttle.arm();
-        self.steering.arm();
+    /// Closes both gates: a stick whose latest position is neutral drives with the next message, any other has to be centred
+    /// first.
+    pub fn close(&mut self) {
+        self.throttle.close();
+        self.steering.close();
     }
 
-    /// Requires each stick to be neutral before it drives, and those that are in use before arming.
+    /// Requires both sticks to be centred before they drive, whatever their latest positions are.
     pub fn require_neutral(&mut self) {
         self.throttle.gate = Gate::AwaitsNeutral;
         self.steering.gate = Gate::AwaitsNeutral;
+    }
+
+    /// Centres both sticks for a driver who has left. They go on ageing, and so time out.
+    pub fn centre(&mut self) {
+        self.throttle.centre();
+        self.steering.centre();
+    }
+
+    /// Hands the sticks over to another driver, of whose sticks this was heard before.
+    pub fn hand_over(&mut self, mut heard: Self) {
+        heard.close();
+        self.centre();
+        self.throttle.gate = heard.throttle.gate;
+        self.steering.gate = heard.steering.gate;
+    }
+
+    /// Whether the latest positions are neutral, and not from before `since`.
+    pub fn are_neutral_since(&self, since: Instant) -> bool {
+        let received_at = self
+            .throttle
+            .input
+            .received_at()
+            .max(self.steering.input.received_at());
+        self.deflected().is_none() && received_at >= Some(since)
+    }
+
+    /// A deflected stick that has to be centred before it drives.
+    pub fn waiting(&self) -> Option<Stick> {
+        if self.throttle.is_waiting() {
+            Some(Stick::Throttle)
+        } else if self.steering.is_waiting() {
+            Some(Stick::Steering)
+        } else {
+            None
+        }
     }
 
     /// On disarming: time-outs are cleared.
@@ -133,23 +168,23 @@ impl Controls {
     }
 }
 
-/// Interlock that keeps a stick from driving after arming.
+/// Interlock that keeps a stick from driving before its driver has centred it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Gate {
-    /// It drives.
-    #[default]
+    /// The stick drives.
     Open,
-    /// Opened by the next message: the latest one is from before arming.
+    /// Opened by the next message: the latest position, from before the gate was closed, is neutral.
     AwaitsMessage,
-    /// Opened by the neutral position: it was deflected on arming, or its channel has changed.
+    /// Opened by a neutral position.
+    #[default]
     AwaitsNeutral,
 }
 
 /// The state of a stick.
 #[derive(Clone, Copy, Debug, Default)]
 struct StickState {
-    /// From −1 to 1.
-    input: TimedInput<f32>,
+    /// From −1000 to 1000.
+    input: TimedInput<i16>,
     gate: Gate,
 }
 
@@ -157,9 +192,9 @@ impl StickState {
     fn receive(&mut self, received_at: Instant, input: StickInput) {
         match input {
             StickInput::Position(position) => {
-                let position = share(position);
+                let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
                 self.input.receive(received_at, position);
-                if self.gate == Gate::AwaitsMessage || position.abs() <= DEADBAND {
+                if self.gate == Gate::AwaitsMessage || is_neutral(position) {
                     self.gate = Gate::Open;
                 }
             }
@@ -169,24 +204,32 @@ impl StickState {
         }
     }
 
-    fn arm(&mut self) {
-        self.gate = if self.is_deflected() || self.gate == Gate::AwaitsNeutral {
-            Gate::AwaitsNeutral
-        } else {
+    fn close(&mut self) {
+        let was_neutral = self.gate != Gate::AwaitsNeutral && self.input.value().is_some_and(is_neutral);
+        self.gate = if was_neutral {
             Gate::AwaitsMessage
+        } else {
+            Gate::AwaitsNeutral
         };
+    }
+
+    fn centre(&mut self) {
+        self.input.replace(0);
+        self.gate = Gate::AwaitsNeutral;
     }
 
     /// From −1 to 1; 0 without input.
     fn position(&self) -> f32 {
         let position = self.input.value().filter(|_| self.gate == Gate::Open);
-        position.unwrap_or(0.0)
+        f32::from(position.unwrap_or(0)) / f32::from(FULL_DEFLECTION)
     }
 
-    /// Whether it is in use and not known to be neutral.
     fn is_deflected(&self) -> bool {
-        let is_deflected = |position: f32| position.abs() > DEADBAND || self.gate == Gate::AwaitsNeutral;
-        self.input.value().is_some_and(is_deflected)
+        self.input.value().is_some_and(|position| !is_neutral(position))
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.gate == Gate::AwaitsNeutral && self.is_deflected()
     }
 }
 
@@ -201,9 +244,18 @@ mod tests {
         (controls.throttle(), controls.steering())
     }
 
+    const NEUTRAL: StickInput = StickInput::Position(0);
+
+    /// Sticks that were neutral at the start.
+    fn centred() -> Controls {
+        let mut controls = Controls::default();
+        controls.receive(Instant::EPOCH, NEUTRAL, NEUTRAL);
+        controls
+    }
+
     #[test]
     fn stick_keeps_its_position_until_the_next_message() {
-        let mut controls = Controls::default();
+        let mut controls = centred();
         assert_eq!(positions(&controls), (0.0, 0.0));
         controls.receive(
             Instant::EPOCH,
@@ -221,7 +273,7 @@ mod tests {
     #[test]
     fn sticks_time_out_separately_and_stay_neutral() {
         for arm_state in [ArmState::Disarmed, ArmState::Armed] {
-            let mut controls = Controls::default();
+            let mut controls = centred();
             controls.receive(
                 Instant::EPOCH,
                 StickInput::Position(1000),
@@ -253,52 +305,92 @@ mod tests {
     }
 
     #[test]
-    fn position_from_before_arming_does_not_drive() {
+    fn a_stick_drives_from_its_first_neutral_position_on() {
+        let mut controls = Controls::default();
+        controls.receive(Instant::EPOCH, StickInput::Position(900), NEUTRAL);
+        assert_eq!(positions(&controls), (0.0, 0.0));
+        assert_eq!(controls.waiting(), Some(Stick::Throttle));
+        controls.receive(
+            Instant::EPOCH,
+            StickInput::Position(900),
+            StickInput::Position(60),
+        );
+        assert_eq!(positions(&controls), (0.0, 0.06), "each by itself");
+        controls.receive(Instant::EPOCH, StickInput::Position(50), StickInput::Unchanged);
+        assert_eq!((positions(&controls), controls.waiting()), ((0.05, 0.06), None));
+        controls.receive(Instant::EPOCH, StickInput::Position(900), StickInput::Released);
+        assert_eq!(positions(&controls), (0.9, 0.0));
+        controls.receive(Instant::EPOCH, StickInput::Unchanged, StickInput::Position(900));
+        assert_eq!(positions(&controls), (0.9, 0.0), "after a release");
+        assert_eq!(controls.waiting(), Some(Stick::Steering));
+    }
+
+    #[test]
+    fn a_neutral_stick_drives_with_the_next_message_after_the_gate_was_closed() {
         let mut controls = Controls::default();
         controls.receive(
             Instant::EPOCH,
             StickInput::Position(50),
             StickInput::Position(-50),
         );
-        assert_eq!(controls.deflected(), None);
-        controls.arm();
+        controls.close();
+        controls.close();
         assert_eq!(positions(&controls), (0.0, 0.0));
         controls.receive(Instant::EPOCH, StickInput::Position(800), StickInput::Unchanged);
         assert_eq!(positions(&controls), (0.8, 0.0));
     }
 
     #[test]
-    fn stick_deflected_on_arming_must_be_neutral_first() {
-        let mut controls = Controls::default();
-        controls.receive(
-            Instant::EPOCH,
-            StickInput::Position(-1000),
-            StickInput::Position(60),
-        );
+    fn a_stick_that_was_deflected_or_silent_when_the_gate_was_closed_has_to_be_centred() {
+        let deflected = StickInput::Position(-1000);
+        let mut controls = centred();
+        controls.receive(Instant::EPOCH, deflected, StickInput::Position(50));
         assert_eq!(controls.deflected(), Some(Stick::Throttle));
-        controls.arm();
-        controls.receive(
-            Instant::EPOCH,
-            StickInput::Position(-1000),
-            StickInput::Position(0),
-        );
-        assert_eq!(positions(&controls), (0.0, 0.0));
-        // Also after rearming and after a time-out.
+        controls.close();
+        controls.receive(Instant::EPOCH, deflected, StickInput::Position(60));
+        assert_eq!(positions(&controls), (0.0, 0.06));
+        // Closed again, after a time-out.
         controls.disarm();
         controls.times_out(at_us(2_000_000), TIMEOUT_US, ArmState::Disarmed);
-        controls.arm();
+        controls.close();
+        controls.receive(at_us(2_000_000), deflected, StickInput::Position(60));
+        assert_eq!(positions(&controls), (0.0, 0.0));
+        controls.receive(at_us(2_000_000), NEUTRAL, StickInput::Unchanged);
+        controls.receive(at_us(2_000_000), deflected, StickInput::Unchanged);
+        assert_eq!(positions(&controls), (-1.0, 0.0));
+    }
+
+    #[test]
+    fn another_driver_brings_what_was_heard_of_its_own_sticks() {
+        let mut heard = Controls::default();
+        heard.receive(Instant::EPOCH, NEUTRAL, StickInput::Unchanged);
+        let mut controls = centred();
         controls.receive(
-            at_us(2_000_000),
-            StickInput::Position(-1000),
-            StickInput::Position(60),
+            Instant::EPOCH,
+            StickInput::Position(700),
+            StickInput::Position(700),
         );
-        assert_eq!(positions(&controls), (0.0, 0.06));
-        controls.receive(at_us(2_000_000), StickInput::Position(0), StickInput::Unchanged);
+        controls.hand_over(heard);
+        assert_eq!((positions(&controls), controls.deflected()), ((0.0, 0.0), None));
         controls.receive(
-            at_us(2_000_000),
-            StickInput::Position(-1000),
-            StickInput::Unchanged,
+            Instant::EPOCH,
+            StickInput::Position(800),
+            StickInput::Position(800),
         );
-        assert_eq!(positions(&controls), (-1.0, 0.06));
+        assert_eq!(positions(&controls), (0.8, 0.0));
+        // What its predecessor had in use times out.
+        let mut controls = centred();
+        controls.hand_over(heard);
+        assert!(controls.times_out(at_us(1_500_001), TIMEOUT_US, ArmState::Armed));
+    }
+
+    #[test]
+    fn sticks_of_a_driver_that_has_left_are_neutral_and_time_out() {
+        let mut controls = centred();
+        controls.receive(Instant::EPOCH, StickInput::Position(700), StickInput::Released);
+        controls.centre();
+        assert_eq!(positions(&controls), (0.0, 0.0));
+        assert!(!controls.times_out(at_us(1_500_000), TIMEOUT_US, ArmState::Armed));
+        assert!(controls.times_out(at_us(1_500_001), TIMEOUT_US, ArmState::Armed));
     }
 }

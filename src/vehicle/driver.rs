@@ -1,21 +1,19 @@
 //! Whose sticks drive: those of one station at a time.
 
-use heapless::Vec;
-
-use super::StickInput;
-use super::controls::is_deflected;
+use super::controls::Controls;
+use super::{ArmState, StickInput};
 use crate::time::Instant;
 
 /// A driver that has been neutral or silent for this long gives way, in µs.
 const FREE_AFTER_US: u64 = 1_000_000;
 
-/// Minimum time between two texts to a station whose sticks are ignored, in µs.
+/// Minimum time between two texts to a station about its sticks, in µs.
 const TEXT_INTERVAL_US: u64 = 5_000_000;
 
-/// Other stations whose sticks are watched at a time.
+/// Other drivers whose sticks are watched at a time.
 const OTHERS: usize = 4;
 
-/// A station on a link that moves sticks.
+/// A station on a link that moves sticks, by one kind of message: one that sends both drives with the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriverId {
     /// The number of the link: each one that is opened has another.
@@ -24,15 +22,29 @@ pub struct DriverId {
     pub system_id: u8,
     /// Its component id.
     pub component_id: u8,
+    /// The message that has its sticks.
+    pub message: ControlMessage,
 }
 
-/// Sticks are ignored: another station drives.
+/// Message with the positions of sticks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ControlMessage {
+    /// MANUAL_CONTROL.
+    #[default]
+    ManualControl,
+    /// RC_CHANNELS_OVERRIDE.
+    ChannelOverride,
+}
+
+/// Sticks are ignored: another driver has the seat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AnotherDrives {
-    /// Its driver should know now.
-    IsNews,
-    /// There is nothing to say, or it was said a moment ago.
-    IsKnown,
+pub struct AnotherDrives {
+    /// The one that drives, if it has to be reported now.
+    pub report: Option<DriverId>,
+}
+
+impl AnotherDrives {
+    const UNREPORTED: Self = Self { report: None };
 }
 
 /// What a control message says of both sticks.
@@ -47,43 +59,53 @@ enum Sticks {
 impl Sticks {
     /// `None` of a message about neither.
     fn of(throttle: StickInput, steering: StickInput) -> Option<Self> {
-        let inputs = [throttle, steering];
-        let deflects =
-            |input: &StickInput| matches!(input, StickInput::Position(position) if is_deflected(*position));
-        let positions = inputs
-            .iter()
-            .filter(|input| matches!(input, StickInput::Position(_)));
-        match (
-            inputs.iter().any(deflects),
-            positions.count(),
-            inputs.contains(&StickInput::Released),
-        ) {
-            (true, ..) => Some(Self::Deflected),
-            (false, 0, false) => None,
-            (false, 0, true) => Some(Self::Released),
-            (false, _, _) => Some(Self::Neutral),
+        match (throttle, steering) {
+            _ if throttle.is_deflected() || steering.is_deflected() => Some(Self::Deflected),
+            (StickInput::Position(_), _) | (_, StickInput::Position(_)) => Some(Self::Neutral),
+            (StickInput::Released, _) | (_, StickInput::Released) => Some(Self::Released),
+            (StickInput::Unchanged, StickInput::Unchanged) => None,
         }
     }
 }
 
-/// The station that drives.
+/// Rate limit of texts to one station.
+#[derive(Clone, Copy, Debug, Default)]
+struct Texts {
+    latest_at: Option<Instant>,
+}
+
+impl Texts {
+    /// Whether one may be sent at this time, which counts as sent.
+    fn allow(&mut self, at: Instant) -> bool {
+        let is_recent = |latest_at| at.us_since(latest_at) < TEXT_INTERVAL_US;
+        let allowed = !self.latest_at.is_some_and(is_recent);
+        if allowed {
+            self.latest_at = Some(at);
+        }
+        allowed
+    }
+}
+
+/// The station that drives, or the last one that did.
 #[derive(Clone, Copy, Debug)]
 struct Driver {
     id: DriverId,
     heard_at: Instant,
+    /// Released if it has left the seat.
     sticks: Sticks,
     /// Since then no stick is known to be deflected.
     free_since: Instant,
+    texts: Texts,
 }
 
 /// A station that would drive.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Other {
-    id: DriverId,
+    id: Option<DriverId>,
     heard_at: Instant,
-    /// When its sticks were neutral last, if they are.
-    neutral_at: Option<Instant>,
-    said_at: Option<Instant>,
+    /// Positions that had no effect.
+    sticks: Controls,
+    texts: Texts,
 }
 
 /// Who drives. Another station takes over once the driver has been neutral or silent for a second, with sticks that were neutral
@@ -91,16 +113,35 @@ struct Other {
 #[derive(Clone, Debug, Default)]
 pub(super) struct DriverSeat {
     driver: Option<Driver>,
-    others: Vec<Other, OTHERS>,
+    others: [Other; OTHERS],
+}
+
+/// A message of the driver.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Admitted {
+    /// It drives on.
+    Driver,
+    /// It has taken over; these are its sticks as they were heard before.
+    NewDriver(Controls),
 }
 
 impl DriverSeat {
-    /// There is no driver any more.
+    /// The driver leaves the seat.
     pub fn vacate(&mut self) {
-        self.driver = None;
+        if let Some(driver) = &mut self.driver {
+            driver.sticks = Sticks::Released;
+        }
     }
 
-    /// Whether a station's message at this time moves the sticks.
+    /// The stations of a link are gone. Returns whether the driver was one of them.
+    pub fn close_link(&mut self, link: u16) -> bool {
+        for other in &mut self.others {
+            other.id.take_if(|id| id.link == link);
+        }
+        self.driver.take_if(|driver| driver.id.link == link).is_some()
+    }
+
+    /// Admits the message of a station at this time if its sticks drive.
     ///
     /// # Errors
     /// Another one drives.
@@ -110,76 +151,62 @@ impl DriverSeat {
         at: Instant,
         throttle: StickInput,
         steering: StickInput,
-    ) -> Result<(), AnotherDrives> {
+    ) -> Result<Admitted, AnotherDrives> {
         let Some(sticks) = Sticks::of(throttle, steering) else {
-            return Ok(());
+            return Ok(Admitted::Driver);
         };
-        match &mut self.driver {
-            Some(driver) if driver.id == from => driver.hear(at, sticks),
-            Some(driver) => {
-                let driver = *driver;
-                self.hear_other(from, at, sticks, &driver)?;
-                self.driver = Some(Driver::new(from, at, sticks));
-            }
-            None => self.driver = Some(Driver::new(from, at, sticks)),
+        if let Some(driver) = self.driver.as_mut().filter(|driver| driver.id == from) {
+            driver.hear(at, sticks);
+            return Ok(Admitted::Driver);
         }
-        if sticks == Sticks::Released {
-            self.vacate();
-        }
-        Ok(())
-    }
-
-    /// Whether another station takes over with this message.
-    fn hear_other(
-        &mut self,
-        from: DriverId,
-        at: Instant,
-        sticks: Sticks,
-        driver: &Driver,
-    ) -> Result<(), AnotherDrives> {
-        // There is always one.
-        let other = self.other(from, at).ok_or(AnotherDrives::IsKnown)?;
+        let driver = self.driver.filter(|driver| driver.sticks != Sticks::Released);
+        let Some(other) = self.other(from) else {
+            // There is always one.
+            return Err(AnotherDrives::UNREPORTED);
+        };
         other.heard_at = at;
-        match sticks {
-            Sticks::Neutral if driver.is_silent(at) => Ok(()),
-            Sticks::Neutral => {
-                other.neutral_at = Some(at);
-                Err(AnotherDrives::IsKnown)
-            }
-            Sticks::Deflected => {
-                let was_neutral = other
-                    .neutral_at
-                    .take()
-                    .is_some_and(|neutral_at| neutral_at >= driver.free_since);
-                if was_neutral && driver.is_free(at) {
-                    return Ok(());
-                }
-                Err(other.say_once_in_a_while(at))
-            }
-            Sticks::Released => Err(AnotherDrives::IsKnown),
+        let takes_over = match driver {
+            Some(driver) => other.takes_over(at, sticks, &driver),
+            // Only the driver can let go.
+            None if sticks == Sticks::Released => Err(AnotherDrives::UNREPORTED),
+            None => Ok(()),
+        };
+        if let Err(ignored) = takes_over {
+            other.sticks.receive(at, throttle, steering);
+            return Err(ignored);
+        }
+        other.id = None;
+        let heard = other.sticks;
+        self.driver = Some(Driver::new(from, at, sticks));
+        Ok(Admitted::NewDriver(heard))
+    }
+
+    /// Whether the driver may be sent a text about its sticks, which counts as sent.
+    pub fn may_report(&mut self, at: Instant) -> bool {
+        self.driver.as_mut().is_some_and(|driver| driver.texts.allow(at))
+    }
+
+    /// Drops positions of other stations that have expired.
+    pub fn expire(&mut self, now: Instant, timeout_us: u64) {
+        for other in &mut self.others {
+            other.sticks.times_out(now, timeout_us, ArmState::Disarmed);
         }
     }
 
-    /// What is known of this station. The one that was heard longest ago gives way to a new one.
-    fn other(&mut self, id: DriverId, at: Instant) -> Option<&mut Other> {
-        let mut place = self.others.iter().position(|other| other.id == id);
-        if place.is_none() {
-            let new = Other {
-                id,
-                heard_at: at,
-                neutral_at: None,
-                said_at: None,
+    /// The record of this station. A new one takes a free place, or that of the one that was heard longest ago.
+    fn other(&mut self, id: DriverId) -> Option<&mut Other> {
+        let age = |other: &&mut Other| match other.id {
+            Some(known) if known == id => None,
+            _ => Some(other.id.map(|_| other.heard_at)),
+        };
+        let other = self.others.iter_mut().min_by_key(age)?;
+        if other.id != Some(id) {
+            *other = Other {
+                id: Some(id),
+                ..Other::default()
             };
-            if self.others.is_full() {
-                let oldest = self.others.iter_mut().min_by_key(|other| other.heard_at)?;
-                *oldest = new;
-            } else {
-                // There is room.
-                let _ = self.others.push(new);
-            }
-            place = self.others.iter().position(|other| other.id == id);
         }
-        self.others.get_mut(place?)
+        Some(other)
     }
 }
 
@@ -190,6 +217,7 @@ impl Driver {
             heard_at: at,
             sticks,
             free_since: at,
+            texts: Texts::default(),
         }
     }
 
@@ -211,13 +239,20 @@ impl Driver {
 }
 
 impl Other {
-    fn say_once_in_a_while(&mut self, at: Instant) -> AnotherDrives {
-        let is_known = |said_at| at.us_since(said_at) < TEXT_INTERVAL_US;
-        if self.said_at.is_some_and(is_known) {
-            return AnotherDrives::IsKnown;
+    /// Whether it takes over from the driver with this message.
+    fn takes_over(&mut self, at: Instant, sticks: Sticks, driver: &Driver) -> Result<(), AnotherDrives> {
+        let takes_over = match sticks {
+            Sticks::Neutral => driver.is_silent(at),
+            Sticks::Deflected => driver.is_free(at) && self.sticks.are_neutral_since(driver.free_since),
+            Sticks::Released => false,
+        };
+        if takes_over {
+            return Ok(());
         }
-        self.said_at = Some(at);
-        AnotherDrives::IsNews
+        let reports = sticks == Sticks::Deflected && self.texts.allow(at);
+        Err(AnotherDrives {
+            report: reports.then_some(driver.id),
+        })
     }
 }
 
@@ -234,17 +269,33 @@ mod tests {
             link: 0,
             system_id,
             component_id: 190,
+            message: ControlMessage::ManualControl,
         }
+    }
+
+    fn admit(
+        seat: &mut DriverSeat,
+        from: DriverId,
+        at_ms: u64,
+        throttle: StickInput,
+        steering: StickInput,
+    ) -> Result<(), AnotherDrives> {
+        seat.admit(from, at_us(at_ms * 1_000), throttle, steering)
+            .map(|_| ())
     }
 
     /// A message of a station with this throttle.
     fn send(seat: &mut DriverSeat, from: DriverId, at_ms: u64, throttle: i16) -> Result<(), AnotherDrives> {
-        let at = at_us(at_ms * 1_000);
-        seat.admit(from, at, StickInput::Position(throttle), StickInput::Position(0))
+        let throttle = StickInput::Position(throttle);
+        admit(seat, from, at_ms, throttle, StickInput::Position(0))
     }
 
-    const IGNORED: Result<(), AnotherDrives> = Err(AnotherDrives::IsKnown);
-    const SAID: Result<(), AnotherDrives> = Err(AnotherDrives::IsNews);
+    const IGNORED: Result<(), AnotherDrives> = Err(AnotherDrives::UNREPORTED);
+
+    /// Ignored, with a report of the driver.
+    const fn reported(driver: DriverId) -> Result<(), AnotherDrives> {
+        Err(AnotherDrives { report: Some(driver) })
+    }
 
     #[test]
     fn sticks_of_a_second_driver_are_ignored_while_the_first_one_drives() {
@@ -252,7 +303,7 @@ mod tests {
         for ms in (0..10_000).step_by(50) {
             assert_eq!(send(&mut seat, ONE, ms, 400), Ok(()));
             assert_eq!(send(&mut seat, TWO, ms + 10, 0), IGNORED);
-            let said = if ms % 5_000 == 0 { SAID } else { IGNORED };
+            let said = if ms % 5_000 == 0 { reported(ONE) } else { IGNORED };
             assert_eq!(send(&mut seat, TWO, ms + 20, -900), said, "{ms}");
         }
     }
@@ -265,11 +316,15 @@ mod tests {
         assert_eq!(send(&mut seat, ONE, 50, 0), Ok(()));
         assert_eq!(send(&mut seat, ONE, 900, 0), Ok(()));
         // Neutral before the driver was.
-        assert_eq!(send(&mut seat, TWO, 1_060, 500), SAID);
+        assert_eq!(send(&mut seat, TWO, 1_060, 500), reported(ONE));
         assert_eq!(send(&mut seat, TWO, 1_070, 0), IGNORED, "the driver is there");
         assert_eq!(send(&mut seat, ONE, 1_080, 0), Ok(()));
         assert_eq!(send(&mut seat, TWO, 1_090, 500), Ok(()));
-        assert_eq!(send(&mut seat, ONE, 1_100, 400), SAID, "it is no driver any more");
+        assert_eq!(
+            send(&mut seat, ONE, 1_100, 400),
+            reported(TWO),
+            "it is no driver any more"
+        );
     }
 
     #[test]
@@ -277,7 +332,7 @@ mod tests {
         let mut seat = DriverSeat::default();
         assert_eq!(send(&mut seat, ONE, 0, 0), Ok(()));
         assert_eq!(send(&mut seat, TWO, 500, 0), IGNORED);
-        assert_eq!(send(&mut seat, TWO, 600, 500), SAID);
+        assert_eq!(send(&mut seat, TWO, 600, 500), reported(ONE));
         for ms in (700..3_000).step_by(100) {
             assert_eq!(send(&mut seat, ONE, ms, 0), Ok(()));
             assert_eq!(send(&mut seat, TWO, ms + 1, 500), IGNORED, "{ms}");
@@ -294,7 +349,7 @@ mod tests {
         assert_eq!(send(&mut seat, TWO, 5_000, 500), Ok(()), "it was neutral since");
         let mut seat = DriverSeat::default();
         assert_eq!(send(&mut seat, ONE, 0, 1000), Ok(()));
-        assert_eq!(send(&mut seat, TWO, 5_000, 500), SAID);
+        assert_eq!(send(&mut seat, TWO, 5_000, 500), reported(ONE));
         assert_eq!(send(&mut seat, TWO, 5_050, 0), Ok(()));
         assert_eq!(send(&mut seat, TWO, 5_100, 500), Ok(()));
     }
@@ -302,12 +357,11 @@ mod tests {
     #[test]
     fn a_driver_that_lets_go_leaves_the_seat_and_others_can_not_make_it() {
         let mut seat = DriverSeat::default();
-        let release = |seat: &mut DriverSeat, from| {
-            seat.admit(from, at_us(100), StickInput::Released, StickInput::Released)
-        };
+        let release =
+            |seat: &mut DriverSeat, from| admit(seat, from, 100, StickInput::Released, StickInput::Released);
         assert_eq!(send(&mut seat, ONE, 0, 1000), Ok(()));
         assert_eq!(release(&mut seat, TWO), IGNORED);
-        assert_eq!(send(&mut seat, TWO, 1, 500), SAID);
+        assert_eq!(send(&mut seat, TWO, 1, 500), reported(ONE));
         assert_eq!(release(&mut seat, ONE), Ok(()));
         assert_eq!(send(&mut seat, TWO, 2, 500), Ok(()));
     }
@@ -316,10 +370,47 @@ mod tests {
     fn who_moves_no_stick_takes_no_seat() {
         let mut seat = DriverSeat::default();
         let nothing = StickInput::Unchanged;
-        assert_eq!(seat.admit(ONE, Instant::EPOCH, nothing, nothing), Ok(()));
+        assert_eq!(admit(&mut seat, ONE, 0, nothing, nothing), Ok(()));
         assert_eq!(send(&mut seat, TWO, 1, 500), Ok(()));
-        assert_eq!(seat.admit(ONE, Instant::EPOCH, nothing, nothing), Ok(()));
+        assert_eq!(admit(&mut seat, ONE, 0, nothing, nothing), Ok(()));
         assert_eq!(send(&mut seat, TWO, 2, 500), Ok(()));
+    }
+
+    #[test]
+    fn a_station_drives_by_the_message_it_began_with() {
+        let by_channels = DriverId {
+            message: ControlMessage::ChannelOverride,
+            ..ONE
+        };
+        let mut seat = DriverSeat::default();
+        assert_eq!(send(&mut seat, ONE, 0, 0), Ok(()));
+        for ms in (50..3_000).step_by(50) {
+            assert_eq!(send(&mut seat, by_channels, ms, 0), IGNORED, "{ms}");
+            assert_eq!(send(&mut seat, ONE, ms, 300), Ok(()), "{ms}");
+        }
+        assert_eq!(send(&mut seat, by_channels, 3_000, 300), reported(ONE));
+    }
+
+    #[test]
+    fn only_the_driver_releases_the_sticks() {
+        let released = StickInput::Released;
+        let mut seat = DriverSeat::default();
+        assert_eq!(admit(&mut seat, ONE, 0, released, released), IGNORED);
+        assert_eq!(send(&mut seat, ONE, 100, 0), Ok(()));
+        seat.vacate();
+        assert_eq!(admit(&mut seat, TWO, 200, released, released), IGNORED);
+        assert_eq!(admit(&mut seat, ONE, 300, released, released), Ok(()));
+    }
+
+    #[test]
+    fn a_closed_link_leaves_the_seat() {
+        let on_link = |link| DriverId { link, ..ONE };
+        let mut seat = DriverSeat::default();
+        assert_eq!(send(&mut seat, on_link(1), 0, 900), Ok(()));
+        assert_eq!(send(&mut seat, on_link(2), 10, 900), reported(on_link(1)));
+        assert!(!seat.close_link(2));
+        assert!(seat.close_link(1));
+        assert_eq!(send(&mut seat, on_link(3), 20, 900), Ok(()));
     }
 
     #[test]

@@ -6,20 +6,17 @@ use crate::time::Instant;
 /// Latest value of an input, which expires after a time-out. Monitoring starts with the first value.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TimedInput<T> {
-    latest: Option<Received<T>>,
+    latest: Option<T>,
+    /// Of the latest value.
+    received_at: Instant,
     has_timed_out: bool,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Received<T> {
-    at: Instant,
-    value: T,
 }
 
 impl<T> Default for TimedInput<T> {
     fn default() -> Self {
         Self {
             latest: None,
+            received_at: Instant::EPOCH,
             has_timed_out: false,
         }
     }
@@ -29,14 +26,25 @@ impl<T: Copy> TimedInput<T> {
     /// A value was received at `at`.
     pub fn receive(&mut self, at: Instant, value: T) {
         *self = Self {
-            latest: Some(Received { at, value }),
+            latest: Some(value),
+            received_at: at,
             has_timed_out: false,
         };
     }
 
     /// The latest value, until it expires.
     pub fn value(&self) -> Option<T> {
-        self.latest.as_ref().map(|latest| latest.value)
+        self.latest
+    }
+
+    /// When the latest value was received, until it expires.
+    pub fn received_at(&self) -> Option<Instant> {
+        self.latest.map(|_| self.received_at)
+    }
+
+    /// Replaces the latest value, which keeps its age.
+    pub fn replace(&mut self, value: T) {
+        self.latest = self.latest.map(|_| value);
     }
 
     /// Whether it timed out while armed, without a value since.
@@ -52,8 +60,7 @@ impl<T: Copy> TimedInput<T> {
     /// Drops an expired value. Returns whether that is a failure: while disarmed it is not, and monitoring stops until
     /// the next value.
     pub fn times_out(&mut self, now: Instant, timeout_us: u64, arm_state: ArmState) -> bool {
-        let is_old = |latest: &Received<T>| now.us_since(latest.at) > timeout_us;
-        if !self.latest.as_ref().is_some_and(is_old) {
+        if self.latest.is_none() || now.us_since(self.received_at) <= timeout_us {
             return false;
         }
         self.latest = None;

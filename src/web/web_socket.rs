@@ -55,7 +55,7 @@ impl Sender {
     /// What whoever sent the request may do on a WebSocket.
     pub fn access(self) -> Access {
         match self {
-            Self::Own => Access::Full,
+            Self::Own => Access::Page,
             Self::Foreign => Access::Listen,
         }
     }

@@ -107,6 +107,7 @@ fn arm_and_drive(bench: &mut Bench) {
         "{answers:?}"
     );
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.take_flash_operations();
 }
 

@@ -19,6 +19,7 @@ fn driving() -> Bench {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
     bench.ask(&arm());
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    drive_for(&mut bench, SECOND / 10, 0);
     drive_for(&mut bench, SECOND, 500);
     assert!(!is_coasting(&bench));
     bench

@@ -189,6 +189,7 @@ impl Rig {
             // Some of these packs fail arming checks.
             assert_eq!(self.ask(&command_long_2(400, 1.0, 21196.0)), ACCEPTED, "{case}");
             self.ask(&do_set_mode(MANUAL));
+            self.bench.ask(&manual_control(1, 0, 0));
             self.drives = true;
         }
         self.bench.run_until_silent();

@@ -56,6 +56,7 @@ fn driving(parameters: &[(&str, f32)]) -> Bench {
     let answers = bench.ask(&arm());
     assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     drive_for(&mut bench, 2 * SECOND, 500);
     for motor in motors() {
         let (positive, negative) = duties(motor, &bench);

@@ -68,10 +68,12 @@ fn requests(round: u16) -> Vec<Vec<u8>> {
 fn load_for(bench: &mut Bench, seconds: u16) {
     let mut owner = signing::station(bench);
     for round in 0..seconds {
-        for request in requests(round) {
+        for (number, request) in requests(round).into_iter().enumerate() {
             let now_us = bench.time_us();
             let free_us = bench.uart_send(0, now_us, &owner.sign(&request));
-            let sticks = owner.sign(&manual_control(VEHICLE_ID, 200, 600));
+            // Centred once a second, after which the rover drives.
+            let [steering, throttle] = if number == 0 { [0, 0] } else { [200, 600] };
+            let sticks = owner.sign(&manual_control(VEHICLE_ID, steering, throttle));
             bench.uart_send(0, free_us, &sticks);
             bench.run_for(100 * MILLISECOND);
         }

@@ -23,6 +23,7 @@ fn armed(wrap_us: u64, before_us: u64) -> Old {
     }
     old.bench.ask(&arm());
     old.bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    drive_for(&mut old.bench, SECOND / 10, 0);
     old
 }
 

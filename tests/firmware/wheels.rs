@@ -26,6 +26,7 @@ fn every_wheel_turns_the_way_the_driver_steers() {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
     bench.ask(&arm());
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    steer_for(&mut bench, SECOND / 10, 0, 0);
     for (maneuver, steering, throttle, left, right) in [
         ("ahead", 0, 500, AHEAD, AHEAD),
         ("back", 0, -500, BACK, BACK),

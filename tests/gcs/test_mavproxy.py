@@ -11,8 +11,8 @@ import time
 
 import pytest
 
-from conftest import MAVPROXY, PARAMS
-from station import is_about
+from conftest import MAVPROXY, PARAMS, REPOSITORY
+from station import connect, is_about, receive, restarted, set_to
 
 # One MAVProxy at a time: what it repeats in time, it repeats late on a machine that starts others.
 pytestmark = pytest.mark.xdist_group("mavproxy")
@@ -204,6 +204,9 @@ def test_it_arms_and_drives(mavproxy):
     mavproxy.ask("arm throttle", r"^ARMED")
     mavproxy.ask("mode MANUAL", r"Mode MANUAL")
     mavproxy.ask("mode AUTO", r"AP: No such mode 10")
+    mavproxy.ask("rc 3 1700", r"AP: Centre the throttle \(RC3\) first")
+    mavproxy.type("rc 3 1500")
+    mavproxy.type("rc 1 1500")
     mavproxy.type("rc 3 1700")
     time.sleep(2)
 
@@ -222,6 +225,45 @@ def test_it_arms_and_drives(mavproxy):
         raise AssertionError("the mode was denied after the controls were back")
     mavproxy.ask("mode HOLD", r"Mode HOLD")
     mavproxy.ask("disarm", r"^DISARMED")
+
+
+# What the pack gives with the motors at rest, at most, in A: the board's own load, and the noise of the sensor.
+AT_REST_A = 0.6
+
+
+def current_a(watcher):
+    """Of the BATTERY_STATUS that comes next."""
+    while watcher.recv_match(blocking=False):
+        pass
+    return receive(watcher, ["BATTERY_STATUS"]).current_battery / 100
+
+
+def printed_drive():
+    page = (REPOSITORY / "docs" / "getting-started.md").read_text()
+    return page.split("### MAVProxy\n```text\n")[1].split("\n```")[0].splitlines()
+
+
+def test_the_printed_drive_moves_the_rover(start_simulator, tmp_path):
+    simulator = start_simulator()
+    watcher = connect(simulator.url)
+    for name, value in (("BATT_MONITOR", 4), ("BATT_CURR_PIN", 27), ("BATT_CELLS", 3), ("SR0_EXTRA1", 10)):
+        set_to(watcher, name, value)
+    watcher = restarted(watcher, simulator.url)
+    mavproxy = MavProxy(simulator.url, tmp_path, "--streamrate=-1")
+    answers = {"mode MANUAL": "Mode MANUAL", "arm throttle": "^ARMED", "disarm": "^DISARMED"}
+    moved = []
+    try:
+        for step in printed_drive():
+            if answer := answers.get(step):
+                mavproxy.ask(step, answer)
+            else:
+                mavproxy.type(step)
+            time.sleep(1)
+            if current_a(watcher) > AT_REST_A:
+                moved.append(step)
+    finally:
+        mavproxy.kill()
+    assert moved == ["rc 3 1600", "rc 1 1600"]
 
 
 def test_it_loads_a_ready_file(mavproxy, tmp_path):

@@ -112,8 +112,8 @@ ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 def arm_and_drive():
     station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     arm = station.command_long_encode(1, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
-    drive = station.manual_control_encode(1, 0, 0, 1000, 0, 0)
-    return arm.pack(station) + drive.pack(station)
+    drives = [station.manual_control_encode(1, 0, 0, throttle, 0, 0) for throttle in (0, 1000)]
+    return b"".join(message.pack(station) for message in (arm, *drives))
 
 
 def received_until_the_end(client):

@@ -234,7 +234,8 @@ def test_mavproxy_drives_is_lost_and_returns(watcher, mavproxy):
     mavproxy.ask("arm throttle", r"^ARMED")
     mavproxy.ask("mode MANUAL", r"Mode MANUAL")
     # It repeats the override.
-    mavproxy.type("rc 3 1700")
+    for override in ("rc 3 1500", "rc 1 1500", "rc 3 1700"):
+        mavproxy.type(override)
     messages_of(watcher, FS_TIMEOUT_S + 0.5)
     assert state(watcher) == (MANUAL, True)
     os.kill(mavproxy.process.pid, signal.SIGSTOP)
@@ -277,6 +278,7 @@ def test_mavsdk_drives_is_lost_and_returns(wifi, watcher):
         Action(system).arm()
         assert command(watcher, SET_MODE, CUSTOM_MODE, MANUAL) == ACCEPTED
         sticks = ManualControl(system)
+        sticks.set_manual_control_input(0.0, 0.0, 0.0, 0.0)
         with Background(lambda: push_by(sticks)):
             messages_of(watcher, FS_TIMEOUT_S + 0.5)
             assert state(watcher) == (MANUAL, True)

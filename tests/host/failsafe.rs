@@ -108,10 +108,11 @@ impl Driver<'_> {
     fn bytes_at(&mut self, now_us: u64) -> Vec<u8> {
         let mut bytes = Vec::new();
         if now_us == ARMED_AT_US {
-            bytes.extend([arm(), do_set_mode(0.0)].concat());
+            bytes.extend([arm(), do_set_mode(0.0), manual_control(1, 0, 0)].concat());
         }
         if now_us < self.scenario.stops_sending_at_us {
-            bytes.extend(manual_control(1, 0, 1000));
+            let throttle = if now_us < ARMED_AT_US { 0 } else { 1000 };
+            bytes.extend(manual_control(1, 0, throttle));
         }
         let (at_us, request) = &self.scenario.request;
         if now_us >= *at_us && !self.has_requested {

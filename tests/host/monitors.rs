@@ -500,6 +500,7 @@ fn changed_settings_never_freeze_a_pack() {
                 if drives {
                     assert_eq!(rig.ask(&arm()), ACCEPTED, "kind {kind}: {:?}", rig.announced());
                     rig.ask(&do_set_mode(MANUAL));
+                    rig.desk.receive_in_chunks(&manual_control(1, 0, 0), 64);
                     rig.drives = true;
                     rig.ticks(SECOND_US, Does::Measures);
                     assert_ne!(rig.desk.drive(), SideDrives::COAST);

@@ -71,6 +71,20 @@ impl Rover {
         rover
     }
 
+    /// Armed in MANUAL, with centred sticks of MANUAL_CONTROL.
+    fn driven() -> Self {
+        let mut rover = Self::armed_in(0.0);
+        rover.deliver(&manual_control(1, 0, 0));
+        rover
+    }
+
+    /// The same by RC_CHANNELS_OVERRIDE.
+    fn driven_by_channels() -> Self {
+        let mut rover = Self::armed_in(0.0);
+        rover.deliver(&rc_override(VEHICLE, 1500, 1500));
+        rover
+    }
+
     fn with(mut self, id: impl Into<ParameterId>, value: f32) -> Self {
         self.0.set(id, value);
         self
@@ -404,7 +418,7 @@ fn manual_control_steers_by_y_and_throttles_by_z() {
         (i16::MAX, 500, turn(0.5, 0.5)),
         (0, 0, SideDrives::COAST),
     ] {
-        let mut rover = Rover::armed_in(0.0);
+        let mut rover = Rover::driven();
         let event = rover.deliver(&manual_control(1, steering, throttle));
         assert_eq!(event, Event::Driven);
         assert_eq!(rover.drives(), expected, "{steering} {throttle}");
@@ -423,13 +437,13 @@ fn manual_control_of_other_systems_is_ignored() {
 
 #[test]
 fn overrides_drive_until_released() {
-    let mut rover = Rover::armed_in(0.0);
+    let mut rover = Rover::driven_by_channels();
     for (steering_us, throttle_us, expected) in [
         (1500, 1750, turn(0.5, 0.5)),
         // The throttle is kept.
         (1250, 65535, turn(0.0, 1.0)),
         (0, 65535, turn(0.5, 0.5)),
-        (65535, 900, turn(-1.0, -1.0)),
+        (1500, 900, turn(-1.0, -1.0)),
         (65535, 2100, turn(1.0, 1.0)),
         (0, 0, SideDrives::COAST),
     ] {
@@ -444,12 +458,12 @@ fn overrides_drive_until_released() {
 #[test]
 fn override_drives_only_its_target() {
     for target in [[1, 1], [1, 0]] {
-        let mut rover = Rover::armed_in(0.0);
+        let mut rover = Rover::driven_by_channels();
         let event = rover.deliver(&rc_override(target, 1500, 2000));
         assert_eq!((event, rover.drives()), (Event::Driven, turn(1.0, 1.0)));
     }
     for target in [EVERYONE, [0, 1], [2, 1], [1, 154]] {
-        let mut rover = Rover::armed_in(0.0);
+        let mut rover = Rover::driven_by_channels();
         let event = rover.deliver(&rc_override(target, 1500, 2000));
         assert_eq!((event, rover.drives()), (Event::Ignored, SideDrives::COAST));
     }
@@ -458,7 +472,7 @@ fn override_drives_only_its_target() {
 #[test]
 // Requirement: L-1
 fn steering_override_does_not_resume_an_old_throttle() {
-    let mut rover = Rover::armed_in(0.0);
+    let mut rover = Rover::driven_by_channels();
     rover.deliver(&rc_override(VEHICLE, 1500, 2000));
     assert_eq!(rover.wait(1_520_000), ["Radio Failsafe: Hold"]);
     rover.deliver(&rc_override(VEHICLE, 1500, 65535));
@@ -473,7 +487,7 @@ fn steering_override_does_not_resume_an_old_throttle() {
 #[test]
 // Requirement: L-2
 fn throttle_times_out_while_steering_continues() {
-    let mut rover = Rover::armed_in(0.0);
+    let mut rover = Rover::driven_by_channels();
     rover.deliver(&rc_override(VEHICLE, 1500, 2000));
     let mut texts = Vec::new();
     for _ in 0..20 {
@@ -571,10 +585,14 @@ fn stick_deflected_on_forced_arming_must_be_neutral_first() {
         rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
         rover.deliver(&manual_control(1, 0, 1000));
         rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, ACCEPTED);
-        for _ in 0..20 {
+        let mut texts = Vec::new();
+        for _ in 0..100 {
             rover.deliver(&manual_control(1, 0, 1000));
-            assert_eq!(rover.drives(), SideDrives::COAST, "{checks}");
+            texts.extend(rover.wait(60_000));
+            assert_eq!(rover.outputs(), SideDrives::COAST, "{checks}");
         }
+        // Once in five seconds.
+        assert_eq!(texts, ["Centre the throttle (RC3) first"; 2]);
         rover.deliver(&manual_control(1, 0, 0));
         rover.deliver(&manual_control(1, 0, 1000));
         assert_eq!(rover.drives(), turn(1.0, 1.0), "{checks}");
@@ -603,7 +621,7 @@ fn requests_delayed_beyond_the_timeout_are_refused() {
 
 #[test]
 fn stick_time_out_counts_from_the_earliest_reception() {
-    let mut rover = Rover::armed_in(0.0);
+    let mut rover = Rover::driven();
     rover.wait(2_000_000);
     rover.0.waited_us = 1_000_000;
     rover.deliver(&manual_control(1, 0, 1000));
@@ -622,7 +640,7 @@ fn restart_and_parameter_reset_are_refused_while_armed() {
         command_long(245, 2.0),
         command_int(245, 2.0),
     ] {
-        let mut rover = Rover::armed_in(0.0);
+        let mut rover = Rover::driven();
         rover.deliver(&manual_control(1, 0, 1000));
         let number = if matches!(rover.deliver(&request), Event::CommandRefused(246)) {
             246
@@ -683,7 +701,7 @@ fn sticks_are_ignored_in_hold_and_disarmed() {
 // Requirement: OWN-2
 fn controls_time_out_after_fs_timeout() {
     for timeout_s in [1.0, 1.5, 10.0] {
-        let mut rover = Rover::armed_in(0.0);
+        let mut rover = Rover::driven();
         rover.drives();
         rover = rover.with(VehicleParameter::FsTimeout, timeout_s);
         rover.deliver(&manual_control(1, 0, 1000));

@@ -1,6 +1,6 @@
 //! Safety property, for any sequence of messages and gaps: motors turn only by a stick message that is not older than
-//! `FS_TIMEOUT`, has a permitted sender, and was received after arming; a stick deflected on arming has to be neutral
-//! first. The expected outputs are computed from the log of all messages by these rules alone.
+//! `FS_TIMEOUT`, has a permitted sender, and was received after arming and after MANUAL was entered; a stick that was not
+//! neutral then has to be neutral first. The expected outputs are computed from the log of all messages by these rules alone.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -65,8 +65,7 @@ enum Sender {
 
 #[derive(Clone, Copy, Debug)]
 enum Request {
-    ManualControl(Target, Says, Says),
-    Override(Target, Says, Says),
+    Sticks(Target, Says, Says),
     Arm { forced: bool },
     Disarm,
     CommandMode(u8),
@@ -84,15 +83,30 @@ enum Step {
     Wait(u64),
 }
 
+/// The message by which the driver drives.
+#[derive(Clone, Copy, Debug)]
+enum Sticks {
+    ManualControl,
+    ChannelOverride,
+}
+
+impl Sticks {
+    /// What the message can say: MANUAL_CONTROL can't leave an axis unchanged.
+    fn says(self, says: Says) -> Says {
+        match (self, says) {
+            (Self::ManualControl, Says::Nothing) => Says::Released,
+            _ => says,
+        }
+    }
+}
+
 impl Request {
-    fn frame(self) -> Vec<u8> {
+    fn frame(self, message: Sticks) -> Vec<u8> {
         match self {
-            Self::ManualControl(target, steering, throttle) => {
-                manual_control(target.ids()[0], axis(steering), axis(throttle))
-            }
-            Self::Override(target, steering, throttle) => {
-                rc_override(target.ids(), pulse_us(steering), pulse_us(throttle))
-            }
+            Self::Sticks(target, steering, throttle) => match message {
+                Sticks::ManualControl => manual_control(target.ids()[0], axis(steering), axis(throttle)),
+                Sticks::ChannelOverride => rc_override(target.ids(), pulse_us(steering), pulse_us(throttle)),
+            },
             Self::Arm { forced: false } => arm(),
             Self::Arm { forced: true } => command_long_2(ARM_DISARM, 1.0, FORCED),
             Self::Disarm => disarm(),
@@ -103,12 +117,12 @@ impl Request {
     }
 
     /// Its steering and throttle, if it is for this rover.
-    fn sticks(self) -> Option<[Says; 2]> {
+    fn sticks(self, message: Sticks) -> Option<[Says; 2]> {
         match self {
-            Self::ManualControl(target, steering, throttle) => {
-                target.names_us().then_some([steering, throttle])
+            Self::Sticks(target, steering, throttle) => {
+                let says = [steering, throttle].map(|says| message.says(says));
+                target.names_us().then_some(says)
             }
-            Self::Override(target, steering, throttle) => target.names_us().then_some([steering, throttle]),
             _ => None,
         }
     }
@@ -129,7 +143,6 @@ impl Target {
     }
 }
 
-/// MANUAL_CONTROL can't leave an axis unchanged.
 fn axis(says: Says) -> i16 {
     match says {
         Says::At(position) => position,
@@ -154,17 +167,6 @@ fn says() -> impl Strategy<Value = Says> {
     ]
 }
 
-/// An axis has a position or is released.
-fn axis_says() -> impl Strategy<Value = Says> {
-    says().prop_map(|says| {
-        if says == Says::Nothing {
-            Says::Released
-        } else {
-            says
-        }
-    })
-}
-
 fn target() -> impl Strategy<Value = Target> {
     prop_oneof![
         6 => Just(Target::Rover),
@@ -176,16 +178,18 @@ fn target() -> impl Strategy<Value = Target> {
 
 fn request() -> impl Strategy<Value = Request> {
     prop_oneof![
-        6 => (target(), axis_says(), axis_says())
-            .prop_map(|(target, steering, throttle)| Request::ManualControl(target, steering, throttle)),
-        6 => (target(), says(), says())
-            .prop_map(|(target, steering, throttle)| Request::Override(target, steering, throttle)),
+        12 => (target(), says(), says())
+            .prop_map(|(target, steering, throttle)| Request::Sticks(target, steering, throttle)),
         3 => any::<bool>().prop_map(|forced| Request::Arm { forced }),
         1 => Just(Request::Disarm),
         3 => prop::sample::select(vec![0, 0, 0, 4]).prop_map(Request::CommandMode),
         1 => prop::sample::select(vec![0, 0, 4]).prop_map(Request::SetMode),
         1 => Just(Request::Heartbeat),
     ]
+}
+
+fn sticks() -> impl Strategy<Value = Sticks> {
+    prop_oneof![Just(Sticks::ManualControl), Just(Sticks::ChannelOverride)]
 }
 
 fn step() -> impl Strategy<Value = Step> {
@@ -205,59 +209,68 @@ fn step() -> impl Strategy<Value = Step> {
 /// Log entry of a stick.
 #[derive(Clone, Copy)]
 enum Logged {
-    Says { received_us: u64, says: Says },
-    Armed { at_us: u64 },
+    Says {
+        received_us: u64,
+        says: Says,
+    },
+    /// The rover was armed, or has entered MANUAL.
+    Enabled {
+        at_us: u64,
+    },
 }
 
 /// Effective position of a stick by its log.
 fn position(log: &[Logged], now_us: u64) -> f32 {
-    let since_arming = log
+    let last_enabled = log
         .iter()
-        .rev()
-        .take_while(|entry| !matches!(entry, Logged::Armed { .. }));
-    let latest = since_arming.into_iter().find_map(|entry| match *entry {
-        Logged::Says {
-            says: Says::Nothing, ..
-        }
-        | Logged::Armed { .. } => None,
-        Logged::Says { received_us, says } => Some((received_us, says)),
+        .rposition(|entry| matches!(entry, Logged::Enabled { .. }));
+    let (before, since) = log.split_at(last_enabled.map_or(0, |place| place + 1));
+    let enabled_at_us = before.last().map(|entry| match *entry {
+        Logged::Enabled { at_us } => at_us,
+        Logged::Says { .. } => unreachable!("the last one enables"),
     });
-    match latest {
-        Some((received_us, Says::At(position))) if now_us - received_us <= TIMEOUT_US && !is_blocked(log) => {
-            f32::from(position) / 1000.0
-        }
+    let before = positions_since_release(before);
+    let was_released = since.iter().any(is_release);
+    let since = positions_since_release(since);
+    let may_drive = since.iter().any(|(_, position)| is_neutral(*position))
+        || !was_released
+            && before.last().is_some_and(|(received_us, position)| {
+                is_neutral(*position) && enabled_at_us.is_some_and(|at_us| at_us - received_us <= TIMEOUT_US)
+            });
+    match since.last() {
+        Some((received_us, position)) if now_us - received_us <= TIMEOUT_US && may_drive => *position,
         _ => 0.0,
     }
 }
 
-/// Whether it was deflected on arming, and neither neutral nor released since.
-fn is_blocked(log: &[Logged]) -> bool {
-    let mut is_blocked = false;
-    let mut latest = None;
-    for entry in log {
-        match *entry {
+/// The positions after the last release, with their times.
+fn positions_since_release(log: &[Logged]) -> Vec<(u64, f32)> {
+    let released = log.iter().rposition(is_release);
+    let since = &log[released.map_or(0, |place| place + 1)..];
+    since
+        .iter()
+        .filter_map(|entry| match *entry {
             Logged::Says {
                 received_us,
                 says: Says::At(position),
-            } => {
-                let position = f32::from(position) / 1000.0;
-                is_blocked &= position.abs() > NEUTRAL;
-                latest = Some((received_us, position));
-            }
-            Logged::Says {
-                says: Says::Released, ..
-            } => (is_blocked, latest) = (false, None),
-            Logged::Says {
-                says: Says::Nothing, ..
-            } => {}
-            Logged::Armed { at_us } => {
-                is_blocked |= latest.is_some_and(|(received_us, position): (u64, f32)| {
-                    at_us - received_us <= TIMEOUT_US && position.abs() > NEUTRAL
-                });
-            }
+            } => Some((received_us, f32::from(position) / 1000.0)),
+            _ => None,
+        })
+        .collect()
+}
+
+fn is_release(entry: &Logged) -> bool {
+    matches!(
+        entry,
+        Logged::Says {
+            says: Says::Released,
+            ..
         }
-    }
-    is_blocked
+    )
+}
+
+fn is_neutral(position: f32) -> bool {
+    position.abs() <= NEUTRAL
 }
 
 fn mixed(throttle: f32, steering: f32) -> SideDrives {
@@ -293,7 +306,7 @@ fn wait(desk: &mut Desk, until_us: u64) {
     }
 }
 
-fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseError> {
+fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCaseError> {
     let mut desk = Desk::without_packs();
     let mut signers = [Signer::new(OWNER), Signer::new(STRANGER)];
     if with_key {
@@ -303,7 +316,7 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
             .iter_mut()
             .for_each(|signer| signer.timestamp = NEW_YEAR + 1_000_000);
     }
-    desk.connect(link);
+    desk.connect(LinkKind::Radio);
     desk.set(VehicleParameter::MotSlewrate, 0.0);
     desk.now_us = 10_000_000;
     let mut logs = [Vec::new(), Vec::new()];
@@ -321,20 +334,21 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
                 sender,
                 waited_us,
             } => {
-                let frame = request.frame();
+                let frame = request.frame(message);
                 let frame = match sender {
                     Sender::Owner => signers[0].sign(&frame),
                     Sender::Stranger => signers[1].sign(&frame),
                     Sender::Unsigned => frame,
                 };
-                let before = desk.vehicle().arm_state();
+                let before = desk.vehicle().status();
                 desk.waited_us = waited_us;
                 desk.receive_in_chunks(&frame, 64);
                 desk.sent();
                 let is_permitted = !with_key || matches!(sender, Sender::Owner);
-                prop_assert!(is_permitted || desk.vehicle().arm_state() == before);
+                let after = desk.vehicle().status();
+                prop_assert!(is_permitted || after.arm_state == before.arm_state);
                 if let Some(says) = request
-                    .sticks()
+                    .sticks(message)
                     .filter(|_| is_permitted && waited_us <= TIMEOUT_US)
                 {
                     let received_us = desk.now_us - waited_us;
@@ -342,10 +356,13 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
                         log.push(Logged::Says { received_us, says });
                     }
                 }
-                if (before, desk.vehicle().arm_state()) == (ArmState::Disarmed, ArmState::Armed) {
+                let is_armed_now =
+                    (before.arm_state, after.arm_state) == (ArmState::Disarmed, ArmState::Armed);
+                let is_manual_now = (before.mode, after.mode) == (Mode::Hold, Mode::Manual);
+                if is_armed_now || is_manual_now {
                     prop_assert!(waited_us <= TIMEOUT_US);
                     logs.iter_mut()
-                        .for_each(|log| log.push(Logged::Armed { at_us: desk.now_us }));
+                        .for_each(|log| log.push(Logged::Enabled { at_us: desk.now_us }));
                 }
                 desk.drive();
             }
@@ -370,16 +387,18 @@ proptest! {
     #[test]
     // Requirement: OWN-2, L-1, L-3
     fn motors_turn_only_by_recent_stick_messages_since_arming(
+        message in sticks(),
         steps in prop::collection::vec(step(), 0..80),
     ) {
-        check(&steps, LinkKind::Radio, false)?;
+        check(&steps, message, false)?;
     }
 
     #[test]
     fn with_a_key_motors_turn_only_by_signed_stick_messages(
+        message in sticks(),
         steps in prop::collection::vec(step(), 0..80),
     ) {
-        check(&steps, LinkKind::Radio, true)?;
+        check(&steps, message, true)?;
     }
 }
 

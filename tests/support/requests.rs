@@ -172,6 +172,11 @@ pub fn system_time_from(sender: [u8; 2], unix_us: u64) -> Vec<u8> {
     )
 }
 
+/// A station states its time since its own start, in ms.
+pub fn stated_time(boot_ms: u32) -> Vec<u8> {
+    encode_v2(SYSTEM_TIME, &[&[0; 8][..], &boot_ms.to_le_bytes()].concat())
+}
+
 /// A SiK radio reports how much of its transmit buffer is free, in percent.
 pub fn radio_status(buffer_free: u8) -> Vec<u8> {
     radio_status_from(SIK_RADIO, buffer_free)

@@ -122,6 +122,8 @@ pub(super) enum Request<'a> {
     SystemTime {
         /// UTC in µs since 1970, or 0 if the sender does not know.
         unix_us: u64,
+        /// Time since the sender's start in ms, or 0 if it does not state one.
+        boot_ms: u32,
     },
     /// RADIO_STATUS.
     RadioStatus {
@@ -470,6 +472,7 @@ fn timesync(payload: &Payload<'_>) -> (Target, Request<'static>) {
 fn system_time(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let time = Request::SystemTime {
         unix_us: payload.u64(0),
+        boot_ms: payload.u32(8),
     };
     (Target::Everyone, time)
 }

@@ -205,6 +205,7 @@ fn times_are_decoded() {
     };
     let request = Request::SystemTime {
         unix_us: 0x0102_0304_0506_0708,
+        boot_ms: 0x090A_0B0C,
     };
     assert_eq!(decoded(&system_time), (Target::Everyone, request));
 }

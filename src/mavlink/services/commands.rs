@@ -153,6 +153,14 @@ impl Command {
         )
     }
 
+    /// Whether it restarts the board, or resets parameters or batteries.
+    pub fn changes_for_good(&self) -> bool {
+        matches!(
+            self.number,
+            PREFLIGHT_STORAGE | PREFLIGHT_REBOOT_SHUTDOWN | BATTERY_RESET
+        )
+    }
+
     /// Whether it requests the message with this id.
     pub fn requests_message(&self, id: u32) -> bool {
         self.number == REQUEST_MESSAGE && message_id(self.param1) == Some(id)

@@ -13,6 +13,7 @@ pub(super) mod wifi;
 
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::rates::Rates;
+use crate::mavlink::sender_clocks::SenderClocks;
 use crate::mavlink::signing::{Access, LinkKind, Signing};
 use crate::mavlink::stations::Stations;
 use crate::parameter::Parameters;
@@ -23,6 +24,9 @@ use crate::wifi::WifiCredentials;
 
 /// Why a restart, a reset of the parameters, a signing key or a download is refused.
 pub(super) const DISARM_FIRST: &str = "Not while armed: disarm first";
+
+/// Why a request that could set the rover in motion, or change it for good, was refused.
+pub(super) const TOO_LATE: &str = "Command waited for too long: refused";
 
 /// What requests may change, apart from their link.
 #[derive(Debug)]
@@ -42,10 +46,14 @@ pub(in crate::mavlink) struct Context<'a> {
     pub now: Instant,
     /// The frame can't have been received earlier.
     pub received_at: Instant,
+    /// Upper bound of the request's age, by the clock of the page that sent it, in milliseconds; `None` if it is not known.
+    pub age_ms: Option<u32>,
     pub state: &'a SystemState<'a>,
     pub changeable: Changeable<'a>,
     pub rates: &'a mut Rates,
     pub stations: &'a mut Stations,
+    /// Those of who sends on the link of the vehicle's own page.
+    pub clocks: &'a mut SenderClocks,
     pub link: LinkKind,
     pub access: Access,
     /// Each link that is opened has another one.

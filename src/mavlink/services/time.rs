@@ -3,6 +3,7 @@
 use super::Context;
 use crate::mavlink::dialect::{PING_DATA, TIMESYNC_DATA};
 use crate::mavlink::event::Event;
+use crate::mavlink::signing::Access;
 use crate::mavlink::{Message, Peer};
 use crate::time::Utc;
 
@@ -54,8 +55,17 @@ pub(in crate::mavlink) fn timesync(
     Event::Answered
 }
 
-/// Takes the time of a ground station. Vehicles and cameras near by say theirs to everyone, too.
-pub(in crate::mavlink) fn system_time(unix_us: u64, from: Peer, context: &Context<'_>) -> Event {
+/// Takes the time of a ground station. Vehicles and cameras near by say theirs to everyone, too. The time since its start is
+/// by what the age of the page's own commands is known.
+pub(in crate::mavlink) fn system_time(
+    unix_us: u64,
+    boot_ms: u32,
+    from: Peer,
+    context: &mut Context<'_>,
+) -> Event {
+    if context.access == Access::Page {
+        context.clocks.state(from, boot_ms, context.now);
+    }
     let utc = Utc::from_micros(unix_us);
     let is_plausible = utc >= EARLIEST && utc.seconds().is_some();
     if is_plausible && context.stations.knows(from, context.now) {

@@ -3,7 +3,7 @@
 use ::mavlink::MessageData;
 use heapless::String;
 
-use super::Context;
+use super::{Context, TOO_LATE};
 use crate::mavlink::Peer;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, SET_MODE_DATA};
 use crate::mavlink::event::Event;
@@ -14,7 +14,8 @@ use crate::parameter::Parameters;
 use crate::system::{SystemState, arming_obstacles};
 use crate::time::Instant;
 use crate::vehicle::{
-    AnotherDrives, ArmState, DriverId, Fitness, Mode, StickInput, Vehicle, control_timeout_us,
+    AnotherDrives, ArmState, ControlMessage, DriverId, Fitness, Mode, Stick, StickInput, Vehicle,
+    control_timeout_us,
 };
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
@@ -28,11 +29,13 @@ const ARM: f32 = 1.0;
 /// Parameter 2: arm without any check. MAVLink's number for it, and the one ArduPilot's ground stations send.
 const FORCE: [f32; 2] = [21196.0, 2989.0];
 
-/// Why a request that could set the rover in motion was refused.
-const TOO_LATE: &str = "Command waited for too long: refused";
+/// The oldest request of the page that may set the rover in motion, in milliseconds. A figure of its own: `FS_TIMEOUT` may be
+/// 100 s.
+const MAX_AGE_MS: u32 = 1_500;
 
-/// Said to a station whose sticks are ignored.
-const ANOTHER_DRIVES: &str = "Sticks ignored: another station drives";
+/// Why the sticks of a station are ignored.
+const ANOTHER_STATION: &str = "Sticks ignored: another station drives";
+const ANOTHER_MESSAGE: &str = "Sticks ignored: this station drives by another message";
 
 const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
@@ -43,6 +46,8 @@ pub(in crate::mavlink) struct VehicleService<'a> {
     pub now: Instant,
     /// The request can't have been received earlier.
     pub received_at: Instant,
+    /// Upper bound of its age by its sender's clock, in milliseconds, if it is known.
+    pub age_ms: Option<u32>,
     /// The number of the link that it came by.
     pub link_number: u16,
     /// What says, with the parameters, whether the rover is fit to be armed.
@@ -57,6 +62,7 @@ impl<'a> VehicleService<'a> {
         Self {
             now: context.now,
             received_at: context.received_at,
+            age_ms: context.age_ms,
             link_number: context.link_number,
             state: context.state,
             parameters: context.changeable.parameters,
@@ -93,8 +99,13 @@ impl<'a> VehicleService<'a> {
         }
     }
 
-    /// Whether the request may have waited too long to move the rover.
+    /// Whether the request may have waited too long to move the rover, on its way or here.
     fn is_late(&self) -> bool {
+        self.age_ms.is_some_and(|age_ms| age_ms > MAX_AGE_MS) || self.has_waited()
+    }
+
+    /// Whether the request may have waited here for too long to move the rover.
+    fn has_waited(&self) -> bool {
         self.now.us_since(self.received_at) > control_timeout_us(self.parameters)
     }
 
@@ -162,45 +173,64 @@ impl<'a> VehicleService<'a> {
 
     /// RC_CHANNELS_OVERRIDE.
     pub fn control_by_channels(&mut self, pulses_us: &[u16], from: Peer) -> Event {
-        if self.is_late() {
-            return Event::ControlTooLate;
-        }
-        let result = self
-            .vehicle
-            .control_by_channels(self.driver(from), self.received_at, pulses_us);
-        self.driven(result)
+        let (throttle, steering) = self.vehicle.stick_inputs(pulses_us);
+        self.control(throttle, steering, ControlMessage::ChannelOverride, from)
     }
 
-    /// MANUAL_CONTROL.
-    pub fn control(&mut self, throttle: StickInput, steering: StickInput, from: Peer) -> Event {
-        if self.is_late() {
+    /// The sticks of MANUAL_CONTROL or RC_CHANNELS_OVERRIDE. Neutral ones stop the rover, however long they were on their way.
+    pub fn control(
+        &mut self,
+        throttle: StickInput,
+        steering: StickInput,
+        message: ControlMessage,
+        from: Peer,
+    ) -> Event {
+        let is_deflected = throttle.is_deflected() || steering.is_deflected();
+        if self.has_waited() || (is_deflected && self.is_late()) {
             return Event::ControlTooLate;
         }
-        let result = self
-            .vehicle
-            .control(self.driver(from), self.received_at, throttle, steering);
-        self.driven(result)
+        let from = self.driver(from, message);
+        let result = self.vehicle.control(from, self.received_at, throttle, steering);
+        self.driven(from, result)
     }
 
-    fn driver(&self, from: Peer) -> DriverId {
+    fn driver(&self, from: Peer, message: ControlMessage) -> DriverId {
         DriverId {
             link: self.link_number,
             system_id: from.system_id,
             component_id: from.component_id,
+            message,
         }
     }
 
-    /// What became of a control message; who drives in vain gets to know it.
-    fn driven(&mut self, result: Result<(), AnotherDrives>) -> Event {
+    /// Result of a control message, and a text for its sender if a stick has no effect.
+    fn driven(&mut self, from: DriverId, result: Result<Option<Stick>, AnotherDrives>) -> Event {
         match result {
-            Ok(()) => return Event::Driven,
-            Err(AnotherDrives::IsNews) => {
-                self.outbox
-                    .explain(MavSeverity::MAV_SEVERITY_WARNING, ANOTHER_DRIVES);
+            Ok(None) => Event::Driven,
+            Ok(Some(stick)) => {
+                let name = match stick {
+                    Stick::Throttle => "throttle",
+                    Stick::Steering => "steering",
+                };
+                let number = self.vehicle.channel_number(stick);
+                // The longest number fits.
+                let text: String<40> = text(format_args!("Centre the {name} (RC{number}) first"));
+                self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
+                Event::Driven
             }
-            Err(AnotherDrives::IsKnown) => {}
+            Err(AnotherDrives { report }) => {
+                if let Some(driver) = report {
+                    let message = from.message;
+                    let reason = if (DriverId { message, ..driver }) == from {
+                        ANOTHER_MESSAGE
+                    } else {
+                        ANOTHER_STATION
+                    };
+                    self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, reason);
+                }
+                Event::Answered
+            }
         }
-        Event::Answered
     }
 
     fn acknowledge(&mut self, command: u16, result: MavResult, from: Peer) -> Event {

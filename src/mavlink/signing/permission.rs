@@ -32,6 +32,8 @@ pub enum Access {
     /// What its kind of link allows.
     #[default]
     Full,
+    /// The same, by the age of what it sends: the vehicle's own web page, which states its time.
+    Page,
     /// It hears what is sent, and nothing that it sends is obeyed or answered without the right signature: a web page of
     /// someone else, in a browser that reaches the vehicle.
     Listen,

@@ -1,7 +1,7 @@
 //! Vehicle state machine.
 
 use super::controls::Controls;
-use super::driver::DriverSeat;
+use super::driver::{Admitted, DriverSeat};
 use super::failsafe::Effect;
 use super::motor::Ramp;
 use super::timed_input::TimedInput;
@@ -80,7 +80,7 @@ impl Vehicle {
         } else {
             self.arm_state = ArmState::Armed;
             self.fitness = fitness;
-            self.controls.arm();
+            self.controls.close();
             self.refused_at = None;
             return Ok(());
         };
@@ -124,12 +124,16 @@ impl Vehicle {
         if mode != Mode::Hold && self.has_timed_out() {
             return Err(ModeRefused);
         }
+        if mode == Mode::Manual && self.mode != mode {
+            self.controls.close();
+        }
         self.enter(mode);
         Ok(())
     }
 
     /// A control message: throttle ahead and steering to the right are positive. Its sender is a ground station, so it
-    /// also counts as a heartbeat if these are monitored.
+    /// also counts as a heartbeat if these are monitored. Returns a stick that its driver has to centre before it drives, if
+    /// that has to be reported now.
     ///
     /// # Errors
     /// It has no effect: another station drives.
@@ -139,32 +143,32 @@ impl Vehicle {
         received_at: Instant,
         throttle: StickInput,
         steering: StickInput,
-    ) -> Result<(), AnotherDrives> {
-        self.seat.admit(from, received_at, throttle, steering)?;
+    ) -> Result<Option<Stick>, AnotherDrives> {
+        if let Admitted::NewDriver(sticks) = self.seat.admit(from, received_at, throttle, steering)? {
+            self.controls.hand_over(sticks);
+        }
         let is_driver = self.controls.receive(received_at, throttle, steering);
         if is_driver && self.ground_stations.value().is_some() {
             self.ground_stations.receive(received_at, ());
         }
-        Ok(())
+        let waiting = self.controls.waiting().filter(|_| self.is_driving());
+        Ok(waiting.filter(|_| self.seat.may_report(received_at)))
     }
 
-    /// A control message of channels, by their pulses in microseconds: see [`Self::control`].
-    ///
-    /// # Errors
-    /// It has no effect: another station drives.
-    pub fn control_by_channels(
-        &mut self,
-        from: DriverId,
-        received_at: Instant,
-        pulses_us: &[u16],
-    ) -> Result<(), AnotherDrives> {
-        let StickChannels { throttle, steering } = self.channels;
-        self.control(
-            from,
-            received_at,
-            StickInput::of_channel(&throttle, pulses_us),
-            StickInput::of_channel(&steering, pulses_us),
+    /// What the pulses of all channels, in microseconds, say about throttle and steering.
+    pub fn stick_inputs(&self, pulses_us: &[u16]) -> (StickInput, StickInput) {
+        let StickChannels { throttle, steering } = &self.channels;
+        (
+            StickInput::of_channel(throttle, pulses_us),
+            StickInput::of_channel(steering, pulses_us),
         )
+    }
+
+    /// The stations of a link are gone. A driver among them leaves the seat, and its sticks are neutral.
+    pub fn close_link(&mut self, link: u16) {
+        if self.seat.close_link(link) {
+            self.controls.centre();
+        }
     }
 
     /// A ground station's heartbeat.
@@ -204,8 +208,7 @@ impl Vehicle {
         }
     }
 
-    /// Follows changed channels of the sticks while disarmed. Positions from before mean something else now: each stick has to be
-    /// neutral once.
+    /// Follows changed channels of the sticks while disarmed. Positions from before mean something else now.
     fn follow_channels(&mut self, channels: StickChannels) {
         if self.arm_state == ArmState::Disarmed && channels != self.channels {
             self.channels = channels;
@@ -216,6 +219,7 @@ impl Vehicle {
     /// Updates time-outs, channels of the sticks and the slew rate limiter. Returns an event if an input has timed out.
     pub fn update(&mut self, now: Instant, settings: &VehicleSettings) -> Option<VehicleEvent> {
         self.follow_channels(settings.channels);
+        self.seat.expire(now, settings.timeout_us);
         let event = self.check_time_outs(now, settings);
         if event.is_some() {
             self.enter(Mode::Hold);

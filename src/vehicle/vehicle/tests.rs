@@ -32,6 +32,13 @@ fn armed_in(mode: Mode) -> Vehicle {
     vehicle
 }
 
+/// A vehicle that its driver is about to drive, with centred sticks.
+fn driven_in(mode: Mode) -> Vehicle {
+    let mut vehicle = armed_in(mode);
+    centre(&mut vehicle, Instant::EPOCH);
+    vehicle
+}
+
 /// Runs ticks and returns the events with their times.
 fn run(vehicle: &mut Vehicle, from_us: u64, to_us: u64) -> Vec<(u64, VehicleEvent)> {
     (from_us..=to_us)
@@ -45,9 +52,13 @@ fn steer(vehicle: &mut Vehicle, at: Instant, throttle: StickInput, steering: Sti
     result.expect("no other one drives");
 }
 
+fn centre(vehicle: &mut Vehicle, at: Instant) {
+    steer(vehicle, at, StickInput::Position(0), StickInput::Position(0));
+}
+
 fn steer_by_channels(vehicle: &mut Vehicle, at: Instant, pulses_us: &[u16]) {
-    let result = vehicle.control_by_channels(DriverId::default(), at, pulses_us);
-    result.expect("no other one drives");
+    let (throttle, steering) = vehicle.stick_inputs(pulses_us);
+    steer(vehicle, at, throttle, steering);
 }
 
 #[test]
@@ -60,8 +71,8 @@ fn sticks_of_a_station_that_does_not_drive_do_nothing() {
     let mut vehicle = armed_in(Mode::Manual);
     for ms in (0..4_000).step_by(50) {
         let at = at_us(ms * 1_000);
-        let (throttle, steering) = ahead(500);
-        assert_eq!(vehicle.control(driver(1), at, throttle, steering), Ok(()));
+        let (throttle, steering) = ahead(if ms == 0 { 0 } else { 500 });
+        assert_eq!(vehicle.control(driver(1), at, throttle, steering), Ok(None));
         let (throttle, steering) = ahead(if ms % 100 == 0 { -1000 } else { 0 });
         assert!(vehicle.control(driver(2), at, throttle, steering).is_err());
         vehicle.update(at, &SETTINGS);
@@ -84,7 +95,7 @@ fn sticks_of_a_station_that_does_not_drive_do_nothing() {
     let (throttle, steering) = ahead(300);
     assert_eq!(
         vehicle.control(driver(2), at_us(6_000_000), throttle, steering),
-        Ok(())
+        Ok(None)
     );
 }
 
@@ -99,6 +110,7 @@ fn starts_disarmed_in_hold_and_coasts() {
 fn hold_brakes_and_manual_follows_the_sticks() {
     let mut vehicle = armed_in(Mode::Hold);
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
+    centre(&mut vehicle, Instant::EPOCH);
     vehicle.set_mode(Mode::Manual).unwrap();
     assert_eq!(vehicle.drives(), SideDrives::COAST);
     steer(
@@ -137,7 +149,7 @@ fn sticks_timed_out_before_arming_do_not_drive() {
 
 #[test]
 fn control_time_out_holds_until_inputs_resume() {
-    let mut vehicle = armed_in(Mode::Manual);
+    let mut vehicle = driven_in(Mode::Manual);
     steer(
         &mut vehicle,
         Instant::EPOCH,
@@ -198,7 +210,7 @@ fn changed_channels_wait_for_disarming_and_a_neutral_stick() {
         .set(StickParameter::Rc3Reversed, 1.0)
         .expect("in range");
     let reversed = VehicleSettings::from_parameters(&parameters);
-    let mut vehicle = armed_in(Mode::Manual);
+    let mut vehicle = driven_in(Mode::Manual);
     let push = |vehicle: &mut Vehicle, us: u64, pulse_us: u16| {
         steer_by_channels(vehicle, at_us(us), &[1500, 0, pulse_us, u16::MAX, 0, 0, 0, 0]);
         vehicle.update(at_us(us), &reversed);
@@ -208,11 +220,7 @@ fn changed_channels_wait_for_disarming_and_a_neutral_stick() {
     assert_eq!(vehicle.drives(), both(0.2), "armed, the channel is what it was");
     vehicle.disarm();
     vehicle.update(at_us(1_000_000), &reversed);
-    assert_eq!(
-        vehicle.deflected_stick(),
-        Some(Stick::Throttle),
-        "it means something else now"
-    );
+    assert_eq!(vehicle.deflected_stick(), Some(Stick::Throttle));
     push(&mut vehicle, 1_100_000, 1510);
     assert_eq!(vehicle.deflected_stick(), None);
     push(&mut vehicle, 1_200_000, 1600);
@@ -452,7 +460,9 @@ proptest! {
                 Input::Arm(fitness) => drop(vehicle.arm(now, fitness)),
                 Input::Disarm => vehicle.disarm(),
                 Input::Mode(mode) => drop(vehicle.set_mode(mode)),
-                Input::Control(throttle, steering) => steer(&mut vehicle, now, throttle, steering),
+                Input::Control(throttle, steering) => {
+                    let _ = vehicle.control(DriverId::default(), now, throttle, steering);
+                }
                 Input::GroundStation => vehicle.ground_station_seen(now),
                 Input::Failsafe(number) => {
                     vehicle.battery_failsafe(FailsafeAction::from_number(number).unwrap());

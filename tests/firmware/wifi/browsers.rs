@@ -197,6 +197,7 @@ fn hostile_requests_disturb_neither_the_driver_nor_the_measurement() {
     let answers = ground.ask(&mut driver, &arm());
     assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
     ground.ask(&mut driver, &set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    ground.send(&mut driver, &manual_control(VEHICLE_ID, 0, 0));
     let others = [ground.laptop(), ground.laptop()];
     ground.bench.forget_stack_use();
     ground.bench.take_adc_record();

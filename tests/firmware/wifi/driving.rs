@@ -16,6 +16,8 @@ fn armed(ground: &mut Ground, station: &mut Station) {
     let answers = ground.ask(station, &arm());
     assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
     ground.ask(station, &set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    // A stick drives once it was centred.
+    ground.send(station, &manual_control(VEHICLE_ID, 0, 0));
 }
 
 /// With a hand on the throttle, this many times a second.
@@ -77,7 +79,6 @@ fn a_touch_in_a_browser_reaches_the_motors_within_100_ms() {
     ground.bench.set("MOT_SLEWRATE", 0.0);
     let mut station = ground.web_station();
     armed(&mut ground, &mut station);
-    ground.send(&mut station, &manual_control(VEHICLE_ID, 0, 0));
     ground.run_for(SECOND / 20);
     let touched_us = ground.bench.time_us();
     ground.send(&mut station, &manual_control(VEHICLE_ID, 0, 1000));

@@ -137,6 +137,7 @@ impl Drive {
         let answers = self.bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
         assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
         self.bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+        self.bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     }
 
     /// Drives for this time.

@@ -73,7 +73,11 @@ impl Player {
                 Action::Set(name, value) => station.set(name, *value),
                 Action::Mode(mode) => station.set_mode(*mode),
                 Action::Arm(arm_state) => station.arm(*arm_state),
-                Action::Throttle(throttle) => self.throttle.set(Some(*throttle)),
+                Action::Throttle(throttle) => {
+                    // A stick drives once it has been centred.
+                    station.drive(0);
+                    self.throttle.set(Some(*throttle));
+                }
                 Action::Unplug => pack.borrow_mut().unplug(),
                 Action::PlugIn(plugged) => pack.borrow_mut().clone_from(plugged),
             }
