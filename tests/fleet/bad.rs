@@ -5,7 +5,7 @@ use std::os::unix::fs::symlink;
 
 use crate::generator::{Owned, arming};
 use crate::parquet_file::rows;
-use crate::program::{folder, table};
+use crate::program::{folder, replay, table};
 
 /// A sparse file of this length is no burden to the disk.
 const TOO_LONG_BYTES: u64 = 300_000_000;
@@ -26,6 +26,7 @@ fn without_packs(log: &[u8]) -> Vec<u8> {
 fn each_bad_input_ends_as_it_should() {
     let folder = folder("bad");
     let log = Owned::new(0).drive();
+    let other = Owned::new(1).drive();
     let mut damaged = log.clone();
     let middle = log.len() / 2;
     damaged[middle..middle + 500].fill(0xff);
@@ -33,7 +34,7 @@ fn each_bad_input_ends_as_it_should() {
         .map(|n| (n.wrapping_mul(2_654_435_761) >> 13) as u8)
         .collect();
     for (name, bytes) in [
-        ("cut.BIN", &log[..middle]),
+        ("cut.BIN", &other[..other.len() / 2]),
         ("damaged.bin", &damaged),
         ("empty.BIN", &[]),
         ("noise.BIN", &noise),
@@ -76,11 +77,37 @@ fn each_bad_input_ends_as_it_should() {
     assert_eq!(failures, format!("path,reason\n{}", lines.concat()));
 }
 
+/// Two logs in one file, for example. The drive before is whole, and what follows is taken as it comes.
+#[test]
+fn times_that_run_backwards_are_said() {
+    let folder = folder("backwards");
+    let [first, second] = {
+        let mut pack = Owned::new(0);
+        [pack.drive(), pack.drive()]
+    };
+    fs::write(folder.join("both.BIN"), [first.as_slice(), &second].concat()).expect("a file");
+    fs::write(folder.join("second.BIN"), &second).expect("a file");
+    let name = folder.to_str().expect("a path");
+    let (run, path) = table(&[name], "backwards", 2);
+    let said = format!("{name}/both.BIN: times run backwards\n");
+    assert_eq!(run.errors().matches("backwards\n").count(), 1, "{}", run.errors());
+    assert!(run.errors().starts_with(&said), "{}", run.errors());
+    let complete: Vec<bool> = rows(&path).iter().map(|row| row.flag("complete")).collect();
+    assert_eq!(complete, [true, false, true]);
+    let page = folder.join("packs.html");
+    let run = replay(&["--history", page.to_str().expect("a path"), name], 2);
+    assert!(run.errors().starts_with(&said), "{}", run.errors());
+    let run = replay(&[format!("{name}/both.BIN")], 1);
+    let said = "\nTimes run backwards: once, first from 11:14 to 1:00; readings are taken";
+    assert!(run.errors().contains(said), "{}", run.errors());
+}
+
 /// A drive that ends with the power has a row; so has one that never began.
 #[test]
 fn a_log_ends_anywhere() {
     let folder = folder("cut");
-    let log = Owned::new(0).drive();
+    let mut pack = Owned::new(0);
+    let (board_id, log) = (pack.board_id(), pack.drive());
     let disarming = arming(rover_battmon::vehicle::ArmState::Disarmed, 660_000_000);
     let disarmed = log
         .windows(disarming.len())
@@ -91,8 +118,15 @@ fn a_log_ends_anywhere() {
         .windows(3)
         .position(|bytes| bytes == [0xa3, 0x95, 138])
         .expect("a reading");
+    let board = log
+        .windows(board_id.len())
+        .position(|bytes| bytes == board_id.as_bytes())
+        .expect("its board");
     for end in (first_reading + 60..log.len()).step_by(log.len() / 50) {
-        fs::write(folder.join(format!("{end:08}.BIN")), &log[..end]).expect("a file");
+        // Of a board of its own, or it would be a copy.
+        let mut log = log[..end].to_vec();
+        log[board..board + board_id.len()].copy_from_slice(format!("{end:016}").as_bytes());
+        fs::write(folder.join(format!("{end:08}.BIN")), log).expect("a file");
     }
     let (run, path) = table(&[folder.to_str().expect("a path")], "cut", 2);
     assert_eq!(run.errors().lines().count(), 1, "{}", run.errors());

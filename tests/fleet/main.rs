@@ -1,7 +1,8 @@
-//! `replay --table` and `--history` on the logs of many rovers, run as their user runs them.
+//! `replay --table` and `--history` on the logs of many rovers, and the files that `replay` writes, run as their user runs them.
 
 mod bad;
 mod generator;
+mod outputs;
 mod parquet_file;
 mod program;
 

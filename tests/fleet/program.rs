@@ -1,5 +1,6 @@
 //! `replay` as a process, with the time and the memory that it takes.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -29,7 +30,7 @@ impl Run {
 }
 
 /// `replay ARGUMENTS` on this many cores.
-pub fn replay(arguments: &[&str], cores: u32) -> Run {
+pub fn replay(arguments: &[impl AsRef<OsStr>], cores: u32) -> Run {
     let start = Instant::now();
     let child = Command::new(env!("CARGO_BIN_EXE_replay"))
         .args(arguments)
@@ -60,9 +61,10 @@ fn memory_bytes(process: u32) -> Option<u64> {
     Some(kib * 1024)
 }
 
-/// `replay --table` of these paths, and where the table is.
+/// `replay --table` of these paths, and where the table is: one of an earlier test run may be of another version.
 pub fn table(paths: &[&str], name: &str, cores: u32) -> (Run, PathBuf) {
     let path = temporary().join(format!("{name}.parquet"));
+    let _ = fs::remove_file(&path);
     let arguments = ["--table", path.to_str().expect("a path")];
     (replay(&[&arguments[..], paths].concat(), cores), path)
 }

@@ -5,6 +5,10 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// The longest log that is read, in bytes. The board's have 1 MB at most, and ArduPilot's seldom more than 100 MB; reading this
+/// much takes a processor some seconds.
+const LONGEST_BYTES: u64 = 256 << 20;
+
 /// Why a path gives no row.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
@@ -88,6 +92,19 @@ enum Named {
     ByUser,
     /// It lies in a folder: only logs are meant.
     ByFolder,
+}
+
+/// Length of a log that can be read, in bytes.
+///
+/// # Errors
+/// Why it can't, in words.
+pub fn readable_bytes(path: &Path) -> Result<u64, String> {
+    let file = fs::metadata(path).map_err(|error| error.to_string())?;
+    match file.len() {
+        _ if !file.is_file() => Err("no file".into()),
+        bytes if bytes > LONGEST_BYTES => Err(format!("larger than {} MiB", LONGEST_BYTES >> 20)),
+        bytes => Ok(bytes),
+    }
 }
 
 /// Whether this is a log by the end of its name.

@@ -49,6 +49,12 @@ pub fn page(rows: &[Row]) -> String {
     page + "</html>\n"
 }
 
+/// Whether this is the beginning of such a page.
+pub fn is_page(head: &str) -> bool {
+    let before_looks = HEAD.find("<style>").and_then(|end| HEAD.get(..end));
+    before_looks.is_some_and(|before_looks| head.starts_with(before_looks))
+}
+
 fn headline(needing: usize, all: usize) -> String {
     match (needing, all) {
         (_, 0) => "No pack".into(),

@@ -9,13 +9,15 @@
 //! the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE` the
 //! drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
 //!
-//! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`].
+//! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`]. No
+//! file is replaced but an earlier output, see [`outputs`].
 mod binlog;
 mod comparison;
 mod drive;
 mod files;
 mod history;
 mod many;
+mod outputs;
 mod plot;
 mod readings;
 mod report;
@@ -27,6 +29,7 @@ mod table;
 mod trace;
 mod words;
 
+use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -86,6 +89,14 @@ struct Arguments {
     /// --history logs, and folders with all logs below
     #[arg(value_name = "RECORDING", required = true)]
     paths: Vec<PathBuf>,
+}
+
+impl Arguments {
+    /// Whether rows go to standard output.
+    fn prints_rows(&self) -> bool {
+        let is_of_many = self.table.is_some() || self.history.is_some();
+        !is_of_many && self.csv.is_none() && !io::stdout().is_terminal()
+    }
 }
 
 /// What is of one recording.

@@ -3,7 +3,7 @@
 //! All processors work, each on a log at a time. The rows are in the order of the logs' paths, however many processors there are.
 
 use std::fs::{self, File};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
@@ -11,15 +11,20 @@ use rover_battmon::battery::LearntPack;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
-use crate::files::{Failure, Files};
+use crate::files::{Failure, Files, readable_bytes};
 use crate::run::{self, Assignment, Replay};
-use crate::table::{self, Row};
+use crate::table::{self, Drives, Row};
 use crate::trace::Inputs;
-use crate::{Arguments, history};
+use crate::words::shown;
+use crate::{Arguments, history, outputs};
 
-/// The longest log that is read, in bytes. The board's have 1 MB at most, and ArduPilot's seldom more than 100 MB; reading this
-/// much takes a processor some seconds.
-const LONGEST_BYTES: u64 = 256 << 20;
+/// What many logs give.
+struct Found {
+    rows: Vec<Row>,
+    failures: Vec<Failure>,
+    /// Logs with readings whose times run backwards.
+    backward: Vec<PathBuf>,
+}
 
 /// Writes what was asked for.
 ///
@@ -27,18 +32,28 @@ const LONGEST_BYTES: u64 = 256 << 20;
 /// What is wrong with an argument, or why a file can't be written, in words.
 pub fn replay(arguments: &Arguments) -> Result<(), String> {
     check(&arguments.assignments)?;
-    let (rows, failures) = read(arguments);
-    for Failure { path, reason } in &failures {
-        eprintln!("{}: {reason}", path.display());
+    let files = Files::find(&arguments.paths);
+    outputs::check(arguments, &files.logs)?;
+    let found = read(files, &arguments.assignments);
+    for Failure { path, reason } in &found.failures {
+        eprintln!("{}: {reason}", shown(path));
     }
-    let about = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    for path in &found.backward {
+        eprintln!("{}: times run backwards", shown(path));
+    }
+    write(arguments, &found)
+}
+
+fn write(arguments: &Arguments, found: &Found) -> Result<(), String> {
+    let Found { rows, failures, .. } = found;
+    let about = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", shown(path));
     if let Some(path) = &arguments.table {
-        table::write(path, &rows, &failures).map_err(|error| about(path, &error))?;
-        eprintln!("wrote {} with {} rows", path.display(), rows.len());
+        table::write(path, rows, failures).map_err(|error| about(path, &error))?;
+        eprintln!("wrote {} with {} rows", shown(path), rows.len());
     }
     if let Some(path) = &arguments.history {
-        fs::write(path, history::page(&rows)).map_err(|error| about(path, &error))?;
-        eprintln!("wrote {}", path.display());
+        fs::write(path, history::page(rows)).map_err(|error| about(path, &error))?;
+        eprintln!("wrote {}", shown(path));
     }
     Ok(())
 }
@@ -56,39 +71,39 @@ fn check(assignments: &[Assignment]) -> Result<(), String> {
     Ok(())
 }
 
-/// All rows, and what gives none.
-fn read(arguments: &Arguments) -> (Vec<Row>, Vec<Failure>) {
-    let Files {
-        logs, mut failures, ..
-    } = Files::find(&arguments.paths);
+fn read(files: Files, what_if: &[Assignment]) -> Found {
+    let Files { logs, failures, .. } = files;
     // It is hidden unless standard error is a terminal.
     let progress = ProgressBar::new(logs.len() as u64);
     let results: Vec<_> = logs
         .par_iter()
         .map(|path| {
-            let rows = read_log(path, &arguments.assignments);
+            let drives = read_log(path, what_if);
             progress.inc(1);
-            rows
+            drives
         })
         .collect();
     progress.finish_and_clear();
-    let mut rows = vec![];
+    let mut found = Found {
+        rows: vec![],
+        failures,
+        backward: vec![],
+    };
     for (path, result) in logs.into_iter().zip(results) {
         match result {
-            Ok(more) => rows.extend(more),
-            Err(reason) => failures.push(Failure { path, reason }),
+            Ok(Drives { rows, backward_steps }) => {
+                found.rows.extend(rows);
+                if backward_steps > 0 {
+                    found.backward.push(path);
+                }
+            }
+            Err(reason) => found.failures.push(Failure { path, reason }),
         }
     }
-    (rows, failures)
+    found
 }
 
-fn read_log(path: &Path, what_if: &[Assignment]) -> Result<Vec<Row>, String> {
-    let file = fs::metadata(path).map_err(|error| error.to_string())?;
-    if !file.is_file() {
-        return Err("no file".into());
-    }
-    if file.len() > LONGEST_BYTES {
-        return Err(format!("larger than {} MiB", LONGEST_BYTES >> 20));
-    }
-    table::rows(&path.to_string_lossy(), || File::open(path), what_if)
+fn read_log(path: &Path, what_if: &[Assignment]) -> Result<Drives, String> {
+    readable_bytes(path)?;
+    Drives::read(&path.to_string_lossy(), || File::open(path), what_if)
 }

@@ -37,13 +37,22 @@ const EVENT_LINES: usize = 6;
 /// pack counted as low. The same rows always make the same picture.
 pub fn plot(rows: &[Row], title: &str, subtitle: &str, failsafe: &FailsafeSettings) -> String {
     let time = Axis::over_time(rows.iter().map(|row| row.time_s), 10);
-    let mut svg = Svg::new(WIDTH, HEAD_HEIGHT + 3.0 * PANEL_HEIGHT);
+    let mut svg = sheet();
     svg.headline((LEFT, 28.0), title);
     svg.text((LEFT, 48.0), Anchor::Start, subtitle);
     voltages(&mut svg, &time, rows, failsafe);
     currents(&mut svg, &time, rows);
     remaining(&mut svg, &time, rows);
     svg.finish()
+}
+
+fn sheet() -> Svg {
+    Svg::new(WIDTH, HEAD_HEIGHT + 3.0 * PANEL_HEIGHT)
+}
+
+/// Whether this is the beginning of such a picture.
+pub fn is_plot(head: &str) -> bool {
+    head.lines().next() == sheet().finish().lines().next()
 }
 
 /// Where a diagram begins, counted from the top.

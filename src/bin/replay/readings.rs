@@ -24,6 +24,8 @@ const FIRST_CELLS: usize = 12;
 pub struct Readings {
     armed: bool,
     begun: [Option<Sample>; MAX_PACKS],
+    latest_s: [f64; MAX_PACKS],
+    backward_steps: usize,
 }
 
 impl Readings {
@@ -36,11 +38,16 @@ impl Readings {
         let Some(pack) = pack_of(record) else {
             return;
         };
-        let begun = &mut self.begun[usize::from(pack.instance())];
+        let place = usize::from(pack.instance());
+        let (begun, latest_s) = (&mut self.begun[place], &mut self.latest_s[place]);
         match (record.name(), begun) {
             ("BAT", begun) => {
-                let next = reading(record, self.armed);
-                if let Some(whole) = next.and_then(|next| begun.replace(next)) {
+                let Some(next) = reading(record, self.armed) else {
+                    return;
+                };
+                self.backward_steps += usize::from(next.time_s < *latest_s);
+                *latest_s = next.time_s;
+                if let Some(whole) = begun.replace(next) {
                     take(pack, whole);
                 }
             }
@@ -49,6 +56,11 @@ impl Readings {
             ("BCL2", Some(begun)) => cells(begun, record, FIRST_CELLS..MAX_CELLS),
             _ => {}
         }
+    }
+
+    /// Readings so far that are earlier than the one before of the same pack.
+    pub fn backward_steps(&self) -> usize {
+        self.backward_steps
     }
 
     /// Gives what is begun to `take`.

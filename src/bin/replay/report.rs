@@ -43,15 +43,22 @@ pub fn events(rows: &[Row]) -> impl Iterator<Item = (f64, &String)> {
         .flat_map(|row| row.events.iter().map(|text| (row.time_s, text)))
 }
 
+fn header(reported_columns: &str) -> String {
+    [COLUMNS, reported_columns, LAST_COLUMN].concat()
+}
+
+/// Whether this is the beginning of such a text.
+pub fn is_csv(head: &str) -> bool {
+    ["", REPORTED_COLUMNS]
+        .into_iter()
+        .any(|reported_columns| head.starts_with(&header(reported_columns)))
+}
+
 /// The rows as text, behind a header.
 pub fn csv(rows: &[Row]) -> String {
     let has_reported = rows.iter().any(|row| row.reported.is_some());
-    let header = [
-        COLUMNS,
-        if has_reported { REPORTED_COLUMNS } else { "" },
-        LAST_COLUMN,
-    ];
-    rows.iter().fold(header.concat(), |mut text, row| {
+    let header = header(if has_reported { REPORTED_COLUMNS } else { "" });
+    rows.iter().fold(header, |mut text, row| {
         // A String takes everything.
         let _ = writeln!(text, "{}", line(row));
         text

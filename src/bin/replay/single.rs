@@ -1,7 +1,7 @@
 //! The replay of one recording.
 
 use std::fs;
-use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use rover_battmon::battery::{LearntPack, PackSettings};
@@ -15,14 +15,15 @@ use crate::report::Row;
 use crate::summary::Summary;
 use crate::survey::Survey;
 use crate::trace::Trace;
-use crate::words::utc;
-use crate::{Arguments, plot, report, run};
+use crate::words::{shown, utc};
+use crate::{Arguments, outputs, plot, report, run};
 
 /// Replays one recording.
 ///
 /// # Errors
 /// What is wrong with the recording, an argument or a file, in words.
 pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
+    outputs::check(arguments, &arguments.paths)?;
     let pack = arguments.pack;
     let mut drive = read(path, pack)?;
     if arguments.armed {
@@ -73,9 +74,9 @@ fn write_files(
     let mut written = String::new();
     for (path, text) in files.into_iter().flatten() {
         fs::write(path, text).map_err(|error| about(path, &error))?;
-        written += &format!("wrote {}\n", path.display());
+        written += &format!("wrote {}\n", shown(path));
     }
-    if arguments.csv.is_none() && !io::stdout().is_terminal() {
+    if arguments.prints_rows() {
         print(rows).map_err(|error| format!("standard output: {error}"))?;
     }
     Ok(written)
@@ -129,28 +130,28 @@ fn read_log(path: &Path, pack: Pack) -> Result<Drive, String> {
     if skipped_bytes > 0 {
         eprintln!(
             "{}: skipped {skipped_bytes} of {read_bytes} bytes that are not whole records",
-            path.display()
+            shown(path)
         );
     }
     Ok(drive)
 }
 
 fn about(path: &Path, error: &dyn std::fmt::Display) -> String {
-    format!("{}: {error}", path.display())
+    format!("{}: {error}", shown(path))
 }
 
-/// What was learnt in earlier drives; nothing before the first.
+/// What was learnt in earlier drives; nothing before the first, and in a pipe.
 fn read_learnt(path: &Path) -> Result<LearntPack, String> {
-    match fs::read_to_string(path) {
-        Ok(text) => text.parse().map_err(|error| about(path, &error)),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(LearntPack::UNKNOWN),
-        Err(error) => Err(about(path, &error)),
+    if !path.is_file() {
+        return Ok(LearntPack::UNKNOWN);
     }
+    let text = fs::read_to_string(path).map_err(|error| about(path, &error))?;
+    text.parse().map_err(|error| about(path, &error))
 }
 
 /// The rows as a picture that says what it shows.
 fn picture(recording: &Path, arguments: &Arguments, parameters: &Parameters, rows: &[Row]) -> String {
-    let trace = recording.file_name().unwrap_or_default().to_string_lossy();
+    let trace = shown(recording.file_name().unwrap_or_default());
     let assignments: Vec<String> = arguments.assignments.iter().map(ToString::to_string).collect();
     let title = format!("{trace} through the battery monitor");
     let settings = PackSettings::from_parameters(parameters, arguments.pack);

@@ -10,7 +10,7 @@ use rover_battmon::parameter::BatteryParameter;
 
 use crate::report::{Row, events};
 use crate::trace::Trace;
-use crate::words::{clock, duration, quantity};
+use crate::words::{clock, duration, quantity, times};
 
 /// The remaining charge lies within this many standard deviations in 19 of 20 cases.
 const SIGMAS: f32 = 2.0;
@@ -37,6 +37,7 @@ pub struct Summary<'a> {
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", length(self.trace))?;
+        self.backward_steps(f)?;
         writeln!(f, "Voltage: {}", voltages(self.rows))?;
         writeln!(f, "Drawn: {}", drawn(self.rows))?;
         writeln!(f, "Remaining at the end: {}", remaining(self.rows))?;
@@ -52,7 +53,7 @@ fn length(trace: &Trace) -> String {
         .samples
         .windows(2)
         .filter(|pair| pair[0].armed)
-        .map(|pair| pair[1].time_s - pair[0].time_s)
+        .map(|pair| (pair[1].time_s - pair[0].time_s).max(0.0))
         .sum();
     let [first_s, last_s] = [trace.samples.first(), trace.samples.last()]
         .map(|sample| sample.map_or(0.0, |sample| sample.time_s));
@@ -184,6 +185,26 @@ impl Summary<'_> {
         )
     }
 
+    /// The monitor lets no time pass between two such readings.
+    fn backward_steps(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let steps = || {
+            self.trace
+                .samples
+                .windows(2)
+                .filter(|pair| pair[1].time_s < pair[0].time_s)
+        };
+        let Some(first) = steps().next() else {
+            return Ok(());
+        };
+        writeln!(
+            f,
+            "Times run backwards: {}, first from {} to {}; readings are taken in their order in the file",
+            times(steps().count()),
+            clock(first[0].time_s),
+            clock(first[1].time_s)
+        )
+    }
+
     fn announced(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = events(self.rows).count();
         if count == 0 {
@@ -271,6 +292,24 @@ mod tests {
                         Announced: nothing\n\
                         Failsafe: none is set\n";
         assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn times_that_run_backwards_are_said_and_add_no_time() {
+        let samples = [0.0, 300.0, 100.0, 160.0, 160.0, 150.0].map(|time_s| Sample {
+            time_s,
+            armed: true,
+            ..Sample::NONE
+        });
+        let text = summary(
+            &Trace {
+                samples: samples.into(),
+            },
+            &[],
+        );
+        let expected = "2 min 30 s, from 0:00 to 2:30, 6 readings; armed for 6 min 0 s\n\
+                        Times run backwards: twice, first from 5:00 to 1:40; readings are taken in their order in the file\n";
+        assert!(text.starts_with(expected), "{text}");
     }
 
     #[test]

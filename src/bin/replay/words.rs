@@ -1,4 +1,6 @@
-//! Times and quantities in words.
+//! Times, quantities and names of files, as a person reads them.
+
+use std::ffi::OsStr;
 
 use rover_battmon::time::{Day, Utc};
 
@@ -43,12 +45,40 @@ fn minutes_and_seconds(time_s: f64) -> (u64, u64) {
     (seconds / 60, seconds % 60)
 }
 
+/// Number of occurrences.
+pub fn times(count: usize) -> String {
+    match count {
+        1 => "once".into(),
+        2 => "twice".into(),
+        count => format!("{count} times"),
+    }
+}
+
 /// A number of drives.
 pub fn drives(count: usize) -> String {
     match count {
         1 => "1 drive".into(),
         count => format!("{count} drives"),
     }
+}
+
+/// Name of a file for a terminal: control characters, those that turn the direction of text, and bytes that are not UTF-8
+/// are escaped.
+pub fn shown(name: impl AsRef<OsStr>) -> String {
+    let mut text = String::new();
+    for chunk in name.as_ref().as_encoded_bytes().utf8_chunks() {
+        for character in chunk.valid().chars() {
+            match character {
+                '\u{200e}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => {
+                    text.extend(character.escape_unicode());
+                }
+                _ if character.is_control() => text.extend(character.escape_default()),
+                _ => text.push(character),
+            }
+        }
+        text.extend(chunk.invalid().iter().map(|byte| format!("\\x{byte:02x}")));
+    }
+    text
 }
 
 /// A value with its unit, or that it is unknown.
@@ -62,6 +92,7 @@ pub fn quantity(value: Option<f32>, decimals: usize, unit: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::ffi::OsStrExt;
 
     #[test]
     fn moments_are_those_of_a_clock() {
@@ -92,6 +123,21 @@ mod tests {
             (4_320.0, "1 h 12 min"),
         ] {
             assert_eq!(duration(duration_s), expected);
+        }
+    }
+
+    #[test]
+    fn a_name_can_not_write_to_the_terminal() {
+        for (name, expected) in [
+            (
+                b"logs/caf\xc3\xa9 'e\xcc\x81'.BIN".as_slice(),
+                "logs/café 'e\u{301}'.BIN",
+            ),
+            (b"a\n\x1b[2J\x7f\xc2\x9b.BIN", "a\\n\\u{1b}[2J\\u{7f}\\u{9b}.BIN"),
+            (b"\xe2\x80\xaeNIB.a", "\\u{202e}NIB.a"),
+            (b"\xff.BIN\xc3", "\\xff.BIN\\xc3"),
+        ] {
+            assert_eq!(shown(OsStr::from_bytes(name)), expected);
         }
     }
 }

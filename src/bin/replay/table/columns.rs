@@ -68,7 +68,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "complete",
-        "the log has the drive up to the disarming, and no damage before that",
+        "the log has the drive up to the disarming, and before that neither damage nor backward times",
         Value::Flag(|row| Some(row.complete)),
     ),
     column(

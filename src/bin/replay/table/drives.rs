@@ -27,44 +27,46 @@ const LEVELS: [(&str, &str); 3] = [
     ("is missing", "unhealthy"),
 ];
 
-/// The rows of a log that can be opened twice.
-///
-/// # Errors
-/// Why there is none, in words.
-pub fn rows<R: Read>(
-    path: &str,
-    open: impl Fn() -> io::Result<R>,
-    what_if: &[Assignment],
-) -> Result<Vec<Row>, String> {
-    let in_words = |error: io::Error| error.to_string();
-    let survey = open().and_then(Survey::of).map_err(in_words)?;
-    if let Some(obstacle) = survey.obstacle() {
-        return Err(obstacle.into());
-    }
-    let packs = Pack::ALL
-        .into_iter()
-        .filter_map(|pack| PackDrives::new(path, &survey, pack, what_if));
-    let mut log = Log {
-        packs: packs.collect::<Result<_, _>>()?,
-        readings: Readings::default(),
-        latest_s: 0.0,
-    };
-    let mut records = Records::of(open().map_err(in_words)?);
-    while let Some(record) = records.next() {
-        let record = record.map_err(in_words)?;
-        log.add(&record, end(&records));
-        if log.packs.iter().any(|pack| pack.count() > MOST_DRIVES) {
-            return Err(format!("more than {MOST_DRIVES} drives"));
-        }
-    }
-    Ok(log.finish(end(&records)))
+/// The drives in a log.
+pub struct Drives {
+    /// A row for each of a pack.
+    pub rows: Vec<Row>,
+    /// Readings that are earlier than the one before of the same pack.
+    pub backward_steps: usize,
 }
 
-/// Whether nothing was lost so far.
-fn end<R: Read>(records: &Records<R>) -> End {
-    match records.skipped_bytes() {
-        0 => End::Whole,
-        _ => End::Damaged,
+impl Drives {
+    /// The drives in a log that can be opened twice.
+    ///
+    /// # Errors
+    /// Why there is none, in words.
+    pub fn read<R: Read>(
+        path: &str,
+        open: impl Fn() -> io::Result<R>,
+        what_if: &[Assignment],
+    ) -> Result<Self, String> {
+        let in_words = |error: io::Error| error.to_string();
+        let survey = open().and_then(Survey::of).map_err(in_words)?;
+        if let Some(obstacle) = survey.obstacle() {
+            return Err(obstacle.into());
+        }
+        let packs = Pack::ALL
+            .into_iter()
+            .filter_map(|pack| PackDrives::new(path, &survey, pack, what_if));
+        let mut log = Log {
+            packs: packs.collect::<Result<_, _>>()?,
+            readings: Readings::default(),
+            latest_s: 0.0,
+        };
+        let mut records = Records::of(open().map_err(in_words)?);
+        while let Some(record) = records.next() {
+            let record = record.map_err(in_words)?;
+            log.add(&record, records.skipped_bytes());
+            if log.packs.iter().any(|pack| pack.count() > MOST_DRIVES) {
+                return Err(format!("more than {MOST_DRIVES} drives"));
+            }
+        }
+        Ok(log.finish(records.skipped_bytes()))
     }
 }
 
@@ -75,7 +77,8 @@ struct Log {
 }
 
 impl Log {
-    fn add(&mut self, record: &Record, end: End) {
+    /// Takes a record, before which this much of the file was damaged.
+    fn add(&mut self, record: &Record, skipped_bytes: u64) {
         self.latest_s = time_s(record).unwrap_or(self.latest_s);
         let packs = &mut self.packs;
         self.readings.add(record, |pack, sample| {
@@ -85,7 +88,10 @@ impl Log {
         });
         match record.name() {
             "ARM" if record.number("ArmState") == Some(1.0) => self.each(|drives, time_s| drives.arm(time_s)),
-            "ARM" => self.each(|drives, time_s| drives.disarm(time_s, end)),
+            "ARM" => {
+                let end = self.end(skipped_bytes);
+                self.each(|drives, time_s| drives.disarm(time_s, end));
+            }
             "PACK" => {
                 let drives = pack_of(record).and_then(|pack| find(packs, pack));
                 if let Some((drives, number)) = drives.zip(serial_number(record)) {
@@ -95,6 +101,14 @@ impl Log {
             "ERR" => self.error(record),
             "MSG" => self.text(&record.text("Message").unwrap_or_default()),
             _ => {}
+        }
+    }
+
+    /// Whether nothing was lost so far, and time has gone on.
+    fn end(&self, skipped_bytes: u64) -> End {
+        match (skipped_bytes, self.readings.backward_steps()) {
+            (0, 0) => End::Whole,
+            _ => End::Damaged,
         }
     }
 
@@ -131,7 +145,9 @@ impl Log {
         });
     }
 
-    fn finish(mut self, end: End) -> Vec<Row> {
+    fn finish(mut self, skipped_bytes: u64) -> Drives {
+        let end = self.end(skipped_bytes);
+        let backward_steps = self.readings.backward_steps();
         let Self { packs, readings, .. } = &mut self;
         readings.finish(|pack, sample| {
             if let Some(drives) = find(packs, pack) {
@@ -142,7 +158,10 @@ impl Log {
             .packs
             .into_iter()
             .flat_map(|drives| drives.finish(self.latest_s, end));
-        rows.collect()
+        Drives {
+            rows: rows.collect(),
+            backward_steps,
+        }
     }
 }
 
@@ -180,7 +199,7 @@ mod tests {
             .iter()
             .map(|text| text.parse().expect("an assignment"))
             .collect();
-        rows("log", || Ok(bytes), &what_if).expect("rows")
+        Drives::read("log", || Ok(bytes), &what_if).expect("drives").rows
     }
 
     const LOW_VOLTAGE: Recorded = Recorded::Parameter {
@@ -317,9 +336,9 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_have_rows_or_a_reason(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
-            let _ = rows("log", || Ok(bytes.as_slice()), &[]);
+            let _ = Drives::read("log", || Ok(bytes.as_slice()), &[]);
             let after = [drives(), bytes].concat();
-            prop_assert!(rows("log", || Ok(after.as_slice()), &[]).is_ok());
+            prop_assert!(Drives::read("log", || Ok(after.as_slice()), &[]).is_ok());
         }
 
         #[test]
@@ -327,7 +346,7 @@ mod tests {
             let whole = drives();
             let all = rows_of(&whole, &[]);
             let cut = &whole[..whole.len().saturating_sub(cut)];
-            let Ok(rows) = rows("log", || Ok(cut), &[]) else {
+            let Ok(Drives { rows, .. }) = Drives::read("log", || Ok(cut), &[]) else {
                 return Ok(());
             };
             for row in rows.iter().filter(|row| row.complete) {

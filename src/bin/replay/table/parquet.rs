@@ -1,5 +1,6 @@
 //! The table as a Parquet file. What is unknown is NULL, in every column; the file's metadata has what the columns mean.
 
+use std::fs::File;
 use std::io::Write;
 use std::sync::Arc;
 
@@ -9,18 +10,33 @@ use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleTyp
 use parquet::errors::Result;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
 use super::columns::{COLUMNS, Value};
 use super::row::Row;
 
+/// Begins the name of the program in the file's metadata, before its version.
+const CREATED_BY: &str = "rover-battmon version ";
+
+/// Whether a file is a table that this program wrote.
+pub fn is_table(file: File) -> bool {
+    let table = SerializedFileReader::new(file);
+    table.is_ok_and(|table| {
+        let created_by = table.metadata().file_metadata().created_by();
+        created_by.is_some_and(|program| program.starts_with(CREATED_BY))
+    })
+}
+
 /// Writes the rows as one row group.
 pub fn write(rows: &[Row], file: impl Write + Send) -> Result<()> {
     let meanings = COLUMNS
         .iter()
         .map(|column| KeyValue::new(column.name.into(), column.meaning.to_owned()));
-    let properties = WriterProperties::builder().set_key_value_metadata(Some(meanings.collect()));
+    let properties = WriterProperties::builder()
+        .set_created_by(format!("{CREATED_BY}{}", env!("CARGO_PKG_VERSION")))
+        .set_key_value_metadata(Some(meanings.collect()));
     let mut writer = SerializedFileWriter::new(file, Arc::new(schema()?), Arc::new(properties.build()))?;
     let mut group = writer.next_row_group()?;
     for column in COLUMNS {
