@@ -1,6 +1,7 @@
 //! `replay --table` and `--history` on the logs of many rovers, and the files that `replay` writes, run as their user runs them.
 
 mod bad;
+mod copies;
 mod generator;
 mod outputs;
 mod parquet_file;

@@ -9,10 +9,11 @@
 //! the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE` the
 //! drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
 //!
-//! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`]. No
-//! file is replaced but an earlier output, see [`outputs`].
+//! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`]; copies
+//! of a log do not count, see [`copies`]. No file is replaced but an earlier output, see [`outputs`].
 mod binlog;
 mod comparison;
+mod copies;
 mod drive;
 mod files;
 mod history;

@@ -15,8 +15,8 @@ use crate::files::{Failure, Files, readable_bytes};
 use crate::run::{self, Assignment, Replay};
 use crate::table::{self, Drives, Row};
 use crate::trace::Inputs;
-use crate::words::shown;
-use crate::{Arguments, history, outputs};
+use crate::words::{copies, shown};
+use crate::{Arguments, copies, history, outputs};
 
 /// What many logs give.
 struct Found {
@@ -32,14 +32,18 @@ struct Found {
 /// What is wrong with an argument, or why a file can't be written, in words.
 pub fn replay(arguments: &Arguments) -> Result<(), String> {
     check(&arguments.assignments)?;
-    let files = Files::find(&arguments.paths);
+    let mut files = Files::find(&arguments.paths);
     outputs::check(arguments, &files.logs)?;
+    let left_out = copies::take_out(&mut files.logs);
     let found = read(files, &arguments.assignments);
     for Failure { path, reason } in &found.failures {
         eprintln!("{}: {reason}", shown(path));
     }
     for path in &found.backward {
         eprintln!("{}: times run backwards", shown(path));
+    }
+    if left_out > 0 {
+        eprintln!("left out {} of logs", copies(left_out));
     }
     write(arguments, &found)
 }

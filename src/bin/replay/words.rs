@@ -62,6 +62,14 @@ pub fn drives(count: usize) -> String {
     }
 }
 
+/// A number of copies.
+pub fn copies(count: usize) -> String {
+    match count {
+        1 => "1 copy".into(),
+        count => format!("{count} copies"),
+    }
+}
+
 /// Name of a file for a terminal: control characters, those that turn the direction of text, and bytes that are not UTF-8
 /// are escaped.
 pub fn shown(name: impl AsRef<OsStr>) -> String {

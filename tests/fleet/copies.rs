@@ -1,0 +1,114 @@
+//! Logs that are there more than once.
+
+use std::fs;
+use std::path::Path;
+
+use crate::generator::Owned;
+use crate::parquet_file::rows;
+use crate::program::{folder, replay, table};
+
+/// What a replay of a folder says last, and the logs that its table has, in the order of their rows.
+fn logs_of_table(folder: &Path, name: &str) -> (String, Vec<String>) {
+    let folder = folder.to_str().expect("a path");
+    let (run, path) = table(&[folder], name, 2);
+    assert!(run.output.status.success(), "{}", run.errors());
+    let rows = rows(&path);
+    let logs = rows
+        .iter()
+        .map(|row| row.text("path").replace(&format!("{folder}/"), ""));
+    let said = run.errors().replace(path.to_str().expect("a path"), "TABLE");
+    (said, logs.collect())
+}
+
+fn write(folder: &Path, name: &str, log: &[u8]) {
+    let path = folder.join(name);
+    fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+    fs::write(path, log).expect("a file");
+}
+
+#[test]
+fn three_drives_in_two_folders_are_three_drives() {
+    let folder = folder("twice");
+    let mut pack = Owned::new(0);
+    for name in ["1.BIN", "2.BIN", "3.BIN"] {
+        let log = pack.drive();
+        write(&folder, &format!("rover/{name}"), &log);
+        write(&folder, &format!("backup/{name}"), &log);
+    }
+    let (said, logs) = logs_of_table(&folder, "twice");
+    assert_eq!(said, "left out 3 copies of logs\nwrote TABLE with 3 rows\n");
+    assert_eq!(logs, ["backup/1.BIN", "backup/2.BIN", "backup/3.BIN"]);
+    let page = folder.join("packs.html");
+    let [folder, page_name] = [&folder, &page].map(|path| path.to_str().expect("a path"));
+    let run = replay(&["--history", page_name, folder], 2);
+    assert!(
+        run.errors().starts_with("left out 3 copies of logs\n"),
+        "{}",
+        run.errors()
+    );
+    let text = fs::read_to_string(page).expect("it is written");
+    assert!(text.contains("<p>3 drives, "), "{text}");
+}
+
+/// Wherever it was cut, also within what all logs begin with.
+#[test]
+fn a_cut_download_beside_the_whole_one_does_not_count() {
+    let folder = folder("cut_beside");
+    let mut pack = Owned::new(0);
+    let [log, next] = [pack.drive(), pack.drive()];
+    let lengths = [
+        1,
+        100,
+        4_096,
+        65_535,
+        65_536,
+        65_537,
+        log.len() / 2,
+        log.len() - 1,
+    ];
+    for length in lengths {
+        write(&folder, &format!("{length:08}.BIN"), &log[..length]);
+    }
+    write(&folder, "next.BIN", &next);
+    write(&folder, "whole.BIN", &log);
+    let (said, logs) = logs_of_table(&folder, "cut_beside");
+    assert_eq!(said, "left out 8 copies of logs\nwrote TABLE with 2 rows\n");
+    assert_eq!(logs, ["next.BIN", "whole.BIN"]);
+}
+
+#[test]
+fn the_longest_of_several_cut_downloads_counts() {
+    let folder = folder("longest");
+    let log = Owned::new(0).drive();
+    write(&folder, "a.BIN", &log[..30_000]);
+    write(&folder, "b.BIN", &log[..90_000]);
+    write(&folder, "c.BIN", &log[..60_000]);
+    let (said, logs) = logs_of_table(&folder, "longest");
+    assert_eq!(said, "left out 2 copies of logs\nwrote TABLE with 1 rows\n");
+    assert_eq!(logs, ["b.BIN"]);
+}
+
+/// A byte decides, at the end, too; and what can't be read is a copy of nothing, and nothing is one of it.
+#[test]
+fn logs_that_differ_are_no_copies() {
+    let folder = folder("alike");
+    let log = Owned::new(0).drive();
+    let mut other = log.clone();
+    *other.last_mut().expect("a byte") ^= 1;
+    write(&folder, "a.BIN", &log);
+    write(&folder, "b.BIN", &other);
+    write(&folder, "empty.BIN", &[]);
+    let long = folder.join("too-long.BIN");
+    write(&folder, "too-long.BIN", &[log.as_slice(), b"and so on"].concat());
+    let file = fs::File::options().write(true).open(long).expect("a file");
+    file.set_len(300_000_000).expect("room for nothing");
+    let (said, logs) = logs_of_table(&folder, "alike");
+    assert_eq!(logs, ["a.BIN", "b.BIN"]);
+    let folder = folder.to_str().expect("a path");
+    assert_eq!(
+        said,
+        format!(
+            "{folder}/empty.BIN: empty\n{folder}/too-long.BIN: larger than 256 MiB\nwrote TABLE with 2 rows\n"
+        )
+    );
+}
