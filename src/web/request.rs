@@ -21,6 +21,8 @@ const WEB_SOCKET_VERSION: &str = "13";
 
 const EXTENSION: &str = ".BIN";
 
+const SCHEME: &str = "http://";
+
 /// Whose page has sent a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sender {
@@ -80,6 +82,15 @@ impl<'a> Headers<'a> {
         self.all(name).next()
     }
 
+    /// The only one of this name, if there is one.
+    fn only(&self, name: &str) -> Result<Option<&'a str>, Refusal> {
+        let mut found = self.all(name);
+        match (found.next(), found.next()) {
+            (first, None) => Ok(first),
+            _ => Err(refusal(Status::BadRequest, "A header is there twice.")),
+        }
+    }
+
     /// Whether a list has an entry.
     fn lists(&self, name: &str, entry: &str) -> bool {
         let mut entries = self.all(name).flat_map(|list| list.split(','));
@@ -108,16 +119,17 @@ impl Request {
             Ok(_) | Err(_) => return Err(refusal(Status::BadRequest, "This is no request of HTTP.")),
         }
         let headers = Headers(parsed.headers);
-        let sender = sender(&headers, names)?;
+        let (authority, path) = split_target(parsed.path.unwrap_or_default());
+        let sender = sender(&headers, authority, names)?;
         let method = method(parsed.method.unwrap_or_default())?;
         if headers.get("Transfer-Encoding").is_some()
-            || !matches!(headers.get("Content-Length"), None | Some("0"))
+            || !matches!(headers.only("Content-Length")?, None | Some("0"))
         {
             return Err(refusal(Status::BadRequest, "A request has no body here."));
         }
-        let path = parsed.path.unwrap_or_default();
-        let path = path.split_once('?').map_or(path, |(path, _)| path);
-        let mut target = target(path).ok_or(refusal(Status::NotFound, "There is nothing of this name."))?;
+        let mut target = path
+            .and_then(target)
+            .ok_or(refusal(Status::NotFound, "There is nothing of this name."))?;
         if headers.lists("Upgrade", "websocket") {
             target = Target::WebSocket(upgrade(&headers, method, target, parsed.version)?);
         }
@@ -134,14 +146,26 @@ impl Request {
     }
 }
 
+/// The authority of a target, if it is in absolute form, and its path behind the first slash, if it has one.
+fn split_target(target: &str) -> (Option<&str>, Option<&str>) {
+    let target = target.split_once('?').map_or(target, |(target, _)| target);
+    match target.strip_prefix(SCHEME) {
+        Some(rest) => {
+            let (authority, path) = rest.split_once('/').unwrap_or((rest, ""));
+            (Some(authority), Some(path))
+        }
+        None => (None, target.strip_prefix('/')),
+    }
+}
+
 /// Who sends it. A name that is not ours may have been made to lead here by someone else (DNS rebinding): the browser takes
 /// their page for ours then.
-fn sender(headers: &Headers<'_>, names: &[&str]) -> Result<Sender, Refusal> {
-    let mut hosts = headers.all("Host");
-    let (Some(host), None) = (hosts.next(), hosts.next()) else {
+fn sender(headers: &Headers<'_>, authority: Option<&str>, names: &[&str]) -> Result<Sender, Refusal> {
+    let Some(host) = headers.only("Host")? else {
         return Err(refusal(Status::BadRequest, "A request names one host."));
     };
-    if !names.iter().any(|name| is_at(host, name)) {
+    let is_ours = |host| names.iter().any(|name| is_at(host, name));
+    if !is_ours(host) || !authority.is_none_or(is_ours) {
         return Err(refusal(
             Status::MisdirectedRequest,
             "This is not the address of the rover.",
@@ -149,7 +173,7 @@ fn sender(headers: &Headers<'_>, names: &[&str]) -> Result<Sender, Refusal> {
     }
     let mut origins = headers.all("Origin");
     let is_own = origins.all(|origin| {
-        let origin = origin.strip_prefix("http://");
+        let origin = origin.strip_prefix(SCHEME);
         origin.is_some_and(|origin| origin.eq_ignore_ascii_case(host))
     });
     Ok(if is_own { Sender::Own } else { Sender::Foreign })
@@ -172,13 +196,14 @@ fn method(name: &str) -> Result<Method, Refusal> {
     }
 }
 
+/// What there is at a path, which has no slash before it.
 fn target(path: &str) -> Option<Target> {
     match path {
-        "/" => Some(Target::Page),
-        "/parameters.json" => Some(Target::Parameters),
-        "/logs/" => Some(Target::LogList),
+        "" => Some(Target::Page),
+        "parameters.json" => Some(Target::Parameters),
+        "logs/" => Some(Target::LogList),
         _ => {
-            let digits = path.strip_prefix("/logs/")?.strip_suffix(EXTENSION)?;
+            let digits = path.strip_prefix("logs/")?.strip_suffix(EXTENSION)?;
             digits.bytes().all(|byte| byte.is_ascii_digit()).then_some(())?;
             digits.parse().ok().map(Target::Log)
         }
