@@ -36,7 +36,7 @@ pub enum ReceiveError {
 
 /// Something bytes come from.
 pub trait ByteSource {
-    /// Waits for bytes and puts them into `buffer`; says how many, at least one.
+    /// Waits for bytes and puts them into `buffer`; says how many. 0 if all that came concerns the wire only.
     ///
     /// # Errors
     /// Bytes were lost, or there will be no more.

@@ -1,6 +1,6 @@
 //! A browser, or who pretends to be one, at the other end of a wire, in stepped time.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::future::pending;
@@ -8,6 +8,7 @@ use std::num::NonZeroU32;
 
 use embassy_futures::join::join_array;
 use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
 
@@ -538,6 +539,49 @@ fn messages_are_pieces_of_a_stream_in_both_directions() {
         let (sent, has_ended) = served("", &coming, 2);
         assert_eq!(values(&sent), ["BATT_CAPACITY", "FS_TIMEOUT"]);
         assert!(!has_ended);
+    }
+}
+
+/// So many frames that come at once.
+struct Flood {
+    frame: Vec<u8>,
+    left: Cell<u32>,
+}
+
+impl ByteSource for &Flood {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        if self.left.get() == 0 {
+            pending::<()>().await;
+        }
+        self.left.update(|left| left - 1);
+        buffer[..self.frame.len()].copy_from_slice(&self.frame);
+        Ok(self.frame.len())
+    }
+}
+
+#[test]
+fn a_flood_of_pings_or_empty_frames_leaves_others_their_turn() {
+    for frame in [masked(PING, b""), masked(BINARY, b"")] {
+        play(async |site| {
+            let place = open(site, "").await.expect("it is the first");
+            let link = Link::new("WEB", LinkKind::Wifi, 100_000);
+            let flood = Flood {
+                frame,
+                left: Cell::new(1_000),
+            };
+            let wire = Wire::default();
+            let serving = serve_web_socket(&wire, &flood, &place, &link, site.shared, &CHECK_IN);
+            let others = async {
+                let mut turns = 0;
+                while flood.left.get() > 0 {
+                    yield_now().await;
+                    turns += 1;
+                }
+                turns
+            };
+            let turns = select(serving, others).await;
+            assert!(matches!(turns, Either::Second(900..)), "{turns:?}");
+        });
     }
 }
 

@@ -112,20 +112,17 @@ struct FrameReader<'a, R> {
 
 impl<R: ByteSource> ByteSource for FrameReader<'_, R> {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        loop {
-            if self.decoder.borrow().end().is_some() {
-                return Err(ReceiveError::Closed);
-            }
-            let received = self.reader.receive(buffer).await?;
-            let received = buffer.get_mut(..received).unwrap_or_default();
-            let mut decoder = self.decoder.borrow_mut();
-            let length = decoder.decode(received);
-            if decoder.has_pong() {
-                self.link.wake_writer();
-            }
-            if length > 0 {
-                return Ok(length);
-            }
+        if self.decoder.borrow().end().is_some() {
+            return Err(ReceiveError::Closed);
         }
+        // A chunk without MAVLink is returned, too: the others have their turn, and what is behind it does not pass for new.
+        let received = self.reader.receive(buffer).await?;
+        let received = buffer.get_mut(..received).unwrap_or_default();
+        let mut decoder = self.decoder.borrow_mut();
+        let length = decoder.decode(received);
+        if decoder.has_pong() {
+            self.link.wake_writer();
+        }
+        Ok(length)
     }
 }
