@@ -20,7 +20,7 @@ use crate::mavlink::LinkId;
 use crate::numbers::text;
 use crate::tasks::ByteSource;
 use crate::web::{
-    Attended, BUFFER_BYTES, Places, Site, WEB_SOCKETS, WebSocketPlace, attend, refuse, serve_web_socket,
+    Attended, BUFFER_BYTES, Place, Places, Site, WEB_SOCKETS, attend, refuse, serve_web_socket,
 };
 
 /// The port of HTTP.
@@ -87,7 +87,7 @@ struct Connection<'s> {
 }
 
 /// A connection that has become a WebSocket, for the link that its place has.
-type Handover<'a, 's> = Signal<NoopRawMutex, (&'a Connection<'s>, WebSocketPlace<'a>)>;
+type Handover<'a, 's> = Signal<NoopRawMutex, (&'a Connection<'s>, Place<'a>)>;
 
 /// Serves browsers.
 pub(super) async fn serve_browsers(stack: Stack<'_>, memory: &mut BrowserMemory, service: &Service<'_>) {
@@ -126,7 +126,7 @@ pub(super) async fn serve_browsers(stack: Stack<'_>, memory: &mut BrowserMemory,
             serve_connection(&two, buffer_2, &handovers, site),
             serve_connection(&three, buffer_3, &handovers, site),
             serve_connection(&four, buffer_4, &handovers, site),
-            refuse_surplus(&surplus),
+            refuse_surplus(&surplus, &places),
         ),
         serve_links(LinkId::Web1, first, service),
         serve_links(LinkId::Web2, second, service),
@@ -189,10 +189,10 @@ async fn serve_links(id: LinkId, handover: &Handover<'_, '_>, service: &Service<
 }
 
 /// Answers 503 to those who come while all other connections are in use.
-async fn refuse_surplus(socket: &RefCell<TcpSocket<'_>>) {
+async fn refuse_surplus(socket: &RefCell<TcpSocket<'_>>, places: &Places) {
     loop {
         accept(socket, PORT).await;
-        refuse(TcpTransmitter(socket)).await;
+        refuse(TcpTransmitter(socket), places).await;
         let receive_rest = async { while TcpReceiver(socket).receive(&mut [0; 32]).await.is_ok() {} };
         socket.borrow_mut().close();
         let _ = with_timeout(REFUSED_FAREWELL, receive_rest).await;

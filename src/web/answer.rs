@@ -142,10 +142,10 @@ fn log_name(file: &LogFile, board_id: Option<BoardId>) -> LogName {
     name
 }
 
-/// An entry of the list of logs: the one at `place`, from the oldest one on.
+/// An entry of the list of logs, behind what separates it from the one before: the one at `place`, from the oldest one on.
 pub(super) fn list_entry(place: usize, autopilot: &Autopilot) -> Option<Entry> {
     let state = autopilot.system_state();
-    let separator = if place == 0 { "" } else { "," };
+    let separator = if place == 0 { "[" } else { "," };
     let described = description(state.logs.get(place)?, state.identity.board_id);
     Some(text(format_args!("{separator}\n{described}")))
 }
@@ -179,7 +179,6 @@ impl Answer {
                 .end(),
             Self::LogList => HeadWriter::new(buffer, Status::Ok)
                 .header("Content-Type", "application/json")
-                .header("Transfer-Encoding", "chunked")
                 .end(),
             Self::Log(part) => log_head(part, buffer),
             Self::WebSocket(key) => HeadWriter::new(buffer, Status::SwitchingProtocols)

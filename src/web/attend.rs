@@ -1,17 +1,18 @@
 //! Serves a connection.
 
-use core::fmt::Write as _;
+use core::future::pending;
 
+use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Write;
-use heapless::String;
 
-use super::answer::{Answer, LogPart, answer, list_entry};
-use super::places::{Places, WebSocketPlace};
+use super::answer::{Answer, answer};
+use super::content::Content;
+use super::places::{Place, Places, Purpose};
 use super::request::{Method, Request};
 use super::status::{Refusal, Status, refusal};
 use crate::recorder::LogSource;
-use crate::tasks::{ByteSource, Shared, read_file};
+use crate::tasks::{ByteSource, Shared};
 
 /// The shortest buffer: it takes the head of a request, of which browsers send 400 to 700 bytes, the head of an answer, and the
 /// pieces of a log.
@@ -56,7 +57,7 @@ pub enum Attended<'a> {
     /// It is to be closed.
     Answered,
     /// It is a WebSocket now.
-    WebSocket(WebSocketPlace<'a>),
+    WebSocket(Place<'a>),
 }
 
 /// Why a request has not come whole.
@@ -79,17 +80,21 @@ pub async fn attend<'a>(
         Err(NoHead::Refused(refusal)) => Err(refusal),
         Err(NoHead::Closed) => return Attended::Answered,
     };
-    match request {
-        Ok(request) => serve(&request, &mut writer, buffer, site).await,
-        Err(refusal) => {
-            send_refusal(refusal, &mut writer, buffer).await;
-            Attended::Answered
-        }
+    let admitted = match request {
+        Ok(request) => admit(&request, site).await,
+        Err(refusal) => Admitted::refused(refusal),
+    };
+    // Who has left needs no answer.
+    let sent = send_answer(&admitted, &mut writer, buffer, site).await;
+    match (admitted.answer, admitted.place, sent) {
+        (Answer::WebSocket(_), Some(place), Ok(())) => Attended::WebSocket(place),
+        _ => Attended::Answered,
     }
 }
 
-/// Says to who has connected that there is no place, whatever the request is.
-pub async fn refuse(mut writer: impl Write) {
+/// Refuses a connection whatever its request is, because all others are in use.
+pub async fn refuse(mut writer: impl Write, places: &Places) {
+    places.end_stalled_files();
     // Who has left needs no answer.
     let _ = send(NO_CONNECTION.as_bytes(), &mut writer).await;
 }
@@ -135,33 +140,39 @@ async fn read_to_end_of_head(
     }
 }
 
-/// Answers a request.
-async fn serve<'a>(
-    request: &Request,
-    writer: &mut impl Write,
-    buffer: &mut [u8],
-    site: Site<'a>,
-) -> Attended<'a> {
+/// An answer to be sent, and the place that it needs if it is more than a sentence.
+struct Admitted<'a> {
+    answer: Answer,
+    method: Method,
+    place: Option<Place<'a>>,
+}
+
+impl Admitted<'_> {
+    fn refused(refusal: Refusal) -> Self {
+        Self {
+            answer: Answer::Refused(refusal),
+            method: Method::Get,
+            place: None,
+        }
+    }
+}
+
+/// The answer to a request: a refusal if it needs a place and gets none.
+async fn admit<'a>(request: &Request, site: Site<'a>) -> Admitted<'a> {
     let answer = site.shared.with(|autopilot| answer(request, autopilot));
-    if let Answer::WebSocket(_) = answer {
-        let Some(place) = site.places.take_web_socket(request.sender).await else {
-            send_refusal(NO_PLACE, writer, buffer).await;
-            return Attended::Answered;
-        };
-        return match send(answer.head(buffer), writer).await {
-            Ok(()) => Attended::WebSocket(place),
-            Err(Gone) => Attended::Answered,
-        };
+    let purpose = match answer {
+        Answer::Refused(refusal) => return Admitted::refused(refusal),
+        Answer::WebSocket(_) => Purpose::WebSocket,
+        _ => Purpose::File,
+    };
+    match site.places.take(purpose, request.sender).await {
+        Some(place) => Admitted {
+            answer,
+            method: request.method,
+            place: Some(place),
+        },
+        None => Admitted::refused(NO_PLACE),
     }
-    if let Answer::Refused(refusal) = answer {
-        send_refusal(refusal, writer, buffer).await;
-    } else if let Some(_place) = site.places.take_file() {
-        // Who has left needs no answer.
-        let _ = send_answer(&answer, request.method, writer, buffer, site).await;
-    } else {
-        send_refusal(NO_PLACE, writer, buffer).await;
-    }
-    Attended::Answered
 }
 
 /// Who reads has left, or takes nothing.
@@ -175,75 +186,36 @@ async fn send(bytes: &[u8], writer: &mut impl Write) -> Result<(), Gone> {
     }
 }
 
-async fn send_refusal(refusal: Refusal, writer: &mut impl Write, buffer: &mut [u8]) {
-    let head = Answer::Refused(refusal);
-    if send(head.head(buffer), writer).await.is_ok() {
-        let _ = send(refusal.reason.as_bytes(), writer).await;
-    }
-}
-
+/// Sends an answer piece by piece, each of which may take its time. Ends early when its place is wanted.
 async fn send_answer(
-    answer: &Answer,
-    method: Method,
+    admitted: &Admitted<'_>,
     writer: &mut impl Write,
     buffer: &mut [u8],
     site: Site<'_>,
 ) -> Result<(), Gone> {
-    send(answer.head(buffer), writer).await?;
-    match (answer, method) {
-        (Answer::File(file), Method::Get) => {
-            // Piece by piece: each may take its time.
-            for piece in file.content.chunks(BUFFER_BYTES) {
-                send(piece, writer).await?;
-            }
-            Ok(())
+    let Admitted {
+        answer,
+        method,
+        place,
+    } = admitted;
+    let send_pieces = async {
+        let mut content = Content::of(answer, *method);
+        let mut bytes = answer.head(buffer).len();
+        while bytes > 0 {
+            send(buffer.get(..bytes).unwrap_or_default(), writer).await?;
+            place.iter().for_each(Place::note_use);
+            bytes = content.next_piece(buffer, site.logs, site.shared);
         }
-        (Answer::LogList, Method::Get) => send_list(writer, site.shared).await,
-        (Answer::Log(part), Method::Get) => send_log(part, writer, buffer, site).await,
-        _ => Ok(()),
-    }
-}
-
-/// The list as JSON, each entry a chunk: meanwhile logs grow, and come and go.
-async fn send_list(writer: &mut impl Write, shared: &Shared) -> Result<(), Gone> {
-    send_chunk("[", writer).await?;
-    let mut place = 0;
-    while let Some(entry) = shared.with(|autopilot| list_entry(place, autopilot)) {
-        send_chunk(&entry, writer).await?;
-        place += 1;
-    }
-    send_chunk("\n]\n", writer).await?;
-    send_chunk("", writer).await
-}
-
-/// An empty one is the end.
-async fn send_chunk(text: &str, writer: &mut impl Write) -> Result<(), Gone> {
-    let mut chunk: String<128> = String::new();
-    // The longest fits.
-    let _ = write!(chunk, "{:x}\r\n{text}\r\n", text.len());
-    send(chunk.as_bytes(), writer).await
-}
-
-/// Ends early when the rover is armed, or the log is erased: who has got less than announced asks for the rest.
-async fn send_log(
-    part: &LogPart,
-    writer: &mut impl Write,
-    buffer: &mut [u8],
-    site: Site<'_>,
-) -> Result<(), Gone> {
-    let mut offset = part.first;
-    while offset < part.end {
-        if site.shared.with(|autopilot| autopilot.system_state().is_armed()) {
-            return Err(Gone);
+        Ok(())
+    };
+    let is_wanted = async {
+        match place {
+            Some(place) => place.is_wanted().await,
+            None => pending().await,
         }
-        let bytes = buffer.len().min((part.end - offset) as usize);
-        let wanted = buffer.get_mut(..bytes).unwrap_or_default();
-        let filled = read_file(part.file.number, offset, wanted, site.logs, site.shared);
-        if filled == 0 {
-            return Err(Gone);
-        }
-        send(buffer.get(..filled).unwrap_or_default(), writer).await?;
-        offset += filled as u32;
+    };
+    match select(send_pieces, is_wanted).await {
+        Either::First(sent) => sent,
+        Either::Second(()) => Err(Gone),
     }
-    Ok(())
 }

@@ -6,6 +6,7 @@
 mod answer;
 mod attend;
 mod byte_range;
+mod content;
 mod decoder;
 mod files;
 mod head;
@@ -15,7 +16,7 @@ mod status;
 mod web_socket;
 
 pub use attend::{Attended, BUFFER_BYTES, Site, attend, refuse};
-pub use places::{Places, WEB_SOCKETS, WebSocketPlace};
+pub use places::{Place, Places, WEB_SOCKETS};
 pub use request::Sender;
 pub use web_socket::serve_web_socket;
 

@@ -287,6 +287,17 @@ fn a_log_is_described_with_its_date_if_that_is_known() {
 }
 
 #[test]
+fn list_of_logs_is_json_without_chunks_for_every_version() {
+    for version in ["1.0", "1.1"] {
+        let answer = answered(&format!("GET /logs/ HTTP/{version}\r\n{OURS}\r\n"));
+        assert!(answer.ends_with("\r\n\r\n[\n]\n"), "{answer}");
+        assert!(!answer.contains("Transfer-Encoding"), "{answer}");
+    }
+    let head = answered(&format!("HEAD /logs/ HTTP/1.1\r\n{OURS}\r\n"));
+    assert!(head.ends_with("\r\n\r\n"), "no content: {head}");
+}
+
+#[test]
 fn every_answer_forbids_frames_and_guessing_and_ends_the_connection() {
     let refused = "GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n".to_owned();
     for request in [get("/", ""), get("/x", ""), get("/logs/", ""), refused] {
@@ -372,13 +383,15 @@ impl Write for Stuck {
 fn two_files_are_sent_at_a_time_and_who_takes_nothing_makes_room() {
     play(async |site| {
         let request = get("/", "");
+        let ended_ms = RefCell::new(Vec::new());
         let stuck = || async {
             let wire = Wire::default();
             wire.send(request.as_bytes());
             attend(Stuck, &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
+            ended_ms.borrow_mut().push(Instant::now().as_millis());
         };
         let third = async {
-            Timer::after_millis(100).await;
+            Timer::after_millis(2_900).await;
             let wire = Wire::default();
             wire.send(request.as_bytes());
             serve(&wire, site).await;
@@ -389,18 +402,84 @@ fn two_files_are_sent_at_a_time_and_who_takes_nothing_makes_room() {
             wire.send(get("/x", "").as_bytes());
             serve(&wire, site).await;
             assert_eq!(status(&wire.text()), "404");
+            Timer::after_millis(200).await;
+            let wire = Wire::default();
+            wire.send(request.as_bytes());
+            serve(&wire, site).await;
+            assert_eq!(status(&wire.text()), "200");
         };
         embassy_futures::join::join(join_array([stuck(), stuck()]), third).await;
-        assert_eq!(Instant::now().as_secs(), 12);
-        let wire = Wire::default();
-        wire.send(request.as_bytes());
-        serve(&wire, site).await;
-        assert_eq!(status(&wire.text()), "200");
+        // One has made room; the other one is not waited for forever.
+        assert_eq!(*ended_ms.borrow(), [3_100, 12_000]);
+    });
+}
+
+#[test]
+fn stalled_transfers_end_when_all_connections_are_in_use() {
+    play(async |site| {
+        let stuck = || async {
+            let wire = Wire::default();
+            wire.send(get("/", "").as_bytes());
+            attend(Stuck, &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
+            Instant::now().as_millis()
+        };
+        let others = async {
+            for at_ms in [2_900, 3_100] {
+                Timer::at(Instant::from_millis(at_ms)).await;
+                let wire = Wire::default();
+                refuse(&wire, site.places).await;
+                assert_eq!(status(&wire.text()), "503");
+            }
+        };
+        let ends_ms = embassy_futures::join::join(join_array([stuck(), stuck()]), others)
+            .await
+            .0;
+        assert_eq!(ends_ms, [3_100; 2]);
+    });
+}
+
+/// Who takes a piece every two seconds.
+struct Slow<'a>(&'a Wire);
+
+impl ErrorType for Slow<'_> {
+    type Error = Infallible;
+}
+
+impl Write for Slow<'_> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        Timer::after_secs(2).await;
+        self.0.write(bytes).await
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_slow_download_that_goes_on_keeps_its_place() {
+    play(async |site| {
+        let slow = || async {
+            let wire = Wire::default();
+            wire.send(get("/", "").as_bytes());
+            attend(Slow(&wire), &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
+            assert!(wire.sent().ends_with(files::PAGE.content), "it is whole");
+        };
+        let third = async {
+            for _ in 0..10 {
+                Timer::after_secs(1).await;
+                let wire = Wire::default();
+                wire.send(get("/", "").as_bytes());
+                serve(&wire, site).await;
+                assert_eq!(status(&wire.text()), "503");
+            }
+        };
+        embassy_futures::join::join(join_array([slow(), slow()]), third).await;
     });
 }
 
 /// A place for a WebSocket, if there is one.
-async fn open<'a>(site: Site<'a>, headers: &str) -> Option<WebSocketPlace<'a>> {
+async fn open<'a>(site: Site<'a>, headers: &str) -> Option<Place<'a>> {
     let wire = Wire::default();
     wire.send(get("/", &format!("{UPGRADE}{headers}")).as_bytes());
     match serve(&wire, site).await {
@@ -420,6 +499,15 @@ async fn open<'a>(site: Site<'a>, headers: &str) -> Option<WebSocketPlace<'a>> {
 
 const FOREIGN: &str = "Origin: https://firmware.example\r\n";
 
+/// The place that one of ours gets while this one is given up as soon as that is asked for.
+async fn open_instead_of<'a>(site: Site<'a>, given_up: Place<'_>) -> Option<Place<'a>> {
+    let gives_way = async {
+        given_up.is_wanted().await;
+        drop(given_up);
+    };
+    embassy_futures::join::join(open(site, ""), gives_way).await.0
+}
+
 #[test]
 fn there_are_two_web_sockets_and_a_foreign_page_gives_way_to_ours() {
     play(async |site| {
@@ -427,19 +515,55 @@ fn there_are_two_web_sockets_and_a_foreign_page_gives_way_to_ours() {
             .await
             .expect("it is the first");
         assert_eq!(ours.sender, Sender::Own);
+        // Silent for longer than the foreign page.
+        Timer::after_secs(10).await;
         let foreign = open(site, FOREIGN).await.expect("it is the second");
         assert_eq!(foreign.sender, Sender::Foreign);
         assert!(open(site, FOREIGN).await.is_none(), "foreign ones wait");
-        let gives_way = async {
-            foreign.is_wanted().await;
-            drop(foreign);
-        };
-        let second = embassy_futures::join::join(open(site, ""), gives_way).await.0;
-        let second = second.expect("it has the place of the foreign one");
-        assert!(open(site, "").await.is_none(), "ours do not give way");
-        drop(ours);
-        assert!(open(site, FOREIGN).await.is_some());
-        drop(second);
+        let second = open_instead_of(site, foreign).await;
+        assert!(second.is_some(), "it has the place of the foreign one");
+    });
+}
+
+#[test]
+fn a_web_socket_that_was_silent_for_longest_gives_way_after_three_seconds() {
+    play(async |site| {
+        let first = open(site, "").await.expect("it is the first");
+        Timer::after_secs(1).await;
+        let second = open(site, "").await.expect("it is the second");
+        first.note_use();
+        Timer::after_millis(2_999).await;
+        assert!(open(site, "").await.is_none(), "both were heard");
+        assert!(open(site, FOREIGN).await.is_none());
+        first.note_use();
+        Timer::after_millis(1).await;
+        let third = open_instead_of(site, second).await;
+        let third = third.expect("it has the place of the second");
+        Timer::after_secs(1).await;
+        third.note_use();
+        Timer::after_secs(2).await;
+        let fourth = open_instead_of(site, first).await;
+        assert!(fourth.is_some(), "it has the place of the first");
+        assert!(open(site, "").await.is_none(), "the third was heard");
+    });
+}
+
+#[test]
+fn a_place_waits_for_three_seconds_for_one_of_ours_that_was_refused() {
+    play(async |site| {
+        let first = open(site, "").await.expect("it is the first");
+        let second = open(site, "").await.expect("it is the second");
+        assert!(open(site, "").await.is_none());
+        drop(first);
+        for _ in 0..29 {
+            assert!(open(site, FOREIGN).await.is_none(), "it is kept");
+            Timer::after_millis(100).await;
+        }
+        let ours = open(site, "").await.expect("it is for ours");
+        assert!(open(site, FOREIGN).await.is_none(), "there is no other");
+        drop((second, ours));
+        Timer::after_millis(100).await;
+        assert!(open(site, FOREIGN).await.is_some(), "ours has not come again");
     });
 }
 
@@ -539,6 +663,44 @@ fn messages_are_pieces_of_a_stream_in_both_directions() {
         let (sent, has_ended) = served("", &coming, 2);
         assert_eq!(values(&sent), ["BATT_CAPACITY", "FS_TIMEOUT"]);
         assert!(!has_ended);
+    }
+}
+
+#[test]
+fn only_mavlink_frames_of_right_checksum_keep_a_place() {
+    let request = read_parameter("BATT_CAPACITY");
+    let mut broken = request.clone();
+    broken[12] ^= 1;
+    for (payload, kind, keeps) in [
+        (request.clone(), BINARY, true),
+        (broken, BINARY, false),
+        (request[..20].to_vec(), BINARY, false),
+        (Vec::new(), BINARY, false),
+        (request[..20].to_vec(), PING, false),
+    ] {
+        play(async |site| {
+            let place = open(site, "").await.expect("it is the first");
+            let other = open(site, "").await.expect("it is the second");
+            let wire = Wire::with((1..10).map(|second| (1_000 * second, masked(kind, &payload))));
+            let link = Link::new("WEB", LinkKind::Wifi, 100_000);
+            let serving = async {
+                serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN).await;
+                drop(place);
+                pending::<()>().await;
+            };
+            let asking = async {
+                Timer::after_millis(3_500).await;
+                other.note_use();
+                open(site, "").await.is_some()
+            };
+            let asked = select(serving, asking).await;
+            assert!(
+                matches!(asked, Either::Second(gets) if gets != keeps),
+                "{payload:?}"
+            );
+            let code = 1001_u16.to_be_bytes().to_vec();
+            assert_eq!(sent_frames(&wire.sent()).contains(&(CLOSE, code)), !keeps);
+        });
     }
 }
 

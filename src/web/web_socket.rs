@@ -8,7 +8,7 @@ use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{Error, ErrorKind, ErrorType, Write};
 
 use super::decoder::{End, FrameDecoder, header};
-use super::places::WebSocketPlace;
+use super::places::Place;
 use super::request::Sender;
 use crate::mavlink::Access;
 use crate::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, serve_link};
@@ -23,7 +23,7 @@ const FAREWELL: Duration = Duration::from_millis(500);
 pub async fn serve_web_socket(
     mut writer: impl Write,
     reader: impl ByteSource,
-    place: &WebSocketPlace<'_>,
+    place: &Place<'_>,
     link: &Link<'_>,
     shared: &Shared,
     check_in: &CheckIn,
@@ -37,6 +37,8 @@ pub async fn serve_web_socket(
         reader,
         decoder: &decoder,
         link,
+        place,
+        frames: 0,
     };
     let serving = serve_link(transmitter, receiver, shared, link, check_in);
     let end = match select(serving, place.is_wanted()).await {
@@ -108,10 +110,18 @@ struct FrameReader<'a, R> {
     reader: R,
     decoder: &'a RefCell<FrameDecoder>,
     link: &'a Link<'a>,
+    place: &'a Place<'a>,
+    /// MAVLink frames that were received, valid by their checksums.
+    frames: u32,
 }
 
 impl<R: ByteSource> ByteSource for FrameReader<'_, R> {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        let frames = self.link.statistics().received.frames;
+        if frames != self.frames {
+            self.frames = frames;
+            self.place.note_use();
+        }
         if self.decoder.borrow().end().is_some() {
             return Err(ReceiveError::Closed);
         }

@@ -11,7 +11,7 @@ use super::links::{LINK_BYTES_PER_SECOND, UNWATCHED};
 use super::{Client, Clients, SimulatedFlash};
 use crate::mavlink::LinkKind;
 use crate::tasks::{Link, Shared};
-use crate::web::{Attended, Places, Site, WebSocketPlace, attend, serve_web_socket};
+use crate::web::{Attended, Place, Places, Site, attend, serve_web_socket};
 
 /// Connections at a time, as on the board: two WebSockets, two that get a page or a file, and one that gets 503.
 const CONNECTIONS: usize = 5;
@@ -66,7 +66,7 @@ impl<'a> Browsers<'a> {
         }
     }
 
-    async fn serve_link(&self, client: &Client, place: &WebSocketPlace<'_>, shared: &Shared) {
+    async fn serve_link(&self, client: &Client, place: &Place<'_>, shared: &Shared) {
         print_line(&format!("{} connected by WebSocket", client.address));
         let link = Link::new("WEB", LinkKind::Wifi, LINK_BYTES_PER_SECOND)
             .with_logs(self.flash)

@@ -9,7 +9,7 @@ use support::frames::{
     BATTERY_STATUS, COMMAND_ACK, LOG_DATA, PARAM_VALUE, assert_no_sequence_gap, of_message,
 };
 use support::requests::{
-    VEHICLE, arm, log_data, log_list, manual_control, param_request_list, param_set, set_mode,
+    VEHICLE, arm, heartbeat, log_data, log_list, manual_control, param_request_list, param_set, set_mode,
 };
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, value_of};
 use workbench::log_flash::{LogFlash, noise};
@@ -53,7 +53,7 @@ fn page_and_descriptions_come_whole_within_a_second() {
 }
 
 #[test]
-fn two_browsers_are_served_beside_two_by_udp_and_two_by_tcp_and_a_third_gets_a_sentence() {
+fn two_browsers_are_served_beside_two_by_udp_and_two_by_tcp() {
     let mut ground = Ground::up();
     let mut stations = vec![ground.found_station(), ground.found_station()];
     stations.push(ground.connected_station());
@@ -68,6 +68,9 @@ fn two_browsers_are_served_beside_two_by_udp_and_two_by_tcp_and_a_third_gets_a_s
         let values = of_message(&frames, PARAM_VALUE);
         assert!(values.len() >= usize::from(values[0].u16(4)), "{}", values.len());
         assert_no_sequence_gap(&frames);
+    }
+    for browser in &mut stations[4..] {
+        ground.send(browser, &heartbeat(6));
     }
     let upgrade = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\
         Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
@@ -89,6 +92,14 @@ fn two_browsers_are_served_beside_two_by_udp_and_two_by_tcp_and_a_third_gets_a_s
     ground.run_for(SECOND);
     let (page, _) = ground.fetch(browsers[1], &get("/", ""), SECOND);
     assert!(split(&page).0.starts_with("HTTP/1.1 200 "));
+    // A browser that has been silent for 3 s gives way.
+    ground.send(&mut stations[5], &heartbeat(6));
+    let mut third = ground.open_web_socket(browsers[0]);
+    assert!(!ground.is_connected(&stations[4]) && ground.is_connected(&stations[5]));
+    ground.send(&mut third, &param_request_list(VEHICLE));
+    let frames = ground.hear_for(&mut third, 2 * SECOND);
+    assert!(of_message(&frames, PARAM_VALUE).len() > 100);
+    assert_no_sequence_gap(&frames);
     ground.assert_not_reset();
 }
 

@@ -91,6 +91,69 @@ fn a_page_that_is_not_ours_gives_its_place_to_ours() {
     });
 }
 
+#[test]
+fn a_browser_that_has_vanished_gives_its_place_after_three_seconds() {
+    play(Role::AccessPoint, async |room| {
+        let (mut owner, mut lost) = (room.phone(2).await, room.phone(3).await);
+        let upgrade = get("/", UPGRADE);
+        let kept = ask(room, &mut owner, 50_000, upgrade.as_bytes()).await;
+        let vanished = ask(room, &mut lost, 50_000, upgrade.as_bytes()).await;
+        assert_eq!(status(&mut owner, kept), "101");
+        assert_eq!(status(&mut lost, vanished), "101");
+        // From now on the other phone is out of reach.
+        for (port, expected) in [(50_001, "503"), (50_002, "101")] {
+            for _ in 0..2 {
+                let beat = masked(0x82, &requests::heartbeat(6));
+                owner.tcp(kept).send_slice(&beat).expect("it is connected");
+                room.pass(900, &mut [&mut owner]).await;
+            }
+            let asked = ask(room, &mut owner, port, upgrade.as_bytes()).await;
+            room.pass(600, &mut [&mut owner]).await;
+            assert_eq!(status(&mut owner, asked), expected);
+        }
+        assert_eq!(owner.tcp(kept).state(), State::Established);
+    });
+}
+
+#[test]
+fn slow_connections_delay_a_page_by_three_seconds_and_their_farewell() {
+    // The answer to the last one is never taken.
+    for begin in ["GET / HTTP/1.1\r\nX: ", "G", "", &get("/", "")] {
+        play(Role::AccessPoint, async |room| {
+            let (mut owner, mut one, mut two) =
+                (room.phone(2).await, room.phone(3).await, room.phone(4).await);
+            let open = ask(room, &mut owner, 50_000, get("/", UPGRADE).as_bytes()).await;
+            assert_eq!(status(&mut owner, open), "101");
+            ask(room, &mut two, 50_000, get("/", UPGRADE).as_bytes()).await;
+            let now_ms = || embassy_time::Instant::now().as_millis();
+            let began_ms = now_ms();
+            for port in 50_001..50_004 {
+                ask(room, &mut one, port, begin.as_bytes()).await;
+            }
+            let mut heard_ms = now_ms();
+            for port in 50_001.. {
+                let page = owner.connect_to(PORT, port);
+                room.pass(5, &mut [&mut owner, &mut one, &mut two]).await;
+                let _ = owner.tcp(page).send_slice(get("/", "").as_bytes());
+                room.pass(45, &mut [&mut owner, &mut one, &mut two]).await;
+                if !owner.tcp_bytes(open).is_empty() {
+                    heard_ms = now_ms();
+                }
+                assert!(now_ms() - heard_ms < 600, "the open one is served all the time");
+                let status = status(&mut owner, page);
+                owner.tcp(page).abort();
+                owner.poll();
+                owner.sockets.remove(page);
+                if status == "200" {
+                    break;
+                }
+            }
+            let delay_ms = now_ms() - began_ms;
+            assert!((3_000..6_400).contains(&delay_ms), "{begin:?}: {delay_ms} ms");
+        });
+    }
+}
+
 /// A frame that a client sends, with a mask of zeros.
 fn masked(first: u8, payload: &[u8]) -> Vec<u8> {
     let mut frame = vec![first, 0x80 | 126];
