@@ -1,24 +1,21 @@
 //! The page and MAVLink for browsers ([`web`](crate::web)), by TCP.
 //!
-//! Any connection may become a WebSocket, but two links are all there is memory for. So a connection is handed over to the
-//! one that has the link, until that is over.
+//! Any connection may become a WebSocket, but two links are all there is memory for: its place says which one it has.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 
-use embassy_futures::join::{join3, join5};
+use embassy_futures::join::join5;
 use embassy_net::Stack;
 use embassy_net::tcp::TcpSocket;
-use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::signal::Signal;
 use embassy_time::{Duration, with_timeout};
 use heapless::String;
 
 use super::service::Service;
 use super::tcp::{TcpReceiver, TcpTransmitter, accept, close, socket};
 use crate::log::info;
-use crate::mavlink::LinkId;
+use crate::mavlink::{Access, LinkId};
 use crate::numbers::text;
-use crate::tasks::ByteSource;
+use crate::tasks::{ByteSource, Link};
 use crate::web::{
     Attended, BUFFER_BYTES, Place, Places, Site, WEB_SOCKETS, attend, refuse, serve_web_socket,
 };
@@ -80,82 +77,105 @@ impl BrowserMemory {
     }
 }
 
-/// A connection, and the signal that its link is over.
-struct Connection<'s> {
-    socket: RefCell<TcpSocket<'s>>,
-    link_is_over: Signal<NoopRawMutex, ()>,
+/// The link of a place for a WebSocket.
+struct LinkSlot<'m, 'a> {
+    id: LinkId,
+    /// Where the link is built; `None` while a connection uses it.
+    memory: Cell<Option<&'m mut Option<Link<'a>>>>,
 }
-
-/// A connection that has become a WebSocket, for the link that its place has.
-type Handover<'a, 's> = Signal<NoopRawMutex, (&'a Connection<'s>, Place<'a>)>;
 
 /// Serves browsers.
 pub(super) async fn serve_browsers(stack: Stack<'_>, memory: &mut BrowserMemory, service: &Service<'_>) {
     let places = Places::new();
-    let BrowserMemory { connections, refused } = memory;
-    let opened = connections.each_mut().map(|memory| {
-        let ConnectionMemory {
-            received,
-            sent,
-            buffer,
-        } = memory;
-        let connection = Connection {
-            socket: RefCell::new(socket(stack, received, sent)),
-            link_is_over: Signal::new(),
-        };
-        (connection, buffer)
-    });
-    let [
-        (one, buffer_1),
-        (two, buffer_2),
-        (three, buffer_3),
-        (four, buffer_4),
-    ] = opened;
-    // Last: whoever connects gets the first that listens.
-    let surplus = RefCell::new(socket(stack, &mut refused.received, &mut refused.sent));
-    let handovers: [Handover<'_, '_>; WEB_SOCKETS] = [const { Signal::new() }; WEB_SOCKETS];
-    let site = Site {
-        shared: service.shared,
-        logs: service.logs,
-        places: &places,
+    let (mut first, mut second) = (None, None);
+    let slot = |id, memory| LinkSlot {
+        id,
+        memory: Cell::new(Some(memory)),
     };
-    let [first, second] = &handovers;
-    join3(
-        join5(
-            serve_connection(&one, buffer_1, &handovers, site),
-            serve_connection(&two, buffer_2, &handovers, site),
-            serve_connection(&three, buffer_3, &handovers, site),
-            serve_connection(&four, buffer_4, &handovers, site),
-            refuse_surplus(&surplus, &places),
-        ),
-        serve_links(LinkId::Web1, first, service),
-        serve_links(LinkId::Web2, second, service),
+    let links: [_; WEB_SOCKETS] = [slot(LinkId::Web1, &mut first), slot(LinkId::Web2, &mut second)];
+    let BrowserMemory { connections, refused } = memory;
+    let [one, two, three, four] = connections;
+    join5(
+        serve_connection(stack, one, &links, &places, service),
+        serve_connection(stack, two, &links, &places, service),
+        serve_connection(stack, three, &links, &places, service),
+        serve_connection(stack, four, &links, &places, service),
+        // Last: whoever connects gets the first that listens.
+        refuse_surplus(stack, refused, &places),
     )
     .await;
 }
 
 /// Serves one request after the other.
-async fn serve_connection<'a, 's>(
-    connection: &'a Connection<'s>,
-    buffer: &mut [u8],
-    handovers: &[Handover<'a, 's>; WEB_SOCKETS],
-    site: Site<'a>,
+async fn serve_connection<'a>(
+    stack: Stack<'_>,
+    memory: &mut ConnectionMemory,
+    links: &[LinkSlot<'_, 'a>; WEB_SOCKETS],
+    places: &Places,
+    service: &Service<'a>,
 ) {
-    let socket = &connection.socket;
+    let ConnectionMemory {
+        received,
+        sent,
+        buffer,
+    } = memory;
+    let socket = &RefCell::new(socket(stack, received, sent));
+    let site = Site {
+        shared: service.shared,
+        logs: service.logs,
+        places,
+    };
     loop {
         accept(socket, PORT).await;
         let name = own_address(socket);
         let (transmitter, receiver) = (TcpTransmitter(socket), TcpReceiver(socket));
         let attended = attend(transmitter, receiver, buffer, &[&name], site).await;
         if let Attended::WebSocket(place) = attended
-            && let Some(handover) = handovers.get(place.index)
+            && let Some(slot) = links.get(place.index)
         {
-            connection.link_is_over.reset();
-            handover.signal((connection, place));
-            connection.link_is_over.wait().await;
+            serve_place(socket, &place, slot, service).await;
         }
         close(socket, FAREWELL).await;
     }
+}
+
+/// Serves a connection that has become a WebSocket.
+async fn serve_place<'a>(
+    socket: &RefCell<TcpSocket<'_>>,
+    place: &Place<'_>,
+    slot: &LinkSlot<'_, 'a>,
+    service: &Service<'a>,
+) {
+    // A place has one holder.
+    let Some(memory) = slot.memory.take() else {
+        return;
+    };
+    let link = open(slot.id, place.sender.access(), memory, service);
+    info!("{}: connected", slot.id.name());
+    let (transmitter, receiver) = (TcpTransmitter(socket), TcpReceiver(socket));
+    serve_web_socket(
+        transmitter,
+        receiver,
+        place,
+        link,
+        service.shared,
+        service.check_in,
+    )
+    .await;
+    info!("{}: disconnected", slot.id.name());
+    slot.memory.set(Some(memory));
+}
+
+/// Opens a link.
+// Not inlined: it is built on the stack, and would take room there all the time.
+#[inline(never)]
+fn open<'s, 'a>(
+    id: LinkId,
+    access: Access,
+    memory: &'s mut Option<Link<'a>>,
+    service: &Service<'a>,
+) -> &'s mut Link<'a> {
+    memory.insert(service.open(id, 0, access))
 }
 
 /// The address that a browser has connected to.
@@ -166,30 +186,9 @@ fn own_address(socket: &RefCell<TcpSocket<'_>>) -> String<15> {
     }
 }
 
-/// Serves one WebSocket after the other, each with a link of its own.
-async fn serve_links(id: LinkId, handover: &Handover<'_, '_>, service: &Service<'_>) {
-    loop {
-        let (connection, place) = handover.wait().await;
-        info!("{}: connected", id.name());
-        let link = service.open(id, 0, place.sender.access());
-        let socket = &connection.socket;
-        let (transmitter, receiver) = (TcpTransmitter(socket), TcpReceiver(socket));
-        serve_web_socket(
-            transmitter,
-            receiver,
-            &place,
-            &link,
-            service.shared,
-            service.check_in,
-        )
-        .await;
-        info!("{}: disconnected", id.name());
-        connection.link_is_over.signal(());
-    }
-}
-
 /// Answers 503 to those who come while all other connections are in use.
-async fn refuse_surplus(socket: &RefCell<TcpSocket<'_>>, places: &Places) {
+async fn refuse_surplus(stack: Stack<'_>, memory: &mut RefusedMemory, places: &Places) {
+    let socket = &RefCell::new(socket(stack, &mut memory.received, &mut memory.sent));
     loop {
         accept(socket, PORT).await;
         refuse(TcpTransmitter(socket), places).await;

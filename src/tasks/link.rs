@@ -49,24 +49,20 @@ impl<'a> Link<'a> {
     }
 
     /// The same link, which offers downloads of logs read from `source`.
-    pub fn with_logs(self, source: &'a dyn LogSource) -> Self {
-        Self {
-            log: Some(source),
-            ..self
-        }
+    pub fn with_logs(mut self, source: &'a dyn LogSource) -> Self {
+        self.log = Some(source);
+        self
     }
 
     /// The same link, whose first frame has this sequence number: it goes on from what the ground station has heard before.
-    pub fn with_first_sequence(self, first_sequence: u8) -> Self {
-        Self {
-            first_sequence,
-            ..self
-        }
+    pub fn with_first_sequence(mut self, first_sequence: u8) -> Self {
+        self.first_sequence = first_sequence;
+        self
     }
 
     /// The same link, at whose other end someone with this access is.
-    pub fn with_access(self, access: Access) -> Self {
-        self.with(|channel| channel.endpoint.set_access(access));
+    pub fn with_access(mut self, access: Access) -> Self {
+        self.channel.get_mut().endpoint.set_access(access);
         self
     }
 
