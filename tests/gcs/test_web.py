@@ -4,13 +4,14 @@ import gzip
 import http.client
 import json
 import socket
+import threading
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 
 import pytest
 
 from conftest import REPOSITORY, failed_start, free_port
-from station import command, connect, is_about, mavlink, rate_of, read, read_list, set_to
+from station import command, connect, is_about, mavlink, rate_of, read, read_list, set_to, unread_messages_of
 from test_signing import KEY, sign_with, ticks_now, wait_for_text
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
@@ -25,6 +26,33 @@ UPGRADE = (
     "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
 )
+
+
+BINARY, PING = 0x82, 0x89
+
+
+def in_frame(payload, first_byte):
+    """A WebSocket's frame, with a mask of zeros."""
+    return bytes([first_byte, 0x80 | len(payload), 0, 0, 0, 0]) + payload
+
+
+def heartbeat():
+    sender = mavlink.MAVLink(None, srcSystem=255)
+    gcs, none = mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID
+    return sender.heartbeat_encode(gcs, none, 0, 0, mavlink.MAV_STATE_ACTIVE).pack(sender)
+
+
+def ends(client):
+    """Whether the rover closes this connection within a second."""
+    client.settimeout(0.2)
+    end = time.monotonic() + 1
+    while time.monotonic() < end:
+        try:
+            if client.recv(65536) == b"":
+                return True
+        except TimeoutError:
+            pass
+    return False
 
 
 class Site:
@@ -132,9 +160,8 @@ def test_a_foreign_page_hears_and_commands_nothing(site):
 
 
 def set_low_volt(sender):
-    """PARAM_SET of 10.5 V in a WebSocket's frame, with a mask of zeros."""
-    payload = sender.param_set_encode(1, 1, b"BATT_LOW_VOLT", 10.5, 9).pack(sender)
-    return bytes([0x82, 0x80 | len(payload), 0, 0, 0, 0]) + payload
+    """PARAM_SET of 10.5 V in a WebSocket's frame."""
+    return in_frame(sender.param_set_encode(1, 1, b"BATT_LOW_VOLT", 10.5, 9).pack(sender), BINARY)
 
 
 def test_a_foreign_page_that_signs_is_obeyed(site):
@@ -159,11 +186,71 @@ def test_foreign_hosts_get_nothing(site):
     assert site.get("/", Host=f"localhost:{site.port}")[0] == 200
 
 
-def test_two_browsers_at_a_time(site):
-    clients = [site.upgraded() for _ in range(3)]
-    assert [status for _, status in clients] == [101, 101, 503]
-    for client, _ in clients:
-        client.close()
+def test_two_browsers_at_a_time_and_a_silent_one_gives_way(site):
+    with ExitStack() as clients:
+        opened = lambda headers="": site.upgraded(headers)
+        keep = lambda upgraded: (clients.enter_context(closing(upgraded[0])), upgraded[1])
+        (live, _), (silent, _) = keep(opened()), keep(opened())
+        assert keep(opened())[1] == 503
+        for _ in range(4):
+            live.sendall(in_frame(heartbeat(), BINARY))
+            time.sleep(1)
+        third, status = keep(opened())
+        assert status == 101
+        assert ends(silent) and not ends(live)
+        # It was refused while both were heard, so a free place waits for it.
+        live.sendall(in_frame(heartbeat(), BINARY))
+        assert keep(opened())[1] == 503
+        third.close()
+        time.sleep(0.5)
+        assert keep(opened("Origin: https://evil.example\r\n"))[1] == 503
+        assert keep(opened())[1] == 101
+
+
+@pytest.mark.parametrize("flood", ["pings", "empty frames"])
+def test_a_flood_of_frames_without_mavlink_leaves_others_their_turn(site, flood):
+    client, _ = site.upgraded()
+    over = threading.Event()
+    frames = 1000 * in_frame(b"", PING if flood == "pings" else BINARY)
+
+    def send():
+        # What the rover sends is not read.
+        client.settimeout(0.5)
+        while not over.is_set():
+            try:
+                client.send(frames)
+            except TimeoutError:
+                pass
+
+    with closing(client), closing(connect(site.simulator.url)) as tcp:
+        flooding = threading.Thread(target=send, daemon=True)
+        flooding.start()
+        try:
+            assert is_about(rate_of(tcp, "BATTERY_STATUS"), 2)
+            assert command(tcp, ARM, 1, FORCED) == ACCEPTED
+        finally:
+            over.set()
+            flooding.join()
+
+
+@pytest.mark.parametrize(("count", "begin"), [(40, b"GET / HTTP/1.1\r\nX: "), (12, b"G"), (40, b"")])
+def test_slow_connections_delay_a_page_by_six_seconds_at_most(site, count, begin):
+    with closing(connect(site.ws_url)) as web, ExitStack() as slow:
+        began = time.monotonic()
+        for _ in range(count):
+            client = slow.enter_context(socket.create_connection(("127.0.0.1", site.port), timeout=10))
+            client.sendall(begin)
+        status = None
+        while status != 200:
+            try:
+                status = site.get("/")[0]
+            except ConnectionError:
+                pass
+            time.sleep(0.1)
+        assert time.monotonic() - began < 6.5
+        # What the open one has got meanwhile.
+        times = [message._timestamp for message in unread_messages_of(web, 1)]
+        assert max(later - earlier for earlier, later in zip(times, times[1:])) < 1
 
 
 def test_a_port_that_is_taken_is_an_error_if_it_was_asked_for_and_off_serves_nothing(start_simulator):

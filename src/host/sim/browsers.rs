@@ -1,20 +1,21 @@
 //! Browsers: the page, and their links by WebSocket.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::net::IpAddr;
 use std::rc::Rc;
 
-use embassy_futures::join::join_array;
+use embassy_futures::join::{join, join_array};
+use embassy_time::Timer;
 
 use super::console::print_line;
-use super::links::{LINK_BYTES_PER_SECOND, UNWATCHED};
+use super::links::{LINK_BYTES_PER_SECOND, POLL_MS, UNWATCHED};
 use super::{Client, Clients, SimulatedFlash};
 use crate::mavlink::LinkKind;
 use crate::tasks::{Link, Shared};
-use crate::web::{Attended, Place, Places, Site, attend, serve_web_socket};
+use crate::web::{Attended, Place, Places, Site, attend, refuse, serve_web_socket};
 
-/// Connections at a time, as on the board: two WebSockets, two that get a page or a file, and one that gets 503.
-const CONNECTIONS: usize = 5;
+/// Connections at a time, as on the board: those of WebSockets, and two that get a page or a file. One more gets 503.
+const CONNECTIONS: usize = 4;
 
 /// More than on the board: other servers on this computer may have left cookies, which a browser sends to all of them.
 const BUFFER_BYTES: usize = 16_384;
@@ -23,6 +24,7 @@ const BUFFER_BYTES: usize = 16_384;
 pub(super) struct Browsers<'a> {
     flash: &'a SimulatedFlash,
     places: Places,
+    connections: Cell<usize>,
     links: RefCell<Vec<Rc<Link<'a>>>>,
 }
 
@@ -31,6 +33,7 @@ impl<'a> Browsers<'a> {
         Self {
             flash,
             places: Places::new(),
+            connections: Cell::new(0),
             links: RefCell::default(),
         }
     }
@@ -43,7 +46,11 @@ impl<'a> Browsers<'a> {
     /// Serves who connects to `clients`.
     pub async fn serve(&self, clients: Option<&Clients>, shared: &Shared) {
         if let Some(clients) = clients {
-            join_array([(); CONNECTIONS].map(|()| self.serve_connections(clients, shared))).await;
+            join(
+                join_array([(); CONNECTIONS].map(|()| self.serve_connections(clients, shared))),
+                self.refuse_surplus(clients),
+            )
+            .await;
         }
     }
 
@@ -57,12 +64,27 @@ impl<'a> Browsers<'a> {
         let mut buffer = vec![0; BUFFER_BYTES];
         loop {
             let client = clients.next().await;
+            self.connections.update(|count| count + 1);
             let names = names(&client);
             let names: Vec<_> = names.iter().map(String::as_str).collect();
             if let Attended::WebSocket(place) = attend(&client, &client, &mut buffer, &names, site).await {
                 self.serve_link(&client, &place, shared).await;
             }
             client.close().await;
+            self.connections.update(|count| count - 1);
+        }
+    }
+
+    /// Answers 503 to those who come while all other connections are in use.
+    async fn refuse_surplus(&self, clients: &Clients) -> ! {
+        loop {
+            while self.connections.get() == CONNECTIONS
+                && let Some(client) = clients.try_next()
+            {
+                refuse(&client, &self.places).await;
+                client.refuse();
+            }
+            Timer::after_millis(POLL_MS).await;
         }
     }
 
