@@ -11,6 +11,7 @@ import gzip
 import pathlib
 import re
 import sys
+from string import ascii_uppercase
 
 import minify
 import zopfli.gzip
@@ -20,6 +21,9 @@ FOLDER = pathlib.Path(__file__).resolve().parent
 # Each uses what stands before it.
 SCRIPTS = "messages codec signing link page rover battery plot drive setup logs about main".split()
 
+# Fields of messages that the rover has in its lists of logs, too.
+NAMES_IN_JSON = {"time_utc"}
+
 MAX_BYTES = 40 * 1024
 MAX_COMPRESSED_BYTES = 14 * 1024
 
@@ -28,11 +32,29 @@ def source(name):
     return (FOLDER / name).read_text(encoding="utf-8")
 
 
-def scripts(*names):
-    """These scripts as one, in which all names are local: only such are shortened. Constants become their numbers."""
-    text = "\n".join(source(f"{name}.js") for name in names)
+def with_numbers(text):
+    """These scripts with constants as their numbers."""
     for name, number in re.findall(r"^const ([A-Z_]+) = (-?[0-9a-fx.]+);$", text, re.MULTILINE):
         text = re.sub(rf"^const {name} = .*|\b{name}\b", lambda found: "" if " " in found[0] else number, text, flags=re.MULTILINE)
+    return text
+
+
+def with_short_names(text):
+    """These scripts with MAVLink's names shortened: none is on the wire. Messages have their numbers, and fields that are written
+    with an underscore, as nothing else in the scripts is, letters."""
+    table = re.search("MESSAGE_TABLE = `(.*?)`", text, re.DOTALL)[1]
+    for name, number in re.findall(r"^([A-Z_]+) (\d+) ", table, re.MULTILINE):
+        text = re.sub(rf"'{name}'|^{name}(?= )", number, text, flags=re.MULTILINE)
+    fields = dict.fromkeys(field for field in re.findall(r"\b([a-z]+_[a-z_]+):", table) if field not in NAMES_IN_JSON)
+    letters = [one + other for one in ("", *ascii_uppercase) for other in ascii_uppercase]
+    for field, letter in zip(fields, letters):
+        text = re.sub(rf"\b{field}\b", letter, text)
+    return text
+
+
+def scripts(*names):
+    """These scripts as one, in which all names are local: only such are shortened."""
+    text = with_short_names(with_numbers("\n".join(source(f"{name}.js") for name in names)))
     return "(()=>{" + text.replace("const ", "let ") + "})()"
 
 
@@ -46,7 +68,7 @@ def page():
 
 def main():
     built = page()
-    compressed = zopfli.gzip.compress(built, numiterations=50)
+    compressed = zopfli.gzip.compress(built, numiterations=500)
     print(f"page.html: {len(built)} of {MAX_BYTES} bytes, {len(compressed)} of {MAX_COMPRESSED_BYTES} compressed")
     if len(built) > MAX_BYTES or len(compressed) > MAX_COMPRESSED_BYTES:
         return "the page is too large"

@@ -3,6 +3,7 @@
 const START = 0xfd;
 const HEADER_BYTES = 10;
 const SIGNATURE_BYTES = 13;
+const MAX_PAYLOAD_BYTES = 255;
 const SIGNED = 1;
 
 // A frame has the byte order of every browser.
@@ -13,9 +14,9 @@ const TYPES = {
 
 const MESSAGES = {};
 for (const row of MESSAGE_TABLE.trim().split('\n')) {
-  const [name, id, extra, size, ...fields] = row.split(' ');
+  const [name, id, extra, ...fields] = row.split(' ');
   MESSAGES[name] = MESSAGES[id] = {
-    name, id: +id, extra: +extra, size: +size,
+    name, id: +id, extra: +extra,
     fields: fields.map((field) => {
       const [, key, type, at, count] = /(\w+):(\w)(\d+)x?(\d*)/.exec(field);
       return { key, type, at: +at, count: +count };
@@ -33,8 +34,7 @@ function crcOf(bytes, crc = 0xffff) {
 }
 
 function read(payload, { type, at, count }) {
-  const kind = TYPES[type];
-  const all = [...new kind(payload.slice(at, at + (count || 1) * kind.BYTES_PER_ELEMENT).buffer)];
+  const all = [...new TYPES[type](payload.slice(at).buffer, 0, count || 1)];
   if (type == 's') return String.fromCharCode(...all).split('\0')[0];
   return count ? all : all[0];
 }
@@ -43,14 +43,15 @@ function bytesOf(type, value) {
   return type == 's' ? new TextEncoder().encode(value) : new Uint8Array(new TYPES[type]([value]).buffer);
 }
 
-// A frame; fields that aren't given are 0. With `sign`, which gets all that stands before the signature, it is signed.
+// A frame; fields that aren't given are 0, and zeros at the end are left out. With `sign`, which gets all that stands before
+// the signature, it is signed.
 function encode(name, values, system, component, sequence, sign) {
   const message = MESSAGES[name];
-  const payload = new Uint8Array(message.size);
+  const payload = new Uint8Array(MAX_PAYLOAD_BYTES);
   for (const { key, type, at } of message.fields) {
     if (key in values) payload.set(bytesOf(type, values[key]), at);
   }
-  let length = payload.length;
+  let length = MAX_PAYLOAD_BYTES;
   while (length > 1 && !payload[length - 1]) length--;
   const id = message.id;
   const head = [length, sign ? SIGNED : 0, 0, sequence, system, component, id & 255, (id >> 8) & 255, id >> 16];
@@ -67,7 +68,7 @@ function decode(bytes) {
   if (message) {
     const crc = crcOf([...bytes.subarray(1, end), message.extra]);
     if (crc != (bytes[end] | (bytes[end + 1] << 8))) return 0;
-    const payload = new Uint8Array(256);
+    const payload = new Uint8Array(MAX_PAYLOAD_BYTES);
     payload.set(bytes.subarray(HEADER_BYTES, end));
     for (const field of message.fields) fields[field.key] = read(payload, field);
   }

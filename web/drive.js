@@ -156,7 +156,7 @@ function stop() {
 function repeatStop() {
   if (!stopTries) return;
   ask('COMMAND_LONG', { command: SET_MODE, param1: 1, param2: HOLD });
-  ask('COMMAND_LONG', { command: REQUEST_MESSAGE, param1: MESSAGES.HEARTBEAT.id });
+  ask('COMMAND_LONG', { command: REQUEST_MESSAGE, param1: MESSAGES['HEARTBEAT'].id });
   stopTries--;
   if (stopTries) setTimeout(repeatStop, 200);
   else put('stop-state', 'No answer.' + BY_ITSELF);

@@ -20,7 +20,6 @@ let signer = null;
 // Each page is a ground station of its own.
 const ownSystem = 60 + Math.floor(Math.random() * 190);
 let roverSystem = 1;
-let roverComponent = 1;
 let sequence = 0;
 let lastSequence = null;
 let received = 0;
@@ -67,7 +66,7 @@ function send(name, values) {
 }
 
 // To the rover.
-const ask = (name, values) => send(name, { target_system: roverSystem, target_component: roverComponent, ...values });
+const ask = (name, values) => send(name, { target_system: roverSystem, ...values });
 
 function beat() {
   if (now() - beatAt < SECOND - 100) return;
@@ -88,7 +87,6 @@ function receive(frame) {
   }
   if (name == 'HEARTBEAT') {
     roverSystem = system;
-    roverComponent = frame.component;
     heartbeatAt = now();
     // Timers of a hidden page are slow, what arrives is not.
     beat();

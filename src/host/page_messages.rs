@@ -17,8 +17,8 @@ use crate::mavlink::dialect::{
 const MAX_PAYLOAD_BYTES: usize = 255;
 
 const HEAD: &str = "\
-// Written by `cargo run --example page_messages`: name, id, CRC_EXTRA and length of each message, then the fields that
-// the page uses, each with its type (as of Python's struct, s is text), its place, and how many if it is an array.
+// Written by `cargo run --example page_messages`: name, id and CRC_EXTRA of each message, then the fields that the page
+// uses, each with its type (as of Python's struct, s is text), its place, and how many if it is an array.
 const MESSAGE_TABLE = `
 ";
 
@@ -95,7 +95,7 @@ fn mark<M, T: Field>(message: &mut M, set: fn(&mut M, T)) {
 macro_rules! rows {
     ($($message:ident { $($field:ident)* })+) => {
         [$({
-            let mut row = format!("{} {} {} {}", $message::NAME, $message::ID, $message::EXTRA_CRC, $message::ENCODED_LEN);
+            let mut row = format!("{} {} {}", $message::NAME, $message::ID, $message::EXTRA_CRC);
             $({
                 let set: fn(&mut $message, _) = |message, value| message.$field = value;
                 let mut marked = $message::DEFAULT;
@@ -116,19 +116,19 @@ pub fn messages_js() -> String {
     let rows = rows! {
         HEARTBEAT_DATA { custom_mode mavtype autopilot base_mode system_status mavlink_version }
         SYS_STATUS_DATA { onboard_control_sensors_health errors_comm }
-        PARAM_REQUEST_READ_DATA { param_index target_system target_component param_id }
-        PARAM_REQUEST_LIST_DATA { target_system target_component }
+        PARAM_REQUEST_READ_DATA { param_index target_system param_id }
+        PARAM_REQUEST_LIST_DATA { target_system }
         PARAM_VALUE_DATA { param_value param_count param_index param_id param_type }
-        PARAM_SET_DATA { param_value target_system target_component param_id param_type }
+        PARAM_SET_DATA { param_value target_system param_id param_type }
         MANUAL_CONTROL_DATA { y z target }
-        COMMAND_LONG_DATA { param1 param2 command target_system target_component confirmation }
+        COMMAND_LONG_DATA { param1 param2 command target_system confirmation }
         COMMAND_ACK_DATA { command result }
-        LOG_REQUEST_LIST_DATA { end target_system target_component }
+        LOG_REQUEST_LIST_DATA { end target_system }
         LOG_ENTRY_DATA { time_utc size id num_logs }
-        LOG_REQUEST_DATA_DATA { ofs count id target_system target_component }
+        LOG_REQUEST_DATA_DATA { ofs count id target_system }
         LOG_DATA_DATA { ofs id data }
-        LOG_ERASE_DATA { target_system target_component }
-        LOG_REQUEST_END_DATA { target_system target_component }
+        LOG_ERASE_DATA { target_system }
+        LOG_REQUEST_END_DATA { target_system }
         BATTERY_STATUS_DATA {
             current_consumed temperature voltages current_battery id battery_remaining time_remaining charge_state
             voltages_ext
