@@ -77,7 +77,7 @@ function renderPack(pack) {
 // What keeps the rover from driving, in its own words.
 function notices() {
   const found = [];
-  if (roverSigns && !signer) found.push('The rover has a signing key: enter it under Link, or nothing is obeyed.');
+  if (lacksKey()) found.push('The rover has a signing key: enter it under Link.');
   if (ignored && age() > FRESH_MS) found.push('Nothing comes that is signed with your key: it is wrong, or the rover has none.');
   if (!isFresh()) return found;
   if (status == STATE_TERMINATED) found.push(textLike(/^Terminated/) || 'Terminated');
@@ -103,5 +103,4 @@ on('text', ({ at, severity, text }) => {
   const list = $('messages');
   list.prepend(el('li', {}, el('time', {}, clock(at)), el('span', { className: colour }, SEVERITIES[severity]), el('span', {}, text)));
   list.children[MAX_TEXTS]?.remove();
-  put('drive-answer', text);
 });

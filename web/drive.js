@@ -4,34 +4,45 @@ const TICK_MS = 50;
 const FULL = 10;
 // A socket that has not drained for this many ticks keeps what is sent: it would arrive as old commands.
 const FULL_TICKS = 4;
+const SLOW_MS = 1500;
 const DEAD_ZONE = 0.12;
-const STOP_TRIES = 25;
+// The rover repeats every 5 s why a stick has no effect.
+const TEXT_MS = 6000;
 
-const BY_ITSELF = ' The rover stops by itself.';
-const TAKEN = {
-  blurred: 'Touch the page: it has lost the focus.',
-  stale: 'The rover is not heard.' + BY_ITSELF,
-  full: 'The network takes nothing.' + BY_ITSELF,
-};
+const STOP_OFTEN_MS = 5000;
+const STOP_MS = 200;
+const STOP_LOST_MS = 60000;
+const ANSWER_MS = 3000;
 
 // From -1 to 1: to the right, and ahead.
 let stickX = 0;
 let stickY = 0;
 // Whether this page drives: it has armed, chosen Manual or moved the stick since the rover was disarmed.
 let drives = false;
-// What took the stick from the driver.
+// Why the stick was taken from the driver, and whether the rover followed it until then.
 let taken = '';
+let wasFollowed;
 let fullTicks = 0;
-// What holds the stick: a finger, keys, a game pad that was neutral before.
-let pointer = null;
+// What holds the stick: a pointer by its number, keys, or a game pad by its index.
+let holder = null;
 const keys = new Set();
-let gamepad = 0;
+// Game pads that were neutral since the stick was let go.
+const centred = new Set();
+let stopsByPad;
+// Since when Arm is pressed, if it is.
+let armPressedAt;
+// The rover's latest text on sticks without effect.
+let blocked = {};
+// The rover's latest text.
+let said = '';
 
 function obstacle() {
-  if (document.hidden) return 'hidden';
-  if (!document.hasFocus()) return 'blurred';
-  if (!isFresh()) return 'stale';
-  return fullTicks < FULL_TICKS ? '' : 'full';
+  if (!isFresh()) return 'The rover is not heard.';
+  if (lacksKey()) return NO_KEY;
+  if (!isIdentified) return 'Asking which rover it is.';
+  if (delay() > SLOW_MS) return 'The link is too slow to drive.';
+  if (fullTicks >= FULL_TICKS) return 'The network takes nothing.';
+  return document.hidden || !document.hasFocus() ? 'Touch the page: it has lost the focus.' : '';
 }
 
 function sendStick() {
@@ -40,56 +51,72 @@ function sendStick() {
 }
 
 function moveStick(x, y) {
-  stickX = Math.max(-1, Math.min(1, x));
-  stickY = Math.max(-1, Math.min(1, y));
+  stickX = x;
+  stickY = y;
   $('knob').style.transform = `translate(${stickX * 100}%,${-stickY * 100}%)`;
   const shown = (share) => digits(share * $('limit').value) + ' %';
   put('sticks', 'Throttle ' + shown(stickY) + ', steering ' + shown(stickX));
 }
 
+function pressArm(at) {
+  armPressedAt = at;
+  $('arm').className = at ? 'held' : '';
+}
+
 // The stick springs back: neutral, at once. What held it has to let go before it holds it again.
 function letGo() {
-  pointer = null;
+  holder = null;
   keys.clear();
-  gamepad = 0;
+  centred.clear();
+  pressArm();
+  if (/^C/.test(blocked.text)) blocked = {};
   moveStick(0, 0);
   if (drives) sendStick();
 }
 
-function takeStick(x, y) {
+function takeStick(by, x, y) {
+  if (taken || (holder ?? by) != by) return;
+  holder = by;
   drives = true;
   moveStick(x, y);
 }
+
+const isBlocked = () => now() - blocked.at < TEXT_MS;
 
 // Looks whether the driver still has the stick.
 function look() {
   const was = taken;
   taken = obstacle();
-  if (taken && !was) letGo();
+  if (!taken || was) return;
+  wasFollowed = drives && armed && mode == MANUAL && !isBlocked();
+  letGo();
 }
 
 function tick() {
-  const isFull = drives && isOpen() && socket.bufferedAmount > 0;
-  fullTicks = isFull ? fullTicks + 1 : 0;
+  keepLink();
+  fullTicks = socket.bufferedAmount ? fullTicks + 1 : 0;
   look();
-  readGamepad();
-  if (!taken && drives && armed && !isFull) sendStick();
+  readGamepads();
+  if ($('arm').disabled) pressArm();
+  if (now() - armPressedAt >= SECOND) want(ARMED);
+  repeatStop();
+  if (!taken && drives && armed && !fullTicks) sendStick();
 }
 
-function readGamepad() {
-  const pad = [...(navigator.getGamepads?.() || [])].find((pad) => pad?.connected);
-  if (!pad) {
-    if (gamepad > 1) letGo();
-    return;
-  }
-  if (pad.buttons[1]?.pressed) stop();
-  const [x, y] = pad.axes.map((share) => (Math.abs(share) < DEAD_ZONE ? 0 : share));
-  if (!x && !y) {
-    if (gamepad > 1) letGo();
-    gamepad = 1;
-  } else if (gamepad && !taken && pointer == null) {
-    gamepad = 2;
-    takeStick(x, -y);
+function readGamepads() {
+  const pads = [...(navigator.getGamepads?.() || [])].filter((pad) => pad?.connected);
+  const stopped = stopsByPad;
+  stopsByPad = pads.some(({ buttons }) => buttons[1]?.pressed);
+  if (stopsByPad && !stopped) stop();
+  if (/pad/.test(holder) && !pads.some(({ index }) => 'pad' + index == holder)) letGo();
+  if ($('drive').hidden) return;
+  for (const { index, axes } of pads) {
+    const by = 'pad' + index;
+    const [x, y] = axes.map((share) => (Math.abs(share) < DEAD_ZONE ? 0 : share));
+    if (!x && !y) {
+      if (holder == by) letGo();
+      centred.add(by);
+    } else if (centred.has(by)) takeStick(by, x, -y);
   }
 }
 
@@ -103,34 +130,37 @@ function startPad() {
     const x = (event.clientX - box.left - half) / half * 1.5;
     const y = (box.top + half - event.clientY) / half * 1.5;
     const length = Math.max(1, Math.hypot(x, y));
-    takeStick(x / length, y / length);
+    takeStick(event.pointerId, x / length, y / length);
   };
   pad.onpointerdown = (event) => {
     event.preventDefault();
     pad.focus({ preventScroll: true });
     look();
-    if (taken || pointer != null || event.button) return;
-    pointer = event.pointerId;
-    pad.setPointerCapture(pointer);
+    if (taken || holder != null || event.button) return;
+    pad.setPointerCapture(event.pointerId);
     box = pad.getBoundingClientRect();
     follow(event);
   };
-  const held = (act) => (event) => event.pointerId == pointer && act(event);
+  const held = (act) => (event) => event.pointerId === holder && act(event);
   pad.onpointermove = held(follow);
   pad.onpointerup = pad.onpointercancel = pad.onlostpointercapture = held(letGo);
   // Browsers without touch-action scroll and zoom otherwise.
-  pad.ontouchmove = pad.oncontextmenu = (event) => event.preventDefault();
+  pad.ontouchmove = (event) => event.preventDefault();
 }
 
 function startKeys() {
-  const has = (arrow, letter) => keys.has('Arrow' + arrow) || keys.has('Key' + letter);
-  const follow = () => takeStick(has('Right', 'D') - has('Left', 'A'), has('Up', 'W') - has('Down', 'S'));
+  const has = (pattern) => pattern.test([...keys]);
+  const letGoOfKeys = () => keys.size && letGo();
+  const follow = () => takeStick('keys', has(/Right|KeyD/) - has(/Left|KeyA/), has(/Up|KeyW/) - has(/Down|KeyS/));
   onkeydown = (event) => {
-    const { code, target } = event;
-    if (event.key == 'Escape') stop();
-    if (!/^(Arrow|Key[WASD])/.test(code) || $('drive').hidden || /INPUT|SELECT/.test(target.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
+    const { code, target, repeat } = event;
+    if (code == 'Escape' && !repeat) stop();
+    const isModified = event.ctrlKey || event.metaKey || event.altKey;
+    // macOS does not report keys that are released under a modifier.
+    if (isModified) letGo();
+    if (isModified || !/^(Arrow|Key[WASD])/.test(code) || $('drive').hidden || /INPUT|SELECT/.test(target.tagName)) return;
     event.preventDefault();
-    if (event.repeat || taken) return;
+    if (repeat || taken) return;
     keys.add(code);
     follow();
   };
@@ -139,100 +169,153 @@ function startKeys() {
     if (keys.size) follow();
     else letGo();
   };
+  // Nor those that are released in a menu.
+  oncontextmenu = (event) => {
+    if ($('drive').hidden) return;
+    event.preventDefault();
+    letGoOfKeys();
+  };
+  document.onmouseleave = letGoOfKeys;
 }
 
-// Neutral and Hold, until the rover has confirmed it.
-let stopTries = 0;
-function stop() {
-  const drove = drives;
-  drives = true;
+// What the driver may want of the rover: a command, whether the rover has obeyed, and how to say that it has not.
+const STOP = { command: SET_MODE, param2: HOLD, isStop: true, isObeyed: () => mode == HOLD || !armed, failure: 'Not stopped: ' };
+const ARMED = { command: ARM, isObeyed: () => armed, failure: 'Not armed: ' };
+const DRIVEN = { command: SET_MODE, param2: MANUAL, isObeyed: () => mode == MANUAL, failure: 'Not in Manual: ' };
+
+// The latest one, which takes back the one before. Until the ping that goes before it is answered, all that is heard is older.
+let wish = {};
+
+const isStopWanted = () => wish.isStop && !wish.done;
+const waited = () => now() - wish.at;
+
+function begin(what) {
+  // To arm, or a mode by its own number.
+  const at = Math.floor(now());
+  wish = { param1: 1, at, since: at, before: texts[0], ...what };
   letGo();
-  drives = drove;
-  if (!stopTries) setTimeout(repeatStop);
-  stopTries = STOP_TRIES;
-  put('stop-state', 'Stopping…');
+  sendWish();
+  renderDrive();
+}
+
+function sendWish() {
+  wish.sentAt = now();
+  wish.why = lacksKey() && NO_KEY;
+  ping();
+  ask('COMMAND_LONG', wish);
+  request('HEARTBEAT');
+}
+
+// Arm or Manual, sent once: a later try could undo a Stop.
+function want(what) {
+  look();
+  if (taken) return;
+  drives = true;
+  begin(what);
+}
+
+// Sent again until the rover has obeyed, also by another connection.
+function stop() {
+  stops++;
+  // However often it is touched, the first touch counts for how long it takes.
+  begin(isStopWanted() ? { ...STOP, at: wish.at } : STOP);
 }
 
 function repeatStop() {
-  if (!stopTries) return;
-  ask('COMMAND_LONG', { command: SET_MODE, param1: 1, param2: HOLD });
-  ask('COMMAND_LONG', { command: REQUEST_MESSAGE, param1: MESSAGES['HEARTBEAT'].id });
-  stopTries--;
-  if (stopTries) setTimeout(repeatStop, 200);
-  else put('stop-state', 'No answer.' + BY_ITSELF);
+  if (!isStopWanted()) return;
+  wish.lost ||= now() - Math.max(heardAt, wish.since) > STOP_LOST_MS;
+  const interval = waited() < STOP_OFTEN_MS ? STOP_MS : SECOND;
+  if (!wish.why && !wish.lost && now() - wish.sentAt >= interval) sendWish();
 }
 
-function startArming() {
-  const button = $('arm');
-  let timer;
-  const begin = () => {
-    button.className = 'held';
-    timer = setTimeout(arm, SECOND);
-  };
-  const cancel = () => {
-    clearTimeout(timer);
-    button.className = '';
-  };
-  const arm = async () => {
-    cancel();
-    letGo();
-    drives = true;
-    sendStick();
-    const why = await changeState(ARM, 1, 0, 1);
-    put('drive-answer', why && 'Not armed: ' + why);
-  };
-  button.onpointerdown = (event) => event.button || begin();
-  button.onpointerup = button.onpointerleave = button.onpointercancel = button.onblur = button.onkeyup = cancel;
-  button.oncontextmenu = (event) => event.preventDefault();
-  button.onkeydown = (event) => {
-    if (event.key != ' ' && event.key != 'Enter') return;
-    event.preventDefault();
-    if (!event.repeat) begin();
-  };
+// A refusal may end with another key or connection.
+on('opened', () => isStopWanted() && !wish.lost && sendWish());
+
+on('COMMAND_ACK', ({ command, result }) => {
+  if (command != wish.command || wish.done || answeredAt < wish.at) return;
+  wish.answered = true;
+  wish.why = inItsWords(result && REFUSED, wish.before);
+});
+
+on('state', () => {
+  if (answeredAt < wish.at) return;
+  drives &&= armed;
+  const { done, answered, isStop, isObeyed } = wish;
+  wish.done = isObeyed?.() && (answered || !isStop);
+  if (done && !wish.done) wish = {};
+});
+
+on('text', ({ text }) => {
+  said = text;
+  if (/^(Sticks|Centre)/.test(text)) blocked = { text, at: now() };
+});
+
+function wishText() {
+  const { isStop, done, lost, answered, why, failure } = wish;
+  if (done) return isStop && mode == HOLD ? 'Stopped: Hold' : '';
+  if (why) return failure + why;
+  if (lost) return 'Stop is not confirmed: touch again.';
+  if (isStop) return waited() < STOP_OFTEN_MS ? 'Stopping…' : 'No answer: it may drive on. Switch it off.';
+  return waited() > ANSWER_MS && !answered ? failure + NO_ANSWER : '';
 }
 
 function startDrive() {
-  const changes = { disarm: [ARM, 0], hold: [SET_MODE, 1, HOLD], manual: [SET_MODE, 1, MANUAL] };
-  for (const [id, change] of Object.entries(changes)) {
-    $(id).onclick = async () => {
-      drives ||= id == 'manual';
-      letGo();
-      put('drive-answer', await changeState(...change));
-    };
-  }
   // At the touch, not at its end; a click without one is a keyboard's or a screen reader's.
   $('stop').onpointerdown = (event) => {
     event.preventDefault();
     stop();
   };
   $('stop').onclick = (event) => event.detail || stop();
+  $('hold').onclick = stop;
+  $('manual').onclick = () => want(DRIVEN);
+  $('disarm').onclick = async () => {
+    letGo();
+    if (!isStopWanted()) wish = {};
+    const why = await command(ARM, 0);
+    request('HEARTBEAT');
+    said = why && 'Not disarmed: ' + why;
+  };
+  const arm = $('arm');
+  const press = () => taken || pressArm(now());
+  const cancel = () => pressArm();
+  arm.onpointerdown = (event) => event.button || press();
+  arm.onpointerup = arm.onpointerleave = arm.onpointercancel = arm.onblur = arm.onkeyup = cancel;
+  arm.onkeydown = (event) => {
+    if (!/Space|Enter/.test(event.code)) return;
+    event.preventDefault();
+    if (!event.repeat) press();
+  };
   moveStick(0, 0);
   startPad();
   startKeys();
-  startArming();
-  onblur = onfocus = document.onvisibilitychange = look;
+  onblur = () => {
+    look();
+    if (!taken) letGo();
+  };
+  onfocus = document.onvisibilitychange = look;
   onpagehide = letGo;
   on('closed', look);
   setInterval(tick, TICK_MS);
 }
 
-on('state', () => {
-  drives &&= armed;
-  if (mode == HOLD && stopTries) put('stop-state', 'Stopped: Hold');
-  if (mode == HOLD) stopTries = 0;
-  else if (!stopTries) put('stop-state', '');
-});
-
 function renderDrive() {
-  const isKnown = armed != null && isFresh();
-  const follows = isKnown && armed && mode == MANUAL && !taken;
-  const standing = armed ? 'In Hold it stands: choose Manual to drive.' : 'To drive, arm and choose Manual.';
-  put('hint', TAKEN[taken] || (follows ? 'The rover follows the stick.' : standing));
-  $('hold').ariaPressed = isKnown && mode == HOLD;
-  $('manual').ariaPressed = isKnown && mode == MANUAL;
-  $('manual').disabled = !isKnown;
-  $('arm').disabled = !isKnown || armed;
-  $('disarm').disabled = isKnown && !armed;
-  $('pad').className = follows ? 'follows' : '';
+  const fresh = isFresh();
+  const isManual = fresh && mode == MANUAL;
+  const isReady = isManual && armed && !taken && !isBlocked();
+  let hint = 'To drive, arm and choose Manual.';
+  if (taken) hint = taken + (wasFollowed && !(isStopWanted() && waited() > STOP_OFTEN_MS) ? ' The rover stops by itself.' : '');
+  else if (armed && !isManual) hint = 'In Hold it stands: choose Manual to drive.';
+  else if (armed && isBlocked()) hint = blocked.text;
+  else if (armed) hint = stickX || stickY ? 'The rover follows the stick.' : 'Move the stick to drive.';
+  put('hint', hint);
+  const text = wishText();
+  put('stop-state', wish.isStop ? text : '');
+  put('drive-answer', (!wish.isStop && text) || said);
+  $('hold').ariaPressed = fresh && mode == HOLD;
+  $('manual').ariaPressed = isManual;
+  $('manual').disabled = !isKnown();
+  $('arm').disabled = !isKnown() || armed;
+  $('disarm').disabled = fresh && !armed;
+  $('pad').className = isReady ? 'follows' : '';
   put('limit-value', $('limit').value + ' %');
 }

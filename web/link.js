@@ -18,7 +18,7 @@ const emit = (name, value) => handlers[name]?.forEach((handler) => handler(value
 let socket;
 let signer = null;
 // Each page is a ground station of its own.
-const ownSystem = 60 + Math.floor(Math.random() * 190);
+const ownSystem = 60 + random(190);
 let roverSystem = 1;
 let sequence = 0;
 let lastSequence = null;
@@ -29,13 +29,19 @@ let roverSigns = 0;
 let openedAt = 0;
 let heardAt = 0;
 let heartbeatAt = -Infinity;
-let beatAt = 0;
+let beatAt;
+// The latest ping that was answered: when it was sent, and how long the answer took.
+let answeredAt = 0;
+let roundTrip;
 
 const isOpen = () => socket?.readyState == 1;
 
 // How long ago the rover was heard, in ms.
 const age = () => now() - heartbeatAt;
 const isFresh = () => isOpen() && age() < FRESH_MS;
+
+// How long answers take, in ms, or the next one has taken so far.
+const delay = () => Math.max(roundTrip, now() - Math.max(openedAt, answeredAt) - SECOND);
 
 function connect() {
   const parse = parser(receive);
@@ -47,12 +53,14 @@ function connect() {
   const opened = (socket = new WebSocket('ws://' + location.host + '/'));
   openedAt = now();
   lastSequence = null;
+  roundTrip = 0;
+  beatAt = -SECOND;
   opened.binaryType = 'arraybuffer';
   opened.onopen = () => {
     wasOpen = 1;
     heardAt = now();
-    beat();
     emit('opened');
+    beat();
   };
   opened.onmessage = ({ data }) => parse(new Uint8Array(data));
   opened.onclose = () => {
@@ -65,13 +73,24 @@ function send(name, values) {
   if (isOpen()) socket.send(encode(name, values, ownSystem, COMPONENT, sequence++ & 255, signer?.sign));
 }
 
-// To the rover.
-const ask = (name, values) => send(name, { target_system: roverSystem, ...values });
+// To the rover. It refuses what was under way for too long, by the time that is stated before; 0 would be none.
+function ask(name, values) {
+  send('SYSTEM_TIME', { time_boot_ms: now() + 1 });
+  send(name, { target_system: roverSystem, ...values });
+}
+
+const ping = () => ask('PING', { seq: now() });
+
+on('PING', ({ seq }) => {
+  answeredAt = seq;
+  roundTrip = now() - seq;
+});
 
 function beat() {
-  if (now() - beatAt < SECOND - 100) return;
+  if (now() - beatAt < SECOND) return;
   beatAt = now();
   send('HEARTBEAT', { type: 6, autopilot: 8, system_status: 4, mavlink_version: 3 });
+  ping();
 }
 
 function receive(frame) {
@@ -92,22 +111,26 @@ function receive(frame) {
     beat();
   }
   emit(name, fields);
+  emit('any', fields);
 }
 
+// Which rover's key it is, is known once that has been heard.
 function useKey(key) {
   signer = key && newSigner(key);
   ignored = 0;
   sessionStorage.signingKey = key || '';
+  sessionStorage.rover = '';
+}
+
+function keepLink() {
+  beat();
+  if (now() - Math.max(openedAt, heardAt) < DEAD_MS) return;
+  emit('closed', isOpen());
+  connect();
 }
 
 function startLink() {
   const stored = sessionStorage.signingKey;
-  if (stored) useKey(stored.split(','));
+  if (stored) signer = newSigner(stored.split(','));
   connect();
-  setInterval(() => {
-    beat();
-    if (now() - Math.max(openedAt, heardAt) < DEAD_MS) return;
-    emit('closed', isOpen());
-    connect();
-  }, SECOND);
 }

@@ -1,22 +1,21 @@
 // The rooms, the strip above them, and when what is drawn.
 
-const ROOMS = ['battery', 'drive', 'setup', 'logs', 'about'];
-
 let wasFresh = false;
 let refusal = '';
 
 function enter() {
-  const room = ROOMS.find((name) => '#' + name == location.hash) || ROOMS[0];
-  if (drives) letGo();
-  ROOMS.forEach((name, index) => {
-    hide(name, name != room);
-    document.querySelectorAll('nav a')[index].ariaCurrent = name == room && 'page';
-  });
-  if (room == 'setup') {
+  const links = [...document.querySelectorAll('nav a')];
+  const entered = links.find(({ hash }) => hash == location.hash) || links[0];
+  letGo();
+  for (const link of links) {
+    hide(link.hash.slice(1), link != entered);
+    link.ariaCurrent = link == entered && 'page';
+  }
+  if (!$('setup').hidden) {
     readDescriptions();
     renderForms();
   }
-  if (room == 'logs') listLogs();
+  if (!$('logs').hidden) listLogs();
   render();
 }
 
@@ -26,8 +25,10 @@ function render() {
   wasFresh = fresh;
   document.body.className = fresh ? '' : 'stale';
   const seen = age() < Infinity ? 'Not heard for ' + duration(age() / SECOND) : 'Connecting…';
-  put('freshness', fresh ? 'Live' : seen);
-  put('refused', fresh ? '' : refusal);
+  // As its network is named.
+  const name = isIdentified && boardId() ? ', rover-' + boardId().slice(-4) : '';
+  const link = delay() > SECOND && !lacksKey() ? 'Slow link' : 'Live';
+  put('freshness', fresh ? link + ': rover ' + roverSystem + name : seen + ' ' + refusal);
   put('armed', armed == null ? '' : armed ? 'Armed' : 'Disarmed');
   $('armed').className = armed ? 'chip info' : 'chip';
   put('mode', armed == null ? '' : MODES[mode] || 'Mode ' + mode);

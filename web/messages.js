@@ -3,12 +3,14 @@
 const MESSAGE_TABLE = `
 HEARTBEAT 0 50 custom_mode:I0 type:B4 autopilot:B5 base_mode:B6 system_status:B7 mavlink_version:B8
 SYS_STATUS 1 124 onboard_control_sensors_health:I8 errors_comm:H20
+SYSTEM_TIME 2 137 time_boot_ms:I8
+PING 4 237 seq:I8
 PARAM_REQUEST_READ 20 214 param_index:h0 target_system:B2 param_id:s4x16
 PARAM_REQUEST_LIST 21 159 target_system:B0
 PARAM_VALUE 22 220 param_value:f0 param_count:H4 param_index:H6 param_id:s8x16 param_type:B24
 PARAM_SET 23 168 param_value:f0 target_system:B4 param_id:s6x16 param_type:B22
 MANUAL_CONTROL 69 243 y:h2 z:h4 target:B10
-COMMAND_LONG 76 152 param1:f0 param2:f4 command:H28 target_system:B30 confirmation:B32
+COMMAND_LONG 76 152 param1:f0 param2:f4 command:H28 target_system:B30
 COMMAND_ACK 77 143 command:H0 result:B2
 LOG_REQUEST_LIST 117 128 end:H2 target_system:B4
 LOG_ENTRY 118 56 time_utc:I0 size:I4 id:H8 num_logs:H10

@@ -17,6 +17,7 @@ const REQUEST_MESSAGE = 512;
 
 const REFUSED = 'refused';
 const NO_ANSWER = 'no answer';
+const NO_KEY = 'Without the key nothing is obeyed.';
 const REAL32 = 9;
 
 const MAX_TEXTS = 100;
@@ -31,6 +32,8 @@ let status;
 let ready = null;
 let system = {};
 let version;
+// Whether it is known which rover this connection leads to: all of them have the same address.
+let isIdentified;
 let paramCount = 0;
 // Why it does not arm.
 let obstacles = [];
@@ -45,12 +48,17 @@ const chosenPack = () => packs.get(+$('pack').value) || {};
 const textLike = (pattern) => texts.find(({ text }) => pattern.test(text))?.text;
 const value = (name) => params.get(name)?.param_value;
 
+const isKnown = () => isFresh() && isIdentified;
+const UNSIGNED_ALLOWED = 2;
+const lacksKey = () => roverSigns && !signer && value('SIGN_WIFI_ALLOW') != UNSIGNED_ALLOWED;
+
 on('HEARTBEAT', ({ base_mode, custom_mode, system_status }) => {
   const isArmed = !!(base_mode & ARMED_FLAG);
   if (armed != isArmed && armed != null) say(isArmed ? 'Armed' : 'Disarmed');
   armed = isArmed;
   mode = custom_mode;
   status = system_status;
+  if (!isIdentified) request('AUTOPILOT_VERSION');
   emit('state');
 });
 
@@ -114,10 +122,25 @@ on('STATUSTEXT', ({ severity, text: part, id, chunk_seq }) => {
   emit('text', entry);
 });
 
-on('AUTOPILOT_VERSION', (fields) => (version = fields));
-
 // As on the board's label; undefined if it is unknown.
 const boardId = () => (version?.uid || undefined)?.toString(16).toUpperCase();
+
+on('opened', () => (isIdentified = 0));
+
+// For another rover the page begins anew, without a key that is another's. One without an id is the same.
+on('AUTOPILOT_VERSION', (fields) => {
+  const before = boardId();
+  version = fields;
+  const id = boardId();
+  const isAnother = (known) => known && id && known != id;
+  const hasAnothersKey = isAnother(sessionStorage.rover);
+  if (hasAnothersKey) sessionStorage.clear();
+  if (id) sessionStorage.rover = id;
+  if (hasAnothersKey || isAnother(before)) return location.reload();
+  if (isIdentified) return;
+  isIdentified = 1;
+  readParameters();
+});
 
 const after = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
@@ -135,47 +158,39 @@ function next(name, fits = () => 1, ms = SECOND) {
   });
 }
 
-// Sends a command until it is acknowledged. Why it was not obeyed, or nothing.
-async function command(number, param1 = 0, param2 = 0, tries = 3) {
-  for (let confirmation = 0; confirmation < tries; confirmation++) {
-    const answer = next('COMMAND_ACK', (ack) => ack.command == number);
-    ask('COMMAND_LONG', { command: number, param1, param2, confirmation });
-    const ack = await answer;
-    if (ack) return ack.result ? REFUSED : '';
-  }
-  return NO_ANSWER;
-}
-
-const request = (name, param2) => command(REQUEST_MESSAGE, MESSAGES[name].id, param2);
-
-// What changes the rover's state is followed by its heartbeat at once. Its own words say best why not.
-async function changeState(number, param1, param2, tries) {
-  const [before] = texts;
-  const why = await command(number, param1, param2, tries);
-  request('HEARTBEAT');
-  return why && texts[0] != before ? texts[0].text : why;
-}
+const request = (name, param2) => ask('COMMAND_LONG', { command: REQUEST_MESSAGE, param1: MESSAGES[name].id, param2 });
 
 on('PARAM_VALUE', (fields) => {
   params.set(fields.param_id, fields);
   paramCount = fields.param_count;
 });
 
-// Sets a parameter. Why it was refused, or nothing; the valid range comes as a text of its own.
-async function setParameter(name, param_value) {
-  const isIt = ({ param_id }) => param_id == name;
+// The rover's own words, if it has said any since, say best why not.
+const inItsWords = (why, before) => (why && texts[0] != before ? texts[0].text : why);
+
+// How often Stop was wanted: what was begun before is not sent again.
+let stops = 0;
+
+// Sends it up to three times until it is answered. Why it was not obeyed, or nothing. Disarm goes to any rover, and on after Stop.
+async function exchange(name, values, fits) {
+  const run = stops;
   const [before] = texts;
-  let why = '';
-  next('PARAM_ERROR', (answer) => isIt(answer) && (why = REFUSED), 3 * SECOND);
-  for (let tries = 0; tries < 3; tries++) {
-    const answer = next('PARAM_VALUE', isIt);
-    ask('PARAM_SET', { param_id: name, param_value, param_type: params.get(name)?.param_type || REAL32 });
-    if (!(await answer) && !why) continue;
-    if (why) await after(300);
-    return why && texts[0] != before ? texts[0].text : why;
+  let found;
+  for (let tries = 3; !found && tries; tries--) {
+    const answer = next('any', fits);
+    if ((isKnown() && run == stops) || values.command == ARM) ask(name, values);
+    found = await answer;
   }
-  return NO_ANSWER;
+  if (found && !found.result && !found.error) return '';
+  // The valid range of a parameter comes as a text of its own.
+  await after(300);
+  return inItsWords(found ? REFUSED : NO_ANSWER, before);
 }
+
+const command = (number, param1) => exchange('COMMAND_LONG', { command: number, param1 }, (answer) => answer.command == number);
+
+const setParameter = (name, param_value) =>
+  exchange('PARAM_SET', { param_id: name, param_value, param_type: params.get(name)?.param_type || REAL32 }, (answer) => answer.param_id == name);
 
 // Reads the list, then by index what was missed.
 let listing = 0;
@@ -194,17 +209,10 @@ async function readParameters() {
   }
 }
 
-on('opened', async () => {
-  if (!(await next('HEARTBEAT', undefined, DEAD_MS))) return;
-  request('AUTOPILOT_VERSION');
-  for (const id of packs.keys()) request('BATTERY_INFO', id);
-  readParameters();
-});
-
 // Why it would not arm is asked for as long as it would not.
 function askObstacles() {
   if (ready != false || armed || !isFresh() || document.hidden) return;
   obstacles = [];
-  command(CHECK_ARMING, 0, 0, 1);
+  command(CHECK_ARMING);
 }
 setInterval(askObstacles, 5 * SECOND);

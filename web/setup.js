@@ -18,15 +18,15 @@ const CALIBRATIONS = {
 // What is shown at once of the list; a search finds the others.
 const MAX_LISTED = 30;
 
-let descriptions;
+let descriptions = new Map();
 const restarts = new Set();
 const undone = {};
 
 // Those of further packs are the same.
-const described = (name) => descriptions?.get(name) || descriptions?.get(name.replace(/^BATT\d_/, 'BATT{n}_')) || {};
+const described = (name) => descriptions.get(name) || descriptions.get(name.replace(/^BATT\d_/, 'BATT{n}_')) || {};
 
 async function readDescriptions() {
-  if (descriptions) return;
+  if (descriptions.size) return;
   try {
     const { parameters } = await (await fetch('/parameters.json')).json();
     descriptions = new Map(parameters.map((parameter) => [parameter.name, parameter]));
@@ -39,11 +39,13 @@ async function readDescriptions() {
 // As short as a single-precision number is written.
 const short = (number) => '' + +number.toPrecision(7);
 
-// Sets it, and says beside it what came of it.
-async function change(name, wanted, state) {
+// Sets it, and says beside it what was stored.
+async function change(name, wanted, state, input = {}) {
   show(state, 'Saving…');
   const why = await setParameter(name, wanted);
-  show(state, why ? 'Refused: ' + why : 'Saved: ' + short(wanted));
+  const stored = short(value(name));
+  input.value = stored;
+  show(state, why ? 'Failed: ' + why : 'Saved: ' + stored);
   if (!why && described(name).rebootRequired) restarts.add(name);
   if (!why && /MONITOR|TYPE|DRIVER|PROTOCOL/.test(name)) readParameters();
   renderSetup();
@@ -61,10 +63,10 @@ function fieldOf(name) {
     : el('input', { inputMode: 'decimal', readOnly });
   input.value = short(current);
   input.name = name;
-  input.onchange = async () => {
+  input.onchange = () => {
     const wanted = numberIn(input);
     if (Number.isNaN(wanted)) show(state, 'Not a number');
-    else if (!(await change(name, wanted, state))) input.value = short(value(name));
+    else change(name, wanted, state, input);
   };
   const details = [min == null ? '' : min + ' to ' + max, units, readOnly && 'read only', rebootRequired && 'after a restart'];
   const bits = bitmask.map(({ index, description }) => 2 ** index + ': ' + description).join(', ');
@@ -131,7 +133,8 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
     const then = wanted();
     card.hidden = is == null;
     show(reported, measured == null ? 'nothing' : digits(measured, 2) + unit);
-    apply.disabled = !then || !isFresh();
+    apply.disabled = !then || !isKnown();
+    undo.disabled = !isKnown();
     show(effect, then ? name + ' changes from ' + short(is) + ' to ' + short(then) : '');
     undo.hidden = before == null;
     show(undo, before == null ? '' : 'Undo: back to ' + short(before));
@@ -165,7 +168,7 @@ function startSetup() {
     renderForms();
   };
   askTwice('restart', 'Press again to restart', async () => {
-    const why = await changeState(RESTART, 1);
+    const why = await command(RESTART, 1);
     put('restarted', why || 'Restarting…');
     if (!why) restarts.clear();
   });

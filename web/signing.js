@@ -1,7 +1,11 @@
 // MAVLink 2 signing. A page by http has no crypto.subtle, so SHA-256 is its own.
 
 const SIGNING_EPOCH_MS = Date.UTC(2015, 0, 1);
-const LINK_ID = 0;
+
+const random = (count) => Math.floor(Math.random() * count);
+
+// The times of each sender's link only grow: two pages must not share one.
+const linkId = random(256);
 
 // The first 32 bits of the fractional parts of a root of the first primes.
 function rootsOfPrimes(count, root) {
@@ -53,22 +57,25 @@ function sha256(bytes) {
 // The key of a passphrase is its SHA-256, as in MAVProxy.
 const keyOf = (passphrase) => sha256(new TextEncoder().encode(passphrase));
 
-// Signs frames with a key, and recognises frames that were. Times only grow, and follow the rover's.
+// Signs frames with a key, and recognises frames that were, each once: the times of each stream only grow. Ours follow them.
 function newSigner(key) {
   let time = 0;
+  const latest = {};
   const signatureOf = (bytes) => sha256(Uint8Array.from([...key, ...bytes])).slice(0, 6);
   return {
     sign(frame) {
       time = Math.max(time + 1, (Date.now() - SIGNING_EPOCH_MS) * 100);
-      const signed = [...frame, LINK_ID];
+      const signed = [...frame, linkId];
       for (let byte = 0; byte < 6; byte++) signed.push(Math.floor(time / 256 ** byte) % 256);
       return [...signed, ...signatureOf(signed)];
     },
 
-    accepts({ bytes, isSigned }) {
+    accepts({ bytes, isSigned, system, component }) {
       const end = bytes.length - 6;
-      const isOurs = isSigned && '' + signatureOf(bytes.slice(0, end)) == bytes.slice(end);
-      if (isOurs) time = Math.max(time, bytes.slice(end - 6, end).reduceRight((sum, byte) => sum * 256 + byte, 0));
+      const stamp = bytes.slice(end - 6, end).reduceRight((sum, byte) => sum * 256 + byte, 0);
+      const stream = [system, component, bytes[end - 7]];
+      const isOurs = isSigned && '' + signatureOf(bytes.slice(0, end)) == bytes.slice(end) && !(stamp <= latest[stream]);
+      if (isOurs) time = Math.max(time, (latest[stream] = stamp));
       return isOurs;
     },
   };

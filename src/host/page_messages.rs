@@ -1,5 +1,6 @@
 //! What the page in the browser knows of MAVLink's messages: `web/messages.js`, from the definitions that the firmware
 //! has.
+#![allow(deprecated, reason = "the page measures the round trip by PING")]
 
 use ::mavlink::types::CharArray;
 use ::mavlink::{MavlinkVersion, MessageData};
@@ -10,7 +11,7 @@ use crate::mavlink::dialect::{
     LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA, MavAutopilot, MavBatteryChargeState,
     MavCmd, MavModeFlag, MavParamError, MavParamType, MavResult, MavSeverity, MavState, MavSysStatusSensor,
     MavType, PARAM_ERROR_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
-    PARAM_VALUE_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+    PARAM_VALUE_DATA, PING_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, SYSTEM_TIME_DATA,
 };
 
 /// More than any of the messages has.
@@ -116,12 +117,14 @@ pub fn messages_js() -> String {
     let rows = rows! {
         HEARTBEAT_DATA { custom_mode mavtype autopilot base_mode system_status mavlink_version }
         SYS_STATUS_DATA { onboard_control_sensors_health errors_comm }
+        SYSTEM_TIME_DATA { time_boot_ms }
+        PING_DATA { seq }
         PARAM_REQUEST_READ_DATA { param_index target_system param_id }
         PARAM_REQUEST_LIST_DATA { target_system }
         PARAM_VALUE_DATA { param_value param_count param_index param_id param_type }
         PARAM_SET_DATA { param_value target_system param_id param_type }
         MANUAL_CONTROL_DATA { y z target }
-        COMMAND_LONG_DATA { param1 param2 command target_system confirmation }
+        COMMAND_LONG_DATA { param1 param2 command target_system }
         COMMAND_ACK_DATA { command result }
         LOG_REQUEST_LIST_DATA { end target_system }
         LOG_ENTRY_DATA { time_utc size id num_logs }

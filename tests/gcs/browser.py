@@ -2,9 +2,11 @@
 
 import base64
 import contextlib
+import hashlib
 import json
 import os
 import pathlib
+import queue
 import re
 import shutil
 import signal
@@ -14,6 +16,7 @@ import threading
 import time
 
 import pytest
+from pymavlink.dialects.v20.all import mavlink_map, x25crc
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 
@@ -199,15 +202,27 @@ class Page:
             self.driver.quit()
 
 
+class Way:
+    """One direction of a network."""
+
+    def __init__(self):
+        # Set while bytes go through; until then they wait.
+        self.is_open = threading.Event()
+        self.delay_s = 0
+        # What becomes of the bytes on it.
+        self.change = lambda data: data
+
+
 class Network:
-    """What is between a browser and the rover: it can be cut, in one direction or both, without a word to either end."""
+    """What is between a browser and the rover: it can be cut or slow, in one direction or both, without a word to either end."""
 
     def __init__(self, port):
         self.port_there = port
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.port = self.listener.getsockname()[1]
-        # Set while bytes go through.
-        self.up, self.down = threading.Event(), threading.Event()
+        self.up, self.down = Way(), Way()
+        # Raised when the connections so far are lost.
+        self.generation = 0
         self.mend()
         threading.Thread(target=self.accept, daemon=True).start()
 
@@ -224,34 +239,91 @@ class Network:
                 except OSError:
                     here.close()
                     continue
-                for ends, is_open in (((here, there), self.up), ((there, here), self.down)):
-                    threading.Thread(target=self.pump, args=(*ends, is_open), daemon=True).start()
+                for source, sink, way in ((here, there, self.up), (there, here, self.down)):
+                    waiting = queue.Queue()
+                    threading.Thread(target=self.take, args=(source, waiting, way), daemon=True).start()
+                    threading.Thread(target=self.bring, args=(waiting, source, sink, way, self.generation), daemon=True).start()
 
     @staticmethod
-    def pump(source, sink, is_open):
+    def take(source, waiting, way):
         with contextlib.suppress(OSError):
             while data := source.recv(4096):
-                is_open.wait()
-                sink.sendall(data)
+                waiting.put((time.monotonic() + way.delay_s, data))
+        waiting.put(None)
+
+    def bring(self, waiting, source, sink, way, generation):
+        with contextlib.suppress(OSError):
+            while packet := waiting.get():
+                due, data = packet
+                time.sleep(max(0, due - time.monotonic()))
+                way.is_open.wait()
+                if generation == self.generation:
+                    sink.sendall(way.change(data))
         for end in (source, sink):
             with contextlib.suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
 
     def cut(self):
-        self.up.clear()
-        self.down.clear()
+        self.up.is_open.clear()
+        self.down.is_open.clear()
 
     def mute(self):
         """The rover hears, and is not heard."""
-        self.down.clear()
+        self.down.is_open.clear()
+
+    def deafen(self):
+        """The rover is heard, and hears nothing."""
+        self.up.is_open.clear()
 
     def mend(self):
-        self.up.set()
-        self.down.set()
+        """What has waited arrives."""
+        self.up.is_open.set()
+        self.down.is_open.set()
+
+    def lose(self):
+        """Connections end here: nothing that waits ever arrives, and neither end learns it."""
+        self.cut()
+        self.generation += 1
+
+    def lead_to(self, port):
+        """The next network has the same address."""
+        self.lose()
+        self.port_there = port
+        self.mend()
 
     def close(self):
         self.mend()
         self.listener.close()
+
+
+AUTOPILOT_VERSION = 148
+SIGNED = 1
+
+
+def with_board_id(board_id, key=b""):
+    """A change of what comes from a rover: its AUTOPILOT_VERSION has this id of the board, or is damaged. With a key it is signed."""
+
+    def changed(frame, length):
+        payload = frame[10 : 10 + length]
+        payload = payload[:8] + (board_id or 0).to_bytes(8, "little") + payload[16:]
+        checksum = x25crc(frame[1:10] + payload + bytes([mavlink_map[AUTOPILOT_VERSION].crc_extra])).crc
+        if board_id is None:
+            checksum ^= 1
+        rest = frame[12 + length :]
+        frame = frame[:10] + payload + checksum.to_bytes(2, "little") + rest[:7]
+        return frame + hashlib.sha256(key + frame).digest()[:6] if rest else frame
+
+    def change(data):
+        at = 0
+        while (at := data.find(b"\xfd", at)) >= 0:
+            length, flags = data[at + 1 : at + 3] if at + 3 <= len(data) else (0, 0)
+            end = at + 12 + length + 13 * (flags & SIGNED)
+            if data[at + 7 : at + 10] == AUTOPILOT_VERSION.to_bytes(3, "little") and end <= len(data):
+                data = data[:at] + changed(data[at:end], length) + data[end:]
+            at += 1
+        return data
+
+    return change
 
 
 FIREFOX = shutil.which("firefox-esr") or shutil.which("firefox")
