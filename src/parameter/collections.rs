@@ -10,10 +10,14 @@ const BYTES: usize = PARAMETER_COUNT.div_ceil(8);
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ParameterIdSet([u8; BYTES]);
 
-impl ParameterIdSet {
+impl Default for ParameterIdSet {
     /// None of them.
-    pub const EMPTY: Self = Self([0; BYTES]);
+    fn default() -> Self {
+        Self([0; BYTES])
+    }
+}
 
+impl ParameterIdSet {
     /// Whether it has `id`.
     pub fn contains(&self, id: ParameterId) -> bool {
         let (byte, bit) = place(id);
@@ -90,7 +94,7 @@ mod tests {
     #[test]
     fn each_parameter_is_added_by_itself() {
         for added in ParameterId::all() {
-            let mut set = ParameterIdSet::EMPTY;
+            let mut set = ParameterIdSet::default();
             set.insert(added);
             assert!(
                 ParameterId::all().all(|id| set.contains(id) == (id == added)),

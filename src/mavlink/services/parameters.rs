@@ -131,7 +131,7 @@ impl ParameterList {
     /// Starts the list, or starts it again.
     pub fn start(&mut self, now: Instant) {
         self.sending = Some(Sending {
-            sent: ParameterIdSet::EMPTY,
+            sent: ParameterIdSet::default(),
             batches: Cadence::starting_at(now, 1),
             credited_at: now,
             credit_bytes: PARAM_VALUE_FRAME_BYTES,

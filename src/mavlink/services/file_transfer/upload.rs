@@ -1,23 +1,34 @@
 //! The packed parameters as a file that is written: each is set when its last byte comes, but `SYSID_THISMAV` at the end.
 
-use core::fmt::Write;
+use core::fmt::{self, Write};
 
 use heapless::{String, Vec};
 
 use super::packed::{HEADER_BYTES, MAGIC, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType};
-use crate::parameter::{Access, MAX_NAME_LENGTH, ParameterId, Parameters, VehicleParameter, checked};
+use crate::parameter::{
+    Access, BatteryParameter, MAX_NAME_LENGTH, ParameterId, ParameterIdSet, Parameters, VehicleParameter,
+    checked,
+};
 
 const SYSTEM_ID: ParameterId = ParameterId::Vehicle(VehicleParameter::SysidThismav);
 
 /// A header or a record, whichever is longer.
 const PENDING_BYTES: usize = MAX_HEAD_BYTES + MAX_VALUE_BYTES;
 
-/// Names that are listed of those that were not set.
+/// Names that are listed of those that are refused.
 const LISTED_NAMES: usize = 5;
 
 /// The longest text about what was not set.
-const NOT_SET_BYTES: usize =
-    "Parameters not set".len() + LISTED_NAMES * (", ".len() + MAX_NAME_LENGTH) + " and 65530 more".len();
+const NOT_SET_BYTES: usize = "Parameters not set:".len()
+    + LISTED_NAMES * (" (but ), ".len() + 2 * MAX_NAME_LENGTH)
+    + " 65530 more, 65535 unknown".len();
+
+/// Pins, and the factor of each: with another pin it makes a plausible value of anything.
+const FACTORS: [(BatteryParameter, BatteryParameter); 3] = [
+    (BatteryParameter::VoltPin, BatteryParameter::VoltMult),
+    (BatteryParameter::CurrPin, BatteryParameter::AmpPervlt),
+    (BatteryParameter::FlPin, BatteryParameter::FlVMult),
+];
 
 /// A file of parameters on its way here.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,43 +45,59 @@ pub(super) struct Upload {
     not_set: NotSet,
 }
 
-/// The parameters of a file that do not exist or were out of range: how many, and the names of the first.
+/// What a file has not set.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct NotSet {
-    count: u16,
-    names: Vec<Vec<u8, MAX_NAME_LENGTH>, LISTED_NAMES>,
+    /// The first that are known here, and were refused.
+    refused: Vec<ParameterId, LISTED_NAMES>,
+    more_refused: u16,
+    unknown: u16,
+    /// Those that were set.
+    set: ParameterIdSet,
 }
 
 impl NotSet {
-    fn add(&mut self, name: &Vec<u8, MAX_NAME_LENGTH>) {
-        self.count = self.count.saturating_add(1);
-        // Those that come later are counted only.
-        let _ = self.names.push(name.clone());
+    fn refuse(&mut self, id: ParameterId) {
+        if self.refused.push(id).is_err() {
+            self.more_refused = self.more_refused.saturating_add(1);
+        }
     }
 
-    /// The text about them. Any bytes may have come as a name.
+    /// The text about them: names first, since the file of another rover has a thousand that are unknown.
     pub fn text(&self) -> String<NOT_SET_BYTES> {
         let mut text = String::new();
-        // It has room for all names.
-        let _ = text.push_str("Parameters not set");
-        for (place, name) in self.names.iter().enumerate() {
-            let _ = text.push_str(if place == 0 { ": " } else { ", " });
-            for byte in name {
-                let _ = text.push(if byte.is_ascii_graphic() {
-                    char::from(*byte)
-                } else {
-                    '?'
-                });
-            }
-        }
-        match usize::from(self.count) - self.names.len() {
-            0 => {}
-            more => {
-                let _ = write!(text, " and {more} more");
-            }
-        }
+        // It has room for everything.
+        let _ = self.write(&mut text);
         text
     }
+
+    fn write(&self, text: &mut impl Write) -> fmt::Result {
+        let mut separator = ":";
+        text.write_str("Parameters not set")?;
+        for id in &self.refused {
+            write!(text, "{separator} {}", id.name())?;
+            separator = ",";
+            if let Some(factor) = factor_of(*id).filter(|factor| self.set.contains(*factor)) {
+                write!(text, " (but {})", factor.name())?;
+            }
+        }
+        for (count, what) in [(self.more_refused, "more"), (self.unknown, "unknown")] {
+            if count > 0 {
+                write!(text, "{separator} {count} {what}")?;
+                separator = ",";
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The factor of a pin.
+fn factor_of(pin: ParameterId) -> Option<ParameterId> {
+    let ParameterId::Battery(pack, pin) = pin else {
+        return None;
+    };
+    let (_, factor) = FACTORS.into_iter().find(|(of_pin, _)| *of_pin == pin)?;
+    Some(factor.of(pack))
 }
 
 /// What the header says.
@@ -173,23 +200,24 @@ impl Upload {
     /// Sets the parameter whose name has come. What only shows or triggers something is not a setting, and is left out.
     fn set(&mut self, value: f32, parameters: &mut Parameters) -> Option<ParameterId> {
         let Some(id) = ParameterId::from_name(&self.name_before) else {
-            self.not_set.add(&self.name_before);
+            self.not_set.unknown = self.not_set.unknown.saturating_add(1);
             return None;
         };
         if id.row().access != Access::Setting {
             return None;
         }
-        let set = match checked(id, value) {
-            Ok(system_id) if id == SYSTEM_ID => {
-                self.system_id = Some(system_id);
-                return None;
-            }
-            _ => parameters.set(id, value),
-        };
-        if set.is_err() {
-            self.not_set.add(&self.name_before);
+        if id == SYSTEM_ID
+            && let Ok(system_id) = checked(id, value)
+        {
+            self.system_id = Some(system_id);
+            return None;
         }
-        set.ok().map(|()| id)
+        if parameters.set(id, value).is_err() {
+            self.not_set.refuse(id);
+            return None;
+        }
+        self.not_set.set.insert(id);
+        Some(id)
     }
 
     /// Sets the system id if the file had one.
@@ -208,9 +236,10 @@ impl Upload {
             })
     }
 
-    /// The parameters that do not exist or were out of range, if there were any.
+    /// What the file has not set, if there was anything.
     pub fn not_set(&self) -> Option<&NotSet> {
-        (self.not_set.count > 0).then_some(&self.not_set)
+        let not_set = &self.not_set;
+        (!not_set.refused.is_empty() || not_set.unknown > 0).then_some(not_set)
     }
 }
 

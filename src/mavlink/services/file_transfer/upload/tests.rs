@@ -96,33 +96,89 @@ fn what_does_not_exist_or_is_out_of_range_is_counted_and_the_rest_is_set() {
     assert_eq!(write(&mut upload, &file, 80, &mut parameters), [CAPACITY]);
     assert!(upload.is_complete());
     let text = upload.not_set().unwrap().text();
-    assert_eq!(text, "Parameters not set: NOPE, SR0_EXTRA1");
+    assert_eq!(text, "Parameters not set: SR0_EXTRA1, 1 unknown");
+}
+
+/// The text about a file with these values.
+fn text_about(values: &[(&str, f32)]) -> String<NOT_SET_BYTES> {
+    let records: Vec<_> = values
+        .iter()
+        .map(|(name, value)| record(4, 0, name, &value.to_le_bytes()))
+        .collect();
+    let mut upload = Upload::default();
+    write(&mut upload, &file_of(&records), 80, &mut Parameters::defaults());
+    upload.not_set().unwrap().text()
+}
+
+#[test]
+fn what_is_known_and_refused_comes_before_the_count_of_what_is_unknown() {
+    let mut values = vec![("ACRO_TURN_RATE", 180.0); 1252];
+    assert_eq!(text_about(&values), "Parameters not set: 1252 unknown");
+    values.push(("BATT_VOLT_PIN", 13.0));
+    let refused = "Parameters not set: BATT_VOLT_PIN, 1252 unknown";
+    assert_eq!(text_about(&values), refused);
+    values.rotate_right(1);
+    assert_eq!(text_about(&values), refused);
+}
+
+#[test]
+fn a_factor_that_is_taken_is_named_with_its_refused_pin() {
+    for (values, expected) in [
+        (
+            &[("BATT_VOLT_MULT", 10.1), ("BATT_VOLT_PIN", 13.0)][..],
+            "Parameters not set: BATT_VOLT_PIN (but BATT_VOLT_MULT)",
+        ),
+        (
+            &[
+                ("BATT2_CURR_PIN", 14.0),
+                ("BATT2_AMP_PERVLT", 17.0),
+                ("NOPE", 1.0),
+            ],
+            "Parameters not set: BATT2_CURR_PIN (but BATT2_AMP_PERVLT), 1 unknown",
+        ),
+        (
+            &[("BATT_FL_PIN", 13.0), ("BATT_FL_V_MULT", 0.5)],
+            "Parameters not set: BATT_FL_PIN (but BATT_FL_V_MULT)",
+        ),
+        // Another pack's, one that is refused itself, and none.
+        (
+            &[("BATT2_VOLT_MULT", 10.1), ("BATT_VOLT_PIN", 13.0)],
+            "Parameters not set: BATT_VOLT_PIN",
+        ),
+        (
+            &[("BATT_VOLT_MULT", f32::NAN), ("BATT_VOLT_PIN", 13.0)],
+            "Parameters not set: BATT_VOLT_MULT, BATT_VOLT_PIN",
+        ),
+        (
+            &[
+                ("BATT_VOLT_MULT", 10.1),
+                ("BATT_VOLT_PIN", 26.0),
+                ("SR0_EXTRA1", 1e9),
+            ],
+            "Parameters not set: SR0_EXTRA1",
+        ),
+    ] {
+        assert_eq!(text_about(values), expected);
+    }
 }
 
 #[test]
 fn of_many_refused_names_the_first_five_are_listed_and_the_others_counted() {
-    let named = |name: &str| record(1, 0, name, &[1]);
-    let names = [
-        "SIXTEEN_LETTERS_",
-        "SIXTEEN_DIGITS_0",
-        "NO\nLINE",
-        "A",
-        "B",
-        "C",
-        "D",
-    ]
-    .map(named);
-    let text_of = |records: &[Vec<u8>]| {
-        let mut upload = Upload::default();
-        write(&mut upload, &file_of(records), 80, &mut Parameters::defaults());
-        upload.not_set().unwrap().text()
-    };
-    let first = "Parameters not set: SIXTEEN_LETTERS_, SIXTEEN_DIGITS_0, NO?LINE, A, B";
-    assert_eq!(text_of(&names[..5]), first);
-    assert_eq!(text_of(&names), std::format!("{first} and 2 more").as_str());
-    let long = vec![named("SIXTEEN_LETTERS_"); 2000];
-    let text = text_of(&long);
-    assert!(text.ends_with(", SIXTEEN_LETTERS_ and 1995 more"), "{text}");
+    let names: Vec<_> = Pack::ALL
+        .into_iter()
+        .flat_map(|pack| {
+            [BatteryParameter::AmpPervlt, BatteryParameter::CurrPin].map(|id| id.of(pack).name())
+        })
+        .collect();
+    let value_of = |name: &str| if name.ends_with("PIN") { 99.0 } else { 17.0 };
+    let values: Vec<_> = names.iter().map(|name| (name.as_str(), value_of(name))).collect();
+    let pairs = ["", "2", "3", "4", "5"].map(|n| std::format!(" BATT{n}_CURR_PIN (but BATT{n}_AMP_PERVLT)"));
+    let five = std::format!("Parameters not set:{}", pairs.join(","));
+    assert_eq!(text_about(&values[..10]), five.as_str());
+    assert_eq!(text_about(&values), std::format!("{five}, 4 more").as_str());
+    let long = vec![values[17]; 2000];
+    let text = text_about(&long);
+    assert!(text.ends_with(", BATT9_CURR_PIN, 1995 more"), "{text}");
 }
 
 #[test]
