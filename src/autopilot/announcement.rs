@@ -12,7 +12,7 @@ use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::memory::storage::StorageError;
 use crate::numbers::{Hundredths, text};
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, ParameterId, Range, Refused, SaveFailure, VehicleParameter};
+use crate::parameter::{BatteryParameter, ParameterId, Refused, SaveFailure, VehicleParameter};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
@@ -71,8 +71,6 @@ pub enum Announcement<'a> {
         id: ParameterId,
         /// Why.
         why: Refused,
-        /// The values that it can be set to.
-        valid: Range,
     },
     /// The rover was armed with a long time-out of its driver.
     LongTimeOut {
@@ -285,13 +283,10 @@ impl fmt::Display for Announcement<'_> {
             Self::Unauthorized { link, count } => {
                 write!(f, "{link}: not signed with the key, ignored: {count}")
             }
-            Self::ParameterRefused { id, why, valid } => match why {
-                Refused::OutOfRange => write!(f, "{} refused: valid {valid}", id.name()),
+            Self::ParameterRefused { id, why } => match why {
+                Refused::OutOfRange => write!(f, "{} refused: valid {}", id.name(), id.row().range),
                 // ArduPilot's text.
                 Refused::ReadOnly => write!(f, "Param write denied ({})", id.name()),
-                Refused::ChannelTaken(axis) => {
-                    write!(f, "{} refused: {} has this channel", id.name(), axis.row().name)
-                }
                 Refused::Armed => write!(f, "{} refused: not raised while armed", id.name()),
             },
             Self::LongTimeOut { parameter, seconds } => write!(

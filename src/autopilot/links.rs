@@ -268,8 +268,7 @@ impl Autopilot {
                 }
             }
             Event::ParameterRefused(id, why) => {
-                let valid = self.parameters.valid_range(id);
-                self.announce(Announcement::ParameterRefused { id, why, valid }, now);
+                self.announce(Announcement::ParameterRefused { id, why }, now);
             }
             Event::ParameterUnknown
             | Event::ControlTooLate

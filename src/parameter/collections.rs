@@ -32,6 +32,22 @@ impl ParameterIdSet {
             *bits |= bit;
         }
     }
+
+    /// How many it has.
+    pub(super) fn len(&self) -> usize {
+        ones(self.0.iter().copied())
+    }
+
+    /// How many of those before `id` it has.
+    pub(super) fn count_before(&self, id: ParameterId) -> usize {
+        let (byte, bit) = place(id);
+        let beside = self.0.get(byte).map(|bits| bits & (bit - 1));
+        ones(self.0.iter().copied().take(byte).chain(beside))
+    }
+}
+
+fn ones(bytes: impl Iterator<Item = u8>) -> usize {
+    bytes.map(|bits| bits.count_ones() as usize).sum()
 }
 
 fn place(id: ParameterId) -> (usize, u8) {

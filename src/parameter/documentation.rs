@@ -42,8 +42,9 @@ pub fn markdown() -> String {
     let sticks = "\n\
          ## Sticks\n\
          Of the driver's sticks in RC_CHANNELS_OVERRIDE; MANUAL_CONTROL has axes of its own. Channels 5 to 8 go from 1000 to 2000 \
-         µs. Changes are refused that leave less than 100 µs to either side of the neutral pulse, so a file of parameters may \
-         have to be loaded twice.\n\n";
+         µs. Changes are taken in any order. Two axes on one channel, or less than 100 µs to a side of the neutral pulse, do not \
+         fit: arming is refused if they concern the throttle or the steering, and the last values that fitted stay in force, \
+         after a restart the defaults.\n\n";
     let of_sticks = StickParameter::ALL.into_iter().map(ParameterId::from);
     write_table(&mut page, sticks, of_sticks).expect("infallible");
     let packs = "\n\

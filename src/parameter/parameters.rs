@@ -1,12 +1,12 @@
 //! The live values of all parameters.
 
+use super::sticks::Sticks;
 use super::{
-    Access, BatteryParameter, ForEachParameter, Kind, Listed, PARAMETER_COUNT, ParameterId, StickChannels,
-    StickParameter, VehicleParameter,
+    Access, BatteryParameter, ForEachParameter, Kind, Listed, ParameterId, ParameterIdSet, VehicleParameter,
 };
 use crate::memory::save_state::SaveState;
 use crate::numbers::round_to_i32;
-use crate::pack::{MAX_PACKS, Pack};
+use crate::pack::Pack;
 
 /// Tolerance of a whole number received as a float, as in ArduPilot.
 const WHOLE_NUMBER_TOLERANCE: f32 = 0.01;
@@ -20,13 +20,14 @@ const CAN_DISABLED: f32 = 0.0;
 /// The live values of all parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
-    pub(super) values: ForEachParameter<f32>,
+    values: ForEachParameter<f32>,
     pub(super) save_states: ForEachParameter<SaveState>,
     /// That of the last reset.
     pub(super) reset: SaveState,
     pub(super) flash: Flash,
-    /// Those that the parameters of the sticks describe.
-    pub(super) stick_channels: StickChannels,
+    /// Those that are listed.
+    listed: ParameterIdSet,
+    pub(super) sticks: Sticks,
 }
 
 /// Whether the values in flash are known.
@@ -46,8 +47,6 @@ pub enum Refused {
     OutOfRange,
     /// The parameter is constant, or shows a value of the firmware's own.
     ReadOnly,
-    /// This axis of the sticks has the channel.
-    ChannelTaken(StickParameter),
     /// A time-out is not raised while the rover is armed.
     Armed,
 }
@@ -58,13 +57,16 @@ const TRIGGERED: f32 = 1.0;
 impl Parameters {
     /// All parameters at their defaults.
     pub fn defaults() -> Self {
-        Self {
+        let mut parameters = Self {
             values: ForEachParameter::from_fn(ParameterId::default_value),
             save_states: ForEachParameter::default(),
             reset: SaveState::Saved,
             flash: Flash::Loaded,
-            stick_channels: StickChannels::default(),
-        }
+            listed: ParameterIdSet::default(),
+            sticks: Sticks::defaults(),
+        };
+        parameters.update_listed();
+        parameters
     }
 
     /// Marks the values in flash as not loaded: every value that is set has to be saved, even one that equals the
@@ -94,56 +96,17 @@ impl Parameters {
     /// The listed parameters in the order of their indices: all except those of disabled packs and of what is not in use,
     /// which can still be read and set by name.
     pub fn listed(&self) -> impl Iterator<Item = ParameterId> {
-        ParameterId::all().filter(|id| self.is_listed(*id))
+        ParameterId::all().filter(|id| self.listed.contains(*id))
     }
 
     /// Number of listed parameters.
     pub fn listed_count(&self) -> usize {
-        PARAMETER_COUNT - self.hidden_of_vehicle(VehicleParameter::COUNT) - self.hidden_of_packs(MAX_PACKS)
+        self.listed.len()
     }
 
     /// Index of a parameter in the list; `None` if hidden.
     pub fn listed_index(&self, id: ParameterId) -> Option<usize> {
-        if !self.is_listed(id) {
-            return None;
-        }
-        let hidden_before = match id {
-            ParameterId::Vehicle(parameter) => self.hidden_of_vehicle(parameter as usize),
-            ParameterId::Stick(_) => self.hidden_of_vehicle(VehicleParameter::COUNT),
-            ParameterId::Battery(pack, parameter) => {
-                self.hidden_of_vehicle(VehicleParameter::COUNT)
-                    + self.hidden_of_packs(usize::from(pack.instance()))
-                    + self.hidden_of(pack, parameter as usize)
-            }
-            // The simulator's and the constants.
-            _ => self.hidden_of_vehicle(VehicleParameter::COUNT) + self.hidden_of_packs(MAX_PACKS),
-        };
-        Some(id.number() - hidden_before)
-    }
-
-    /// How many of the vehicle's first parameters are hidden.
-    fn hidden_of_vehicle(&self, first: usize) -> usize {
-        let ids = VehicleParameter::UNLISTED.into_iter();
-        ids.filter(|id| (*id as usize) < first && !self.is_used((*id).into(), None))
-            .count()
-    }
-
-    /// How many parameters of the first packs are hidden.
-    fn hidden_of_packs(&self, first: usize) -> usize {
-        let packs = Pack::ALL.into_iter().take(first);
-        packs
-            .map(|pack| self.hidden_of(pack, BatteryParameter::COUNT))
-            .sum()
-    }
-
-    /// How many of a pack's first parameters are hidden: all but `MONITOR`, which is the first, of a pack that is disabled.
-    fn hidden_of(&self, pack: Pack, first: usize) -> usize {
-        if !self.is_monitored(pack) {
-            return first.saturating_sub(1);
-        }
-        let ids = BatteryParameter::UNLISTED.into_iter();
-        ids.filter(|id| (*id as usize) < first && !self.is_used(id.of(pack), Some(pack)))
-            .count()
+        self.listed.contains(id).then(|| self.listed.count_before(id))
     }
 
     /// Whether a pack is enabled by the live value of its `BATT_MONITOR`.
@@ -151,24 +114,41 @@ impl Parameters {
         self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED
     }
 
-    fn is_listed(&self, id: ParameterId) -> bool {
-        match id {
-            ParameterId::Battery(_, BatteryParameter::Monitor) => true,
-            ParameterId::Battery(pack, _) => self.is_monitored(pack) && self.is_used(id, Some(pack)),
-            _ => self.is_used(id, None),
-        }
+    /// Lists what is in use now.
+    fn update_listed(&mut self) {
+        let mut listed = ParameterIdSet::default();
+        let used = ParameterId::all().filter(|id| self.is_used(*id));
+        used.for_each(|id| listed.insert(id));
+        self.listed = listed;
     }
 
-    /// Whether what a parameter, of this pack or of none, sets up is in use.
-    fn is_used(&self, id: ParameterId, pack: Option<Pack>) -> bool {
+    /// Whether what a parameter sets up is in use. `BATT_MONITOR` always is.
+    fn is_used(&self, id: ParameterId) -> bool {
+        let monitor = match id {
+            ParameterId::Battery(pack, _) => Some(self.get(BatteryParameter::Monitor.of(pack))),
+            _ => None,
+        };
         match id.row().listed {
-            Listed::Always => true,
+            _ if matches!(id, ParameterId::Battery(_, BatteryParameter::Monitor)) => true,
+            Listed::Always => monitor != Some(MONITOR_DISABLED),
             // Whole numbers are stored as such.
             Listed::WithSerialProtocol(protocol) => self.get(VehicleParameter::Serial1Protocol) == protocol,
             Listed::WithCan => self.get(VehicleParameter::CanP1Driver) != CAN_DISABLED,
-            Listed::WithMonitor(monitor) => {
-                pack.is_some_and(|pack| self.get(BatteryParameter::Monitor.of(pack)) == monitor)
+            Listed::WithMonitor(kind) => monitor == Some(kind),
+        }
+    }
+
+    /// Writes a live value, which nothing else does, and updates what follows from it.
+    pub(super) fn write(&mut self, id: ParameterId, value: f32, state: SaveState) {
+        self.values.set(id, value);
+        self.save_states.set(id, state);
+        match id {
+            ParameterId::Stick(id) => self.follow_sticks(id, state),
+            ParameterId::Battery(_, BatteryParameter::Monitor)
+            | ParameterId::Vehicle(VehicleParameter::Serial1Protocol | VehicleParameter::CanP1Driver) => {
+                self.update_listed();
             }
+            _ => {}
         }
     }
 
@@ -180,7 +160,7 @@ impl Parameters {
     pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), Refused> {
         let id = id.into();
         let value = match id.row().access {
-            Access::Setting => self.acceptable(id, value)?,
+            Access::Setting => checked(id, value)?,
             Access::ReadOnly | Access::Constant => return Err(Refused::ReadOnly),
             Access::Trigger => return checked(id, value).map(drop),
         };
@@ -188,8 +168,7 @@ impl Parameters {
             && self.save_states.get(id) == SaveState::Saved
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
-            self.store(id, value);
-            self.save_states.set(id, SaveState::New);
+            self.write(id, value, SaveState::New);
         }
         Ok(())
     }
@@ -209,23 +188,11 @@ impl Parameters {
         self.set(id, value)
     }
 
-    /// `value` converted to the parameter's type, if it is valid beside the other parameters.
-    fn acceptable(&self, id: ParameterId, value: f32) -> Result<f32, Refused> {
-        let value = checked(id, value)?;
-        if !self.valid_range(id).contains(value) {
-            return Err(Refused::OutOfRange);
-        }
-        match self.axis_with_channel(id, value) {
-            Some(axis) => Err(Refused::ChannelTaken(axis)),
-            None => Ok(value),
-        }
-    }
-
     /// Sets what a read-only parameter shows, and returns whether that has changed. A value out of range is not shown.
     pub fn show(&mut self, id: ParameterId, value: f32) -> bool {
         match checked(id, value) {
             Ok(value) if id.row().access == Access::ReadOnly && value != self.get(id) => {
-                self.store(id, value);
+                self.write(id, value, SaveState::Saved);
                 true
             }
             _ => false,
@@ -241,7 +208,7 @@ impl Parameters {
         if id.row().access != Access::Setting {
             return Err(Refused::ReadOnly);
         }
-        self.store(id, checked(id, value)?);
+        self.write(id, checked(id, value)?, SaveState::Saved);
         Ok(())
     }
 }
@@ -292,7 +259,10 @@ impl Default for Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::{GroundStationParameter, SimulationParameter, Unsaved};
+    use crate::pack::MAX_PACKS;
+    use crate::parameter::{
+        GroundStationParameter, PARAMETER_COUNT, SimulationParameter, StickParameter, Unsaved,
+    };
     use proptest::prelude::*;
 
     const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);

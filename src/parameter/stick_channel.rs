@@ -50,7 +50,7 @@ impl StickChannel {
         } else {
             self.longest_us.saturating_sub(self.neutral_us)
         };
-        // At least 100 µs, as the parameters are checked.
+        // At least 100 µs, as the parameters fit each other.
         let position = deflection_us * 1000 / i32::from(travel_us.max(1));
         (if self.is_reversed { -position } else { position }) as i16
     }

@@ -1,109 +1,105 @@
-//! Which values the parameters of the sticks may have beside each other.
+//! The channels of the sticks, by parameters that have to fit each other.
 
 use super::stick_channel::{StickChannel, StickChannels};
 use super::table::sticks::LEAST_TRAVEL_US;
-use super::{ParameterId, Parameters, Range, StickParameter};
+use super::{Parameters, StickParameter};
 use crate::memory::save_state::SaveState;
 use StickParameter::*;
 
-/// Channels of the axes.
-const AXES: [StickParameter; 4] = [RcmapRoll, RcmapPitch, RcmapThrottle, RcmapYaw];
+/// Parameters that have to fit each other.
+type Group = [StickParameter; 4];
 
-/// Shortest, neutral and longest pulse of each channel that has parameters.
-const PULSES: [[StickParameter; 3]; 4] = [
-    [Rc1Min, Rc1Trim, Rc1Max],
-    [Rc2Min, Rc2Trim, Rc2Max],
-    [Rc3Min, Rc3Trim, Rc3Max],
-    [Rc4Min, Rc4Trim, Rc4Max],
+/// The channels of the axes, then what each channel means, as they stand in the table.
+const GROUPS: &[Group] = StickParameter::ALL.as_chunks().0;
+
+/// Axes that may not have the same channel. Pitch and yaw, which have no function, may.
+const AXES: [(StickParameter, StickParameter); 5] = [
+    (RcmapThrottle, RcmapRoll),
+    (RcmapThrottle, RcmapPitch),
+    (RcmapThrottle, RcmapYaw),
+    (RcmapRoll, RcmapPitch),
+    (RcmapRoll, RcmapYaw),
 ];
 
-/// Directions of these channels.
-const DIRECTIONS: [StickParameter; 4] = [Rc1Reversed, Rc2Reversed, Rc3Reversed, Rc4Reversed];
+/// What of the sticks' parameters is in force: of a group that does not fit what did so last, after a start the defaults.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sticks {
+    /// Numbers of the channels.
+    throttle: u8,
+    steering: u8,
+    channels: [StickChannel; 4],
+}
 
-impl Parameters {
-    /// The channels of the sticks, as they are set now.
-    pub fn stick_channels(&self) -> StickChannels {
-        self.stick_channels
-    }
-
-    /// Stores a live value, and what follows from it.
-    pub(super) fn store(&mut self, id: ParameterId, value: f32) {
-        self.values.set(id, value);
-        // Read 50 times a second, from ten parameters.
-        if matches!(id, ParameterId::Stick(_)) {
-            self.stick_channels = StickChannels {
-                throttle: self.channel_of(RcmapThrottle),
-                steering: self.channel_of(RcmapRoll),
-            };
+impl Sticks {
+    pub fn defaults() -> Self {
+        Self {
+            throttle: StickChannel::THROTTLE.number(),
+            steering: StickChannel::STEERING.number(),
+            channels: [0, 1, 2, 3].map(StickChannel::with_defaults),
         }
     }
 
     /// Channels 5 to 8 have no parameters, and the defaults of the others.
-    fn channel_of(&self, axis: StickParameter) -> StickChannel {
+    fn channel(&self, number: u8) -> StickChannel {
         // The table's range is 1 to 8.
-        let index = (self.get_whole(axis) - 1) as u8;
-        let of_channel = PULSES.iter().zip(DIRECTIONS).nth(usize::from(index));
-        let Some((pulses, direction)) = of_channel else {
-            return StickChannel::with_defaults(index);
-        };
-        let [shortest_us, neutral_us, longest_us] = pulses.map(|id| self.get(id) as u16);
-        StickChannel {
-            index,
-            shortest_us,
-            neutral_us,
-            longest_us,
-            is_reversed: self.get(direction) != 0.0,
+        let index = number.saturating_sub(1);
+        let channel = self.channels.get(usize::from(index)).copied();
+        channel.unwrap_or(StickChannel::with_defaults(index))
+    }
+}
+
+impl Parameters {
+    /// The channels of the sticks, as they are in force.
+    pub fn stick_channels(&self) -> StickChannels {
+        StickChannels {
+            throttle: self.sticks.channel(self.sticks.throttle),
+            steering: self.sticks.channel(self.sticks.steering),
         }
     }
 
-    /// The values that a parameter can be set to: those of its table, of a channel's pulses only those that leave 100 µs to each
-    /// side of the neutral one.
-    pub fn valid_range(&self, id: ParameterId) -> Range {
-        let in_table = id.row().range;
-        let (ParameterId::Stick(id), Range::Between(lowest, highest)) = (id, in_table) else {
-            return in_table;
-        };
-        let Some([min, trim, max]) = PULSES.into_iter().find(|pulses| pulses.contains(&id)) else {
-            return in_table;
-        };
-        if id == min {
-            Range::Between(lowest, self.get(trim) - LEAST_TRAVEL_US)
-        } else if id == trim {
-            Range::Between(self.get(min) + LEAST_TRAVEL_US, self.get(max) - LEAST_TRAVEL_US)
-        } else {
-            Range::Between(self.get(trim) + LEAST_TRAVEL_US, highest)
-        }
+    /// Parameters of the throttle's and the steering's channel that do not fit each other, in pairs.
+    pub fn stick_misfits(&self) -> impl Iterator<Item = (StickParameter, StickParameter)> {
+        let channels = [RcmapThrottle, RcmapRoll].map(|axis| self.get_whole(axis) as usize);
+        let groups = GROUPS.iter().enumerate();
+        let concerned = groups.filter(move |(number, _)| *number == 0 || channels.contains(number));
+        concerned.filter_map(|(_, group)| self.misfit(group))
     }
 
-    /// The other axis that has this channel, if `id` is the channel of an axis.
-    pub(super) fn axis_with_channel(&self, id: ParameterId, channel: f32) -> Option<StickParameter> {
-        let ParameterId::Stick(axis) = id else { return None };
-        let mut others = AXES.into_iter().filter(|other| *other != axis);
-        if AXES.contains(&axis) {
-            others.find(|other| self.get(*other) == channel)
-        } else {
-            None
+    /// The first two of a group that do not fit each other.
+    fn misfit(&self, group: &Group) -> Option<(StickParameter, StickParameter)> {
+        let [min, max, trim, _] = *group;
+        if min == RcmapRoll {
+            return AXES.into_iter().find(|(a, b)| self.get(*a) == self.get(*b));
         }
+        let has_travel = |(shorter, longer)| self.get(longer) - self.get(shorter) >= LEAST_TRAVEL_US;
+        [(min, trim), (trim, max)]
+            .into_iter()
+            .find(|pair| !has_travel(*pair))
     }
 
-    /// Sets channels whose parameters do not fit each other to their defaults, which are saved then, and returns whether there were any.
-    ///
-    /// Each change was valid when it was made, but a loss of power may have left only the later ones in flash.
-    pub fn mend_sticks(&mut self) -> bool {
-        let fits = |id: &StickParameter| {
-            let value = self.get(*id);
-            self.valid_range((*id).into()).contains(value)
-                && self.axis_with_channel((*id).into(), value).is_none()
+    /// Brings the group of a parameter into force that was set, or loaded from flash.
+    pub(super) fn follow_sticks(&mut self, written: StickParameter, state: SaveState) {
+        let mut groups = (0..).zip(GROUPS);
+        let Some((number, group)) = groups.find(|(_, group)| group.contains(&written)) else {
+            return;
         };
-        let groups: [&[StickParameter]; 5] = [&AXES, &PULSES[0], &PULSES[1], &PULSES[2], &PULSES[3]];
-        let damaged = groups.map(|group| !group.iter().all(fits));
-        for (group, _) in groups.iter().zip(damaged).filter(|(_, is_damaged)| *is_damaged) {
-            for id in group.iter().map(|id| ParameterId::from(*id)) {
-                self.store(id, id.default_value());
-                self.save_states.set(id, SaveState::New);
-            }
+        let fits = self.misfit(group).is_none();
+        if !fits && state != SaveState::Saved {
+            return;
         }
-        damaged.contains(&true)
+        let values = group.map(|id| if fits { self.get(id) } else { id.row().default } as u16);
+        if number == 0 {
+            [self.sticks.steering, _, self.sticks.throttle, _] = values.map(|number| number as u8);
+        } else if let Some(channel) = self.sticks.channels.get_mut(number - 1) {
+            let reversed;
+            [
+                channel.shortest_us,
+                channel.longest_us,
+                channel.neutral_us,
+                reversed,
+            ] = values;
+            channel.is_reversed = reversed != 0;
+        }
     }
 }
 
@@ -143,50 +139,92 @@ mod tests {
         assert_eq!(parameters.stick_channels().throttle.position(1900), 800);
     }
 
+    fn misfits(parameters: &Parameters) -> Vec<(StickParameter, StickParameter)> {
+        parameters.stick_misfits().collect()
+    }
+
     #[test]
-    fn two_axes_on_one_channel_are_refused() {
+    fn two_axes_on_one_channel_are_taken_and_do_not_fit() {
         let mut parameters = Parameters::defaults();
-        assert_eq!(
-            parameters.set(RcmapRoll, 3.0),
-            Err(Refused::ChannelTaken(RcmapThrottle))
-        );
-        assert_eq!(parameters.set(RcmapRoll, 1.0), Ok(()));
-        assert_eq!(parameters.set(RcmapThrottle, 5.0), Ok(()));
+        let before = parameters.stick_channels();
         assert_eq!(parameters.set(RcmapRoll, 3.0), Ok(()));
+        assert_eq!(misfits(&parameters), [(RcmapThrottle, RcmapRoll)]);
+        assert_eq!(parameters.stick_channels(), before);
         assert_eq!(parameters.set(RcmapThrottle, 1.0), Ok(()));
+        assert_eq!(misfits(&parameters), []);
+        let swapped = StickChannels {
+            throttle: before.steering,
+            steering: before.throttle,
+        };
+        assert_eq!(parameters.stick_channels(), swapped);
     }
 
     #[test]
-    fn pulses_keep_100_us_to_each_side_of_the_neutral_one() {
-        let mut parameters = Parameters::defaults();
-        for (id, refused) in [
-            (Rc1Min, [799.0, 1401.0]),
-            (Rc1Trim, [1099.0, 1901.0]),
-            (Rc1Max, [1599.0, 2201.0]),
+    fn pulses_keep_100_us_to_each_side_of_the_neutral_one_or_do_not_fit() {
+        for (id, misfit, fits) in [
+            (Rc1Min, 1401.0, 1400.0),
+            (Rc1Trim, 1099.0, 1100.0),
+            (Rc1Trim, 1901.0, 1900.0),
+            (Rc1Max, 1599.0, 1600.0),
         ] {
-            for value in refused {
-                assert_eq!(parameters.set(id, value), Err(Refused::OutOfRange), "{value}");
-            }
+            let mut parameters = Parameters::defaults();
+            let before = parameters.stick_channels();
+            assert_eq!(parameters.set(id, misfit), Ok(()), "{misfit}");
+            assert_eq!(misfits(&parameters).len(), 1, "{misfit}");
+            assert_eq!(parameters.stick_channels(), before, "{misfit}");
+            assert_eq!(parameters.set(id, fits), Ok(()), "{fits}");
+            assert_eq!(misfits(&parameters), [], "{fits}");
+            assert_ne!(parameters.stick_channels(), before, "{fits}");
         }
-        for (id, value) in [(Rc1Min, 1400.0), (Rc1Max, 1600.0), (Rc1Trim, 1500.0)] {
-            assert_eq!(parameters.set(id, value), Ok(()), "{value}");
+        for (id, value) in [
+            (Rc1Min, 799.0),
+            (Rc1Min, 2001.0),
+            (Rc1Trim, 899.0),
+            (Rc1Max, 2201.0),
+        ] {
+            assert_eq!(
+                Parameters::defaults().set(id, value),
+                Err(Refused::OutOfRange),
+                "{value}"
+            );
         }
     }
 
     #[test]
-    fn what_a_power_cut_left_half_saved_is_at_its_default_and_saved() {
-        let mut parameters = Parameters::defaults();
-        for (id, value) in [(Rc2Min, 1700.0), (Rc1Max, 1900.0), (RcmapYaw, 5.0)] {
-            parameters.restore(id.row().key, value).unwrap();
+    fn what_a_power_cut_left_half_saved_drives_by_its_defaults_and_is_kept() {
+        let stored = [
+            (Rc2Min, 1700.0),
+            (Rc1Max, 1900.0),
+            (RcmapYaw, 5.0),
+            (RcmapRoll, 5.0),
+        ];
+        for turn in 0..stored.len() {
+            let mut parameters = Parameters::defaults();
+            let mut loaded = stored;
+            loaded.rotate_left(turn);
+            for (id, value) in loaded {
+                parameters.restore(id.row().key, value).unwrap();
+            }
+            assert_eq!(misfits(&parameters), [(RcmapRoll, RcmapYaw)]);
+            let StickChannels { throttle, steering } = parameters.stick_channels();
+            assert_eq!((throttle, steering.index), (StickChannel::THROTTLE, 0));
+            assert_eq!(steering.longest_us, 1900);
+            assert_eq!(
+                stored.map(|(id, _)| parameters.get(id)),
+                stored.map(|(_, value)| value)
+            );
+            assert_eq!(parameters.next_unsaved(), None);
+            // The second half.
+            parameters.set(RcmapYaw, 2.0).unwrap();
+            parameters.set(RcmapPitch, 1.0).unwrap();
+            assert_eq!(parameters.stick_channels().steering.index, 4);
+            parameters.set(RcmapRoll, 6.0).unwrap();
+            parameters.set(RcmapThrottle, 2.0).unwrap();
+            assert_eq!(
+                misfits(&parameters),
+                [(RcmapThrottle, RcmapYaw), (Rc2Min, Rc2Trim)]
+            );
         }
-        assert!(parameters.mend_sticks());
-        let values = [Rc2Min, Rc1Max, RcmapYaw].map(|id| parameters.get(id));
-        assert_eq!(values, [1000.0, 1900.0, 5.0]);
-        assert!(parameters.next_unsaved().is_some());
-        assert!(!parameters.mend_sticks());
-        parameters.restore(RcmapRoll.row().key, 5.0).unwrap();
-        assert!(parameters.mend_sticks());
-        assert_eq!(AXES.map(|id| parameters.get(id)), [1.0, 2.0, 3.0, 4.0]);
     }
 
     proptest! {
@@ -200,6 +238,11 @@ mod tests {
                 let id = StickParameter::ALL[number];
                 let value = if value < 300.0 { value / 30.0 } else { value };
                 let _ = parameters.set(id, value);
+                if misfits(&parameters).is_empty() {
+                    let channels = parameters.stick_channels();
+                    prop_assert_eq!(f32::from(channels.throttle.number()), parameters.get(RcmapThrottle));
+                    prop_assert_eq!(f32::from(channels.steering.number()), parameters.get(RcmapRoll));
+                }
             }
             for channel in [parameters.stick_channels().steering, parameters.stick_channels().throttle] {
                 prop_assert!((-1000..=1000).contains(&channel.position(pulse_us)));
@@ -208,7 +251,6 @@ mod tests {
                 prop_assert_eq!(channel.position(channel.longest_us).abs(), 1000);
             }
             prop_assert_ne!(parameters.stick_channels().steering.index, parameters.stick_channels().throttle.index);
-            prop_assert!(!parameters.mend_sticks());
         }
     }
 }

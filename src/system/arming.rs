@@ -6,7 +6,7 @@ use super::{ArmingReadiness, LogHealth, SystemState};
 use crate::battery::{ArmingFailure, PackSettings, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
-use crate::parameter::{Parameters, VehicleParameter};
+use crate::parameter::{Parameters, StickParameter, VehicleParameter};
 use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
@@ -26,6 +26,8 @@ pub enum ArmingObstacle {
     Pack(Pack, ArmingFailure),
     /// This stick is deflected, by the channel with this number.
     Stick(Stick, u8),
+    /// These parameters of the sticks do not fit each other.
+    SticksMisfit(StickParameter, StickParameter),
     /// The log can't be written.
     Logging,
 }
@@ -46,6 +48,11 @@ impl ArmingObstacle {
             Self::Stick(stick, channel) => text(format_args!(
                 "{checked_by}: {} (RC{channel}) is not neutral",
                 stick.name()
+            )),
+            Self::SticksMisfit(one, other) => text(format_args!(
+                "{checked_by}: {} does not fit {}",
+                one.row().name,
+                other.row().name
             )),
             Self::Logging => text(format_args!("{checked_by}: Logging failed")),
         }
@@ -68,9 +75,12 @@ pub fn arming_obstacles(
         arming_failures(battery, &settings).map(move |failure| ArmingObstacle::Pack(pack, failure))
     });
     let stick = vehicle.deflected_stick();
-    let of_sticks = stick
-        .filter(|_| checks & STICKS_CHECKED != 0)
-        .map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));
+    let deflected = stick.map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));
+    let misfits = parameters.stick_misfits();
+    let of_sticks = misfits
+        .map(|(one, other)| ArmingObstacle::SticksMisfit(one, other))
+        .chain(deflected)
+        .filter(move |_| checks & STICKS_CHECKED != 0);
     let log =
         (state.log == LogHealth::Failed && checks & LOG_CHECKED != 0).then_some(ArmingObstacle::Logging);
     terminated

@@ -96,11 +96,7 @@ impl<F: NorFlash> Storages<F> {
                 warn!("stored parameter {} = {} does not fit this firmware", key, value);
             }
         };
-        let result = self.parameters.load(&mut found).await;
-        if parameters.mend_sticks() {
-            warn!("stored channels of the sticks do not fit each other: default");
-        }
-        match result {
+        match self.parameters.load(&mut found).await {
             Ok(()) => ParameterLoad::Loaded,
             Err(error) => ParameterLoad::Damaged(error),
         }

@@ -8,9 +8,9 @@ use rover_battmon::parameter::GroundStationParameter;
 use support::firmware_version;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, HEARTBEAT, PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS,
-    of_message,
+    of_message, texts_of,
 };
-use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list};
+use support::requests::{VEHICLE, arm, command_long, param_read_by_name, param_request_list};
 use workbench::bench::{
     Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, LISTED_OF_VEHICLE, MILLISECOND, SAVED_US, SECOND, value_of,
 };
@@ -138,6 +138,30 @@ fn a_reset_to_defaults_is_live_and_stays() {
     assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
     bench.reboot();
     assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
+}
+
+#[test]
+fn channels_that_do_not_fit_refuse_arming_over_a_restart_and_are_kept() {
+    let mut bench = Bench::running(2482);
+    bench.set("RCMAP_ROLL", 3.0);
+    bench.set("RC4_MIN", 1900.0);
+    bench.run_for(SAVED_US);
+    let expected = "Arm: RCMAP_THROTTLE does not fit RCMAP_ROLL";
+    assert!(texts_of(&bench.ask(&arm())).contains(&expected.into()));
+    bench.reboot();
+    assert!(texts_of(&bench.ask(&arm())).contains(&expected.into()));
+    assert_eq!(read(&mut bench, "RCMAP_ROLL"), 3.0);
+    bench.set("RCMAP_THROTTLE", 1.0);
+    bench.reboot();
+    let answers = bench.ask(&arm());
+    assert_eq!(
+        of_message(&answers, COMMAND_ACK)[0].u8(2),
+        ACCEPTED,
+        "{answers:?}"
+    );
+    for (name, value) in [("RCMAP_ROLL", 3.0), ("RCMAP_THROTTLE", 1.0), ("RC4_MIN", 1900.0)] {
+        assert_eq!(read(&mut bench, name), value, "{name}");
+    }
 }
 
 #[test]

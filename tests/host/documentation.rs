@@ -10,8 +10,9 @@ use rover_battmon::battery::{
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, Range, Refused};
+use rover_battmon::parameter::{BatteryParameter, Refused, StickParameter};
 use rover_battmon::sensor::{CanReport, FuelCellState};
+use rover_battmon::system::ArmingObstacle;
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
 use rover_battmon::wifi::WifiReport;
 use support::motor_poles::{Motor, motors};
@@ -457,6 +458,11 @@ fn announced() -> Vec<String> {
         .into_iter()
         .map(|event| Announcement::Pack(Pack::First, &event).text().as_str().to_owned());
     let arming = ARMING_FAILURES.map(|failure| format!("PreArm: Battery 1 {failure}"));
+    let misfits = [
+        ArmingObstacle::SticksMisfit(StickParameter::RcmapThrottle, StickParameter::RcmapRoll),
+        ArmingObstacle::SticksMisfit(StickParameter::Rc1Min, StickParameter::Rc1Trim),
+    ];
+    let misfits = misfits.map(|misfit| misfit.text("PreArm").as_str().to_owned());
     let logging = [
         "PreArm: Logging failed",
         "Log full until disarmed",
@@ -482,12 +488,12 @@ fn announced() -> Vec<String> {
         headline(&CrashRecord { task, cause }).to_string()
     });
     let id = BatteryParameter::Cells.of(Pack::First);
-    let valid = Range::Between(0.0, 16.0);
     let why = Refused::OutOfRange;
-    let refused = Announcement::ParameterRefused { id, why, valid }.text();
+    let refused = Announcement::ParameterRefused { id, why }.text();
     let wifi = WIFI_REPORTS.map(|report| report.to_string());
     let all = packs
         .chain(arming)
+        .chain(misfits)
         .chain(wifi)
         .chain(CAN_REPORTS.map(|report| report.to_string()))
         .chain(FUEL_CELL_STATES.map(|state| state.to_string()))

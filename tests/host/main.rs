@@ -35,5 +35,6 @@ mod safe_driving;
 mod signing;
 mod signing_storage;
 mod simulated_packs;
+mod sticks;
 mod stories;
 mod wifi;

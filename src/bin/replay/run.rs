@@ -64,7 +64,7 @@ pub fn assign(
     for Assignment { id, value } in [&monitor].into_iter().chain(assignments) {
         parameters.set(*id, *value).map_err(|refused| match refused {
             Refused::OutOfRange => {
-                format!("{} can't be {value}: {}", id.name(), parameters.valid_range(*id))
+                format!("{} can't be {value}: {}", id.name(), id.row().range)
             }
             _ => format!("{} can't be set", id.name()),
         })?;

@@ -97,9 +97,7 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
         }
         Err(refused) => {
             outbox.answer(error(match refused {
-                Refused::OutOfRange | Refused::ChannelTaken(_) => {
-                    MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
-                }
+                Refused::OutOfRange => MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
                 Refused::ReadOnly => MavParamError::MAV_PARAM_ERROR_READ_ONLY,
                 Refused::Armed => MavParamError::MAV_PARAM_ERROR_PERMISSION_DENIED,
             }));

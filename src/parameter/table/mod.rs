@@ -43,34 +43,6 @@ macro_rules! parameters {
                 Self::ALL.iter().copied().find(is_meant)
             }
 
-            /// How many are not in every list.
-            #[allow(dead_code, reason = "some tables are in every list")]
-            const UNLISTED_COUNT: usize = {
-                let (mut index, mut count) = (0, 0);
-                while index < Self::COUNT {
-                    if !matches!(Self::ALL[index].row().listed, Listed::Always) {
-                        count += 1;
-                    }
-                    index += 1;
-                }
-                count
-            };
-
-            /// Those that are not in every list, in the order of the table.
-            #[allow(dead_code, reason = "some tables are in every list")]
-            pub(in crate::parameter) const UNLISTED: [Self; Self::UNLISTED_COUNT] = {
-                let mut unlisted = [Self::FIRST; Self::UNLISTED_COUNT];
-                let (mut index, mut count) = (0, 0);
-                while index < Self::COUNT {
-                    if !matches!(Self::ALL[index].row().listed, Listed::Always) {
-                        unlisted[count] = Self::ALL[index];
-                        count += 1;
-                    }
-                    index += 1;
-                }
-                unlisted
-            };
-
             /// Row in the table.
             pub const fn row(self) -> &'static Parameter {
                 match self {

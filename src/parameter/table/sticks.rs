@@ -7,10 +7,10 @@ use super::{Documentation, TakesEffect};
 /// Channels that an axis can have: those of RC_CHANNELS_OVERRIDE in MAVLink 1.
 const CHANNELS: Range = Range::Between(1.0, 8.0);
 
-/// Lengths of pulses, in microseconds. What is valid beside the other two of a channel is
-/// [`Parameters::valid_range`](crate::parameter::Parameters::valid_range).
-pub(in crate::parameter) const SHORTEST_US: f32 = 800.0;
-pub(in crate::parameter) const LONGEST_US: f32 = 2200.0;
+/// Lengths of pulses, in microseconds. What does not fit the other two of a channel is in
+/// [`Parameters::stick_misfits`](crate::parameter::Parameters::stick_misfits).
+const SHORTEST_US: f32 = 800.0;
+const LONGEST_US: f32 = 2200.0;
 pub(in crate::parameter) const LEAST_TRAVEL_US: f32 = 100.0;
 
 /// The rows of the axes, and those of the channels, of which four are like each other.
@@ -30,7 +30,7 @@ macro_rules! sticks {
                 default: $channel,
                 range: CHANNELS,
                 label: $label,
-                description: concat!($about, " One that another axis has is refused. A change takes effect when the rover is disarmed."),
+                description: concat!($about, " Arming is refused while the throttle or the steering shares its channel. A change takes effect when the rover is disarmed."),
             })*
             $($min {
                 key: $key,

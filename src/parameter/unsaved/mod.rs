@@ -41,9 +41,8 @@ impl Parameters {
     /// Resets all settings to their defaults, and marks the stored ones to be erased.
     pub fn reset(&mut self) {
         for id in ParameterId::all().filter(|id| id.row().access == Access::Setting) {
-            self.values.set(id, id.default_value());
+            self.write(id, id.default_value(), SaveState::Saved);
         }
-        self.save_states.update_all(|state| *state = SaveState::Saved);
         self.reset = SaveState::New;
         self.flash = Flash::Loaded;
     }

@@ -1,0 +1,254 @@
+//! Parameters of the sticks' channels, as a ground station, a file or a reset sets them: which channels drive, and when arming
+//! is refused.
+
+use rover_battmon::autopilot::Start;
+use rover_battmon::parameter::{ParameterId, Parameters, StickParameter, VehicleParameter};
+use rover_battmon::vehicle::{ArmState, MotorDrive, SideDrives};
+use support::desk::Desk;
+use support::frames::{PARAM_ERROR, RC_CHANNELS_OVERRIDE, STATUSTEXT, encode_v2, of_message};
+use support::requests::{arm, command_long, command_long_2, disarm, do_set_mode, param_set};
+
+const ARM_DISARM: u16 = 400;
+const PREFLIGHT_STORAGE: u16 = 245;
+const RESET: f32 = 2.0;
+const FORCED: f32 = 21196.0;
+const NEUTRAL_US: u16 = 1500;
+
+/// A rover without packs and without a slew rate limit, after a start with these stored values.
+fn started_with(stored: &[(StickParameter, f32)]) -> Desk {
+    let mut parameters = Parameters::defaults();
+    let monitor = ParameterId::from_name(b"BATT_MONITOR").unwrap();
+    let others = [(monitor, 0.0), (VehicleParameter::MotSlewrate.into(), 0.0)];
+    let sticks = stored.iter().map(|(id, value)| (ParameterId::from(*id), *value));
+    for (id, value) in others.into_iter().chain(sticks) {
+        parameters.restore(id.key(), value).unwrap();
+    }
+    let mut desk = Desk::starting(Start::with_parameters(parameters));
+    wait(&mut desk);
+    desk
+}
+
+fn wait(desk: &mut Desk) {
+    desk.now_us += 20_000;
+    desk.drive();
+}
+
+/// Sets parameters one after the other, as a ground station does with a file, and asserts that each is taken.
+fn load(desk: &mut Desk, values: &[(&str, f32)]) {
+    for (name, value) in values {
+        let answers = desk.ask(&param_set(name, *value));
+        assert!(of_message(&answers, PARAM_ERROR).is_empty(), "{name} {value}");
+        let id = ParameterId::from_name(name.as_bytes()).unwrap();
+        assert_eq!(desk.parameters().get(id), *value, "{name}");
+        wait(desk);
+    }
+}
+
+/// Every order of four values.
+fn orders<T: Copy>(of: [T; 4]) -> Vec<[T; 4]> {
+    let mut orders = Vec::new();
+    for first in 0..4 {
+        for second in (0..4).filter(|second| *second != first) {
+            for third in (0..4).filter(|third| ![first, second].contains(third)) {
+                orders.push([first, second, third, 6 - first - second - third].map(|at: usize| of[at]));
+            }
+        }
+    }
+    orders
+}
+
+fn texts(desk: &mut Desk, request: &[u8]) -> Vec<String> {
+    let answers = desk.ask(request);
+    let texts = of_message(&answers, STATUSTEXT);
+    texts.iter().map(|frame| frame.text(1, 50)).collect()
+}
+
+/// Pushes a channel, with the others neutral.
+fn push(desk: &mut Desk, channel: usize, pulse_us: u16) {
+    let mut pulses_us = [NEUTRAL_US; 8];
+    pulses_us[channel - 1] = pulse_us;
+    let payload = [&pulses_us.map(u16::to_le_bytes).concat()[..], &[1, 1]].concat();
+    desk.receive_in_chunks(&encode_v2(RC_CHANNELS_OVERRIDE, &payload), 64);
+    wait(desk);
+}
+
+/// Arms by force, drives each channel to its end in turns, and returns what the motors do then.
+fn driven(desk: &mut Desk) -> Vec<(usize, SideDrives)> {
+    push(desk, 8, NEUTRAL_US);
+    desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    desk.ask(&do_set_mode(0.0));
+    assert_eq!(desk.vehicle().arm_state(), ArmState::Armed);
+    let mut driven = Vec::new();
+    for channel in 1..=8 {
+        push(desk, channel, NEUTRAL_US);
+        push(desk, channel, 2000);
+        let drives = desk.vehicle().drives();
+        if drives != SideDrives::COAST {
+            driven.push((channel, drives));
+        }
+    }
+    push(desk, 8, NEUTRAL_US);
+    desk.ask(&disarm());
+    driven
+}
+
+/// Steering to the right by a channel, and full throttle by another, in the order of the channels.
+fn by(steering: usize, throttle: usize) -> Vec<(usize, SideDrives)> {
+    let [left, right] = [1.0, -1.0].map(MotorDrive::Turn);
+    let ahead = SideDrives { left, right: left };
+    let mut driven = vec![(steering, SideDrives { left, right }), (throttle, ahead)];
+    driven.sort_by_key(|(channel, _)| *channel);
+    driven
+}
+
+#[test]
+fn a_reset_of_parameters_puts_the_sticks_back_at_once() {
+    let mut desk = started_with(&[]);
+    load(&mut desk, &[("RCMAP_PITCH", 5.0), ("RCMAP_THROTTLE", 2.0)]);
+    assert_eq!(driven(&mut desk), by(1, 2));
+    desk.ask(&command_long(PREFLIGHT_STORAGE, RESET));
+    desk.set(VehicleParameter::MotSlewrate, 0.0);
+    wait(&mut desk);
+    assert_eq!(desk.parameters().get(StickParameter::RcmapThrottle), 3.0);
+    assert_eq!(driven(&mut desk), by(1, 3));
+}
+
+#[test]
+fn a_file_with_swapped_axes_loads_in_any_order() {
+    let file = [
+        ("RCMAP_ROLL", 4.0),
+        ("RCMAP_PITCH", 3.0),
+        ("RCMAP_THROTTLE", 2.0),
+        ("RCMAP_YAW", 1.0),
+    ];
+    for order in orders(file) {
+        let mut desk = started_with(&[]);
+        load(&mut desk, &order);
+        assert_eq!(texts(&mut desk, &arm()), [""; 0], "{order:?}");
+        desk.ask(&disarm());
+        assert_eq!(driven(&mut desk), by(4, 2), "{order:?}");
+    }
+}
+
+#[test]
+fn a_file_with_moved_pulses_loads_in_any_order() {
+    let file = [
+        ("RC3_MIN", 1700.0),
+        ("RC3_TRIM", 1850.0),
+        ("RC3_MAX", 2000.0),
+        ("RC3_REVERSED", 1.0),
+    ];
+    for order in orders(file) {
+        let mut desk = started_with(&[]);
+        load(&mut desk, &order);
+        assert_eq!(texts(&mut desk, &arm()), [""; 0], "{order:?}");
+        push(&mut desk, 3, 1850);
+        desk.ask(&do_set_mode(0.0));
+        push(&mut desk, 3, 1850);
+        push(&mut desk, 3, 2000);
+        let back = MotorDrive::Turn(-1.0);
+        let both = SideDrives {
+            left: back,
+            right: back,
+        };
+        assert_eq!(desk.vehicle().drives(), both, "{order:?}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_refuses_arming_by_name_and_the_last_that_did_drives() {
+    for (values, text, driving) in [
+        (
+            &[("RCMAP_PITCH", 5.0), ("RCMAP_THROTTLE", 2.0), ("RCMAP_ROLL", 2.0)][..],
+            "Arm: RCMAP_THROTTLE does not fit RCMAP_ROLL",
+            by(1, 2),
+        ),
+        (
+            &[("RCMAP_THROTTLE", 4.0)],
+            "Arm: RCMAP_THROTTLE does not fit RCMAP_YAW",
+            by(1, 3),
+        ),
+        (
+            &[("RCMAP_PITCH", 1.0)],
+            "Arm: RCMAP_ROLL does not fit RCMAP_PITCH",
+            by(1, 3),
+        ),
+        (
+            &[("RC1_MIN", 1401.0)],
+            "Arm: RC1_MIN does not fit RC1_TRIM",
+            by(1, 3),
+        ),
+        (
+            &[("RC3_TRIM", 1901.0)],
+            "Arm: RC3_TRIM does not fit RC3_MAX",
+            by(1, 3),
+        ),
+        (
+            &[("RC3_MAX", 1599.0), ("RC3_REVERSED", 1.0)],
+            "Arm: RC3_TRIM does not fit RC3_MAX",
+            by(1, 3),
+        ),
+    ] {
+        let mut desk = started_with(&[]);
+        load(&mut desk, values);
+        assert_eq!(texts(&mut desk, &arm()), [text], "{values:?}");
+        assert_eq!(driven(&mut desk), driving, "{values:?}");
+        // Without the checks of the sticks.
+        load(&mut desk, &[("ARMING_CHECK", 256.0)]);
+        assert_eq!(texts(&mut desk, &arm()), [""; 0], "{values:?}");
+        desk.ask(&disarm());
+        load(&mut desk, &[("ARMING_CHECK", 64.0)]);
+        assert_eq!(texts(&mut desk, &arm()), [text], "{values:?}");
+    }
+}
+
+#[test]
+fn channels_without_a_function_refuse_nothing_until_they_get_one() {
+    let mut desk = started_with(&[]);
+    load(
+        &mut desk,
+        &[("RCMAP_PITCH", 4.0), ("RC2_MIN", 1900.0), ("RC4_MAX", 1000.0)],
+    );
+    assert_eq!(texts(&mut desk, &arm()), [""; 0]);
+    desk.ask(&disarm());
+    assert_eq!(driven(&mut desk), by(1, 3));
+    load(&mut desk, &[("RCMAP_ROLL", 2.0)]);
+    assert_eq!(texts(&mut desk, &arm()), ["Arm: RC2_MIN does not fit RC2_TRIM"]);
+}
+
+#[test]
+fn a_stored_group_that_does_not_fit_drives_by_its_defaults_and_is_kept() {
+    use StickParameter::*;
+    let half = &[(RcmapYaw, 7.0), (RcmapThrottle, 5.0), (RcmapRoll, 5.0)];
+    let pulses = &[
+        (Rc3Max, 1800.0),
+        (RcmapThrottle, 5.0),
+        (Rc1Trim, 1200.0),
+        (Rc1Min, 1150.0),
+    ];
+    for (stored, text, driving) in [
+        (&half[..], "Arm: RCMAP_THROTTLE does not fit RCMAP_ROLL", by(1, 3)),
+        (pulses, "Arm: RC1_MIN does not fit RC1_TRIM", by(1, 5)),
+    ] {
+        let mut desk = started_with(stored);
+        assert_eq!(texts(&mut desk, &arm()), [text]);
+        assert_eq!(driven(&mut desk), driving);
+        for (id, value) in stored {
+            assert_eq!(desk.parameters().get(*id), *value, "{id:?}");
+        }
+        assert_eq!(desk.parameters().next_unsaved(), None);
+    }
+}
+
+#[test]
+fn channels_that_change_while_armed_take_effect_at_disarming() {
+    let mut desk = started_with(&[]);
+    desk.ask(&arm());
+    load(
+        &mut desk,
+        &[("RCMAP_ROLL", 3.0), ("RCMAP_THROTTLE", 1.0), ("RC2_MIN", 1900.0)],
+    );
+    assert_eq!(driven(&mut desk), by(1, 3));
+    wait(&mut desk);
+    assert_eq!(driven(&mut desk), by(3, 1));
+}
