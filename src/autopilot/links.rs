@@ -311,7 +311,10 @@ impl Autopilot {
                 self.recording.add_all_parameters();
                 self.parameters_changed();
             }
-            Action::ResetBatteries { mask, percent } => self.packs.reset(mask, percent, &self.parameters),
+            Action::ResetBatteries { mask, percent } => {
+                self.packs.reset(mask, percent, &self.parameters);
+                self.was_reset = true;
+            }
         }
     }
 }

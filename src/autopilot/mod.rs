@@ -59,6 +59,8 @@ use wifi_state::WifiState;
 pub struct Autopilot {
     parameters: Parameters,
     packs: Packs,
+    /// A battery reset has to be retained with the next tick.
+    was_reset: bool,
     vehicle: Vehicle,
     signing: Signing,
     /// Whether the arming checks pass, checked once a second.
@@ -101,6 +103,7 @@ impl Autopilot {
             vehicle: in_place(Vehicle::new),
             readiness: ArmingReadiness::default(),
             load_permille: 0,
+            was_reset: false,
             identity: start.identity,
             parameter_save: SaveState::Saved,
             save_reports: SaveReports::default(),

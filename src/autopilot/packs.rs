@@ -286,9 +286,10 @@ fn silences(parameters: &Parameters) -> [Silence; MAX_PACKS] {
 /// Before the first sample nothing is known of the packs, but which are monitored.
 fn states_at_boot(parameters: &Parameters) -> [BatteryState; MAX_PACKS] {
     let mut states = [BatteryState::default(); MAX_PACKS];
-    for (pack, state) in Pack::ALL.into_iter().zip(&mut states) {
+    for pack in Pack::ALL {
         if !parameters.is_monitored(pack) {
-            state.status = PackStatus::Disabled;
+            // By a reference, they would be on the stack first.
+            states[pack as usize].status = PackStatus::Disabled;
         }
     }
     states

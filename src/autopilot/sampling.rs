@@ -1,5 +1,7 @@
 //! Sampling: a tick every 100 ms, pack after pack.
 
+use core::mem;
+
 use heapless::Vec;
 
 use super::Autopilot;
@@ -126,18 +128,18 @@ impl Autopilot {
         SamplingProgress::Sampled
     }
 
-    /// Ends a sampling tick. Once a second `memory` is updated and the arming checks run.
+    /// Ends a sampling tick. Once a second, and after a battery reset, `memory` is updated; once a second the arming checks run.
     pub fn end_sampling(&mut self, _: SamplingTick, memory: &mut RetainedMemory) {
         let bank = &self.packs.bank;
         self.vehicle
             .update_batteries(bank.worst_failsafe(), bank.most_urgent_alert());
-        match self.packs.ticks % TICKS_PER_SECOND {
-            RECORDING_TICK => retain(memory, &bank.memory(&self.packs.read_from)),
-            CHECKING_TICK => {
-                self.record_health();
-                self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
-            }
-            _ => {}
+        let tick = self.packs.ticks % TICKS_PER_SECOND;
+        if tick == RECORDING_TICK || mem::take(&mut self.was_reset) {
+            retain(memory, &self.packs.bank.memory(&self.packs.read_from));
+        }
+        if tick == CHECKING_TICK {
+            self.record_health();
+            self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
         self.record_packs();

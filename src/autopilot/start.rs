@@ -23,8 +23,10 @@ pub struct Start {
     pub identity: Identity,
     /// Whether the board has a Wi-Fi radio.
     pub radio: Radio,
-    /// The crash before this start, for the log.
+    /// The crash by which the run before this one ended.
     pub crash: Option<CrashRecord>,
+    /// How many runs in a row have crashed during the radio's turn.
+    pub radio_crashes: u8,
 }
 
 /// Result of loading the parameters.
@@ -48,6 +50,7 @@ impl Default for Start {
             identity: Identity::default(),
             radio: Radio::Absent,
             crash: None,
+            radio_crashes: 0,
             parameters: Parameters::defaults(),
         }
     }

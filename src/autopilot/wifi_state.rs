@@ -3,7 +3,6 @@
 use heapless::Vec;
 
 use super::start::Start;
-use crate::crash::TaskName;
 use crate::memory::save_state::SaveState;
 use crate::parameter::Parameters;
 use crate::time::Instant;
@@ -40,7 +39,7 @@ impl WifiState {
             credentials: WifiCredentials::new(start.radio, start.identity.board_id, StoredWifi::default()),
             choice: WifiChoice::from_parameters(&start.parameters),
             announced: Vec::new(),
-            off: has_crashed(start).then_some(WifiReport::OffAfterCrash),
+            off: is_radio_to_blame(start).then_some(WifiReport::OffAfterCrash),
             fault: None,
             save: SaveState::Saved,
             heard_at: None,
@@ -109,11 +108,13 @@ impl WifiState {
     }
 }
 
-/// Whether the radio's task was the one that crashed. Its driver gives up at what it does not expect: a radio that makes it do
-/// so must not restart the board again and again.
-fn has_crashed(start: &Start) -> bool {
-    let crashed = start.crash.as_ref().and_then(|crash| crash.task);
-    start.radio == Radio::Present && crashed.is_some() && crashed == TaskName::new(RADIO_TASK)
+/// Whether the radio's task has failed: its driver gives up at what it does not expect, and a radio that makes it do so must
+/// not restart the board again and again. Anything may hang or be interrupted during its turn: once in a row that is not blamed
+/// on it.
+fn is_radio_to_blame(start: &Start) -> bool {
+    let crash = start.crash.as_ref().filter(|crash| crash.is_during(RADIO_TASK));
+    start.radio == Radio::Present
+        && crash.is_some_and(|crash| crash.is_fault_of_task() || start.radio_crashes > 1)
 }
 
 /// What ends a success, so that the next one is announced.

@@ -5,8 +5,9 @@ use embassy_rp::pac::WATCHDOG;
 use super::reset::{Predecessor, take_reset_reason};
 use super::running::{Notes, take_notes};
 use super::{ResetReason, retained};
-use crate::crash::{CrashCause, CrashRecord, QuickResets, StartKind, headline};
+use crate::crash::{CrashCause, CrashRecord, CrashesInARow, StartKind, headline};
 use crate::log::warn;
+use crate::wifi::RADIO_TASK;
 
 /// What is known of the program that ran before this start.
 pub struct LastRun {
@@ -14,8 +15,9 @@ pub struct LastRun {
     pub reset_reason: ResetReason,
     /// The crash that was not reported to a ground station yet. It may be older than the last run.
     pub crash: Option<CrashRecord>,
-    /// How many programs have crashed one soon after the other.
-    pub quick_resets: QuickResets,
+    /// How many programs have crashed one after the other.
+    pub crashes_in_a_row: CrashesInARow,
+    start: StartKind,
 }
 
 impl LastRun {
@@ -31,11 +33,28 @@ impl LastRun {
         if let (ResetReason::WatchdogTimeout, Some(notes)) = (reset_reason, notes) {
             retained::write_crash(&starved(notes));
         }
+        let crash = retained::crash();
+        let is_of_radio = crash.as_ref().is_some_and(|crash| crash.is_during(RADIO_TASK));
+        let start = match reset_reason {
+            ResetReason::WatchdogTimeout | ResetReason::Fault if is_of_radio => StartKind::AfterRadioCrash,
+            ResetReason::WatchdogTimeout | ResetReason::Fault => StartKind::AfterCrash,
+            ResetReason::PowerOn
+            | ResetReason::RunPin
+            | ResetReason::Debugger
+            | ResetReason::Software
+            | ResetReason::Processor => StartKind::Requested,
+        };
         Self {
             reset_reason,
-            crash: retained::crash(),
-            quick_resets: count(reset_reason),
+            crash,
+            crashes_in_a_row: count(|before| before.with(start)),
+            start,
         }
+    }
+
+    /// Whether the last run ended by the crash.
+    pub fn has_crashed(&self) -> bool {
+        self.start != StartKind::Requested
     }
 
     /// Logs everything about the crash.
@@ -62,24 +81,14 @@ fn starved(notes: Notes) -> CrashRecord {
     }
 }
 
-/// Counts this start in the watchdog's scratch register 2, which power-on and RUN clear.
-fn count(reset_reason: ResetReason) -> QuickResets {
-    let start = match reset_reason {
-        ResetReason::WatchdogTimeout | ResetReason::Fault => StartKind::AfterCrash,
-        ResetReason::PowerOn
-        | ResetReason::RunPin
-        | ResetReason::Debugger
-        | ResetReason::Software
-        | ResetReason::Processor => StartKind::Requested,
-    };
-    let resets = QuickResets::counted(WATCHDOG.scratch2().read(), start);
-    WATCHDOG.scratch2().write_value(resets.count());
-    resets
+/// Ends a row of quick crashes when the program has run for long enough.
+pub(super) fn end_quick_crashes(uptime_s: u64) {
+    count(|before| before.after(uptime_s));
 }
 
-/// Ends a row of quick resets when the program has run for long enough.
-pub(super) fn end_quick_resets(uptime_s: u64) {
-    if QuickResets::end_after(uptime_s) {
-        WATCHDOG.scratch2().write_value(0);
-    }
+/// Changes the counts in the watchdog's scratch register 2, which power-on and RUN clear.
+fn count(change: impl FnOnce(CrashesInARow) -> CrashesInARow) -> CrashesInARow {
+    let counts = change(CrashesInARow::from_word(WATCHDOG.scratch2().read()));
+    WATCHDOG.scratch2().write_value(counts.to_word());
+    counts
 }

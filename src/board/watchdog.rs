@@ -52,7 +52,7 @@ impl BoardWatchdog {
 impl Watchdog for BoardWatchdog {
     fn feed(&mut self) {
         running::note_overdue(None);
-        last_run::end_quick_resets(Instant::now().as_secs());
+        last_run::end_quick_crashes(Instant::now().as_secs());
         self.0.feed(TIMEOUT);
     }
 

@@ -3,10 +3,10 @@
 //! A [`CrashRecord`] is written by the fault handler, or at the next start from the watchdog's scratch registers; it is
 //! retained in RAM as words.
 
-mod quick_resets;
+mod crashes_in_a_row;
 mod record;
 mod text;
 
-pub use quick_resets::{ParameterSource, QuickResets, StartKind};
+pub use crashes_in_a_row::{CrashesInARow, ParameterSource, StartKind};
 pub use record::{CrashCause, CrashRecord, CrashWords, FaultSite, STACK_WORDS, TaskName, TaskNameWords};
 pub use text::{call_sites_text, headline};

@@ -77,6 +77,16 @@ impl FaultSite {
 }
 
 impl CrashRecord {
+    /// Whether it was during the turn of `task`, or since that was overdue.
+    pub fn is_during(&self, task: &str) -> bool {
+        self.task.is_some() && self.task == TaskName::new(task)
+    }
+
+    /// Whether the task itself is at fault: not an interrupt, nor what may have kept it from going on.
+    pub fn is_fault_of_task(&self) -> bool {
+        matches!(&self.cause, CrashCause::Fault(site) if site.interrupt().is_none())
+    }
+
     /// The record as words with magic number and checksum.
     pub fn to_words(&self) -> CrashWords {
         let mut words = [0; RECORD_WORDS];

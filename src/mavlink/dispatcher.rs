@@ -148,6 +148,8 @@ fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, external_packs: u1
 }
 
 /// Does what was asked for.
+// Apart from its only caller it would take 0.4 KB more.
+#[inline(always)]
 fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &mut Context<'_>) -> Event {
     let (now, state) = (context.now, context.state);
     let Services { list, downloads } = services;

@@ -18,7 +18,7 @@ pub use collections::{ForEachParameter, ParameterIdSet};
 pub use description_files::DescriptionFile;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
 pub(crate) use parameters::checked;
-pub use parameters::{Parameters, Refused, triggers};
+pub use parameters::{ParameterTrouble, Parameters, Refused, triggers};
 pub use stick_channel::{StickChannel, StickChannels};
 pub use table::{
     Access, BatteryParameter, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS, Meaning, Parameter,

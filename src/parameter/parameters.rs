@@ -24,19 +24,27 @@ pub struct Parameters {
     pub(super) save_states: ForEachParameter<SaveState>,
     /// That of the last reset.
     pub(super) reset: SaveState,
-    pub(super) flash: Flash,
+    trouble: Option<ParameterTrouble>,
     /// Those that are listed.
     listed: ParameterIdSet,
     pub(super) sticks: Sticks,
 }
 
-/// Whether the values in flash are known.
+/// Why the live values may not be the owner's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Flash {
-    /// They equal the live ones, except for unsaved changes.
-    Loaded,
-    /// They were not loaded.
-    NotLoaded,
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ParameterTrouble {
+    /// Those in flash were not read at this start, and are not known.
+    NotRead,
+}
+
+impl ParameterTrouble {
+    /// What it is, and how it ends.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::NotRead => "Stored parameters not read: restart",
+        }
+    }
 }
 
 /// Why a value is refused.
@@ -61,7 +69,7 @@ impl Parameters {
             values: ForEachParameter::from_fn(ParameterId::default_value),
             save_states: ForEachParameter::default(),
             reset: SaveState::Saved,
-            flash: Flash::Loaded,
+            trouble: None,
             listed: ParameterIdSet::default(),
             sticks: Sticks::defaults(),
         };
@@ -69,10 +77,15 @@ impl Parameters {
         parameters
     }
 
-    /// Marks the values in flash as not loaded: every value that is set has to be saved, even one that equals the
-    /// default.
-    pub fn mark_not_loaded(&mut self) {
-        self.flash = Flash::NotLoaded;
+    /// Marks the values in flash as not read, until the next start: every value that is set has to be saved, even one that equals
+    /// the default.
+    pub fn mark_not_read(&mut self) {
+        self.trouble = Some(ParameterTrouble::NotRead);
+    }
+
+    /// Why the values may not be the owner's, if that is so.
+    pub fn trouble(&self) -> Option<ParameterTrouble> {
+        self.trouble
     }
 
     /// The live value, in the parameter's unit.
@@ -164,7 +177,7 @@ impl Parameters {
             Access::ReadOnly | Access::Constant => return Err(Refused::ReadOnly),
             Access::Trigger => return checked(id, value).map(drop),
         };
-        let is_saved = self.flash == Flash::Loaded
+        let is_saved = self.trouble != Some(ParameterTrouble::NotRead)
             && self.save_states.get(id) == SaveState::Saved
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
@@ -429,7 +442,7 @@ mod tests {
     #[test]
     fn trigger_reads_0_and_is_never_saved() {
         let mut parameters = Parameters::defaults();
-        parameters.mark_not_loaded();
+        parameters.mark_not_read();
         for (value, expected) in [(0.0, false), (0.5, false), (0.995, true), (1.0, true)] {
             assert_eq!(parameters.set(LRN_ERASE, value), Ok(()));
             assert_eq!(triggers(LRN_ERASE, value), expected, "{value}");

@@ -6,7 +6,7 @@ use super::{ArmingReadiness, LogHealth, SystemState};
 use crate::battery::{ArmingFailure, PackSettings, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
-use crate::parameter::{Parameters, StickParameter, VehicleParameter};
+use crate::parameter::{ParameterTrouble, Parameters, StickParameter, VehicleParameter};
 use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
@@ -22,6 +22,8 @@ pub enum ArmingObstacle {
     Terminated,
     /// The board is about to restart. Forced arming does not help.
     Restarting,
+    /// The parameters may not be the owner's, whatever is checked.
+    Parameters(ParameterTrouble),
     /// A check of this pack fails.
     Pack(Pack, ArmingFailure),
     /// This stick is deflected, by the channel with this number.
@@ -42,6 +44,7 @@ impl ArmingObstacle {
                 "{checked_by}: Terminated: reset the battery or restart"
             )),
             Self::Restarting => text(format_args!("{checked_by}: restarting")),
+            Self::Parameters(trouble) => text(format_args!("{checked_by}: {}", trouble.text())),
             Self::Pack(pack, failure) => {
                 text(format_args!("{checked_by}: Battery {} {failure}", pack.number()))
             }
@@ -68,6 +71,7 @@ pub fn arming_obstacles(
     let checks = parameters.get_whole(VehicleParameter::ArmingCheck);
     let terminated = vehicle.is_terminated().then_some(ArmingObstacle::Terminated);
     let restarting = vehicle.pending_restart().map(|_| ArmingObstacle::Restarting);
+    let of_parameters = parameters.trouble().map(ArmingObstacle::Parameters);
     let packs = Pack::ALL.into_iter().zip(state.batteries);
     let checked = packs.filter(move |_| checks & BATTERY_CHECKED != 0);
     let of_packs = checked.flat_map(|(pack, battery)| {
@@ -86,6 +90,7 @@ pub fn arming_obstacles(
     terminated
         .into_iter()
         .chain(restarting)
+        .chain(of_parameters)
         .chain(of_packs)
         .chain(of_sticks)
         .chain(log)

@@ -82,7 +82,7 @@ impl<F: NorFlash> Storages<F> {
         start.parameter_load = match source {
             ParameterSource::Stored => self.load_parameters(&mut start.parameters).await,
             ParameterSource::Defaults => {
-                start.parameters.mark_not_loaded();
+                start.parameters.mark_not_read();
                 ParameterLoad::Skipped
             }
         };

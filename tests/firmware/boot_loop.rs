@@ -1,8 +1,8 @@
 //! Crashes that follow each other quickly: the parameters may be their reason.
 
 use emulator::LogLevel;
-use support::frames::{Frame, HEARTBEAT, STATUSTEXT, of_message};
-use support::requests::{arm, param_read_by_name};
+use support::frames::{COMMAND_ACK, Frame, HEARTBEAT, STATUSTEXT, of_message, texts_of};
+use support::requests::{arm, command_long_2, disarm, param_read_by_name};
 use workbench::bench::{Bench, MILLISECOND, SECOND, value_of};
 
 const PACK_CODE: u16 = 2482;
@@ -64,6 +64,30 @@ fn five_quick_resets_start_with_defaults_and_leave_flash_alone() {
 
     bench.reboot();
     assert_eq!(value(&mut bench), Some(VALUE), "flash still has it");
+}
+
+#[test]
+fn five_quick_resets_refuse_arming_until_a_start_reads_the_stored_values() {
+    const ARM_DISARM: u16 = 400;
+    const FORCED: f32 = 21196.0;
+    const REFUSED: &str = "Arm: Stored parameters not read: restart";
+    let is_accepted = |answers: &[Frame]| of_message(answers, COMMAND_ACK)[0].u8(2) == 0;
+    let mut bench = configured();
+    crash_quickly(&mut bench, 5);
+    bench.run_for(40 * SECOND);
+    let ask = |bench: &mut Bench, request: &[u8]| {
+        bench.run_until_silent();
+        bench.forget_sent();
+        bench.ask(request)
+    };
+    let answers = ask(&mut bench, &arm());
+    assert!(texts_of(&answers).contains(&REFUSED.into()), "{answers:?}");
+    let answers = ask(&mut bench, &command_long_2(ARM_DISARM, 1.0, FORCED));
+    assert!(is_accepted(&answers));
+    ask(&mut bench, &disarm());
+    bench.reboot();
+    assert!(is_accepted(&ask(&mut bench, &arm())));
+    assert_eq!(value(&mut bench), Some(VALUE));
 }
 
 #[test]

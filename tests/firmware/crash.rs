@@ -6,6 +6,8 @@ use support::requests::{heartbeat, param_read_by_name, ping, provoke_fault};
 use workbench::bench::{
     Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER, value_of,
 };
+use workbench::downloads::{download, list};
+use workbench::log_records::{named, records};
 
 const GROUND_STATION: u8 = 6;
 const ONBOARD_CONTROLLER: u8 = 18;
@@ -277,10 +279,48 @@ fn the_latest_crash_is_reported() {
     let mut bench = in_drive();
     bench.run_undefined_instruction();
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    // Until the log has it.
+    bench.run_for(5 * SECOND);
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
     assert_eq!(reported_once(&mut bench), ["Crash: hung or locked up in no task"]);
     assert_logged(&bench, "Crash: hard fault in drive");
+}
+
+/// The tasks that the log of a start blames, after what was written by it.
+fn crashes_in_the_log(bench: &mut Bench) -> Vec<String> {
+    bench.run_for(5 * SECOND);
+    let files = list(bench);
+    let mut tasks = Vec::new();
+    for file in files {
+        let records = records(&download(bench, file));
+        tasks.extend(named(&records, "CRSH").filter_map(|record| Some(record.get_str("Task")?.to_owned())));
+    }
+    tasks
+}
+
+#[test]
+// Requirement: W-1
+fn a_crash_is_in_the_log_of_the_first_start_after_it_without_arming() {
+    let mut bench = in_drive();
+    bench.run_undefined_instruction();
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    assert_eq!(crashes_in_the_log(&mut bench), ["drive"]);
+    bench.reboot();
+    assert_eq!(crashes_in_the_log(&mut bench), ["drive"]);
+    assert_eq!(list(&mut bench).len(), 1);
+}
+
+#[test]
+// Requirement: W-1
+fn a_crash_without_a_log_writes_nothing() {
+    let mut bench = Bench::configured(PACK_CODE, &[("LOG_BITMASK", 0.0)]);
+    bench.run_for(5 * SECOND);
+    bench.take_flash_operations();
+    bench.hang_program();
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    assert!(crashes_in_the_log(&mut bench).is_empty());
+    assert_eq!(bench.take_flash_operations().len(), 0);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use support::frames::{
     last_of, of_message, texts_of,
 };
 use support::requests::command_long_2;
-use workbench::bench::{Bench, PACK, SECOND};
+use workbench::bench::{Bench, MILLISECOND, PACK, SECOND};
 
 /// A current sensor on GP27, and another pin that is free.
 const CURRENT: usize = 1;
@@ -33,6 +33,26 @@ const WITH_CURRENT: [(&str, f32); 4] = [
 fn count_of(frames: &[Frame], instance: u8) -> usize {
     let of_pack = |frame: &&&Frame| BatteryStatus(frame).instance() == instance;
     of_message(frames, BATTERY_STATUS).iter().filter(of_pack).count()
+}
+
+#[test]
+fn a_battery_reset_just_before_a_restart_holds() {
+    let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
+    // Between two records of what a restart retains, a second apart.
+    for after_ms in [150, 450, 750] {
+        let from_us = bench.time_us().next_multiple_of(SECOND) + SECOND;
+        bench.run_until_time(from_us + after_ms * MILLISECOND);
+        let percent = 90.0 - after_ms as f32 / 10.0;
+        let answers = bench.ask(&command_long_2(BATTERY_RESET, 65535.0, percent));
+        assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+        bench.reboot();
+        let frames = bench.frames();
+        let remaining_pct = last_of(&frames, 0).remaining_pct();
+        assert!(
+            (f32::from(remaining_pct) - percent).abs() <= 1.0,
+            "{percent}: {remaining_pct}"
+        );
+    }
 }
 
 #[test]

@@ -10,7 +10,7 @@ use rover_battmon::battery::{
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, Refused, StickParameter};
+use rover_battmon::parameter::{BatteryParameter, ParameterTrouble, Refused, StickParameter};
 use rover_battmon::sensor::{CanReport, FuelCellState};
 use rover_battmon::system::ArmingObstacle;
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
@@ -462,7 +462,9 @@ fn announced() -> Vec<String> {
         ArmingObstacle::SticksMisfit(StickParameter::RcmapThrottle, StickParameter::RcmapRoll),
         ArmingObstacle::SticksMisfit(StickParameter::Rc1Min, StickParameter::Rc1Trim),
     ];
-    let misfits = misfits.map(|misfit| misfit.text("PreArm").as_str().to_owned());
+    let unread = ArmingObstacle::Parameters(ParameterTrouble::NotRead);
+    let obstacles = misfits.into_iter().chain([unread]);
+    let obstacles = obstacles.map(|obstacle| obstacle.text("PreArm").as_str().to_owned());
     let logging = [
         "PreArm: Logging failed",
         "Log full until disarmed",
@@ -493,7 +495,7 @@ fn announced() -> Vec<String> {
     let wifi = WIFI_REPORTS.map(|report| report.to_string());
     let all = packs
         .chain(arming)
-        .chain(misfits)
+        .chain(obstacles)
         .chain(wifi)
         .chain(CAN_REPORTS.map(|report| report.to_string()))
         .chain(FUEL_CELL_STATES.map(|state| state.to_string()))

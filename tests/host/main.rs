@@ -35,6 +35,7 @@ mod safe_driving;
 mod signing;
 mod signing_storage;
 mod simulated_packs;
+mod starts;
 mod sticks;
 mod stories;
 mod wifi;

@@ -7,7 +7,7 @@ use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{Start, Work};
 use rover_battmon::battery::{PackStatus, ReadError};
-use rover_battmon::crash::{CrashCause, CrashRecord, TaskName};
+use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::{AcceptUnsigned, Event, LinkId, LinkKind, SigningChange, WifiRefused};
 use rover_battmon::memory::flash_map;
@@ -345,7 +345,7 @@ fn a_radio_without_a_password_gets_one_that_is_saved() {
 }
 
 #[test]
-fn a_radio_stays_off_without_random_numbers_and_after_its_crash() {
+fn a_radio_stays_off_without_random_numbers() {
     let mut desk = Desk::starting(start(Radio::Present));
     desk.connect(LinkKind::Direct);
     desk.autopilot
@@ -354,22 +354,44 @@ fn a_radio_stays_off_without_random_numbers_and_after_its_crash() {
     desk.post_due(0);
     let no_entropy = "Wi-Fi off: no random numbers for a password";
     assert!(texts_of(&desk.sent()).contains(&no_entropy.into()));
+}
 
-    for (task, is_off) in [("Wi-Fi", true), ("flash", false), ("battery", false)] {
+#[test]
+fn a_radio_stays_off_after_a_fault_of_its_task_or_a_second_hang_in_its_turn() {
+    let fault = |interrupt: u32| {
+        CrashCause::Fault(FaultSite {
+            pc: 0x1000_1234,
+            lr: 0x1000_5679,
+            xpsr: interrupt,
+            stack: [0; STACK_WORDS],
+        })
+    };
+    const TIMER_IRQ: u32 = 16;
+    for (task, cause, radio_crashes, is_off) in [
+        ("Wi-Fi", fault(0), 1, true),
+        ("Wi-Fi", fault(TIMER_IRQ), 1, false),
+        ("Wi-Fi", fault(TIMER_IRQ), 2, true),
+        ("Wi-Fi", CrashCause::Hung, 1, false),
+        ("Wi-Fi", CrashCause::Hung, 2, true),
+        ("Wi-Fi", CrashCause::Overdue, 1, false),
+        ("Wi-Fi", CrashCause::Overdue, 3, true),
+        ("flash", fault(0), 0, false),
+        ("battery", CrashCause::Hung, 0, false),
+    ] {
+        let case = format!("{task} {cause:?} {radio_crashes}");
+        let task = TaskName::new(task);
         let mut desk = Desk::starting(Start {
-            crash: Some(CrashRecord {
-                task: TaskName::new(task),
-                cause: CrashCause::Hung,
-            }),
+            crash: Some(CrashRecord { task, cause }),
+            radio_crashes,
             ..start(Radio::Present)
         });
         desk.autopilot
             .wifi_loaded(StoredWifi::default(), || Some([1; 32]), Instant::EPOCH);
-        assert_eq!(desk.autopilot.wifi_setup().is_none(), is_off, "{task}");
+        assert_eq!(desk.autopilot.wifi_setup().is_none(), is_off, "{case}");
         desk.connect(LinkKind::Direct);
         desk.post_due(0);
         let text = "Wi-Fi off after a crash: restart the board";
-        assert_eq!(texts_of(&desk.sent()).contains(&text.into()), is_off, "{task}");
+        assert_eq!(texts_of(&desk.sent()).contains(&text.into()), is_off, "{case}");
     }
 }
 

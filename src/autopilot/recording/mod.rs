@@ -17,7 +17,7 @@ use stream::{Stream, parameter_record};
 use crate::crash::CrashRecord;
 use crate::log::{info, warn};
 use crate::pack::Pack;
-use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::parameter::{ParameterId, ParameterTrouble, Parameters, VehicleParameter};
 use crate::recorder::dataflash::Record;
 use crate::recorder::{LogFile, Piece, Ring};
 use crate::system::LogHealth;
@@ -215,7 +215,10 @@ impl Recording {
         let is_kept_on = |armed_at| self.now.us_since(armed_at) < AFTER_DISARMING_US;
         if vehicle.pending_restart().is_some() || !is_on(parameters) {
             Wish::End
-        } else if is_set(VehicleParameter::LogDisarmed) || vehicle.arm_state() == ArmState::Armed {
+        } else if is_set(VehicleParameter::LogDisarmed)
+            || vehicle.arm_state() == ArmState::Armed
+            || self.has_crash_to_record(parameters)
+        {
             Wish::Record
         } else if self.armed_at.is_some_and(is_kept_on) {
             Wish::GoOn
@@ -224,6 +227,12 @@ impl Recording {
         } else {
             Wish::Pause
         }
+    }
+
+    /// Whether a file is begun for the crash before this start. Not after quick crashes: the owner's `LOG_BITMASK` is unknown, and
+    /// a loop would take the place of drives.
+    fn has_crash_to_record(&self, parameters: &Parameters) -> bool {
+        self.crash.is_some() && parameters.trouble() != Some(ParameterTrouble::NotRead)
     }
 
     /// Whether the log ends until the rover is disarmed.

@@ -544,23 +544,69 @@ fn a_failing_flash_is_announced_once_until_it_works() {
     assert_eq!(bench.announced, [LogFailure::NotWritten; 2]);
 }
 
+const CRASH: CrashRecord = CrashRecord {
+    task: None,
+    cause: CrashCause::Hung,
+};
+
+impl Bench {
+    /// At a start after a crash.
+    fn crashed() -> Self {
+        Self::with(Flash::blank(), Ring::new(Flash::REGION), Some(CRASH))
+    }
+
+    /// How often a file has the crash.
+    fn crashes_in(&mut self, number: u16) -> usize {
+        let record = Record::Crash(&CRASH).encode(0);
+        // Behind the time.
+        let record = &record[11..];
+        let file = self.file(number);
+        file.windows(record.len())
+            .filter(|window| *window == record)
+            .count()
+    }
+}
+
+#[test]
+// Requirement: W-1
+fn a_crash_is_recorded_once_without_arming() {
+    let mut bench = Bench::crashed();
+    bench.run(3);
+    assert_eq!(bench.numbers(), [1]);
+    assert_eq!(bench.crashes_in(1), 1);
+    let bytes = bench.file(1).len();
+    bench.is_chatty = true;
+    bench.run(20);
+    assert_eq!(bench.file(1).len(), bytes, "it is closed or waits");
+    bench.arm();
+    bench.run(3);
+    assert_eq!((bench.numbers(), bench.crashes_in(1)), (vec![1], 1));
+    assert!(contains(&bench.file(1), "tick"));
+}
+
+#[test]
+// Requirement: W-1
+fn a_crash_begins_no_file_with_log_bitmask_0_or_unread_parameters() {
+    let mut off = Bench::crashed();
+    off.set(VehicleParameter::LogBitmask, 0.0);
+    let mut unread = Bench::crashed();
+    unread.parameters.mark_not_read();
+    for mut bench in [off, unread] {
+        bench.run(20);
+        assert_eq!(bench.numbers(), []);
+    }
+}
+
 #[test]
 fn a_crash_is_recorded_until_a_file_has_it() {
-    let crash = CrashRecord {
-        task: None,
-        cause: CrashCause::Hung,
-    };
-    let record = Record::Crash(&crash).encode(0);
-    let record = &record[11..];
-    let mut bench = Bench::with(Flash::blank(), Ring::new(Flash::REGION), Some(crash.clone()));
-    bench.run(1);
-    bench.flash.refuse_after(3);
-    bench.arm();
-    bench.run(12);
-    let newest = *bench.numbers().last().unwrap();
-    assert!(newest > 1);
-    let file = bench.file(newest);
-    assert!(file.windows(record.len()).any(|window| window == record));
+    for operations in 0..60 {
+        let mut bench = Bench::crashed();
+        bench.flash.refuse_after(operations);
+        bench.run(15);
+        let numbers = bench.numbers();
+        let has_crash = numbers.iter().any(|number| bench.crashes_in(*number) == 1);
+        assert!(has_crash, "{operations}: {numbers:?}");
+    }
 }
 
 #[test]

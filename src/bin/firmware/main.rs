@@ -242,13 +242,16 @@ mod firmware {
         let flash = BoardFlash::new(flash_driver);
         let mut storages = Storages::of_board(flash, radio);
         let mut stored = Start::default();
-        let source = last_run.quick_resets.parameter_source();
+        let source = last_run.crashes_in_a_row.parameter_source();
         watchdog
             .feed_during(pin!(storages.boot(source, &mut stored)))
             .await;
         stored.radio = radio;
         stored.identity.board_id = id;
-        stored.crash = last_run.crash.clone();
+        if last_run.has_crashed() {
+            stored.crash = last_run.crash.clone();
+        }
+        stored.radio_crashes = last_run.crashes_in_a_row.of_radio();
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 

@@ -2,8 +2,7 @@
 
 use core::{fmt, iter};
 
-use super::parameters::{Flash, Parameters};
-use super::{Access, ParameterId};
+use super::{Access, ParameterId, Parameters};
 use crate::memory::save_state::SaveState;
 use crate::memory::storage::StorageError;
 
@@ -44,7 +43,6 @@ impl Parameters {
             self.write(id, id.default_value(), SaveState::Saved);
         }
         self.reset = SaveState::New;
-        self.flash = Flash::Loaded;
     }
 
     /// The next change to write; `None` if all are saved or wait for a retry.

@@ -57,7 +57,7 @@ fn only_changed_values_are_saved_once() {
 #[test]
 fn defaults_are_saved_if_flash_was_not_loaded() {
     let mut parameters = Parameters::defaults();
-    parameters.mark_not_loaded();
+    parameters.mark_not_read();
     assert_eq!(parameters.next_unsaved(), None);
     parameters.set(EXTRA1, 2.0).unwrap();
     assert_eq!(parameters.next_unsaved(), Some(Value(EXTRA1, 2.0)));

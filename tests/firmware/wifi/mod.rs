@@ -1,6 +1,7 @@
 //! The radio of a Pico W, and ground stations in its network.
 
 mod browsers;
+mod crash;
 mod credentials;
 mod driving;
 mod faults;

@@ -1,0 +1,76 @@
+//! Crashes during the radio's turn.
+
+use super::ground::Ground;
+use emulator::{Board, CpuState, LogLevel};
+use workbench::bench::{RUNNING, SECOND};
+
+const OFF: &str = "Wi-Fi: OffAfterCrash";
+
+/// The id of the radio's task, which stands before its name in retained RAM.
+fn radio_task(ground: &Ground) -> u32 {
+    let retained = ground.bench.section(".uninit");
+    let bytes = ground.bench.read_memory(retained.start, retained.len());
+    let words: Vec<_> = bytes
+        .chunks_exact(4)
+        .map(|word| word.try_into().unwrap())
+        .collect();
+    let named = words
+        .windows(3)
+        .find(|words| words[1..] == [*b"Wi-F", *b"i\0\0\0"]);
+    u32::from_le_bytes(named.expect("it has a name")[0])
+}
+
+/// Lets the radio's task crash in its next turn, and the board restart.
+fn crash(ground: &mut Ground, crash: impl FnOnce(&mut Board)) {
+    let radio = radio_task(ground);
+    let is_its_turn = |board: &mut Board| {
+        board.cpu_state() == CpuState::Running
+            && board.active_exception() == 0
+            && board.read_register(RUNNING) == radio
+    };
+    assert!(ground.bench.run_until(2 * SECOND, is_its_turn));
+    crash(&mut ground.bench);
+    let resets = ground.bench.resets().len();
+    assert!(
+        ground
+            .bench
+            .run_until(2 * SECOND, |board| board.resets().len() > resets)
+    );
+    ground.run_for(4 * SECOND);
+}
+
+fn is_up(ground: &mut Ground) -> bool {
+    ground.bench.wifi().access_point().is_some()
+}
+
+#[test]
+fn a_hang_during_the_radios_turn_leaves_wifi_off_the_second_time_in_a_row_only() {
+    let mut ground = Ground::up();
+    crash(&mut ground, Board::hang_program);
+    let hung = ground
+        .bench
+        .logged(LogLevel::Warn, "Crash: hung or locked up in Wi-Fi");
+    assert_eq!(hung.len(), 1, "{:?}", ground.bench.log_lines());
+    assert!(is_up(&mut ground));
+    assert!(ground.bench.logged(LogLevel::Info, OFF).is_empty());
+
+    // Long after it.
+    ground.run_for(40 * SECOND);
+    crash(&mut ground, Board::hang_program);
+    assert!(!is_up(&mut ground));
+    assert_eq!(ground.bench.logged(LogLevel::Info, OFF).len(), 1);
+
+    ground.bench.reboot();
+    ground.run_for(4 * SECOND);
+    assert!(is_up(&mut ground));
+    crash(&mut ground, Board::hang_program);
+    assert!(is_up(&mut ground), "the first one again");
+}
+
+#[test]
+fn a_fault_of_the_radios_task_leaves_wifi_off_at_once() {
+    let mut ground = Ground::up();
+    crash(&mut ground, Board::run_undefined_instruction);
+    assert!(!is_up(&mut ground));
+    assert_eq!(ground.bench.logged(LogLevel::Info, OFF).len(), 1);
+}
