@@ -506,15 +506,15 @@ fn announced() -> Vec<String> {
     all.map(|text| without_numbers(&text)).collect()
 }
 
-/// The string literals of the firmware's source, tests aside, with `#` for what is filled in.
-fn literals() -> Vec<String> {
+/// The string literals of a folder's sources, tests aside.
+fn string_literals(folder: &str, extension: &str, quote: char) -> Vec<String> {
     let mut literals = Vec::new();
-    for path in files_below(&repository().join("src"), "rs") {
+    for path in files_below(&repository().join(folder), extension) {
         let source = read(&path);
         let source = source.split("#[cfg(test)]").next().unwrap_or(&source);
         let lines = source.lines().filter(|line| !line.trim_start().starts_with("//"));
         for line in lines {
-            literals.extend(line.split('"').skip(1).step_by(2).map(with_gaps));
+            literals.extend(line.split(quote).skip(1).step_by(2).map(str::to_owned));
         }
     }
     literals
@@ -568,11 +568,17 @@ fn quoted() -> Vec<String> {
 }
 
 #[test]
-fn every_text_the_guide_quotes_is_said_by_the_firmware() {
-    let (announced, literals) = (announced(), literals());
+fn every_text_the_guide_quotes_is_said_by_the_firmware_or_its_page() {
+    let announced = announced();
+    let literals = string_literals("src", "rs", '"');
+    let literals: Vec<_> = literals.iter().map(|literal| with_gaps(literal)).collect();
+    let of_page = string_literals("web", "js", '\'');
     let is_said = |text: &String| {
+        // The page appends to what ends so why.
+        let is_of_page = |said: &String| said == text || (said.ends_with(": ") && text.starts_with(said));
         let text = without_numbers(text);
         announced.contains(&text)
+            || of_page.iter().any(is_of_page)
             || literals
                 .iter()
                 .filter(|literal| literal.replace('#', "").len() >= LEAST_FIXED_BYTES)
