@@ -1,6 +1,7 @@
 //! All that runs on the network.
 
 use core::future::pending;
+use core::pin::pin;
 
 use embassy_futures::join::{join, join3, join5};
 use embassy_futures::select::{Either, select};
@@ -57,7 +58,8 @@ pub async fn serve<D: Driver>(
         }
     };
     let clients = || guests.map_or_else(Vec::new, |leases| leases.borrow().clients(now_ms()));
-    let members = join5(
+    // Pinned where they are built: moved, they may be built on the stack, which has no room for them.
+    let members = pin!(join5(
         join(report_address(stack, report), give_addresses),
         receive(received, links),
         be_found(stack, heartbeat, links, clients, service),
@@ -70,7 +72,7 @@ pub async fn serve<D: Driver>(
             serve_clients(LinkId::Tcp2, stack, tcp_2, service),
             serve_browsers(stack, &mut memory.browsers, service),
         ),
-    );
+    ));
     match select(runner.run(), members).await {
         Either::First(never) => never,
         Either::Second((_, never, ..)) => never,

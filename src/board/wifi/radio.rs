@@ -218,7 +218,9 @@ impl Wifi {
                 give_up_at,
                 service,
             };
-            match select(driver.run(), operation.run(device, self.network)).await {
+            // Pinned where it is built: moved, it may be built on the stack, which has no room for it.
+            let operating = pin!(operation.run(device, self.network));
+            match select(driver.run(), operating).await {
                 Either::First(never) => never,
                 Either::Second(end) => end,
             }
@@ -333,7 +335,14 @@ impl Operation<'_> {
                     .with(|autopilot| autopilot.wifi_report(report, tasks::now()));
             }
         };
-        let serving = net::serve(device, role, RoscRng.next_u64(), network, service, report);
+        let serving = pin!(net::serve(
+            device,
+            role,
+            RoscRng.next_u64(),
+            network,
+            service,
+            report
+        ));
         match select(serving, self.watch(&address)).await {
             Either::First(never) => never,
             Either::Second(end) => end,
