@@ -53,11 +53,11 @@ impl Autopilot {
         }
     }
 
-    /// Takes the action that is set for a pack that has reached `level`.
-    pub(super) fn act_on_failsafe(&mut self, pack: Pack, level: FailsafeLevel, now: Instant) {
+    /// Takes the most severe of the actions that are set for a pack that has reached these levels.
+    pub(super) fn act_on_failsafe(&mut self, pack: Pack, reached: &[FailsafeLevel], now: Instant) {
         self.recording.add(&Record::Error(Subsystem::BatteryFailsafe));
         self.mode_reason = ModeReason::BatteryFailsafe;
-        let action = FailsafeAction::from_parameters(&self.parameters, pack, level);
+        let action = FailsafeAction::from_parameters(&self.parameters, pack, reached);
         if let Some(event) = self.vehicle.battery_failsafe(action) {
             self.announce(Announcement::Vehicle(event), now);
         }

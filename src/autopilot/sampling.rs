@@ -207,8 +207,8 @@ impl Autopilot {
                 self.announce(suggestion, tick.now);
             }
         }
-        if let Some(level) = failsafe {
-            self.act_on_failsafe(pack, level, tick.now);
+        if !failsafe.is_empty() {
+            self.act_on_failsafe(pack, &failsafe, tick.now);
         }
     }
 

@@ -71,8 +71,8 @@ pub enum PackEvent {
 }
 
 /// The most events of one tick: cells detected, pack swapped, gap, sensor failed or recovered, contact lost or
-/// restored, powering off, failsafe, charge state, charging, faults, reported faults, learnt.
-const MAX_EVENTS: usize = 12;
+/// restored, powering off, two failsafe levels, charge state, charging, faults, reported faults, learnt.
+const MAX_EVENTS: usize = 13;
 
 /// Charge that remains and is not usable is mentioned from here on, in percent.
 const WORTH_SAYING_PCT: f32 = 3.0;

@@ -13,6 +13,9 @@ const UNHEALTHY_AFTER_US: u64 = 5_000_000;
 /// After healthy readings for this long, in microseconds, the next loss acts again, and *unhealthy* may be released.
 const HEALTHY_AGAIN_US: u32 = 5_000_000;
 
+/// The levels that are reached in one tick, in increasing severity: *critical* carries *low* if it skips it.
+pub type ReachedLevels = heapless::Vec<FailsafeLevel, 2>;
+
 /// The inputs of one tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observation<'a> {
@@ -39,8 +42,16 @@ pub(super) struct Failsafe {
     has_reported_loss: bool,
     /// How long readings have been healthy, in microseconds (saturating).
     healthy_us: u32,
-    low: Timer,
-    critical: Timer,
+    low: Watch,
+    critical: Watch,
+}
+
+/// What was observed of the thresholds of one level.
+#[derive(Clone, Copy, Debug, Default)]
+struct Watch {
+    timer: Timer,
+    /// This pack has reached the level, since the last battery reset.
+    is_reached: bool,
 }
 
 /// A voltage that has been below its threshold for this long still counts as below while unknown, in microseconds. A
@@ -99,9 +110,9 @@ impl Failsafe {
         self.level
     }
 
-    /// Processes one tick, and returns a level that is reached. That the pack is unhealthy is also returned at a higher
+    /// Processes one tick, and returns the levels that are reached. That the pack is unhealthy is also returned at a higher
     /// level: no threshold can be reached from then on.
-    pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> Option<FailsafeLevel> {
+    pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> ReachedLevels {
         // A pack may be measured and yet unhealthy: one whose gauge has timed out.
         self.healthy_us = if seen.state.is_some() && seen.last_healthy == Some(seen.tick.now) {
             self.healthy_us.saturating_add(seen.dt_us)
@@ -110,21 +121,32 @@ impl Failsafe {
         };
         if seen.tick.arm_state == ArmState::Disarmed {
             // A dip before disarming must not count after rearming.
-            self.low = Timer::default();
-            self.critical = Timer::default();
+            self.low.timer = Timer::default();
+            self.critical.timer = Timer::default();
             self.has_reported_loss = false;
             self.release(seen, settings);
-            return None;
+            return ReachedLevels::new();
         }
         self.is_of_pack_before = false;
-        let level = if self.is_lost(seen) {
-            FailsafeLevel::Unhealthy
+        let is_lost = self.is_lost(seen);
+        let [is_low, is_critical] = if is_lost {
+            [false; 2]
         } else {
-            let level = self.evaluate(seen, settings);
-            (level > self.level).then_some(level)?
+            self.evaluate(seen, settings)
         };
-        self.level = self.level.max(level);
-        Some(level)
+        let mut reached = ReachedLevels::new();
+        for (is_reached, level) in [
+            (is_lost, FailsafeLevel::Unhealthy),
+            (is_low, FailsafeLevel::Low),
+            (is_critical, FailsafeLevel::Critical),
+        ] {
+            if is_reached {
+                self.level = self.level.max(level);
+                // There is room: a lost pack reaches no threshold.
+                let _ = reached.push(level);
+            }
+        }
+        reached
     }
 
     /// Clears level and timers, on a battery reset.
@@ -140,9 +162,11 @@ impl Failsafe {
         }
     }
 
-    /// The pack was swapped.
+    /// The pack was swapped: the new one reaches each level for itself.
     pub fn replace_pack(&mut self, replacement: Replacement) {
         self.is_of_pack_before = replacement == Replacement::Certain;
+        self.low = Watch::default();
+        self.critical = Watch::default();
     }
 
     /// Clears a level of the previous pack once the present one rests above all thresholds.
@@ -174,30 +198,25 @@ impl Failsafe {
         unhealthy_us > UNHEALTHY_AFTER_US && !mem::replace(&mut self.has_reported_loss, true)
     }
 
-    /// The level by the thresholds.
-    fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> FailsafeLevel {
+    /// Whether *low* and *critical* are reached by the thresholds, and were not before. *Low* counts as reached where it is
+    /// skipped: else the faster a voltage falls, the less is done.
+    fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> [bool; 2] {
         let (low, critical) = (&settings.low, &settings.critical);
         let limit_us = settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32);
         let voltage_v = seen.state.and_then(|state| voltage_v(state, settings));
-        let has_expired = |timer: &mut Timer, thresholds: &Thresholds| {
-            let comparison = Comparison::of(voltage_v, thresholds.voltage_v);
-            timer.expires(seen.dt_us, comparison, limit_us)
-        };
-        let (low_voltage, critical_voltage) = (
-            has_expired(&mut self.low, low),
-            has_expired(&mut self.critical, critical),
-        );
         // Without a threshold the multiplication and the division are spared.
         let is_compared = low.remaining_mah.or(critical.remaining_mah).is_some();
         let state = seen.state.filter(|_| is_compared);
         let remaining_mah = state.and_then(|state| most_remaining(state, seen.remaining_at_most_pct));
-        if critical_voltage || is_below(remaining_mah, critical.remaining_mah) {
-            FailsafeLevel::Critical
-        } else if low_voltage || is_below(remaining_mah, low.remaining_mah) {
-            FailsafeLevel::Low
-        } else {
-            FailsafeLevel::None
-        }
+        let is_reached = |watch: &mut Watch, thresholds: &Thresholds, is_skipped: bool| {
+            let comparison = Comparison::of(voltage_v, thresholds.voltage_v);
+            let has_expired = watch.timer.expires(seen.dt_us, comparison, limit_us);
+            let is_below = has_expired || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
+            is_below && !mem::replace(&mut watch.is_reached, true)
+        };
+        let is_critical = is_reached(&mut self.critical, critical, false);
+        let is_low = is_reached(&mut self.low, low, is_critical && settings.is_in_force(low));
+        [is_low, is_critical]
     }
 }
 
@@ -293,9 +312,8 @@ mod tests {
         let mut raised = Vec::new();
         for tick in 0..seconds * 10 {
             let now = at_us(from_s * 1_000_000 + tick * u64::from(TICK_US));
-            if let Some(level) = failsafe.update(&seen(now, arm_state, Some(state)), &settings()) {
-                raised.push((tick / 10, level));
-            }
+            let reached = failsafe.update(&seen(now, arm_state, Some(state)), &settings());
+            raised.extend(reached.into_iter().map(|level| (tick / 10, level)));
         }
         raised
     }
@@ -357,8 +375,8 @@ mod tests {
             };
             failsafe.update(&silent, &settings())
         };
-        assert_eq!(at(5_000_000), None);
-        assert_eq!(at(5_100_000), Some(FailsafeLevel::Unhealthy));
+        assert_eq!(at(5_000_000), []);
+        assert_eq!(at(5_100_000), [FailsafeLevel::Unhealthy]);
     }
 
     /// Ticks with and without readings while disarmed after a loss, and the level at the end.
@@ -431,7 +449,7 @@ mod tests {
         for tick in 0..300 {
             let now = at_us(tick * u64::from(TICK_US));
             let observation = seen(now, ArmState::Armed, Some(&sagging));
-            assert_eq!(failsafe.update(&observation, &resting), None);
+            assert_eq!(failsafe.update(&observation, &resting), []);
         }
     }
 
@@ -442,11 +460,8 @@ mod tests {
         for tick in 0..ticks {
             let state = at(tick).map(at_voltage);
             let observation = seen(at_us(tick * u64::from(TICK_US)), ArmState::Armed, state.as_ref());
-            raised.extend(
-                failsafe
-                    .update(&observation, &settings())
-                    .map(|level| (tick, level)),
-            );
+            let reached = failsafe.update(&observation, &settings());
+            raised.extend(reached.into_iter().map(|level| (tick, level)));
         }
         raised
     }
@@ -454,7 +469,10 @@ mod tests {
     #[test]
     fn unknown_voltage_does_not_delay_a_low_one() {
         let always = levels(200, |_| Some(9.0));
-        assert_eq!(always, [(101, FailsafeLevel::Critical)]);
+        assert_eq!(
+            always,
+            [(101, FailsafeLevel::Low), (101, FailsafeLevel::Critical)]
+        );
         let flickering = levels(200, |tick| (tick % 90 != 50).then_some(9.0));
         assert_eq!(flickering, always);
     }
@@ -464,7 +482,7 @@ mod tests {
     fn mostly_unknown_low_voltage_still_trips() {
         // Known once a second: ten seconds until it counts while unknown, and nine more.
         let raised = levels(1000, |tick| (tick % 10 == 0).then_some(9.0));
-        let [(tick, FailsafeLevel::Critical)] = raised[..] else {
+        let [.., (tick, FailsafeLevel::Critical)] = raised[..] else {
             panic!("{raised:?}");
         };
         assert!(tick <= 210, "{tick}");
@@ -484,7 +502,7 @@ mod tests {
     #[test]
     fn timer_expires_only_at_a_known_voltage() {
         let raised = levels(500, |tick| (!(50..300).contains(&tick)).then_some(9.0));
-        assert_eq!(raised, [(300, FailsafeLevel::Critical)]);
+        assert_eq!(raised.last(), Some(&(300, FailsafeLevel::Critical)));
     }
 
     #[test]
@@ -500,6 +518,122 @@ mod tests {
             &off,
         );
         assert_eq!(run(&mut failsafe, 20, 9, ArmState::Armed, &at_voltage(9.0)), []);
+    }
+
+    /// A pack of 1000 mAh with this charge, at a voltage above all thresholds.
+    fn at_charge(remaining_pct: f32) -> BatteryState {
+        BatteryState {
+            capacity: Some(Amount::Mah(1000.0)),
+            consumed: Some(Amount::Mah(0.0)),
+            remaining_pct: Some(remaining_pct),
+            ..at_voltage(12.0)
+        }
+    }
+
+    /// The levels that an armed rover's pack reaches within 11 s in this state.
+    fn reached(
+        failsafe: &mut Failsafe,
+        settings: &FailsafeSettings,
+        state: &BatteryState,
+    ) -> Vec<FailsafeLevel> {
+        let at = |tick| at_us(tick * u64::from(TICK_US));
+        (0..110)
+            .flat_map(|tick| failsafe.update(&seen(at(tick), ArmState::Armed, Some(state)), settings))
+            .collect()
+    }
+
+    const BOTH: [FailsafeLevel; 2] = [FailsafeLevel::Low, FailsafeLevel::Critical];
+
+    #[test]
+    // Requirement: AP-18
+    fn critical_carries_low_where_it_skips_it() {
+        let of_voltage = |low_v, critical_v| FailsafeSettings {
+            low: Thresholds {
+                voltage_v: low_v,
+                ..Thresholds::default()
+            },
+            critical: Thresholds {
+                voltage_v: critical_v,
+                ..Thresholds::default()
+            },
+            ..settings()
+        };
+        let only_charge_is_low = FailsafeSettings {
+            low: Thresholds {
+                voltage_v: None,
+                remaining_mah: Some(400.0),
+            },
+            ..settings()
+        };
+        let low_needs_the_timer = FailsafeSettings {
+            timer_s: None,
+            low: Thresholds {
+                voltage_v: Some(10.5),
+                remaining_mah: None,
+            },
+            ..settings()
+        };
+        for (settings, state, expected) in [
+            (settings(), at_voltage(9.0), &BOTH[..]),
+            (settings(), at_charge(19.9), &BOTH),
+            // Equal thresholds, and a charge that is unknown.
+            (of_voltage(Some(9.9), Some(9.9)), at_voltage(9.8), &BOTH),
+            (only_charge_is_low, at_voltage(9.0), &BOTH),
+            // Nothing is skipped that has no threshold in force.
+            (of_voltage(None, Some(9.9)), at_voltage(9.0), &BOTH[1..]),
+            (low_needs_the_timer, at_charge(19.9), &BOTH[1..]),
+        ] {
+            let mut failsafe = Failsafe::default();
+            assert_eq!(
+                reached(&mut failsafe, &settings, &state),
+                expected,
+                "{settings:?}"
+            );
+            assert_eq!(failsafe.level(), FailsafeLevel::Critical);
+        }
+    }
+
+    #[test]
+    fn a_level_counts_once_until_a_reset_or_another_pack() {
+        let mut failsafe = Failsafe::default();
+        let reached =
+            |failsafe: &mut Failsafe, voltage_v| reached(failsafe, &settings(), &at_voltage(voltage_v));
+        assert_eq!(reached(&mut failsafe, 10.4), BOTH[..1]);
+        assert_eq!(reached(&mut failsafe, 12.0), []);
+        assert_eq!(reached(&mut failsafe, 9.0), BOTH[1..]);
+        assert_eq!(reached(&mut failsafe, 10.4), []);
+        failsafe.clear();
+        assert_eq!(reached(&mut failsafe, 9.0), BOTH);
+        failsafe.replace_pack(Replacement::Likely);
+        assert_eq!(reached(&mut failsafe, 10.4), BOTH[..1]);
+        assert_eq!(failsafe.level(), FailsafeLevel::Critical, "it stays");
+        assert_eq!(reached(&mut failsafe, 9.0), BOTH[1..]);
+    }
+
+    #[test]
+    fn a_threshold_that_is_set_while_armed_acts_like_any_other() {
+        let mut settings = settings();
+        (settings.low, settings.critical) = Default::default();
+        let mut failsafe = Failsafe::default();
+        let empty = at_voltage(9.0);
+        assert_eq!(reached(&mut failsafe, &settings, &empty), []);
+        settings.critical.voltage_v = Some(9.9);
+        assert_eq!(reached(&mut failsafe, &settings, &empty), BOTH[1..]);
+        // Critical, which was reached before, did not skip it.
+        settings.low.voltage_v = Some(10.5);
+        assert_eq!(reached(&mut failsafe, &settings, &empty), BOTH[..1]);
+    }
+
+    #[test]
+    fn unhealthy_neither_carries_a_level_nor_is_carried() {
+        let mut failsafe = lost();
+        let reached = reached(&mut failsafe, &settings(), &at_voltage(9.0));
+        assert_eq!(reached, BOTH);
+        let silent = Observation {
+            last_healthy: Some(Instant::EPOCH),
+            ..seen(at_us(60_000_000), ArmState::Armed, None)
+        };
+        assert_eq!(failsafe.update(&silent, &settings()), [FailsafeLevel::Unhealthy]);
     }
 
     fn critical() -> Failsafe {

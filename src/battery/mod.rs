@@ -31,6 +31,7 @@ pub use chemistry::Chemistry;
 pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
 pub use event::{PackEvent, PackEvents};
+pub use failsafe::ReachedLevels;
 pub use learnt::{END_OF_LIFE_LOSS, LEARNT_WORDS, LearntPack};
 pub use learnt_text::LearntTextError;
 pub use measurement::{

@@ -58,9 +58,13 @@ pub struct FailsafeSettings {
 impl FailsafeSettings {
     /// Whether no threshold is in effect.
     pub fn is_disabled(&self) -> bool {
-        let voltage_v = self.low.voltage_v.or(self.critical.voltage_v);
-        let remaining_mah = self.low.remaining_mah.or(self.critical.remaining_mah);
-        self.timer_s.and(voltage_v).or(remaining_mah).is_none()
+        !self.is_in_force(&self.low) && !self.is_in_force(&self.critical)
+    }
+
+    /// Whether one of these thresholds is in effect.
+    pub(super) fn is_in_force(&self, thresholds: &Thresholds) -> bool {
+        let voltage_v = self.timer_s.and(thresholds.voltage_v);
+        voltage_v.or(thresholds.remaining_mah).is_some()
     }
 }
 

@@ -68,8 +68,15 @@ impl FailsafeAction {
         })
     }
 
-    /// The action set for `level` of `pack`.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack, level: FailsafeLevel) -> Self {
+    /// The most severe of the actions set for these levels of `pack`; of equally severe ones that of the last level.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack, levels: &[FailsafeLevel]) -> Self {
+        let actions = levels
+            .iter()
+            .map(|level| Self::of_level(parameters, pack, *level));
+        actions.max_by_key(|action| action.effect()).unwrap_or(Self::Warn)
+    }
+
+    fn of_level(parameters: &Parameters, pack: Pack, level: FailsafeLevel) -> Self {
         let parameter = match level {
             FailsafeLevel::None => return Self::Warn,
             FailsafeLevel::Unhealthy => BatteryParameter::FsUnhAct,
@@ -175,7 +182,7 @@ mod tests {
                 .set(parameter.of(Pack::Second), number)
                 .expect("in range");
         }
-        let action = |pack, level| FailsafeAction::from_parameters(&parameters, pack, level);
+        let action = |pack, level| FailsafeAction::from_parameters(&parameters, pack, &[level]);
         assert_eq!(action(Pack::Second, FailsafeLevel::Low), FailsafeAction::Hold);
         assert_eq!(
             action(Pack::Second, FailsafeLevel::Critical),
@@ -186,5 +193,31 @@ mod tests {
             FailsafeAction::Warn
         );
         assert_eq!(action(Pack::First, FailsafeLevel::Critical), FailsafeAction::Warn);
+    }
+
+    #[test]
+    fn of_several_levels_the_most_severe_action_counts() {
+        for (low, critical, expected) in [
+            (2.0, 0.0, FailsafeAction::Hold),
+            (0.0, 2.0, FailsafeAction::Hold),
+            (5.0, 2.0, FailsafeAction::Terminate),
+            (2.0, 5.0, FailsafeAction::Terminate),
+            // Both hold: what is announced is the worst level's.
+            (2.0, 1.0, FailsafeAction::Rtl),
+            (1.0, 2.0, FailsafeAction::Hold),
+        ] {
+            let mut parameters = Parameters::defaults();
+            for (parameter, number) in [
+                (BatteryParameter::FsLowAct, low),
+                (BatteryParameter::FsCrtAct, critical),
+            ] {
+                parameters
+                    .set(parameter.of(Pack::Ninth), number)
+                    .expect("in range");
+            }
+            let levels = [FailsafeLevel::Low, FailsafeLevel::Critical];
+            let action = FailsafeAction::from_parameters(&parameters, Pack::Ninth, &levels);
+            assert_eq!(action, expected, "{low} {critical}");
+        }
     }
 }

@@ -3,11 +3,11 @@
 use crate::battery::charge_state::{ChargeStateMachine, Inputs};
 use crate::battery::diagnosis::{AtRest, Diagnosis};
 use crate::battery::event::push;
-use crate::battery::failsafe::{Failsafe, Observation};
+use crate::battery::failsafe::{Failsafe, Observation, ReachedLevels};
 use crate::battery::reporters::ChargeReporter;
 use crate::battery::settings::PackSettings;
 use crate::battery::swap::Replacement;
-use crate::battery::{Amount, BatteryState, FailsafeLevel, PackEvent, PackEvents, Tick};
+use crate::battery::{Amount, BatteryState, PackEvent, PackEvents, Tick};
 use crate::time::Instant;
 
 /// Evaluates the state of one pack after every tick.
@@ -38,19 +38,19 @@ pub(super) struct Basis {
 }
 
 impl Evaluation {
-    /// Sets faults, failsafe level and charge state of `state`. Returns a failsafe level that was reached. A failed read counts, too.
+    /// Sets faults, failsafe level and charge state of `state`. Returns the failsafe levels that were reached. A failed read counts, too.
     pub fn update(
         &mut self,
         basis: &Basis,
         state: &mut BatteryState,
         settings: &PackSettings,
         events: &mut PackEvents,
-    ) -> Option<FailsafeLevel> {
+    ) -> ReachedLevels {
         let Basis { tick, dt_s, .. } = *basis;
         if basis.is_fresh {
             state.faults = self.diagnosis.update(dt_s, state, &basis.at_rest, settings);
         }
-        let raised = self.update_failsafe(basis, state, settings, events);
+        let reached = self.update_failsafe(basis, state, settings, events);
         state.failsafe = self.failsafe.level();
         let inputs = Inputs {
             status: state.status,
@@ -65,7 +65,7 @@ impl Evaluation {
         };
         state.charge_state = self.charge_state.update(dt_s, &inputs);
         self.charge_reporter.update(dt_s, tick.arm_state, state, events);
-        raised
+        reached
     }
 
     fn update_failsafe(
@@ -74,7 +74,7 @@ impl Evaluation {
         state: &BatteryState,
         settings: &PackSettings,
         events: &mut PackEvents,
-    ) -> Option<FailsafeLevel> {
+    ) -> ReachedLevels {
         let observation = Observation {
             tick: basis.tick,
             dt_us: u32::try_from(basis.dt_us).unwrap_or(u32::MAX),
@@ -83,16 +83,18 @@ impl Evaluation {
             remaining_at_most_pct: basis.remaining_at_most_pct,
             resting_v: basis.at_rest.voltage_v,
         };
-        let level = self.failsafe.update(&observation, &settings.failsafe)?;
-        push(
-            events,
-            PackEvent::Failsafe {
-                level,
-                voltage_v: basis.last_voltage_v.unwrap_or(0.0),
-                consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
-            },
-        );
-        Some(level)
+        let reached = self.failsafe.update(&observation, &settings.failsafe);
+        for level in &reached {
+            push(
+                events,
+                PackEvent::Failsafe {
+                    level: *level,
+                    voltage_v: basis.last_voltage_v.unwrap_or(0.0),
+                    consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
+                },
+            );
+        }
+        reached
     }
 
     /// No pack is connected: what was observed of it has ended.

@@ -14,12 +14,13 @@ use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
 use super::diagnosis::AtRest;
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
+use super::failsafe::ReachedLevels;
 use super::reporters::HealthReporter;
 use super::settings::{FailsafeSettings, PackSettings};
 use super::swap::{Replacement, SwapDetector};
 use super::{
-    Amount, BatteryState, ChargeSource, Consumed, Contents, FailsafeLevel, Faults, LearntPack, Measurement,
-    PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Tick,
+    Amount, BatteryState, ChargeSource, Consumed, Contents, Faults, LearntPack, Measurement, PackEvent,
+    PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Tick,
 };
 use crate::time::Instant;
 
@@ -38,8 +39,8 @@ pub struct PackUpdate {
     pub events: PackEvents,
     /// Why the read failed.
     pub error: Option<ReadError>,
-    /// The failsafe level that was reached in this tick. Its action has to be taken.
-    pub failsafe: Option<FailsafeLevel>,
+    /// The failsafe levels that were reached in this tick. Their most severe action has to be taken.
+    pub failsafe: ReachedLevels,
 }
 
 /// Monitors one pack.

@@ -188,7 +188,7 @@ fn looks(state: ChargeState) -> (&'static str, &'static str) {
 mod tests {
     use super::*;
     use crate::trace::Reported;
-    use rover_battmon::battery::Thresholds;
+    use rover_battmon::battery::{ReachedLevels, Thresholds};
 
     fn rows() -> Vec<Row> {
         let row = |sample: u32| Row {
@@ -206,6 +206,7 @@ mod tests {
                 },
                 ..BatteryState::default()
             },
+            reached: ReachedLevels::new(),
             events: if sample == 3000 {
                 vec!["is < low & \"old\"".into()]
             } else {

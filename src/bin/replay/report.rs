@@ -15,7 +15,7 @@
 
 use std::fmt::Write;
 
-use rover_battmon::battery::BatteryState;
+use rover_battmon::battery::{BatteryState, ReachedLevels};
 
 use crate::trace::Reported;
 
@@ -31,6 +31,8 @@ pub struct Row {
     pub time_s: f64,
     /// The state of the pack.
     pub state: BatteryState,
+    /// The failsafe levels that were just reached.
+    pub reached: ReachedLevels,
     /// What has just happened.
     pub events: Vec<String>,
     /// What the board reported then, in a log of its own.
@@ -113,6 +115,7 @@ pub mod tests {
                 failsafe,
                 ..BatteryState::default()
             },
+            reached: [failsafe].into_iter().collect(),
             events: vec![],
             reported: None,
         }
@@ -126,6 +129,7 @@ pub mod tests {
                 voltage_v: Some(11.1),
                 ..BatteryState::default()
             },
+            reached: ReachedLevels::new(),
             events: vec![],
             reported: None,
         };
@@ -154,6 +158,7 @@ pub mod tests {
                 failsafe: FailsafeLevel::Low,
                 ..BatteryState::default()
             },
+            reached: ReachedLevels::new(),
             events: vec!["is low, very".into(), "swapped".into()],
             reported: None,
         };
@@ -168,6 +173,7 @@ pub mod tests {
         let row = Row {
             time_s: 2.0,
             state: BatteryState::default(),
+            reached: ReachedLevels::new(),
             events: vec!["is low".into()],
             reported: Some(Reported {
                 consumed_mah: Some(3.5),

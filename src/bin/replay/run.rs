@@ -4,7 +4,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, PackUpdate, ReadError, Tick,
+    BatteryMonitor, BatteryState, LearntPack, Measurement, PackEvent, PackSettings, PackUpdate, ReadError,
+    Tick,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Refused};
@@ -162,13 +163,26 @@ pub fn run(
         Row {
             time_s: sample.time_s,
             state: *replay.state(),
-            events: update.events.iter().map(ToString::to_string).collect(),
+            events: announced(&update).map(ToString::to_string).collect(),
+            reached: update.failsafe,
             reported: sample.reported,
         }
     });
     let rows = rows.collect();
     *learnt = *replay.learnt();
     Ok(rows)
+}
+
+/// What is announced to ground stations: of the levels that are reached in one tick, the worst.
+fn announced(update: &PackUpdate) -> impl Iterator<Item = &PackEvent> {
+    let is_skipped = |event: &PackEvent| {
+        let level = match event {
+            PackEvent::Failsafe { level, .. } => Some(level),
+            _ => None,
+        };
+        level.is_some() && level != update.failsafe.last()
+    };
+    update.events.iter().filter(move |event| !is_skipped(event))
 }
 
 fn tick(sample: &Sample) -> Tick {

@@ -140,7 +140,7 @@ fn learnt(known: &LearntPack, now: &LearntPack) -> String {
 
 /// The row in which a level was reached first.
 pub fn reached(rows: &[Row], level: FailsafeLevel) -> Option<&Row> {
-    rows.iter().find(|row| row.state.failsafe == level)
+    rows.iter().find(|row| row.reached.contains(&level))
 }
 
 impl Summary<'_> {
@@ -340,6 +340,12 @@ mod tests {
                 &armed,
                 ["BATT_LOW_VOLT=10.5", "BATT_LOW_MAH=500"],
                 "BATT_LOW_VOLT 10.5 or BATT_LOW_MAH 500 would have acted at 0:10\n",
+            ),
+            // Low is skipped, and counts all the same.
+            (
+                &armed,
+                ["BATT_LOW_VOLT=10.5", "BATT_CRT_VOLT=10.45"],
+                "BATT_LOW_VOLT 10.5 would have acted at 0:10; BATT_CRT_VOLT 10.45 would have acted at 0:10\n",
             ),
             (
                 &armed,

@@ -1,6 +1,8 @@
 //! The drives of one pack in a log, as its readings come.
 
-use rover_battmon::battery::{BatteryState, FailsafeLevel, Faults, LearntPack, PackSettings, PackStatus};
+use rover_battmon::battery::{
+    BatteryState, FailsafeLevel, Faults, LearntPack, PackSettings, PackStatus, ReachedLevels,
+};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
@@ -110,19 +112,19 @@ impl PackDrives {
 
     /// Takes the next reading.
     pub fn add(&mut self, sample: &Sample) {
-        let _ = self.own.update(sample);
-        if let Some((_, replay)) = &mut self.what_if {
-            let _ = replay.update(sample);
-        }
+        let reached = self.own.update(sample).failsafe;
+        let what_if = self.what_if.as_mut();
+        let reached_if = what_if.map(|(_, replay)| replay.update(sample).failsafe);
         let reported_pct = sample.reported.and_then(|reported| reported.health_pct);
         self.reported_health_pct = reported_pct.or(self.reported_health_pct);
         if self.rows.is_empty() {
             self.drive.get_or_insert_with(|| Drive::starting(sample.time_s));
         }
         if let Some(drive) = &mut self.drive {
-            drive.add(sample, self.own.state());
-            if let Some((_, replay)) = &self.what_if {
-                drive.reach(sample, replay.state(), |drive| &mut drive.what_if_levels);
+            drive.add(sample, self.own.state(), &reached);
+            if let Some(((_, replay), reached)) = self.what_if.as_ref().zip(reached_if) {
+                let level = replay.state().failsafe;
+                drive.reach(sample, &reached, level, |drive| &mut drive.what_if_levels);
             }
         }
     }
@@ -235,9 +237,9 @@ impl Drive {
         ((time_s - self.start_s) * 1e6).round() / 1e6
     }
 
-    fn add(&mut self, sample: &Sample, state: &BatteryState) {
+    fn add(&mut self, sample: &Sample, state: &BatteryState, reached: &ReachedLevels) {
         self.end_s = sample.time_s;
-        self.reach(sample, state, |drive| &mut drive.levels);
+        self.reach(sample, reached, state.failsafe, |drive| &mut drive.levels);
         self.replayed_faults |= state.faults_to_show();
         let reported = sample.reported.unwrap_or_default();
         if let Some(bits) = reported.faults {
@@ -258,15 +260,23 @@ impl Drive {
             .add(state.resistance_ohm.map(|ohm| ohm * 1e3));
     }
 
-    /// Notes when a level is reached.
-    fn reach(&mut self, sample: &Sample, state: &BatteryState, levels: fn(&mut Self) -> &mut Levels) {
+    /// Notes which levels are reached with this reading, and the one that is latched.
+    fn reach(
+        &mut self,
+        sample: &Sample,
+        reached: &ReachedLevels,
+        latched: FailsafeLevel,
+        levels: fn(&mut Self) -> &mut Levels,
+    ) {
         let since_s = self.since_start_s(sample.time_s);
         let levels = levels(self);
-        match state.failsafe {
-            FailsafeLevel::Low => levels.low_s.get_or_insert(since_s),
-            FailsafeLevel::Critical => levels.critical_s.get_or_insert(since_s),
-            FailsafeLevel::None | FailsafeLevel::Unhealthy => return,
-        };
+        for level in reached.iter().chain([&latched]) {
+            match level {
+                FailsafeLevel::Low => levels.low_s.get_or_insert(since_s),
+                FailsafeLevel::Critical => levels.critical_s.get_or_insert(since_s),
+                FailsafeLevel::None | FailsafeLevel::Unhealthy => continue,
+            };
+        }
     }
 }
 
