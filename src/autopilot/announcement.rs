@@ -175,6 +175,7 @@ impl Announcement<'_> {
                 | PackEvent::Gap(_)
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
+                | PackEvent::MembersLeft(_)
                 | PackEvent::Charge { .. }
                 | PackEvent::Faults(_)
                 | PackEvent::ReportedFaults(_)
@@ -345,6 +346,11 @@ mod tests {
             ),
             (PackEvent::SensorRecovered, "Battery 9 healthy again"),
             (PackEvent::PoweringOff, "Battery 9 is powering off"),
+            (PackEvent::MembersLeft(0b10), "Battery 9 sums without battery 2"),
+            (
+                PackEvent::MembersLeft(0b1_0000_0101),
+                "Battery 9 sums without battery 1, 3, 9",
+            ),
             (
                 PackEvent::Charge {
                     state: ChargeState::Low,

@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use crate::battery::{
     BatteryBank, BatteryMonitor, BatteryState, Measurement, PackSettings, PackSource, PackStatus, ReadError,
-    SumVoltage,
+    SumVoltage, Tick,
 };
 use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
@@ -108,7 +108,7 @@ impl Packs {
         }
     }
 
-    /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current. `None`
+    /// Measures a pack in a tick, from what the pins read and the share of full throttle, for a synthetic current. `None`
     /// between two readings: then its state stands.
     ///
     /// # Errors
@@ -117,7 +117,7 @@ impl Packs {
         &mut self,
         pack: Pack,
         kind: MonitorKind,
-        now: Instant,
+        tick: Tick,
         readings: &AnalogReadings,
         parameters: &Parameters,
         effort: f32,
@@ -126,13 +126,13 @@ impl Packs {
             return Some(Err(error));
         }
         if self.ticks == 0 {
-            self.silences[pack as usize].start(now);
+            self.silences[pack as usize].start(tick.now);
         }
-        match self.read(pack, kind, now, readings, parameters, effort) {
+        match self.read(pack, kind, tick, readings, parameters, effort) {
             Some(Ok(Measurement { voltage_v: None, .. })) if kind.measures_voltage() => {
                 Some(Err(ReadError::Implausible))
             }
-            None if self.silences[pack as usize].is_overdue(now) => {
+            None if self.silences[pack as usize].is_overdue(tick.now) => {
                 Some(Err(self.samples[pack as usize].why_none()))
             }
             reading => reading,
@@ -149,7 +149,7 @@ impl Packs {
         &mut self,
         pack: Pack,
         kind: MonitorKind,
-        now: Instant,
+        tick: Tick,
         readings: &AnalogReadings,
         parameters: &Parameters,
         effort: f32,
@@ -169,13 +169,13 @@ impl Packs {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
                 let voltage = SumVoltage::from_parameters(parameters, pack);
                 let monitored = self.order.iter().fold(0, |mask, (pack, _)| mask | pack.bit());
-                self.bank.sum(pack, mask, monitored, voltage)
+                self.bank.sum(pack, mask, monitored, voltage, tick.arm_state)
             }
             MonitorKind::Fuel(kind) => {
                 let readings = FuelReadings {
                     pins: readings,
                     pulses: &self.pulses,
-                    now,
+                    now: tick.now,
                 };
                 self.meters[pack as usize].measure(kind, parameters, pack, &readings)
             }

@@ -117,7 +117,7 @@ impl Autopilot {
         let reading = self.packs.measure(
             pack,
             kind,
-            sampling.tick.now,
+            sampling.tick,
             &sampling.readings,
             &self.parameters,
             self.vehicle.effort(),

@@ -1,8 +1,8 @@
 //! The monitors of all packs, their sum, and the most urgent of them.
 
 use super::{
-    BatteryMonitor, BatteryState, ChargeState, Consumed, Contents, Counted, FailsafeLevel, Measurement,
-    PackMemory, PackSource, PackStatus, ReadError,
+    ArmState, BatteryMonitor, BatteryState, ChargeState, Consumed, Contents, Counted, FailsafeLevel,
+    Measurement, PackMemory, PackSource, PackStatus, ReadError,
 };
 use crate::numbers::mean;
 use crate::pack::{MAX_PACKS, Pack};
@@ -32,7 +32,8 @@ impl BatteryBank {
     }
 
     /// The sum of the packs in `mask` (`BATT_SUM_MASK`) that are monitored, by their latest states. Bit 0 is the first; an
-    /// empty mask means all packs after `own`. A sum never includes itself.
+    /// empty mask means all packs after `own`. A sum never includes itself. A pack that is unplugged while disarmed is no
+    /// member until it measures again.
     ///
     /// # Errors
     /// No member is healthy.
@@ -42,23 +43,31 @@ impl BatteryBank {
         mask: u16,
         monitored: u16,
         voltage: SumVoltage,
+        arm_state: ArmState,
     ) -> Result<Measurement, ReadError> {
-        let is_member = move |pack: Pack| {
-            if monitored & pack.bit() == 0 {
-                false
-            } else if mask == 0 {
-                pack > own
-            } else {
-                pack != own && mask & pack.bit() != 0
-            }
+        let all_after = !(own.bit() - 1);
+        let chosen = monitored & !own.bit() & if mask == 0 { all_after } else { mask };
+        let before = self.monitors[own as usize].state().members;
+        let is_member = move |pack: Pack, state: &BatteryState| {
+            let is_present = match state.status {
+                PackStatus::Healthy | PackStatus::Unhealthy => true,
+                PackStatus::NotConnected => arm_state == ArmState::Armed && before & pack.bit() != 0,
+                PackStatus::Unknown | PackStatus::Disabled => false,
+            };
+            is_present && chosen & pack.bit() != 0 && state.contents == Contents::Charge
         };
         let members = Pack::ALL
-            .iter()
+            .into_iter()
             .zip(&self.monitors)
-            .filter(move |(pack, _)| is_member(**pack));
-        let measurement = sum(members.clone().map(|(_, monitor)| monitor.state()), voltage)?;
-        let charged = members.filter(|(_, monitor)| monitor.state().contents == Contents::Charge);
-        let of_members = || charged.clone().map(|(_, monitor)| monitor);
+            .filter(move |(pack, monitor)| is_member(*pack, monitor.state()));
+        let of_members = || members.clone().map(|(_, monitor)| monitor);
+        let measurement = sum(of_members().map(BatteryMonitor::state), voltage)?;
+        let mask_of = |is_meant: fn(&BatteryState) -> bool| {
+            let meant = members
+                .clone()
+                .filter(move |(_, monitor)| is_meant(monitor.state()));
+            meant.fold(0, |mask, (pack, _)| mask | pack.bit())
+        };
         let counted = measurement.counted.map(|counted| match counted {
             Counted::Members { consumed, .. } => Counted::Members {
                 consumed,
@@ -68,7 +77,8 @@ impl BatteryBank {
         });
         Ok(Measurement {
             counted,
-            members: charged.clone().fold(0, |mask, (pack, _)| mask | pack.bit()),
+            members: mask_of(|_| true),
+            lost_members: mask_of(|state| state.status != PackStatus::Healthy),
             members_capacity_mah: of_members().map(|monitor| monitor.state().capacity_mah()).sum(),
             members_spread: spread(of_members().map(BatteryMonitor::resting_v)),
             ..measurement
@@ -107,10 +117,11 @@ impl BatteryBank {
     }
 }
 
-/// Charge drawn from a member, in milliampere-hours, if it is counted.
+/// Charge drawn from a member, in milliampere-hours, if it is counted now.
 fn drawn_mah(monitor: &BatteryMonitor) -> Option<f32> {
-    monitor.state().consumed?;
-    Some(monitor.drawn_mah())
+    let state = monitor.state();
+    let is_counted = state.status == PackStatus::Healthy && state.consumed.is_some();
+    is_counted.then(|| monitor.drawn_mah())
 }
 
 /// By how much the highest of these voltages exceeds the lowest, relative to it; `None` unless all are known.
@@ -146,8 +157,8 @@ impl SumVoltage {
     }
 }
 
-/// Combines packs into one: voltage and mean temperature of the healthy ones, the sum of their currents, and the sum of
-/// the consumption of all. The current is known only if that of every healthy pack is. Fuel tanks are left out.
+/// Combines packs into one: voltage and mean temperature of the healthy ones, the sum of all currents, and the sum of the
+/// consumption of all. The current is known only if that of every pack is, and none is lost.
 ///
 /// # Errors
 /// No member is healthy.
@@ -155,7 +166,7 @@ fn sum<'a>(
     packs: impl Iterator<Item = &'a BatteryState> + Clone,
     voltage: SumVoltage,
 ) -> Result<Measurement, ReadError> {
-    let packs = packs.filter(|pack| pack.contents == Contents::Charge);
+    let current_a = |pack: &BatteryState| pack.current_a.filter(|_| pack.status == PackStatus::Healthy);
     let healthy = packs.clone().filter(|pack| pack.status == PackStatus::Healthy);
     if healthy.clone().next().is_none() {
         return Err(ReadError::NoHealthyMember);
@@ -166,7 +177,7 @@ fn sum<'a>(
             SumVoltage::Mean => mean(voltages),
             SumVoltage::Lowest => voltages.reduce(f32::min),
         },
-        current_a: healthy.clone().map(|pack| pack.current_a).sum(),
+        current_a: packs.clone().map(current_a).sum(),
         counted: consumed(packs).map(|consumed| Counted::Members {
             consumed,
             drawn_mah: None,
@@ -176,7 +187,7 @@ fn sum<'a>(
     })
 }
 
-/// Total consumption, including packs whose sensor has failed.
+/// Total consumption, including lost packs.
 fn consumed<'a>(packs: impl Iterator<Item = &'a BatteryState> + Clone) -> Option<Consumed> {
     let monitored = packs.filter(|pack| pack.consumed_mah().is_some());
     monitored.clone().next()?;
@@ -205,105 +216,4 @@ fn alert_of(state: &BatteryState) -> BatteryAlert {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::battery::{Amount, PackSettings, Tick};
-
-    #[test]
-    fn sum_has_only_electric_packs_as_members() {
-        let mut bank = BatteryBank::new();
-        for (pack, contents) in [
-            (Pack::Second, Contents::Charge),
-            (Pack::Third, Contents::Fuel),
-            (Pack::Fourth, Contents::Charge),
-        ] {
-            let reading = Measurement {
-                contents,
-                voltage_v: Some(12.0),
-                ..Measurement::default()
-            };
-            let _ = bank
-                .monitor(pack)
-                .update(Tick::default(), Ok(reading), &PackSettings::default());
-        }
-        let members = |mask| {
-            bank.sum(Pack::First, mask, u16::MAX, SumVoltage::Mean)
-                .map(|sum| sum.members)
-        };
-        assert_eq!(members(0b1111), Ok(0b1010));
-        assert_eq!(members(0b1110), Ok(0b1010));
-    }
-
-    fn pack(voltage_v: f32, current_a: Option<f32>) -> BatteryState {
-        BatteryState {
-            status: PackStatus::Healthy,
-            voltage_v: Some(voltage_v),
-            current_a,
-            consumed: current_a.map(|_| Amount::Mah(100.0)),
-            consumed_wh: current_a.map(|_| 1.0),
-            ..BatteryState::default()
-        }
-    }
-
-    fn drawn(charge_mah: f32, energy_wh: f32) -> Option<Counted> {
-        Some(Counted::Members {
-            consumed: Consumed {
-                charge_mah,
-                energy_wh,
-            },
-            drawn_mah: None,
-        })
-    }
-
-    #[test]
-    fn parallel_packs_have_mean_voltage_and_summed_current() {
-        let packs = [pack(12.0, Some(2.0)), pack(11.0, Some(3.0))];
-        let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
-        assert_eq!(measurement.voltage_v, Some(11.5));
-        assert_eq!(measurement.current_a, Some(5.0));
-        assert_eq!(measurement.counted, drawn(200.0, 2.0));
-        let lowest = sum(packs.iter(), SumVoltage::Lowest).unwrap();
-        assert_eq!(lowest.voltage_v, Some(11.0));
-    }
-
-    #[test]
-    fn fuel_tanks_are_left_out() {
-        let tank = BatteryState {
-            contents: Contents::Fuel,
-            ..pack(3.0, Some(9.0))
-        };
-        let packs = [pack(12.0, Some(2.0)), tank];
-        let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
-        assert_eq!(measurement.voltage_v, Some(12.0));
-        assert_eq!(measurement.current_a, Some(2.0));
-        assert_eq!(measurement.counted, drawn(100.0, 1.0));
-        assert_eq!(
-            sum([tank].iter(), SumVoltage::Mean),
-            Err(ReadError::NoHealthyMember)
-        );
-    }
-
-    #[test]
-    // Requirement: AP-4
-    fn current_is_unknown_unless_known_of_every_member() {
-        let packs = [pack(12.0, Some(2.0)), pack(11.0, None)];
-        assert_eq!(sum(packs.iter(), SumVoltage::Mean).unwrap().current_a, None);
-    }
-
-    #[test]
-    fn unhealthy_pack_counts_only_in_the_consumption() {
-        let unhealthy = BatteryState {
-            status: PackStatus::Unhealthy,
-            ..pack(3.0, Some(9.0))
-        };
-        let packs = [pack(12.0, Some(2.0)), unhealthy];
-        let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
-        assert_eq!(measurement.voltage_v, Some(12.0));
-        assert_eq!(measurement.current_a, Some(2.0));
-        assert_eq!(measurement.counted, drawn(200.0, 2.0));
-        assert_eq!(
-            sum(packs[1..].iter(), SumVoltage::Mean),
-            Err(ReadError::NoHealthyMember)
-        );
-    }
-}
+mod tests;

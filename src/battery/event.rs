@@ -7,6 +7,7 @@ use heapless::Vec;
 use super::consumption::Gap;
 use super::{Amount, ChargeState, FailsafeLevel, Faults, ReadError};
 use crate::numbers::{Hundredths, round_to_i32};
+use crate::pack::Pack;
 
 /// An event of a pack. Its text follows "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +36,8 @@ pub enum PackEvent {
     SensorRecovered,
     /// Its power button is held.
     PoweringOff,
+    /// These packs have left the sum, one bit per instance from bit 0: they are not connected.
+    MembersLeft(u16),
     /// A worse charge state was entered than before: LOW, CRITICAL or EMERGENCY.
     Charge {
         /// The charge state.
@@ -71,7 +74,7 @@ pub enum PackEvent {
 }
 
 /// The most events of one tick: cells detected, pack swapped, gap, sensor failed or recovered, contact lost or
-/// restored, powering off, two failsafe levels, charge state, charging, faults, reported faults, learnt.
+/// restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt.
 const MAX_EVENTS: usize = 13;
 
 /// Charge that remains and is not usable is mentioned from here on, in percent.
@@ -114,6 +117,14 @@ impl fmt::Display for PackEvent {
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
             Self::PoweringOff => f.write_str("is powering off"),
+            Self::MembersLeft(left) => {
+                let mut separator = "sums without battery ";
+                for pack in Pack::ALL.iter().filter(|pack| left & pack.bit() != 0) {
+                    write!(f, "{separator}{}", pack.number())?;
+                    separator = ", ";
+                }
+                Ok(())
+            }
             Self::Charge {
                 state,
                 remaining_pct,

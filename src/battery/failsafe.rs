@@ -4,7 +4,7 @@ use core::mem;
 
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 use super::swap::Replacement;
-use super::{ArmState, BatteryState, FailsafeLevel, Tick};
+use super::{ArmState, BatteryState, FailsafeLevel, PackStatus, Tick};
 use crate::time::Instant;
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
@@ -243,7 +243,9 @@ pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Op
 /// Remaining charge or fuel by the state of charge; while that is unknown, capacity minus consumption. In mAh or ml, as
 /// the thresholds.
 pub(super) fn remaining(state: &BatteryState) -> Option<f32> {
-    estimated_remaining(state).or_else(|| Some(state.capacity?.number() - state.consumed?.number()))
+    // A sum with a lost member has counted only a part.
+    let counted = state.consumed.filter(|_| state.status != PackStatus::Unhealthy);
+    estimated_remaining(state).or_else(|| Some(state.capacity?.number() - counted?.number()))
 }
 
 /// The same; without a current sensor at most as much as may be left: an estimate from the voltage alone must not trip a

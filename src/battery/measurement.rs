@@ -57,6 +57,8 @@ pub struct Measurement {
     pub supply: Supply,
     /// The members of a sum, one bit per instance from bit 0; 0 for a sensor.
     pub members: u16,
+    /// Those of them that are lost: unhealthy, or unplugged while armed.
+    pub lost_members: u16,
     /// Full capacity of the members of a sum together, in milliampere-hours; `None` unless every member's is known.
     pub members_capacity_mah: Option<f32>,
     /// By how much the highest resting voltage of a sum's members exceeds the lowest, relative to it.
@@ -130,7 +132,7 @@ pub enum Counted {
         /// What its members have consumed.
         consumed: Consumed,
         /// Charge drawn from them since the start, in milliampere-hours, which a battery reset or another pack does not
-        /// change; `None` unless every member counts it.
+        /// change; `None` unless every member counts it and none is lost.
         drawn_mah: Option<f32>,
     },
 }
@@ -222,6 +224,8 @@ pub enum ReadError {
     OtherPart,
     /// No member of the sum is healthy.
     NoHealthyMember,
+    /// A member of the sum has been lost for so long that the charge is unknown.
+    LostMember,
     /// The wires to the sensor failed.
     Bus(BusError),
     /// Configuration: no pin is set, or no such channel.
@@ -286,6 +290,7 @@ impl fmt::Display for ReadError {
             Self::Implausible => "impossible value",
             Self::OtherPart => "unknown part",
             Self::NoHealthyMember => "no healthy pack to sum",
+            Self::LostMember => "one of its packs is lost",
             Self::Bus(BusError::NoAnswer) => "no answer",
             Self::Bus(BusError::Stuck) => "bus held low",
             Self::Bus(BusError::Checksum) => "wrong checksum",

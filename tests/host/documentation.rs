@@ -330,12 +330,13 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 17] = [
+const READ_ERRORS: [ReadError; 18] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
     ReadError::NoCapacity,
     ReadError::NoHealthyMember,
+    ReadError::LostMember,
     ReadError::GaugeTimeout,
     ReadError::Implausible,
     ReadError::Bus(BusError::NoAnswer),
@@ -425,6 +426,7 @@ fn pack_events() -> Vec<PackEvent> {
         gap(None),
         PackEvent::SensorRecovered,
         PackEvent::PoweringOff,
+        PackEvent::MembersLeft(0b10),
         failsafe(FailsafeLevel::Unhealthy, Amount::Mah(120.0)),
         failsafe(FailsafeLevel::Low, Amount::Mah(120.0)),
         failsafe(FailsafeLevel::Critical, Amount::Mah(120.0)),

@@ -61,10 +61,9 @@ impl Counting {
             }
             Some(Counted::Members { consumed, drawn_mah }) => {
                 self.consumption.restart(consumed);
-                let Some(drawn_mah) = drawn_mah else {
+                let Some(charge_mah) = self.counter.members(measurement, drawn_mah) else {
                     return Count::default();
                 };
-                let charge_mah = self.counter.members(drawn_mah);
                 self.drawn.add_counted(Consumed {
                     charge_mah,
                     energy_wh: 0.0,
@@ -232,9 +231,10 @@ impl Total {
 struct SourceCounter {
     charge: Total,
     energy: Total,
-    /// The latest of a sum's members, which count down, too.
-    drawn_mah: Option<f32>,
-    /// What it has counted beyond the measured current, in milliampere-hours; negative by up to a step.
+    /// A sum's members, and the latest of what was drawn from them, which may fall.
+    drawn_mah: Option<(u16, f32)>,
+    /// What it has counted beyond the measured current, in milliampere-hours; negative by up to a step, of a sum by more:
+    /// its members are counted less often than it is.
     ahead_mah: f32,
     progress: Progress,
 }
@@ -276,10 +276,24 @@ impl SourceCounter {
         (!is_first).then_some(increase)
     }
 
-    /// Takes what was drawn from a sum's members since the start. Returns what was drawn since the reading before.
-    pub fn members(&mut self, drawn_mah: f32) -> f32 {
-        let before_mah = self.drawn_mah.replace(drawn_mah);
-        before_mah.map_or(0.0, |before_mah| drawn_mah - before_mah)
+    /// Takes what was drawn from a sum's members since the start. Returns what was drawn since the reading before, which
+    /// includes the time in which the current was unknown. Where the current counted instead, or the members are others,
+    /// it starts anew.
+    pub fn members(&mut self, measurement: &Measurement, drawn_mah: Option<f32>) -> Option<f32> {
+        let Some(drawn_mah) = drawn_mah else {
+            if measurement.current_a.is_some() {
+                self.drawn_mah = None;
+            }
+            return None;
+        };
+        let members = measurement.members;
+        match self.drawn_mah.replace((members, drawn_mah)) {
+            Some((before, before_mah)) if before == members => Some(drawn_mah - before_mah),
+            _ => {
+                self.ahead_mah = 0.0;
+                Some(0.0)
+            }
+        }
     }
 
     /// Corrects a reading by the charge that was counted since the one before, in milliampere-hours. `is_measured`: its
@@ -295,7 +309,8 @@ impl SourceCounter {
                 let measured_mah = mean_a * reading.dt_s * MAH_PER_COULOMB;
                 // A counter that does not count down stands still while a charger does its work.
                 if measured_mah >= 0.0 {
-                    let ahead_mah = (self.ahead_mah + counted_mah - measured_mah).max(-STEP_MAH);
+                    let lowest_mah = self.drawn_mah.map_or(-STEP_MAH, |_| f32::NEG_INFINITY);
+                    let ahead_mah = (self.ahead_mah + counted_mah - measured_mah).max(lowest_mah);
                     reading.unmeasured_mah = ahead_mah.max(0.0);
                     self.ahead_mah = ahead_mah.min(0.0);
                 }
@@ -312,6 +327,11 @@ impl SourceCounter {
 /// A gauge that has not reported for longer has timed out, in microseconds: more than two of the slowest period of
 /// batteries, 5 s.
 const TIMEOUT_US: u64 = 12_000_000;
+
+/// Whether what counts the charge, and has been silent `since` then, has timed out.
+pub(super) fn has_timed_out(since: Instant, now: Instant) -> bool {
+    now.us_since(since) > TIMEOUT_US
+}
 
 /// What is known of the gauge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -332,7 +352,7 @@ pub(super) enum GaugeState {
 impl GaugeState {
     /// Takes what a reading at `now` says of it.
     pub fn update(&mut self, now: Instant, reading: GaugeReading) {
-        let is_over = |since: Instant| now.us_since(since) > TIMEOUT_US;
+        let is_over = |since| has_timed_out(since, now);
         *self = match (reading, *self) {
             (GaugeReading::Absent, _) => Self::Absent,
             (GaugeReading::Read(gauge), _) => Self::Valid { gauge, at: now },

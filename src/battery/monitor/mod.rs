@@ -149,10 +149,10 @@ impl BatteryMonitor {
         if let Some(event) = self.health.contact(dt_s, status, error, tick.arm_state) {
             push(events, event);
         }
-        // A connected pack was read. Without its gauge the voltage is measured all the same.
+        // A connected pack was read. While its charge is unknown the voltage is measured all the same.
         let is_fresh = matches!(
             (error, status),
-            (None, PackStatus::Healthy) | (Some(ReadError::GaugeTimeout), _)
+            (None, PackStatus::Healthy) | (Some(ReadError::GaugeTimeout | ReadError::LostMember), _)
         );
         // A sum without healthy members has not lost a contact: it can't be swapped itself.
         if !is_fresh && error != Some(ReadError::NoHealthyMember) {
@@ -161,7 +161,7 @@ impl BatteryMonitor {
         self.show_settings(settings);
         let basis = self.basis(tick, tick_us, is_fresh);
         update.failsafe = self.evaluation.update(&basis, &mut self.state, settings, events);
-        // Without its gauge a pack is read all the same.
+        // A pack whose charge is unknown is read all the same.
         update.error = error.filter(|_| self.failed_reads > 0);
         update
     }
@@ -228,7 +228,7 @@ impl BatteryMonitor {
         let capacities_mah = [self.state.learnt_capacity_mah, settings.capacity_mah];
         reading.share_at_most = self.counting.share_at_most(capacities_mah);
         let findings = self.update_estimates(&reading, settings);
-        self.update_state(measurement, settings);
+        self.update_state(tick.now, measurement, settings);
         if let Some(event) = findings.event {
             self.state.revision = self.state.revision.wrapping_add(1);
             push(events, event);
@@ -323,7 +323,7 @@ impl BatteryMonitor {
         self.swap_detector.resting_v()
     }
 
-    fn update_state(&mut self, measurement: &Measurement, settings: &PackSettings) {
+    fn update_state(&mut self, now: Instant, measurement: &Measurement, settings: &PackSettings) {
         let Measurement {
             voltage_v, current_a, ..
         } = *measurement;
@@ -333,7 +333,7 @@ impl BatteryMonitor {
             GaugeState::Valid { .. } => true,
             _ => current_a.is_some() || measurement.counted.is_some(),
         };
-        let (remaining_pct, charge_source) = self.remaining_pct(measurement, settings);
+        let (remaining_pct, charge_source) = self.remaining_pct(now, measurement, settings);
         let state = &mut self.state;
         state.voltage_v = voltage_v;
         state.current_a = current_a;
@@ -359,11 +359,15 @@ impl BatteryMonitor {
     /// State of charge, in percent, and where it is from.
     fn remaining_pct(
         &self,
+        now: Instant,
         measurement: &Measurement,
         settings: &PackSettings,
     ) -> (Option<f32>, ChargeSource) {
         let percent = |share: f32| share * 100.0;
         let reported = measurement.state_of_charge;
+        if self.reports.charge_time_out(now) == Some(ReadError::LostMember) {
+            return (None, ChargeSource::Estimated);
+        }
         match (&self.reports.gauge, reported, measurement.contents) {
             (GaugeState::Valid { gauge, .. }, ..) => {
                 (Some(percent(gauge.state_of_charge())), ChargeSource::Gauge)
@@ -392,9 +396,11 @@ impl BatteryMonitor {
             .or_else(|| learnt?.health_pct(settings.capacity_mah));
     }
 
-    /// Whether the charge is estimated here.
+    /// Whether the charge is estimated here, and known.
     fn is_estimated(&self) -> bool {
-        self.state.charge_source == ChargeSource::Estimated && self.state.contents == Contents::Charge
+        self.state.charge_source == ChargeSource::Estimated
+            && self.state.contents == Contents::Charge
+            && self.state.remaining_pct.is_some()
     }
 
     /// What the load can still draw.
@@ -430,17 +436,17 @@ impl BatteryMonitor {
         Some(self.counting.share_left(settings.capacity_mah?))
     }
 
-    /// A pack whose gauge has timed out is unhealthy while a threshold needs its charge.
+    /// A pack whose charge has timed out is unhealthy while a threshold needs it.
     fn judge_health(&mut self, now: Instant, settings: &PackSettings) -> Option<ReadError> {
         let FailsafeSettings { low, critical, .. } = &settings.failsafe;
         let needs_charge = low.remaining_mah.or(critical.remaining_mah).is_some();
-        let has_timed_out = matches!(self.reports.gauge, GaugeState::TimedOut { .. });
         if self.state.status != PackStatus::Healthy {
             return None;
         }
-        if needs_charge && has_timed_out && self.state.remaining_pct.is_none() {
+        let time_out = self.reports.charge_time_out(now);
+        if needs_charge && time_out.is_some() && self.state.remaining_pct.is_none() {
             self.state.status = PackStatus::Unhealthy;
-            return Some(ReadError::GaugeTimeout);
+            return time_out;
         }
         self.last_healthy = Some(now);
         None
@@ -457,7 +463,10 @@ impl BatteryMonitor {
     /// What the evaluation of a tick is based on. `is_fresh`: the state shows this tick's reading.
     fn basis(&self, tick: Tick, dt_us: u64, is_fresh: bool) -> Basis {
         let remaining_at_most_pct = match self.state.charge_source {
-            ChargeSource::Estimated => self.estimator.reported().map(|charge| charge.at_most_pct),
+            ChargeSource::Estimated => {
+                let estimated = self.estimator.reported().filter(|_| self.is_estimated());
+                estimated.map(|charge| charge.at_most_pct)
+            }
             ChargeSource::Gauge | ChargeSource::Reported => self.state.remaining_pct,
         };
         Basis {

@@ -1,10 +1,11 @@
 //! What a pack, or the sum of packs, reports of itself.
 
-use super::counting::GaugeState;
+use super::counting::{GaugeState, has_timed_out};
 use crate::battery::event::push;
 use crate::battery::settings::PackSettings;
 use crate::battery::swap::{Replacement, SerialNumber};
-use crate::battery::{BatteryState, Measurement, PackEvent, PackEvents, Supply, Tick};
+use crate::battery::{BatteryState, Measurement, PackEvent, PackEvents, ReadError, Supply, Tick};
+use crate::time::Instant;
 
 /// The reports of one pack.
 #[derive(Clone, Debug)]
@@ -13,6 +14,8 @@ pub(super) struct Reports {
     pub gauge: GaugeState,
     pub serial_number: SerialNumber,
     supply: Supply,
+    /// Since when a member of the sum has been lost.
+    incomplete_since: Option<Instant>,
     /// Full capacity of a sum's members, and how far apart they rest.
     members_capacity_mah: Option<f32>,
     pub members_spread: Option<f32>,
@@ -24,6 +27,7 @@ impl Reports {
             gauge: GaugeState::Absent,
             serial_number: SerialNumber::default(),
             supply: Supply::On,
+            incomplete_since: None,
             members_capacity_mah: None,
             members_spread: None,
         }
@@ -52,11 +56,28 @@ impl Reports {
         self.supply = measurement.supply;
         state.contents = measurement.contents;
         state.reported = measurement.reported;
+        let left = state.members & !measurement.members;
+        if left != 0 {
+            push(events, PackEvent::MembersLeft(left));
+        }
         state.members = measurement.members;
+        let since = self.incomplete_since.unwrap_or(tick.now);
+        self.incomplete_since = (measurement.lost_members != 0).then_some(since);
         state.cells = measurement.cells;
         self.members_capacity_mah = measurement.members_capacity_mah;
         self.members_spread = measurement.members_spread;
         self.gauge.update(tick.now, measurement.gauge);
+    }
+
+    /// Why the charge is unknown, whatever is estimated: what counts it has been silent for too long.
+    pub fn charge_time_out(&self, now: Instant) -> Option<ReadError> {
+        let is_incomplete = self
+            .incomplete_since
+            .is_some_and(|since| has_timed_out(since, now));
+        match self.gauge {
+            GaugeState::TimedOut { .. } => Some(ReadError::GaugeTimeout),
+            _ => is_incomplete.then_some(ReadError::LostMember),
+        }
     }
 
     /// The owner's settings, overridden by what a smart battery reports, if it does; a cell count that is set wins,

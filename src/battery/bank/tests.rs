@@ -1,0 +1,382 @@
+use super::*;
+use crate::battery::{
+    BusError, ChargeSource, FailsafeSettings, Gauge, GaugeReading, PackEvent, PackSettings, Tick,
+};
+use crate::time::Instant;
+
+/// Two packs in parallel, and a third that is their sum.
+struct Bench {
+    bank: BatteryBank,
+    /// `BATT_SUM_MASK`.
+    mask: u16,
+    settings: PackSettings,
+    sum_settings: PackSettings,
+    now: Instant,
+    arm_state: ArmState,
+    /// Those of the sum.
+    events: Vec<PackEvent>,
+}
+
+const SUM: Pack = Pack::Third;
+
+/// How long the charge of a sum is held when a member is lost, in seconds.
+const TIMEOUT_S: f32 = 12.0;
+
+type Readings = [Result<Measurement, ReadError>; 2];
+
+const SILENT: Result<Measurement, ReadError> = Err(ReadError::Bus(BusError::NoAnswer));
+
+impl Bench {
+    /// Of 3S packs with 2200 mAh each.
+    fn new() -> Self {
+        let settings = PackSettings {
+            cell_count: Some(3),
+            capacity_mah: Some(2200.0),
+            ..PackSettings::default()
+        };
+        Self {
+            bank: BatteryBank::new(),
+            mask: 0b11,
+            settings,
+            sum_settings: PackSettings {
+                capacity_mah: None,
+                ..settings
+            },
+            now: Instant::EPOCH,
+            arm_state: ArmState::Armed,
+            events: Vec::new(),
+        }
+    }
+
+    /// The same after a battery reset, with these readings.
+    fn reset_to(remaining_pct: f32, readings: &Readings) -> Self {
+        let mut bench = Self::new();
+        bench.run(1.0, readings);
+        for pack in [Pack::First, Pack::Second, SUM] {
+            bench.bank.monitor(pack).reset(remaining_pct, &bench.settings);
+        }
+        bench.run(1.0, readings);
+        bench
+    }
+
+    /// Updates the packs whose reading is there, and their sum.
+    fn tick(&mut self, readings: &[Option<Result<Measurement, ReadError>>; 2]) {
+        self.now = self.now.after_us(100_000);
+        let tick = Tick {
+            now: self.now,
+            arm_state: self.arm_state,
+        };
+        for (pack, reading) in [Pack::First, Pack::Second].into_iter().zip(readings) {
+            if let Some(reading) = reading {
+                let _ = self.bank.monitor(pack).update(tick, *reading, &self.settings);
+            }
+        }
+        let sum = self
+            .bank
+            .sum(SUM, self.mask, 0b111, SumVoltage::Mean, self.arm_state);
+        let update = self.bank.monitor(SUM).update(tick, sum, &self.sum_settings);
+        self.events.extend(update.events);
+    }
+
+    /// Repeats readings of both, and returns the state of the sum.
+    fn run(&mut self, seconds: f32, readings: &Readings) -> BatteryState {
+        for _ in 0..(seconds * 10.0).round() as u32 {
+            self.tick(&readings.map(Some));
+        }
+        self.sum()
+    }
+
+    fn sum(&self) -> BatteryState {
+        *self.bank.monitors[SUM as usize].state()
+    }
+
+    fn remaining_pct(&self) -> f32 {
+        self.sum().remaining_pct.expect("known")
+    }
+}
+
+fn at(voltage_v: f32, current_a: f32) -> Measurement {
+    Measurement {
+        voltage_v: Some(voltage_v),
+        current_a: Some(current_a),
+        ..Measurement::default()
+    }
+}
+
+/// A pack without a voltage: its charge is counted only.
+fn counted(current_a: f32) -> Measurement {
+    Measurement {
+        current_a: Some(current_a),
+        ..Measurement::default()
+    }
+}
+
+/// What is left after this charge, of 80 % of both packs.
+fn after_pct(drawn_mah: f32) -> f32 {
+    80.0 - drawn_mah / 44.0
+}
+
+/// A second's charge at 10 A, in milliampere-hours.
+const MAH_PER_SECOND: f32 = 10.0 / 3.6;
+
+#[test]
+// Requirement: AP-4
+fn parallel_packs_have_mean_voltage_and_summed_current() {
+    let mut bench = Bench::new();
+    let state = bench.run(36.0, &[Ok(at(12.0, 2.0)), Ok(at(11.0, 3.0))]);
+    assert_eq!((state.voltage_v, state.current_a), (Some(11.5), Some(5.0)));
+    let consumed_mah = state.consumed_mah().expect("counted");
+    assert!((consumed_mah - 49.9).abs() < 0.1, "{consumed_mah}");
+    let sum = |voltage| bench.bank.sum(SUM, 0b11, 0b111, voltage, ArmState::Armed);
+    let lowest_v = sum(SumVoltage::Lowest).map(|sum| sum.voltage_v);
+    assert_eq!(lowest_v, Ok(Some(11.0)));
+}
+
+#[test]
+fn sum_has_only_electric_packs_as_members() {
+    let mut bench = Bench::new();
+    let tank = Measurement {
+        contents: Contents::Fuel,
+        ..at(3.0, 9.0)
+    };
+    let state = bench.run(1.0, &[Ok(at(12.0, 2.0)), Ok(tank)]);
+    assert_eq!((state.voltage_v, state.current_a), (Some(12.0), Some(2.0)));
+    assert_eq!(state.members, 0b1);
+    let members = |own, mask| {
+        let sum = bench
+            .bank
+            .sum(own, mask, u16::MAX, SumVoltage::Mean, ArmState::Armed);
+        sum.map(|sum| sum.members)
+    };
+    assert_eq!(members(Pack::Ninth, 0b11), Ok(0b1));
+    // All behind it, and never itself.
+    assert_eq!(members(Pack::Second, 0), Ok(0b100));
+    assert_eq!(members(Pack::First, 0b101), Ok(0b100));
+    assert_eq!(members(Pack::Ninth, 0b10), Err(ReadError::NoHealthyMember));
+}
+
+#[test]
+// Requirement: AP-4
+fn current_is_unknown_unless_known_of_every_member() {
+    let voltage_only = Measurement {
+        current_a: None,
+        ..at(11.0, 0.0)
+    };
+    let mut bench = Bench::new();
+    let state = bench.run(1.0, &[Ok(at(12.0, 2.0)), Ok(voltage_only)]);
+    assert_eq!(state.current_a, None);
+}
+
+#[test]
+// Requirement: AP-14
+fn unhealthy_pack_counts_only_in_the_consumption() {
+    let both = [Ok(at(11.0, 10.0)), Ok(at(11.2, 10.0))];
+    let mut bench = Bench::reset_to(80.0, &both);
+    let before = bench.run(10.0, &both);
+    assert_eq!(before.current_a, Some(20.0));
+    let state = bench.run(10.0, &[both[0], SILENT]);
+    assert_eq!((state.voltage_v, state.current_a), (Some(11.0), None));
+    assert!(state.consumed_mah() > before.consumed_mah());
+    assert_eq!(state.status, PackStatus::Healthy);
+    assert!(state.remaining_pct.is_some());
+    let sum = |mask| {
+        bench
+            .bank
+            .sum(SUM, mask, 0b111, SumVoltage::Mean, ArmState::Armed)
+    };
+    assert_eq!(sum(0b10), Err(ReadError::NoHealthyMember));
+}
+
+#[test]
+// Requirement: AP-4, S-8
+fn charge_is_unknown_12_s_after_a_member_was_lost() {
+    let both = [Ok(at(11.4, 10.0)), Ok(at(11.4, 10.0))];
+    // Unhealthy, and gone while armed.
+    for lost in [SILENT, Ok(at(0.3, 0.0))] {
+        let mut bench = Bench::reset_to(80.0, &both);
+        let state = bench.run(TIMEOUT_S, &[both[0], lost]);
+        assert!(state.remaining_pct.is_some() && state.current_a.is_none());
+        let state = bench.run(2.0, &[both[0], lost]);
+        assert_eq!((state.remaining_pct, state.usable_pct), (None, None));
+        assert_eq!((state.remaining_sigma_pct, state.time_remaining_s), (None, None));
+        assert_eq!(state.charge_source, ChargeSource::Estimated);
+        assert!(state.consumed_mah().is_some(), "it is kept");
+        assert_eq!(state.status, PackStatus::Healthy, "no threshold needs it");
+        let state = bench.run(1.0, &both);
+        assert_eq!(state.current_a, Some(20.0));
+        assert!(state.remaining_pct.is_some());
+        assert_eq!(bench.events, []);
+    }
+}
+
+#[test]
+// Requirement: S-8
+fn a_sum_without_its_charge_is_unhealthy_while_a_threshold_needs_it() {
+    let both = [Ok(at(11.4, 10.0)), Ok(at(11.4, 10.0))];
+    let mut bench = Bench::new();
+    // Far above what half of the packs' charge would be.
+    bench.sum_settings.failsafe = FailsafeSettings {
+        timer_s: Some(1.0),
+        ..FailsafeSettings::default()
+    };
+    bench.sum_settings.failsafe.low.remaining_mah = Some(100.0);
+    bench.sum_settings.failsafe.critical.voltage_v = Some(10.2);
+    bench.run(10.0, &both);
+    bench.run(TIMEOUT_S, &[both[0], SILENT]);
+    assert_eq!(bench.events, []);
+    let state = bench.run(2.0, &[both[0], SILENT]);
+    assert_eq!(state.status, PackStatus::Unhealthy);
+    assert_eq!(bench.events, [PackEvent::SensorFailed(ReadError::LostMember)]);
+    let state = bench.run(6.0, &[both[0], SILENT]);
+    assert_eq!(state.failsafe, FailsafeLevel::Unhealthy);
+    // Its voltage is measured all the same.
+    let state = bench.run(3.0, &[Ok(at(10.0, 10.0)), SILENT]);
+    assert_eq!(
+        (state.failsafe, state.voltage_v),
+        (FailsafeLevel::Critical, Some(10.0))
+    );
+    let state = bench.run(6.0, &both);
+    assert_eq!(state.status, PackStatus::Healthy);
+    assert_eq!(bench.events.last(), Some(&PackEvent::SensorRecovered));
+}
+
+#[test]
+fn what_is_counted_of_a_sum_with_a_lost_member_trips_no_threshold() {
+    let both = [Ok(counted(10.0)), Ok(counted(10.0))];
+    let mut bench = Bench::reset_to(25.0, &both);
+    bench.sum_settings.failsafe.low.remaining_mah = Some(1000.0);
+    // What the other one has counted by then leaves less.
+    let state = bench.run(60.0, &[both[0], SILENT]);
+    assert!(state.consumed_mah() > Some(3450.0));
+    assert!(state.failsafe <= FailsafeLevel::Unhealthy, "{state:?}");
+}
+
+#[test]
+fn a_pack_unplugged_while_disarmed_leaves_the_sum_until_it_measures() {
+    let both = [Ok(at(11.4, 1.0)), Ok(at(11.4, 1.0))];
+    let unplugged = [both[0], Ok(at(0.3, 0.0))];
+    let mut bench = Bench::new();
+    bench.arm_state = ArmState::Disarmed;
+    bench.run(5.0, &both);
+    let state = bench.run(20.0, &unplugged);
+    assert_eq!(bench.events, [PackEvent::MembersLeft(0b10)]);
+    assert_eq!((state.members, state.current_a), (0b1, Some(1.0)));
+    assert_eq!(state.capacity_mah(), Some(2200.0));
+    assert!(state.remaining_pct.is_some());
+    // It is not lost.
+    bench.arm_state = ArmState::Armed;
+    assert_eq!(bench.run(20.0, &unplugged).current_a, Some(1.0));
+    let state = bench.run(1.0, &both);
+    assert_eq!((state.members, state.current_a), (0b11, Some(2.0)));
+    assert_eq!(state.capacity_mah(), Some(4400.0));
+    // Unplugged while armed it is, and leaves when disarmed.
+    assert_eq!(bench.run(1.0, &unplugged).current_a, None);
+    assert_eq!(bench.events.len(), 1);
+    bench.arm_state = ArmState::Disarmed;
+    assert_eq!(bench.run(1.0, &unplugged).current_a, Some(1.0));
+    assert_eq!(bench.events[1..], [PackEvent::MembersLeft(0b10)]);
+}
+
+#[test]
+fn a_pack_that_was_never_plugged_in_is_no_lost_member() {
+    let mut bench = Bench::new();
+    let state = bench.run(20.0, &[Ok(at(11.4, 1.0)), Ok(at(0.3, 0.0))]);
+    assert_eq!((state.members, state.current_a), (0b1, Some(1.0)));
+    assert_eq!(bench.events, []);
+}
+
+#[test]
+fn a_member_that_returns_is_counted_once() {
+    let both = [Ok(counted(10.0)), Ok(counted(10.0))];
+    for lost_s in [5.0, 40.0] {
+        let mut bench = Bench::reset_to(80.0, &both);
+        let before_pct = bench.remaining_pct();
+        bench.run(lost_s, &[both[0], SILENT]);
+        let state = bench.run(20.0, &both);
+        // The load of the other one alone was not taken for that of both.
+        let average_a = state.average_current_a.expect("known");
+        assert!((average_a - 20.0).abs() < 0.1, "{lost_s} {average_a}");
+        // The returning pack's gap is filled.
+        let drawn_mah = 2.0 * MAH_PER_SECOND * (lost_s + 20.0);
+        let expected_pct = before_pct - drawn_mah / 44.0;
+        let remaining_pct = bench.remaining_pct();
+        assert!(
+            (remaining_pct - expected_pct).abs() < 0.1,
+            "{lost_s} {remaining_pct}"
+        );
+    }
+}
+
+/// A pack of 2200 mAh from which this was drawn, with a gauge.
+fn gauged(drawn_mah: f32, current_a: f32) -> Measurement {
+    Measurement {
+        gauge: GaugeReading::Read(Gauge {
+            remaining_mah: 1760.0 - drawn_mah,
+            full_mah: 2200.0,
+        }),
+        ..counted(current_a)
+    }
+}
+
+#[test]
+fn what_a_silent_gauge_counts_meanwhile_is_counted_once() {
+    // With its current, and with nothing.
+    let without_gauge = Measurement {
+        gauge: GaugeReading::Missing,
+        ..counted(1.0)
+    };
+    for silent in [Ok(without_gauge), SILENT] {
+        let mut bench = Bench::reset_to(80.0, &[Ok(counted(1.0)), Ok(gauged(0.0, 1.0))]);
+        bench.run(600.0, &[Ok(counted(1.0)), silent]);
+        let drawn_mah = 600.0 / 3.6;
+        bench.run(1.0, &[Ok(counted(1.0)), Ok(gauged(drawn_mah, 1.0))]);
+        let remaining_pct = bench.remaining_pct();
+        let expected_pct = after_pct(2.0 * drawn_mah);
+        assert!(
+            (remaining_pct - expected_pct).abs() < 0.2,
+            "{silent:?} {remaining_pct} {expected_pct}"
+        );
+    }
+}
+
+#[test]
+fn packs_that_report_seldom_are_counted_once() {
+    // Each 0.5, 1 or 5 s, measured here or by a gauge.
+    for (interval, is_gauged) in [(5, false), (10, false), (50, false), (10, true), (50, true)] {
+        let reading = |tick: u32| {
+            let drawn_mah = MAH_PER_SECOND * tick as f32 * 0.1;
+            if is_gauged {
+                gauged(drawn_mah, 10.0)
+            } else {
+                counted(10.0)
+            }
+        };
+        let mut bench = Bench::reset_to(80.0, &[Ok(reading(0)); 2]);
+        let before_pct = bench.remaining_pct();
+        for tick in 1..=600 {
+            let is_due = tick % interval == 0;
+            bench.tick(&[is_due.then(|| Ok(reading(tick))); 2]);
+        }
+        let drawn_pct = before_pct - bench.remaining_pct();
+        let expected_pct = 2.0 * MAH_PER_SECOND * 60.0 / 44.0;
+        assert!(
+            (drawn_pct - expected_pct).abs() < 0.7,
+            "{interval} {is_gauged}: {drawn_pct} {expected_pct}"
+        );
+    }
+}
+
+#[test]
+fn a_live_change_of_the_members_draws_nothing() {
+    let both = [Ok(counted(10.0)), Ok(counted(10.0))];
+    let mut bench = Bench::reset_to(80.0, &both);
+    bench.mask = 0b1;
+    bench.run(120.0, &both);
+    let before_pct = bench.remaining_pct();
+    bench.mask = 0b11;
+    bench.run(0.5, &both);
+    assert!((before_pct - bench.remaining_pct()).abs() < 0.2);
+    bench.mask = 0b10;
+    bench.run(0.5, &both);
+    assert!((before_pct - bench.remaining_pct()).abs() < 0.4);
+}
