@@ -132,7 +132,7 @@ fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Amount, FailsafeSettings, Reported, Thresholds, VoltageSource};
+    use crate::battery::{Amount, ChargeSource, FailsafeSettings, Reported, Thresholds, VoltageSource};
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
         Thresholds {
@@ -280,6 +280,23 @@ mod tests {
             failures(&state, &settings()),
             ["below minimum arming capacity", "low capacity failsafe"]
         );
+    }
+
+    #[test]
+    fn the_charge_is_of_what_the_pack_holds_now() {
+        let learnt = BatteryState {
+            learnt_capacity_mah: Some(700.0),
+            ..pack(12.0, 55.0)
+        };
+        assert_eq!(
+            failures(&learnt, &settings()),
+            ["below minimum arming capacity", "low capacity failsafe"]
+        );
+        let gauged = BatteryState {
+            charge_source: ChargeSource::Gauge,
+            ..learnt
+        };
+        assert!(failures(&gauged, &settings()).is_empty());
     }
 
     #[test]

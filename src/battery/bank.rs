@@ -79,7 +79,7 @@ impl BatteryBank {
             counted,
             members: mask_of(|_| true),
             lost_members: mask_of(|state| state.status != PackStatus::Healthy),
-            members_capacity_mah: of_members().map(|monitor| monitor.state().capacity_mah()).sum(),
+            members_capacity_mah: of_members().map(|monitor| monitor.state().full_capacity()).sum(),
             members_spread: spread(of_members().map(BatteryMonitor::resting_v)),
             ..measurement
         })

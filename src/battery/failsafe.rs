@@ -178,7 +178,7 @@ impl Failsafe {
         if !self.is_of_pack_before || seen.resting_v.is_none() {
             return;
         }
-        let remaining_mah = estimated_remaining(state);
+        let remaining_mah = state.remaining();
         let is_above = |thresholds: &Thresholds| {
             is_known_above(seen.resting_v, thresholds.voltage_v)
                 && is_known_above(remaining_mah, thresholds.remaining_mah)
@@ -245,7 +245,8 @@ pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Op
 pub(super) fn remaining(state: &BatteryState) -> Option<f32> {
     // A sum with a lost member has counted only a part.
     let counted = state.consumed.filter(|_| state.status != PackStatus::Unhealthy);
-    estimated_remaining(state).or_else(|| Some(state.capacity?.number() - counted?.number()))
+    let by_count = || Some(state.full_capacity()? - counted?.number());
+    state.remaining().or_else(by_count)
 }
 
 /// The same; without a current sensor at most as much as may be left: an estimate from the voltage alone must not trip a
@@ -253,19 +254,14 @@ pub(super) fn remaining(state: &BatteryState) -> Option<f32> {
 fn most_remaining(state: &BatteryState, at_most_pct: Option<f32>) -> Option<f32> {
     match state.consumed {
         Some(_) => remaining(state),
-        None => Some(state.capacity?.number() * at_most_pct? / 100.0),
+        None => Some(state.full_capacity()? * at_most_pct? / 100.0),
     }
-}
-
-/// Remaining charge or fuel by the state of charge.
-fn estimated_remaining(state: &BatteryState) -> Option<f32> {
-    Some(state.capacity?.number() * state.remaining_pct? / 100.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::Amount;
+    use crate::battery::{Amount, ChargeSource};
     use crate::time::at_us;
 
     const TICK_US: u32 = 100_000;
@@ -529,6 +525,44 @@ mod tests {
             consumed: Some(Amount::Mah(0.0)),
             remaining_pct: Some(remaining_pct),
             ..at_voltage(12.0)
+        }
+    }
+
+    #[test]
+    fn a_threshold_in_mah_is_of_what_the_pack_holds_now() {
+        let learnt = |capacity_mah, state: BatteryState| BatteryState {
+            learnt_capacity_mah: Some(capacity_mah),
+            ..state
+        };
+        let by_voltage = BatteryState {
+            consumed: None,
+            remaining_pct: None,
+            ..at_charge(0.0)
+        };
+        let by_count = BatteryState {
+            consumed: Some(Amount::Mah(110.0)),
+            ..by_voltage
+        };
+        let gauged = BatteryState {
+            charge_source: ChargeSource::Gauge,
+            ..at_charge(70.0)
+        };
+        // 70 % of 500 mAh are 350, at most or as far as counted 390; of the gauge's 1000 mAh they are 700.
+        for (state, at_most_pct, expected) in [
+            (learnt(500.0, at_charge(70.0)), None, &BOTH[..1]),
+            (learnt(500.0, by_voltage), Some(78.0), &BOTH[..1]),
+            (learnt(500.0, by_count), None, &BOTH[..1]),
+            (learnt(500.0, gauged), None, &[]),
+            (at_charge(70.0), None, &[]),
+            (by_voltage, Some(78.0), &[]),
+            (by_count, None, &[]),
+        ] {
+            let observation = Observation {
+                remaining_at_most_pct: at_most_pct,
+                ..seen(Instant::EPOCH, ArmState::Armed, Some(&state))
+            };
+            let reached = Failsafe::default().update(&observation, &settings());
+            assert_eq!(reached, expected, "{state:?}");
         }
     }
 

@@ -209,6 +209,21 @@ impl BatteryState {
         self.capacity?.mah()
     }
 
+    /// What the full pack or tank holds as it is now, in milliampere-hours or millilitres: by its own gauge, else as learnt,
+    /// else as set.
+    pub fn full_capacity(&self) -> Option<f32> {
+        let learnt = match self.charge_source {
+            ChargeSource::Gauge => None,
+            ChargeSource::Estimated | ChargeSource::Reported => self.learnt_capacity_mah,
+        };
+        learnt.or(self.capacity.map(Amount::number))
+    }
+
+    /// What remains by the state of charge, in milliampere-hours or millilitres.
+    pub fn remaining(&self) -> Option<f32> {
+        Some(self.full_capacity()? * self.remaining_pct? / 100.0)
+    }
+
     /// Volume of the full tank, in millilitres; `None` also for a pack with a charge.
     pub fn capacity_ml(&self) -> Option<f32> {
         self.capacity?.ml()

@@ -671,6 +671,21 @@ fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
 }
 
 #[test]
+// Requirement: V2-1
+fn what_remains_is_of_the_gauges_capacity_else_of_the_learnt_one() {
+    for (charge_source, expected_ah) in [(ChargeSource::Gauge, 1.1), (ChargeSource::Estimated, 0.6)] {
+        let battery = BatteryState {
+            remaining_pct: Some(50.0),
+            capacity: Some(Amount::Mah(2200.0)),
+            learnt_capacity_mah: Some(1200.0),
+            charge_source,
+            ..healthy(11.1)
+        };
+        assert_eq!(status_v2_of(battery).capacity_remaining, expected_ah);
+    }
+}
+
+#[test]
 // Requirement: V2-2
 fn every_fault_has_its_flag() {
     for (faults, expected) in [

@@ -367,6 +367,23 @@ fn packs_that_report_seldom_are_counted_once() {
 }
 
 #[test]
+fn a_sum_holds_what_its_packs_hold_now() {
+    let mut bench = Bench::new();
+    let learnt = "cells 3\ndrives 1\ncapacity_mah_sigma 1800 0.03\nresistance_ohm_now_first 0.02 0.02\n";
+    let learnt = learnt.parse().expect("a pack");
+    bench.bank.monitor(Pack::First).restore_learnt(learnt);
+    let gauge = Measurement {
+        gauge: GaugeReading::Read(Gauge {
+            remaining_mah: 2000.0,
+            full_mah: 2500.0,
+        }),
+        ..at(11.4, 1.0)
+    };
+    let state = bench.run(5.0, &[Ok(at(11.4, 1.0)), Ok(gauge)]);
+    assert_eq!(state.capacity_mah(), Some(4300.0));
+}
+
+#[test]
 fn a_live_change_of_the_members_draws_nothing() {
     let both = [Ok(counted(10.0)), Ok(counted(10.0))];
     let mut bench = Bench::reset_to(80.0, &both);

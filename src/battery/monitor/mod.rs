@@ -236,7 +236,7 @@ impl BatteryMonitor {
         if let Some(kept) = findings.second {
             self.keep(kept, settings, events);
             if measurement.time_remaining_s.is_none() {
-                self.update_time_remaining(settings);
+                self.update_time_remaining();
             }
         }
     }
@@ -413,21 +413,16 @@ impl BatteryMonitor {
     }
 
     /// How long the load can still be served: once a second, since it takes a division.
-    fn update_time_remaining(&mut self, settings: &PackSettings) {
+    fn update_time_remaining(&mut self) {
         let charge = self.estimator.charge().filter(|_| self.is_estimated());
         let state = &self.state;
-        self.state.time_remaining_s = match (state.current_a, charge) {
-            (Some(_), Some(charge)) => state
-                .learnt_capacity_mah
-                .or(settings.capacity_mah)
-                .and_then(|capacity_mah| self.estimator.time_to_draw_s(charge.available, capacity_mah)),
-            (Some(_), None) => {
-                let remaining = state.remaining_pct.zip(state.capacity);
-                remaining.and_then(|(percent, capacity)| {
-                    self.estimator.time_to_draw_s(percent / 100.0, capacity.number())
-                })
-            }
-            (None, _) => charge.and(self.estimator.inferred_time_remaining_s()),
+        let share = charge.map(|charge| charge.available);
+        self.state.time_remaining_s = match state.current_a {
+            Some(_) => share
+                .or(state.remaining_pct.map(|percent| percent / 100.0))
+                .zip(state.full_capacity())
+                .and_then(|(share, capacity)| self.estimator.time_to_draw_s(share, capacity)),
+            None => charge.and(self.estimator.inferred_time_remaining_s()),
         };
     }
 
@@ -582,7 +577,7 @@ impl BatteryMonitor {
             return;
         }
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
-        let capacity_mah = self.state.capacity.map(Amount::number).or(settings.capacity_mah);
+        let capacity_mah = self.state.full_capacity().or(settings.capacity_mah);
         let charge_mah = (1.0 - share) * capacity_mah.unwrap_or(0.0);
         self.counting.restart(Consumed {
             charge_mah,

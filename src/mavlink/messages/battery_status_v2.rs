@@ -80,10 +80,7 @@ fn state_of_charge_pct(battery: &BatteryState) -> Option<f32> {
 
 /// The charge that is left, in milliampere-hours; of fuel, in millilitres.
 fn remaining(battery: &BatteryState) -> Option<f32> {
-    let capacity = battery
-        .learnt_capacity_mah
-        .or(battery.capacity.map(Amount::number))
-        .filter(|capacity| *capacity >= 0.0)?;
+    let capacity = battery.full_capacity().filter(|capacity| *capacity >= 0.0)?;
     Some(capacity * state_of_charge_pct(battery)? / 100.0)
 }
 

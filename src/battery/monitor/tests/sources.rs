@@ -472,6 +472,21 @@ fn a_sum_has_the_capacity_of_its_packs_unless_its_own_is_set() {
 }
 
 #[test]
+fn a_reset_and_the_time_left_are_of_what_the_pack_holds_now() {
+    let learnt = "cells 3\ndrives 1\ncapacity_mah_sigma 1800 0.03\nresistance_ohm_now_first 0.02 0.02\n";
+    let mut bench = Bench::new();
+    bench.monitor.restore_learnt(learnt.parse().expect("a pack"));
+    bench.run(5.0, loaded(11.5, 3.6));
+    bench.monitor.reset(50.0, &bench.settings);
+    let state = bench.run(1.0, loaded(11.5, 3.6));
+    assert!((state.consumed_mah().expect("counted") - 901.0).abs() < 0.5);
+    let remaining_mah = state.remaining().expect("known");
+    assert!((remaining_mah - 899.0).abs() < 2.0, "{remaining_mah}");
+    let time_left_s = state.time_remaining_s.expect("known");
+    assert!((time_left_s - 900.0).abs() < 10.0, "{time_left_s}");
+}
+
+#[test]
 fn another_pack_and_detected_cells_are_another_revision() {
     let mut bench = Bench::new();
     bench.settings.cell_count = None;
