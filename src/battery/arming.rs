@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::failsafe::{is_below, remaining, voltage_v};
-use super::{BatteryState, ChargeState, FailsafeLevel, Faults, PackSettings, PackStatus};
+use super::{BatteryState, PackSettings, PackStatus};
 
 /// Why a pack fails the arming checks, in ArduPilot's words and order where it has the check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,13 +11,17 @@ use super::{BatteryState, ChargeState, FailsafeLevel, Faults, PackSettings, Pack
 pub enum ArmingFailure {
     /// No pack is connected, its sensor has failed, or an unhealthy failsafe is latched.
     Unhealthy,
-    /// The pack has failed: a cell is broken, or it reports that it is bad.
+    /// The pack has failed: a cell is broken, or it reports that it has failed or is bad.
     Failed,
     /// The voltage does not fit `BATT_CELLS`: what the charge is computed from is wrong.
     WrongCells,
     /// A cell rests lower than the charge that the pack reports allows.
     ContradictedCharge,
-    /// The charge state is EMERGENCY.
+    /// The pack is too hot.
+    TooHot,
+    /// The pack reports that it is unhealthy.
+    ReportsUnhealthy,
+    /// The charge state is EMERGENCY, or the pack reports it.
     Emergency,
     /// The terminal voltage is below `BATT_ARM_VOLT`.
     BelowArmingVoltage,
@@ -44,6 +48,8 @@ impl fmt::Display for ArmingFailure {
             Self::Failed => "has failed",
             Self::WrongCells => "voltage does not fit cells",
             Self::ContradictedCharge => "charge contradicts voltage",
+            Self::TooHot => "over temperature",
+            Self::ReportsUnhealthy => "unhealthy: its own report",
             Self::Emergency => "is nearly empty",
             Self::BelowArmingVoltage => "below minimum arming voltage",
             Self::BelowArmingCapacity => "below minimum arming capacity",
@@ -57,6 +63,31 @@ impl fmt::Display for ArmingFailure {
     }
 }
 
+impl ArmingFailure {
+    /// All, in the order in which they are reported.
+    const ALL: [Self; 15] = [
+        Self::Unhealthy,
+        Self::Failed,
+        Self::WrongCells,
+        Self::ContradictedCharge,
+        Self::TooHot,
+        Self::ReportsUnhealthy,
+        Self::Emergency,
+        Self::BelowArmingVoltage,
+        Self::BelowArmingCapacity,
+        Self::LowVoltage,
+        Self::LowCapacity,
+        Self::CriticalVoltage,
+        Self::CriticalCapacity,
+        Self::CapacityOrder,
+        Self::VoltageOrder,
+    ];
+
+    fn bit(self) -> u16 {
+        1 << self as u8
+    }
+}
+
 /// All failed checks of a pack, by its present values without any timer. A pack that is not monitored passes, and so
 /// does an unknown value.
 ///
@@ -65,30 +96,27 @@ pub fn arming_failures(
     state: &BatteryState,
     settings: &PackSettings,
 ) -> impl Iterator<Item = ArmingFailure> + use<> {
+    let failing = match state.status {
+        PackStatus::Disabled => 0,
+        _ => failing(state, settings),
+    };
+    let all = ArmingFailure::ALL.into_iter();
+    all.filter(move |failure| failing & failure.bit() != 0)
+}
+
+/// The failed checks, a bit each.
+fn failing(state: &BatteryState, settings: &PackSettings) -> u16 {
     let (low, critical) = (&settings.failsafe.low, &settings.failsafe.critical);
     let voltage_v = voltage_v(state, &settings.failsafe);
     let remaining_mah = remaining(state);
     let low_capacity = is_below(remaining_mah, low.remaining_mah);
     let critical_capacity = is_below(remaining_mah, critical.remaining_mah);
-    let is_latched = |level| state.failsafe == level;
-    let checks = [
-        (
-            state.status != PackStatus::Healthy || is_latched(FailsafeLevel::Unhealthy),
-            ArmingFailure::Unhealthy,
-        ),
-        (state.has_failed(), ArmingFailure::Failed),
-        (
-            state.faults.contains(Faults::CELLS_CONFIGURATION),
-            ArmingFailure::WrongCells,
-        ),
-        (
-            state.faults.contains(Faults::CONTRADICTED_CHARGE),
-            ArmingFailure::ContradictedCharge,
-        ),
-        (
-            state.charge_state == ChargeState::Emergency,
-            ArmingFailure::Emergency,
-        ),
+    let latched = state.refusals().filter(|failure| match failure {
+        ArmingFailure::LowVoltage => !low_capacity,
+        ArmingFailure::CriticalVoltage => !critical_capacity,
+        _ => true,
+    });
+    let by_thresholds = [
         (
             is_below(state.voltage_v, settings.arming.voltage_v),
             ArmingFailure::BelowArmingVoltage,
@@ -97,14 +125,10 @@ pub fn arming_failures(
             is_below(remaining_mah, settings.arming.remaining_mah),
             ArmingFailure::BelowArmingCapacity,
         ),
-        (
-            is_below(voltage_v, low.voltage_v) || is_latched(FailsafeLevel::Low) && !low_capacity,
-            ArmingFailure::LowVoltage,
-        ),
+        (is_below(voltage_v, low.voltage_v), ArmingFailure::LowVoltage),
         (low_capacity, ArmingFailure::LowCapacity),
         (
-            is_below(voltage_v, critical.voltage_v)
-                || is_latched(FailsafeLevel::Critical) && !critical_capacity,
+            is_below(voltage_v, critical.voltage_v),
             ArmingFailure::CriticalVoltage,
         ),
         (critical_capacity, ArmingFailure::CriticalCapacity),
@@ -117,11 +141,10 @@ pub fn arming_failures(
             ArmingFailure::VoltageOrder,
         ),
     ];
-    let is_monitored = state.status != PackStatus::Disabled;
-    checks
-        .into_iter()
-        .filter(move |(fails, _)| is_monitored && *fails)
-        .map(|(_, failure)| failure)
+    let thresholds = by_thresholds.into_iter().filter(|(fails, _)| *fails);
+    latched
+        .chain(thresholds.map(|(_, failure)| failure))
+        .fold(0, |failing, failure| failing | failure.bit())
 }
 
 /// Whether both are set and the critical threshold is not below the low one.
@@ -132,7 +155,10 @@ fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Amount, ChargeSource, FailsafeSettings, Reported, Thresholds, VoltageSource};
+    use crate::battery::{
+        Amount, ChargeSource, ChargeState, FailsafeLevel, FailsafeSettings, Faults, Reported, Thresholds,
+        VoltageSource,
+    };
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
         Thresholds {
@@ -152,20 +178,72 @@ mod tests {
         assert_eq!(failures, [ArmingFailure::WrongCells]);
     }
 
+    /// The failures of a healthy pack without thresholds.
+    fn failures_of(state: BatteryState) -> Vec<ArmingFailure> {
+        let state = BatteryState {
+            status: PackStatus::Healthy,
+            ..state
+        };
+        arming_failures(&state, &PackSettings::default()).collect()
+    }
+
     #[test]
-    fn of_the_faults_that_a_pack_reports_bad_battery_alone_fails() {
+    // Requirement: AP-17
+    fn which_faults_fail_by_their_origin() {
         for faults in Faults::all() {
-            let state = BatteryState {
-                status: PackStatus::Healthy,
-                reported: Reported {
-                    faults,
-                    ..Reported::NONE
-                },
-                ..BatteryState::default()
+            let by = |found, reported_faults| {
+                failures_of(BatteryState {
+                    faults: found,
+                    reported: Reported {
+                        faults: reported_faults,
+                        ..Reported::NONE
+                    },
+                    ..BatteryState::default()
+                })
             };
-            let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
-            let expected = (faults == Faults::BAD_BATTERY).then_some(ArmingFailure::Failed);
-            assert_eq!(failures, Vec::from_iter(expected), "{faults:?}");
+            let found = match faults {
+                Faults::CELL_FAIL => Some(ArmingFailure::Failed),
+                Faults::CELLS_CONFIGURATION => Some(ArmingFailure::WrongCells),
+                Faults::CONTRADICTED_CHARGE => Some(ArmingFailure::ContradictedCharge),
+                Faults::OVER_TEMPERATURE => Some(ArmingFailure::TooHot),
+                _ => None,
+            };
+            let reported = match faults {
+                Faults::CELL_FAIL | Faults::BAD_BATTERY => Some(ArmingFailure::Failed),
+                _ => None,
+            };
+            assert_eq!(by(faults, Faults::empty()), Vec::from_iter(found), "{faults:?}");
+            assert_eq!(
+                by(Faults::empty(), faults),
+                Vec::from_iter(reported),
+                "{faults:?}"
+            );
+        }
+    }
+
+    #[test]
+    // Requirement: AP-17
+    fn which_states_fail_that_a_pack_reports_however_it_is_charged() {
+        for (reported, expected) in [
+            (ChargeState::Ok, None),
+            (ChargeState::Low, None),
+            (ChargeState::Critical, None),
+            (ChargeState::Emergency, Some(ArmingFailure::Emergency)),
+            (ChargeState::Failed, Some(ArmingFailure::Failed)),
+            (ChargeState::Unhealthy, Some(ArmingFailure::ReportsUnhealthy)),
+            (ChargeState::Charging, None),
+        ] {
+            for charge_state in [ChargeState::Ok, ChargeState::Low, ChargeState::Charging] {
+                let failures = failures_of(BatteryState {
+                    charge_state,
+                    reported: Reported {
+                        charge_state: Some(reported),
+                        ..Reported::NONE
+                    },
+                    ..BatteryState::default()
+                });
+                assert_eq!(failures, Vec::from_iter(expected), "{reported:?}");
+            }
         }
     }
 

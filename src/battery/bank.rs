@@ -167,6 +167,7 @@ fn sum<'a>(
     voltage: SumVoltage,
 ) -> Result<Measurement, ReadError> {
     let current_a = |pack: &BatteryState| pack.current_a.filter(|_| pack.status == PackStatus::Healthy);
+    let thermometer = |pack: &BatteryState| pack.temperature_c.map(|_| pack.thermometer);
     let healthy = packs.clone().filter(|pack| pack.status == PackStatus::Healthy);
     if healthy.clone().next().is_none() {
         return Err(ReadError::NoHealthyMember);
@@ -182,7 +183,8 @@ fn sum<'a>(
             consumed,
             drawn_mah: None,
         }),
-        temperature_c: mean(healthy.filter_map(|pack| pack.temperature_c)),
+        temperature_c: mean(healthy.clone().filter_map(|pack| pack.temperature_c)),
+        thermometer: healthy.filter_map(thermometer).max().unwrap_or_default(),
         ..Measurement::default()
     })
 }

@@ -368,9 +368,7 @@ mod tests {
             let expected = match fault {
                 Faults::CELL_FAIL => ChargeState::Failed,
                 Faults::DEEP_DISCHARGE => ChargeState::Emergency,
-                Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE | Faults::SPIKES => {
-                    ChargeState::Unhealthy
-                }
+                Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE => ChargeState::Unhealthy,
                 _ => ChargeState::Ok,
             };
             let inputs = Inputs {

@@ -110,6 +110,7 @@ impl Diagnosis {
 fn conditions(state: &BatteryState, settings: &PackSettings) -> Faults {
     let cell = settings.chemistry.cell();
     let mut faults = Faults::empty();
+    let temperature_c = state.pack_temperature_c();
     let power_w = state
         .voltage_v
         .zip(state.current_a)
@@ -117,11 +118,11 @@ fn conditions(state: &BatteryState, settings: &PackSettings) -> Faults {
     faults.set(Faults::OVER_CURRENT, is_below(settings.power_limit_w, power_w));
     faults.set(
         Faults::OVER_TEMPERATURE,
-        is_below(Some(MAX_TEMPERATURE_C), state.temperature_c),
+        is_below(Some(MAX_TEMPERATURE_C), temperature_c),
     );
     faults.set(
         Faults::UNDER_TEMPERATURE,
-        is_below(state.temperature_c, Some(MIN_TEMPERATURE_C)),
+        is_below(temperature_c, Some(MIN_TEMPERATURE_C)),
     );
     faults.set(
         Faults::CELL_FAIL,

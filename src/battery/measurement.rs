@@ -43,8 +43,10 @@ pub struct Measurement {
     pub gauge: GaugeReading,
     /// State of charge, 0 to 1, if the sensor reports it without a capacity.
     pub state_of_charge: Option<f32>,
-    /// Temperature of the pack, in degrees Celsius.
+    /// Temperature, in degrees Celsius.
     pub temperature_c: Option<f32>,
+    /// What has this temperature.
+    pub thermometer: Thermometer,
     /// Voltage of each cell.
     pub cells: CellVoltages,
     /// Identity and ratings, of a smart battery.
@@ -106,6 +108,16 @@ impl Measurement {
             Err(ReadError::Implausible)
         }
     }
+}
+
+/// What a temperature is of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Thermometer {
+    /// The pack.
+    #[default]
+    Pack,
+    /// What it supplies, or is charged by: a motor or its controller, or a charger. 70 °C are usual there.
+    Device,
 }
 
 /// Whether a pack is about to power off.

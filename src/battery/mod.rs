@@ -5,6 +5,7 @@ mod bank;
 mod charge;
 mod charge_state;
 mod chemistry;
+mod conditions;
 mod consumption;
 mod details;
 mod diagnosis;
@@ -28,6 +29,7 @@ mod swap;
 pub use arming::{ArmingFailure, arming_failures};
 pub use bank::{BatteryBank, SumVoltage};
 pub use chemistry::Chemistry;
+pub use conditions::Consequences;
 pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
 pub use event::{PackEvent, PackEvents};
@@ -36,7 +38,7 @@ pub use learnt::{END_OF_LIFE_LOSS, LEARNT_WORDS, LearntPack};
 pub use learnt_text::LearntTextError;
 pub use measurement::{
     Amount, BusError, CellVoltages, Consumed, Contents, Counted, Gauge, GaugeReading, MAX_CELLS, Measurement,
-    ReadError, Supply, Tick,
+    ReadError, Supply, Thermometer, Tick,
 };
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
 pub use reported::{ChargeState, Faults, Reported};

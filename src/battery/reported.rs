@@ -41,9 +41,7 @@ impl Faults {
     pub const FAILING: Self = Self::CELL_FAIL;
 
     /// Those that make a sufficiently charged pack UNHEALTHY.
-    pub const UNFIT: Self = Self::CELLS_CONFIGURATION
-        .union(Self::OVER_TEMPERATURE)
-        .union(Self::SPIKES);
+    pub const UNFIT: Self = Self::CELLS_CONFIGURATION.union(Self::OVER_TEMPERATURE);
 }
 
 /// Charge state, with the numbers of MAVLink's `MAV_BATTERY_CHARGE_STATE`.
@@ -87,7 +85,8 @@ impl ChargeState {
 }
 
 /// What a pack, or another component that measures it, reports of its condition. It is shown, and its faults are
-/// announced; none of them changes what is found here, and only [`Faults::BAD_BATTERY`] keeps a rover from being armed.
+/// announced; none of them changes what is found here. A failed cell, [`Faults::BAD_BATTERY`] and the states EMERGENCY,
+/// FAILED and UNHEALTHY keep a rover from being armed. Chargers report none of these.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reported {
     /// Faults.

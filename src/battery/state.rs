@@ -2,6 +2,7 @@
 
 use super::{
     Amount, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, Faults, PackDetails, Reported,
+    Thermometer,
 };
 
 /// Whether a pack is connected and its sensor works.
@@ -83,8 +84,10 @@ pub struct BatteryState {
     pub usable_pct: Option<f32>,
     /// Time until the pack can't serve the average load any more, in seconds.
     pub time_remaining_s: Option<f32>,
-    /// Temperature of the pack, in degrees Celsius.
+    /// Temperature, in degrees Celsius.
     pub temperature_c: Option<f32>,
+    /// What has this temperature.
+    pub thermometer: Thermometer,
     /// Charge state.
     pub charge_state: ChargeState,
     /// Present faults, as found here.
@@ -140,6 +143,7 @@ impl BatteryState {
         usable_pct: None,
         time_remaining_s: None,
         temperature_c: None,
+        thermometer: Thermometer::Pack,
         charge_state: ChargeState::Undefined,
         faults: Faults::empty(),
         reported: Reported::NONE,
@@ -180,20 +184,6 @@ impl BatteryState {
         }
     }
 
-    /// Whether the pack must not be used, whatever its charge: a cell has failed, or it reports that it has.
-    pub fn has_failed(&self) -> bool {
-        self.charge_state == ChargeState::Failed
-            || self.faults.intersects(Faults::FAILING)
-            || self.reported.faults.contains(Faults::BAD_BATTERY)
-    }
-
-    /// Whether the pack is fit as far as its charge does not matter.
-    pub fn is_fit(&self) -> bool {
-        !self.has_failed()
-            && self.charge_state != ChargeState::Unhealthy
-            && !self.faults.intersects(Faults::UNFIT)
-    }
-
     /// Charge drawn since boot or the last battery reset, in milliampere-hours; `None` also for a tank.
     pub fn consumed_mah(&self) -> Option<f32> {
         self.consumed?.mah()
@@ -227,6 +217,12 @@ impl BatteryState {
     /// Volume of the full tank, in millilitres; `None` also for a pack with a charge.
     pub fn capacity_ml(&self) -> Option<f32> {
         self.capacity?.ml()
+    }
+
+    /// Temperature of the pack itself, in degrees Celsius, if that is measured.
+    pub fn pack_temperature_c(&self) -> Option<f32> {
+        self.temperature_c
+            .filter(|_| self.thermometer == Thermometer::Pack)
     }
 
     /// The resting voltage, in volts; the terminal voltage while that is unknown.

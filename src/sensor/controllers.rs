@@ -1,6 +1,6 @@
 //! Motor controllers: several may measure a pack together.
 
-use crate::battery::{Consumed, Counted, Measurement};
+use crate::battery::{Consumed, Counted, Measurement, Thermometer};
 use crate::numbers::mean;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MAX_CONTROLLERS, Parameters};
@@ -119,6 +119,7 @@ impl ControllerBank {
                 .filter(|_| all_count)
                 .map(Counted::Increment),
             temperature_c: mean(readings().filter_map(|reading| reading.temperature_c)),
+            thermometer: Thermometer::Device,
             ..Measurement::default()
         })
     }

@@ -382,6 +382,27 @@ fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
     }
 }
 
+#[test]
+// Requirement: PX-8
+fn which_faults_are_unsound_by_their_origin() {
+    for fault in Faults::all() {
+        let found = BatteryState {
+            faults: fault,
+            ..healthy(11.1)
+        };
+        let expected = match fault {
+            Faults::CELL_FAIL | Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE => UNSOUND,
+            _ => SOUND,
+        };
+        assert_eq!(sensors(&[found]), expected, "{fault:?}");
+        let expected = match fault {
+            Faults::CELL_FAIL | Faults::BAD_BATTERY => UNSOUND,
+            _ => SOUND,
+        };
+        assert_eq!(sensors(&[reporting(fault)]), expected, "{fault:?}");
+    }
+}
+
 /// What Mission Planner takes for a safety switch and for the readiness to arm, and MAVProxy for a fence.
 #[test]
 fn motors_arming_checks_and_fence_have_their_bits() {
@@ -703,9 +724,13 @@ fn every_fault_has_its_flag() {
         (Faults::NEEDS_SERVICE, 32),
         (Faults::CONTRADICTED_CHARGE, 0),
     ] {
-        // NOT_READY_TO_USE with those that are found here and make the pack unfit, or refuse arming.
-        let found_here = Faults::FAILING | Faults::UNFIT | Faults::CONTRADICTED_CHARGE;
+        // NOT_READY_TO_USE with those that refuse arming: more of those that are found here.
+        let found_here = Faults::CELL_FAIL
+            | Faults::CELLS_CONFIGURATION
+            | Faults::OVER_TEMPERATURE
+            | Faults::CONTRADICTED_CHARGE;
         let not_ready = u32::from(faults.intersects(found_here));
+        let not_ready_by_report = u32::from(faults == Faults::CELL_FAIL);
         let battery = BatteryState {
             faults,
             ..healthy(11.1)
@@ -716,7 +741,7 @@ fn every_fault_has_its_flag() {
             "{faults:?}"
         );
         let flags = status_v2_of(reporting(faults)).status_flags;
-        assert_eq!(flags.bits(), expected, "{faults:?}");
+        assert_eq!(flags.bits(), expected | not_ready_by_report, "{faults:?}");
     }
     // BAD_BATTERY with NOT_READY_TO_USE: arming is refused.
     let bad = status_v2_of(reporting(Faults::BAD_BATTERY));

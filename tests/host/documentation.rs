@@ -388,11 +388,13 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 13] = [
+const ARMING_FAILURES: [ArmingFailure; 15] = [
     ArmingFailure::Unhealthy,
     ArmingFailure::Failed,
     ArmingFailure::WrongCells,
     ArmingFailure::ContradictedCharge,
+    ArmingFailure::TooHot,
+    ArmingFailure::ReportsUnhealthy,
     ArmingFailure::Emergency,
     ArmingFailure::BelowArmingVoltage,
     ArmingFailure::BelowArmingCapacity,

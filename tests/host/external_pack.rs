@@ -2,7 +2,9 @@
 
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{BatteryState, ChargeSource, ChargeState, FailsafeLevel, PackStatus};
+use rover_battmon::battery::{
+    BatteryState, ChargeSource, ChargeState, Consequences, FailsafeLevel, PackStatus,
+};
 use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -160,7 +162,9 @@ fn faults_charge_state_and_time_left_of_a_component_are_shown() {
 }
 
 #[test]
-fn faults_that_a_component_reports_change_neither_charge_state_nor_arming() {
+// Requirement: AP-17
+fn of_the_faults_that_a_component_reports_a_failed_cell_refuses_arming() {
+    const FAILED_CELL: u32 = 2;
     for bit in 0..32 {
         let mut desk = desk();
         let mut report = of_voltage(12_000);
@@ -170,7 +174,45 @@ fn faults_that_a_component_reports_change_neither_charge_state_nor_arming() {
         let shown = if bit < FAULT_BITS { 1 << bit } else { 0 };
         let (charge_state, faults, _) = status(&mut desk);
         assert_eq!((charge_state, faults), (OK, shown), "bit {bit}");
-        assert_eq!(result_of(&mut desk, &arm()), ACCEPTED, "bit {bit}");
+        let result = if bit == FAILED_CELL { FAILED } else { ACCEPTED };
+        assert_eq!(result_of(&mut desk, &arm()), result, "bit {bit}");
+    }
+}
+
+const CRITICAL_STATE: u8 = 3;
+const EMERGENCY_STATE: u8 = 4;
+const FAILED_STATE: u8 = 5;
+const UNHEALTHY_STATE: u8 = 6;
+
+#[test]
+// Requirement: AP-17, V2-2
+fn states_that_a_component_reports_refuse_arming_at_any_charge() {
+    for (charge_state, refusal) in [
+        (OK, None),
+        (CRITICAL_STATE, None),
+        (EMERGENCY_STATE, Some("Arm: Battery 1 is nearly empty")),
+        (FAILED_STATE, Some("Arm: Battery 1 has failed")),
+        (UNHEALTHY_STATE, Some("Arm: Battery 1 unhealthy: its own report")),
+    ] {
+        // LOW is shown at 14 %, whatever else is wrong.
+        for remaining_pct in [90, 14] {
+            let mut desk = desk();
+            let mut report = of_voltage(12_000);
+            report.remaining_pct = remaining_pct;
+            report.charge_state = charge_state;
+            ticks(&mut desk, 40, &report.frame());
+            announced(&mut desk);
+            let answers = desk.ask(&arm());
+            let texts = texts_of(&answers);
+            assert_eq!(
+                texts.first().map(String::as_str),
+                refusal,
+                "{charge_state} {remaining_pct} %"
+            );
+            let state = *desk.autopilot.battery(Pack::First);
+            let is_flagged = state.consequences().contains(Consequences::NOT_READY);
+            assert_eq!(is_flagged, charge_state >= CRITICAL_STATE, "{charge_state}");
+        }
     }
 }
 
@@ -191,8 +233,6 @@ fn faults_that_a_component_reports_are_announced_once() {
 
 #[test]
 fn failed_and_unhealthy_have_a_fault_bit() {
-    const FAILED_STATE: u8 = 5;
-    const UNHEALTHY_STATE: u8 = 6;
     const UNKNOWN_CAUSE: u32 = 128;
     for charge_state in [FAILED_STATE, UNHEALTHY_STATE] {
         let mut desk = desk();

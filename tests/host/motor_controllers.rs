@@ -1,11 +1,14 @@
 //! Packs that motor controllers measure together: their readings in, the packs' states out.
 
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{BatteryState, PackStatus};
+use rover_battmon::battery::{BatteryState, Consequences, Faults, PackStatus};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AnalogReadings, ControllerReading};
+use rover_battmon::vehicle::ArmState;
 use support::desk::Desk;
+use support::frames::texts_of;
+use support::requests::arm;
 
 const TICK_US: u64 = 100_000;
 const SECOND_TICKS: usize = 10;
@@ -48,6 +51,22 @@ fn ticks(desk: &mut Desk, count: usize, readings: &[(u8, ControllerReading)]) ->
         desk.sample(AnalogReadings::NONE);
     }
     [Pack::First, Pack::Second].map(|pack| *desk.autopilot.battery(pack))
+}
+
+#[test]
+// Requirement: AP-10
+fn hot_motor_controllers_are_shown_and_keep_no_rover_from_arming() {
+    let mut desk = desk([0, 0b10]);
+    let hot = ControllerReading {
+        temperature_c: Some(70.0),
+        ..reading(12.0, 3.0, None)
+    };
+    let [first, _] = ticks(&mut desk, 5 * SECOND_TICKS, &[(0, hot), (1, hot)]);
+    assert_eq!((first.temperature_c, first.faults), (Some(70.0), Faults::empty()));
+    assert_eq!(first.consequences(), Consequences::empty());
+    let answers = desk.ask(&arm());
+    assert_eq!(texts_of(&answers), [""; 0]);
+    assert_eq!(desk.vehicle().arm_state(), ArmState::Armed);
 }
 
 fn consumed_mah(state: &BatteryState) -> f32 {

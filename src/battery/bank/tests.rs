@@ -1,6 +1,7 @@
 use super::*;
 use crate::battery::{
-    BusError, ChargeSource, FailsafeSettings, Gauge, GaugeReading, PackEvent, PackSettings, Tick,
+    BusError, ChargeSource, FailsafeSettings, Faults, Gauge, GaugeReading, PackEvent, PackSettings,
+    Thermometer, Tick,
 };
 use crate::time::Instant;
 
@@ -381,6 +382,26 @@ fn a_sum_holds_what_its_packs_hold_now() {
     };
     let state = bench.run(5.0, &[Ok(at(11.4, 1.0)), Ok(gauge)]);
     assert_eq!(state.capacity_mah(), Some(4300.0));
+}
+
+#[test]
+fn a_sums_temperature_is_its_packs_unless_a_device_has_a_part_in_it() {
+    let hot = |thermometer| Measurement {
+        temperature_c: Some(70.0),
+        thermometer,
+        ..at(11.4, 1.0)
+    };
+    let without = Measurement {
+        temperature_c: None,
+        ..hot(Thermometer::Device)
+    };
+    for (first, second, expected) in [
+        (hot(Thermometer::Device), hot(Thermometer::Pack), Faults::empty()),
+        (without, hot(Thermometer::Pack), Faults::OVER_TEMPERATURE),
+    ] {
+        let state = Bench::new().run(5.0, &[Ok(first), Ok(second)]);
+        assert_eq!((state.temperature_c, state.faults), (Some(70.0), expected));
+    }
 }
 
 #[test]

@@ -192,6 +192,7 @@ impl BatteryMonitor {
     ) {
         self.failed_reads = 0;
         self.state.temperature_c = measurement.temperature_c;
+        self.state.thermometer = measurement.thermometer;
         let previous_a = self.last_reading.and_then(|last| last.current_a);
         let mut reading = Reading {
             dt_s: microseconds(dt_us) * 1e-6,

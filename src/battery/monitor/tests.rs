@@ -2,9 +2,9 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    Amount, BusError, CellVoltages, ChargeState, Chemistry, Contents, Counted, FailsafeLevel,
-    FailsafeSettings, Faults, Gauge, GaugeReading, PackDetails, Reported, Thresholds, VoltageSource,
-    arming_failures,
+    Amount, BusError, CellVoltages, ChargeState, Chemistry, Consequences, Contents, Counted, FailsafeLevel,
+    FailsafeSettings, Faults, Gauge, GaugeReading, PackDetails, Reported, Thermometer, Thresholds,
+    VoltageSource, arming_failures,
 };
 use crate::time::{Instant, at_us};
 use crate::vehicle::ArmState;
@@ -535,14 +535,35 @@ fn faults_begin_and_end() {
 }
 
 #[test]
+// Requirement: AP-10
+fn the_temperature_of_a_device_is_no_fault_of_the_pack() {
+    for temperature_c in [90.0, -30.0] {
+        let mut bench = Bench::new();
+        let state = bench.run(
+            5.0,
+            Measurement {
+                temperature_c: Some(temperature_c),
+                thermometer: Thermometer::Device,
+                ..loaded(11.4, 1.0)
+            },
+        );
+        assert_eq!(state.temperature_c, Some(temperature_c));
+        assert_eq!(
+            (state.pack_temperature_c(), state.faults),
+            (None, Faults::empty())
+        );
+    }
+}
+
+#[test]
 // Requirement: PX-8
 fn single_spike_is_a_short_fault() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(12.0));
     assert_eq!(bench.run(0.1, volts(14.0)).faults, Faults::SPIKES);
-    assert_eq!(bench.state().charge_state, ChargeState::Unhealthy);
-    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::empty());
     assert_eq!(bench.state().charge_state, ChargeState::Ok);
+    assert_eq!(bench.state().consequences(), Consequences::empty());
+    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::empty());
 }
 
 #[test]
@@ -704,7 +725,7 @@ fn a_solar_charger_at_dusk_does_not_ground_a_rover() {
     assert_eq!(state.faults, Faults::empty());
     assert_eq!(state.charge_state, ChargeState::Ok);
     assert_eq!(arming_failures(&state, &bench.settings).next(), None);
-    assert!(state.is_fit());
+    assert_eq!(state.consequences(), Consequences::empty());
     assert_eq!(state.faults_to_show(), Faults::INCOMPATIBLE_VOLTAGE);
     let announced = bench
         .events

@@ -1,7 +1,7 @@
 //! BATTERY_STATUS_V2 (369).
 
 use super::units::{amp_hours, finite, number, temperature_cdegc};
-use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, FailsafeLevel, Faults, PackStatus};
+use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, Consequences, Faults, PackStatus};
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
 use crate::pack::Pack;
 use crate::system::SystemState;
@@ -99,25 +99,13 @@ fn fault_flags(faults: Faults) -> Flags {
     flags
 }
 
-/// A pack that may not be used: one that is critical or has failed, whose sensor has failed, or that has reached a failsafe
-/// level, since arming is refused then. QGroundControl shows it as an emergency; so nothing is set while no pack is there.
+/// QGroundControl shows a pack that is not ready as an emergency; so nothing is set while no pack is there.
 fn readiness_flags(battery: &BatteryState) -> Flags {
-    let is_charged = !matches!(
-        battery.charge_state,
-        ChargeState::Critical | ChargeState::Emergency
-    );
-    let is_ready = match battery.status {
-        PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => true,
-        PackStatus::Healthy => {
-            let is_contradicted = battery.faults.contains(Faults::CONTRADICTED_CHARGE);
-            is_charged && battery.is_fit() && battery.failsafe == FailsafeLevel::None && !is_contradicted
-        }
-        PackStatus::Unhealthy => false,
-    };
-    if is_ready {
-        Flags::empty()
-    } else {
+    let is_there = matches!(battery.status, PackStatus::Healthy | PackStatus::Unhealthy);
+    if is_there && battery.consequences().contains(Consequences::NOT_READY) {
         Flags::MAV_BATTERY_STATUS_FLAGS_NOT_READY_TO_USE
+    } else {
+        Flags::empty()
     }
 }
 

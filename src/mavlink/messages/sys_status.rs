@@ -1,7 +1,7 @@
 //! SYS_STATUS (1).
 
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
-use crate::battery::{BatteryState, FailsafeLevel, PackStatus};
+use crate::battery::{BatteryState, Consequences, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::pack::Pack;
 use crate::system::{ArmingReadiness, ReceiveStatistics, SystemState};
@@ -79,17 +79,11 @@ fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
     sensors
 }
 
-/// A pack that has failed is not healthy, even if its sensor works, nor, as in ArduPilot, one that has reached a
-/// failsafe level, until the battery is reset. Until its first reading nothing is wrong with it, nor while a disarmed
-/// rover has no pack: Mission Planner would announce a bad battery after every start, and without end on a desk. What
-/// gives no reading is unhealthy soon.
+/// Until its first reading nothing is wrong with a pack, nor while a disarmed rover has none: Mission Planner would
+/// announce a bad battery after every start, and without end on a desk. What gives no reading is unhealthy soon.
 fn is_healthy(battery: &BatteryState, arm_state: ArmState) -> bool {
-    let works = match battery.status {
-        PackStatus::Healthy | PackStatus::Unknown => true,
-        PackStatus::NotConnected => arm_state == ArmState::Disarmed,
-        PackStatus::Unhealthy | PackStatus::Disabled => false,
-    };
-    works && battery.failsafe == FailsafeLevel::None && battery.is_fit()
+    let is_gone = battery.status == PackStatus::NotConnected && arm_state == ArmState::Armed;
+    !is_gone && !battery.consequences().contains(Consequences::NOT_HEALTHY)
 }
 
 fn pack_voltage_mv(battery: &BatteryState) -> u16 {

@@ -7,6 +7,7 @@ use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
 use super::setup::{CanOptions, CanPack, CanSettings};
 use crate::battery::{
     CellVoltages, ChargeState, Faults, Gauge, GaugeReading, Measurement, PackDetails, Reported, Supply,
+    Thermometer,
 };
 use crate::log::info;
 use crate::pack::{MAX_PACKS, Pack};
@@ -371,6 +372,7 @@ fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Measurem
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
         temperature_c: Some(reading.temperature_c),
+        thermometer: Thermometer::Device,
         reported: of_charger(reading.faults),
         ..Measurement::default()
     }

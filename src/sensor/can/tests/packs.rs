@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::golden::{self, frames};
 use super::{Battery, Bench, charger, node, pack};
-use crate::battery::{ChargeState, Faults, Gauge, GaugeReading, Measurement, Supply};
+use crate::battery::{ChargeState, Faults, Gauge, GaugeReading, Measurement, Supply, Thermometer};
 use crate::memory::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -503,6 +503,7 @@ fn charger_of_the_reference_is_read_at_its_output_or_input() {
             (reading.current_a, reading.temperature_c),
             (Some(current_a), Some(-5.0))
         );
+        assert_eq!(reading.thermometer, Thermometer::Device);
         assert_eq!(
             (reading.state_of_charge, reading.gauge),
             (None, GaugeReading::Absent)

@@ -19,7 +19,7 @@
 
 use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
 
-use crate::battery::Measurement;
+use crate::battery::{Measurement, Thermometer};
 use crate::sensor::MonitorKind;
 use crate::sensor::serial::conditions::{SerialNotice, TorqeedoCondition};
 use crate::sensor::serial::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
@@ -212,6 +212,7 @@ impl Message {
             current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.1),
             state_of_charge: (flags & CHARGE_VALID != 0).then_some(charge),
             temperature_c: Some(f32::from(switch_c.max(input_c))),
+            thermometer: Thermometer::Device,
             ..Measurement::default()
         };
         Some(Self::SystemState(
@@ -228,6 +229,7 @@ impl Message {
             voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
             current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.1),
             temperature_c: Some(f32::from(board.max(stator)) * 0.1),
+            thermometer: Thermometer::Device,
             ..Measurement::default()
         }))
     }

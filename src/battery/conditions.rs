@@ -1,0 +1,125 @@
+//! What follows from each condition of a pack: one table for BATTERY_STATUS_V2, SYS_STATUS and arming.
+//!
+//! `docs/proof.md` shows it. What is not in it has no consequence.
+
+use bitflags::bitflags;
+
+use super::{ArmingFailure, BatteryState, ChargeState, FailsafeLevel, Faults, PackStatus};
+
+bitflags! {
+    /// What a condition means for ground stations.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Consequences: u8 {
+        /// A connected pack is not ready to use.
+        const NOT_READY = 1;
+        /// The pack, or its sensor, is not healthy.
+        const NOT_HEALTHY = 1 << 1;
+    }
+}
+
+/// A condition, by its origin.
+#[derive(Clone, Copy, Debug)]
+enum Condition {
+    Status(PackStatus),
+    /// Latched.
+    Level(FailsafeLevel),
+    /// Of the state that is shown: the worse of what is found here and what is reported.
+    State(ChargeState),
+    /// Found here.
+    Found(Faults),
+    /// Reported by the pack, or by the component that measures it.
+    Reported(Faults),
+    ReportedState(ChargeState),
+}
+
+/// A row of the table.
+#[derive(Debug)]
+struct Row {
+    condition: Condition,
+    consequences: Consequences,
+    /// Why arming is refused, if it is.
+    failure: Option<ArmingFailure>,
+}
+
+const fn row(condition: Condition, consequences: Consequences, failure: Option<ArmingFailure>) -> Row {
+    Row {
+        condition,
+        consequences,
+        failure,
+    }
+}
+
+const BOTH: Consequences = Consequences::all();
+const NOT_READY: Consequences = Consequences::NOT_READY;
+const NONE: Consequences = Consequences::empty();
+
+/// A low or critical level is latched by a threshold: arming names that of the voltage, unless the charge is below its own.
+static TABLE: [Row; 19] = {
+    use ArmingFailure::*;
+    use ChargeState::{Critical, Emergency, Failed as FailedState, Unhealthy as UnhealthyState};
+    use Condition::*;
+    [
+        row(Status(PackStatus::Unhealthy), BOTH, Some(Unhealthy)),
+        row(Status(PackStatus::NotConnected), NONE, Some(Unhealthy)),
+        row(Status(PackStatus::Unknown), NONE, Some(Unhealthy)),
+        row(Level(FailsafeLevel::Unhealthy), BOTH, Some(Unhealthy)),
+        row(Level(FailsafeLevel::Low), BOTH, Some(LowVoltage)),
+        row(Level(FailsafeLevel::Critical), BOTH, Some(CriticalVoltage)),
+        row(Found(Faults::CELL_FAIL), BOTH, Some(Failed)),
+        row(Reported(Faults::CELL_FAIL), BOTH, Some(Failed)),
+        row(Reported(Faults::BAD_BATTERY), BOTH, Some(Failed)),
+        row(ReportedState(FailedState), BOTH, Some(Failed)),
+        row(State(FailedState), BOTH, Some(Failed)),
+        row(Found(Faults::CELLS_CONFIGURATION), BOTH, Some(WrongCells)),
+        row(Found(Faults::OVER_TEMPERATURE), BOTH, Some(TooHot)),
+        row(
+            Found(Faults::CONTRADICTED_CHARGE),
+            NOT_READY,
+            Some(ContradictedCharge),
+        ),
+        row(ReportedState(UnhealthyState), BOTH, Some(ReportsUnhealthy)),
+        row(State(UnhealthyState), BOTH, None),
+        row(
+            ReportedState(Emergency),
+            NOT_READY,
+            Some(ArmingFailure::Emergency),
+        ),
+        row(State(Emergency), NOT_READY, Some(ArmingFailure::Emergency)),
+        row(State(Critical), NOT_READY, None),
+    ]
+};
+
+impl Condition {
+    fn holds(self, state: &BatteryState) -> bool {
+        match self {
+            Self::Status(status) => state.status == status,
+            Self::Level(level) => state.failsafe == level,
+            Self::State(charge_state) => state.charge_state == charge_state,
+            Self::Found(fault) => state.faults.contains(fault),
+            Self::Reported(fault) => state.reported.faults.contains(fault),
+            Self::ReportedState(charge_state) => state.reported.charge_state == Some(charge_state),
+        }
+    }
+}
+
+impl BatteryState {
+    fn conditions(&self) -> impl Iterator<Item = &'static Row> {
+        TABLE.iter().filter(|row| row.condition.holds(self))
+    }
+
+    /// What the conditions mean for ground stations.
+    pub fn consequences(&self) -> Consequences {
+        self.conditions()
+            .fold(Consequences::empty(), |all, row| all | row.consequences)
+    }
+
+    /// Why arming is refused, in any order and perhaps repeatedly.
+    pub(super) fn refusals(&self) -> impl Iterator<Item = ArmingFailure> {
+        self.conditions().filter_map(|row| row.failure)
+    }
+
+    /// Whether the pack must not be used, whatever its charge: a cell has failed, or it reports that it has.
+    pub fn has_failed(&self) -> bool {
+        self.refusals().any(|failure| failure == ArmingFailure::Failed)
+    }
+}
