@@ -20,7 +20,7 @@ bitflags! {
         const UNDER_TEMPERATURE = 32;
         /// The packs of a sum rest at different voltages.
         const INCOMPATIBLE_VOLTAGE = 64;
-        /// The pack reports that its firmware does not fit. It also stands for an unknown cause, such as a lost sensor.
+        /// The pack reports that its firmware does not fit.
         const INCOMPATIBLE_FIRMWARE = 128;
         /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry, or the pack reports other cells than it should have.
         const CELLS_CONFIGURATION = 256;

@@ -172,16 +172,9 @@ impl BatteryState {
         }
     }
 
-    /// The faults to show: those found here and those that the pack reports. FAILED and UNHEALTHY always have one.
+    /// The faults to show: those found here and those that the pack reports.
     pub fn faults_to_show(&self) -> Faults {
-        let faults = self.faults | self.reported.faults;
-        let needs_cause = matches!(self.charge_state, ChargeState::Failed | ChargeState::Unhealthy)
-            || self.status == PackStatus::Unhealthy;
-        if needs_cause && !faults.intersects(Faults::MAVLINK | Faults::BAD_BATTERY) {
-            faults | Faults::INCOMPATIBLE_FIRMWARE
-        } else {
-            faults
-        }
+        self.faults | self.reported.faults
     }
 
     /// Charge drawn since boot or the last battery reset, in milliampere-hours; `None` also for a tank.

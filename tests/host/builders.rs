@@ -533,21 +533,20 @@ fn reporting(faults: Faults) -> BatteryState {
 }
 
 #[test]
-fn failed_and_unhealthy_have_a_fault_bit_without_a_known_fault() {
+// Requirement: AP-23
+fn no_state_has_a_fault_bit_without_a_known_fault() {
+    let lost = BatteryState {
+        status: PackStatus::Unhealthy,
+        charge_state: ChargeState::Unhealthy,
+        ..healthy(11.1)
+    };
+    assert_eq!(status_of(lost).fault_bitmask.bits(), 0);
     for charge_state in CHARGE_STATES {
         let battery = BatteryState {
             charge_state,
             ..healthy(11.1)
         };
-        let expected = match charge_state {
-            ChargeState::Failed | ChargeState::Unhealthy => 128,
-            _ => 0,
-        };
-        assert_eq!(
-            status_of(battery).fault_bitmask.bits(),
-            expected,
-            "{charge_state:?}"
-        );
+        assert_eq!(status_of(battery).fault_bitmask.bits(), 0, "{charge_state:?}");
         let hot = BatteryState {
             faults: Faults::OVER_TEMPERATURE,
             ..battery
@@ -756,13 +755,12 @@ fn every_fault_has_its_flag() {
 fn a_pack_that_may_not_be_used_is_not_ready() {
     const NOT_READY: u32 = 1;
     const CHARGING: u32 = 2;
-    const UNKNOWN_CAUSE: u32 = 65536;
     for (status, expected) in [
         (PackStatus::Disabled, 0),
         (PackStatus::Unknown, 0),
         (PackStatus::NotConnected, 0),
         (PackStatus::Healthy, 0),
-        (PackStatus::Unhealthy, NOT_READY | UNKNOWN_CAUSE),
+        (PackStatus::Unhealthy, NOT_READY),
     ] {
         let battery = BatteryState {
             status,
@@ -785,16 +783,10 @@ fn a_pack_that_may_not_be_used_is_not_ready() {
             "{failsafe:?}"
         );
     }
-    for (charge_state, expected) in CHARGE_STATES.into_iter().zip([
-        0,
-        0,
-        0,
-        NOT_READY,
-        NOT_READY,
-        NOT_READY | UNKNOWN_CAUSE,
-        NOT_READY | UNKNOWN_CAUSE,
-        CHARGING,
-    ]) {
+    for (charge_state, expected) in CHARGE_STATES
+        .into_iter()
+        .zip([0, 0, 0, NOT_READY, NOT_READY, NOT_READY, NOT_READY, CHARGING])
+    {
         let battery = BatteryState {
             charge_state,
             ..healthy(11.1)
@@ -1298,8 +1290,6 @@ proptest! {
         prop_assert!((-1..=100).contains(&data.battery_remaining));
         prop_assert!(data.time_remaining >= 0);
         prop_assert_eq!(data.charge_state as u8, battery.charge_state as u8);
-        let needs_fault = matches!(battery.charge_state, ChargeState::Failed | ChargeState::Unhealthy);
-        prop_assert!(!needs_fault || !data.fault_bitmask.is_empty());
         // The frame itself: 54 bytes of payload at most.
         let frame = frame_hex(&Message::BatteryStatus(data));
         prop_assert!(frame.len() <= 2 * (54 + 12));

@@ -232,8 +232,8 @@ fn faults_that_a_component_reports_are_announced_once() {
 }
 
 #[test]
-fn failed_and_unhealthy_have_a_fault_bit() {
-    const UNKNOWN_CAUSE: u32 = 128;
+// Requirement: S-1
+fn failed_and_unhealthy_without_a_known_cause_have_no_fault_bit() {
     for charge_state in [FAILED_STATE, UNHEALTHY_STATE] {
         let mut desk = desk();
         let mut report = of_voltage(12_000);
@@ -241,11 +241,11 @@ fn failed_and_unhealthy_have_a_fault_bit() {
         report.charge_state = charge_state;
         ticks(&mut desk, 40, &report.frame());
         let (shown, faults, _) = status(&mut desk);
-        assert_eq!((shown, faults), (charge_state, UNKNOWN_CAUSE));
-        // Nor without a reading.
+        assert_eq!((shown, faults), (charge_state, 0));
+        // Nor has a lost sensor.
         silence(&mut desk, 80);
         let (shown, faults, _) = status(&mut desk);
-        assert_eq!((shown, faults), (UNHEALTHY_STATE, UNKNOWN_CAUSE));
+        assert_eq!((shown, faults), (UNHEALTHY_STATE, 0));
     }
 }
 
