@@ -30,8 +30,8 @@ pub enum Announcement<'a> {
     Pack(Pack, &'a PackEvent),
     /// The vehicle changed its state without a request.
     Vehicle(VehicleEvent),
-    /// Packs are monitored, and none of them has a failsafe threshold.
-    FailsafesOff,
+    /// Packs are monitored, and none of them has a failsafe threshold in effect; with the parameter to set.
+    FailsafesOff(ParameterId),
     /// Thresholds for a pack without any.
     Suggestion(Pack, SuggestedThresholds),
     /// The stored parameters were not loaded, after repeated quick resets.
@@ -128,7 +128,7 @@ impl Announcement<'_> {
             Self::Unauthorized { .. } => Kind::Unauthorized,
             Self::ParameterRefused { .. } => Kind::ParameterRefused,
             Self::Vehicle(_)
-            | Self::FailsafesOff
+            | Self::FailsafesOff(_)
             | Self::Suggestion(..)
             | Self::DefaultParameters
             | Self::ParametersDamaged
@@ -202,7 +202,7 @@ impl Announcement<'_> {
                 Urgency::Warning => MavSeverity::MAV_SEVERITY_WARNING,
                 Urgency::Critical => MavSeverity::MAV_SEVERITY_CRITICAL,
             },
-            Self::FailsafesOff
+            Self::FailsafesOff(_)
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
             | Self::NoLog(_)
@@ -252,7 +252,7 @@ impl fmt::Display for Announcement<'_> {
                 }
             }
             Self::Vehicle(event) => write!(f, "{event}"),
-            Self::FailsafesOff => f.write_str("Battery failsafes are off: set BATT_LOW_VOLT"),
+            Self::FailsafesOff(id) => write!(f, "Battery failsafes are off: set {}", id.name()),
             Self::Suggestion(pack, suggested) => write!(
                 f,
                 "Set {} {}, {} {}",
@@ -448,7 +448,8 @@ mod tests {
         for event in [PackEvent::ContactLost, PackEvent::Swapped] {
             assert_eq!(command(event), None);
         }
-        assert_eq!(Announcement::FailsafesOff.command(), None);
+        let off = Announcement::FailsafesOff(BatteryParameter::LowVolt.of(Pack::First));
+        assert_eq!(off.command(), None);
     }
 
     #[test]

@@ -46,7 +46,7 @@ impl Autopilot {
             self.wifi.save.failure().map(Announcement::WifiNotSaved),
             self.wifi.trouble().map(Announcement::Wifi),
             self.can.trouble().map(Announcement::Can),
-            self.are_failsafes_off().then_some(Announcement::FailsafesOff),
+            self.missing_threshold().map(Announcement::FailsafesOff),
         ];
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
         for notice in notices.into_iter().flatten().chain(suggestions) {
@@ -56,18 +56,19 @@ impl Autopilot {
         }
     }
 
-    /// Whether packs are monitored, and none of them has a failsafe threshold.
-    fn are_failsafes_off(&self) -> bool {
-        let is_off = |pack: Pack| {
-            PackSettings::from_parameters(&self.parameters, pack)
-                .failsafe
-                .is_disabled()
-        };
-        let mut monitored = Pack::ALL
-            .into_iter()
-            .filter(|pack| self.parameters.is_monitored(*pack))
-            .peekable();
-        monitored.peek().is_some() && monitored.all(is_off)
+    /// The parameter to set if packs are monitored and none of them has a failsafe threshold in effect: a timer that is
+    /// missing, else a threshold of the first.
+    fn missing_threshold(&self) -> Option<ParameterId> {
+        let is_monitored = |pack: &Pack| self.parameters.is_monitored(*pack);
+        let mut found = None;
+        for pack in Pack::ALL.into_iter().filter(is_monitored) {
+            let settings = PackSettings::from_parameters(&self.parameters, pack);
+            let missing = settings.failsafe.missing_parameter()?;
+            if found.is_none() || missing == BatteryParameter::LowTimer {
+                found = Some(missing.of(pack));
+            }
+        }
+        found
     }
 
     /// Thresholds for a pack that has none.

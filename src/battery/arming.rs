@@ -5,7 +5,8 @@ use core::fmt;
 use super::failsafe::{is_below, remaining, voltage_v};
 use super::{BatteryState, PackSettings, PackStatus};
 
-/// Why a pack fails the arming checks, in ArduPilot's words and order where it has the check.
+/// Why a pack fails the arming checks, in ArduPilot's words and order where it has the check; but *critical* comes before
+/// *low*: an attempt to arm names the first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ArmingFailure {
@@ -27,14 +28,14 @@ pub enum ArmingFailure {
     BelowArmingVoltage,
     /// The remaining charge is below `BATT_ARM_MAH`.
     BelowArmingCapacity,
-    /// The voltage is below `BATT_LOW_VOLT`, or a low failsafe is latched.
-    LowVoltage,
-    /// The remaining charge is below `BATT_LOW_MAH`.
-    LowCapacity,
     /// The voltage is below `BATT_CRT_VOLT`, or a critical failsafe is latched.
     CriticalVoltage,
     /// The remaining charge is below `BATT_CRT_MAH`.
     CriticalCapacity,
+    /// The voltage is below `BATT_LOW_VOLT`, or a low failsafe is latched.
+    LowVoltage,
+    /// The remaining charge is below `BATT_LOW_MAH`.
+    LowCapacity,
     /// `BATT_CRT_MAH` is not below `BATT_LOW_MAH`.
     CapacityOrder,
     /// `BATT_CRT_VOLT` is not below `BATT_LOW_VOLT`.
@@ -75,10 +76,10 @@ impl ArmingFailure {
         Self::Emergency,
         Self::BelowArmingVoltage,
         Self::BelowArmingCapacity,
-        Self::LowVoltage,
-        Self::LowCapacity,
         Self::CriticalVoltage,
         Self::CriticalCapacity,
+        Self::LowVoltage,
+        Self::LowCapacity,
         Self::CapacityOrder,
         Self::VoltageOrder,
     ];
@@ -327,10 +328,10 @@ mod tests {
                 "unhealthy",
                 "below minimum arming voltage",
                 "below minimum arming capacity",
-                "low voltage failsafe",
-                "low capacity failsafe",
                 "critical voltage failsafe",
                 "critical capacity failsafe",
+                "low voltage failsafe",
+                "low capacity failsafe",
                 "capacity failsafe critical >= low",
                 "voltage failsafe critical >= low",
             ]

@@ -61,6 +61,15 @@ impl FailsafeSettings {
         !self.is_in_force(&self.low) && !self.is_in_force(&self.critical)
     }
 
+    /// The parameter to set, unless a threshold is in effect.
+    pub fn missing_parameter(&self) -> Option<BatteryParameter> {
+        let voltage_v = self.low.voltage_v.or(self.critical.voltage_v);
+        self.is_disabled().then_some(match voltage_v {
+            Some(_) => BatteryParameter::LowTimer,
+            None => BatteryParameter::LowVolt,
+        })
+    }
+
     /// Whether one of these thresholds is in effect.
     pub(super) fn is_in_force(&self, thresholds: &Thresholds) -> bool {
         let voltage_v = self.timer_s.and(thresholds.voltage_v);
@@ -308,16 +317,17 @@ mod tests {
     }
 
     #[test]
-    fn failsafe_is_disabled_without_an_effective_threshold() {
+    fn failsafe_misses_a_threshold_or_the_timer_of_its_voltage() {
         let mut settings = FailsafeSettings::default();
-        assert!(settings.is_disabled());
+        assert_eq!(settings.missing_parameter(), Some(BatteryParameter::LowVolt));
         settings.critical.voltage_v = Some(9.9);
-        assert!(settings.is_disabled(), "voltage thresholds need the timer");
+        assert_eq!(settings.missing_parameter(), Some(BatteryParameter::LowTimer));
         settings.timer_s = Some(10.0);
-        assert!(!settings.is_disabled());
+        assert_eq!(settings.missing_parameter(), None);
         settings.critical = Thresholds::default();
+        assert_eq!(settings.missing_parameter(), Some(BatteryParameter::LowVolt));
         settings.low.remaining_mah = Some(100.0);
         settings.timer_s = None;
-        assert!(!settings.is_disabled());
+        assert_eq!(settings.missing_parameter(), None);
     }
 }

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus};
+use rover_battmon::battery::{Amount, BatteryState, FailsafeLevel, PackStatus};
 use rover_battmon::mavlink::{Event, Framer, Stream};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, StickParameter, VehicleParameter};
@@ -230,6 +230,65 @@ fn a_ground_station_is_given_thresholds_to_copy_while_none_is_set() {
 }
 
 #[test]
+// Requirement: PX-4
+fn failsafes_that_are_off_name_the_parameter_that_is_missing() {
+    let timer = BatteryParameter::LowTimer.of(Pack::First);
+    let second = |parameter: BatteryParameter| parameter.of(Pack::Second);
+    let texts = |rover: &mut Rover| {
+        rover.deliver(&param_request_list(VEHICLE));
+        let mut sent = rover.0.sent();
+        sent.retain(|frame| frame.message_id == STATUSTEXT);
+        let texts = joined(&sent).into_iter().map(|(_, text)| text);
+        texts
+            .filter(|text| text.contains("failsafes"))
+            .collect::<Vec<_>>()
+    };
+    let mut untimed = Rover::new().with(CRT_VOLT, 10.2).with(timer, 0.0);
+    let no_timer = "Battery failsafes are off: set BATT_LOW_TIMER";
+    assert_eq!(texts(&mut untimed), [no_timer]);
+    let mut second_untimed = Rover::new()
+        .with(second(BatteryParameter::Monitor), 3.0)
+        .with(second(BatteryParameter::LowVolt), 10.5)
+        .with(second(BatteryParameter::LowTimer), 0.0);
+    let second_has_no_timer = "Battery failsafes are off: set BATT2_LOW_TIMER";
+    assert_eq!(texts(&mut second_untimed), [second_has_no_timer]);
+    let mut by_charge = second_untimed.with(second(BatteryParameter::LowMah), 500.0);
+    assert_eq!(texts(&mut by_charge), [""; 0]);
+    let mut only_second = Rover::new()
+        .with(BatteryParameter::Monitor.of(Pack::First), 0.0)
+        .with(second(BatteryParameter::Monitor), 3.0);
+    let no_threshold = "Battery failsafes are off: set BATT2_LOW_VOLT";
+    assert_eq!(texts(&mut only_second), [no_threshold]);
+}
+
+#[test]
+// Requirement: AP-17
+fn an_attempt_to_arm_names_the_critical_threshold_before_the_low_one() {
+    let low_mah = BatteryParameter::LowMah.of(Pack::First);
+    let critical_mah = BatteryParameter::CrtMah.of(Pack::First);
+    for (low, critical, expected) in [
+        (
+            (LOW_VOLT, 11.4),
+            (CRT_VOLT, 11.3),
+            "Arm: Battery 1 critical voltage failsafe",
+        ),
+        (
+            (low_mah, 500.0),
+            (critical_mah, 400.0),
+            "Arm: Battery 1 critical capacity failsafe",
+        ),
+    ] {
+        let mut rover = Rover::new().with(low.0, low.1).with(critical.0, critical.1);
+        rover.0.change_battery(Pack::First, |battery| {
+            battery.capacity = Some(Amount::Mah(1000.0));
+            battery.remaining_pct = Some(10.0);
+        });
+        let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
+        assert_eq!(texts, [(CRITICAL, expected.into())]);
+    }
+}
+
+#[test]
 fn command_long_and_command_int_arm_and_disarm() {
     for request in [arm(), command_int_2(ARM_DISARM, 1.0, 0.0)] {
         let mut rover = Rover::new();
@@ -297,8 +356,8 @@ fn prearm_check_reports_all_failures_of_all_packs() {
         ACCEPTED,
     );
     let expected = [
-        "PreArm: Battery 1 low voltage failsafe",
         "PreArm: Battery 1 critical voltage failsafe",
+        "PreArm: Battery 1 low voltage failsafe",
         "PreArm: Battery 1 voltage failsafe critical >= low",
         "PreArm: Battery 3 critical voltage failsafe",
     ];
