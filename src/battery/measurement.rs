@@ -362,8 +362,8 @@ impl Amount {
     }
 }
 
-/// Maximum number of cells in series: BATTERY_STATUS has 10 fields and 4 in its extension.
-pub const MAX_CELLS: usize = 14;
+/// Cells in series that are kept one by one, as many as a BQ76952 measures.
+pub const MAX_CELLS: usize = 16;
 
 /// The voltage of each cell in series, from the negative end; empty if not measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -371,6 +371,8 @@ pub const MAX_CELLS: usize = 14;
 #[repr(align(4))]
 pub struct CellVoltages {
     millivolts: [u16; MAX_CELLS],
+    lowest_mv: u16,
+    highest_mv: u16,
     count: u8,
 }
 
@@ -378,34 +380,51 @@ impl CellVoltages {
     /// Not measured.
     pub const NONE: Self = Self {
         millivolts: [0; MAX_CELLS],
+        lowest_mv: u16::MAX,
+        highest_mv: 0,
         count: 0,
     };
 
-    /// From millivolts. Cells beyond the 14th are dropped.
+    /// From millivolts.
     pub fn from_millivolts(cells: &[u16]) -> Self {
         let mut voltages = Self::NONE;
-        for (to, from) in voltages.millivolts.iter_mut().zip(cells) {
-            *to = *from;
-            voltages.count += 1;
+        for cell_mv in cells {
+            voltages.push(*cell_mv);
         }
         voltages
     }
 
-    /// The measured cells, in millivolts.
+    /// Adds a cell. One beyond the 16th counts, and may be the lowest or highest.
+    // Inlined, each driver would have a copy.
+    #[inline(never)]
+    pub fn push(&mut self, cell_mv: u16) {
+        if let Some(place) = self.millivolts.get_mut(usize::from(self.count)) {
+            *place = cell_mv;
+        }
+        self.lowest_mv = self.lowest_mv.min(cell_mv);
+        self.highest_mv = self.highest_mv.max(cell_mv);
+        self.count = self.count.saturating_add(1);
+    }
+
+    /// Number of measured cells.
+    pub fn count(&self) -> usize {
+        self.count.into()
+    }
+
+    /// The measured cells up to the 16th, in millivolts.
     pub fn millivolts(&self) -> &[u16] {
-        self.millivolts.get(..usize::from(self.count)).unwrap_or(&[])
+        self.millivolts.get(..self.count()).unwrap_or(&self.millivolts)
     }
 
     /// Highest minus lowest cell voltage, in volts.
     pub fn imbalance_v(&self) -> Option<f32> {
-        let cells = self.millivolts();
-        let (lowest, highest) = (cells.iter().min()?, cells.iter().max()?);
-        Some(f32::from(highest - lowest) / 1000.0)
+        let imbalance_mv = self.highest_mv.checked_sub(self.lowest_mv)?;
+        Some(f32::from(imbalance_mv) / 1000.0)
     }
 
     /// The lowest cell voltage, in volts.
     pub fn lowest_v(&self) -> Option<f32> {
-        self.millivolts().iter().min().map(|mv| f32::from(*mv) / 1000.0)
+        (self.count > 0).then(|| f32::from(self.lowest_mv) / 1000.0)
     }
 }
 

@@ -578,7 +578,7 @@ fn the_resting_voltage_is_sent_where_it_is_chosen_and_known() {
 
 #[test]
 fn cells_are_sent_as_they_are_measured_with_the_resting_voltage_too() {
-    let millivolts: [u16; MAX_CELLS] = std::array::from_fn(|cell| 3700 + cell as u16);
+    let millivolts: [u16; 14] = std::array::from_fn(|cell| 3700 + cell as u16);
     let battery = BatteryState {
         reported_voltage: ReportedVoltage::Resting,
         resting_voltage_v: Some(60.0),
@@ -589,6 +589,25 @@ fn cells_are_sent_as_they_are_measured_with_the_resting_voltage_too() {
     assert_eq!(data.voltages, millivolts[..10]);
     assert_eq!(data.voltages_ext, millivolts[10..]);
     assert_eq!(system_with(battery).voltage_battery, 60_000);
+}
+
+#[test]
+// Requirement: FR-3
+fn more_cells_than_the_message_has_are_sent_as_the_packs_voltage() {
+    for (cells, voltages) in [
+        (15, vec![49_500]),
+        (16, vec![52_800]),
+        // DroneCAN has such packs.
+        (24, vec![65_534, 13_666]),
+    ] {
+        let pack = BatteryState {
+            cells: CellVoltages::from_millivolts(&vec![3300; cells]),
+            ..healthy(cells as f32 * 3.3)
+        };
+        let data = status_of(pack);
+        let sent: Vec<u16> = data.voltages.into_iter().filter(|mv| *mv != u16::MAX).collect();
+        assert_eq!((sent, data.voltages_ext), (voltages, [0; 4]), "{cells} cells");
+    }
 }
 
 #[test]
@@ -1281,8 +1300,8 @@ proptest! {
         let data = build_battery_status(&state, pack);
         prop_assert_eq!(data.id, pack.instance());
         let battery = state.battery(pack);
-        match battery.cells.millivolts().len() {
-            0 => assert_pack_voltage(&data, battery.voltage_to_report_v()),
+        match battery.cells.count() {
+            0 | 15.. => assert_pack_voltage(&data, battery.voltage_to_report_v()),
             count => assert_cells(&data, count),
         }
         prop_assert!(data.current_battery > i16::MIN);

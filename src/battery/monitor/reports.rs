@@ -84,7 +84,7 @@ impl Reports {
     /// and so does the capacity of a sum.
     pub fn settings(&self, state: &BatteryState, settings: &PackSettings) -> Option<PackSettings> {
         let details = &state.details;
-        let cells = state.cells.millivolts().len() as u8;
+        let cells = state.cells.count() as u8;
         if details.chemistry.is_none()
             && details.serial_number.is_none()
             && self.gauge.full_mah().is_none()

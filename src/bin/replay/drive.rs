@@ -142,6 +142,20 @@ mod tests {
     }
 
     #[test]
+    fn the_cells_of_a_log_are_all_or_none() {
+        for (count, read) in [(13, 13), (14, 14), (16, 16), (22, 0)] {
+            let state = BatteryState {
+                voltage_v: Some(count as f32 * 3.3),
+                cells: CellVoltages::from_millivolts(&vec![3300; count]),
+                ..healthy()
+            };
+            let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, &state).collect();
+            let drive = drive_of(&log(&records), Pack::Second).expect("a drive");
+            assert_eq!(drive.trace.samples[0].cells.count(), read, "{count} cells");
+        }
+    }
+
+    #[test]
     fn the_date_is_that_of_the_first_reading() {
         let state = healthy();
         let reading = Recorded::Battery(Pack::First, &state);

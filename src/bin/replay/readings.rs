@@ -53,7 +53,10 @@ impl Readings {
             }
             ("BATX", Some(begun)) => estimate(begun, record),
             ("BCL", Some(begun)) => cells(begun, record, 0..FIRST_CELLS),
-            ("BCL2", Some(begun)) => cells(begun, record, FIRST_CELLS..MAX_CELLS),
+            ("BCL2", Some(begun)) => {
+                cells(begun, record, FIRST_CELLS..MAX_CELLS);
+                drop_incomplete_cells(begun);
+            }
             _ => {}
         }
     }
@@ -116,6 +119,20 @@ fn cells(sample: &mut Sample, record: &Record, places: Range<usize>) {
     let cells = places.map_while(|place| record.number(&format!("V{}", place + 1)));
     millivolts.extend(cells.take_while(|mv| *mv > 0.0).map(|mv| mv as u16));
     sample.cells = CellVoltages::from_millivolts(&millivolts);
+}
+
+/// A log has columns for the first cells of a larger stack only: their number is not the stack's. ArduPilot's has 14.
+fn drop_incomplete_cells(sample: &mut Sample) {
+    let cells_v: f32 = sample
+        .cells
+        .millivolts()
+        .iter()
+        .map(|mv| f32::from(*mv) / 1000.0)
+        .sum();
+    let missing_v = sample.voltage_v.unwrap_or(cells_v) - cells_v;
+    if missing_v > 0.5 * cells_v / sample.cells.count() as f32 {
+        sample.cells = CellVoltages::NONE;
+    }
 }
 
 fn number(record: &Record, column: &str) -> Option<f32> {

@@ -4,7 +4,7 @@ use super::pack_facts::battery_type;
 use super::units::{
     MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, temperature_cdegc, voltage_mv,
 };
-use crate::battery::{Amount, BatteryState, CellVoltages, ChargeState, Faults};
+use crate::battery::{Amount, BatteryState, ChargeState, Faults};
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
 };
@@ -36,9 +36,9 @@ const HECTOJOULES_PER_WH: f32 = 36.0;
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
 /// ones saturate.
 ///
-/// Cells that are measured are sent as they are, whichever of the pack's voltages is to be reported. While they aren't,
-/// that voltage stands in `voltages[0]`; above 65.534 V the rest spills into the next cells, so that their sum is the
-/// pack's voltage.
+/// Cells that are measured are sent as they are, whichever of the pack's voltages is to be reported. While they aren't, or
+/// are more than the message has fields for, that voltage stands in `voltages[0]`; above 65.534 V the rest spills into the
+/// next cells, so that their sum is the pack's voltage.
 pub fn build_battery_status(state: &SystemState<'_>, pack: Pack) -> BATTERY_STATUS_DATA {
     let battery = state.battery(pack);
     BATTERY_STATUS_DATA {
@@ -53,14 +53,22 @@ pub fn build_battery_status(state: &SystemState<'_>, pack: Pack) -> BATTERY_STAT
         battery_remaining: remaining_pct(battery.remaining_pct),
         time_remaining: time_remaining_s(battery.time_remaining_s),
         charge_state: charge_state(battery.charge_state),
-        voltages_ext: ext_cells(&battery.cells),
+        voltages_ext: ext_cells(cells(battery)),
         mode: MavBatteryMode::MAV_BATTERY_MODE_UNKNOWN,
         fault_bitmask: fault_bitmask(battery.faults_to_show()),
     }
 }
 
+/// The measured cells, if the message has fields for all of them.
+fn cells(battery: &BatteryState) -> &[u16] {
+    match battery.cells.count() <= CELLS + EXT_CELLS {
+        true => battery.cells.millivolts(),
+        false => &[],
+    }
+}
+
 fn voltages(battery: &BatteryState) -> [u16; CELLS] {
-    let measured = battery.cells.millivolts();
+    let measured = cells(battery);
     if measured.is_empty() {
         return pack_voltage_cells(battery.voltage_to_report_v());
     }
@@ -72,9 +80,9 @@ fn voltages(battery: &BatteryState) -> [u16; CELLS] {
 }
 
 /// The cells behind the tenth. One that is at 0 V is sent as 1 mV, since 0 is unused.
-fn ext_cells(measured: &CellVoltages) -> [u16; EXT_CELLS] {
+fn ext_cells(measured: &[u16]) -> [u16; EXT_CELLS] {
     let mut cells = [UNUSED_EXT_CELL_MV; EXT_CELLS];
-    for (cell, measured_mv) in cells.iter_mut().zip(measured.millivolts().iter().skip(CELLS)) {
+    for (cell, measured_mv) in cells.iter_mut().zip(measured.iter().skip(CELLS)) {
         *cell = (*measured_mv).clamp(1, MAX_VOLTAGE_MV);
     }
     cells

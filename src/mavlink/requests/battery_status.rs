@@ -2,13 +2,14 @@
 
 use core::array;
 
-use crate::battery::{CellVoltages, ChargeState, Faults, MAX_CELLS, Reported};
+use crate::battery::{CellVoltages, ChargeState, Faults, Reported};
 use crate::mavlink::payload::Payload;
 use crate::pack::Pack;
 use crate::sensor::ExternalReading;
 
 /// Fields of `voltages`; those of `voltages_ext` follow after other fields.
 const CELLS: usize = 10;
+const EXT_CELLS: usize = 4;
 
 const CURRENT_CONSUMED: usize = 0;
 const ENERGY_CONSUMED: usize = 4;
@@ -34,7 +35,7 @@ const MILLIVOLTS_PER_VOLT: f32 = 1e3;
 const HUNDREDTHS: f32 = 1e2;
 const HECTOJOULES_PER_WATT_HOUR: f32 = 36.0;
 
-type CellFields = [u16; MAX_CELLS];
+type CellFields = [u16; CELLS + EXT_CELLS];
 
 /// `None` if there is no such pack, or if its voltage is unknown: a component whose sensor has failed is not a source.
 pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
@@ -79,7 +80,7 @@ fn cell_fields(payload: &Payload<'_>) -> CellFields {
 /// not the pack's voltage.
 fn known_fields(fields: &CellFields) -> Option<&[u16]> {
     let is_unknown = |mv: &u16| *mv == VOLTAGE_UNKNOWN_MV;
-    let end = fields.iter().position(is_unknown).unwrap_or(MAX_CELLS);
+    let end = fields.iter().position(is_unknown).unwrap_or(fields.len());
     let (known, rest) = fields.split_at_checked(end)?;
     // 0 is an unused field of `voltages_ext`.
     let is_whole = rest.iter().all(|mv| is_unknown(mv) || *mv == 0);

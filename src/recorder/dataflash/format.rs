@@ -171,10 +171,10 @@ pub(super) const FORMATS: [Format; 20] = [
     Format {
         kind: Kind::MoreCells,
         name: "BCL2",
-        types: "QBHH",
-        columns: "TimeUS,Instance,V13,V14",
-        units: "s#vv",
-        multipliers: "F-CC",
+        types: "QBHHHH",
+        columns: "TimeUS,Instance,V13,V14,V15,V16",
+        units: "s#vvvv",
+        multipliers: "F-CCCC",
     },
     Format {
         kind: Kind::Estimate,

@@ -82,7 +82,7 @@ pub enum Record<'a> {
 impl<'a> Record<'a> {
     /// The records of a pack at one moment; of its cells where they are measured.
     pub fn of_pack(pack: Pack, state: &'a BatteryState) -> impl Iterator<Item = Self> {
-        let cells = state.cells.millivolts().len();
+        let cells = state.cells.count();
         let first_cells = (cells > 0).then_some(Self::Cells(pack, state));
         let more_cells = (cells > FIRST_CELLS).then_some(Self::MoreCells(pack, state));
         [

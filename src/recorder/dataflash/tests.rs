@@ -163,15 +163,23 @@ fn cells_beyond_the_twelfth_have_a_record_of_their_own() {
     );
     assert_eq!(
         encoded(Record::MoreCells(Pack::Third, &state)),
-        "a3958c080706050403020102a70e0000"
+        "a3958c080706050403020102a70e000000000000"
+    );
+    let all = BatteryState {
+        cells: CellVoltages::from_millivolts(&[3750; 16]),
+        ..state
+    };
+    assert_eq!(
+        encoded(Record::MoreCells(Pack::Third, &all)),
+        "a3958c080706050403020102a60ea60ea60ea60e"
     );
 }
 
 #[test]
 fn cells_are_recorded_where_they_are_measured() {
-    for (cells, records) in [(0, 2), (1, 3), (12, 3), (13, 4), (MAX_CELLS, 4)] {
+    for (cells, records) in [(0, 2), (1, 3), (12, 3), (13, 4), (16, 4), (22, 4)] {
         let state = BatteryState {
-            cells: CellVoltages::from_millivolts(&[3750; MAX_CELLS][..cells]),
+            cells: CellVoltages::from_millivolts(&vec![3750; cells]),
             ..BatteryState::UNKNOWN
         };
         assert_eq!(

@@ -8,7 +8,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    BatteryMonitor, CellVoltages, Chemistry, Date, GaugeReading, Measurement, PackSettings, ReadError, Tick,
+    BatteryMonitor, BatteryState, CellVoltages, Chemistry, Date, Faults, GaugeReading, Measurement,
+    PackSettings, ReadError, Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
@@ -144,6 +145,50 @@ fn read_one(devices: &mut BusDevices, bus: &mut Wires) -> Result<Measurement, Re
     let readings = read_next(devices, bus);
     assert_eq!(readings.len(), 1, "{readings:?}");
     readings[0].1
+}
+
+/// 16 LiFe cells, the last of which is at this voltage in millivolts: the state after three seconds.
+fn sixteen_cells(last_mv: u16) -> BatteryState {
+    let mut words = [3300; 20];
+    words[15] = last_mv;
+    // The stack in units of 10 mV, two pins and the current.
+    words[16] = ((15 * 3300 + u32::from(last_mv)) / 10) as u16;
+    words[17..].fill(0);
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bq76952), Instant::EPOCH);
+    let mut stack = Stack::new(&words, [0; 12], [5, 0, 0]);
+    // 25 °C.
+    stack.commands[0x68..0x6a].copy_from_slice(&2981u16.to_le_bytes());
+    let mut bus = Buses::i2c(stack);
+    let mut monitor = BatteryMonitor::new();
+    let settings = PackSettings {
+        chemistry: Chemistry::LiFe,
+        ..PackSettings::default()
+    };
+    for number in 1..30 {
+        for (_, reading) in read_next(&mut devices, &mut bus) {
+            let tick = Tick {
+                now: at_us(number * 100_000),
+                ..Tick::default()
+            };
+            let _ = monitor.update(tick, reading, &settings);
+        }
+    }
+    *monitor.state()
+}
+
+#[test]
+// Requirement: AP-7
+fn the_last_of_sixteen_cells_is_one_of_them() {
+    let sound = sixteen_cells(3300);
+    assert_eq!((sound.voltage_v, sound.cell_count), (Some(52.8), Some(16)));
+    assert_eq!(sound.faults, Faults::empty());
+    // Half full: 14 cells would be full at this voltage.
+    assert!(
+        sound.remaining_pct.is_none_or(|percent| percent < 80.0),
+        "{sound:?}"
+    );
+    let broken = sixteen_cells(2000);
+    assert_eq!(broken.faults, Faults::CELL_FAIL | Faults::DEEP_DISCHARGE);
 }
 
 /// A battery that follows version 1.1 of the specification, with these words instead of its own.

@@ -5,7 +5,7 @@ use heapless::Vec;
 use super::NodeId;
 use super::frame::{Direction, Identifier};
 use super::transfers::SignatureCrc;
-use crate::battery::{CellVoltages, MAX_CELLS, Name, Supply};
+use crate::battery::{CellVoltages, Name, Supply};
 use crate::numbers::round_to_i32;
 use crate::sensor::ControllerReading;
 
@@ -211,19 +211,17 @@ impl BatteryAux {
     }
 }
 
-/// The voltage of each cell; none if one of them is unknown, or if there are more than are shown: their number counts.
+/// The voltage of each cell; none if one of them is unknown: their number counts.
 fn cells(reader: &mut BitReader) -> Option<CellVoltages> {
-    let mut millivolts: Vec<u16, MAX_CELLS> = Vec::new();
+    let mut cells = CellVoltages::NONE;
     let mut is_known = true;
     for _ in 0..reader.byte(8)? {
-        let cell = reader.known()?.and_then(millivolts_of);
-        is_known &= cell.is_some_and(|cell| millivolts.push(cell).is_ok());
+        match reader.known()?.and_then(millivolts_of) {
+            Some(cell_mv) => cells.push(cell_mv),
+            None => is_known = false,
+        }
     }
-    Some(if is_known {
-        CellVoltages::from_millivolts(&millivolts)
-    } else {
-        CellVoltages::NONE
-    })
+    Some(if is_known { cells } else { CellVoltages::NONE })
 }
 
 fn millivolts_of(voltage_v: f32) -> Option<u16> {

@@ -15,6 +15,9 @@ const SMART_BATTERY: f32 = 7.0;
 
 const ADDRESS: u8 = 0x08;
 
+const DEEP_DISCHARGE: u32 = 1;
+const CELL_FAIL: u32 = 4;
+
 /// Units of 10 mV and 10 mA.
 const CENTIVOLTS_AND_CENTIAMPERES: u8 = 0x06;
 
@@ -57,16 +60,19 @@ fn a_stack_reports_its_cells_and_counts_charge_while_it_is_not_read() {
 fn sixteen_cells_add_up_and_a_cell_that_fails_is_still_one() {
     let part = shared(Bq76952::new());
     part.borrow_mut().set(&[3650; 16], 2.0, 25.0);
-    let mut bench = with_second_pack(BQ76952, ADDRESS, &part, &[("BATT2_CELLS", 16.0)]);
-    bench.run_for(SECOND);
-    let battery = bench.frames();
-    let status = support::frames::last_of(&battery, 1);
-    assert_eq!(cells(&status, 10), [3650; 10]);
-    let mut failed = [3650; 16];
-    failed[1] = 100;
-    part.borrow_mut().set(&failed, 2.0, 25.0);
+    let mut bench = with_second_pack(BQ76952, ADDRESS, &part, &[]);
+    let unused = vec![u16::MAX; 9];
     after_a_second(&mut bench, |status| {
-        assert_eq!(cells(&status, 3), [3650, 100, 3650]);
+        assert_eq!(cells(&status, 10), [vec![58_400], unused.clone()].concat());
+        assert_eq!(status.fault_bitmask(), 0);
+    });
+    let mut failed = [3650; 16];
+    failed[15] = 100;
+    part.borrow_mut().set(&failed, 2.0, 25.0);
+    bench.run_for(SECOND);
+    after_a_second(&mut bench, |status| {
+        assert_eq!(cells(&status, 10), [vec![54_850], unused].concat());
+        assert_eq!(status.fault_bitmask(), DEEP_DISCHARGE | CELL_FAIL);
     });
 }
 

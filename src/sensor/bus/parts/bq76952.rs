@@ -7,7 +7,7 @@
 //! read at once (962018) and how the two halves of the charge go together (970294); published drivers alone have the meaning of
 //! the bits of the unit of current.
 
-use crate::battery::{BusError, CellVoltages, Consumed, Counted, MAX_CELLS, Measurement, ReadError};
+use crate::battery::{BusError, CellVoltages, Consumed, Counted, Measurement, ReadError};
 use crate::log::info;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
@@ -167,12 +167,11 @@ impl Bq76952 {
                 connected.fold(0, |cells, (input, _)| cells | 1 << input)
             })
         });
-        let mut cells_mv = heapless::Vec::<u16, MAX_CELLS>::new();
+        let mut voltages = CellVoltages::NONE;
         for (_, mv) in inputs().filter(|(input, _)| cells >> input & 1 != 0) {
-            // More are not reported.
-            let _ = cells_mv.push(*mv);
+            voltages.push(*mv);
         }
-        CellVoltages::from_millivolts(&cells_mv)
+        voltages
     }
 }
 

@@ -251,13 +251,15 @@ fn gauge_outlasts_the_silence_of_what_reports_the_nominal_voltage() {
 }
 
 #[test]
-fn cells_are_shown_all_or_none() {
-    for (cells_v, millivolts) in [
-        (vec![4.0; 14], vec![4000; 14]),
-        (vec![4.0; 15], vec![]),
-        (vec![4.0; 22], vec![]),
-        (vec![4.0, f32::NAN, 4.0], vec![]),
-        (vec![4.0, -1.0], vec![]),
+fn all_cells_count_or_none() {
+    let mut low = vec![4.0; 22];
+    low[21] = 2.0;
+    for (cells_v, count, lowest_v) in [
+        (vec![4.0; 14], 14, Some(4.0)),
+        (vec![4.0; 15], 15, Some(4.0)),
+        (low, 22, Some(2.0)),
+        (vec![4.0, f32::NAN, 4.0], 0, None),
+        (vec![4.0, -1.0], 0, None),
     ] {
         let mut bench = Bench::with_packs(&[pack(Pack::First)]);
         let battery = Battery::new(42, 0);
@@ -266,7 +268,10 @@ fn cells_are_shown_all_or_none() {
         bench.take_readings();
         bench.receive(&battery.frames(1));
         let reading = reading(&mut bench);
-        assert_eq!(reading.cells.millivolts(), millivolts);
+        assert_eq!(
+            (reading.cells.count(), reading.cells.lowest_v()),
+            (count, lowest_v)
+        );
         assert_eq!(reading.details.cycle_count, Some(17));
     }
 }
