@@ -16,6 +16,8 @@ pub enum ArmingFailure {
     Failed,
     /// The voltage does not fit `BATT_CELLS`: what the charge is computed from is wrong.
     WrongCells,
+    /// The voltage is that of fewer cells than the pack had before, or of as many that are deeply discharged.
+    UnclearCells,
     /// A cell rests lower than the charge that the pack reports allows.
     ContradictedCharge,
     /// The pack is too hot.
@@ -48,6 +50,7 @@ impl fmt::Display for ArmingFailure {
             Self::Unhealthy => "unhealthy",
             Self::Failed => "has failed",
             Self::WrongCells => "voltage does not fit cells",
+            Self::UnclearCells => "cells unclear",
             Self::ContradictedCharge => "charge contradicts voltage",
             Self::TooHot => "over temperature",
             Self::ReportsUnhealthy => "unhealthy: its own report",
@@ -66,10 +69,11 @@ impl fmt::Display for ArmingFailure {
 
 impl ArmingFailure {
     /// All, in the order in which they are reported.
-    const ALL: [Self; 15] = [
+    const ALL: [Self; 16] = [
         Self::Unhealthy,
         Self::Failed,
         Self::WrongCells,
+        Self::UnclearCells,
         Self::ContradictedCharge,
         Self::TooHot,
         Self::ReportsUnhealthy,
@@ -169,14 +173,20 @@ mod tests {
     }
 
     #[test]
-    fn pack_with_another_number_of_cells_fails() {
-        let state = BatteryState {
-            status: PackStatus::Healthy,
-            faults: Faults::CELLS_CONFIGURATION,
-            ..BatteryState::default()
-        };
-        let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
-        assert_eq!(failures, [ArmingFailure::WrongCells]);
+    fn pack_with_another_number_of_cells_or_an_unclear_one_fails() {
+        for (cell_count, failure) in [
+            (Some(3), ArmingFailure::WrongCells),
+            (None, ArmingFailure::UnclearCells),
+        ] {
+            let state = BatteryState {
+                status: PackStatus::Healthy,
+                faults: Faults::CELLS_CONFIGURATION,
+                cell_count,
+                ..BatteryState::default()
+            };
+            let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
+            assert_eq!(failures, [failure]);
+        }
     }
 
     /// The failures of a healthy pack without thresholds.

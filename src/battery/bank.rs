@@ -81,6 +81,7 @@ impl BatteryBank {
             lost_members: mask_of(|state| state.status != PackStatus::Healthy),
             members_capacity_mah: of_members().map(|monitor| monitor.state().full_capacity()).sum(),
             members_spread: spread(of_members().map(BatteryMonitor::resting_v)),
+            doubtful_cells: of_members().filter_map(BatteryMonitor::doubtful_cells).max(),
             ..measurement
         })
     }

@@ -115,7 +115,10 @@ impl BatteryState {
 
     /// Why arming is refused, in any order and perhaps repeatedly.
     pub(super) fn refusals(&self) -> impl Iterator<Item = ArmingFailure> {
-        self.conditions().filter_map(|row| row.failure)
+        self.conditions().filter_map(|row| match row.failure {
+            Some(ArmingFailure::WrongCells) if self.has_unclear_cells() => Some(ArmingFailure::UnclearCells),
+            failure => failure,
+        })
     }
 
     /// Whether the pack must not be used, whatever its charge: a cell has failed, or it reports that it has.

@@ -37,6 +37,8 @@ pub(super) struct Reading {
     pub unmeasured_mah: f32,
     /// The most that can be left by the source's count, from 0 to 1.
     pub share_at_most: f32,
+    /// Cells that the pack had before.
+    pub known_cells: Option<u8>,
     pub arm_state: ArmState,
 }
 
@@ -65,6 +67,8 @@ pub(super) struct EstimatorMemory {
 pub(super) struct Estimator {
     resistance: ResistanceEstimator,
     cells: CellCount,
+    /// Whether the cells are detected, and in doubt: nothing is estimated.
+    cells_are_doubtful: bool,
     average_current: MeanThenLowPass,
     charge: ChargeEstimator,
     /// The latest estimate as it is reported, if it is certain enough.
@@ -108,6 +112,7 @@ impl Estimator {
         Self {
             resistance: ResistanceEstimator::new(),
             cells: CellCount::new(),
+            cells_are_doubtful: false,
             average_current: MeanThenLowPass::new(AVERAGE_TIME_CONSTANT_S),
             charge: ChargeEstimator::new(),
             reported: None,
@@ -128,8 +133,10 @@ impl Estimator {
         let event = self.detect_cells(reading, settings);
         let cells = (settings.chemistry, settings.cell_count);
         let before = self.estimated_for.replace(cells);
-        if before.is_some_and(|before| before != cells) {
-            // The estimate so far was made with wrong settings.
+        let is_doubtful = settings.cell_count.is_none() && self.cells.is_doubtful();
+        let was_doubtful = core::mem::replace(&mut self.cells_are_doubtful, is_doubtful);
+        if before.is_some_and(|before| before != cells) || was_doubtful != is_doubtful {
+            // The estimate so far was made with wrong settings, or for wrong cells.
             self.charge = ChargeEstimator::new();
         }
         let second = self.charge.add(
@@ -151,6 +158,7 @@ impl Estimator {
             reading.voltage_v?,
             reading.current_a,
             settings.chemistry,
+            reading.known_cells,
         )
     }
 
@@ -200,6 +208,11 @@ impl Estimator {
     /// Cells in series, as set, else as detected.
     pub fn cell_count(&self, settings: &PackSettings) -> Option<u8> {
         settings.cell_count.or(self.cells.cells())
+    }
+
+    /// Whether the detected cells may be fewer than there are.
+    pub fn cells_are_doubtful(&self) -> bool {
+        self.cells_are_doubtful
     }
 
     /// The pack's resistance, once measured.
@@ -262,9 +275,11 @@ impl Estimator {
         self.estimated_for = memory.estimated_for;
     }
 
-    /// Sets the state of charge, from 0 to 1, on a battery reset.
+    /// Sets the state of charge, from 0 to 1, on a battery reset; ignored while the cells are in doubt.
     pub fn set_state_of_charge(&mut self, share: f32) {
-        self.set_known(KnownCharge::set(share));
+        if !self.cells_are_doubtful {
+            self.set_known(KnownCharge::set(share));
+        }
     }
 
     /// The owner says that this is another pack.

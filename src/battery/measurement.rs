@@ -65,6 +65,8 @@ pub struct Measurement {
     pub members_capacity_mah: Option<f32>,
     /// By how much the highest resting voltage of a sum's members exceeds the lowest, relative to it.
     pub members_spread: Option<f32>,
+    /// Cells that a sum's members may have although their voltage is that of fewer.
+    pub doubtful_cells: Option<u8>,
 }
 
 impl Measurement {
@@ -380,7 +382,7 @@ impl CellVoltages {
     /// Not measured.
     pub const NONE: Self = Self {
         millivolts: [0; MAX_CELLS],
-        lowest_mv: u16::MAX,
+        lowest_mv: 0,
         highest_mv: 0,
         count: 0,
     };
@@ -401,7 +403,9 @@ impl CellVoltages {
         if let Some(place) = self.millivolts.get_mut(usize::from(self.count)) {
             *place = cell_mv;
         }
-        self.lowest_mv = self.lowest_mv.min(cell_mv);
+        if self.count == 0 || cell_mv < self.lowest_mv {
+            self.lowest_mv = cell_mv;
+        }
         self.highest_mv = self.highest_mv.max(cell_mv);
         self.count = self.count.saturating_add(1);
     }
@@ -418,8 +422,8 @@ impl CellVoltages {
 
     /// Highest minus lowest cell voltage, in volts.
     pub fn imbalance_v(&self) -> Option<f32> {
-        let imbalance_mv = self.highest_mv.checked_sub(self.lowest_mv)?;
-        Some(f32::from(imbalance_mv) / 1000.0)
+        let imbalance_mv = self.highest_mv.saturating_sub(self.lowest_mv);
+        (self.count > 0).then(|| f32::from(imbalance_mv) / 1000.0)
     }
 
     /// The lowest cell voltage, in volts.

@@ -22,7 +22,8 @@ bitflags! {
         const INCOMPATIBLE_VOLTAGE = 64;
         /// The pack reports that its firmware does not fit.
         const INCOMPATIBLE_FIRMWARE = 128;
-        /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry, or the pack reports other cells than it should have.
+        /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry, or may be that of more cells than it is usual for;
+        /// or the pack reports other cells than it should have.
         const CELLS_CONFIGURATION = 256;
         /// The pack reports that it is bad: it must not be used.
         const BAD_BATTERY = 1 << 13;

@@ -68,6 +68,8 @@ const DETECTABLE: [(u8, f32, f32); 3] = [(1, 2.5, 4.35), (2, 5.0, 8.7), (3, 9.0,
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CellCount {
     detected: Detected,
+    /// The voltage at which they were detected, in volts.
+    voltage_v: f32,
     rest: Rest,
 }
 
@@ -76,22 +78,30 @@ enum Detected {
     Pending,
     Ambiguous,
     Cells(u8),
+    /// They may be more that are deeply discharged: as many as the pack had before.
+    Doubtful(u8),
 }
 
 impl CellCount {
     pub const fn new() -> Self {
         Self {
             detected: Detected::Pending,
+            voltage_v: 0.0,
             rest: Rest::new(),
         }
     }
 
-    /// The number of cells, once detected.
+    /// The number of cells, once detected and not in doubt.
     pub fn cells(&self) -> Option<u8> {
         match self.detected {
             Detected::Cells(count) => Some(count),
-            Detected::Pending | Detected::Ambiguous => None,
+            Detected::Pending | Detected::Ambiguous | Detected::Doubtful(_) => None,
         }
+    }
+
+    /// Whether the detected cells may be fewer than there are.
+    pub fn is_doubtful(&self) -> bool {
+        matches!(self.detected, Detected::Doubtful(_))
     }
 
     /// Takes over the number detected before a restart of the firmware.
@@ -99,28 +109,39 @@ impl CellCount {
         self.detected = Detected::Cells(count);
     }
 
-    /// Takes a reading, and returns an event when detection ends.
+    /// Takes a reading, with the number of cells that the pack had before, if that is known. Returns an event when
+    /// detection ends, and when a doubt begins or ends.
     pub fn update(
         &mut self,
         dt_s: f32,
         voltage_v: f32,
         current_a: Option<f32>,
         chemistry: Chemistry,
+        known: Option<u8>,
     ) -> Option<PackEvent> {
-        if self.detected != Detected::Pending {
+        let before = self.detected;
+        if before == Detected::Pending {
+            self.voltage_v = self.rest.update(dt_s, voltage_v, current_a)?;
+            self.detected =
+                cells_at_rest(self.voltage_v, chemistry).map_or(Detected::Ambiguous, Detected::Cells);
+        }
+        if let Detected::Cells(count) | Detected::Doubtful(count) = self.detected {
+            let least_v = |known: u8| f32::from(known) * chemistry.cell().min_v;
+            let is_doubtful = known.is_some_and(|known| known > count && self.voltage_v >= least_v(known));
+            self.detected = match is_doubtful {
+                true => Detected::Doubtful(count),
+                false => Detected::Cells(count),
+            };
+        }
+        if self.detected == before {
             return None;
         }
-        let resting_v = self.rest.update(dt_s, voltage_v, current_a)?;
-        match cells_at_rest(resting_v, chemistry) {
-            Some(count) => {
-                self.detected = Detected::Cells(count);
-                Some(PackEvent::CellsDetected { count })
-            }
-            None => {
-                self.detected = Detected::Ambiguous;
-                Some(PackEvent::CellsAmbiguous { voltage_v: resting_v })
-            }
-        }
+        Some(match self.cells() {
+            Some(count) => PackEvent::CellsDetected { count },
+            None => PackEvent::CellsAmbiguous {
+                voltage_v: self.voltage_v,
+            },
+        })
     }
 }
 
@@ -153,7 +174,7 @@ mod tests {
     fn events(chemistry: Chemistry, current_a: Option<f32>, at: impl Fn(f32) -> f32) -> Vec<PackEvent> {
         let mut cells = CellCount::new();
         (0..50)
-            .filter_map(|sample| cells.update(0.1, at(sample as f32 / 10.0), current_a, chemistry))
+            .filter_map(|sample| cells.update(0.1, at(sample as f32 / 10.0), current_a, chemistry, None))
             .collect()
     }
 

@@ -177,6 +177,11 @@ impl BatteryState {
         self.faults | self.reported.faults
     }
 
+    /// Whether the pack may have more cells than its voltage is usual for: what was kept of it has more.
+    pub fn has_unclear_cells(&self) -> bool {
+        self.cell_count.is_none() && self.faults.contains(Faults::CELLS_CONFIGURATION)
+    }
+
     /// Charge drawn since boot or the last battery reset, in milliampere-hours; `None` also for a tank.
     pub fn consumed_mah(&self) -> Option<f32> {
         self.consumed?.mah()

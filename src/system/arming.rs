@@ -6,7 +6,7 @@ use super::{ArmingReadiness, LogHealth, SystemState};
 use crate::battery::{ArmingFailure, PackSettings, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
-use crate::parameter::{ParameterTrouble, Parameters, StickParameter, VehicleParameter};
+use crate::parameter::{BatteryParameter, ParameterTrouble, Parameters, StickParameter, VehicleParameter};
 use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
@@ -45,6 +45,11 @@ impl ArmingObstacle {
             )),
             Self::Restarting => text(format_args!("{checked_by}: restarting")),
             Self::Parameters(trouble) => text(format_args!("{checked_by}: {}", trouble.text())),
+            Self::Pack(pack, failure @ ArmingFailure::UnclearCells) => text(format_args!(
+                "{checked_by}: Battery {} {failure}: set {}",
+                pack.number(),
+                BatteryParameter::Cells.of(pack).name()
+            )),
             Self::Pack(pack, failure) => {
                 text(format_args!("{checked_by}: Battery {} {failure}", pack.number()))
             }
@@ -129,6 +134,12 @@ mod tests {
                 Pack::First,
                 ArmingFailure::BelowArmingVoltage,
                 "Arm: Battery 1 below minimum arming voltage",
+            ),
+            (
+                "PreArm",
+                Pack::Ninth,
+                ArmingFailure::UnclearCells,
+                "PreArm: Battery 9 cells unclear: set BATT9_CELLS",
             ),
         ] {
             assert_eq!(ArmingObstacle::Pack(pack, failure).text(checked_by), expected);

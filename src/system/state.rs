@@ -58,10 +58,12 @@ impl SystemState<'_> {
         self.mask_of(|battery| battery.status != PackStatus::Disabled)
     }
 
-    /// The packs whose charge is known from a gauge of their own or reported by another component, a bit each, bit 0 for the
-    /// first.
+    /// The packs whose charge can't be set, a bit each, bit 0 for the first: it is known from a gauge of their own or reported by
+    /// another component, or their cells are unclear.
     pub fn gauged_mask(&self) -> u16 {
-        self.mask_of(|battery| battery.charge_source != ChargeSource::Estimated)
+        self.mask_of(|battery| {
+            battery.charge_source != ChargeSource::Estimated || battery.has_unclear_cells()
+        })
     }
 
     /// The packs in `mask` and the monitored ones that they are the sum of, a bit each, bit 0 for the first.

@@ -9,14 +9,17 @@ use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
 
 use emulator::LogLevel;
-use support::frames::{STATUSTEXT, of_message};
+use support::frames::{STATUSTEXT, last_of, of_message, texts_of};
 use support::learnt_record::learnt_words;
-use support::requests::{command_long, param_read_by_name, param_set, reboot};
+use support::requests::{arm, command_long, param_read_by_name, param_set, reboot};
 use workbench::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES, value_of,
 };
 
 const PREFLIGHT_STORAGE: u16 = 245;
+
+/// What the converter makes of 4.2 V: of two cells that are over-discharged, or of one that is full.
+const CODE_OF_4_2_V: u16 = 1320;
 
 /// Records that a sector takes.
 const SLOTS: u32 = 63;
@@ -160,4 +163,31 @@ fn worn_out_region_is_announced_once_and_nothing_else_suffers() {
     bench.run_for(SECOND);
     assert_eq!(read(&mut bench, "BATT_LOW_VOLT"), 6.5);
     assert_eq!(capacity_mah(&mut bench), 2950.0, "it was not erased");
+}
+
+#[test]
+fn an_empty_pack_with_the_cells_in_flash_is_no_full_smaller_one() {
+    let content = flash_with([(FIRST, 2950.0)]);
+    let mut bench = Bench::power_up_with_flash(CODE_OF_4_2_V, LEARNT_OFFSET, &content);
+    let unclear = "Arm: Battery 1 cells unclear: set BATT_CELLS";
+    let remaining_pct = |bench: &mut Bench| last_of(&bench.frames(), 0).remaining_pct();
+    for _ in 0..2 {
+        bench.run_for(6 * SECOND);
+        let texts = texts_of(&bench.frames());
+        let announced = texts
+            .iter()
+            .any(|text| text.starts_with("Battery 1 cells unclear at 4."));
+        assert!(announced, "{texts:?}");
+        assert_eq!(remaining_pct(&mut bench), -1);
+        assert_eq!(texts_of(&bench.ask(&arm())), [unclear]);
+        bench.forget_sent();
+        bench.reboot();
+    }
+    bench.run_for(60 * SECOND);
+    let is_kept = bench.read_flash(LEARNT_OFFSET, LEARNT_BYTES) == content;
+    assert!(is_kept, "nothing is overwritten");
+    bench.set("BATT_CELLS", 1.0);
+    bench.run_for(3 * SECOND);
+    assert!(remaining_pct(&mut bench) > 90);
+    assert_eq!(texts_of(&bench.ask(&arm())), [] as [&str; 0]);
 }

@@ -388,10 +388,11 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 15] = [
+const ARMING_FAILURES: [ArmingFailure; 16] = [
     ArmingFailure::Unhealthy,
     ArmingFailure::Failed,
     ArmingFailure::WrongCells,
+    ArmingFailure::UnclearCells,
     ArmingFailure::ContradictedCharge,
     ArmingFailure::TooHot,
     ArmingFailure::ReportsUnhealthy,
@@ -461,7 +462,10 @@ fn announced() -> Vec<String> {
     let packs = pack_events()
         .into_iter()
         .map(|event| Announcement::Pack(Pack::First, &event).text().as_str().to_owned());
-    let arming = ARMING_FAILURES.map(|failure| format!("PreArm: Battery 1 {failure}"));
+    let arming = ARMING_FAILURES.map(|failure| {
+        let obstacle = ArmingObstacle::Pack(Pack::First, failure);
+        obstacle.text("PreArm").as_str().to_owned()
+    });
     let misfits = [
         ArmingObstacle::SticksMisfit(StickParameter::RcmapThrottle, StickParameter::RcmapRoll),
         ArmingObstacle::SticksMisfit(StickParameter::Rc1Min, StickParameter::Rc1Trim),

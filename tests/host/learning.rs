@@ -8,9 +8,10 @@ use rover_battmon::host::sim::{PackModel, SimulatedPack};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+use rover_battmon::vehicle::ArmState;
 use support::desk::{Desk, adc_count};
-use support::frames::{STATUSTEXT, of_message};
-use support::requests::{VEHICLE_ID, command_long_2, manual_control, param_set};
+use support::frames::{COMMAND_ACK, STATUSTEXT, of_message, texts_of};
+use support::requests::{VEHICLE_ID, arm, command_long_2, manual_control, param_set};
 
 /// Scales of the divider and the current sensor: those of the board, and one that resolves milliamperes.
 const DIVIDER: f32 = 3.95;
@@ -26,6 +27,9 @@ const RESTING_A: f32 = 0.1;
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21196.0;
 const BATTERY_RESET: u16 = 42651;
+
+/// MAV_RESULT_FAILED.
+const FAILED: u8 = 4;
 
 /// A pack of three cells at rest.
 fn pack_of(capacity_ah: f32, charge: f32) -> SimulatedPack {
@@ -101,6 +105,13 @@ impl Rover {
                 .iter()
                 .map(|frame| frame.text(1, 50)),
         );
+    }
+
+    /// Ticks of a pack at rest at this voltage.
+    fn rest_at(&mut self, voltage_v: f32, ticks: usize) {
+        for _ in 0..ticks {
+            self.measure(voltage_v, RESTING_A);
+        }
     }
 
     fn run_jobs(&mut self) {
@@ -334,6 +345,64 @@ fn a_swapped_pack_does_not_inherit() {
         rover.writes, writes,
         "flash keeps what it has until this pack is learnt"
     );
+}
+
+/// A rover that has kept three cells, and detects two of an over-discharged pack.
+fn rover_with_unclear_cells() -> Rover {
+    let mut rover = Rover::new(&[], full());
+    rover.wait(100.0, RESTING_A);
+    rover.set("BATT_CELLS", 0.0);
+    rover.power_cycle();
+    rover.texts.clear();
+    rover.rest_at(8.5, 100);
+    rover
+}
+
+#[test]
+fn an_over_discharged_pack_is_not_taken_for_a_full_smaller_one() {
+    let mut rover = rover_with_unclear_cells();
+    assert_eq!(
+        (rover.state().cell_count, rover.state().remaining_pct),
+        (None, None)
+    );
+    let says = |rover: &Rover, start: &str| rover.texts.iter().any(|text| text.starts_with(start));
+    assert!(
+        says(&rover, "Battery 1 cells unclear at 8.5"),
+        "{:?}",
+        rover.texts
+    );
+    assert!(!says(&rover, "Set BATT_LOW_VOLT"), "{:?}", rover.texts);
+
+    let answers = rover.desk.ask(&arm());
+    assert_eq!(
+        texts_of(&answers),
+        ["Arm: Battery 1 cells unclear: set BATT_CELLS"]
+    );
+    let answers = rover.desk.ask(&command_long_2(BATTERY_RESET, 65535.0, 100.0));
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), FAILED);
+    rover.rest_at(8.5, 1000);
+    assert_eq!(rover.state().remaining_pct, None);
+    assert_eq!(rover.writes, 1, "what is kept stays");
+    rover.arm();
+    assert_eq!(rover.desk.vehicle().arm_state(), ArmState::Armed, "forced");
+}
+
+#[test]
+fn unclear_cells_end_without_a_restart() {
+    for (name, value, cells) in [
+        ("BATT_CELLS", 3.0, 3),
+        ("BATT_SERIAL_NUM", 7.0, 2),
+        ("BATT_LRN_ERASE", 1.0, 2),
+    ] {
+        let mut rover = rover_with_unclear_cells();
+        rover.desk.ask(&param_set(name, value));
+        rover.rest_at(8.5, 2);
+        assert_eq!(rover.state().cell_count, Some(cells), "{name}");
+        rover.rest_at(8.5, 20);
+        assert!(rover.state().remaining_pct.is_some(), "{name}");
+        let texts = texts_of(&rover.desk.ask(&arm()));
+        assert!(!texts.iter().any(|text| text.contains("cells")), "{texts:?}");
+    }
 }
 
 #[test]

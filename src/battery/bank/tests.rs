@@ -3,7 +3,7 @@ use crate::battery::{
     BusError, ChargeSource, FailsafeSettings, Faults, Gauge, GaugeReading, PackEvent, PackSettings,
     Thermometer, Tick,
 };
-use crate::time::Instant;
+use crate::time::{Instant, at_us};
 
 /// Two packs in parallel, and a third that is their sum.
 struct Bench {
@@ -417,4 +417,35 @@ fn a_live_change_of_the_members_draws_nothing() {
     bench.mask = 0b10;
     bench.run(0.5, &both);
     assert!((before_pct - bench.remaining_pct()).abs() < 0.4);
+}
+
+#[test]
+fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
+    let mut bank = BatteryBank::new();
+    let kept = "chemistry 1\ncells 3".parse().expect("a pack");
+    bank.monitor(Pack::Second).restore_learnt(kept);
+    let settings = PackSettings::default();
+    let run = |bank: &mut BatteryBank, from: u64| {
+        for number in from..from + 40 {
+            let tick = Tick {
+                now: at_us(number * 100_000),
+                ..Tick::default()
+            };
+            let reading = Measurement {
+                voltage_v: Some(8.5),
+                ..Measurement::default()
+            };
+            let _ = bank.monitor(Pack::First).update(tick, Ok(reading), &settings);
+            let _ = bank.monitor(Pack::Second).update(tick, Ok(reading), &settings);
+            let sum = bank.sum(Pack::Third, 3, 7, SumVoltage::Mean, tick.arm_state);
+            let _ = bank.monitor(Pack::Third).update(tick, sum, &settings);
+        }
+        let states = bank.monitors().map(|(_, monitor)| monitor.state());
+        states.map(|state| state.cell_count).collect::<Vec<_>>()[..3].to_vec()
+    };
+    assert_eq!(run(&mut bank, 1), [Some(2), None, None]);
+    let sum = *bank.monitor(Pack::Third).state();
+    assert!(sum.has_unclear_cells() && sum.remaining_pct.is_none(), "{sum:?}");
+    bank.monitor(Pack::Second).forget_learnt();
+    assert_eq!(run(&mut bank, 41), [Some(2); 3]);
 }

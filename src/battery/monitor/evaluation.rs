@@ -7,7 +7,7 @@ use crate::battery::failsafe::{Failsafe, Observation, ReachedLevels};
 use crate::battery::reporters::ChargeReporter;
 use crate::battery::settings::PackSettings;
 use crate::battery::swap::Replacement;
-use crate::battery::{Amount, BatteryState, PackEvent, PackEvents, Tick};
+use crate::battery::{Amount, BatteryState, Faults, PackEvent, PackEvents, Tick};
 use crate::time::Instant;
 
 /// Evaluates the state of one pack after every tick.
@@ -34,6 +34,8 @@ pub(super) struct Basis {
     pub last_voltage_v: Option<f32>,
     /// Upper bound of the remaining charge, in percent, if it is known.
     pub remaining_at_most_pct: Option<f32>,
+    /// Whether the detected cells may be fewer than there are.
+    pub cells_are_doubtful: bool,
     pub at_rest: AtRest,
 }
 
@@ -49,6 +51,9 @@ impl Evaluation {
         let Basis { tick, dt_s, .. } = *basis;
         if basis.is_fresh {
             state.faults = self.diagnosis.update(dt_s, state, &basis.at_rest, settings);
+            if basis.cells_are_doubtful {
+                state.faults |= Faults::CELLS_CONFIGURATION;
+            }
         }
         let reached = self.update_failsafe(basis, state, settings, events);
         state.failsafe = self.failsafe.level();

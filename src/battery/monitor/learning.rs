@@ -17,8 +17,9 @@ enum Standing {
     Saved,
     /// It has to be written.
     Unsaved,
-    /// The pack was swapped: flash holds what was learnt of the one before, until this one is learnt.
-    Swapped,
+    /// The pack was swapped: flash holds what was learnt of the one before, which had this many cells, until this one is
+    /// learnt.
+    Swapped(Option<u8>),
 }
 
 impl Learnt {
@@ -57,9 +58,17 @@ impl Learnt {
         match serial_number {
             Some(_) => self.pack = self.pack.without_charge(),
             None => {
+                self.standing = Standing::Swapped(self.kept_cells());
                 self.pack = LearntPack::of(self.pack.serial_number);
-                self.standing = Standing::Swapped;
             }
+        }
+    }
+
+    /// Cells of the pack that flash holds.
+    pub fn kept_cells(&self) -> Option<u8> {
+        match self.standing {
+            Standing::Swapped(cells) => cells,
+            Standing::Saved | Standing::Unsaved => self.pack.cell_count(),
         }
     }
 
@@ -102,7 +111,7 @@ impl Learnt {
             return;
         }
         self.pack = kept;
-        if self.standing != Standing::Swapped || kept.learnt().is_some() {
+        if !matches!(self.standing, Standing::Swapped(_)) || kept.learnt().is_some() {
             self.standing = Standing::Unsaved;
         }
     }

@@ -203,6 +203,7 @@ impl BatteryMonitor {
                 .and_then(|current_a| mean_current_a(dt_us, previous_a, current_a)),
             unmeasured_mah: 0.0,
             share_at_most: 1.0,
+            known_cells: measurement.doubtful_cells,
             arm_state: tick.arm_state,
         };
         if measurement
@@ -228,6 +229,7 @@ impl BatteryMonitor {
         }
         let capacities_mah = [self.state.learnt_capacity_mah, settings.capacity_mah];
         reading.share_at_most = self.counting.share_at_most(capacities_mah);
+        reading.known_cells = reading.known_cells.or(self.kept_cells());
         let findings = self.update_estimates(&reading, settings);
         self.update_state(tick.now, measurement, settings);
         if let Some(event) = findings.event {
@@ -312,6 +314,16 @@ impl BatteryMonitor {
         self.reports.gauge.full_mah().is_none()
             && self.state.members == 0
             && self.state.contents == Contents::Charge
+    }
+
+    /// Cells of the pack that flash holds.
+    fn kept_cells(&self) -> Option<u8> {
+        self.learnt.as_ref()?.kept_cells()
+    }
+
+    /// Cells that the pack may have although its voltage is that of fewer.
+    pub(super) fn doubtful_cells(&self) -> Option<u8> {
+        self.kept_cells().filter(|_| self.estimator.cells_are_doubtful())
     }
 
     /// Charge drawn since the start, in milliampere-hours.
@@ -473,6 +485,7 @@ impl BatteryMonitor {
             last_healthy: self.last_healthy,
             last_voltage_v: self.last_voltage_v,
             remaining_at_most_pct,
+            cells_are_doubtful: self.estimator.cells_are_doubtful(),
             at_rest: AtRest {
                 voltage_v: self.swap_detector.resting_v(),
                 spread: self.reports.members_spread,

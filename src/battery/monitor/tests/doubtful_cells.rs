@@ -1,0 +1,143 @@
+use super::*;
+use crate::battery::ArmingFailure;
+use crate::battery::learnt::LearntCapacity;
+
+/// Flash holds a pack with so many cells, under this serial number.
+fn of_cells(cell_count: u8, serial_number: Option<i32>) -> LearntPack {
+    LearntPack {
+        cell_count,
+        capacity: Some(LearntCapacity::new(2.0, 0.02)),
+        ..LearntPack::of(serial_number)
+    }
+}
+
+/// Cells are detected, and flash holds a pack with so many.
+fn bench(kept: u8) -> Bench {
+    let mut bench = Bench::new();
+    bench.settings.cell_count = None;
+    bench.monitor.restore_learnt(of_cells(kept, None));
+    bench
+}
+
+fn failures(bench: &Bench) -> Vec<ArmingFailure> {
+    arming_failures(bench.state(), &bench.settings).collect()
+}
+
+#[track_caller]
+fn assert_unclear(bench: &Bench) {
+    let state = bench.state();
+    assert_eq!((state.cell_count, state.remaining_pct), (None, None));
+    assert_eq!(state.faults, Faults::CELLS_CONFIGURATION);
+    assert_eq!(failures(bench), [ArmingFailure::UnclearCells]);
+}
+
+#[test]
+// Requirement: L-11
+fn fewer_cells_than_kept_are_unclear_if_as_many_empty_ones_fit() {
+    for (kept, chemistry, voltage_v) in [
+        (3, Chemistry::LiPo, 8.5),
+        (3, Chemistry::LiPo, 6.1),
+        (2, Chemistry::LiPo, 4.1),
+        (4, Chemistry::LiPo, 12.6),
+        (3, Chemistry::LiIon, 8.4),
+    ] {
+        let mut bench = bench(kept);
+        bench.settings.chemistry = chemistry;
+        bench.run(120.0, volts(voltage_v));
+        assert_unclear(&bench);
+        let expected = [
+            PackEvent::CellsAmbiguous { voltage_v },
+            PackEvent::Faults(Faults::CELLS_CONFIGURATION),
+        ];
+        assert_eq!(bench.events, expected, "{kept} cells");
+        assert_eq!(bench.monitor.learnt(), Some(&of_cells(kept, None)));
+        assert_eq!(bench.monitor.unsaved_learnt(), None);
+    }
+}
+
+#[test]
+fn what_no_empty_cells_explain_is_another_pack() {
+    // Three cells are not at 3.9 V, and a fuller pack is another one.
+    for (kept, voltage_v, count) in [(3, 3.9, 1), (2, 11.4, 3), (2, 8.2, 2), (0, 8.5, 2)] {
+        let mut bench = bench(kept);
+        let state = bench.run(5.0, volts(voltage_v));
+        assert_eq!(state.cell_count, Some(count), "{kept} cells, {voltage_v} V");
+        assert_eq!(failures(&bench), []);
+    }
+}
+
+#[test]
+fn set_cells_another_number_or_erasing_end_the_doubt_at_once() {
+    type End = fn(&mut Bench);
+    let ends: [(End, u8); 3] = [
+        (|bench| bench.settings.cell_count = Some(3), 3),
+        (|bench| bench.monitor.restore_learnt(of_cells(2, Some(7))), 2),
+        (|bench| bench.monitor.forget_learnt(), 2),
+    ];
+    for (end, count) in ends {
+        let mut bench = bench(3);
+        bench.run(10.0, volts(8.5));
+        assert_unclear(&bench);
+        end(&mut bench);
+        let state = bench.run(0.1, volts(8.5));
+        assert_eq!((state.cell_count, state.faults), (Some(count), Faults::empty()));
+        assert_eq!(failures(&bench), []);
+        let remaining_pct = bench.run(1.2, volts(8.5)).remaining_pct.expect("known");
+        assert!((remaining_pct > 90.0) == (count == 2), "{remaining_pct} %");
+    }
+}
+
+#[test]
+fn a_voltage_failsafe_acts_on_a_pack_with_unclear_cells() {
+    let mut bench = bench(3);
+    bench.settings.failsafe = FailsafeSettings {
+        timer_s: Some(1.0),
+        low: Thresholds {
+            voltage_v: Some(9.0),
+            remaining_mah: None,
+        },
+        ..FailsafeSettings::default()
+    };
+    bench.run(5.0, volts(8.5));
+    bench.arm_state = ArmState::Armed;
+    assert_eq!(bench.run(3.0, volts(8.5)).failsafe, FailsafeLevel::Low);
+}
+
+#[test]
+fn a_swapped_pack_is_compared_with_the_one_that_flash_holds() {
+    let mut bench = bench(3);
+    bench.run(5.0, volts(11.4));
+    bench.run(2.0, volts(0.3));
+    bench.run(10.0, volts(8.5));
+    assert!(bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
+    assert_unclear(&bench);
+    // Another one, full.
+    bench.run(2.0, volts(0.3));
+    assert_eq!(bench.run(10.0, volts(12.4)).cell_count, Some(3));
+    assert_eq!(failures(&bench), []);
+}
+
+#[test]
+fn doubt_comes_with_what_is_read_later_and_outlasts_a_reset() {
+    let mut before = Bench::new();
+    before.settings.cell_count = None;
+    assert!(before.run(10.0, volts(8.5)).remaining_pct.is_some());
+    before.monitor.restore_learnt(of_cells(3, None));
+    before.run(0.1, volts(8.5));
+    assert_unclear(&before);
+    let mut after = bench(3);
+    after
+        .monitor
+        .restore(&before.monitor.memory(PackSource::default()));
+    after.run(5.0, volts(8.5));
+    assert_unclear(&after);
+}
+
+#[test]
+fn a_battery_reset_does_not_say_how_full_unclear_cells_are() {
+    let mut bench = bench(3);
+    bench.run(5.0, loaded(8.5, 0.1));
+    bench.monitor.reset(100.0, &bench.settings);
+    bench.run(5.0, loaded(8.5, 0.1));
+    assert_unclear(&bench);
+}
