@@ -193,6 +193,7 @@ mod tests {
     fn failures_of(state: BatteryState) -> Vec<ArmingFailure> {
         let state = BatteryState {
             status: PackStatus::Healthy,
+            cell_count: Some(3),
             ..state
         };
         arming_failures(&state, &PackSettings::default()).collect()
