@@ -173,6 +173,7 @@ impl Announcement<'_> {
                 | PackEvent::Swapped
                 | PackEvent::ContactLost
                 | PackEvent::Gap(_)
+                | PackEvent::CurrentOverRange
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
                 | PackEvent::MembersLeft(_)
@@ -339,6 +340,10 @@ mod tests {
             (
                 gap(None),
                 "Battery 9 not measured for 1000000000s: consumption too low",
+            ),
+            (
+                PackEvent::CurrentOverRange,
+                "Battery 9 current over range: consumption too low",
             ),
             (
                 PackEvent::SensorFailed(ReadError::AddressTaken),

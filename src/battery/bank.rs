@@ -180,6 +180,11 @@ fn sum<'a>(
             SumVoltage::Lowest => voltages.reduce(f32::min),
         },
         current_a: packs.clone().map(current_a).sum(),
+        current_range: healthy
+            .clone()
+            .map(|pack| pack.current_range)
+            .max()
+            .unwrap_or_default(),
         counted: consumed(packs).map(|consumed| Counted::Members {
             consumed,
             drawn_mah: None,

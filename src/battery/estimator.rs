@@ -6,7 +6,7 @@ use super::low_pass::MeanThenLowPass;
 use super::resistance::ResistanceEstimator;
 use super::rest::CellCount;
 use super::settings::PackSettings;
-use super::{ArmState, Chemistry, LearntPack};
+use super::{ArmState, Chemistry, CurrentRange, LearntPack};
 
 /// Time constant of the average load, which gives the remaining time, in seconds.
 const AVERAGE_TIME_CONSTANT_S: f32 = 60.0;
@@ -31,6 +31,7 @@ pub(super) struct Reading {
     pub dt_s: f32,
     pub voltage_v: Option<f32>,
     pub current_a: Option<f32>,
+    pub current_range: CurrentRange,
     /// Since the previous reading; `None` also in a long gap.
     pub mean_current_a: Option<f32>,
     /// Charge that the source has counted beyond this current, in milliampere-hours.
@@ -127,7 +128,10 @@ impl Estimator {
 
     /// Processes a reading of a pack of which `learnt` is known.
     pub fn update(&mut self, reading: &Reading, settings: &PackSettings, learnt: &LearntPack) -> Findings {
-        if let (Some(voltage_v), Some(current_a)) = (reading.voltage_v, reading.current_a) {
+        // By a current that is larger than it shows the resistance would seem too high, and voltage failsafes would be late.
+        if let (Some(voltage_v), Some(current_a), CurrentRange::Within) =
+            (reading.voltage_v, reading.current_a, reading.current_range)
+        {
             self.resistance.update(reading.dt_s, voltage_v, current_a);
         }
         let event = self.detect_cells(reading, settings);

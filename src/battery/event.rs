@@ -30,6 +30,8 @@ pub enum PackEvent {
     ContactRestored,
     /// There was a gap in the current readings.
     Gap(Gap),
+    /// The current is over its sensor's range for the first time since the start.
+    CurrentOverRange,
     /// Its sensor has failed repeatedly, with the latest error.
     SensorFailed(ReadError),
     /// Its sensor has recovered.
@@ -73,9 +75,9 @@ pub enum PackEvent {
     },
 }
 
-/// The most events of one tick: cells detected, pack swapped, gap, sensor failed or recovered, contact lost or
-/// restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt.
-const MAX_EVENTS: usize = 13;
+/// The most events of one tick: cells detected, pack swapped, gap, current over range, sensor failed or recovered, contact lost
+/// or restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt.
+const MAX_EVENTS: usize = 14;
 
 /// Charge that remains and is not usable is mentioned from here on, in percent.
 const WORTH_SAYING_PCT: f32 = 3.0;
@@ -114,6 +116,7 @@ impl fmt::Display for PackEvent {
                     round_to_i32(*duration_s)
                 )
             }
+            Self::CurrentOverRange => f.write_str("current over range: consumption too low"),
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
             Self::PoweringOff => f.write_str("is powering off"),

@@ -28,6 +28,17 @@ pub enum Contents {
     Fuel,
 }
 
+/// Whether a current is within its sensor's range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum CurrentRange {
+    /// It was measured.
+    #[default]
+    Within,
+    /// It is at least what the sensor shows.
+    Over,
+}
+
 /// One reading of a pack. `None` is not measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
@@ -37,6 +48,8 @@ pub struct Measurement {
     pub voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
+    /// Whether the current is within its sensor's range.
+    pub current_range: CurrentRange,
     /// Charge and energy, if the sensor counts them.
     pub counted: Option<Counted>,
     /// What the pack's own fuel gauge reports.
@@ -234,6 +247,8 @@ pub enum ReadError {
     GaugeTimeout,
     /// The value is not finite or beyond its plausible range.
     Implausible,
+    /// The voltage is at or above the end of the converter's range.
+    OverRange,
     /// The part at the address is not the one that is set, or is not set up any more.
     OtherPart,
     /// No member of the sum is healthy.
@@ -302,6 +317,7 @@ impl fmt::Display for ReadError {
             Self::Conversion => "conversion failed",
             Self::GaugeTimeout => "its gauge reports no charge",
             Self::Implausible => "impossible value",
+            Self::OverRange => "over range",
             Self::OtherPart => "unknown part",
             Self::NoHealthyMember => "no healthy pack to sum",
             Self::LostMember => "one of its packs is lost",

@@ -37,8 +37,8 @@ pub use failsafe::ReachedLevels;
 pub use learnt::{END_OF_LIFE_LOSS, LEARNT_WORDS, LearntPack};
 pub use learnt_text::LearntTextError;
 pub use measurement::{
-    Amount, BusError, CellVoltages, Consumed, Contents, Counted, Gauge, GaugeReading, MAX_CELLS, Measurement,
-    ReadError, Supply, Thermometer, Tick,
+    Amount, BusError, CellVoltages, Consumed, Contents, Counted, CurrentRange, Gauge, GaugeReading,
+    MAX_CELLS, Measurement, ReadError, Supply, Thermometer, Tick,
 };
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
 pub use reported::{ChargeState, Faults, Reported};

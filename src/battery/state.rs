@@ -1,8 +1,8 @@
 //! The state of a pack.
 
 use super::{
-    Amount, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, Faults, PackDetails, Reported,
-    Thermometer,
+    Amount, CellVoltages, ChargeState, Chemistry, Contents, CurrentRange, FailsafeLevel, Faults, PackDetails,
+    Reported, Thermometer,
 };
 
 /// Whether a pack is connected and its sensor works.
@@ -67,6 +67,8 @@ pub struct BatteryState {
     pub resting_voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
+    /// Whether the current is within its sensor's range.
+    pub current_range: CurrentRange,
     /// Current averaged over about a minute, in amperes.
     pub average_current_a: Option<f32>,
     /// Internal resistance of the whole pack, in ohms, measured from load steps.
@@ -134,6 +136,7 @@ impl BatteryState {
         voltage_v: None,
         resting_voltage_v: None,
         current_a: None,
+        current_range: CurrentRange::Within,
         average_current_a: None,
         resistance_ohm: None,
         consumed: None,

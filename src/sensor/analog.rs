@@ -1,6 +1,6 @@
 //! Analog pins, the ADC, and what is wired to the pins, with its scales.
 
-use crate::battery::ReadError;
+use crate::battery::{CurrentRange, ReadError};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 
@@ -20,6 +20,26 @@ pub const BURST_CONVERSIONS: u16 = 16;
 pub struct AdcCount(pub u16);
 
 impl AdcCount {
+    /// The same, if the voltage may be what it shows.
+    ///
+    /// # Errors
+    /// It is at full scale: the voltage is that or any above it.
+    pub(super) fn within_range(self) -> Result<Self, ReadError> {
+        match self.current_range() {
+            CurrentRange::Within => Ok(self),
+            CurrentRange::Over => Err(ReadError::OverRange),
+        }
+    }
+
+    /// Whether a current sensor at the pin is within range.
+    pub(super) fn current_range(self) -> CurrentRange {
+        if self.0 < ADC_FULL_SCALE {
+            CurrentRange::Within
+        } else {
+            CurrentRange::Over
+        }
+    }
+
     /// The voltage at the pin, in volts.
     pub fn pin_voltage_v(self) -> f32 {
         f32::from(self.0) * (ADC_REFERENCE_V / f32::from(ADC_FULL_SCALE))
@@ -80,18 +100,16 @@ impl AnalogReadings {
         }
     }
 
-    /// The voltage at a pin, in volts.
+    /// What a pin reads.
     ///
     /// # Errors
     /// The pin is not set, or the read failed.
-    pub(super) fn pin_voltage_v(&self, pin: Option<AnalogPin>) -> Result<f32, ReadError> {
+    pub(super) fn count(&self, pin: Option<AnalogPin>) -> Result<AdcCount, ReadError> {
         let pin = pin.ok_or(ReadError::NoPin)?;
-        let count = self
-            .counts
+        self.counts
             .get(pin as usize)
             .copied()
-            .unwrap_or(Err(ReadError::NoPin))?;
-        Ok(count.pin_voltage_v())
+            .unwrap_or(Err(ReadError::NoPin))
     }
 }
 

@@ -16,7 +16,7 @@ impl AnalogWiring {
     /// The measurement of a monitor of this kind; `throttle` from −1 to 1.
     ///
     /// # Errors
-    /// A pin is not set, or its read failed.
+    /// A pin is not set, its read failed, or the voltage is over range.
     pub fn measure(
         &self,
         kind: MonitorKind,
@@ -25,12 +25,13 @@ impl AnalogWiring {
     ) -> Result<Measurement, ReadError> {
         let mut measurement = Measurement::default();
         if kind.reads_voltage_pin() {
-            let pin_v = readings.pin_voltage_v(self.voltage_pin)?;
-            measurement.voltage_v = Some(self.divider.pack_voltage_v(pin_v));
+            let count = readings.count(self.voltage_pin)?.within_range()?;
+            measurement.voltage_v = Some(self.divider.pack_voltage_v(count.pin_voltage_v()));
         }
         if kind.reads_current_pin() {
-            let pin_v = readings.pin_voltage_v(self.current_pin)?;
-            measurement.current_a = Some(self.current_sensor.current_a(pin_v));
+            let count = readings.count(self.current_pin)?;
+            measurement.current_a = Some(self.current_sensor.current_a(count.pin_voltage_v()));
+            measurement.current_range = count.current_range();
         }
         if kind == MonitorKind::SyntheticCurrent {
             measurement.current_a = measurement
@@ -51,6 +52,7 @@ impl AnalogWiring {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::CurrentRange;
     use crate::pack::Pack;
     use crate::parameter::{BatteryParameter, Parameters};
     use crate::sensor::AdcCount;
@@ -148,6 +150,30 @@ mod tests {
             ..wiring()
         };
         assert_eq!(measure(&unset), Err(ReadError::NoPin));
+    }
+
+    #[test]
+    // Requirement: S-3
+    fn full_scale_is_no_voltage_and_at_least_that_current() {
+        let measure = |kind, gp26, gp27| wiring().measure(kind, &readings(gp26, gp27), 0.0);
+        for kind in [
+            MonitorKind::AnalogVoltage,
+            MonitorKind::AnalogVoltageAndCurrent,
+            MonitorKind::SyntheticCurrent,
+        ] {
+            assert!(measure(kind, 4094, 0).is_ok(), "{kind:?}");
+            assert_eq!(measure(kind, 4095, 0), Err(ReadError::OverRange), "{kind:?}");
+        }
+        for (kind, gp26) in [
+            (MonitorKind::AnalogVoltageAndCurrent, 2482),
+            (MonitorKind::AnalogCurrent, 4095),
+        ] {
+            for (count, range) in [(4094, CurrentRange::Within), (4095, CurrentRange::Over)] {
+                let measurement = measure(kind, gp26, count).unwrap();
+                assert_eq!(measurement.current_range, range, "{kind:?}");
+                assert!(measurement.current_a.is_some_and(|current_a| current_a > 29.6));
+            }
+        }
     }
 
     #[test]

@@ -62,7 +62,8 @@ impl FuelMeter {
             }
             FuelKind::LevelPwm => level_by_pulses(pulses(parameters, pack, readings)?, capacity_ml, now),
             FuelKind::LevelAnalog => {
-                let pin_v = readings.pins.pin_voltage_v(level_pin(parameters, pack))?;
+                // At full scale a tank is full.
+                let pin_v = readings.pins.count(level_pin(parameters, pack))?.pin_voltage_v();
                 let scale = LevelScale::from_parameters(parameters, pack);
                 self.level.measure(&scale, pin_v, capacity_ml, now)
             }
@@ -348,13 +349,21 @@ mod tests {
     use crate::time::at_us;
 
     fn measure(kind: FuelKind, changes: &[(BatteryParameter, f32)]) -> Result<Measurement, ReadError> {
+        // 1.5 V.
+        measure_level(kind, changes, AdcCount(1861))
+    }
+
+    fn measure_level(
+        kind: FuelKind,
+        changes: &[(BatteryParameter, f32)],
+        level: AdcCount,
+    ) -> Result<Measurement, ReadError> {
         let mut parameters = Parameters::defaults();
         for (parameter, value) in changes {
             parameters.set(parameter.of(Pack::First), *value).unwrap();
         }
         let mut pins = AnalogReadings::NONE;
-        // 1.5 V.
-        pins.set(AnalogPin::Gp28, Ok(AdcCount(1861)));
+        pins.set(AnalogPin::Gp28, Ok(level));
         let mut pulses = Pulses::NONE;
         for start_us in [0, 20_000, 40_000] {
             pulses.rise(at_us(start_us));
@@ -378,6 +387,13 @@ mod tests {
         assert_eq!(remaining_ml(read(28.0)), 1650.0, "half of 3300 ml");
         assert_eq!(read(27.0), Err(ReadError::NoPin), "not read");
         assert_eq!(measure(FuelKind::LevelAnalog, &[]), Err(ReadError::NoPin));
+    }
+
+    #[test]
+    fn a_level_at_full_scale_is_a_full_tank() {
+        let changes = [(BatteryParameter::FlPin, 28.0)];
+        let full = measure_level(FuelKind::LevelAnalog, &changes, AdcCount(4095));
+        assert_eq!(remaining_ml(full), 3300.0);
     }
 
     #[test]

@@ -1,11 +1,15 @@
 //! From the voltage at GP26 to the voltage on the wire.
 
 use emulator::{AdcFault, AdcInput, LogLevel};
-use support::frames::{BATTERY_STATUS, BatteryStatus, SYS_STATUS, SysStatus, last_of, of_message};
-use workbench::bench::{Bench, MILLISECOND, PACK, SECOND};
+use support::frames::{BATTERY_STATUS, BatteryStatus, SYS_STATUS, SysStatus, last_of, of_message, texts_of};
+use support::requests::arm;
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
 
 /// The converter's input of GP27.
 const CURRENT: usize = 1;
+
+/// The converter's last code.
+const FULL_SCALE: u16 = 4095;
 
 const UNKNOWN: u16 = u16::MAX;
 
@@ -21,7 +25,7 @@ fn reported_mv(bench: &mut Bench) -> u16 {
 // Requirement: FR-13
 fn the_voltage_follows_the_formula_of_the_requirement() {
     let mut bench = Bench::power_up(2482);
-    for code in [700, 1500, 2482, 3000, 3555, 4095] {
+    for code in [700, 1500, 2482, 3000, 3555, 4094] {
         bench.adc_input(PACK, AdcInput::Code(code));
         let expected_mv = f64::from(code) / 4095.0 * 3.3 * 3.95 * 1000.0;
         let reported_mv = f64::from(reported_mv(&mut bench));
@@ -31,6 +35,46 @@ fn the_voltage_follows_the_formula_of_the_requirement() {
         );
     }
     bench.assert_untroubled();
+}
+
+#[test]
+// Requirement: S-3
+fn a_divider_that_reads_full_scale_is_no_full_pack() {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    bench.adc_input(PACK, AdcInput::Code(FULL_SCALE));
+    bench.run_for(2 * SECOND);
+    let texts = texts_of(&bench.frames());
+    assert!(
+        texts.contains(&"Battery 1 unhealthy: over range".into()),
+        "{texts:?}"
+    );
+    assert!(texts_of(&bench.ask(&arm()))[0].starts_with("Arm: Battery 1 unhealthy"));
+    bench.adc_input(PACK, AdcInput::Code(DIVIDER_CODE));
+    bench.run_for(7 * SECOND);
+    assert!(texts_of(&bench.frames()).contains(&"Battery 1 healthy again".into()));
+}
+
+#[test]
+// Requirement: S-3
+fn a_current_sensor_at_full_scale_leaves_the_voltage_and_is_announced_once() {
+    let parameters = [("BATT_MONITOR", 4.0), ("BATT_CURR_PIN", 27.0)];
+    let mut bench = Bench::configured(DIVIDER_CODE, &parameters);
+    bench.run_for(2 * SECOND);
+    for _ in 0..2 {
+        bench.adc_input(CURRENT, AdcInput::Code(FULL_SCALE));
+        bench.run_for(2 * SECOND);
+        assert_eq!(last_of(&bench.frames(), 0).current_ca(), 5610, "17 A per volt");
+        bench.adc_input(CURRENT, AdcInput::Code(0));
+        bench.run_for(2 * SECOND);
+    }
+    let texts = texts_of(&bench.frames());
+    let said = |start: &str| texts.iter().filter(|text| text.starts_with(start)).count();
+    assert_eq!(
+        said("Battery 1 current over range: consumption too low"),
+        1,
+        "{texts:?}"
+    );
+    assert_eq!(said("Battery 1 unhealthy"), 0, "{texts:?}");
 }
 
 #[test]

@@ -330,7 +330,7 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 18] = [
+const READ_ERRORS: [ReadError; 19] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
@@ -339,6 +339,7 @@ const READ_ERRORS: [ReadError; 18] = [
     ReadError::LostMember,
     ReadError::GaugeTimeout,
     ReadError::Implausible,
+    ReadError::OverRange,
     ReadError::Bus(BusError::NoAnswer),
     ReadError::Bus(BusError::Timeout),
     ReadError::Bus(BusError::Stuck),
@@ -445,6 +446,7 @@ fn pack_events() -> Vec<PackEvent> {
         events.extend([ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(entered));
     }
     events.push(PackEvent::Charging);
+    events.push(PackEvent::CurrentOverRange);
     events.push(PackEvent::Learnt {
         capacity_mah: 2995.0,
         resistance_ohm: 0.087,

@@ -1,7 +1,7 @@
 use super::*;
 use crate::battery::{
-    BusError, ChargeSource, FailsafeSettings, Faults, Gauge, GaugeReading, PackEvent, PackSettings,
-    Thermometer, Tick,
+    BusError, ChargeSource, CurrentRange, FailsafeSettings, Faults, Gauge, GaugeReading, PackEvent,
+    PackSettings, Thermometer, Tick,
 };
 use crate::time::{Instant, at_us};
 
@@ -448,4 +448,19 @@ fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
     assert!(sum.has_unclear_cells() && sum.remaining_pct.is_none(), "{sum:?}");
     bank.monitor(Pack::Second).forget_learnt();
     assert_eq!(run(&mut bank, 41), [Some(2); 3]);
+}
+
+#[test]
+fn a_sum_is_over_range_while_a_healthy_member_is() {
+    let mut members = [BatteryState {
+        status: PackStatus::Healthy,
+        voltage_v: Some(12.0),
+        ..BatteryState::default()
+    }; 2];
+    let range = |members: &[BatteryState]| sum(members.iter(), SumVoltage::Mean).unwrap().current_range;
+    assert_eq!(range(&members), CurrentRange::Within);
+    members[1].current_range = CurrentRange::Over;
+    assert_eq!(range(&members), CurrentRange::Over);
+    members[1].status = PackStatus::Unhealthy;
+    assert_eq!(range(&members), CurrentRange::Within);
 }

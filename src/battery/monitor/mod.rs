@@ -19,8 +19,8 @@ use super::reporters::HealthReporter;
 use super::settings::{FailsafeSettings, PackSettings};
 use super::swap::{Replacement, SwapDetector};
 use super::{
-    Amount, BatteryState, ChargeSource, Consumed, Contents, Faults, LearntPack, Measurement, PackEvent,
-    PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Tick,
+    Amount, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, Faults, LearntPack, Measurement,
+    PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Tick,
 };
 use crate::time::Instant;
 
@@ -60,6 +60,8 @@ pub struct BatteryMonitor {
     swap_detector: SwapDetector,
     evaluation: Evaluation,
     learnt: Option<Learnt>,
+    /// Since the start.
+    current_was_over_range: bool,
 }
 
 /// Nothing is known of a pack.
@@ -91,6 +93,7 @@ impl BatteryMonitor {
             swap_detector: SwapDetector::new(),
             evaluation: Evaluation::default(),
             learnt: None,
+            current_was_over_range: false,
         }
     }
 
@@ -198,6 +201,7 @@ impl BatteryMonitor {
             dt_s: microseconds(dt_us) * 1e-6,
             voltage_v: measurement.voltage_v,
             current_a: measurement.current_a,
+            current_range: measurement.current_range,
             mean_current_a: measurement
                 .current_a
                 .and_then(|current_a| mean_current_a(dt_us, previous_a, current_a)),
@@ -214,6 +218,11 @@ impl BatteryMonitor {
             return;
         }
         self.state.status = PackStatus::Healthy;
+        self.state.current_range = measurement.current_range;
+        if measurement.current_range == CurrentRange::Over && !self.current_was_over_range {
+            self.current_was_over_range = true;
+            push(events, PackEvent::CurrentOverRange);
+        }
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         if let Some(replacement) = self.detect_swap(&reading) {
             self.replace_pack(replacement, settings.serial_number, events);

@@ -9,6 +9,7 @@ use crate::battery::{
 use crate::time::{Instant, at_us};
 use crate::vehicle::ArmState;
 
+mod current_range;
 mod doubtful_cells;
 mod sources;
 

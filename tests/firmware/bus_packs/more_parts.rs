@@ -173,6 +173,27 @@ fn a_converter_on_the_bus_is_four_more_analog_pins() {
 }
 
 #[test]
+// Requirement: S-3
+fn a_pin_of_the_converter_at_full_scale_is_no_voltage_and_a_current_over_range() {
+    let part = shared(Ad7091r5::new(Reference::External(3.3)));
+    part.borrow_mut().set(0, 2.0);
+    part.borrow_mut().set(1, 3.4);
+    let parameters = [("BATT2_VOLT_PIN", 50.0), ("BATT2_CURR_PIN", 51.0)];
+    let mut bench = with_second_pack(AD7091R5, 0x2f, &part, &parameters);
+    bench.run_for(2 * SECOND);
+    let announced = texts_of(&bench.frames());
+    let over_range = "Battery 2 current over range: consumption too low";
+    assert!(announced.contains(&over_range.into()), "{announced:?}");
+    part.borrow_mut().set(0, 3.4);
+    bench.run_for(2 * SECOND);
+    let announced = texts_of(&bench.frames());
+    assert!(
+        announced.contains(&"Battery 2 unhealthy: over range".into()),
+        "{announced:?}"
+    );
+}
+
+#[test]
 fn a_pack_without_a_pin_of_the_converter_does_not_take_the_next_one_along() {
     let part = shared(Ad7091r5::new(Reference::External(3.3)));
     part.borrow_mut().set(0, 2.0);

@@ -5,6 +5,7 @@
 use crate::battery::{Measurement, ReadError};
 use crate::log::info;
 use crate::pack::MAX_PACKS;
+use crate::sensor::AdcCount;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
 use crate::sensor::bus::{Address, SensorBus, Wiring};
@@ -29,11 +30,11 @@ const FIRST_PIN: i32 = 50;
 /// Both address pins at ground.
 const ADDRESSES: [Address; 1] = [Address::I2c(0x2f)];
 
-/// A converter that was set up, and what its pins read last, in volts.
+/// A converter that was set up, and what its pins read last.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct Ad7091r5 {
     address: Address,
-    pins_v: [Option<f32>; PINS],
+    counts: [Option<AdcCount>; PINS],
 }
 
 impl Part for Ad7091r5 {
@@ -62,7 +63,7 @@ impl Part for Ad7091r5 {
         info!("AD7091R-5 {:?}", address);
         Ok(Self {
             address,
-            pins_v: [None; PINS],
+            counts: [None; PINS],
         })
     }
 
@@ -71,12 +72,12 @@ impl Part for Ad7091r5 {
         let mut registers = Registers::new(bus, self.address);
         registers.expect_u16(CONFIGURATION, BY_COMMAND).await?;
         let results: [u8; 2 * PINS] = registers.read(RESULT).await?;
-        self.pins_v = [None; PINS];
+        self.counts = [None; PINS];
         for result in results.as_chunks().0 {
             // Each has its channel with it, so its place does not matter.
             let code = u16::from_be_bytes(*result);
-            if let Some(pin_v) = self.pins_v.get_mut(usize::from(code >> 13 & 3)) {
-                *pin_v = Some(f32::from(code & 0xfff) * STEP_V);
+            if let Some(count) = self.counts.get_mut(usize::from(code >> 13 & 3)) {
+                *count = Some(AdcCount(code & 0xfff));
             }
         }
         Ok(())
@@ -84,18 +85,19 @@ impl Part for Ad7091r5 {
 
     async fn read(&mut self, _: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
         let analog = &wiring.analog;
-        let voltage_v = self
-            .pin_v(wiring.voltage_pin)?
-            .map(|pin_v| analog.divider.pack_voltage_v(pin_v));
-        let current_a = self
-            .pin_v(wiring.current_pin)?
-            .map(|pin_v| analog.current_sensor.current_a(pin_v));
+        let pin_v = |count: AdcCount| f32::from(count.0) * STEP_V;
+        let voltage = self.count(wiring.voltage_pin)?;
+        let voltage = voltage.map(AdcCount::within_range).transpose()?;
+        let voltage_v = voltage.map(|count| analog.divider.pack_voltage_v(pin_v(count)));
+        let current = self.count(wiring.current_pin)?;
+        let current_a = current.map(|count| analog.current_sensor.current_a(pin_v(count)));
         if voltage_v.is_none() && current_a.is_none() {
             return Err(ReadError::NoPin);
         }
         Ok(Measurement {
             voltage_v,
             current_a,
+            current_range: current.map(AdcCount::current_range).unwrap_or_default(),
             ..Measurement::default()
         })
     }
@@ -103,10 +105,10 @@ impl Part for Ad7091r5 {
 
 impl Ad7091r5 {
     /// What a pin reads; `None` if it is not one of these.
-    fn pin_v(&self, pin: i32) -> Result<Option<f32>, ReadError> {
+    fn count(&self, pin: i32) -> Result<Option<AdcCount>, ReadError> {
         let pin = usize::try_from(pin.wrapping_sub(FIRST_PIN)).ok();
-        match pin.and_then(|pin| self.pins_v.get(pin)) {
-            Some(Some(pin_v)) => Ok(Some(*pin_v)),
+        match pin.and_then(|pin| self.counts.get(pin)) {
+            Some(Some(count)) => Ok(Some(*count)),
             Some(None) => Err(ReadError::Implausible),
             None => Ok(None),
         }

@@ -1,0 +1,54 @@
+use super::*;
+use crate::battery::CurrentRange;
+
+/// The current sensor's last step.
+const FULL_SCALE_A: f32 = 30.0;
+
+/// A stall: the sensor shows less than the pack delivers.
+fn stalled(voltage_v: f32) -> Measurement {
+    Measurement {
+        current_range: CurrentRange::Over,
+        ..loaded(voltage_v, FULL_SCALE_A)
+    }
+}
+
+#[test]
+fn a_current_over_range_counts_as_full_scale_and_is_announced_once() {
+    let mut bench = Bench::new();
+    bench.run(1.0, loaded(11.0, 0.0));
+    for _ in 0..2 {
+        bench.run(12.0, stalled(10.5));
+        bench.run(1.0, loaded(11.0, 0.0));
+    }
+    let said = bench.events.iter();
+    let said = said.filter(|event| **event == PackEvent::CurrentOverRange);
+    assert_eq!(said.count(), 1, "{:?}", bench.events);
+    let state = *bench.state();
+    assert_eq!(state.status, PackStatus::Healthy);
+    let consumed_mah = state.consumed_mah().expect("counted");
+    assert!((consumed_mah - 200.0).abs() < 3.0, "{consumed_mah} mAh");
+}
+
+#[test]
+fn a_voltage_failsafe_acts_while_the_current_is_over_range() {
+    let mut bench = Bench::new();
+    bench.settings.failsafe.timer_s = Some(1.0);
+    bench.settings.failsafe.low.voltage_v = Some(10.5);
+    bench.arm_state = ArmState::Armed;
+    bench.run(1.0, loaded(11.4, 1.0));
+    assert_eq!(bench.run(3.0, stalled(10.0)).failsafe, FailsafeLevel::Low);
+}
+
+#[test]
+fn the_resistance_is_not_measured_by_a_current_over_range() {
+    // 50 mOhm; a stall draws twice what the sensor shows.
+    let pack_v = |current_a: f32| 12.0 - 0.05 * current_a;
+    let mut bench = Bench::new();
+    for _ in 0..20 {
+        bench.run(2.0, loaded(pack_v(0.0), 0.0));
+        bench.run(2.0, loaded(pack_v(5.0), 5.0));
+        bench.run(2.0, stalled(pack_v(2.0 * FULL_SCALE_A)));
+    }
+    let resistance_ohm = bench.state().resistance_ohm.expect("measured");
+    assert!((resistance_ohm - 0.05).abs() < 0.003, "{resistance_ohm}");
+}
