@@ -1,5 +1,7 @@
 //! The monitors of all packs, their sum, and the most urgent of them.
 
+use heapless::Vec;
+
 use super::{
     ArmState, BatteryMonitor, BatteryState, ChargeState, Consumed, Contents, Counted, FailsafeLevel,
     Measurement, PackMemory, PackSource, PackStatus, ReadError,
@@ -48,26 +50,27 @@ impl BatteryBank {
         let all_after = !(own.bit() - 1);
         let chosen = monitored & !own.bit() & if mask == 0 { all_after } else { mask };
         let before = self.monitors[own as usize].state().members;
-        let is_member = move |pack: Pack, state: &BatteryState| {
+        let (mut members, mut lost_members) = (0, 0);
+        let mut summed: Vec<&BatteryMonitor, MAX_PACKS> = Vec::new();
+        for (pack, monitor) in self.monitors() {
+            let state = monitor.state();
             let is_present = match state.status {
                 PackStatus::Healthy | PackStatus::Unhealthy => true,
                 PackStatus::NotConnected => arm_state == ArmState::Armed && before & pack.bit() != 0,
                 PackStatus::Unknown | PackStatus::Disabled => false,
             };
-            is_present && chosen & pack.bit() != 0 && state.contents == Contents::Charge
-        };
-        let members = Pack::ALL
-            .into_iter()
-            .zip(&self.monitors)
-            .filter(move |(pack, monitor)| is_member(*pack, monitor.state()));
-        let of_members = || members.clone().map(|(_, monitor)| monitor);
+            if !is_present || chosen & pack.bit() == 0 || state.contents != Contents::Charge {
+                continue;
+            }
+            members |= pack.bit();
+            if state.status != PackStatus::Healthy {
+                lost_members |= pack.bit();
+            }
+            // There is room for all.
+            let _ = summed.push(monitor);
+        }
+        let of_members = || summed.iter().copied();
         let measurement = sum(of_members().map(BatteryMonitor::state), voltage)?;
-        let mask_of = |is_meant: fn(&BatteryState) -> bool| {
-            let meant = members
-                .clone()
-                .filter(move |(_, monitor)| is_meant(monitor.state()));
-            meant.fold(0, |mask, (pack, _)| mask | pack.bit())
-        };
         let counted = measurement.counted.map(|counted| match counted {
             Counted::Members { consumed, .. } => Counted::Members {
                 consumed,
@@ -77,8 +80,8 @@ impl BatteryBank {
         });
         Ok(Measurement {
             counted,
-            members: mask_of(|_| true),
-            lost_members: mask_of(|state| state.status != PackStatus::Healthy),
+            members,
+            lost_members,
             members_capacity_mah: of_members().map(|monitor| monitor.state().full_capacity()).sum(),
             members_spread: spread(of_members().map(BatteryMonitor::resting_v)),
             doubtful_cells: of_members().filter_map(BatteryMonitor::doubtful_cells).max(),
