@@ -5,7 +5,7 @@ use super::broadcast::{Announced, Next};
 use super::channel::Channel;
 use super::learnt::shown_by;
 use super::{Autopilot, Work, system_state};
-use crate::battery::{PackSettings, SuggestedThresholds};
+use crate::battery::{FailsafeLevel, PackEvent, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, Stream};
@@ -24,6 +24,7 @@ impl Autopilot {
         self.opened_links = self.opened_links.wrapping_add(1);
         channel.endpoint.set_number(self.opened_links);
         channel.position = self.broadcast.end();
+        self.send_levels(channel);
         self.send_notices(channel);
     }
 
@@ -50,9 +51,17 @@ impl Autopilot {
         ];
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
         for notice in notices.into_iter().flatten().chain(suggestions) {
-            let text = notice.text();
-            info!("{}: {}", channel.name(), text.as_str());
-            channel.endpoint.say(notice.severity(), &text);
+            notify(channel, &notice);
+        }
+    }
+
+    /// The failsafe levels that were latched before the link was opened.
+    fn send_levels(&self, channel: &mut Channel) {
+        for (pack, state) in Pack::ALL.into_iter().zip(&self.packs.states) {
+            if state.failsafe != FailsafeLevel::None {
+                let event = PackEvent::failsafe(state.failsafe, state.voltage_v, state);
+                notify(channel, &Announcement::Pack(pack, &event));
+            }
         }
     }
 
@@ -318,6 +327,13 @@ impl Autopilot {
             }
         }
     }
+}
+
+/// Sends `notice` on this link only.
+fn notify(channel: &mut Channel, notice: &Announcement<'_>) {
+    let text = notice.text();
+    info!("{}: {}", channel.name(), text.as_str());
+    channel.endpoint.say(notice.severity(), &text);
 }
 
 fn log_admission(admission: Admission, component_id: u8, pack: Pack, channel: &mut Channel, now: Instant) {

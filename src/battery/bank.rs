@@ -1,7 +1,5 @@
 //! The monitors of all packs, their sum, and the most urgent of them.
 
-use heapless::Vec;
-
 use super::{
     ArmState, BatteryMonitor, BatteryState, ChargeState, Consumed, Contents, Counted, FailsafeLevel,
     Measurement, PackMemory, PackSource, PackStatus, ReadError,
@@ -51,7 +49,7 @@ impl BatteryBank {
         let chosen = monitored & !own.bit() & if mask == 0 { all_after } else { mask };
         let before = self.monitors[own as usize].state().members;
         let (mut members, mut lost_members) = (0, 0);
-        let mut summed: Vec<&BatteryMonitor, MAX_PACKS> = Vec::new();
+        let mut summed = heapless::Vec::<&BatteryMonitor, MAX_PACKS>::new();
         for (pack, monitor) in self.monitors() {
             let state = monitor.state();
             let is_present = match state.status {

@@ -5,7 +5,7 @@ use core::fmt;
 use heapless::Vec;
 
 use super::consumption::Gap;
-use super::{Amount, ChargeState, FailsafeLevel, Faults, ReadError};
+use super::{Amount, BatteryState, ChargeState, FailsafeLevel, Faults, ReadError};
 use crate::numbers::{Hundredths, round_to_i32};
 use crate::pack::Pack;
 
@@ -88,6 +88,17 @@ pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
 /// Never full: there is room for one event of every kind.
 pub(super) fn push(events: &mut PackEvents, event: PackEvent) {
     let _ = events.push(event);
+}
+
+impl PackEvent {
+    /// A failsafe level of a pack in this state, with its latest known voltage, in volts.
+    pub fn failsafe(level: FailsafeLevel, voltage_v: Option<f32>, state: &BatteryState) -> Self {
+        Self::Failsafe {
+            level,
+            voltage_v: voltage_v.unwrap_or(0.0),
+            consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
+        }
+    }
 }
 
 impl fmt::Display for PackEvent {

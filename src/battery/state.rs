@@ -2,7 +2,7 @@
 
 use super::{
     Amount, CellVoltages, ChargeState, Chemistry, Contents, CurrentRange, FailsafeLevel, Faults, PackDetails,
-    Reported, Thermometer,
+    ReadError, Reported, Thermometer,
 };
 
 /// Whether a pack is connected and its sensor works.
@@ -59,6 +59,8 @@ pub enum Visibility {
 pub struct BatteryState {
     /// Whether the pack is connected and its sensor works.
     pub status: PackStatus,
+    /// Why the latest reading failed, or is not enough; `None` if it did not.
+    pub read_error: Option<ReadError>,
     /// Electric charge or fuel. The currents of fuel are in litres per hour instead of amperes.
     pub contents: Contents,
     /// Terminal voltage, in volts.
@@ -132,6 +134,7 @@ impl BatteryState {
     /// Everything unknown.
     pub const UNKNOWN: Self = Self {
         status: PackStatus::Unknown,
+        read_error: None,
         contents: Contents::Charge,
         voltage_v: None,
         resting_voltage_v: None,

@@ -3,7 +3,7 @@
 use heapless::String;
 
 use super::{ArmingReadiness, LogHealth, SystemState};
-use crate::battery::{ArmingFailure, PackSettings, arming_failures};
+use crate::battery::{ArmingFailure, PackSettings, ReadError, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterTrouble, Parameters, StickParameter, VehicleParameter};
@@ -26,6 +26,8 @@ pub enum ArmingObstacle {
     Parameters(ParameterTrouble),
     /// A check of this pack fails.
     Pack(Pack, ArmingFailure),
+    /// This pack is unhealthy: its latest reading failed.
+    Sensor(Pack, ReadError),
     /// This stick is deflected, by the channel with this number.
     Stick(Stick, u8),
     /// These parameters of the sticks do not fit each other.
@@ -53,6 +55,11 @@ impl ArmingObstacle {
             Self::Pack(pack, failure) => {
                 text(format_args!("{checked_by}: Battery {} {failure}", pack.number()))
             }
+            Self::Sensor(pack, error) => text(format_args!(
+                "{checked_by}: Battery {} {}: {error}",
+                pack.number(),
+                ArmingFailure::Unhealthy
+            )),
             Self::Stick(stick, channel) => text(format_args!(
                 "{checked_by}: {} (RC{channel}) is not neutral",
                 stick.name()
@@ -81,7 +88,11 @@ pub fn arming_obstacles(
     let checked = packs.filter(move |_| checks & BATTERY_CHECKED != 0);
     let of_packs = checked.flat_map(|(pack, battery)| {
         let settings = PackSettings::from_parameters(parameters, pack);
-        arming_failures(battery, &settings).map(move |failure| ArmingObstacle::Pack(pack, failure))
+        let read_error = battery.read_error;
+        arming_failures(battery, &settings).map(move |failure| match (failure, read_error) {
+            (ArmingFailure::Unhealthy, Some(error)) => ArmingObstacle::Sensor(pack, error),
+            _ => ArmingObstacle::Pack(pack, failure),
+        })
     });
     let stick = vehicle.deflected_stick();
     let deflected = stick.map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));

@@ -2,11 +2,11 @@
 
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{Amount, BatteryState, FailsafeLevel, PackStatus};
-use rover_battmon::mavlink::{Event, Framer, Stream};
+use rover_battmon::battery::{Amount, BatteryState, FailsafeLevel, PackStatus, ReadError};
+use rover_battmon::mavlink::{Event, Framer, LinkKind, Stream};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, StickParameter, VehicleParameter};
-use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::desk::{Desk, adc_count};
 use support::frames::{
@@ -126,8 +126,17 @@ impl Rover {
     /// Samples a pack of this voltage for some seconds.
     fn sample(&mut self, voltage_v: f32, seconds: u64) {
         let pin_v = voltage_v / self.0.parameters().get(VOLT_MULT);
+        self.sample_pin(Ok(adc_count(pin_v)), seconds);
+    }
+
+    /// Samples a pack whose conversions fail for some seconds.
+    fn lose_readings(&mut self, seconds: u64) {
+        self.sample_pin(Err(ReadError::Conversion), seconds);
+    }
+
+    fn sample_pin(&mut self, reading: Result<AdcCount, ReadError>, seconds: u64) {
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp26, Ok(adc_count(pin_v)));
+        readings.set(AnalogPin::Gp26, reading);
         for _ in 0..seconds * 10 {
             self.0.now_us += 100_000;
             self.0.sample(readings);
@@ -286,6 +295,100 @@ fn an_attempt_to_arm_names_the_critical_threshold_before_the_low_one() {
         let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
         assert_eq!(texts, [(CRITICAL, expected.into())]);
     }
+}
+
+#[test]
+// Requirement: AP-17
+fn every_station_that_asks_learns_why_a_pack_is_unhealthy() {
+    let volt_pin = BatteryParameter::VoltPin.of(Pack::First);
+    let failures = |rover: &mut Rover| {
+        let request = command_long(RUN_PREARM_CHECKS, 0.0);
+        let texts = rover.ask(&request, RUN_PREARM_CHECKS, ACCEPTED);
+        texts.into_iter().map(|(_, text)| text).collect::<Vec<_>>()
+    };
+    let start = Start::with_parameters(Parameters::defaults());
+    let mut rover = Rover(Desk::starting(start)).with(volt_pin, -1.0);
+    rover.sample(11.1, 1);
+    for link in [LinkKind::Radio, LinkKind::Direct] {
+        rover.0.connect(link);
+        assert_eq!(failures(&mut rover), ["PreArm: Battery 1 unhealthy: no pin set"]);
+        let refused = rover.ask(&arm(), ARM_DISARM, FAILED);
+        let expected = "Arm: Battery 1 unhealthy: no pin set";
+        assert_eq!(refused, [(CRITICAL, expected.into())]);
+    }
+    let mut rover = rover.with(volt_pin, 26.0);
+    rover.sample(11.1, 1);
+    assert_eq!(failures(&mut rover), [""; 0]);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    rover.lose_readings(6);
+    rover.deliver(&disarm());
+    rover.0.sent();
+    let lost = "PreArm: Battery 1 unhealthy: conversion failed";
+    assert_eq!(failures(&mut rover), [lost]);
+    // Latched for some seconds more, by a pack that is read.
+    rover.sample(11.1, 1);
+    assert_eq!(failures(&mut rover), ["PreArm: Battery 1 unhealthy"]);
+    rover.sample(11.1, 5);
+    assert_eq!(failures(&mut rover), [""; 0]);
+}
+
+#[test]
+// Requirement: AP-18
+fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
+    const BATTERY_RESET: u16 = 42651;
+    let mut parameters = Parameters::defaults();
+    for (parameter, value) in [
+        (BatteryParameter::LowTimer, 1.0),
+        (BatteryParameter::LowVolt, 10.5),
+        (BatteryParameter::CrtVolt, 9.5),
+    ] {
+        parameters
+            .set(parameter.of(Pack::First), value)
+            .expect("in range");
+    }
+    let open = |rover: &mut Rover, link| {
+        rover.0.connect(link);
+        rover.0.autopilot.open(&mut rover.0.channel);
+    };
+    let levels = |rover: &mut Rover| {
+        rover.0.post_due(rover.0.now_us);
+        let mut sent = rover.0.sent();
+        sent.retain(|frame| frame.message_id == STATUSTEXT);
+        let texts = joined(&sent).into_iter().map(|(severity, text)| {
+            let level = text.split(' ').take(4).collect::<Vec<_>>().join(" ");
+            (severity, level)
+        });
+        texts
+            .filter(|(_, text)| text.contains(" is "))
+            .collect::<Vec<_>>()
+    };
+    let mut rover = Rover(Desk::starting(Start::with_parameters(parameters)));
+    rover.sample(11.1, 2);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    open(&mut rover, LinkKind::Radio);
+    rover.sample(10.0, 2);
+    let low = [(WARNING, "Battery 1 is low".to_string())];
+    assert_eq!(levels(&mut rover), low, "open before");
+
+    open(&mut rover, LinkKind::Direct);
+    assert_eq!(levels(&mut rover), low);
+    rover.deliver(&param_request_list(VEHICLE));
+    assert_eq!(levels(&mut rover), [], "once");
+    rover.sample(9.0, 2);
+    let critical = [(CRITICAL, "Battery 1 is critical".to_string())];
+    assert_eq!(levels(&mut rover), critical);
+
+    rover.lose_readings(6);
+    assert_eq!(
+        levels(&mut rover),
+        [(WARNING, "Battery 1 is missing,".to_string())]
+    );
+    open(&mut rover, LinkKind::Radio);
+    assert_eq!(levels(&mut rover), critical, "the level that is latched");
+    rover.deliver(&command_long_2(BATTERY_RESET, 1.0, 100.0));
+    rover.sample(11.1, 1);
+    open(&mut rover, LinkKind::Direct);
+    assert_eq!(levels(&mut rover), []);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::battery::failsafe::{Failsafe, Observation, ReachedLevels};
 use crate::battery::reporters::ChargeReporter;
 use crate::battery::settings::PackSettings;
 use crate::battery::swap::Replacement;
-use crate::battery::{Amount, BatteryState, Faults, PackEvent, PackEvents, Tick};
+use crate::battery::{BatteryState, Faults, PackEvent, PackEvents, Tick};
 use crate::time::Instant;
 
 /// Evaluates the state of one pack after every tick.
@@ -90,14 +90,7 @@ impl Evaluation {
         };
         let reached = self.failsafe.update(&observation, &settings.failsafe);
         for level in &reached {
-            push(
-                events,
-                PackEvent::Failsafe {
-                    level: *level,
-                    voltage_v: basis.last_voltage_v.unwrap_or(0.0),
-                    consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
-                },
-            );
+            push(events, PackEvent::failsafe(*level, basis.last_voltage_v, state));
         }
         reached
     }

@@ -145,6 +145,7 @@ impl BatteryMonitor {
                 Some(error)
             }
         };
+        self.state.read_error = error;
         let status = self.state.status;
         if let Some(event) = self.health.sensor(dt_s, status, error) {
             push(events, event);
