@@ -1,6 +1,6 @@
 //! The live values of all parameters.
 
-use super::sticks::Sticks;
+use super::stick_channel::Sticks;
 use super::{
     Access, BatteryParameter, ForEachParameter, Kind, Listed, ParameterId, ParameterIdSet, VehicleParameter,
 };

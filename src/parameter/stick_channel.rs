@@ -73,3 +73,37 @@ impl Default for StickChannels {
         }
     }
 }
+
+/// What of the sticks' parameters is in force: of a group that does not fit what did so last, after a start the defaults.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sticks {
+    /// Numbers of the channels.
+    pub(super) throttle: u8,
+    pub(super) steering: u8,
+    pub(super) channels: [StickChannel; 4],
+}
+
+impl Sticks {
+    pub fn defaults() -> Self {
+        Self {
+            throttle: StickChannel::THROTTLE.number(),
+            steering: StickChannel::STEERING.number(),
+            channels: [0, 1, 2, 3].map(StickChannel::with_defaults),
+        }
+    }
+
+    pub fn in_force(&self) -> StickChannels {
+        StickChannels {
+            throttle: self.channel(self.throttle),
+            steering: self.channel(self.steering),
+        }
+    }
+
+    /// Channels 5 to 8 have no parameters, and the defaults of the others.
+    fn channel(&self, number: u8) -> StickChannel {
+        // The table's range is 1 to 8.
+        let index = number.saturating_sub(1);
+        let channel = self.channels.get(usize::from(index)).copied();
+        channel.unwrap_or(StickChannel::with_defaults(index))
+    }
+}

@@ -1,6 +1,6 @@
 //! The channels of the sticks, by parameters that have to fit each other.
 
-use super::stick_channel::{StickChannel, StickChannels};
+use super::stick_channel::StickChannels;
 use super::table::sticks::LEAST_TRAVEL_US;
 use super::{Parameters, StickParameter};
 use crate::memory::save_state::SaveState;
@@ -21,40 +21,10 @@ const AXES: [(StickParameter, StickParameter); 5] = [
     (RcmapRoll, RcmapYaw),
 ];
 
-/// What of the sticks' parameters is in force: of a group that does not fit what did so last, after a start the defaults.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Sticks {
-    /// Numbers of the channels.
-    throttle: u8,
-    steering: u8,
-    channels: [StickChannel; 4],
-}
-
-impl Sticks {
-    pub fn defaults() -> Self {
-        Self {
-            throttle: StickChannel::THROTTLE.number(),
-            steering: StickChannel::STEERING.number(),
-            channels: [0, 1, 2, 3].map(StickChannel::with_defaults),
-        }
-    }
-
-    /// Channels 5 to 8 have no parameters, and the defaults of the others.
-    fn channel(&self, number: u8) -> StickChannel {
-        // The table's range is 1 to 8.
-        let index = number.saturating_sub(1);
-        let channel = self.channels.get(usize::from(index)).copied();
-        channel.unwrap_or(StickChannel::with_defaults(index))
-    }
-}
-
 impl Parameters {
     /// The channels of the sticks, as they are in force.
     pub fn stick_channels(&self) -> StickChannels {
-        StickChannels {
-            throttle: self.sticks.channel(self.sticks.throttle),
-            steering: self.sticks.channel(self.sticks.steering),
-        }
+        self.sticks.in_force()
     }
 
     /// Parameters of the throttle's and the steering's channel that do not fit each other, in pairs.
@@ -107,6 +77,7 @@ impl Parameters {
 mod tests {
     use super::*;
     use crate::parameter::Refused;
+    use crate::parameter::stick_channel::StickChannel;
     use proptest::prelude::*;
 
     #[test]
