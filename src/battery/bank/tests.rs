@@ -1,9 +1,14 @@
+use core::mem;
+
+use proptest::prelude::*;
+
 use super::*;
 use crate::battery::{
     BusError, ChargeSource, CurrentRange, FailsafeSettings, Faults, Gauge, GaugeReading, PackEvent,
-    PackSettings, Thermometer, Tick,
+    PackSettings, Thermometer, Thresholds, Tick,
 };
 use crate::time::{Instant, at_us};
+use crate::vehicle::FailsafeAction;
 
 /// Two packs in parallel, and a third that is their sum.
 struct Bench {
@@ -463,4 +468,134 @@ fn a_sum_is_over_range_while_a_healthy_member_is() {
     assert_eq!(range(&members), CurrentRange::Over);
     members[1].status = PackStatus::Unhealthy;
     assert_eq!(range(&members), CurrentRange::Within);
+}
+
+/// How much an action does.
+fn severity(action: FailsafeAction) -> u8 {
+    match action {
+        FailsafeAction::Warn => 0,
+        FailsafeAction::Terminate => 2,
+        _ => 1,
+    }
+}
+
+/// What was seen of a pack from outside, and what was done.
+#[derive(Clone, Debug, Default)]
+struct Watched {
+    low: Passing,
+    critical: Passing,
+    /// Ticks since a healthy reading.
+    lost_ticks: u32,
+    most_severe: u8,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Passing {
+    below_ticks: u32,
+    has_passed: bool,
+}
+
+impl Passing {
+    /// Whether the threshold of voltage or charge is passed for the first time, at the latest.
+    fn is_first(
+        &mut self,
+        state: Option<&BatteryState>,
+        thresholds: &Thresholds,
+        timer_s: Option<f32>,
+    ) -> bool {
+        let is_below = |value: Option<f32>, threshold: Option<f32>| {
+            value
+                .zip(threshold)
+                .is_some_and(|(value, threshold)| value < threshold)
+        };
+        let is_voltage_below = is_below(state.and_then(|state| state.voltage_v), thresholds.voltage_v);
+        self.below_ticks = if is_voltage_below { self.below_ticks + 1 } else { 0 };
+        let has_lasted = timer_s.is_some_and(|timer_s| self.below_ticks as f32 > timer_s * 10.0 + 2.0);
+        // Without a current it is an estimate with bounds.
+        let counted = state.filter(|state| state.current_a.is_some());
+        let remaining_mah =
+            counted.and_then(|state| Some(state.remaining_pct? / 100.0 * state.full_capacity()?));
+        let is_passed = has_lasted || is_below(remaining_mah, thresholds.remaining_mah.map(|mah| mah - 1.0));
+        is_passed && !mem::replace(&mut self.has_passed, true)
+    }
+}
+
+fn any_thresholds() -> impl Strategy<Value = Thresholds> {
+    let voltage_v = prop::option::of(9.0f32..11.5);
+    let remaining_mah = prop::option::of(10.0f32..200.0);
+    (voltage_v, remaining_mah).prop_map(|(voltage_v, remaining_mah)| Thresholds {
+        voltage_v,
+        remaining_mah,
+    })
+}
+
+/// Some ticks with these readings.
+fn any_stretch() -> impl Strategy<Value = (u32, Readings)> {
+    let reading = || {
+        prop_oneof![
+            6 => (8.0f32..12.6, 0.0f32..60.0).prop_map(|(voltage_v, current_a)| Ok(at(voltage_v, current_a))),
+            1 => Just(SILENT),
+        ]
+    };
+    (1u32..80, [reading(), reading()])
+}
+
+proptest! {
+    #[test]
+    // Requirement: AP-18
+    fn no_level_is_passed_without_its_action_and_no_healthy_pack_is_lost(
+        low in any_thresholds(),
+        critical in any_thresholds(),
+        timer_s in prop::option::of(0.5f32..3.0),
+        actions in prop::array::uniform3(prop::sample::select(vec![0.0f32, 2.0, 5.0])),
+        stretches in prop::collection::vec(any_stretch(), 1..40),
+    ) {
+        let mut parameters = Parameters::defaults();
+        let named = [BatteryParameter::FsLowAct, BatteryParameter::FsCrtAct, BatteryParameter::FsUnhAct];
+        for pack in [Pack::First, Pack::Second, SUM] {
+            for (parameter, action) in named.into_iter().zip(actions) {
+                parameters.set(parameter.of(pack), action).unwrap();
+            }
+        }
+        let action = |pack, levels: &[_]| severity(FailsafeAction::from_parameters(&parameters, pack, levels));
+        let failsafe = FailsafeSettings { timer_s, low, critical, ..FailsafeSettings::default() };
+        let settings = PackSettings {
+            cell_count: Some(3),
+            capacity_mah: Some(200.0),
+            failsafe,
+            ..PackSettings::default()
+        };
+        let mut bank = BatteryBank::new();
+        let mut watched = vec![Watched::default(); 3];
+        let mut now = Instant::EPOCH;
+        for (ticks, [first, second]) in stretches {
+            for _ in 0..ticks {
+                now = now.after_us(100_000);
+                let tick = Tick { now, arm_state: ArmState::Armed };
+                for (pack, watched) in [Pack::First, Pack::Second, SUM].into_iter().zip(&mut watched) {
+                    let reading = match pack {
+                        Pack::First => first,
+                        Pack::Second => second,
+                        _ => bank.sum(SUM, 0b11, 0b111, SumVoltage::Mean, ArmState::Armed),
+                    };
+                    let update = bank.monitor(pack).update(tick, reading, &settings);
+                    let state = bank.monitor(pack).state();
+                    let seen = (reading.is_ok() && state.status == PackStatus::Healthy).then_some(state);
+                    watched.lost_ticks = if seen.is_some() { 0 } else { watched.lost_ticks + 1 };
+                    if update.failsafe.contains(&FailsafeLevel::Unhealthy) {
+                        prop_assert!(watched.lost_ticks >= 50, "{pack:?} {watched:?}");
+                    }
+                    watched.most_severe = watched.most_severe.max(action(pack, &update.failsafe));
+                    let is_critical = watched.critical.is_first(seen, &critical, timer_s);
+                    let is_low = watched.low.is_first(seen, &low, timer_s) || (is_critical && failsafe.is_in_force(&low));
+                    for (is_passed, level) in [(is_low, FailsafeLevel::Low), (is_critical, FailsafeLevel::Critical)] {
+                        prop_assert!(
+                            !is_passed || watched.most_severe >= action(pack, &[level]),
+                            "{pack:?} {level:?} {state:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
 }
