@@ -143,6 +143,7 @@ fn nothing_is_erased_while_armed_and_what_has_no_space_is_saved_after_disarming(
     bench.set("BATT_CAPACITY", 777.0);
     bench.run_for(SECOND);
     arm_and_drive(&mut bench);
+    bench.run_until_silent();
     let from_us = bench.time_us();
     // Twice what there is room for, and some of each parameter once.
     let filling = (0..60).map(|number| {
