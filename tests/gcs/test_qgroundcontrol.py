@@ -257,15 +257,17 @@ def refused_is_unchanged(session, name, value):
     assert (again.param_id, again.param_value) == (name, pytest.approx(session.parameters[name]))
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("RCMAP_THROTTLE", 1),
-        *(("RC1_MIN", 799), ("RC1_MIN", 1401), ("RC1_MAX", 1599), ("RC1_MAX", 2201), ("RC1_TRIM", 1099)),
-    ],
-)
-def test_channels_that_could_not_be_driven_with_are_refused(session, name, value):
+@pytest.mark.parametrize(("name", "value"), [("RC1_MIN", 799), ("RC1_MAX", 2201)])
+def test_pulses_out_of_range_are_refused(session, name, value):
     refused_is_unchanged(session, name, value)
+
+
+@pytest.mark.parametrize(("name", "value"), [("RCMAP_THROTTLE", 1), ("RC1_MIN", 1401), ("RC1_MAX", 1599), ("RC1_TRIM", 1099)])
+def test_channels_that_could_not_be_driven_with_are_taken_and_not_armed_with(session, name, value):
+    before = session.parameters[name]
+    assert session.station.set(name, value).param_value == value
+    assert session.station.command(ARM_DISARM, 1) == mavlink.MAV_RESULT_FAILED
+    assert session.station.set(name, before).param_value == before
 
 
 def test_a_refused_parameter_is_explained_with_its_range(session):

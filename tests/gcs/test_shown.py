@@ -402,12 +402,13 @@ def test_sensor_lost(sensor_lost):
     for link in (old, new):
         assert link.ground.batteries[0].colour == "red"
         assert link.ground.status == "Not Ready" and link.ground.sensor_errors & BATTERY
-    assert "AP: PreArm: Battery 1 unhealthy" in old.proxy_printed
+    assert "AP: PreArm: Battery 1 unhealthy: no reading in time" in old.proxy_printed
 
 
 def test_sensor_lost_is_not_ready(sensor_lost):
     planner = sensor_lost.old.planner
-    assert (planner.prearm, planner.prearm_reasons) == ("Not Ready to Arm", ["PreArm: Battery 1 unhealthy"])
+    reason = "PreArm: Battery 1 unhealthy: no reading in time"
+    assert (planner.prearm, planner.prearm_reasons) == ("Not Ready to Arm", [reason])
     assert "pre-arm fail" in sensor_lost.old.proxy_said
 
 
