@@ -33,6 +33,14 @@ impl ParameterIdSet {
         }
     }
 
+    /// Removes `id`.
+    pub(super) fn remove(&mut self, id: ParameterId) {
+        let (byte, bit) = place(id);
+        if let Some(bits) = self.0.get_mut(byte) {
+            *bits &= !bit;
+        }
+    }
+
     /// How many it has.
     pub(super) fn len(&self) -> usize {
         ones(self.0.iter().copied())

@@ -73,7 +73,7 @@ impl Parameters {
             listed: ParameterIdSet::default(),
             sticks: Sticks::defaults(),
         };
-        parameters.update_listed();
+        parameters.update_listed(ParameterId::all());
         parameters
     }
 
@@ -127,12 +127,15 @@ impl Parameters {
         self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED
     }
 
-    /// Lists what is in use now.
-    fn update_listed(&mut self) {
-        let mut listed = ParameterIdSet::default();
-        let used = ParameterId::all().filter(|id| self.is_used(*id));
-        used.for_each(|id| listed.insert(id));
-        self.listed = listed;
+    /// Lists those of `ids` that are in use now.
+    fn update_listed(&mut self, ids: impl Iterator<Item = ParameterId>) {
+        for id in ids {
+            if self.is_used(id) {
+                self.listed.insert(id);
+            } else {
+                self.listed.remove(id);
+            }
+        }
     }
 
     /// Whether what a parameter sets up is in use. `BATT_MONITOR` always is.
@@ -157,9 +160,12 @@ impl Parameters {
         self.save_states.set(id, state);
         match id {
             ParameterId::Stick(id) => self.follow_sticks(id, state),
-            ParameterId::Battery(_, BatteryParameter::Monitor)
-            | ParameterId::Vehicle(VehicleParameter::Serial1Protocol | VehicleParameter::CanP1Driver) => {
-                self.update_listed();
+            // Whether others are in use depends on these; all of them would take a millisecond.
+            ParameterId::Battery(pack, BatteryParameter::Monitor) => {
+                self.update_listed(BatteryParameter::ALL.iter().map(|parameter| parameter.of(pack)));
+            }
+            ParameterId::Vehicle(VehicleParameter::Serial1Protocol | VehicleParameter::CanP1Driver) => {
+                self.update_listed(VehicleParameter::ALL.iter().map(|parameter| (*parameter).into()));
             }
             _ => {}
         }
@@ -349,6 +355,19 @@ mod tests {
             for id in ParameterId::all() {
                 let place = parameters.listed().position(|listed| listed == id);
                 assert_eq!(parameters.listed_index(id), place, "{}", id.name());
+            }
+        }
+    }
+
+    #[test]
+    fn the_list_follows_each_parameter_that_it_depends_on() {
+        let mut parameters = Parameters::defaults();
+        let values = [0.0, 1.0, 4.0, 8.0, 9.0, 24.0, 30.0, 39.0];
+        for id in ParameterId::all() {
+            for value in values.into_iter().chain([id.default_value()]) {
+                let _ = parameters.set(id, value);
+                let used = ParameterId::all().filter(|id| parameters.is_used(*id));
+                assert!(parameters.listed().eq(used), "{} {value}", id.name());
             }
         }
     }
