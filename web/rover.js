@@ -127,7 +127,7 @@ const boardId = () => (version?.uid || undefined)?.toString(16).toUpperCase();
 
 on('opened', () => (isIdentified = 0));
 
-// For another rover the page begins anew, without a key that is another's. One without an id is the same.
+// For another rover the page starts again, without a key that is another's. One without an id is the same.
 on('AUTOPILOT_VERSION', (fields) => {
   const before = boardId();
   version = fields;

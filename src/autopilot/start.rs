@@ -25,7 +25,7 @@ pub struct Start {
     pub radio: Radio,
     /// The crash by which the run before this one ended.
     pub crash: Option<CrashRecord>,
-    /// How many runs in a row have crashed during the radio's turn.
+    /// Number of runs in a row that crashed during the radio's turn.
     pub radio_crashes: u8,
 }
 

@@ -1,4 +1,4 @@
-//! What follows from each condition of a pack: one table for BATTERY_STATUS_V2, SYS_STATUS and arming.
+//! Consequences of each condition of a pack: one table for BATTERY_STATUS_V2, SYS_STATUS and arming.
 //!
 //! `docs/proof.md` shows it. What is not in it has no consequence.
 
@@ -7,7 +7,7 @@ use bitflags::bitflags;
 use super::{ArmingFailure, BatteryState, ChargeState, FailsafeLevel, Faults, PackStatus};
 
 bitflags! {
-    /// What a condition means for ground stations.
+    /// Consequences of a condition for ground stations.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub struct Consequences: u8 {
         /// A connected pack is not ready to use.
@@ -37,7 +37,7 @@ enum Condition {
 struct Row {
     condition: Condition,
     consequences: Consequences,
-    /// Why arming is refused, if it is.
+    /// Reason for which arming is refused, if it is.
     failure: Option<ArmingFailure>,
 }
 
@@ -107,13 +107,13 @@ impl BatteryState {
         TABLE.iter().filter(|row| row.condition.holds(self))
     }
 
-    /// What the conditions mean for ground stations.
+    /// Consequences of all present conditions for ground stations.
     pub fn consequences(&self) -> Consequences {
         self.conditions()
             .fold(Consequences::empty(), |all, row| all | row.consequences)
     }
 
-    /// Why arming is refused, in any order and perhaps repeatedly.
+    /// Reasons for which arming is refused, in any order and perhaps repeatedly.
     pub(super) fn refusals(&self) -> impl Iterator<Item = ArmingFailure> {
         self.conditions().filter_map(|row| match row.failure {
             Some(ArmingFailure::WrongCells) if self.has_unclear_cells() => Some(ArmingFailure::UnclearCells),

@@ -46,7 +46,7 @@ pub(super) struct Failsafe {
     critical: Watch,
 }
 
-/// What was observed of the thresholds of one level.
+/// Observation of the thresholds of one level.
 #[derive(Clone, Copy, Debug, Default)]
 struct Watch {
     timer: Timer,

@@ -58,7 +58,7 @@ pub struct Measurement {
     pub state_of_charge: Option<f32>,
     /// Temperature, in degrees Celsius.
     pub temperature_c: Option<f32>,
-    /// What has this temperature.
+    /// Place of this temperature.
     pub thermometer: Thermometer,
     /// Voltage of each cell.
     pub cells: CellVoltages,
@@ -72,7 +72,7 @@ pub struct Measurement {
     pub supply: Supply,
     /// The members of a sum, one bit per instance from bit 0; 0 for a sensor.
     pub members: u16,
-    /// Those of them that are lost: unhealthy, or unplugged while armed.
+    /// The lost ones of them: unhealthy, or unplugged while armed.
     pub lost_members: u16,
     /// Full capacity of the members of a sum together, in milliampere-hours; `None` unless every member's is known.
     pub members_capacity_mah: Option<f32>,
@@ -125,13 +125,13 @@ impl Measurement {
     }
 }
 
-/// What a temperature is of.
+/// Place of a temperature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Thermometer {
     /// The pack.
     #[default]
     Pack,
-    /// What it supplies, or is charged by: a motor or its controller, or a charger. 70 °C are usual there.
+    /// A device that it supplies, or is charged by: a motor or its controller, or a charger. 70 °C are usual there.
     Device,
 }
 

@@ -59,7 +59,7 @@ pub enum Visibility {
 pub struct BatteryState {
     /// Whether the pack is connected and its sensor works.
     pub status: PackStatus,
-    /// Why the latest reading failed, or is not enough; `None` if it did not.
+    /// Error of the latest reading, also if that is not enough; `None` without one.
     pub read_error: Option<ReadError>,
     /// Electric charge or fuel. The currents of fuel are in litres per hour instead of amperes.
     pub contents: Contents,
@@ -90,7 +90,7 @@ pub struct BatteryState {
     pub time_remaining_s: Option<f32>,
     /// Temperature, in degrees Celsius.
     pub temperature_c: Option<f32>,
-    /// What has this temperature.
+    /// Place of this temperature.
     pub thermometer: Thermometer,
     /// Charge state.
     pub charge_state: ChargeState,
@@ -203,7 +203,7 @@ impl BatteryState {
         self.capacity?.mah()
     }
 
-    /// What the full pack or tank holds as it is now, in milliampere-hours or millilitres: by its own gauge, else as learnt,
+    /// Capacity of the full pack or tank as it is now, in milliampere-hours or millilitres: by its own gauge, else as learnt,
     /// else as set.
     pub fn full_capacity(&self) -> Option<f32> {
         let learnt = match self.charge_source {
@@ -213,7 +213,7 @@ impl BatteryState {
         learnt.or(self.capacity.map(Amount::number))
     }
 
-    /// What remains by the state of charge, in milliampere-hours or millilitres.
+    /// Remaining charge or fuel by the state of charge, in milliampere-hours or millilitres.
     pub fn remaining(&self) -> Option<f32> {
         Some(self.full_capacity()? * self.remaining_pct? / 100.0)
     }

@@ -15,7 +15,7 @@ pub struct LastRun {
     pub reset_reason: ResetReason,
     /// The crash that was not reported to a ground station yet. It may be older than the last run.
     pub crash: Option<CrashRecord>,
-    /// How many programs have crashed one after the other.
+    /// Number of programs that crashed one after the other.
     pub crashes_in_a_row: CrashesInARow,
     start: StartKind,
 }

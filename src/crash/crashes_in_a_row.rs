@@ -68,7 +68,7 @@ impl CrashesInARow {
         }
     }
 
-    /// How many crashed during the radio's turn.
+    /// Number of crashes during the radio's turn.
     pub fn of_radio(self) -> u8 {
         self.of_radio
     }

@@ -80,7 +80,7 @@ impl BrowserMemory {
 /// The link of a place for a WebSocket.
 struct LinkSlot<'m, 'a> {
     id: LinkId,
-    /// Where the link is built; `None` while a connection uses it.
+    /// Memory in which the link is built; `None` while a connection uses it.
     memory: Cell<Option<&'m mut Option<Link<'a>>>>,
 }
 
@@ -100,7 +100,7 @@ pub(super) async fn serve_browsers(stack: Stack<'_>, memory: &mut BrowserMemory,
         serve_connection(stack, two, &links, &places, service),
         serve_connection(stack, three, &links, &places, service),
         serve_connection(stack, four, &links, &places, service),
-        // Last: whoever connects gets the first that listens.
+        // Last: a new connection goes to the first socket that listens.
         refuse_surplus(stack, refused, &places),
     )
     .await;

@@ -41,12 +41,12 @@ impl ParameterIdSet {
         }
     }
 
-    /// How many it has.
+    /// Number of its parameters.
     pub(super) fn len(&self) -> usize {
         ones(self.0.iter().copied())
     }
 
-    /// How many of those before `id` it has.
+    /// Number of its parameters before `id`.
     pub(super) fn count_before(&self, id: ParameterId) -> usize {
         let (byte, bit) = place(id);
         let beside = self.0.get(byte).map(|bits| bits & (bit - 1));

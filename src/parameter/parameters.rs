@@ -25,12 +25,12 @@ pub struct Parameters {
     /// That of the last reset.
     pub(super) reset: SaveState,
     trouble: Option<ParameterTrouble>,
-    /// Those that are listed.
+    /// The listed parameters.
     listed: ParameterIdSet,
     pub(super) sticks: Sticks,
 }
 
-/// Why the live values may not be the owner's.
+/// Cause for which the live values may not be the owner's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ParameterTrouble {
@@ -39,7 +39,7 @@ pub enum ParameterTrouble {
 }
 
 impl ParameterTrouble {
-    /// What it is, and how it ends.
+    /// Text with the cause, and how it ends.
     pub fn text(self) -> &'static str {
         match self {
             Self::NotRead => "Stored parameters not read: restart",
@@ -83,7 +83,7 @@ impl Parameters {
         self.trouble = Some(ParameterTrouble::NotRead);
     }
 
-    /// Why the values may not be the owner's, if that is so.
+    /// Cause for which the values may not be the owner's, if there is one.
     pub fn trouble(&self) -> Option<ParameterTrouble> {
         self.trouble
     }

@@ -74,7 +74,7 @@ impl Default for StickChannels {
     }
 }
 
-/// What of the sticks' parameters is in force: of a group that does not fit what did so last, after a start the defaults.
+/// Values of the sticks' parameters in force: of a group that does not fit the last ones that did, after a start the defaults.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sticks {
     /// Numbers of the channels.

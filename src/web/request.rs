@@ -196,7 +196,7 @@ fn method(name: &str) -> Result<Method, Refusal> {
     }
 }
 
-/// What there is at a path, which has no slash before it.
+/// Target at a path, which has no slash before it.
 fn target(path: &str) -> Option<Target> {
     match path {
         "" => Some(Target::Page),

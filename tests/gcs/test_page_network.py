@@ -129,15 +129,24 @@ def test_manual_does_not_act_after_a_stall(rover, page):
     assert rover.mode == "Hold"
 
 
-@pytest.mark.long
-def test_a_parameter_is_not_set_after_a_stall(rover, page):
+def search_low_volt(page):
     page.enter("setup")
     page.wait_for("The rover counts 3 cells")
     page.element("#search").send_keys("batt_low_volt")
     page.wait(lambda: page.read("found").startswith("1 of "))
+
+
+def enter_in_list(page, value):
+    """Enters a value for the first parameter that was found."""
+    page.run("const input = document.querySelector('#list input'); input.value = arguments[0]; input.onchange()", value)
+
+
+@pytest.mark.long
+def test_a_parameter_is_not_set_after_a_stall(rover, page):
+    search_low_volt(page)
     before = parameter(rover, "BATT_LOW_VOLT")
     rover.network.deafen()
-    page.run("const input = document.querySelector('#list input'); input.value = 9.5; input.onchange()")
+    enter_in_list(page, 9.5)
     time.sleep(7)
     rover.network.mend()
     page.wait_for("Command waited for too long: refused")
@@ -246,12 +255,9 @@ def test_stop_is_sent_five_times_a_second_and_then_once(rover, page):
 
 @pytest.mark.long
 def test_stop_cancels_what_is_pending_but_disarm(rover, page):
-    page.enter("setup")
-    page.wait_for("The rover counts 3 cells")
-    page.element("#search").send_keys("batt_low_volt")
-    page.wait(lambda: page.read("found").startswith("1 of "))
+    search_low_volt(page)
     rover.network.mute()
-    page.run("const input = document.querySelector('#list input'); input.value = 9.5; input.onchange()")
+    enter_in_list(page, 9.5)
     touch(page, "stop")
     time.sleep(3.5)
     assert page.run("return window.sent.filter(([, ...frame]) => frame[7] == arguments[0]).length", PARAM_SET) == 1

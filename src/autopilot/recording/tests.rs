@@ -555,7 +555,7 @@ impl Bench {
         Self::with(Flash::blank(), Ring::new(Flash::REGION), Some(CRASH))
     }
 
-    /// How often a file has the crash.
+    /// Number of times a file has the crash.
     fn crashes_in(&mut self, number: u16) -> usize {
         let record = Record::Crash(&CRASH).encode(0);
         // Behind the time.

@@ -25,7 +25,7 @@ struct Bench {
 
 const SUM: Pack = Pack::Third;
 
-/// How long the charge of a sum is held when a member is lost, in seconds.
+/// Time for which the charge of a sum is held when a member is lost, in seconds.
 const TIMEOUT_S: f32 = 12.0;
 
 type Readings = [Result<Measurement, ReadError>; 2];
@@ -117,7 +117,7 @@ fn counted(current_a: f32) -> Measurement {
     }
 }
 
-/// What is left after this charge, of 80 % of both packs.
+/// Percentage left after this charge, from 80 % of both packs.
 fn after_pct(drawn_mah: f32) -> f32 {
     80.0 - drawn_mah / 44.0
 }
@@ -470,7 +470,7 @@ fn a_sum_is_over_range_while_a_healthy_member_is() {
     assert_eq!(range(&members), CurrentRange::Within);
 }
 
-/// How much an action does.
+/// Severity of an action.
 fn severity(action: FailsafeAction) -> u8 {
     match action {
         FailsafeAction::Warn => 0,
@@ -479,7 +479,7 @@ fn severity(action: FailsafeAction) -> u8 {
     }
 }
 
-/// What was seen of a pack from outside, and what was done.
+/// Observations of a pack from outside, and the most severe action taken.
 #[derive(Clone, Debug, Default)]
 struct Watched {
     low: Passing,
@@ -513,8 +513,7 @@ impl Passing {
         let has_lasted = timer_s.is_some_and(|timer_s| self.below_ticks as f32 > timer_s * 10.0 + 2.0);
         // Without a current it is an estimate with bounds.
         let counted = state.filter(|state| state.current_a.is_some());
-        let remaining_mah =
-            counted.and_then(|state| Some(state.remaining_pct? / 100.0 * state.full_capacity()?));
+        let remaining_mah = counted.and_then(BatteryState::remaining);
         let is_passed = has_lasted || is_below(remaining_mah, thresholds.remaining_mah.map(|mah| mah - 1.0));
         is_passed && !mem::replace(&mut self.has_passed, true)
     }

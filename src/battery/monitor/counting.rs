@@ -278,7 +278,7 @@ impl SourceCounter {
 
     /// Takes what was drawn from a sum's members since the start. Returns what was drawn since the reading before, which
     /// includes the time in which the current was unknown. Where the current counted instead, or the members are others,
-    /// it starts anew.
+    /// counting restarts from 0.
     pub fn members(&mut self, measurement: &Measurement, drawn_mah: Option<f32>) -> Option<f32> {
         let Some(drawn_mah) = drawn_mah else {
             if measurement.current_a.is_some() {

@@ -14,7 +14,7 @@ pub(super) struct Reports {
     pub gauge: GaugeState,
     pub serial_number: SerialNumber,
     supply: Supply,
-    /// Since when a member of the sum has been lost.
+    /// Time since which a member of the sum has been lost.
     incomplete_since: Option<Instant>,
     /// Full capacity of a sum's members, and how far apart they rest.
     members_capacity_mah: Option<f32>,
@@ -69,7 +69,7 @@ impl Reports {
         self.gauge.update(tick.now, measurement.gauge);
     }
 
-    /// Why the charge is unknown, whatever is estimated: what counts it has been silent for too long.
+    /// Cause of an unknown charge, whatever is estimated: its counter has been silent for too long.
     pub fn charge_time_out(&self, now: Instant) -> Option<ReadError> {
         let is_incomplete = self
             .incomplete_since

@@ -173,7 +173,7 @@ pub fn run(
     Ok(rows)
 }
 
-/// What is announced to ground stations: of the levels that are reached in one tick, the worst.
+/// Events that are announced to ground stations: of the levels that are reached in one tick, the worst.
 fn announced(update: &PackUpdate) -> impl Iterator<Item = &PackEvent> {
     let is_skipped = |event: &PackEvent| {
         let level = match event {

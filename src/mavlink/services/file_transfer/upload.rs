@@ -45,14 +45,14 @@ pub(super) struct Upload {
     not_set: NotSet,
 }
 
-/// What a file has not set.
+/// Parameters that a file has not set.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct NotSet {
     /// The first that are known here, and were refused.
     refused: Vec<ParameterId, LISTED_NAMES>,
     more_refused: u16,
     unknown: u16,
-    /// Those that were set.
+    /// Parameters that were set.
     set: ParameterIdSet,
 }
 
@@ -236,7 +236,7 @@ impl Upload {
             })
     }
 
-    /// What the file has not set, if there was anything.
+    /// Parameters that the file has not set, if there are any.
     pub fn not_set(&self) -> Option<&NotSet> {
         let not_set = &self.not_set;
         (!not_set.refused.is_empty() || not_set.unknown > 0).then_some(not_set)
