@@ -127,8 +127,11 @@ def test_logs_are_listed_and_downloaded_and_a_broken_download_goes_on(site):
         set_to(web, "LOG_DISARMED", 0)
         # It would grow for 15 s after disarming.
         set_to(web, "LOG_BITMASK", 0)
-        time.sleep(3)
-    (log,) = site.logs()
+        before = None
+        while (logs := site.logs()) != before:
+            before = logs
+            time.sleep(1)
+    (log,) = logs
     status, headers, whole = site.get(path)
     assert status == 200 and len(whole) == log["bytes"] == int(headers["Content-Length"])
     assert log["name"] in headers["Content-Disposition"]
