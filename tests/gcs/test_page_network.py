@@ -85,6 +85,8 @@ def test_a_stick_held_while_a_station_lets_go_of_its_override_moves_nothing(rove
         rover.seconds_until(rover.turns, 3)
         page.push_stick()
         page.wait_for("Sticks ignored: another station drives")
+        # The hint follows with the next drawing.
+        page.wait_until_gone("The rover follows")
         assert "The rover follows" not in page.text()
     for _ in range(5):
         override(rover, 0)
