@@ -248,6 +248,7 @@ fn system_state<'a>(
         load_permille,
         logs: recording.files(),
         log: recording.health(),
+        log_readers: recording.readers,
         ..SystemState::default()
     }
 }

@@ -165,8 +165,10 @@ impl Autopilot {
         self.recording.erased(erasure, outcome);
     }
 
-    /// Where the bytes of a log from `offset` on are in flash.
-    pub fn locate_log(&self, number: u16, offset: u32) -> Option<Piece> {
+    /// Where the bytes of a log from `offset` on are in flash, to be read at `now` for the link of this number, or for a browser's
+    /// download.
+    pub fn locate_log(&mut self, number: u16, offset: u32, link: Option<u16>, now: Instant) -> Option<Piece> {
+        self.recording.readers.note(link, now);
         self.recording.locate(number, offset)
     }
 

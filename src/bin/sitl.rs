@@ -115,7 +115,9 @@ fn listen_for_browsers(asked: Option<Web>) -> Result<Option<Clients>, String> {
         (Ok(browsers), _) => Ok(Some(browsers)),
         (Err(error), Some(_)) => Err(format!("Can't serve the page on {address}: {error}.")),
         (Err(error), None) => {
-            eprintln!("No page on {address}: {error}. --web HOST:PORT takes another port.");
+            console::print_error(format_args!(
+                "No page on {address}: {error}. --web HOST:PORT takes another port."
+            ));
             Ok(None)
         }
     }
@@ -157,19 +159,23 @@ impl Arguments {
 
     /// Prints where ground stations find the rovers, and what is simulated.
     fn greet(&self, listeners: &Listeners) {
-        println!(
-            "MAVLink on tcp:{} and to udp:{}. Ctrl-C ends it.",
-            self.tcp, self.udp
-        );
+        // The port 0 stands for one that the system chooses.
+        let tcp = listeners.clients.address().unwrap_or(self.tcp);
+        console::print_plain(format_args!(
+            "MAVLink on tcp:{tcp} and to udp:{}. Ctrl-C ends it.",
+            self.udp
+        ));
         let browsers = listeners.browsers.as_ref();
         if let Some(address) = browsers.and_then(|browsers| browsers.address().ok()) {
-            println!("The rover's page: http://{address}/");
+            console::print_plain(format_args!("The rover's page: http://{address}/"));
         }
         if let Some(count) = self.rovers {
-            println!("{count} rovers, by UDP: system ids 1 to {count}. By TCP and on the page: 1.");
+            console::print_plain(format_args!(
+                "{count} rovers, by UDP: system ids 1 to {count}. By TCP and on the page: 1."
+            ));
         }
         if let Some(scenario) = self.scenario {
-            println!("Scenario {scenario} {}", pace(self.speedup()));
+            console::print_plain(format_args!("Scenario {scenario} {}", pace(self.speedup())));
         }
     }
 
@@ -229,7 +235,7 @@ async fn log_copier(folders: &'static RefCell<Vec<LogFolder>>, interval: Duratio
 /// Copies what is new. A failure is shown.
 fn copy_logs(folders: &RefCell<Vec<LogFolder>>) -> io::Result<()> {
     let copied = folders.borrow_mut().iter_mut().try_for_each(LogFolder::update);
-    copied.inspect_err(|error| eprintln!("Can't copy the log: {error}."))
+    copied.inspect_err(|error| console::print_error(format_args!("Can't copy the log: {error}.")))
 }
 
 fn pace(speedup: f64) -> String {
@@ -243,7 +249,7 @@ fn main() -> ExitCode {
     match simulate(Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("{error}");
+            console::print_error(format_args!("{error}"));
             ExitCode::FAILURE
         }
     }
@@ -256,12 +262,14 @@ fn forever<T>(value: T) -> &'static T {
 
 /// What each rover is among others, and the fleet, if there is one.
 fn roles(rovers: Option<u8>) -> (Vec<Role<'static>>, Option<&'static Fleet>) {
+    if rovers.is_some() {
+        // The log does not say which rover it is of.
+        console::print_only_warnings();
+    }
     let output = console::use_terminal();
     let Some(count) = rovers else {
         return (vec![Role::Alone(output)], None);
     };
-    // The log does not say which rover it is of.
-    console::print_only_warnings();
     let fleet: &Fleet = forever(Fleet::of(count));
     (fleet.roles().collect(), Some(fleet))
 }
@@ -319,10 +327,10 @@ fn simulate(arguments: Arguments) -> Result<(), String> {
     });
     let log_folders: &RefCell<_> = forever(RefCell::new(log_folders.collect::<Result<Vec<_>, _>>()?));
     if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
-        eprintln!("Ctrl-C will end the simulator at once: {error}.");
+        console::print_error(format_args!("Ctrl-C will end the simulator at once: {error}."));
     }
     if clock::set_speedup(arguments.speedup()).is_err() {
-        eprintln!("The clock already runs, at real time.");
+        console::print_error(format_args!("The clock already runs, at real time."));
     }
     arguments.greet(listeners);
     RUNNING.store(rovers.len(), Ordering::Relaxed);
@@ -345,12 +353,12 @@ fn simulate(arguments: Arguments) -> Result<(), String> {
                 spawner.spawn(end_after(time).expect("it is spawned once"));
             }
         },
-        || STOP.load(Ordering::Relaxed),
+        || STOP.load(Ordering::Relaxed) || console::is_closed(),
     );
     console::end();
     // What was written since the last copy.
     let _ = copy_logs(log_folders);
-    println!("Stopped.");
+    console::print_plain(format_args!("Stopped."));
     Ok(())
 }
 

@@ -178,7 +178,7 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             Event::Answered
         }
         Request::LogErase => {
-            let result = downloads.logs.erase(from, state);
+            let result = downloads.logs.erase(from, context.link_number, state);
             explained(result.map(|()| Event::LogsErased), downloads, context)
         }
         Request::DataStream { stream_id, rate_hz } => {

@@ -31,6 +31,8 @@ pub struct SystemState<'a> {
     pub logs: &'a [LogFile],
     /// Whether the log can be written.
     pub log: LogHealth,
+    /// Who reads log files.
+    pub log_readers: LogReaders,
 }
 
 impl SystemState<'_> {
@@ -121,6 +123,38 @@ pub enum LogHealth {
     Failed,
 }
 
+/// Who read a log file most recently: a download must not lose its file to another station's LOG_ERASE.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LogReaders {
+    latest: Option<LogReader>,
+    /// The latest one by another link than that of `latest`.
+    other: Option<LogReader>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct LogReader {
+    /// The number of the link; `None` for a browser's download, which has none.
+    link: Option<u16>,
+    at: Instant,
+}
+
+impl LogReaders {
+    /// A piece of a log file is read for this link at `now`.
+    pub fn note(&mut self, link: Option<u16>, now: Instant) {
+        if self.latest.is_some_and(|latest| latest.link != link) {
+            self.other = self.latest;
+        }
+        self.latest = Some(LogReader { link, at: now });
+    }
+
+    /// When a log file was last read for another link than this one.
+    pub fn read_for_another_at(&self, link: u16) -> Option<Instant> {
+        let readers = [self.latest, self.other].into_iter().flatten();
+        let mut others = readers.filter(|reader| reader.link != Some(link));
+        others.next().map(|reader| reader.at)
+    }
+}
+
 /// Whether the vehicle would be armed on request (SYS_STATUS, PREARM_CHECK).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ArmingReadiness {
@@ -163,5 +197,22 @@ impl ReceiveStatistics {
         self.bad_checksums
             .wrapping_add(self.unknown_messages)
             .wrapping_add(self.overruns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::at_us;
+
+    #[test]
+    fn a_station_that_reads_logs_is_not_hidden_by_the_one_that_asks() {
+        let mut readers = LogReaders::default();
+        assert_eq!(readers.read_for_another_at(1), None);
+        for (link, at) in [(Some(1), 1), (None, 2), (Some(1), 3), (Some(1), 4)] {
+            readers.note(link, at_us(at));
+        }
+        let of_others = [1, 2].map(|link| readers.read_for_another_at(link));
+        assert_eq!(of_others, [Some(at_us(2)), Some(at_us(4))]);
     }
 }

@@ -114,7 +114,10 @@ impl<'a> Link<'a> {
         let mut bytes = [0; u8::MAX as usize];
         let wanted = bytes.get_mut(..read.bytes.into()).unwrap_or_default();
         let filled = match self.log {
-            Some(source) => read_file(read.number, read.offset, wanted, source, shared),
+            Some(source) => {
+                let link = self.with(|channel| channel.endpoint.number());
+                read_file(read.number, read.offset, wanted, Some(link), source, shared)
+            }
             None => 0,
         };
         let bytes = bytes.get(..filled).unwrap_or_default();
@@ -124,18 +127,19 @@ impl<'a> Link<'a> {
 }
 
 /// Fills `wanted` with what the log file `number` has from `offset` on, as far as it goes and can be read, and returns how far
-/// that is.
+/// that is. `link` is the number of the link that it is for; a browser's download has none.
 pub fn read_file(
     number: u16,
     offset: u32,
     wanted: &mut [u8],
+    link: Option<u16>,
     source: &dyn LogSource,
     shared: &Shared,
 ) -> usize {
     let mut filled = 0;
     while let Some(rest) = wanted.get_mut(filled..).filter(|rest| !rest.is_empty()) {
         let offset = offset.saturating_add(filled as u32);
-        let Some(piece) = shared.with(|autopilot| autopilot.locate_log(number, offset)) else {
+        let Some(piece) = shared.with(|autopilot| autopilot.locate_log(number, offset, link, now())) else {
             break;
         };
         let bytes = rest.len().min(piece.bytes as usize);

@@ -52,7 +52,7 @@ impl Content {
                 }
                 let bytes = buffer.len().min(part.end.saturating_sub(part.first) as usize);
                 let wanted = buffer.get_mut(..bytes).unwrap_or_default();
-                let filled = read_file(part.file.number, part.first, wanted, logs, shared);
+                let filled = read_file(part.file.number, part.first, wanted, None, logs, shared);
                 part.first = part.first.saturating_add(filled as u32);
                 filled
             }

@@ -88,6 +88,30 @@ def test_on_a_terminal_the_status_stays_in_one_line_below_the_events(environment
     assert ("\x1b[33m" in printed) == is_coloured
 
 
+@pytest.mark.parametrize("closed", ["stdout", "both"])
+def test_whoever_reads_its_output_may_leave(tmp_path, closed):
+    """As `head` does: the simulator ends, and what it recorded is complete."""
+    ports = ["--udp", f"127.0.0.1:{free_port()}", "--log", str(tmp_path)]
+    command = simulator_command(free_port(), *ports, "--scenario", "drain", "--speedup", "100")
+    errors = subprocess.STDOUT if closed == "both" else subprocess.PIPE
+    with subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
+        assert process.stdout.readline().startswith("MAVLink on tcp:")
+        while "armed" not in process.stdout.readline():
+            pass
+        process.stdout.close()
+        assert process.wait(timeout=60) == 0
+        assert process.stderr is None or "panicked" not in process.stderr.read()
+    (log,) = tmp_path.glob("*.BIN")
+    assert b"BATT_MONITOR" in log.read_bytes()
+
+
+def test_a_port_that_the_system_chooses_is_printed():
+    udp = f"127.0.0.1:{free_port()}"
+    command = ["cargo", "run", "--quiet", "--", "--tcp", "127.0.0.1:0", "--udp", udp, "--web", "off", "--for", "1"]
+    printed = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=60).stdout
+    assert re.match(r"MAVLink on tcp:127\.0\.0\.1:[1-9]\d* and", printed), printed
+
+
 def test_what_another_simulator_has_is_said_with_ports_that_are_free(start_simulator):
     port = start_simulator().port
     command = ["cargo", "run", "--quiet", "--", "--tcp", f"localhost:{port}"]

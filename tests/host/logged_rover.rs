@@ -78,7 +78,11 @@ impl Rover {
     /// The content of a file.
     pub fn file(&mut self, number: u16) -> Vec<u8> {
         let mut content = Vec::new();
-        while let Some(piece) = self.desk.autopilot.locate_log(number, content.len() as u32) {
+        while let Some(piece) =
+            self.desk
+                .autopilot
+                .locate_log(number, content.len() as u32, None, self.desk.now())
+        {
             let mut chip = vec![0; Flash::REGION.end as usize];
             block_on(self.flash.read(0, &mut chip)).expect("it works");
             content.extend_from_slice(&chip[piece.address as usize..][..piece.bytes as usize]);

@@ -562,6 +562,10 @@ fn modes_are_set_by_number_and_unknown_ones_fail() {
     );
     rover.assert_ack(&set_mode(1, 0x80, HOLD), SET_MODE, DENIED);
     rover.assert_ack(&command_long_2(DO_SET_MODE, 0.0, 4.0), DO_SET_MODE, DENIED);
+    for no_base_mode in [257.0, 1.5, -1.0, f32::INFINITY, f32::NAN] {
+        let request = command_long_2(DO_SET_MODE, no_base_mode, 4.0);
+        rover.assert_ack(&request, DO_SET_MODE, DENIED);
+    }
     for mode in [f32::NAN, -1.0, 0.5, 1e20] {
         rover.assert_ack(&do_set_mode(mode), DO_SET_MODE, DENIED);
     }

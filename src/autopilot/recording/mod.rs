@@ -20,7 +20,7 @@ use crate::pack::Pack;
 use crate::parameter::{ParameterId, ParameterTrouble, Parameters, VehicleParameter};
 use crate::recorder::dataflash::Record;
 use crate::recorder::{LogFile, Piece, Ring};
-use crate::system::LogHealth;
+use crate::system::{LogHealth, LogReaders};
 use crate::time::{Instant, Utc};
 use crate::vehicle::{ArmState, Vehicle};
 
@@ -67,6 +67,7 @@ pub enum LogFailure {
 pub(super) struct Recording {
     /// The files in flash; `None` until they were looked for.
     ring: Option<Ring>,
+    pub(super) readers: LogReaders,
     state: State,
     stream: Stream,
     /// What is taken out of the stream and not in flash yet.
@@ -118,6 +119,7 @@ impl Recording {
     pub fn new(crash: Option<CrashRecord>) -> Self {
         Self {
             ring: None,
+            readers: LogReaders::default(),
             state: State::Idle,
             stream: Stream::default(),
             chunk: Chunk::default(),

@@ -48,12 +48,6 @@ impl LogStep {
 impl Recording {
     /// What the flash has to do next at `now`, if anything.
     pub fn next_step(&mut self, now: Instant, subject: &Subject<'_>, may_erase: Erase) -> Option<LogStep> {
-        // Without a log there is nothing to erase for.
-        let may_erase = if is_on(subject.parameters) {
-            may_erase
-        } else {
-            Erase::Forbidden
-        };
         if let Some(date) = self.next_date() {
             return Some(date);
         }
@@ -67,14 +61,14 @@ impl Recording {
                 // The next sector can't be used. Another file can begin behind it.
                 Err(AppendError::Closed) => self.close(),
                 Err(AppendError::NoErasedSpace) => {
-                    return self.next_erase(may_erase).or_else(|| self.run_out());
+                    return self.next_erase(subject, may_erase).or_else(|| self.run_out());
                 }
             }
         }
         if self.state == State::Closing && self.chunk.is_empty() {
             self.close();
         }
-        self.next_erase(may_erase)
+        self.next_erase(subject, may_erase)
     }
 
     /// The program of the date into the open file's first sector, if it is recorded and not there yet.
@@ -113,12 +107,18 @@ impl Recording {
         Ok(LogStep::program(&program))
     }
 
-    fn next_erase(&mut self, may_erase: Erase) -> Option<LogStep> {
+    /// Without a log nothing is erased ahead; what an erase of all files has left is.
+    fn next_erase(&mut self, subject: &Subject<'_>, may_erase: Erase) -> Option<LogStep> {
         if may_erase == Erase::Forbidden || self.failed_erases >= MOST_FAILED_ERASES {
             return None;
         }
         let ring = self.ring.as_mut()?;
-        ring.next_erase(erase_target(ring)).map(LogStep::Erase)
+        let target = if is_on(subject.parameters) {
+            erase_target(ring)
+        } else {
+            0
+        };
+        ring.next_erase(target).map(LogStep::Erase)
     }
 
     /// All erased space is used up.

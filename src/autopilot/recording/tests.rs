@@ -528,6 +528,24 @@ fn another_file_begins_when_all_are_erased() {
 }
 
 #[test]
+fn without_a_log_an_erase_of_all_files_is_done_and_nothing_is_erased_ahead() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.vehicle.disarm();
+    bench.run(20);
+    assert_eq!(bench.numbers(), [1]);
+    bench.set(VehicleParameter::LogBitmask, 0.0);
+    bench.recording.erase_all();
+    bench.run(2);
+    let mut bench = bench.restarted();
+    assert!(bench.numbers().is_empty(), "they are back after a restart");
+    let before = bench.flash.operations();
+    bench.set(VehicleParameter::LogBitmask, 0.0);
+    bench.run(2);
+    assert_eq!(bench.flash.operations(), before);
+}
+
+#[test]
 fn a_failing_flash_is_announced_once_until_it_works() {
     let mut bench = Bench::armed();
     bench.run(2);

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io::{self, IsTerminal, Stdout, Write};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_time::Instant;
 
@@ -11,6 +12,9 @@ use crate::mavlink::dialect::MavSeverity;
 
 /// The terminal, once [`use_terminal`] has found one.
 static SCREEN: Mutex<Option<Screen<Stdout>>> = Mutex::new(None);
+
+/// Whether standard output could not be written to.
+static IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
 /// How urgent a line is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -53,6 +57,7 @@ pub enum Output {
 pub fn use_terminal() -> Output {
     let is_dumb = std::env::var_os("TERM").is_some_and(|name| name == "dumb");
     if is_dumb || !io::stdout().is_terminal() {
+        log::set_printer(print_whole_log);
         return Output::Lines;
     }
     // By no-color.org: present and not empty.
@@ -60,30 +65,39 @@ pub fn use_terminal() -> Output {
     with_screen(|screen| *screen = Some(Screen::new(io::stdout(), has_colours)));
     if io::stderr().is_terminal() {
         print_only_warnings();
+    } else {
+        log::set_printer(print_whole_log);
     }
     Output::Terminal
 }
 
-/// Prints the log's warnings only, from now on.
+/// Prints the log's warnings only, if it is called before [`use_terminal`].
 pub fn print_only_warnings() {
-    log::set_printer(print_log);
+    log::set_printer(print_warnings);
+}
+
+/// Whether whoever read standard output has gone, as `head` does.
+pub fn is_closed() -> bool {
+    IS_CLOSED.load(Ordering::Relaxed)
 }
 
 /// Prints a line that may come at any time. On a terminal the simulated time stands before it.
 pub fn print_line(line: &str) {
-    print_above(Level::Info, line, || println!("{line}"));
+    print_above(Level::Info, line, || print_plain(format_args!("{line}")));
 }
 
 /// Prints something that has happened, with the simulated time before it.
 pub fn print_event(level: Level, text: &str) {
-    print_above(level, text, || println!("{}  {text}", simulated_time()));
+    print_above(level, text, || {
+        print_plain(format_args!("{}  {text}", simulated_time()))
+    });
 }
 
 /// Prints the present status.
 pub fn print_status(level: Level, status: &str) {
     with_screen(|screen| match screen {
         Some(screen) => screen.update(level, status),
-        None => println!("{status}"),
+        None => print_plain(format_args!("{status}")),
     });
 }
 
@@ -96,9 +110,25 @@ pub fn end() {
     });
 }
 
-fn print_log(level: log::Level, line: fmt::Arguments<'_>) {
+/// Prints a line on standard output. Unlike `println!` it does not panic when the output is closed.
+pub fn print_plain(line: fmt::Arguments<'_>) {
+    if writeln!(io::stdout(), "{line}").is_err() {
+        IS_CLOSED.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Prints a line on standard error, if it is open.
+pub fn print_error(line: fmt::Arguments<'_>) {
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
+fn print_whole_log(level: log::Level, line: fmt::Arguments<'_>) {
+    print_error(format_args!("{level} {line}"));
+}
+
+fn print_warnings(level: log::Level, line: fmt::Arguments<'_>) {
     if level == log::Level::Warning {
-        print_above(Level::Warning, &line.to_string(), || eprintln!("{level} {line}"));
+        print_above(Level::Warning, &line.to_string(), || print_whole_log(level, line));
     }
 }
 

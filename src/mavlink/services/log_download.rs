@@ -62,7 +62,7 @@ pub(in crate::mavlink) enum Step {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum Refusal {
     Armed,
-    /// Another ground station on this link is downloading.
+    /// Another ground station is downloading.
     InUse,
 }
 
@@ -200,15 +200,19 @@ impl LogDownload {
         }
     }
 
-    /// LOG_ERASE: there is nothing left to download.
+    /// LOG_ERASE on the link of this number: there is nothing left to download.
     ///
     /// # Errors
-    /// The rover is armed, or another station is downloading.
-    pub fn erase(&mut self, from: Peer, state: &SystemState<'_>) -> Result<(), Refusal> {
+    /// The rover is armed, or another station is downloading, on this link or another one.
+    pub fn erase(&mut self, from: Peer, link: u16, state: &SystemState<'_>) -> Result<(), Refusal> {
         if state.is_armed() {
             return Err(Refusal::Armed);
         }
         self.check_use(from, state.now)?;
+        let read_at = state.log_readers.read_for_another_at(link);
+        if read_at.is_some_and(|at| state.now.us_since(at) < HOLD_US) {
+            return Err(Refusal::InUse);
+        }
         self.stop();
         self.list = None;
         self.numbering = None;

@@ -91,10 +91,13 @@ impl<'a> VehicleService<'a> {
                 ACCEPTED
             }
             RUN_PREARM_CHECKS => self.check(),
-            DO_SET_MODE => match whole_number(command.param2) {
-                Some(mode) => self.set_mode(command.param1 as u8, mode),
-                None => DENIED,
-            },
+            DO_SET_MODE => {
+                let base_mode = whole_number(command.param1).and_then(|number| u8::try_from(number).ok());
+                match (base_mode, whole_number(command.param2)) {
+                    (Some(base_mode), Some(mode)) => self.set_mode(base_mode, mode),
+                    _ => DENIED,
+                }
+            }
             _ => DENIED,
         }
     }

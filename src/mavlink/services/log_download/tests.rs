@@ -5,6 +5,8 @@ use crate::time::at_us;
 use crate::vehicle::ArmState;
 use crate::vehicle::VehicleStatus;
 
+const LINK: u16 = 1;
+
 const STATION: Peer = Peer {
     system_id: 255,
     component_id: 190,
@@ -287,7 +289,7 @@ fn the_second_station_waits_until_the_first_ends_or_is_silent() {
     // For as long as something is sent.
     assert_eq!(ask(&mut download, OTHER, 100 * SECOND), Err(Refusal::InUse));
     assert_eq!(download.list(&all, OTHER, &at(100 * SECOND)), Err(Refusal::InUse));
-    assert_eq!(download.erase(OTHER, &at(100 * SECOND)), Err(Refusal::InUse));
+    assert_eq!(download.erase(OTHER, LINK, &at(100 * SECOND)), Err(Refusal::InUse));
     download.end(OTHER);
     assert_eq!(sent(&mut download, &at(100 * SECOND)).len(), 3);
     // And for five seconds after that, in which gaps are requested again.
@@ -308,7 +310,7 @@ fn while_armed_files_are_listed_and_not_sent_or_erased() {
     let mut download = LogDownload::default();
     let requested = download.request_data(&request(1, 0, 90), STATION, &state);
     assert_eq!(requested, Err(Refusal::Armed));
-    assert_eq!(download.erase(STATION, &state), Err(Refusal::Armed));
+    assert_eq!(download.erase(STATION, LINK, &state), Err(Refusal::Armed));
     assert_eq!(download.step(&state), Step::Idle);
     let all = LogListRequest {
         start: 0,
@@ -324,7 +326,7 @@ fn erasing_ends_a_download_and_numbers_anew() {
     let mut download = LogDownload::default();
     let requested = download.request_data(&request(1, 0, 90), STATION, &state(&before));
     assert_eq!(requested, Ok(()));
-    assert_eq!(download.erase(STATION, &state(&before)), Ok(()));
+    assert_eq!(download.erase(STATION, LINK, &state(&before)), Ok(()));
     assert_eq!(download.step(&state(&[])), Step::Idle);
     let after = files(3, &[50]);
     assert_eq!(read(&mut download, &after, 1, 0, 50), [(1, 0, content(3, 0, 50))]);
