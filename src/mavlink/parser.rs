@@ -24,8 +24,8 @@ const MAX_FRAME_BYTES: usize = HEADER_V2_BYTES + u8::MAX as usize + CRC_BYTES + 
 /// Room for the longest frame and for what arrives behind it in one go.
 const BUFFER_BYTES: usize = 512;
 
-// A frame that waits for its end must leave room for the bytes it waits for.
-const _: () = assert!(BUFFER_BYTES > MAX_FRAME_BYTES);
+// A frame that waits for its end, and for the header of the next one, must leave room for the bytes it waits for.
+const _: () = assert!(BUFFER_BYTES > MAX_FRAME_BYTES + HEADER_V2_BYTES);
 
 /// A frame whose checksum is right.
 #[derive(Clone, Copy, Debug)]
@@ -45,8 +45,9 @@ pub struct ReceivedFrame<'a> {
 /// Finds the frames of MAVLink 1 and 2 in what is received.
 ///
 /// After a start byte that turns out to start no good frame it goes on at the very next byte, so a frame is never lost
-/// to garbage before it, and at most one longest frame of bytes passes before it is found. A frame of a known message is
-/// taken whole, also if it is useless: what looks like a frame inside its payload is not one.
+/// to garbage before it, and at most 512 bytes pass before it is found. A frame is taken whole, also if it is useless: what
+/// looks like a frame inside its payload is not one. One that can't be judged, since its message or one of its flags is
+/// unknown here, counts as a frame where the next one, or a pause, begins right behind it.
 #[derive(Debug)]
 pub struct FrameParser {
     buffer: [u8; BUFFER_BYTES],
@@ -60,11 +61,19 @@ pub struct FrameParser {
 enum Candidate {
     /// More bytes are needed to decide.
     Incomplete,
-    /// No frame starts here.
-    NoFrame,
     BadChecksum,
-    UnknownMessage,
+    /// It can't be judged by itself: its message or one of its flags is unknown. It has this many bytes.
+    Unknown(usize),
     Good(Layout),
+}
+
+/// What stands behind a frame that can't be judged by itself.
+enum Behind {
+    /// More bytes are needed to decide.
+    Incomplete,
+    /// The next frame, or a pause.
+    Boundary,
+    Other,
 }
 
 /// Where things are in a frame.
@@ -77,6 +86,8 @@ struct Layout {
     /// Zero if it is not signed.
     trailer_bytes: usize,
     frame_bytes: usize,
+    /// Enters the checksum; `None` if the message or one of the flags is unknown.
+    extra_crc: Option<u8>,
 }
 
 impl FrameParser {
@@ -163,17 +174,29 @@ impl FrameParser {
                 self.start = self.end;
                 return None;
             };
-            let candidate = examine(waiting.get(noise..).unwrap_or_default());
+            let waiting = waiting.get(noise..).unwrap_or_default();
+            let candidate = examine(waiting);
+            let behind = match candidate {
+                Candidate::Unknown(bytes) => behind(waiting, bytes, self.sender_paused),
+                _ => Behind::Other,
+            };
             self.start += noise;
             let counter = match candidate {
                 Candidate::Incomplete if !self.sender_paused => return None,
+                Candidate::Unknown(bytes) => match behind {
+                    Behind::Incomplete => return None,
+                    Behind::Boundary => {
+                        self.start += bytes - 1;
+                        Some(&mut self.statistics.unknown_messages)
+                    }
+                    Behind::Other => None,
+                },
                 Candidate::Good(layout) => {
                     self.statistics.frames = self.statistics.frames.wrapping_add(1);
                     return Some(layout);
                 }
-                Candidate::Incomplete | Candidate::NoFrame => None,
+                Candidate::Incomplete => None,
                 Candidate::BadChecksum => Some(&mut self.statistics.bad_checksums),
-                Candidate::UnknownMessage => Some(&mut self.statistics.unknown_messages),
             };
             if let Some(counter) = counter {
                 *counter = counter.wrapping_add(1);
@@ -196,8 +219,50 @@ pub fn begins_with_frame(bytes: &[u8]) -> bool {
 
 /// Judges what starts with `bytes`, whose first one is a start byte.
 fn examine(bytes: &[u8]) -> Candidate {
-    let layout = match *bytes {
-        [START_V2, _, flags, ..] if flags & !FLAG_SIGNED != 0 => return Candidate::NoFrame,
+    let Some(layout) = layout(bytes) else {
+        return Candidate::Incomplete;
+    };
+    let Some(extra_crc) = layout.extra_crc else {
+        return Candidate::Unknown(layout.frame_bytes);
+    };
+    // The checksum covers everything before it but the start byte.
+    let after_start = bytes.get(1..layout.frame_bytes);
+    let covered_bytes = layout.header_bytes + layout.payload_bytes - 1;
+    let Some((covered, checksum)) = after_start.and_then(|frame| frame.split_at_checked(covered_bytes))
+    else {
+        return Candidate::Incomplete;
+    };
+    if checksum.starts_with(&calculate_crc(covered, extra_crc).to_le_bytes()) {
+        Candidate::Good(layout)
+    } else {
+        Candidate::BadChecksum
+    }
+}
+
+/// Judges what stands behind the first `frame_bytes` of `bytes`, which is all there is until the sender goes on. More frames
+/// that can't be judged may follow, as far as the buffer reaches.
+fn behind(bytes: &[u8], frame_bytes: usize, sender_paused: bool) -> Behind {
+    let mut end = frame_bytes;
+    while end + HEADER_V2_BYTES <= BUFFER_BYTES {
+        let next = match bytes.get(end..) {
+            Some([]) if sender_paused => return Behind::Boundary,
+            Some([START_V1 | START_V2, ..]) => bytes.get(end..).and_then(layout),
+            Some([_, ..]) => return Behind::Other,
+            Some([]) | None => None,
+        };
+        match next {
+            Some(next) if next.extra_crc.is_some() => return Behind::Boundary,
+            Some(next) => end += next.frame_bytes,
+            None if sender_paused => return Behind::Other,
+            None => return Behind::Incomplete,
+        }
+    }
+    Behind::Other
+}
+
+/// Where things are in the frame that starts with `bytes`, whose first one is a start byte; `None` if they are too few.
+fn layout(bytes: &[u8]) -> Option<Layout> {
+    match *bytes {
         [
             START_V2,
             length,
@@ -211,23 +276,25 @@ fn examine(bytes: &[u8]) -> Candidate {
             id2,
             ..,
         ] => {
+            let message_id = u32::from_le_bytes([id0, id1, id2, 0]);
             let frame_bytes = HEADER_V2_BYTES + usize::from(length) + CRC_BYTES;
             let trailer_bytes = if flags & FLAG_SIGNED != 0 {
                 TRAILER_BYTES
             } else {
                 0
             };
-            Layout {
+            Some(Layout {
                 system_id,
                 component_id,
-                message_id: u32::from_le_bytes([id0, id1, id2, 0]),
+                message_id,
                 header_bytes: HEADER_V2_BYTES,
                 payload_bytes: usize::from(length),
                 trailer_bytes,
                 frame_bytes: frame_bytes + trailer_bytes,
-            }
+                extra_crc: extra_crc(message_id).filter(|_| flags & !FLAG_SIGNED == 0),
+            })
         }
-        [START_V1, length, _, system_id, component_id, id, ..] => Layout {
+        [START_V1, length, _, system_id, component_id, id, ..] => Some(Layout {
             system_id,
             component_id,
             message_id: u32::from(id),
@@ -235,24 +302,14 @@ fn examine(bytes: &[u8]) -> Candidate {
             payload_bytes: usize::from(length),
             trailer_bytes: 0,
             frame_bytes: HEADER_V1_BYTES + usize::from(length) + CRC_BYTES,
-        },
-        _ => return Candidate::Incomplete,
-    };
+            extra_crc: extra_crc(id.into()),
+        }),
+        _ => None,
+    }
+}
+
+/// Enters the checksum of a message; `None` if the message is unknown.
+fn extra_crc(message_id: u32) -> Option<u8> {
     // The dialect answers 0 for messages it does not know.
-    let extra_crc = MavMessage::extra_crc(layout.message_id);
-    if extra_crc == 0 {
-        return Candidate::UnknownMessage;
-    }
-    // The checksum covers everything before it but the start byte.
-    let after_start = bytes.get(1..layout.frame_bytes);
-    let covered_bytes = layout.header_bytes + layout.payload_bytes - 1;
-    let Some((covered, checksum)) = after_start.and_then(|frame| frame.split_at_checked(covered_bytes))
-    else {
-        return Candidate::Incomplete;
-    };
-    if checksum.starts_with(&calculate_crc(covered, extra_crc).to_le_bytes()) {
-        Candidate::Good(layout)
-    } else {
-        Candidate::BadChecksum
-    }
+    Some(MavMessage::extra_crc(message_id)).filter(|extra_crc| *extra_crc != 0)
 }

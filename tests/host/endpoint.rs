@@ -1251,14 +1251,18 @@ proptest! {
         prop_assert!(sent.abs_diff(10 * usize::from(rate_hz)) <= 1, "{} at {} Hz", sent, rate_hz);
     }
 
-    /// Whatever comes first, a request is answered as soon as one longest frame of bytes has followed it.
+    /// Whatever comes first, a request is answered as soon as the parser has no room for more; at the second attempt if garbage
+    /// looked like an unknown frame that has the first one in it.
     #[test]
     fn a_request_behind_garbage_is_answered(garbage in garbage(), chunk in 1usize..200) {
         let mut desk = Desk::without_packs();
+        let request = [param_set("BATT_VOLT_MULT", 4.25), vec![0; 512]].concat();
         // The garbage may itself be a request by accident, but not this one.
-        let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25), vec![0; 293]].concat();
-        let events = desk.receive_in_chunks(&bytes, chunk);
+        let mut events = desk.receive_in_chunks(&[garbage, request.clone()].concat(), chunk);
         prop_assume!(!swallowed(&events));
+        if desk.statistics().received.unknown_messages > 0 {
+            events.extend(desk.receive_in_chunks(&request, chunk));
+        }
         prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
         prop_assert_eq!(desk.parameters().get(VOLT_MULT), 4.25);
     }
@@ -1272,7 +1276,42 @@ proptest! {
         desk.channel.endpoint.give_up_waiting();
         events.extend(desk.handle_all());
         prop_assume!(!swallowed(&events));
+        if desk.statistics().received.unknown_messages > 0 {
+            events.extend(desk.receive_in_chunks(&param_set("BATT_VOLT_MULT", 4.25), chunk));
+        }
         prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
+    }
+
+    /// What a message carries that is unknown here, or has a flag that is, is no request: neither before another frame nor before
+    /// a pause.
+    #[test]
+    fn a_request_inside_an_unknown_frame_is_not_executed(
+        flags in prop_oneof![Just(0u8), Just(1), 2u8..],
+        id in prop_oneof![Just(172u32), Just(0x123456), Just(23)],
+        before in 0usize..80,
+        frames in 1usize..3,
+        is_last in any::<bool>(),
+        chunk in 1usize..200,
+    ) {
+        prop_assume!(flags > 1 || id != 23);
+        let mut payload = vec![0; before];
+        payload.extend(param_set("BATT_VOLT_MULT", 4.25));
+        payload.resize(before + 96, 0);
+        let [id0, id1, id2, _] = id.to_le_bytes();
+        let mut unknown = vec![0xfd, payload.len() as u8, flags, 0, 7, 255, 190, id0, id1, id2];
+        unknown.extend(payload);
+        unknown.resize(unknown.len() + 2 + if flags & 1 == 1 { 13 } else { 0 }, 0xa5);
+        let mut bytes = unknown.repeat(frames);
+        if !is_last {
+            bytes.extend(param_set("SR0_EXTRA1", 10.0));
+        }
+        let mut desk = Desk::without_packs();
+        let mut events = desk.receive_in_chunks(&bytes, chunk);
+        desk.channel.endpoint.give_up_waiting();
+        events.extend(desk.handle_all());
+        let expected = (!is_last).then_some(Event::ParameterSet(EXTRA1));
+        prop_assert_eq!(events, Vec::from_iter(expected));
+        prop_assert_eq!(desk.statistics().received.unknown_messages, frames as u32);
     }
 
     /// The length of the chunks makes no difference.

@@ -289,7 +289,10 @@ fn the_second_station_waits_until_the_first_ends_or_is_silent() {
     // For as long as something is sent.
     assert_eq!(ask(&mut download, OTHER, 100 * SECOND), Err(Refusal::InUse));
     assert_eq!(download.list(&all, OTHER, &at(100 * SECOND)), Err(Refusal::InUse));
-    assert_eq!(download.erase(OTHER, LINK, &at(100 * SECOND)), Err(Refusal::InUse));
+    assert_eq!(
+        download.erase(OTHER, LINK, &at(100 * SECOND)),
+        Err(Refusal::InUse)
+    );
     download.end(OTHER);
     assert_eq!(sent(&mut download, &at(100 * SECOND)).len(), 3);
     // And for five seconds after that, in which gaps are requested again.
