@@ -2,6 +2,7 @@
 
 use super::id::VARIABLE_COUNT;
 use super::{PARAMETER_COUNT, ParameterId};
+use crate::memory::checksum::file_crc32;
 
 /// Bytes that have a bit for each parameter.
 const BYTES: usize = PARAMETER_COUNT.div_ceil(8);
@@ -44,6 +45,11 @@ impl ParameterIdSet {
     /// Number of its parameters.
     pub(super) fn len(&self) -> usize {
         ones(self.0.iter().copied())
+    }
+
+    /// Another one for another set.
+    pub(super) fn checksum(&self) -> u32 {
+        file_crc32(0, &self.0)
     }
 
     /// Number of its parameters before `id`.

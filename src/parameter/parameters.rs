@@ -117,6 +117,11 @@ impl Parameters {
         self.listed.len()
     }
 
+    /// Another one when other parameters are listed.
+    pub fn list_checksum(&self) -> u32 {
+        self.listed.checksum()
+    }
+
     /// Index of a parameter in the list; `None` if hidden.
     pub fn listed_index(&self, id: ParameterId) -> Option<usize> {
         self.listed.contains(id).then(|| self.listed.count_before(id))

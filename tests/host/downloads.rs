@@ -609,6 +609,26 @@ fn every_parameter_is_read_at_once() {
 }
 
 #[test]
+fn a_file_of_parameters_ends_when_other_ones_are_listed() {
+    let mut bench = Bench::new(&[]);
+    let mut client = Client::new(GROUND_STATION);
+    assert_eq!(client.with_path(&mut bench, OPEN, "@PARAM/param.pck").0, ACK);
+    assert_eq!(client.one(&mut bench, READ, 80, 0, &[]).0, ACK);
+    // A value leaves the list as it is.
+    bench.parameters.set(VehicleParameter::Sr0Extra1, 4.0).unwrap();
+    assert_eq!(client.one(&mut bench, READ, 80, 80, &[]).0, ACK);
+    bench
+        .parameters
+        .set(BatteryParameter::Monitor.of(Pack::Second), 4.0)
+        .unwrap();
+    for opcode in [READ, BURST] {
+        let ended = client.one(&mut bench, opcode, 80, 160, &[]);
+        assert_eq!(ended, (NAK, vec![NOT_FOUND]));
+    }
+    client.get(&mut bench, "@PARAM/param.pck", 80);
+}
+
+#[test]
 fn a_file_of_parameters_is_announced_as_a_list() {
     let mut bench = Bench::new(&[]);
     let client = Client::new(GROUND_STATION);

@@ -8,7 +8,7 @@ use super::directory::Selection;
 use super::packed::{
     HAS_DEFAULT, HEADER_BYTES, MAGIC, MAGIC_WITH_DEFAULTS, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType,
 };
-use crate::mavlink::messages::MAX_FILE_BYTES;
+use crate::mavlink::messages::{FileError, MAX_FILE_BYTES};
 use crate::parameter::{MAX_NAME_LENGTH, ParameterId, Parameters};
 
 /// A record with a default, and what is put before it.
@@ -23,7 +23,9 @@ type Record = Vec<u8, RECORD_BYTES>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ParameterFile {
     selection: Selection,
-    /// How many parameters were listed when it was opened.
+    /// Which parameters were listed when it was opened.
+    list_checksum: u32,
+    /// How many those were.
     total: u16,
     /// How many of them are in the file.
     count: u16,
@@ -54,6 +56,7 @@ impl ParameterFile {
         let behind_start = total.checked_sub(selection.start).filter(|count| *count > 0)?;
         Some(Self {
             selection,
+            list_checksum: parameters.list_checksum(),
             total,
             count: selection
                 .count
@@ -71,7 +74,19 @@ impl ParameterFile {
     }
 
     /// Up to `bytes` bytes from `offset` on; none at its end.
-    pub fn read(&mut self, offset: u32, bytes: u8, parameters: &Parameters) -> Vec<u8, MAX_FILE_BYTES> {
+    ///
+    /// # Errors
+    /// Other parameters are listed than when it was opened: what was read would not fit together. With this error QGroundControl
+    /// reads them one by one at once; with others it waits for 10 s first.
+    pub fn read(
+        &mut self,
+        offset: u32,
+        bytes: u8,
+        parameters: &Parameters,
+    ) -> Result<Vec<u8, MAX_FILE_BYTES>, FileError> {
+        if parameters.list_checksum() != self.list_checksum {
+            return Err(FileError::FileNotFound);
+        }
         self.block_bytes.get_or_insert(bytes);
         let end = offset.saturating_add(u32::from(bytes));
         let mut block = Vec::new();
@@ -88,7 +103,7 @@ impl ParameterFile {
                 ControlFlow::Continue(())
             }
         });
-        block
+        Ok(block)
     }
 
     fn header(&self) -> [u8; HEADER_BYTES] {

@@ -52,7 +52,7 @@ impl OpenFile {
     pub fn read(&mut self, offset: u32, bytes: u8, parameters: &Parameters) -> Result<Bytes, FileError> {
         match self {
             Self::Log(_) => Err(FileError::EndOfFile),
-            Self::Parameters(file) => unless_empty(file.read(offset, bytes, parameters)),
+            Self::Parameters(file) => unless_empty(file.read(offset, bytes, parameters)?),
             Self::Description(file) => unless_empty(part(file.content(), offset, bytes)),
             Self::Upload(_) => Err(FileError::Fail),
         }

@@ -45,7 +45,7 @@ fn decoded(file: &[u8]) -> Vec<(String<MAX_NAME_LENGTH>, f32, f32)> {
 fn whole(file: &mut ParameterFile, block_bytes: u8, parameters: &Parameters) -> Vec<u8> {
     let mut whole = Vec::new();
     loop {
-        let block = file.read(whole.len() as u32, block_bytes, parameters);
+        let block = file.read(whole.len() as u32, block_bytes, parameters).unwrap();
         if block.is_empty() {
             return whole;
         }
@@ -166,7 +166,7 @@ proptest! {
         for place in places {
             let offset = place * usize::from(block_bytes);
             let expected: Vec<u8> = whole.iter().copied().skip(offset).take(usize::from(block_bytes)).collect();
-            let block = file.read(offset as u32, block_bytes, &parameters);
+            let block = file.read(offset as u32, block_bytes, &parameters).unwrap();
             prop_assert_eq!(block.as_slice(), expected);
         }
     }
