@@ -22,7 +22,8 @@ const REAL32 = 9;
 
 const MAX_TEXTS = 100;
 const CHUNK_CHARACTERS = 50;
-const UNKNOWN_MV = 65535;
+// A cell that is not there, or an index that is not known.
+const UNKNOWN = 65535;
 
 // Unknown until the first heartbeat.
 let armed = null;
@@ -72,9 +73,9 @@ on('SYS_STATUS', (fields) => {
 
 on('BATTERY_STATUS', (fields) => {
   const pack = packOf(fields.id);
-  const known = [...fields.voltages.filter((mv) => mv != UNKNOWN_MV), ...fields.voltages_ext.filter((mv) => mv)];
+  const known = [...fields.voltages.filter((mv) => mv != UNKNOWN), ...fields.voltages_ext.filter((mv) => mv)];
   // A voltage that one field has no room for goes on in the next.
-  const isWhole = known.length == 1 || known[0] == UNKNOWN_MV - 1;
+  const isWhole = known.length == 1 || known[0] == UNKNOWN - 1;
   const unless = (unknown, number, by = 1) => (number == unknown ? null : number / by);
   const volts = known.length ? known.reduce((sum, mv) => sum + mv) / 1000 : null;
   const amps = unless(-1, fields.current_battery, 100);
@@ -161,7 +162,10 @@ function next(name, fits = () => 1, ms = SECOND) {
 const request = (name, param2) => ask('COMMAND_LONG', { command: REQUEST_MESSAGE, param1: MESSAGES[name].id, param2 });
 
 on('PARAM_VALUE', (fields) => {
-  params.set(fields.param_id, fields);
+  // What another station has set comes without its index.
+  const param_index = fields.param_index == UNKNOWN ? params.get(fields.param_id)?.param_index : fields.param_index;
+  if (paramCount && paramCount != fields.param_count) readParameters();
+  else if (param_index >= 0) params.set(fields.param_id, { ...fields, param_index });
   paramCount = fields.param_count;
 });
 

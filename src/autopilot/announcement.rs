@@ -38,6 +38,8 @@ pub enum Announcement<'a> {
     DefaultParameters,
     /// The stored parameters could not all be read.
     ParametersDamaged,
+    /// A ground station has set all parameters to their defaults.
+    ParametersReset,
     /// Parameters can't be written to flash.
     ParametersNotSaved(SaveFailure),
     /// What is announced of parameters that can't be written is over.
@@ -132,6 +134,7 @@ impl Announcement<'_> {
             | Self::Suggestion(..)
             | Self::DefaultParameters
             | Self::ParametersDamaged
+            | Self::ParametersReset
             | Self::ParametersNotSaved(_)
             | Self::ParametersSaved
             | Self::LearntNotSaved(_)
@@ -204,6 +207,7 @@ impl Announcement<'_> {
                 Urgency::Critical => MavSeverity::MAV_SEVERITY_CRITICAL,
             },
             Self::FailsafesOff(_)
+            | Self::ParametersReset
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
             | Self::NoLog(_)
@@ -264,6 +268,7 @@ impl fmt::Display for Announcement<'_> {
             ),
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
             Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
+            Self::ParametersReset => f.write_str("All parameters reset to their defaults"),
             Self::ParametersNotSaved(failure) => write!(f, "{failure}"),
             Self::ParametersSaved => f.write_str("Parameters saved"),
             Self::LearntNotSaved(StorageError::NoErasedSpace) => {

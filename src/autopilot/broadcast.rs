@@ -19,8 +19,6 @@ pub(super) enum Announced {
     Text(MavSeverity, AnnouncementText),
     /// As a command.
     Command(BroadcastCommand),
-    /// As the parameters that show what is learnt of a pack.
-    Learnt(Pack),
 }
 
 /// The latest announcements, for links that have not sent them yet.
@@ -165,7 +163,6 @@ mod tests {
             texts.push(match next {
                 Next::Announced(Announced::Text(_, text)) => text.to_string(),
                 Next::Announced(Announced::Command(command)) => command.number.to_string(),
-                Next::Announced(Announced::Learnt(pack)) => pack.number().to_string(),
                 Next::Lost(lost) => format!("{lost} lost"),
             });
         }

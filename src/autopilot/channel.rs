@@ -1,6 +1,7 @@
 //! A link as the autopilot serves it.
 
 use super::broadcast::Position;
+use super::changes::Listener;
 use crate::log::LogLimit;
 use crate::mavlink::{Endpoint, LinkKind};
 use crate::time::Instant;
@@ -17,6 +18,8 @@ pub struct Channel {
     pub endpoint: Endpoint,
     /// How far it has sent the announcements.
     pub(super) position: Position,
+    /// Its place among those that report changed parameters; `None` while it is closed.
+    pub(super) listener: Option<Listener>,
     pub(super) drop_log: LogLimit<LOG_INTERVAL_US>,
     /// The command that was refused last.
     pub(super) refused_command: Option<u16>,
@@ -30,6 +33,7 @@ impl Channel {
             name,
             endpoint: Endpoint::new(kind, bytes_per_second, now),
             position: Position::default(),
+            listener: None,
             drop_log: LogLimit::new(),
             refused_command: None,
             refusal_log: LogLimit::new(),

@@ -1,7 +1,6 @@
 //! What is learnt of the packs: read from flash, written to it, shown in parameters.
 
 use super::announcement::Announcement;
-use super::broadcast::Announced;
 use super::saving::log_failure;
 use super::{Autopilot, Work};
 use crate::battery::{LEARNT_WORDS, LearntPack, PackSettings};
@@ -10,7 +9,7 @@ use crate::memory::save_state::SaveState;
 use crate::memory::storage::StorageError;
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, ParameterId};
+use crate::parameter::BatteryParameter;
 use crate::time::Instant;
 
 /// Bits of a flash key for the instance of the pack.
@@ -168,26 +167,20 @@ impl Autopilot {
         }
     }
 
-    /// Shows what is learnt of the pack in its parameters. Ground stations are sent them if they have changed.
+    /// Shows what is learnt of the pack in its parameters.
     pub(super) fn show_learnt(&mut self, pack: Pack) {
         let learnt = self.packs.bank.monitor(pack).learnt();
         let capacity_mah = learnt.and_then(LearntPack::capacity_mah).unwrap_or(0.0);
         let resistance_ohm = learnt.and_then(LearntPack::resistance_ohm).unwrap_or(0.0);
-        let [capacity, resistance] = shown_by(pack);
-        let capacity = self.parameters.show(capacity, round_to_i32(capacity_mah) as f32);
-        let resistance = self
-            .parameters
-            .show(resistance, resistance_ohm * MILLIOHMS_PER_OHM);
-        if capacity || resistance {
-            self.broadcast.add(Announced::Learnt(pack));
-            self.work |= Work::ANNOUNCED;
+        let shown = [
+            (BatteryParameter::LrnCap, round_to_i32(capacity_mah) as f32),
+            (BatteryParameter::LrnRes, resistance_ohm * MILLIOHMS_PER_OHM),
+        ];
+        for (parameter, value) in shown {
+            self.parameters.show(parameter.of(pack), value);
         }
+        self.report_changes(None);
     }
-}
-
-/// The parameters that show what is learnt of a pack.
-pub(super) fn shown_by(pack: Pack) -> [ParameterId; 2] {
-    [BatteryParameter::LrnCap, BatteryParameter::LrnRes].map(|parameter| parameter.of(pack))
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
 use super::broadcast::{Announced, Next};
+use super::changes::Listener;
 use super::channel::Channel;
-use super::learnt::shown_by;
 use super::{Autopilot, Work, system_state};
 use crate::battery::{FailsafeLevel, PackEvent, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
@@ -24,6 +24,7 @@ impl Autopilot {
         self.opened_links = self.opened_links.wrapping_add(1);
         channel.endpoint.set_number(self.opened_links);
         channel.position = self.broadcast.end();
+        channel.listener = self.changes.open();
         self.send_levels(channel);
         self.send_notices(channel);
     }
@@ -33,6 +34,7 @@ impl Autopilot {
     #[inline(never)]
     pub fn close(&mut self, channel: &Channel) {
         self.vehicle.close_link(channel.endpoint.number());
+        self.changes.close(channel.listener);
         self.work |= Work::DRIVE;
     }
 
@@ -87,9 +89,23 @@ impl Autopilot {
         Some(Announcement::Suggestion(pack, suggested))
     }
 
-    /// Posts what was announced and every stream that is due at `now`.
-    pub fn post_due(&self, channel: &mut Channel, now: Instant) {
+    /// Has every link except that of `except` report the parameters that have changed.
+    pub(super) fn report_changes(&mut self, except: Option<Listener>) {
+        let mut changed = self.parameters.take_changed();
+        // Its PARAM_VALUE would come from another system than the others.
+        changed.remove(VehicleParameter::SysidThismav.into());
+        if !changed.is_empty() {
+            self.changes.add(&changed, except);
+            self.work |= Work::ANNOUNCED;
+        }
+    }
+
+    /// Posts what was announced, what has changed, and every stream that is due at `now`.
+    pub fn post_due(&mut self, channel: &mut Channel, now: Instant) {
         self.post_announcements(channel);
+        if let Some(changed) = self.changes.take(channel.listener) {
+            channel.endpoint.report_parameters(&changed, now);
+        }
         let state = self.system_state();
         let dropped = channel.endpoint.post_due(now, &state, &self.parameters);
         if let Some(stream) = dropped
@@ -122,11 +138,6 @@ impl Autopilot {
                     channel.endpoint.say(*severity, text);
                 }
                 Some(Next::Announced(Announced::Command(command))) => channel.endpoint.command(*command),
-                Some(Next::Announced(Announced::Learnt(pack))) => {
-                    for id in shown_by(*pack) {
-                        channel.endpoint.show(id, &self.parameters);
-                    }
-                }
                 Some(Next::Lost(lost)) => {
                     warn!("{}: busy, {} announcements were not sent", channel.name(), lost);
                 }
@@ -221,6 +232,8 @@ impl Autopilot {
             self.wifi.heard_at = Some(now);
         }
         self.react(&event, channel, now, received_at);
+        let has_own = matches!(event, Event::ParameterSet(_) | Event::ParametersSet);
+        self.report_changes(channel.listener.filter(|_| has_own));
         Some(event)
     }
 
@@ -238,7 +251,7 @@ impl Autopilot {
             Event::Triggered(id) => self.triggered(id, channel),
             Event::Command(action) => {
                 info!("{}: {:?}", channel.name(), action);
-                self.act(action);
+                self.act(action, now);
             }
             Event::LogsErased => {
                 info!("{}: logs erased", channel.name());
@@ -313,11 +326,12 @@ impl Autopilot {
         }
     }
 
-    fn act(&mut self, action: Action) {
+    fn act(&mut self, action: Action, now: Instant) {
         match action {
             Action::Restart(_) => self.work |= Work::RESTART,
             Action::ResetParameters => {
                 self.parameters.reset();
+                self.announce(Announcement::ParametersReset, now);
                 self.recording.add_all_parameters();
                 self.parameters_changed();
             }

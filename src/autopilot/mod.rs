@@ -8,6 +8,7 @@ mod announcement;
 mod announcement_limit;
 mod broadcast;
 mod can_watch;
+mod changes;
 mod channel;
 mod driving;
 mod learnt;
@@ -49,6 +50,7 @@ use crate::vehicle::{Vehicle, VehicleStatus};
 use announcement_limit::{AnnouncementLimit, Permission};
 use broadcast::{Announced, Broadcast};
 use can_watch::CanWatch;
+use changes::Changes;
 use packs::Packs;
 use recording::Recording;
 use save_reports::SaveReports;
@@ -70,6 +72,7 @@ pub struct Autopilot {
     start_notice: Option<Announcement<'static>>,
     limit: AnnouncementLimit,
     broadcast: Broadcast,
+    changes: Changes,
     /// Failures to save parameters, as a whole.
     parameter_save: SaveState<Instant>,
     save_reports: SaveReports,
@@ -120,6 +123,7 @@ impl Autopilot {
             opened_links: 0,
             limit: AnnouncementLimit::default(),
             broadcast: Broadcast::new(),
+            changes: Changes::default(),
             packs: Packs::new(&start.parameters),
         }
     }

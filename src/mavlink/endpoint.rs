@@ -12,13 +12,12 @@ use super::parser::FrameParser;
 use super::rates::Rates;
 use super::sender_clocks::SenderClocks;
 use super::services::log_download::LogRead;
-use super::services::parameters::param_value;
 use super::services::{Changeable, Context};
 use super::signing::{Access, LinkKind};
 use super::stations::Stations;
 use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
 use crate::pack::Pack;
-use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::parameter::{ParameterIdSet, Parameters, VehicleParameter};
 use crate::system::{LinkStatistics, SystemState};
 use crate::time::Instant;
 
@@ -281,9 +280,10 @@ impl Endpoint {
         self.outbox.say(severity, text);
     }
 
-    /// Sends the value of a parameter that has changed by itself.
-    pub fn show(&mut self, id: ParameterId, parameters: &Parameters) {
-        self.outbox.answer(param_value(id, parameters));
+    /// Reports the values of these parameters, which have changed, in the share that lists have of the link. `now` is the
+    /// present moment.
+    pub fn report_parameters(&mut self, changed: &ParameterIdSet, now: Instant) {
+        self.services.list.report(changed, now);
     }
 
     /// Sends a command to every component in reach.

@@ -5,6 +5,13 @@ use super::signing::LinkKind;
 /// Links of the simulator: eight clients by TCP, one ground station by UDP, and two browsers.
 pub const SIMULATED_LINKS: usize = 11;
 
+/// The board's or the simulator's links, whichever are more.
+pub const MAX_LINKS: usize = if LinkId::ALL.len() > SIMULATED_LINKS {
+    LinkId::ALL.len()
+} else {
+    SIMULATED_LINKS
+};
+
 /// A byte on a serial line has ten bits.
 const BITS_PER_BYTE: u32 = 10;
 

@@ -33,7 +33,7 @@ pub use ::mavlink::dialects::development as dialect;
 pub use endpoint::Endpoint;
 pub use event::{Action, Event, SetupRefused, SigningChange, WifiRefused};
 pub use framer::Framer;
-pub use links::{LinkId, SIMULATED_LINKS};
+pub use links::{LinkId, MAX_LINKS, SIMULATED_LINKS};
 pub use messages::{
     BroadcastCommand, Burst, CommandAck, ComponentMetadata, DefaultRate, FileAnswer, FileAnswerHeader,
     FileData, FileError, FileOutcome, MAX_FILE_BYTES, Message, Outgoing, Stream, StreamGroup, StreamKind,

@@ -34,8 +34,30 @@ impl ParameterIdSet {
         }
     }
 
+    /// Adds all of `others`.
+    pub fn insert_all(&mut self, others: &Self) {
+        for (bits, others) in self.0.iter_mut().zip(others.0) {
+            *bits |= others;
+        }
+    }
+
+    /// Whether it has none.
+    pub fn is_empty(&self) -> bool {
+        self.0.iter().all(|bits| *bits == 0)
+    }
+
+    /// Removes one, which is returned.
+    pub fn take_any(&mut self) -> Option<ParameterId> {
+        if self.is_empty() {
+            return None;
+        }
+        let id = ParameterId::all().find(|id| self.contains(*id))?;
+        self.remove(id);
+        Some(id)
+    }
+
     /// Removes `id`.
-    pub(super) fn remove(&mut self, id: ParameterId) {
+    pub fn remove(&mut self, id: ParameterId) {
         let (byte, bit) = place(id);
         if let Some(bits) = self.0.get_mut(byte) {
             *bits &= !bit;

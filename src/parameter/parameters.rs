@@ -27,6 +27,8 @@ pub struct Parameters {
     trouble: Option<ParameterTrouble>,
     /// The listed parameters.
     listed: ParameterIdSet,
+    /// Those whose value has changed since they were taken.
+    changed: ParameterIdSet,
     pub(super) sticks: Sticks,
 }
 
@@ -71,6 +73,7 @@ impl Parameters {
             reset: SaveState::Saved,
             trouble: None,
             listed: ParameterIdSet::default(),
+            changed: ParameterIdSet::default(),
             sticks: Sticks::defaults(),
         };
         parameters.update_listed(ParameterId::all());
@@ -122,6 +125,11 @@ impl Parameters {
         self.listed.checksum()
     }
 
+    /// The parameters whose value has changed since the last call, whoever changed it.
+    pub fn take_changed(&mut self) -> ParameterIdSet {
+        core::mem::take(&mut self.changed)
+    }
+
     /// Index of a parameter in the list; `None` if hidden.
     pub fn listed_index(&self, id: ParameterId) -> Option<usize> {
         self.listed.contains(id).then(|| self.listed.count_before(id))
@@ -161,6 +169,9 @@ impl Parameters {
 
     /// Writes a live value, which nothing else does, and updates what follows from it.
     pub(super) fn write(&mut self, id: ParameterId, value: f32, state: SaveState) {
+        if value.to_bits() != self.values.get(id).to_bits() {
+            self.changed.insert(id);
+        }
         self.values.set(id, value);
         self.save_states.set(id, state);
         match id {
@@ -233,6 +244,8 @@ impl Parameters {
             return Err(Refused::ReadOnly);
         }
         self.write(id, checked(id, value)?, SaveState::Saved);
+        // What is loaded is no change.
+        self.changed.remove(id);
         Ok(())
     }
 }

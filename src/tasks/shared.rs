@@ -8,18 +8,10 @@ use embassy_sync::watch::{Receiver, Watch};
 
 use super::{now, timer_at};
 use crate::autopilot::{Announcement, Autopilot, Start, Work};
-use crate::mavlink::{LinkId, SIMULATED_LINKS};
+use crate::mavlink::MAX_LINKS;
 use crate::memory::in_place::in_place;
 use crate::memory::storage::Erase;
 use crate::time::Instant;
-
-/// Links that can be woken by an announcement: the board's or the simulator's, whichever has more. A further one sends
-/// announcements when its next stream is due.
-const MAX_LINKS: usize = if LinkId::ALL.len() > SIMULATED_LINKS {
-    LinkId::ALL.len()
-} else {
-    SIMULATED_LINKS
-};
 
 /// A page is programmed in 0.6 ms, and in 3.2 ms at most.
 const PROGRAMMING_US: u64 = 4_000;

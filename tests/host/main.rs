@@ -28,6 +28,7 @@ mod motor_controllers;
 mod network;
 mod page_age;
 mod page_messages;
+mod parameter_changes;
 mod parameter_docs;
 mod pins_and_wires;
 mod regions;

@@ -21,21 +21,21 @@ const LIST_SHARE: f32 = 0.3;
 /// PARAM_REQUEST_READ: read by name.
 const BY_NAME: i16 = -1;
 
-/// PARAM_VALUE, index: the parameter has none, since it is not listed.
-const NOT_LISTED: u16 = u16::MAX;
+/// PARAM_VALUE, index: the parameter has none, since it is not listed, or its value comes unasked. Another index would count as
+/// one of a list that a ground station reads: QGroundControl would ask for no missing ones, and MAVProxy would miscount.
+const NO_INDEX: u16 = u16::MAX;
 
 /// The PARAM_VALUE of a parameter.
 pub(in crate::mavlink) fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
-    param_value_of(id, parameters.get(id), parameters)
+    let index = parameters.listed_index(id);
+    param_value_of(id, parameters.get(id), index, parameters)
 }
 
-fn param_value_of(id: ParameterId, value: f32, parameters: &Parameters) -> Message {
+fn param_value_of(id: ParameterId, value: f32, index: Option<usize>, parameters: &Parameters) -> Message {
     Message::ParamValue(PARAM_VALUE_DATA {
         param_value: value,
         param_count: parameters.listed_count() as u16,
-        param_index: parameters
-            .listed_index(id)
-            .map_or(NOT_LISTED, |index| index as u16),
+        param_index: index.map_or(NO_INDEX, |index| index as u16),
         param_id: Name::from(id.name().as_str()).0.into(),
         param_type: match id.row().kind {
             Kind::Int8 => MavParamType::MAV_PARAM_TYPE_INT8,
@@ -88,7 +88,7 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
     };
     let event = match result {
         Ok(()) if triggers(id, value) => {
-            outbox.answer(param_value_of(id, value, parameters));
+            outbox.answer(param_value_of(id, value, parameters.listed_index(id), parameters));
             Event::Triggered(id)
         }
         Ok(()) => {
@@ -108,17 +108,20 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
     event
 }
 
-/// A list of parameters on its way out, in batches that leave most of the link to others.
+/// A list of parameters on its way out, and those that have changed behind it, in batches that leave most of the link to others.
 ///
 /// Each is sent once, whatever is shown or hidden meanwhile, and the list ends when all that are shown have been sent.
 #[derive(Debug, Default)]
 pub(in crate::mavlink) struct ParameterList {
-    sending: Option<Sending>,
+    /// Those of the list that were sent; `None` if none is being sent.
+    sent: Option<ParameterIdSet>,
+    changed: ParameterIdSet,
+    pace: Option<Pace>,
 }
 
+/// When how much may leave.
 #[derive(Debug)]
-struct Sending {
-    sent: ParameterIdSet,
+struct Pace {
     batches: Cadence,
     credited_at: Instant,
     /// Bytes that may leave now.
@@ -128,48 +131,66 @@ struct Sending {
 impl ParameterList {
     /// Starts the list, or starts it again.
     pub fn start(&mut self, now: Instant) {
-        self.sending = Some(Sending {
-            sent: ParameterIdSet::default(),
-            batches: Cadence::starting_at(now, 1),
-            credited_at: now,
-            credit_bytes: PARAM_VALUE_FRAME_BYTES,
-        });
+        self.sent = Some(ParameterIdSet::default());
+        self.pace = Some(Pace::starting_at(now));
     }
 
-    /// When the next batch is due; `None` while no list is being sent.
+    /// Has these sent, too: their values have changed.
+    pub fn report(&mut self, changed: &ParameterIdSet, now: Instant) {
+        self.changed.insert_all(changed);
+        self.pace.get_or_insert_with(|| Pace::starting_at(now));
+    }
+
+    /// When the next batch is due; `None` while there is nothing to send.
     pub fn next_due(&self) -> Option<Instant> {
-        self.sending.as_ref().map(|sending| sending.batches.due())
+        self.pace.as_ref().map(|pace| pace.batches.due())
     }
 
     /// Lets the next batch go if it is due: what the list's share of a link of `bytes_per_second` has been good for since
     /// the last one. `rate_hz` is `SR0_PARAMS`.
     pub fn release(&mut self, now: Instant, rate_hz: f32, bytes_per_second: u32) {
-        let Some(sending) = &mut self.sending else { return };
-        sending.batches.set_interval((1e6 / rate_hz) as u64, now);
-        if !sending.batches.take(now) {
+        let Some(pace) = &mut self.pace else { return };
+        pace.batches.set_interval((1e6 / rate_hz) as u64, now);
+        if !pace.batches.take(now) {
             return;
         }
         let share = bytes_per_second as f32 * LIST_SHARE;
-        let elapsed_s = now.us_since(sending.credited_at) as f32 / 1e6;
+        let elapsed_s = now.us_since(pace.credited_at) as f32 / 1e6;
         // What a batch leaves over of a frame counts for the next.
         let most_bytes = share / rate_hz + PARAM_VALUE_FRAME_BYTES;
-        sending.credit_bytes = (sending.credit_bytes + share * elapsed_s).min(most_bytes);
-        sending.credited_at = now;
+        pace.credit_bytes = (pace.credit_bytes + share * elapsed_s).min(most_bytes);
+        pace.credited_at = now;
     }
 
     /// The next parameter of the batch.
     pub fn take(&mut self, parameters: &Parameters) -> Option<Message> {
-        let sending = self.sending.as_mut()?;
-        if sending.credit_bytes < PARAM_VALUE_FRAME_BYTES {
+        let pace = self.pace.as_mut()?;
+        if pace.credit_bytes < PARAM_VALUE_FRAME_BYTES {
             return None;
         }
-        let Some(id) = parameters.listed().find(|id| !sending.sent.contains(*id)) else {
-            self.sending = None;
+        pace.credit_bytes -= PARAM_VALUE_FRAME_BYTES;
+        if let Some(sent) = &mut self.sent {
+            if let Some(id) = parameters.listed().find(|id| !sent.contains(*id)) {
+                sent.insert(id);
+                return Some(param_value(id, parameters));
+            }
+            self.sent = None;
+        }
+        let Some(id) = self.changed.take_any() else {
+            self.pace = None;
             return None;
         };
-        sending.credit_bytes -= PARAM_VALUE_FRAME_BYTES;
-        sending.sent.insert(id);
-        Some(param_value(id, parameters))
+        Some(param_value_of(id, parameters.get(id), None, parameters))
+    }
+}
+
+impl Pace {
+    fn starting_at(now: Instant) -> Self {
+        Self {
+            batches: Cadence::starting_at(now, 1),
+            credited_at: now,
+            credit_bytes: PARAM_VALUE_FRAME_BYTES,
+        }
     }
 }
 
@@ -198,7 +219,7 @@ mod tests {
         while now < at_us(20_000_000) {
             if list.next_due().is_none() {
                 lists += 1;
-                let credit = list.sending.take();
+                let credit = list.pace.take();
                 assert!(credit.is_none());
                 list.start(now);
             }
