@@ -172,6 +172,11 @@ impl Autopilot {
         self.recording.locate(number, offset)
     }
 
+    /// A browser's download is complete.
+    pub fn browser_download_ended(&mut self) {
+        self.recording.readers.browser_ended();
+    }
+
     /// Whether logs are listed and read on a link of this kind without a signature.
     pub fn permits_unsigned_reads(&self, link: LinkKind) -> bool {
         let accepted = AcceptUnsigned::on(link, &self.parameters);

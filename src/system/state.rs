@@ -147,6 +147,13 @@ impl LogReaders {
         self.latest = Some(LogReader { link, at: now });
     }
 
+    /// A browser has its file.
+    pub fn browser_ended(&mut self) {
+        for reader in [&mut self.latest, &mut self.other] {
+            reader.take_if(|reader| reader.link.is_none());
+        }
+    }
+
     /// When a log file was last read for another link than this one.
     pub fn read_for_another_at(&self, link: u16) -> Option<Instant> {
         let readers = [self.latest, self.other].into_iter().flatten();
@@ -212,7 +219,9 @@ mod tests {
         for (link, at) in [(Some(1), 1), (None, 2), (Some(1), 3), (Some(1), 4)] {
             readers.note(link, at_us(at));
         }
-        let of_others = [1, 2].map(|link| readers.read_for_another_at(link));
-        assert_eq!(of_others, [Some(at_us(2)), Some(at_us(4))]);
+        let of_others = |readers: &LogReaders| [1, 2].map(|link| readers.read_for_another_at(link));
+        assert_eq!(of_others(&readers), [Some(at_us(2)), Some(at_us(4))]);
+        readers.browser_ended();
+        assert_eq!(of_others(&readers), [None, Some(at_us(4))]);
     }
 }

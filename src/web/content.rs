@@ -2,6 +2,7 @@
 
 use super::answer::{Answer, LogPart, list_entry};
 use super::request::Method;
+use crate::autopilot::Autopilot;
 use crate::recorder::LogSource;
 use crate::tasks::{Shared, read_file};
 
@@ -51,6 +52,10 @@ impl Content {
                     return 0;
                 }
                 let bytes = buffer.len().min(part.end.saturating_sub(part.first) as usize);
+                if bytes == 0 {
+                    shared.with(Autopilot::browser_download_ended);
+                    return 0;
+                }
                 let wanted = buffer.get_mut(..bytes).unwrap_or_default();
                 let filled = read_file(part.file.number, part.first, wanted, None, logs, shared);
                 part.first = part.first.saturating_add(filled as u32);

@@ -561,6 +561,23 @@ def test_settings(rover):
     assert errors == []
 
 
+def test_what_another_station_sets_is_shown_and_a_longer_list_is_read(rover):
+    page = rover.open()
+    page.enter("setup")
+    page.element("#search").send_keys("batt_low_timer")
+    page.wait(lambda: page.read("found").startswith("1 of "))
+    set_to(rover.station, "BATT_LOW_TIMER", 27)
+    page.wait(lambda: page.element("#list input").get_attribute("value") == "27")
+    search = page.element("#search")
+    search.clear()
+    search.send_keys("batt2_capacity")
+    page.wait(lambda: page.read("found").startswith("0 of "))
+    set_to(rover.station, "BATT2_MONITOR", 4)
+    page.wait(lambda: page.read("found").startswith("1 of "))
+    set_to(rover.station, "BATT2_MONITOR", 0)
+    page.wait(lambda: page.read("found").startswith("0 of "))
+
+
 def parameter(rover, name):
     rover.station.mav.param_request_read_send(1, 1, name.encode(), -1)
     while (answer := receive(rover.station, ["PARAM_VALUE"])).param_id != name:

@@ -3,6 +3,7 @@
 import math
 import re
 import time
+from contextlib import closing
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -72,6 +73,23 @@ def test_set_and_refuse(vehicle):
     assert error.get_type() == "PARAM_ERROR"
     assert error.error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
     assert receive(vehicle, ["PARAM_VALUE"]).param_value == pytest.approx(7.9)
+
+
+def test_what_one_station_sets_reaches_the_others(start_simulator):
+    url = start_simulator().url
+    with closing(connect(url)) as one, closing(connect(url)) as other:
+        listed = read_list(other)
+        assert set_to(one, "BATT_LOW_VOLT", 10.5).param_value == 10.5
+        told = receive(other, ["PARAM_VALUE"])
+        assert (told.param_id, told.param_value) == ("BATT_LOW_VOLT", 10.5)
+        assert (told.param_index, told.param_count) == (65535, len(listed))
+        # Whoever has set it gets nothing else.
+        assert one.recv_match(type="PARAM_VALUE", blocking=True, timeout=1) is None
+        command(one, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2)
+        for link in (one, other):
+            assert receive(link, ["STATUSTEXT"]).text == "All parameters reset to their defaults"
+            told = receive(link, ["PARAM_VALUE"])
+            assert (told.param_id, told.param_value, told.param_index) == ("BATT_LOW_VOLT", 0, 65535)
 
 
 @pytest.mark.board
