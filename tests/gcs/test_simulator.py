@@ -96,8 +96,9 @@ def test_whoever_reads_its_output_may_leave(tmp_path, closed):
     errors = subprocess.STDOUT if closed == "both" else subprocess.PIPE
     with subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
         assert process.stdout.readline().startswith("MAVLink on tcp:")
-        while "armed" not in process.stdout.readline():
+        while ", armed" not in process.stdout.readline():
             pass
+        process.stdout.readline()
         process.stdout.close()
         assert process.wait(timeout=60) == 0
         assert process.stderr is None or "panicked" not in process.stderr.read()
