@@ -36,6 +36,15 @@ pub enum ControlMessage {
     ChannelOverride,
 }
 
+/// How a message came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Delivery {
+    /// In time, as far as is known.
+    Prompt,
+    /// Long after it was sent: it stops the rover, and says nothing about whether its sender is still there.
+    Late,
+}
+
 /// Sticks are ignored: another driver has the seat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AnotherDrives {
@@ -131,6 +140,11 @@ impl DriverSeat {
         if let Some(driver) = &mut self.driver {
             driver.sticks = Sticks::Released;
         }
+    }
+
+    /// The station that drives, or the last one that did.
+    pub fn driver(&self) -> Option<DriverId> {
+        self.driver.map(|driver| driver.id)
     }
 
     /// The stations of a link are gone. Returns whether the driver was one of them.
