@@ -19,6 +19,16 @@ pub enum Multimeter {
     Shows(f32),
 }
 
+/// What the owner says of what divides the pack's voltage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Divider {
+    /// Nothing: a factor that is far from the one in force is an error of the multimeter, or in reading it.
+    #[default]
+    AsBefore,
+    /// It is another one now.
+    Changed,
+}
+
 /// What is to be done.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Plan {
@@ -30,6 +40,8 @@ pub struct Plan {
     pub multimeter: Multimeter,
     /// Set the exact `BATT_VOLT_MULT`, instead of only reporting it.
     pub apply_calibration: bool,
+    /// Whether any factor is believed.
+    pub divider: Divider,
     /// The firmware's hash, if it has to be a certain one.
     pub firmware_hash: Option<FirmwareHash>,
 }
