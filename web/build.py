@@ -25,7 +25,7 @@ SCRIPTS = "messages codec signing link page rover drive battery plot about setup
 NAMES_IN_JSON = {"time_utc"}
 
 MAX_BYTES = 40 * 1024
-MAX_COMPRESSED_BYTES = 14_640
+MAX_COMPRESSED_BYTES = 14_700
 
 
 def source(name):
