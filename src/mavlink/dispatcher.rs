@@ -18,7 +18,7 @@ use super::services::{
 use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, Role, is_permitted};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::parameter::VehicleParameter;
-use crate::vehicle::{ArmState, ControlMessage, Delivery, DriverId, Mode};
+use crate::vehicle::{ArmState, ControlMessage, Delivery, Mode};
 
 /// The type in the HEARTBEAT of a ground station.
 const GROUND_STATION: u8 = MavType::MAV_TYPE_GCS as u8;
@@ -91,22 +91,18 @@ pub(super) fn dispatch(
     }
     let before = context.changeable.vehicle.arm_state();
     let event = serve(&received.request, received.from, services, context);
-    keep_sender(before, received.from, context);
+    if matches!(event, Event::Driven) {
+        keep_sender(&received.request, before, context);
+    }
     event
 }
 
 /// Who drives or has armed the rover can always stop it: signing does not forget its time.
-fn keep_sender(before: ArmState, from: Peer, context: &mut Context<'_>) {
+fn keep_sender(request: &Request<'_>, before: ArmState, context: &mut Context<'_>) {
     let Changeable { vehicle, signing, .. } = &mut context.changeable;
-    let is_sender = |driver: DriverId| {
-        driver.link == context.link_number
-            && driver.system_id == from.system_id
-            && driver.component_id == from.component_id
-    };
-    if vehicle.driver().is_some_and(is_sender) {
+    if matches!(request, Request::Control { .. } | Request::ChannelOverride(_)) {
         signing.keep_sender(Role::Drives);
-    }
-    if before == ArmState::Disarmed && vehicle.arm_state() == ArmState::Armed {
+    } else if before != vehicle.arm_state() {
         signing.keep_sender(Role::Armed);
     }
 }

@@ -142,11 +142,6 @@ impl DriverSeat {
         }
     }
 
-    /// The station that drives, or the last one that did.
-    pub fn driver(&self) -> Option<DriverId> {
-        self.driver.map(|driver| driver.id)
-    }
-
     /// The stations of a link are gone. Returns whether the driver was one of them.
     pub fn close_link(&mut self, link: u16) -> bool {
         for other in &mut self.others {

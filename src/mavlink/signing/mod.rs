@@ -21,7 +21,7 @@ pub use stored::StoredSigning;
 pub(super) use streams::Role;
 pub use time::Timestamp;
 
-use streams::{StreamId, Streams, Verdict};
+use streams::{StreamId, Streams};
 use time::{Mark, SigningClock, lower_mark, next_mark};
 
 use super::parser::{ReceivedFrame, TRAILER_BYTES};
@@ -152,11 +152,10 @@ impl Signing {
             (in_flash, _) => in_flash,
         };
         if is_new && !self.clock.time_at(now).leaves_a_year() {
-            self.clock = SigningClock::showing(time, now);
-            self.streams = Streams::after(time);
-        } else {
-            self.clock.follow(time, now);
+            self.clock = SigningClock::starting_at(Timestamp::default());
+            self.streams.forget(time);
         }
+        self.clock.follow(time, now);
     }
 
     /// Judges who sent a frame.
@@ -175,27 +174,19 @@ impl Signing {
             return Authenticity::Unproven;
         };
         let time = Timestamp::from_bytes(*time);
-        let stream = StreamId {
-            system_id: frame.system_id,
-            component_id: frame.component_id,
-            link: before_time.last().copied().unwrap_or_default(),
-        };
+        let link = before_time.last().copied().unwrap_or_default();
+        let stream = StreamId::new(frame.system_id, frame.component_id, link);
         if !time.leaves_a_year() || key.signature(signed) != *signature {
             return Authenticity::Unproven;
         }
         // This has an effect, so it comes after what proves who asks for it.
-        let verdict = self.streams.hear(stream, time, self.clock.time_at(now), now);
+        let authenticity = self.streams.hear(stream, time, self.clock.time_at(now), now);
         self.sender = Some(stream);
-        match verdict {
-            Verdict::Fresh => {
-                self.reported_old.take_if(|reported| *reported == stream);
-                self.clock.follow(time, now);
-                Authenticity::Proven
-            }
-            Verdict::Late => Authenticity::Late,
-            Verdict::TooOld => Authenticity::TooOld,
-            Verdict::Repeated => Authenticity::Unproven,
+        if authenticity == Authenticity::Proven {
+            self.reported_old.take_if(|reported| *reported == stream);
+            self.clock.follow(time, now);
         }
+        authenticity
     }
 
     /// The sender of the frame that was judged last is not forgotten while it has this role.
@@ -393,8 +384,6 @@ mod tests {
             next_mark(Mark::default(), end, 0).map(|mark| mark.time()),
             Some(end)
         );
-        let clock = SigningClock::showing(time(7), at_us(1_000));
-        assert_eq!(clock.time_at(at_us(1_000)), time(100), "since the start");
     }
 
     #[test]
@@ -450,11 +439,7 @@ mod tests {
     }
 
     fn sender(link: u8) -> StreamId {
-        StreamId {
-            system_id: 255,
-            component_id: 190,
-            link,
-        }
+        StreamId::new(255, 190, link)
     }
 
     #[test]
@@ -465,17 +450,17 @@ mod tests {
             streams.hear(sender(link), time(ticks), ours, Instant::EPOCH)
         };
         for link in 0..17 {
-            let verdict = hear(&mut streams, link, 1000 + u64::from(link));
-            assert_eq!(verdict, Verdict::Fresh);
+            let authenticity = hear(&mut streams, link, 1000 + u64::from(link));
+            assert_eq!(authenticity, Authenticity::Proven);
         }
         for link in 0..17 {
             for ticks in [1, 1000, 1000 + u64::from(link)] {
-                let verdict = hear(&mut streams, link, ticks);
-                assert_ne!(verdict, Verdict::Fresh, "{link} at {ticks}");
+                let authenticity = hear(&mut streams, link, ticks);
+                assert_ne!(authenticity, Authenticity::Proven, "{link} at {ticks}");
             }
         }
-        let verdict = hear(&mut streams, 0, 2000);
-        assert_eq!(verdict, Verdict::Fresh, "the one that was forgotten");
+        let authenticity = hear(&mut streams, 0, 2000);
+        assert_eq!(authenticity, Authenticity::Proven, "the one that was forgotten");
     }
 
     #[test]
@@ -484,15 +469,19 @@ mod tests {
         let mut streams = Streams::after(Timestamp::default());
         // The later we hear them, the older their times are.
         for link in 0..16 {
-            let now = at_us(u64::from(link));
+            let now = at_us(u64::from(link) << 16);
             streams.hear(sender(link), time(1100 - u64::from(link)), ours, now);
         }
-        streams.hear(sender(16), time(2000), ours, at_us(16));
+        streams.hear(sender(16), time(2000), ours, at_us(16 << 16));
         let much_later = time(100_000_000);
         for link in 0..17 {
-            let verdict = streams.hear(sender(link), time(3000), much_later, at_us(17));
-            let expected = if link == 0 { Verdict::TooOld } else { Verdict::Late };
-            assert_eq!(verdict, expected, "{link}");
+            let authenticity = streams.hear(sender(link), time(3000), much_later, at_us(17 << 16));
+            let expected = if link == 0 {
+                Authenticity::TooOld
+            } else {
+                Authenticity::Late
+            };
+            assert_eq!(authenticity, expected, "{link}");
         }
     }
 
@@ -506,14 +495,14 @@ mod tests {
         }
         for number in 2..=255 {
             let time = time(1000 + u64::from(number));
-            let verdict = streams.hear(sender(number), time, time, at_us(u64::from(number)));
-            assert_eq!(verdict, Verdict::Fresh);
+            let authenticity = streams.hear(sender(number), time, time, at_us(u64::from(number) << 16));
+            assert_eq!(authenticity, Authenticity::Proven);
         }
         let much_later = time(100_000_000);
         for id in [driver, armed_by] {
             assert_eq!(
-                streams.hear(id, time(1001), much_later, at_us(300)),
-                Verdict::Late
+                streams.hear(id, time(1001), much_later, at_us(300 << 16)),
+                Authenticity::Late
             );
         }
     }
@@ -523,12 +512,12 @@ mod tests {
         let ours = time(100_000_000);
         let mut streams = Streams::after(Timestamp::default());
         let mut hear = |ticks, ours| streams.hear(sender(0), time(ticks), ours, Instant::EPOCH);
-        assert_eq!(hear(93_999_999, ours), Verdict::TooOld);
-        assert_eq!(hear(94_000_000, ours), Verdict::Fresh);
+        assert_eq!(hear(93_999_999, ours), Authenticity::TooOld);
+        assert_eq!(hear(94_000_000, ours), Authenticity::Proven);
         // Recorded while it was jammed, and held back.
-        assert_eq!(hear(94_000_001, ours.later(2)), Verdict::Late);
-        assert_eq!(hear(94_000_001, ours.later(1)), Verdict::Repeated);
-        assert_eq!(hear(94_000_002, ours.later(2)), Verdict::Fresh);
+        assert_eq!(hear(94_000_001, ours.later(2)), Authenticity::Late);
+        assert_eq!(hear(94_000_001, ours.later(1)), Authenticity::Unproven);
+        assert_eq!(hear(94_000_002, ours.later(2)), Authenticity::Proven);
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! Replay protection: the latest timestamp of each sender on each of its links.
 
+use core::num::NonZeroU32;
+
 use heapless::Vec;
 
-use super::Timestamp;
+use super::{Authenticity, Timestamp};
 use crate::time::Instant;
 
 /// Senders that are distinguished at the same time, as in ArduPilot.
@@ -14,32 +16,21 @@ const MAX_AGE: u64 = 60 * Timestamp::PER_SECOND;
 
 /// One sender on one of its links: their timestamps only grow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct StreamId {
-    pub system_id: u8,
-    pub component_id: u8,
-    pub link: u8,
+pub(super) struct StreamId(NonZeroU32);
+
+impl StreamId {
+    pub fn new(system_id: u8, component_id: u8, link: u8) -> Self {
+        // In a word they are compared at once.
+        Self(NonZeroU32::MIN | u32::from_be_bytes([system_id, component_id, link, 0]))
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Stream {
     id: StreamId,
+    /// When it was heard, by our own clock, in 2^16 µs: enough for 8 years.
+    heard_at: u32,
     latest: Timestamp,
-    /// When it was heard, by our own clock.
-    heard_at: Instant,
-}
-
-/// What the time of a frame says of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
-    /// It is a new one.
-    Fresh,
-    /// It is later than all that were heard of its sender, and over a minute old: held back, or of a sender that can't follow our
-    /// time since it does not hear us.
-    Late,
-    /// It is of a sender that is not known, and too old.
-    TooOld,
-    /// The same one or a later one was heard before.
-    Repeated,
 }
 
 /// Why a sender is not forgotten.
@@ -72,22 +63,32 @@ impl Streams {
         }
     }
 
+    /// No sender is known any more, and nothing up to `forgotten` counts.
+    pub fn forget(&mut self, forgotten: Timestamp) {
+        self.known.clear();
+        self.forgotten = forgotten;
+    }
+
     /// Judges a frame with this time; no frame of its sender with this time or an earlier one counts from now on. `ours` is our
     /// own time.
-    pub fn hear(&mut self, id: StreamId, time: Timestamp, ours: Timestamp, now: Instant) -> Verdict {
+    pub fn hear(&mut self, id: StreamId, time: Timestamp, ours: Timestamp, now: Instant) -> Authenticity {
         let is_recent = time.later(MAX_AGE) >= ours;
         let heard = Stream {
             id,
             latest: time,
-            heard_at: now,
+            heard_at: (now.as_micros() >> 16) as u32,
         };
         match self.known.iter_mut().find(|stream| stream.id == id) {
-            Some(known) if time <= known.latest => return Verdict::Repeated,
+            Some(known) if time <= known.latest => return Authenticity::Unproven,
             Some(known) => *known = heard,
-            None if !is_recent || time <= self.forgotten => return Verdict::TooOld,
+            None if !is_recent || time <= self.forgotten => return Authenticity::TooOld,
             None => self.add(heard),
         }
-        if is_recent { Verdict::Fresh } else { Verdict::Late }
+        if is_recent {
+            Authenticity::Proven
+        } else {
+            Authenticity::Late
+        }
     }
 
     /// This sender is not forgotten while it has this role.

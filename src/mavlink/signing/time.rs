@@ -69,12 +69,6 @@ impl SigningClock {
         }
     }
 
-    /// A clock that shows `time` at `now`, or the time since the board started if that is later.
-    pub fn showing(time: Timestamp, now: Instant) -> Self {
-        let since_boot = now.as_micros() / US_PER_TICK;
-        Self::starting_at(Timestamp(time.ticks().saturating_sub(since_boot)))
-    }
-
     /// What it shows at `now`.
     pub fn time_at(&self, now: Instant) -> Timestamp {
         self.at_boot

@@ -156,11 +156,6 @@ impl Vehicle {
         Ok(waiting.filter(|_| self.seat.may_report(received_at)))
     }
 
-    /// The station whose sticks drive, or the last one whose did.
-    pub fn driver(&self) -> Option<DriverId> {
-        self.seat.driver()
-    }
-
     /// What the pulses of all channels, in microseconds, say about throttle and steering.
     pub fn stick_inputs(&self, pulses_us: &[u16]) -> (StickInput, StickInput) {
         let StickChannels { throttle, steering } = &self.channels;
