@@ -43,16 +43,19 @@ const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
 /// Whether all that a request can do is stop the rover: then it is obeyed however old it is.
 pub(in crate::mavlink) fn only_stops(request: &Request<'_>, vehicle: &Vehicle) -> bool {
-    let holds = |mode| Mode::from_number(mode) == Some(Mode::Hold);
+    let hold = Mode::Hold.number();
     let (throttle, steering) = match request {
-        Request::Command(command) => {
-            return match command.number {
-                ARM_DISARM => command.param1 == DISARM,
-                DO_SET_MODE => whole_number(command.param2).is_some_and(holds),
-                _ => false,
-            };
-        }
-        Request::SetMode { custom_mode, .. } => return holds(*custom_mode),
+        Request::Command(Command {
+            number: ARM_DISARM,
+            param1,
+            ..
+        }) => return *param1 == DISARM,
+        Request::Command(Command {
+            number: DO_SET_MODE,
+            param2,
+            ..
+        }) => return *param2 == hold as f32,
+        Request::SetMode { custom_mode, .. } => return *custom_mode == hold,
         Request::Control { throttle, steering } => (*throttle, *steering),
         Request::ChannelOverride(pulses_us) => vehicle.stick_inputs(pulses_us),
         _ => return false,

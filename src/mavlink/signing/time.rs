@@ -70,6 +70,8 @@ impl SigningClock {
     }
 
     /// What it shows at `now`.
+    // Not inlined: its division takes much space.
+    #[inline(never)]
     pub fn time_at(&self, now: Instant) -> Timestamp {
         self.at_boot
             .later(now.as_micros() / US_PER_TICK)
@@ -77,6 +79,7 @@ impl SigningClock {
     }
 
     /// Goes on from `seen` if that is ahead.
+    #[inline(never)]
     pub fn follow(&mut self, seen: Timestamp, now: Instant) {
         let ahead = seen.ticks().saturating_sub(self.time_at(now).ticks());
         self.at_boot = self.at_boot.later(ahead);
