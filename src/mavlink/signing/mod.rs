@@ -137,7 +137,7 @@ impl Signing {
     }
 
     /// Takes another key, or none any more. The time goes on from `time` if that is later than ours: it never goes back,
-    /// so nothing that was signed before, with any key, is accepted again. Only from the end of time, where nobody is obeyed, a
+    /// so nothing that was signed before, with any key, is accepted again. Only from the end of time, where no sender is obeyed, a
     /// new key takes it back.
     pub(super) fn set_up(&mut self, key: Option<SigningKey>, time: Timestamp, now: Instant) {
         let is_new = match (&key, &self.protection) {
@@ -464,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn whom_we_heard_longest_ago_is_forgotten_whatever_its_time() {
+    fn the_sender_heard_longest_ago_is_forgotten_whatever_its_time() {
         let ours = time(5_000);
         let mut streams = Streams::after(Timestamp::default());
         // The later we hear them, the older their times are.

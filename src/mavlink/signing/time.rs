@@ -34,7 +34,7 @@ impl Timestamp {
     }
 
     /// Whether there is a year left until the end of time. No sender is followed to a later one: at the end there is no later
-    /// frame, and nobody is obeyed any more.
+    /// frame, and no sender is obeyed any more.
     pub(in crate::mavlink) fn leaves_a_year(self) -> bool {
         self.0 <= Self::LATEST - Self::YEAR
     }
