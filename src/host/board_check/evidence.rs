@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
-use super::plan::Divider;
 use crate::mavlink::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, MavMessage, MavResult, MavSeverity, STATUSTEXT_DATA,
     SYS_STATUS_DATA,
@@ -199,6 +198,16 @@ pub struct FaultTrial {
     pub asked_at: Instant,
     /// Its result.
     pub restarted: Option<Restarted>,
+}
+
+/// What the owner says of what divides the pack's voltage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Divider {
+    /// Nothing: a factor that is far from the one in force is an error of the multimeter, or in reading it.
+    #[default]
+    AsBefore,
+    /// It is another one now.
+    Changed,
 }
 
 /// More than parts and the converter's reference are off by, as a share of the factor.

@@ -13,7 +13,8 @@ mod report;
 mod session;
 
 pub use checks::{CHECKS, Check, Outcome};
-pub use plan::{Divider, Multimeter, Plan, hash_of_elf};
+pub use evidence::Divider;
+pub use plan::{Multimeter, Plan, hash_of_elf};
 pub use port::{Owner, Port};
 pub use report::{Report, Verdict};
 

@@ -4,7 +4,7 @@ use object::LittleEndian;
 use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader};
 
-use super::evidence::{Evidence, Trial};
+use super::evidence::{Divider, Evidence, Trial};
 use crate::memory::identity::FirmwareHash;
 
 /// What a multimeter at the pack shows.
@@ -17,16 +17,6 @@ pub enum Multimeter {
     Ask,
     /// This many volts.
     Shows(f32),
-}
-
-/// What the owner says of what divides the pack's voltage.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Divider {
-    /// Nothing: a factor that is far from the one in force is an error of the multimeter, or in reading it.
-    #[default]
-    AsBefore,
-    /// It is another one now.
-    Changed,
 }
 
 /// What is to be done.
