@@ -83,7 +83,7 @@ async function save(log, button) {
 
 function startLogs() {
   $('read-logs').onclick = listLogs;
-  askTwice('erase', 'Press again to erase all for good', async () => {
+  askTwice($('erase'), 'Press again to erase all for good', async () => {
     if (isKnown()) ask('LOG_ERASE');
     put('logs-state', 'Erasing…');
     await after(LOG_MS);

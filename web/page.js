@@ -37,9 +37,8 @@ const clock = (date) => date.toTimeString().slice(0, 8);
 // As typed anywhere.
 const numberIn = (input) => (input.value.trim() ? +input.value.replace(',', '.').replace('−', '-') : NaN);
 
-// A button that acts when it is pressed a second time before it loses the focus.
-function askTwice(id, question, act) {
-  const button = $(id);
+// A button that acts when it is pressed a second time before it loses the focus, where that is needed.
+function askTwice(button, question, act, isNeeded = () => 1) {
   const label = button.textContent;
   const reset = () => {
     button.className = '';
@@ -47,7 +46,7 @@ function askTwice(id, question, act) {
   };
   button.onblur = reset;
   button.onclick = () => {
-    if (button.className) {
+    if (button.className || !isNeeded()) {
       reset();
       act();
     } else {

@@ -117,6 +117,13 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
     const scaled = factorNow * numberIn(input) / chosenPack()[key];
     return scaled > 0 && scaled < Infinity ? +scaled.toPrecision(5) : 0;
   };
+  // A voltage's new factor, if it is more than 15 % from the one in force, and from the board's own divider; on another pin than
+  // that one's anything goes until the factor was set.
+  const isDoubtful = () => {
+    const is = short(value(parameterOf(factor)));
+    const isFar = (other) => Math.abs(wanted() / other - 1) > .15;
+    return id == 'voltage' && isFar(is) && (value(parameterOf('VOLT_PIN')) == 26 ? isFar(3.95) : is != 3.95);
+  };
   const set = async (number) => {
     const name = parameterOf(factor);
     const before = value(name);
@@ -140,7 +147,7 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
     show(undo, before == null ? '' : 'Undo: back to ' + short(before));
   };
   input.oninput = render;
-  apply.onclick = () => set(wanted());
+  askTwice(apply, 'Press again for another divider', () => set(wanted()), isDoubtful);
   undo.onclick = () => set(undone[parameterOf(factor)]);
   on('setup', render);
 }
@@ -167,7 +174,7 @@ function startSetup() {
     (await change(parameterOf('CRT_VOLT'), critical, $('suggested'))) && (await change(parameterOf('LOW_VOLT'), low, $('suggested')));
     renderForms();
   };
-  askTwice('restart', 'Press again to restart', async () => {
+  askTwice($('restart'), 'Press again to restart', async () => {
     const why = await command(RESTART, 1);
     put('restarted', why || 'Restarting…');
     if (!why) restarts.clear();

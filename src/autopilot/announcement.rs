@@ -67,6 +67,11 @@ pub enum Announcement<'a> {
         /// How many so far.
         count: u32,
     },
+    /// Messages were ignored since they are too old although they are signed with the key.
+    TooOld {
+        /// The link they came from.
+        link: &'static str,
+    },
     /// A ground station tried to set a parameter and was refused.
     ParameterRefused {
         /// The parameter.
@@ -97,6 +102,7 @@ pub(super) enum Kind {
     Serial(Discriminant<SerialNotice>),
     Wifi(Discriminant<WifiReport>),
     Unauthorized,
+    TooOld,
     ParameterRefused,
     /// What the board reports of itself.
     Board,
@@ -107,7 +113,7 @@ impl Kind {
     /// have one.
     pub fn at_once(self) -> u8 {
         match self {
-            Self::Can(_) | Self::Unauthorized => 1,
+            Self::Can(_) | Self::Unauthorized | Self::TooOld => 1,
             Self::Pack(..)
             | Self::CanNode(..)
             | Self::Serial(_)
@@ -128,6 +134,7 @@ impl Announcement<'_> {
             Self::Serial(notice) => Kind::Serial(discriminant(notice)),
             Self::Wifi(report) => Kind::Wifi(discriminant(report)),
             Self::Unauthorized { .. } => Kind::Unauthorized,
+            Self::TooOld { .. } => Kind::TooOld,
             Self::ParameterRefused { .. } => Kind::ParameterRefused,
             Self::Vehicle(_)
             | Self::FailsafesOff(_)
@@ -213,7 +220,8 @@ impl Announcement<'_> {
             | Self::NoLog(_)
             | Self::ParameterRefused { .. }
             | Self::LongTimeOut { .. }
-            | Self::Unauthorized { .. } => MavSeverity::MAV_SEVERITY_WARNING,
+            | Self::Unauthorized { .. }
+            | Self::TooOld { .. } => MavSeverity::MAV_SEVERITY_WARNING,
             Self::DefaultParameters
             | Self::ParametersDamaged
             | Self::ParametersNotSaved(_)
@@ -289,6 +297,12 @@ impl fmt::Display for Announcement<'_> {
             Self::Signing(trouble) => f.write_str(trouble.text()),
             Self::Unauthorized { link, count } => {
                 write!(f, "{link}: not signed with the key, ignored: {count}")
+            }
+            Self::TooOld { link } => {
+                write!(
+                    f,
+                    "{link}: signed frames too old: does the station hear the rover?"
+                )
             }
             Self::ParameterRefused { id, why } => match why {
                 Refused::OutOfRange => write!(f, "{} refused: valid {}", id.name(), id.row().range),

@@ -275,6 +275,12 @@ impl Autopilot {
                 let link = channel.name();
                 self.announce(Announcement::Unauthorized { link, count }, now);
             }
+            Event::TooOld => {
+                if self.signing.reports_old() {
+                    let link = channel.name();
+                    self.announce(Announcement::TooOld { link }, now);
+                }
+            }
             Event::Measured {
                 component_id,
                 ref reading,

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant as Clock};
 use std::{fs, thread};
 
 use clap::Parser;
-use rover_battmon::host::board_check::{Multimeter, Owner, Plan, Port, Verdict, hash_of_elf, run};
+use rover_battmon::host::board_check::{Divider, Multimeter, Owner, Plan, Port, Verdict, hash_of_elf, run};
 use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::time::Instant;
 use serialport::SerialPort;
@@ -44,6 +44,10 @@ struct Arguments {
     /// Set BATT_VOLT_MULT so that the board shows what the multimeter does
     #[arg(long, requires = "measured")]
     apply: bool,
+
+    /// The divider was changed: believe any voltage
+    #[arg(long, requires = "measured")]
+    divider_changed: bool,
 
     /// Provoke a fault, and check that it is recorded
     #[arg(long)]
@@ -81,6 +85,11 @@ impl Arguments {
                 None => Multimeter::None,
             },
             apply_calibration: self.apply,
+            divider: if self.divider_changed {
+                Divider::Changed
+            } else {
+                Divider::AsBefore
+            },
             firmware_hash: self.firmware,
         }
     }

@@ -11,12 +11,14 @@ use super::services::commands::Answer;
 use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
-use super::services::vehicle::VehicleService;
-use super::services::{Context, DISARM_FIRST, TOO_LATE, file_transfer, mission, signing, time, wifi};
-use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, is_permitted};
+use super::services::vehicle::{VehicleService, only_stops};
+use super::services::{
+    Changeable, Context, DISARM_FIRST, TOO_LATE, file_transfer, mission, signing, time, wifi,
+};
+use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, Role, is_permitted};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::parameter::VehicleParameter;
-use crate::vehicle::{ArmState, ControlMessage, Mode};
+use crate::vehicle::{ArmState, ControlMessage, Delivery, Mode};
 
 /// The type in the HEARTBEAT of a ground station.
 const GROUND_STATION: u8 = MavType::MAV_TYPE_GCS as u8;
@@ -77,14 +79,32 @@ pub(super) fn dispatch(
     {
         return Event::Ignored;
     }
-    if !permits(&received.request, frame, context) {
-        return refuse(&received.request, context.unauthorized);
-    }
+    let authenticity = context.changeable.signing.check(frame, context.now);
+    context.delivery = match authenticity {
+        _ if permits(&received.request, authenticity, context) => Delivery::Prompt,
+        Authenticity::Late if only_stops(&received.request, context.changeable.vehicle) => Delivery::Late,
+        _ => return refuse(&received.request, authenticity, context.unauthorized),
+    };
     context.age_ms = context.clocks.age_ms(received.from, context.now);
     if changes_for_good(&received.request) && context.age_ms.is_some_and(|age_ms| age_ms > MAX_AGE_MS) {
         return refuse_late(&received.request, received.from, context);
     }
-    serve(&received.request, received.from, services, context)
+    let before = context.changeable.vehicle.arm_state();
+    let event = serve(&received.request, received.from, services, context);
+    if matches!(event, Event::Driven) {
+        keep_sender(&received.request, before, context);
+    }
+    event
+}
+
+/// Who drives or has armed the rover can always stop it: signing does not forget its time.
+fn keep_sender(request: &Request<'_>, before: ArmState, context: &mut Context<'_>) {
+    let Changeable { vehicle, signing, .. } = &mut context.changeable;
+    if matches!(request, Request::Control { .. } | Request::ChannelOverride(_)) {
+        signing.keep_sender(Role::Drives);
+    } else if before != vehicle.arm_state() {
+        signing.keep_sender(Role::Armed);
+    }
 }
 
 /// Whether a request has to be recent, apart from those that move the rover.
@@ -110,29 +130,35 @@ fn refuse_late(request: &Request<'_>, from: Peer, context: &mut Context<'_>) -> 
     Event::CommandRefused(command.number)
 }
 
-/// Whether the sender of `frame` may do what it asks for.
-fn permits(request: &Request<'_>, frame: &ReceivedFrame<'_>, context: &mut Context<'_>) -> bool {
+/// Whether the sender of a request may do what it asks for.
+fn permits(request: &Request<'_>, authenticity: Authenticity, context: &Context<'_>) -> bool {
     let accepted = AcceptUnsigned::on(context.link, context.changeable.parameters);
     let is_direct = context.link == LinkKind::Direct;
-    let signing = &mut *context.changeable.signing;
-    let authenticity = signing.check(frame, context.now);
     match request {
         _ if context.access == Access::Listen => authenticity == Authenticity::Proven,
         // Over radio a password needs a signature, even without a key.
         Request::WifiConfig(_) if !is_direct && authenticity != Authenticity::Proven => false,
         // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
-        Request::SetUpSigning(_) if is_direct && signing.has_lost_key() => true,
+        Request::SetUpSigning(_) if is_direct && context.changeable.signing.has_lost_key() => true,
         _ => is_permitted(effect(request), authenticity, accepted),
     }
 }
 
 /// Counts a request that is not permitted.
-fn refuse(request: &Request<'_>, unauthorized: &mut u32) -> Event {
-    // Every vehicle and ground station around has a heartbeat, many have a clock, and none has a key of ours.
-    if matches!(request, Request::Heartbeat { .. } | Request::SystemTime { .. }) {
-        return Event::Ignored;
+fn refuse(request: &Request<'_>, authenticity: Authenticity, unauthorized: &mut u32) -> Event {
+    let is_old = matches!(authenticity, Authenticity::Late | Authenticity::TooOld);
+    match request {
+        // Every vehicle and ground station around has a heartbeat, many have a clock, and none has a key of ours.
+        Request::Heartbeat { system_type } if !is_old || *system_type != GROUND_STATION => {
+            return Event::Ignored;
+        }
+        Request::SystemTime { .. } => return Event::Ignored,
+        _ => {}
     }
     *unauthorized = unauthorized.wrapping_add(1);
+    if is_old {
+        return Event::TooOld;
+    }
     Event::Unauthorized { count: *unauthorized }
 }
 

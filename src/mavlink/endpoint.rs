@@ -20,6 +20,7 @@ use crate::pack::Pack;
 use crate::parameter::{ParameterIdSet, Parameters, VehicleParameter};
 use crate::system::{LinkStatistics, SystemState};
 use crate::time::Instant;
+use crate::vehicle::Delivery;
 
 /// A few dropped messages may be a hiccup; this many mean a link that is too slow.
 const DROPS_UNTIL_SHORTFALL: u8 = 10;
@@ -328,6 +329,7 @@ impl Endpoint {
             now,
             received_at,
             age_ms: None,
+            delivery: Delivery::Prompt,
             state: &state,
             changeable,
             rates: &mut self.rates,

@@ -60,6 +60,8 @@ pub enum Event {
         /// How many there have been on this link.
         count: u32,
     },
+    /// It was signed with the key, but is too old, and had no effect.
+    TooOld,
 }
 
 impl Event {
@@ -73,6 +75,7 @@ impl Event {
                 | Self::ControlTooLate
                 | Self::Measured { .. }
                 | Self::Unauthorized { .. }
+                | Self::TooOld
         )
     }
 }
@@ -110,7 +113,7 @@ pub enum SigningChange {
 pub enum SetupRefused {
     /// The key would have been heard by everyone near.
     NotDirect,
-    /// The initial timestamp has more than 48 bits.
+    /// The initial timestamp leaves less than a year of what 48 bits hold.
     BadTime,
     /// Flash may have no space for the key that is erased, and can't get any while the rover may be moving.
     Armed,

@@ -23,6 +23,11 @@ impl StickInput {
         matches!(self, Self::Position(position) if !is_neutral(position))
     }
 
+    /// Whether it is a position, and neutral.
+    pub fn is_neutral(self) -> bool {
+        matches!(self, Self::Position(position) if is_neutral(position))
+    }
+
     /// What the pulses of all channels, in microseconds, say about the stick of one.
     pub fn of_channel(channel: &StickChannel, pulses_us: &[u16]) -> Self {
         const RELEASED_US: u16 = 0;

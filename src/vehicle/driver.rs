@@ -36,6 +36,15 @@ pub enum ControlMessage {
     ChannelOverride,
 }
 
+/// How a message came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Delivery {
+    /// In time, as far as is known.
+    Prompt,
+    /// Long after it was sent: it stops the rover, and says nothing about whether its sender is still there.
+    Late,
+}
+
 /// Sticks are ignored: another driver has the seat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AnotherDrives {

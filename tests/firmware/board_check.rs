@@ -4,7 +4,7 @@ use crate::wheels::duties;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rover_battmon::host::board_check::{Multimeter, Plan, Report, Verdict, hash_of_elf, run};
+use rover_battmon::host::board_check::{Divider, Multimeter, Plan, Report, Verdict, hash_of_elf, run};
 use rover_battmon::memory::identity::FirmwareHash;
 
 use crate::firmware_hash::flipped_byte;
@@ -100,6 +100,7 @@ const EVERYTHING: Plan = Plan {
     turn_motors: true,
     multimeter: Multimeter::Shows(7.93),
     apply_calibration: false,
+    divider: Divider::AsBefore,
     firmware_hash: None,
 };
 

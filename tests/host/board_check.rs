@@ -7,7 +7,9 @@ use std::rc::Rc;
 
 use proptest::prelude::*;
 use rover_battmon::autopilot::{Announcement, Start, Work};
-use rover_battmon::host::board_check::{CHECKS, Multimeter, Plan, Port, Report, Verdict, hash_of_elf, run};
+use rover_battmon::host::board_check::{
+    CHECKS, Divider, Multimeter, Plan, Port, Report, Verdict, hash_of_elf, run,
+};
 use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -190,7 +192,9 @@ impl DeskBoard {
         };
         let pack_v = pack_v - noise_v * self.noise.f32();
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp26, Ok(adc_count(pack_v / DIVIDER)));
+        for pin in [AnalogPin::Gp26, AnalogPin::Gp27] {
+            readings.set(pin, Ok(adc_count(pack_v / DIVIDER)));
+        }
         readings
     }
 
@@ -448,6 +452,7 @@ const EVERYTHING: Plan = Plan {
     turn_motors: true,
     multimeter: Multimeter::Ask,
     apply_calibration: false,
+    divider: Divider::AsBefore,
     firmware_hash: None,
 };
 
@@ -600,6 +605,62 @@ fn the_exact_multiplier_is_set_on_request() {
         .parameters()
         .get(BatteryParameter::VoltMult.of(Pack::First));
     assert!((multiplier - DIVIDER * 8.4 / PACK_V).abs() < 0.01, "{multiplier}");
+}
+
+/// The factor after a check that may set it, of a board whose pin and factor were these; and whether the check failed.
+fn calibrated(pin: f32, factor: f32, measured_v: f32, divider: Divider) -> (f32, bool) {
+    let plan = Plan {
+        multimeter: Multimeter::Shows(measured_v),
+        apply_calibration: true,
+        divider,
+        ..Plan::default()
+    };
+    let mut owner = Watcher::default();
+    let mut line = TamperedLine::new(Fault::None, owner.turned.clone());
+    let desk = &mut line.board.desk;
+    desk.set(BatteryParameter::VoltPin.of(Pack::First), pin);
+    desk.set(BatteryParameter::VoltMult.of(Pack::First), factor);
+    let report = run(&mut line, &mut owner, &plan);
+    let parameters = line.board.desk.parameters();
+    let is_failed = failed(&report).contains(&"calibration");
+    (
+        parameters.get(BatteryParameter::VoltMult.of(Pack::First)),
+        is_failed,
+    )
+}
+
+#[test]
+fn an_impossible_multimeter_is_a_failed_check_that_changes_nothing() {
+    const OWN_PIN: f32 = 26.0;
+    const OTHER_PIN: f32 = 27.0;
+    // The pack's voltage at the pin.
+    let pin_v = PACK_V / DIVIDER;
+    for (pin, factor, exact, divider, is_set) in [
+        (OWN_PIN, DIVIDER, 3.2 * DIVIDER, Divider::AsBefore, false),
+        (OWN_PIN, DIVIDER, 1.16 * DIVIDER, Divider::AsBefore, false),
+        (OWN_PIN, DIVIDER, 0.84 * DIVIDER, Divider::AsBefore, false),
+        (OWN_PIN, DIVIDER, 1.14 * DIVIDER, Divider::AsBefore, true),
+        (OWN_PIN, DIVIDER, 0.86 * DIVIDER, Divider::AsBefore, true),
+        (OWN_PIN, DIVIDER, 3.2 * DIVIDER, Divider::Changed, true),
+        // A factor that was set wrong before.
+        (OWN_PIN, 3.2 * DIVIDER, 1.02 * DIVIDER, Divider::AsBefore, true),
+        (OWN_PIN, 3.2 * DIVIDER, 2.0 * DIVIDER, Divider::AsBefore, false),
+        // A divider that was changed before.
+        (OWN_PIN, 2.0 * DIVIDER, 2.1 * DIVIDER, Divider::AsBefore, true),
+        // Of another pin's divider nothing is known at first.
+        (OTHER_PIN, DIVIDER, 3.2 * DIVIDER, Divider::AsBefore, true),
+        (OTHER_PIN, 2.0 * DIVIDER, 3.2 * DIVIDER, Divider::AsBefore, false),
+        (OTHER_PIN, 2.0 * DIVIDER, DIVIDER, Divider::AsBefore, false),
+        (OTHER_PIN, 2.0 * DIVIDER, 2.2 * DIVIDER, Divider::AsBefore, true),
+    ] {
+        let (now, is_failed) = calibrated(pin, factor, pin_v * exact, divider);
+        let expected = if is_set { exact } else { factor };
+        assert!(
+            (now - expected).abs() < 0.01 * expected,
+            "{now} of {factor}, exact {exact}, pin {pin}"
+        );
+        assert_eq!(is_failed, !is_set, "{factor}, exact {exact}, pin {pin}");
+    }
 }
 
 #[test]

@@ -3,11 +3,14 @@
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, PackDetails, PackStatus};
-use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning};
+use rover_battmon::mavlink::{
+    Event, LinkKind, SetupRefused, SigningChange, SigningKey, SigningTrouble, StoredSigning, ToStore,
+};
 use rover_battmon::memory::storage::Condition;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::time::Utc;
+use rover_battmon::vehicle::{ArmState, Mode};
 use support::desk::Desk;
 
 use support::frames::{
@@ -15,9 +18,10 @@ use support::frames::{
     of_message, texts_of,
 };
 use support::requests::{
-    EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
-    param_read_by_name, param_request_list, param_set, param_set_payload, ping, provoke_fault, radio_status,
-    reboot, reboot_to_boot_loader, set_mode, setup_signing, setup_signing_of, system_time,
+    EVERYONE, VEHICLE, arm, command_int, command_long, command_long_2, disarm, do_set_mode, heartbeat,
+    manual_control, param_read_by_name, param_request_list, param_set, param_set_payload, ping,
+    provoke_fault, radio_status, rc_override, reboot, reboot_to_boot_loader, set_mode, setup_signing,
+    setup_signing_of, system_time,
 };
 use support::signer::{NEW_YEAR, Signer};
 
@@ -31,6 +35,21 @@ const OWNER: u8 = 7;
 const STRANGER: u8 = 8;
 
 const MINUTE_US: u64 = 60_000_000;
+const MINUTE_TICKS: u64 = 60 * 100_000;
+
+/// The last time that 48 bits hold, and the last one that leaves a year.
+const END: u64 = (1 << 48) - 1;
+const LATEST: u64 = END - 365 * 24 * 60 * MINUTE_TICKS;
+
+const GCS: u8 = 6;
+const HOLD: u8 = 4;
+/// In pulses of a channel: the middle, let go, and not meant.
+const NEUTRAL_US: u16 = 1500;
+const RELEASED_US: u16 = 0;
+const UNCHANGED_US: u16 = 65535;
+
+/// The first message of it.
+const TOO_OLD: &str = "desk: signed frames too old: does the station hear";
 
 const REQUEST_MESSAGE: u16 = 512;
 
@@ -56,7 +75,10 @@ fn protected() -> Desk {
 fn was_obeyed(desk: &mut Desk, request: &[u8]) -> bool {
     let events = desk.receive_in_chunks(request, 64);
     assert_eq!(events.len(), 1);
-    !matches!(events[0], Event::Unauthorized { .. })
+    !matches!(
+        events[0],
+        Event::Unauthorized { .. } | Event::TooOld | Event::Ignored
+    )
 }
 
 /// What changes something, and what only reads.
@@ -106,8 +128,11 @@ fn a_key_can_be_set_up_by_cable_only() {
 #[test]
 fn a_setup_with_an_impossible_time_or_another_target_changes_nothing() {
     let mut cable = desk(LinkKind::Direct);
-    let events = cable.receive_in_chunks(&setup_signing([OWNER; 32], 1 << 48), 64);
-    assert_eq!(events, [Event::SigningRefused(SetupRefused::BadTime)]);
+    for time in [LATEST + 1, END, END + 1] {
+        let events = cable.receive_in_chunks(&setup_signing([OWNER; 32], time), 64);
+        assert_eq!(events, [Event::SigningRefused(SetupRefused::BadTime)]);
+        assert_eq!(texts_of(&cable.sent()), ["Signing not set up: bad timestamp"]);
+    }
     for target in [EVERYONE, [2, 1]] {
         let request = setup_signing_of(target, [OWNER; 32], NEW_YEAR);
         assert_eq!(cable.receive_in_chunks(&request, 64), [Event::Ignored]);
@@ -225,6 +250,240 @@ fn a_frame_that_was_held_back_for_over_a_minute_does_not_count() {
     radio.post_due(radio.now_us);
     owner.hear(&radio.sent());
     assert!(was_obeyed(&mut radio, &owner.sign(&manual_control(1, 0, 1000))));
+}
+
+/// What stops the rover and does nothing else.
+fn stopping_requests() -> Vec<Vec<u8>> {
+    vec![
+        disarm(),
+        command_int(ARM_DISARM, 0.0),
+        set_mode(1, 1, HOLD.into()),
+        do_set_mode(HOLD.into()),
+        manual_control(1, 0, 0),
+        rc_override(VEHICLE, NEUTRAL_US, NEUTRAL_US),
+    ]
+}
+
+/// What looks like it: sticks of which one is deflected, let go, or not there.
+fn almost_stopping_requests() -> Vec<Vec<u8>> {
+    let sticks = |steering_us, throttle_us| rc_override(VEHICLE, steering_us, throttle_us);
+    vec![
+        manual_control(1, 0, 300),
+        manual_control(1, 300, 0),
+        sticks(NEUTRAL_US, 1900),
+        sticks(RELEASED_US, RELEASED_US),
+        sticks(RELEASED_US, NEUTRAL_US),
+        sticks(NEUTRAL_US, RELEASED_US),
+        sticks(NEUTRAL_US, UNCHANGED_US),
+        sticks(UNCHANGED_US, UNCHANGED_US),
+        do_set_mode(0.0),
+        command_long(ARM_DISARM, 0.5),
+        heartbeat(GCS),
+    ]
+}
+
+/// A station that the rover has heard, and another one that is so many minutes ahead, which the rover's time has followed: the
+/// first one does not hear the rover, or it would follow, too.
+fn one_way(minutes: u64) -> (Desk, Signer, Signer) {
+    let mut radio = protected();
+    radio.set(VehicleParameter::ArmingCheck, 0.0);
+    let mut station = Signer::new(OWNER);
+    radio.receive_in_chunks(&station.sign(&heartbeat(GCS)), 64);
+    let mut ahead = Signer::new(OWNER);
+    ahead.link = 4;
+    ahead.timestamp += minutes * MINUTE_TICKS;
+    radio.receive_in_chunks(&ahead.sign(&heartbeat(GCS)), 64);
+    (radio, station, ahead)
+}
+
+#[test]
+// Requirement: L-14
+fn a_station_that_does_not_hear_the_rover_can_always_stop_it() {
+    for (number, request) in stopping_requests().into_iter().enumerate() {
+        let (mut radio, mut station, mut ahead) = one_way(60);
+        assert!(was_obeyed(&mut radio, &ahead.sign(&arm())));
+        assert!(was_obeyed(&mut radio, &ahead.sign(&do_set_mode(0.0))));
+        let stop = station.sign(&request);
+        assert!(was_obeyed(&mut radio, &stop));
+        let status = radio.vehicle().status();
+        let (arm_state, mode) = match number {
+            0 | 1 => (ArmState::Disarmed, Mode::Manual),
+            2 | 3 => (ArmState::Armed, Mode::Hold),
+            _ => (ArmState::Armed, Mode::Manual),
+        };
+        assert_eq!(
+            (status.arm_state, status.mode),
+            (arm_state, mode),
+            "request {number}"
+        );
+        assert!(!was_obeyed(&mut radio, &stop), "a recording");
+        // One who was not heard before may be a recording, too.
+        station.link = 5;
+        assert!(!was_obeyed(&mut radio, &station.sign(&request)));
+    }
+}
+
+#[test]
+fn a_station_that_does_not_hear_the_rover_can_only_stop_it_and_is_reported_once() {
+    let (mut radio, mut station, mut ahead) = one_way(2);
+    let mut texts = Vec::new();
+    let requests = [
+        changing_requests(),
+        reading_requests(),
+        almost_stopping_requests(),
+    ]
+    .concat();
+    for (second, request) in (0..).zip(requests) {
+        radio.now_us = second * 20_000_000;
+        let events = radio.receive_in_chunks(&station.sign(&request), 64);
+        assert_eq!(events, [Event::TooOld], "request {second}");
+        radio.post_due(radio.now_us);
+        texts.extend(texts_of(&radio.sent()));
+    }
+    assert_eq!(
+        texts.iter().filter(|text| *text == TOO_OLD).count(),
+        1,
+        "{texts:?}"
+    );
+    assert!(!texts.iter().any(|text| text.contains("not signed")), "{texts:?}");
+    assert_eq!(radio.vehicle().arm_state(), ArmState::Disarmed);
+
+    // It has heard the rover again, and later it has not.
+    radio.now_us += 20_000_000;
+    radio.post_due(radio.now_us);
+    station.hear(&radio.sent());
+    assert!(was_obeyed(&mut radio, &station.sign(&ping(1, 1))));
+    ahead.timestamp = station.timestamp + 2 * MINUTE_TICKS;
+    assert!(was_obeyed(&mut radio, &ahead.sign(&ping(1, 1))));
+    assert!(!was_obeyed(&mut radio, &station.sign(&ping(1, 1))));
+    radio.post_due(radio.now_us);
+    assert!(texts_of(&radio.sent()).contains(&TOO_OLD.into()));
+}
+
+#[test]
+fn what_is_too_old_neither_moves_the_time_nor_counts_as_hearing_the_station() {
+    let (mut radio, mut station, mut ahead) = one_way(2);
+    for request in [arm(), do_set_mode(0.0), manual_control(1, 0, 0)] {
+        assert!(was_obeyed(&mut radio, &ahead.sign(&request)));
+    }
+    radio.sent();
+    let mut texts = Vec::new();
+    for tick in 1..100 {
+        radio.now_us = tick * 100_000;
+        was_obeyed(&mut radio, &station.sign(&heartbeat(GCS)));
+        assert!(was_obeyed(&mut radio, &station.sign(&manual_control(1, 0, 0))));
+        radio.drive();
+        radio.post_due(radio.now_us);
+        let frames = radio.sent();
+        for frame in &frames {
+            let (_, time) = station.verify(frame);
+            let expected = ahead.timestamp + tick * 10_000;
+            assert!(
+                (expected - 10..expected + 1_000).contains(&time),
+                "{time} for {expected}"
+            );
+        }
+        texts.extend(texts_of(&frames));
+    }
+    assert!(texts.contains(&"GCS Failsafe: Hold".to_string()), "{texts:?}");
+}
+
+#[test]
+fn who_drives_or_has_armed_can_stop_the_rover_whoever_comes() {
+    let (mut radio, mut driver, mut armed_by) = one_way(0);
+    assert!(was_obeyed(&mut radio, &armed_by.sign(&arm())));
+    // Another station than the one that has armed.
+    let of_another = |mut frame: Vec<u8>| {
+        frame[5] = 77;
+        frame
+    };
+    for throttle in [0, 300] {
+        let sticks = of_another(manual_control(1, 0, throttle));
+        assert!(was_obeyed(&mut radio, &driver.sign(&sticks)));
+    }
+    let mut page = Signer::new(OWNER);
+    for link in 10..=255 {
+        page.link = link;
+        page.timestamp += MINUTE_TICKS;
+        radio.now_us += 1_000_000;
+        assert!(was_obeyed(&mut radio, &page.sign(&heartbeat(GCS))));
+    }
+    let centred = of_another(manual_control(1, 0, 0));
+    assert!(was_obeyed(&mut radio, &driver.sign(&centred)));
+    assert!(was_obeyed(&mut radio, &armed_by.sign(&disarm())));
+    assert_eq!(radio.vehicle().arm_state(), ArmState::Disarmed);
+}
+
+#[test]
+fn a_station_that_is_behind_is_not_forgotten_for_one_that_is_silent() {
+    let (mut radio, mut station, mut ahead) = one_way(2);
+    // Each load of the page is another sender.
+    for link in 10..=200 {
+        ahead.link = link;
+        ahead.timestamp += 100_000;
+        radio.now_us += 1_000_000;
+        assert!(was_obeyed(&mut radio, &ahead.sign(&ping(1, 1))));
+        assert!(
+            was_obeyed(&mut radio, &station.sign(&manual_control(1, 0, 0))),
+            "{link}"
+        );
+    }
+}
+
+#[test]
+fn no_frame_from_the_end_of_time_locks_anybody_out() {
+    for time in [LATEST + 1, END] {
+        for request in [arm(), disarm(), heartbeat(GCS), ping(1, 1)] {
+            let mut radio = protected();
+            radio.set(VehicleParameter::ArmingCheck, 0.0);
+            let mut station = Signer::new(OWNER);
+            assert!(was_obeyed(&mut radio, &station.sign(&arm())));
+            let mut end = station.clone();
+            end.timestamp = time;
+            let events = radio.receive_in_chunks(&end.sign(&request), 64);
+            assert!(matches!(
+                events[..],
+                [Event::Unauthorized { .. } | Event::Ignored]
+            ));
+            assert!(was_obeyed(&mut radio, &station.sign(&disarm())));
+            assert_eq!(radio.vehicle().arm_state(), ArmState::Disarmed);
+        }
+    }
+}
+
+/// A vehicle whose time is near the end of what 48 bits hold, as older firmware let it become.
+fn at_the_end_of_time() -> Desk {
+    let mut stored = StoredSigning::default();
+    let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
+    for (key, word) in stored.words(&ToStore::Key(key)) {
+        stored.found(key, word);
+    }
+    for mark in [0x121, 0x123] {
+        stored.found(mark, 0x7FFF_FFF0);
+    }
+    Desk::starting(Start {
+        signing: stored.restore(Condition::Intact),
+        ..Start::with_parameters(Parameters::defaults())
+    })
+}
+
+#[test]
+fn a_new_key_takes_the_time_back_from_its_end_and_the_same_one_does_not() {
+    for key in [STRANGER, OWNER] {
+        let mut desk = at_the_end_of_time();
+        for time in [NEW_YEAR + 1, LATEST, END] {
+            let mut signer = Signer::new(OWNER);
+            signer.timestamp = time;
+            assert!(!was_obeyed(&mut desk, &signer.sign(&disarm())), "{time}");
+        }
+        desk.connect(LinkKind::Direct);
+        let events = desk.receive_in_chunks(&setup_signing([key; 32], NEW_YEAR), 64);
+        assert_eq!(events, [Event::SigningSetUp(SigningChange::KeySet)]);
+        desk.connect(LinkKind::Radio);
+        let mut signer = Signer::new(key);
+        signer.timestamp += 1;
+        assert_eq!(was_obeyed(&mut desk, &signer.sign(&disarm())), key == STRANGER);
+    }
 }
 
 #[test]
@@ -462,7 +721,100 @@ fn no_answer_holds_the_key() {
     }
 }
 
+/// When a frame was signed.
+#[derive(Clone, Copy, Debug)]
+enum Signed {
+    /// This much before the latest frame of the station that the rover has heard.
+    Before(u64),
+    /// As that one.
+    Equal,
+    /// After it, but minutes before the rover's time.
+    Late,
+    /// This much before the rover's time, less than a minute.
+    InTime(u64),
+    /// This much ahead of the rover.
+    Ahead(u64),
+    /// This much before the end.
+    AtTheEnd(u64),
+}
+
+/// What comes of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Counts {
+    Fully,
+    IsTooOld,
+    Not,
+}
+
+fn signed() -> impl Strategy<Value = Signed> {
+    prop_oneof![
+        (1..=MINUTE_TICKS).prop_map(Signed::Before),
+        Just(Signed::Equal),
+        Just(Signed::Late),
+        (0..MINUTE_TICKS - 10).prop_map(Signed::InTime),
+        (1..=LATEST - NEW_YEAR - 60 * MINUTE_TICKS).prop_map(Signed::Ahead),
+        (0..END - LATEST).prop_map(Signed::AtTheEnd),
+    ]
+}
+
 proptest! {
+    /// Whoever signs a frame, when, and whatever it is.
+    #[test]
+    // Requirement: L-14
+    fn a_signed_frame_counts_by_its_sender_its_time_and_what_it_does(
+        is_known in any::<bool>(),
+        minutes in 3..40_u64,
+        signed in signed(),
+        which in any::<prop::sample::Index>(),
+    ) {
+        let stops = stopping_requests();
+        let others = [changing_requests(), reading_requests(), almost_stopping_requests()].concat();
+        let which = which.index(stops.len() + others.len());
+        let request = stops.iter().chain(&others).nth(which).expect("one of them");
+        let (mut radio, mut station, ahead) = one_way(minutes);
+        let (latest, ours) = (station.timestamp - 1, ahead.timestamp - 1);
+        let mut signer = station.clone();
+        signer.link = if is_known { station.link } else { 9 };
+        signer.timestamp = match signed {
+            Signed::Before(ticks) => latest - ticks,
+            Signed::Equal => latest,
+            Signed::Late => latest + 1,
+            Signed::InTime(ticks) => ours - ticks,
+            Signed::Ahead(ticks) => ours + ticks,
+            Signed::AtTheEnd(ticks) => END - ticks,
+        };
+        let frame = signer.sign(request);
+        let events = radio.receive_in_chunks(&frame, 64);
+        let [event] = events[..] else {
+            return Err(TestCaseError::fail("one event"));
+        };
+        let counts = match event {
+            Event::Unauthorized { .. } | Event::Ignored => Counts::Not,
+            Event::TooOld => Counts::IsTooOld,
+            _ => Counts::Fully,
+        };
+        let expected = match signed {
+            Signed::InTime(_) | Signed::Ahead(_) => Counts::Fully,
+            Signed::Late if is_known && which < stops.len() => Counts::Fully,
+            Signed::Before(_) | Signed::Equal if is_known => Counts::Not,
+            Signed::Before(_) | Signed::Equal | Signed::Late => Counts::IsTooOld,
+            Signed::AtTheEnd(_) => Counts::Not,
+        };
+        prop_assert_eq!(counts, expected);
+        // It never counts twice, and moves our time only if it is ahead.
+        prop_assert!(!was_obeyed(&mut radio, &frame));
+        radio.sent();
+        radio.post_due(0);
+        let expected = if let Signed::Ahead(ticks) = signed { ours + ticks } else { ours };
+        let (_, time) = station.verify(&radio.sent()[0]);
+        prop_assert!((expected..expected + 100).contains(&time), "{time} for {expected}");
+        // Whatever it was, who is known still stops the rover.
+        if !matches!(signed, Signed::AtTheEnd(_)) {
+            station.timestamp = station.timestamp.max(signer.timestamp);
+        }
+        prop_assert!(was_obeyed(&mut radio, &station.sign(&disarm())));
+    }
+
     /// Whatever is changed in a signed frame, and whatever is behind it: nothing happens.
     #[test]
     // Requirement: OWN-4

@@ -182,7 +182,7 @@ fn obeys(flash: &SmallFlash, recorded: &[u8]) -> Obeys {
     });
     let mut takes = |request: &[u8]| {
         let events = desk.receive_in_chunks(request, 64);
-        let is_refused = |event: &Event| matches!(event, Event::Unauthorized { .. });
+        let is_refused = |event: &Event| matches!(event, Event::Unauthorized { .. } | Event::TooOld);
         !events.iter().all(is_refused)
     };
     if takes(&param_set("BATT_LOW_VOLT", 6.5)) {

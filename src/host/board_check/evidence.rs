@@ -8,6 +8,8 @@ use crate::mavlink::dialect::{
     SYS_STATUS_DATA,
 };
 use crate::memory::identity::FirmwareHash;
+use crate::pack::Pack;
+use crate::parameter::BatteryParameter;
 use crate::time::Instant;
 
 /// A restart is noticed this long after the board fell silent, at the latest: boot, and the next answer.
@@ -198,6 +200,19 @@ pub struct FaultTrial {
     pub restarted: Option<Restarted>,
 }
 
+/// What the owner says of what divides the pack's voltage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Divider {
+    /// Nothing: a factor that is far from the one in force is an error of the multimeter, or in reading it.
+    #[default]
+    AsBefore,
+    /// It is another one now.
+    Changed,
+}
+
+/// More than parts and the converter's reference are off by, as a share of the factor.
+const LARGEST_CHANGE: f32 = 0.15;
+
 /// The shown voltage beside a multimeter's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Calibration {
@@ -207,6 +222,10 @@ pub struct Calibration {
     pub shown_v: Option<f32>,
     /// `BATT_VOLT_MULT` at that time.
     pub old: Option<f32>,
+    /// `BATT_VOLT_PIN`.
+    pub pin: Option<f32>,
+    /// What the owner says of the divider.
+    pub divider: Divider,
     /// What the board answered when the exact value was set; `None` if it was not set.
     pub applied: Option<f32>,
     /// What the board reports since, in volts.
@@ -218,6 +237,22 @@ impl Calibration {
     pub fn exact(&self) -> Option<f32> {
         let shown_v = self.shown_v.filter(|shown_v| *shown_v > 0.0)?;
         Some(self.old? * self.measured_v? / shown_v)
+    }
+
+    /// The exact value if it can be believed: near the one in force or near the board's own divider. On another pin than that
+    /// one's, nothing is known as long as the factor is the default.
+    pub fn believed(&self) -> Option<f32> {
+        let exact = self.exact()?;
+        let [own_pin, own_factor] = [BatteryParameter::VoltPin, BatteryParameter::VoltMult]
+            .map(|id| id.of(Pack::First).row().default);
+        let is_near = |factor: f32| (exact - factor).abs() <= LARGEST_CHANGE * factor;
+        let fits_pin = if self.pin == Some(own_pin) {
+            is_near(own_factor)
+        } else {
+            self.old == Some(own_factor)
+        };
+        let is_believed = self.divider == Divider::Changed || fits_pin || self.old.is_some_and(is_near);
+        is_believed.then_some(exact)
     }
 }
 

@@ -13,6 +13,7 @@ mod report;
 mod session;
 
 pub use checks::{CHECKS, Check, Outcome};
+pub use evidence::Divider;
 pub use plan::{Multimeter, Plan, hash_of_elf};
 pub use port::{Owner, Port};
 pub use report::{Report, Verdict};

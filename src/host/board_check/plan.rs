@@ -4,7 +4,7 @@ use object::LittleEndian;
 use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader};
 
-use super::evidence::{Evidence, Trial};
+use super::evidence::{Divider, Evidence, Trial};
 use crate::memory::identity::FirmwareHash;
 
 /// What a multimeter at the pack shows.
@@ -30,6 +30,8 @@ pub struct Plan {
     pub multimeter: Multimeter,
     /// Set the exact `BATT_VOLT_MULT`, instead of only reporting it.
     pub apply_calibration: bool,
+    /// Whether any factor is believed.
+    pub divider: Divider,
     /// The firmware's hash, if it has to be a certain one.
     pub firmware_hash: Option<FirmwareHash>,
 }

@@ -204,7 +204,7 @@ pub(super) struct LogDataRequest {
 pub(super) struct SetUpSigning {
     /// `None` to remove the key.
     pub key: Option<SigningKey>,
-    /// `None` if it has more than 48 bits.
+    /// `None` if it leaves less than a year of what 48 bits hold.
     pub time: Option<Timestamp>,
 }
 
@@ -523,7 +523,7 @@ fn mission_of(
 fn setup_signing(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target_system = payload.u8(8);
     let set_up = SetUpSigning {
-        time: Timestamp::from_ticks(payload.u64(0)),
+        time: Timestamp::from_ticks(payload.u64(0)).filter(|time| time.leaves_a_year()),
         key: SigningKey::new(payload.bytes(10)),
     };
     (Target::OnlySystem(target_system), Request::SetUpSigning(set_up))

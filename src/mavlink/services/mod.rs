@@ -19,7 +19,7 @@ use crate::mavlink::stations::Stations;
 use crate::parameter::Parameters;
 use crate::system::SystemState;
 use crate::time::Instant;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Delivery, Vehicle};
 use crate::wifi::WifiCredentials;
 
 /// Why a restart, a reset of the parameters, a signing key or a download is refused.
@@ -48,6 +48,8 @@ pub(in crate::mavlink) struct Context<'a> {
     pub received_at: Instant,
     /// Upper bound of the request's age, by the clock of the page that sent it, in milliseconds; `None` if it is not known.
     pub age_ms: Option<u32>,
+    /// Whether it is in time by the time of its signature.
+    pub delivery: Delivery,
     pub state: &'a SystemState<'a>,
     pub changeable: Changeable<'a>,
     pub rates: &'a mut Rates,

@@ -8,13 +8,13 @@ use crate::mavlink::Peer;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, SET_MODE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::outbox::Outbox;
-use crate::mavlink::requests::Command;
+use crate::mavlink::requests::{Command, Request};
 use crate::numbers::text;
 use crate::parameter::Parameters;
 use crate::system::{SystemState, arming_obstacles};
 use crate::time::Instant;
 use crate::vehicle::{
-    AnotherDrives, ArmState, ControlMessage, DriverId, Fitness, Mode, Stick, StickInput, Vehicle,
+    AnotherDrives, ArmState, ControlMessage, Delivery, DriverId, Fitness, Mode, Stick, StickInput, Vehicle,
     control_timeout_us,
 };
 
@@ -41,6 +41,28 @@ const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
 const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
+/// Whether all that a request can do is stop the rover: then it is obeyed however old it is.
+pub(in crate::mavlink) fn only_stops(request: &Request<'_>, vehicle: &Vehicle) -> bool {
+    let hold = Mode::Hold.number();
+    let (throttle, steering) = match request {
+        Request::Command(Command {
+            number: ARM_DISARM,
+            param1,
+            ..
+        }) => return *param1 == DISARM,
+        Request::Command(Command {
+            number: DO_SET_MODE,
+            param2,
+            ..
+        }) => return *param2 == hold as f32,
+        Request::SetMode { custom_mode, .. } => return *custom_mode == hold,
+        Request::Control { throttle, steering } => (*throttle, *steering),
+        Request::ChannelOverride(pulses_us) => vehicle.stick_inputs(pulses_us),
+        _ => return false,
+    };
+    throttle.is_neutral() && steering.is_neutral()
+}
+
 /// Handles one request for the vehicle: executes it, or refuses it and says why.
 pub(in crate::mavlink) struct VehicleService<'a> {
     pub now: Instant,
@@ -48,6 +70,8 @@ pub(in crate::mavlink) struct VehicleService<'a> {
     pub received_at: Instant,
     /// Upper bound of its age by its sender's clock, in milliseconds, if it is known.
     pub age_ms: Option<u32>,
+    /// Whether it is in time by the time of its signature.
+    pub delivery: Delivery,
     /// The number of the link that it came by.
     pub link_number: u16,
     /// What says, with the parameters, whether the rover is fit to be armed.
@@ -63,6 +87,7 @@ impl<'a> VehicleService<'a> {
             now: context.now,
             received_at: context.received_at,
             age_ms: context.age_ms,
+            delivery: context.delivery,
             link_number: context.link_number,
             state: context.state,
             parameters: context.changeable.parameters,
@@ -193,7 +218,8 @@ impl<'a> VehicleService<'a> {
             return Event::ControlTooLate;
         }
         let from = self.driver(from, message);
-        let result = self.vehicle.control(from, self.received_at, throttle, steering);
+        let (at, delivery) = (self.received_at, self.delivery);
+        let result = self.vehicle.control(from, at, delivery, throttle, steering);
         self.driven(from, result)
     }
 

@@ -18,10 +18,11 @@ pub use key::SigningKey;
 pub use permission::{AcceptUnsigned, Access, LinkKind};
 pub(super) use permission::{Authenticity, Effect, is_permitted};
 pub use stored::StoredSigning;
+pub(super) use streams::Role;
 pub use time::Timestamp;
 
 use streams::{StreamId, Streams};
-use time::{Mark, SigningClock, next_mark};
+use time::{Mark, SigningClock, lower_mark, next_mark};
 
 use super::parser::{ReceivedFrame, TRAILER_BYTES};
 use crate::time::Instant;
@@ -35,6 +36,10 @@ pub struct Signing {
     protection: Protection,
     clock: SigningClock,
     streams: Streams,
+    /// The sender of the frame that was judged last, if it was signed with our key.
+    sender: Option<StreamId>,
+    /// The last sender that was reported for frames that are too old, until a new one of it comes.
+    reported_old: Option<StreamId>,
     in_flash: InFlash,
     /// Nothing up to now was signed after this time, as far as the flash knows.
     stored_mark: Mark,
@@ -110,6 +115,8 @@ impl Signing {
             protection,
             clock: SigningClock::starting_at(mark.time()),
             streams: Streams::after(mark.time()),
+            sender: None,
+            reported_old: None,
             in_flash,
             stored_mark: mark,
         }
@@ -130,19 +137,30 @@ impl Signing {
     }
 
     /// Takes another key, or none any more. The time goes on from `time` if that is later than ours: it never goes back,
-    /// so nothing that was signed before, with any key, is accepted again.
+    /// so nothing that was signed before, with any key, is accepted again. Only from the end of time, where no sender is obeyed, a
+    /// new key takes it back.
     pub(super) fn set_up(&mut self, key: Option<SigningKey>, time: Timestamp, now: Instant) {
+        let is_new = match (&key, &self.protection) {
+            (None, _) => false,
+            (Some(key), Protection::Key(before)) => key != before,
+            (Some(_), Protection::Off | Protection::KeyLost) => true,
+        };
         let before = mem::replace(&mut self.protection, key.map_or(Protection::Off, Protection::Key));
         self.in_flash = match (self.in_flash, before) {
             (InFlash::Current, Protection::Off) => InFlash::NoKey,
             (InFlash::Current, Protection::Key(_)) => InFlash::OtherKey,
             (in_flash, _) => in_flash,
         };
+        if is_new && !self.clock.time_at(now).leaves_a_year() {
+            self.clock = SigningClock::starting_at(Timestamp::default());
+            self.streams.forget(time);
+        }
         self.clock.follow(time, now);
     }
 
     /// Judges who sent a frame.
     pub(super) fn check(&mut self, frame: &ReceivedFrame<'_>, now: Instant) -> Authenticity {
+        self.sender = None;
         let key = match &self.protection {
             Protection::Off => return Authenticity::Unprotected,
             Protection::KeyLost => return Authenticity::Unproven,
@@ -156,18 +174,33 @@ impl Signing {
             return Authenticity::Unproven;
         };
         let time = Timestamp::from_bytes(*time);
-        let stream = StreamId {
-            system_id: frame.system_id,
-            component_id: frame.component_id,
-            link: before_time.last().copied().unwrap_or_default(),
-        };
-        // The last check has an effect, so it comes after the one that proves who asks for it.
-        if key.signature(signed) == *signature && self.streams.accept(stream, time, self.clock.time_at(now)) {
-            self.clock.follow(time, now);
-            Authenticity::Proven
-        } else {
-            Authenticity::Unproven
+        let link = before_time.last().copied().unwrap_or_default();
+        let stream = StreamId::new(frame.system_id, frame.component_id, link);
+        if !time.leaves_a_year() || key.signature(signed) != *signature {
+            return Authenticity::Unproven;
         }
+        // This has an effect, so it comes after what proves who asks for it.
+        let authenticity = self.streams.hear(stream, time, self.clock.time_at(now), now);
+        self.sender = Some(stream);
+        if authenticity == Authenticity::Proven {
+            self.reported_old.take_if(|reported| *reported == stream);
+            self.clock.follow(time, now);
+        }
+        authenticity
+    }
+
+    /// The sender of the frame that was judged last is not forgotten while it has this role.
+    pub(super) fn keep_sender(&mut self, role: Role) {
+        if let Some(sender) = self.sender {
+            self.streams.keep(sender, role);
+        }
+    }
+
+    /// Whether it has to be reported that the frame that was judged last is too old: once, until its sender is fresh again.
+    pub(crate) fn reports_old(&mut self) -> bool {
+        let is_first = self.reported_old != self.sender;
+        self.reported_old = self.sender;
+        is_first
     }
 
     /// Whether frames leave signed.
@@ -212,8 +245,11 @@ impl Signing {
         let mark = || next_mark(self.stored_mark, self.clock.time_at(now), armed_us).map(ToStore::Mark);
         match (self.in_flash, key) {
             (InFlash::Current, None) => None,
-            (InFlash::Current, Some(_)) => mark(),
-            // The mark comes first: the flash should not be behind the frames that leave.
+            (InFlash::Current, Some(_)) => mark().or_else(|| {
+                lower_mark(self.stored_mark, self.clock.time_at(now), armed_us).map(ToStore::Mark)
+            }),
+            // The mark comes first: the flash should not be behind the frames that leave. A lower one comes last: no power cut
+            // lets the older key's frames count again.
             (InFlash::OtherKey | InFlash::Nothing, Some(key)) => {
                 mark().or_else(|| Some(ToStore::Key(key.clone())))
             }
@@ -331,9 +367,16 @@ mod tests {
         assert_eq!(clock.next(at_us(300)).ticks(), 90_010);
     }
 
+    /// The latest time that a frame may have.
+    const LATEST_TICKS: u64 = (1 << 48) - 1 - 365 * 86_400 * Timestamp::PER_SECOND;
+
+    fn time(ticks: u64) -> Timestamp {
+        Timestamp::from_ticks(ticks).expect("48 bits")
+    }
+
     #[test]
     fn at_the_end_of_time_nothing_overflows() {
-        let end = Timestamp::from_ticks((1 << 48) - 1).unwrap();
+        let end = time((1 << 48) - 1);
         assert_eq!(Timestamp::from_ticks(1 << 48), None);
         let mut clock = SigningClock::starting_at(end);
         assert_eq!((clock.next(Instant::MAX), clock.next(Instant::MAX)), (end, end));
@@ -344,47 +387,137 @@ mod tests {
     }
 
     #[test]
-    fn a_seventeenth_sender_is_heard_and_none_is_heard_twice() {
-        let now = Timestamp::from_ticks(5_000).unwrap();
-        let mut streams = Streams::after(Timestamp::default());
-        let sender = |number: u8| StreamId {
-            system_id: number,
-            component_id: 190,
-            link: 0,
-        };
-        let time = |ticks| Timestamp::from_ticks(ticks).unwrap();
-        for number in 0..17 {
-            assert!(streams.accept(sender(number), time(1000 + u64::from(number)), now));
-        }
-        for number in 0..17 {
-            for ticks in [1, 1000, 1000 + u64::from(number)] {
-                assert!(
-                    !streams.accept(sender(number), time(ticks), now),
-                    "{number} at {ticks}"
-                );
+    fn at_the_end_of_time_a_frame_does_nothing_and_is_not_remembered() {
+        for (ticks, is_followed) in [
+            (LATEST_TICKS, true),
+            (LATEST_TICKS + 1, false),
+            ((1 << 48) - 1, false),
+        ] {
+            let mut signing = with_key();
+            let authenticity = check(&mut signing, &signed(&key(), 0, ticks));
+            assert_eq!(authenticity == Authenticity::Proven, is_followed, "{ticks}");
+            let shown = signing.clock.time_at(Instant::EPOCH).ticks();
+            assert_eq!(shown, if is_followed { ticks } else { 0 });
+            if !is_followed {
+                let authenticity = check(&mut signing, &signed(&key(), 0, 1));
+                assert_eq!(authenticity, Authenticity::Proven);
             }
         }
-        assert!(
-            streams.accept(sender(0), time(2000), now),
-            "the one that was forgotten"
-        );
+    }
+
+    /// A HEARTBEAT signed with this key.
+    fn signed(key: &SigningKey, link: u8, ticks: u64) -> [u8; 34] {
+        let mut frame = HEARTBEAT;
+        let signature_at = frame.len() - key::SIGNATURE_BYTES;
+        frame[signature_at - time::BYTES..signature_at].copy_from_slice(&time(ticks).to_bytes());
+        frame[signature_at - time::BYTES - 1] = link;
+        let signature = key.signature(&frame[..signature_at]);
+        frame[signature_at..].copy_from_slice(&signature);
+        frame
     }
 
     #[test]
-    fn a_sender_may_be_a_minute_behind_and_no_more_whether_known_or_new() {
-        let now = Timestamp::from_ticks(100_000_000).unwrap();
+    fn only_from_the_end_of_time_and_by_a_new_key_does_the_time_go_back() {
+        let other = SigningKey::new([9; 32]).unwrap();
+        let (locked, free) = (LATEST_TICKS + 1, LATEST_TICKS - 2);
+        for (before, set_up, ticks, goes_back) in [
+            (Protection::Key(key()), Some(other.clone()), locked, true),
+            (Protection::Off, Some(other.clone()), locked, true),
+            (Protection::KeyLost, Some(other.clone()), locked, true),
+            (Protection::Key(key()), Some(key()), locked, false),
+            (Protection::Key(key()), None, locked, false),
+            (Protection::Key(key()), Some(other.clone()), free, false),
+            (Protection::Off, Some(other.clone()), free, false),
+        ] {
+            let mut signing = Signing::new(before, InFlash::Current, Mark::default());
+            signing.clock = SigningClock::starting_at(time(ticks));
+            signing.set_up(set_up.clone(), time(5_000), at_us(20));
+            let shown = signing.clock.time_at(at_us(20)).ticks();
+            let expected = if goes_back { 5_000 } else { ticks + 2 };
+            assert_eq!(shown, expected, "{set_up:?} at {ticks}");
+        }
+    }
+
+    fn sender(link: u8) -> StreamId {
+        StreamId::new(255, 190, link)
+    }
+
+    #[test]
+    fn a_seventeenth_sender_is_heard_and_none_is_heard_twice() {
+        let ours = time(5_000);
         let mut streams = Streams::after(Timestamp::default());
-        let sender = |link| StreamId {
-            system_id: 255,
-            component_id: 190,
-            link,
+        let hear = |streams: &mut Streams, link, ticks| {
+            streams.hear(sender(link), time(ticks), ours, Instant::EPOCH)
         };
-        assert!(!streams.accept(sender(0), Timestamp::from_ticks(93_999_999).unwrap(), now));
-        assert!(streams.accept(sender(0), Timestamp::from_ticks(94_000_000).unwrap(), now));
+        for link in 0..17 {
+            let authenticity = hear(&mut streams, link, 1000 + u64::from(link));
+            assert_eq!(authenticity, Authenticity::Proven);
+        }
+        for link in 0..17 {
+            for ticks in [1, 1000, 1000 + u64::from(link)] {
+                let authenticity = hear(&mut streams, link, ticks);
+                assert_ne!(authenticity, Authenticity::Proven, "{link} at {ticks}");
+            }
+        }
+        let authenticity = hear(&mut streams, 0, 2000);
+        assert_eq!(authenticity, Authenticity::Proven, "the one that was forgotten");
+    }
+
+    #[test]
+    fn the_sender_heard_longest_ago_is_forgotten_whatever_its_time() {
+        let ours = time(5_000);
+        let mut streams = Streams::after(Timestamp::default());
+        // The later we hear them, the older their times are.
+        for link in 0..16 {
+            let now = at_us(u64::from(link) << 16);
+            streams.hear(sender(link), time(1100 - u64::from(link)), ours, now);
+        }
+        streams.hear(sender(16), time(2000), ours, at_us(16 << 16));
+        let much_later = time(100_000_000);
+        for link in 0..17 {
+            let authenticity = streams.hear(sender(link), time(3000), much_later, at_us(17 << 16));
+            let expected = if link == 0 {
+                Authenticity::TooOld
+            } else {
+                Authenticity::Late
+            };
+            assert_eq!(authenticity, expected, "{link}");
+        }
+    }
+
+    #[test]
+    fn who_drives_or_has_armed_is_never_forgotten() {
+        let mut streams = Streams::after(Timestamp::default());
+        let (driver, armed_by) = (sender(0), sender(1));
+        for (id, role) in [(driver, Role::Drives), (armed_by, Role::Armed)] {
+            streams.hear(id, time(1000), time(1000), Instant::EPOCH);
+            streams.keep(id, role);
+        }
+        for number in 2..=255 {
+            let time = time(1000 + u64::from(number));
+            let authenticity = streams.hear(sender(number), time, time, at_us(u64::from(number) << 16));
+            assert_eq!(authenticity, Authenticity::Proven);
+        }
+        let much_later = time(100_000_000);
+        for id in [driver, armed_by] {
+            assert_eq!(
+                streams.hear(id, time(1001), much_later, at_us(300 << 16)),
+                Authenticity::Late
+            );
+        }
+    }
+
+    #[test]
+    fn a_sender_may_be_a_minute_behind_and_no_more_unless_it_is_known() {
+        let ours = time(100_000_000);
+        let mut streams = Streams::after(Timestamp::default());
+        let mut hear = |ticks, ours| streams.hear(sender(0), time(ticks), ours, Instant::EPOCH);
+        assert_eq!(hear(93_999_999, ours), Authenticity::TooOld);
+        assert_eq!(hear(94_000_000, ours), Authenticity::Proven);
         // Recorded while it was jammed, and held back.
-        let held_back = Timestamp::from_ticks(94_000_001).unwrap();
-        assert!(!streams.accept(sender(0), held_back, now.later(2)));
-        assert!(streams.accept(sender(0), held_back, now.later(1)));
+        assert_eq!(hear(94_000_001, ours.later(2)), Authenticity::Late);
+        assert_eq!(hear(94_000_001, ours.later(1)), Authenticity::Unproven);
+        assert_eq!(hear(94_000_002, ours.later(2)), Authenticity::Proven);
     }
 
     #[test]

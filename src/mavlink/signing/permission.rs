@@ -75,6 +75,10 @@ pub(in crate::mavlink) enum Authenticity {
     Unprotected,
     /// It is signed with our key and was never heard before.
     Proven,
+    /// The same, by a sender heard since the start, but over a minute old: it may stop the rover.
+    Late,
+    /// It is signed with our key, and too old to be obeyed.
+    TooOld,
     /// Not signed, with another key, or a repetition of what was heard before.
     Unproven,
 }
@@ -98,7 +102,7 @@ pub(in crate::mavlink) fn is_permitted(
 ) -> bool {
     match authenticity {
         Authenticity::Unprotected | Authenticity::Proven => true,
-        Authenticity::Unproven => match (effect, accepted) {
+        Authenticity::Late | Authenticity::TooOld | Authenticity::Unproven => match (effect, accepted) {
             (Effect::RadioReport, _) | (_, AcceptUnsigned::Everything) => true,
             (Effect::Reads, AcceptUnsigned::Requests) => true,
             (Effect::Reads, AcceptUnsigned::Nothing) => false,

@@ -16,6 +16,8 @@ impl Timestamp {
 
     const LATEST: u64 = (1 << (8 * BYTES)) - 1;
 
+    const YEAR: u64 = 365 * 24 * 3600 * Self::PER_SECOND;
+
     /// The time that is `ticks` of 10 µs after the start of 2015; `None` if that does not fit 48 bits (in 2104).
     pub fn from_ticks(ticks: u64) -> Option<Self> {
         (ticks <= Self::LATEST).then_some(Self(ticks))
@@ -29,6 +31,12 @@ impl Timestamp {
     /// This many ticks later; at the end of time it stands still.
     pub(super) fn later(self, ticks: u64) -> Self {
         Self(self.0.saturating_add(ticks).min(Self::LATEST))
+    }
+
+    /// Whether there is a year left until the end of time. No sender is followed to a later one: at the end there is no later
+    /// frame, and no sender is obeyed any more.
+    pub(in crate::mavlink) fn leaves_a_year(self) -> bool {
+        self.0 <= Self::LATEST - Self::YEAR
     }
 
     pub(super) fn from_bytes(bytes: [u8; BYTES]) -> Self {
@@ -62,6 +70,8 @@ impl SigningClock {
     }
 
     /// What it shows at `now`.
+    // Not inlined: its division takes much space.
+    #[inline(never)]
     pub fn time_at(&self, now: Instant) -> Timestamp {
         self.at_boot
             .later(now.as_micros() / US_PER_TICK)
@@ -69,6 +79,7 @@ impl SigningClock {
     }
 
     /// Goes on from `seen` if that is ahead.
+    #[inline(never)]
     pub fn follow(&mut self, seen: Timestamp, now: Instant) {
         let ahead = seen.ticks().saturating_sub(self.time_at(now).ticks());
         self.at_boot = self.at_boot.later(ahead);
@@ -94,16 +105,17 @@ const SHARE_OF_ARMED_TIME: u64 = 16;
 const MARK_LEFT: u64 = 8 * Timestamp::PER_SECOND;
 
 /// A time which everything signed so far was before, in 2^17 ticks (1.3 s), so that it fits a word.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Mark(pub(super) u32);
 
 impl Mark {
     const TICKS: u64 = 1 << 17;
 
-    /// The first one that is not before `time`.
-    fn not_before(time: Timestamp) -> Self {
+    /// The first one that is far enough ahead of `now`.
+    fn ahead_of(now: Timestamp, armed_us: u64) -> Self {
+        let ahead = MARK_AHEAD.max(armed_us / US_PER_TICK / SHARE_OF_ARMED_TIME);
         // 48 bits less 17 fit, and so does one more.
-        Self(time.ticks().div_ceil(Self::TICKS) as u32)
+        Self(now.later(ahead).ticks().div_ceil(Self::TICKS) as u32)
     }
 
     pub fn time(self) -> Timestamp {
@@ -115,7 +127,12 @@ impl Mark {
 /// `armed_us`, 0 if it is not.
 pub(super) fn next_mark(stored: Mark, now: Timestamp, armed_us: u64) -> Option<Mark> {
     let is_near = now.later(MARK_LEFT) > stored.time();
-    let ahead = MARK_AHEAD.max(armed_us / US_PER_TICK / SHARE_OF_ARMED_TIME);
-    let next = Mark::not_before(now.later(ahead));
+    let next = Mark::ahead_of(now, armed_us);
     (is_near && next != stored).then_some(next)
+}
+
+/// The mark that replaces one near the end of time, if the time was taken back from there.
+pub(super) fn lower_mark(stored: Mark, now: Timestamp, armed_us: u64) -> Option<Mark> {
+    let next = Mark::ahead_of(now, armed_us);
+    (next.time().leaves_a_year() && !stored.time().leaves_a_year()).then_some(next)
 }

@@ -6,8 +6,8 @@ use super::failsafe::Effect;
 use super::motor::Ramp;
 use super::timed_input::TimedInput;
 use super::{
-    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, DriverId, FailsafeAction, FailsafeLevel, Fitness,
-    Indication, Mode, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings,
+    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, Delivery, DriverId, FailsafeAction, FailsafeLevel,
+    Fitness, Indication, Mode, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings,
     VehicleStatus,
 };
 use crate::parameter::StickChannels;
@@ -131,8 +131,8 @@ impl Vehicle {
         Ok(())
     }
 
-    /// A control message: throttle ahead and steering to the right are positive. Its sender is a ground station, so it
-    /// also counts as a heartbeat if these are monitored. Returns a stick that its driver has to centre before it drives, if
+    /// A control message: throttle ahead and steering to the right are positive. Its sender is a ground station, so if it is not
+    /// late it also counts as a heartbeat if these are monitored. Returns a stick that its driver has to centre before it drives, if
     /// that has to be reported now.
     ///
     /// # Errors
@@ -141,6 +141,7 @@ impl Vehicle {
         &mut self,
         from: DriverId,
         received_at: Instant,
+        delivery: Delivery,
         throttle: StickInput,
         steering: StickInput,
     ) -> Result<Option<Stick>, AnotherDrives> {
@@ -148,7 +149,7 @@ impl Vehicle {
             self.controls.hand_over(sticks);
         }
         let is_driver = self.controls.receive(received_at, throttle, steering);
-        if is_driver && self.ground_stations.value().is_some() {
+        if is_driver && delivery == Delivery::Prompt && self.ground_stations.value().is_some() {
             self.ground_stations.receive(received_at, ());
         }
         let waiting = self.controls.waiting().filter(|_| self.is_driving());

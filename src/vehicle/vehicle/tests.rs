@@ -48,7 +48,7 @@ fn run(vehicle: &mut Vehicle, from_us: u64, to_us: u64) -> Vec<(u64, VehicleEven
 }
 
 fn steer(vehicle: &mut Vehicle, at: Instant, throttle: StickInput, steering: StickInput) {
-    let result = vehicle.control(DriverId::default(), at, throttle, steering);
+    let result = vehicle.control(DriverId::default(), at, Delivery::Prompt, throttle, steering);
     result.expect("no other one drives");
 }
 
@@ -72,9 +72,16 @@ fn sticks_of_a_station_that_does_not_drive_do_nothing() {
     for ms in (0..4_000).step_by(50) {
         let at = at_us(ms * 1_000);
         let (throttle, steering) = ahead(if ms == 0 { 0 } else { 500 });
-        assert_eq!(vehicle.control(driver(1), at, throttle, steering), Ok(None));
+        assert_eq!(
+            vehicle.control(driver(1), at, Delivery::Prompt, throttle, steering),
+            Ok(None)
+        );
         let (throttle, steering) = ahead(if ms % 100 == 0 { -1000 } else { 0 });
-        assert!(vehicle.control(driver(2), at, throttle, steering).is_err());
+        assert!(
+            vehicle
+                .control(driver(2), at, Delivery::Prompt, throttle, steering)
+                .is_err()
+        );
         vehicle.update(at, &SETTINGS);
     }
     assert_eq!(vehicle.drives(), both(0.5));
@@ -84,7 +91,11 @@ fn sticks_of_a_station_that_does_not_drive_do_nothing() {
         .filter_map(|ms| {
             let at = at_us(ms * 1_000);
             let (throttle, steering) = ahead(300);
-            assert!(vehicle.control(driver(2), at, throttle, steering).is_err());
+            assert!(
+                vehicle
+                    .control(driver(2), at, Delivery::Prompt, throttle, steering)
+                    .is_err()
+            );
             vehicle.update(at, &SETTINGS)
         })
         .collect();
@@ -94,7 +105,7 @@ fn sticks_of_a_station_that_does_not_drive_do_nothing() {
     vehicle.disarm();
     let (throttle, steering) = ahead(300);
     assert_eq!(
-        vehicle.control(driver(2), at_us(6_000_000), throttle, steering),
+        vehicle.control(driver(2), at_us(6_000_000), Delivery::Prompt, throttle, steering),
         Ok(None)
     );
 }
@@ -461,7 +472,7 @@ proptest! {
                 Input::Disarm => vehicle.disarm(),
                 Input::Mode(mode) => drop(vehicle.set_mode(mode)),
                 Input::Control(throttle, steering) => {
-                    let _ = vehicle.control(DriverId::default(), now, throttle, steering);
+                    let _ = vehicle.control(DriverId::default(), now, Delivery::Prompt, throttle, steering);
                 }
                 Input::GroundStation => vehicle.ground_station_seen(now),
                 Input::Failsafe(number) => {

@@ -75,7 +75,7 @@ impl Scene {
         events.extend(self.desk.handle_all());
         for event in events {
             assert!(
-                matches!(event, Event::Unauthorized { .. } | Event::Ignored),
+                matches!(event, Event::Unauthorized { .. } | Event::TooOld | Event::Ignored),
                 "{event:?}"
             );
         }

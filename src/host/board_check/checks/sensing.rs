@@ -128,8 +128,9 @@ const WORST_APPLIED_OFFSET_V: f32 = 0.05;
 pub(super) const CALIBRATION: Check = Check {
     name: "calibration",
     measures: "the voltage shown beside a multimeter's; offers the exact `BATT_VOLT_MULT`",
-    expected: "within 0.2 V (docs/parity.md), within 0.05 V with `--apply`",
-    advice: "Run with `--apply`, or set the value that is offered.",
+    expected: "within 0.2 V (docs/parity.md), within 0.05 V with `--apply`; `BATT_VOLT_MULT` within 15 % of the one in force, or of \
+               the board's own divider",
+    advice: "Run with `--apply`, or set the value that is offered; with `--divider-changed` if the divider is another one.",
     judge: judge_calibration,
 };
 
@@ -153,6 +154,12 @@ fn judge_measured(calibration: &Calibration) -> Outcome {
             &format!("{measured}, {applied:.3} is now"),
             calibration,
             measured_v,
+        );
+    }
+    if calibration.believed().is_none() {
+        return failed(
+            measured,
+            "The multimeter's value is not believed, so nothing was set.",
         );
     }
     let is_off = (shown_v - measured_v).abs() > WORST_OFFSET_V;

@@ -81,9 +81,11 @@ pub(super) fn calibrate(
         measured_v,
         shown_v: shown_v(session)?,
         old: evidence.parameter(MULTIPLIER),
+        pin: evidence.parameter("BATT_VOLT_PIN"),
+        divider: plan.divider,
         ..Calibration::default()
     };
-    if let Some(exact) = calibration.exact().filter(|_| plan.apply_calibration) {
+    if let Some(exact) = calibration.believed().filter(|_| plan.apply_calibration) {
         calibration.applied = set(session, MULTIPLIER, exact)?;
         session.listen_for(SETTLING_US)?;
         calibration.shown_since_v = shown_v(session)?;

@@ -70,14 +70,17 @@ pub struct StoredSigning {
     choice: Option<u32>,
     /// Under their two keys.
     choices: [Option<u32>; 2],
-    mark: Mark,
+    /// The latest ones under their two keys.
+    marks: [Mark; 2],
 }
 
 impl StoredSigning {
     /// Takes a word that was found in flash. They have to come in the order in which they were stored.
     pub fn found(&mut self, key: u16, word: u32) {
-        if MARKS.contains(&key) {
-            self.mark.0 = self.mark.0.max(word);
+        for (mark_key, mark) in MARKS.into_iter().zip(&mut self.marks) {
+            if key == mark_key {
+                *mark = Mark(word);
+            }
         }
         for (choice_key, choice) in CHOICES.into_iter().zip(&mut self.choices) {
             if key == choice_key {
@@ -112,7 +115,12 @@ impl StoredSigning {
             Protection::Off => InFlash::NoKey,
             Protection::Key(_) => InFlash::OtherKey,
         };
-        Signing::new(protection, in_flash, self.mark)
+        Signing::new(protection, in_flash, self.mark())
+    }
+
+    fn mark(&self) -> Mark {
+        let [first, second] = self.marks;
+        first.max(second)
     }
 
     /// The words that have to be written for `what`, in this order.

@@ -128,6 +128,43 @@ fn a_power_cut_leaves_the_old_key_or_the_new_one() {
     }
 }
 
+/// 40 years from 2015, and a time near the end of what a signature can hold.
+const BACK_TICKS: u64 = 126_144_000_000_000;
+const END_TICKS: u64 = (1 << 48) - 2;
+
+#[test]
+fn no_power_cut_takes_the_time_back_for_the_key_from_before() {
+    let mut seen = Vec::new();
+    for cut_after in 0..20 {
+        let mut words = flash_with(&[Some(key(1))]);
+        // An older firmware followed whoever had the key, up to the end.
+        let end = next_mark(
+            Mark::default(),
+            Timestamp::from_ticks(END_TICKS).expect("48 bits"),
+            0,
+        );
+        words.write(&ToStore::Mark(end.expect("the first")), usize::MAX);
+        let mut signing = words.restore();
+        let back = Timestamp::from_ticks(BACK_TICKS).expect("48 bits");
+        signing.set_up(Some(key(2)), back, Instant::EPOCH);
+        let is_all = save(&mut signing, &mut words, cut_after);
+        let restored = words.restore();
+        let is_low = restored.stored_mark.time() < back.later(100 * Timestamp::PER_SECOND);
+        assert!(restored.stored_mark.time() > back, "ahead of all that was signed");
+        let found = found(restored);
+        assert!(!is_low || found == Found::Key(key(2)), "{cut_after}");
+        assert!(!is_all || is_low, "{cut_after}");
+        if !seen.contains(&(found == Found::Key(key(2)), is_low)) {
+            seen.push((found == Found::Key(key(2)), is_low));
+        }
+        assert!(
+            !is_all || signing.next_unsaved(Instant::EPOCH, 0).is_none(),
+            "at rest"
+        );
+    }
+    assert_eq!(seen, [(false, false), (true, false), (true, true)]);
+}
+
 #[test]
 fn a_power_cut_while_the_first_key_is_written_never_leaves_the_vehicle_open() {
     for before in [vec![], vec![Some(key(1)), None]] {
@@ -177,7 +214,7 @@ fn damage_leaves_the_same_choice_or_a_lost_key() {
     for history in histories {
         let whole = flash_with(&history);
         let expected = found(whole.restore());
-        let mark = whole.read().mark;
+        let mark = whole.read().mark();
         for first in 0..whole.0.len() {
             let mut damaged = whole.clone();
             damaged.0.remove(first);
