@@ -12,7 +12,9 @@ use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::memory::storage::StorageError;
 use crate::numbers::{Hundredths, text};
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, ParameterId, Refused, SaveFailure, VehicleParameter};
+use crate::parameter::{
+    BatteryParameter, ParameterId, ParameterTrouble, Refused, SaveFailure, VehicleParameter,
+};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
@@ -36,8 +38,12 @@ pub enum Announcement<'a> {
     Suggestion(Pack, SuggestedThresholds),
     /// The stored parameters were not loaded, after repeated quick resets.
     DefaultParameters,
-    /// The stored parameters could not all be read.
+    /// The last stored parameter could not be read.
     ParametersDamaged,
+    /// The parameters may not be the owner's.
+    Parameters(ParameterTrouble),
+    /// This many stored parameters are of another version.
+    ParametersUnknown(u16),
     /// Parameters can't be written to flash.
     ParametersNotSaved(SaveFailure),
     /// What is announced of parameters that can't be written is over.
@@ -132,6 +138,8 @@ impl Announcement<'_> {
             | Self::Suggestion(..)
             | Self::DefaultParameters
             | Self::ParametersDamaged
+            | Self::Parameters(_)
+            | Self::ParametersUnknown(_)
             | Self::ParametersNotSaved(_)
             | Self::ParametersSaved
             | Self::LearntNotSaved(_)
@@ -204,6 +212,7 @@ impl Announcement<'_> {
                 Urgency::Critical => MavSeverity::MAV_SEVERITY_CRITICAL,
             },
             Self::FailsafesOff(_)
+            | Self::ParametersUnknown(_)
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
             | Self::NoLog(_)
@@ -212,6 +221,7 @@ impl Announcement<'_> {
             | Self::Unauthorized { .. } => MavSeverity::MAV_SEVERITY_WARNING,
             Self::DefaultParameters
             | Self::ParametersDamaged
+            | Self::Parameters(_)
             | Self::ParametersNotSaved(_)
             | Self::Signing(_)
             | Self::Crash(_) => MavSeverity::MAV_SEVERITY_CRITICAL,
@@ -264,6 +274,8 @@ impl fmt::Display for Announcement<'_> {
             ),
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
             Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
+            Self::Parameters(trouble) => write!(f, "{trouble}"),
+            Self::ParametersUnknown(count) => write!(f, "{count} stored parameters unknown: kept"),
             Self::ParametersNotSaved(failure) => write!(f, "{failure}"),
             Self::ParametersSaved => f.write_str("Parameters saved"),
             Self::LearntNotSaved(StorageError::NoErasedSpace) => {

@@ -1,8 +1,10 @@
 //! The live values of all parameters.
 
 use super::stick_channel::Sticks;
+use super::trouble::{CHECKED, Doubts};
 use super::{
-    Access, BatteryParameter, ForEachParameter, Kind, Listed, ParameterId, ParameterIdSet, VehicleParameter,
+    Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, ParameterId, ParameterIdSet,
+    VehicleParameter,
 };
 use crate::memory::save_state::SaveState;
 use crate::numbers::round_to_i32;
@@ -24,27 +26,15 @@ pub struct Parameters {
     pub(super) save_states: ForEachParameter<SaveState>,
     /// That of the last reset.
     pub(super) reset: SaveState,
-    trouble: Option<ParameterTrouble>,
+    pub(super) doubts: Doubts,
+    /// Those of them that have ended, but are in the mark until everything else is saved.
+    pub(super) ended: Doubts,
+    /// Those that bear on the drive, and whose stored value is out of range: they have the default instead.
+    pub(super) misfits: ParameterIdSet,
+    pub(super) unknown: u16,
     /// The listed parameters.
-    listed: ParameterIdSet,
+    pub(super) listed: ParameterIdSet,
     pub(super) sticks: Sticks,
-}
-
-/// Cause for which the live values may not be the owner's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum ParameterTrouble {
-    /// Those in flash were not read at this start, and are not known.
-    NotRead,
-}
-
-impl ParameterTrouble {
-    /// Text with the cause, and how it ends.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::NotRead => "Stored parameters not read: restart",
-        }
-    }
 }
 
 /// Why a value is refused.
@@ -69,23 +59,15 @@ impl Parameters {
             values: ForEachParameter::from_fn(ParameterId::default_value),
             save_states: ForEachParameter::default(),
             reset: SaveState::Saved,
-            trouble: None,
+            doubts: Doubts::empty(),
+            ended: Doubts::empty(),
+            misfits: ParameterIdSet::default(),
+            unknown: 0,
             listed: ParameterIdSet::default(),
             sticks: Sticks::defaults(),
         };
         parameters.update_listed(ParameterId::all());
         parameters
-    }
-
-    /// Marks the values in flash as not read, until the next start: every value that is set has to be saved, even one that equals
-    /// the default.
-    pub fn mark_not_read(&mut self) {
-        self.trouble = Some(ParameterTrouble::NotRead);
-    }
-
-    /// Cause for which the values may not be the owner's, if there is one.
-    pub fn trouble(&self) -> Option<ParameterTrouble> {
-        self.trouble
     }
 
     /// The live value, in the parameter's unit.
@@ -158,6 +140,7 @@ impl Parameters {
     pub(super) fn write(&mut self, id: ParameterId, value: f32, state: SaveState) {
         self.values.set(id, value);
         self.save_states.set(id, state);
+        self.misfits.remove(id);
         match id {
             ParameterId::Stick(id) => self.follow_sticks(id, state),
             // Whether others are in use depends on these; all of them would take a millisecond.
@@ -179,11 +162,12 @@ impl Parameters {
     pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), Refused> {
         let id = id.into();
         let value = match id.row().access {
-            Access::Setting => checked(id, value)?,
+            Access::Setting(_) => checked(id, value)?,
             Access::ReadOnly | Access::Constant => return Err(Refused::ReadOnly),
             Access::Trigger => return checked(id, value).map(drop),
         };
-        let is_saved = self.trouble != Some(ParameterTrouble::NotRead)
+        let is_saved = !self.doubts.contains(Doubts::NOT_READ)
+            && !self.misfits.contains(id)
             && self.save_states.get(id) == SaveState::Saved
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
@@ -218,16 +202,26 @@ impl Parameters {
         }
     }
 
-    /// Sets the live value to one loaded from flash under `key`.
+    /// Sets the live value to one loaded from flash under `key`, which may have the mark of a [`trouble`](Self::trouble) instead.
     ///
     /// # Errors
     /// The key is unknown, of no setting, or the value out of range, since an update of the firmware. The default is kept.
     pub fn restore(&mut self, key: u16, value: f32) -> Result<(), Refused> {
-        let id = ParameterId::from_key(key).ok_or(Refused::OutOfRange)?;
-        if id.row().access != Access::Setting {
-            return Err(Refused::ReadOnly);
+        let Some(id) = ParameterId::from_key(key) else {
+            self.unknown = self.unknown.saturating_add(1);
+            return Err(Refused::OutOfRange);
+        };
+        match (id.row().access, checked(id, value)) {
+            _ if id == CHECKED => self.restore_mark(value),
+            (Access::Setting(_), Ok(value)) => self.write(id, value, SaveState::Saved),
+            (Access::Setting(bearing), Err(refused)) => {
+                if bearing == Bearing::Drive {
+                    self.misfits.insert(id);
+                }
+                return Err(refused);
+            }
+            _ => return Err(Refused::ReadOnly),
         }
-        self.write(id, checked(id, value)?, SaveState::Saved);
         Ok(())
     }
 }
@@ -293,7 +287,7 @@ mod tests {
         for id in ParameterId::all() {
             assert_eq!(parameters.get(id), id.default_value(), "{}", id.name());
             let expected = match id.row().access {
-                Access::Setting | Access::Trigger => Ok(()),
+                Access::Setting(_) | Access::Trigger => Ok(()),
                 Access::ReadOnly | Access::Constant => Err(Refused::ReadOnly),
             };
             assert_eq!(parameters.set(id, id.default_value()), expected, "{}", id.name());

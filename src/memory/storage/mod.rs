@@ -297,7 +297,8 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
                 None => self.start_sector(None, None, None, may_erase).await?,
             },
         };
-        if self.latest_value(&log, record.key).await? == Some(record.value) {
+        // Of a damaged sector even an equal value is written: to the next one.
+        if log.is_trusted && self.latest_value(&log, record.key).await? == Some(record.value) {
             self.log = Some(log);
             return Ok(Stored::Unchanged);
         }

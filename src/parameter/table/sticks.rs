@@ -1,6 +1,6 @@
 //! Parameters of the driver's sticks: which channels of RC_CHANNELS_OVERRIDE they are, and what their pulses mean.
 
-use super::{Access, Kind, Listed, Parameter, Range, means};
+use super::{Kind, Listed, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 

@@ -203,7 +203,7 @@ impl Upload {
             self.not_set.unknown = self.not_set.unknown.saturating_add(1);
             return None;
         };
-        if id.row().access != Access::Setting {
+        if !matches!(id.row().access, Access::Setting(_)) {
             return None;
         }
         if id == SYSTEM_ID
@@ -212,7 +212,7 @@ impl Upload {
             self.system_id = Some(system_id);
             return None;
         }
-        if parameters.set(id, value).is_err() {
+        if parameters.set_by_file(id, value).is_err() {
             self.not_set.refuse(id);
             return None;
         }
