@@ -4,6 +4,7 @@
 //! except its `MONITOR`, and so are those of things that are not in use.
 
 mod collections;
+mod confirmation;
 mod description_files;
 #[cfg(not(target_os = "none"))]
 pub mod documentation;

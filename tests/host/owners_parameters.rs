@@ -286,7 +286,10 @@ fn each_row_out_of_range_refuses_arming_by_name_until_it_is_set_if_it_bears_on_t
             continue;
         }
         seen[1] += 1;
-        let text = format!("{} out of range: check them, then set PARAM_CHECKED 1", id.name());
+        let text = format!(
+            "Stored {} does not fit: check them, then set PARAM_CHECKED 1",
+            id.name()
+        );
         rover.assert_refuses(&text);
         rover.set(VehicleParameter::Sr0Params.into(), 11.0);
         rover = rover.restart();
@@ -320,9 +323,9 @@ fn a_pack_that_is_enabled_has_all_of_its_owners_values() {
     rover.confirm();
     rover.set(second(BatteryParameter::Monitor), 3.0);
     rover = rover.restart();
-    rover.assert_refuses("BATT2_LOW_VOLT (+1) out of range: check them, then set PARAM_CHECKED 1");
+    rover.assert_refuses("Stored BATT2_LOW_VOLT (+1) does not fit: check them, then set PARAM_CHECKED 1");
     rover.set(of_second[0], 10.0);
-    rover.assert_refuses("BATT2_CRT_VOLT out of range: check them, then set PARAM_CHECKED 1");
+    rover.assert_refuses("Stored BATT2_CRT_VOLT does not fit: check them, then set PARAM_CHECKED 1");
     rover.set(of_second[1], 9.0);
     rover.assert_arms();
     rover.restart().assert_arms();

@@ -56,7 +56,11 @@ impl Parameters {
             return None;
         }
         let is_due = |id: &ParameterId| self.save_states.get(*id).is_due();
-        let changed = ParameterId::all().find(|id| is_due(id) && self.may_be_saved(*id));
+        // The mark of a trouble comes before all others.
+        let changed = match self.save_states.get(CHECKED) {
+            SaveState::Saved => ParameterId::all().find(is_due),
+            _ => Some(CHECKED).filter(is_due),
+        };
         if self.reset != SaveState::Saved {
             // Values stored before the reset would be erased with it.
             return (self.reset.is_due() || changed.is_some()).then_some(Unsaved::Reset);
