@@ -274,7 +274,7 @@ impl fmt::Display for Announcement<'_> {
             ),
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
             Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
-            Self::Parameters(trouble) => write!(f, "{trouble}"),
+            Self::Parameters(trouble) => trouble.fmt(f),
             Self::ParametersUnknown(count) => write!(f, "{count} stored parameters unknown: kept"),
             Self::ParametersNotSaved(failure) => write!(f, "{failure}"),
             Self::ParametersSaved => f.write_str("Parameters saved"),

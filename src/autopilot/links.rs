@@ -10,7 +10,7 @@ use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, Stream};
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, ParameterId, ParameterTrouble, VehicleParameter};
+use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
 use crate::system::SystemState;
 use crate::time::Instant;
@@ -39,16 +39,9 @@ impl Autopilot {
     /// What a ground station that connects has to know: about the start, and what can't be saved or trusted now.
     fn send_notices(&self, channel: &mut Channel) {
         let unsaved = self.parameters.save_failure();
-        // Of those that were not read the start's notice says why.
-        let trouble = self
-            .parameters
-            .trouble()
-            .filter(|trouble| *trouble != ParameterTrouble::NotRead);
-        let unknown = Some(self.parameters.unknown_count()).filter(|count| *count > 0);
         let notices = [
             self.start_notice,
-            trouble.map(Announcement::Parameters),
-            unknown.map(Announcement::ParametersUnknown),
+            self.parameters.trouble().map(Announcement::Parameters),
             unsaved.map(Announcement::ParametersNotSaved),
             self.signing.trouble().map(Announcement::Signing),
             self.learnt_save.failure().map(Announcement::LearntNotSaved),

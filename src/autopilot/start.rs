@@ -33,6 +33,8 @@ pub struct Start {
 pub enum ParameterLoad {
     /// Stored values were loaded. Whether some could not be is in [`Parameters::trouble`].
     Loaded,
+    /// This many of them under keys of another version, which are kept.
+    Unknown(u16),
     /// All but perhaps the last: power was lost while it was stored.
     Interrupted,
     /// They were not read, after repeated quick resets.
@@ -79,10 +81,8 @@ impl Start {
                 warn!("{}", Announcement::DefaultParameters.text().as_str());
                 Some(Announcement::DefaultParameters)
             }
-            ParameterLoad::Interrupted => {
-                warn!("{}", Announcement::ParametersDamaged.text().as_str());
-                Some(Announcement::ParametersDamaged)
-            }
+            ParameterLoad::Unknown(count) => Some(Announcement::ParametersUnknown(count)),
+            ParameterLoad::Interrupted => Some(Announcement::ParametersDamaged),
         }
     }
 }

@@ -41,11 +41,6 @@ impl ParameterIdSet {
         }
     }
 
-    /// Whether it has none.
-    pub(super) fn is_empty(&self) -> bool {
-        self.0 == [0; BYTES]
-    }
-
     /// Number of its parameters.
     pub(super) fn len(&self) -> usize {
         ones(self.0.iter().copied())

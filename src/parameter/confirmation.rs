@@ -4,7 +4,7 @@
 //! back after all of them. What does not fit needs none: the value stays stored under its key until the parameter is set.
 
 use super::trouble::{CHECKED, Doubts};
-use super::{Access, Bearing, ParameterId, ParameterTrouble, Parameters, Refused};
+use super::{ParameterId, ParameterTrouble, Parameters};
 use crate::memory::save_state::SaveState;
 
 impl Parameters {
@@ -19,19 +19,12 @@ impl Parameters {
         self.set_doubts(self.doubts | Doubts::DAMAGED);
     }
 
-    /// As [`set`](Self::set), by a file: until [`end_file`](Self::end_file) it counts as half loaded if that changes anything that
-    /// bears on the drive.
-    ///
-    /// # Errors
-    /// The value is refused; the old one is kept.
-    pub fn set_by_file(&mut self, id: ParameterId, value: f32) -> Result<(), Refused> {
-        self.set(id, value)?;
-        if id.row().access == Access::Setting(Bearing::Drive) && self.save_states.get(id) != SaveState::Saved
-        {
-            self.ended -= Doubts::HALF_LOADED;
-            self.set_doubts(self.doubts | Doubts::HALF_LOADED);
+    /// A file has set a parameter that bears on the drive: if that has changed it, the file counts as half loaded until
+    /// [`end_file`](Self::end_file).
+    pub fn set_by_file(&mut self, id: ParameterId) {
+        if self.save_states.get(id) != SaveState::Saved {
+            self.set_doubts(self.doubts - Doubts::ENDED | Doubts::HALF_LOADED);
         }
-        Ok(())
     }
 
     /// A file has come whole.
@@ -44,74 +37,71 @@ impl Parameters {
         if self.doubts.contains(Doubts::NOT_READ) {
             return;
         }
-        for id in ParameterId::all() {
-            if self.is_misfit(id) {
-                self.write(id, self.get(id), SaveState::New);
+        self.save_states.update_all(|state| {
+            if *state == SaveState::Misfit {
+                *state = SaveState::New;
             }
-        }
+        });
         self.end(self.doubts);
     }
 
     /// Cause for which the values may not be the owner's, if there is one.
     pub fn trouble(&self) -> Option<ParameterTrouble> {
-        let doubts = self.doubts - self.ended;
-        if doubts.contains(Doubts::NOT_READ) {
+        if self.doubts.contains(Doubts::NOT_READ) {
             return Some(ParameterTrouble::NotRead);
         }
-        if doubts == Doubts::HALF_LOADED {
-            return Some(ParameterTrouble::HalfLoaded);
+        if !self.doubts.is_empty() && !self.doubts.contains(Doubts::ENDED) {
+            // Or what another version has marked.
+            let is_damaged = self.doubts != Doubts::HALF_LOADED;
+            return Some(if is_damaged {
+                ParameterTrouble::Damaged
+            } else {
+                ParameterTrouble::HalfLoaded
+            });
         }
-        // Or what another version has marked.
-        if !doubts.is_empty() {
-            return Some(ParameterTrouble::Damaged);
-        }
-        if self.misfits.is_empty() {
+        let is_misfit = |state| state == SaveState::Misfit;
+        // All states are read in a tenth of the time of all ids.
+        if !self.save_states.values().any(is_misfit) {
             return None;
         }
-        let mut misfits = ParameterId::all().filter(|id| self.is_misfit(*id));
-        Some(ParameterTrouble::DoesNotFit {
-            first: misfits.next()?,
-            more: misfits.count(),
-        })
+        let first =
+            ParameterId::all().find(|id| is_misfit(self.save_states.get(*id)) && self.listed.contains(*id));
+        first.map(ParameterTrouble::DoesNotFit)
     }
 
-    /// Number of stored values under keys that this firmware does not have. They are kept.
-    pub fn unknown_count(&self) -> u16 {
-        self.unknown
-    }
-
-    /// Whether the stored value of a parameter in use does not fit, so that the default is live.
-    fn is_misfit(&self, id: ParameterId) -> bool {
-        self.misfits.contains(id) && self.listed.contains(id)
-    }
-
-    /// Takes over the mark that was stored as `value`.
+    /// Takes over the mark, which is stored as bits.
     pub(super) fn restore_mark(&mut self, value: f32) {
-        self.doubts |= Doubts::from_bits_retain(value as u8).marked();
+        self.doubts |= Doubts::from_bits_retain(value.to_bits() as u8).marked();
     }
 
     /// What is stored of a parameter: its value, or the mark.
     pub(super) fn to_store(&self, id: ParameterId) -> f32 {
         if id == CHECKED {
-            f32::from(self.doubts.marked().bits())
+            f32::from_bits(self.doubts.marked().bits().into())
         } else {
             self.get(id)
         }
     }
 
     fn end(&mut self, ended: Doubts) {
-        self.ended |= self.doubts & ended;
-        self.take_mark_back();
-    }
-
-    /// Takes the mark of what has ended back once everything else is saved.
-    pub(super) fn take_mark_back(&mut self) {
-        if !self.ended.is_empty() && self.unsaved_count() == 0 {
-            self.set_doubts(self.doubts - self.ended);
-            self.ended = Doubts::empty();
+        let left = self.doubts - ended;
+        if left.marked().is_empty() {
+            self.doubts |= Doubts::ENDED;
+            self.take_mark_back();
+        } else {
+            self.set_doubts(left);
         }
     }
 
+    /// Takes the mark back if that is due, and everything else is saved.
+    pub(super) fn take_mark_back(&mut self) {
+        if self.doubts.contains(Doubts::ENDED) && self.unsaved_count() == 0 {
+            self.doubts -= Doubts::ENDED;
+            self.set_doubts(self.doubts & Doubts::NOT_READ);
+        }
+    }
+
+    #[inline(never)]
     fn set_doubts(&mut self, doubts: Doubts) {
         if doubts != self.doubts {
             self.doubts = doubts;

@@ -27,11 +27,6 @@ pub struct Parameters {
     /// That of the last reset.
     pub(super) reset: SaveState,
     pub(super) doubts: Doubts,
-    /// Those of them that have ended, but are in the mark until everything else is saved.
-    pub(super) ended: Doubts,
-    /// Those that bear on the drive, and whose stored value is out of range: they have the default instead.
-    pub(super) misfits: ParameterIdSet,
-    pub(super) unknown: u16,
     /// The listed parameters.
     pub(super) listed: ParameterIdSet,
     pub(super) sticks: Sticks,
@@ -60,9 +55,6 @@ impl Parameters {
             save_states: ForEachParameter::default(),
             reset: SaveState::Saved,
             doubts: Doubts::empty(),
-            ended: Doubts::empty(),
-            misfits: ParameterIdSet::default(),
-            unknown: 0,
             listed: ParameterIdSet::default(),
             sticks: Sticks::defaults(),
         };
@@ -140,7 +132,6 @@ impl Parameters {
     pub(super) fn write(&mut self, id: ParameterId, value: f32, state: SaveState) {
         self.values.set(id, value);
         self.save_states.set(id, state);
-        self.misfits.remove(id);
         match id {
             ParameterId::Stick(id) => self.follow_sticks(id, state),
             // Whether others are in use depends on these; all of them would take a millisecond.
@@ -167,7 +158,6 @@ impl Parameters {
             Access::Trigger => return checked(id, value).map(drop),
         };
         let is_saved = !self.doubts.contains(Doubts::NOT_READ)
-            && !self.misfits.contains(id)
             && self.save_states.get(id) == SaveState::Saved
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
@@ -205,24 +195,23 @@ impl Parameters {
     /// Sets the live value to one loaded from flash under `key`, which may have the mark of a [`trouble`](Self::trouble) instead.
     ///
     /// # Errors
-    /// The key is unknown, of no setting, or the value out of range, since an update of the firmware. The default is kept.
+    /// The value is out of range: the default is kept. [`Refused::ReadOnly`]: the key is unknown, or of no setting.
     pub fn restore(&mut self, key: u16, value: f32) -> Result<(), Refused> {
-        let Some(id) = ParameterId::from_key(key) else {
-            self.unknown = self.unknown.saturating_add(1);
-            return Err(Refused::OutOfRange);
-        };
-        match (id.row().access, checked(id, value)) {
-            _ if id == CHECKED => self.restore_mark(value),
-            (Access::Setting(_), Ok(value)) => self.write(id, value, SaveState::Saved),
-            (Access::Setting(bearing), Err(refused)) => {
-                if bearing == Bearing::Drive {
-                    self.misfits.insert(id);
-                }
-                return Err(refused);
-            }
-            _ => return Err(Refused::ReadOnly),
+        let id = ParameterId::from_key(key).ok_or(Refused::ReadOnly)?;
+        if id == CHECKED {
+            self.restore_mark(value);
+            return Ok(());
         }
-        Ok(())
+        let Access::Setting(bearing) = id.row().access else {
+            return Err(Refused::ReadOnly);
+        };
+        let checked = checked(id, value);
+        match checked {
+            Ok(value) => self.write(id, value, SaveState::Saved),
+            Err(_) if bearing == Bearing::Drive => self.save_states.set(id, SaveState::Misfit),
+            Err(_) => {}
+        }
+        checked.map(drop)
     }
 }
 
@@ -475,7 +464,7 @@ mod tests {
         let mut parameters = Parameters::defaults();
         assert_eq!(parameters.restore(3, 10.0), Ok(()));
         assert_eq!(parameters.restore(66, f32::NAN), Err(Refused::OutOfRange));
-        assert_eq!(parameters.restore(9999, 1.0), Err(Refused::OutOfRange));
+        assert_eq!(parameters.restore(9999, 1.0), Err(Refused::ReadOnly));
         assert_eq!(parameters.get(EXTRA1), 10.0);
         assert_eq!(parameters.get(VOLT_MULT), 3.95);
         assert_eq!(parameters.next_unsaved(), None);

@@ -17,6 +17,8 @@ bitflags! {
         const DAMAGED = 1;
         /// A file of parameters has begun, and has not ended.
         const HALF_LOADED = 1 << 1;
+        /// The others have ended, but the mark is taken back once everything else is saved.
+        const ENDED = 1 << 6;
         /// Those in flash were not read. Of this start alone: not in the mark.
         const NOT_READ = 1 << 7;
     }
@@ -25,7 +27,7 @@ bitflags! {
 impl Doubts {
     /// Those that the mark has.
     pub fn marked(self) -> Self {
-        self - Self::NOT_READ
+        self - Self::ENDED - Self::NOT_READ
     }
 }
 
@@ -39,13 +41,8 @@ pub enum ParameterTrouble {
     Damaged,
     /// A file of parameters did not come whole.
     HalfLoaded,
-    /// Stored values are out of the range of this firmware.
-    DoesNotFit {
-        /// The first of them.
-        first: ParameterId,
-        /// How many there are besides.
-        more: usize,
-    },
+    /// Stored values are out of the range of this firmware, this one's first.
+    DoesNotFit(ParameterId),
 }
 
 /// The cause, and how it ends.
@@ -55,11 +52,9 @@ impl fmt::Display for ParameterTrouble {
             Self::NotRead => return f.write_str("Stored parameters not read: restart"),
             Self::Damaged => "Parameters damaged",
             Self::HalfLoaded => "Parameters half loaded",
-            Self::DoesNotFit { first, more } => {
-                write!(f, "Stored {}", first.name())?;
-                if *more > 0 {
-                    write!(f, " (+{more})")?;
-                }
+            Self::DoesNotFit(first) => {
+                f.write_str("Stored ")?;
+                f.write_str(&first.name())?;
                 " does not fit"
             }
         };

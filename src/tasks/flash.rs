@@ -20,7 +20,7 @@ use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::memory::flash_map;
 use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Storage, StorageError, Value};
-use crate::parameter::{ParameterId, Parameters, Unsaved, VehicleParameter};
+use crate::parameter::{ParameterId, Parameters, Refused, Unsaved, VehicleParameter};
 use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS, WifiRecord};
 
@@ -93,10 +93,15 @@ impl<F: NorFlash> Storages<F> {
             parameters.mark_not_read();
         }
         let mark = ParameterId::from(VehicleParameter::ParamChecked).key();
+        let mut unknown = 0;
         let mut found = |key, word| {
+            if source == ParameterSource::Defaults && key != mark {
+                return;
+            }
             let value = f32::from_bits(word);
-            if (source == ParameterSource::Stored || key == mark) && parameters.restore(key, value).is_err() {
+            if let Err(refused) = parameters.restore(key, value) {
                 warn!("stored parameter {} = {} does not fit this firmware", key, value);
+                unknown += u16::from(refused == Refused::ReadOnly);
             }
         };
         let read = self.parameters.load(&mut found).await;
@@ -104,11 +109,10 @@ impl<F: NorFlash> Storages<F> {
             warn!("parameter storage: {:?}", error);
             parameters.mark_damaged();
         }
-        match (source, self.parameters.condition()) {
-            (ParameterSource::Defaults, _) => ParameterLoad::Skipped,
-            (_, Condition::OneRecordDamaged | Condition::Damaged) if read.is_ok() => {
-                ParameterLoad::Interrupted
-            }
+        match self.parameters.condition() {
+            _ if source == ParameterSource::Defaults => ParameterLoad::Skipped,
+            Condition::OneRecordDamaged | Condition::Damaged if read.is_ok() => ParameterLoad::Interrupted,
+            _ if unknown > 0 => ParameterLoad::Unknown(unknown),
             _ => ParameterLoad::Loaded,
         }
     }

@@ -476,10 +476,7 @@ fn announced() -> Vec<String> {
         ParameterTrouble::NotRead,
         ParameterTrouble::Damaged,
         ParameterTrouble::HalfLoaded,
-        ParameterTrouble::DoesNotFit {
-            first: BatteryParameter::Cells.of(Pack::First),
-            more: 0,
-        },
+        ParameterTrouble::DoesNotFit(BatteryParameter::Cells.of(Pack::First)),
     ];
     let of_parameters = of_parameters.map(ArmingObstacle::Parameters);
     let obstacles = misfits.into_iter().chain(of_parameters);

@@ -320,10 +320,9 @@ fn a_pack_that_is_enabled_has_all_of_its_owners_values() {
     }
     let mut rover = owned.restart();
     rover.assert_arms();
-    rover.confirm();
     rover.set(second(BatteryParameter::Monitor), 3.0);
     rover = rover.restart();
-    rover.assert_refuses("Stored BATT2_LOW_VOLT (+1) does not fit: check them, then set PARAM_CHECKED 1");
+    rover.assert_refuses("Stored BATT2_LOW_VOLT does not fit: check them, then set PARAM_CHECKED 1");
     rover.set(of_second[0], 10.0);
     rover.assert_refuses("Stored BATT2_CRT_VOLT does not fit: check them, then set PARAM_CHECKED 1");
     rover.set(of_second[1], 9.0);

@@ -23,7 +23,7 @@
 //!   [`condition`](Storage::condition) reports it.
 //! - Any other damage to a value, up to the loss of the sector, is [`StorageError::Corrupt`] from
 //!   [`load`](Storage::load), after all readable values have been delivered.
-//! - The next value is written to a fresh sector with all readable ones, which ends the damage. So does
+//! - The next value, even an equal one, is written to a fresh sector with all readable ones, which ends the damage. So does
 //!   [`clear`](Storage::clear).
 //!
 //! # Cost

@@ -398,8 +398,8 @@ parameters! {
         range: Range::OneOf(&[(0, means("Keep")), (1, means("Confirm"))]),
         access: Access::Trigger,
         label: "Confirm the parameters",
-        description: "Set to 1 once parameters that were damaged, half loaded or out of range are checked, it lets the rover \
-                      arm, and reads 0 again. (ArduPilot has no such parameter.)",
+        description: "Set to 1, it lets the rover arm with parameters that were damaged, half loaded or out of range, and reads \
+                      0 again. (ArduPilot has no such parameter.)",
     }
 }
 

@@ -45,7 +45,6 @@ impl Parameters {
             self.write(id, id.default_value(), SaveState::Saved);
         }
         self.doubts &= Doubts::NOT_READ;
-        self.ended = Doubts::empty();
         self.save_states.set(CHECKED, SaveState::Saved);
         self.reset = SaveState::New;
     }
@@ -124,10 +123,9 @@ impl Parameters {
     }
 
     /// Number of changes that are not saved.
+    #[inline(never)]
     pub(super) fn unsaved_count(&self) -> usize {
-        self.all_states()
-            .filter(|state| *state != SaveState::Saved)
-            .count()
+        self.all_states().filter(SaveState::is_unsaved).count()
     }
 
     /// How far the reset and all values are.
