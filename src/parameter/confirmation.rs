@@ -23,7 +23,7 @@ impl Parameters {
     /// [`end_file`](Self::end_file).
     pub fn set_by_file(&mut self, id: ParameterId) {
         if self.save_states.get(id) != SaveState::Saved {
-            self.set_doubts(self.doubts - Doubts::ENDED | Doubts::HALF_LOADED);
+            self.set_doubts((self.doubts - Doubts::ENDED) | Doubts::HALF_LOADED);
         }
     }
 
