@@ -61,9 +61,7 @@ impl Parameters {
         }
         let is_misfit = |state| state == SaveState::Misfit;
         // All states are read in a tenth of the time of all ids.
-        if !self.save_states.values().any(is_misfit) {
-            return None;
-        }
+        self.save_states.values().find(|state| is_misfit(*state))?;
         let first =
             ParameterId::all().find(|id| is_misfit(self.save_states.get(*id)) && self.listed.contains(*id));
         first.map(ParameterTrouble::DoesNotFit)

@@ -20,7 +20,7 @@ use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::memory::flash_map;
 use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Storage, StorageError, Value};
-use crate::parameter::{ParameterId, Parameters, Refused, Unsaved, VehicleParameter};
+use crate::parameter::{Parameters, Refused, Unsaved, VehicleParameter};
 use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS, WifiRecord};
 
@@ -36,6 +36,9 @@ const RADIO_DELAY: Duration = Duration::from_millis(50);
 
 /// Time armed so far, before the tasks start.
 const NOT_ARMED_US: u64 = 0;
+
+/// Of the mark that damaged or half loaded parameters leave.
+const MARK_KEY: u16 = VehicleParameter::ParamChecked.row().key;
 
 /// Where everything is kept but the log.
 pub struct Storages<F> {
@@ -92,10 +95,9 @@ impl<F: NorFlash> Storages<F> {
         if source == ParameterSource::Defaults {
             parameters.mark_not_read();
         }
-        let mark = ParameterId::from(VehicleParameter::ParamChecked).key();
         let mut unknown = 0;
         let mut found = |key, word| {
-            if source == ParameterSource::Defaults && key != mark {
+            if source == ParameterSource::Defaults && key != MARK_KEY {
                 return;
             }
             let value = f32::from_bits(word);
