@@ -39,7 +39,7 @@ function reason({ prefix, volts, state, cellCount }, key) {
   if (volts == null) return state == UNHEALTHY ? 'the sensor fails' : 'no pack is connected';
   if (key == 'celsius') return 'no sensor for it';
   if (key != 'percent') return hasNoCurrent ? 'no current sensor' : 'not known yet';
-  if (hasNoCurrent && FLAT.includes(value(prefix + 'CHEM'))) return 'it needs a current sensor';
+  if (hasNoCurrent && FLAT.includes(value(prefix + 'CHEM'))) return 'no current sensor';
   return cellCount ? 'not known yet' : 'set the number of cells';
 }
 
@@ -88,7 +88,9 @@ function notices() {
 
 function renderNotices() {
   const found = notices();
-  for (const list of document.querySelectorAll('.notices')) fill(list, found.map((text) => el('li', {}, text)));
+  for (const list of document.querySelectorAll('.notices')) {
+    fill(list, found.map((text) => el('li', {}, text, / 1$/.test(text) ? el('button', { onclick: () => setParameter('PARAM_CHECKED', 1) }, 'Set') : '')));
+  }
 }
 
 function renderBattery() {

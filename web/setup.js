@@ -32,7 +32,7 @@ async function readDescriptions() {
     descriptions = new Map(parameters.map((parameter) => [parameter.name, parameter]));
     renderForms();
   } catch {
-    put('setup-state', 'The rover did not send what the parameters mean.');
+    put('setup-state', 'The rover sent no descriptions.');
   }
 }
 

@@ -12,7 +12,9 @@ use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::memory::storage::StorageError;
 use crate::numbers::{Hundredths, text};
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, ParameterId, Refused, SaveFailure, VehicleParameter};
+use crate::parameter::{
+    BatteryParameter, ParameterId, ParameterTrouble, Refused, SaveFailure, VehicleParameter,
+};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
@@ -36,10 +38,14 @@ pub enum Announcement<'a> {
     Suggestion(Pack, SuggestedThresholds),
     /// The stored parameters were not loaded, after repeated quick resets.
     DefaultParameters,
-    /// The stored parameters could not all be read.
+    /// The last stored parameter could not be read.
     ParametersDamaged,
     /// A ground station has set all parameters to their defaults.
     ParametersReset,
+    /// The parameters may not be the owner's.
+    Parameters(ParameterTrouble),
+    /// This many stored parameters are of another version.
+    ParametersUnknown(u16),
     /// Parameters can't be written to flash.
     ParametersNotSaved(SaveFailure),
     /// What is announced of parameters that can't be written is over.
@@ -142,6 +148,8 @@ impl Announcement<'_> {
             | Self::DefaultParameters
             | Self::ParametersDamaged
             | Self::ParametersReset
+            | Self::Parameters(_)
+            | Self::ParametersUnknown(_)
             | Self::ParametersNotSaved(_)
             | Self::ParametersSaved
             | Self::LearntNotSaved(_)
@@ -215,6 +223,7 @@ impl Announcement<'_> {
             },
             Self::FailsafesOff(_)
             | Self::ParametersReset
+            | Self::ParametersUnknown(_)
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
             | Self::NoLog(_)
@@ -224,6 +233,7 @@ impl Announcement<'_> {
             | Self::TooOld { .. } => MavSeverity::MAV_SEVERITY_WARNING,
             Self::DefaultParameters
             | Self::ParametersDamaged
+            | Self::Parameters(_)
             | Self::ParametersNotSaved(_)
             | Self::Signing(_)
             | Self::Crash(_) => MavSeverity::MAV_SEVERITY_CRITICAL,
@@ -277,6 +287,8 @@ impl fmt::Display for Announcement<'_> {
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
             Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
             Self::ParametersReset => f.write_str("All parameters reset to their defaults"),
+            Self::Parameters(trouble) => trouble.fmt(f),
+            Self::ParametersUnknown(count) => write!(f, "{count} stored parameters unknown: kept"),
             Self::ParametersNotSaved(failure) => write!(f, "{failure}"),
             Self::ParametersSaved => f.write_str("Parameters saved"),
             Self::LearntNotSaved(StorageError::NoErasedSpace) => {

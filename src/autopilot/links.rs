@@ -43,6 +43,7 @@ impl Autopilot {
         let unsaved = self.parameters.save_failure();
         let notices = [
             self.start_notice,
+            self.parameters.trouble().map(Announcement::Parameters),
             unsaved.map(Announcement::ParametersNotSaved),
             self.signing.trouble().map(Announcement::Signing),
             self.learnt_save.failure().map(Announcement::LearntNotSaved),
@@ -328,6 +329,10 @@ impl Autopilot {
         match id {
             ParameterId::Battery(pack, BatteryParameter::LrnErase) => self.erase_learnt(pack),
             ParameterId::Vehicle(VehicleParameter::WifiShow) => self.show_wifi(channel),
+            ParameterId::Vehicle(VehicleParameter::ParamChecked) => {
+                self.parameters.confirm();
+                self.work |= Work::SAVE;
+            }
             _ => {}
         }
     }

@@ -5,7 +5,6 @@ use crate::crash::CrashRecord;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
 use crate::memory::identity::Identity;
-use crate::memory::storage::StorageError;
 use crate::parameter::Parameters;
 use crate::sensor::BitTiming;
 use crate::wifi::Radio;
@@ -32,10 +31,12 @@ pub struct Start {
 /// Result of loading the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterLoad {
-    /// All stored values were loaded.
+    /// Stored values were loaded. Whether some could not be is in [`Parameters::trouble`].
     Loaded,
-    /// Some of them could not be read.
-    Damaged(StorageError),
+    /// This many of them under keys of another version, which are kept.
+    Unknown(u16),
+    /// All but perhaps the last: power was lost while it was stored.
+    Interrupted,
     /// They were not read, after repeated quick resets.
     Skipped,
 }
@@ -80,10 +81,8 @@ impl Start {
                 warn!("{}", Announcement::DefaultParameters.text().as_str());
                 Some(Announcement::DefaultParameters)
             }
-            ParameterLoad::Damaged(error) => {
-                warn!("parameter storage: {:?}", error);
-                Some(Announcement::ParametersDamaged)
-            }
+            ParameterLoad::Unknown(count) => Some(Announcement::ParametersUnknown(count)),
+            ParameterLoad::Interrupted => Some(Announcement::ParametersDamaged),
         }
     }
 }

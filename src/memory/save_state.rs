@@ -18,12 +18,19 @@ pub enum SaveState<When = ()> {
     Failed(StorageError, When),
     /// Failed before; to be written again.
     Retried(StorageError),
+    /// What is stored does not fit, and stays until another value is to be written.
+    Misfit,
 }
 
 impl<When> SaveState<When> {
     /// Whether a value has to be written now.
     pub fn is_due(&self) -> bool {
         matches!(self, Self::New | Self::Retried(_))
+    }
+
+    /// Whether it is not written yet.
+    pub fn is_unsaved(&self) -> bool {
+        !matches!(self, Self::Saved | Self::Misfit)
     }
 
     /// Whether it waits for a retry.
@@ -35,7 +42,7 @@ impl<When> SaveState<When> {
     pub fn failure(&self) -> Option<StorageError> {
         match self {
             Self::Failed(error, _) | Self::Retried(error) => Some(*error),
-            Self::Saved | Self::New => None,
+            Self::Saved | Self::New | Self::Misfit => None,
         }
     }
 

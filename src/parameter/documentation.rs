@@ -102,8 +102,8 @@ fn write_row(page: &mut String, id: ParameterId) -> std::fmt::Result {
     let note = match (row.documentation.takes_effect, row.access) {
         (_, Access::ReadOnly | Access::Constant) => " (read only)",
         (_, Access::Trigger) => " (returns to 0)",
-        (TakesEffect::AfterReboot, Access::Setting) => " (restart)",
-        (TakesEffect::AtOnce, Access::Setting) => "",
+        (TakesEffect::AfterReboot, Access::Setting(_)) => " (restart)",
+        (TakesEffect::AtOnce, Access::Setting(_)) => "",
     };
     writeln!(
         page,

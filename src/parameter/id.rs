@@ -250,6 +250,7 @@ mod tests {
             ("SERIAL0_BAUD", 2),
             ("SR0_EXTRA1", 3),
             ("SR0_PARAMS", 4),
+            ("PARAM_CHECKED", 52),
             ("BATT_MONITOR", 64),
             ("BATT_VOLT_PIN", 65),
             ("BATT_VOLT_MULT", 66),

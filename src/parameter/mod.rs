@@ -4,6 +4,7 @@
 //! except its `MONITOR`, and so are those of things that are not in use.
 
 mod collections;
+mod confirmation;
 mod description_files;
 #[cfg(not(target_os = "none"))]
 pub mod documentation;
@@ -12,18 +13,20 @@ mod parameters;
 mod stick_channel;
 mod sticks;
 mod table;
+mod trouble;
 mod unsaved;
 
 pub use collections::{ForEachParameter, ParameterIdSet};
 pub use description_files::DescriptionFile;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
 pub(crate) use parameters::checked;
-pub use parameters::{ParameterTrouble, Parameters, Refused, triggers};
+pub use parameters::{Parameters, Refused, triggers};
 pub use stick_channel::{StickChannel, StickChannels};
 pub use table::{
-    Access, BatteryParameter, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS, Meaning, Parameter,
-    Range, StickParameter, VehicleParameter, means, serial_baud,
+    Access, BatteryParameter, Bearing, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS, Meaning,
+    Parameter, Range, StickParameter, VehicleParameter, means, serial_baud,
 };
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
+pub use trouble::ParameterTrouble;
 pub use unsaved::{SaveFailure, Unsaved};

@@ -1,8 +1,10 @@
 //! The live values of all parameters.
 
 use super::stick_channel::Sticks;
+use super::trouble::{CHECKED, Doubts};
 use super::{
-    Access, BatteryParameter, ForEachParameter, Kind, Listed, ParameterId, ParameterIdSet, VehicleParameter,
+    Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, ParameterId, ParameterIdSet,
+    VehicleParameter,
 };
 use crate::memory::save_state::SaveState;
 use crate::numbers::round_to_i32;
@@ -24,29 +26,12 @@ pub struct Parameters {
     pub(super) save_states: ForEachParameter<SaveState>,
     /// That of the last reset.
     pub(super) reset: SaveState,
-    trouble: Option<ParameterTrouble>,
+    pub(super) doubts: Doubts,
     /// The listed parameters.
-    listed: ParameterIdSet,
+    pub(super) listed: ParameterIdSet,
     /// Those whose value has changed since they were taken.
     changed: ParameterIdSet,
     pub(super) sticks: Sticks,
-}
-
-/// Cause for which the live values may not be the owner's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum ParameterTrouble {
-    /// Those in flash were not read at this start, and are not known.
-    NotRead,
-}
-
-impl ParameterTrouble {
-    /// Text with the cause, and how it ends.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::NotRead => "Stored parameters not read: restart",
-        }
-    }
 }
 
 /// Why a value is refused.
@@ -71,24 +56,13 @@ impl Parameters {
             values: ForEachParameter::from_fn(ParameterId::default_value),
             save_states: ForEachParameter::default(),
             reset: SaveState::Saved,
-            trouble: None,
+            doubts: Doubts::empty(),
             listed: ParameterIdSet::default(),
             changed: ParameterIdSet::default(),
             sticks: Sticks::defaults(),
         };
         parameters.update_listed(ParameterId::all());
         parameters
-    }
-
-    /// Marks the values in flash as not read, until the next start: every value that is set has to be saved, even one that equals
-    /// the default.
-    pub fn mark_not_read(&mut self) {
-        self.trouble = Some(ParameterTrouble::NotRead);
-    }
-
-    /// Cause for which the values may not be the owner's, if there is one.
-    pub fn trouble(&self) -> Option<ParameterTrouble> {
-        self.trouble
     }
 
     /// The live value, in the parameter's unit.
@@ -195,11 +169,11 @@ impl Parameters {
     pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), Refused> {
         let id = id.into();
         let value = match id.row().access {
-            Access::Setting => checked(id, value)?,
+            Access::Setting(_) => checked(id, value)?,
             Access::ReadOnly | Access::Constant => return Err(Refused::ReadOnly),
             Access::Trigger => return checked(id, value).map(drop),
         };
-        let is_saved = self.trouble != Some(ParameterTrouble::NotRead)
+        let is_saved = !self.doubts.contains(Doubts::NOT_READ)
             && self.save_states.get(id) == SaveState::Saved
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
@@ -234,19 +208,30 @@ impl Parameters {
         }
     }
 
-    /// Sets the live value to one loaded from flash under `key`.
+    /// Sets the live value to one loaded from flash under `key`, which may have the mark of a [`trouble`](Self::trouble) instead.
     ///
     /// # Errors
-    /// The key is unknown, of no setting, or the value out of range, since an update of the firmware. The default is kept.
+    /// The value is out of range: the default is kept. [`Refused::ReadOnly`]: the key is unknown, or of no setting.
     pub fn restore(&mut self, key: u16, value: f32) -> Result<(), Refused> {
-        let id = ParameterId::from_key(key).ok_or(Refused::OutOfRange)?;
-        if id.row().access != Access::Setting {
-            return Err(Refused::ReadOnly);
+        let id = ParameterId::from_key(key).ok_or(Refused::ReadOnly)?;
+        if id == CHECKED {
+            self.restore_mark(value);
+            return Ok(());
         }
-        self.write(id, checked(id, value)?, SaveState::Saved);
-        // What is loaded is no change.
-        self.changed.remove(id);
-        Ok(())
+        let Access::Setting(bearing) = id.row().access else {
+            return Err(Refused::ReadOnly);
+        };
+        let checked = checked(id, value);
+        match checked {
+            Ok(value) => {
+                self.write(id, value, SaveState::Saved);
+                // What is loaded is no change.
+                self.changed.remove(id);
+            }
+            Err(_) if bearing == Bearing::Drive => self.save_states.set(id, SaveState::Misfit),
+            Err(_) => {}
+        }
+        checked.map(drop)
     }
 }
 
@@ -311,7 +296,7 @@ mod tests {
         for id in ParameterId::all() {
             assert_eq!(parameters.get(id), id.default_value(), "{}", id.name());
             let expected = match id.row().access {
-                Access::Setting | Access::Trigger => Ok(()),
+                Access::Setting(_) | Access::Trigger => Ok(()),
                 Access::ReadOnly | Access::Constant => Err(Refused::ReadOnly),
             };
             assert_eq!(parameters.set(id, id.default_value()), expected, "{}", id.name());
@@ -499,7 +484,7 @@ mod tests {
         let mut parameters = Parameters::defaults();
         assert_eq!(parameters.restore(3, 10.0), Ok(()));
         assert_eq!(parameters.restore(66, f32::NAN), Err(Refused::OutOfRange));
-        assert_eq!(parameters.restore(9999, 1.0), Err(Refused::OutOfRange));
+        assert_eq!(parameters.restore(9999, 1.0), Err(Refused::ReadOnly));
         assert_eq!(parameters.get(EXTRA1), 10.0);
         assert_eq!(parameters.get(VOLT_MULT), 3.95);
         assert_eq!(parameters.next_unsaved(), None);

@@ -46,7 +46,7 @@ impl ArmingObstacle {
                 "{checked_by}: Terminated: reset the battery or restart"
             )),
             Self::Restarting => text(format_args!("{checked_by}: restarting")),
-            Self::Parameters(trouble) => text(format_args!("{checked_by}: {}", trouble.text())),
+            Self::Parameters(trouble) => text(format_args!("{checked_by}: {trouble}")),
             Self::Pack(pack, failure @ ArmingFailure::UnclearCells) => text(format_args!(
                 "{checked_by}: Battery {} {failure}: set {}",
                 pack.number(),

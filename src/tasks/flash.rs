@@ -19,8 +19,8 @@ use crate::crash::ParameterSource;
 use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::memory::flash_map;
-use crate::memory::storage::{Erase, MayErase, Prepared, Storage, StorageError, Value};
-use crate::parameter::{Parameters, Unsaved};
+use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Storage, StorageError, Value};
+use crate::parameter::{Parameters, Refused, Unsaved, VehicleParameter};
 use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS, WifiRecord};
 
@@ -36,6 +36,9 @@ const RADIO_DELAY: Duration = Duration::from_millis(50);
 
 /// Time armed so far, before the tasks start.
 const NOT_ARMED_US: u64 = 0;
+
+/// Of the mark that damaged or half loaded parameters leave.
+const MARK_KEY: u16 = VehicleParameter::ParamChecked.row().key;
 
 /// Where everything is kept but the log.
 pub struct Storages<F> {
@@ -79,26 +82,40 @@ impl<F: NorFlash> Storages<F> {
     /// Reads the parameters and the signing key into `start`, before the tasks start. What can't be read is at its default,
     /// and [`Autopilot::new`](crate::autopilot::Autopilot::new) reports it.
     pub async fn boot(&mut self, source: ParameterSource, start: &mut Start) {
-        start.parameter_load = match source {
-            ParameterSource::Stored => self.load_parameters(&mut start.parameters).await,
-            ParameterSource::Defaults => {
-                start.parameters.mark_not_read();
-                ParameterLoad::Skipped
-            }
-        };
+        start.parameter_load = self.load_parameters(source, &mut start.parameters).await;
         self.load_signing(&mut start.signing).await;
     }
 
-    async fn load_parameters(&mut self, parameters: &mut Parameters) -> ParameterLoad {
+    /// Whether values are damaged is looked for even if none is taken: the next one that is stored would hide it.
+    async fn load_parameters(
+        &mut self,
+        source: ParameterSource,
+        parameters: &mut Parameters,
+    ) -> ParameterLoad {
+        if source == ParameterSource::Defaults {
+            parameters.mark_not_read();
+        }
+        let mut unknown = 0;
         let mut found = |key, word| {
+            if source == ParameterSource::Defaults && key != MARK_KEY {
+                return;
+            }
             let value = f32::from_bits(word);
-            if parameters.restore(key, value).is_err() {
+            if let Err(refused) = parameters.restore(key, value) {
                 warn!("stored parameter {} = {} does not fit this firmware", key, value);
+                unknown += u16::from(refused == Refused::ReadOnly);
             }
         };
-        match self.parameters.load(&mut found).await {
-            Ok(()) => ParameterLoad::Loaded,
-            Err(error) => ParameterLoad::Damaged(error),
+        let read = self.parameters.load(&mut found).await;
+        if let Err(error) = read {
+            warn!("parameter storage: {:?}", error);
+            parameters.mark_damaged();
+        }
+        match self.parameters.condition() {
+            _ if source == ParameterSource::Defaults => ParameterLoad::Skipped,
+            Condition::OneRecordDamaged | Condition::Damaged if read.is_ok() => ParameterLoad::Interrupted,
+            _ if unknown > 0 => ParameterLoad::Unknown(unknown),
+            _ => ParameterLoad::Loaded,
         }
     }
 

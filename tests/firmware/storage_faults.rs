@@ -1,8 +1,8 @@
 //! Flash that is damaged, worn or slow.
 
 use emulator::{FlashOperationKind, FlashTiming};
-use support::frames::{PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
-use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list, param_set};
+use support::frames::{PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
+use support::requests::{VEHICLE, arm, command_long, param_read_by_name, param_request_list, param_set};
 use workbench::bench::{
     Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES,
 };
@@ -22,6 +22,8 @@ fn read(bench: &mut Bench, name: &str) -> Option<f32> {
 }
 
 const CRITICAL: u8 = 2;
+
+const DAMAGED: &str = "Parameters damaged: check them, then set PARAM_CHECKED 1";
 
 const PREFLIGHT_STORAGE: u16 = 245;
 
@@ -53,18 +55,25 @@ fn damaged_storage_boots_with_defaults_says_so_and_works_again() {
         assert!(bench.resets().is_empty(), "a boot loop");
         let said = texts(&mut bench);
         // The other one is that nothing counts as low with the defaults.
-        assert_eq!(said.len(), 2, "{said:?}");
-        assert!(
-            said[0].0 == CRITICAL && said[0].1.contains("Parameter storage damaged"),
-            "{said:?}"
-        );
+        assert_eq!(said.len(), 3, "{said:?}");
+        assert_eq!(said[0].0, CRITICAL);
+        assert_eq!(said[0].1.clone() + &said[1].1, DAMAGED);
         assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(2.0));
 
+        bench.ask(&param_set("ARMING_CHECK", 0.0));
         bench.ask(&param_set("SR0_EXTRA1", 4.0));
         bench.run_for(SECOND);
         bench.power_cycle();
         bench.run_for(SECOND);
         assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(4.0));
+        let refused = texts_of(&bench.ask(&arm())).concat();
+        assert_eq!(refused, format!("Arm: {DAMAGED}"));
+
+        bench.ask(&param_set("PARAM_CHECKED", 1.0));
+        bench.run_for(SECOND);
+        bench.power_cycle();
+        bench.run_for(SECOND);
+        assert_eq!(texts_of(&bench.ask(&arm())).concat(), "");
     }
 }
 
@@ -156,16 +165,29 @@ fn a_list_is_preceded_by_a_failure_to_save_while_it_lasts() {
     assert_eq!(reports_in_a_list(&mut bench), 0);
 }
 
-/// Sets a parameter, for which a sector has to be erased, and returns the sampling ticks of those ten seconds.
+/// Clears the stored parameters twice, after which a sector is erased ahead, and returns the sampling ticks of those ten
+/// seconds.
 fn ticks_around_an_erase(timing: FlashTiming) -> (Bench, Vec<u64>) {
-    // Nothing there can be kept, so the first value that is written needs an erased sector.
-    let mut bench = Bench::power_up_with_parameters(2482, &[0; PARAMETER_BYTES]);
+    let mut bench = Bench::power_up(2482);
     bench.flash_timing(timing);
-    bench.run_until_time(2_080 * MILLISECOND);
+    bench.run_until_time(500 * MILLISECOND);
+    let clear = |bench: &mut Bench| {
+        let now_us = bench.time_us();
+        bench.uart_send(0, now_us, &param_set("SR0_EXTRA1", 4.0));
+        bench.uart_send(
+            0,
+            now_us + 100 * MILLISECOND,
+            &command_long(PREFLIGHT_STORAGE, 2.0),
+        );
+    };
+    clear(&mut bench);
+    bench.run_until_time(4_080 * MILLISECOND);
     bench.take_adc_record();
-    let now_us = bench.time_us();
-    bench.uart_send(0, now_us, &param_set("SR0_EXTRA1", 4.0));
-    bench.run_until_time(12_050 * MILLISECOND);
+    bench.take_flash_operations();
+    clear(&mut bench);
+    bench.run_until_time(9_080 * MILLISECOND);
+    clear(&mut bench);
+    bench.run_until_time(14_050 * MILLISECOND);
     let erased = |bench: &Bench| {
         bench
             .flash_operations()
@@ -195,8 +217,8 @@ fn a_typical_erase_loses_no_sampling_tick() {
 #[test]
 fn the_slowest_erase_makes_ticks_coalesce_and_invents_none() {
     let (bench, ticks) = ticks_around_an_erase(FlashTiming::MAXIMUM);
-    // 400 ms cover four ticks at most, of which one is served late. A sector is erased for the value and one ahead, in two
-    // erases each.
+    // 400 ms cover four ticks at most, of which one is served late. Two sectors are erased, in two erases
+    // each.
     assert!((84..100).contains(&ticks.len()), "{} ticks", ticks.len());
     // No two closer together than the end of the erase and the next regular tick allow, and none twice.
     let phase_us = ticks[ticks.len() - 1] % 100_000;

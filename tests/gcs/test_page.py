@@ -313,6 +313,17 @@ def test_the_pack_and_what_is_unknown_of_it(rover):
     assert page.errors() == []
 
 
+def test_damaged_parameters_are_confirmed_by_a_button(start_rover, tmp_path):
+    # An erased image of the chip from the log on, with something else where the parameters are.
+    image = b"\xff" * 1264 * 1024 + b"\x5a" * 16 * 1024
+    flash = tmp_path / "flash.bin"
+    flash.write_bytes(image)
+    page = start_rover("--flash", str(flash)).open()
+    page.wait_for("Does not arm: Parameters damaged: check them, then set PARAM_CHECKED 1")
+    page.run("[...document.querySelectorAll('.notices button')].find((one) => one.offsetParent).click()")
+    page.wait_until_gone("Does not arm")
+
+
 def test_cells_and_temperature_of_a_smart_battery(rover):
     set_to(rover.station, "BATT_MONITOR", 7)
     rover.station = restarted(rover.station, rover.simulator.url)

@@ -472,8 +472,14 @@ fn announced() -> Vec<String> {
         ArmingObstacle::SticksMisfit(StickParameter::RcmapThrottle, StickParameter::RcmapRoll),
         ArmingObstacle::SticksMisfit(StickParameter::Rc1Min, StickParameter::Rc1Trim),
     ];
-    let unread = ArmingObstacle::Parameters(ParameterTrouble::NotRead);
-    let obstacles = misfits.into_iter().chain([unread]);
+    let of_parameters = [
+        ParameterTrouble::NotRead,
+        ParameterTrouble::Damaged,
+        ParameterTrouble::HalfLoaded,
+        ParameterTrouble::DoesNotFit(BatteryParameter::Cells.of(Pack::First)),
+    ];
+    let of_parameters = of_parameters.map(ArmingObstacle::Parameters);
+    let obstacles = misfits.into_iter().chain(of_parameters);
     let obstacles = obstacles.map(|obstacle| obstacle.text("PreArm").as_str().to_owned());
     let logging = [
         "PreArm: Logging failed",

@@ -26,6 +26,7 @@ mod logged_rover;
 mod monitors;
 mod motor_controllers;
 mod network;
+mod owners_parameters;
 mod page_age;
 mod page_messages;
 mod parameter_changes;

@@ -23,7 +23,7 @@
 //!   [`condition`](Storage::condition) reports it.
 //! - Any other damage to a value, up to the loss of the sector, is [`StorageError::Corrupt`] from
 //!   [`load`](Storage::load), after all readable values have been delivered.
-//! - The next value is written to a fresh sector with all readable ones, which ends the damage. So does
+//! - The next value, even an equal one, is written to a fresh sector with all readable ones, which ends the damage. So does
 //!   [`clear`](Storage::clear).
 //!
 //! # Cost
@@ -297,7 +297,8 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
                 None => self.start_sector(None, None, None, may_erase).await?,
             },
         };
-        if self.latest_value(&log, record.key).await? == Some(record.value) {
+        // Of a damaged sector even an equal value is written: to the next one.
+        if log.is_trusted && self.latest_value(&log, record.key).await? == Some(record.value) {
             self.log = Some(log);
             return Ok(Stored::Unchanged);
         }

@@ -1,6 +1,6 @@
 //! Parameter tables: of the vehicle, of its sticks, of a pack, of the simulator, and constants for ground stations.
 
-/// Declares a table: an enum of its parameters, and a row for each. Without `access` a parameter is a setting, without `listed` it is in
+/// Declares a table: an enum of its parameters, and a row for each. Without `access` a parameter is a setting that bears on the drive, without `listed` it is in
 /// every list, without `step` it goes by whole numbers, without `unit` it is a plain number, without `takes_effect` it acts at once.
 ///
 /// Documentation fields are left out of the firmware, where they would take 7 KB of flash.
@@ -53,7 +53,7 @@ macro_rules! parameters {
                             kind: $kind,
                             default: $default,
                             range: $range,
-                            access: [$($access,)? Access::Setting][0],
+                            access: [$($access,)? $crate::parameter::Access::Setting($crate::parameter::Bearing::Drive)][0],
                             listed: [$($listed,)? Listed::Always][0],
                             #[cfg(not(target_os = "none"))]
                             documentation: Documentation {
@@ -143,13 +143,22 @@ pub enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// A ground station sets it, and it is saved.
-    Setting,
+    Setting(Bearing),
     /// It shows a value of the firmware's own. Not saved.
     ReadOnly,
     /// It is always at its default. Not saved.
     Constant,
     /// A ground station sets it to 1, which acts at once; it reads 0. Not saved.
     Trigger,
+}
+
+/// What a setting bears on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bearing {
+    /// Measuring, failsafes, arming or driving: the rover does not arm while its owner's value is not known.
+    Drive,
+    /// Nothing of these.
+    Service,
 }
 
 /// When a parameter is in lists: only while what it sets up is in use, as in ArduPilot.

@@ -1,6 +1,6 @@
 //! Parameters of the simulated pack; not on the board.
 
-use super::{Access, Documentation, Kind, Listed, Parameter, Range, TakesEffect, means};
+use super::{Access, Bearing, Documentation, Kind, Listed, Parameter, Range, TakesEffect, means};
 
 parameters! {
     /// A parameter of the simulated pack.
@@ -12,6 +12,7 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(0.0, 60.0),
+        access: Access::Setting(Bearing::Service),
         step: 0.1,
         unit: "V",
         label: "Simulated pack voltage",
@@ -24,6 +25,7 @@ parameters! {
         kind: Kind::Real32,
         default: 2.2,
         range: Range::Between(0.1, 1000.0),
+        access: Access::Setting(Bearing::Service),
         step: 0.1,
         unit: "Ah",
         label: "Simulated pack capacity",
@@ -35,6 +37,7 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(-100.0, 500.0),
+        access: Access::Setting(Bearing::Service),
         step: 0.1,
         unit: "A",
         label: "Simulated extra load",
@@ -53,6 +56,7 @@ parameters! {
             (4, means("First cell 1 V lower")),
             (5, means("I2C wire disconnected")),
         ]),
+        access: Access::Setting(Bearing::Service),
         label: "Simulated fault",
         description: "Fault of the simulated pack or its sensor. Cells are measured by its smart battery only.",
     }

@@ -1,8 +1,8 @@
 //! Parameters of the driver's sticks: which channels of RC_CHANNELS_OVERRIDE they are, and what their pulses mean.
 
-use super::{Access, Kind, Listed, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
+use super::{Kind, Listed, Parameter, Range, means};
 
 /// Channels that an axis can have: those of RC_CHANNELS_OVERRIDE in MAVLink 1.
 const CHANNELS: Range = Range::Between(1.0, 8.0);

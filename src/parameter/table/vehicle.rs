@@ -1,6 +1,6 @@
 //! Parameters of the vehicle, and what the codes of baud rates mean.
 
-use super::{Access, Kind, Listed, Parameter, Range, means};
+use super::{Access, Bearing, Kind, Listed, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 
@@ -10,6 +10,8 @@ const UNSIGNED_ALLOWED: Range = Range::OneOf(&[
     (1, means("Requests that only read")),
     (2, means("Everything")),
 ]);
+
+const SERVICE: Access = Access::Setting(Bearing::Service);
 
 parameters! {
     /// A parameter of the vehicle.
@@ -52,6 +54,7 @@ parameters! {
         kind: Kind::Int16,
         default: 2.0,
         range: Range::Between(0.0, 50.0),
+        access: SERVICE,
         unit: "Hz",
         label: "Rate of the battery telemetry",
         description: "Rate of SYS_STATUS and each BATTERY_STATUS. 0: off. A ground station's stream requests change its \
@@ -64,6 +67,7 @@ parameters! {
         kind: Kind::Int16,
         default: 10.0,
         range: Range::Between(1.0, 50.0),
+        access: SERVICE,
         unit: "Hz",
         label: "Rate of parameter lists",
         description: "Rate of batches of a parameter list, which takes at most 30 % of the link.",
@@ -137,12 +141,14 @@ parameters! {
         unit: "%/s",
         label: "Throttle slew rate",
         description: "Maximum rate of change of the throttle. 0: unlimited.",
-    }    LogBitmask {
+    }
+    LogBitmask {
         key: 11,
         name: "LOG_BITMASK",
         kind: Kind::Int32,
         default: 520.0,
         range: Range::Bits(&[(3, means("System Performance")), (9, means("Battery Monitor"))]),
+        access: SERVICE,
         label: "Log bitmask",
         description: "Records of the log, besides parameters, messages, events and modes. 0: no log.",
     }
@@ -152,6 +158,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
+        access: SERVICE,
         label: "Logging while disarmed",
         description: "Logs while disarmed, too. Otherwise the log goes on for 15 s after disarming.",
     }
@@ -161,6 +168,7 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(0.0, 1000.0),
+        access: SERVICE,
         unit: "Hz",
         label: "Maximum logging rate",
         description: "Maximum rate of each pack's records in the log. 0: as many as the log's share of 250 bytes per \
@@ -172,6 +180,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
+        access: SERVICE,
         label: "New log after disarming",
         description: "Ends the log file after disarming; the next arming begins another one.",
     }
@@ -181,6 +190,7 @@ parameters! {
         kind: Kind::Int8,
         default: 1.0,
         range: Range::OneOf(&[(0, means("Off")), (1, means("Access point")), (2, means("Station"))]),
+        access: SERVICE,
         label: "Wi-Fi mode",
         description: "Wi-Fi of a board that has a radio. An access point has a network of its own; a station joins the \
                       network set by WIFI_CONFIG_AP. A change of any WIFI_ parameter while armed takes effect at \
@@ -192,6 +202,7 @@ parameters! {
         kind: Kind::Int8,
         default: 6.0,
         range: Range::Between(1.0, 11.0),
+        access: SERVICE,
         label: "Wi-Fi channel",
         description: "Channel of the access point in the 2.4 GHz band. A station uses its network's. (ArduPilot has no \
                       such parameter.)",
@@ -202,6 +213,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
+        access: SERVICE,
         label: "Wi-Fi power save",
         description: "Lets the radio sleep between packets, which delays what it receives. (ArduPilot has no such \
                       parameter.)",
@@ -377,6 +389,17 @@ parameters! {
         label: "Own DroneCAN node id",
         description: "Node id of this board, unique on the bus. With an id of its own the board also assigns ids to nodes \
                       that have none. 0: assigned by another node.",
+    }
+    ParamChecked {
+        key: 52,
+        name: "PARAM_CHECKED",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Keep")), (1, means("Confirm"))]),
+        access: Access::Trigger,
+        label: "Confirm the parameters",
+        description: "Set to 1, it lets the rover arm with parameters that were damaged, half loaded or out of range, and reads \
+                      0 again. (ArduPilot has no such parameter.)",
     }
 }
 

@@ -2,6 +2,7 @@
 
 use core::{fmt, iter};
 
+use super::trouble::{CHECKED, Doubts};
 use super::{Access, ParameterId, Parameters};
 use crate::memory::save_state::SaveState;
 use crate::memory::storage::StorageError;
@@ -37,11 +38,14 @@ impl fmt::Display for SaveFailure {
 }
 
 impl Parameters {
-    /// Resets all settings to their defaults, and marks the stored ones to be erased.
+    /// Resets all settings to their defaults, and marks the stored ones to be erased: nothing is left of what was damaged, half
+    /// loaded or did not fit.
     pub fn reset(&mut self) {
-        for id in ParameterId::all().filter(|id| id.row().access == Access::Setting) {
+        for id in ParameterId::all().filter(|id| matches!(id.row().access, Access::Setting(_))) {
             self.write(id, id.default_value(), SaveState::Saved);
         }
+        self.doubts &= Doubts::NOT_READ;
+        self.save_states.set(CHECKED, SaveState::Saved);
         self.reset = SaveState::New;
     }
 
@@ -50,12 +54,17 @@ impl Parameters {
         if !self.all_states().any(|state| state.is_due()) {
             return None;
         }
-        let changed = ParameterId::all().find(|id| self.save_states.get(*id).is_due());
+        let is_due = |id: &ParameterId| self.save_states.get(*id).is_due();
+        // The mark of a trouble comes before all others.
+        let changed = match self.save_states.get(CHECKED) {
+            SaveState::Saved => ParameterId::all().find(is_due),
+            _ => Some(CHECKED).filter(is_due),
+        };
         if self.reset != SaveState::Saved {
             // Values stored before the reset would be erased with it.
             return (self.reset.is_due() || changed.is_some()).then_some(Unsaved::Reset);
         }
-        changed.map(|id| Unsaved::Value(id, self.get(id)))
+        changed.map(|id| Unsaved::Value(id, self.to_store(id)))
     }
 
     /// A change was written. A value that has changed since still has to be saved.
@@ -63,11 +72,12 @@ impl Parameters {
         match saved {
             Unsaved::Reset => self.reset = SaveState::Saved,
             Unsaved::Value(id, value) => {
-                if value.to_bits() == self.get(id).to_bits() {
+                if value.to_bits() == self.to_store(id).to_bits() {
                     self.save_states.set(id, SaveState::Saved);
                 }
             }
         }
+        self.take_mark_back();
     }
 
     /// Writing a change failed: it waits for a retry, and so do all other changes unless flash is only full.
@@ -108,11 +118,14 @@ impl Parameters {
 
     /// The changes that are not saved, if there are any, as a failure with this error.
     pub fn unsaved_by(&self, error: StorageError) -> Option<SaveFailure> {
-        let changes = self
-            .all_states()
-            .filter(|state| *state != SaveState::Saved)
-            .count();
+        let changes = self.unsaved_count();
         (changes > 0).then_some(SaveFailure { error, changes })
+    }
+
+    /// Number of changes that are not saved.
+    #[inline(never)]
+    pub(super) fn unsaved_count(&self) -> usize {
+        self.all_states().filter(SaveState::is_unsaved).count()
     }
 
     /// How far the reset and all values are.

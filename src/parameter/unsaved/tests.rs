@@ -356,3 +356,72 @@ proptest! {
         }
     }
 }
+
+const CHECKED: ParameterId = ParameterId::Vehicle(VehicleParameter::ParamChecked);
+const DAMAGED: Unsaved = Value(CHECKED, f32::from_bits(1));
+const HALF_LOADED: Unsaved = Value(CHECKED, f32::from_bits(2));
+const NO_MARK: Unsaved = Value(CHECKED, 0.0);
+
+#[test]
+fn the_mark_of_a_trouble_is_saved_before_all_and_taken_back_after_all() {
+    let mut parameters = changed(&[(VOLT_MULT, 4.0)]);
+    parameters.set_by_file(VOLT_MULT);
+    parameters.end_file();
+    assert_eq!(parameters.trouble(), None);
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [HALF_LOADED, Value(VOLT_MULT, 4.0), NO_MARK]);
+
+    parameters.mark_damaged();
+    parameters.set(EXTRA1, 5.0).unwrap();
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [DAMAGED, Value(EXTRA1, 5.0)]);
+    parameters.confirm();
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [NO_MARK]);
+}
+
+#[test]
+// Requirement: L-18
+fn nothing_is_saved_before_a_mark_that_could_not_be() {
+    let no_room_for_a_mark = |unsaved| match unsaved {
+        Value(CHECKED, _) => Err(Full),
+        _ => Ok(()),
+    };
+    let mut parameters = changed(&[(VOLT_MULT, 4.0)]);
+    parameters.set_by_file(VOLT_MULT);
+    let (written, reports) = save(&mut parameters, no_room_for_a_mark);
+    assert_eq!((written, reports), (vec![HALF_LOADED], vec![Full]));
+    parameters.set(EXTRA1, 5.0).unwrap();
+    assert_eq!(parameters.next_unsaved(), None);
+    parameters.retry_failed();
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [HALF_LOADED, Value(EXTRA1, 5.0), Value(VOLT_MULT, 4.0)]);
+}
+
+#[test]
+fn a_mark_stays_while_a_value_of_its_file_is_not_saved() {
+    let no_room_for_extra1 = |unsaved| match unsaved {
+        Value(EXTRA1, _) => Err(Full),
+        _ => Ok(()),
+    };
+    let mut parameters = changed(&[(EXTRA1, 5.0), (VOLT_MULT, 4.0)]);
+    parameters.set_by_file(VOLT_MULT);
+    parameters.end_file();
+    let (written, _) = save(&mut parameters, no_room_for_extra1);
+    assert_eq!(written, [HALF_LOADED, Value(EXTRA1, 5.0), Value(VOLT_MULT, 4.0)]);
+    assert_eq!(parameters.trouble(), None);
+    parameters.retry_failed();
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [Value(EXTRA1, 5.0), NO_MARK]);
+}
+
+#[test]
+fn a_reset_takes_every_mark_with_it() {
+    let mut parameters = changed(&[(VOLT_MULT, 4.0)]);
+    parameters.mark_damaged();
+    parameters.set_by_file(VOLT_MULT);
+    parameters.reset();
+    assert_eq!(parameters.trouble(), None);
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [Reset]);
+}

@@ -469,6 +469,7 @@ fn end_of(upload: &Upload, parameters: &mut Parameters) -> Handled {
         return Some(FileOutcome::Failed(FileError::Fail)).into();
     }
     upload.set_system_id(parameters);
+    parameters.end_file();
     Handled {
         outcome: Some(FileOutcome::Done),
         event: Ok(Event::ParametersSet),

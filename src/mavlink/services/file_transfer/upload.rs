@@ -6,8 +6,8 @@ use heapless::{String, Vec};
 
 use super::packed::{HEADER_BYTES, MAGIC, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType};
 use crate::parameter::{
-    Access, BatteryParameter, MAX_NAME_LENGTH, ParameterId, ParameterIdSet, Parameters, VehicleParameter,
-    checked,
+    Access, BatteryParameter, Bearing, MAX_NAME_LENGTH, ParameterId, ParameterIdSet, Parameters,
+    VehicleParameter, checked,
 };
 
 const SYSTEM_ID: ParameterId = ParameterId::Vehicle(VehicleParameter::SysidThismav);
@@ -203,9 +203,9 @@ impl Upload {
             self.not_set.unknown = self.not_set.unknown.saturating_add(1);
             return None;
         };
-        if id.row().access != Access::Setting {
+        let Access::Setting(bearing) = id.row().access else {
             return None;
-        }
+        };
         if id == SYSTEM_ID
             && let Ok(system_id) = checked(id, value)
         {
@@ -215,6 +215,9 @@ impl Upload {
         if parameters.set(id, value).is_err() {
             self.not_set.refuse(id);
             return None;
+        }
+        if bearing == Bearing::Drive {
+            parameters.set_by_file(id);
         }
         self.not_set.set.insert(id);
         Some(id)

@@ -81,6 +81,19 @@ fn single_flipped_bit_loses_at_most_one_record() {
 }
 
 #[test]
+fn an_equal_value_ends_damage_too() {
+    let (mut flash, latest, _) = used_region();
+    let log = block_on(flash.storage().find_log()).unwrap().unwrap();
+    flash.region()[log.sector.0 as usize * 176 + 16] ^= 1;
+    let (found, result) = flash.load();
+    assert_eq!(result, Err(StorageError::Corrupt));
+    let (key, value) = latest.last_key_value().unwrap();
+    assert_eq!(flash.store(*key, *value), Ok(Stored::Written));
+    assert_eq!(flash.load(), (found, Ok(())));
+    assert_eq!(flash.store(*key, *value), Ok(Stored::Unchanged));
+}
+
+#[test]
 fn damaged_page_loses_only_its_records() {
     let (mut flash, latest, ever) = used_region();
     let log = block_on(flash.storage().find_log()).unwrap().unwrap();

@@ -36,7 +36,7 @@ fn full() -> (SmallDoubleFlash, Values) {
 #[test]
 fn every_setting_of_nine_packs_is_kept_and_can_be_changed() {
     let mut flash: BoardFlash = blank();
-    let settings = || ParameterId::all().filter(|id| id.row().access == Access::Setting);
+    let settings = || ParameterId::all().filter(|id| matches!(id.row().access, Access::Setting(_)));
     assert!(settings().count() >= 352);
     for round in 1..=3 {
         let mut storage = flash.storage();

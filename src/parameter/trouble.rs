@@ -1,0 +1,64 @@
+//! Causes for which the live values may not be the owner's.
+
+use core::fmt;
+
+use bitflags::bitflags;
+
+use super::{ParameterId, VehicleParameter};
+
+/// The parameter that confirms. Its key has the mark; it reads 0.
+pub(super) const CHECKED: ParameterId = ParameterId::Vehicle(VehicleParameter::ParamChecked);
+
+bitflags! {
+    /// Causes that are not known by a parameter.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub(super) struct Doubts: u8 {
+        /// What could not be read is at an older value or its default.
+        const DAMAGED = 1;
+        /// A file of parameters has begun, and has not ended.
+        const HALF_LOADED = 1 << 1;
+        /// The others have ended, but the mark is taken back once everything else is saved.
+        const ENDED = 1 << 6;
+        /// Those in flash were not read. Of this start alone: not in the mark.
+        const NOT_READ = 1 << 7;
+    }
+}
+
+impl Doubts {
+    /// Those that the mark has.
+    pub fn marked(self) -> Self {
+        self - Self::ENDED - Self::NOT_READ
+    }
+}
+
+/// Cause for which the live values may not be the owner's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ParameterTrouble {
+    /// Those in flash were not read at this start, and are not known.
+    NotRead,
+    /// Stored values are lost, and with them their names.
+    Damaged,
+    /// A file of parameters did not come whole.
+    HalfLoaded,
+    /// Stored values are out of the range of this firmware, this one's first.
+    DoesNotFit(ParameterId),
+}
+
+/// The cause, and how it ends.
+impl fmt::Display for ParameterTrouble {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = match self {
+            Self::NotRead => return f.write_str("Stored parameters not read: restart"),
+            Self::Damaged => "Parameters damaged",
+            Self::HalfLoaded => "Parameters half loaded",
+            Self::DoesNotFit(first) => {
+                f.write_str("Stored ")?;
+                f.write_str(&first.name())?;
+                " does not fit"
+            }
+        };
+        f.write_str(what)?;
+        f.write_str(": check them, then set PARAM_CHECKED 1")
+    }
+}
