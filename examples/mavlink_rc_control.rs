@@ -118,7 +118,7 @@ mod firmware {
             let batteries = [*monitor.state()];
             let state = state_of(&vehicle, &batteries);
             let _ = link.send_due(now, &state, &parameters).await;
-            watchdog.feed();
+            watchdog.feed(vehicle.arm_state());
         }
     }
 

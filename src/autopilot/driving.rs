@@ -75,6 +75,9 @@ impl Autopilot {
             "rover: {:?}, {:?}, alert {:?}",
             status.arm_state, status.mode, status.alert
         );
+        if status.arm_state != self.known_status.arm_state {
+            self.work |= Work::WATCHDOG;
+        }
         match (self.known_status.arm_state, status.arm_state) {
             (ArmState::Armed, ArmState::Disarmed) => self.save_after_disarming(),
             (ArmState::Disarmed, ArmState::Armed) => self.announce_long_time_outs(now),

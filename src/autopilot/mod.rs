@@ -46,7 +46,7 @@ use crate::recorder::dataflash::{ModeReason, Record};
 use crate::sensor::MonitorKind;
 use crate::system::{ArmingReadiness, SystemState};
 use crate::time::Instant;
-use crate::vehicle::{Vehicle, VehicleStatus};
+use crate::vehicle::{ArmState, Vehicle, VehicleStatus};
 use announcement_limit::{AnnouncementLimit, Permission};
 use broadcast::{Announced, Broadcast};
 use can_watch::CanWatch;
@@ -85,6 +85,8 @@ pub struct Autopilot {
     wifi: WifiState,
     can: CanWatch,
     recording: Recording,
+    /// The watchdog has the time-out of this state.
+    watched_as: ArmState,
     /// Why the mode changes next, if it does.
     mode_reason: ModeReason,
     /// The vehicle's status when it was last driven.
@@ -117,6 +119,7 @@ impl Autopilot {
             wifi: in_place(|| WifiState::new(start)),
             can: CanWatch::new(),
             recording: in_place(|| Recording::new(start.crash.clone())),
+            watched_as: ArmState::Disarmed,
             mode_reason: ModeReason::Command,
             known_status: VehicleStatus::default(),
             work: Work::empty(),
@@ -273,5 +276,7 @@ bitflags! {
         const GROUND_STATION_HEARD = 1 << 4;
         /// What the radio is to do may have changed: [`Autopilot::wifi_setup`](Autopilot::wifi_setup).
         const WIFI = 1 << 5;
+        /// The vehicle was armed or disarmed, so that the watchdog gets another time-out: [`Autopilot::watched`](Autopilot::watched).
+        const WATCHDOG = 1 << 6;
     }
 }

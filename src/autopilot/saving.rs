@@ -1,6 +1,8 @@
 //! What has to be written to flash: parameters, the signing key and the log. What is learnt of the packs: [`super::learnt`]; of
 //! Wi-Fi: [`super::wifi`].
 
+use core::mem;
+
 use super::announcement::Announcement;
 use super::recording::{LogStep, Subject};
 use super::{Autopilot, Work};
@@ -15,16 +17,34 @@ use crate::vehicle::ArmState;
 
 impl Autopilot {
     /// Whether flash may be erased now. That stops everything for up to 400 ms, which must not happen to a rover that may be
-    /// moving.
+    /// moving, nor under the watchdog of one.
     pub fn may_erase(&self) -> Erase {
-        match self.vehicle.arm_state() {
-            ArmState::Armed => Erase::Forbidden,
-            ArmState::Disarmed => Erase::Allowed,
+        match (self.vehicle.arm_state(), self.watched_as) {
+            (ArmState::Disarmed, ArmState::Disarmed) => Erase::Allowed,
+            _ => Erase::Forbidden,
         }
     }
 
-    /// The vehicle was disarmed: saves what has waited for erased space, and has it erased ahead for the next drive.
+    /// Whether flash has to be left alone until the watchdog has the time-out of a disarmed vehicle: what needs an erase
+    /// would be refused as it is while armed, and reported as that.
+    pub fn waits_for_watchdog(&self) -> bool {
+        self.vehicle.arm_state() == ArmState::Disarmed && self.watched_as == ArmState::Armed
+    }
+
+    /// The watchdog was fed with the time-out of this state. Without a watchdog this is never called.
+    pub fn watched(&mut self, as_state: ArmState) {
+        let before = mem::replace(&mut self.watched_as, as_state);
+        if (before, as_state) == (ArmState::Armed, ArmState::Disarmed) {
+            self.save_after_disarming();
+        }
+    }
+
+    /// The vehicle was disarmed: saves what has waited for erased space, and has it erased ahead for the next drive. Not before
+    /// the watchdog permits an erase.
     pub(super) fn save_after_disarming(&mut self) {
+        if self.waits_for_watchdog() {
+            return;
+        }
         self.signing_save = SaveState::New;
         self.retry_failed();
         self.follow_wifi_parameters();

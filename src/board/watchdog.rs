@@ -8,10 +8,13 @@ use embassy_time::{Duration, Instant};
 
 use super::{last_run, running};
 use crate::tasks::Watchdog;
+use crate::vehicle::ArmState;
 
-/// Longer than the longest time with interrupts off (a flash erase takes up to 400 ms by its datasheet), short enough
-/// that a rover which hangs stands within a second.
+/// While disarmed. Longer than the longest time with interrupts off: a flash erase takes up to 400 ms by its datasheet.
 const TIMEOUT: Duration = Duration::from_millis(1000);
+
+/// While armed, when nothing is erased: a rover that hangs stands before it has gone far.
+const TIMEOUT_WHILE_ARMED: Duration = Duration::from_millis(250);
 
 /// Ten times of what reading the flash takes with an erase as slow as the chip's datasheet permits.
 const LONGEST_BOOT: Duration = Duration::from_secs(5);
@@ -42,7 +45,7 @@ impl BoardWatchdog {
     async fn feed_until(&mut self, end: Instant) -> ! {
         loop {
             if Instant::now() < end {
-                self.feed();
+                self.feed(ArmState::Disarmed);
             }
             yield_now().await;
         }
@@ -50,10 +53,13 @@ impl BoardWatchdog {
 }
 
 impl Watchdog for BoardWatchdog {
-    fn feed(&mut self) {
+    fn feed(&mut self, arm_state: ArmState) {
         running::note_overdue(None);
         last_run::end_quick_crashes(Instant::now().as_secs());
-        self.0.feed(TIMEOUT);
+        self.0.feed(match arm_state {
+            ArmState::Armed => TIMEOUT_WHILE_ARMED,
+            ArmState::Disarmed => TIMEOUT,
+        });
     }
 
     fn starve(&mut self, overdue: &str) {

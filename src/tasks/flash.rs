@@ -166,6 +166,9 @@ impl<F: NorFlash> Storages<F> {
 
     /// Does the next thing of each kind, if there is one, and erases ahead once nothing is left.
     async fn save(&mut self, shared: &Shared, check_in: &CheckIn) {
+        if shared.waits_for_watchdog() {
+            return;
+        }
         if let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_parameter(now())) {
             let written = self.write_parameter(unsaved, shared).await;
             shared.with(|autopilot| autopilot.parameter_written(unsaved, written, now()));
@@ -308,6 +311,9 @@ pub async fn keep_flash<F: NorFlash>(
 
 /// Does what the log needs next, if anything, and returns how long others have the flash and the processor then.
 async fn keep_log<F: NorFlash>(flash: &mut F, shared: &Shared) -> Duration {
+    if shared.waits_for_watchdog() {
+        return IDLE_CHECK;
+    }
     match shared.with(|autopilot| autopilot.next_log_step(now())) {
         None => IDLE_CHECK,
         Some(LogStep::Program { address, bytes }) => {

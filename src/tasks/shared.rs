@@ -42,6 +42,7 @@ pub struct Shared {
     /// What the radio is to do may have changed.
     pub(crate) to_set_up_wifi: Signal<NoopRawMutex, ()>,
     pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
+    pub(super) to_feed_watchdog: Signal<NoopRawMutex, ()>,
 }
 
 impl Shared {
@@ -58,6 +59,7 @@ impl Shared {
             to_reboot: Signal::new(),
             to_set_up_wifi: Signal::new(),
             ground_station_heard: Signal::new(),
+            to_feed_watchdog: Signal::new(),
         }
     }
 
@@ -101,6 +103,11 @@ impl Shared {
         self.with(|autopilot| autopilot.may_erase())
     }
 
+    /// Whether flash has to be left alone until the watchdog has its longer time-out.
+    pub(super) fn waits_for_watchdog(&self) -> bool {
+        self.with(|autopilot| autopilot.waits_for_watchdog())
+    }
+
     /// Announces something to all connected ground stations, once.
     pub fn announce(&self, announcement: Announcement<'_>) {
         self.with(|autopilot| autopilot.announce(announcement, now()));
@@ -120,6 +127,7 @@ impl Shared {
             (Work::RESTART, &self.to_reboot),
             (Work::WIFI, &self.to_set_up_wifi),
             (Work::GROUND_STATION_HEARD, &self.ground_station_heard),
+            (Work::WATCHDOG, &self.to_feed_watchdog),
         ];
         for (kind, signal) in signals {
             if work.contains(kind) {

@@ -256,6 +256,42 @@ fn full_sectors_of_time_and_learnt_data_move_without_an_erase() {
     assert_untroubled(&bench);
 }
 
+/// An erase of 400 ms under the watchdog of an armed rover would restart the board in the middle of it.
+#[test]
+// Requirement: R-5
+fn what_waits_for_disarming_is_erased_under_the_longer_watchdog() {
+    let mut bench = rover_with(&learnt_data(), &signing(3), &parameters(SLOTS - 3 - 5));
+    bench.flash_timing(FlashTiming::MAXIMUM);
+    for disarmed_after_us in (0..5).map(|step| 20 * step * MILLISECOND + SECOND) {
+        arm_and_drive(&mut bench);
+        let from_us = bench.time_us();
+        for number in 0..12 {
+            bench.ask(&param_set("BATT_LOW_VOLT", 6.0 + number as f32 / 100.0));
+        }
+        bench.ask(&param_set("BATT_SERIAL_NUM", from_us as f32 / 1e6));
+        bench.ask(&param_set("BATT_LRN_ERASE", 1.0));
+        drive_for(&mut bench, 4 * SECOND, 500);
+        bench.run_for(disarmed_after_us);
+        assert_eq!(erases(&bench.take_flash_operations()), 0);
+        let disarmed_us = bench.time_us();
+        // What is set right behind it must not be refused, as it would be while armed.
+        let behind = [
+            disarm(),
+            param_set("BATT_CRT_VOLT", 6.0 + disarmed_after_us as f32 / 1e8),
+        ];
+        bench.ask(&behind.concat());
+        bench.run_for(10 * SECOND);
+        let operations = bench.take_flash_operations();
+        let waited_us = operations.first().expect("it is saved").time_us - disarmed_us;
+        println!("saving begins {waited_us} us after disarming");
+        assert!(waited_us <= 200 * MILLISECOND, "{waited_us}");
+        assert!(erases(&operations) >= 2, "{operations:?}");
+        let texts = texts_since(&mut bench, disarmed_us);
+        assert!(!texts.iter().any(|text| text.contains("not saved")), "{texts:?}");
+        assert!(bench.resets().is_empty(), "{:?}", bench.resets());
+    }
+}
+
 /// Not later than this after the last byte of a stick input its effect has to be at the motors.
 const STICK_TO_MOTOR_US: u64 = 50 * MILLISECOND;
 

@@ -6,7 +6,7 @@ use support::frames::{BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, STATUSTEXT, SYS_ST
 use support::motor_poles::{LEFT, motors};
 pub use support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use support::requests::{arm, disarm, manual_control, set_mode};
-use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, SECOND, STACK_POINTER};
+use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, RUNNING, SECOND, STACK_POINTER};
 
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
@@ -15,6 +15,13 @@ const FAILED: u8 = 4;
 const HARD_FAULT: u32 = 3;
 
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
+
+/// The watchdog's quarter of a second while armed, and some time to spare.
+const HANG_US: u64 = 350 * MILLISECOND;
+
+/// The same after a task that may be late by 150 ms.
+const DRIVE_HANG_US: u64 = 450 * MILLISECOND;
+
 const CURRENT_SENSOR: usize = 1;
 
 /// Three LiPo cells at 3.8 V, and at 3.2 V.
@@ -184,9 +191,54 @@ fn a_hang_lets_the_motors_coast_after_the_watchdogs_time() {
     let hung_us = bench.time_us();
     assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
     assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogTimer);
-    assert!(bench.time_us() - hung_us <= 1_050 * MILLISECOND);
+    assert!(bench.time_us() - hung_us <= HANG_US);
     bench.run_for(MILLISECOND);
     assert!(is_coasting(&bench));
+}
+
+#[test]
+fn a_hang_right_after_arming_is_as_short() {
+    let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
+    bench.run_for(SECOND);
+    let answers = bench.ask(&arm());
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
+    bench.hang_program();
+    assert!(bench.run_until(HANG_US, |board| !board.resets().is_empty()));
+}
+
+#[test]
+fn a_drive_task_that_does_not_run_any_more_lets_the_motors_coast() {
+    /// States of a task (embassy-executor): it waits to be woken; it waits for its turn, so that nothing wakes it.
+    const SPAWNED: [u8; 4] = [1, 0, 0, 0];
+    const SPAWNED_AND_QUEUED: [u8; 4] = [3, 0, 0, 0];
+    const HEADER_BYTES: usize = 32;
+    for (is_armed, within_us) in [(true, DRIVE_HANG_US), (false, 1_700 * MILLISECOND)] {
+        let mut bench = driving(&[]);
+        if !is_armed {
+            bench.ask(&disarm());
+        }
+        // Between two of its turns, which come every 20 ms, and of those of others. It is the next.
+        bench.run_until_silent();
+        let tenths = bench.time_us() / (100 * MILLISECOND);
+        bench.run_until_time((100 * tenths + 150) * MILLISECOND);
+        bench.run_into_task();
+        let drive = bench.read_register(RUNNING);
+        bench.run_for(5 * MILLISECOND);
+        let header = bench.read_memory(drive, HEADER_BYTES);
+        let state = header
+            .chunks(4)
+            .position(|word| word == SPAWNED)
+            .expect("it waits");
+        bench.write_memory(drive + 4 * state as u32, &SPAWNED_AND_QUEUED);
+        let (hung_us, resets) = (bench.time_us(), bench.resets().len());
+        assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
+        let after_us = bench.time_us() - hung_us;
+        println!("armed {is_armed}: {after_us} us");
+        assert!(after_us <= within_us, "{after_us}");
+        bench.run_for(500 * MILLISECOND);
+        let named = bench.logged(LogLevel::Warn, "task drive is overdue");
+        assert!(!named.is_empty(), "{:?}", bench.log_lines());
+    }
 }
 
 #[test]
@@ -196,7 +248,7 @@ fn a_lockup_lets_the_motors_coast_after_the_watchdogs_time() {
     let used_up = bench.symbol("_stack_end") + 8;
     bench.set_register(STACK_POINTER, used_up);
     assert!(bench.run_until(SECOND, |board| board.is_locked_up()));
-    assert!(bench.run_until(1_050 * MILLISECOND, |board| board.resets().len() > resets));
+    assert!(bench.run_until(HANG_US, |board| board.resets().len() > resets));
     bench.run_for(MILLISECOND);
     assert!(is_coasting(&bench));
 }

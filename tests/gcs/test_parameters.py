@@ -80,16 +80,16 @@ def test_what_one_station_sets_reaches_the_others(start_simulator):
     with closing(connect(url)) as one, closing(connect(url)) as other:
         listed = read_list(other)
         assert set_to(one, "BATT_LOW_VOLT", 10.5).param_value == 10.5
-        told = receive(other, ["PARAM_VALUE"])
-        assert (told.param_id, told.param_value) == ("BATT_LOW_VOLT", 10.5)
-        assert (told.param_index, told.param_count) == (65535, len(listed))
+        reported = receive(other, ["PARAM_VALUE"])
+        assert (reported.param_id, reported.param_value) == ("BATT_LOW_VOLT", 10.5)
+        assert (reported.param_index, reported.param_count) == (65535, len(listed))
         # Whoever has set it gets nothing else.
         assert one.recv_match(type="PARAM_VALUE", blocking=True, timeout=1) is None
         command(one, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2)
         for link in (one, other):
             assert receive(link, ["STATUSTEXT"]).text == "All parameters reset to their defaults"
-            told = receive(link, ["PARAM_VALUE"])
-            assert (told.param_id, told.param_value, told.param_index) == ("BATT_LOW_VOLT", 0, 65535)
+            reported = receive(link, ["PARAM_VALUE"])
+            assert (reported.param_id, reported.param_value, reported.param_index) == ("BATT_LOW_VOLT", 0, 65535)
 
 
 @pytest.mark.board

@@ -15,6 +15,7 @@ use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::tasks::{
     CheckIn, Link, Shared, Watchdog, sample_batteries, schedule_telemetry, supervise, write_frames,
 };
+use rover_battmon::vehicle::ArmState;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
     assert_no_sequence_gap, frames, of_message,
@@ -311,7 +312,7 @@ struct Fed {
 }
 
 impl Watchdog for &Fed {
-    fn feed(&mut self) {
+    fn feed(&mut self, _: ArmState) {
         self.at_ms.borrow_mut().push(Instant::now().as_millis());
         self.overdue.borrow_mut().clear();
     }
@@ -325,6 +326,7 @@ impl Watchdog for &Fed {
 fn the_watchdog_is_fed_until_a_task_is_overdue() {
     let (busy, quiet) = (CheckIn::new("busy", 500), CheckIn::new("quiet", 2_500));
     let fed = Fed::default();
+    let shared = Shared::new(&Start::default());
     clock::run_for(Duration::from_secs(10), async {
         let check_in = async {
             loop {
@@ -332,7 +334,7 @@ fn the_watchdog_is_fed_until_a_task_is_overdue() {
                 Timer::after_millis(100).await;
             }
         };
-        embassy_futures::join::join(check_in, supervise(&[&busy, &quiet], &mut &fed)).await
+        embassy_futures::join::join(check_in, supervise(&shared, &[&busy, &quiet], &mut &fed)).await
     });
     // Every 100 ms from 0 to 2500; at 2600 "quiet" is overdue.
     let (at_ms, overdue) = (fed.at_ms.into_inner(), fed.overdue.into_inner());

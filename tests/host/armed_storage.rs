@@ -15,6 +15,7 @@ use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
 use rover_battmon::tasks::{Shared, now};
+use rover_battmon::vehicle::ArmState;
 use support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
 use support::requests::{
     VEHICLE, command_long, command_long_2, disarm, param_request_list, param_set, setup_signing,
@@ -179,6 +180,42 @@ fn parameters_without_space_are_live_reported_and_saved_after_disarming() {
     assert_eq!(stored(&regions, CAPACITY), 1234.0);
     let id = ParameterId::Battery(Pack::First, BatteryParameter::CrtVolt);
     assert_eq!(stored(&regions, id), 6.99);
+}
+
+/// The watchdog of an armed vehicle would end an erase.
+#[test]
+fn after_disarming_flash_waits_for_the_longer_watchdog_and_nothing_is_reported() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        let watched = |state| station.shared.with(|autopilot| autopilot.watched(state));
+        station.set("BATT_LOW_VOLT", 5.0);
+        station.wait(2).await;
+        let armed = async || {
+            watched(ArmState::Armed);
+            fill(station, 3).await
+        };
+        let texts = station.armed(armed).await;
+        assert_eq!(texts, ["Parameters: 5 not saved until disarmed"]);
+        let before = erases(&regions);
+        station.disarm();
+        assert_eq!(
+            station.shared.with(|autopilot| autopilot.may_erase()),
+            Erase::Forbidden
+        );
+        // What is set now has no space either.
+        for pack in Pack::ALL {
+            let name = ParameterId::Battery(pack, BatteryParameter::LowMah).name();
+            assert_eq!(station.set(&name, 100.0), [""; 0]);
+        }
+        assert_eq!(station.wait(20).await, [""; 0], "nothing is tried");
+        assert_eq!(erases(&regions), before);
+        watched(ArmState::Disarmed);
+        assert_eq!(station.wait(2).await, ["Parameters saved"]);
+        assert!(erases(&regions) > before);
+    });
+    assert_eq!(stored(&regions, CAPACITY), 1234.0);
+    let id = ParameterId::Battery(Pack::Ninth, BatteryParameter::LowMah);
+    assert_eq!(stored(&regions, id), 100.0);
 }
 
 #[test]

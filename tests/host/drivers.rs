@@ -465,7 +465,10 @@ proptest! {
             if let MotorDrive::Turn(share) = drives.left {
                 let may_turn = |heard: &Heard| {
                     let is_fresh = room.desk.now_us - heard.at_us <= 1_500_000;
-                    heard.is_centred && is_fresh && (f32::from(heard.throttle) / 1000.0 - share).abs() < 1e-6
+                    let wanted = f32::from(heard.throttle) / 1000.0;
+                    // Less than is wanted while it reverses.
+                    let is_wanted = share * wanted > 0.0 && share.abs() < wanted.abs() + 1e-6;
+                    heard.is_centred && is_fresh && is_wanted
                 };
                 prop_assert!(heard.iter().any(may_turn), "{step:?}: {share} of {heard:?}");
             }

@@ -18,6 +18,7 @@ use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::tasks::{
     ByteSource, CheckIn, ReceiveError, SerialLine, Shared, follow_pulses, sample_batteries, serve_serial,
 };
+use rover_battmon::vehicle::ArmState;
 
 const MONITOR: BatteryParameter = BatteryParameter::Monitor;
 const CURR_PIN: BatteryParameter = BatteryParameter::CurrPin;
@@ -145,7 +146,11 @@ fn states(
                     .borrow_mut()
                     .push(shared.with(|autopilot| *autopilot.battery(Pack::Second)));
                 let now_us = Instant::now().as_micros() as u32;
-                assert!(check_ins.iter().all(|check_in| !check_in.is_overdue(now_us)));
+                assert!(
+                    check_ins
+                        .iter()
+                        .all(|check_in| !check_in.is_overdue(ArmState::Disarmed, now_us))
+                );
             }
         };
         let drivers = join(

@@ -615,7 +615,9 @@ fn overrides_drive_until_released() {
     ] {
         let event = rover.deliver(&rc_override(VEHICLE, steering_us, throttle_us));
         assert_eq!(event, Event::Driven);
-        assert_eq!(rover.drives(), expected, "{steering_us} {throttle_us}");
+        // A side that reverses takes a quarter of a second.
+        assert_eq!(rover.wait(260_000), [""; 0]);
+        assert_eq!(rover.outputs(), expected, "{steering_us} {throttle_us}");
     }
     // Released channels do not time out.
     assert_eq!(rover.wait(5_000_000), [""; 0]);

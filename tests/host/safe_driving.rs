@@ -291,10 +291,35 @@ fn mixed(throttle: f32, steering: f32) -> SideDrives {
     }
 }
 
-fn are_alike(one: MotorDrive, other: MotorDrive) -> bool {
-    match (one, other) {
-        (MotorDrive::Turn(one), MotorDrive::Turn(other)) => (one - other).abs() < 1e-6,
-        _ => one == other,
+/// A side that reverses takes a quarter of a second; this with a tick before it and behind it.
+const REVERSAL_US: u64 = 290_000;
+
+/// Until when each side may have turned back, and ahead.
+#[derive(Default)]
+struct Turned([[Option<u64>; 2]; 2]);
+
+impl Turned {
+    fn note(&mut self, drives: SideDrives, now_us: u64) {
+        for (until, drive) in self.0.iter_mut().zip([drives.left, drives.right]) {
+            if let MotorDrive::Turn(share) = drive {
+                until[usize::from(share > 0.0)] = Some(now_us);
+            }
+        }
+    }
+
+    /// Whether a side may do this where that is wanted of it: less, for a moment after it turned the other way.
+    fn permits(&self, side: usize, does: MotorDrive, wanted: MotorDrive, now_us: u64) -> bool {
+        let MotorDrive::Turn(wanted) = wanted else {
+            return does == wanted;
+        };
+        let reversed_us = self.0[side][usize::from(wanted < 0.0)];
+        let reverses = reversed_us.is_some_and(|at_us| now_us - at_us < REVERSAL_US);
+        match does {
+            MotorDrive::Turn(share) if reverses => share * wanted > 0.0 && share.abs() < wanted.abs() + 1e-6,
+            MotorDrive::Turn(share) => (share - wanted).abs() < 1e-6,
+            MotorDrive::Coast => reverses,
+            MotorDrive::Brake => false,
+        }
     }
 }
 
@@ -320,6 +345,7 @@ fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCase
     desk.set(VehicleParameter::MotSlewrate, 0.0);
     desk.now_us = 10_000_000;
     let mut logs = [Vec::new(), Vec::new()];
+    let (mut turned, mut wanted) = (Turned::default(), SideDrives::COAST);
     for step in steps {
         match *step {
             Step::Wait(us) => {
@@ -374,8 +400,13 @@ fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCase
             (ArmState::Armed, Mode::Hold) => SideDrives::BRAKE,
             (ArmState::Armed, Mode::Manual) => mixed(throttle, steering),
         };
+        // What was wanted before may have lasted until now.
+        turned.note(wanted, desk.now_us);
+        wanted = expected;
+        turned.note(wanted, desk.now_us);
         let drives = desk.vehicle().drives();
-        let is_right = are_alike(drives.left, expected.left) && are_alike(drives.right, expected.right);
+        let is_right = turned.permits(0, drives.left, expected.left, desk.now_us)
+            && turned.permits(1, drives.right, expected.right, desk.now_us);
         prop_assert!(is_right, "{drives:?}, not {expected:?}");
     }
     Ok(())

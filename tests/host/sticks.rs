@@ -82,6 +82,8 @@ fn driven(desk: &mut Desk) -> Vec<(usize, SideDrives)> {
     for channel in 1..=8 {
         push(desk, channel, NEUTRAL_US);
         push(desk, channel, 2000);
+        // A side that reverses takes a quarter of a second.
+        (0..13).for_each(|_| wait(desk));
         let drives = desk.vehicle().drives();
         if drives != SideDrives::COAST {
             driven.push((channel, drives));

@@ -44,7 +44,7 @@ mod firmware {
     static CAN: CheckIn = CheckIn::new("CAN", 2_500);
     static SERIAL: CheckIn = CheckIn::new("serial", 2_500);
     static PULSES: CheckIn = CheckIn::new("pulses", 2_500);
-    static DRIVE: CheckIn = CheckIn::new("drive", 500);
+    static DRIVE: CheckIn = CheckIn::new("drive", 500).while_armed(150);
     static TELEMETRY: CheckIn = CheckIn::new("telemetry", 2_500);
     static UART0_WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
     static UART0_READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
@@ -153,7 +153,7 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn supervisor(mut watchdog: BoardWatchdog, radio: Radio) -> ! {
+    async fn supervisor(shared: &'static Shared, mut watchdog: BoardWatchdog, radio: Radio) -> ! {
         let watched = [
             &WIFI,
             &BATTERY,
@@ -173,7 +173,7 @@ mod firmware {
             // The first one does not run.
             Radio::Absent => watched.get(1..).unwrap_or_default(),
         };
-        tasks::supervise(watched, &mut watchdog).await
+        tasks::supervise(shared, watched, &mut watchdog).await
     }
 
     #[embassy_executor::task]
@@ -372,7 +372,7 @@ mod firmware {
         start(spawner, "reboot", reboot(shared, link));
         start(spawner, "crash report", report_crash(last_run.crash, shared));
         start(spawner, "program hash", hash_program(shared));
-        start(spawner, "supervisor", supervisor(watchdog, radio));
+        start(spawner, "supervisor", supervisor(shared, watchdog, radio));
         (usb_port, logs, shared)
     }
 

@@ -57,7 +57,9 @@ pub fn find_board(
 ) -> BoardKind {
     // Its pull-down stays until the conversion is done.
     let select = Input::new(gp25, Pull::Down);
-    let _divider = Channel::new_pin(gp29, Pull::None);
+    // Pulled down: a charge on a pin that floats would read as a divider. A Pico's divider of 200 and 100 kΩ still shows 319
+    // counts with the strongest pull-down, of 50 kΩ, at 1.8 V.
+    let _divider = Channel::new_pin(gp29, Pull::Down);
     let _adc = Adc::new_blocking(adc, Config::default());
     let converted = convert(AnalogPin::Gp29);
     match converted {

@@ -3,7 +3,7 @@
 use super::controls::Controls;
 use super::driver::{Admitted, DriverSeat};
 use super::failsafe::Effect;
-use super::motor::Ramp;
+use super::motor::{Ramp, Reversals};
 use super::timed_input::TimedInput;
 use super::{
     Alert, AnotherDrives, ArmState, BatteryAlert, Colour, Delivery, DriverId, FailsafeAction, FailsafeLevel,
@@ -52,6 +52,7 @@ pub struct Vehicle {
     channels: StickChannels,
     ground_stations: TimedInput<()>,
     throttle: Ramp,
+    reversals: Reversals,
     /// The most urgent alert of all packs.
     battery_alert: BatteryAlert,
     /// The most severe failsafe action since no pack had a failsafe level.
@@ -228,6 +229,7 @@ impl Vehicle {
         if self.is_driving() {
             self.throttle
                 .follow(now, self.controls.throttle(), settings.slew_rate_per_s);
+            self.reversals.follow(now, self.mixed());
         }
         event
     }
@@ -254,10 +256,13 @@ impl Vehicle {
         match (self.arm_state, self.mode) {
             (ArmState::Disarmed, _) => SideDrives::COAST,
             (ArmState::Armed, Mode::Hold) => SideDrives::BRAKE,
-            (ArmState::Armed, Mode::Manual) => {
-                SideDrives::mixed(self.throttle.value(), self.controls.steering())
-            }
+            (ArmState::Armed, Mode::Manual) => self.mixed().limited(&self.reversals),
         }
+    }
+
+    /// What the sticks ask of the sides.
+    fn mixed(&self) -> SideDrives {
+        SideDrives::mixed(self.throttle.value(), self.controls.steering())
     }
 
     /// Share of the motors' full power, from 0 to 1, for the synthetic current sensor.

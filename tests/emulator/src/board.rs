@@ -188,11 +188,16 @@ impl Board {
     }
 
     /// Makes it a Pico W, before the first run: the radio at GP23, GP24, GP25 and GP29. What is put on channel 3 of the ADC
-    /// is a third of VSYS then, and reaches it while GP25 is high; else it is 0 V.
+    /// is a third of VSYS then, and reaches it while GP25 is high; else the pin floats, at 0 V unless it is charged.
     pub fn attach_wifi(&mut self) {
         self.bus.soc.wifi = Some(Box::new(Cyw43::new(WIFI_SEED)));
         self.bus.observe_pins();
         self.bus.attention = true;
+    }
+
+    /// Has GP29 of a Pico W, to which nothing is connected while GP25 is low, float to this voltage unless it is pulled down.
+    pub fn float_vsys_pin(&mut self, volts: f64) {
+        self.bus.soc.adc.float_vsys_pin(volts);
     }
 
     /// The radio. Panics without one.

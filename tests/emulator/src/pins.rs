@@ -22,6 +22,8 @@ const FUNCTION_PWM: u32 = 4;
 const FUNCTION_SIO: u32 = 5;
 const FUNCTION_PIO0: u32 = 6;
 const FUNCTION_PIO1: u32 = 7;
+/// A third of VSYS, if the board connects it.
+const VSYS_PIN: usize = 29;
 /// PADS_BANK0: pull-down, pull-up, input enable, output disable (datasheet 2.19.6.3).
 const PAD_PULL_DOWN: u32 = 2;
 const PAD_PULL_UP: u32 = 3;
@@ -287,7 +289,8 @@ impl SystemBus {
         if let Some(wifi) = &mut self.soc.wifi {
             wifi.set_wiring(wiring, self.now);
             let connects_vsys = wifi.connects_vsys();
-            self.soc.adc.connect_vsys(connects_vsys);
+            let is_pulled_down = self.pin_settings.pulled_down & 1 << VSYS_PIN != 0;
+            self.soc.adc.connect_vsys(connects_vsys, is_pulled_down);
         }
     }
 

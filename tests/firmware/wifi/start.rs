@@ -92,6 +92,18 @@ fn a_board_with_neither_radio_nor_divider_has_gp29_as_a_pin_after_three_vain_sta
 
 #[test]
 // Requirement: R-9
+fn a_charge_on_the_floating_pin_hides_no_radio() {
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    bench.attach_wifi();
+    // Its chip does not pull GP25 up yet.
+    bench.wifi().set_fault(Some(RadioFault::Missing));
+    bench.float_vsys_pin(3.0);
+    bench.run_for(SECOND);
+    assert_eq!(bench.logged(LogLevel::Info, "Wi-Fi radio: Present").len(), 1);
+}
+
+#[test]
+// Requirement: R-9
 fn a_radio_that_wakes_up_late_is_found() {
     let mut bench = Bench::power_up(DIVIDER_CODE);
     bench.attach_wifi();

@@ -18,8 +18,8 @@ const WATCHDOG_LOAD: u32 = 0x4005_8004;
 /// Its second, counted down twice a microsecond (RP2040-E1).
 const FULL_LOAD: u32 = 2_000_000;
 
-/// Of the watchdog's second, this much has to be left whenever it is fed.
-const SLACK_US: u64 = 850 * MILLISECOND;
+/// Of the watchdog's quarter of a second while armed, this much has to be left whenever it is fed, every 100 ms.
+const SLACK_US: u64 = 140 * MILLISECOND;
 
 /// A board that is close to a wrap.
 pub struct Old {

@@ -81,6 +81,9 @@ pub struct Adc {
     inputs: [AdcInput; CHANNELS],
     /// Of a Pico W: its switch between VSYS/3 and GP29 is open.
     is_vsys_cut_off: bool,
+    /// Where GP29 floats to while nothing is connected to it and nothing pulls it down.
+    stray_volts: f64,
+    is_vsys_pulled_down: bool,
     noise_volts: f64,
     random: Random,
     fault: AdcFault,
@@ -111,6 +114,8 @@ impl Adc {
                 AdcInput::Code(0),
             ],
             is_vsys_cut_off: false,
+            stray_volts: 0.0,
+            is_vsys_pulled_down: false,
             noise_volts: 0.0,
             random: Random::new(noise_seed),
             fault: AdcFault::None,
@@ -127,9 +132,16 @@ impl Adc {
         self.inputs[channel] = input;
     }
 
-    /// A Pico W connects a third of VSYS to its channel, or leaves it at 0 V.
-    pub fn connect_vsys(&mut self, is_connected: bool) {
+    /// A Pico W connects a third of VSYS to its channel, or leaves the pin floating. The pull-down of its pad, of 80 kΩ at most,
+    /// discharges it: with 20 pF in 1.6 µs, less than a conversion takes.
+    pub fn connect_vsys(&mut self, is_connected: bool, is_pulled_down: bool) {
         self.is_vsys_cut_off = !is_connected;
+        self.is_vsys_pulled_down = is_pulled_down;
+    }
+
+    /// Has the pin of a Pico W's VSYS float to this voltage.
+    pub fn float_vsys_pin(&mut self, volts: f64) {
+        self.stray_volts = volts;
     }
 
     /// Noise at the inputs given as voltages, in volts (standard deviation).
@@ -189,7 +201,10 @@ impl Adc {
             return;
         };
         let code = match self.inputs.get_mut(channel) {
-            Some(_) if channel == VSYS_CHANNEL && self.is_vsys_cut_off => 0,
+            Some(_) if channel == VSYS_CHANNEL && self.is_vsys_cut_off => {
+                let floats = !self.is_vsys_pulled_down;
+                code_of_volts(if floats { self.stray_volts } else { 0.0 })
+            }
             Some(input) => input.sample(start, self.noise_volts, &mut self.random) & 0xfff,
             None => 0,
         };

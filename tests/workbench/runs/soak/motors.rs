@@ -149,6 +149,11 @@ impl Motors {
         pins().for_each(|(_, _, pin)| bench.record_pin(pin));
     }
 
+    /// Whether one turns or brakes, as those of an armed rover only do.
+    pub fn are_on(bench: &Bench) -> bool {
+        pins().any(|(_, _, pin)| bench.pwm_output(pin).is_some_and(|output| output.duty > 0.0))
+    }
+
     /// Checks changes. Panics if a motor does what was not ordered.
     pub fn check(&mut self, changes: &[Change], orders: &Orders) {
         for (place, change) in changes.iter().enumerate() {
