@@ -30,24 +30,31 @@ impl Autopilot {
         self.wifi.setup()
     }
 
-    /// Takes what flash holds of Wi-Fi. A board with a radio that has no password yet makes one of what `entropy` gives.
-    pub fn wifi_loaded(
-        &mut self,
-        stored: StoredWifi,
-        entropy: impl FnOnce() -> Option<[u8; 32]>,
-        now: Instant,
-    ) {
-        let credentials = &mut self.wifi.credentials;
-        credentials.restore(stored);
-        if credentials.radio() == Radio::Present && credentials.own_password().is_none() {
-            match entropy() {
-                Some(entropy) => credentials.set_own_password(Password::from_entropy(&entropy)),
-                None => self.wifi.off = Some(WifiReport::NoEntropy),
-            }
-        }
+    /// Takes what flash holds of Wi-Fi. The radio waits for a password if there is none: [`Self::needs_entropy`].
+    pub fn wifi_loaded(&mut self, stored: StoredWifi, now: Instant) {
+        self.wifi.credentials.restore(stored);
         self.wifi_changed();
         if let Some(reason) = self.wifi.off {
             self.wifi_report(reason, now);
+        }
+    }
+
+    /// Whether random numbers are needed for the password of a board with a radio.
+    pub fn needs_entropy(&self) -> bool {
+        let credentials = &self.wifi.credentials;
+        credentials.radio() == Radio::Present && credentials.own_password().is_none()
+    }
+
+    /// Makes a password of random numbers; without them that is reported.
+    pub fn entropy_collected(&mut self, entropy: Option<[u8; 32]>, now: Instant) {
+        match entropy {
+            Some(entropy) => {
+                self.wifi
+                    .credentials
+                    .set_own_password(Password::from_entropy(&entropy));
+                self.wifi_changed();
+            }
+            None => self.wifi_report(WifiReport::NoEntropy, now),
         }
     }
 

@@ -9,7 +9,7 @@ use core::pin::{Pin, pin};
 
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::{CheckIn, Shared, mark, now};
@@ -33,6 +33,9 @@ const LEAST_PAUSE: Duration = Duration::from_millis(50);
 
 /// The telemetry port's first messages leave before the radio begins.
 const RADIO_DELAY: Duration = Duration::from_millis(50);
+
+/// Random numbers that were refused are asked for again after this.
+const ENTROPY_RETRY: Duration = Duration::from_secs(10);
 
 /// Time armed so far, before the tasks start.
 const NOT_ARMED_US: u64 = 0;
@@ -136,15 +139,15 @@ impl<F: NorFlash> Storages<F> {
         }
     }
 
-    /// What can't be read is as if it was never set. `entropy` gives 32 random bytes for the first password.
-    async fn load_wifi(&mut self, entropy: impl FnOnce() -> Option<[u8; 32]>, shared: &Shared) {
+    /// What can't be read is as if it was never set.
+    async fn load_wifi(&mut self, shared: &Shared) {
         let Some(storage) = &mut self.wifi else { return };
         let mut stored = StoredWifi::default();
         let read = storage.load(&mut |key, words| stored.found(key, &words)).await;
         if let Err(error) = read {
             warn!("Wi-Fi storage: {:?}", error);
         }
-        shared.with(|autopilot| autopilot.wifi_loaded(stored, entropy, now()));
+        shared.with(|autopilot| autopilot.wifi_loaded(stored, now()));
     }
 
     /// Saves what has to be saved until `other` is done, which gets its turns meanwhile.
@@ -280,28 +283,42 @@ async fn prepare<F: NorFlash, V: Value>(storage: &mut Storage<F, V>, shared: &Sh
     }
 }
 
+/// Has a password made of what `entropy` gives, if there is none.
+async fn make_password(entropy: &mut impl AsyncFnMut() -> Option<[u8; 32]>, shared: &Shared) {
+    if shared.with(|autopilot| autopilot.needs_entropy()) {
+        let entropy = entropy().await;
+        shared.with(|autopilot| autopilot.entropy_collected(entropy, now()));
+    }
+}
+
 /// Reads what was not read before the tasks start: what is learnt of the packs first, then Wi-Fi settings, then which logs there
 /// are in the sectors of `log_range`, an address range of `log`. Then writes whatever has to be saved and recorded, and
-/// erases ahead of it while disarmed.
+/// erases ahead of it while disarmed. `entropy` gives 32 random bytes for the first password, or is asked again later.
 pub async fn keep_flash<F: NorFlash>(
     mut storages: Storages<F>,
     mut log: F,
     log_range: Range<u32>,
-    entropy: impl FnOnce() -> Option<[u8; 32]>,
+    mut entropy: impl AsyncFnMut() -> Option<[u8; 32]>,
     shared: &Shared,
     check_in: &CheckIn,
 ) -> ! {
     if storages.wifi.is_some() {
         let delay = pin!(Timer::after(RADIO_DELAY));
         storages.save_during(delay, shared, check_in).await;
-        storages.load_wifi(entropy, shared).await;
+        storages.load_wifi(shared).await;
+        make_password(&mut entropy, shared).await;
     }
     let scan = async {
         let ring = Ring::scan(&mut log, log_range).await;
         shared.with(|autopilot| autopilot.logs_found(ring));
     };
     storages.save_during(pin!(scan), shared, check_in).await;
+    let mut entropy_due = Instant::now() + ENTROPY_RETRY;
     loop {
+        if Instant::now() >= entropy_due {
+            entropy_due += ENTROPY_RETRY;
+            make_password(&mut entropy, shared).await;
+        }
         let pause = keep_log(&mut log, shared).await;
         storages
             .save_during(pin!(Timer::after(pause)), shared, check_in)

@@ -1,6 +1,7 @@
 //! Wi-Fi without its radio: names and passwords, what is set up, what of it outlasts a restart, and what the radio reports.
 
 mod credentials;
+mod entropy;
 mod network;
 mod packet;
 mod report;
@@ -8,6 +9,7 @@ mod setup;
 mod stored;
 
 pub use credentials::{Radio, WifiCredentials};
+pub use entropy::EntropyPool;
 pub use network::{Network, Password, Ssid};
 pub use packet::{PacketFault, PacketKind, check_packet, hide_refusal, lower_link};
 pub use report::WifiReport;

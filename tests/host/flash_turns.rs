@@ -62,7 +62,7 @@ fn run(flash: &SlowFlash, script: impl AsyncFnOnce(&Shared)) {
             storages,
             flash.clone(),
             flash_map::LOG,
-            || None,
+            async || None,
             &shared,
             &check_in,
         );

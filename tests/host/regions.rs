@@ -43,7 +43,7 @@ pub async fn keep(storages: Storages<SmallFlash>, shared: &Shared) -> ! {
         storages,
         SmallFlash::blank(),
         0..0,
-        || Some([7; 32]),
+        async || Some([7; 32]),
         shared,
         &check_in,
     )

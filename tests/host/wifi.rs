@@ -82,7 +82,7 @@ fn desk_of(radio: Radio, kind: LinkKind) -> Desk {
         own_password: Some(password(OWN_PASSWORD)),
         network: None,
     };
-    desk.autopilot.wifi_loaded(stored, || None, Instant::EPOCH);
+    desk.autopilot.wifi_loaded(stored, Instant::EPOCH);
     desk.autopilot.take_work();
     desk.connect(kind);
     desk
@@ -334,8 +334,11 @@ fn the_longest_password_is_shown_whole() {
 fn a_radio_without_a_password_gets_one_that_is_saved() {
     let mut desk = Desk::starting(start(Radio::Present));
     assert_eq!(desk.autopilot.wifi_setup(), None);
-    desk.autopilot
-        .wifi_loaded(StoredWifi::default(), || Some([1; 32]), Instant::EPOCH);
+    desk.autopilot.wifi_loaded(StoredWifi::default(), Instant::EPOCH);
+    assert!(desk.autopilot.needs_entropy());
+    assert_eq!(desk.autopilot.wifi_setup(), None);
+    desk.autopilot.entropy_collected(Some([1; 32]), Instant::EPOCH);
+    assert!(!desk.autopilot.needs_entropy());
     let made = Password::from_entropy(&[1; 32]);
     assert_eq!(desk.autopilot.wifi_setup().unwrap().own_password, made);
     assert!(desk.autopilot.take_work().contains(Work::WIFI | Work::SAVE));
@@ -345,15 +348,20 @@ fn a_radio_without_a_password_gets_one_that_is_saved() {
 }
 
 #[test]
-fn a_radio_stays_off_without_random_numbers() {
+fn a_radio_is_off_until_there_are_random_numbers() {
     let mut desk = Desk::starting(start(Radio::Present));
     desk.connect(LinkKind::Direct);
-    desk.autopilot
-        .wifi_loaded(StoredWifi::default(), || None, Instant::EPOCH);
-    assert_eq!(desk.autopilot.wifi_setup(), None);
-    desk.post_due(0);
-    let no_entropy = "Wi-Fi off: no random numbers for a password";
-    assert!(texts_of(&desk.sent()).contains(&no_entropy.into()));
+    desk.autopilot.wifi_loaded(StoredWifi::default(), Instant::EPOCH);
+    let no_entropy = "Wi-Fi off: no random numbers for a password".to_string();
+    for count in [1, 0] {
+        desk.autopilot.entropy_collected(None, Instant::EPOCH);
+        assert_eq!(desk.autopilot.wifi_setup(), None);
+        desk.post_due(0);
+        let texts = texts_of(&desk.sent());
+        assert_eq!(texts.iter().filter(|text| **text == no_entropy).count(), count);
+    }
+    desk.autopilot.entropy_collected(Some([1; 32]), Instant::EPOCH);
+    assert!(desk.autopilot.wifi_setup().is_some());
 }
 
 #[test]
@@ -385,8 +393,8 @@ fn a_radio_stays_off_after_a_fault_of_its_task_or_a_second_hang_in_its_turn() {
             radio_crashes,
             ..start(Radio::Present)
         });
-        desk.autopilot
-            .wifi_loaded(StoredWifi::default(), || Some([1; 32]), Instant::EPOCH);
+        desk.autopilot.wifi_loaded(StoredWifi::default(), Instant::EPOCH);
+        desk.autopilot.entropy_collected(Some([1; 32]), Instant::EPOCH);
         assert_eq!(desk.autopilot.wifi_setup().is_none(), is_off, "{case}");
         desk.connect(LinkKind::Direct);
         desk.post_due(0);

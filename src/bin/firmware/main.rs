@@ -131,7 +131,9 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn flash(storages: Storages<BoardFlash>, log: BoardFlash, shared: &'static Shared) -> ! {
-        tasks::keep_flash(storages, log, flash_map::LOG, board::entropy, shared, &FLASH).await
+        let board_id = shared.with(|autopilot| autopilot.system_state().identity.board_id);
+        let entropy = async || board::entropy(board_id).await;
+        tasks::keep_flash(storages, log, flash_map::LOG, entropy, shared, &FLASH).await
     }
 
     /// Only on a board with a radio.

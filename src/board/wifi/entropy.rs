@@ -1,27 +1,29 @@
 //! Chance, from the jitter of the chip's ring oscillator.
 
-use embassy_rp::clocks::RoscRng;
-use sha2::{Digest, Sha256};
+use cortex_m::asm;
+use embassy_futures::yield_now;
+use embassy_rp::pac;
 
-/// Bits of the oscillator for each bit of the result. They are neither independent nor fair (RP2040 datasheet, 2.17.5), so
-/// many of them are hashed.
-const RAW_BYTES: u32 = 16 * 32;
+use crate::memory::identity::BoardId;
+use crate::wifi::EntropyPool;
 
-/// Of bits that have nothing to do with each other half of all differ from the one before. An oscillator that stands still, or
-/// swings in step with the processor, gives few such changes or one after the other.
-const MIN_CHANGES: u32 = RAW_BYTES * u8::BITS / 8;
-const MAX_CHANGES: u32 = RAW_BYTES * u8::BITS - MIN_CHANGES;
+/// Samples in a turn, which takes 0.1 ms: packs may have to be sampled behind it.
+const SAMPLES_IN_A_TURN: usize = 8;
 
 /// 32 bytes that can't be guessed; `None` if the oscillator gives none.
-pub fn entropy() -> Option<[u8; 32]> {
-    let mut hash = Sha256::new();
-    let mut changes = 0;
-    for _ in 0..RAW_BYTES {
-        let byte = RoscRng::next_u8();
-        changes += (byte ^ byte.rotate_left(1)).count_ones();
-        hash.update([byte]);
+pub async fn entropy(board_id: Option<BoardId>) -> Option<[u8; 32]> {
+    let mut pool = EntropyPool::new();
+    for byte in board_id.iter().flat_map(|id| id.0) {
+        pool.mix(&[byte.into()]);
     }
-    (MIN_CHANGES..=MAX_CHANGES)
-        .contains(&changes)
-        .then(|| hash.finalize().into())
+    while !pool.is_full() {
+        for _ in 0..SAMPLES_IN_A_TURN {
+            asm::delay(pool.next_pause_cycles());
+            pool.add(pac::ROSC.randombit().read().randombit());
+        }
+        // When the other tasks left the processor, and the noise of the last conversion.
+        pool.mix(&[pac::TIMER.timerawl().read(), pac::ADC.result().read().0]);
+        yield_now().await;
+    }
+    pool.finish()
 }

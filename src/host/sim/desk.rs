@@ -192,7 +192,7 @@ impl<'a> Desk<'a> {
             storages,
             self.flash.clone(),
             flash_map::LOG,
-            || None,
+            async || None,
             &self.shared,
             &UNWATCHED,
         );
