@@ -126,7 +126,7 @@ impl Autopilot {
             opened_links: 0,
             limit: AnnouncementLimit::default(),
             broadcast: Broadcast::new(),
-            changes: Changes::default(),
+            changes: in_place(Changes::default),
             packs: Packs::new(&start.parameters),
         }
     }
