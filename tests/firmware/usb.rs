@@ -2,10 +2,11 @@
 
 use emulator::{AbortPoint, ControlRequest, FlashTiming, HostEvent, LogLevel, Random, Reading};
 use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message};
-use support::requests::{VEHICLE, param_read_by_name, param_request_list, param_set};
+use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list, param_set};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire, value_of};
 
 /// How long a program on the host has to do without its link, at most.
+const PREFLIGHT_STORAGE: u16 = 245;
 const BACK_WITHIN_US: u64 = 2 * SECOND;
 
 /// Frames that are due together leave one after the other.
@@ -260,9 +261,11 @@ fn the_slowest_erase_is_no_fault_of_the_device() {
     // Nothing there can be kept, so the first value that is written needs an erased sector.
     let mut bench = Bench::power_up_with_parameters(DIVIDER_CODE, &[0; PARAMETER_BYTES]);
     bench.flash_timing(FlashTiming::MAXIMUM);
-    bench.run_for(SECOND);
+    // The mark of the damage, and a sector erased ahead.
+    bench.run_for(5 * SECOND);
     bench.use_wire(Wire::Usb);
-    bench.send(&param_set("BATT_LOW_VOLT", 6.5));
+    // A reset moves to that sector, and the next one is erased.
+    bench.send(&command_long(PREFLIGHT_STORAGE, 2.0));
     for _ in 0..200 {
         bench.usb().request(ControlRequest::GetLineCoding, None);
         bench.run_for(10 * MILLISECOND);
