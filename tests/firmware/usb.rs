@@ -5,8 +5,9 @@ use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_se
 use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list, param_set};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire, value_of};
 
-/// How long a program on the host has to do without its link, at most.
 const PREFLIGHT_STORAGE: u16 = 245;
+
+/// How long a program on the host has to do without its link, at most.
 const BACK_WITHIN_US: u64 = 2 * SECOND;
 
 /// Frames that are due together leave one after the other.
