@@ -126,7 +126,7 @@ impl Autopilot {
             opened_links: 0,
             limit: AnnouncementLimit::default(),
             broadcast: Broadcast::new(),
-            changes: in_place(Changes::default),
+            changes: Changes::default(),
             packs: Packs::new(&start.parameters),
         }
     }
