@@ -17,6 +17,7 @@ use super::clock::Cycle;
 use super::cpu::{Cpu, ISB};
 use super::interrupts::would_preempt;
 use super::memory::{FLASH_BASE, FLASH_SIZE, RAM_SIZE};
+use super::xip_cache::XipCache;
 use flags::Flags;
 use kind::{KINDS, Kind};
 use operands::{Instruction, Step};
@@ -36,6 +37,7 @@ struct Core<'a> {
     lowest_stack_pointer: u32,
     ram: &'a mut [u8; RAM_SIZE],
     flash: &'a [u8; FLASH_SIZE],
+    cache: &'a mut XipCache,
     /// Where a store would make decoded instructions stale: such are for the crate.
     code_pages: &'a [bool; CODE_PAGES],
     /// A store here has to be noted.
@@ -69,6 +71,7 @@ impl Cpu {
             lowest_stack_pointer: *lowest_stack_pointer,
             ram,
             flash,
+            cache: &mut bus.soc.xip_control.cache,
             code_pages: &bus.code_pages,
             watched: bus.rtt.watched(),
             notice: None,
@@ -76,7 +79,10 @@ impl Cpu {
         let mut pc = core.r[PC];
         let mut stored = false;
         while now < end {
-            let Some(step) = core.step(pc) else { break };
+            let step = core.step(pc);
+            // Also of an instruction that is left to the crate: it finds there what was read.
+            now += core.cache.take_waiting();
+            let Some(step) = step else { break };
             count += 1;
             last_pc = pc;
             pc = step.next;
@@ -124,6 +130,7 @@ impl Core<'_> {
         if offset >= FLASH_SIZE {
             return None;
         }
+        self.cache.read(pc);
         let opcode = self.fetch(offset);
         self.execute(Instruction { opcode, pc })
     }

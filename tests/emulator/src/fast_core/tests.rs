@@ -90,6 +90,7 @@ fn prepare(board: &mut Board, r: [u32; 16], flags: u32, primask: u32) {
 
 fn step_by_crate(board: &mut Board) {
     board.bus.now += board.cpu.step(&mut board.bus);
+    board.bus.now += board.bus.soc.xip_control.cache.take_waiting();
     board.lowest_stack_pointer = board.lowest_stack_pointer.min(board.register(SP));
 }
 
