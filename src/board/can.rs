@@ -4,6 +4,10 @@
     reason = "an executor in an interrupt is run by its handler, which has to promise what it is"
 )]
 
+use core::future::poll_fn;
+use core::pin::{Pin, pin};
+use core::task::{Context, Poll};
+
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_rp::Peri;
 use embassy_rp::gpio::{Input, Pull};
@@ -52,8 +56,15 @@ impl CanController {
 
     /// Serves the controller.
     pub async fn serve(self) -> ! {
-        mcp2515::serve(self.spi, self.interrupt, self.timing, &EXCHANGE).await
+        let mut serve = pin!(mcp2515::serve(self.spi, self.interrupt, self.timing, &EXCHANGE));
+        poll_fn(|context| poll_quickly(serve.as_mut(), context)).await
     }
+}
+
+/// Polls from RAM, where memory.x places it: while flash is read line by line, frames would be lost on a full bus.
+#[inline(never)]
+fn poll_quickly<F: Future>(future: Pin<&mut F>, context: &mut Context<'_>) -> Poll<F::Output> {
+    future.poll(context)
 }
 
 /// What tasks have of the controller.

@@ -36,7 +36,7 @@ pub use indicators::{BoardIndicators, Buzzer, indicators};
 pub use last_run::LastRun;
 pub use memory_map::{program, program_code};
 pub use motors::{BoardMotors, MotorPeripherals, MotorPins};
-pub use pulses::{PulseInput, pulse_input};
+pub use pulses::{PULSES_SEEN, PulseInput, pulse_input};
 pub use reset::{ResetReason, restart};
 pub use retained::{BoardCrashMemory, RETAINED_LEASES, retained_memory};
 pub use running::{name_task, name_this_task};

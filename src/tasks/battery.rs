@@ -29,10 +29,12 @@ pub async fn sample_batteries(
         ticks.take(now);
         let readings = read_pins(&mut input, shared).await;
         let mut sampling = shared.with(|autopilot| autopilot.begin_sampling(now, readings));
+        yield_now().await;
         while shared.with(|autopilot| autopilot.sample_next(&mut sampling)) != SamplingProgress::Complete {
             // No other task should wait for all packs.
             yield_now().await;
         }
+        yield_now().await;
         shared.with(|autopilot| autopilot.end_sampling(sampling, memory));
         mark(check_in);
     }

@@ -1,13 +1,13 @@
 //! Drives the rover's motors, lamps and buzzer.
 
 use embassy_futures::select::select;
-use embassy_time::{Duration, Ticker};
 
-use super::{CheckIn, Shared, mark, now};
+use super::{CheckIn, Shared, mark, now, timer_at};
+use crate::time::Cadence;
 use crate::vehicle::{Indicators, Motors};
 
 /// 50 Hz, the rate of ArduPilot Rover's throttle output.
-const INTERVAL: Duration = Duration::from_millis(20);
+const INTERVAL_US: u64 = 20_000;
 
 /// Sets `motors` and `indicators` to the vehicle's outputs, every 20 ms and at once when it was commanded or a failsafe
 /// has acted.
@@ -17,12 +17,14 @@ pub async fn drive(
     shared: &Shared,
     check_in: &CheckIn,
 ) -> ! {
-    let mut ticks = Ticker::every(INTERVAL);
+    // The packs are sampled at whole intervals from about the start on, and do not wait for this.
+    let mut ticks = Cadence::starting_at(now().after_us(INTERVAL_US / 2), INTERVAL_US);
     loop {
         let outputs = shared.with(|autopilot| autopilot.drive(now()));
         motors.drive(outputs.drives);
         indicators.show(outputs.indication);
         mark(check_in);
-        select(ticks.next(), shared.to_drive.wait()).await;
+        select(timer_at(ticks.due()), shared.to_drive.wait()).await;
+        ticks.take(now());
     }
 }

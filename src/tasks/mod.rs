@@ -39,7 +39,7 @@ pub use flash::{Storages, keep_flash};
 pub use link::{Link, read_file};
 pub use liveness::{CheckIn, first_overdue};
 pub use program::hash_program;
-pub use pulses::follow_pulses;
+pub use pulses::{SeenPulses, hand_over_pulses, watch_pulses};
 pub use reader::{ByteSource, ReceiveError, read_frames};
 pub use reboot::reboot_requested;
 pub use serial::{SerialLine, serve_serial};

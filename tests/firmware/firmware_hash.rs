@@ -85,7 +85,8 @@ fn it_is_logged_soon_and_does_not_delay_the_start() {
     println!("first frame after {started_after_us} us, hash after {hashed_after_us} us");
     // Meanwhile the logs are looked for.
     assert!(hashed_after_us < 450 * MILLISECOND, "{hashed_after_us} us");
-    assert!(started_after_us < 25 * MILLISECOND, "{started_after_us} us");
+    // Of these, some 2 ms are lines of flash that are read for the first time.
+    assert!(started_after_us < 28 * MILLISECOND, "{started_after_us} us");
 }
 
 /// A byte in flash, by its offset, that differs in one bit from the program's; it is of a text that is sent after crashes

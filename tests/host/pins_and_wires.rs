@@ -16,7 +16,8 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::tasks::{
-    ByteSource, CheckIn, ReceiveError, SerialLine, Shared, follow_pulses, sample_batteries, serve_serial,
+    ByteSource, CheckIn, ReceiveError, SeenPulses, SerialLine, Shared, hand_over_pulses, sample_batteries,
+    serve_serial, watch_pulses,
 };
 use rover_battmon::vehicle::ArmState;
 
@@ -135,6 +136,7 @@ fn states(
         parameters.set(parameter.of(Pack::Second), *value).unwrap();
     }
     let check_ins = [0; 3].map(|_| CheckIn::new("", 600));
+    let seen = SeenPulses::new();
     let states = RefCell::new(Vec::new());
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_millis(seconds * 1000 + 50), async {
@@ -154,11 +156,17 @@ fn states(
             }
         };
         let drivers = join(
-            follow_pulses(pin, &shared, &check_ins[0]),
+            hand_over_pulses(pin.is_some().then_some(&seen), &shared, &check_ins[0]),
             serve_serial(telemetry, &shared, &check_ins[1]),
         );
+        let watch_pin = async {
+            match pin {
+                Some(pin) => watch_pulses(pin, &seen).await,
+                None => pending().await,
+            }
+        };
         let battery = sample_batteries(NoConverter, &mut memory, &shared, &check_ins[2]);
-        join(join(drivers, battery), watch).await
+        join(join(drivers, watch_pin), join(battery, watch)).await
     });
     states.take()
 }

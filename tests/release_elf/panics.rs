@@ -58,7 +58,9 @@ fn panic_functions(program: &Program, calls: &[Call]) -> BTreeMap<u32, String> {
     let mut found = BTreeMap::from([(TRAP, "udf".to_owned())]);
     let functions = program.symbols.iter().filter(|symbol| symbol.is_function);
     for symbol in functions.filter(|symbol| raises_panics(&symbol.name)) {
-        found.insert(symbol.address, symbol.name.clone());
+        // The linker gives the default handler a second name.
+        let name = symbol.name.replace("_defmt_panic", "__defmt_default_panic");
+        found.insert(symbol.address, name);
     }
     assert!(
         found.values().any(|name| name.ends_with("rust_begin_unwind")),

@@ -26,7 +26,7 @@ mod firmware {
     use rover_battmon::net::{NetMemory, Service};
     use rover_battmon::sensor::{Buses, DriverEnable};
     use rover_battmon::tasks::CheckIn;
-    use rover_battmon::tasks::{self, Link, Shared, Storages};
+    use rover_battmon::tasks::{self, Link, SeenPulses, Shared, Storages};
     use rover_battmon::wifi::{RADIO_TASK, Radio};
     use static_cell::StaticCell;
 
@@ -83,8 +83,14 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn pulses(pin: Option<PulseInput>, shared: &'static Shared) -> ! {
-        tasks::follow_pulses(pin, shared, &PULSES).await
+    async fn pulses(seen: Option<&'static SeenPulses>, shared: &'static Shared) -> ! {
+        tasks::hand_over_pulses(seen, shared, &PULSES).await
+    }
+
+    /// In an interrupt, and only with a fuel sensor. Nothing in it can hang.
+    #[embassy_executor::task]
+    async fn pulse_pin(pin: PulseInput) -> ! {
+        tasks::watch_pulses(pin, &board::PULSES_SEEN).await
     }
 
     #[embassy_executor::task]
@@ -324,7 +330,7 @@ mod firmware {
         };
         let serial_port = wiring.serial.map(|setup| board::serial_uart(serial_parts, setup));
         // The interrupt line of the CAN controller is the pulse input.
-        let (controller, pulse_pin) = match wiring.can {
+        let (controller, pulse_input) = match wiring.can {
             Some(timing) => {
                 let pins = CanPins {
                     select: peripherals.PIN_13,
@@ -365,7 +371,12 @@ mod firmware {
             start_in_interrupt("CAN controller", can_controller(controller));
         }
         start(spawner, SERIAL.name(), serial(serial_port, shared));
-        start(spawner, PULSES.name(), pulses(pulse_pin, shared));
+        let seen = pulse_input.is_some().then_some(&board::PULSES_SEEN);
+        start(spawner, PULSES.name(), pulses(seen, shared));
+        // Not with the CAN controller, which has the pin then.
+        if let Some(pin) = pulse_input {
+            start_in_interrupt("pulse pin", pulse_pin(pin));
+        }
         start(spawner, FLASH.name(), self::flash(storages, flash, shared));
         if let Some(pins) = wifi_pins {
             start(spawner, WIFI.name(), wifi(open_wifi(kind, pins), logs, shared));

@@ -9,8 +9,9 @@ use embassy_sync::signal::Signal;
 
 use crate::sensor::{Acceptance, CanBus, CanFrame, CanInterrupt, CanStatus};
 
-/// Frames at full load of 1 Mbit/s take 130 µs each, so that these bridge 4 ms, the time in which packs are sampled.
-const RECEIVED: usize = 32;
+/// Frames at full load of 1 Mbit/s take 130 µs each, so that these bridge 16 ms: what the start does between two turns of the task,
+/// and the sampling of packs, 4 ms.
+const RECEIVED: usize = 128;
 
 /// What has more to send waits.
 const TO_SEND: usize = 4;

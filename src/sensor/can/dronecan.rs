@@ -84,6 +84,8 @@ impl DroneCan {
     }
 
     /// Takes a received frame.
+    // Not inlined, so that a board's linker script can name it: frames may come every 130 µs.
+    #[inline(never)]
     pub fn receive(&mut self, frame: &CanFrame, now: Instant, mut deliver: impl FnMut(CanEvent)) {
         let Some(identifier) = Identifier::parse(frame.id()) else {
             return;

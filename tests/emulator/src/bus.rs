@@ -164,9 +164,7 @@ impl SystemBus {
     #[inline]
     fn read_flash(&mut self, address: u32) {
         self.check_flash_readable(address);
-        if let Some(cache) = &mut self.soc.xip_control.cache {
-            cache.read(address);
-        }
+        self.soc.xip_control.cache.read(address);
     }
 
     /// On silicon, reading flash while it cannot be read gives other bytes than it holds, or stops
@@ -253,7 +251,10 @@ impl SystemBus {
     }
 
     fn carry_out(&mut self, transfer: Transfer) -> TransferEnd {
-        let Ok(value) = self.load(transfer.from, transfer.width) else {
+        let loaded = self.load(transfer.from, transfer.width);
+        // A miss delays the DMA, which is not modelled, and not the processor.
+        self.soc.xip_control.cache.take_waiting();
+        let Ok(value) = loaded else {
             self.note_bus_error(transfer.from, Direction::Read);
             return TransferEnd::ReadError;
         };

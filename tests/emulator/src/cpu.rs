@@ -164,7 +164,6 @@ impl Cpu {
             && !self.core.is_halted()
             && bus.fault.is_none()
             && bus.flash_is_readable()
-            && bus.soc.xip_control.cache.is_none()
             && mpu.leaves_open(FLASH)
             && mpu.leaves_open(RAM)
             && !self.takes_interrupt(bus)

@@ -33,8 +33,9 @@
 //! the cache.
 //!
 //! The ROM's routines for singles that firmware calls give what the ROM gives, bit for bit, after the
-//! cycles that it takes on average, which count as instructions. What the cache in front of the flash
-//! would miss can be counted ([`Board::count_xip_misses`]).
+//! cycles that it takes on average, which count as instructions. The cache in front of the flash holds
+//! what one of its size would: for what it misses the processor waits 56 cycles, or as long as a test says
+//! ([`Board::set_cycles_of_a_flash_miss`]).
 //!
 //! [`Board::attach_wifi`] makes the board a Pico W: a CYW43439 at the pins of PIO0, on which the driver loads its program and
 //! brings up an access point or joins a network ([`cyw43`] says what of it is modelled). Frames from and to the air are the test's,
@@ -45,9 +46,9 @@
 //!
 //! # What is not, and may not be claimed
 //!
-//! * Exact cycles: XIP cache misses take no time, bus contention and the wait states of the APB are left out,
-//!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
-//!   counts are sound, cycle figures are not.
+//! * Exact cycles: which line a miss of the flash cache replaces is assumed; what is fetched ahead of a branch, bus
+//!   contention and the wait states of the APB are left out, taken branches and SIO loads differ from silicon by a
+//!   cycle. Milliseconds and instruction counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
 //! * Core 1, the interpolators, SPI0, RTC and SysTick: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].

@@ -117,6 +117,8 @@ fn edges_of_a_recorded_pin_have_their_times() {
         &[store(0, 2), store(0, 1), NOP, store(0, 1), store(0, 1), HANG],
         &[],
     );
+    // The second pair of stores is in another line.
+    board.set_cycles_of_a_flash_miss(0);
     board.write_register(RESETS_CLEAR, ALL_BLOCKS);
     select_function(&mut board, 16, FUNCTION_SIO);
     board.set_register(0, 1 << 16);

@@ -112,7 +112,7 @@ impl Board {
             }
             let pc = self.register(PROGRAM_COUNTER);
             let taken = self.cpu.step(&mut self.bus);
-            self.bus.now += taken;
+            self.bus.now += taken + self.bus.soc.xip_control.cache.take_waiting();
             if self.register(PROGRAM_COUNTER) == pc && !boot_rom::is_function(pc) {
                 // A branch to itself: nothing comes of it until the next event.
                 self.bus.now += end.saturating_sub(self.bus.now).div_ceil(taken) * taken;

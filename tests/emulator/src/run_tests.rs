@@ -88,18 +88,21 @@ fn the_deepest_stack_is_remembered_with_the_handlers_on_it() {
     );
 }
 
-/// The flash cache is looked up by the processor's fetches and loads.
+/// The flash cache is looked up by the processor's fetches and loads, which wait for what it does not hold.
 #[test]
-fn cache_misses_are_counted_from_when_that_is_asked_for() {
+fn cache_misses_are_counted_and_take_time() {
     // Loads from R5 and R6, and goes round in one line of flash.
     let mut board = board(&[load(0, 5), load(0, 6), back(2)], &[]);
     board.set_register(5, MAIN);
     board.set_register(6, MAIN + 0x100);
-    board.run_for(10);
-    assert_eq!(board.xip_misses(), 0, "not asked for");
-    board.count_xip_misses();
-    board.run_for(10);
+    board.set_cycles_of_a_flash_miss(1000);
+    board.run_for(30);
     assert_eq!(board.xip_misses(), 2);
+    let rounds = |cycles: u64| cycles / (2 + 2 + 3) * 3;
+    let executed = board.instructions();
+    assert!(executed.abs_diff(rounds(30 * 125 - 2000)) <= 3, "{executed}");
+    board.run_for(10);
+    assert!((board.instructions() - executed).abs_diff(rounds(10 * 125)) <= 3);
     board.write_register(0x1400_0004, 1);
     board.run_for(10);
     assert_eq!(board.xip_misses(), 4, "after a flush");

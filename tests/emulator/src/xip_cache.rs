@@ -1,55 +1,93 @@
 //! The cache in front of the flash (datasheet 2.6.3.1, 2.6.3.2): 16 KB, two ways, lines of 8 bytes.
 //!
-//! It counts and nothing more: a miss takes no time here, and what is read is what the flash holds.
-//! Which way a miss replaces is not documented; here it is the one that was used longer ago. The
-//! processor fetches some words ahead of a branch that it then takes: those are not counted.
+//! A miss is counted, and the processor waits for it. What is read is what the flash holds. Which way a
+//! miss replaces is not documented; here it is the one that was used longer ago. The processor fetches
+//! some words ahead of a branch that it then takes: those are left out.
+
+use std::num::NonZeroU32;
+
+use super::clock::Cycle;
+
+/// What a miss costs behind the second stage for a W25Q080 at its divider of 2: 8 clocks of the serial wires for the
+/// address, 4 for mode and dummies, 16 for the line, each two cycles.
+const CYCLES_OF_A_MISS: Cycle = 2 * (8 + 4 + 16);
 
 /// "16 kB total size / 8 bytes per line / 2 ways per set" (2.6.3.2).
 const LINE_BYTES: u32 = 8;
 const SETS: u32 = 16 * 1024 / LINE_BYTES / 2;
 
-/// Two lines of flash, the one that was used last first.
-type Set = [Option<u32>; 2];
+/// A line's address by its number; `None` for none, as no flash is there.
+type Line = Option<NonZeroU32>;
 
-/// Which lines of flash the cache holds, and how often it held another than the one that was read.
+/// Which lines of flash the cache holds, how often it held another than the one that was read, and what that costs.
 #[derive(Clone)]
 pub struct XipCache {
-    sets: Vec<Set>,
+    /// Two lines each, the one that was used last first.
+    sets: Vec<[Line; 2]>,
+    /// The line that was read last.
+    last: Line,
     misses: u64,
+    cycles_of_a_miss: Cycle,
+    waiting: Cycle,
 }
 
 impl Default for XipCache {
     fn default() -> Self {
         Self {
             sets: vec![[None; 2]; SETS as usize],
+            last: None,
             misses: 0,
+            cycles_of_a_miss: CYCLES_OF_A_MISS,
+            waiting: 0,
         }
     }
 }
 
 impl XipCache {
     /// A read of flash: within a line, so of a word at most.
+    #[inline(always)]
     pub fn read(&mut self, address: u32) {
-        let line = address / LINE_BYTES;
-        let set = &mut self.sets[(line % SETS) as usize];
+        let line = NonZeroU32::new(address / LINE_BYTES);
+        if line != self.last {
+            self.last = line;
+            self.look_up(line, address / LINE_BYTES % SETS);
+        }
+    }
+
+    #[inline]
+    fn look_up(&mut self, line: Line, set: u32) {
+        let set = &mut self.sets[set as usize];
         let [recent, other] = *set;
-        if recent == Some(line) {
+        if recent == line {
             return;
         }
-        if other != Some(line) {
+        *set = [line, recent];
+        if other != line {
             self.misses += 1;
+            self.waiting += self.cycles_of_a_miss;
         }
-        *set = [Some(line), recent];
+    }
+
+    /// How long the reads since this was taken last make their reader wait.
+    #[inline(always)]
+    pub fn take_waiting(&mut self) -> Cycle {
+        std::mem::take(&mut self.waiting)
     }
 
     /// Drop every line (2.6.3.2).
     pub fn flush(&mut self) {
         self.sets.fill([None; 2]);
+        self.last = None;
     }
 
     /// Lines that had to be read from the flash chip.
     pub fn misses(&self) -> u64 {
         self.misses
+    }
+
+    /// What a miss costs from now on.
+    pub fn set_cycles_of_a_miss(&mut self, cycles: Cycle) {
+        self.cycles_of_a_miss = cycles;
     }
 }
 
@@ -99,5 +137,19 @@ mod tests {
         cache.flush();
         cache.read(FLASH);
         assert_eq!(cache.misses(), 2);
+    }
+
+    #[test]
+    fn each_miss_is_waited_for_once() {
+        let mut cache = XipCache::default();
+        cache.read(FLASH);
+        cache.read(FLASH + 8);
+        cache.read(FLASH);
+        assert_eq!(cache.take_waiting(), 112);
+        cache.set_cycles_of_a_miss(40);
+        cache.read(FLASH + 8);
+        assert_eq!(cache.take_waiting(), 0);
+        cache.read(FLASH + 16);
+        assert_eq!(cache.take_waiting(), 40);
     }
 }

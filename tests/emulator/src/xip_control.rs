@@ -1,8 +1,7 @@
 //! XIP_CTRL, the control registers of the cache in front of the flash (datasheet 2.6.3.6).
 //!
 //! That the cache holds old bytes after an erase or a program is modelled: until it is flushed, a read
-//! of flash is a mistake of the firmware. What it misses is counted when a test asks for it. Streaming
-//! is not modelled.
+//! of flash is a mistake of the firmware. Streaming is not modelled.
 
 use super::clock::Cycle;
 use super::peripheral::Peripheral;
@@ -25,17 +24,14 @@ pub struct XipControl {
     control: u32,
     /// Flash has changed since the cache was flushed.
     pub is_stale: bool,
-    /// Counts what the cache misses, while that is asked for.
-    pub cache: Option<XipCache>,
+    pub cache: XipCache,
 }
 
 impl XipControl {
     /// Drop what the cache holds.
     pub fn flush(&mut self) {
         self.is_stale = false;
-        if let Some(cache) = &mut self.cache {
-            cache.flush();
-        }
+        self.cache.flush();
     }
 }
 
@@ -44,7 +40,7 @@ impl Default for XipControl {
         Self {
             control: CTRL_RESET,
             is_stale: false,
-            cache: None,
+            cache: XipCache::default(),
         }
     }
 }

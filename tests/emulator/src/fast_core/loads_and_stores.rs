@@ -21,7 +21,7 @@ impl Core<'_> {
     }
 
     #[inline(always)]
-    fn load<const BYTES: usize>(&self, address: u32) -> Option<[u8; BYTES]> {
+    fn load<const BYTES: usize>(&mut self, address: u32) -> Option<[u8; BYTES]> {
         if !(address as usize).is_multiple_of(BYTES) {
             return None;
         }
@@ -31,13 +31,14 @@ impl Core<'_> {
         }
         let offset = address.wrapping_sub(FLASH_BASE) as usize;
         if offset < FLASH_SIZE {
+            self.cache.read(address);
             return self.flash[offset..].first_chunk().copied();
         }
         None
     }
 
     #[inline(always)]
-    fn load_word(&self, address: u32) -> Option<u32> {
+    fn load_word(&mut self, address: u32) -> Option<u32> {
         self.load(address).map(u32::from_le_bytes)
     }
 
@@ -195,7 +196,7 @@ impl Core<'_> {
         let end = base.wrapping_add(WORD * list.count_ones());
         let last = end.wrapping_sub(WORD);
         // RAM and flash do not touch: what begins and ends in memory is in one of them.
-        if last < base || self.load_word(base).is_none() || self.load_word(last).is_none() {
+        if last < base || !is_word_of_memory(base) || !is_word_of_memory(last) {
             return None;
         }
         self.load_list(list, base);
@@ -204,4 +205,10 @@ impl Core<'_> {
         }
         i.done(1 + u64::from(list.count_ones()))
     }
+}
+
+#[inline(always)]
+fn is_word_of_memory(address: u32) -> bool {
+    let is_in = |base, size| (address.wrapping_sub(base) as usize) < size;
+    address.is_multiple_of(WORD) && (is_in(RAM_BASE, RAM_SIZE) || is_in(FLASH_BASE, FLASH_SIZE))
 }

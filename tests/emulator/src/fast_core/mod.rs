@@ -1,7 +1,7 @@
 //! The instructions that most of a program consists of, executed without the bookkeeping of the CPU crate.
 //!
-//! What touches registers of peripherals, changes the processor's mode, faults or could, and whatever is not in flash, is
-//! left to the crate ([`Cpu::step`]). Flags, cycles and counts are the crate's, instruction by instruction: [`tests`]
+//! What touches registers of peripherals, changes the processor's mode, faults or could, and whatever is in neither flash nor
+//! RAM, is left to the crate ([`Cpu::step`]). Flags, cycles and counts are the crate's, instruction by instruction: [`tests`]
 //! compares both for every encoding.
 
 mod arithmetic;
@@ -16,7 +16,8 @@ use super::bus::{CODE_PAGES, SystemBus};
 use super::clock::Cycle;
 use super::cpu::{Cpu, ISB};
 use super::interrupts::would_preempt;
-use super::memory::{FLASH_BASE, FLASH_SIZE, RAM_SIZE};
+use super::memory::{FLASH_BASE, FLASH_SIZE, RAM_BASE, RAM_SIZE};
+use super::xip_cache::XipCache;
 use flags::Flags;
 use kind::{KINDS, Kind};
 use operands::{Instruction, Step};
@@ -25,7 +26,7 @@ const SP: usize = 13;
 const LR: usize = 14;
 const PC: usize = 15;
 
-/// Code in RAM and what a return from an exception branches to are for the crate.
+/// What a return from an exception branches to is for the crate.
 const EXCEPTION_RETURN: u32 = 0xf000_0000;
 
 /// The state of a processor that executes here.
@@ -36,6 +37,7 @@ struct Core<'a> {
     lowest_stack_pointer: u32,
     ram: &'a mut [u8; RAM_SIZE],
     flash: &'a [u8; FLASH_SIZE],
+    cache: &'a mut XipCache,
     /// Where a store would make decoded instructions stale: such are for the crate.
     code_pages: &'a [bool; CODE_PAGES],
     /// A store here has to be noted.
@@ -69,6 +71,7 @@ impl Cpu {
             lowest_stack_pointer: *lowest_stack_pointer,
             ram,
             flash,
+            cache: &mut bus.soc.xip_control.cache,
             code_pages: &bus.code_pages,
             watched: bus.rtt.watched(),
             notice: None,
@@ -76,7 +79,10 @@ impl Cpu {
         let mut pc = core.r[PC];
         let mut stored = false;
         while now < end {
-            let Some(step) = core.step(pc) else { break };
+            let step = core.step(pc);
+            // Also for an instruction that is left to the crate: it finds in the cache what was read here.
+            now += core.cache.take_waiting();
+            let Some(step) = step else { break };
             count += 1;
             last_pc = pc;
             pc = step.next;
@@ -117,27 +123,32 @@ impl Cpu {
 }
 
 impl Core<'_> {
-    /// Executes one instruction; `None` leaves it to the crate, and changes nothing.
+    /// Executes one instruction; `None` leaves it to the crate, and changes nothing but the flash cache.
     #[inline(always)]
     fn step(&mut self, pc: u32) -> Option<Step> {
-        let offset = pc.wrapping_sub(FLASH_BASE) as usize;
-        if offset >= FLASH_SIZE {
-            return None;
+        if (pc.wrapping_sub(FLASH_BASE) as usize) < FLASH_SIZE {
+            self.cache.read(pc);
         }
-        let opcode = self.fetch(offset);
+        let opcode = self.halfword(pc)?;
         self.execute(Instruction { opcode, pc })
     }
 
-    /// The halfword at an offset of flash.
+    /// The halfword of the program at an address.
     #[inline(always)]
-    fn fetch(&self, offset: usize) -> u16 {
-        let offset = offset & (FLASH_SIZE - 2);
-        u16::from_le_bytes([self.flash[offset], self.flash[offset + 1]])
+    fn halfword(&self, address: u32) -> Option<u16> {
+        let offset = address.wrapping_sub(FLASH_BASE) as usize;
+        let bytes = if offset < FLASH_SIZE {
+            self.flash[offset..].first_chunk()
+        } else {
+            self.ram
+                .get(address.wrapping_sub(RAM_BASE) as usize..)?
+                .first_chunk()
+        };
+        bytes.copied().map(u16::from_le_bytes)
     }
 
     fn is_barrier(&self, pc: u32) -> bool {
-        let offset = pc.wrapping_sub(FLASH_BASE) as usize;
-        [self.fetch(offset), self.fetch(offset.wrapping_add(2))] == ISB
+        [self.halfword(pc), self.halfword(pc.wrapping_add(2))] == ISB.map(Some)
     }
 
     #[inline(always)]
@@ -253,7 +264,7 @@ impl Core<'_> {
     /// BL, MRS of PRIMASK, DSB and DMB.
     #[inline(always)]
     fn thirty_two_bits(&mut self, i: Instruction) -> Option<Step> {
-        let second = self.fetch(i.pc.wrapping_sub(FLASH_BASE) as usize + 2);
+        let second = self.halfword(i.pc.wrapping_add(2))?;
         if second & 0xd000 == 0xd000 {
             let step = i.branch(i.offset_of_call(second), 4)?;
             self.r[LR] = i.pc.wrapping_add(4) | 1;
