@@ -249,6 +249,7 @@ fn system_state<'a>(
         external_packs: packs
             .of_kind(MonitorKind::External)
             .fold(0, |mask, pack| mask | pack.bit()),
+        pin_packs: packs.on_pins,
         vehicle: vehicle.status(),
         identity,
         readiness,

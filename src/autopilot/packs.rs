@@ -24,6 +24,10 @@ pub(super) struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
+    /// Those whose voltage is read at an analog pin, a bit each.
+    pub on_pins: u16,
+    /// Those that were announced to have a voltage above `MOT_DRV_VOLT`, a bit each.
+    pub announced_too_high: u16,
     /// What the packs are read from, by the parameters at boot.
     pub read_from: [PackSource; MAX_PACKS],
     /// Why a pack can't be read with the parameters at boot.
@@ -45,6 +49,8 @@ impl Packs {
         Self {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
+            on_pins: on_pins(parameters),
+            announced_too_high: 0,
             read_from: in_place(|| sources(parameters)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
@@ -266,6 +272,15 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
         }
     }
     order
+}
+
+fn on_pins(parameters: &Parameters) -> u16 {
+    let is_on_pin =
+        |pack: &Pack| MonitorKind::of(parameters, *pack).is_some_and(MonitorKind::reads_voltage_pin);
+    Pack::ALL
+        .into_iter()
+        .filter(is_on_pin)
+        .fold(0, |mask, pack| mask | pack.bit())
 }
 
 fn sources(parameters: &Parameters) -> [PackSource; MAX_PACKS] {

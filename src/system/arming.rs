@@ -1,5 +1,7 @@
 //! The checks before arming: one list for an attempt to arm, RUN_PREARM_CHECKS and SYS_STATUS.
 
+use core::fmt;
+
 use heapless::String;
 
 use super::{ArmingReadiness, LogHealth, SystemState};
@@ -7,6 +9,7 @@ use crate::battery::{ArmingFailure, PackSettings, ReadError, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterTrouble, Parameters, StickParameter, VehicleParameter};
+use crate::sensor::AnalogWiring;
 use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
@@ -26,6 +29,8 @@ pub enum ArmingObstacle {
     Parameters(ParameterTrouble),
     /// A check of this pack fails.
     Pack(Pack, ArmingFailure),
+    /// The motor drivers, which this pack supplies, don't stand its voltage.
+    AboveDrivers(Pack),
     /// This pack is unhealthy: its latest reading failed.
     Sensor(Pack, ReadError),
     /// This stick is deflected, by the channel with this number.
@@ -55,6 +60,7 @@ impl ArmingObstacle {
             Self::Pack(pack, failure) => {
                 text(format_args!("{checked_by}: Battery {} {failure}", pack.number()))
             }
+            Self::AboveDrivers(pack) => text(format_args!("{checked_by}: {}", AboveDrivers(pack))),
             Self::Sensor(pack, error) => text(format_args!(
                 "{checked_by}: Battery {} {}: {error}",
                 pack.number(),
@@ -74,6 +80,48 @@ impl ArmingObstacle {
     }
 }
 
+/// Says that a pack has a voltage above `MOT_DRV_VOLT`.
+#[derive(Clone, Copy, Debug)]
+pub struct AboveDrivers(pub Pack);
+
+impl fmt::Display for AboveDrivers {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let limit = VehicleParameter::MotDrvVolt.row().name;
+        write!(f, "Battery {} voltage above {limit}", self.0.number())
+    }
+}
+
+/// Where a pack's voltage is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeasuredAt {
+    /// At the board's battery connector, which supplies the motor drivers.
+    BatteryConnector,
+    /// Anywhere else: what the pack supplies is not known.
+    Elsewhere,
+}
+
+/// Where `pack` is measured, if its present voltage is above what the motor drivers stand (`MOT_DRV_VOLT`). At full scale it is
+/// at least that of the scale.
+pub fn above_drivers(state: &SystemState<'_>, parameters: &Parameters, pack: Pack) -> Option<MeasuredAt> {
+    let limit_v = parameters.get(VehicleParameter::MotDrvVolt);
+    if limit_v == 0.0 {
+        return None;
+    }
+    let battery = state.battery(pack);
+    let wiring = AnalogWiring::from_parameters(parameters, pack);
+    let range_v = wiring
+        .board_divider_range_v()
+        .filter(|_| state.pin_packs & pack.bit() != 0);
+    let voltage_v = match (battery.read_error, range_v) {
+        (Some(ReadError::OverRange), Some(range_v)) => range_v,
+        _ => battery.voltage_v?,
+    };
+    (voltage_v > limit_v).then_some(match range_v {
+        Some(_) => MeasuredAt::BatteryConnector,
+        None => MeasuredAt::Elsewhere,
+    })
+}
+
 /// Everything that keeps the vehicle from being armed now, as far as it is checked (`ARMING_CHECK`).
 pub fn arming_obstacles(
     state: &SystemState<'_>,
@@ -89,10 +137,14 @@ pub fn arming_obstacles(
     let of_packs = checked.flat_map(|(pack, battery)| {
         let settings = PackSettings::from_parameters(parameters, pack);
         let read_error = battery.read_error;
-        arming_failures(battery, &settings).map(move |failure| match (failure, read_error) {
+        let failures = arming_failures(battery, &settings).map(move |failure| match (failure, read_error) {
             (ArmingFailure::Unhealthy, Some(error)) => ArmingObstacle::Sensor(pack, error),
             _ => ArmingObstacle::Pack(pack, failure),
-        })
+        });
+        let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
+        // First: at full scale the pack is unhealthy, too.
+        let above = is_above.then_some(ArmingObstacle::AboveDrivers(pack));
+        above.into_iter().chain(failures)
     });
     let stick = vehicle.deflected_stick();
     let deflected = stick.map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));

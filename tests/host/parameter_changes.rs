@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use rover_battmon::autopilot::Channel;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
+use rover_battmon::parameter::{Access, BatteryParameter, ParameterId, VehicleParameter};
 use support::desk::Desk;
 use support::frames::{PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
 use support::requests::{VEHICLE, command_long, param_request_list, param_set};
@@ -182,9 +182,7 @@ fn many_changes_take_no_more_than_a_lists_share_and_push_no_text_out() {
         .filter(|parameter| parameter.row().name != "MONITOR")
         .map(|parameter| parameter.of(Pack::First))
         .filter(|id| room.desk.autopilot.parameters_mut().set(*id, 1.0).is_ok())
-        .filter(|id| {
-            id.default_value() != 1.0 && id.row().access == rover_battmon::parameter::Access::Setting
-        })
+        .filter(|id| id.default_value() != 1.0 && matches!(id.row().access, Access::Setting(_)))
         .collect();
     assert!(settings.len() > 20);
     room.set(0, "BATT_LOW_VOLT", 999.0);
