@@ -468,7 +468,8 @@ fn announced() -> Vec<String> {
         let obstacle = ArmingObstacle::Pack(Pack::First, failure);
         obstacle.text("PreArm").as_str().to_owned()
     });
-    let misfits = [
+    let others = [
+        ArmingObstacle::AboveDrivers(Pack::First),
         ArmingObstacle::SticksMisfit(StickParameter::RcmapThrottle, StickParameter::RcmapRoll),
         ArmingObstacle::SticksMisfit(StickParameter::Rc1Min, StickParameter::Rc1Trim),
     ];
@@ -479,7 +480,7 @@ fn announced() -> Vec<String> {
         ParameterTrouble::DoesNotFit(BatteryParameter::Cells.of(Pack::First)),
     ];
     let of_parameters = of_parameters.map(ArmingObstacle::Parameters);
-    let obstacles = misfits.into_iter().chain(of_parameters);
+    let obstacles = others.into_iter().chain(of_parameters);
     let obstacles = obstacles.map(|obstacle| obstacle.text("PreArm").as_str().to_owned());
     let logging = [
         "PreArm: Logging failed",
