@@ -233,6 +233,16 @@ mod tests {
         }
     }
 
+    #[test]
+    fn the_drivers_of_every_rover_stand_its_full_pack() {
+        let full_v = SimulatedPack::full(PackModel::LIPO_3S_2200).voltage_v();
+        for role in [Role::Alone(Output::Lines), Role::Member(&Fleet::of(1), 1)] {
+            let mut start = Start::default();
+            role.set_up(&mut start);
+            assert!(start.parameters.get(VehicleParameter::MotDrvVolt) > full_v);
+        }
+    }
+
     fn status(battery: BatteryState, arm_state: ArmState) -> Status {
         Status {
             comparison: Comparison::new(&SimulatedPack::full(PackModel::LIPO_3S_2200), &battery),
