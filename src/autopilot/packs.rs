@@ -24,8 +24,6 @@ pub(super) struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
-    /// Those whose voltage is read at an analog pin, a bit each.
-    pub on_pins: u16,
     /// Those that were announced to have a voltage above `MOT_DRV_VOLT`, a bit each.
     pub announced_too_high: u16,
     /// What the packs are read from, by the parameters at boot.
@@ -49,7 +47,6 @@ impl Packs {
         Self {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
-            on_pins: on_pins(parameters),
             announced_too_high: 0,
             read_from: in_place(|| sources(parameters)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
@@ -251,6 +248,12 @@ impl Packs {
         self.order.contains(&(pack, kind))
     }
 
+    /// The packs of these kinds since boot, a bit each.
+    pub fn mask_of(&self, is_meant: fn(MonitorKind) -> bool) -> u16 {
+        let meant = self.order.iter().filter(|(_, kind)| is_meant(*kind));
+        meant.fold(0, |mask, (pack, _)| mask | pack.bit())
+    }
+
     /// The packs that are of this kind since boot, in the order of their instances.
     pub fn of_kind(&self, kind: MonitorKind) -> impl Iterator<Item = Pack> {
         let is_wanted = move |(_, own): &&(Pack, MonitorKind)| *own == kind;
@@ -272,15 +275,6 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
         }
     }
     order
-}
-
-fn on_pins(parameters: &Parameters) -> u16 {
-    let is_on_pin =
-        |pack: &Pack| MonitorKind::of(parameters, *pack).is_some_and(MonitorKind::reads_voltage_pin);
-    Pack::ALL
-        .into_iter()
-        .filter(is_on_pin)
-        .fold(0, |mask, pack| mask | pack.bit())
 }
 
 fn sources(parameters: &Parameters) -> [PackSource; MAX_PACKS] {

@@ -102,6 +102,8 @@ pub enum MeasuredAt {
 
 /// Where `pack` is measured, if its present voltage is above what the motor drivers stand (`MOT_DRV_VOLT`). At full scale it is
 /// at least that of the scale.
+// Not inlined: it is asked in several places.
+#[inline(never)]
 pub fn above_drivers(state: &SystemState<'_>, parameters: &Parameters, pack: Pack) -> Option<MeasuredAt> {
     let limit_v = parameters.get(VehicleParameter::MotDrvVolt);
     if limit_v == 0.0 {

@@ -152,8 +152,8 @@ parameters! {
         step: 0.1,
         unit: "V",
         label: "Voltage limit of the motor drivers",
-        description: "A pack on the board's divider (GP26) with a higher voltage does not arm; one measured in another way is \
-                      announced once. 0: no limit. (ArduPilot has no such parameter.)",
+        description: "Above it a pack at the board's divider (GP26) does not arm; another one is announced once. 0: no limit. \
+                      (ArduPilot has no such parameter.)",
     }
     LogBitmask {
         key: 11,
