@@ -16,7 +16,6 @@ use crate::parameter::{
     BatteryParameter, ParameterId, ParameterTrouble, Refused, SaveFailure, VehicleParameter,
 };
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
-use crate::system::AboveDrivers;
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
 
@@ -37,8 +36,6 @@ pub enum Announcement<'a> {
     FailsafesOff(ParameterId),
     /// Thresholds for a pack without any.
     Suggestion(Pack, SuggestedThresholds),
-    /// A pack whose voltage the motor drivers don't stand, if it supplies them.
-    AboveDrivers(Pack),
     /// The stored parameters were not loaded, after repeated quick resets.
     DefaultParameters,
     /// The last stored parameter could not be read.
@@ -147,7 +144,6 @@ impl Announcement<'_> {
             Self::ParameterRefused { .. } => Kind::ParameterRefused,
             Self::Vehicle(_)
             | Self::FailsafesOff(_)
-            | Self::AboveDrivers(_)
             | Self::Suggestion(..)
             | Self::DefaultParameters
             | Self::ParametersDamaged
@@ -196,6 +192,7 @@ impl Announcement<'_> {
                 | PackEvent::ContactLost
                 | PackEvent::Gap(_)
                 | PackEvent::CurrentOverRange
+                | PackEvent::AboveDrivers
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
                 | PackEvent::MembersLeft(_)
@@ -226,7 +223,6 @@ impl Announcement<'_> {
                 Urgency::Critical => MavSeverity::MAV_SEVERITY_CRITICAL,
             },
             Self::FailsafesOff(_)
-            | Self::AboveDrivers(_)
             | Self::ParametersReset
             | Self::ParametersUnknown(_)
             | Self::LearntNotSaved(_)
@@ -289,7 +285,6 @@ impl fmt::Display for Announcement<'_> {
                 BatteryParameter::CrtVolt.of(*pack).name(),
                 Hundredths(suggested.critical_v)
             ),
-            Self::AboveDrivers(pack) => AboveDrivers(*pack).fmt(f),
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
             Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
             Self::ParametersReset => f.write_str("All parameters reset to their defaults"),

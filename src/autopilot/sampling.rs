@@ -149,14 +149,16 @@ impl Autopilot {
     /// Announces packs that the motor drivers don't stand, once; one that is known to supply them does not arm instead. A sum
     /// is none of them: its members are.
     fn announce_above_drivers(&mut self, now: Instant) {
-        for pack in Pack::ALL {
-            let is_news = self.packs.announced_too_high & pack.bit() == 0;
-            let is_sum = self.packs.is_of_kind(pack, MonitorKind::Sum);
-            let measured_at = above_drivers(&self.system_state(), &self.parameters, pack);
-            if is_news && !is_sum && measured_at == Some(MeasuredAt::Elsewhere) {
-                self.packs.announced_too_high |= pack.bit();
-                self.announce(Announcement::AboveDrivers(pack), now);
-            }
+        let state = self.system_state();
+        let is_news = |pack: &Pack| {
+            self.packs.announced_too_high & pack.bit() == 0
+                && above_drivers(&state, &self.parameters, *pack) == Some(MeasuredAt::Elsewhere)
+                && !self.packs.is_of_kind(*pack, MonitorKind::Sum)
+        };
+        // Those that remain follow, one a second.
+        if let Some(pack) = Pack::ALL.into_iter().find(is_news) {
+            self.packs.announced_too_high |= pack.bit();
+            self.announce(Announcement::Pack(pack, &PackEvent::AboveDrivers), now);
         }
     }
 

@@ -1,7 +1,5 @@
 //! The checks before arming: one list for an attempt to arm, RUN_PREARM_CHECKS and SYS_STATUS.
 
-use core::fmt;
-
 use heapless::String;
 
 use super::{ArmingReadiness, LogHealth, SystemState};
@@ -29,8 +27,6 @@ pub enum ArmingObstacle {
     Parameters(ParameterTrouble),
     /// A check of this pack fails.
     Pack(Pack, ArmingFailure),
-    /// The motor drivers, which this pack supplies, don't stand its voltage.
-    AboveDrivers(Pack),
     /// This pack is unhealthy: its latest reading failed.
     Sensor(Pack, ReadError),
     /// This stick is deflected, by the channel with this number.
@@ -60,7 +56,6 @@ impl ArmingObstacle {
             Self::Pack(pack, failure) => {
                 text(format_args!("{checked_by}: Battery {} {failure}", pack.number()))
             }
-            Self::AboveDrivers(pack) => text(format_args!("{checked_by}: {}", AboveDrivers(pack))),
             Self::Sensor(pack, error) => text(format_args!(
                 "{checked_by}: Battery {} {}: {error}",
                 pack.number(),
@@ -77,17 +72,6 @@ impl ArmingObstacle {
             )),
             Self::Logging => text(format_args!("{checked_by}: Logging failed")),
         }
-    }
-}
-
-/// Says that a pack has a voltage above `MOT_DRV_VOLT`.
-#[derive(Clone, Copy, Debug)]
-pub struct AboveDrivers(pub Pack);
-
-impl fmt::Display for AboveDrivers {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let limit = VehicleParameter::MotDrvVolt.row().name;
-        write!(f, "Battery {} voltage above {limit}", self.0.number())
     }
 }
 
@@ -139,14 +123,12 @@ pub fn arming_obstacles(
     let of_packs = checked.flat_map(|(pack, battery)| {
         let settings = PackSettings::from_parameters(parameters, pack);
         let read_error = battery.read_error;
-        let failures = arming_failures(battery, &settings).map(move |failure| match (failure, read_error) {
+        let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
+        let above = is_above.then_some(ArmingFailure::AboveDrivers);
+        arming_failures(battery, &settings, above).map(move |failure| match (failure, read_error) {
             (ArmingFailure::Unhealthy, Some(error)) => ArmingObstacle::Sensor(pack, error),
             _ => ArmingObstacle::Pack(pack, failure),
-        });
-        let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
-        // First: at full scale the pack is unhealthy, too.
-        let above = is_above.then_some(ArmingObstacle::AboveDrivers(pack));
-        above.into_iter().chain(failures)
+        })
     });
     let stick = vehicle.deflected_stick();
     let deflected = stick.map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));

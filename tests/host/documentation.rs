@@ -389,7 +389,8 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 16] = [
+const ARMING_FAILURES: [ArmingFailure; 17] = [
+    ArmingFailure::AboveDrivers,
     ArmingFailure::Unhealthy,
     ArmingFailure::Failed,
     ArmingFailure::WrongCells,
@@ -468,8 +469,7 @@ fn announced() -> Vec<String> {
         let obstacle = ArmingObstacle::Pack(Pack::First, failure);
         obstacle.text("PreArm").as_str().to_owned()
     });
-    let others = [
-        ArmingObstacle::AboveDrivers(Pack::First),
+    let misfits = [
         ArmingObstacle::SticksMisfit(StickParameter::RcmapThrottle, StickParameter::RcmapRoll),
         ArmingObstacle::SticksMisfit(StickParameter::Rc1Min, StickParameter::Rc1Trim),
     ];
@@ -480,7 +480,7 @@ fn announced() -> Vec<String> {
         ParameterTrouble::DoesNotFit(BatteryParameter::Cells.of(Pack::First)),
     ];
     let of_parameters = of_parameters.map(ArmingObstacle::Parameters);
-    let obstacles = others.into_iter().chain(of_parameters);
+    let obstacles = misfits.into_iter().chain(of_parameters);
     let obstacles = obstacles.map(|obstacle| obstacle.text("PreArm").as_str().to_owned());
     let logging = [
         "PreArm: Logging failed",

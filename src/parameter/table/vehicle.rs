@@ -152,7 +152,7 @@ parameters! {
         step: 0.1,
         unit: "V",
         label: "Voltage limit of the motor drivers",
-        description: "Above it a pack at the board's divider (GP26) does not arm; another one is announced once. 0: no limit. \
+        description: "Above it a pack at the board's divider does not arm; another one is announced once. 0: no limit. \
                       (ArduPilot has no such parameter.)",
     }
     LogBitmask {
