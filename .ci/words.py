@@ -26,7 +26,7 @@ BUDGETS = {
     ("docs/fleet.md",): 900,
     ("docs/troubleshooting.md",): 2350,
     ("docs/ground-stations.md",): 1300,
-    ("docs/hardware.md",): 2000,
+    ("docs/hardware.md",): 2200,
     ("docs/architecture.md",): 1500,
     ("docs/battery-model.md",): 1800,
     ("docs/parity.md",): 1750,

@@ -192,6 +192,7 @@ impl Announcement<'_> {
                 | PackEvent::ContactLost
                 | PackEvent::Gap(_)
                 | PackEvent::CurrentOverRange
+                | PackEvent::AboveDrivers
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
                 | PackEvent::MembersLeft(_)

@@ -246,9 +246,8 @@ fn system_state<'a>(
 ) -> SystemState<'a> {
     SystemState {
         batteries: &packs.states,
-        external_packs: packs
-            .of_kind(MonitorKind::External)
-            .fold(0, |mask, pack| mask | pack.bit()),
+        external_packs: packs.mask_of(|kind| kind == MonitorKind::External),
+        pin_packs: packs.mask_of(MonitorKind::reads_voltage_pin),
         vehicle: vehicle.status(),
         identity,
         readiness,

@@ -24,6 +24,8 @@ pub(super) struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
+    /// Those that were announced to have a voltage above `MOT_DRV_VOLT`, a bit each.
+    pub announced_too_high: u16,
     /// What the packs are read from, by the parameters at boot.
     pub read_from: [PackSource; MAX_PACKS],
     /// Why a pack can't be read with the parameters at boot.
@@ -45,6 +47,7 @@ impl Packs {
         Self {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
+            announced_too_high: 0,
             read_from: in_place(|| sources(parameters)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
@@ -243,6 +246,12 @@ impl Packs {
     /// Whether a pack is of this kind since boot.
     pub fn is_of_kind(&self, pack: Pack, kind: MonitorKind) -> bool {
         self.order.contains(&(pack, kind))
+    }
+
+    /// The packs of these kinds since boot, a bit each.
+    pub fn mask_of(&self, is_meant: fn(MonitorKind) -> bool) -> u16 {
+        let meant = self.order.iter().filter(|(_, kind)| is_meant(*kind));
+        meant.fold(0, |mask, (pack, _)| mask | pack.bit())
     }
 
     /// The packs that are of this kind since boot, in the order of their instances.

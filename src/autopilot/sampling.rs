@@ -19,7 +19,7 @@ use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, CanEvent, CanStatus, ControllerReading, ExternalReading,
     MonitorKind, Pulses, SerialReading,
 };
-use crate::system::arming_readiness;
+use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 use crate::wifi::Radio;
@@ -129,7 +129,7 @@ impl Autopilot {
     }
 
     /// Ends a sampling tick. Once a second, and after a battery reset, `memory` is updated; once a second the arming checks run.
-    pub fn end_sampling(&mut self, _: SamplingTick, memory: &mut RetainedMemory) {
+    pub fn end_sampling(&mut self, sampling: SamplingTick, memory: &mut RetainedMemory) {
         let bank = &self.packs.bank;
         self.vehicle
             .update_batteries(bank.worst_failsafe(), bank.most_urgent_alert());
@@ -140,9 +140,26 @@ impl Autopilot {
         if tick == CHECKING_TICK {
             self.record_health();
             self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
+            self.announce_above_drivers(sampling.tick.now);
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
         self.record_packs();
+    }
+
+    /// Announces packs that the motor drivers don't stand, once; one that is known to supply them does not arm instead. A sum
+    /// is none of them: its members are.
+    fn announce_above_drivers(&mut self, now: Instant) {
+        let state = self.system_state();
+        let is_news = |pack: &Pack| {
+            self.packs.announced_too_high & pack.bit() == 0
+                && above_drivers(&state, &self.parameters, *pack) == Some(MeasuredAt::Elsewhere)
+                && !self.packs.is_of_kind(*pack, MonitorKind::Sum)
+        };
+        // Those that remain follow, one a second.
+        if let Some(pack) = Pack::ALL.into_iter().find(is_news) {
+            self.packs.announced_too_high |= pack.bit();
+            self.announce(Announcement::Pack(pack, &PackEvent::AboveDrivers), now);
+        }
     }
 
     /// Records the packs whose turn it is.

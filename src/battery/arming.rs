@@ -10,6 +10,8 @@ use super::{BatteryState, PackSettings, PackStatus};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ArmingFailure {
+    /// The voltage is above `MOT_DRV_VOLT`, and the pack supplies the motors.
+    AboveDrivers,
     /// No pack is connected, its sensor has failed, or an unhealthy failsafe is latched.
     Unhealthy,
     /// The pack has failed: a cell is broken, or it reports that it has failed or is bad.
@@ -47,6 +49,7 @@ pub enum ArmingFailure {
 impl fmt::Display for ArmingFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::AboveDrivers => "voltage above MOT_DRV_VOLT",
             Self::Unhealthy => "unhealthy",
             Self::Failed => "has failed",
             Self::WrongCells => "voltage does not fit cells",
@@ -69,7 +72,9 @@ impl fmt::Display for ArmingFailure {
 
 impl ArmingFailure {
     /// All, in the order in which they are reported.
-    const ALL: [Self; 16] = [
+    const ALL: [Self; 17] = [
+        // First: at full scale the pack is unhealthy, too.
+        Self::AboveDrivers,
         Self::Unhealthy,
         Self::Failed,
         Self::WrongCells,
@@ -88,29 +93,30 @@ impl ArmingFailure {
         Self::VoltageOrder,
     ];
 
-    fn bit(self) -> u16 {
+    fn bit(self) -> u32 {
         1 << self as u8
     }
 }
 
-/// All failed checks of a pack, by its present values without any timer. A pack that is not monitored passes, and so
+/// All failed checks of a pack, by its present values without any timer, and the one that was found elsewhere. A pack that is not monitored passes, and so
 /// does an unknown value.
 ///
 /// A latched failsafe level fails as one of voltage, unless the charge is below its threshold now.
 pub fn arming_failures(
     state: &BatteryState,
     settings: &PackSettings,
+    found: Option<ArmingFailure>,
 ) -> impl Iterator<Item = ArmingFailure> + use<> {
     let failing = match state.status {
         PackStatus::Disabled => 0,
-        _ => failing(state, settings),
+        _ => failing(state, settings) | found.map_or(0, ArmingFailure::bit),
     };
     let all = ArmingFailure::ALL.into_iter();
     all.filter(move |failure| failing & failure.bit() != 0)
 }
 
 /// The failed checks, a bit each.
-fn failing(state: &BatteryState, settings: &PackSettings) -> u16 {
+fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
     let (low, critical) = (&settings.failsafe.low, &settings.failsafe.critical);
     let voltage_v = voltage_v(state, &settings.failsafe);
     let remaining_mah = remaining(state);
@@ -184,7 +190,7 @@ mod tests {
                 cell_count,
                 ..BatteryState::default()
             };
-            let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
+            let failures: Vec<_> = arming_failures(&state, &PackSettings::default(), None).collect();
             assert_eq!(failures, [failure]);
         }
     }
@@ -196,7 +202,7 @@ mod tests {
             cell_count: Some(3),
             ..state
         };
-        arming_failures(&state, &PackSettings::default()).collect()
+        arming_failures(&state, &PackSettings::default(), None).collect()
     }
 
     #[test]
@@ -267,7 +273,7 @@ mod tests {
             faults: Faults::CELL_FAIL,
             ..BatteryState::default()
         };
-        let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
+        let failures: Vec<_> = arming_failures(&state, &PackSettings::default(), None).collect();
         assert_eq!(failures, [ArmingFailure::Failed]);
     }
 
@@ -283,7 +289,7 @@ mod tests {
                 charge_state,
                 ..BatteryState::default()
             };
-            let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
+            let failures: Vec<_> = arming_failures(&state, &PackSettings::default(), None).collect();
             assert_eq!(failures, Vec::from_iter(expected), "{charge_state:?}");
         }
     }
@@ -313,7 +319,7 @@ mod tests {
     }
 
     fn failures(state: &BatteryState, settings: &PackSettings) -> Vec<String> {
-        arming_failures(state, settings)
+        arming_failures(state, settings, None)
             .map(|failure| failure.to_string())
             .collect()
     }

@@ -32,6 +32,8 @@ pub enum PackEvent {
     Gap(Gap),
     /// The current is over its sensor's range for the first time since the start.
     CurrentOverRange,
+    /// The voltage is above `MOT_DRV_VOLT` for the first time since the start; whether the pack supplies the motors is not known.
+    AboveDrivers,
     /// Its sensor has failed repeatedly, with the latest error.
     SensorFailed(ReadError),
     /// Its sensor has recovered.
@@ -128,6 +130,7 @@ impl fmt::Display for PackEvent {
                 )
             }
             Self::CurrentOverRange => f.write_str("current over range: consumption too low"),
+            Self::AboveDrivers => f.write_str("voltage above MOT_DRV_VOLT"),
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
             Self::PoweringOff => f.write_str("is powering off"),

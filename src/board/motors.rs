@@ -38,7 +38,7 @@ pub struct MotorPeripherals {
 pub type MotorPins<S, Positive, Negative> =
     (Peri<'static, S>, Peri<'static, Positive>, Peri<'static, Negative>);
 
-/// The motors, each behind a DRV8837. A wheel turns ahead while the positive pole of its motor is driven.
+/// The motors, each behind what is taken for a DRV8837. A wheel turns ahead while the positive pole of its motor is driven.
 ///
 /// A new drive takes effect when their PWM's counter wraps, within 2 ms, and for both inputs of a driver at once.
 pub struct BoardMotors {

@@ -251,6 +251,7 @@ mod tests {
             ("SR0_EXTRA1", 3),
             ("SR0_PARAMS", 4),
             ("PARAM_CHECKED", 52),
+            ("MOT_DRV_VOLT", 53),
             ("BATT_MONITOR", 64),
             ("BATT_VOLT_PIN", 65),
             ("BATT_VOLT_MULT", 66),

@@ -188,6 +188,15 @@ impl CurrentSensor {
 }
 
 impl AnalogWiring {
+    /// The highest voltage that can be measured of a pack at the divider on the board, in volts; `None` if its pin is another.
+    pub fn board_divider_range_v(&self) -> Option<f32> {
+        let is_boards = self.voltage_pin == Some(AnalogPin::Gp26);
+        is_boards.then(|| {
+            self.divider
+                .pack_voltage_v(AdcCount(ADC_FULL_SCALE).pin_voltage_v())
+        })
+    }
+
     /// From the live parameters of a pack.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));

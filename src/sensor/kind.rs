@@ -74,7 +74,8 @@ impl MonitorKind {
             .or_else(|| PartKind::from_number(number).map(Self::Bus))
     }
 
-    pub(super) fn reads_voltage_pin(self) -> bool {
+    /// Whether the voltage is read at an analog pin.
+    pub fn reads_voltage_pin(self) -> bool {
         matches!(
             self,
             Self::AnalogVoltage | Self::AnalogVoltageAndCurrent | Self::SyntheticCurrent

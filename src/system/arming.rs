@@ -7,6 +7,7 @@ use crate::battery::{ArmingFailure, PackSettings, ReadError, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterTrouble, Parameters, StickParameter, VehicleParameter};
+use crate::sensor::AnalogWiring;
 use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
@@ -74,6 +75,39 @@ impl ArmingObstacle {
     }
 }
 
+/// Where a pack's voltage is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeasuredAt {
+    /// At the board's battery connector, which supplies the motor drivers.
+    BatteryConnector,
+    /// Anywhere else: what the pack supplies is not known.
+    Elsewhere,
+}
+
+/// Where `pack` is measured, if its present voltage is above what the motor drivers stand (`MOT_DRV_VOLT`). At full scale it is
+/// at least that of the scale.
+// Not inlined: it is asked in several places.
+#[inline(never)]
+pub fn above_drivers(state: &SystemState<'_>, parameters: &Parameters, pack: Pack) -> Option<MeasuredAt> {
+    let limit_v = parameters.get(VehicleParameter::MotDrvVolt);
+    if limit_v == 0.0 {
+        return None;
+    }
+    let battery = state.battery(pack);
+    let wiring = AnalogWiring::from_parameters(parameters, pack);
+    let range_v = wiring
+        .board_divider_range_v()
+        .filter(|_| state.pin_packs & pack.bit() != 0);
+    let voltage_v = match (battery.read_error, range_v) {
+        (Some(ReadError::OverRange), Some(range_v)) => range_v,
+        _ => battery.voltage_v?,
+    };
+    (voltage_v > limit_v).then_some(match range_v {
+        Some(_) => MeasuredAt::BatteryConnector,
+        None => MeasuredAt::Elsewhere,
+    })
+}
+
 /// Everything that keeps the vehicle from being armed now, as far as it is checked (`ARMING_CHECK`).
 pub fn arming_obstacles(
     state: &SystemState<'_>,
@@ -89,7 +123,9 @@ pub fn arming_obstacles(
     let of_packs = checked.flat_map(|(pack, battery)| {
         let settings = PackSettings::from_parameters(parameters, pack);
         let read_error = battery.read_error;
-        arming_failures(battery, &settings).map(move |failure| match (failure, read_error) {
+        let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
+        let above = is_above.then_some(ArmingFailure::AboveDrivers);
+        arming_failures(battery, &settings, above).map(move |failure| match (failure, read_error) {
             (ArmingFailure::Unhealthy, Some(error)) => ArmingObstacle::Sensor(pack, error),
             _ => ArmingObstacle::Pack(pack, failure),
         })

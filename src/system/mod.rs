@@ -4,5 +4,5 @@
 mod arming;
 mod state;
 
-pub use arming::{ArmingObstacle, arming_obstacles, arming_readiness};
+pub use arming::{ArmingObstacle, MeasuredAt, above_drivers, arming_obstacles, arming_readiness};
 pub use state::{ArmingReadiness, LinkStatistics, LogHealth, LogReaders, ReceiveStatistics, SystemState};

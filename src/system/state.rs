@@ -15,6 +15,8 @@ pub struct SystemState<'a> {
     pub batteries: &'a [BatteryState],
     /// The packs that another component measures, a bit each, bit 0 for the first.
     pub external_packs: u16,
+    /// The packs whose voltage is read at an analog pin, a bit each, bit 0 for the first.
+    pub pin_packs: u16,
     /// The rover's mode, and whether it is armed.
     pub vehicle: VehicleStatus,
     /// Whether the vehicle would be armed on request.

@@ -4,6 +4,9 @@ use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 
+use workbench::bench::PARAMETER_OFFSET;
+use workbench::parameter_flash;
+
 const CHIP_BYTES: usize = 2 * 1024 * 1024;
 
 /// The program is in front of this (memory.x), everything that the firmware stores behind it.
@@ -16,14 +19,14 @@ pub struct FlashFile {
 }
 
 impl FlashFile {
-    /// The content of the file, if one is given. A missing one is an erased chip, and is written at once: one that can't
-    /// be written is refused before a board runs for hours.
+    /// The content of the file, if one is given. A missing one is an erased chip, but for the parameters of every bench, and is
+    /// written at once: one that can't be written is refused before a board runs for hours.
     pub fn open(path: Option<PathBuf>) -> io::Result<Self> {
         let content = match path.as_ref().map(fs::read) {
             Some(Ok(content)) if content.len() == CHIP_BYTES => content,
             Some(Ok(_)) => return Err(io::Error::new(ErrorKind::InvalidData, "it does not have 2 MiB")),
             Some(Err(error)) if error.kind() != ErrorKind::NotFound => return Err(error),
-            Some(Err(_)) | None => vec![0xff; CHIP_BYTES],
+            Some(Err(_)) | None => new_chip(),
         };
         let mut file = Self { path, content };
         file.write(file.content.clone())?;
@@ -38,4 +41,11 @@ impl FlashFile {
             None => Ok(()),
         }
     }
+}
+
+fn new_chip() -> Vec<u8> {
+    let parameters = parameter_flash::flash_with([]);
+    let mut content = vec![0xff; CHIP_BYTES];
+    content[PARAMETER_OFFSET as usize..][..parameters.len()].copy_from_slice(&parameters);
+    content
 }

@@ -1,11 +1,6 @@
 //! Flash of an armed rover: nothing is erased, whatever is requested, and what is set is saved or reported.
 
-use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::autopilot::PackIdentity;
-use rover_battmon::host::sim::SimulatedFlash;
-use rover_battmon::memory::flash_map;
-use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 
@@ -18,10 +13,9 @@ use support::frames::{
 use support::motor_poles::LEFT;
 use support::requests::{arm, command_long, disarm, manual_control, param_read_by_name, param_set, set_mode};
 use workbench::bench::{
-    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
-    SIGNING_OFFSET, value_of,
+    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, value_of,
 };
-use workbench::signing_key;
+use workbench::{parameter_flash, signing_key};
 
 const PREFLIGHT_STORAGE: u16 = 245;
 const ACCEPTED: u8 = 0;
@@ -33,7 +27,7 @@ const SLOTS: u16 = 680;
 const SIGNING_SLOTS: u16 = 338;
 const LEARNT_SLOTS: i32 = 63;
 
-/// The parameters of a rover that follows sticks at once, and its flash after these and this many of another firmware.
+/// The parameters of a rover that follows sticks at once, and its flash after this many of another firmware and these.
 fn parameters(foreign: u16) -> Vec<u8> {
     let cells: ParameterId = BatteryParameter::Cells.of(Pack::First);
     let set = [
@@ -41,19 +35,8 @@ fn parameters(foreign: u16) -> Vec<u8> {
         (ParameterId::Vehicle(VehicleParameter::MotSlewrate).key(), 0.0),
         (ParameterId::Vehicle(VehicleParameter::SignUartAllow).key(), 2.0),
     ];
-    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
-    let mut image = vec![0; PARAMETER_BYTES];
-    block_on(async {
-        let others = (40_000..40_000 + foreign).map(|key| (key, 1.0_f32));
-        for (key, value) in others.chain(set) {
-            let stored = storage.store(key, value.to_bits(), &Erase::always).await;
-            stored.expect("there is room");
-        }
-        let start = flash_map::PARAMETERS.start;
-        flash.read(start, &mut image).await.expect("it is inside");
-    });
-    image
+    let others = (40_000..40_000 + foreign).map(|key| (key, 1.0));
+    parameter_flash::flash_with(others.chain(set))
 }
 
 /// The signing data with a key, and marks that leave no more than `room` records.
@@ -93,7 +76,7 @@ fn rover_with(learnt: &[u8], signing: &[u8], parameters: &[u8]) -> Bench {
 
 /// A rover whose parameters have room for `free` records in the active sector and in the one erased ahead.
 fn rover_with_room(free: u16) -> Bench {
-    let mut bench = Bench::power_up_with_flash(GOOD_3S, PARAMETER_OFFSET, &parameters(SLOTS - 3 - free));
+    let mut bench = Bench::power_up_with_flash(GOOD_3S, PARAMETER_OFFSET, &parameters(SLOTS - 4 - free));
     bench.run_for(3 * SECOND);
     bench
 }
@@ -260,7 +243,7 @@ fn full_sectors_of_time_and_learnt_data_move_without_an_erase() {
 #[test]
 // Requirement: R-5
 fn what_waits_for_disarming_is_erased_under_the_longer_watchdog() {
-    let mut bench = rover_with(&learnt_data(), &signing(3), &parameters(SLOTS - 3 - 5));
+    let mut bench = rover_with(&learnt_data(), &signing(3), &parameters(SLOTS - 4 - 5));
     bench.flash_timing(FlashTiming::MAXIMUM);
     for disarmed_after_us in (0..5).map(|step| 20 * step * MILLISECOND + SECOND) {
         arm_and_drive(&mut bench);

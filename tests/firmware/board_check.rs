@@ -149,7 +149,7 @@ fn a_sound_board_passes() {
     assert_eq!(report.verdict(), Verdict::Passed);
     let report = report.markdown("of the emulated board");
     assert!(
-        report.contains(": 26 passed, 0 failed, 0 not measured."),
+        report.contains(": 27 passed, 0 failed, 0 not measured."),
         "{report}"
     );
 }

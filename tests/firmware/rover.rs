@@ -335,6 +335,7 @@ fn the_smallest_firmware_keeps_its_telemetry_rate_while_it_is_driven() {
     let mut bench = Bench::power_up_example("mavlink_rc_control");
     bench.adc_input(PACK, AdcInput::Code(GOOD_3S));
     bench.run_for(SECOND);
+    bench.set("MOT_DRV_VOLT", 0.0);
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.ask(&arm());
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));

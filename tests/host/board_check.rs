@@ -78,6 +78,7 @@ enum Fault {
     NoCrashRecord,
     OtherCrashRecord,
     BeyondTheDivider,
+    WeakDrivers,
     LeftReversed,
     SidesSwapped,
     ArmingRefused,
@@ -107,12 +108,19 @@ impl DeskBoard {
         };
         let id = BatteryParameter::Cells.of(Pack::First);
         parameters.set(id, cells).expect("in range");
+        let driver_limit_v = match fault {
+            Fault::BeyondTheDivider => 0.0,
+            Fault::WeakDrivers => 7.0,
+            _ => 11.0,
+        };
+        let set = parameters.set(VehicleParameter::MotDrvVolt, driver_limit_v);
+        set.expect("in range");
         if fault == Fault::ArmingRefused {
             let id = BatteryParameter::ArmVolt.of(Pack::First);
             parameters.set(id, 9.0).expect("in range");
         }
         let mut board = Self {
-            desk: Desk::starting(Start::with_parameters(parameters)),
+            desk: Desk::with_own_drivers(Start::with_parameters(parameters)),
             started_us: 0,
             now_us: 0,
             restart_at_us: None,
@@ -144,7 +152,7 @@ impl DeskBoard {
                 .set(VehicleParameter::Sr0Params, 10.0)
                 .expect("in range");
         }
-        self.desk = Desk::starting(Start::with_parameters(parameters));
+        self.desk = Desk::with_own_drivers(Start::with_parameters(parameters));
         self.started_us = self.now_us
             + match self.fault {
                 Fault::BootsIn(boot_us) => boot_us,
@@ -551,6 +559,17 @@ fn each_fault_fails_its_check_and_no_other() {
         (Fault::NoCrashRecord, plan, &["crash record"]),
         (Fault::OtherCrashRecord, plan, &["crash record"]),
         (Fault::BeyondTheDivider, beyond, &["voltage"]),
+        (
+            Fault::WeakDrivers,
+            plan,
+            &[
+                "motor drivers",
+                "left wheels ahead",
+                "right wheels ahead",
+                "left wheels back",
+                "right wheels back",
+            ],
+        ),
         (
             Fault::LeftReversed,
             plan,

@@ -389,7 +389,8 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 16] = [
+const ARMING_FAILURES: [ArmingFailure; 17] = [
+    ArmingFailure::AboveDrivers,
     ArmingFailure::Unhealthy,
     ArmingFailure::Failed,
     ArmingFailure::WrongCells,

@@ -6,7 +6,7 @@ use rover_battmon::battery::{
     BatteryState, BusError, Contents, FailsafeLevel, Measurement, PackStatus, ReadError,
 };
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, Parameters, Range};
+use rover_battmon::parameter::{BatteryParameter, Parameters, Range, VehicleParameter};
 use rover_battmon::sensor::{
     AnalogPin, AnalogReadings, CanEvent, CanFrame, ControllerReading, DroneCan, EngineReading, Pulses,
     SerialReading,
@@ -625,5 +625,36 @@ proptest! {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn packs_that_are_not_on_the_boards_divider_are_announced_once_above_what_the_drivers_stand() {
+    const TOO_HIGH: &str = "Battery 1 voltage above MOT_DRV_VOLT";
+    let on_divider = [ANALOG_VOLTAGE, ANALOG, SYNTHETIC];
+    for (kind, pin) in kinds()
+        .into_iter()
+        .map(|kind| (kind, 26.0))
+        .chain([(ANALOG, 28.0)])
+    {
+        let mut rig = Rig::new(kind);
+        rig.desk.set(BatteryParameter::VoltPin.of(Pack::First), pin);
+        rig.desk.set(VehicleParameter::MotDrvVolt, LOWER_V - 0.5);
+        let channel = &mut rig.desk.channel;
+        rig.desk.autopilot.open(channel);
+        let mut texts = Vec::new();
+        for does in [Does::Measures, Does::MeasuresLess, Does::Fails, Does::Measures] {
+            rig.ticks(3 * SECOND_US, does);
+            rig.desk.post_due(rig.desk.now_us);
+            texts.extend(texts_of(&rig.desk.sent()));
+        }
+        let announced = texts.iter().filter(|text| *text == TOO_HIGH).count();
+        let refused = texts_of(&rig.desk.ask(&arm())).contains(&format!("Arm: {TOO_HIGH}"));
+        let has_voltage = rig.state().voltage_v.is_some();
+        assert!(has_voltage || !measures_voltage(kind), "{kind}");
+        let is_on_divider = on_divider.contains(&kind) && pin == 26.0;
+        assert_eq!(refused, is_on_divider, "{kind}, GP{pin}");
+        let is_announced = has_voltage && !is_on_divider && kind != SUM;
+        assert_eq!(announced, usize::from(is_announced), "{kind}, GP{pin}: {texts:?}");
     }
 }

@@ -58,7 +58,7 @@ impl Rover {
         block_on(regions.storages().boot(source, &mut start));
         Self {
             chip,
-            desk: Desk::starting(start),
+            desk: Desk::with_own_drivers(start),
             sequence: 0,
         }
     }

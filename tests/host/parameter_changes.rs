@@ -100,7 +100,7 @@ fn what_one_station_sets_reaches_the_others_once_and_without_an_index() {
         .listed_index(LOW_VOLT)
         .expect("it is listed");
     let answer = ("BATT_LOW_VOLT".into(), 10.5, index as u16);
-    assert_eq!(room.set(0, "BATT_LOW_VOLT", 10.5), [answer.clone()]);
+    assert_eq!(room.set(0, "BATT_LOW_VOLT", 10.5), std::slice::from_ref(&answer));
     for link in [1, 2] {
         assert_eq!(room.reported(link, 1), [unasked("BATT_LOW_VOLT", 10.5)]);
     }

@@ -108,7 +108,7 @@ fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
             ..BatteryState::default()
         };
         for settings in armed {
-            let failures: Vec<_> = arming_failures(&well, &settings).collect();
+            let failures: Vec<_> = arming_failures(&well, &settings, None).collect();
             assert!(failures.is_empty(), "{file}: {failures:?}");
         }
     }

@@ -332,6 +332,123 @@ fn every_station_that_asks_learns_why_a_pack_is_unhealthy() {
     assert_eq!(failures(&mut rover), [""; 0]);
 }
 
+/// A board whose motor drivers stand the default voltage, with this monitor of its pack.
+fn with_drivers(monitor: f32) -> Rover {
+    let mut parameters = Parameters::defaults();
+    for (parameter, value) in [
+        (BatteryParameter::Monitor, monitor),
+        (BatteryParameter::CurrPin, 26.0),
+    ] {
+        parameters
+            .set(parameter.of(Pack::First), value)
+            .expect("in range");
+    }
+    Rover(Desk::with_own_drivers(Start::with_parameters(parameters)))
+}
+
+const DRIVER_LIMIT: VehicleParameter = VehicleParameter::MotDrvVolt;
+
+impl Rover {
+    #[track_caller]
+    fn assert_too_high_for_its_drivers(&mut self) {
+        let refused = self.ask(&arm(), ARM_DISARM, FAILED);
+        assert_eq!(
+            refused,
+            [(CRITICAL, "Arm: Battery 1 voltage above MOT_DRV_VOLT".into())]
+        );
+        let checked = self.ask(&command_long(RUN_PREARM_CHECKS, 0.0), RUN_PREARM_CHECKS, ACCEPTED);
+        assert_eq!(checked[0].1, "PreArm: Battery 1 voltage above MOT_DRV_VOLT");
+        assert!(!self.is_ready());
+    }
+
+    #[track_caller]
+    fn assert_arms(&mut self) {
+        assert!(self.is_ready());
+        self.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+        self.deliver(&disarm());
+        self.0.sent();
+    }
+}
+
+#[test]
+fn a_pack_above_what_the_motor_drivers_stand_does_not_arm() {
+    // On the board's divider: voltage, voltage and current, synthetic current.
+    for monitor in [3.0, 4.0, 25.0] {
+        let mut rover = with_drivers(monitor);
+        for voltage_v in [11.1, 12.6] {
+            rover.sample(voltage_v, 2);
+            rover.assert_too_high_for_its_drivers();
+        }
+        // The voltage that is measured now counts, not what the pack was.
+        rover.sample(10.5, 2);
+        rover.assert_arms();
+    }
+}
+
+#[test]
+fn a_full_3s_life_pack_arms_on_the_drivers_default() {
+    let mut rover = with_drivers(3.0);
+    rover.sample(10.8, 2);
+    rover.assert_arms();
+}
+
+#[test]
+fn no_limit_of_the_drivers_passes_every_pack() {
+    let mut rover = with_drivers(3.0);
+    rover.sample(12.6, 2);
+    rover.assert_too_high_for_its_drivers();
+    let mut rover = rover.with(DRIVER_LIMIT, 0.0);
+    rover.sample(12.6, 1);
+    rover.assert_arms();
+    let mut rover = rover.with(DRIVER_LIMIT, 12.0);
+    rover.sample(12.6, 1);
+    rover.assert_too_high_for_its_drivers();
+}
+
+#[test]
+fn a_divider_at_full_scale_is_above_what_the_drivers_stand_at_once() {
+    let full_scale = Ok(AdcCount(4095));
+    let mut rover = with_drivers(3.0);
+    rover.sample_pin(full_scale, 2);
+    rover.assert_too_high_for_its_drivers();
+    // In a single tick, while the last voltage still counts as good.
+    let mut rover = with_drivers(3.0);
+    rover.sample(8.0, 2);
+    let mut readings = AnalogReadings::NONE;
+    readings.set(AnalogPin::Gp26, full_scale);
+    rover.0.now_us += 100_000;
+    rover.0.sample(readings);
+    let refused = rover.ask(&arm(), ARM_DISARM, FAILED);
+    assert_eq!(
+        refused,
+        [(CRITICAL, "Arm: Battery 1 voltage above MOT_DRV_VOLT".into())]
+    );
+    // The scale ends at 13.04 V: above it nothing is known of drivers that stand more.
+    for limit_v in [0.0, 13.1] {
+        let mut rover = with_drivers(3.0).with(DRIVER_LIMIT, limit_v);
+        rover.sample_pin(full_scale, 2);
+        let refused = rover.ask(&arm(), ARM_DISARM, FAILED);
+        assert!(
+            refused[0].1.starts_with("Arm: Battery 1 unhealthy: "),
+            "{refused:?}"
+        );
+    }
+}
+
+#[test]
+fn what_the_drivers_stand_is_checked_with_the_batteries() {
+    const STICKS: f32 = 64.0;
+    const BATTERIES: f32 = 256.0;
+    let mut rover = with_drivers(3.0).with(VehicleParameter::ArmingCheck, STICKS);
+    rover.sample(12.6, 2);
+    rover.assert_arms();
+    let mut rover = rover.with(VehicleParameter::ArmingCheck, BATTERIES);
+    rover.sample(12.6, 1);
+    rover.assert_too_high_for_its_drivers();
+    // As any check: forced arming is the owner's decision.
+    rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, FORCED), ARM_DISARM, ACCEPTED);
+}
+
 #[test]
 // Requirement: AP-18
 fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {

@@ -4,7 +4,7 @@ use rover_battmon::autopilot::{Autopilot, Channel, SamplingProgress, Start};
 use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
 use rover_battmon::mavlink::{Event, Framer, LinkKind};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogReadings};
 use rover_battmon::system::LinkStatistics;
 use rover_battmon::time::Instant;
@@ -17,6 +17,8 @@ const FAST: u32 = 100_000;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
+
+const DRIVER_LIMIT: ParameterId = ParameterId::Vehicle(VehicleParameter::MotDrvVolt);
 
 const MONITOR: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Monitor);
 
@@ -46,15 +48,21 @@ impl Desk {
         let mut parameters = Parameters::defaults();
         let monitor = parameters.get(MONITOR);
         parameters.restore(MONITOR.key(), 0.0).unwrap();
-        let mut desk = Self::starting(Start::with_parameters(parameters));
+        let mut desk = Self::with_own_drivers(Start::with_parameters(parameters));
         let parameters = desk.autopilot.parameters_mut();
         parameters.restore(MONITOR.key(), monitor).unwrap();
         desk.set_batteries(batteries);
         desk
     }
 
-    /// A desk after this start.
-    pub fn starting(start: Start) -> Self {
+    /// A desk after this start, whose motor drivers stand any pack.
+    pub fn starting(mut start: Start) -> Self {
+        start.parameters.restore(DRIVER_LIMIT.key(), 0.0).unwrap();
+        Self::with_own_drivers(start)
+    }
+
+    /// A desk after this start, whose motor drivers stand what its parameters say.
+    pub fn with_own_drivers(start: Start) -> Self {
         Self {
             autopilot: Autopilot::new(&start),
             channel: Channel::new("desk", LinkKind::Radio, FAST, Instant::EPOCH),

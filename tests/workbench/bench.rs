@@ -10,6 +10,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, GroundStationParameter, StickParameter, VehicleParameter};
 
 use crate::elf::{Artifact, build};
+use crate::parameter_flash;
 use emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
 use support::frames::{
     BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
@@ -76,13 +77,15 @@ pub const CYCLES_PER_US: u64 = 125;
 /// A ground station would wait longer.
 const ANSWER_TIME_US: u64 = 200 * MILLISECOND;
 
-/// The release firmware, built once per run, in a flash that is erased ahead of the log: a new board erases a sector after
-/// the other in its first seconds.
+/// The release firmware, built once per run, in a flash that has what every bench's parameters are, and is erased ahead of
+/// the log: a new board erases a sector after the other in its first seconds.
 fn firmware() -> &'static Firmware {
     static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
     FIRMWARE.get_or_init(|| {
         let firmware = Firmware::load(build(Artifact::Binary("rover-battmon")));
-        firmware.with_flash(flash_map::LOG.start, LogFlash::erased_ahead().bytes())
+        firmware
+            .with_flash(flash_map::LOG.start, LogFlash::erased_ahead().bytes())
+            .with_flash(PARAMETER_OFFSET, &parameter_flash::flash_with([]))
     })
 }
 

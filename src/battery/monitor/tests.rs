@@ -726,7 +726,7 @@ fn a_solar_charger_at_dusk_does_not_ground_a_rover() {
     let state = bench.run(60.0, dusk);
     assert_eq!(state.faults, Faults::empty());
     assert_eq!(state.charge_state, ChargeState::Ok);
-    assert_eq!(arming_failures(&state, &bench.settings).next(), None);
+    assert_eq!(arming_failures(&state, &bench.settings, None).next(), None);
     assert_eq!(state.consequences(), Consequences::empty());
     assert_eq!(state.faults_to_show(), Faults::INCOMPATIBLE_VOLTAGE);
     let announced = bench

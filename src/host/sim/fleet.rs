@@ -12,7 +12,7 @@ use crate::autopilot::Start;
 use crate::battery::FailsafeLevel;
 use crate::memory::identity::BoardId;
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, ParameterId, SimulationParameter, VehicleParameter};
+use crate::parameter::{BatteryParameter, ParameterId, Parameters, SimulationParameter, VehicleParameter};
 use crate::vehicle::{Alert, ArmState};
 
 /// System ids above belong to ground stations: MAVSDK's is 245, that of most others 255.
@@ -23,6 +23,9 @@ const CAPACITIES_AH: [f32; 4] = [2.2, 3.0, 4.0, 5.0];
 
 /// Charges of the packs, 0 to 1. No two of the first twenty rovers have the same capacity and charge.
 const CHARGES: [f32; 10] = [1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55];
+
+/// What the simulated motors' drivers stand, in volts: the 3S packs that are simulated.
+const DRIVER_LIMIT_V: f32 = 13.0;
 
 /// What a simulated rover is among others.
 #[derive(Clone, Copy)]
@@ -58,6 +61,8 @@ impl Role<'_> {
     /// Which board it is, and parameters that it has as long as no others are in its flash.
     pub(super) fn set_up(self, start: &mut Start) {
         start.identity.board_id = Some(board_id(self.number()));
+        let drivers = (VehicleParameter::MotDrvVolt.into(), DRIVER_LIMIT_V);
+        restore(&mut start.parameters, &[drivers]);
         let Self::Member(_, number) = self else { return };
         let own: [(ParameterId, f32); 4] = [
             (VehicleParameter::SysidThismav.into(), number.into()),
@@ -71,10 +76,7 @@ impl Role<'_> {
                 PackModel::LIPO_3S_2200.cells.into(),
             ),
         ];
-        for (id, value) in own {
-            let set = start.parameters.restore(id.key(), value);
-            debug_assert_eq!(set, Ok(()), "{id:?}");
-        }
+        restore(&mut start.parameters, &own);
     }
 
     /// Whether its announcements are shown. Those of the only rover are in the log, which lines in a file have beside them.
@@ -106,6 +108,13 @@ impl Role<'_> {
             Self::Alone(Output::Lines) => print_status(status.comparison.level(), &status.long()),
             Self::Member(fleet, number) => fleet.report(number, status),
         }
+    }
+}
+
+fn restore(parameters: &mut Parameters, values: &[(ParameterId, f32)]) {
+    for (id, value) in values {
+        let set = parameters.restore(id.key(), *value);
+        debug_assert_eq!(set, Ok(()), "{id:?}");
     }
 }
 
@@ -221,6 +230,16 @@ mod tests {
             let pack = role.pack();
             let is_new = packs.insert((pack.capacity_ah().to_bits(), pack.charge().to_bits()));
             assert!(is_new || role.number() > 20, "{system_id}");
+        }
+    }
+
+    #[test]
+    fn the_drivers_of_every_rover_stand_its_full_pack() {
+        let full_v = SimulatedPack::full(PackModel::LIPO_3S_2200).voltage_v();
+        for role in [Role::Alone(Output::Lines), Role::Member(&Fleet::of(1), 1)] {
+            let mut start = Start::default();
+            role.set_up(&mut start);
+            assert!(start.parameters.get(VehicleParameter::MotDrvVolt) > full_v);
         }
     }
 

@@ -142,6 +142,19 @@ parameters! {
         label: "Throttle slew rate",
         description: "Maximum rate of change of the throttle. 0: unlimited.",
     }
+    MotDrvVolt {
+        key: 53,
+        name: "MOT_DRV_VOLT",
+        kind: Kind::Real32,
+        // The highest recommended motor supply of a DRV8837 (TI SLVSBA4).
+        default: 11.0,
+        range: Range::Between(0.0, 60.0),
+        step: 0.1,
+        unit: "V",
+        label: "Voltage limit of the motor drivers",
+        description: "Above it a pack at the board's divider does not arm; another one is announced once. 0: no limit. \
+                      (ArduPilot has no such parameter.)",
+    }
     LogBitmask {
         key: 11,
         name: "LOG_BITMASK",

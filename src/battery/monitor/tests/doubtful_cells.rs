@@ -20,7 +20,7 @@ fn bench(kept: u8) -> Bench {
 }
 
 fn failures(bench: &Bench) -> Vec<ArmingFailure> {
-    arming_failures(bench.state(), &bench.settings).collect()
+    arming_failures(bench.state(), &bench.settings, None).collect()
 }
 
 #[track_caller]

@@ -369,7 +369,7 @@ fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() 
                 .events
                 .contains(&PackEvent::Faults(Faults::CONTRADICTED_CHARGE))
         );
-        let failures: Vec<_> = crate::battery::arming_failures(&state, &bench.settings).collect();
+        let failures: Vec<_> = crate::battery::arming_failures(&state, &bench.settings, None).collect();
         assert_eq!(failures, [crate::battery::ArmingFailure::ContradictedCharge]);
         // The charge that such cells have.
         let state = bench.run(13.0, reports(0.05, cell_v));
@@ -441,7 +441,7 @@ fn packs_of_a_sum_that_rest_apart_are_a_fault_on_which_nothing_acts() {
     assert_eq!(bench.events, [PackEvent::Faults(Faults::INCOMPATIBLE_VOLTAGE)]);
     assert_eq!(state.charge_state, ChargeState::Ok);
     assert_eq!(
-        crate::battery::arming_failures(&state, &bench.settings).count(),
+        crate::battery::arming_failures(&state, &bench.settings, None).count(),
         0
     );
     // Under load the last rest counts.

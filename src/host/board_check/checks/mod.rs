@@ -12,7 +12,7 @@ pub use check::{Check, Outcome};
 use super::evidence::Evidence;
 
 /// Every check, in the order of the report; the connection is the first.
-pub const CHECKS: [Check; 26] = [
+pub const CHECKS: [Check; 27] = [
     board::CONNECTION,
     board::ONE_BOARD,
     board::IDENTITY,
@@ -32,6 +32,7 @@ pub const CHECKS: [Check; 26] = [
     faults::LOAD,
     sensing::SENSORS,
     sensing::VOLTAGE,
+    sensing::MOTOR_DRIVERS,
     sensing::VOLTAGE_NOISE,
     sensing::CALIBRATION,
     trials::CRASH_RECORD,

@@ -3,7 +3,7 @@
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, outcome, passed};
 use crate::host::board_check::evidence::{Calibration, Evidence, mean};
 use crate::mavlink::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
-use crate::sensor::ADC_REFERENCE_V;
+use crate::sensor::{ADC_REFERENCE_V, MonitorKind};
 
 /// What does it say of its sensors?
 pub(super) const SENSORS: Check = Check {
@@ -83,6 +83,37 @@ fn judge_voltage(evidence: &Evidence) -> Outcome {
     };
     let of_cell = cell_v.map_or("cells not set".into(), |cell_v| format!("{cell_v:.2} V a cell"));
     outcome(format!("{mean_v:.2} V, {of_cell}"), against)
+}
+
+/// Pin of the divider on the board (`BATT_VOLT_PIN`).
+const BOARD_DIVIDER: f32 = 26.0;
+
+/// Do the motor drivers stand the pack?
+pub(super) const MOTOR_DRIVERS: Check = Check {
+    name: "motor drivers",
+    measures: "the first pack's mean voltage beside `MOT_DRV_VOLT`",
+    expected: "not above, if the pack is at the board's divider",
+    advice: "Switch off. Find the driver chips, read their marking, and look up the motor supply that they stand: \
+             docs/hardware.md, Motors. Unless they stand the pack, give the motors another supply; then set `MOT_DRV_VOLT`.",
+    judge: judge_motor_drivers,
+};
+
+fn judge_motor_drivers(evidence: &Evidence) -> Outcome {
+    let Some(mean_v) = mean(&evidence.voltages_v()) else {
+        return not_measured("no pack is connected");
+    };
+    let Some(limit_v) = evidence.parameter("MOT_DRV_VOLT") else {
+        return not_measured("it has no MOT_DRV_VOLT");
+    };
+    let kind = evidence.parameter("BATT_MONITOR");
+    let kind = kind.and_then(|number| MonitorKind::from_number(number as i32));
+    let is_at_divider = kind.is_some_and(MonitorKind::reads_voltage_pin)
+        && evidence.parameter("BATT_VOLT_PIN") == Some(BOARD_DIVIDER);
+    let is_above = is_at_divider && limit_v > 0.0 && mean_v > limit_v;
+    outcome(
+        format!("{mean_v:.2} V, limit {limit_v:.2} V"),
+        is_above.then_some("The pack may burn the motor drivers, armed or not."),
+    )
 }
 
 const WORST_DEVIATION_V: f32 = 0.02;
