@@ -2,7 +2,7 @@
 
 use emulator::{AbortPoint, ControlRequest, FlashTiming, HostEvent, LogLevel, Random, Reading};
 use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message};
-use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list, param_set};
+use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire, value_of};
 
 const PREFLIGHT_STORAGE: u16 = 245;
