@@ -8,7 +8,7 @@ use workbench::bench::{Bench, DIVIDER_CODE, MINUTE, SAVED_US, SECOND, SIGNING_OF
 use workbench::runs::signing_time;
 use workbench::signing_key::{OWNER, STRANGER, flash_with_key, protected};
 
-const KEY_LOST: &str = "Signing key lost, commands locked: set up by USB";
+const KEY_LOST: &str = "Signing key lost: set up by USB (used Pico: erase)";
 
 /// Where a sector's records start, and their size.
 const RECORDS: usize = 16;

@@ -35,7 +35,7 @@ const OWNER: u8 = 7;
 
 const KEY_SET: &str = "Signing key set";
 const KEY_REMOVED: &str = "Signing key removed: commands are accepted from anyone";
-const KEY_LOST: &str = "Signing key lost, commands locked: set up by USB";
+const KEY_LOST: &str = "Signing key lost: set up by USB (used Pico: erase)";
 const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";
 
 const TICKS_PER_SECOND: u64 = 100_000;

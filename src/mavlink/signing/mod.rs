@@ -98,7 +98,7 @@ impl SigningTrouble {
     /// What is announced.
     pub fn text(self) -> &'static str {
         match self {
-            Self::KeyLost => "Signing key lost, commands locked: set up by USB",
+            Self::KeyLost => "Signing key lost: set up by USB (used Pico: erase)",
             Self::NotSaved => "Signing not saved: set it up again after a restart",
         }
     }
