@@ -248,6 +248,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: R-14
     fn a_reversal_takes_a_quarter_of_a_second_and_a_start_or_a_stop_no_time() {
         assert_eq!(reversed(&[1.0, 0.3, 0.0, 1.0]), [100, 30, 0, 100]);
         let reversal = reversed(&[[1.0; 2].as_slice(), &[-1.0; 14]].concat());

@@ -182,6 +182,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: R-12
     fn an_oscillator_of_any_frequency_gives_a_password() {
         for jitter in [0.001, 0.01] {
             let (mut least_unknown, mut least_markov) = (f64::INFINITY, f64::INFINITY);

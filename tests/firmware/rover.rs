@@ -207,6 +207,7 @@ fn a_hang_right_after_arming_is_as_short() {
 }
 
 #[test]
+// Requirement: R-13
 fn a_drive_task_that_does_not_run_any_more_lets_the_motors_coast() {
     /// States of a task (embassy-executor): it waits to be woken; it waits for its turn, so that nothing wakes it.
     const SPAWNED: [u8; 4] = [1, 0, 0, 0];

@@ -34,7 +34,7 @@ fn texts_of_can(bench: &mut Bench) -> Vec<String> {
 }
 
 #[test]
-// Requirement: R-10
+// Requirement
 fn on_a_full_bus_the_start_loses_no_frame_and_reports_no_bus_off() {
     for bits_per_second in [125_000, 1_000_000] {
         let (mut bench, rig) = with_battery_at(bits_per_second);
