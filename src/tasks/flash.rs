@@ -9,7 +9,7 @@ use core::pin::{Pin, pin};
 
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::{CheckIn, Shared, mark, now};
@@ -35,7 +35,7 @@ const LEAST_PAUSE: Duration = Duration::from_millis(50);
 const RADIO_DELAY: Duration = Duration::from_millis(50);
 
 /// Random numbers that were refused are asked for again after this.
-const ENTROPY_RETRY: Duration = Duration::from_secs(10);
+const ENTROPY_RETRY_US: u64 = 10_000_000;
 
 /// Time armed so far, before the tasks start.
 const NOT_ARMED_US: u64 = 0;
@@ -313,10 +313,10 @@ pub async fn keep_flash<F: NorFlash>(
         shared.with(|autopilot| autopilot.logs_found(ring));
     };
     storages.save_during(pin!(scan), shared, check_in).await;
-    let mut entropy_due = Instant::now() + ENTROPY_RETRY;
+    let mut entropy_due = now().after_us(ENTROPY_RETRY_US);
     loop {
-        if Instant::now() >= entropy_due {
-            entropy_due += ENTROPY_RETRY;
+        if now() >= entropy_due {
+            entropy_due = now().after_us(ENTROPY_RETRY_US);
             make_password(&mut entropy, shared).await;
         }
         let pause = keep_log(&mut log, shared).await;

@@ -221,7 +221,7 @@ fn a_drive_task_that_does_not_run_any_more_lets_the_motors_coast() {
         // Between two of its turns, which come every 20 ms, and of those of others. It is the next.
         bench.run_until_silent();
         let tenths = bench.time_us() / (100 * MILLISECOND);
-        bench.run_until_time((100 * tenths + 150) * MILLISECOND);
+        bench.run_until_time((100 * tenths + 140) * MILLISECOND);
         bench.run_into_task();
         let drive = bench.read_register(RUNNING);
         bench.run_for(5 * MILLISECOND);

@@ -23,6 +23,10 @@ pub fn flash_with(values: impl IntoIterator<Item = (u16, f32)>) -> Vec<u8> {
             let stored = storage.store(key, value.to_bits(), &Erase::always).await;
             stored.expect("there is room");
         }
+        // As a board has done that has run for a second.
+        while !storage.is_prepared() {
+            storage.prepare(&Erase::always).await.expect("it works");
+        }
         let start = flash_map::PARAMETERS.start;
         flash.read(start, &mut image).await.expect("it is inside");
     });

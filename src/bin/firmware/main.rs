@@ -23,6 +23,7 @@ mod firmware {
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::mavlink::LinkId;
     use rover_battmon::memory::flash_map;
+    use rover_battmon::memory::identity::BoardId;
     use rover_battmon::net::{NetMemory, Service};
     use rover_battmon::sensor::{Buses, DriverEnable};
     use rover_battmon::tasks::CheckIn;
@@ -136,8 +137,12 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn flash(storages: Storages<BoardFlash>, log: BoardFlash, shared: &'static Shared) -> ! {
-        let board_id = shared.with(|autopilot| autopilot.system_state().identity.board_id);
+    async fn flash(
+        storages: Storages<BoardFlash>,
+        log: BoardFlash,
+        board_id: Option<BoardId>,
+        shared: &'static Shared,
+    ) -> ! {
         let entropy = async || board::entropy(board_id).await;
         tasks::keep_flash(storages, log, flash_map::LOG, entropy, shared, &FLASH).await
     }
@@ -377,7 +382,7 @@ mod firmware {
         if let Some(pin) = pulse_input {
             start_in_interrupt("pulse pin", pulse_pin(pin));
         }
-        start(spawner, FLASH.name(), self::flash(storages, flash, shared));
+        start(spawner, FLASH.name(), self::flash(storages, flash, id, shared));
         if let Some(pins) = wifi_pins {
             start(spawner, WIFI.name(), wifi(open_wifi(kind, pins), logs, shared));
         }
