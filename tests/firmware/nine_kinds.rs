@@ -288,6 +288,6 @@ fn nine_packs_of_nine_kinds_are_each_reported_600_times_in_a_minute() {
     assert_eq!(rig.can.chip.borrow().lost_frames(), 0);
     assert_eq!(bench.resets().len(), 1, "the one for the parameters");
     assert!(bench.bus_errors().is_empty());
-    // A seventh more than with a flash cache that misses nothing.
-    assert!(awake_permille < 120 && u64::from(highest_load) < 120);
+    // A third of it is spent waiting for lines of flash.
+    assert!(awake_permille < 150 && u64::from(highest_load) < 150);
 }
