@@ -224,8 +224,8 @@ fn the_slowest_erase_makes_ticks_coalesce_and_invents_none() {
     let phase_us = ticks[ticks.len() - 1] % 100_000;
     let regular = ticks
         .iter()
-        // The first ones wait for a start whose code is read from flash for the first time.
-        .filter(|tick| (**tick % 100_000).abs_diff(phase_us) < 2 * MILLISECOND)
+        // The one behind it waits for what has waited meanwhile.
+        .filter(|tick| (**tick % 100_000).abs_diff(phase_us) < 4 * MILLISECOND)
         .count();
     assert!(ticks.len() - regular <= 4, "only the tick after an erase is late");
     assert!(bench.resets().is_empty(), "the watchdog waited");
