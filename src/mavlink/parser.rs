@@ -47,13 +47,15 @@ pub struct ReceivedFrame<'a> {
 /// After a start byte that turns out to start no good frame it goes on at the very next byte, so a frame is never lost
 /// to garbage before it, and at most 512 bytes pass before it is found. A frame is taken whole, also if it is useless: what
 /// looks like a frame inside its payload is not one. One that can't be judged, since its message or one of its flags is
-/// unknown here, counts as a frame where the next one, or a pause, begins right behind it.
+/// unknown here, counts as a frame between a frame or a pause right before it, and one right behind it.
 #[derive(Debug)]
 pub struct FrameParser {
     buffer: [u8; BUFFER_BYTES],
     start: usize,
     end: usize,
     sender_paused: bool,
+    /// Whether the first byte follows a frame or a pause, and no noise.
+    follows_frame: bool,
     statistics: ReceiveStatistics,
 }
 
@@ -98,6 +100,7 @@ impl FrameParser {
             start: 0,
             end: 0,
             sender_paused: false,
+            follows_frame: true,
             statistics: ReceiveStatistics {
                 frames: 0,
                 bad_checksums: 0,
@@ -171,27 +174,32 @@ impl FrameParser {
                 .iter()
                 .position(|byte| matches!(*byte, START_V1 | START_V2))
             else {
+                self.follows_frame = self.sender_paused || (self.follows_frame && waiting.is_empty());
                 self.start = self.end;
                 return None;
             };
+            let follows_frame = self.follows_frame && noise == 0;
             let waiting = waiting.get(noise..).unwrap_or_default();
             let candidate = examine(waiting);
             let behind = match candidate {
-                Candidate::Unknown(bytes) => behind(waiting, bytes, self.sender_paused),
+                Candidate::Unknown(bytes) if follows_frame => behind(waiting, bytes, self.sender_paused),
                 _ => Behind::Other,
             };
             self.start += noise;
+            self.follows_frame = follows_frame;
             let counter = match candidate {
                 Candidate::Incomplete if !self.sender_paused => return None,
                 Candidate::Unknown(bytes) => match behind {
                     Behind::Incomplete => return None,
                     Behind::Boundary => {
-                        self.start += bytes - 1;
-                        Some(&mut self.statistics.unknown_messages)
+                        self.statistics.unknown_messages = self.statistics.unknown_messages.wrapping_add(1);
+                        self.start += bytes;
+                        continue;
                     }
                     Behind::Other => None,
                 },
                 Candidate::Good(layout) => {
+                    self.follows_frame = true;
                     self.statistics.frames = self.statistics.frames.wrapping_add(1);
                     return Some(layout);
                 }
@@ -201,6 +209,7 @@ impl FrameParser {
             if let Some(counter) = counter {
                 *counter = counter.wrapping_add(1);
             }
+            self.follows_frame = false;
             self.start += 1;
         }
     }

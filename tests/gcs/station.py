@@ -68,12 +68,19 @@ def is_about(hertz, expected):
 
 def read(connection, name):
     connection.mav.param_request_read_send(1, 1, name.encode(), -1)
-    return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
+    return answer_about(connection, name)
 
 
 def set_to(connection, name, value):
     connection.param_set_send(name, value)
-    return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
+    return answer_about(connection, name)
+
+
+def answer_about(connection, name):
+    """What other stations change comes in between."""
+    while (answer := receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])).param_id != name:
+        pass
+    return answer
 
 
 def read_list(connection):

@@ -45,7 +45,8 @@ LINKS = ["uart", "usb"]
 # Each link has its own rates. The pack is low at the second step of its voltage.
 SERIAL_NUMBER = 4711
 SETTINGS = {"SR0_EXTRA1": 20, "SR1_EXTRA1": 20, "BATT_CELLS": 3, "BATT_LOW_VOLT": 12.46, "BATT_LOW_TIMER": 1}
-SETTINGS |= {"BATT_SERIAL_NUM": SERIAL_NUMBER}
+# Its pack has three cells.
+SETTINGS |= {"BATT_SERIAL_NUM": SERIAL_NUMBER, "MOT_DRV_VOLT": 0}
 BLOCK_BYTES = 90
 TO_THE_END = 0xFFFF_FFFF
 RECORDED = 520

@@ -53,7 +53,7 @@ HOLD = 4
 
 PACKS = 4
 # Nothing is recorded: the log in the chip stays the only one.
-SETTINGS = {**{f"BATT{number}_MONITOR": 3 for number in range(2, PACKS + 1)}, "LOG_BITMASK": 0}
+SETTINGS = {"MOT_DRV_VOLT": 0, **{f"BATT{number}_MONITOR": 3 for number in range(2, PACKS + 1)}, "LOG_BITMASK": 0}
 FS_TIMEOUT_S = 1.5
 LOG = bytes(i * i >> 8 & 0xFF for i in range(20_000))
 FILE = "/LOGS/00000006.BIN"

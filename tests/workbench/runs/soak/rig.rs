@@ -53,8 +53,8 @@ pub(super) const PROBE: u32 = 77;
 /// A request that was not answered is repeated.
 const TRIES: usize = 5;
 
-/// Enough for twice the parameters of six packs and for the hostile frames that are still on their way.
-const LIST_STEPS: usize = 70;
+/// Enough for three times the parameters of six packs: hostile frames that are still on their way may ask for the list again.
+const LIST_STEPS: usize = 105;
 
 /// The log goes on for 15 s after disarming, and is in flash a second later.
 const LOG_WRITTEN_US: u64 = 17 * SECOND;
