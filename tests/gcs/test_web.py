@@ -119,6 +119,8 @@ def test_parameters_commands_and_rates_are_those_of_tcp(site):
 
 def test_logs_are_listed_and_downloaded_and_a_broken_download_goes_on(site):
     with closing(connect(site.ws_url)) as web:
+        # Space for the log is erased before.
+        time.sleep(1)
         assert command(web, ARM, 1, FORCED) == ACCEPTED
         (log,) = site.logs()
         path = f"/logs/{log['number']}.BIN"
