@@ -255,6 +255,7 @@ fn what_waits_for_disarming_is_erased_under_the_longer_watchdog() {
         bench.ask(&param_set("BATT_LRN_ERASE", 1.0));
         drive_for(&mut bench, 4 * SECOND, 500);
         bench.run_for(disarmed_after_us);
+        bench.run_until_silent();
         assert_eq!(erases(&bench.take_flash_operations()), 0);
         let disarmed_us = bench.time_us();
         // What is set right behind it must not be refused, as it would be while armed.
