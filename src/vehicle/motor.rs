@@ -123,8 +123,8 @@ impl Ramp {
 /// From the end of one way to full power the other way, in seconds.
 ///
 /// A motor that turns generates nearly what drives it, so that a reversal at once takes up to twice its stall current, of all four
-/// at the same moment. Computed for TT motors (Adafruit 3777: 200 rpm, and stalled 0.8 kg cm and 1.5 A, at 6 V) with wheels of 65 mm
-/// under a rover of 1 kg: its speed follows with 70 ms, so that in this ramp the voltages together, and with them the mean current,
+/// at the same moment. Computed for TT motors (Adafruit 3777: at 6 V 250 rpm, and stalled 0.8 kg cm and 1.5 A) with wheels of 65 mm
+/// under a rover of 1 kg: its speed follows with 90 ms, so that in this ramp the voltages together, and with them the mean current,
 /// never exceed those of a stall.
 const REVERSAL_S: f32 = 0.25;
 
