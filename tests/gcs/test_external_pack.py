@@ -89,7 +89,7 @@ def test_with_a_key_only_the_script_that_has_it_feeds_the_pack(start_simulator):
     vehicle.set_up(hashlib.sha256(b"a good passphrase").digest())
     radio = f"udpin:127.0.0.1:{vehicle.udp_port}"
     with Companion(radio, "12.0"):
-        texts = texts_within(vehicle.cable, 2)
+        texts = texts_within(vehicle.cable, 4)
         assert any("not signed with the key, ignored" in text for text in texts), texts
         assert fresh(vehicle.cable, "BATTERY_STATUS").voltages[0] == 65535
     with Companion(radio, "12.0", "--passphrase", "a good passphrase"):
