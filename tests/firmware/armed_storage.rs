@@ -168,6 +168,7 @@ fn nothing_is_erased_while_armed_and_what_has_no_space_is_saved_after_disarming(
     assert!(erases(&bench.take_flash_operations()) >= 1);
     assert_untroubled(&bench);
 
+    bench.run_until_silent();
     bench.power_cycle();
     bench.run_for(SECOND);
     for name in ["BATT_CAPACITY", "BATT9_CAPACITY"] {
@@ -188,6 +189,7 @@ fn power_lost_while_armed_brings_saved_values_back() {
     bench.set("BATT_CAPACITY", 1234.0);
     bench.run_for(SECOND);
     assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(1234.0), "live");
+    bench.run_until_silent();
     bench.power_cycle();
     bench.run_for(SECOND);
     assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(777.0));
@@ -198,6 +200,7 @@ fn power_lost_while_armed_brings_saved_values_back() {
     );
     bench.set("BATT_CAPACITY", 888.0);
     bench.run_for(SECOND);
+    bench.run_until_silent();
     bench.power_cycle();
     bench.run_for(SECOND);
     assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(888.0));
