@@ -39,7 +39,7 @@ pub enum Announcement<'a> {
     /// The stored parameters were not loaded, after repeated quick resets.
     DefaultParameters,
     /// The last stored parameter could not be read.
-    ParametersDamaged,
+    LastParameterLost,
     /// A ground station has set all parameters to their defaults.
     ParametersReset,
     /// The parameters may not be the owner's.
@@ -146,7 +146,7 @@ impl Announcement<'_> {
             | Self::FailsafesOff(_)
             | Self::Suggestion(..)
             | Self::DefaultParameters
-            | Self::ParametersDamaged
+            | Self::LastParameterLost
             | Self::ParametersReset
             | Self::Parameters(_)
             | Self::ParametersUnknown(_)
@@ -233,7 +233,7 @@ impl Announcement<'_> {
             | Self::Unauthorized { .. }
             | Self::TooOld { .. } => MavSeverity::MAV_SEVERITY_WARNING,
             Self::DefaultParameters
-            | Self::ParametersDamaged
+            | Self::LastParameterLost
             | Self::Parameters(_)
             | Self::ParametersNotSaved(_)
             | Self::Signing(_)
@@ -286,7 +286,7 @@ impl fmt::Display for Announcement<'_> {
                 Hundredths(suggested.critical_v)
             ),
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
-            Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
+            Self::LastParameterLost => f.write_str("Parameter storage damaged: check parameters"),
             Self::ParametersReset => f.write_str("All parameters reset to their defaults"),
             Self::Parameters(trouble) => trouble.fmt(f),
             Self::ParametersUnknown(count) => write!(f, "{count} stored parameters unknown: kept"),

@@ -7,7 +7,7 @@ use crate::parameter::ParameterIdSet;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Listener(usize);
 
-/// What has changed and was not taken yet, for each link that is open.
+/// Changes not yet taken, for each open link.
 #[derive(Debug, Default)]
 pub(super) struct Changes([Option<ParameterIdSet>; MAX_LINKS]);
 
@@ -26,7 +26,7 @@ impl Changes {
         }
     }
 
-    /// These have changed, which whoever is on the link of `except` knows.
+    /// Keeps `changed` for every open link but that of `except`, whose station has made the change.
     pub fn add(&mut self, changed: &ParameterIdSet, except: Option<Listener>) {
         for (place, unsent) in self.0.iter_mut().enumerate() {
             if let Some(unsent) = unsent
@@ -37,7 +37,7 @@ impl Changes {
         }
     }
 
-    /// What has changed since the last call; `None` if nothing has.
+    /// The parameters changed since the last call; `None` if there are none.
     pub fn take(&mut self, listener: Option<Listener>) -> Option<ParameterIdSet> {
         let Listener(place) = listener?;
         let unsent = self.0.get_mut(place)?.as_mut()?;

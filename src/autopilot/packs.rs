@@ -24,7 +24,7 @@ pub(super) struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
-    /// Those that were announced to have a voltage above `MOT_DRV_VOLT`, a bit each.
+    /// Packs announced to have a voltage above `MOT_DRV_VOLT`, a bit each.
     pub announced_too_high: u16,
     /// What the packs are read from, by the parameters at boot.
     pub read_from: [PackSource; MAX_PACKS],

@@ -155,7 +155,7 @@ impl Autopilot {
                 && above_drivers(&state, &self.parameters, *pack) == Some(MeasuredAt::Elsewhere)
                 && !self.packs.is_of_kind(*pack, MonitorKind::Sum)
         };
-        // Those that remain follow, one a second.
+        // The remaining packs follow, one a second.
         if let Some(pack) = Pack::ALL.into_iter().find(is_news) {
             self.packs.announced_too_high |= pack.bit();
             self.announce(Announcement::Pack(pack, &PackEvent::AboveDrivers), now);

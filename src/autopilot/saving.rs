@@ -185,7 +185,7 @@ impl Autopilot {
         self.recording.erased(erasure, outcome);
     }
 
-    /// Where the bytes of a log from `offset` on are in flash, to be read at `now` for the link of this number, or for a browser's
+    /// The place in flash of a log's bytes from `offset` on, to be read at `now` for the link of this number, or for a browser's
     /// download.
     pub fn locate_log(&mut self, number: u16, offset: u32, link: Option<u16>, now: Instant) -> Option<Piece> {
         self.recording.readers.note(link, now);

@@ -82,7 +82,7 @@ impl Start {
                 Some(Announcement::DefaultParameters)
             }
             ParameterLoad::Unknown(count) => Some(Announcement::ParametersUnknown(count)),
-            ParameterLoad::Interrupted => Some(Announcement::ParametersDamaged),
+            ParameterLoad::Interrupted => Some(Announcement::LastParameterLost),
         }
     }
 }

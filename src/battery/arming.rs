@@ -98,8 +98,8 @@ impl ArmingFailure {
     }
 }
 
-/// All failed checks of a pack, by its present values without any timer, and the one that was found elsewhere. A pack that is not monitored passes, and so
-/// does an unknown value.
+/// All failed checks of a pack, by its present values without any timer, and the one that was found elsewhere. A pack that is
+/// not monitored passes, and so does an unknown value.
 ///
 /// A latched failsafe level fails as one of voltage, unless the charge is below its threshold now.
 pub fn arming_failures(

@@ -97,7 +97,7 @@ pub(super) fn dispatch(
     event
 }
 
-/// Who drives or has armed the rover can always stop it: signing does not forget its time.
+/// The station that drives or has armed the rover can always stop it: signing does not forget its time.
 fn keep_sender(request: &Request<'_>, before: ArmState, context: &mut Context<'_>) {
     let Changeable { vehicle, signing, .. } = &mut context.changeable;
     if matches!(request, Request::Control { .. } | Request::ChannelOverride(_)) {

@@ -69,7 +69,7 @@ enum Candidate {
     Good(Layout),
 }
 
-/// What stands behind a frame that can't be judged by itself.
+/// The kind of bytes behind a frame that can't be judged by itself.
 enum Behind {
     /// More bytes are needed to decide.
     Incomplete,
@@ -78,7 +78,7 @@ enum Behind {
     Other,
 }
 
-/// Where things are in a frame.
+/// The parts of a frame.
 struct Layout {
     system_id: u8,
     component_id: u8,
@@ -269,7 +269,7 @@ fn behind(bytes: &[u8], frame_bytes: usize, sender_paused: bool) -> Behind {
     Behind::Other
 }
 
-/// Where things are in the frame that starts with `bytes`, whose first one is a start byte; `None` if they are too few.
+/// The parts of the frame that starts with `bytes`, whose first one is a start byte; `None` if they are too few.
 fn layout(bytes: &[u8]) -> Option<Layout> {
     match *bytes {
         [

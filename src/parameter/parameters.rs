@@ -99,7 +99,7 @@ impl Parameters {
         self.listed.checksum()
     }
 
-    /// The parameters whose value has changed since the last call, whoever changed it.
+    /// The parameters whose value has changed since the last call, from any source.
     pub fn take_changed(&mut self) -> ParameterIdSet {
         core::mem::take(&mut self.changed)
     }

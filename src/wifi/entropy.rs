@@ -2,8 +2,8 @@
 
 use sha2::{Digest, Sha256};
 
-/// Samples for one result: for the 60 bits of a password also where the jitter is a thousandth of a period at 1.8 MHz, and whoever
-/// guesses knows the oscillator's phase before each.
+/// Samples for one result: for the 60 bits of a password also where the jitter is a thousandth of a period at 1.8 MHz, and an
+/// attacker knows the oscillator's phase before each.
 const SAMPLES: u32 = 8192;
 
 /// Processor cycles between two samples at least, at 125 MHz 8 µs: the Pico SDK's `pico_rand` waits 10 µs a bit, as the oscillator

@@ -83,7 +83,7 @@ def test_what_one_station_sets_reaches_the_others(start_simulator):
         reported = receive(other, ["PARAM_VALUE"])
         assert (reported.param_id, reported.param_value) == ("BATT_LOW_VOLT", 10.5)
         assert (reported.param_index, reported.param_count) == (65535, len(listed))
-        # Whoever has set it gets nothing else.
+        # The station that has set it gets nothing else.
         assert one.recv_match(type="PARAM_VALUE", blocking=True, timeout=1) is None
         command(one, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2)
         for link in (one, other):

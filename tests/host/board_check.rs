@@ -140,7 +140,7 @@ impl DeskBoard {
         self.desk.autopilot.open(&mut self.desk.channel);
         if self.fault == Fault::AnnouncesDamage {
             let now = self.desk.now();
-            self.desk.autopilot.announce(Announcement::ParametersDamaged, now);
+            self.desk.autopilot.announce(Announcement::LastParameterLost, now);
         }
     }
 

@@ -758,7 +758,7 @@ fn signed() -> impl Strategy<Value = Signed> {
 }
 
 proptest! {
-    /// Whoever signs a frame, when, and whatever it is.
+    /// For every sender, time and kind of frame.
     #[test]
     // Requirement: L-14
     fn a_signed_frame_counts_by_its_sender_its_time_and_what_it_does(

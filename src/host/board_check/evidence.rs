@@ -200,7 +200,7 @@ pub struct FaultTrial {
     pub restarted: Option<Restarted>,
 }
 
-/// What the owner says of what divides the pack's voltage.
+/// The owner's statement about the divider of the pack's voltage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Divider {
     /// Nothing: a factor that is far from the one in force is an error of the multimeter, or in reading it.
@@ -208,6 +208,11 @@ pub enum Divider {
     AsBefore,
     /// It is another one now.
     Changed,
+}
+
+/// A parameter's value for the board's own divider: the default of the first pack.
+pub fn boards_own(parameter: BatteryParameter) -> f32 {
+    parameter.of(Pack::First).row().default
 }
 
 /// More than parts and the converter's reference are off by, as a share of the factor.
@@ -224,7 +229,7 @@ pub struct Calibration {
     pub old: Option<f32>,
     /// `BATT_VOLT_PIN`.
     pub pin: Option<f32>,
-    /// What the owner says of the divider.
+    /// The owner's statement about the divider.
     pub divider: Divider,
     /// What the board answered when the exact value was set; `None` if it was not set.
     pub applied: Option<f32>,
@@ -243,8 +248,7 @@ impl Calibration {
     /// one's, nothing is known as long as the factor is the default.
     pub fn believed(&self) -> Option<f32> {
         let exact = self.exact()?;
-        let [own_pin, own_factor] = [BatteryParameter::VoltPin, BatteryParameter::VoltMult]
-            .map(|id| id.of(Pack::First).row().default);
+        let [own_pin, own_factor] = [BatteryParameter::VoltPin, BatteryParameter::VoltMult].map(boards_own);
         let is_near = |factor: f32| (exact - factor).abs() <= LARGEST_CHANGE * factor;
         let fits_pin = if self.pin == Some(own_pin) {
             is_near(own_factor)

@@ -76,7 +76,7 @@ pub fn print_only_warnings() {
     log::set_printer(print_warnings);
 }
 
-/// Whether whoever read standard output has gone, as `head` does.
+/// Whether the reader of standard output has gone, as `head` does.
 pub fn is_closed() -> bool {
     IS_CLOSED.load(Ordering::Relaxed)
 }

@@ -24,7 +24,7 @@ const CAPACITIES_AH: [f32; 4] = [2.2, 3.0, 4.0, 5.0];
 /// Charges of the packs, 0 to 1. No two of the first twenty rovers have the same capacity and charge.
 const CHARGES: [f32; 10] = [1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55];
 
-/// What the simulated motors' drivers stand, in volts: the 3S packs that are simulated.
+/// Highest supply of the simulated motor drivers, in volts: the simulated 3S packs are below it.
 const DRIVER_LIMIT_V: f32 = 13.0;
 
 /// What a simulated rover is among others.

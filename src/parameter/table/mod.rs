@@ -1,7 +1,8 @@
 //! Parameter tables: of the vehicle, of its sticks, of a pack, of the simulator, and constants for ground stations.
 
-/// Declares a table: an enum of its parameters, and a row for each. Without `access` a parameter is a setting that bears on the drive, without `listed` it is in
-/// every list, without `step` it goes by whole numbers, without `unit` it is a plain number, without `takes_effect` it acts at once.
+/// Declares a table: an enum of its parameters, and a row for each. Without `access` a parameter is a setting that bears on the
+/// drive, without `listed` it is in every list, without `step` it goes by whole numbers, without `unit` it is a plain number,
+/// without `takes_effect` it acts at once.
 ///
 /// Documentation fields are left out of the firmware, where they would take 7 KB of flash.
 macro_rules! parameters {

@@ -1,8 +1,9 @@
 //! What the board measures.
 
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, outcome, passed};
-use crate::host::board_check::evidence::{Calibration, Evidence, mean};
+use crate::host::board_check::evidence::{Calibration, Evidence, boards_own, mean};
 use crate::mavlink::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
+use crate::parameter::BatteryParameter;
 use crate::sensor::{ADC_REFERENCE_V, MonitorKind};
 
 /// What does it say of its sensors?
@@ -85,9 +86,6 @@ fn judge_voltage(evidence: &Evidence) -> Outcome {
     outcome(format!("{mean_v:.2} V, {of_cell}"), against)
 }
 
-/// Pin of the divider on the board (`BATT_VOLT_PIN`).
-const BOARD_DIVIDER: f32 = 26.0;
-
 /// Do the motor drivers stand the pack?
 pub(super) const MOTOR_DRIVERS: Check = Check {
     name: "motor drivers",
@@ -108,7 +106,7 @@ fn judge_motor_drivers(evidence: &Evidence) -> Outcome {
     let kind = evidence.parameter("BATT_MONITOR");
     let kind = kind.and_then(|number| MonitorKind::from_number(number as i32));
     let is_at_divider = kind.is_some_and(MonitorKind::reads_voltage_pin)
-        && evidence.parameter("BATT_VOLT_PIN") == Some(BOARD_DIVIDER);
+        && evidence.parameter("BATT_VOLT_PIN") == Some(boards_own(BatteryParameter::VoltPin));
     let is_above = is_at_divider && limit_v > 0.0 && mean_v > limit_v;
     outcome(
         format!("{mean_v:.2} V, limit {limit_v:.2} V"),

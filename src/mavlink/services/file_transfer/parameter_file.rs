@@ -25,7 +25,7 @@ pub(super) struct ParameterFile {
     selection: Selection,
     /// Which parameters were listed when it was opened.
     list_checksum: u32,
-    /// How many those were.
+    /// The number of parameters listed then.
     total: u16,
     /// How many of them are in the file.
     count: u16,

@@ -137,7 +137,7 @@ fn no_power_cut_takes_the_time_back_for_the_key_from_before() {
     let mut seen = Vec::new();
     for cut_after in 0..20 {
         let mut words = flash_with(&[Some(key(1))]);
-        // An older firmware followed whoever had the key, up to the end.
+        // An older firmware followed every holder of the key, up to the end.
         let end = next_mark(
             Mark::default(),
             Timestamp::from_ticks(END_TICKS).expect("48 bits"),
