@@ -63,19 +63,11 @@ pub struct FrameParser {
 enum Candidate {
     /// More bytes are needed to decide.
     Incomplete,
+    NoFrame,
     BadChecksum,
     /// It can't be judged by itself: its message or one of its flags is unknown. It has this many bytes.
     Unknown(usize),
     Good(Layout),
-}
-
-/// The kind of bytes behind a frame that can't be judged by itself.
-enum Behind {
-    /// More bytes are needed to decide.
-    Incomplete,
-    /// The next frame, or a pause.
-    Boundary,
-    Other,
 }
 
 /// The parts of a frame.
@@ -180,34 +172,31 @@ impl FrameParser {
             };
             let follows_frame = self.follows_frame && noise == 0;
             let waiting = waiting.get(noise..).unwrap_or_default();
-            let candidate = examine(waiting);
-            let behind = match candidate {
-                Candidate::Unknown(bytes) if follows_frame => behind(waiting, bytes, self.sender_paused),
-                _ => Behind::Other,
+            let candidate = match examine(waiting) {
+                Candidate::Unknown(bytes) if follows_frame => {
+                    judge_unknown(waiting, bytes, self.sender_paused)
+                }
+                Candidate::Unknown(_) => Candidate::NoFrame,
+                known => known,
             };
             self.start += noise;
             self.follows_frame = follows_frame;
-            let counter = match candidate {
+            match candidate {
                 Candidate::Incomplete if !self.sender_paused => return None,
-                Candidate::Unknown(bytes) => match behind {
-                    Behind::Incomplete => return None,
-                    Behind::Boundary => {
-                        self.statistics.unknown_messages = self.statistics.unknown_messages.wrapping_add(1);
-                        self.start += bytes;
-                        continue;
-                    }
-                    Behind::Other => None,
-                },
                 Candidate::Good(layout) => {
                     self.follows_frame = true;
                     self.statistics.frames = self.statistics.frames.wrapping_add(1);
                     return Some(layout);
                 }
-                Candidate::Incomplete => None,
-                Candidate::BadChecksum => Some(&mut self.statistics.bad_checksums),
-            };
-            if let Some(counter) = counter {
-                *counter = counter.wrapping_add(1);
+                Candidate::Unknown(bytes) => {
+                    self.statistics.unknown_messages = self.statistics.unknown_messages.wrapping_add(1);
+                    self.start += bytes;
+                    continue;
+                }
+                Candidate::BadChecksum => {
+                    self.statistics.bad_checksums = self.statistics.bad_checksums.wrapping_add(1);
+                }
+                Candidate::Incomplete | Candidate::NoFrame => {}
             }
             self.follows_frame = false;
             self.start += 1;
@@ -248,25 +237,25 @@ fn examine(bytes: &[u8]) -> Candidate {
     }
 }
 
-/// Judges what stands behind the first `frame_bytes` of `bytes`, which is all there is until the sender goes on. More frames
-/// that can't be judged may follow, as far as the buffer reaches.
-fn behind(bytes: &[u8], frame_bytes: usize, sender_paused: bool) -> Behind {
+/// Judges a frame of `frame_bytes` that can't be judged by itself, by the bytes behind it, which are all there are until the
+/// sender goes on. More such frames may follow, as far as the buffer reaches.
+fn judge_unknown(bytes: &[u8], frame_bytes: usize, sender_paused: bool) -> Candidate {
     let mut end = frame_bytes;
     while end + HEADER_V2_BYTES <= BUFFER_BYTES {
         let next = match bytes.get(end..) {
-            Some([]) if sender_paused => return Behind::Boundary,
+            Some([]) if sender_paused => return Candidate::Unknown(frame_bytes),
             Some([START_V1 | START_V2, ..]) => bytes.get(end..).and_then(layout),
-            Some([_, ..]) => return Behind::Other,
+            Some([_, ..]) => return Candidate::NoFrame,
             Some([]) | None => None,
         };
         match next {
-            Some(next) if next.extra_crc.is_some() => return Behind::Boundary,
+            Some(next) if next.extra_crc.is_some() => return Candidate::Unknown(frame_bytes),
             Some(next) => end += next.frame_bytes,
-            None if sender_paused => return Behind::Other,
-            None => return Behind::Incomplete,
+            None if sender_paused => return Candidate::NoFrame,
+            None => return Candidate::Incomplete,
         }
     }
-    Behind::Other
+    Candidate::NoFrame
 }
 
 /// The parts of the frame that starts with `bytes`, whose first one is a start byte; `None` if they are too few.
