@@ -94,6 +94,8 @@ pub enum Announcement<'a> {
     },
     /// There is no log although there should be one.
     NoLog(LogFailure),
+    /// Each page of the log stores a register of the flash chip.
+    LogWearsFlash,
     /// A line of a crash report.
     Crash(&'a str),
 }
@@ -158,6 +160,7 @@ impl Announcement<'_> {
             | Self::Signing(_)
             | Self::LongTimeOut { .. }
             | Self::NoLog(_)
+            | Self::LogWearsFlash
             | Self::Crash(_) => Kind::Board,
         }
     }
@@ -228,6 +231,7 @@ impl Announcement<'_> {
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
             | Self::NoLog(_)
+            | Self::LogWearsFlash
             | Self::ParameterRefused { .. }
             | Self::LongTimeOut { .. }
             | Self::Unauthorized { .. }
@@ -307,6 +311,7 @@ impl fmt::Display for Announcement<'_> {
             Self::SigningSaved(change) => f.write_str(change.text()),
             Self::NoLog(LogFailure::Full) => f.write_str("Log full until disarmed"),
             Self::NoLog(LogFailure::NotWritten) => f.write_str("Log not written: flash worn out?"),
+            Self::LogWearsFlash => f.write_str("Logging wears out this flash chip: set LOG_BITMASK 0"),
             Self::Signing(trouble) => f.write_str(trouble.text()),
             Self::Unauthorized { link, count } => {
                 write!(f, "{link}: not signed with the key, ignored: {count}")

@@ -4,11 +4,13 @@ use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
 use super::broadcast::{Announced, Next};
 use super::changes::Listener;
 use super::channel::Channel;
+use super::recording::is_on;
 use super::{Autopilot, Work, system_state};
 use crate::battery::{FailsafeLevel, PackEvent, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, Stream};
+use crate::memory::flash_chip::RegisterWear;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
@@ -50,12 +52,18 @@ impl Autopilot {
             self.wifi.save.failure().map(Announcement::WifiNotSaved),
             self.wifi.trouble().map(Announcement::Wifi),
             self.can.trouble().map(Announcement::Can),
+            self.log_wears_flash().then_some(Announcement::LogWearsFlash),
             self.missing_threshold().map(Announcement::FailsafesOff),
         ];
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
         for notice in notices.into_iter().flatten().chain(suggestions) {
             notify(channel, &notice);
         }
+    }
+
+    /// Whether a register of the flash chip is stored with each page of the log.
+    fn log_wears_flash(&self) -> bool {
+        self.flash_wear == RegisterWear::EachPage && is_on(&self.parameters)
     }
 
     /// The failsafe levels that were latched before the link was opened.

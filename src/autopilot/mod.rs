@@ -37,6 +37,7 @@ use bitflags::bitflags;
 use crate::battery::{BatteryState, PackEvent};
 use crate::log::info;
 use crate::mavlink::{Signing, SigningChange};
+use crate::memory::flash_chip::RegisterWear;
 use crate::memory::identity::{FirmwareHash, Identity};
 use crate::memory::in_place::in_place;
 use crate::memory::save_state::SaveState;
@@ -69,6 +70,7 @@ pub struct Autopilot {
     readiness: ArmingReadiness,
     load_permille: u16,
     identity: Identity,
+    flash_wear: RegisterWear,
     start_notice: Option<Announcement<'static>>,
     limit: AnnouncementLimit,
     broadcast: Broadcast,
@@ -110,6 +112,7 @@ impl Autopilot {
             load_permille: 0,
             was_reset: false,
             identity: start.identity,
+            flash_wear: start.flash_wear,
             parameter_save: SaveState::Saved,
             save_reports: SaveReports::default(),
             signing_save: SaveState::Saved,

@@ -4,6 +4,7 @@ use super::announcement::Announcement;
 use crate::crash::CrashRecord;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
+use crate::memory::flash_chip::RegisterWear;
 use crate::memory::identity::Identity;
 use crate::parameter::Parameters;
 use crate::sensor::BitTiming;
@@ -20,6 +21,8 @@ pub struct Start {
     pub signing: Signing,
     /// Which board and program it is.
     pub identity: Identity,
+    /// The wear by writing a page to the flash chip.
+    pub flash_wear: RegisterWear,
     /// Whether the board has a Wi-Fi radio.
     pub radio: Radio,
     /// The crash by which the run before this one ended.
@@ -49,6 +52,7 @@ impl Default for Start {
             parameter_load: ParameterLoad::Loaded,
             signing: Signing::off(),
             identity: Identity::default(),
+            flash_wear: RegisterWear::None,
             radio: Radio::Absent,
             crash: None,
             radio_crashes: 0,

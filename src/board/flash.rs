@@ -9,7 +9,6 @@ use embassy_rp::peripherals::FLASH;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use crate::memory::flash_map;
-use crate::memory::identity::BoardId;
 use crate::recorder::{LogSource, ReadFailed};
 
 const CHIP_BYTES: usize = flash_map::CHIP_BYTES as usize;
@@ -22,16 +21,6 @@ type Driver = Flash<'static, FLASH, Blocking, CHIP_BYTES>;
 /// The driver of the flash chip.
 pub fn flash_driver(peripheral: Peri<'static, FLASH>) -> FlashDriver {
     RefCell::new(Flash::new_blocking(peripheral))
-}
-
-/// The chip's own number; `None` if it has none, as a copy of the chip may: then nothing drives the line.
-// Its buffers must not add to the stack of `main`.
-#[inline(never)]
-pub fn board_id(driver: &FlashDriver) -> Option<BoardId> {
-    let mut id = BoardId([0; BoardId::BYTES]);
-    driver.try_borrow_mut().ok()?.blocking_unique_id(&mut id.0).ok()?;
-    let is_silence = id.number() == 0 || id.number() == u64::MAX;
-    (!is_silence).then_some(id)
 }
 
 /// The flash chip.

@@ -15,6 +15,7 @@ mod examples;
 mod external_pack;
 mod faults;
 mod firmware_hash;
+mod flash_makes;
 mod floats;
 mod fuel;
 mod lamps;

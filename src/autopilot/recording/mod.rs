@@ -367,7 +367,7 @@ impl Recording {
 }
 
 /// Whether anything is recorded at all.
-fn is_on(parameters: &Parameters) -> bool {
+pub fn is_on(parameters: &Parameters) -> bool {
     parameters.get_whole(VehicleParameter::LogBitmask) != 0
 }
 

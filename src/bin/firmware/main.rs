@@ -16,7 +16,7 @@ mod firmware {
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardCan, BoardCrashMemory, BoardFlash, BoardIndicators, BoardKind, BoardMotors,
-        BoardWatchdog, Buzzer, CanController, CanPins, ExecutorIdleTime, FlashDriver, LastRun,
+        BoardWatchdog, Buzzer, CanController, CanPins, ExecutorIdleTime, FlashChip, FlashDriver, LastRun,
         MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SerialPort, SerialUart, SharedSpi,
         SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
@@ -248,7 +248,8 @@ mod firmware {
         let radio = kind.radio();
         info!("Wi-Fi radio: {}", radio);
         let flash_driver = FLASH_DRIVER.init(board::flash_driver(peripherals.FLASH));
-        let id = board::board_id(flash_driver);
+        let chip = FlashChip::read(flash_driver);
+        let id = chip.board_id;
         if let Some(id) = id {
             info!("board {}", id.serial_number().as_str());
         }
@@ -260,6 +261,7 @@ mod firmware {
             .feed_during(pin!(storages.boot(source, &mut stored)))
             .await;
         stored.radio = radio;
+        stored.flash_wear = chip.wear;
         stored.identity.board_id = id;
         if last_run.has_crashed() {
             stored.crash = last_run.crash.clone();

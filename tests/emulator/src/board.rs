@@ -12,6 +12,7 @@ use super::cpu::{Cpu, CpuState};
 use super::cyw43::Cyw43;
 use super::firmware::Firmware;
 use super::flash::FlashChip;
+use super::flash::FlashMake;
 use super::gpio::{PinWire, Pulses};
 use super::i2c::I2c;
 use super::interrupts::InterruptLines;
@@ -69,7 +70,7 @@ impl Board {
         let mut memory = Memory::new(boot_rom::image(), flash);
         Random::new(seeds.next_u64()).fill(&mut memory.ram);
         let mut bus = SystemBus::new(memory, seeds.next_u64());
-        bus.soc.ssi = Ssi::to_chip(unique_id);
+        bus.soc.ssi = Ssi::new(FlashMake::w25q16jv(unique_id));
         bus.rtt = RttWatch::new(firmware.find_symbol("_SEGGER_RTT"));
         let mut board = Self {
             cpu: Cpu::at_reset(0, 0, &mut seeds),

@@ -155,7 +155,7 @@ pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 pub use cpu::CpuState;
 pub use cyw43::{AccessPoint, ChipPart, Cyw43, Network, RadioFault};
 pub use firmware::Firmware;
-pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
+pub use flash::{FlashCut, FlashMake, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 pub use gpio::PinWire;
 pub use i2c::{Ack, I2c, I2cDevice, I2cDirection, I2cTransaction, devices as i2c_devices};
 pub use log::{LogLevel, LogLine};

@@ -5,6 +5,7 @@ use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::{Cycle, NEVER};
 use super::cyw43::Cyw43;
 use super::dma::Dma;
+use super::flash::FlashMake;
 use super::floating::Floating;
 use super::gpio::Gpio;
 use super::i2c::{I2c, I2cPlace};
@@ -145,7 +146,7 @@ impl Soc {
             chip_reset: ChipReset::after(ChipLevelReset::PowerOn),
             dma: Dma::new(),
             xip_control: XipControl::default(),
-            ssi: Ssi::default(),
+            ssi: Ssi::new(FlashMake::w25q16jv([0; 8])),
             pios: PIO_PLACES.map(Pio::new),
             usb: Usb::new(),
             wifi: None,

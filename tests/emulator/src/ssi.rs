@@ -3,11 +3,12 @@
 //!
 //! The firmware runs its copy of the second stage after every flash operation to read flash by
 //! address again. It is executed as it is; whether reads work follows from what it has written here.
-//! The chip answers the serial commands that a second stage sends, and with its unique id; any other fails by name.
+//! The chip answers the serial commands that a second stage sends, and with its ids; any other fails by name.
 
 use std::collections::VecDeque;
 
 use super::clock::Cycle;
+use super::flash::{FlashMake, SerialChip};
 use super::peripheral::Peripheral;
 use super::register::{RegisterWrite, bit, field};
 
@@ -31,45 +32,25 @@ const TMOD_EEPROM_READ: u32 = 3;
 const FRAME_OF_8: u32 = 7;
 const FRAME_OF_32: u32 = 31;
 
-/// Commands of the W25Q16JV and what it answers: not busy, and quad mode enabled, as it
-/// leaves the factory.
-const READ_STATUS_1: u8 = 0x05;
-const READ_STATUS_2: u8 = 0x35;
-const WRITE_ENABLE: u8 = 0x06;
-const WRITE_DISABLE: u8 = 0x04;
-/// "Read Unique ID Number": after four dummy bytes the chip's 64 bits, first byte first (W25Q16JV, 8.2).
-const READ_UNIQUE_ID: u8 = 0x4b;
-const UNIQUE_ID_DUMMY_BYTES: usize = 4;
-const STATUS_1: u8 = 0;
-const STATUS_2_QUAD_ENABLED: u8 = 1 << 1;
-
 #[derive(Clone)]
 pub struct Ssi {
     registers: [u32; REGISTERS],
     received: VecDeque<u8>,
-    /// The answer to the command before, given with the next byte.
-    answer: Option<u8>,
-    /// Of the flash chip, and so not touched by a reset.
-    unique_id: [u8; 8],
-}
-
-impl Default for Ssi {
-    fn default() -> Self {
-        Self {
-            registers: [0; REGISTERS],
-            received: VecDeque::new(),
-            answer: None,
-            unique_id: [0; 8],
-        }
-    }
+    /// Not touched by a reset.
+    pub chip: SerialChip,
 }
 
 impl Ssi {
-    /// The interface to the chip with this id.
-    pub fn to_chip(unique_id: [u8; 8]) -> Self {
+    /// The interface to a chip of this make.
+    pub fn new(make: FlashMake) -> Self {
+        Self::to(SerialChip::new(make))
+    }
+
+    fn to(chip: SerialChip) -> Self {
         Self {
-            unique_id,
-            ..Self::default()
+            registers: [0; REGISTERS],
+            received: VecDeque::new(),
+            chip,
         }
     }
 
@@ -118,12 +99,12 @@ impl Ssi {
 
     fn clear_fifos(&mut self) {
         self.received.clear();
-        self.answer = None;
+        self.chip.end_command();
     }
 
     /// A byte goes to the chip and one comes back. The address and mode bits of a read are no
     /// bytes; what that read returns is not used.
-    fn send(&mut self, value: u32) {
+    fn send(&mut self, value: u32, now: Cycle) {
         let control = self.register(CTRLR0);
         let sends_bytes = field(control, 16, 5) == FRAME_OF_8;
         if !self.is_enabled() || !sends_bytes {
@@ -133,33 +114,16 @@ impl Ssi {
             self.read_after(value as u8);
             return;
         }
-        let received = self.exchange(value as u8);
+        let received = self.chip.exchange(value as u8, now);
         self.received.push_back(received);
     }
 
     /// "EEPROM_READ": what comes back while the command is sent is dropped, and then as many frames are received as CTRLR1.NDF
     /// says, and one more (4.10.13).
     fn read_after(&mut self, command: u8) {
-        assert!(
-            command == READ_UNIQUE_ID,
-            "the firmware reads after the command {command:#04x}, which is not modelled"
-        );
         let frames = field(self.register(CTRLR1), 0, 16) as usize + 1;
-        let sent = [0xff; UNIQUE_ID_DUMMY_BYTES].into_iter().chain(self.unique_id);
-        self.received.extend(sent.take(frames));
-    }
-
-    fn exchange(&mut self, byte: u8) -> u8 {
-        if let Some(answer) = self.answer.take() {
-            return answer;
-        }
-        self.answer = match byte {
-            READ_STATUS_1 => Some(STATUS_1),
-            READ_STATUS_2 => Some(STATUS_2_QUAD_ENABLED),
-            WRITE_ENABLE | WRITE_DISABLE => None,
-            _ => panic!("the firmware sent the flash chip the command {byte:#04x}, which is not modelled"),
-        };
-        0
+        self.received
+            .extend(self.chip.read_after(command).into_iter().take(frames));
     }
 }
 
@@ -173,9 +137,9 @@ impl Peripheral for Ssi {
         }
     }
 
-    fn write(&mut self, offset: u32, write: RegisterWrite, _now: Cycle) {
+    fn write(&mut self, offset: u32, write: RegisterWrite, now: Cycle) {
         match offset {
-            DR0..=DR35 => self.send(write.value),
+            DR0..=DR35 => self.send(write.value, now),
             _ if (offset as usize) < 4 * REGISTERS => {
                 let register = self.register_mut(offset);
                 *register = write.applied_to(*register);
@@ -188,7 +152,7 @@ impl Peripheral for Ssi {
     }
 
     fn reset(&mut self, _now: Cycle) {
-        *self = Self::to_chip(self.unique_id);
+        *self = Self::to(self.chip.clone());
     }
 }
 
@@ -196,13 +160,22 @@ impl Peripheral for Ssi {
 mod tests {
     use super::*;
 
+    const READ_STATUS_1: u8 = 0x05;
+    const WRITE_ENABLE: u8 = 0x06;
+    const READ_STATUS_2: u8 = 0x35;
+    const READ_UNIQUE_ID: u8 = 0x4b;
+
+    fn to_chip(unique_id: [u8; 8]) -> Ssi {
+        Ssi::new(FlashMake::w25q16jv(unique_id))
+    }
+
     fn write(ssi: &mut Ssi, offset: u32, value: u32) {
         ssi.write(offset, RegisterWrite::plain(value), 0);
     }
 
     #[test]
     fn the_status_registers_are_read_as_a_second_stage_reads_them() {
-        let mut ssi = Ssi::default();
+        let mut ssi = to_chip([0; 8]);
         write(&mut ssi, CTRLR0, FRAME_OF_8 << 16);
         write(&mut ssi, SSIENR, 1);
         for (command, status) in [(READ_STATUS_2, 0b10), (READ_STATUS_1, 0)] {
@@ -217,7 +190,7 @@ mod tests {
 
     #[test]
     fn the_unique_id_comes_after_four_dummy_bytes_and_outlasts_a_reset() {
-        let mut ssi = Ssi::to_chip([1, 2, 3, 4, 5, 6, 7, 8]);
+        let mut ssi = to_chip([1, 2, 3, 4, 5, 6, 7, 8]);
         for _ in 0..2 {
             write(&mut ssi, CTRLR0, FRAME_OF_8 << 16 | TMOD_EEPROM_READ << 8);
             write(&mut ssi, CTRLR1, 11);
@@ -232,7 +205,7 @@ mod tests {
 
     #[test]
     fn disabling_it_clears_what_was_received() {
-        let mut ssi = Ssi::default();
+        let mut ssi = to_chip([0; 8]);
         ssi.set_up_for_commands();
         write(&mut ssi, DR0, WRITE_ENABLE.into());
         assert_eq!(ssi.read(RXFLR, 0), 1);
@@ -242,7 +215,7 @@ mod tests {
 
     #[test]
     fn reads_are_served_when_it_is_enabled_and_set_up_for_them() {
-        let mut ssi = Ssi::default();
+        let mut ssi = to_chip([0; 8]);
         assert!(!ssi.serves_reads());
         // Quad I/O, as the W25Q080 second stage sets it up.
         write(&mut ssi, CTRLR0, 2 << 21 | 31 << 16 | 3 << 8);
@@ -251,13 +224,5 @@ mod tests {
         assert!(ssi.serves_reads());
         ssi.set_up_for_commands();
         assert!(!ssi.serves_reads());
-    }
-
-    #[test]
-    #[should_panic(expected = "command 0x9f")]
-    fn a_command_that_is_not_modelled_fails_by_name() {
-        let mut ssi = Ssi::default();
-        ssi.set_up_for_commands();
-        write(&mut ssi, DR0, 0x9f);
     }
 }

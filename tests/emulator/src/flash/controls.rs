@@ -5,13 +5,23 @@ use std::sync::Arc;
 
 use super::super::board::Board;
 use super::super::memory::FLASH_SIZE;
-use super::{ArmedCut, FlashChip, FlashCut, FlashOperation, FlashTiming, sector_of};
+use super::{ArmedCut, FlashChip, FlashCut, FlashMake, FlashOperation, FlashTiming, SerialChip, sector_of};
 
 impl Board {
     /// Set how long the flash chip takes from its next operation on ([`FlashTiming::TYPICAL`] at
     /// first).
     pub fn flash_timing(&mut self, timing: FlashTiming) {
         self.flash_mut().timing = timing;
+    }
+
+    /// Solder another flash chip in, with the content of the one before; of use while the board is off.
+    pub fn solder_flash(&mut self, make: FlashMake) {
+        self.bus.soc.ssi.chip = SerialChip::new(make);
+    }
+
+    /// How often the status registers of the flash chip were stored.
+    pub fn flash_status_writes(&self) -> u64 {
+        self.bus.soc.ssi.chip.status_writes()
     }
 
     /// Cut the power at an operation of the flash chip; 1 is the next one to begin, and every

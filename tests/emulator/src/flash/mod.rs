@@ -12,6 +12,7 @@ pub(super) mod fixture;
 mod job;
 #[cfg(test)]
 mod job_tests;
+mod make;
 mod operation;
 #[cfg(test)]
 mod power_tests;
@@ -25,6 +26,7 @@ use super::clock::{Cycle, NEVER, micros};
 use super::random::Random;
 pub use cut::FlashCut;
 pub use job::{Job, Step, transfer_cycles};
+pub use make::{FlashMake, SerialChip};
 use operation::Command;
 pub use operation::{FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 use operation::{PAGE_SIZE, SECTOR_SIZE};

@@ -1,0 +1,124 @@
+//! Flash chips of other makes than Raspberry Pi's.
+
+use emulator::{FlashMake, FlashOperationKind, LogLevel};
+use rover_battmon::memory::flash_map;
+use support::frames::{AUTOPILOT_VERSION, STATUSTEXT, of_message};
+use support::requests::{arm, command_long_2};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
+
+const REQUEST_MESSAGE: u16 = 512;
+
+const WEARS: &str = "Logging wears out this flash chip: set LOG_BITMASK 0";
+
+/// A bit that the boot loader clears: of a copy, in which it stays as it is.
+const FIXED_BIT: u8 = 0x40;
+
+fn running_with(make: FlashMake) -> Bench {
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    bench.solder_flash(make);
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    bench
+}
+
+/// `uid` of AUTOPILOT_VERSION, its bytes in the order of the chip.
+fn uid(bench: &mut Bench) -> [u8; 8] {
+    let answers = bench.ask(&command_long_2(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32, 0.0));
+    let version = of_message(&answers, AUTOPILOT_VERSION)[0];
+    (u64::from(version.u32(12)) << 32 | u64::from(version.u32(8))).to_be_bytes()
+}
+
+/// Texts that a program is sent which opens the port now.
+fn texts_at_the_port(bench: &mut Bench) -> String {
+    bench.use_wire(Wire::Usb);
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    let texts = of_message(&frames, STATUSTEXT);
+    texts.iter().map(|frame| frame.text(1, 50)).collect()
+}
+
+/// Pages of the log that a drive of 10 s writes, and how often registers of the chip were stored meanwhile.
+fn pages_and_status_writes(bench: &mut Bench) -> (usize, u64) {
+    bench.take_flash_operations();
+    let before = bench.flash_status_writes();
+    bench.ask(&arm());
+    bench.run_for(10 * SECOND);
+    let operations = bench.take_flash_operations();
+    let is_page = |kind| kind == FlashOperationKind::PageProgram;
+    let pages = operations
+        .iter()
+        .filter(|operation| is_page(operation.kind) && flash_map::LOG.contains(&operation.offset));
+    (pages.count(), bench.flash_status_writes() - before)
+}
+
+#[test]
+// Requirement: R-15
+fn a_chip_whose_registers_are_stored_with_each_page_is_announced_with_what_to_do() {
+    for fixed_status_2 in [0, FIXED_BIT] {
+        let is_worn = fixed_status_2 != 0;
+        let make = FlashMake {
+            fixed_status_2,
+            ..FlashMake::w25q16jv([7; 8])
+        };
+        let mut bench = running_with(make);
+        let read = format!(
+            "flash chip EF4015, status register 2 {:#04x}",
+            0b10 | fixed_status_2
+        );
+        assert_eq!(
+            bench.logged(LogLevel::Info, &read).len(),
+            1,
+            "{:?}",
+            bench.log_lines()
+        );
+        let texts = texts_at_the_port(&mut bench);
+        assert_eq!(texts.contains(WEARS), is_worn, "{texts}");
+
+        let (pages, stored) = pages_and_status_writes(&mut bench);
+        assert!(pages >= 10, "{pages}");
+        assert_eq!(stored >= pages as u64, is_worn, "{stored}");
+        assert_eq!(stored == 0, !is_worn, "{stored}");
+        assert!(bench.resets().len() == 1, "{:?}", bench.resets());
+    }
+}
+
+#[test]
+// Requirement: R-15
+fn without_a_log_such_a_chip_is_not_announced_and_a_drive_does_not_wear_it() {
+    let make = FlashMake {
+        fixed_status_2: FIXED_BIT,
+        ..FlashMake::w25q16jv([7; 8])
+    };
+    let mut bench = running_with(make);
+    bench.set("LOG_BITMASK", 0.0);
+    bench.run_for(SECOND);
+    bench.run_until_silent();
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    let texts = texts_at_the_port(&mut bench);
+    assert!(!texts.contains(WEARS), "{texts}");
+    assert_eq!(pages_and_status_writes(&mut bench), (0, 0));
+}
+
+#[test]
+// Requirement: R-15
+fn a_chip_whose_id_is_unique_in_16_bytes_only_gives_each_board_an_id_of_its_own() {
+    const ZETTA: [u8; 3] = [0xba, 0x60, 0x15];
+    const WINBOND: [u8; 3] = [0xef, 0x40, 0x15];
+    let with = |jedec_id, last| {
+        let mut unique_id = [0x5a; 16];
+        unique_id[15] = last;
+        let mut bench = running_with(FlashMake {
+            jedec_id,
+            unique_id,
+            fixed_status_2: 0,
+        });
+        uid(&mut bench)
+    };
+    // FNV-1a of 64 bits, by another implementation.
+    assert_eq!(with(ZETTA, 1), 0x6777_0588_3f12_5594_u64.to_be_bytes());
+    assert_eq!(with(ZETTA, 2), 0x6777_0888_3f12_5aad_u64.to_be_bytes());
+    // The first 8 bytes, whatever follows: a board keeps the id it has had.
+    assert_eq!(with(WINBOND, 1), [0x5a; 8]);
+    assert_eq!(with(WINBOND, 2), [0x5a; 8]);
+}
