@@ -3,7 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::figures::{Figure, Table};
-use crate::running::{JITTER_GOAL_US, VOLTAGE_CODE, jitter_of};
+use crate::running::{VOLTAGE_CODE, jitter, jitter_of};
 use emulator::Board;
 use emulator::air::computer::Connection;
 use emulator::air::hostile::{Hostile, Target};
@@ -58,9 +58,7 @@ pub fn tables() -> Vec<Table> {
             unit: "µs",
             figures: vec![
                 Figure::new("Wi-Fi: from power to the network", up_us as f64),
-                Figure::new("Wi-Fi: sampling jitter, 1000 hostile frames a second", jitter_us)
-                    .with_digits(1)
-                    .with_goal(JITTER_GOAL_US),
+                jitter("Wi-Fi: sampling jitter, 1000 hostile frames a second", jitter_us),
             ],
         },
     ]

@@ -27,6 +27,7 @@ pub use announcement::{ANNOUNCEMENT_BYTES, Announcement, AnnouncementText};
 pub use channel::Channel;
 pub use driving::Outputs;
 pub use learnt::{LearntJob, PackIdentity};
+pub use packs::PinsToRead;
 pub use recording::{LogFailure, LogStep};
 pub use sampling::{SAMPLING_INTERVAL_US, SAMPLING_RESOLUTION_US, SamplingProgress, SamplingTick};
 pub use start::{ParameterLoad, Start};

@@ -15,8 +15,10 @@ use crate::sensor::{
 };
 use crate::time::Instant;
 
-/// Number of analog pins.
-pub(super) const PIN_COUNT: usize = AnalogPin::ALL.len();
+/// Analog pins, each at most once.
+pub type PinsToRead = Vec<AnalogPin, PIN_COUNT>;
+
+const PIN_COUNT: usize = AnalogPin::ALL.len();
 
 /// All packs and their latest readings.
 #[derive(Debug)]
@@ -72,7 +74,7 @@ impl Packs {
     }
 
     /// The pins that the packs need. Packs may share a pin.
-    pub fn needed_pins(&self, parameters: &Parameters) -> Vec<AnalogPin, PIN_COUNT> {
+    pub fn needed_pins(&self, parameters: &Parameters) -> PinsToRead {
         let mut needed = [false; PIN_COUNT];
         for (pack, kind) in &self.order {
             for pin in AnalogWiring::from_parameters(parameters, *pack).pins(*kind) {

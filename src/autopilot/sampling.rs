@@ -2,11 +2,9 @@
 
 use core::mem;
 
-use heapless::Vec;
-
 use super::Autopilot;
 use super::announcement::Announcement;
-use super::packs::PIN_COUNT;
+use super::packs::PinsToRead;
 use super::recording::Detail;
 use crate::battery::{
     BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
@@ -72,7 +70,7 @@ impl Autopilot {
     }
 
     /// The pins to read before the next sampling tick.
-    pub fn pins_to_read(&self) -> Vec<AnalogPin, PIN_COUNT> {
+    pub fn pins_to_read(&self) -> PinsToRead {
         let mut pins = self.packs.needed_pins(&self.parameters);
         pins.retain(|pin| Some(*pin) != self.pin_of_radio());
         pins

@@ -4,7 +4,6 @@
 //! `#[embassy_executor::task]`s of one line, since tasks can't be generic.
 
 mod battery;
-mod beside_sampling;
 mod bus;
 mod can;
 mod clock;
@@ -28,8 +27,7 @@ mod writer;
 
 use embassy_time::{Duration, Timer};
 
-pub use battery::sample_batteries;
-pub use beside_sampling::beside_sampling;
+pub use battery::{SampledPins, read_pins, sample_batteries};
 pub use bus::read_bus;
 pub use can::serve_can;
 pub use clock::{now, timer_at};

@@ -19,13 +19,6 @@ const PROGRAMMING_US: u64 = 4_000;
 /// The packs' pins are read within this time.
 const SAMPLING_US: u64 = 4_000;
 
-/// What other tasks do at a time takes no longer than this: a turn of the network, which takes 1.8 ms with a thousand hostile
-/// frames a second, an answer to a request.
-const LONG_STEP_US: u64 = 2_000;
-
-/// A sampling that is due begins within this time, unless something else holds it up.
-const SAMPLING_START_US: u64 = 1_000;
-
 /// Wakes up a link when something was announced.
 pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LINKS>;
 
@@ -90,13 +83,6 @@ impl Shared {
         if now.after_us(PROGRAMMING_US) > due && now < end {
             timer_at(end).await;
         }
-    }
-
-    /// Until when work of up to [`LONG_STEP_US`] has to wait at `now`, so that it does not delay the sampling of the packs.
-    pub(super) fn sampling_pause(&self, now: Instant) -> Option<Instant> {
-        let due = self.sampling_due.get()?;
-        let end = due.after_us(SAMPLING_START_US);
-        (now.after_us(LONG_STEP_US) > due && now < end).then_some(end)
     }
 
     /// Whether flash may be erased now, for [`Storage`](crate::memory::storage::Storage).

@@ -13,7 +13,8 @@ use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::tasks::{
-    CheckIn, Link, Shared, Watchdog, sample_batteries, schedule_telemetry, supervise, write_frames,
+    CheckIn, Link, SampledPins, Shared, Watchdog, read_pins, sample_batteries, schedule_telemetry, supervise,
+    write_frames,
 };
 use rover_battmon::vehicle::ArmState;
 use support::frames::{
@@ -71,8 +72,12 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
             Shared::new(&Start::with_parameters(with_threshold())),
             Link::new("line", LinkKind::Radio, baud as u32 / 10),
         );
+        let pins = SampledPins::new();
         join3(
-            sample_batteries(input, &mut memory, &shared, &check_ins[0]),
+            join(
+                read_pins(input, &pins),
+                sample_batteries(&pins, &mut memory, &shared, &check_ins[0]),
+            ),
             schedule_telemetry(&shared, &link, &check_ins[1]),
             write_frames(line, &shared, &link, &check_ins[2]),
         )

@@ -9,7 +9,7 @@ mod firmware {
 
     use defmt::{info, warn};
     use defmt_rtt as _;
-    use embassy_executor::{SpawnError, SpawnToken, Spawner};
+    use embassy_executor::{SendSpawner, SpawnError, SpawnToken, Spawner};
     use embassy_futures::yield_now;
     use panic_probe as _;
     use rover_battmon::autopilot::Start;
@@ -27,7 +27,7 @@ mod firmware {
     use rover_battmon::net::{NetMemory, Service};
     use rover_battmon::sensor::{Buses, DriverEnable};
     use rover_battmon::tasks::CheckIn;
-    use rover_battmon::tasks::{self, Link, SeenPulses, Shared, Storages};
+    use rover_battmon::tasks::{self, Link, SampledPins, SeenPulses, Shared, Storages};
     use rover_battmon::wifi::{RADIO_TASK, Radio};
     use static_cell::StaticCell;
 
@@ -35,6 +35,7 @@ mod firmware {
     static SHARED: StaticCell<Shared> = StaticCell::new();
     static UART0: StaticCell<Link<'static>> = StaticCell::new();
     static LOGS: StaticCell<BoardFlash> = StaticCell::new();
+    static PINS: SampledPins = SampledPins::new();
     static SPI: StaticCell<SharedSpi> = StaticCell::new();
     static RADIO: StaticCell<cyw43::State> = StaticCell::new();
     static NETWORK: StaticCell<NetMemory> = StaticCell::new();
@@ -58,8 +59,15 @@ mod firmware {
     static UNWATCHED: CheckIn = CheckIn::new("USB link", u32::MAX);
 
     #[embassy_executor::task]
-    async fn battery(input: AnalogInputs, memory: &'static mut RetainedMemory, shared: &'static Shared) -> ! {
-        tasks::sample_batteries(input, memory, shared, &BATTERY).await
+    async fn battery(memory: &'static mut RetainedMemory, shared: &'static Shared) -> ! {
+        tasks::sample_batteries(&PINS, memory, shared, &BATTERY).await
+    }
+
+    /// In an interrupt. It checks in by way of the one above.
+    #[embassy_executor::task]
+    async fn battery_pins(input: AnalogInputs) -> ! {
+        // Frames of a full CAN bus wait meanwhile.
+        board::run_from_ram(tasks::read_pins(input, &PINS)).await
     }
 
     #[embassy_executor::task]
@@ -122,8 +130,7 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn uart0_reader(wire: UartReceiver, shared: &'static Shared, link: &'static Link<'static>) {
-        let reading = pin!(tasks::read_frames(wire, shared, link, &UART0_READER));
-        tasks::beside_sampling(reading, shared).await;
+        tasks::read_frames(wire, shared, link, &UART0_READER).await;
     }
 
     /// Serves one program on the host after the other, each with a link of its own: its own schedule, sequence numbers
@@ -364,7 +371,7 @@ mod firmware {
         let memory = board::retained_memory(last_run.reset_reason);
         start(spawner, DRIVE.name(), drive(motors, indicators, shared));
         start(spawner, "buzzer", buzzer(sounder));
-        start(spawner, BATTERY.name(), battery(input, memory, shared));
+        start(spawner, BATTERY.name(), battery(memory, shared));
         start(spawner, TELEMETRY.name(), telemetry(shared, link));
         start(
             spawner,
@@ -374,15 +381,17 @@ mod firmware {
         start(spawner, UART0_READER.name(), uart0_reader(receiver, shared, link));
         start(spawner, BUS.name(), bus(sensor_bus, shared));
         start(spawner, CAN.name(), can(can_bus, shared));
+        let interrupts = board::interrupt_spawner();
+        start_in_interrupt(interrupts, "battery pins", battery_pins(input));
         if let Some(controller) = controller {
-            start_in_interrupt("CAN controller", can_controller(controller));
+            start_in_interrupt(interrupts, "CAN controller", can_controller(controller));
         }
         start(spawner, SERIAL.name(), serial(serial_port, shared));
         let seen = pulse_input.is_some().then_some(&board::PULSES_SEEN);
         start(spawner, PULSES.name(), pulses(seen, shared));
         // Not with the CAN controller, which has the pin then.
         if let Some(pin) = pulse_input {
-            start_in_interrupt("pulse pin", pulse_pin(pin));
+            start_in_interrupt(interrupts, "pulse pin", pulse_pin(pin));
         }
         start(spawner, FLASH.name(), self::flash(storages, flash, id, shared));
         if let Some(pins) = wifi_pins {
@@ -429,11 +438,15 @@ mod firmware {
     }
 
     /// The same for a task that must not wait for the others.
-    fn start_in_interrupt<S: Send>(name: &str, task: Result<SpawnToken<S>, SpawnError>) {
+    fn start_in_interrupt<S: Send>(
+        spawner: SendSpawner,
+        name: &str,
+        task: Result<SpawnToken<S>, SpawnError>,
+    ) {
         match task {
             Ok(token) => {
                 board::name_task(token.id(), name);
-                board::interrupt_spawner().spawn(token);
+                spawner.spawn(token);
             }
             Err(error) => warn!("a task could not be started: {}", error),
         }

@@ -149,7 +149,7 @@ impl Wifi {
             }
         };
         let work = pin!(self.keep_up(service));
-        match select(tasks::beside_sampling(work, service.shared), alive).await {
+        match select(work, alive).await {
             Either::First(never) | Either::Second(never) => never,
         }
     }

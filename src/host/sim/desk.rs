@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::future::pending;
 use std::rc::Rc;
 
-use embassy_futures::join::{join, join_array, join3};
+use embassy_futures::join::{join, join_array, join3, join4};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
@@ -27,8 +27,8 @@ use crate::memory::flash_map;
 use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::tasks::{
-    ByteSource, Link, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus,
-    reboot_requested, refuse_link, sample_batteries, serve_link, serve_serial,
+    ByteSource, Link, ReceiveError, SampledPins, SerialLine, Shared, Storages, drive, keep_flash, read_bus,
+    read_pins, reboot_requested, refuse_link, sample_batteries, serve_link, serve_serial,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 
@@ -178,13 +178,10 @@ impl<'a> Desk<'a> {
     async fn run_vehicle(&self, storages: Storages<SimulatedFlash>, rover: &SimulatedRover) {
         let mut memory = [RetainedRecord::BLANK; 2];
         let pack = PackSimulation::new(self.pack, rover, &self.shared);
-        let sensors = join3(
-            sample_batteries(
-                SimulatedPackInput::new(&pack),
-                &mut memory,
-                &self.shared,
-                &UNWATCHED,
-            ),
+        let pins = SampledPins::new();
+        let sensors = join4(
+            read_pins(SimulatedPackInput::new(&pack), &pins),
+            sample_batteries(&pins, &mut memory, &self.shared, &UNWATCHED),
             read_bus(Buses::i2c(SimulatedBus::new(&pack)), &self.shared, &UNWATCHED),
             serve_serial(Some(NotSimulated), &self.shared, &UNWATCHED),
         );
