@@ -11,12 +11,13 @@ use rover_battmon::battery::LearntPack;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
+use crate::arguments::Arguments;
 use crate::files::{Failure, Files, readable_bytes};
 use crate::run::{self, Assignment, Replay};
 use crate::table::{self, Drives, Row};
 use crate::trace::Inputs;
 use crate::words::{copies, shown};
-use crate::{Arguments, copies, history, outputs};
+use crate::{copies, history, outputs};
 
 /// What many logs give.
 struct Found {

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 
 use rover_battmon::battery::{LearntPack, LearntTextError};
 
+use crate::arguments::Arguments;
 use crate::words::shown;
-use crate::{Arguments, history, plot, report, table};
+use crate::{history, plot, report, table};
 
 /// Bytes of a file that show whether this program wrote it.
 const HEAD_BYTES: u64 = 1 << 14;

@@ -8,6 +8,7 @@ use rover_battmon::battery::{LearntPack, PackSettings};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
+use crate::arguments::Arguments;
 use crate::comparison::comparison;
 use crate::drive::Drive;
 use crate::files::is_log;
@@ -16,7 +17,7 @@ use crate::summary::Summary;
 use crate::survey::Survey;
 use crate::trace::Trace;
 use crate::words::{shown, utc};
-use crate::{Arguments, outputs, plot, report, run};
+use crate::{outputs, plot, report, run};
 
 /// Replays one recording.
 ///
