@@ -1,26 +1,27 @@
-//! A browser, or who pretends to be one, at the other end of a wire, in stepped time.
+//! The web server in stepped time, with a browser, or a client that pretends to be one, at the other end of a wire.
 
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::convert::Infallible;
+use std::fs;
 use std::future::pending;
-use std::num::NonZeroU32;
 
 use embassy_futures::join::join_array;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
-
-use super::*;
-use crate::autopilot::Start;
-use crate::host::frames::{FrameReader, frame};
-use crate::host::sim::clock::run_for;
-use crate::mavlink::LinkKind;
-use crate::mavlink::dialect::{MavMessage, PARAM_REQUEST_READ_DATA};
-use crate::memory::identity::BoardId;
-use crate::recorder::{LogFile, LogSource, ReadFailed};
-use crate::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared};
+use rover_battmon::autopilot::Start;
+use rover_battmon::host::frames::{FrameReader, frame};
+use rover_battmon::host::sim::clock::run_for;
+use rover_battmon::mavlink::LinkKind;
+use rover_battmon::mavlink::dialect::{MavMessage, PARAM_REQUEST_READ_DATA};
+use rover_battmon::recorder::{LogSource, ReadFailed};
+use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared};
+use rover_battmon::web::{
+    Attended, BUFFER_BYTES, Place, Places, Sender, Site, attend, refuse, serve_web_socket,
+};
+use support::repository;
 
 static CHECK_IN: CheckIn = CheckIn::new("", u32::MAX);
 
@@ -264,29 +265,6 @@ fn each_request_has_its_status() {
 }
 
 #[test]
-fn a_log_is_described_with_its_date_if_that_is_known() {
-    let undated = LogFile {
-        number: 7,
-        bytes: 1_000,
-        began_utc_s: None,
-    };
-    assert_eq!(
-        answer::description(&undated, None),
-        r#"{"number":7,"bytes":1000,"time_utc":null,"name":"rover-00000007.BIN"}"#
-    );
-    let longest = LogFile {
-        number: u16::MAX,
-        bytes: u32::MAX,
-        began_utc_s: NonZeroU32::new(u32::MAX),
-    };
-    assert_eq!(
-        answer::description(&longest, Some(BoardId([0xe6; 8]))),
-        "{\"number\":65535,\"bytes\":4294967295,\"time_utc\":4294967295,\
-         \"name\":\"rover-E6E6E6E6E6E6E6E6-2106-02-07-00065535.BIN\"}"
-    );
-}
-
-#[test]
 fn list_of_logs_is_json_without_chunks_for_every_version() {
     for version in ["1.0", "1.1"] {
         let answer = answered(&format!("GET /logs/ HTTP/{version}\r\n{OURS}\r\n"));
@@ -463,7 +441,8 @@ fn a_slow_download_that_goes_on_keeps_its_place() {
             let wire = Wire::default();
             wire.send(get("/", "").as_bytes());
             attend(Slow(&wire), &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
-            assert!(wire.sent().ends_with(files::PAGE.content), "it is whole");
+            let page = fs::read(repository().join("web/page.html.gz")).expect("it can be read");
+            assert!(wire.sent().ends_with(&page), "it is whole");
         };
         let third = async {
             for _ in 0..10 {
