@@ -12,8 +12,6 @@ use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
 use rover_battmon::autopilot::Start;
-use rover_battmon::host::frames::{FrameReader, frame};
-use rover_battmon::host::sim::clock::run_for;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::mavlink::dialect::{MavMessage, PARAM_REQUEST_READ_DATA};
 use rover_battmon::recorder::{LogSource, ReadFailed};
@@ -21,6 +19,8 @@ use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared};
 use rover_battmon::web::{
     Attended, BUFFER_BYTES, Place, Places, Sender, Site, attend, refuse, serve_web_socket,
 };
+use rover_battmon_tools::frames::{FrameReader, frame};
+use rover_battmon_tools::sim::clock::run_for;
 use support::repository;
 
 static CHECK_IN: CheckIn = CheckIn::new("", u32::MAX);
