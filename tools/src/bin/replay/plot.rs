@@ -8,15 +8,12 @@ pub mod svg;
 use rover_battmon::battery::{BatteryState, ChargeState, FailsafeSettings};
 
 use self::axis::Axis;
-use self::panel::{LEFT, Panel, Series};
+use self::panel::{LEFT, PANEL_HEIGHT, Panel, Series, WIDTH};
 use self::svg::{Anchor, Svg};
 use crate::report::{self, Row};
 
-/// Of a picture, in pixels.
-pub const WIDTH: f64 = 1000.0;
+/// Above the diagrams, in pixels.
 const HEAD_HEIGHT: f64 = 56.0;
-/// Of a diagram in it.
-pub const PANEL_HEIGHT: f64 = 260.0;
 
 const VOLTAGE: &str = "#1f5fa8";
 const RESTING: &str = "#d1662c";

@@ -2,9 +2,9 @@
 
 use super::life::Life;
 use crate::plot::axis::Axis;
-use crate::plot::panel::{Panel, Series};
+use crate::plot::panel::{PANEL_HEIGHT, Panel, Series, WIDTH};
 use crate::plot::svg::Svg;
-use crate::plot::{BAND, BAND_SIGMAS, PANEL_HEIGHT, WIDTH};
+use crate::plot::{BAND, BAND_SIGMAS};
 use crate::table::{Estimate, Row};
 
 const CAPACITY: (&str, &str) = ("#5b3a8c", "#c9b8e0");

@@ -2,7 +2,11 @@
 
 use super::axis::Axis;
 use super::svg::{Anchor, Svg};
-use super::{PANEL_HEIGHT, WIDTH};
+
+/// Of a picture, in pixels.
+pub const WIDTH: f64 = 1000.0;
+/// Of a diagram in it.
+pub const PANEL_HEIGHT: f64 = 260.0;
 
 /// Where the diagrams begin, in pixels from the left.
 pub const LEFT: f64 = 60.0;
