@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
-"""Checks that imports in src/ run one way: between folders, and between files. Test code does not count.
+"""Checks that imports in src/ and tools/ run one way: between folders, and between files. Test code does not count.
 
 Usage: structure.py [DIRECTORY] [--floors]
 
 An import leads to the file that defines the name, through any re-export on the way. A `mod.rs` that declares and
 re-exports its children does not depend on them, one whose own code uses them does. A folder stands above everything
 it imports; if folders import each other in a circle, the fewest arrows that would break it run back up. Every folder
-of src/ is checked among its neighbours, files beside it included, so a new one needs no entry here.
+is checked among its neighbours, files beside it included, so a new one needs no entry here.
 
 Prints `0 arrows back up, 0 file cycles`, or what is in the way, and fails then. `--floors` also prints the folders
-and files of src/ itself, the top floor first.
+and files of src/ and of tools/src/ themselves, the top floor first.
 
 Read are `use` items and paths in the code; a method that is called on a value is not an import.
 """
@@ -20,7 +20,8 @@ import pathlib
 import re
 import sys
 
-CRATE = "rover_battmon"
+# Where the sources of the libraries are, each with its programs in bin/.
+LIBRARIES = {"rover_battmon": "src", "rover_battmon_tools": "tools/src"}
 
 # Comments, strings and characters hold no imports. A lifetime is not a character.
 NO_CODE = re.compile(
@@ -87,7 +88,8 @@ def leaves(tree, before=()):
 class Module:
     """A module in a file of its own. Modules written inside a file belong to the file's."""
 
-    def __init__(self, path, file, code):
+    def __init__(self, crate, path, file, code):
+        self.crate = crate
         self.path = path
         self.file = file
         self.bindings = {}
@@ -109,40 +111,42 @@ class Module:
             self.imports.append(tuple(re.split(r"\s*::\s*", path_in_code[0].replace("$", ""))))
 
 
-class Crate:
-    def __init__(self, source):
-        self.source = source
+class Sources:
+    """The modules of all crates by their paths, of which the first name is the crate's. A program is a crate, too."""
+
+    def __init__(self, root):
+        self.root = root
         self.modules = {}
-        self.binaries = []
-        self.read((), source / "lib.rs", source)
-        for file in [*sorted(source.glob("bin/*.rs")), *sorted(source.glob("bin/*/main.rs"))]:
-            self.binaries.append(self.parse((), file)[0])
+        for library, folder in LIBRARIES.items():
+            source = root / folder
+            self.read(library, (library,), source / "lib.rs", source)
+            for file in [*sorted(source.glob("bin/*.rs")), *sorted(source.glob("bin/*/main.rs"))]:
+                self.read(str(file), (str(file),), file, file.parent)
 
-    def parse(self, path, file):
+    def read(self, crate, path, file, folder):
         code, test_modules = without_tests(NO_CODE.sub(" ", file.read_text()))
-        return Module(path, file, code), [name for name in MODULE.findall(code) if name not in test_modules]
-
-    def read(self, path, file, folder):
-        module, children = self.parse(path, file)
-        self.modules[path] = module
-        for name in children:
+        self.modules[path] = Module(crate, path, file, code)
+        for name in MODULE.findall(code):
+            if name in test_modules:
+                continue
             inside = folder / name
             beside = folder / f"{name}.rs"
-            self.read((*path, name), beside if beside.exists() else inside / "mod.rs", inside)
+            self.read(crate, (*path, name), beside if beside.exists() else inside / "mod.rs", inside)
 
     def definer(self, module, names, otherwise=None):
         """The module that defines what `names` stand for in `module`; `otherwise` if that does not know the first."""
         if not names:
             return module
         first, rest = names[0], names[1:]
-        own = module not in self.binaries
-        if first == CRATE or (first == "crate" and own):
-            start = self.modules[()]
+        if first in LIBRARIES:
+            start = self.modules[first,]
+        elif first == "crate":
+            start = self.modules[module.crate,]
         elif first == "self":
             start = module
-        elif first == "super" and module.path:
+        elif first == "super" and len(module.path) > 1:
             start = self.modules[module.path[:-1]]
-        elif own and (*module.path, first) in self.modules:
+        elif (*module.path, first) in self.modules:
             start = self.modules[(*module.path, first)]
         elif first in module.bindings and module.bindings[first][0] != first:
             return self.definer(module, module.bindings[first] + rest)
@@ -154,7 +158,7 @@ class Crate:
     def arrows(self):
         """For each pair of files the names that the first takes from the second."""
         found = collections.defaultdict(set)
-        for module in [*self.modules.values(), *self.binaries]:
+        for module in self.modules.values():
             for names in module.imports + module.reexports:
                 target = self.definer(module, names)
                 # Handing on what a child defines is not an import.
@@ -168,7 +172,7 @@ class Crate:
         return found
 
     def name(self, file):
-        return file.relative_to(self.source).parts
+        return file.relative_to(self.root).parts
 
 
 def circles(arrows):
@@ -234,7 +238,7 @@ def shown(parts):
 def main():
     arguments = [argument for argument in sys.argv[1:] if argument != "--floors"]
     root = pathlib.Path(arguments[0]) if arguments else pathlib.Path(__file__).resolve().parents[1]
-    arrows = Crate(root / "src").arrows()
+    arrows = Sources(root).arrows()
     files = {file for arrow in arrows for file in arrow}
 
     upward = 0
@@ -256,11 +260,12 @@ def main():
             if above in cycle and under in cycle:
                 print(f"    {shown(above)} -> {shown(under)}: {', '.join(sorted(names))}")
     if "--floors" in sys.argv and not upward:
-        by_floor = collections.defaultdict(list)
-        for room, floor in floors(neighbours(arrows, ())).items():
-            by_floor[floor].append(shown(room))
-        for floor in sorted(by_floor, reverse=True):
-            print(f"floor {floor}: {', '.join(sorted(by_floor[floor]))}")
+        for folder in LIBRARIES.values():
+            by_floor = collections.defaultdict(list)
+            for room, floor in floors(neighbours(arrows, tuple(folder.split("/")))).items():
+                by_floor[floor].append(room[-1])
+            for floor in sorted(by_floor, reverse=True):
+                print(f"{folder}, floor {floor}: {', '.join(sorted(by_floor[floor]))}")
     print(f"{upward} arrows back up, {len(cycles)} file cycles")
     sys.exit(1 if upward or cycles else 0)
 

@@ -5,7 +5,7 @@
     fleet.py --table drives.parquet --scheduler tcp://192.168.1.10:8786 s3://drives/2026
 
 Needs dask[distributed], fsspec and pyarrow, and for other file systems their fsspec package, as s3fs. Every worker needs the
-program replay (`cargo install --path . --bin replay`), or --replay says where it is. Copies of a
+program replay (`cargo install --path tools --bin replay`), or --replay says where it is. Copies of a
 log are left out within a batch only.
 """
 

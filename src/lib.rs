@@ -72,13 +72,12 @@
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
 //! | [`drivers`] | the CAN controller, how far a DMA ring is read, whether a USB device is stuck |
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
-//! | `web` | a page for browsers, and MAVLink over a WebSocket, over any stream of bytes (with one of the features `board` and `host`) |
+//! | `web` | a page for browsers, and MAVLink over a WebSocket, over any stream of bytes (with one of the features `board` and `web`) |
 //! | `net` | MAVLink by UDP and TCP, and addresses for others (with the feature `board`) |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
-//! | `host` | `sim`: a simulated pack, clock and wire; `board_check`: the check of a board over MAVLink, and its report (host only, with the feature `host`) |
 //!
-//! Everything but `tasks`, `drivers`, `net`, `web`, `board` and `host` does no I/O and reads no clock: time, counts and parameters
-//! come in as arguments, states and messages come out. That is what makes the behaviour testable on a desk.
+//! Everything but `tasks`, `drivers`, `net`, `web` and `board` does no I/O and reads no clock: time, counts and parameters come
+//! in as arguments, states and messages come out. That is what makes the behaviour testable on a desk.
 //!
 //! # Where to go next
 //! - One pack and its life: [`BatteryMonitor`](battery::BatteryMonitor), [`BatteryState`](battery::BatteryState),
@@ -87,21 +86,23 @@
 //! - Everything at once, without hardware, links and clock: [`Autopilot`](autopilot::Autopilot).
 //! - A link without its wire, bytes in and frames out: [`Endpoint`](mavlink::Endpoint).
 //! - Firmware of your own, without the feature `board`: `docs/extending.md`.
-//! - Another board: the traits that `board` and `host::sim` implement, as [`AnalogIn`](sensor::AnalogIn),
+//! - Another board: the traits that `board` and the simulator implement, as [`AnalogIn`](sensor::AnalogIn),
 //!   [`I2cBus`](sensor::I2cBus), [`Motors`](vehicle::Motors), [`Indicators`](vehicle::Indicators) and those of [`tasks`]; and
 //!   `docs/extending.md`.
-//! - Whole programs: the firmware `src/bin/firmware/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
+//! - Whole programs: the firmware `src/bin/firmware/main.rs`, and one idea each in `examples/`; in the repository the simulator,
+//!   `tools/src/bin/sitl.rs`.
 //! - What a version of it promises: `CHANGELOG.md`.
 //! - How it all fits together and why: `docs/architecture.md` and `docs/decisions.md`.
 #![cfg_attr(target_os = "none", no_std)]
 
-mod log;
 mod numbers;
 
 pub mod autopilot;
 pub mod battery;
 pub mod crash;
 pub mod drivers;
+#[doc(hidden)]
+pub mod log;
 pub mod mavlink;
 pub mod memory;
 #[cfg(feature = "board")]
@@ -120,6 +121,3 @@ pub mod wifi;
 
 #[cfg(all(target_os = "none", feature = "board"))]
 pub mod board;
-
-#[cfg(all(not(target_os = "none"), feature = "host"))]
-pub mod host;

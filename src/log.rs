@@ -10,10 +10,10 @@ use crate::time::Instant;
 #[cfg(target_os = "none")]
 pub(crate) use defmt::{info, warn};
 
-#[cfg(all(not(target_os = "none"), feature = "host"))]
-pub(crate) use host::set_printer;
 #[cfg(not(target_os = "none"))]
-pub(crate) use host::{Level, print};
+pub(crate) use host::print;
+#[cfg(not(target_os = "none"))]
+pub use host::{Level, Printer, set_printer};
 
 #[cfg(not(target_os = "none"))]
 mod host {
@@ -22,8 +22,10 @@ mod host {
 
     /// How urgent a line of the log is.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub(crate) enum Level {
+    pub enum Level {
+        /// For the record.
         Info,
+        /// Something is wrong.
         Warning,
     }
 
@@ -37,13 +39,12 @@ mod host {
     }
 
     /// Prints a line of the log.
-    pub(crate) type Printer = fn(Level, fmt::Arguments<'_>);
+    pub type Printer = fn(Level, fmt::Arguments<'_>);
 
     static PRINTER: OnceLock<Printer> = OnceLock::new();
 
     /// Has all further lines printed by `printer`, unless there is one already.
-    #[cfg(feature = "host")]
-    pub(crate) fn set_printer(printer: Printer) {
+    pub fn set_printer(printer: Printer) {
         let _ = PRINTER.set(printer);
     }
 

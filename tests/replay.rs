@@ -284,7 +284,8 @@ fn says_what_is_wrong_with_a_trace_and_prints_nothing() {
 }
 
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    let tools = Path::new(env!("CARGO_MANIFEST_DIR"));
+    tools.parent().expect("it is in the repository")
 }
 
 /// The log of that drive, of pack 2: at each reading what the monitor makes of it.

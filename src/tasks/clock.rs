@@ -30,3 +30,25 @@ fn by_embassy(time: Instant) -> embassy_time::Instant {
 pub(super) fn now_us() -> u32 {
     now().as_micros() as u32
 }
+
+#[cfg(test)]
+mod unit_tests {
+    use core::task::Waker;
+
+    use embassy_time_driver::{Driver, time_driver_impl};
+
+    /// Stands still: what waits is tested from outside the library.
+    struct StoppedClock;
+
+    time_driver_impl!(static CLOCK: StoppedClock = StoppedClock);
+
+    impl Driver for StoppedClock {
+        fn now(&self) -> u64 {
+            0
+        }
+
+        fn schedule_wake(&self, _: u64, _: &Waker) {
+            panic!("a unit test waits for a time that does not come");
+        }
+    }
+}

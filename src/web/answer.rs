@@ -226,3 +226,32 @@ fn log_head<'a>(part: &LogPart, buffer: &'a mut [u8]) -> &'a [u8] {
     )
     .end()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::num::NonZeroU32;
+
+    #[test]
+    fn a_log_is_described_with_its_date_if_that_is_known() {
+        let undated = LogFile {
+            number: 7,
+            bytes: 1_000,
+            began_utc_s: None,
+        };
+        assert_eq!(
+            description(&undated, None),
+            r#"{"number":7,"bytes":1000,"time_utc":null,"name":"rover-00000007.BIN"}"#
+        );
+        let longest = LogFile {
+            number: u16::MAX,
+            bytes: u32::MAX,
+            began_utc_s: NonZeroU32::new(u32::MAX),
+        };
+        assert_eq!(
+            description(&longest, Some(BoardId([0xe6; 8]))),
+            "{\"number\":65535,\"bytes\":4294967295,\"time_utc\":4294967295,\
+             \"name\":\"rover-E6E6E6E6E6E6E6E6-2106-02-07-00065535.BIN\"}"
+        );
+    }
+}

@@ -19,6 +19,3 @@ pub use attend::{Attended, BUFFER_BYTES, Site, attend, refuse};
 pub use places::{Place, Places, WEB_SOCKETS};
 pub use request::Sender;
 pub use web_socket::serve_web_socket;
-
-#[cfg(test)]
-mod tests;

@@ -4,8 +4,8 @@ use crate::wheels::duties;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rover_battmon::host::board_check::{Divider, Multimeter, Plan, Report, Verdict, hash_of_elf, run};
 use rover_battmon::memory::identity::FirmwareHash;
+use rover_battmon_tools::board_check::{Divider, Multimeter, Plan, Report, Verdict, hash_of_elf, run};
 
 use crate::firmware_hash::flipped_byte;
 use emulator::{AdcInput, SentByte};

@@ -2,9 +2,9 @@
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
-use rover_battmon::host::sim::SimulatedFlash;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
+use rover_battmon_tools::sim::SimulatedFlash;
 
 use emulator::{AdcInput, Board, FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
 use support::firmware_version;

@@ -4,9 +4,9 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::NorFlash;
 use rover_battmon::autopilot::PackIdentity;
 use rover_battmon::battery::LEARNT_WORDS;
-use rover_battmon::host::sim::{PackModel, SimulatedFlash, SimulatedPack};
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::Storage;
+use rover_battmon_tools::sim::{PackModel, SimulatedFlash, SimulatedPack};
 
 use crate::learnt::{FIRST, FIRST_7, flash_with, full_sector};
 use emulator::{AdcInput, FlashCut, LogLevel};

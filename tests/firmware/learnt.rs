@@ -3,10 +3,10 @@
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::autopilot::PackIdentity;
-use rover_battmon::host::sim::SimulatedFlash;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
+use rover_battmon_tools::sim::SimulatedFlash;
 
 use emulator::LogLevel;
 use support::frames::{STATUSTEXT, last_of, of_message, texts_of};

@@ -5,13 +5,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rover_battmon::battery::{BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, Tick};
-use rover_battmon::host::sim::{PackModel, SimulatedPack};
 use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::recorder::dataflash::{ArmingMethod, Record, opening_record};
 use rover_battmon::time::{Instant, Utc};
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::sim::{PackModel, SimulatedPack};
 
 /// Drives of each pack.
 pub const DRIVES: usize = 20;

@@ -10,6 +10,7 @@ mod program;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, Write};
+use std::path::Path;
 
 use generator::{DRIVES, Owned, write_fleet};
 use parquet_file::{Row, rows};
@@ -145,12 +146,14 @@ fn a_replay_begins_with_what_the_board_had_learnt() {
     );
 }
 
-/// For the figures of the note, and for other programs: FLEET_FOLDER gets the logs of FLEET_PACKS packs.
+/// For the figures of the note, and for other programs: FLEET_FOLDER, seen from the repository's root, gets the logs of
+/// FLEET_PACKS packs.
 #[test]
 #[ignore = "it takes minutes"]
 fn writes_a_fleet() {
     let variable = |name: &str| std::env::var(name).unwrap_or_else(|_| panic!("{name} has to be set"));
     let packs = variable("FLEET_PACKS").parse().expect("a number");
-    let packs = write_fleet(variable("FLEET_FOLDER").as_ref(), packs);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let packs = write_fleet(&root.join(variable("FLEET_FOLDER")), packs);
     println!("{} logs", packs.len() * DRIVES);
 }

@@ -7,7 +7,6 @@ use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::{Announcement, Start};
 use rover_battmon::battery::{Gap, PackEvent, ReadError, RetainedRecord};
-use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
@@ -17,6 +16,7 @@ use rover_battmon::tasks::{
     write_frames,
 };
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::sim::clock;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
     assert_no_sequence_gap, frames, of_message,

@@ -9,13 +9,13 @@ use embassy_time::{Duration, Timer};
 use nor_flash::SmallFlash;
 use rover_battmon::autopilot::{Channel, Start};
 use rover_battmon::crash::ParameterSource;
-use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::{Framer, LinkKind};
 use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
 use rover_battmon::tasks::{Shared, now};
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::sim::clock;
 use support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
 use support::requests::{
     VEHICLE, command_long, command_long_2, disarm, param_request_list, param_set, setup_signing,

@@ -7,15 +7,15 @@ use std::rc::Rc;
 
 use proptest::prelude::*;
 use rover_battmon::autopilot::{Announcement, Start, Work};
-use rover_battmon::host::board_check::{
-    CHECKS, Divider, Multimeter, Plan, Port, Report, Verdict, hash_of_elf, run,
-};
 use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::{ADC_REFERENCE_V, AnalogPin, AnalogReadings};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{MotorDrive, Restart, SideDrives};
+use rover_battmon_tools::board_check::{
+    CHECKS, Divider, Multimeter, Plan, Port, Report, Verdict, hash_of_elf, run,
+};
 use support::checked::{Checked, Turned, Watcher, failed, not_measured};
 use support::desk::{Desk, adc_count};
 use support::frames::{

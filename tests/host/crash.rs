@@ -7,13 +7,13 @@ use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
-use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::Parameters;
 use rover_battmon::tasks::{
     ByteSource, CheckIn, CrashMemory, Link, ReceiveError, Shared, read_frames, report_crash,
     schedule_telemetry, write_frames,
 };
+use rover_battmon_tools::sim::clock;
 use support::frames::{STATUSTEXT, frames, of_message};
 use support::line::{BYTE_US, Line, Sent};
 use support::requests::heartbeat;

@@ -19,7 +19,15 @@ use support::motor_poles::{Motor, motors};
 use support::repository;
 
 /// What stands in front of a path from the top of the repository.
-const TOP_FOLDERS: [&str; 6] = ["src/", "tests/", "docs/", "examples/", "benches/", ".ci/"];
+const TOP_FOLDERS: [&str; 7] = [
+    "src/",
+    "tools/",
+    "tests/",
+    "docs/",
+    "examples/",
+    "benches/",
+    ".ci/",
+];
 
 /// The file of another project that a requirement names.
 const NOT_OURS: &str = "src/communication/mavlink/handlers/telemetry.rs";
@@ -627,9 +635,10 @@ const REFUSED: [&str; 7] = [
 ];
 
 /// The folders in which refused words are looked for, with the extensions of the files there.
-const CHECKED: [(&str, &[&str]); 5] = [
+const CHECKED: [(&str, &[&str]); 6] = [
     ("docs", &["md", "param"]),
     ("src", &["rs"]),
+    ("tools", &["rs"]),
     ("tests", &["rs", "py", "md", "txt", "story"]),
     ("examples", &["rs", "py", "md"]),
     ("benches", &["rs", "md"]),

@@ -7,7 +7,6 @@ use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{ReadError, RetainedRecord};
-use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
@@ -17,6 +16,7 @@ use rover_battmon::tasks::{
     sample_batteries, schedule_telemetry, write_frames,
 };
 use rover_battmon::vehicle::{Colour, Indication, Indicators, MotorDrive, Motors, SideDrives, Tone};
+use rover_battmon_tools::sim::clock;
 use support::frames::{Frame, HEARTBEAT, Heartbeat, STATUSTEXT, SYS_STATUS, SysStatus, frames, of_message};
 use support::line::{BYTE_US, Line};
 use support::requests::{arm, command_long_2, do_set_mode, manual_control};

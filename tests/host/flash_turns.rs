@@ -6,13 +6,13 @@ use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rover_battmon::autopilot::{Channel, SamplingProgress, Start};
 use rover_battmon::battery::RetainedRecord;
-use rover_battmon::host::sim::{SimulatedFlash, clock};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::memory::flash_map;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::tasks::{CheckIn, Shared, Storages, keep_flash, now};
 use rover_battmon::wifi::Radio;
+use rover_battmon_tools::sim::{SimulatedFlash, clock};
 use support::requests::param_set;
 
 /// A page takes as long as on the slowest chip.

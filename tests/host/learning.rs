@@ -4,11 +4,11 @@ use std::collections::HashMap;
 
 use rover_battmon::autopilot::{LearntJob, Start};
 use rover_battmon::battery::{BatteryState, LEARNT_WORDS};
-use rover_battmon::host::sim::{PackModel, SimulatedPack};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::sim::{PackModel, SimulatedPack};
 use support::desk::{Desk, adc_count};
 use support::frames::{COMMAND_ACK, STATUSTEXT, of_message, texts_of};
 use support::requests::{VEHICLE_ID, arm, command_long_2, manual_control, param_set};

@@ -41,4 +41,5 @@ mod simulated_packs;
 mod starts;
 mod sticks;
 mod stories;
+mod web;
 mod wifi;

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use rover_battmon::host::page_messages::messages_js;
+use rover_battmon_tools::page_messages::messages_js;
 use support::repository;
 
 #[test]

@@ -11,7 +11,6 @@ use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
-use rover_battmon::host::sim::clock;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
@@ -20,6 +19,7 @@ use rover_battmon::tasks::{
     read_pins, sample_batteries, serve_serial, watch_pulses,
 };
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::sim::clock;
 
 const MONITOR: BatteryParameter = BatteryParameter::Monitor;
 const CURR_PIN: BatteryParameter = BatteryParameter::CurrPin;

@@ -13,13 +13,13 @@ use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::crash::ParameterSource;
-use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::{Event, LinkKind, Signing};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::tasks::{
     ByteSource, CheckIn, Link, ReceiveError, Shared, Storages, reboot_requested, serve_link,
 };
+use rover_battmon_tools::sim::clock;
 use support::desk::Desk;
 use support::frames::{Frame, frames, texts_of};
 use support::line::{BYTE_US, Line};

@@ -8,13 +8,13 @@ use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, ChargeState, Chemistry, Faults, RetainedRecord};
-use rover_battmon::host::sim::{
-    PackModel, PackSimulation, SimulatedBus, SimulatedPack, SimulatedPackInput, SimulatedRover, clock,
-};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::Buses;
 use rover_battmon::tasks::{CheckIn, SampledPins, Shared, read_bus, read_pins, sample_batteries};
+use rover_battmon_tools::sim::{
+    PackModel, PackSimulation, SimulatedBus, SimulatedPack, SimulatedPackInput, SimulatedRover, clock,
+};
 use support::repository;
 
 /// The cells are counted, and the charge is known.

@@ -8,7 +8,6 @@ use proptest::prelude::*;
 use rover_battmon::autopilot::{Start, Work};
 use rover_battmon::battery::{PackStatus, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
-use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::{AcceptUnsigned, Event, LinkId, LinkKind, SigningChange, WifiRefused};
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::identity::{BoardId, Identity};
@@ -21,6 +20,7 @@ use rover_battmon::time::Instant;
 use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
 };
+use rover_battmon_tools::sim::clock;
 use support::desk::{Desk, adc_count};
 use support::frames::{
     COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, WIFI_CONFIG_AP, encode_v2, of_message, texts_of,

@@ -5,8 +5,8 @@ use std::io;
 use std::rc::Rc;
 use std::sync::mpsc::TryRecvError;
 
-use rover_battmon::host::board_check::{Outcome, Owner, Port, Report};
 use rover_battmon::time::Instant;
+use rover_battmon_tools::board_check::{Outcome, Owner, Port, Report};
 
 /// What is at the other end of the line.
 pub trait Checked {

@@ -22,7 +22,7 @@
 use std::fs::{self, DirEntry};
 use std::io;
 
-use rover_battmon::host::sim::{PackModel, SimulatedPack};
+use rover_battmon_tools::sim::{PackModel, SimulatedPack};
 
 use crate::repository;
 use crate::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode};

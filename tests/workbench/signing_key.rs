@@ -4,10 +4,10 @@ use std::sync::OnceLock;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
-use rover_battmon::host::sim::SimulatedFlash;
 use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
+use rover_battmon_tools::sim::SimulatedFlash;
 
 use crate::bench::{Bench, DIVIDER_CODE, SECOND, SIGNING_BYTES, SIGNING_OFFSET};
 

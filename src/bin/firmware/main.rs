@@ -458,6 +458,6 @@ fn main() {
     eprintln!(
         "This is the firmware for the board. Flash a release's UF2 file, or type `cargo board` in a clone."
     );
-    eprintln!("Without a board: the simulator, `rover-battmon-sitl`, or `cargo run` in a clone.");
+    eprintln!("Without a board: the simulator, `cargo run` in a clone.");
     std::process::exit(2);
 }

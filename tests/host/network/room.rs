@@ -5,10 +5,10 @@ use std::cell::RefCell;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::Start;
-use rover_battmon::host::sim::clock::run_for;
 use rover_battmon::net::{NetMemory, NetReport, RetainedLeases, Role, Service, serve};
 use rover_battmon::recorder::{LogSource, ReadFailed};
 use rover_battmon::tasks::{CheckIn, Shared};
+use rover_battmon_tools::sim::clock::run_for;
 
 use super::air::{Air, BoardDevice, SharedAir};
 use super::phone::Phone;

@@ -6,9 +6,9 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::NorFlash;
-use rover_battmon::host::sim::SimulatedFlash;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
+use rover_battmon_tools::sim::SimulatedFlash;
 
 use super::Input;
 

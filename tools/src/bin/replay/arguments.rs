@@ -1,0 +1,76 @@
+//! The command line.
+
+use std::io::{self, IsTerminal};
+use std::path::PathBuf;
+
+use clap::Parser;
+use rover_battmon::pack::Pack;
+
+use crate::run::Assignment;
+
+const EXAMPLES: &str = "\
+Examples:
+  replay --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 --plot drive.svg drive.csv
+  replay --armed --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 from-another-logger.csv
+  replay --param BATT_LOW_VOLT=10.8 --csv rows.csv drive.BIN
+  replay --table drives.parquet --history packs.html logs";
+
+/// Runs a recorded drive through the battery monitor: what it reports, and when its failsafes act
+#[derive(Parser)]
+#[command(name = "replay", version, after_help = EXAMPLES)]
+pub struct Arguments {
+    /// Set a parameter, for example BATT_CELLS=3; may be given more than once
+    #[arg(long = "param", value_name = "NAME=VALUE")]
+    pub assignments: Vec<Assignment>,
+
+    /// Take the rover for armed all along: failsafes act only then, and a recording may not have the column
+    #[arg(long)]
+    pub armed: bool,
+
+    /// Replay this pack of a log, 1 to 9
+    #[arg(long, value_name = "NUMBER", default_value = "1", value_parser = pack)]
+    pub pack: Pack,
+
+    /// Draw what the monitor made of the recording
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+
+    /// Write a row for each reading; without this they go to standard output, unless that is a terminal
+    #[arg(long, value_name = "FILE.csv")]
+    pub csv: Option<PathBuf>,
+
+    /// What was learnt of the pack: read before the drive, if there is such a file, and written after it
+    #[arg(long, value_name = "FILE")]
+    pub learned: Option<PathBuf>,
+
+    /// Write a row for each pack and drive of many logs
+    #[arg(long, value_name = "FILE.parquet", conflicts_with_all = OF_ONE)]
+    pub table: Option<PathBuf>,
+
+    /// Write a page with the life of each pack in many logs
+    #[arg(long, value_name = "FILE.html", conflicts_with_all = OF_ONE)]
+    pub history: Option<PathBuf>,
+
+    /// The recording: CSV with columns as t_s, voltage_v, current_a, healthy, armed; or a log, drive.BIN. With --table and
+    /// --history logs, and folders with all logs below
+    #[arg(value_name = "RECORDING", required = true)]
+    pub paths: Vec<PathBuf>,
+}
+
+impl Arguments {
+    /// Whether rows go to standard output.
+    pub fn prints_rows(&self) -> bool {
+        let is_of_many = self.table.is_some() || self.history.is_some();
+        !is_of_many && self.csv.is_none() && !io::stdout().is_terminal()
+    }
+}
+
+/// What is of one recording.
+const OF_ONE: [&str; 5] = ["armed", "pack", "plot", "csv", "learned"];
+
+fn pack(number: &str) -> Result<Pack, String> {
+    let found = Pack::ALL
+        .into_iter()
+        .find(|pack| pack.number().to_string() == number);
+    found.ok_or_else(|| "1 to 9".into())
+}

@@ -1,0 +1,66 @@
+//! Runs a recorded drive through the battery monitor, as if it happened now.
+//!
+//! ```sh
+//! cargo run --bin replay -- --param BATT_CELLS=3 --param BATT_CAPACITY=2200 --plot out.svg trace.csv > out.csv
+//! ```
+//!
+//! A recording is a CSV file with the columns `t_s`, `voltage_v`, `current_a`, `healthy` and `armed`, see [`trace`], or a log
+//! of the board or of ArduPilot (`.BIN`), see [`drive`]. What the monitor made of each reading goes to a file or to a pipe, in
+//! the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE` the
+//! drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
+//!
+//! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`]; copies
+//! of a log do not count, see [`copies`]. No file is replaced but an earlier output, see [`outputs`].
+mod arguments;
+mod binlog;
+mod comparison;
+mod copies;
+mod drive;
+mod files;
+mod history;
+mod many;
+mod outputs;
+mod plot;
+mod readings;
+mod report;
+mod run;
+mod single;
+mod summary;
+mod survey;
+mod table;
+mod trace;
+mod words;
+
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
+
+use arguments::Arguments;
+
+/// What clap ends with for arguments it does not understand; a recording that can't be used is treated the same.
+const EXIT_USAGE: u8 = 2;
+
+fn main() -> ExitCode {
+    match replay(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(EXIT_USAGE)
+        }
+    }
+}
+
+fn replay(arguments: &Arguments) -> Result<(), String> {
+    if arguments.table.is_some() || arguments.history.is_some() {
+        return many::replay(arguments);
+    }
+    let [path] = arguments.paths.as_slice() else {
+        let text = "one recording at a time, or --table or --history";
+        Arguments::command().error(ErrorKind::TooManyValues, text).exit();
+    };
+    single::replay(path, arguments)
+}
+
+#[cfg(target_os = "none")]
+compile_error!("Drives are replayed on a host. For the board build `--bin rover-battmon`.");

@@ -1,0 +1,168 @@
+//! The replay of one recording.
+
+use std::fs;
+use std::io::{self, ErrorKind, Write};
+use std::path::Path;
+
+use rover_battmon::battery::{LearntPack, PackSettings};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::Parameters;
+
+use crate::arguments::Arguments;
+use crate::comparison::comparison;
+use crate::drive::Drive;
+use crate::files::is_log;
+use crate::report::Row;
+use crate::summary::Summary;
+use crate::survey::Survey;
+use crate::trace::Trace;
+use crate::words::{shown, utc};
+use crate::{outputs, plot, report, run};
+
+/// Replays one recording.
+///
+/// # Errors
+/// What is wrong with the recording, an argument or a file, in words.
+pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
+    outputs::check(arguments, &arguments.paths)?;
+    let pack = arguments.pack;
+    let mut drive = read(path, pack)?;
+    if arguments.armed {
+        drive.trace.arm_throughout();
+    }
+    let own = drive.survey.parameters.clone();
+    let own = own.unwrap_or_else(Parameters::defaults);
+    let parameters = run::assign(own, &arguments.assignments, pack, drive.trace.measured())?;
+    let known = match &arguments.learned {
+        Some(path) => read_learnt(path)?,
+        None => drive.survey.known(pack).unwrap_or(LearntPack::UNKNOWN),
+    };
+    let mut learnt = known;
+    let rows = run::run(&drive.trace, pack, &parameters, &mut learnt)?;
+    let written = write_files(path, arguments, &parameters, &rows, &learnt)?;
+    let summary = Summary {
+        trace: &drive.trace,
+        rows: &rows,
+        pack,
+        settings: &PackSettings::from_parameters(&parameters, pack),
+        known: &known,
+        learnt: &learnt,
+    };
+    let compared = compared(arguments, &drive, &parameters, &rows, known)?;
+    let date = drive.began_utc_s().map_or(String::new(), |utc_s| {
+        format!("Recorded from {} on\n", utc(utc_s))
+    });
+    show(&format!("{date}{summary}{compared}{written}"));
+    Ok(())
+}
+
+/// Writes what was asked for, and returns a line for each file.
+fn write_files(
+    recording: &Path,
+    arguments: &Arguments,
+    parameters: &Parameters,
+    rows: &[Row],
+    learnt: &LearntPack,
+) -> Result<String, String> {
+    let files = [
+        arguments.learned.as_ref().map(|path| (path, learnt.to_string())),
+        arguments
+            .plot
+            .as_ref()
+            .map(|path| (path, picture(recording, arguments, parameters, rows))),
+        arguments.csv.as_ref().map(|path| (path, report::csv(rows))),
+    ];
+    let mut written = String::new();
+    for (path, text) in files.into_iter().flatten() {
+        fs::write(path, text).map_err(|error| about(path, &error))?;
+        written += &format!("wrote {}\n", shown(path));
+    }
+    if arguments.prints_rows() {
+        print(rows).map_err(|error| format!("standard output: {error}"))?;
+    }
+    Ok(written)
+}
+
+/// What the arguments change of a log's own parameters, and what comes of that; empty if they change nothing.
+fn compared(
+    arguments: &Arguments,
+    drive: &Drive,
+    parameters: &Parameters,
+    rows: &[Row],
+    mut known: LearntPack,
+) -> Result<String, String> {
+    let Some(own) = drive.survey.parameters.clone() else {
+        return Ok(String::new());
+    };
+    let pack = arguments.pack;
+    let own = run::assign(own, &[], pack, drive.trace.measured())?;
+    let changes = run::changes(&own, parameters, &arguments.assignments);
+    if changes.is_empty() {
+        return Ok(String::new());
+    }
+    let own = run::run(&drive.trace, pack, &own, &mut known)?;
+    Ok(comparison(&changes, &own, rows))
+}
+
+/// Shows what a person reads, who may have closed the terminal.
+fn show(text: &str) {
+    let _ = io::stderr().write_all(text.as_bytes());
+}
+
+/// A log by the end of its name, else a trace.
+fn read(path: &Path, pack: Pack) -> Result<Drive, String> {
+    if is_log(path) {
+        return read_log(path, pack);
+    }
+    let bytes = fs::read(path).map_err(|error| about(path, &error))?;
+    Ok(Drive {
+        trace: Trace::parse(&bytes).map_err(|error| about(path, &error))?,
+        survey: Survey::default(),
+    })
+}
+
+fn read_log(path: &Path, pack: Pack) -> Result<Drive, String> {
+    let drive = Drive::read(path, pack).map_err(|error| about(path, &error))?;
+    let Survey {
+        read_bytes,
+        skipped_bytes,
+        ..
+    } = drive.survey;
+    if skipped_bytes > 0 {
+        eprintln!(
+            "{}: skipped {skipped_bytes} of {read_bytes} bytes that are not whole records",
+            shown(path)
+        );
+    }
+    Ok(drive)
+}
+
+fn about(path: &Path, error: &dyn std::fmt::Display) -> String {
+    format!("{}: {error}", shown(path))
+}
+
+/// What was learnt in earlier drives; nothing before the first, and in a pipe.
+fn read_learnt(path: &Path) -> Result<LearntPack, String> {
+    if !path.is_file() {
+        return Ok(LearntPack::UNKNOWN);
+    }
+    let text = fs::read_to_string(path).map_err(|error| about(path, &error))?;
+    text.parse().map_err(|error| about(path, &error))
+}
+
+/// The rows as a picture that says what it shows.
+fn picture(recording: &Path, arguments: &Arguments, parameters: &Parameters, rows: &[Row]) -> String {
+    let trace = shown(recording.file_name().unwrap_or_default());
+    let assignments: Vec<String> = arguments.assignments.iter().map(ToString::to_string).collect();
+    let title = format!("{trace} through the battery monitor");
+    let settings = PackSettings::from_parameters(parameters, arguments.pack);
+    plot::plot(rows, &title, &assignments.join("  "), &settings.failsafe)
+}
+
+fn print(rows: &[Row]) -> io::Result<()> {
+    match io::stdout().write_all(report::csv(rows).as_bytes()) {
+        // The reader of the rows has closed the pipe.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        result => result,
+    }
+}

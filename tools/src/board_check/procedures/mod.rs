@@ -1,0 +1,174 @@
+//! What is done with the board. Each procedure leaves evidence, and judges nothing.
+
+mod parameters;
+mod turn_motors;
+
+use ::mavlink::MessageData;
+
+use super::evidence::{
+    Calibration, Evidence, FaultTrial, Interruption, KeptTrial, Restarted, Trial, first_pack_v, mean,
+};
+use super::plan::{Multimeter, Plan};
+use super::session::Session;
+use parameters::{answer_of, post_set, read, set};
+use rover_battmon::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavCmd, MavMessage};
+
+pub(super) use parameters::download;
+pub(super) use turn_motors::turn_motors;
+
+/// Five heartbeats; a board that was just plugged in needs a second to start.
+const HEARTBEAT_TIMEOUT_US: u64 = 5_000_000;
+
+const VERSION_TIMEOUT_US: u64 = 1_000_000;
+const ATTEMPTS: usize = 3;
+
+/// Waits for an autopilot's heartbeat.
+pub(super) fn connect(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
+    let began = session.now();
+    session.wait_for(HEARTBEAT_TIMEOUT_US, |message| {
+        matches!(message, MavMessage::HEARTBEAT(_)).then_some(())
+    })?;
+    evidence.board = session.board();
+    evidence.connected_after_us = session.now().us_since(began);
+    Ok(())
+}
+
+/// Asks for AUTOPILOT_VERSION.
+pub(super) fn identify(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
+    for _ in 0..ATTEMPTS {
+        let request = [AUTOPILOT_VERSION_DATA::ID as f32, 0.0, 0.0, 0.0];
+        session.post_command(MavCmd::MAV_CMD_REQUEST_MESSAGE, request);
+        evidence.version = session.wait_for(VERSION_TIMEOUT_US, |message| match message {
+            MavMessage::AUTOPILOT_VERSION(version) => Some(version.clone()),
+            _ => None,
+        })?;
+        if evidence.version.is_some() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Forty messages of each stream at its default rate.
+const LISTENING_US: u64 = 20_000_000;
+
+/// Listens to telemetry.
+pub(super) fn listen(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
+    let from = session.now();
+    session.listen_for(LISTENING_US)?;
+    evidence.window = Some(from..=session.now());
+    Ok(())
+}
+
+const MULTIPLIER: &str = "BATT_VOLT_MULT";
+
+/// A new multiplier is in the next reading; some readings are averaged.
+const SETTLING_US: u64 = 1_000_000;
+const AVERAGING_US: u64 = 3_000_000;
+
+/// Compares the shown voltage with a multimeter's.
+pub(super) fn calibrate(
+    session: &mut Session<'_>,
+    evidence: &mut Evidence,
+    plan: &Plan,
+) -> Result<(), Interruption> {
+    let measured_v = match plan.multimeter {
+        Multimeter::None => return Ok(()),
+        Multimeter::Shows(measured_v) => Some(measured_v),
+        Multimeter::Ask => ask_voltage(session)?,
+    };
+    let mut calibration = Calibration {
+        measured_v,
+        shown_v: shown_v(session)?,
+        old: evidence.parameter(MULTIPLIER),
+        pin: evidence.parameter("BATT_VOLT_PIN"),
+        divider: plan.divider,
+        ..Calibration::default()
+    };
+    if let Some(exact) = calibration.believed().filter(|_| plan.apply_calibration) {
+        calibration.applied = set(session, MULTIPLIER, exact)?;
+        session.listen_for(SETTLING_US)?;
+        calibration.shown_since_v = shown_v(session)?;
+    }
+    evidence.calibration = Trial::Done(calibration);
+    Ok(())
+}
+
+fn ask_voltage(session: &mut Session<'_>) -> Result<Option<f32>, Interruption> {
+    let answer = session.ask("What does the multimeter show at the pack, in volts? (return to skip)")?;
+    let number = answer.and_then(|line| line.trim().replace(',', ".").parse().ok());
+    Ok(number.filter(|measured_v: &f32| measured_v.is_finite() && *measured_v > 0.0))
+}
+
+/// The mean of what the board reports from now on, in volts; `None` if no pack is connected.
+fn shown_v(session: &mut Session<'_>) -> Result<Option<f32>, Interruption> {
+    let before = session.record().received.len();
+    session.listen_for(AVERAGING_US)?;
+    let new = session.record().received.get(before..).unwrap_or_default();
+    let voltages_v: Vec<_> = new
+        .iter()
+        .filter_map(|received| first_pack_v(&received.message))
+        .collect();
+    Ok(mean(&voltages_v))
+}
+
+/// The rate of parameter lists: nothing else depends on it.
+const KEPT: &str = "SR0_PARAMS";
+
+/// Where its range ends.
+const KEPT_MAX: f32 = 50.0;
+
+/// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: restart the autopilot.
+const RESTART: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
+
+/// Sets a parameter, restarts the board, and reads it, if the list had the parameter. Whatever ends it, the old value is set
+/// again.
+pub(super) fn keep_parameter(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
+    let Some(old) = evidence.parameter(KEPT) else {
+        return Ok(());
+    };
+    let trial = evidence.kept.insert(KeptTrial {
+        name: KEPT,
+        old,
+        new: if old < KEPT_MAX { old + 1.0 } else { old - 1.0 },
+        answered: None,
+        restarted: None,
+        read: None,
+        restored: None,
+    });
+    let ended = set_and_restart(session, trial);
+    post_set(session, KEPT, old);
+    ended?;
+    trial.restored = answer_of(session, KEPT)?;
+    Ok(())
+}
+
+fn set_and_restart(session: &mut Session<'_>, trial: &mut KeptTrial) -> Result<(), Interruption> {
+    post_set(session, KEPT, trial.new);
+    trial.answered = answer_of(session, KEPT)?;
+    let restarted = session.restart(RESTART)?;
+    trial.restarted = Some(restarted);
+    if matches!(restarted, Restarted::After(_)) {
+        trial.read = read(session, KEPT)?;
+    }
+    Ok(())
+}
+
+/// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: ArduPilot's numbers for a provoked fault.
+const PROVOKE_FAULT: [f32; 4] = [42.0, 24.0, 71.0, 94.0];
+
+/// The board reports a crash to the first ground station it hears: after our next heartbeat, two seconds at 9600 baud.
+const REPORT_US: u64 = 4_000_000;
+
+/// Provokes a fault and waits for its report.
+pub(super) fn provoke_fault(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
+    let asked_at = session.now();
+    let mut trial = FaultTrial {
+        asked_at,
+        restarted: None,
+    };
+    evidence.fault = Trial::Done(trial);
+    trial.restarted = Some(session.restart(PROVOKE_FAULT)?);
+    evidence.fault = Trial::Done(trial);
+    session.listen_for(REPORT_US)
+}

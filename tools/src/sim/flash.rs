@@ -1,0 +1,459 @@
+//! Simulated flash chip from the log on ([`flash_map`]), in memory and optionally in a file.
+
+use std::cell::RefCell;
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use rover_battmon::memory::flash_map;
+use rover_battmon::recorder::{LogSource, ReadFailed};
+
+/// The image has neither the program nor what only a board with a radio stores.
+const IMAGE: Range<u32> = flash_map::LOG.start..flash_map::CHIP_BYTES;
+const IMAGE_BYTES: usize = (IMAGE.end - IMAGE.start) as usize;
+
+const ERASED: u8 = 0xff;
+
+/// NOR flash: programming clears bits, erasing a sector sets them.
+///
+/// A clone is the same chip.
+#[derive(Clone, Debug)]
+pub struct SimulatedFlash(Rc<RefCell<Chip>>);
+
+#[derive(Debug)]
+struct Chip {
+    /// What the range [`IMAGE`] holds.
+    content: Vec<u8>,
+    file: Option<ImageFile>,
+}
+
+/// The image file can't be written.
+#[derive(Debug)]
+pub struct FileError(pub io::Error);
+
+impl NorFlashError for FileError {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl SimulatedFlash {
+    /// A chip whose content is kept in `file`, if given; a missing file is an erased chip.
+    ///
+    /// The file is locked until the last clone is dropped.
+    ///
+    /// # Errors
+    /// The file can't be read or written, is not a flash image, or is locked by another chip.
+    pub fn open(file: Option<PathBuf>) -> io::Result<Self> {
+        let chip = match file {
+            Some(path) => Chip::in_file(ImageFile::lock(&path)?)?,
+            None => Chip {
+                content: blank(),
+                file: None,
+            },
+        };
+        Ok(Self(Rc::new(RefCell::new(chip))))
+    }
+}
+
+fn blank() -> Vec<u8> {
+    vec![ERASED; IMAGE_BYTES]
+}
+
+/// Where a range of the chip is in the image; `None` outside it.
+fn place(range: Range<u32>) -> Option<Range<usize>> {
+    let start = range.start.checked_sub(IMAGE.start)? as usize;
+    let end = range.end.checked_sub(IMAGE.start)? as usize;
+    (start <= end && end <= IMAGE_BYTES).then_some(start..end)
+}
+
+impl Chip {
+    /// The chip of an image file, which is written if there is none yet.
+    fn in_file(file: ImageFile) -> io::Result<Self> {
+        let content = match file.read()? {
+            Some(content) if content.len() == IMAGE_BYTES => content,
+            Some(_) => return Err(no_image()),
+            None => {
+                let content = blank();
+                file.replace(&content)?;
+                content
+            }
+        };
+        Ok(Self {
+            content,
+            file: Some(file),
+        })
+    }
+
+    /// The content of a range.
+    fn part(&self, from: u32, to: u32) -> Result<&[u8], FileError> {
+        let part = place(from..to).and_then(|place| self.content.get(place));
+        part.ok_or_else(outside)
+    }
+
+    /// Changes a range; if the file can't be written, nothing changes.
+    fn change(&mut self, from: u32, to: u32, change: impl FnOnce(&mut [u8])) -> Result<(), FileError> {
+        let place = place(from..to).ok_or_else(outside)?;
+        let part = self.content.get_mut(place.clone()).ok_or_else(outside)?;
+        let before = part.to_vec();
+        change(part);
+        let kept = self.keep(from, place.clone());
+        if kept.is_err() {
+            self.content[place].copy_from_slice(&before);
+        }
+        kept
+    }
+
+    /// Writes a range that has changed to the file.
+    fn keep(&self, from: u32, place: Range<usize>) -> Result<(), FileError> {
+        let Some(file) = &self.file else {
+            return Ok(());
+        };
+        let written = if flash_map::LOG.contains(&from) {
+            // The log is written often, and may lose its end.
+            file.overwrite(place.start as u64, &self.content[place])
+        } else {
+            file.replace(&self.content)
+        };
+        written.map_err(FileError)
+    }
+}
+
+fn no_image() -> io::Error {
+    io::Error::new(ErrorKind::InvalidData, "it is not a flash image")
+}
+
+impl LogSource for SimulatedFlash {
+    fn read_log(&self, address: u32, bytes: &mut [u8]) -> Result<(), ReadFailed> {
+        let chip = self.0.borrow();
+        let part = chip.part(address, address.saturating_add(bytes.len() as u32));
+        bytes.copy_from_slice(part.map_err(|_| ReadFailed)?);
+        Ok(())
+    }
+}
+
+fn outside() -> FileError {
+    FileError(ErrorKind::InvalidInput.into())
+}
+
+impl ErrorType for SimulatedFlash {
+    type Error = FileError;
+}
+
+impl ReadNorFlash for SimulatedFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FileError> {
+        let chip = self.0.borrow();
+        bytes.copy_from_slice(chip.part(offset, offset + bytes.len() as u32)?);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        flash_map::CHIP_BYTES as usize
+    }
+}
+
+impl NorFlash for SimulatedFlash {
+    const WRITE_SIZE: usize = 1;
+    const ERASE_SIZE: usize = flash_map::SECTOR_BYTES as usize;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FileError> {
+        let mut chip = self.0.borrow_mut();
+        chip.change(from, to, |part| part.fill(ERASED))
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FileError> {
+        let mut chip = self.0.borrow_mut();
+        chip.change(offset, offset + bytes.len() as u32, |part| {
+            for (cell, byte) in part.iter_mut().zip(bytes) {
+                *cell &= byte;
+            }
+        })
+    }
+}
+
+/// An image file that is locked against other processes. All but the log is replaced atomically.
+#[derive(Debug)]
+struct ImageFile {
+    path: PathBuf,
+    /// Temporary file of the next image, renamed over the previous one.
+    next: PathBuf,
+    /// Lock file: a lock on the image itself would be lost when that is replaced.
+    _lock: File,
+}
+
+impl ImageFile {
+    /// Locks the file at `path`, which need not exist yet.
+    fn lock(path: &Path) -> io::Result<Self> {
+        let path = resolved(path)?;
+        if path.exists() && !path.is_file() {
+            return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a file"));
+        }
+        let lock = File::create(beside(&path, ".lock"))?;
+        lock.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => io::Error::new(ErrorKind::ResourceBusy, "another simulator uses it"),
+            TryLockError::Error(error) => error,
+        })?;
+        Ok(Self {
+            next: beside(&path, ".next"),
+            path,
+            _lock: lock,
+        })
+    }
+
+    /// The image; `None` if there is none yet.
+    fn read(&self) -> io::Result<Option<Vec<u8>>> {
+        // A write-protected file must not be replaced either.
+        let mut file = match OpenOptions::new().read(true).write(true).open(&self.path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let mut image = Vec::new();
+        file.read_to_end(&mut image)?;
+        Ok(Some(image))
+    }
+
+    /// Replaces the image atomically.
+    fn replace(&self, image: &[u8]) -> io::Result<()> {
+        let mut next = File::create(&self.next)?;
+        // It may contain a key, so the permissions are kept.
+        if let Ok(last) = fs::metadata(&self.path) {
+            next.set_permissions(last.permissions())?;
+        }
+        next.write_all(image)?;
+        // The content must be on disk before the rename, in case of a system crash.
+        next.sync_all()?;
+        fs::rename(&self.next, &self.path)
+    }
+
+    /// Overwrites a part of the image in its place.
+    fn overwrite(&self, offset: u64, bytes: &[u8]) -> io::Result<()> {
+        let mut image = OpenOptions::new().write(true).open(&self.path)?;
+        image.seek(SeekFrom::Start(offset))?;
+        image.write_all(bytes)
+    }
+}
+
+/// Canonical path of the file, which need not exist.
+fn resolved(path: &Path) -> io::Result<PathBuf> {
+    if let Ok(existing) = fs::canonicalize(path) {
+        return Ok(existing);
+    }
+    let name = path
+        .file_name()
+        .ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "it has no file name"))?;
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let folder = fs::canonicalize(folder)
+        .map_err(|error| io::Error::new(error.kind(), format!("its folder can't be used: {error}")))?;
+    Ok(folder.join(name))
+}
+
+fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(suffix);
+    name.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use embassy_futures::block_on;
+
+    use super::super::test_folder::Folder;
+    use super::*;
+
+    impl Folder {
+        fn image(&self) -> PathBuf {
+            self.0.join("flash.bin")
+        }
+
+        fn open(&self) -> io::Result<SimulatedFlash> {
+            SimulatedFlash::open(Some(self.image()))
+        }
+    }
+
+    fn byte_at(flash: &mut SimulatedFlash, offset: u32) -> u8 {
+        let mut byte = [0];
+        block_on(flash.read(offset, &mut byte)).expect("in range");
+        byte[0]
+    }
+
+    /// The first parameter's place, and the first of the log.
+    const PARAMETER: u32 = flash_map::PARAMETERS.start;
+    const LOG: u32 = flash_map::LOG.start;
+
+    /// The byte at an address, in the image.
+    fn in_image(folder: &Folder, address: u32) -> u8 {
+        fs::read(folder.image()).unwrap()[place(address..address + 1).unwrap().start]
+    }
+
+    #[test]
+    fn content_is_kept_in_the_file() {
+        for address in [LOG, flash_map::LOG.end - 2, PARAMETER, flash_map::CHIP_BYTES - 2] {
+            let folder = Folder::new();
+            let mut flash = folder.open().unwrap();
+            block_on(flash.write(address, &[1])).unwrap();
+            drop(flash);
+            let mut flash = folder.open().unwrap();
+            let found = [address, address + 1].map(|address| byte_at(&mut flash, address));
+            assert_eq!(found, [1, ERASED], "{address}");
+        }
+    }
+
+    #[test]
+    fn program_and_what_is_beyond_the_chip_are_outside() {
+        let mut flash = SimulatedFlash::open(None).unwrap();
+        for address in [0, LOG - 1, flash_map::CHIP_BYTES] {
+            assert!(block_on(flash.read(address, &mut [0])).is_err());
+            assert!(block_on(flash.write(address, &[0])).is_err());
+        }
+    }
+
+    #[test]
+    fn log_is_written_in_place_and_is_kept_when_the_image_is_replaced() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        let mut before = File::open(folder.image()).unwrap();
+        block_on(flash.write(LOG + 3, &[7])).unwrap();
+        let mut image = Vec::new();
+        before.read_to_end(&mut image).unwrap();
+        assert_eq!((image.len(), image[3]), (IMAGE_BYTES, 7), "the same file");
+        block_on(flash.write(PARAMETER, &[8])).unwrap();
+        assert_eq!((in_image(&folder, LOG + 3), in_image(&folder, PARAMETER)), (7, 8));
+        block_on(flash.erase(LOG, LOG + flash_map::SECTOR_BYTES)).unwrap();
+        assert_eq!(
+            (in_image(&folder, LOG + 3), in_image(&folder, PARAMETER)),
+            (ERASED, 8)
+        );
+    }
+
+    #[test]
+    fn failed_write_of_the_log_changes_nothing_in_memory() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        fs::remove_file(folder.image()).unwrap();
+        assert!(block_on(flash.write(LOG, &[0x30])).is_err());
+        assert_eq!(byte_at(&mut flash, LOG), ERASED);
+    }
+
+    #[test]
+    fn image_is_replaced_atomically() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        let mut before = File::open(folder.image()).unwrap();
+        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
+        let mut image = Vec::new();
+        before.read_to_end(&mut image).unwrap();
+        let parameter = image[place(PARAMETER..PARAMETER + 1).unwrap().start];
+        assert_eq!((image.len(), parameter), (IMAGE_BYTES, 0xf0));
+        assert_eq!(in_image(&folder, PARAMETER), 0x30);
+    }
+
+    #[test]
+    fn interrupted_write_leaves_the_previous_image() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        drop(flash);
+        fs::write(beside(&folder.image(), ".next"), [0; 100]).unwrap();
+        let mut flash = folder.open().unwrap();
+        assert_eq!(byte_at(&mut flash, PARAMETER), 0xf0);
+        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
+    }
+
+    #[test]
+    fn failed_file_write_changes_nothing_in_memory() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        // A folder with the temporary file's name makes the write fail.
+        let obstacle = beside(&folder.image(), ".next");
+        fs::create_dir(&obstacle).unwrap();
+        assert!(block_on(flash.write(PARAMETER, &[0x30])).is_err());
+        assert!(block_on(flash.erase(PARAMETER, PARAMETER + flash_map::SECTOR_BYTES)).is_err());
+        assert_eq!(byte_at(&mut flash, PARAMETER), 0xf0);
+        assert_eq!(in_image(&folder, PARAMETER), 0xf0);
+
+        fs::remove_dir(&obstacle).unwrap();
+        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
+        assert_eq!(byte_at(&mut flash, PARAMETER), 0x30);
+    }
+
+    #[test]
+    fn file_is_locked_under_every_path() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        let detour = folder
+            .0
+            .join("../")
+            .join(folder.0.file_name().unwrap())
+            .join("flash.bin");
+        for path in [folder.image(), detour] {
+            let error = SimulatedFlash::open(Some(path)).unwrap_err();
+            assert_eq!(error.to_string(), "another simulator uses it");
+        }
+        let clone = flash.clone();
+        drop(flash);
+        assert!(folder.open().is_err(), "a clone is the same chip");
+        drop(clone);
+        assert!(folder.open().is_ok());
+    }
+
+    #[test]
+    fn missing_folder_or_folder_as_file_is_an_error() {
+        let folder = Folder::new();
+        for path in [
+            folder.0.join("missing/flash.bin"),
+            folder.0.clone(),
+            PathBuf::from("/"),
+        ] {
+            assert!(
+                SimulatedFlash::open(Some(path.clone())).is_err(),
+                "{}",
+                path.display()
+            );
+        }
+    }
+
+    #[test]
+    fn file_that_is_no_image_is_refused_and_unchanged() {
+        let folder = Folder::new();
+        fs::write(folder.image(), "a shopping list").unwrap();
+        let error = folder.open().unwrap_err();
+        assert_eq!(error.to_string(), "it is not a flash image");
+        assert_eq!(fs::read(folder.image()).unwrap(), b"a shopping list");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn image_keeps_permissions_and_symlinks() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+
+        let folder = Folder::new();
+        drop(folder.open().unwrap());
+        fs::write(folder.image(), blank()).unwrap();
+        fs::set_permissions(folder.image(), fs::Permissions::from_mode(0o600)).unwrap();
+        let link = folder.0.join("link");
+        symlink(folder.image(), &link).unwrap();
+        let mut flash = SimulatedFlash::open(Some(link.clone())).unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(
+            fs::metadata(folder.image()).unwrap().permissions().mode() & 0o777,
+            0o600
+        );
+        assert_eq!(in_image(&folder, PARAMETER), 0xf0);
+    }
+}
