@@ -304,14 +304,14 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_at_most_two_thousand_points() {
+    fn a_line_has_at_most_six_hundred_points() {
         for name in ["terminal voltage", "current", "remaining charge", "usable charge"] {
             let points: usize = picture(&rows())
                 .lines()
                 .filter(|line| line.contains("<polyline") && line.contains(name))
                 .map(|line| line.matches(',').count())
                 .sum();
-            assert!((1000..=2000).contains(&points), "{name}: {points} points");
+            assert!((300..=600).contains(&points), "{name}: {points} points");
         }
     }
 

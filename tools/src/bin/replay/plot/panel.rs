@@ -151,8 +151,9 @@ impl<'a> Panel<'a> {
     }
 }
 
-/// Of this many neighbours the lowest and the highest are drawn: no spike is lost.
-const MOST_CHUNKS: usize = 1000;
+/// A line is drawn from at most so many groups of neighbours, by the lowest and the highest of each: no spike is lost, and a
+/// picture of 800 pixels needs no more.
+const MOST_CHUNKS: usize = 300;
 
 /// A point of a line: seconds and a value.
 pub type Point = (f64, f64);
@@ -177,7 +178,7 @@ impl<'a> Series<'a> {
         self.points.iter().filter_map(|(_, value)| *value)
     }
 
-    /// At most two thousand points, in pieces that end where the value is not known for long enough to be seen.
+    /// At most six hundred points, in pieces that end where the value is not known for long enough to be seen.
     pub fn pieces(&self) -> Vec<Vec<Point>> {
         let size = self.points.len().div_ceil(MOST_CHUNKS).max(1);
         let chunks: Vec<Vec<Point>> = self.points.chunks(size).map(extremes).collect();
@@ -216,7 +217,7 @@ mod tests {
         let points = (0..60_000).map(|n| (f64::from(n), Some(if n == 31_234 { 9.0 } else { 1.0 })));
         let pieces = Series::new("", "", points.collect()).pieces();
         assert_eq!(pieces.len(), 1);
-        assert!(pieces[0].len() <= 2000);
+        assert!(pieces[0].len() <= 600);
         assert!(pieces[0].contains(&(31_234.0, 9.0)));
         assert!(pieces[0].is_sorted_by(|a, b| a.0 < b.0));
     }
