@@ -1,0 +1,91 @@
+"""What the house's size is counted by, and what holds it."""
+
+import subprocess
+
+import house
+import pytest
+
+SOURCES = {
+    "src/lib.rs": "//! What it is.\n\n// A reason.\npub mod a;\n#[cfg(test)]\nmod helper;\n",
+    "src/a.rs": "/// Says.\npub struct A {\n    b: u8,\n}\n\n#[cfg(test)]\nmod tests {\n    enum Not {}\n    #[test]\n    fn x() {}\n}\n",
+    "src/helper.rs": "fn of_a_test() {}\n",
+    "src/a/tests.rs": "#[test]\nfn y() {}\n",
+    "tools/src/lib.rs": "enum B {\n    C,\n}\n",
+    "tests/host/a.rs": "fn helper() {}\n\n#[test]\nfn z() {\n    helper();\n}\n",
+    "tests/emulator/src/lib.rs": "fn chip() {}\n",
+    "examples/one.rs": "fn main() {}\n",
+}
+
+
+def test_code_tests_and_comments_are_told_apart():
+    counts, lines = house.measure(SOURCES)
+    assert counts == {
+        "board: lines of code": 4,
+        "board: files": 2,
+        # As a type that only a test has is not one of the program's, only few are written inside of them.
+        "board: types": 2,
+        "tools: lines of code": 3,
+        "tools: files": 1,
+        "tools: types": 1,
+        "tests: lines in test functions": 4,
+        "tests: lines outside": 2,
+        "comments: relative clauses in a thousand lines": 333,
+    }
+    assert lines["src/a.rs"] == 11
+
+
+@pytest.fixture
+def repository(tmp_path, monkeypatch):
+    monkeypatch.setattr(house, "REPOSITORY", tmp_path)
+    (tmp_path / ".ci").mkdir()
+    (tmp_path / "src").mkdir()
+    house.git("init", "-q")
+    house.git("config", "user.name", "a")
+    house.git("config", "user.email", "a@b.c")
+    return tmp_path
+
+
+def commit(repository, message, limit, lines):
+    (repository / house.LIMITS).write_text(f"board: lines of code {limit}\n")
+    (repository / "src/lib.rs").write_text("fn f() {}\n" * lines)
+    house.git("add", ".")
+    house.git("commit", "-q", "-m", message)
+
+
+def unexplained(repository):
+    commits = house.git("log", "--format=%H", "--", house.LIMITS).split()
+    return [names for _, names in house.unexplained_raises(commits)]
+
+
+def test_a_number_rises_alone_and_with_a_reason(repository):
+    commit(repository, "One", 1, 1)
+    commit(repository, "Raise\n\nBuys a thing.", 5, 1)
+    commit(repository, "Use it", 5, 4)
+    commit(repository, "Fall", 3, 3)
+    assert unexplained(repository) == []
+    commit(repository, "Raise", 6, 3)
+    assert unexplained(repository) == [["board: lines of code"]], "without a reason"
+    commit(repository, "Raise and use\n\nBuys a thing.", 9, 7)
+    assert len(unexplained(repository)) == 2, "together with code"
+
+
+def test_growth_and_falls_are_reported():
+    complain = lambda count, limit, room: list(house.complaints({"files": count}, {"files": limit}, room))
+    assert complain(5, 5, False) == []
+    assert "of 5: make something simpler" in complain(6, 5, True)[0]
+    assert "lower it" in complain(4, 5, False)[0]
+    assert complain(4, 5, True) == [], "what a raise allows is used little by little"
+    assert "does not say" in list(house.complaints({"files": 1}, {}, False))[0]
+
+
+def test_numbers_are_lowered_to_what_is_there_and_never_raised():
+    text = "# How many.\nfiles 5\ntypes 3\n"
+    assert house.lower(text, {"files": 4, "types": 9}) == "# How many.\nfiles 4\ntypes 3\n"
+
+
+def test_what_has_grown_is_shown(repository):
+    commit(repository, "One", 9, 1)
+    before = house.git("rev-parse", "HEAD").strip()
+    commit(repository, "Two", 9, 3)
+    shown = list(house.growth(house.working_tree(), before))
+    assert shown == ["        +2 board: lines of code", "        +2 lines of src/lib.rs"]
