@@ -4,6 +4,10 @@
     reason = "an executor in an interrupt is run by its handler, which has to promise what it is"
 )]
 
+use core::future::poll_fn;
+use core::pin::{Pin, pin};
+use core::task::{Context, Poll};
+
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_rp::Peri;
 use embassy_rp::gpio::{Input, Pull};
@@ -12,7 +16,6 @@ use embassy_rp::interrupt::{InterruptExt, Priority};
 use embassy_rp::peripherals::{PIN_13, PIN_17};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
-use super::quick::run_from_ram;
 use super::spi::{CanSpi, SharedSpi};
 use crate::drivers::mcp2515::{self, CanExchange};
 use crate::sensor::BitTiming;
@@ -53,9 +56,15 @@ impl CanController {
 
     /// Serves the controller.
     pub async fn serve(self) -> ! {
-        // From flash it would lose frames on a full bus.
-        run_from_ram(mcp2515::serve(self.spi, self.interrupt, self.timing, &EXCHANGE)).await
+        let mut serve = pin!(mcp2515::serve(self.spi, self.interrupt, self.timing, &EXCHANGE));
+        poll_fn(|context| poll_quickly(serve.as_mut(), context)).await
     }
+}
+
+/// Polls from RAM, where memory.x places it: while flash is read line by line, frames would be lost on a full bus.
+#[inline(never)]
+fn poll_quickly<F: Future>(future: Pin<&mut F>, context: &mut Context<'_>) -> Poll<F::Output> {
+    future.poll(context)
 }
 
 /// What tasks have of the controller.

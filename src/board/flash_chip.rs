@@ -57,7 +57,7 @@ impl FlashChip {
 /// The second stage, which sets the interface up for reads of the program; it is executed from RAM.
 type SecondStage = [u32; 64];
 
-const FLASH_BASE: *const SecondStage = 0x1000_0000 as *const SecondStage;
+const FLASH_BASE: *const u32 = 0x1000_0000 as *const u32;
 
 /// "Read Status Register-2" (W25Q16JV, 8.2).
 const READ_STATUS_2: u32 = 0x35;
@@ -71,37 +71,33 @@ const DR0: *mut u32 = 0x1800_0060 as *mut u32;
 const TMOD_EEPROM_READ: u32 = 3 << 8;
 const SR_RX_NOT_EMPTY: u32 = 1 << 3;
 
-/// The functions of the boot ROM that are called while flash can't be read.
-struct RomFunctions {
-    connect_internal_flash: unsafe extern "C" fn(),
-    flash_exit_xip: unsafe extern "C" fn(),
-}
-
-/// The driver reads ids, but not this register.
+/// Reads the register, for which the driver has no function, as that reads an id: the command is sent, and one byte is
+/// received behind it.
 fn status_register_2() -> u8 {
-    let rom = RomFunctions {
-        connect_internal_flash: rom_data::connect_internal_flash::ptr(),
-        flash_exit_xip: rom_data::flash_exit_xip::ptr(),
-    };
-    // SAFETY: every image begins with its second stage.
-    let second_stage = unsafe { FLASH_BASE.read_volatile() };
     // SAFETY: the second core is not started, no DMA reads flash yet, and no interrupt comes.
-    interrupt::free(|_| unsafe { status_register_2_from_ram(&rom, &second_stage) })
+    interrupt::free(|_| unsafe { status_register_2_from_ram() })
 }
 
-/// As the driver reads an id: the command is sent, and one byte is received behind it.
-///
 /// # Safety
 ///
 /// Nothing else may read flash meanwhile.
 #[inline(never)]
 #[unsafe(link_section = ".data.ram_func")]
-unsafe fn status_register_2_from_ram(rom: &RomFunctions, second_stage: &SecondStage) -> u8 {
-    // SAFETY: these registers and the ROM's functions are there for this. What is called besides has to be inlined, which
-    // every optimised build does: flash can't be read until the second stage has run.
+unsafe fn status_register_2_from_ram() -> u8 {
+    let connect_internal_flash = rom_data::connect_internal_flash::ptr();
+    let flash_exit_xip = rom_data::flash_exit_xip::ptr();
+    // SAFETY: every image begins with its second stage. The registers and the ROM's functions are there for this. From
+    // here on nothing in flash is called: reads and writes of registers are inlined in an optimised build.
     unsafe {
-        (rom.connect_internal_flash)();
-        (rom.flash_exit_xip)();
+        let mut second_stage: SecondStage = [0; 64];
+        // By the ROM: the compiler would drop a copy of its own, which to it nothing reads.
+        rom_data::memcpy44(
+            second_stage.as_mut_ptr(),
+            FLASH_BASE,
+            size_of::<SecondStage>() as u32,
+        );
+        connect_internal_flash();
+        flash_exit_xip();
         SSIENR.write_volatile(0);
         CTRLR0.write_volatile(CTRLR0.read_volatile() | TMOD_EEPROM_READ);
         // One frame.
@@ -112,7 +108,7 @@ unsafe fn status_register_2_from_ram(rom: &RomFunctions, second_stage: &SecondSt
         let status = DR0.read_volatile();
         SSIENR.write_volatile(0);
         // Its first instruction, in Thumb state.
-        let entry = ptr::from_ref(second_stage).cast::<u8>().add(1);
+        let entry = ptr::from_ref(&second_stage).cast::<u8>().add(1);
         let enter_xip: unsafe extern "C" fn() = core::mem::transmute(entry);
         enter_xip();
         status as u8

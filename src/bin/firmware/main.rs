@@ -66,8 +66,7 @@ mod firmware {
     /// In an interrupt. It checks in by way of the one above.
     #[embassy_executor::task]
     async fn battery_pins(input: AnalogInputs) -> ! {
-        // Frames of a full CAN bus wait meanwhile.
-        board::run_from_ram(tasks::read_pins(input, &PINS)).await
+        tasks::read_pins(input, &PINS).await
     }
 
     #[embassy_executor::task]
