@@ -23,7 +23,7 @@ LIMITS = ".ci/house.txt"
 # Test code with functions of tests; the emulator and what generates data are not judged by their share.
 SCENARIOS = ("host", "firmware", "workbench", "support", "nor_flash", "rig")
 
-CLAUSE = re.compile(r"\s*//[/!]?\s*(What|How|Who|Whose|Whom|Where|So|Those)\b")
+CLAUSE = re.compile(r"\s*//[/!]?\s*(What|How|Who(?:se|m)?|Where|So|Those)\b")
 TYPE = re.compile(r"^\s*(?:pub(?:\([a-z: ]+\))? )?(?:struct|enum) ", re.MULTILINE)
 TEST_ONLY = re.compile(r"\s*#\[cfg\((?:all\()?test\b")
 TEST_MODULE = re.compile(

@@ -17,7 +17,7 @@ SOURCES = {
 }
 
 
-def test_code_tests_and_comments_are_told_apart():
+def test_code_tests_and_comments_are_distinguished():
     counts, lines = house.measure(SOURCES)
     assert counts == {
         "board: lines of code": 4,
