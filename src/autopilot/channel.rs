@@ -19,7 +19,7 @@ pub struct Channel {
     /// How far it has sent the announcements.
     pub(super) position: Position,
     /// When latched failsafe levels were reported last; at the start, when it was opened.
-    pub(super) levels_told_at: Instant,
+    pub(super) levels_reported_at: Instant,
     /// Its place among those that report changed parameters; `None` while it is closed.
     pub(super) listener: Option<Listener>,
     pub(super) drop_log: LogLimit<LOG_INTERVAL_US>,
@@ -35,7 +35,7 @@ impl Channel {
             name,
             endpoint: Endpoint::new(kind, bytes_per_second, now),
             position: Position::default(),
-            levels_told_at: now,
+            levels_reported_at: now,
             listener: None,
             drop_log: LogLimit::new(),
             refused_command: None,

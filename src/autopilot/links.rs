@@ -79,10 +79,10 @@ impl Autopilot {
         }
     }
 
-    /// The same for a station that may have been away since, unless its link was told a moment ago.
+    /// The same for a station that may have been away since, unless they were reported on its link a moment ago.
     fn repeat_levels(&self, channel: &mut Channel, now: Instant) {
-        if now.us_since(channel.levels_told_at) >= LEVELS_INTERVAL_US {
-            channel.levels_told_at = now;
+        if now.us_since(channel.levels_reported_at) >= LEVELS_INTERVAL_US {
+            channel.levels_reported_at = now;
             self.send_levels(channel);
         }
     }

@@ -521,7 +521,7 @@ fn a_station_that_was_away_when_a_level_was_latched_is_told_it_once() {
     rover.sample(11.1, 2);
     rover.deliver(&heartbeat(GROUND_STATION));
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
-    let told = |rover: &mut Rover| {
+    let levels = |rover: &mut Rover| {
         let texts = rover.wait(20_000);
         texts
             .iter()
@@ -529,16 +529,16 @@ fn a_station_that_was_away_when_a_level_was_latched_is_told_it_once() {
             .count()
     };
     rover.sample(10.0, 29);
-    assert_eq!(told(&mut rover), 1, "when it was latched");
+    assert_eq!(levels(&mut rover), 1, "when it was latched");
     // It was heard 29 s ago.
     rover.deliver(&heartbeat(GROUND_STATION));
-    assert_eq!(told(&mut rover), 0);
+    assert_eq!(levels(&mut rover), 0);
     rover.sample(10.0, 31);
     rover.deliver(&heartbeat(GROUND_STATION));
-    assert_eq!(told(&mut rover), 1, "it was away");
+    assert_eq!(levels(&mut rover), 1, "it was away");
     rover.sample(10.0, 1);
     rover.deliver(&heartbeat(GROUND_STATION));
-    assert_eq!(told(&mut rover), 0, "once");
+    assert_eq!(levels(&mut rover), 0, "once");
 }
 
 #[test]

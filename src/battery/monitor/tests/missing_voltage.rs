@@ -102,7 +102,7 @@ fn without_an_estimate_no_threshold_in_mah_acts_while_the_voltage_is_missing() {
 
 #[test]
 // Requirement: L-11
-fn dropouts_are_counted_and_their_gaps_told_once_in_30_seconds() {
+fn dropouts_are_counted_and_their_gaps_announced_once_in_30_seconds() {
     let mut bench = driving();
     let before_mah = bench.state().consumed_mah().expect("counted");
     let mut seconds = 0.0;
