@@ -18,6 +18,8 @@ pub struct Channel {
     pub endpoint: Endpoint,
     /// How far it has sent the announcements.
     pub(super) position: Position,
+    /// When latched failsafe levels were reported last; at the start, when it was opened.
+    pub(super) levels_reported_at: Instant,
     /// Its place among those that report changed parameters; `None` while it is closed.
     pub(super) listener: Option<Listener>,
     pub(super) drop_log: LogLimit<LOG_INTERVAL_US>,
@@ -33,6 +35,7 @@ impl Channel {
             name,
             endpoint: Endpoint::new(kind, bytes_per_second, now),
             position: Position::default(),
+            levels_reported_at: now,
             listener: None,
             drop_log: LogLimit::new(),
             refused_command: None,

@@ -20,6 +20,9 @@ use crate::time::Instant;
 /// Sent to a ground station that reads all parameters.
 const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
 
+/// Minimum time between two reports of latched levels to a link, in microseconds: a station is new after as much silence.
+const LEVELS_INTERVAL_US: u64 = 30_000_000;
+
 impl Autopilot {
     /// A link has been opened: sends what every ground station has to know. Announcements follow from now on.
     pub fn open(&mut self, channel: &mut Channel) {
@@ -73,6 +76,14 @@ impl Autopilot {
                 let event = PackEvent::failsafe(state.failsafe, state.voltage_v, state);
                 notify(channel, &Announcement::Pack(pack, &event));
             }
+        }
+    }
+
+    /// The same for a station that may have been away since, unless they were reported on its link a moment ago.
+    fn repeat_levels(&self, channel: &mut Channel, now: Instant) {
+        if now.us_since(channel.levels_reported_at) >= LEVELS_INTERVAL_US {
+            channel.levels_reported_at = now;
+            self.send_levels(channel);
         }
     }
 
@@ -250,6 +261,10 @@ impl Autopilot {
         match *event {
             Event::Ignored | Event::Answered => {}
             Event::GroundStationHeard => self.work |= Work::GROUND_STATION_HEARD,
+            Event::GroundStationIntroduced => {
+                self.work |= Work::GROUND_STATION_HEARD;
+                self.repeat_levels(channel, now);
+            }
             Event::TimeHeard(utc) => self.recording.set_time(utc, now),
             Event::Driven => self.work |= Work::DRIVE,
             Event::ListRequested => {

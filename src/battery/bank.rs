@@ -61,7 +61,7 @@ impl BatteryBank {
                 continue;
             }
             members |= pack.bit();
-            if state.status != PackStatus::Healthy {
+            if !supplies(state) {
                 lost_members |= pack.bit();
             }
             // There is room for all.
@@ -119,10 +119,19 @@ impl BatteryBank {
     }
 }
 
+/// Whether the member's current is measured: it is healthy, or only its voltage is missing.
+fn supplies(state: &BatteryState) -> bool {
+    match state.status {
+        PackStatus::Healthy => true,
+        PackStatus::NotConnected => state.current_a.is_some(),
+        PackStatus::Unknown | PackStatus::Disabled | PackStatus::Unhealthy => false,
+    }
+}
+
 /// Charge drawn from a member, in milliampere-hours, if it is counted now.
 fn drawn_mah(monitor: &BatteryMonitor) -> Option<f32> {
     let state = monitor.state();
-    let is_counted = state.status == PackStatus::Healthy && state.consumed.is_some();
+    let is_counted = supplies(state) && state.consumed.is_some();
     is_counted.then(|| monitor.drawn_mah())
 }
 
@@ -168,7 +177,7 @@ fn sum<'a>(
     packs: impl Iterator<Item = &'a BatteryState> + Clone,
     voltage: SumVoltage,
 ) -> Result<Measurement, ReadError> {
-    let current_a = |pack: &BatteryState| pack.current_a.filter(|_| pack.status == PackStatus::Healthy);
+    let current_a = |pack: &BatteryState| pack.current_a.filter(|_| supplies(pack));
     let thermometer = |pack: &BatteryState| pack.temperature_c.map(|_| pack.thermometer);
     let healthy = packs.clone().filter(|pack| pack.status == PackStatus::Healthy);
     if healthy.clone().next().is_none() {

@@ -17,6 +17,16 @@ pub struct Gap {
     pub counted_mah: Option<f32>,
 }
 
+impl Gap {
+    /// Both as one.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self {
+            duration_s: self.duration_s + other.duration_s,
+            counted_mah: self.counted_mah.zip(other.counted_mah).map(|(a, b)| a + b),
+        }
+    }
+}
+
 /// Integrators of charge and energy, in integers: a float would lose small steps in a large sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Consumption {

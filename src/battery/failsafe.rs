@@ -243,8 +243,9 @@ pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Op
 /// Remaining charge or fuel by the state of charge; while that is unknown, capacity minus consumption. In mAh or ml, as
 /// the thresholds.
 pub(super) fn remaining(state: &BatteryState) -> Option<f32> {
-    // A sum with a lost member has counted only a part.
-    let counted = state.consumed.filter(|_| state.status != PackStatus::Unhealthy);
+    // A sum with a lost member has counted only a part, and a pack that is not connected may be another one.
+    let is_unsure = matches!(state.status, PackStatus::Unhealthy | PackStatus::NotConnected);
+    let counted = state.consumed.filter(|_| !is_unsure);
     let by_count = || Some(state.full_capacity()? - counted?.number());
     state.remaining().or_else(by_count)
 }

@@ -82,7 +82,21 @@ pub struct Measurement {
     pub doubtful_cells: Option<u8>,
 }
 
+/// A larger current, in amperes, is drawn from a pack whose voltage is missing: an unpowered sensor may read its offset.
+const DRAWN_A: f32 = 0.5;
+
 impl Measurement {
+    /// The reading of a pack that supplies the load although its voltage is missing, if it is one: a current is drawn, or
+    /// the source counts.
+    pub(super) fn without_voltage(&self) -> Option<Self> {
+        let current_a = self.current_a.filter(|current_a| *current_a > DRAWN_A);
+        (current_a.is_some() || self.counted.is_some()).then(|| Self {
+            voltage_v: None,
+            current_a,
+            ..self.clone()
+        })
+    }
+
     /// The reading, if each value is finite and possible.
     ///
     /// # Errors

@@ -2,6 +2,7 @@
 //! charge states and faults.
 
 use super::charge_state::by_failsafe;
+use super::consumption::Gap;
 use super::event::push;
 use super::{ArmState, BatteryState, ChargeState, Faults, PackEvent, PackEvents, PackStatus, ReadError};
 
@@ -121,6 +122,30 @@ const UNPLUGGED_S: f32 = 1.0;
 /// Nothing is reported for this long after a pack was plugged in, in seconds: until it has rested and is known to be
 /// another one, its charge is that of the pack before.
 const SETTLING_S: f32 = 3.0;
+
+/// The gaps in the readings of one pack: those that follow one another, as with a loose wire, are reported as one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct GapReporter {
+    pending: Option<Gap>,
+    /// How long none is reported from now on, in seconds.
+    silent_s: f32,
+}
+
+impl GapReporter {
+    /// Takes the gap before a reading, if there was one, and returns what is to be reported.
+    pub fn update(&mut self, dt_s: f32, gap: Option<Gap>) -> Option<Gap> {
+        self.silent_s = (self.silent_s - dt_s).max(0.0);
+        if let Some(gap) = gap {
+            self.pending = Some(self.pending.map_or(gap, |before| before.and(gap)));
+        }
+        if self.silent_s > 0.0 {
+            return None;
+        }
+        let gap = self.pending.take()?;
+        self.silent_s = RECOVERY_S;
+        Some(gap)
+    }
+}
 
 /// The reported charge state and faults of one pack.
 #[derive(Clone, Copy, Debug, Default)]

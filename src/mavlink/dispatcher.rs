@@ -261,12 +261,13 @@ fn heard(from: Peer, context: &mut Context<'_>) -> Event {
         .changeable
         .vehicle
         .ground_station_seen(context.received_at);
-    if context.stations.heartbeat(from, context.now) {
-        for pack in context.state.described() {
-            context.outbox.post_details(pack);
-        }
+    if !context.stations.heartbeat(from, context.now) {
+        return Event::GroundStationHeard;
     }
-    Event::GroundStationHeard
+    for pack in context.state.described() {
+        context.outbox.post_details(pack);
+    }
+    Event::GroundStationIntroduced
 }
 
 /// Executes a command: a few are for the vehicle or Wi-Fi, the others for the link or the board.

@@ -14,6 +14,8 @@ pub enum Event {
     Ignored,
     /// A ground station gave a sign of life.
     GroundStationHeard,
+    /// The same of one that is new on its link, or was silent for 30 s.
+    GroundStationIntroduced,
     /// A ground station said what time it is.
     TimeHeard(Utc),
     /// It was answered.

@@ -449,10 +449,8 @@ fn what_the_drivers_stand_is_checked_with_the_batteries() {
     rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, FORCED), ARM_DISARM, ACCEPTED);
 }
 
-#[test]
-// Requirement: AP-18
-fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
-    const BATTERY_RESET: u16 = 42651;
+/// Low below 10.5 V, critical below 9.5 V, each after a second.
+fn with_thresholds() -> Rover {
     let mut parameters = Parameters::defaults();
     for (parameter, value) in [
         (BatteryParameter::LowTimer, 1.0),
@@ -463,6 +461,13 @@ fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
             .set(parameter.of(Pack::First), value)
             .expect("in range");
     }
+    Rover(Desk::starting(Start::with_parameters(parameters)))
+}
+
+#[test]
+// Requirement: AP-18
+fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
+    const BATTERY_RESET: u16 = 42651;
     let open = |rover: &mut Rover, link| {
         rover.0.connect(link);
         rover.0.autopilot.open(&mut rover.0.channel);
@@ -479,7 +484,7 @@ fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
             .filter(|(_, text)| text.contains(" is "))
             .collect::<Vec<_>>()
     };
-    let mut rover = Rover(Desk::starting(Start::with_parameters(parameters)));
+    let mut rover = with_thresholds();
     rover.sample(11.1, 2);
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
     open(&mut rover, LinkKind::Radio);
@@ -506,6 +511,34 @@ fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
     rover.sample(11.1, 1);
     open(&mut rover, LinkKind::Direct);
     assert_eq!(levels(&mut rover), []);
+}
+
+#[test]
+// Requirement: AP-18
+fn a_station_that_was_away_when_a_level_was_latched_is_told_it_once() {
+    let mut rover = with_thresholds();
+    rover.0.autopilot.open(&mut rover.0.channel);
+    rover.sample(11.1, 2);
+    rover.deliver(&heartbeat(GROUND_STATION));
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    let levels = |rover: &mut Rover| {
+        let texts = rover.wait(20_000);
+        texts
+            .iter()
+            .filter(|text| text.contains("Battery 1 is low"))
+            .count()
+    };
+    rover.sample(10.0, 29);
+    assert_eq!(levels(&mut rover), 1, "when it was latched");
+    // It was heard 29 s ago.
+    rover.deliver(&heartbeat(GROUND_STATION));
+    assert_eq!(levels(&mut rover), 0);
+    rover.sample(10.0, 31);
+    rover.deliver(&heartbeat(GROUND_STATION));
+    assert_eq!(levels(&mut rover), 1, "it was away");
+    rover.sample(10.0, 1);
+    rover.deliver(&heartbeat(GROUND_STATION));
+    assert_eq!(levels(&mut rover), 0, "once");
 }
 
 #[test]
@@ -1012,11 +1045,11 @@ fn only_ground_station_heartbeats_time_out() {
     let mut rover = Rover::armed_in(0.0);
     assert_eq!(rover.deliver(&heartbeat(ONBOARD_CONTROLLER)), Event::Ignored);
     assert_eq!(rover.wait(5_000_000), [""; 0]);
-    for _ in 0..5 {
-        assert_eq!(
-            rover.deliver(&heartbeat(GROUND_STATION)),
-            Event::GroundStationHeard
-        );
+    for expected in [Event::GroundStationIntroduced]
+        .into_iter()
+        .chain([Event::GroundStationHeard; 4])
+    {
+        assert_eq!(rover.deliver(&heartbeat(GROUND_STATION)), expected);
         // Also after a few lost ones.
         assert_eq!(rover.wait(4_000_000), [""; 0]);
     }

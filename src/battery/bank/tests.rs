@@ -139,6 +139,23 @@ fn parallel_packs_have_mean_voltage_and_summed_current() {
 }
 
 #[test]
+// Requirement: L-12
+fn a_member_whose_voltage_is_missing_is_lost_for_its_voltage_only() {
+    let mut bench = Bench::reset_to(80.0, &[Ok(at(11.6, 5.0)), Ok(at(11.4, 5.0))]);
+    let before_mah = bench.sum().consumed_mah().expect("counted");
+    let state = bench.run(60.0, &[Ok(at(0.2, 5.0)), Ok(at(11.4, 5.0))]);
+    assert_eq!((state.voltage_v, state.current_a), (Some(11.4), Some(10.0)));
+    let drawn_mah = state.consumed_mah().expect("counted") - before_mah;
+    assert!((drawn_mah - 60.0 * MAH_PER_SECOND).abs() < 1.0, "{drawn_mah}");
+    let expected_pct = after_pct(60.0 * MAH_PER_SECOND);
+    assert!(
+        (bench.remaining_pct() - expected_pct).abs() < 1.0,
+        "{}",
+        bench.remaining_pct()
+    );
+}
+
+#[test]
 fn sum_has_only_electric_packs_as_members() {
     let mut bench = Bench::new();
     let tank = Measurement {

@@ -167,6 +167,8 @@ impl Counting {
     pub fn replace_pack(&mut self) {
         self.consumption = Consumption::default();
         self.counter.rebase();
+        // The time without a pack was not measured of this one.
+        self.last_current = None;
     }
 
     /// Restarts at `consumed`.

@@ -15,12 +15,12 @@ use super::diagnosis::AtRest;
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
 use super::failsafe::ReachedLevels;
-use super::reporters::HealthReporter;
+use super::reporters::{GapReporter, HealthReporter};
 use super::settings::{FailsafeSettings, PackSettings};
 use super::swap::{Replacement, SwapDetector};
 use super::{
-    Amount, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, Faults, LearntPack, Measurement,
-    PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Tick,
+    Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, Faults, LearntPack,
+    Measurement, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Tick,
 };
 use crate::time::Instant;
 
@@ -55,6 +55,7 @@ pub struct BatteryMonitor {
     last_voltage_v: Option<f32>,
     reports: Reports,
     health: HealthReporter,
+    gaps: GapReporter,
     counting: Counting,
     estimator: Estimator,
     swap_detector: SwapDetector,
@@ -67,7 +68,7 @@ pub struct BatteryMonitor {
 /// Nothing is known of a pack.
 static UNKNOWN_PACK: LearntPack = LearntPack::UNKNOWN;
 
-/// The latest valid reading.
+/// The latest valid reading that was that of a pack.
 #[derive(Clone, Copy, Debug)]
 struct LastReading {
     time: Instant,
@@ -88,6 +89,7 @@ impl BatteryMonitor {
             last_voltage_v: None,
             reports: Reports::new(),
             health: HealthReporter::default(),
+            gaps: GapReporter::default(),
             counting: Counting::default(),
             estimator: Estimator::new(),
             swap_detector: SwapDetector::new(),
@@ -134,10 +136,13 @@ impl BatteryMonitor {
         }
         let reported = self.reports.settings(&self.state, settings);
         let settings = reported.as_ref().unwrap_or(settings);
+        let mut is_fresh = false;
         let error = match reading {
             Ok(measurement) => {
-                self.accept(tick, dt_us, measurement, settings, events);
-                self.remember(tick.now, measurement);
+                self.failed_reads = 0;
+                self.state.temperature_c = measurement.temperature_c;
+                self.state.thermometer = measurement.thermometer;
+                is_fresh = self.take(tick, dt_us, measurement, settings, events);
                 self.judge_health(tick.now, settings)
             }
             Err(error) => {
@@ -153,11 +158,6 @@ impl BatteryMonitor {
         if let Some(event) = self.health.contact(dt_s, status, error, tick.arm_state) {
             push(events, event);
         }
-        // A connected pack was read. While its charge is unknown the voltage is measured all the same.
-        let is_fresh = matches!(
-            (error, status),
-            (None, PackStatus::Healthy) | (Some(ReadError::GaugeTimeout | ReadError::LostMember), _)
-        );
         // A sum without healthy members has not lost a contact: it can't be swapped itself.
         if !is_fresh && error != Some(ReadError::NoHealthyMember) {
             self.swap_detector.lose_contact(dt_s, tick.arm_state);
@@ -186,6 +186,36 @@ impl BatteryMonitor {
         self.counting.remember(now, current_a);
     }
 
+    /// Takes a valid reading. Returns whether it is that of a pack.
+    fn take(
+        &mut self,
+        tick: Tick,
+        dt_us: u64,
+        measurement: &Measurement,
+        settings: &PackSettings,
+        events: &mut PackEvents,
+    ) -> bool {
+        let is_missing = |voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V;
+        if !measurement.voltage_v.is_some_and(is_missing) {
+            self.state.status = PackStatus::Healthy;
+            self.accept(tick, dt_us, measurement, settings, events);
+            return true;
+        }
+        // While driving the wire that measures the voltage may be loose.
+        let drawn = match tick.arm_state {
+            ArmState::Armed => measurement.without_voltage(),
+            ArmState::Disarmed => None,
+        };
+        if let Some(drawn) = &drawn {
+            self.accept(tick, dt_us, drawn, settings, events);
+        } else {
+            // Until a pack is read again it is a gap.
+            self.clear_readings();
+        }
+        self.state.status = PackStatus::NotConnected;
+        drawn.is_some()
+    }
+
     fn accept(
         &mut self,
         tick: Tick,
@@ -194,9 +224,6 @@ impl BatteryMonitor {
         settings: &PackSettings,
         events: &mut PackEvents,
     ) {
-        self.failed_reads = 0;
-        self.state.temperature_c = measurement.temperature_c;
-        self.state.thermometer = measurement.thermometer;
         let previous_a = self.last_reading.and_then(|last| last.current_a);
         let mut reading = Reading {
             dt_s: microseconds(dt_us) * 1e-6,
@@ -211,14 +238,6 @@ impl BatteryMonitor {
             known_cells: measurement.doubtful_cells,
             arm_state: tick.arm_state,
         };
-        if measurement
-            .voltage_v
-            .is_some_and(|voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V)
-        {
-            self.clear_readings();
-            return;
-        }
-        self.state.status = PackStatus::Healthy;
         self.state.current_range = measurement.current_range;
         if measurement.current_range == CurrentRange::Over && !self.current_was_over_range {
             self.current_was_over_range = true;
@@ -230,7 +249,7 @@ impl BatteryMonitor {
             self.reports.gauge.update(tick.now, measurement.gauge);
         }
         let count = self.counting.update(tick.now, measurement, &self.reports.gauge);
-        if let Some(gap) = count.gap {
+        if let Some(gap) = self.gaps.update(reading.dt_s, count.gap) {
             push(events, PackEvent::Gap(gap));
         }
         if let Some(counted_mah) = count.at_source_mah {
@@ -252,11 +271,11 @@ impl BatteryMonitor {
                 self.update_time_remaining();
             }
         }
+        self.remember(tick.now, measurement);
     }
 
     /// Without a pack the voltage at the pin means nothing: the values become unknown, the pack is not empty.
     fn clear_readings(&mut self) {
-        self.state.status = PackStatus::NotConnected;
         self.state.voltage_v = None;
         self.state.resting_voltage_v = None;
         self.state.current_a = None;

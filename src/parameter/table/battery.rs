@@ -344,7 +344,7 @@ parameters! {
         range: FAILSAFE_ACTIONS,
         label: "Action when low",
         description: "Action when the pack is low. RTL, SmartRTL and Loiter need a position and enter Hold. Terminate \
-                      disarms until a restart or a battery reset.",
+                      disarms until a restart, a battery reset or a fuller pack.",
     }
     FsCrtAct {
         key: 86,
@@ -354,7 +354,7 @@ parameters! {
         range: FAILSAFE_ACTIONS,
         label: "Action when critical",
         description: "Action when the pack is critical. RTL, SmartRTL and Loiter need a position and enter Hold. \
-                      Terminate disarms until a restart or a battery reset.",
+                      Terminate disarms until a restart, a battery reset or a fuller pack.",
     }
     ArmVolt {
         key: 87,

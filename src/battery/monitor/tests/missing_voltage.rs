@@ -1,0 +1,192 @@
+//! A current that is measured counts, whatever the voltage does.
+
+use super::*;
+
+/// A drive's, in amperes.
+const LOAD_A: f32 = 4.4;
+
+/// A wire is loose: the pack supplies the load as before.
+fn voltage_missing(current_a: f32) -> Measurement {
+    loaded(0.2, current_a)
+}
+
+/// A pack of 2200 mAh that is full by a battery reset, driven for a minute.
+fn driving() -> Bench {
+    let mut bench = Bench::new();
+    bench.run(30.0, loaded(12.4, 0.1));
+    bench.monitor.reset(100.0, &bench.settings);
+    bench.arm_state = ArmState::Armed;
+    bench.run(60.0, loaded(11.9, LOAD_A));
+    bench.events.clear();
+    bench
+}
+
+fn drawn_mah(seconds: f32) -> f32 {
+    LOAD_A * seconds / 3.6
+}
+
+#[track_caller]
+fn assert_about(value: Option<f32>, expected: f32, tolerance: f32) {
+    let is_about = value.is_some_and(|value| (value - expected).abs() <= tolerance);
+    assert!(is_about, "{value:?} instead of {expected}");
+}
+
+#[test]
+// Requirement: L-11
+fn a_loose_wire_at_the_voltage_hides_no_charge() {
+    let mut bench = driving();
+    let before = *bench.state();
+    let state = bench.run(300.0, voltage_missing(LOAD_A));
+    assert_eq!((state.status, state.voltage_v), (PackStatus::NotConnected, None));
+    assert_eq!(state.current_a, Some(LOAD_A));
+    let drawn_mah = drawn_mah(300.0);
+    assert_about(
+        state.consumed_mah(),
+        before.consumed_mah().expect("counted") + drawn_mah,
+        1.0,
+    );
+    let expected_pct = before.remaining_pct.expect("known") - drawn_mah / 22.0;
+    assert_about(state.remaining_pct, expected_pct, 1.0);
+    bench.run(5.0, loaded(11.6, LOAD_A));
+    assert_about(bench.state().remaining_pct, expected_pct, 3.0);
+    let lost = |event: &PackEvent| {
+        matches!(
+            event,
+            PackEvent::ContactLost
+                | PackEvent::Failsafe {
+                    level: FailsafeLevel::Unhealthy,
+                    ..
+                }
+        )
+    };
+    assert!(bench.events.iter().all(lost), "{:?}", bench.events);
+}
+
+#[test]
+// Requirement: AP-18
+fn a_threshold_in_mah_acts_while_the_voltage_is_missing() {
+    let mut bench = driving();
+    bench.settings.failsafe.low.remaining_mah = Some(2000.0);
+    let mut seconds = 0.0;
+    while !bench.events.iter().any(|event| {
+        matches!(
+            event,
+            PackEvent::Failsafe {
+                level: FailsafeLevel::Low,
+                ..
+            }
+        )
+    }) {
+        bench.run(1.0, voltage_missing(LOAD_A));
+        seconds += 1.0;
+        assert!(seconds < 300.0, "{:?}", bench.state());
+    }
+    // 2200 mAh less those of the first minute and of these seconds.
+    assert_about(Some(drawn_mah(60.0 + seconds)), 200.0, 10.0);
+}
+
+#[test]
+// Requirement: L-7
+fn without_an_estimate_no_threshold_in_mah_acts_while_the_voltage_is_missing() {
+    let mut bench = Bench::new();
+    bench.settings.failsafe.low.remaining_mah = Some(2100.0);
+    bench.arm_state = ArmState::Armed;
+    bench.run(400.0, voltage_missing(LOAD_A));
+    assert_eq!(bench.state().remaining_pct, None);
+    assert!(
+        bench.state().failsafe <= FailsafeLevel::Unhealthy,
+        "{:?}",
+        bench.state()
+    );
+}
+
+#[test]
+// Requirement: L-11
+fn dropouts_are_counted_and_their_gaps_announced_once_in_30_seconds() {
+    let mut bench = driving();
+    let before_mah = bench.state().consumed_mah().expect("counted");
+    let mut seconds = 0.0;
+    for dropout in 0..40u8 {
+        let without_s = 0.2 + 0.07 * f32::from(dropout);
+        bench.run(without_s, voltage_missing(LOAD_A));
+        // Of every other one the current is missing, too.
+        let unread_s = if dropout % 2 == 0 { 2.5 } else { 0.0 };
+        bench.run(unread_s, voltage_missing(0.0));
+        bench.run(3.0, loaded(11.7, LOAD_A));
+        seconds += [without_s, unread_s, 3.0]
+            .map(|duration_s| (duration_s * 10.0).floor() / 10.0)
+            .iter()
+            .sum::<f32>();
+    }
+    assert_about(
+        bench.state().consumed_mah(),
+        before_mah + drawn_mah(seconds),
+        0.03 * drawn_mah(seconds),
+    );
+    let gaps = bench
+        .events
+        .iter()
+        .filter(|event| matches!(event, PackEvent::Gap(_)))
+        .count();
+    let at_most = (seconds / 30.0) as usize + 1;
+    assert!((2..=at_most).contains(&gaps), "{gaps} in {seconds} s");
+}
+
+#[test]
+// Requirement: L-11
+fn an_unpowered_sensor_draws_nothing() {
+    for offset_a in [-3.0, 0.0, 0.5] {
+        let mut bench = driving();
+        let before = *bench.state();
+        let state = bench.run(30.0, voltage_missing(offset_a));
+        assert_eq!((state.current_a, state.remaining_pct), (None, None));
+        assert_eq!(state.consumed, before.consumed);
+        // A gap is the mean of the currents around it.
+        bench.run(1.0, loaded(11.7, LOAD_A));
+        assert_about(
+            bench.state().consumed_mah(),
+            before.consumed_mah().expect("counted") + drawn_mah(31.0),
+            1.0,
+        );
+        assert!(
+            bench
+                .events
+                .iter()
+                .any(|event| matches!(event, PackEvent::Gap(_)))
+        );
+    }
+}
+
+#[test]
+// Requirement: L-11
+fn while_disarmed_a_voltage_that_is_missing_is_a_gap() {
+    let mut bench = driving();
+    bench.arm_state = ArmState::Disarmed;
+    bench.run(10.0, loaded(12.1, 0.1));
+    let before = *bench.state();
+    let state = bench.run(100.0, voltage_missing(LOAD_A));
+    assert_eq!((state.current_a, state.consumed), (None, before.consumed));
+    bench.run(1.0, loaded(12.1, 0.1));
+    let gap = bench.events.iter().find_map(|event| match event {
+        PackEvent::Gap(gap) => Some(gap.counted_mah),
+        _ => None,
+    });
+    assert_eq!(gap, Some(None), "too long to be known");
+}
+
+#[test]
+// Requirement: L-11
+fn what_a_source_counts_is_counted_without_a_voltage() {
+    let counts = |voltage_v, charge_mah| Measurement {
+        counted: Some(Counted::Increment(Consumed {
+            charge_mah,
+            energy_wh: 0.0,
+        })),
+        ..loaded(voltage_v, -1.0)
+    };
+    let mut bench = driving();
+    let before_mah = bench.state().consumed_mah().expect("counted");
+    bench.run(10.0, counts(0.2, 0.5));
+    assert_about(bench.state().consumed_mah(), before_mah + 50.0, 0.1);
+    assert_eq!(bench.state().current_a, None, "its offset");
+}
