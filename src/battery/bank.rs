@@ -121,11 +121,8 @@ impl BatteryBank {
 
 /// Whether the member's current is measured: it is healthy, or only its voltage is missing.
 fn supplies(state: &BatteryState) -> bool {
-    match state.status {
-        PackStatus::Healthy => true,
-        PackStatus::NotConnected => state.current_a.is_some(),
-        PackStatus::Unknown | PackStatus::Disabled | PackStatus::Unhealthy => false,
-    }
+    let has_current = state.status == PackStatus::NotConnected && state.current_a.is_some();
+    state.status == PackStatus::Healthy || has_current
 }
 
 /// Charge drawn from a member, in milliampere-hours, if it is counted now.

@@ -90,10 +90,10 @@ impl Measurement {
     /// the source counts.
     pub(super) fn without_voltage(&self) -> Option<Self> {
         let current_a = self.current_a.filter(|current_a| *current_a > DRAWN_A);
-        (current_a.is_some() || self.counted.is_some()).then(|| Self {
+        (current_a.is_some() || self.counted.is_some()).then_some(Self {
             voltage_v: None,
             current_a,
-            ..self.clone()
+            ..*self
         })
     }
 

@@ -127,23 +127,28 @@ const SETTLING_S: f32 = 3.0;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct GapReporter {
     pending: Option<Gap>,
-    /// How long none is reported from now on, in seconds.
-    silent_s: f32,
+    /// For how long none has been reported, in seconds, unless that is long.
+    silent_s: Option<f32>,
 }
 
 impl GapReporter {
     /// Takes the gap before a reading, if there was one, and returns what is to be reported.
     pub fn update(&mut self, dt_s: f32, gap: Option<Gap>) -> Option<Gap> {
-        self.silent_s = (self.silent_s - dt_s).max(0.0);
-        if let Some(gap) = gap {
-            self.pending = Some(self.pending.map_or(gap, |before| before.and(gap)));
-        }
-        if self.silent_s > 0.0 {
+        let Some(silent_s) = self.silent_s else {
+            self.silent_s = gap.map(|_| 0.0);
+            return gap;
+        };
+        self.pending = match (self.pending, gap) {
+            (Some(before), Some(gap)) => Some(before.and(gap)),
+            (before, gap) => gap.or(before),
+        };
+        self.silent_s = Some(silent_s + dt_s).filter(|silent_s| *silent_s < RECOVERY_S);
+        if self.silent_s.is_some() {
             return None;
         }
-        let gap = self.pending.take()?;
-        self.silent_s = RECOVERY_S;
-        Some(gap)
+        let pending = self.pending.take();
+        self.silent_s = pending.map(|_| 0.0);
+        pending
     }
 }
 

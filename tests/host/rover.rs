@@ -515,7 +515,7 @@ fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
 
 #[test]
 // Requirement: AP-18
-fn a_station_that_was_away_when_a_level_was_latched_is_told_it_once() {
+fn a_station_that_was_away_when_a_level_was_latched_learns_of_it_once() {
     let mut rover = with_thresholds();
     rover.0.autopilot.open(&mut rover.0.channel);
     rover.sample(11.1, 2);

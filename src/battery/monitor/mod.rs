@@ -202,10 +202,8 @@ impl BatteryMonitor {
             return true;
         }
         // While driving the wire that measures the voltage may be loose.
-        let drawn = match tick.arm_state {
-            ArmState::Armed => measurement.without_voltage(),
-            ArmState::Disarmed => None,
-        };
+        let is_armed = tick.arm_state == ArmState::Armed;
+        let drawn = measurement.without_voltage().filter(|_| is_armed);
         if let Some(drawn) = &drawn {
             self.accept(tick, dt_us, drawn, settings, events);
         } else {
