@@ -163,10 +163,10 @@ fn no_byte_is_lost_at_921600_baud_both_ways_with_lamps_changing() {
     let mut bench = Bench::configured(GOOD_3S, &parameters);
     bench.run_for(SAVED_US);
     bench.take_log();
+    bench.run_until_silent();
     let from_us = bench.time_us();
-    let (mut asked, mut commands) = (0, 0);
+    let (mut asked, mut commands, mut free_at_us) = (0, 0, 0);
     let armed_by_force = command_long_2(ARM_DISARM, 1.0, FORCED);
-    let mut free_at_us = 0;
     while bench.time_us() < from_us + FULL_RATE_US {
         let mut bytes = if commands % 2 == 0 {
             armed_by_force.clone()
