@@ -12,10 +12,12 @@ Usage: house.py [--lower]
 """
 
 import collections
+import io
 import pathlib
 import re
 import subprocess
 import sys
+import tarfile
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
 LIMITS = ".ci/house.txt"
@@ -120,8 +122,11 @@ def working_tree():
 
 
 def sources_at(commit):
-    names = [name for name in git("ls-tree", "-r", "--name-only", commit).split("\n") if name.endswith(".rs")]
-    return {name: git("show", f"{commit}:{name}") for name in names}
+    packed = subprocess.run(
+        ["git", "-C", str(REPOSITORY), "archive", commit, "--", ":(glob)**/*.rs"], check=True, capture_output=True
+    ).stdout
+    with tarfile.open(fileobj=io.BytesIO(packed)) as files:
+        return {file.name: files.extractfile(file).read().decode() for file in files if file.isfile()}
 
 
 def parse(text):

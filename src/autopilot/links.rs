@@ -9,7 +9,9 @@ use super::{Autopilot, Work, system_state};
 use crate::battery::{FailsafeLevel, PackEvent, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, Stream};
+use crate::mavlink::{
+    Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,
+};
 use crate::memory::flash_chip::RegisterWear;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
@@ -19,9 +21,6 @@ use crate::time::Instant;
 
 /// Sent to a ground station that reads all parameters.
 const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
-
-/// Minimum time between two reports of latched levels to a link, in microseconds: a station is new after as much silence.
-const LEVELS_INTERVAL_US: u64 = 30_000_000;
 
 impl Autopilot {
     /// A link has been opened: sends what every ground station has to know. Announcements follow from now on.
@@ -79,9 +78,9 @@ impl Autopilot {
         }
     }
 
-    /// The same for a station that may have been away since, unless they were reported on its link a moment ago.
+    /// The same for a station that was away, unless they were reported on its link since.
     fn repeat_levels(&self, channel: &mut Channel, now: Instant) {
-        if now.us_since(channel.levels_reported_at) >= LEVELS_INTERVAL_US {
+        if now.us_since(channel.levels_reported_at) >= STATION_SILENCE_US {
             channel.levels_reported_at = now;
             self.send_levels(channel);
         }

@@ -12,7 +12,7 @@ use crate::memory::flash_map;
 use crate::recorder::{LogSource, ReadFailed};
 
 /// It runs after each operation, so that the program can be read again.
-const SECOND_STAGE_BYTES: usize = 256;
+pub(super) const SECOND_STAGE_BYTES: usize = 256;
 
 const CHIP_BYTES: usize = flash_map::CHIP_BYTES as usize;
 

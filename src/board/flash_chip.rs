@@ -10,7 +10,7 @@ use cortex_m::interrupt;
 use defmt::info;
 use embassy_rp::rom_data;
 
-use super::flash::FlashDriver;
+use super::flash::{FlashDriver, SECOND_STAGE_BYTES};
 use crate::memory::flash_chip::{JedecId, RegisterWear, UNIQUE_ID_BYTES};
 use crate::memory::identity::BoardId;
 
@@ -54,9 +54,7 @@ impl FlashChip {
     }
 }
 
-/// The second stage, which sets the interface up for reads of the program; it is executed from RAM.
-type SecondStage = [u32; 64];
-
+/// The second stage is there.
 const FLASH_BASE: *const u32 = 0x1000_0000 as *const u32;
 
 /// "Read Status Register-2" (W25Q16JV, 8.2).
@@ -89,13 +87,9 @@ unsafe fn status_register_2_from_ram() -> u8 {
     // SAFETY: every image begins with its second stage. The registers and the ROM's functions are there for this. From
     // here on nothing in flash is called: reads and writes of registers are inlined in an optimised build.
     unsafe {
-        let mut second_stage: SecondStage = [0; 64];
+        let mut second_stage = [0; SECOND_STAGE_BYTES / 4];
         // By the ROM: the compiler would drop a copy of its own, which to it nothing reads.
-        rom_data::memcpy44(
-            second_stage.as_mut_ptr(),
-            FLASH_BASE,
-            size_of::<SecondStage>() as u32,
-        );
+        rom_data::memcpy44(second_stage.as_mut_ptr(), FLASH_BASE, SECOND_STAGE_BYTES as u32);
         connect_internal_flash();
         flash_exit_xip();
         SSIENR.write_volatile(0);

@@ -52,6 +52,7 @@ pub use services::log_download::LogRead;
 pub use signing::{
     AcceptUnsigned, Access, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
 };
+pub use stations::STATION_SILENCE_US;
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.
 pub const COMPONENT_ID: u8 = 1;

@@ -7,7 +7,7 @@ use crate::time::Instant;
 const MAX_STATIONS: usize = 4;
 
 /// A station that was silent for longer is new when it is heard again: it may have been restarted.
-const SILENCE_US: u64 = 30_000_000;
+pub const STATION_SILENCE_US: u64 = 30_000_000;
 
 /// Minimum time between two introductions, in µs: strangers with changing ids must not flood the link.
 const INTRODUCTION_INTERVAL_US: u64 = 10_000_000;
@@ -22,7 +22,7 @@ struct Heard {
 impl Heard {
     /// Whether it is of this station, which has not been silent for long since.
     fn is_of(&self, station: Peer, now: Instant) -> bool {
-        self.station == station && now.us_since(self.at) <= SILENCE_US
+        self.station == station && now.us_since(self.at) <= STATION_SILENCE_US
     }
 }
 

@@ -2,11 +2,11 @@
 
 use emulator::{FlashMake, FlashOperationKind, LogLevel};
 use rover_battmon::memory::flash_map;
-use support::frames::{AUTOPILOT_VERSION, STATUSTEXT, of_message};
-use support::requests::{arm, command_long_2};
+use support::frames::texts_of;
+use support::requests::arm;
 use workbench::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
 
-const REQUEST_MESSAGE: u16 = 512;
+use super::log::board_id;
 
 const WEARS: &str = "Logging wears out this flash chip: set LOG_BITMASK 0";
 
@@ -21,20 +21,11 @@ fn running_with(make: FlashMake) -> Bench {
     bench
 }
 
-/// `uid` of AUTOPILOT_VERSION, its bytes in the order of the chip.
-fn uid(bench: &mut Bench) -> [u8; 8] {
-    let answers = bench.ask(&command_long_2(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32, 0.0));
-    let version = of_message(&answers, AUTOPILOT_VERSION)[0];
-    (u64::from(version.u32(12)) << 32 | u64::from(version.u32(8))).to_be_bytes()
-}
-
 /// Texts that a program is sent which opens the port now.
 fn texts_at_the_port(bench: &mut Bench) -> String {
     bench.use_wire(Wire::Usb);
     bench.run_for(SECOND);
-    let frames = bench.frames();
-    let texts = of_message(&frames, STATUSTEXT);
-    texts.iter().map(|frame| frame.text(1, 50)).collect()
+    texts_of(&bench.frames()).concat()
 }
 
 /// Pages of the log that a drive of 10 s writes, and how often registers of the chip were stored meanwhile.
@@ -113,12 +104,12 @@ fn a_chip_whose_id_is_unique_in_16_bytes_only_gives_each_board_an_id_of_its_own(
             unique_id,
             fixed_status_2: 0,
         });
-        uid(&mut bench)
+        board_id(&mut bench)
     };
     // FNV-1a of 64 bits, by another implementation.
-    assert_eq!(with(ZETTA, 1), 0x6777_0588_3f12_5594_u64.to_be_bytes());
-    assert_eq!(with(ZETTA, 2), 0x6777_0888_3f12_5aad_u64.to_be_bytes());
+    assert_eq!(with(ZETTA, 1), "677705883F125594");
+    assert_eq!(with(ZETTA, 2), "677708883F125AAD");
     // The first 8 bytes, whatever follows: a board keeps the id it has had.
-    assert_eq!(with(WINBOND, 1), [0x5a; 8]);
-    assert_eq!(with(WINBOND, 2), [0x5a; 8]);
+    assert_eq!(with(WINBOND, 1), "5A5A5A5A5A5A5A5A");
+    assert_eq!(with(WINBOND, 2), "5A5A5A5A5A5A5A5A");
 }

@@ -59,7 +59,7 @@ fn assert_drive(drive: &mut Drive, content: &[u8]) -> usize {
 }
 
 /// What the board says its id is: `uid` of AUTOPILOT_VERSION.
-fn board_id(bench: &mut Bench) -> String {
+pub fn board_id(bench: &mut Bench) -> String {
     const REQUEST_MESSAGE: u16 = 512;
     let answers = bench.ask(&command_long_2(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32, 0.0));
     let version = of_message(&answers, AUTOPILOT_VERSION)[0];

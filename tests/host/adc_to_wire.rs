@@ -11,12 +11,9 @@ use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
-use rover_battmon::tasks::{
-    CheckIn, Link, SampledPins, Shared, Watchdog, read_pins, sample_batteries, schedule_telemetry, supervise,
-    write_frames,
-};
+use rover_battmon::tasks::{CheckIn, Link, Shared, Watchdog, schedule_telemetry, supervise, write_frames};
 use rover_battmon::vehicle::ArmState;
-use rover_battmon_tools::sim::clock;
+use rover_battmon_tools::sim::{clock, sample_batteries};
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
     assert_no_sequence_gap, frames, of_message,
@@ -72,12 +69,8 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
             Shared::new(&Start::with_parameters(with_threshold())),
             Link::new("line", LinkKind::Radio, baud as u32 / 10),
         );
-        let pins = SampledPins::new();
         join3(
-            join(
-                read_pins(input, &pins),
-                sample_batteries(&pins, &mut memory, &shared, &check_ins[0]),
-            ),
+            sample_batteries(input, &mut memory, &shared, &check_ins[0]),
             schedule_telemetry(&shared, &link, &check_ins[1]),
             write_frames(line, &shared, &link, &check_ins[2]),
         )

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use embassy_futures::join::{join, join4};
+use embassy_futures::join::join4;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::Start;
@@ -12,11 +12,10 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::tasks::{
-    ByteSource, CheckIn, Link, ReceiveError, SampledPins, Shared, drive, read_frames, read_pins,
-    sample_batteries, schedule_telemetry, write_frames,
+    ByteSource, CheckIn, Link, ReceiveError, Shared, drive, read_frames, schedule_telemetry, write_frames,
 };
 use rover_battmon::vehicle::{Colour, Indication, Indicators, MotorDrive, Motors, SideDrives, Tone};
-use rover_battmon_tools::sim::clock;
+use rover_battmon_tools::sim::{clock, sample_batteries};
 use support::frames::{Frame, HEARTBEAT, Heartbeat, STATUSTEXT, SYS_STATUS, SysStatus, frames, of_message};
 use support::line::{BYTE_US, Line};
 use support::requests::{arm, command_long_2, do_set_mode, manual_control};
@@ -178,12 +177,8 @@ fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
             Shared::new(&Start::with_parameters(parameters)),
             Link::new("line", LinkKind::Radio, 11_520),
         );
-        let pins = SampledPins::new();
         join4(
-            join(
-                read_pins(pack, &pins),
-                sample_batteries(&pins, &mut memory, &shared, &check_in),
-            ),
+            sample_batteries(pack, &mut memory, &shared, &check_in),
             drive(Wheels(&drives), Lamps(&shown), &shared, &check_in),
             schedule_telemetry(&shared, &link, &check_in),
             select(

@@ -15,11 +15,11 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::tasks::{
-    ByteSource, CheckIn, ReceiveError, SampledPins, SeenPulses, SerialLine, Shared, hand_over_pulses,
-    read_pins, sample_batteries, serve_serial, watch_pulses,
+    ByteSource, CheckIn, ReceiveError, SeenPulses, SerialLine, Shared, hand_over_pulses, serve_serial,
+    watch_pulses,
 };
 use rover_battmon::vehicle::ArmState;
-use rover_battmon_tools::sim::clock;
+use rover_battmon_tools::sim::{clock, sample_batteries};
 
 const MONITOR: BatteryParameter = BatteryParameter::Monitor;
 const CURR_PIN: BatteryParameter = BatteryParameter::CurrPin;
@@ -165,11 +165,7 @@ fn states(
                 None => pending().await,
             }
         };
-        let pins = SampledPins::new();
-        let battery = join(
-            read_pins(NoConverter, &pins),
-            sample_batteries(&pins, &mut memory, &shared, &check_ins[2]),
-        );
+        let battery = sample_batteries(NoConverter, &mut memory, &shared, &check_ins[2]);
         join(join(drivers, watch_pin), join(battery, watch)).await
     });
     states.take()

@@ -4,16 +4,17 @@
 use std::cell::RefCell;
 use std::fs;
 
-use embassy_futures::join::{join, join3};
+use embassy_futures::join::join3;
 use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, ChargeState, Chemistry, Faults, RetainedRecord};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::Buses;
-use rover_battmon::tasks::{CheckIn, SampledPins, Shared, read_bus, read_pins, sample_batteries};
+use rover_battmon::tasks::{CheckIn, Shared, read_bus};
 use rover_battmon_tools::sim::{
     PackModel, PackSimulation, SimulatedBus, SimulatedPack, SimulatedPackInput, SimulatedRover, clock,
+    sample_batteries,
 };
 use support::repository;
 
@@ -61,14 +62,10 @@ fn packs_after(file: &str, more: &[(&str, f32)], then: &[(&str, f32)]) -> [Batte
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(SETTLED * 2, async {
         let simulation = PackSimulation::new(&pack, &rover, &shared);
-        let input = SimulatedPackInput::new(&simulation);
-        let pins = SampledPins::new();
+        let pins = SimulatedPackInput::new(&simulation);
         let bus = Buses::i2c(SimulatedBus::new(&simulation));
         join3(
-            join(
-                read_pins(input, &pins),
-                sample_batteries(&pins, &mut memory, &shared, &check_in),
-            ),
+            sample_batteries(pins, &mut memory, &shared, &check_in),
             read_bus(bus, &shared, &check_in),
             async {
                 Timer::after(SETTLED).await;

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::future::pending;
 use std::rc::Rc;
 
-use embassy_futures::join::{join, join_array, join3, join4};
+use embassy_futures::join::{join, join_array, join3};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 use rover_battmon::autopilot::Start;
@@ -15,8 +15,8 @@ use rover_battmon::memory::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::Buses;
 use rover_battmon::tasks::{
-    ByteSource, Link, ReceiveError, SampledPins, SerialLine, Shared, Storages, drive, keep_flash, read_bus,
-    read_pins, reboot_requested, refuse_link, sample_batteries, serve_link, serve_serial,
+    ByteSource, Link, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus,
+    reboot_requested, refuse_link, serve_link, serve_serial,
 };
 use rover_battmon::vehicle::{Indication, Indicators, Restart};
 
@@ -29,7 +29,7 @@ use super::station::Station;
 use super::status::{Comparison, Status};
 use super::{
     Client, Clients, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack, SimulatedPackInput,
-    SimulatedRover, UdpWire,
+    SimulatedRover, UdpWire, sample_batteries,
 };
 
 /// Maximum number of TCP clients; UDP and two browsers have links, too.
@@ -178,10 +178,13 @@ impl<'a> Desk<'a> {
     async fn run_vehicle(&self, storages: Storages<SimulatedFlash>, rover: &SimulatedRover) {
         let mut memory = [RetainedRecord::BLANK; 2];
         let pack = PackSimulation::new(self.pack, rover, &self.shared);
-        let pins = SampledPins::new();
-        let sensors = join4(
-            read_pins(SimulatedPackInput::new(&pack), &pins),
-            sample_batteries(&pins, &mut memory, &self.shared, &UNWATCHED),
+        let sensors = join3(
+            sample_batteries(
+                SimulatedPackInput::new(&pack),
+                &mut memory,
+                &self.shared,
+                &UNWATCHED,
+            ),
             read_bus(Buses::i2c(SimulatedBus::new(&pack)), &self.shared, &UNWATCHED),
             serve_serial(Some(NotSimulated), &self.shared, &UNWATCHED),
         );

@@ -19,7 +19,7 @@ impl Board {
         self.bus.soc.ssi.chip = SerialChip::new(make);
     }
 
-    /// How often the status registers of the flash chip were stored.
+    /// Number of times the status registers of the flash chip were stored.
     pub fn flash_status_writes(&self) -> u64 {
         self.bus.soc.ssi.chip.status_writes()
     }

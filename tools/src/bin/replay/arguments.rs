@@ -65,7 +65,7 @@ impl Arguments {
     }
 }
 
-/// What is of one recording.
+/// Options for one recording.
 const OF_ONE: [&str; 5] = ["armed", "pack", "plot", "csv", "learned"];
 
 fn pack(number: &str) -> Result<Pack, String> {

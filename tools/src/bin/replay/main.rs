@@ -38,7 +38,7 @@ use clap::{CommandFactory, Parser};
 
 use arguments::Arguments;
 
-/// What clap ends with for arguments it does not understand; a recording that can't be used is treated the same.
+/// Exit code of clap for arguments it does not understand, and here for a recording that can't be used.
 const EXIT_USAGE: u8 = 2;
 
 fn main() -> ExitCode {
