@@ -19,7 +19,7 @@ use crate::crash::ParameterSource;
 use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::memory::flash_map;
-use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Storage, StorageError, Value};
+use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Records, Storage, StorageError};
 use crate::parameter::{Parameters, Refused, Unsaved, VehicleParameter};
 use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS, WifiRecord};
@@ -267,7 +267,7 @@ async fn go_on(shared: &Shared, check_in: &CheckIn) {
 }
 
 /// Erases the sector that `storage` needs next, unless the vehicle is armed: a block at a time.
-async fn prepare<F: NorFlash, V: Value>(storage: &mut Storage<F, V>, shared: &Shared, check_in: &CheckIn) {
+async fn prepare<F: NorFlash>(storage: &mut Records<F>, shared: &Shared, check_in: &CheckIn) {
     while !storage.is_prepared() && shared.may_erase() == Erase::Allowed {
         let prepared = storage.prepare(&|| shared.may_erase()).await;
         mark(check_in);

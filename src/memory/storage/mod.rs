@@ -6,7 +6,7 @@
 //! |---|---|
 //! | first 12 | header: magic, sequence number, CRC-32 |
 //! | 4 | retired mark: blank until the next sector is active |
-//! | 12 each, of wider values 60 | records: key, value, CRC-32 |
+//! | 12 each, of wider values 64 or 108 | records: key, value, CRC-32 |
 //! | last 16 | copy of the header; 4 bytes of mark if the sector was erased ahead |
 //!
 //! A store appends a record. When the sector is full, the next one gets the latest record of every key, and
@@ -14,24 +14,25 @@
 //! leaves either the old state or the new one, whatever the interrupted erase or write leaves behind.
 //!
 //! # Erases
-//! An erase stops the processor for long. [`Storage::prepare`] erases the next sector ahead of need, so that a move costs
+//! An erase stops the processor for long. [`prepare`](Records::prepare) erases the next sector ahead of need, so that a move costs
 //! writes of pages only. A move to a sector that is not prepared erases it first, or fails where that is forbidden.
 //!
 //! # Damage
 //! A record with a wrong CRC is skipped: its key has the previous value, or none.
 //! - In the newest record this is not reported: an interrupted store looks the same. The
-//!   [`condition`](Storage::condition) reports it.
+//!   [`condition`](Records::condition) reports it.
 //! - Any other damage to a value, up to the loss of the sector, is [`StorageError::Corrupt`] from
 //!   [`load`](Storage::load), after all readable values have been delivered.
 //! - The next value, even an equal one, is written to a fresh sector with all readable ones, which ends the damage. So does
-//!   [`clear`](Storage::clear).
+//!   [`clear`](Records::clear).
 //!
 //! # Cost
 //! A value of one word takes 12 bytes: the board's blocks of 4096 bytes hold 338 records, and two of them 680. One of 14
 //! words takes 64 bytes, and a block holds 63; one of 25 words takes 108, and a block holds 37. A load or a move to the next sector
 //! compares every record with all later ones instead of keeping a table in RAM: reads are cheap.
 
-use core::ops::Range;
+use core::marker::PhantomData;
+use core::ops::{Deref, DerefMut, Range};
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
@@ -42,7 +43,7 @@ mod region;
 mod value;
 
 pub use error::{Erase, FlashFault, MayErase, StorageError};
-use record::{Record, Slot};
+use record::{MAX_WORDS, Record, Slot};
 use region::{Layout, Region, Sector, Unused};
 pub use value::Value;
 
@@ -80,7 +81,14 @@ pub enum Stored {
 /// Yields to other tasks between flash operations, and after 0.2 ms of reading. Dropping a future before it completes is like a power cut.
 #[derive(Debug)]
 pub struct Storage<F, V = u32> {
-    region: Region<F, V>,
+    records: Records<F>,
+    values: PhantomData<V>,
+}
+
+/// What a [`Storage`] does without knowing the type of its values. So its code is there once for all types.
+#[derive(Debug)]
+pub struct Records<F> {
+    region: Region<F>,
     /// Cached by the last successful call. `None` during writes, so that the next call scans the flash after a failure.
     log: Option<Log>,
     condition: Condition,
@@ -96,7 +104,7 @@ enum Preparation {
     Done,
 }
 
-/// What a call of [`Storage::prepare`] leaves.
+/// What a call of [`Records::prepare`] leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Prepared {
     /// Another block has to be erased, by another call.
@@ -141,17 +149,16 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     }
 
     fn with_layout(flash: F, range: Range<u32>, layout: Layout) -> Self {
+        const { assert!(V::WORDS <= MAX_WORDS) }
         Self {
-            region: Region::new(flash, range, layout),
-            log: None,
-            condition: Condition::Damaged,
-            preparation: Preparation::Due { erased: 0 },
+            records: Records {
+                region: Region::new(flash, range, layout, V::WORDS as u8),
+                log: None,
+                condition: Condition::Damaged,
+                preparation: Preparation::Due { erased: 0 },
+            },
+            values: PhantomData,
         }
-    }
-
-    /// Values that fit.
-    pub fn slots(&self) -> u32 {
-        self.region.slots()
     }
 
     /// Calls `found` with the latest value of every key of 16 bits, in the order in which these were stored.
@@ -159,6 +166,72 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     /// # Errors
     /// [`StorageError::Corrupt`]: some values may be outdated or missing. [`StorageError::Flash`]: a read failed.
     pub async fn load(&mut self, found: &mut dyn FnMut(u16, V)) -> Result<(), StorageError> {
+        let mut found = |key, record: &Record| found(key, V::from_words(record.value()));
+        self.records.load_records(&mut found).await
+    }
+
+    /// The latest readable value of `key`.
+    ///
+    /// # Errors
+    /// [`StorageError::Flash`]: a read failed.
+    pub async fn read(&mut self, key: u32) -> Result<Option<V>, StorageError> {
+        let mut record = Record::new(key, &[]);
+        let is_found = self.records.read_record(&mut record).await?;
+        Ok(is_found.then(|| V::from_words(record.value())))
+    }
+
+    /// Stores `value` under `key`, and verifies it.
+    ///
+    /// # Errors
+    /// The previous value is kept; after [`StorageError::Flash`] it may be the new one.
+    pub fn store(
+        &mut self,
+        key: u16,
+        value: V,
+        may_erase: MayErase<'_>,
+    ) -> impl Future<Output = Result<Stored, StorageError>> {
+        self.store_replacing(key.into(), value, &|_| false, may_erase)
+    }
+
+    /// The same for any key, where `is_dispensable` returns whether the value of a key may be lost if there is no room: the one that
+    /// was stored first is.
+    ///
+    /// # Errors
+    /// As of [`store`](Self::store).
+    pub fn store_replacing(
+        &mut self,
+        key: u32,
+        value: V,
+        is_dispensable: &dyn Fn(u32) -> bool,
+        may_erase: MayErase<'_>,
+    ) -> impl Future<Output = Result<Stored, StorageError>> {
+        let record = Record::new(key, value.words());
+        self.records.store_record(record, is_dispensable, may_erase)
+    }
+}
+
+impl<F, V> Deref for Storage<F, V> {
+    type Target = Records<F>;
+
+    fn deref(&self) -> &Records<F> {
+        &self.records
+    }
+}
+
+impl<F, V> DerefMut for Storage<F, V> {
+    fn deref_mut(&mut self) -> &mut Records<F> {
+        &mut self.records
+    }
+}
+
+impl<F: NorFlash> Records<F> {
+    /// Values that fit.
+    pub fn slots(&self) -> u32 {
+        self.region.slots
+    }
+
+    /// Calls `found` with the latest record of every key of 16 bits: see [`Storage::load`].
+    async fn load_records(&mut self, found: &mut dyn FnMut(u16, &Record)) -> Result<(), StorageError> {
         self.condition = Condition::Damaged;
         let Some(log) = self.find_log().await? else {
             return match self.region.unused().await? {
@@ -170,40 +243,29 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
                 None => Err(StorageError::Corrupt),
             };
         };
-        for slot in 0..log.used {
-            yield_now().await;
-            let Some(record) = self.read_if_latest(&log, slot).await? else {
-                continue;
-            };
+        let mut record = Record::erased();
+        let mut next = 0;
+        while let Some(slot) = self.next(&log, next, &mut record).await? {
+            next = slot + 1;
             // Another firmware version may have wider keys.
-            if let Ok(key) = u16::try_from(record.key) {
-                found(key, record.value);
+            if let Ok(key) = u16::try_from(record.key()) {
+                found(key, &record);
             }
         }
         self.condition = log.condition;
-        if log.is_trusted {
-            Ok(())
-        } else {
-            Err(StorageError::Corrupt)
-        }
+        log.is_trusted.then_some(()).ok_or(StorageError::Corrupt)
     }
 
-    /// Integrity found by the last [`load`](Self::load). Unlike its result, this counts an interrupted store as damage.
+    /// Integrity found by the last [`load`](Storage::load). Unlike its result, this counts an interrupted store as damage.
     pub fn condition(&self) -> Condition {
         self.condition
     }
 
-    /// The latest readable value of `key`.
-    ///
-    /// # Errors
-    /// [`StorageError::Flash`]: a read failed.
-    pub async fn read(&mut self, key: u32) -> Result<Option<V>, StorageError> {
-        if self.log.is_none() {
-            self.log = self.find_log().await?;
-        }
-        match self.log {
-            Some(log) => self.latest_value(&log, key).await,
-            None => Ok(None),
+    /// Replaces `record` by the latest readable one of its key; returns whether there is one.
+    async fn read_record(&mut self, record: &mut Record) -> Result<bool, StorageError> {
+        match self.known_log().await? {
+            Some(log) => self.region.read_last(log.sector, 0..log.used, record).await,
+            None => Ok(false),
         }
     }
 
@@ -218,16 +280,10 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     /// # Errors
     /// [`StorageError::Flash`]: the sector can't be erased. The next move will try again.
     pub async fn prepare(&mut self, may_erase: MayErase<'_>) -> Result<Prepared, StorageError> {
-        let Preparation::Due { erased } = self.preparation else {
+        let (Preparation::Due { erased }, Erase::Allowed) = (self.preparation, may_erase()) else {
             return Ok(Prepared::AsFarAsPossible);
         };
-        if may_erase() == Erase::Forbidden {
-            return Ok(Prepared::AsFarAsPossible);
-        }
-        if self.log.is_none() {
-            self.log = self.find_log().await?;
-        }
-        let Some(log) = self.log.filter(|_| self.region.can_move()) else {
+        let Some(log) = self.known_log().await?.filter(|_| self.region.can_move()) else {
             self.preparation = Preparation::Done;
             return Ok(Prepared::AsFarAsPossible);
         };
@@ -264,62 +320,41 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         Ok(Prepared::AsFarAsPossible)
     }
 
-    /// Stores `value` under `key`, and verifies it.
-    ///
-    /// # Errors
-    /// The previous value is kept; after [`StorageError::Flash`] it may be the new one.
-    pub fn store(
+    /// Stores `record`, and verifies it: see [`Storage::store_replacing`].
+    async fn store_record(
         &mut self,
-        key: u16,
-        value: V,
-        may_erase: MayErase<'_>,
-    ) -> impl Future<Output = Result<Stored, StorageError>> {
-        self.store_replacing(key.into(), value, &|_| false, may_erase)
-    }
-
-    /// The same for any key, where `is_dispensable` returns whether the value of a key may be lost if there is no room: the one that
-    /// was stored first is.
-    ///
-    /// # Errors
-    /// As of [`store`](Self::store).
-    pub async fn store_replacing(
-        &mut self,
-        key: u32,
-        value: V,
+        record: Record,
         is_dispensable: &dyn Fn(u32) -> bool,
         may_erase: MayErase<'_>,
     ) -> Result<Stored, StorageError> {
-        let record = Record { key, value };
-        let log = match self.log.take() {
+        let is_equal = {
+            let mut latest = record;
+            self.read_record(&mut latest).await? && latest.bytes() == record.bytes()
+        };
+        let mut log = match self.log.take() {
             Some(log) => log,
-            None => match self.find_log().await? {
-                Some(log) => log,
-                None => self.start_sector(None, None, None, may_erase).await?,
-            },
+            None => self.start_sector(None, None, None, may_erase).await?,
         };
         // Of a damaged sector even an equal value is written: to the next one.
-        if log.is_trusted && self.latest_value(&log, record.key).await? == Some(record.value) {
+        if log.is_trusted && is_equal {
             self.log = Some(log);
             return Ok(Stored::Unchanged);
         }
-        let log = if log.is_intact && log.used < self.slots() {
-            self.region.write_record(log.sector, log.used, record).await?;
-            Log {
-                used: log.used + 1,
-                ..log
-            }
+        if log.is_intact && log.used < self.slots() {
+            self.region.write_record(log.sector, log.used, &record).await?;
+            log.used += 1;
         } else {
             // Before the erase, so that repeated attempts to store another key do not wear the flash.
-            let left_out = self.find_place(key, &log, is_dispensable).await?;
+            let left_out = self.find_place(record.key(), &log, is_dispensable).await?;
             let started = self
-                .start_sector(Some(&log), Some(record), left_out, may_erase)
+                .start_sector(Some(&log), Some(&record), left_out, may_erase)
                 .await;
             if started.is_err_and(|error| error == StorageError::NoErasedSpace) {
                 // Nothing has changed, and more attempts may follow.
                 self.log = Some(log);
             }
-            started?
-        };
+            log = started?;
+        }
         self.log = Some(log);
         Ok(Stored::Written)
     }
@@ -372,7 +407,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     async fn start_sector(
         &mut self,
         old: Option<&Log>,
-        newest: Option<Record<V>>,
+        newest: Option<&Record>,
         left_out: Option<u32>,
         may_erase: MayErase<'_>,
     ) -> Result<Log, StorageError> {
@@ -383,18 +418,18 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         if let Preparation::Due { erased } = &mut self.preparation {
             *erased = 0;
         }
-        let (sector, sequence) = match old {
-            Some(old) => {
-                let sequence = old.sequence.checked_add(1).ok_or(StorageError::Corrupt)?;
-                (self.region.after(old.sector), sequence)
-            }
-            None => (self.region.find_blank_sector().await?.unwrap_or_default(), 1),
-        };
         // After an interrupted erase a sector may read as blank without retaining data, so to be blank is not enough. A
         // region that was never used needs no erase.
-        let is_erased = match old {
-            Some(_) => self.region.is_erased_ahead(sector).await?,
-            None => self.region.is_blank(sector).await?,
+        let (sector, sequence, is_erased) = match old {
+            Some(old) => {
+                let sequence = old.sequence.checked_add(1).ok_or(StorageError::Corrupt)?;
+                let next = self.region.after(old.sector);
+                (next, sequence, self.region.is_erased_ahead(next).await?)
+            }
+            None => {
+                let blank = self.region.find_blank_sector().await?;
+                (blank.unwrap_or_default(), 1, blank.is_some())
+            }
         };
         if !is_erased {
             self.region.erase(sector, may_erase).await?;
@@ -402,12 +437,12 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         self.preparation = Preparation::Due { erased: 0 };
         let mut used = 0;
         if let (Some(old), Some(newest)) = (old, newest) {
-            for slot in 0..old.used {
-                yield_now().await;
-                if left_out != Some(slot)
-                    && let Some(record) = self.read_if_copied(old, slot, newest.key).await?
-                {
-                    self.region.write_record(sector, used, record).await?;
+            let mut record = Record::erased();
+            let mut next = 0;
+            while let Some(slot) = self.next(old, next, &mut record).await? {
+                next = slot + 1;
+                if left_out != Some(slot) && record.key() != newest.key() {
+                    self.region.write_record(sector, used, &record).await?;
                     used += 1;
                 }
             }
@@ -443,26 +478,24 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
             return Ok(None);
         }
         let mut first = None;
+        let mut record = Record::erased();
         for slot in 0..log.used {
-            yield_now().await;
-            match self.read_if_copied(log, slot, key).await? {
-                None => return Ok(None),
-                Some(record) if first.is_none() && is_dispensable(record.key) => first = Some(slot),
-                Some(_) => {}
+            if self.next(log, slot, &mut record).await? != Some(slot) || record.key() == key {
+                return Ok(None);
+            }
+            if first.is_none() && is_dispensable(record.key()) {
+                first = Some(slot);
             }
         }
         first.map(Some).ok_or(StorageError::Full)
     }
 
-    /// The record in `slot`, if it has to be copied to the next sector with a new record of `key`.
-    async fn read_if_copied(
-        &mut self,
-        log: &Log,
-        slot: u32,
-        key: u32,
-    ) -> Result<Option<Record<V>>, StorageError> {
-        let record = self.read_if_latest(log, slot).await?;
-        Ok(record.filter(|record| record.key != key))
+    /// The active sector, which is scanned for if it is not known.
+    async fn known_log(&mut self) -> Result<Option<Log>, StorageError> {
+        if self.log.is_none() {
+            self.log = self.find_log().await?;
+        }
+        Ok(self.log)
     }
 
     /// Scans for the active sector: that with the highest sequence number.
@@ -485,16 +518,17 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     async fn scan(&mut self, sector: Sector, sequence: u32) -> Result<Log, StorageError> {
         let mut used = 0;
         let mut records = 0;
+        let mut record = Record::erased();
         let mut ends_damaged = false;
         // Damaged slots, as far as they can be recognised.
         let mut damaged = 0;
         for slot in 0..self.slots() {
-            if slot.is_multiple_of(Region::<F, V>::SLOTS_OF_A_READ) {
+            if slot.is_multiple_of(self.region.slots_of_a_read.into()) {
                 yield_now().await;
             }
-            match self.region.read_slot(sector, slot).await? {
+            match self.region.read_slot(sector, slot, &mut record).await? {
                 Slot::Blank => continue,
-                Slot::Record(_) => {
+                Slot::Record => {
                     // Blank slots before a record are damaged ones.
                     damaged = slot - records;
                     records += 1;
@@ -525,17 +559,16 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         })
     }
 
-    /// The record in `slot`, unless it is damaged or superseded by a later one.
-    async fn read_if_latest(&mut self, log: &Log, slot: u32) -> Result<Option<Record<V>>, StorageError> {
-        let Slot::Record(record) = self.region.read_slot(log.sector, slot).await? else {
-            return Ok(None);
-        };
-        let later = slot + 1..log.used;
-        let superseded = self.region.last_value(log.sector, later, record.key).await?;
-        Ok(superseded.is_none().then_some(record))
-    }
-
-    async fn latest_value(&mut self, log: &Log, key: u32) -> Result<Option<V>, StorageError> {
-        self.region.last_value(log.sector, 0..log.used, key).await
+    /// Reads the next record into `record`, from `slot` on, that is not superseded by a later one; returns its slot.
+    async fn next(&mut self, log: &Log, slot: u32, record: &mut Record) -> Result<Option<u32>, StorageError> {
+        for slot in slot..log.used {
+            yield_now().await;
+            let content = self.region.read_slot(log.sector, slot, record).await?;
+            let later = slot + 1..log.used;
+            if content == Slot::Record && !self.region.read_last(log.sector, later, record).await? {
+                return Ok(Some(slot));
+            }
+        }
+        Ok(None)
     }
 }

@@ -1,13 +1,11 @@
 //! A region of flash as sectors with two headers and slots for records; see [`super`] for their content.
 
-use core::marker::PhantomData;
 use core::ops::Range;
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::record::{Header, Record, Slot};
-use super::value::Value;
+use super::record::{Record, Slot};
 use super::{Erase, FlashFault, MayErase, StorageError};
 
 /// A sector of a region, counted from its start.
@@ -16,12 +14,17 @@ pub(super) struct Sector(pub u32);
 
 /// The complete blocks of a region.
 #[derive(Debug)]
-pub(super) struct Region<F, V> {
+pub(super) struct Region<F> {
     pub flash: F,
     pub layout: Layout,
+    /// Record slots of a sector.
+    pub slots: u32,
+    /// Slots that are read at once, or in one turn.
+    pub slots_of_a_read: u8,
+    /// Words of a value.
+    words: u8,
     start: u32,
     blocks: u32,
-    values: PhantomData<V>,
 }
 
 /// Why a region holds no value.
@@ -51,7 +54,7 @@ const BLANK_BYTES_A_TURN: u32 = 256;
 /// Bytes at either end of a sector for headers.
 const MARGIN: u32 = 16;
 /// Offset of the retired mark: a word that is blank until the next sector is active.
-const RETIRED: u32 = Header::SIZE as u32;
+const RETIRED: u32 = Record::size(1) as u32;
 /// The last word of a sector that was erased ahead of its use, written once the erase was complete.
 const ERASED_AHEAD: [u8; WORD] = *b"ERSD";
 /// The end of such a sector.
@@ -62,12 +65,10 @@ const END_ERASED_AHEAD: [u8; MARGIN as usize] = {
     end
 };
 
-impl<F: NorFlash, V: Value> Region<F, V> {
+impl<F: NorFlash> Region<F> {
     const BLOCK: u32 = F::ERASE_SIZE as u32;
-    /// Slots that are read at once, or in one turn.
-    pub const SLOTS_OF_A_READ: u32 = (READ_BYTES / Record::<V>::SIZE) as u32;
 
-    pub fn new(flash: F, range: Range<u32>, layout: Layout) -> Self {
+    pub fn new(flash: F, range: Range<u32>, layout: Layout, words: u8) -> Self {
         const {
             assert!(WORD.is_multiple_of(F::READ_SIZE) && WORD.is_multiple_of(F::WRITE_SIZE));
             assert!(F::ERASE_SIZE.is_multiple_of(MARGIN as usize) && F::ERASE_SIZE >= 64);
@@ -76,19 +77,21 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         Self {
             flash,
             layout,
+            slots: Self::slots_in(layout, words),
+            slots_of_a_read: (READ_BYTES / Record::size(words.into())) as u8,
+            words,
             start: first.saturating_mul(Self::BLOCK),
             blocks: (range.end / Self::BLOCK).saturating_sub(first),
-            values: PhantomData,
         }
     }
 
-    /// Record slots of a sector.
-    pub fn slots(&self) -> u32 {
-        Self::slots_in(self.layout)
+    /// Slots of a sector for values of so many words.
+    pub const fn slots_in(layout: Layout, words: u8) -> u32 {
+        (layout.blocks() * Self::BLOCK - 2 * MARGIN) / Record::size(words as usize) as u32
     }
 
-    pub const fn slots_in(layout: Layout) -> u32 {
-        (layout.blocks() * Self::BLOCK - 2 * MARGIN) / Record::<V>::SIZE as u32
+    fn record_size(&self) -> usize {
+        Record::size(self.words.into())
     }
 
     /// Whether there is a sector for a move.
@@ -97,7 +100,7 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     }
 
     /// Its sectors.
-    pub fn sectors(&self) -> impl Iterator<Item = Sector> + use<F, V> {
+    pub fn sectors(&self) -> impl Iterator<Item = Sector> + use<F> {
         (0..self.count()).map(Sector)
     }
 
@@ -108,8 +111,10 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     /// Sequence number of a committed sector, from either of its headers.
     pub async fn read_sequence(&mut self, sector: Sector) -> Result<Option<u32>, StorageError> {
         for address in self.header_addresses(sector) {
-            if let Some(header) = Header::from_bytes(&self.read(address).await?, self.layout.magic::<V>()) {
-                return Ok(Some(header.sequence));
+            let mut header = Record::erased();
+            self.read(address, header.bytes_mut(Record::size(1))).await?;
+            if let Some(sequence) = header.sequence(self.layout.magic(self.words)) {
+                return Ok(Some(sequence));
             }
         }
         Ok(None)
@@ -117,16 +122,16 @@ impl<F: NorFlash, V: Value> Region<F, V> {
 
     /// Commits a sector.
     pub async fn write_sequence(&mut self, sector: Sector, sequence: u32) -> Result<(), StorageError> {
+        let header = Record::new(self.layout.magic(self.words), &[sequence]);
         for address in self.header_addresses(sector) {
-            self.write(address, &Header { sequence }.to_bytes(self.layout.magic::<V>()))
-                .await?;
+            self.write(address, header.bytes()).await?;
         }
         Ok(())
     }
 
     /// Whether a sector with a higher sequence number has been committed.
     pub async fn is_retired(&mut self, sector: Sector) -> Result<bool, StorageError> {
-        Ok(self.read(self.retired_address(sector)).await? != [0xFF; WORD])
+        Ok(!self.holds(self.retired_address(sector), &[0xFF; WORD]).await?)
     }
 
     pub async fn retire(&mut self, sector: Sector) -> Result<(), StorageError> {
@@ -136,58 +141,53 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         self.write(self.retired_address(sector), &[0; WORD]).await
     }
 
-    pub async fn read_slot(&mut self, sector: Sector, slot: u32) -> Result<Slot<V>, StorageError> {
-        Ok(Slot::from_bytes(&self.read_record(sector, slot).await?))
+    /// Reads what is in a slot into `record`.
+    pub async fn read_slot(
+        &mut self,
+        sector: Sector,
+        slot: u32,
+        record: &mut Record,
+    ) -> Result<Slot, StorageError> {
+        let bytes = record.bytes_mut(self.record_size());
+        self.read(self.slot_address(sector, slot), bytes).await?;
+        Ok(Slot::of(bytes))
     }
 
-    /// The value of `key` in the last of these slots that has one.
-    pub async fn last_value(
+    /// Replaces `record` by the one of its key in the last of these slots that has one; returns whether one has.
+    pub async fn read_last(
         &mut self,
         sector: Sector,
         slots: Range<u32>,
-        key: u32,
-    ) -> Result<Option<V>, StorageError> {
+        record: &mut Record,
+    ) -> Result<bool, StorageError> {
+        let key = record.key().to_le_bytes();
         let mut buffer = [0; READ_BYTES];
         let mut end = slots.end;
         while end > slots.start {
-            let first = end.saturating_sub(Self::SLOTS_OF_A_READ).max(slots.start);
-            let bytes = (end - first) as usize * Record::<V>::SIZE;
+            let first = end.saturating_sub(self.slots_of_a_read.into()).max(slots.start);
+            let bytes = (end - first) as usize * self.record_size();
             let records = buffer.get_mut(..bytes).unwrap_or_default();
-            self.read_into(self.slot_address(sector, first), records).await?;
+            self.read(self.slot_address(sector, first), records).await?;
+            let mut records = records.rchunks(self.record_size());
             // Comparing the key first is cheaper than the CRC.
-            let latest = records
-                .chunks_exact(Record::<V>::SIZE)
-                .rev()
-                .filter(|bytes| Record::<V>::may_have_key(bytes, key))
-                .find_map(Record::<V>::from_bytes);
-            if let Some(record) = latest {
-                return Ok(Some(record.value));
+            if records.any(|bytes| bytes.starts_with(&key) && record.replace(bytes)) {
+                return Ok(true);
             }
             end = first;
         }
-        Ok(None)
-    }
-
-    async fn read_record(&mut self, sector: Sector, slot: u32) -> Result<V::Record, StorageError> {
-        let mut bytes = V::ERASED;
-        self.read_into(self.slot_address(sector, slot), bytes.as_mut())
-            .await?;
-        Ok(bytes)
+        Ok(false)
     }
 
     pub async fn write_record(
         &mut self,
         sector: Sector,
         slot: u32,
-        record: Record<V>,
+        record: &Record,
     ) -> Result<(), StorageError> {
-        if slot >= self.slots() {
+        if slot >= self.slots {
             return Err(StorageError::Full);
         }
-        let bytes = record.to_bytes();
-        self.program(self.slot_address(sector, slot), bytes.as_ref())
-            .await?;
-        verified(self.read_record(sector, slot).await? == bytes)
+        self.write(self.slot_address(sector, slot), record.bytes()).await
     }
 
     /// Whether the region was never used; `None` if a value may have been stored.
@@ -206,15 +206,11 @@ impl<F: NorFlash, V: Value> Region<F, V> {
 
     pub async fn find_blank_sector(&mut self) -> Result<Option<Sector>, StorageError> {
         for sector in self.sectors() {
-            if self.is_blank(sector).await? {
+            if self.is_blank_in(self.addresses(sector)).await? {
                 return Ok(Some(sector));
             }
         }
         Ok(None)
-    }
-
-    pub async fn is_blank(&mut self, sector: Sector) -> Result<bool, StorageError> {
-        self.is_blank_in(self.addresses(sector)).await
     }
 
     async fn is_block_blank_from(&mut self, start: u32, block: u32) -> Result<bool, StorageError> {
@@ -227,7 +223,7 @@ impl<F: NorFlash, V: Value> Region<F, V> {
             if address.is_multiple_of(BLANK_BYTES_A_TURN) {
                 yield_now().await;
             }
-            if self.read(address).await? != [0xFF; MARGIN as usize] {
+            if !self.holds(address, &[0xFF; MARGIN as usize]).await? {
                 return Ok(false);
             }
         }
@@ -237,9 +233,8 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     /// Whether the sector was erased ahead, and nothing was written to it since. Its mark distinguishes it from a sector
     /// whose erase was interrupted, which may read as blank without retaining data.
     pub async fn is_erased_ahead(&mut self, sector: Sector) -> Result<bool, StorageError> {
-        let Range { start, end } = self.addresses(sector);
-        let end = end - MARGIN;
-        Ok(self.read(end).await? == END_ERASED_AHEAD && self.is_blank_in(start..end).await?)
+        let [start, end] = self.header_addresses(sector);
+        Ok(self.holds(end, &END_ERASED_AHEAD).await? && self.is_blank_in(start..end).await?)
     }
 
     /// Marks a sector that was erased ahead of its use.
@@ -262,45 +257,36 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         block: u32,
         may_erase: MayErase<'_>,
     ) -> Result<(), StorageError> {
-        // An erase blocks the processor, so other ready tasks run first. The same for `program`.
+        // An erase blocks the processor, so other ready tasks run first. The same for `write`.
         yield_now().await;
         // After they ran: they may have armed the vehicle.
         if may_erase() == Erase::Forbidden {
             return Err(StorageError::NoErasedSpace);
         }
-        let block = self.first_block(sector) + block;
-        let address = self.block_address(block);
-        self.flash
-            .erase(address, address + Self::BLOCK)
-            .await
-            .map_err(StorageError::of_driver)?;
-        verified(self.is_block_blank_from(0, block).await?)
+        let address = self.addresses(sector).start + block * Self::BLOCK;
+        let erased = self.flash.erase(address, address + Self::BLOCK).await;
+        erased.map_err(StorageError::of_driver)?;
+        verified(self.is_blank_in(address..address + Self::BLOCK).await?)
     }
 
-    async fn write<const N: usize>(&mut self, address: u32, bytes: &[u8; N]) -> Result<(), StorageError> {
-        self.program(address, bytes).await?;
-        verified(self.read(address).await? == *bytes)
-    }
-
-    async fn program(&mut self, address: u32, bytes: &[u8]) -> Result<(), StorageError> {
+    async fn write(&mut self, address: u32, bytes: &[u8]) -> Result<(), StorageError> {
         yield_now().await;
-        self.flash
-            .write(address, bytes)
-            .await
-            .map_err(StorageError::of_driver)
+        let written = self.flash.write(address, bytes).await;
+        written.map_err(StorageError::of_driver)?;
+        verified(self.holds(address, bytes).await?)
     }
 
-    async fn read<const N: usize>(&mut self, address: u32) -> Result<[u8; N], StorageError> {
-        let mut bytes = [0; N];
-        self.read_into(address, &mut bytes).await?;
-        Ok(bytes)
+    /// Whether these bytes, of a record at most, are read from `address` on.
+    async fn holds(&mut self, address: u32, bytes: &[u8]) -> Result<bool, StorageError> {
+        let mut record = Record::erased();
+        let found = record.bytes_mut(bytes.len());
+        self.read(address, found).await?;
+        Ok(found == bytes)
     }
 
-    async fn read_into(&mut self, address: u32, bytes: &mut [u8]) -> Result<(), StorageError> {
-        self.flash
-            .read(address, bytes)
-            .await
-            .map_err(StorageError::of_driver)
+    async fn read(&mut self, address: u32, bytes: &mut [u8]) -> Result<(), StorageError> {
+        let read = self.flash.read(address, bytes).await;
+        read.map_err(StorageError::of_driver)
     }
 
     /// The sector after this one in the ring.
@@ -309,12 +295,8 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         Sector(if next < self.count() { next } else { 0 })
     }
 
-    fn first_block(&self, sector: Sector) -> u32 {
-        sector.0 * self.layout.blocks()
-    }
-
     fn addresses(&self, sector: Sector) -> Range<u32> {
-        let address = self.block_address(self.first_block(sector));
+        let address = self.block_address(sector.0 * self.layout.blocks());
         address..address + self.layout.blocks() * Self::BLOCK
     }
 
@@ -332,17 +314,14 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     }
 
     fn slot_address(&self, sector: Sector, slot: u32) -> u32 {
-        self.addresses(sector).start + MARGIN + slot * Record::<V>::SIZE as u32
+        self.addresses(sector).start + MARGIN + slot * self.record_size() as u32
     }
 }
 
 /// The result of a flash operation, by what was read back.
 fn verified(is_as_written: bool) -> Result<(), StorageError> {
-    if is_as_written {
-        Ok(())
-    } else {
-        Err(StorageError::Flash(FlashFault::NotVerified))
-    }
+    let result = is_as_written.then_some(());
+    result.ok_or(StorageError::Flash(FlashFault::NotVerified))
 }
 
 /// How large the sectors of a region are.
@@ -365,11 +344,11 @@ impl Layout {
 
     /// Identifies the layout, and the width of the values, in the headers: what another firmware has stored with another
     /// one is not read.
-    pub const fn magic<V: Value>(self) -> u32 {
+    pub const fn magic(self, words: u8) -> u32 {
         let layout = match self {
             Self::Single => b'R',
             Self::Double => b'D',
         };
-        u32::from_le_bytes([b'P', b'A', layout, b'0' + V::WORDS])
+        u32::from_le_bytes([b'P', b'A', layout, b'0' + words])
     }
 }

@@ -12,9 +12,9 @@ use crate::parameter::{Access, ParameterId};
 /// Twenty-six records in a sector of two blocks, and two such sectors.
 type SmallDoubleFlash = Flash<176, 64, 4>;
 
-const BOARD_SLOTS: u32 = Region::<<BoardFlash as Reboot>::Chip, u32>::slots_in(Layout::Double);
+const BOARD_SLOTS: u32 = Region::<<BoardFlash as Reboot>::Chip>::slots_in(Layout::Double, 1);
 
-const SMALL_SLOTS: u32 = Region::<<SmallDoubleFlash as Reboot>::Chip, u32>::slots_in(Layout::Double);
+const SMALL_SLOTS: u32 = Region::<<SmallDoubleFlash as Reboot>::Chip>::slots_in(Layout::Double, 1);
 
 /// Erased, to be used in sectors of two blocks.
 fn blank<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>() -> Flash<SECTOR, PAGE, SECTORS> {

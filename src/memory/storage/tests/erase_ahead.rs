@@ -243,7 +243,7 @@ proptest! {
                     erase
                 }
                 Step::Restart => {
-                    storage = Storage::new(storage.region.flash, SmallFlash::REGION);
+                    storage = Storage::new(storage.records.region.flash, SmallFlash::REGION);
                     Erase::Forbidden
                 }
             };

@@ -11,7 +11,7 @@ type Words = [u32; 14];
 /// Six records a sector.
 type WideFlash = Flash<400, 64, 3>;
 
-const SLOTS: u32 = Region::<<WideFlash as Reboot>::Chip, Words>::slots_in(Layout::Single);
+const SLOTS: u32 = Region::<<WideFlash as Reboot>::Chip>::slots_in(Layout::Single, 14);
 
 fn storage(flash: &mut WideFlash) -> Storage<&mut <WideFlash as Reboot>::Chip, Words> {
     Storage::new(&mut flash.chip, WideFlash::REGION)
@@ -38,7 +38,7 @@ fn network_of(flash: &mut BoardFlash) -> Storage<&mut <BoardFlash as Reboot>::Ch
 #[test]
 fn board_sector_holds_63_wide_records() {
     assert_eq!(
-        Region::<<BoardFlash as Reboot>::Chip, Words>::slots_in(Layout::Single),
+        Region::<<BoardFlash as Reboot>::Chip>::slots_in(Layout::Single, 14),
         63
     );
     let mut flash = BoardFlash::blank();
