@@ -192,6 +192,7 @@ impl Announcement<'_> {
                 _,
                 PackEvent::CellsAmbiguous { .. }
                 | PackEvent::Swapped
+                | PackEvent::EstimateRestarted
                 | PackEvent::ContactLost
                 | PackEvent::Gap(_)
                 | PackEvent::CurrentOverRange
@@ -368,6 +369,7 @@ mod tests {
                 "Battery 9 cells unclear at 8.85V: set BATT9_CELLS",
             ),
             (PackEvent::Swapped, "Battery 9 swapped: estimates restarted"),
+            (PackEvent::EstimateRestarted, "Battery 9 estimate restarted"),
             (PackEvent::ContactLost, "Battery 9 not connected"),
             (PackEvent::ContactRestored, "Battery 9 connected again"),
             (

@@ -1,11 +1,12 @@
 //! Estimates of a pack: resistance, resting voltage, cell count, state of charge, remaining time.
 
-use super::charge::{CellModel, ChargeEstimate, ChargeEstimator, KnownCharge, Second};
+use super::charge::{CellModel, ChargeEstimate, ChargeEstimator, Comparison, KnownCharge, Second};
 use super::event::PackEvent;
 use super::low_pass::MeanThenLowPass;
 use super::resistance::ResistanceEstimator;
 use super::rest::CellCount;
 use super::settings::PackSettings;
+use super::swap::{AtRest, Doubt};
 use super::{ArmState, Chemistry, CurrentRange, LearntPack};
 
 /// Time constant of the average load, which gives the remaining time, in seconds.
@@ -41,6 +42,7 @@ pub(super) struct Reading {
     /// Cells that the pack had before.
     pub known_cells: Option<u8>,
     pub arm_state: ArmState,
+    pub doubt: Doubt,
 }
 
 /// What an update of the estimators brings about.
@@ -181,9 +183,37 @@ impl Estimator {
             share_at_most: reading.share_at_most,
             ..self.model(settings, learnt)
         };
-        let kept = self.charge.update(second, reading.arm_state, &model);
+        let kept = self
+            .charge
+            .update(second, reading.arm_state, reading.doubt, &model);
         self.report();
         kept
+    }
+
+    /// Resolves a doubt when the pack rests: the charge of another one, or one that was read from another voltage, is
+    /// estimated from its voltage.
+    pub fn resolve(
+        &mut self,
+        at_rest: &AtRest,
+        reading: &Reading,
+        settings: &PackSettings,
+        learnt: &LearntPack,
+    ) -> Comparison {
+        let model = self.model(settings, learnt);
+        let Some(count) = model.cell_count else {
+            return Comparison::Same;
+        };
+        let cell = |resting_v: f32| resting_v / f32::from(count);
+        let current_a = reading.current_a.unwrap_or(0.0);
+        match *at_rest {
+            AtRest::Replaced(_) => Comparison::Another,
+            AtRest::Similar(resting_v) => self.charge.compare(cell(resting_v), current_a, &model),
+            AtRest::Rescaled(resting_v) => {
+                // Others may fit.
+                self.cells = CellCount::new();
+                self.charge.rescale(cell(resting_v), current_a, &model)
+            }
+        }
     }
 
     fn report(&mut self) {

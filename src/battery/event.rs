@@ -24,6 +24,8 @@ pub enum PackEvent {
     },
     /// The pack was swapped: estimates and consumption restart.
     Swapped,
+    /// Its charge is estimated from the voltage once more: another pack was put in, or this one was charged meanwhile.
+    EstimateRestarted,
     /// The pack was disconnected while armed.
     ContactLost,
     /// It has been connected again for a while.
@@ -77,7 +79,8 @@ pub enum PackEvent {
     },
 }
 
-/// The most events of one tick: cells detected, pack swapped, gap, current over range, sensor failed or recovered, contact lost
+/// The most events of one tick: cells detected, pack swapped or estimate
+/// restarted, gap, current over range, sensor failed or recovered, contact lost
 /// or restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt.
 const MAX_EVENTS: usize = 14;
 
@@ -111,6 +114,7 @@ impl fmt::Display for PackEvent {
                 write!(f, "cells unclear at {}V", Hundredths(*voltage_v))
             }
             Self::Swapped => f.write_str("swapped: estimates restarted"),
+            Self::EstimateRestarted => f.write_str("estimate restarted"),
             Self::ContactLost => f.write_str("not connected"),
             Self::ContactRestored => f.write_str("connected again"),
             Self::Gap(Gap {

@@ -2,13 +2,17 @@
 
 use core::ops::RangeInclusive;
 
-use super::Chemistry;
+use super::charge::SAME_VOLTAGE_V;
+use super::{Chemistry, MeasuringScale};
 
 /// Points of the charge at which the curve's offset is learnt.
 pub(super) const OFFSET_POINTS: usize = 5;
 
 /// Words of a [`LearntPack`] in flash.
-pub const LEARNT_WORDS: usize = 9 + OFFSET_POINTS;
+pub const LEARNT_WORDS: usize = 17;
+
+/// The first words of these, which firmware before the scale stored.
+pub const OLDER_LEARNT_WORDS: u8 = 14;
 
 /// Plausibility limits: of a capacity in milliampere-hours, of a resistance in ohms, of a cell in volts, of an offset in millivolts.
 const CAPACITIES_MAH: RangeInclusive<f32> = 1.0..=10_000_000.0;
@@ -44,6 +48,8 @@ pub struct LearntPack {
     pub(super) offsets: [Offset; OFFSET_POINTS],
     /// The state of charge when the pack was last at rest.
     pub(super) charge: Option<LastCharge>,
+    /// What it was measured with, where that is set.
+    pub(super) scale: Option<MeasuringScale>,
 }
 
 /// A learnt capacity.
@@ -167,6 +173,7 @@ impl LearntPack {
             sigma_100uv: 0,
         }; OFFSET_POINTS],
         charge: None,
+        scale: None,
     };
 
     /// Nothing is learnt yet of the pack with this serial number.
@@ -287,6 +294,56 @@ impl LearntPack {
         }
     }
 
+    /// The same under another scale of its measurements: what is in ampere-hours and ohms is converted. Small offsets of the
+    /// curve, and the voltage of a rest, do not outlast another scale of the voltage.
+    ///
+    /// `None` if it is the same, or differs by less than what is known of a voltage.
+    pub(super) fn rescaled(&self, scale: &MeasuringScale) -> Option<Self> {
+        let Some(before) = self.scale else {
+            return Some(Self {
+                scale: Some(*scale),
+                ..*self
+            });
+        };
+        if before == *scale {
+            return None;
+        }
+        let nominal_v = self.chemistry.nominal_cell_voltage_v();
+        let cells = f32::from(self.cell_count.max(1));
+        let change_v = scale.voltage_change_v(&before, nominal_v * cells) / cells;
+        let has_another_voltage = change_v.abs() > SAME_VOLTAGE_V;
+        if !has_another_voltage && before.amperes_per_volt == scale.amperes_per_volt {
+            return None;
+        }
+        // Without a factor no current is measured: another one follows.
+        let by_current = match (before.amperes_per_volt, scale.amperes_per_volt) {
+            (_, 0.0) => return None,
+            (0.0, _) => 1.0,
+            (before, now) => (now / before).abs(),
+        };
+        let mut rescaled = *self;
+        let mut by_voltage = 1.0;
+        rescaled.scale = Some(MeasuringScale {
+            amperes_per_volt: scale.amperes_per_volt,
+            ..before
+        });
+        if has_another_voltage {
+            by_voltage = scale.volt_multiplier / before.volt_multiplier;
+            rescaled.offsets = Self::UNKNOWN.offsets;
+            rescaled.charge = None;
+            rescaled.scale = Some(*scale);
+        }
+        if let Some(capacity) = &mut rescaled.capacity {
+            capacity.capacity_mah *= by_current;
+        }
+        if let Some(LearntResistance { now_ohm, first_ohm }) = &mut rescaled.resistance {
+            *now_ohm *= by_voltage / by_current;
+            *first_ohm *= by_voltage / by_current;
+        }
+        // What is implausible then is not known.
+        Self::from_words(&rescaled.to_words())
+    }
+
     /// As words for flash.
     pub fn to_words(&self) -> [u32; LEARNT_WORDS] {
         let capacity = self.capacity.unwrap_or(LearntCapacity {
@@ -302,15 +359,16 @@ impl LearntPack {
             sigma: 0.0,
             resting_v: 0.0,
         });
-        let mut words = [0; LEARNT_WORDS];
-        let (fields, offsets) = words.split_at_mut(LEARNT_WORDS - OFFSET_POINTS);
-        fields.copy_from_slice(&[
-            u32::from_le_bytes([
-                self.chemistry as u8,
-                self.cell_count,
-                self.drives.to_le_bytes()[0],
-                self.drives.to_le_bytes()[1],
-            ]),
+        let scale = self.scale.unwrap_or(MeasuringScale {
+            volt_multiplier: 0.0,
+            volt_offset_v: 0.0,
+            amperes_per_volt: 0.0,
+        });
+        let [drives_low, drives_high] = self.drives.to_le_bytes();
+        let kind = [self.chemistry as u8, self.cell_count, drives_low, drives_high];
+        let [a, b, c, d, e] = self.offsets.map(Offset::to_word);
+        [
+            u32::from_le_bytes(kind),
             self.serial_number.unwrap_or(NO_SERIAL_NUMBER) as u32,
             capacity.capacity_mah.to_bits(),
             capacity.sigma.to_bits(),
@@ -319,16 +377,20 @@ impl LearntPack {
             charge.share.to_bits(),
             charge.sigma.to_bits(),
             charge.resting_v.to_bits(),
-        ]);
-        for (word, offset) in offsets.iter_mut().zip(&self.offsets) {
-            *word = offset.to_word();
-        }
-        words
+            a,
+            b,
+            c,
+            d,
+            e,
+            scale.volt_multiplier.to_bits(),
+            scale.volt_offset_v.to_bits(),
+            scale.amperes_per_volt.to_bits(),
+        ]
     }
 
-    /// `None` if no pack has these words.
+    /// `None` if no pack has these words. An older record ends before the scale, and has zeros there.
     pub fn from_words(words: &[u32; LEARNT_WORDS]) -> Option<Self> {
-        let [kind, serial_number, _, _, _, _, _, _, _, offsets @ ..] = words;
+        let [kind, serial_number, _, _, _, _, _, _, _, a, b, c, d, e, ..] = words;
         let [
             _,
             _,
@@ -339,11 +401,18 @@ impl LearntPack {
             share,
             sigma,
             resting_v,
-            ..,
+            _,
+            _,
+            _,
+            _,
+            _,
+            volt_multiplier,
+            volt_offset_v,
+            amperes_per_volt,
         ] = words.map(f32::from_bits);
         let [chemistry, cell_count, drives @ ..] = kind.to_le_bytes();
         let is_sigma = |sigma: f32| (0.0..=1.0).contains(&sigma);
-        let mut learnt = Self {
+        Some(Self {
             chemistry: Chemistry::from_number(chemistry.into())?,
             cell_count,
             serial_number: Some(*serial_number as i32).filter(|number| *number != NO_SERIAL_NUMBER),
@@ -356,18 +425,20 @@ impl LearntPack {
             ),
             resistance: (RESISTANCES_OHM.contains(&now_ohm) && RESISTANCES_OHM.contains(&first_ohm))
                 .then_some(LearntResistance { now_ohm, first_ohm }),
-            offsets: [Offset::default(); OFFSET_POINTS],
+            offsets: [a, b, c, d, e].map(|word| Offset::from_word(*word).unwrap_or_default()),
             charge: ((0.0..=1.0).contains(&share) && is_sigma(sigma) && CELL_VOLTAGES_V.contains(&resting_v))
                 .then_some(LastCharge {
                     share,
                     sigma,
                     resting_v,
                 }),
-        };
-        for (offset, word) in learnt.offsets.iter_mut().zip(offsets) {
-            *offset = Offset::from_word(*word).unwrap_or_default();
-        }
-        Some(learnt)
+            scale: MeasuringScale {
+                volt_multiplier,
+                volt_offset_v,
+                amperes_per_volt,
+            }
+            .if_plausible(),
+        })
     }
 }
 
@@ -401,6 +472,11 @@ mod tests {
                 sigma: 0.03,
                 resting_v: 3.71,
             }),
+            scale: Some(MeasuringScale {
+                volt_multiplier: 3.95,
+                volt_offset_v: -0.01,
+                amperes_per_volt: -17.0,
+            }),
         };
         for learnt in [learnt, LearntPack::UNKNOWN] {
             assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
@@ -409,7 +485,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn arbitrary_words_give_plausible_values(words in prop::array::uniform14(any::<u32>())) {
+        fn arbitrary_words_give_plausible_values(words in prop::array::uniform17(any::<u32>())) {
             let Some(learnt) = LearntPack::from_words(&words) else { return Ok(()) };
             prop_assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
             prop_assert!(learnt.capacity_mah().is_none_or(|capacity_mah| capacity_mah >= 1.0));

@@ -8,13 +8,14 @@
 //! resistance_ohm_now_first 0.0295 0.0288
 //! offsets_100uv_sigma 75 144 -201 144 -323 144 -428 144 236 144
 //! charge_sigma_resting_v 0.143 0.04 3.387
+//! scale_volt_mult_offset_amp_pervlt 3.95 0 17
 //! ```
 
 use core::fmt;
 use core::str::FromStr;
 
 use super::learnt::{LastCharge, LearntCapacity, LearntResistance, OFFSET_POINTS, Offset};
-use super::{Chemistry, LearntPack};
+use super::{Chemistry, LearntPack, MeasuringScale};
 
 const CHEMISTRY: &str = "chemistry";
 const CELLS: &str = "cells";
@@ -24,6 +25,7 @@ const CAPACITY: &str = "capacity_mah_sigma";
 const RESISTANCE: &str = "resistance_ohm_now_first";
 const OFFSETS: &str = "offsets_100uv_sigma";
 const CHARGE: &str = "charge_sigma_resting_v";
+const SCALE: &str = "scale_volt_mult_offset_amp_pervlt";
 
 /// Why a text is not what was learnt of a pack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +70,14 @@ impl fmt::Display for LearntPack {
                 "{CHARGE} {} {} {}",
                 charge.share, charge.sigma, charge.resting_v
             )?;
+        }
+        if let Some(MeasuringScale {
+            volt_multiplier,
+            volt_offset_v,
+            amperes_per_volt,
+        }) = self.scale
+        {
+            writeln!(f, "{SCALE} {volt_multiplier} {volt_offset_v} {amperes_per_volt}")?;
         }
         Ok(())
     }
@@ -128,6 +138,14 @@ impl LearntPack {
                     share,
                     sigma,
                     resting_v,
+                });
+            }
+            SCALE => {
+                let [volt_multiplier, volt_offset_v, amperes_per_volt] = parse(numbers)?;
+                self.scale = Some(MeasuringScale {
+                    volt_multiplier,
+                    volt_offset_v,
+                    amperes_per_volt,
                 });
             }
             _ => return None,
@@ -193,7 +211,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn text_restores_whatever_flash_may_hold(words in prop::array::uniform14(any::<u32>()), chemistry in 1u8..=4) {
+        fn text_restores_whatever_flash_may_hold(words in prop::array::uniform17(any::<u32>()), chemistry in 1u8..=4) {
             let mut words = words;
             words[0] = words[0] & !0xff | u32::from(chemistry);
             let learnt = LearntPack::from_words(&words).expect("a chemistry");

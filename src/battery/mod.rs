@@ -22,6 +22,7 @@ mod reporters;
 mod resistance;
 mod rest;
 mod retained;
+mod scale;
 mod settings;
 mod state;
 mod swap;
@@ -34,7 +35,7 @@ pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
 pub use event::{PackEvent, PackEvents};
 pub use failsafe::ReachedLevels;
-pub use learnt::{END_OF_LIFE_LOSS, LEARNT_WORDS, LearntPack};
+pub use learnt::{END_OF_LIFE_LOSS, LEARNT_WORDS, LearntPack, OLDER_LEARNT_WORDS};
 pub use learnt_text::LearntTextError;
 pub use measurement::{
     Amount, BusError, CellVoltages, Consumed, Contents, Counted, CurrentRange, Gauge, GaugeReading,
@@ -43,6 +44,7 @@ pub use measurement::{
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
 pub use reported::{ChargeState, Faults, Reported};
 pub use retained::{PackMemory, PackSource, RetainedMemory, RetainedRecord, recall, retain};
+pub use scale::MeasuringScale;
 pub use settings::{
     ChargeLimits, FailsafeSettings, PackSettings, SuggestedThresholds, Thresholds, VoltageSource,
 };

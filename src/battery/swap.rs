@@ -22,11 +22,35 @@ pub(super) enum Replacement {
     Likely,
 }
 
+/// Whether the charge may be that of another pack, or read from another voltage, until the pack rests.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Doubt {
+    #[default]
+    None,
+    /// The contact was lost, for too short a time to put another pack in.
+    ShortLoss,
+    /// Another pack may have been put in while disarmed.
+    ContactLoss,
+    /// The voltage has another scale.
+    Rescaled,
+}
+
+/// What a rest says of a doubt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum AtRest {
+    Replaced(Replacement),
+    /// By this resting voltage, in volts, the same, or another one at a similar voltage.
+    Similar(f32),
+    /// The charge was read from another voltage than this one, in volts.
+    Rescaled(f32),
+}
+
 /// Detects a swap by the resting voltage after a loss of contact, while disarmed. Without a loss of contact a rising
 /// voltage is recovery from load.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SwapDetector {
     rest: Rest,
+    doubt: Doubt,
     /// Duration without contact since the pack was last at rest, in seconds.
     contact_loss_s: f32,
     /// The latest resting voltage since disarming, in volts.
@@ -39,6 +63,7 @@ impl SwapDetector {
     pub const fn new() -> Self {
         Self {
             rest: Rest::new(),
+            doubt: Doubt::None,
             contact_loss_s: 0.0,
             resting_v: None,
             highest_v: None,
@@ -51,6 +76,13 @@ impl SwapDetector {
             ArmState::Disarmed => {
                 self.rest.reset();
                 self.contact_loss_s += dt_s;
+                self.doubt = match self.doubt {
+                    Doubt::Rescaled => Doubt::Rescaled,
+                    Doubt::None | Doubt::ShortLoss if self.contact_loss_s <= MIN_CONTACT_LOSS_S => {
+                        Doubt::ShortLoss
+                    }
+                    _ => Doubt::ContactLoss,
+                };
             }
             ArmState::Armed => self.forget_rest(),
         }
@@ -64,7 +96,7 @@ impl SwapDetector {
         voltage_v: f32,
         current_a: Option<f32>,
         arm_state: ArmState,
-    ) -> Option<Replacement> {
+    ) -> Option<AtRest> {
         if arm_state == ArmState::Armed {
             self.forget_rest();
             self.highest_v = Some(voltage_v);
@@ -72,18 +104,38 @@ impl SwapDetector {
         }
         let resting_v = self.rest.update(dt_s, voltage_v, current_a)?;
         let contact_was_lost = core::mem::take(&mut self.contact_loss_s) > MIN_CONTACT_LOSS_S;
-        let before_v = self.resting_v.replace(resting_v)?;
+        let otherwise = match core::mem::take(&mut self.doubt) {
+            Doubt::None | Doubt::ShortLoss => None,
+            Doubt::ContactLoss => Some(AtRest::Similar(resting_v)),
+            Doubt::Rescaled => Some(AtRest::Rescaled(resting_v)),
+        };
+        let Some(before_v) = self.resting_v.replace(resting_v) else {
+            return otherwise;
+        };
         let highest_v = self
             .highest_v
             .map_or(before_v, |highest_v| highest_v.max(before_v));
         self.highest_v = Some(highest_v);
         let is_swapped = contact_was_lost && (resting_v - before_v).abs() > MAX_RECOVERY * before_v;
+        if !is_swapped {
+            return otherwise;
+        }
         let replacement = if resting_v > highest_v * (1.0 + MAX_RECOVERY) {
             Replacement::Certain
         } else {
             Replacement::Likely
         };
-        is_swapped.then_some(replacement)
+        Some(AtRest::Replaced(replacement))
+    }
+
+    /// Whether the charge is in doubt until the pack rests.
+    pub fn doubt(&self) -> Doubt {
+        self.doubt
+    }
+
+    /// The voltage has another scale from here on.
+    pub fn rescale(&mut self) {
+        self.doubt = Doubt::Rescaled;
     }
 
     /// The resting voltage, if the pack is at rest.
@@ -94,6 +146,7 @@ impl SwapDetector {
     /// Forgets the voltages of the previous pack.
     pub fn reset(&mut self) {
         self.forget_rest();
+        self.doubt = Doubt::None;
         self.highest_v = None;
     }
 
@@ -101,6 +154,9 @@ impl SwapDetector {
     fn forget_rest(&mut self) {
         self.rest.reset();
         self.contact_loss_s = 0.0;
+        if self.doubt == Doubt::ShortLoss {
+            self.doubt = Doubt::None;
+        }
         self.resting_v = None;
     }
 }

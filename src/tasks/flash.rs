@@ -14,7 +14,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::{CheckIn, Shared, mark, now};
 use crate::autopilot::{LearntJob, LogStep, ParameterLoad, Start};
-use crate::battery::LEARNT_WORDS;
+use crate::battery::{LEARNT_WORDS, OLDER_LEARNT_WORDS};
 use crate::crash::ParameterSource;
 use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
@@ -77,7 +77,7 @@ impl<F: NorFlash> Storages<F> {
         Self::new(
             Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS),
             Storage::new(flash.clone(), flash_map::SIGNING),
-            Storage::new(flash.clone(), flash_map::LEARNT),
+            Storage::new(flash.clone(), flash_map::LEARNT).widening(OLDER_LEARNT_WORDS),
             (radio == Radio::Present).then(|| Storage::new(flash, flash_map::WIFI)),
         )
     }

@@ -3,7 +3,7 @@
 
 use crate::wheels::duties;
 use emulator::{AdcFault, AdcInput};
-use support::frames::{BATTERY_INFO, STATUSTEXT, of_message};
+use support::frames::{BATTERY_INFO, STATUSTEXT, last_of, of_message};
 use support::motor_poles::LEFT;
 use support::requests::{VEHICLE_ID, command_long, manual_control};
 use support::story::{Drive, Input, Source, Story, Supplied};
@@ -71,7 +71,7 @@ impl Stage {
     fn take(&mut self, input: Input) {
         self.source.take(input);
         match input {
-            Input::Pack { .. } | Input::Load { .. } => {}
+            Input::Pack { .. } | Input::Unplug | Input::Plug | Input::Wire(_) | Input::Load { .. } => {}
             Input::Voltage { pack, volts } => self.set_pin(DIVIDERS[pack], f64::from(volts) / DIVIDER),
             Input::Current { pack, amperes } => {
                 assert_eq!(pack, 0, "only the first pack has a current sensor");
@@ -111,6 +111,13 @@ impl Stage {
         Some(info.u8(47)).filter(|percent| *percent != UNKNOWN_PCT)
     }
 
+    /// The first pack's state of charge, in percent, by the latest BATTERY_STATUS.
+    fn reported_pct(&mut self) -> Option<f32> {
+        let frames = self.bench.frames_since(self.start_us);
+        let percent = last_of(&frames, 0).remaining_pct();
+        (percent >= 0).then_some(f32::from(percent))
+    }
+
     /// The texts since the start, with the time at which they had left.
     fn texts(&mut self) -> Vec<(f64, String)> {
         let start_us = self.start_us;
@@ -128,6 +135,7 @@ fn run(story: &Story) {
     let mut inputs = story.inputs.iter().peekable();
     let mut looks: Vec<_> = story.motors().collect();
     let mut healths = story.healths().peekable();
+    let mut charges = story.charges().peekable();
     while stage.time_s() < story.end_s {
         let now_s = stage.time_s();
         while let Some((_, input)) = inputs.next_if(|(at_s, _)| *at_s <= now_s + 1e-6) {
@@ -143,8 +151,12 @@ fn run(story: &Story) {
         if let Some((at_s, expected_pct)) = healths.next_if(|(at_s, _)| *at_s + LATENCY_S <= now_s) {
             story.check_health(at_s, stage.health_pct(), expected_pct);
         }
+        if let Some(at_s) = charges.next_if(|at_s| at_s + LATENCY_S <= now_s) {
+            story.check_charge(at_s, stage.reported_pct(), stage.source.charge_pct());
+        }
         stage.step();
     }
+    assert!(charges.next().is_none(), "{name} ends too soon");
     assert!(healths.next().is_none(), "{name} ends too soon");
     assert!(looks.is_empty(), "{name} ends too soon");
     story.check_texts(&stage.texts(), LATENCY_S);
@@ -177,6 +189,10 @@ stories! {
     charging
     // Motors that coast, and turn with another pack.
     terminate_ends_with_a_fuller_pack
+    // Packs that are taken out and put in, and a wire that is loose.
+    another_pack_while_usb_keeps_the_board_on
+    the_same_pack_put_back
+    loose_wire_at_the_voltage
     // A pack that is learnt, kept in flash, and forgotten with the next.
     aged_pack_is_swapped
 }

@@ -535,6 +535,7 @@ def test_settings(rover):
     page.press("Calibrate")
     page.wait_for("Undo: back to 3.95")
     assert 3.7 < parameter(rover, "BATT_VOLT_MULT") < 3.9
+    page.wait_for("Battery 1 estimate restarted", 10)
     page.press("Undo: back to 3.95")
     page.wait_until_gone("Undo: back to 3.95")
     assert parameter(rover, "BATT_VOLT_MULT") == pytest.approx(3.95)

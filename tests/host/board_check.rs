@@ -617,7 +617,9 @@ fn the_exact_multiplier_is_set_on_request() {
     let mut owner = Watcher::default();
     let mut line = TamperedLine::new(Fault::None, owner.turned.clone());
     let report = run(&mut line, &mut owner, &plan);
-    assert_eq!(failed(&report), [""; 0], "{}", report.markdown("desk"));
+    let text = report.markdown("desk");
+    assert_eq!(failed(&report), [""; 0], "{text}");
+    assert!(text.contains("Battery 1 estimate restarted"), "{text}");
     let multiplier = line
         .board
         .desk

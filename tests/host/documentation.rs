@@ -433,6 +433,7 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::CellsDetected { count: 3 },
         PackEvent::CellsAmbiguous { voltage_v: 8.85 },
         PackEvent::Swapped,
+        PackEvent::EstimateRestarted,
         PackEvent::ContactLost,
         PackEvent::ContactRestored,
         gap(Some(3.0)),

@@ -36,6 +36,8 @@ struct Stage {
     texts: Vec<(f64, String)>,
     drives: Vec<(f64, Drive)>,
     healths: Vec<(f64, Option<u8>)>,
+    /// As reported, and true.
+    charges: Vec<(f64, [Option<f32>; 2])>,
     source: Source,
 }
 
@@ -61,6 +63,7 @@ impl Stage {
             texts: Vec::new(),
             drives: Vec::new(),
             healths: Vec::new(),
+            charges: Vec::new(),
             source: Source::default(),
         }
     }
@@ -68,7 +71,7 @@ impl Stage {
     fn take(&mut self, input: Input) {
         self.source.take(input);
         match input {
-            Input::Pack { .. } | Input::Load { .. } => {}
+            Input::Pack { .. } | Input::Unplug | Input::Plug | Input::Wire(_) | Input::Load { .. } => {}
             Input::Voltage { pack, volts } => self.set_pin(DIVIDERS[pack], volts / DIVIDER),
             Input::Current { pack, amperes } => {
                 assert_eq!(pack, 0, "only the first pack has a current sensor");
@@ -111,8 +114,10 @@ impl Stage {
         self.read_flash();
         let drives = self.desk.drive();
         self.drives.push((time_s, drive(drives.left)));
-        let health_pct = self.desk.autopilot.battery(Pack::First).state_of_health_pct;
-        self.healths.push((time_s, health_pct));
+        let state = self.desk.autopilot.battery(Pack::First);
+        self.healths.push((time_s, state.state_of_health_pct));
+        self.charges
+            .push((time_s, [state.remaining_pct, self.source.charge_pct()]));
         self.desk.post_due(self.desk.now_us);
         let sent = self.desk.sent();
         let texts = sent.iter().filter(|frame| frame.message_id == STATUSTEXT);
@@ -140,6 +145,14 @@ impl Stage {
         for (at_s, expected_pct) in story.healths() {
             let then = self.healths.iter().rfind(|(time_s, _)| *time_s <= at_s);
             story.check_health(at_s, then.expect("a tick").1, expected_pct);
+        }
+    }
+
+    fn check_charges(&self, story: &Story) {
+        for at_s in story.charges() {
+            let then = self.charges.iter().rfind(|(time_s, _)| *time_s <= at_s);
+            let [reported_pct, true_pct] = then.expect("a tick").1;
+            story.check_charge(at_s, reported_pct, true_pct);
         }
     }
 
@@ -172,6 +185,7 @@ fn run(story: &Story) {
     story.check_texts(&stage.texts, TOLERANCE_S);
     stage.check_motors(story);
     stage.check_healths(story);
+    stage.check_charges(story);
 }
 
 #[test]

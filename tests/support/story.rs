@@ -11,9 +11,11 @@
 //! ```
 //!
 //! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack
-//! 1), `reset` (percent, all packs), `pack` (pack 1 is a simulated full pack of two cells, with this many mAh and mOhm, until
-//! the next `voltage`) and its `load` (two currents by turns, four seconds each). Outcomes: `low`, `critical`, `unhealthy`
-//! (failsafe level of pack 1), `low2`…, `says` (start of a text, `*` stands for any; `says~2` within two seconds more), `health` (of pack 1, within 3 %, or `unknown`), and
+//! 1), `reset` (percent, all packs), `pack` (pack 1 is a simulated pack of two cells, with this many mAh, mOhm and percent of
+//! charge, until the next `voltage`), `unplug` and `plug` (the same pack), `loose` and `fixed` (the wire that measures its voltage), and its `load` (two currents by turns, four seconds
+//! each). Outcomes: `low`, `critical`, `unhealthy`
+//! (failsafe level of pack 1), `low2`…, `says` (start of a text, `*` stands for any; `says~2` within two seconds more), `health` (of pack 1, within 3 %, or `unknown`), `charge` (of the
+//! simulated pack, is reported within 5 %), and
 //! `brake`, `coast` or `turn` (the motors). Every level, and every text about a charge state, charging, a fault, a lost
 //! contact, a swap or what was learnt has to be expected; motors and health are checked only where expected.
 //!
@@ -40,19 +42,43 @@ pub struct Story {
 /// An input; packs are numbered from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Input {
-    Voltage { pack: usize, volts: f32 },
-    Current { pack: usize, amperes: f32 },
-    Pack { capacity_mah: f32, resistance_mohm: f32 },
-    Load { currents_a: [f32; 2] },
+    Voltage {
+        pack: usize,
+        volts: f32,
+    },
+    Current {
+        pack: usize,
+        amperes: f32,
+    },
+    Pack {
+        capacity_mah: f32,
+        resistance_mohm: f32,
+        charge_pct: f32,
+    },
+    Unplug,
+    Plug,
+    Wire(Wire),
+    Load {
+        currents_a: [f32; 2],
+    },
     SensorFails,
     SensorWorks,
     Request(Request),
+}
+
+/// The wire that measures a voltage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wire {
+    Loose,
+    #[default]
+    Fixed,
 }
 
 /// The simulated pack of a story, once there is one.
 #[derive(Debug, Default)]
 pub struct Source {
     pack: Option<SimulatedPack>,
+    wire: Wire,
     currents_a: [f32; 2],
     loaded_s: f32,
 }
@@ -71,17 +97,22 @@ impl Source {
             Input::Pack {
                 capacity_mah,
                 resistance_mohm,
+                charge_pct,
             } => {
                 let ohm = resistance_mohm * 1e-3;
-                self.pack = Some(SimulatedPack::full(PackModel {
+                let model = PackModel {
                     cells: 2,
                     capacity_ah: capacity_mah * 1e-3,
                     ohmic_resistance_ohm: ohm,
                     polarization_resistance_ohm: 0.5 * ohm,
                     ..PackModel::LIPO_3S_2200
-                }));
+                };
+                self.pack = Some(SimulatedPack::charged(model, charge_pct / 100.0));
                 self.currents_a = [0.0; 2];
             }
+            Input::Unplug => self.pack.iter_mut().for_each(SimulatedPack::unplug),
+            Input::Plug => self.pack.iter_mut().for_each(SimulatedPack::plug_in),
+            Input::Wire(wire) => self.wire = wire,
             Input::Load { currents_a } => {
                 self.currents_a = currents_a;
                 self.loaded_s = 0.0;
@@ -91,15 +122,24 @@ impl Source {
         }
     }
 
+    /// State of charge, in percent.
+    pub fn charge_pct(&self) -> Option<f32> {
+        Some(self.pack.as_ref()?.charge() * 100.0)
+    }
+
     /// Lets `dt_s` seconds pass; `None` without a simulated pack.
     pub fn supply(&mut self, dt_s: f32) -> Option<Supplied> {
         let pack = self.pack.as_mut()?;
         let turn = (self.loaded_s / LOAD_TURN_S) as usize % self.currents_a.len();
-        let amperes = self.currents_a[turn];
         self.loaded_s += dt_s;
-        pack.draw(amperes, dt_s);
-        let volts = pack.voltage_v();
-        Some(Supplied { volts, amperes })
+        pack.draw(self.currents_a[turn], dt_s);
+        Some(Supplied {
+            volts: match self.wire {
+                Wire::Loose => 0.0,
+                Wire::Fixed => pack.voltage_v(),
+            },
+            amperes: pack.current_a(),
+        })
     }
 }
 
@@ -119,6 +159,9 @@ const LOAD_TURN_S: f32 = 4.0;
 
 /// Tolerance of a state of health, in percent.
 const HEALTH_TOLERANCE_PCT: u8 = 3;
+
+/// Tolerance of a state of charge, in percent.
+const CHARGE_TOLERANCE_PCT: f32 = 5.0;
 
 const COMPONENT_ARM_DISARM: u16 = 400;
 const FORCE: f32 = 21196.0;
@@ -157,6 +200,8 @@ pub enum Outcome {
     Motors(Drive),
     /// In percent; `None` is unknown.
     Health(Option<u8>),
+    /// The state of charge is that of the simulated pack.
+    Charge,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -174,10 +219,11 @@ pub enum Drive {
 }
 
 /// Texts about a pack, after "Battery 1 ", each of which has to be expected.
-const TEXTS_TO_EXPECT: [&str; 9] = [
+const TEXTS_TO_EXPECT: [&str; 10] = [
     "not connected",
     "connected again",
     "swapped",
+    "estimate restarted",
     "low:",
     "critical:",
     "emergency:",
@@ -222,7 +268,7 @@ impl Story {
             .iter()
             .filter_map(|(at_s, outcome)| match outcome {
                 Outcome::Motors(drive) => Some((*at_s, *drive)),
-                Outcome::Level { .. } | Outcome::Says { .. } | Outcome::Health(_) => None,
+                Outcome::Level { .. } | Outcome::Says { .. } | Outcome::Health(_) | Outcome::Charge => None,
             })
     }
 
@@ -232,8 +278,28 @@ impl Story {
             .iter()
             .filter_map(|(at_s, outcome)| match outcome {
                 Outcome::Health(health_pct) => Some((*at_s, *health_pct)),
-                Outcome::Level { .. } | Outcome::Says { .. } | Outcome::Motors(_) => None,
+                Outcome::Level { .. } | Outcome::Says { .. } | Outcome::Motors(_) | Outcome::Charge => None,
             })
+    }
+
+    /// When the state of charge is compared with that of the simulated pack.
+    pub fn charges(&self) -> impl Iterator<Item = f64> {
+        self.expectations
+            .iter()
+            .filter_map(|(at_s, outcome)| (*outcome == Outcome::Charge).then_some(*at_s))
+    }
+
+    /// Asserts a state of charge, in percent.
+    pub fn check_charge(&self, at_s: f64, reported_pct: Option<f32>, true_pct: Option<f32>) {
+        let error_pct = reported_pct
+            .zip(true_pct)
+            .map(|(reported_pct, true_pct)| reported_pct - true_pct);
+        let is_right = error_pct.is_some_and(|error_pct| error_pct.abs() <= CHARGE_TOLERANCE_PCT);
+        assert!(
+            is_right,
+            "{}: {reported_pct:?} % at {at_s} s, of {true_pct:?} %",
+            self.name
+        );
     }
 
     /// Asserts a state of health.
@@ -268,7 +334,7 @@ impl Story {
                     }),
                     "{name}: no text {start:?} at {at_s} s: {texts:?}"
                 ),
-                Outcome::Motors(_) | Outcome::Health(_) => {}
+                Outcome::Motors(_) | Outcome::Health(_) | Outcome::Charge => {}
             }
         }
         assert_eq!(levels, [], "{name}: not expected");
@@ -366,7 +432,12 @@ fn input<'a>(word: &str, words: &mut impl Iterator<Item = &'a str>) -> Option<In
         "pack" => Input::Pack {
             capacity_mah: number()?,
             resistance_mohm: number()?,
+            charge_pct: number()?,
         },
+        "unplug" => Input::Unplug,
+        "plug" => Input::Plug,
+        "loose" => Input::Wire(Wire::Loose),
+        "fixed" => Input::Wire(Wire::Fixed),
         "load" => Input::Load {
             currents_a: [number()?, number()?],
         },
@@ -391,6 +462,7 @@ fn outcome(words: &[&str]) -> Option<Outcome> {
         ["brake"] => Outcome::Motors(Drive::Brake),
         ["coast"] => Outcome::Motors(Drive::Coast),
         ["turn"] => Outcome::Motors(Drive::Turn),
+        ["charge"] => Outcome::Charge,
         ["health", "unknown"] => Outcome::Health(None),
         ["health", percent] => Outcome::Health(Some(percent.parse().ok()?)),
         [says, text @ ..] if says.starts_with("says") && !text.is_empty() => Outcome::Says {

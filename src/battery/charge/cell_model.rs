@@ -25,7 +25,7 @@ const SLOPE_WIDTH: f32 = 0.05;
 const MIN_SLOPE_V: f32 = 0.01;
 
 /// A pack that still rests within this of its last resting voltage was neither charged nor used, in volts.
-const SAME_VOLTAGE_V: f32 = 0.015;
+pub(in crate::battery) const SAME_VOLTAGE_V: f32 = 0.015;
 
 /// Standard deviation of a state of charge that the owner sets.
 const SET_SIGMA: f32 = 0.01;

@@ -7,19 +7,22 @@ mod counting;
 mod drive;
 mod filter;
 mod load;
+mod reference;
 mod start;
 mod voltage_only;
 
-pub(super) use cell_model::{Capacity, CellModel, KnownCharge};
+pub(super) use cell_model::{Capacity, CellModel, KnownCharge, SAME_VOLTAGE_V};
 pub(super) use load::Second;
 
 use super::learnt::LastCharge;
+use super::swap::Doubt;
 use super::{ArmState, LearntPack};
 use counting::Counting;
 use drive::RestTimer;
 use filter::Filter;
 use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace};
-use start::{Start, is_resting};
+use reference::Reference;
+use start::{STEEP_SIGMA, Start, is_flat, is_resting};
 use voltage_only::VoltageOnly;
 
 /// After a longer time without a reading, in seconds, the load meanwhile is taken for that of the time before: one
@@ -40,6 +43,9 @@ pub(super) struct ChargeEstimator {
     trace: Trace,
     rest: RestTimer,
     arm_state: ArmState,
+    doubt: Doubt,
+    /// The pack as it was counted last while nothing was in doubt.
+    reference: Option<Reference>,
     estimate: Option<ChargeEstimate>,
 }
 
@@ -54,6 +60,14 @@ enum Phase {
     Counting(Counting),
     /// By the voltage alone.
     VoltageOnly(VoltageOnly),
+}
+
+/// Whether a pack is the one that was counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Comparison {
+    Same,
+    /// Or the same after charging.
+    Another,
 }
 
 /// The estimate of a second.
@@ -101,6 +115,8 @@ impl ChargeEstimator {
             trace: Trace::NEW,
             rest: RestTimer::new(),
             arm_state: ArmState::Disarmed,
+            doubt: Doubt::None,
+            reference: None,
             estimate: None,
         }
     }
@@ -110,8 +126,16 @@ impl ChargeEstimator {
         self.estimate.as_ref()
     }
 
+    /// Whether the charge was counted of a pack that may not be this one.
+    fn is_of_pack_before(&self) -> bool {
+        self.doubt == Doubt::ContactLoss && self.reference.is_some()
+    }
+
     /// What is kept over a reset.
     pub fn known(&self) -> Option<KnownCharge> {
+        if self.is_of_pack_before() {
+            return None;
+        }
         let ChargeEstimate { share, sigma, .. } = self.estimate?;
         Some(KnownCharge { share, sigma })
     }
@@ -122,6 +146,56 @@ impl ChargeEstimator {
             ArmState::Disarmed => *self = Self::new(),
             ArmState::Armed => self.restart_drive(),
         }
+    }
+
+    /// A pack rests at this voltage of a cell and current after its contact was lost. If it is not the one whose current was
+    /// counted, or was charged meanwhile, the estimate restarts.
+    pub fn compare(&mut self, cell_v: f32, current_a: f32, model: &CellModel) -> Comparison {
+        let (Phase::Counting(counting), Some(capacity)) = (&self.phase, model.capacity()) else {
+            return Comparison::Same;
+        };
+        let now = Reference {
+            share: counting.filter.share(),
+            cell_v,
+            load: Load {
+                duration_s: 0.0,
+                current_a,
+                slow_a: self.trace.polarisation.current_a(),
+            },
+        };
+        if self
+            .reference
+            .is_none_or(|before| before.fits(&now, model, &capacity))
+        {
+            return Comparison::Same;
+        }
+        *self = Self::new();
+        Comparison::Another
+    }
+
+    /// A pack rests at this voltage of a cell after the scale of its voltage was changed: an estimate that was based on the
+    /// old one restarts. On a flat curve a count is better, but it may have started from a wrong voltage.
+    pub fn rescale(&mut self, cell_v: f32, current_a: f32, model: &CellModel) -> Comparison {
+        match (&mut self.phase, model.capacity()) {
+            (Phase::Starting(_) | Phase::Known(_), _) => return Comparison::Same,
+            (Phase::Counting(counting), Some(capacity)) => {
+                let load = Load {
+                    current_a,
+                    slow_a: self.trace.polarisation.current_a(),
+                    ..Load::NONE
+                };
+                let counted_v = model.voltage_v(counting.filter.share());
+                let is_flat_at =
+                    |load: &Load, cell_v: f32| is_flat(&Filter::from_voltage(load, cell_v, model, &capacity));
+                if is_flat_at(&load, cell_v) || is_flat_at(&Load::NONE, counted_v) {
+                    counting.doubt(STEEP_SIGMA);
+                    return Comparison::Same;
+                }
+            }
+            _ => {}
+        }
+        *self = Self::new();
+        Comparison::Another
     }
 
     /// What was seen of the pack so far must not be learnt.
@@ -160,11 +234,18 @@ impl ChargeEstimator {
     }
 
     /// Takes a second. Returns what is to be kept of the pack, when it was learnt or came to rest.
-    pub fn update(&mut self, second: &Second, arm_state: ArmState, model: &CellModel) -> Option<LearntPack> {
+    pub fn update(
+        &mut self,
+        second: &Second,
+        arm_state: ArmState,
+        doubt: Doubt,
+        model: &CellModel,
+    ) -> Option<LearntPack> {
         let count = f32::from(model.cell_count?);
         let cell_v = second.voltage_v.map(|voltage_v| voltage_v / count);
         let was_disarmed = core::mem::replace(&mut self.arm_state, arm_state) == ArmState::Armed
             && arm_state == ArmState::Disarmed;
+        self.doubt = doubt;
         let capacity = model.capacity();
         if let Some(capacity) = &capacity {
             self.phase.draw(second.unmeasured_ah, capacity);
@@ -189,10 +270,18 @@ impl ChargeEstimator {
                 (Load::none_for(second.duration_s), rests)
             }
         };
+        if doubt == Doubt::None
+            && let (Phase::Counting(counting), Some(cell_v)) = (&self.phase, cell_v)
+        {
+            let share = counting.filter.share();
+            self.reference = Some(Reference { share, cell_v, load });
+        }
         if !rests {
             self.rest = RestTimer::new();
         }
-        let kept = if rests && self.rest.rest(load.duration_s) {
+        let kept = if self.is_of_pack_before() || doubt == Doubt::Rescaled {
+            None
+        } else if rests && self.rest.rest(load.duration_s) {
             let learnt = self.learn(&load, cell_v, model);
             self.keep(&load, cell_v, learnt, model)
         } else if was_disarmed {

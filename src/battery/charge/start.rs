@@ -43,7 +43,7 @@ const CERTAIN_SIGMA: f32 = 0.01;
 const PAUSE_SIGMA: f32 = 0.03;
 
 /// A curve on which a voltage gives the charge to this standard deviation is steep.
-const STEEP_SIGMA: f32 = 0.12;
+pub(super) const STEEP_SIGMA: f32 = 0.12;
 
 /// Standard deviation of a measured resistance, relative to it: the noise of the sensors, and its change with load and
 /// charge. The model of the sag has the same.
@@ -306,10 +306,15 @@ pub(super) fn charged(block: &Block, model: &CellModel, capacity: &Capacity) -> 
     certain(&by_voltage, model, capacity).filter(|certain| certain.share() >= FULL_SHARE)
 }
 
+/// Whether a voltage says little of the charge.
+pub(super) fn is_flat(by_voltage: &Filter) -> bool {
+    by_voltage.sigma() > STEEP_SIGMA
+}
+
 /// The estimate for a voltage that only charging brings about, unless the curve is flat there.
 fn certain(by_voltage: &Filter, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
     let share = by_voltage.share();
-    if share < CERTAIN_SHARE || by_voltage.sigma() > STEEP_SIGMA {
+    if share < CERTAIN_SHARE || is_flat(by_voltage) {
         return None;
     }
     let share = if share >= FULL_SHARE { 1.0 } else { share };

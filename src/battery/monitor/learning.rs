@@ -1,7 +1,7 @@
 //! What is learnt of a pack, and whether flash holds it.
 
 use crate::battery::settings::PackSettings;
-use crate::battery::{LearntPack, PackEvent};
+use crate::battery::{LearntPack, MeasuringScale, PackEvent};
 
 /// What is learnt of the pack, once flash was read.
 #[derive(Clone, Copy, Debug)]
@@ -64,6 +64,18 @@ impl Learnt {
         }
     }
 
+    /// What was kept of its charge is that of another pack, or of this one before it was charged.
+    pub fn forget_charge(&mut self) {
+        self.pack = self.pack.without_charge();
+    }
+
+    /// What was learnt under another scale is converted to this one.
+    pub fn follow_scale(&mut self, scale: &MeasuringScale) {
+        if let Some(rescaled) = self.pack.rescaled(scale) {
+            self.pack = rescaled;
+        }
+    }
+
     /// Cells of the pack that flash holds.
     pub fn kept_cells(&self) -> Option<u8> {
         match self.standing {
@@ -78,6 +90,19 @@ impl Learnt {
             .pack
             .matches(settings.chemistry, cell_count, settings.capacity_mah);
         matches.then_some(&self.pack)
+    }
+
+    /// The same, or that nothing is known.
+    pub fn of<'a>(
+        learnt: Option<&'a Self>,
+        settings: &PackSettings,
+        cell_count: Option<u8>,
+    ) -> &'a LearntPack {
+        /// Nothing is known of a pack.
+        static UNKNOWN: LearntPack = LearntPack::UNKNOWN;
+        learnt
+            .and_then(|learnt| learnt.known(settings, cell_count))
+            .unwrap_or(&UNKNOWN)
     }
 
     /// Takes over what was learnt of the pack or of its rest. Returns an event when it is learnt for the first time.
@@ -105,6 +130,7 @@ impl Learnt {
     fn keep(&mut self, kept: &LearntPack) {
         let kept = LearntPack {
             serial_number: self.pack.serial_number,
+            scale: self.pack.scale,
             ..*kept
         };
         if kept.is_like(&self.pack) {

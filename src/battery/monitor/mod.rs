@@ -10,17 +10,19 @@ use evaluation::{Basis, Evaluation};
 use learning::Learnt;
 use reports::Reports;
 
+use super::charge::{Comparison, SAME_VOLTAGE_V};
 use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
-use super::diagnosis::AtRest;
+use super::diagnosis;
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
 use super::failsafe::ReachedLevels;
 use super::reporters::{GapReporter, HealthReporter};
 use super::settings::{FailsafeSettings, PackSettings};
-use super::swap::{Replacement, SwapDetector};
+use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, Faults, LearntPack,
-    Measurement, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Tick,
+    Measurement, MeasuringScale, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError,
+    Reported, Tick,
 };
 use crate::time::Instant;
 
@@ -61,12 +63,11 @@ pub struct BatteryMonitor {
     swap_detector: SwapDetector,
     evaluation: Evaluation,
     learnt: Option<Learnt>,
+    /// What the estimate is based on, with the pin of the voltage.
+    scale: Option<(MeasuringScale, i32)>,
     /// Since the start.
     current_was_over_range: bool,
 }
-
-/// Nothing is known of a pack.
-static UNKNOWN_PACK: LearntPack = LearntPack::UNKNOWN;
 
 /// The latest valid reading that was that of a pack.
 #[derive(Clone, Copy, Debug)]
@@ -95,6 +96,7 @@ impl BatteryMonitor {
             swap_detector: SwapDetector::new(),
             evaluation: Evaluation::default(),
             learnt: None,
+            scale: None,
             current_was_over_range: false,
         }
     }
@@ -228,13 +230,15 @@ impl BatteryMonitor {
             voltage_v: measurement.voltage_v,
             current_a: measurement.current_a,
             current_range: measurement.current_range,
-            mean_current_a: measurement
-                .current_a
-                .and_then(|current_a| mean_current_a(dt_us, previous_a, current_a)),
+            mean_current_a: measurement.current_a.and_then(|current_a| {
+                let parked_a = (tick.arm_state == ArmState::Disarmed).then_some(current_a);
+                mean_current_a(dt_us, previous_a, current_a).or(parked_a)
+            }),
             unmeasured_mah: 0.0,
             share_at_most: 1.0,
             known_cells: measurement.doubtful_cells,
             arm_state: tick.arm_state,
+            doubt: Doubt::None,
         };
         self.state.current_range = measurement.current_range;
         if measurement.current_range == CurrentRange::Over && !self.current_was_over_range {
@@ -242,10 +246,18 @@ impl BatteryMonitor {
             push(events, PackEvent::CurrentOverRange);
         }
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
-        if let Some(replacement) = self.detect_swap(&reading) {
-            self.replace_pack(replacement, settings.serial_number, events);
-            self.reports.gauge.update(tick.now, measurement.gauge);
+        if let Some(voltage_v) = measurement.voltage_v {
+            self.follow_scale(voltage_v, settings);
         }
+        match self.detect_swap(&reading) {
+            Some(AtRest::Replaced(replacement)) => {
+                self.replace_pack(replacement, settings.serial_number, events);
+                self.reports.gauge.update(tick.now, measurement.gauge);
+            }
+            Some(at_rest) => self.resolve_doubt(&at_rest, &reading, settings, events),
+            None => {}
+        }
+        reading.doubt = self.swap_detector.doubt();
         let count = self.counting.update(tick.now, measurement, &self.reports.gauge);
         if let Some(gap) = self.gaps.update(reading.dt_s, count.gap) {
             push(events, PackEvent::Gap(gap));
@@ -287,7 +299,7 @@ impl BatteryMonitor {
         self.evaluation.disconnect();
     }
 
-    fn detect_swap(&mut self, reading: &Reading) -> Option<Replacement> {
+    fn detect_swap(&mut self, reading: &Reading) -> Option<AtRest> {
         let Some(voltage_v) = reading.voltage_v else {
             self.swap_detector.lose_contact(reading.dt_s, reading.arm_state);
             return None;
@@ -316,13 +328,55 @@ impl BatteryMonitor {
         push(events, PackEvent::Swapped);
     }
 
-    fn update_estimates(&mut self, reading: &Reading, settings: &PackSettings) -> Findings {
-        let can_learn = self.can_learn();
+    /// A pack that rests near the voltage of the one before may still have another charge.
+    fn resolve_doubt(
+        &mut self,
+        at_rest: &AtRest,
+        reading: &Reading,
+        settings: &PackSettings,
+        events: &mut PackEvents,
+    ) {
         let cell_count = self.estimator.cell_count(settings);
-        let learnt = self.learnt.as_ref().filter(|_| can_learn);
-        let known = learnt.and_then(|learnt| learnt.known(settings, cell_count));
-        self.estimator
-            .update(reading, settings, known.unwrap_or(&UNKNOWN_PACK))
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn());
+        let learnt = Learnt::of(learnt, settings, cell_count);
+        let comparison = self.estimator.resolve(at_rest, reading, settings, learnt);
+        if comparison == Comparison::Another {
+            if let Some(learnt) = &mut self.learnt {
+                learnt.forget_charge();
+            }
+            push(events, PackEvent::EstimateRestarted);
+        }
+    }
+
+    /// What is estimated and learnt follows the scale of its measurements.
+    fn follow_scale(&mut self, voltage_v: f32, settings: &PackSettings) {
+        let Some(scale) = &settings.scale else {
+            return;
+        };
+        if let Some(learnt) = &mut self.learnt {
+            learnt.follow_scale(scale);
+        }
+        let now = (*scale, settings.voltage_pin);
+        let (before, pin) = *self.scale.get_or_insert(now);
+        if (before, pin) == now {
+            return;
+        }
+        if before.amperes_per_volt != scale.amperes_per_volt {
+            self.estimator.restart_drive();
+        }
+        let cells = self.estimator.cell_count(settings).unwrap_or(1);
+        let change_v = scale.voltage_change_v(&before, voltage_v) / f32::from(cells);
+        if pin != settings.voltage_pin || change_v.abs() > SAME_VOLTAGE_V {
+            self.scale = Some(now);
+            self.swap_detector.rescale();
+        }
+    }
+
+    fn update_estimates(&mut self, reading: &Reading, settings: &PackSettings) -> Findings {
+        let cell_count = self.estimator.cell_count(settings);
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn());
+        let learnt = Learnt::of(learnt, settings, cell_count);
+        self.estimator.update(reading, settings, learnt)
     }
 
     /// Keeps what was learnt of a pack, or of its rest.
@@ -513,7 +567,7 @@ impl BatteryMonitor {
             last_voltage_v: self.last_voltage_v,
             remaining_at_most_pct,
             cells_are_doubtful: self.estimator.cells_are_doubtful(),
-            at_rest: AtRest {
+            at_rest: diagnosis::AtRest {
                 voltage_v: self.swap_detector.resting_v(),
                 spread: self.reports.members_spread,
             },

@@ -9,9 +9,12 @@ use crate::battery::{
 use crate::time::{Instant, at_us};
 use crate::vehicle::ArmState;
 
+mod another_pack;
+mod changed_scale;
 mod current_range;
 mod doubtful_cells;
 mod missing_voltage;
+mod rover;
 mod sources;
 
 /// A monitor with its settings and clock.

@@ -89,6 +89,9 @@ pub struct Storage<F, V = u32> {
 #[derive(Debug)]
 pub struct Records<F> {
     region: Region<F>,
+    /// Words of a value, and of one that older firmware stored. These are widened by zeros when they move to the next sector.
+    words: u8,
+    older_words: Option<u8>,
     /// Cached by the last successful call. `None` during writes, so that the next call scans the flash after a failure.
     log: Option<Log>,
     condition: Condition,
@@ -153,12 +156,20 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         Self {
             records: Records {
                 region: Region::new(flash, range, layout, V::WORDS as u8),
+                words: V::WORDS as u8,
+                older_words: None,
                 log: None,
                 condition: Condition::Damaged,
                 preparation: Preparation::Due { erased: 0 },
             },
             values: PhantomData,
         }
+    }
+
+    /// Reads values of fewer words, too, which older firmware stored: those that are missing are zero.
+    pub fn widening(mut self, older_words: u8) -> Self {
+        self.records.older_words = Some(older_words);
+        self
     }
 
     /// Calls `found` with the latest value of every key of 16 bits, in the order in which these were stored.
@@ -227,7 +238,7 @@ impl<F, V> DerefMut for Storage<F, V> {
 impl<F: NorFlash> Records<F> {
     /// Values that fit.
     pub fn slots(&self) -> u32 {
-        self.region.slots
+        Region::<F>::slots_in(self.region.layout, self.words)
     }
 
     /// Calls `found` with the latest record of every key of 16 bits: see [`Storage::load`].
@@ -247,6 +258,7 @@ impl<F: NorFlash> Records<F> {
         let mut next = 0;
         while let Some(slot) = self.next(&log, next, &mut record).await? {
             next = slot + 1;
+            record.widen(self.words.into());
             // Another firmware version may have wider keys.
             if let Ok(key) = u16::try_from(record.key()) {
                 found(key, &record);
@@ -263,10 +275,12 @@ impl<F: NorFlash> Records<F> {
 
     /// Replaces `record` by the latest readable one of its key; returns whether there is one.
     async fn read_record(&mut self, record: &mut Record) -> Result<bool, StorageError> {
-        match self.known_log().await? {
-            Some(log) => self.region.read_last(log.sector, 0..log.used, record).await,
-            None => Ok(false),
-        }
+        let Some(log) = self.known_log().await? else {
+            return Ok(false);
+        };
+        let is_found = self.region.read_last(log.sector, 0..log.used, record).await?;
+        record.widen(self.words.into());
+        Ok(is_found)
     }
 
     /// Whether there is nothing that [`prepare`](Self::prepare) could do.
@@ -333,21 +347,21 @@ impl<F: NorFlash> Records<F> {
         };
         let mut log = match self.log.take() {
             Some(log) => log,
-            None => self.start_sector(None, None, None, may_erase).await?,
+            None => self.start_sector(None, None, 0, &|_| false, may_erase).await?,
         };
         // Of a damaged sector even an equal value is written: to the next one.
         if log.is_trusted && is_equal {
             self.log = Some(log);
             return Ok(Stored::Unchanged);
         }
-        if log.is_intact && log.used < self.slots() {
+        if log.is_intact && log.used < self.slots() && self.region.words() == self.words {
             self.region.write_record(log.sector, log.used, &record).await?;
             log.used += 1;
         } else {
             // Before the erase, so that repeated attempts to store another key do not wear the flash.
             let left_out = self.find_place(record.key(), &log, is_dispensable).await?;
             let started = self
-                .start_sector(Some(&log), Some(&record), left_out, may_erase)
+                .start_sector(Some(&log), Some(&record), left_out, is_dispensable, may_erase)
                 .await;
             if started.is_err_and(|error| error == StorageError::NoErasedSpace) {
                 // Nothing has changed, and more attempts may follow.
@@ -398,17 +412,19 @@ impl<F: NorFlash> Records<F> {
             }
             self.region.retire(log.sector).await?;
         }
-        self.log = Some(self.start_sector(log.as_ref(), None, None, may_erase).await?);
+        let started = self.start_sector(log.as_ref(), None, 0, &|_| false, may_erase);
+        self.log = Some(started.await?);
         Ok(())
     }
 
-    /// Activates the next sector, with `newest` and the latest record of every other key in `old` but for the one in the
-    /// slot `left_out`; empty without `newest`.
+    /// Activates the next sector, with `newest` and the latest record of every other key in `old` but for the first
+    /// `left_out` that are dispensable; empty without `newest`.
     async fn start_sector(
         &mut self,
         old: Option<&Log>,
         newest: Option<&Record>,
-        left_out: Option<u32>,
+        mut left_out: u32,
+        is_dispensable: &dyn Fn(u32) -> bool,
         may_erase: MayErase<'_>,
     ) -> Result<Log, StorageError> {
         if !self.region.can_move() {
@@ -436,17 +452,27 @@ impl<F: NorFlash> Records<F> {
         }
         self.preparation = Preparation::Due { erased: 0 };
         let mut used = 0;
+        let old_words = self.region.words();
         if let (Some(old), Some(newest)) = (old, newest) {
             let mut record = Record::erased();
             let mut next = 0;
             while let Some(slot) = self.next(old, next, &mut record).await? {
                 next = slot + 1;
-                if left_out != Some(slot) && record.key() != newest.key() {
-                    self.region.write_record(sector, used, &record).await?;
-                    used += 1;
+                if record.key() == newest.key() {
+                    continue;
                 }
+                if left_out > 0 && is_dispensable(record.key()) {
+                    left_out -= 1;
+                    continue;
+                }
+                record.widen(self.words.into());
+                self.region.set_words(self.words);
+                self.region.write_record(sector, used, &record).await?;
+                self.region.set_words(old_words);
+                used += 1;
             }
         }
+        self.region.set_words(self.words);
         if let Some(newest) = newest {
             self.region.write_record(sector, used, newest).await?;
             used += 1;
@@ -467,27 +493,31 @@ impl<F: NorFlash> Records<F> {
         })
     }
 
-    /// The slot of the record that makes room for `key` when `log` moves to the next sector; `None` if there is room.
+    /// How many dispensable records make room for `key` when `log` moves to the next sector.
     async fn find_place(
         &mut self,
         key: u32,
         log: &Log,
         is_dispensable: &dyn Fn(u32) -> bool,
-    ) -> Result<Option<u32>, StorageError> {
-        if log.used < self.slots() {
-            return Ok(None);
+    ) -> Result<u32, StorageError> {
+        let slots = self.slots();
+        if log.used < slots {
+            return Ok(0);
         }
-        let mut first = None;
+        let (mut others, mut dispensable) = (0_u32, 0);
         let mut record = Record::erased();
-        for slot in 0..log.used {
-            if self.next(log, slot, &mut record).await? != Some(slot) || record.key() == key {
-                return Ok(None);
-            }
-            if first.is_none() && is_dispensable(record.key()) {
-                first = Some(slot);
+        let mut next = 0;
+        while let Some(slot) = self.next(log, next, &mut record).await? {
+            next = slot + 1;
+            if record.key() != key {
+                others += 1;
+                dispensable += u32::from(is_dispensable(record.key()));
             }
         }
-        first.map(Some).ok_or(StorageError::Full)
+        let left_out = (others + 1).saturating_sub(slots);
+        (left_out <= dispensable)
+            .then_some(left_out)
+            .ok_or(StorageError::Full)
     }
 
     /// The active sector, which is scanned for if it is not known.
@@ -500,18 +530,23 @@ impl<F: NorFlash> Records<F> {
 
     /// Scans for the active sector: that with the highest sequence number.
     async fn find_log(&mut self) -> Result<Option<Log>, StorageError> {
-        let mut newest: Option<(Sector, u32)> = None;
-        for sector in self.region.sectors() {
-            if let Some(sequence) = self.region.read_sequence(sector).await?
-                && newest.is_none_or(|(_, highest)| sequence > highest)
-            {
-                newest = Some((sector, sequence));
+        let mut newest: Option<(Sector, u32, u8)> = None;
+        for words in [Some(self.words), self.older_words].into_iter().flatten() {
+            self.region.set_words(words);
+            for sector in self.region.sectors() {
+                if let Some(sequence) = self.region.read_sequence(sector).await?
+                    && newest.is_none_or(|(_, highest, _)| sequence > highest)
+                {
+                    newest = Some((sector, sequence, words));
+                }
             }
         }
-        match newest {
-            Some((sector, sequence)) => self.scan(sector, sequence).await.map(Some),
-            None => Ok(None),
-        }
+        let Some((sector, sequence, words)) = newest else {
+            self.region.set_words(self.words);
+            return Ok(None);
+        };
+        self.region.set_words(words);
+        self.scan(sector, sequence).await.map(Some)
     }
 
     /// Looks through the slots of the active sector.
@@ -522,7 +557,7 @@ impl<F: NorFlash> Records<F> {
         let mut ends_damaged = false;
         // Damaged slots, as far as they can be recognised.
         let mut damaged = 0;
-        for slot in 0..self.slots() {
+        for slot in 0..self.region.slots {
             if slot.is_multiple_of(self.region.slots_of_a_read.into()) {
                 yield_now().await;
             }

@@ -69,6 +69,18 @@ impl Record {
         words_of(&self.bytes).skip(1)
     }
 
+    /// Appends zeros to a value of fewer words.
+    pub fn widen(&mut self, words: usize) {
+        let old_words = (self.size / size_of::<u32>()).saturating_sub(2);
+        if old_words < words {
+            let mut value = [0; MAX_WORDS];
+            for (place, word) in value.iter_mut().zip(self.value().take(old_words)) {
+                *place = word;
+            }
+            *self = Self::new(self.key(), value.get(..words).unwrap_or_default());
+        }
+    }
+
     /// Takes these bytes if their CRC is right, and returns whether it is.
     pub fn replace(&mut self, bytes: &[u8]) -> bool {
         let is_record = Slot::of(bytes) == Slot::Record;

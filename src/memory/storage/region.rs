@@ -74,15 +74,29 @@ impl<F: NorFlash> Region<F> {
             assert!(F::ERASE_SIZE.is_multiple_of(MARGIN as usize) && F::ERASE_SIZE >= 64);
         }
         let first = range.start.div_ceil(Self::BLOCK);
-        Self {
+        let mut region = Self {
             flash,
             layout,
-            slots: Self::slots_in(layout, words),
-            slots_of_a_read: (READ_BYTES / Record::size(words.into())) as u8,
+            slots: 0,
+            slots_of_a_read: 0,
             words,
             start: first.saturating_mul(Self::BLOCK),
             blocks: (range.end / Self::BLOCK).saturating_sub(first),
-        }
+        };
+        region.set_words(words);
+        region
+    }
+
+    /// Words of a value in the sectors that are accessed.
+    pub fn words(&self) -> u8 {
+        self.words
+    }
+
+    /// From here on sectors with values of so many words are accessed.
+    pub fn set_words(&mut self, words: u8) {
+        self.words = words;
+        self.slots = Self::slots_in(self.layout, words);
+        self.slots_of_a_read = (READ_BYTES / Record::size(words.into())) as u8;
     }
 
     /// Slots of a sector for values of so many words.

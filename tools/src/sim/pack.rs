@@ -86,6 +86,11 @@ impl SimulatedPack {
         self.is_plugged_in = false;
     }
 
+    /// Connects it.
+    pub fn plug_in(&mut self) {
+        self.is_plugged_in = true;
+    }
+
     /// Whether it is connected.
     pub fn is_plugged_in(&self) -> bool {
         self.is_plugged_in

@@ -246,3 +246,104 @@ proptest! {
         }
     }
 }
+
+/// Of a later firmware, which keeps more of a pack.
+type LaterWords = [u32; 25];
+
+fn later(flash: &mut WideFlash) -> Storage<&mut <WideFlash as Reboot>::Chip, LaterWords> {
+    Storage::new(&mut flash.chip, WideFlash::REGION).widening(14)
+}
+
+fn widened(number: u32) -> LaterWords {
+    let mut widened = [0; 25];
+    widened[..14].copy_from_slice(&words(number));
+    widened
+}
+
+fn read_later(flash: &mut WideFlash, key: u32) -> Option<LaterWords> {
+    block_on(later(flash).read(key)).expect("a sound flash")
+}
+
+#[test]
+fn values_of_older_firmware_are_read_and_widened_as_they_move() {
+    let mut flash = WideFlash::blank();
+    for key in 0..3 {
+        store(&mut flash, key, key);
+    }
+    for key in 0..3 {
+        assert_eq!(read_later(&mut flash, key), Some(widened(key)));
+    }
+    assert_eq!(read_later(&mut flash, 3), None);
+    // Nothing is written for an equal value.
+    let stored = block_on(later(&mut flash).store(1, widened(1), &Erase::always));
+    assert_eq!(stored, Ok(Stored::Unchanged));
+    let full: LaterWords = core::array::from_fn(|word| word as u32 + 100);
+    let stored = block_on(later(&mut flash).store(2, full, &Erase::always));
+    assert_eq!(stored, Ok(Stored::Written));
+    for key in [0, 1] {
+        assert_eq!(read_later(&mut flash, key), Some(widened(key)));
+    }
+    assert_eq!(read_later(&mut flash, 2), Some(full));
+}
+
+#[test]
+fn of_more_values_than_wider_ones_fit_the_first_dispensable_ones_give_way() {
+    let mut flash = WideFlash::blank();
+    let slots = later(&mut flash).slots();
+    assert!(slots + 1 < SLOTS, "{slots} of {SLOTS}");
+    for key in 0..SLOTS {
+        store(&mut flash, key, key);
+    }
+    let in_use = |key: u32| key == 0 || key == 99;
+    let stored =
+        block_on(later(&mut flash).store_replacing(99, widened(99), &|key| !in_use(key), &Erase::always));
+    assert_eq!(stored, Ok(Stored::Written));
+    assert_eq!(read_later(&mut flash, 0), Some(widened(0)));
+    assert_eq!(read_later(&mut flash, 99), Some(widened(99)));
+    let kept = (1..SLOTS)
+        .filter(|key| read_later(&mut flash, *key).is_some())
+        .count() as u32;
+    assert_eq!(kept, slots - 2);
+    for key in SLOTS - kept..SLOTS {
+        assert_eq!(read_later(&mut flash, key), Some(widened(key)), "the latest");
+    }
+    // Where none may give way nothing changes.
+    let mut flash = WideFlash::blank();
+    for key in 0..SLOTS {
+        store(&mut flash, key, key);
+    }
+    let stored = block_on(later(&mut flash).store_replacing(99, widened(99), &|_| false, &Erase::always));
+    assert_eq!(stored, Err(StorageError::Full));
+    assert_eq!(read_later(&mut flash, 0), Some(widened(0)));
+}
+
+#[test]
+fn a_power_cut_while_values_are_widened_leaves_all_of_them() {
+    let mut older = WideFlash::blank();
+    for key in 0..3 {
+        store(&mut older, key, key);
+    }
+    for operation in 0.. {
+        for way in 0..12 {
+            let mut flash = older.clone();
+            flash.cut_power_after(operation, operation * 12 + way);
+            let stored = block_on(later(&mut flash).store(2, widened(20), &Erase::always));
+            if stored.is_ok() {
+                return assert!(operation > 4);
+            }
+            flash.power_up();
+            for key in [0, 1] {
+                assert_eq!(
+                    read_later(&mut flash, key),
+                    Some(widened(key)),
+                    "{operation}, way {way}"
+                );
+            }
+            let latest = read_later(&mut flash, 2);
+            assert!(
+                latest == Some(widened(2)) || latest == Some(widened(20)),
+                "{operation}, way {way}: {latest:?}"
+            );
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! A rover with a pack whose charge is known.
+
+use super::*;
+
+/// The board's own consumption, in amperes.
+pub const IDLE_A: f32 = 0.1;
+
+const TICK_S: f32 = 0.1;
+
+/// Time constants, in seconds, and shares of the slow sag.
+const SLOW: [(f32, f32); 3] = [(10.0, 0.25), (100.0, 0.25), (1000.0, 0.5)];
+
+/// A pack of three cells whose charge is known.
+#[derive(Clone, Debug)]
+pub struct Pack {
+    pub chemistry: Chemistry,
+    pub capacity_ah: f32,
+    pub share: f32,
+    pub slow_a: [f32; 3],
+    pub slow_share: f32,
+    /// How far the curve is above that of its chemistry when empty and full, in volts.
+    pub offsets_v: [f32; 2],
+}
+
+impl Pack {
+    pub fn rested(chemistry: Chemistry, share: f32) -> Self {
+        Self {
+            chemistry,
+            capacity_ah: 2.2,
+            share,
+            slow_a: [0.0; 3],
+            slow_share: chemistry.cell().slow_share,
+            offsets_v: [0.0; 2],
+        }
+    }
+
+    pub fn draw(&mut self, current_a: f32, dt_s: f32) {
+        self.share = (self.share - current_a * dt_s / 3600.0 / self.capacity_ah).clamp(0.0, 1.0);
+        for (slow_a, (time_constant_s, _)) in self.slow_a.iter_mut().zip(SLOW) {
+            *slow_a += (current_a - *slow_a) * (1.0 - (-dt_s / time_constant_s).exp());
+        }
+    }
+
+    pub fn voltage_v(&self, current_a: f32) -> f32 {
+        let cell = self.chemistry.cell();
+        let slow_a: f32 = self
+            .slow_a
+            .iter()
+            .zip(SLOW)
+            .map(|(slow_a, (_, share))| slow_a * share)
+            .sum();
+        let sag_v = cell.ohmic_drop_v / self.capacity_ah * (current_a + self.slow_share * slow_a);
+        let [empty_v, full_v] = self.offsets_v;
+        let offset_v = empty_v + (full_v - empty_v) * self.share;
+        3.0 * (cell.curve.voltage_v(self.share) + offset_v - sag_v)
+    }
+}
+
+/// The scale by which a rover measures its pack right.
+pub const TRUE_SCALE: MeasuringScale = MeasuringScale {
+    volt_multiplier: 3.95,
+    volt_offset_v: 0.0,
+    amperes_per_volt: 17.0,
+};
+
+/// A rover that stays on by USB, with a pack that may be taken out.
+pub struct Rover {
+    pub bench: Bench,
+    pub pack: Pack,
+    pub sensors: Sensors,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sensors {
+    VoltageAndCurrent,
+    Voltage,
+}
+
+impl Rover {
+    pub fn with(pack: Pack) -> Self {
+        let mut bench = Bench::new();
+        bench.settings.chemistry = pack.chemistry;
+        bench.settings.scale = Some(TRUE_SCALE);
+        bench.monitor.restore_learnt(LearntPack::UNKNOWN);
+        Self {
+            bench,
+            pack,
+            sensors: Sensors::VoltageAndCurrent,
+        }
+    }
+
+    /// A rover that has found its pack.
+    pub fn parked(pack: Pack) -> Self {
+        let mut rover = Self::with(pack);
+        rover.run(40.0, IDLE_A);
+        rover
+    }
+
+    fn reading(&self, current_a: f32) -> Measurement {
+        let scale = self.bench.settings.scale.unwrap_or(TRUE_SCALE);
+        let pin_v = self.pack.voltage_v(current_a) / TRUE_SCALE.volt_multiplier;
+        let voltage_v = (pin_v - scale.volt_offset_v) * scale.volt_multiplier;
+        let by_current = scale.amperes_per_volt / TRUE_SCALE.amperes_per_volt;
+        match self.sensors {
+            Sensors::VoltageAndCurrent => loaded(voltage_v, current_a * by_current),
+            Sensors::Voltage => volts(voltage_v),
+        }
+    }
+
+    pub fn run(&mut self, seconds: f32, current_a: f32) {
+        for _ in 0..(seconds / TICK_S).round() as u32 {
+            self.pack.draw(current_a, TICK_S);
+            let reading = self.reading(current_a);
+            assert_eq!(self.bench.tick(Ok(reading)), None);
+        }
+    }
+
+    /// Drives by fits and starts until this charge is left, and parks.
+    pub fn drive_to(&mut self, share: f32) {
+        self.bench.arm_state = ArmState::Armed;
+        while self.pack.share > share {
+            self.run(5.0, 4.4);
+            self.run(5.0, 1.1);
+        }
+        self.bench.arm_state = ArmState::Disarmed;
+    }
+
+    /// The pack is out for this time.
+    pub fn unplug(&mut self, seconds: f32) {
+        for _ in 0..(seconds / TICK_S).round() as u32 {
+            self.bench.tick(Ok(loaded(0.3, 0.0)));
+        }
+        self.pack.draw(0.0, seconds);
+    }
+
+    pub fn swap(&mut self, pack: Pack, seconds: f32) {
+        self.unplug(seconds);
+        self.pack = pack;
+    }
+
+    pub fn reported_pct(&self) -> f32 {
+        self.bench.state().remaining_pct.expect("known")
+    }
+
+    pub fn error_pct(&self) -> f32 {
+        self.reported_pct() - 100.0 * self.pack.share
+    }
+
+    pub fn restarts(&self) -> usize {
+        let is_restart = |event: &&PackEvent| **event == PackEvent::EstimateRestarted;
+        self.bench.events.iter().filter(is_restart).count()
+    }
+
+    pub fn kept_charge(&self) -> Option<f32> {
+        let learnt = self.bench.monitor.learnt()?;
+        learnt.last_charge().map(|charge| charge.share)
+    }
+
+    pub fn retained_charge(&self) -> Option<f32> {
+        self.bench
+            .monitor
+            .memory(PackSource::default())
+            .estimate
+            .charge
+            .map(|charge| charge.share)
+    }
+}
+
+/// Chemistries whose voltage says what is left.
+pub const STEEP: [Chemistry; 2] = [Chemistry::LiPo, Chemistry::LiIon];

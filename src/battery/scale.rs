@@ -1,0 +1,46 @@
+//! Factors of an analog voltage and current: what is estimated and learnt depends on them.
+
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
+
+/// `BATT_MONITOR` of the kinds whose voltage is converted by these factors: an analog pin, the same with a current sensor or
+/// a synthetic current, and AD7091R-5.
+const CONVERTED: [i32; 4] = [3, 4, 25, 33];
+
+/// How voltage and current of a pack are measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuringScale {
+    /// Pack voltage divided by pin voltage (`BATT_VOLT_MULT`).
+    pub volt_multiplier: f32,
+    /// Pin voltage at zero pack voltage, in volts (`BATT_VLT_OFFSET`).
+    pub volt_offset_v: f32,
+    /// Amperes per volt at the pin (`BATT_AMP_PERVLT`).
+    pub amperes_per_volt: f32,
+}
+
+impl MeasuringScale {
+    /// From the live parameters of a pack; `None` if its source does not use them.
+    pub(super) fn from_parameters(parameters: &Parameters, pack: Pack, monitor: i32) -> Option<Self> {
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+        CONVERTED.contains(&monitor).then(|| Self {
+            volt_multiplier: value(BatteryParameter::VoltMult),
+            volt_offset_v: value(BatteryParameter::VltOffset),
+            amperes_per_volt: value(BatteryParameter::AmpPervlt),
+        })
+    }
+
+    /// `None` if no parameters have these values.
+    pub(super) fn if_plausible(self) -> Option<Self> {
+        let is_plausible = self.volt_multiplier > 0.0
+            && self.volt_multiplier.is_finite()
+            && self.volt_offset_v.is_finite()
+            && self.amperes_per_volt.is_finite();
+        is_plausible.then_some(self)
+    }
+
+    /// By how much the voltage is higher than under the scale `before`, in volts, if it is `voltage_v` now.
+    pub(super) fn voltage_change_v(&self, before: &Self, voltage_v: f32) -> f32 {
+        let pin_v = voltage_v / self.volt_multiplier + self.volt_offset_v;
+        voltage_v - (pin_v - before.volt_offset_v) * before.volt_multiplier
+    }
+}
