@@ -3,8 +3,8 @@
 use heapless::Vec;
 
 use crate::battery::{
-    BatteryBank, BatteryMonitor, BatteryState, Measurement, PackSettings, PackSource, PackStatus, ReadError,
-    SumVoltage, Tick,
+    BatteryBank, BatteryMonitor, BatteryState, Measurement, Measuring, PackSettings, PackSource, PackStatus,
+    ReadError, SumVoltage, Tick,
 };
 use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
@@ -69,6 +69,15 @@ impl Packs {
             if mask & pack.bit() != 0 {
                 let settings = PackSettings::from_parameters(parameters, *pack);
                 self.bank.monitor(*pack).reset(percent, &settings);
+            }
+        }
+    }
+
+    /// A changed scale of the measurements is one of the estimates.
+    pub fn follow_scales(&mut self, parameters: &Parameters) {
+        for (pack, _) in &self.order {
+            if let Some(measuring) = Measuring::from_parameters(parameters, *pack) {
+                self.bank.monitor(*pack).follow(&measuring);
             }
         }
     }

@@ -136,6 +136,7 @@ impl Autopilot {
             retain(memory, &self.packs.bank.memory(&self.packs.read_from));
         }
         if tick == CHECKING_TICK {
+            self.packs.follow_scales(&self.parameters);
             self.record_health();
             self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
             self.announce_above_drivers(sampling.tick.now);

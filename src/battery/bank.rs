@@ -219,7 +219,7 @@ fn alert_of(state: &BatteryState) -> BatteryAlert {
         FailsafeLevel::Unhealthy | FailsafeLevel::Low => BatteryAlert::Warning,
         FailsafeLevel::Critical => BatteryAlert::Urgent,
     };
-    let by_charge = match state.charge_state {
+    let by_charge = match state.firm_charge_state() {
         ChargeState::Critical | ChargeState::Emergency | ChargeState::Failed => BatteryAlert::Urgent,
         _ if state.has_failed() => BatteryAlert::Urgent,
         ChargeState::Low => BatteryAlert::Warning,

@@ -27,6 +27,7 @@ pub(super) struct Inputs {
     /// What the pack reports.
     pub reported: Option<ChargeState>,
     pub failsafe: FailsafeLevel,
+    pub usable_pct: Option<f32>,
     pub remaining_pct: Option<f32>,
     pub limits: ChargeLimits,
     pub arm_state: ArmState,
@@ -38,15 +39,16 @@ pub(super) struct Inputs {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ChargeStateMachine {
     state: ChargeState,
-    /// The state by the remaining charge alone, with its hysteresis.
+    /// The states by the usable charge alone, and, where they are bad, by the remaining one, with their hysteresis.
     by_charge: ChargeState,
+    by_remaining: ChargeState,
     pending: ChargeState,
     pending_s: f32,
 }
 
 impl ChargeStateMachine {
     pub fn update(&mut self, dt_s: f32, inputs: &Inputs) -> ChargeState {
-        self.by_charge = by_charge(self.by_charge, inputs.remaining_pct, &inputs.limits);
+        self.by_charge = by_charge(self.by_charge, inputs.usable_pct, &inputs.limits);
         let wanted = self.wanted(inputs);
         let by_failsafe = by_failsafe(inputs.failsafe);
         if self.state != ChargeState::Charging && needs_debounce(self.state) && wanted >= by_failsafe {
@@ -71,6 +73,17 @@ impl ChargeStateMachine {
         self.state
     }
 
+    /// The state by what remains, if the reserve makes it worse: LOW at least.
+    pub fn without_reserve(&mut self, inputs: &Inputs) -> Option<ChargeState> {
+        if !matches!(self.state, ChargeState::Critical | ChargeState::Emergency) {
+            self.by_remaining = ChargeState::Undefined;
+            return None;
+        }
+        self.by_remaining = by_charge(self.by_remaining, inputs.remaining_pct, &inputs.limits);
+        let by_level = self.by_remaining.max(worst_level(inputs)).max(ChargeState::Low);
+        (self.state > by_level).then_some(by_level)
+    }
+
     fn wanted(&self, inputs: &Inputs) -> ChargeState {
         match inputs.status {
             PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => {
@@ -83,11 +96,7 @@ impl ChargeStateMachine {
         if is_charging(inputs, self.state) {
             return by_condition.unwrap_or(ChargeState::Charging);
         }
-        let by_level = self
-            .by_charge
-            .max(by_failsafe(inputs.failsafe))
-            .max(reported_level(inputs.reported))
-            .max(by_deep_discharge(inputs.faults));
+        let by_level = self.by_charge.max(worst_level(inputs));
         if by_level > ChargeState::Ok {
             // Never hidden by a fault: the driver has to know what is left.
             return by_level;
@@ -110,6 +119,13 @@ fn by_condition(inputs: &Inputs) -> Option<ChargeState> {
     } else {
         None
     }
+}
+
+/// The minimum charge state, whatever the charge.
+fn worst_level(inputs: &Inputs) -> ChargeState {
+    by_failsafe(inputs.failsafe)
+        .max(reported_level(inputs.reported))
+        .max(by_deep_discharge(inputs.faults))
 }
 
 /// The minimum charge state by what the pack reports.
@@ -199,6 +215,7 @@ mod tests {
             faults: Faults::empty(),
             reported: None,
             failsafe: FailsafeLevel::None,
+            usable_pct: Some(remaining_pct),
             remaining_pct: Some(remaining_pct),
             limits: ChargeLimits {
                 low_pct: Some(15.0),
@@ -405,9 +422,42 @@ mod tests {
     }
 
     #[test]
+    // Requirement: PX-3
+    fn what_only_the_reserve_makes_worse_is_low() {
+        for (usable_pct, remaining_pct, expected) in [
+            (0.0, 60.0, Some(ChargeState::Low)),
+            (6.0, 60.0, Some(ChargeState::Low)),
+            (10.0, 60.0, None),
+            (0.0, 6.0, Some(ChargeState::Critical)),
+            (0.0, 4.0, None),
+        ] {
+            let mut machine = ChargeStateMachine::default();
+            let inputs = Inputs {
+                usable_pct: Some(usable_pct),
+                ..healthy(remaining_pct)
+            };
+            after(&mut machine, 4.0, &inputs);
+            assert_eq!(
+                machine.without_reserve(&inputs),
+                expected,
+                "{usable_pct} % of {remaining_pct} %"
+            );
+        }
+        let mut machine = ChargeStateMachine::default();
+        let reported = Inputs {
+            usable_pct: Some(0.0),
+            reported: Some(ChargeState::Emergency),
+            ..healthy(60.0)
+        };
+        after(&mut machine, 4.0, &reported);
+        assert_eq!(machine.without_reserve(&reported), None);
+    }
+
+    #[test]
     fn unknown_charge_is_not_low() {
         let mut machine = ChargeStateMachine::default();
         let unknown = Inputs {
+            usable_pct: None,
             remaining_pct: None,
             ..healthy(0.0)
         };

@@ -1,5 +1,8 @@
 //! Cells: chemistries, their limits and their discharge curves.
 
+/// A cell that rests within this of its last rest was neither charged nor used, in volts: some percent of its charge.
+pub(super) const SAME_VOLTAGE_V: f32 = 0.015;
+
 /// Points of a curve: 0 %, 5 %, …, 100 %.
 pub(super) const POINTS: usize = 21;
 
@@ -58,6 +61,10 @@ pub(super) struct Cell {
     pub slow_share_sigma: f32,
     /// Mean sag relative to the standard deviation of the voltage while driving.
     pub sag_by_variation: f32,
+    /// Limits of the reserve for a sag: how much the sag grows towards the end, in volts, and the reserve itself. Where the curve
+    /// is flat a little more sag would take away half of the charge.
+    pub max_growth_v: f32,
+    pub max_reserve: f32,
     /// Nominal voltage as printed on packs, in volts.
     pub nominal_v: f32,
     /// Usual end-of-charge voltage, in volts; `None` where chargers do not end by voltage.
@@ -133,6 +140,8 @@ static LIPO: Cell = Cell {
     slow_share: 0.5,
     slow_share_sigma: 0.5,
     sag_by_variation: 1.2,
+    max_growth_v: 0.1,
+    max_reserve: 0.5,
     nominal_v: 3.7,
     charged_v: Some(4.2),
     max_v: 4.35,
@@ -156,6 +165,8 @@ static LIFE: Cell = Cell {
     slow_share: 1.0,
     slow_share_sigma: 0.7,
     sag_by_variation: 1.7,
+    max_growth_v: 0.1,
+    max_reserve: 0.5,
     nominal_v: 3.2,
     charged_v: Some(3.65),
     max_v: 3.8,
@@ -183,6 +194,8 @@ static LIION: Cell = Cell {
     slow_share: 1.75,
     slow_share_sigma: 0.9,
     sag_by_variation: 2.2,
+    max_growth_v: 1.0,
+    max_reserve: 1.0,
     nominal_v: 3.6,
     charged_v: Some(4.2),
     max_v: 4.35,
@@ -206,6 +219,8 @@ static NIMH: Cell = Cell {
     slow_share: 1.0,
     slow_share_sigma: 0.7,
     sag_by_variation: 1.7,
+    max_growth_v: 0.1,
+    max_reserve: 0.5,
     nominal_v: 1.2,
     charged_v: None,
     max_v: 1.65,

@@ -94,7 +94,7 @@ impl Condition {
         match self {
             Self::Status(status) => state.status == status,
             Self::Level(level) => state.failsafe == level,
-            Self::State(charge_state) => state.charge_state == charge_state,
+            Self::State(charge_state) => state.firm_charge_state() == charge_state,
             Self::Found(fault) => state.faults.contains(fault),
             Self::Reported(fault) => state.reported.faults.contains(fault),
             Self::ReportedState(charge_state) => state.reported.charge_state == Some(charge_state),
@@ -103,6 +103,11 @@ impl Condition {
 }
 
 impl BatteryState {
+    /// The charge state on which something acts.
+    pub(super) fn firm_charge_state(&self) -> ChargeState {
+        self.without_reserve.unwrap_or(self.charge_state)
+    }
+
     fn conditions(&self) -> impl Iterator<Item = &'static Row> {
         TABLE.iter().filter(|row| row.condition.holds(self))
     }

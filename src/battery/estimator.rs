@@ -1,16 +1,24 @@
 //! Estimates of a pack: resistance, resting voltage, cell count, state of charge, remaining time.
 
-use super::charge::{CellModel, ChargeEstimate, ChargeEstimator, Comparison, KnownCharge, Second};
+use super::charge::{
+    CellModel, ChargeEstimate, ChargeEstimator, Comparison, EndVoltage, KnownCharge, Second,
+};
 use super::event::PackEvent;
 use super::low_pass::MeanThenLowPass;
 use super::resistance::ResistanceEstimator;
-use super::rest::CellCount;
+use super::rest::{CellCount, RESTING_CURRENT_A};
 use super::settings::PackSettings;
 use super::swap::{AtRest, Doubt};
 use super::{ArmState, Chemistry, CurrentRange, LearntPack};
 
-/// Time constant of the average load, which gives the remaining time, in seconds.
+/// Time constants of the average loads that give the remaining time, in seconds: of the last minute, and of a drive.
 const AVERAGE_TIME_CONSTANT_S: f32 = 60.0;
+const DRIVE_TIME_CONSTANT_S: f32 = 1200.0;
+
+/// The remaining time of a drive is at most this many times that of the last minute.
+const MAX_TO_LAST_MINUTE: f32 = 3.0;
+
+const NOT_DRIVEN: MeanThenLowPass = MeanThenLowPass::new(DRIVE_TIME_CONSTANT_S);
 
 /// Below this average load the remaining time is not reported, in amperes.
 const MIN_AVERAGE_LOAD_A: f32 = 0.01;
@@ -73,6 +81,8 @@ pub(super) struct Estimator {
     /// Whether the cells are detected, and in doubt: nothing is estimated.
     cells_are_doubtful: bool,
     average_current: MeanThenLowPass,
+    /// Since the first load after arming.
+    drive_current: MeanThenLowPass,
     charge: ChargeEstimator,
     /// The latest estimate as it is reported, if it is certain enough.
     reported: Option<ReportedCharge>,
@@ -117,6 +127,7 @@ impl Estimator {
             cells: CellCount::new(),
             cells_are_doubtful: false,
             average_current: MeanThenLowPass::new(AVERAGE_TIME_CONSTANT_S),
+            drive_current: NOT_DRIVEN,
             charge: ChargeEstimator::new(),
             reported: None,
             estimated_for: None,
@@ -178,6 +189,7 @@ impl Estimator {
         self.resistance.settle();
         if let Some(current_a) = second.current_a {
             self.average_current.update(second.duration_s, current_a);
+            self.follow_drive(second.duration_s, current_a, reading.arm_state);
         }
         let model = CellModel {
             share_at_most: reading.share_at_most,
@@ -188,6 +200,15 @@ impl Estimator {
             .update(second, reading.arm_state, reading.doubt, &model);
         self.report();
         kept
+    }
+
+    /// Averages the load of a drive, pauses included.
+    fn follow_drive(&mut self, dt_s: f32, current_a: f32, arm_state: ArmState) {
+        match arm_state {
+            ArmState::Disarmed => self.drive_current = NOT_DRIVEN,
+            ArmState::Armed if self.drive_current.value().is_none() && current_a < RESTING_CURRENT_A => {}
+            ArmState::Armed => self.drive_current.update(dt_s, current_a),
+        }
     }
 
     /// Resolves a doubt when the pack rests: the charge of another one, or one that was read from another voltage, is
@@ -234,6 +255,7 @@ impl Estimator {
                 .resistance_ohm()
                 .zip(cell_count)
                 .map(|(pack_ohm, count)| pack_ohm / f32::from(count)),
+            end: EndVoltage::new(settings, cell_count),
             share_at_most: 1.0,
             learnt,
         }
@@ -276,11 +298,10 @@ impl Estimator {
 
     /// Seconds until the average load has drawn this share (0 to 1) of a pack with this capacity.
     pub fn time_to_draw_s(&self, share: f32, capacity_mah: f32) -> Option<f32> {
-        let average_a = self
-            .average_current
-            .value()
-            .filter(|average_a| *average_a > MIN_AVERAGE_LOAD_A)?;
-        Some(share * capacity_mah * AH_PER_MAH / average_a * SECONDS_PER_HOUR)
+        let average_a = self.average_current.value()?;
+        let drive_a = self.drive_current.value();
+        let load_a = drive_a.map_or(average_a, |drive_a| drive_a.max(average_a / MAX_TO_LAST_MINUTE));
+        (load_a > MIN_AVERAGE_LOAD_A).then(|| share * capacity_mah * AH_PER_MAH / load_a * SECONDS_PER_HOUR)
     }
 
     /// Seconds until the pack can't serve its load any more, where the current is not measured.

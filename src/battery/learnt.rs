@@ -2,14 +2,14 @@
 
 use core::ops::RangeInclusive;
 
-use super::charge::SAME_VOLTAGE_V;
+use super::chemistry::SAME_VOLTAGE_V;
 use super::{Chemistry, MeasuringScale};
 
 /// Points of the charge at which the curve's offset is learnt.
 pub(super) const OFFSET_POINTS: usize = 5;
 
 /// Words of a [`LearntPack`] in flash.
-pub const LEARNT_WORDS: usize = 17;
+pub const LEARNT_WORDS: usize = 21;
 
 /// The first words of these, which firmware before the scale stored.
 pub const OLDER_LEARNT_WORDS: u8 = 14;
@@ -48,7 +48,9 @@ pub struct LearntPack {
     pub(super) offsets: [Offset; OFFSET_POINTS],
     /// The state of charge when the pack was last at rest.
     pub(super) charge: Option<LastCharge>,
-    /// What it was measured with, where that is set.
+    /// The slow part of its sag, once learnt.
+    pub(super) slow: Option<LearntSlowShare>,
+    /// The scale of its measurements, where that is set.
     pub(super) scale: Option<MeasuringScale>,
 }
 
@@ -58,20 +60,21 @@ pub(crate) struct LearntCapacity {
     pub capacity_mah: f32,
     /// Standard deviation, relative to the capacity.
     pub sigma: f32,
+    /// The same as drives have shown it, with the error that they have in common, in milliampere-hours; 0: not known.
+    pub seen_mah: f32,
+    /// Standard deviation of the best of them, relative to it.
+    pub seen_sigma: f32,
 }
 
 impl LearntCapacity {
-    /// From ampere-hours.
-    pub fn new(ah: f32, sigma: f32) -> Self {
-        Self {
-            capacity_mah: ah * 1e3,
-            sigma,
-        }
-    }
-
     /// In ampere-hours.
     pub fn ah(&self) -> f32 {
         self.capacity_mah * 1e-3
+    }
+
+    /// As drives have shown it, in ampere-hours.
+    pub fn seen_ah(&self) -> f32 {
+        self.seen_mah * 1e-3
     }
 }
 
@@ -82,6 +85,14 @@ pub(crate) struct LearntResistance {
     pub now_ohm: f32,
     /// That of the first drive, in ohms: what ageing is measured against.
     pub first_ohm: f32,
+}
+
+/// The slow part of a cell's sag relative to the fast one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LearntSlowShare {
+    pub share: f32,
+    /// Standard deviation.
+    pub sigma: f32,
 }
 
 /// How far the cell's curve lies above that of its chemistry at one charge, in tenths of a millivolt.
@@ -173,6 +184,7 @@ impl LearntPack {
             sigma_100uv: 0,
         }; OFFSET_POINTS],
         charge: None,
+        slow: None,
         scale: None,
     };
 
@@ -335,12 +347,13 @@ impl LearntPack {
         }
         if let Some(capacity) = &mut rescaled.capacity {
             capacity.capacity_mah *= by_current;
+            capacity.seen_mah *= by_current;
         }
         if let Some(LearntResistance { now_ohm, first_ohm }) = &mut rescaled.resistance {
             *now_ohm *= by_voltage / by_current;
             *first_ohm *= by_voltage / by_current;
         }
-        // What is implausible then is not known.
+        // Without implausible values.
         Self::from_words(&rescaled.to_words())
     }
 
@@ -349,6 +362,8 @@ impl LearntPack {
         let capacity = self.capacity.unwrap_or(LearntCapacity {
             capacity_mah: 0.0,
             sigma: 0.0,
+            seen_mah: 0.0,
+            seen_sigma: 0.0,
         });
         let resistance = self.resistance.unwrap_or(LearntResistance {
             now_ohm: 0.0,
@@ -363,6 +378,10 @@ impl LearntPack {
             volt_multiplier: 0.0,
             volt_offset_v: 0.0,
             amperes_per_volt: 0.0,
+        });
+        let slow = self.slow.unwrap_or(LearntSlowShare {
+            share: 0.0,
+            sigma: 0.0,
         });
         let [drives_low, drives_high] = self.drives.to_le_bytes();
         let kind = [self.chemistry as u8, self.cell_count, drives_low, drives_high];
@@ -385,6 +404,10 @@ impl LearntPack {
             scale.volt_multiplier.to_bits(),
             scale.volt_offset_v.to_bits(),
             scale.amperes_per_volt.to_bits(),
+            slow.share.to_bits(),
+            slow.sigma.to_bits(),
+            capacity.seen_mah.to_bits(),
+            capacity.seen_sigma.to_bits(),
         ]
     }
 
@@ -409,8 +432,18 @@ impl LearntPack {
             volt_multiplier,
             volt_offset_v,
             amperes_per_volt,
+            slow_share,
+            slow_sigma,
+            seen_mah,
+            seen_sigma,
         ] = words.map(f32::from_bits);
         let [chemistry, cell_count, drives @ ..] = kind.to_le_bytes();
+        let is_seen = CAPACITIES_MAH.contains(&seen_mah) && (0.0..=1.0).contains(&seen_sigma);
+        let (seen_mah, seen_sigma) = if is_seen {
+            (seen_mah, seen_sigma)
+        } else {
+            (0.0, 0.0)
+        };
         let is_sigma = |sigma: f32| (0.0..=1.0).contains(&sigma);
         Some(Self {
             chemistry: Chemistry::from_number(chemistry.into())?,
@@ -421,6 +454,8 @@ impl LearntPack {
                 LearntCapacity {
                     capacity_mah,
                     sigma: capacity_sigma,
+                    seen_mah,
+                    seen_sigma,
                 },
             ),
             resistance: (RESISTANCES_OHM.contains(&now_ohm) && RESISTANCES_OHM.contains(&first_ohm))
@@ -432,6 +467,12 @@ impl LearntPack {
                     sigma,
                     resting_v,
                 }),
+            slow: ((0.0..=10.0).contains(&slow_share) && slow_sigma > 0.0 && is_sigma(slow_sigma)).then_some(
+                LearntSlowShare {
+                    share: slow_share,
+                    sigma: slow_sigma,
+                },
+            ),
             scale: MeasuringScale {
                 volt_multiplier,
                 volt_offset_v,
@@ -458,6 +499,8 @@ mod tests {
             capacity: Some(LearntCapacity {
                 capacity_mah: 2950.0,
                 sigma: 0.02,
+                seen_mah: 3010.0,
+                seen_sigma: 0.015,
             }),
             resistance: Some(LearntResistance {
                 now_ohm: 0.030,
@@ -472,6 +515,10 @@ mod tests {
                 sigma: 0.03,
                 resting_v: 3.71,
             }),
+            slow: Some(LearntSlowShare {
+                share: 0.4,
+                sigma: 0.06,
+            }),
             scale: Some(MeasuringScale {
                 volt_multiplier: 3.95,
                 volt_offset_v: -0.01,
@@ -485,7 +532,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn arbitrary_words_give_plausible_values(words in prop::array::uniform17(any::<u32>())) {
+        fn arbitrary_words_give_plausible_values(words in prop::array::uniform21(any::<u32>())) {
             let Some(learnt) = LearntPack::from_words(&words) else { return Ok(()) };
             prop_assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
             prop_assert!(learnt.capacity_mah().is_none_or(|capacity_mah| capacity_mah >= 1.0));

@@ -5,16 +5,18 @@
 //! cells 1
 //! drives 2
 //! capacity_mah_sigma 2987.5 0.03
+//! shown_mah_sigma 3010 0.02
 //! resistance_ohm_now_first 0.0295 0.0288
 //! offsets_100uv_sigma 75 144 -201 144 -323 144 -428 144 236 144
 //! charge_sigma_resting_v 0.143 0.04 3.387
+//! slow_share_sigma 0.4 0.06
 //! scale_volt_mult_offset_amp_pervlt 3.95 0 17
 //! ```
 
 use core::fmt;
 use core::str::FromStr;
 
-use super::learnt::{LastCharge, LearntCapacity, LearntResistance, OFFSET_POINTS, Offset};
+use super::learnt::{LastCharge, LearntCapacity, LearntResistance, LearntSlowShare, OFFSET_POINTS, Offset};
 use super::{Chemistry, LearntPack, MeasuringScale};
 
 const CHEMISTRY: &str = "chemistry";
@@ -25,6 +27,8 @@ const CAPACITY: &str = "capacity_mah_sigma";
 const RESISTANCE: &str = "resistance_ohm_now_first";
 const OFFSETS: &str = "offsets_100uv_sigma";
 const CHARGE: &str = "charge_sigma_resting_v";
+const SEEN: &str = "shown_mah_sigma";
+const SLOW: &str = "slow_share_sigma";
 const SCALE: &str = "scale_volt_mult_offset_amp_pervlt";
 
 /// Why a text is not what was learnt of a pack.
@@ -53,8 +57,17 @@ impl fmt::Display for LearntPack {
             writeln!(f, "{SERIAL_NUMBER} {number}")?;
         }
         writeln!(f, "{DRIVES} {}", self.drives)?;
-        if let Some(LearntCapacity { capacity_mah, sigma }) = self.capacity {
+        if let Some(LearntCapacity {
+            capacity_mah,
+            sigma,
+            seen_mah,
+            seen_sigma,
+        }) = self.capacity
+        {
             writeln!(f, "{CAPACITY} {capacity_mah} {sigma}")?;
+            if seen_mah > 0.0 {
+                writeln!(f, "{SEEN} {seen_mah} {seen_sigma}")?;
+            }
         }
         if let Some(LearntResistance { now_ohm, first_ohm }) = self.resistance {
             writeln!(f, "{RESISTANCE} {now_ohm} {first_ohm}")?;
@@ -70,6 +83,9 @@ impl fmt::Display for LearntPack {
                 "{CHARGE} {} {} {}",
                 charge.share, charge.sigma, charge.resting_v
             )?;
+        }
+        if let Some(slow) = self.slow {
+            writeln!(f, "{SLOW} {} {}", slow.share, slow.sigma)?;
         }
         if let Some(MeasuringScale {
             volt_multiplier,
@@ -116,7 +132,17 @@ impl LearntPack {
             DRIVES => [self.drives] = parse(numbers)?,
             CAPACITY => {
                 let [capacity_mah, sigma] = parse(numbers)?;
-                self.capacity = Some(LearntCapacity { capacity_mah, sigma });
+                self.capacity = Some(LearntCapacity {
+                    capacity_mah,
+                    sigma,
+                    seen_mah: 0.0,
+                    seen_sigma: 0.0,
+                });
+            }
+            SEEN => {
+                let [seen_mah, seen_sigma] = parse(numbers)?;
+                let capacity = self.capacity.as_mut()?;
+                (capacity.seen_mah, capacity.seen_sigma) = (seen_mah, seen_sigma);
             }
             RESISTANCE => {
                 let [now_ohm, first_ohm] = parse(numbers)?;
@@ -139,6 +165,10 @@ impl LearntPack {
                     sigma,
                     resting_v,
                 });
+            }
+            SLOW => {
+                let [share, sigma] = parse(numbers)?;
+                self.slow = Some(LearntSlowShare { share, sigma });
             }
             SCALE => {
                 let [volt_multiplier, volt_offset_v, amperes_per_volt] = parse(numbers)?;
@@ -211,7 +241,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn text_restores_whatever_flash_may_hold(words in prop::array::uniform17(any::<u32>()), chemistry in 1u8..=4) {
+        fn text_restores_whatever_flash_may_hold(words in prop::array::uniform21(any::<u32>()), chemistry in 1u8..=4) {
             let mut words = words;
             words[0] = words[0] & !0xff | u32::from(chemistry);
             let learnt = LearntPack::from_words(&words).expect("a chemistry");

@@ -7,7 +7,16 @@ use crate::parameter::{BatteryParameter, Parameters};
 /// a synthetic current, and AD7091R-5.
 const CONVERTED: [i32; 4] = [3, 4, 25, 33];
 
-/// How voltage and current of a pack are measured.
+/// The scale of a pack's voltage and current, with the pin of the voltage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measuring {
+    /// The scale.
+    pub scale: MeasuringScale,
+    /// `BATT_VOLT_PIN`.
+    pub voltage_pin: i32,
+}
+
+/// The scale of a pack's voltage and current.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuringScale {
     /// Pack voltage divided by pin voltage (`BATT_VOLT_MULT`).
@@ -18,17 +27,25 @@ pub struct MeasuringScale {
     pub amperes_per_volt: f32,
 }
 
-impl MeasuringScale {
+impl Measuring {
     /// From the live parameters of a pack; `None` if its source does not use them.
-    pub(super) fn from_parameters(parameters: &Parameters, pack: Pack, monitor: i32) -> Option<Self> {
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Option<Self> {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
-        CONVERTED.contains(&monitor).then(|| Self {
-            volt_multiplier: value(BatteryParameter::VoltMult),
-            volt_offset_v: value(BatteryParameter::VltOffset),
-            amperes_per_volt: value(BatteryParameter::AmpPervlt),
-        })
+        let whole = |parameter: BatteryParameter| parameters.get_whole(parameter.of(pack));
+        CONVERTED
+            .contains(&whole(BatteryParameter::Monitor))
+            .then(|| Self {
+                scale: MeasuringScale {
+                    volt_multiplier: value(BatteryParameter::VoltMult),
+                    volt_offset_v: value(BatteryParameter::VltOffset),
+                    amperes_per_volt: value(BatteryParameter::AmpPervlt),
+                },
+                voltage_pin: whole(BatteryParameter::VoltPin),
+            })
     }
+}
 
+impl MeasuringScale {
     /// `None` if no parameters have these values.
     pub(super) fn if_plausible(self) -> Option<Self> {
         let is_plausible = self.volt_multiplier > 0.0

@@ -1,6 +1,6 @@
 //! Settings of a pack, and thresholds for one whose owner has set none.
 
-use super::{BatteryState, Chemistry, MeasuringScale, ReportedVoltage, Visibility};
+use super::{BatteryState, Chemistry, ReportedVoltage, Visibility};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 
@@ -22,10 +22,6 @@ pub struct PackSettings {
     pub reported_voltage: ReportedVoltage,
     /// Whether the pack is reported to ground stations (`BATT_OPTIONS` bit 8).
     pub visibility: Visibility,
-    /// How its voltage and current are measured, where that is set.
-    pub scale: Option<MeasuringScale>,
-    /// The pin that measures its voltage (`BATT_VOLT_PIN`).
-    pub voltage_pin: i32,
     /// Limits of the charge states.
     pub charge_limits: ChargeLimits,
     /// Thresholds of the failsafe.
@@ -125,8 +121,7 @@ impl PackSettings {
         let above_zero = |parameter| Some(value(parameter)).filter(|value| *value > 0.0);
         let options = whole(BatteryParameter::Options);
         let default_capacity_mah = BatteryParameter::Capacity.of(pack).default_value();
-        let monitor = whole(BatteryParameter::Monitor);
-        let is_sum = monitor == SUM;
+        let is_sum = whole(BatteryParameter::Monitor) == SUM;
         Self {
             chemistry: Chemistry::from_number(whole(BatteryParameter::Chem)).unwrap_or_default(),
             cell_count: u8::try_from(whole(BatteryParameter::Cells))
@@ -146,8 +141,6 @@ impl PackSettings {
             } else {
                 Visibility::Reported
             },
-            scale: MeasuringScale::from_parameters(parameters, pack, monitor),
-            voltage_pin: whole(BatteryParameter::VoltPin),
             charge_limits: ChargeLimits {
                 low_pct: above_zero(BatteryParameter::LowPct),
                 critical_pct: above_zero(BatteryParameter::CrtPct),
@@ -212,7 +205,6 @@ mod tests {
         let settings = PackSettings::from_parameters(&Parameters::defaults(), Pack::Second);
         let expected = PackSettings {
             capacity_mah: Some(3300.0),
-            voltage_pin: 26,
             charge_limits: ChargeLimits {
                 low_pct: Some(15.0),
                 critical_pct: Some(7.0),
@@ -231,8 +223,8 @@ mod tests {
     fn is_read_elsewhere(parameter: BatteryParameter) -> bool {
         use BatteryParameter::*;
         let of_sensors = [
-            VoltMult, VltOffset, CurrPin, AmpPervlt, AmpOffset, MaxVolt, I2cBus, I2cAddr, Shunt, MaxAmps,
-            Channel, FlVltMin, FlVMult, FlFltr, FlPin, FlFf, FlFs, FlFt, FlOff, CurrMult, EscMask,
+            VoltPin, VoltMult, VltOffset, CurrPin, AmpPervlt, AmpOffset, MaxVolt, I2cBus, I2cAddr, Shunt,
+            MaxAmps, Channel, FlVltMin, FlVMult, FlFltr, FlPin, FlFf, FlFs, FlFt, FlOff, CurrMult, EscMask,
         ];
         let of_others = [SumMask, FsLowAct, FsCrtAct, FsUnhAct, LrnCap, LrnRes, LrnErase];
         of_sensors.contains(&parameter) || of_others.contains(&parameter)
@@ -295,8 +287,6 @@ mod tests {
             serial_number: Some(7),
             reported_voltage: ReportedVoltage::Resting,
             visibility: Visibility::Internal,
-            scale: None,
-            voltage_pin: 26,
             charge_limits: ChargeLimits {
                 low_pct: Some(30.0),
                 critical_pct: Some(20.0),

@@ -94,6 +94,9 @@ pub struct BatteryState {
     pub thermometer: Thermometer,
     /// Charge state.
     pub charge_state: ChargeState,
+    /// The charge state by what remains, if the reserve for the sag makes it worse: nothing but lamps and texts goes by the
+    /// reserve alone.
+    pub without_reserve: Option<ChargeState>,
     /// Present faults, as found here.
     pub faults: Faults,
     /// What the pack reports of its own condition.
@@ -151,6 +154,7 @@ impl BatteryState {
         temperature_c: None,
         thermometer: Thermometer::Pack,
         charge_state: ChargeState::Undefined,
+        without_reserve: None,
         faults: Faults::empty(),
         reported: Reported::NONE,
         failsafe: FailsafeLevel::None,

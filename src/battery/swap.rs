@@ -35,7 +35,7 @@ pub(super) enum Doubt {
     Rescaled,
 }
 
-/// What a rest says of a doubt.
+/// A rest that ends a doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum AtRest {
     Replaced(Replacement),

@@ -183,7 +183,7 @@ fn power_lost_while_armed_brings_saved_values_back() {
     bench.set("BATT_CAPACITY", 777.0);
     bench.run_for(SECOND);
     arm_and_drive(&mut bench);
-    for number in 0..12 {
+    for number in 0..30 {
         bench.set("BATT_LOW_VOLT", 6.0 + number as f32);
     }
     bench.set("BATT_CAPACITY", 1234.0);

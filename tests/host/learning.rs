@@ -231,6 +231,74 @@ fn wrong_label_is_absorbed_from_the_second_drive_on() {
     }
 }
 
+/// A full pack whose resistances are this many times as large.
+fn with_resistance(factor: f32) -> SimulatedPack {
+    let model = PackModel::LIPO_3S_2200;
+    SimulatedPack::full(PackModel {
+        ohmic_resistance_ohm: factor * model.ohmic_resistance_ohm,
+        polarization_resistance_ohm: factor * model.polarization_resistance_ohm,
+        ..model
+    })
+}
+
+#[test]
+fn a_pack_whose_contacts_double_its_resistance_is_learnt() {
+    let mut rover = Rover::new(&[], full());
+    rover.learn(with_resistance(2.4));
+    let error = rover.learnt_mah() / 2200.0 - 1.0;
+    assert!(error.abs() < 0.05, "{error}");
+    let mohm = rover.parameter("BATT_LRN_RES");
+    assert!((mohm / (2.4 * 36.0) - 1.0).abs() < 0.2, "{mohm}");
+}
+
+#[test]
+fn a_pack_that_was_met_cold_first_keeps_its_capacity_and_shows_its_resistance_warm() {
+    let mut rover = Rover::new(&[], full());
+    rover.learn(with_resistance(2.2));
+    let (cold_mah, cold_mohm) = (rover.learnt_mah(), rover.parameter("BATT_LRN_RES"));
+    rover.power_cycle();
+    rover.learn(full());
+    let (warm_mah, warm_mohm) = (rover.learnt_mah(), rover.parameter("BATT_LRN_RES"));
+    assert!(
+        (warm_mah / cold_mah - 1.0).abs() < 0.05,
+        "{cold_mah}, then {warm_mah}"
+    );
+    assert!(warm_mohm < 0.6 * cold_mohm, "{cold_mohm}, then {warm_mohm}");
+    assert_eq!(
+        rover.announced().len(),
+        1,
+        "the same pack: {:?}",
+        rover.announced()
+    );
+    // Cold once more, it spoils nothing.
+    rover.power_cycle();
+    rover.learn(with_resistance(2.2));
+    let again_mohm = rover.parameter("BATT_LRN_RES");
+    assert!(
+        (again_mohm / warm_mohm - 1.0).abs() < 0.03,
+        "{warm_mohm}, then {again_mohm}"
+    );
+    assert!((rover.learnt_mah() / warm_mah - 1.0).abs() < 0.05);
+}
+
+#[test]
+fn equal_drives_with_short_rests_do_not_raise_the_capacity() {
+    for rest_s in [60.0, 120.0] {
+        let mut rover = Rover::new(&[], full());
+        for drive in 0..14 {
+            rover.power_cycle();
+            rover.pack = full();
+            rover.wait(5.0, RESTING_A);
+            rover.drive_to(0.15);
+            let error_pct = rover.error_pct();
+            assert!(error_pct.abs() <= 4.0, "{rest_s} s, drive {drive}: {error_pct}");
+            rover.wait(rest_s, RESTING_A);
+        }
+        let error = rover.learnt_mah() / 2200.0 - 1.0;
+        assert!(error.abs() < 0.05, "{rest_s} s: {error}");
+    }
+}
+
 #[test]
 fn erased_knowledge_does_not_return_from_the_same_drive() {
     let mut rover = Rover::new(&[], full());

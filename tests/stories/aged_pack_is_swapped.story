@@ -2,6 +2,7 @@
 # nothing that was learnt counts for that one.
 param BATT_CAPACITY 60
 param BATT_CELLS 2
+param BATT_CRT_VOLT 6.0
   0.0  pack 42 200 100
   5.0  load 2.6 0.8
  90.0  load 0 0

@@ -4,6 +4,6 @@ param BATT_CAPACITY 30
 param BATT_CELLS 2
   0.0  pack 30 700 100
   5.0  load 1.3 0.4
-expect  71.9 says~1 Battery 1 low: 6.4*% usable
-expect  80.4 says~1 Battery 1 emergency: 6.3*% usable
+expect  60.4 says~1 Battery 1 low: 7.1*% usable
+expect  67.4 says~1 Battery 1 emergency: 7.1*% usable
 end 100

@@ -1,6 +1,7 @@
 # The label says 60 mAh, the pack has 48: at the rest after its first drive the board knows, and says so once.
 param BATT_CAPACITY 60
 param BATT_CELLS 2
+param BATT_CRT_VOLT 6.0
   0.0  pack 48 200 100
   5.0  load 2.6 0.8
 103.0  load 0 0

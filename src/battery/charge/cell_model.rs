@@ -1,8 +1,8 @@
 //! What is known of a pack: the chemistry of its cells, what was learnt of it, and charges that are known.
 
-use crate::battery::Chemistry;
-use crate::battery::chemistry::{Cell, POINTS};
+use crate::battery::chemistry::{Cell, POINTS, SAME_VOLTAGE_V};
 use crate::battery::learnt::{LastCharge, LearntPack, Offset};
+use crate::battery::{Chemistry, FailsafeSettings, PackSettings, VoltageSource};
 
 /// Standard deviation of a rated capacity, relative to it.
 const RATED_SIGMA: f32 = 0.04;
@@ -24,11 +24,14 @@ const SLOPE_WIDTH: f32 = 0.05;
 /// Lower limit of the slope, in volts per state of charge: a tenth of that of LiFe.
 const MIN_SLOPE_V: f32 = 0.01;
 
-/// A pack that still rests within this of its last resting voltage was neither charged nor used, in volts.
-pub(in crate::battery) const SAME_VOLTAGE_V: f32 = 0.015;
+/// Standard deviation of a learnt slow share from one drive to the next.
+const LEARNT_SLOW_SIGMA: f32 = 0.25;
 
 /// Standard deviation of a state of charge that the owner sets.
 const SET_SIGMA: f32 = 0.01;
+
+/// An end above the voltage at this state of charge is that of other cells.
+const HIGHEST_END: f32 = 0.3;
 
 /// State of charge between two points of the curve.
 const POINT_WIDTH: f32 = 1.0 / (POINTS - 1) as f32;
@@ -46,10 +49,44 @@ pub(in crate::battery) struct CellModel<'a> {
     pub rated_ah: Option<f32>,
     /// Resistance of a cell, in ohms, once measured.
     pub measured_ohm: Option<f32>,
+    /// The voltage at which a cell is empty.
+    pub end: EndVoltage,
     /// The most that can be left by a count at the source, from 0 to 1.
     pub share_at_most: f32,
     /// What was learnt of this pack.
     pub learnt: &'a LearntPack,
+}
+
+/// The voltage of a cell at which a drive ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::battery) struct EndVoltage {
+    pub cell_v: f32,
+    /// The voltage that is compared with it.
+    pub source: VoltageSource,
+}
+
+impl EndVoltage {
+    /// The owner's critical voltage, if it is one of a cell that is nearly empty; else the usual one.
+    pub fn new(settings: &PackSettings, cell_count: Option<u8>) -> Self {
+        let cell = settings.chemistry.cell();
+        let FailsafeSettings {
+            low,
+            critical,
+            timer_s,
+            voltage_source,
+            ..
+        } = settings.failsafe;
+        let per_cell = |pack_v: f32| cell_count.map(|count| pack_v / f32::from(count));
+        let set_v = timer_s
+            .and(critical.voltage_v)
+            .filter(|critical_v| low.voltage_v.is_none_or(|low_v| *critical_v < low_v))
+            .and_then(per_cell)
+            .filter(|cell_v| (cell.deep_discharge_v..=cell.curve.voltage_v(HIGHEST_END)).contains(cell_v));
+        Self {
+            cell_v: set_v.unwrap_or(cell.critical_v),
+            source: voltage_source,
+        }
+    }
 }
 
 /// A capacity with its uncertainty.
@@ -125,6 +162,19 @@ impl CellModel<'_> {
             .resistance
             .filter(|_| self.learnt.serial_number.is_some());
         self.measured_ohm.or(kept.map(|kept| kept.now_ohm))
+    }
+
+    /// The slow part of a sag relative to the fast one: learnt, else typical.
+    pub fn slow_share(&self) -> f32 {
+        self.learnt.slow.map_or(self.cell.slow_share, |slow| slow.share)
+    }
+
+    /// Its standard deviation.
+    pub fn slow_share_sigma(&self) -> f32 {
+        match self.learnt.slow {
+            Some(_) => LEARNT_SLOW_SIGMA,
+            None => self.cell.slow_share_sigma,
+        }
     }
 
     /// Resting voltage at a state of charge from 0 to 1, in volts.
@@ -212,6 +262,10 @@ mod tests {
                     cell_count: Some(3),
                     rated_ah: None,
                     measured_ohm: None,
+                    end: EndVoltage {
+                        cell_v: 3.0,
+                        source: VoltageSource::Terminal,
+                    },
                     share_at_most: 1.0,
                     learnt,
                 };

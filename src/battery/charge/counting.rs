@@ -3,7 +3,7 @@
 use super::cell_model::{Capacity, CellModel};
 use super::drive::Drive;
 use super::filter::Filter;
-use super::load::{Block, Load, Trace};
+use super::load::{Block, Load, SagGrowth, Trace};
 use super::start::charged;
 use crate::battery::LearntPack;
 
@@ -74,18 +74,18 @@ impl Counting {
         model: &CellModel,
         capacity: &Capacity,
     ) {
-        if let Some(cell_v) = cell_v {
-            let sag_v = model.voltage_v(self.filter.share()) - cell_v;
-            trace.reserve.update(load.duration_s, sag_v);
-        }
         if let Some(block) = trace.block.add(load, cell_v) {
-            self.compare(&block, trace.polarisation.lasting_a(), model, capacity);
-            trace.reserve.settle(model);
+            self.compare(&block, trace, model, capacity);
+            if let Some(cell_v) = block.cell_v {
+                let sag_v = model.voltage_v(self.filter.share()) - cell_v;
+                trace.reserve.update(block.load.duration_s, sag_v);
+            }
+            trace.reserve.settle(SagGrowth::NearEmpty, model);
         }
     }
 
-    /// Compares a block with the model; `lasting_a` is the current averaged over the longest time.
-    fn compare(&mut self, block: &Block, lasting_a: f32, model: &CellModel, capacity: &Capacity) {
+    /// Compares a block with the model.
+    fn compare(&mut self, block: &Block, trace: &mut Trace, model: &CellModel, capacity: &Capacity) {
         let filter = &mut self.filter;
         if let Some(drive) = &mut self.drive {
             drive.add(block, filter.share(), model, capacity);
@@ -94,15 +94,17 @@ impl Counting {
             let excess = (deviations.abs() - CONTRADICTION).min(MAX_EXCESS);
             self.contradicted_s = (self.contradicted_s + excess * block.load.duration_s).max(0.0);
         }
-        filter.settle(lasting_a, model, capacity);
+        filter.settle(trace.polarisation.lasting_a(), model, capacity);
         if self.contradicted_s >= MAX_CONTRADICTION_S
             && let Some(cell_v) = block.cell_v
         {
             self.contradicted_s = 0.0;
             *filter = Filter::from_voltage(&block.load, cell_v, model, capacity);
+            trace.reserve.restart();
         }
         if let Some(charged) = charged(block, model, capacity) {
             *filter = charged;
+            trace.reserve.restart();
         }
         if block.load.current_a < 0.0 && filter.share() >= 1.0 {
             self.drive = Some(Drive::new(filter));
@@ -119,7 +121,7 @@ impl Counting {
         };
         if let Some(capacity) = model.capacity() {
             let (share, sigma) = drive.share(&capacity);
-            self.filter = Filter::from_share(share, sigma, &model, &capacity);
+            self.filter = Filter::counted_to(share, sigma, &model, &capacity);
         }
         Some(learnt)
     }

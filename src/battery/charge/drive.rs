@@ -2,9 +2,10 @@
 
 use super::cell_model::{Capacity, CellModel, MAX_LEARNT_SIGMA, root_of_squares};
 use super::filter::Filter;
+use super::lesson::{CurveLesson, SeenPoint, SlowSag, is_warm, learn_capacity, learn_resistance};
 use super::load::{Block, HOURS_PER_SECOND, Load, Sum};
 use super::start::is_resting;
-use crate::battery::learnt::{LearntCapacity, LearntPack, LearntResistance, OFFSET_POINTS, Offset};
+use crate::battery::learnt::{LearntPack, OFFSET_POINTS, Offset};
 
 /// Charge to be drawn between two rests, in capacities; Texas Instruments' gauges ask for 0.37 (SLUA450).
 const MIN_DRAWN: f32 = 0.35;
@@ -12,34 +13,17 @@ const MIN_DRAWN: f32 = 0.35;
 /// Standard deviation of the charge at the first rest up to which it counts as known.
 const MAX_START_SIGMA: f32 = 0.03;
 
-/// Resistance of a drive relative to a typical cell, and to what is kept, up to which the pack was warm.
-const WARM_TO_TYPICAL: f32 = 1.5;
-const WARM_TO_KEPT: f32 = 1.4;
+/// Resistance of a first drive relative to that of a typical cell, up to which it is that of a cell with its contacts.
+const MAX_TO_TYPICAL: f32 = 4.0;
 
-/// A pack with less than this share of the kept resistance is another one: a pack only ages, and cools.
-const OTHER_PACK: f32 = 0.6;
+/// Up to here the typical slow sag is that of the cell.
+const NEAR_TYPICAL: f32 = 1.5;
 
 /// What is seen for a shorter time is not learnt, in seconds.
 const MIN_DURATION_S: f32 = 60.0;
 
-/// Standard deviation of the true capacity, relative to the rated one.
-const RATED_SIGMA: f32 = 0.15;
-
-/// What a capacity may change from drive to drive, relative to it.
-const DRIFT_SIGMA: f32 = 0.01;
-
 /// What the offset of a current sensor may count at rest, in capacities per hour: a parked rover teaches little.
 const REST_DRIFT_PER_H: f32 = 0.05;
-
-/// A capacity further from the expected one, in standard deviations, is not believed.
-const GATE: f32 = 3.0;
-
-/// Standard deviation of the offset seen in one drive, and lower limit of a learnt one, in volts.
-const OFFSET_SIGMA_V: f32 = 0.015;
-const MIN_OFFSET_SIGMA_V: f32 = 0.008;
-
-/// The kept resistance follows that of this many drives.
-const RESISTANCE_DRIVES: f32 = 4.0;
 
 /// A shorter rest teaches nothing, in seconds.
 const FIRST_REST_S: f32 = 30.0;
@@ -58,18 +42,39 @@ pub(super) struct Drive {
     before: Option<LearntPack>,
 }
 
-/// What was seen near one point of the curve.
+/// A [`SeenPoint`], summed over time.
 #[derive(Clone, Copy, Debug)]
 struct CurvePoint {
-    resting_v: Sum,
-    drawn_ah: Sum,
+    duration_s: f32,
+    sum: SeenPoint,
 }
 
 impl CurvePoint {
     const NEW: Self = Self {
-        resting_v: Sum::NEW,
-        drawn_ah: Sum::NEW,
+        duration_s: 0.0,
+        sum: SeenPoint {
+            without_fast_v: 0.0,
+            slow_v: 0.0,
+            drawn_ah: 0.0,
+        },
     };
+
+    fn add(&mut self, duration_s: f32, seen: &SeenPoint) {
+        self.duration_s += duration_s;
+        self.sum.without_fast_v += seen.without_fast_v * duration_s;
+        self.sum.slow_v += seen.slow_v * duration_s;
+        self.sum.drawn_ah += seen.drawn_ah * duration_s;
+    }
+
+    /// The means, if it was seen for long enough.
+    fn means(&self) -> Option<SeenPoint> {
+        let share = 1.0 / self.duration_s;
+        (self.duration_s >= 0.5 * MIN_DURATION_S).then_some(SeenPoint {
+            without_fast_v: self.sum.without_fast_v * share,
+            slow_v: self.sum.slow_v * share,
+            drawn_ah: self.sum.drawn_ah * share,
+        })
+    }
 }
 
 impl Drive {
@@ -115,9 +120,12 @@ impl Drive {
         let (point, weight) = Offset::position(share);
         let nearest = if weight < 0.5 { point } else { point + 1 };
         if let Some(part) = self.parts.get_mut(nearest) {
-            let resting_v = cell_v + block.load.sag_v(ohm, model.cell.slow_share);
-            part.resting_v.add(duration_s, resting_v);
-            part.drawn_ah.add(duration_s, middle_ah);
+            let seen = SeenPoint {
+                without_fast_v: cell_v + ohm * current_a,
+                slow_v: ohm * block.load.slow_a,
+                drawn_ah: middle_ah,
+            };
+            part.add(duration_s, &seen);
         }
     }
 
@@ -141,11 +149,8 @@ impl Drive {
             return None;
         }
         let kept = self.before.unwrap_or(*model.learnt);
-        let is_other_pack = kept
-            .resistance
-            .is_some_and(|kept| ohm < OTHER_PACK * kept.now_ohm);
-        let kept = if is_other_pack { LearntPack::UNKNOWN } else { kept };
-        if !is_warm(ohm, rated_ah, &kept, model) {
+        let typical_ohm = model.cell.ohmic_drop_v / rated_ah;
+        if kept.resistance.is_none() && ohm > MAX_TO_TYPICAL * typical_ohm {
             return None;
         }
         let attempt = |before| Some((before, self.evaluate(ohm, rest, cell_v, &before, model)?));
@@ -170,77 +175,79 @@ impl Drive {
         before: &LearntPack,
         model: &CellModel,
     ) -> Option<LearntPack> {
-        let rated = Capacity {
-            ah: model.rated_ah?,
-            sigma: RATED_SIGMA,
+        let rated_ah = model.rated_ah?;
+        // The offsets of the curve were learnt with the capacity: they say nothing new of it.
+        let typical = LearntPack {
+            slow: before.slow,
+            ..LearntPack::UNKNOWN
         };
-        let expected = before.capacity.map_or(rated, |kept| Capacity {
-            ah: kept.ah(),
-            sigma: kept.sigma + DRIFT_SIGMA,
-        });
-        let at_rest = CellModel {
-            learnt: before,
-            measured_ohm: Some(ohm),
-            ..*model
-        };
-        let end = Filter::from_voltage(rest, cell_v, &at_rest, &expected);
-        let capacity = self.learn_capacity(&end, &expected)?;
+        let shown = self.capacity(rest, cell_v, &known(model, &typical, ohm))?;
+        let capacity = learn_capacity(before.capacity, &shown, rated_ah)?;
         let mut learnt = LearntPack {
             chemistry: model.chemistry,
             cell_count: model.cell_count?,
             serial_number: model.learnt.serial_number,
             drives: before.drives.saturating_add(1),
-            capacity: Some(LearntCapacity::new(capacity.ah, capacity.sigma)),
-            resistance: Some(learn_resistance(before.resistance, ohm)),
+            capacity: Some(capacity),
             ..*before
         };
-        if capacity.sigma < MAX_LEARNT_SIGMA {
-            self.learn_curve(&mut learnt.offsets, &capacity, model);
+        if is_warm(before.resistance, ohm) {
+            learnt.resistance = Some(learn_resistance(before.resistance, ohm));
+            if capacity.sigma < MAX_LEARNT_SIGMA {
+                let lesson = CurveLesson {
+                    start_share: self.start_share,
+                    capacity: Capacity {
+                        ah: capacity.ah(),
+                        sigma: capacity.sigma,
+                    },
+                    slow_sag: if ohm * rated_ah > NEAR_TYPICAL * model.cell.ohmic_drop_v {
+                        SlowSag::Learnt
+                    } else {
+                        SlowSag::Known
+                    },
+                    model: &known(model, before, ohm),
+                };
+                self.learn_curve(&lesson, &mut learnt);
+            }
         }
         Some(learnt)
     }
 
-    /// A Kalman update of the inverse capacity, by the charge between two rests.
-    fn learn_capacity(&self, end: &Filter, expected: &Capacity) -> Option<Capacity> {
+    /// The capacity by the charge between two rests.
+    fn capacity(&self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<Capacity> {
+        let end = Filter::from_voltage(rest, cell_v, model, &model.capacity()?);
         let used = self.start_share - end.share();
-        let drawn = self.drawn_ah / expected.ah;
-        let innovation = used / drawn - 1.0;
         let rests_sigma = root_of_squares(self.start_sigma, end.sigma());
-        let measured_sigma = root_of_squares(rests_sigma, REST_DRIFT_PER_H * self.rested_h) / drawn;
-        let variance = expected.sigma * expected.sigma;
-        let total = variance + measured_sigma * measured_sigma;
-        if innovation * innovation > GATE * GATE * total {
-            return None;
-        }
-        let gain = variance / total;
-        Some(Capacity {
-            ah: expected.ah / (1.0 + gain * innovation),
-            sigma: libm::sqrtf(variance * (1.0 - gain)),
+        let sigma = root_of_squares(rests_sigma, REST_DRIFT_PER_H * self.rested_h);
+        // Less is nothing that a curve shows.
+        (used >= 0.5 * MIN_DRAWN).then(|| Capacity {
+            ah: self.drawn_ah / used,
+            sigma: sigma / used,
         })
     }
 
-    fn learn_curve(&self, offsets: &mut [Offset; OFFSET_POINTS], capacity: &Capacity, model: &CellModel) {
-        for (offset, part) in offsets.iter_mut().zip(&self.parts) {
-            let means = part
-                .resting_v
-                .mean(MIN_DURATION_S)
-                .zip(part.drawn_ah.mean(MIN_DURATION_S));
-            let Some((resting_v, drawn_ah)) = means else {
-                continue;
-            };
-            let share = self.start_share - drawn_ah / capacity.ah;
-            let seen_v = resting_v - model.cell.curve.voltage_v(share);
-            let (before_v, sigma_v) = match offset.sigma_v() {
-                Some(sigma_v) => (offset.mean_v(), sigma_v),
-                None => (0.0, model.cell.curve_sigma_v),
-            };
-            let variance = sigma_v * sigma_v;
-            let gain = variance / (variance + OFFSET_SIGMA_V * OFFSET_SIGMA_V);
-            *offset = Offset::from_v(
-                before_v + gain * (seen_v - before_v),
-                libm::sqrtf(variance * (1.0 - gain)).max(MIN_OFFSET_SIGMA_V),
-            );
+    fn learn_curve(&self, lesson: &CurveLesson, learnt: &mut LearntPack) {
+        let points = learnt.offsets.iter().zip(&self.parts);
+        learnt.slow = lesson.slow_share(points.filter_map(|(offset, part)| Some((offset, part.means()?))));
+        for (offset, part) in learnt.offsets.iter_mut().zip(&self.parts) {
+            if let Some(seen) = part.means() {
+                *offset = lesson.offset(offset, &seen, learnt.slow);
+            }
         }
+    }
+}
+
+/// A cell with this resistance, of which `learnt` is known.
+fn known<'a>(model: &CellModel, learnt: &'a LearntPack, ohm: f32) -> CellModel<'a> {
+    CellModel {
+        learnt,
+        measured_ohm: Some(ohm),
+        chemistry: model.chemistry,
+        cell: model.cell,
+        cell_count: model.cell_count,
+        rated_ah: model.rated_ah,
+        end: model.end,
+        share_at_most: model.share_at_most,
     }
 }
 
@@ -267,24 +274,5 @@ impl RestTimer {
             self.due_s = 2.0 * self.rested_s;
         }
         is_due
-    }
-}
-
-fn is_warm(ohm: f32, rated_ah: f32, before: &LearntPack, model: &CellModel) -> bool {
-    let typical_ohm = model.cell.ohmic_drop_v / rated_ah;
-    let kept = before.resistance;
-    ohm <= WARM_TO_TYPICAL * typical_ohm && kept.is_none_or(|kept| ohm <= WARM_TO_KEPT * kept.now_ohm)
-}
-
-fn learn_resistance(before: Option<LearntResistance>, ohm: f32) -> LearntResistance {
-    match before {
-        None => LearntResistance {
-            now_ohm: ohm,
-            first_ohm: ohm,
-        },
-        Some(kept) => LearntResistance {
-            now_ohm: kept.now_ohm + (ohm - kept.now_ohm) / RESISTANCE_DRIVES,
-            ..kept
-        },
     }
 }

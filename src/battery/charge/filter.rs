@@ -58,16 +58,25 @@ impl Filter {
         let mut covariance = typical_covariance(model, capacity);
         covariance[0][0] = square(sigma);
         Self {
-            state: [share, 0.0, 0.0, model.cell.slow_share],
+            state: [share, 0.0, 0.0, model.slow_share()],
             covariance,
             voltage_variance: if sigma < COUNTED_SIGMA { None } else { Some(0.0) },
+        }
+    }
+
+    /// With this state of charge and standard deviation, counted from a charge that was certain, however little of the drawn one
+    /// is.
+    pub fn counted_to(share: f32, sigma: f32, model: &CellModel, capacity: &Capacity) -> Self {
+        Self {
+            voltage_variance: None,
+            ..Self::from_share(share, sigma, model, capacity)
         }
     }
 
     /// From the voltage of a cell under this load: what is unknown of curve and sag is unknown of the charge.
     pub fn from_voltage(load: &Load, cell_v: f32, model: &CellModel, capacity: &Capacity) -> Self {
         let sag = Sag::new(load, model.resistance_ohm(capacity));
-        let share = model.share(cell_v + sag.at(model.cell.slow_share));
+        let share = model.share(cell_v + sag.at(model.slow_share()));
         let mut filter = Self::from_share(share, 0.0, model, capacity);
         let error = VoltageError::new(share, &sag, model);
         let variance = error.variance();
@@ -157,8 +166,8 @@ impl Filter {
         self.forget(
             3,
             1.0 - (dt_s / SLOW_SHARE_TIME_CONSTANT_S).min(1.0),
-            model.cell.slow_share,
-            square(model.cell.slow_share_sigma),
+            model.slow_share(),
+            square(model.slow_share_sigma()),
         );
     }
 
@@ -185,9 +194,9 @@ impl Filter {
         let noise = noise_variance(sag.at(slow_share));
         let typical_variance = square(slope_v) * self.covariance[0][0]
             + square(curve_sigma_v)
-            + square(sag.slow_v * model.cell.slow_share_sigma)
+            + square(sag.slow_v * model.slow_share_sigma())
             + noise;
-        let unexplained_v = cell_v - (resting_v - sag.at(model.cell.slow_share));
+        let unexplained_v = cell_v - (resting_v - sag.at(model.slow_share()));
         let deviations = unexplained_v / libm::sqrtf(typical_variance);
         let innovation_v = cell_v - (resting_v + curve_sigma_v * offset - sag.at(slow_share));
         let gradient = [slope_v, 0.0, curve_sigma_v, -sag.slow_v];
@@ -286,8 +295,8 @@ impl VoltageError {
         Self {
             by_offset: -model.curve_sigma_v(share, slope_v) / slope_v,
             by_slow_share: sag.slow_v / slope_v,
-            slow_variance: square(model.cell.slow_share_sigma),
-            noise: noise_variance(sag.at(model.cell.slow_share)) / square(slope_v),
+            slow_variance: square(model.slow_share_sigma()),
+            noise: noise_variance(sag.at(model.slow_share())) / square(slope_v),
         }
     }
 
@@ -301,7 +310,7 @@ fn typical_covariance(model: &CellModel, capacity: &Capacity) -> Matrix {
     let mut covariance = [[0.0; STATES]; STATES];
     covariance[1][1] = square(capacity.sigma);
     covariance[2][2] = 1.0;
-    covariance[3][3] = square(model.cell.slow_share_sigma);
+    covariance[3][3] = square(model.slow_share_sigma());
     covariance
 }
 

@@ -3,6 +3,7 @@
 //! All that follows a second runs once a second, at any sampling rate.
 
 use super::cell_model::CellModel;
+use crate::battery::VoltageSource;
 use crate::battery::low_pass::MeanThenLowPass;
 
 /// Duration of a second, less what the sampling interval may vary, in seconds.
@@ -306,11 +307,28 @@ impl Trace {
 /// Time in which a peak of the sag is forgotten, in seconds.
 const FORGETTING_S: f32 = 3600.0;
 
-/// The sag grows towards the end.
-const GROWTH: f32 = 1.2;
+/// Growth of the sag of the same load from half charge to the end, where the load is measured: the resistance of a cell rises as
+/// its charge falls (Waag, Käbitz and Sauer 2013, doi:10.1016/j.apenergy.2012.09.030). The amount is assumed.
+const GROWTH_NEAR_EMPTY: f32 = 1.5;
+const GROWS_BELOW: f32 = 0.5;
+
+/// The same where the load is inferred from the sag, at any charge.
+const INFERRED_GROWTH: f32 = 0.2;
 
 /// Lower limit of what is used between full and the end, relative to the capacity.
 const MIN_SPAN: f32 = 0.01;
+
+/// Steps in which a reserve is searched: to half a percent.
+const SEARCH_STEPS: u8 = 8;
+
+/// Growth of a sag towards the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SagGrowth {
+    /// It was taken from the resting voltage of a charge that is counted.
+    NearEmpty,
+    /// The charge was inferred from it.
+    Inferred,
+}
 
 /// The largest recent sag, and the charge at which it ends the drive.
 #[derive(Clone, Copy, Debug)]
@@ -332,9 +350,42 @@ impl Reserve {
         self.peak_v = (self.peak_v * kept).max(sag_v);
     }
 
-    /// Computes the charge at which such a sag reaches the cell's minimum voltage.
-    pub fn settle(&mut self, model: &CellModel) {
-        self.share = model.share(model.cell.deep_discharge_v + GROWTH * self.peak_v);
+    /// Forgets the peak: the resting voltage from which it was taken was wrong.
+    pub fn restart(&mut self) {
+        *self = Self::NEW;
+    }
+
+    /// Computes the charge at which such a sag ends the drive.
+    pub fn settle(&mut self, growth: SagGrowth, model: &CellModel) {
+        let end_v = model.end.cell_v;
+        self.share = match model.end.source {
+            VoltageSource::Terminal => self.reserve(end_v, growth, model),
+            VoltageSource::Resting => {
+                let by_terminal = self.reserve(model.cell.deep_discharge_v, growth, model);
+                by_terminal.max(model.share(end_v))
+            }
+        };
+    }
+
+    /// The charge at which the sag takes a cell to this voltage.
+    fn reserve(&self, end_v: f32, growth: SagGrowth, model: &CellModel) -> f32 {
+        let sag_v = |share: f32| match growth {
+            SagGrowth::Inferred => self.peak_v * (1.0 + INFERRED_GROWTH),
+            SagGrowth::NearEmpty => {
+                let growth = GROWTH_NEAR_EMPTY * (1.0 - share / GROWS_BELOW).max(0.0);
+                self.peak_v + (growth * self.peak_v).min(model.cell.max_growth_v)
+            }
+        };
+        let (mut low, mut high) = (0.0_f32, model.cell.max_reserve);
+        for _ in 0..SEARCH_STEPS {
+            let middle = 0.5 * (low + high);
+            if model.voltage_v(middle) - sag_v(middle) < end_v {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        low
     }
 
     /// What the load can still draw at this state of charge, relative to the capacity, from 0 to 1.

@@ -6,12 +6,13 @@ mod cell_model;
 mod counting;
 mod drive;
 mod filter;
+mod lesson;
 mod load;
 mod reference;
 mod start;
 mod voltage_only;
 
-pub(super) use cell_model::{Capacity, CellModel, KnownCharge, SAME_VOLTAGE_V};
+pub(super) use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
 pub(super) use load::Second;
 
 use super::learnt::LastCharge;
@@ -283,6 +284,9 @@ impl ChargeEstimator {
             None
         } else if rests && self.rest.rest(load.duration_s) {
             let learnt = self.learn(&load, cell_v, model);
+            if learnt.is_some() {
+                self.trace.reserve.restart();
+            }
             self.keep(&load, cell_v, learnt, model)
         } else if was_disarmed {
             self.keep(&load, cell_v, None, model)
@@ -327,7 +331,7 @@ impl ChargeEstimator {
         kept.charge = Some(LastCharge {
             share: estimate.share,
             sigma: estimate.sigma,
-            resting_v: cell_v + rest.sag_v(ohm, model.cell.slow_share),
+            resting_v: cell_v + rest.sag_v(ohm, model.slow_share()),
         });
         // Without what is implausible, as flash would give it back.
         LearntPack::from_words(&kept.to_words())

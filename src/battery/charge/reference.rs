@@ -1,8 +1,9 @@
 //! The pack before a loss of contact, and whether the one that rests after it is the same.
 
-use super::cell_model::{Capacity, CellModel, SAME_VOLTAGE_V};
+use super::cell_model::{Capacity, CellModel};
 use super::filter::{OFFSET_SPAN, SAG_NOISE};
 use super::load::Load;
+use crate::battery::chemistry::SAME_VOLTAGE_V;
 
 /// A state of charge with the voltage and load under which a cell had it.
 #[derive(Clone, Copy, Debug)]
@@ -18,12 +19,12 @@ impl Reference {
         let ohm = model.resistance_ohm(capacity);
         let recovered_a = self.load.current_a - now.load.current_a;
         let relaxed_a = self.load.slow_a - now.load.slow_a;
-        let relaxation_v = ohm * (recovered_a + model.cell.slow_share * relaxed_a);
+        let relaxation_v = ohm * (recovered_a + model.slow_share() * relaxed_a);
         let counted_v = model.voltage_v(now.share) - model.voltage_v(self.share);
         let expected_v = self.cell_v + relaxation_v + counted_v;
         // Each is known as well as the filter knows it.
         let relaxation_sigma_v =
-            ohm * (SAG_NOISE * recovered_a.abs() + model.cell.slow_share_sigma * relaxed_a.abs());
+            ohm * (SAG_NOISE * recovered_a.abs() + model.slow_share_sigma() * relaxed_a.abs());
         let counted = (now.share - self.share).abs() / OFFSET_SPAN;
         let counted_sigma_v = model.cell.curve_sigma_v * counted.min(1.0);
         let tolerance_v = SAME_VOLTAGE_V + relaxation_sigma_v + counted_sigma_v;

@@ -263,7 +263,7 @@ impl First {
     fn estimate(&self, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
         let resting_v = self.least_resting_v(model, capacity)?;
         let mut estimate = Filter::from_voltage(&Load::NONE, resting_v, model, capacity);
-        let slow_v = model.cell.slow_share * model.resistance_ohm(capacity) * self.current_a.unwrap_or(0.0);
+        let slow_v = model.slow_share() * model.resistance_ohm(capacity) * self.current_a.unwrap_or(0.0);
         estimate.doubt(slow_v / model.slope_v(estimate.share()));
         Some(estimate)
     }
@@ -323,8 +323,10 @@ fn certain(by_voltage: &Filter, model: &CellModel, capacity: &Capacity) -> Optio
 
 #[cfg(test)]
 mod tests {
+    use super::super::cell_model::EndVoltage;
     use super::*;
     use crate::battery::Chemistry;
+    use crate::battery::PackSettings;
     use crate::battery::learnt::LearntResistance;
 
     const CAPACITY: Capacity = Capacity { ah: 2.9, sigma: 0.04 };
@@ -336,6 +338,7 @@ mod tests {
             cell_count: Some(1),
             rated_ah: Some(CAPACITY.ah),
             measured_ohm,
+            end: EndVoltage::new(&PackSettings::default(), None),
             share_at_most: 1.0,
             learnt,
         }

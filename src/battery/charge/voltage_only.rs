@@ -1,7 +1,7 @@
 //! State of charge of a pack whose current is not measured.
 
 use super::cell_model::{CellModel, KnownCharge, root_of_squares};
-use super::load::{HOURS_PER_SECOND, Load, Trace};
+use super::load::{HOURS_PER_SECOND, Load, SagGrowth, Trace};
 use crate::battery::low_pass::MeanThenLowPass;
 use crate::vehicle::ArmState;
 
@@ -179,7 +179,7 @@ impl VoltageOnly {
         trace.reserve.update(dt_s, self.sag_v);
         if trace.block.add(&Load::none_for(dt_s), None).is_some() {
             self.assess(model);
-            trace.reserve.settle(model);
+            trace.reserve.settle(SagGrowth::Inferred, model);
         }
         rests
     }
@@ -197,7 +197,7 @@ impl VoltageOnly {
         model: &CellModel,
     ) -> bool {
         if self.rest.update(dt_s, cell_v, arm_state) {
-            let slow_v = model.cell.slow_share * model.cell.ohmic_drop_v * self.scale * slow_per_h;
+            let slow_v = model.slow_share() * model.cell.ohmic_drop_v * self.scale * slow_per_h;
             self.rest(dt_s, cell_v, slow_v, model);
             return true;
         }

@@ -62,13 +62,15 @@ impl Evaluation {
             faults: state.faults,
             reported: state.reported.charge_state,
             failsafe: state.failsafe,
-            remaining_pct: state.usable_pct,
+            usable_pct: state.usable_pct,
+            remaining_pct: state.remaining_pct,
             limits: settings.charge_limits,
             arm_state: tick.arm_state,
             current_a: state.current_a,
             capacity_mah: state.capacity_mah(),
         };
         state.charge_state = self.charge_state.update(dt_s, &inputs);
+        state.without_reserve = self.charge_state.without_reserve(&inputs);
         self.charge_reporter.update(dt_s, tick.arm_state, state, events);
         reached
     }

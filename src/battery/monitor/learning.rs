@@ -64,12 +64,12 @@ impl Learnt {
         }
     }
 
-    /// What was kept of its charge is that of another pack, or of this one before it was charged.
+    /// The kept charge is that of another pack, or of this one before it was charged.
     pub fn forget_charge(&mut self) {
         self.pack = self.pack.without_charge();
     }
 
-    /// What was learnt under another scale is converted to this one.
+    /// Converts knowledge under another scale to this one.
     pub fn follow_scale(&mut self, scale: &MeasuringScale) {
         if let Some(rescaled) = self.pack.rescaled(scale) {
             self.pack = rescaled;

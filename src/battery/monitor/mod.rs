@@ -10,7 +10,8 @@ use evaluation::{Basis, Evaluation};
 use learning::Learnt;
 use reports::Reports;
 
-use super::charge::{Comparison, SAME_VOLTAGE_V};
+use super::charge::Comparison;
+use super::chemistry::SAME_VOLTAGE_V;
 use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
 use super::diagnosis;
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
@@ -21,8 +22,8 @@ use super::settings::{FailsafeSettings, PackSettings};
 use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, Faults, LearntPack,
-    Measurement, MeasuringScale, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError,
-    Reported, Tick,
+    Measurement, Measuring, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported,
+    Tick,
 };
 use crate::time::Instant;
 
@@ -63,8 +64,8 @@ pub struct BatteryMonitor {
     swap_detector: SwapDetector,
     evaluation: Evaluation,
     learnt: Option<Learnt>,
-    /// What the estimate is based on, with the pin of the voltage.
-    scale: Option<(MeasuringScale, i32)>,
+    /// How the voltage was measured on which the estimate is based.
+    measuring: Option<Measuring>,
     /// Since the start.
     current_was_over_range: bool,
 }
@@ -96,7 +97,7 @@ impl BatteryMonitor {
             swap_detector: SwapDetector::new(),
             evaluation: Evaluation::default(),
             learnt: None,
-            scale: None,
+            measuring: None,
             current_was_over_range: false,
         }
     }
@@ -170,6 +171,27 @@ impl BatteryMonitor {
         // A pack whose charge is unknown is read all the same.
         update.error = error.filter(|_| self.failed_reads > 0);
         update
+    }
+
+    /// Estimates and knowledge follow the scale of the measurements, at least once a second: before a voltage has rested.
+    pub fn follow(&mut self, now: &Measuring) {
+        if let Some(learnt) = &mut self.learnt {
+            learnt.follow_scale(&now.scale);
+        }
+        let before = self.measuring.get_or_insert(*now);
+        let Some(voltage_v) = self.last_voltage_v.filter(|_| before != now) else {
+            return;
+        };
+        if before.scale.amperes_per_volt != now.scale.amperes_per_volt {
+            before.scale.amperes_per_volt = now.scale.amperes_per_volt;
+            self.estimator.restart_drive();
+        }
+        let cells = f32::from(self.state.cell_count.unwrap_or(1));
+        let change_v = now.scale.voltage_change_v(&before.scale, voltage_v) / cells;
+        if before.voltage_pin != now.voltage_pin || change_v.abs() > SAME_VOLTAGE_V {
+            self.measuring = Some(*now);
+            self.swap_detector.rescale();
+        }
     }
 
     /// Takes over what the pack reports of itself, and notices another serial number.
@@ -246,9 +268,6 @@ impl BatteryMonitor {
             push(events, PackEvent::CurrentOverRange);
         }
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
-        if let Some(voltage_v) = measurement.voltage_v {
-            self.follow_scale(voltage_v, settings);
-        }
         match self.detect_swap(&reading) {
             Some(AtRest::Replaced(replacement)) => {
                 self.replace_pack(replacement, settings.serial_number, events);
@@ -345,30 +364,6 @@ impl BatteryMonitor {
                 learnt.forget_charge();
             }
             push(events, PackEvent::EstimateRestarted);
-        }
-    }
-
-    /// What is estimated and learnt follows the scale of its measurements.
-    fn follow_scale(&mut self, voltage_v: f32, settings: &PackSettings) {
-        let Some(scale) = &settings.scale else {
-            return;
-        };
-        if let Some(learnt) = &mut self.learnt {
-            learnt.follow_scale(scale);
-        }
-        let now = (*scale, settings.voltage_pin);
-        let (before, pin) = *self.scale.get_or_insert(now);
-        if (before, pin) == now {
-            return;
-        }
-        if before.amperes_per_volt != scale.amperes_per_volt {
-            self.estimator.restart_drive();
-        }
-        let cells = self.estimator.cell_count(settings).unwrap_or(1);
-        let change_v = scale.voltage_change_v(&before, voltage_v) / f32::from(cells);
-        if pin != settings.voltage_pin || change_v.abs() > SAME_VOLTAGE_V {
-            self.scale = Some(now);
-            self.swap_detector.rescale();
         }
     }
 

@@ -238,8 +238,8 @@ fn remaining_time_follows_the_average_load() {
     bench.monitor.reset(100.0, &bench.settings);
     let state = bench.run(600.0, loaded(11.9, 2.2));
     let remaining_s = state.time_remaining_s.expect("known");
-    // One hour at this load, less ten minutes.
-    assert!((2900.0..3100.0).contains(&remaining_s), "{remaining_s}");
+    // One hour at this load, less ten minutes and the reserve for a sag of a quarter of a volt a cell: a sixth.
+    assert!((2300.0..2500.0).contains(&remaining_s), "{remaining_s}");
     assert!((state.average_current_a.expect("known") - 2.2).abs() < 0.01);
 }
 

@@ -27,8 +27,8 @@
 //!   [`clear`](Records::clear).
 //!
 //! # Cost
-//! A value of one word takes 12 bytes: the board's blocks of 4096 bytes hold 338 records, and two of them 680. One of 14
-//! words takes 64 bytes, and a block holds 63; one of 25 words takes 108, and a block holds 37. A load or a move to the next sector
+//! A value of one word takes 12 bytes: the board's blocks of 4096 bytes hold 338 records, and two of them 680. One of 21
+//! words takes 92 bytes, and a block holds 44; one of 25 words takes 108, and a block holds 37. A load or a move to the next sector
 //! compares every record with all later ones instead of keeping a table in RAM: reads are cheap.
 
 use core::marker::PhantomData;
@@ -85,7 +85,7 @@ pub struct Storage<F, V = u32> {
     values: PhantomData<V>,
 }
 
-/// What a [`Storage`] does without knowing the type of its values. So its code is there once for all types.
+/// A [`Storage`] without the type of its values: so its code is there once for all types.
 #[derive(Debug)]
 pub struct Records<F> {
     region: Region<F>,
@@ -493,7 +493,7 @@ impl<F: NorFlash> Records<F> {
         })
     }
 
-    /// How many dispensable records make room for `key` when `log` moves to the next sector.
+    /// Number of dispensable records that make room for `key` when `log` moves to the next sector.
     async fn find_place(
         &mut self,
         key: u32,

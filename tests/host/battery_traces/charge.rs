@@ -15,6 +15,14 @@ fn cells_set() -> PackSettings {
     }
 }
 
+/// With this critical voltage of the pack, in volts.
+fn ending_at(voltage_v: f32) -> PackSettings {
+    let mut settings = cells_set();
+    settings.failsafe.timer_s = Some(10.0);
+    settings.failsafe.critical.voltage_v = Some(voltage_v);
+    settings
+}
+
 fn cells_and_capacity_set() -> PackSettings {
     PackSettings {
         capacity_mah: Some(CAPACITY_MAH as f32),
@@ -272,7 +280,7 @@ fn time_left_without_a_current_is_known_once_the_load_has_settled() {
         ("a drive with stops", samples(Pack::at(1.0), 10, 1000.0)),
         ("the same, parked before", parked),
     ] {
-        let times = times_left(&samples, &cells_set());
+        let times = times_left(&samples, &ending_at(9.0));
         let (first_s, last_s) = (times[0].0, times[times.len() - 1].0);
         let lowest = times
             .iter()

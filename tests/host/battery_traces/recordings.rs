@@ -274,7 +274,7 @@ fn a_full_pack_is_estimated_as_well_as_by_counting() {
         println!("{:32} {here:.2}, by counting {counting:.2}", recording.name);
         here - counting
     });
-    beyond.assert_means("from full, less counting", |_| 0.5);
+    beyond.assert_means("from full, less counting", |_| 0.6);
 }
 
 #[test]
@@ -286,7 +286,7 @@ fn one_warm_drive_teaches_the_pack() {
             score_from(0, recording, &settings(LABEL_MAH), learnt)
         })
     });
-    table.assert_means("from full, learnt", |_| 0.9);
+    table.assert_means("from full, learnt", |_| 1.0);
 }
 
 #[test]
@@ -329,7 +329,7 @@ fn a_learnt_pack_found_half_empty_is_estimated_better() {
         })
     });
     table.assert_means("half empty, learnt", |temperature_c| match temperature_c {
-        0.. => 5.0,
+        0.. => 5.1,
         -10.. => 7.0,
         _ => 11.5,
     });

@@ -2,20 +2,21 @@
 
 use super::rover::{IDLE_A, Pack, Rover, STEEP, Sensors, TRUE_SCALE};
 use super::*;
+use crate::battery::MeasuringScale;
 use crate::battery::learnt::{LearntCapacity, LearntResistance, Offset};
 
-fn multiplied(volt_multiplier: f32) -> Option<MeasuringScale> {
-    Some(MeasuringScale {
+fn multiplied(volt_multiplier: f32) -> MeasuringScale {
+    MeasuringScale {
         volt_multiplier,
         ..TRUE_SCALE
-    })
+    }
 }
 
 /// A rover that has found its pack by a wrong multiplier.
 fn uncalibrated(chemistry: Chemistry, share: f32, volt_multiplier: f32, sensors: Sensors) -> Rover {
     let mut rover = Rover::with(Pack::rested(chemistry, share));
     rover.sensors = sensors;
-    rover.bench.settings.scale = multiplied(volt_multiplier);
+    rover.measuring.scale = multiplied(volt_multiplier);
     rover.run(200.0, IDLE_A);
     rover
 }
@@ -33,7 +34,7 @@ fn a_calibration_at_rest_restarts_the_estimate() {
                     "{what}: {} %",
                     rover.reported_pct()
                 );
-                rover.bench.settings.scale = Some(TRUE_SCALE);
+                rover.measuring.scale = TRUE_SCALE;
                 rover.run(65.0, IDLE_A);
                 assert!(
                     rover.error_pct().abs() < 5.0,
@@ -55,7 +56,7 @@ fn a_calibration_under_way_waits_for_a_rest() {
     let before = rover.kept_charge();
     rover.bench.arm_state = ArmState::Armed;
     rover.run(10.0, 2.2);
-    rover.bench.settings.scale = Some(TRUE_SCALE);
+    rover.measuring.scale = TRUE_SCALE;
     rover.run(20.0, 2.2);
     assert_eq!(rover.restarts(), 0);
     rover.bench.arm_state = ArmState::Disarmed;
@@ -70,17 +71,12 @@ fn a_calibration_under_way_waits_for_a_rest() {
 #[test]
 // Requirement: S-7
 fn another_pin_or_offset_is_another_scale() {
-    let pin = |settings: &mut PackSettings| settings.voltage_pin = 27;
-    let offset = |settings: &mut PackSettings| {
-        settings.scale = Some(MeasuringScale {
-            volt_offset_v: 0.05,
-            ..TRUE_SCALE
-        });
-    };
-    let changes: [fn(&mut PackSettings); 2] = [pin, offset];
+    let pin = |measuring: &mut Measuring| measuring.voltage_pin = 27;
+    let offset = |measuring: &mut Measuring| measuring.scale.volt_offset_v = 0.05;
+    let changes: [fn(&mut Measuring); 2] = [pin, offset];
     for (number, change) in changes.into_iter().enumerate() {
         let mut rover = Rover::parked(Pack::rested(Chemistry::LiPo, 0.5));
-        change(&mut rover.bench.settings);
+        change(&mut rover.measuring);
         rover.run(10.0, IDLE_A);
         assert_eq!(rover.restarts(), 1, "{number}");
     }
@@ -92,7 +88,7 @@ fn small_changes_count_together() {
     let mut rover = Rover::parked(Pack::rested(Chemistry::LiPo, 0.6));
     // 10 mV of a cell each.
     for (step, restarts) in [(1.0, 0), (2.0, 1), (3.0, 1), (4.0, 2)] {
-        rover.bench.settings.scale = multiplied(3.95 * (1.0 - 0.0026 * step));
+        rover.measuring.scale = multiplied(3.95 * (1.0 - 0.0026 * step));
         rover.run(30.0, IDLE_A);
         assert_eq!(rover.restarts(), restarts, "{step}");
     }
@@ -106,7 +102,7 @@ fn on_a_flat_curve_a_count_is_doubted_and_goes_on() {
     rover.run(60.0, IDLE_A);
     let sigma_pct = |rover: &Rover| rover.bench.state().remaining_sigma_pct.expect("known");
     let (before_pct, before_sigma_pct) = (rover.reported_pct(), sigma_pct(&rover));
-    rover.bench.settings.scale = Some(TRUE_SCALE);
+    rover.measuring.scale = TRUE_SCALE;
     rover.run(60.0, IDLE_A);
     assert_eq!(rover.restarts(), 0);
     let what = format!(
@@ -126,6 +122,8 @@ fn learnt(scale: Option<MeasuringScale>) -> LearntPack {
         capacity: Some(LearntCapacity {
             capacity_mah: 2000.0,
             sigma: 0.03,
+            seen_mah: 2100.0,
+            seen_sigma: 0.03,
         }),
         resistance: Some(LearntResistance {
             now_ohm: 0.02,
@@ -141,7 +139,7 @@ fn learnt(scale: Option<MeasuringScale>) -> LearntPack {
 fn known_of(learnt: LearntPack, scale: MeasuringScale) -> LearntPack {
     let mut rover = Rover::with(Pack::rested(Chemistry::LiPo, 0.6));
     rover.bench.monitor.restore_learnt(learnt);
-    rover.bench.settings.scale = Some(scale);
+    rover.measuring.scale = scale;
     rover.run(1.0, IDLE_A);
     assert_eq!(rover.bench.monitor.unsaved_learnt(), None);
     *rover.bench.monitor.learnt().expect("restored")
@@ -158,6 +156,7 @@ fn what_was_learnt_under_another_scale_is_converted() {
     };
     let known = known_of(before, changed);
     assert_eq!(known.capacity_mah(), Some(4000.0));
+    assert_eq!(known.capacity.expect("learnt").seen_mah, 4200.0);
     let ohm = known.resistance.expect("learnt");
     assert!(
         (ohm.now_ohm / 0.011 - 1.0).abs() < 1e-3 && (ohm.first_ohm / 0.0088 - 1.0).abs() < 1e-3,
@@ -177,7 +176,7 @@ fn what_was_learnt_under_another_scale_is_converted() {
     );
     // What is the same within the error of a voltage stays, and so does all that a factor of zero would spoil.
     for scale in [
-        multiplied(3.955).expect("a scale"),
+        multiplied(3.955),
         MeasuringScale {
             amperes_per_volt: 0.0,
             ..TRUE_SCALE

@@ -6,7 +6,12 @@ use crate::battery::learnt::LearntCapacity;
 fn of_cells(cell_count: u8, serial_number: Option<i32>) -> LearntPack {
     LearntPack {
         cell_count,
-        capacity: Some(LearntCapacity::new(2.0, 0.02)),
+        capacity: Some(LearntCapacity {
+            capacity_mah: 2000.0,
+            sigma: 0.02,
+            seen_mah: 0.0,
+            seen_sigma: 0.0,
+        }),
         ..LearntPack::of(serial_number)
     }
 }

@@ -1,6 +1,7 @@
 //! A rover with a pack whose charge is known.
 
 use super::*;
+use crate::battery::MeasuringScale;
 
 /// The board's own consumption, in amperes.
 pub const IDLE_A: f32 = 0.1;
@@ -68,6 +69,7 @@ pub struct Rover {
     pub bench: Bench,
     pub pack: Pack,
     pub sensors: Sensors,
+    pub measuring: Measuring,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,12 +82,15 @@ impl Rover {
     pub fn with(pack: Pack) -> Self {
         let mut bench = Bench::new();
         bench.settings.chemistry = pack.chemistry;
-        bench.settings.scale = Some(TRUE_SCALE);
         bench.monitor.restore_learnt(LearntPack::UNKNOWN);
         Self {
             bench,
             pack,
             sensors: Sensors::VoltageAndCurrent,
+            measuring: Measuring {
+                scale: TRUE_SCALE,
+                voltage_pin: 26,
+            },
         }
     }
 
@@ -97,7 +102,7 @@ impl Rover {
     }
 
     fn reading(&self, current_a: f32) -> Measurement {
-        let scale = self.bench.settings.scale.unwrap_or(TRUE_SCALE);
+        let scale = &self.measuring.scale;
         let pin_v = self.pack.voltage_v(current_a) / TRUE_SCALE.volt_multiplier;
         let voltage_v = (pin_v - scale.volt_offset_v) * scale.volt_multiplier;
         let by_current = scale.amperes_per_volt / TRUE_SCALE.amperes_per_volt;
@@ -108,7 +113,10 @@ impl Rover {
     }
 
     pub fn run(&mut self, seconds: f32, current_a: f32) {
-        for _ in 0..(seconds / TICK_S).round() as u32 {
+        for tick in 0..(seconds / TICK_S).round() as u32 {
+            if tick % 10 == 0 {
+                self.bench.monitor.follow(&self.measuring);
+            }
             self.pack.draw(current_a, TICK_S);
             let reading = self.reading(current_a);
             assert_eq!(self.bench.tick(Ok(reading)), None);
