@@ -168,7 +168,7 @@ fn strangers() {
 #[test]
 fn drained() {
     let board = || {
-        let mut bench = Bench::configured(code(10.5), &CURRENT_SENSOR);
+        let mut bench = Bench::configured(code(11.1), &CURRENT_SENSOR);
         // Above the hysteresis of LOW, in which its voltage has put it.
         bench.ask(&command_long_2(BATTERY_RESET, -1.0, 20.0));
         bench.run_for(4 * SECOND);
