@@ -196,6 +196,7 @@ impl Announcement<'_> {
                 | PackEvent::ContactLost
                 | PackEvent::Gap(_)
                 | PackEvent::CurrentOverRange
+                | PackEvent::CurrentReversed
                 | PackEvent::AboveDrivers
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
@@ -370,6 +371,7 @@ mod tests {
             ),
             (PackEvent::Swapped, "Battery 9 swapped: estimates restarted"),
             (PackEvent::EstimateRestarted, "Battery 9 estimate restarted"),
+            (PackEvent::CurrentReversed, "Battery 9 current sensor reversed?"),
             (PackEvent::ContactLost, "Battery 9 not connected"),
             (PackEvent::ContactRestored, "Battery 9 connected again"),
             (

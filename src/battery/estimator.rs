@@ -342,6 +342,24 @@ impl Estimator {
         self.charge.change_pack();
     }
 
+    /// Whether the sensor takes a load for charging: its current is negative, and its steps those of a load.
+    pub fn is_current_reversed(&self) -> bool {
+        let is_charging = |average_a| average_a < -RESTING_CURRENT_A;
+        self.resistance.is_reversed() && self.average_current_a().is_some_and(is_charging)
+    }
+
+    /// The current had another sign.
+    pub fn forget_current(&mut self) {
+        self.resistance = ResistanceEstimator::new();
+        self.average_current = MeanThenLowPass::new(AVERAGE_TIME_CONSTANT_S);
+        self.drive_current = NOT_DRIVEN;
+    }
+
+    /// Estimates the charge from the voltage once more.
+    pub fn restart_charge(&mut self) {
+        self.charge = ChargeEstimator::new();
+    }
+
     /// What was seen of the pack so far must not be learnt.
     pub fn restart_drive(&mut self) {
         self.charge.restart_drive();

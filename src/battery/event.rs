@@ -34,6 +34,8 @@ pub enum PackEvent {
     Gap(Gap),
     /// The current is over its sensor's range for the first time since the start.
     CurrentOverRange,
+    /// Its sensor takes a load for charging, since the start: the charge is estimated from the voltage alone.
+    CurrentReversed,
     /// The voltage is above `MOT_DRV_VOLT` for the first time since the start; whether the pack supplies the motors is not known.
     AboveDrivers,
     /// Its sensor has failed repeatedly, with the latest error.
@@ -80,7 +82,7 @@ pub enum PackEvent {
 }
 
 /// The most events of one tick: cells detected, pack swapped or estimate
-/// restarted, gap, current over range, sensor failed or recovered, contact lost
+/// restarted, gap, current over range or reversed, sensor failed or recovered, contact lost
 /// or restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt.
 const MAX_EVENTS: usize = 14;
 
@@ -134,6 +136,7 @@ impl fmt::Display for PackEvent {
                 )
             }
             Self::CurrentOverRange => f.write_str("current over range: consumption too low"),
+            Self::CurrentReversed => f.write_str("current sensor reversed?"),
             Self::AboveDrivers => f.write_str("voltage above MOT_DRV_VOLT"),
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),

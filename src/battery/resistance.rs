@@ -25,6 +25,11 @@ const MIN_EXCITATION_A2S: f32 = 0.25;
 /// Minimum duration of excitation, in seconds: within a step, a delayed voltage shows too small a resistance.
 const MIN_EXCITATION_S: f32 = 1.5;
 
+/// Excitation after which a voltage that falls as the current falls is that of a reversed sensor, and the least resistance that it
+/// shows then: of a sound one both are noise.
+const REVERSED_EXCITATION_A2S: f32 = 10.0 * MIN_EXCITATION_A2S;
+const REVERSED_OHM: f32 = 0.004;
+
 /// Readings up to this interval show a step, in seconds.
 const MAX_INTERVAL_S: f32 = 15.0;
 
@@ -165,6 +170,16 @@ impl ResistanceEstimator {
             };
         }
         self.resistance_ohm = self.kept.slope_ohm();
+    }
+
+    /// Whether the voltage falls as the current falls.
+    pub fn is_reversed(&self) -> bool {
+        let Excitation {
+            voltage_by_current,
+            current_squared,
+            ..
+        } = self.kept;
+        current_squared >= REVERSED_EXCITATION_A2S && voltage_by_current < -REVERSED_OHM * current_squared
     }
 
     /// The resistance of the pack, in ohms, once known.

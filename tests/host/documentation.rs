@@ -434,6 +434,7 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::CellsAmbiguous { voltage_v: 8.85 },
         PackEvent::Swapped,
         PackEvent::EstimateRestarted,
+        PackEvent::CurrentReversed,
         PackEvent::ContactLost,
         PackEvent::ContactRestored,
         gap(Some(3.0)),

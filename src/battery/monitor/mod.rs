@@ -5,6 +5,8 @@ mod evaluation;
 mod learning;
 mod reports;
 
+use core::mem;
+
 use counting::{Counting, GaugeState};
 use evaluation::{Basis, Evaluation};
 use learning::Learnt;
@@ -68,6 +70,8 @@ pub struct BatteryMonitor {
     measuring: Option<Measuring>,
     /// Since the start.
     current_was_over_range: bool,
+    /// Since the start, or another scale of the current.
+    current_is_reversed: bool,
 }
 
 /// The latest valid reading that was that of a pack.
@@ -99,6 +103,7 @@ impl BatteryMonitor {
             learnt: None,
             measuring: None,
             current_was_over_range: false,
+            current_is_reversed: false,
         }
     }
 
@@ -185,6 +190,9 @@ impl BatteryMonitor {
         if before.scale.amperes_per_volt != now.scale.amperes_per_volt {
             before.scale.amperes_per_volt = now.scale.amperes_per_volt;
             self.estimator.restart_drive();
+            if mem::take(&mut self.current_is_reversed) {
+                self.estimator.forget_current();
+            }
         }
         let cells = f32::from(self.state.cell_count.unwrap_or(1));
         let change_v = now.scale.voltage_change_v(&before.scale, voltage_v) / cells;
@@ -252,10 +260,13 @@ impl BatteryMonitor {
             voltage_v: measurement.voltage_v,
             current_a: measurement.current_a,
             current_range: measurement.current_range,
-            mean_current_a: measurement.current_a.and_then(|current_a| {
-                let parked_a = (tick.arm_state == ArmState::Disarmed).then_some(current_a);
-                mean_current_a(dt_us, previous_a, current_a).or(parked_a)
-            }),
+            mean_current_a: measurement
+                .current_a
+                .filter(|_| !self.current_is_reversed)
+                .and_then(|current_a| {
+                    let parked_a = (tick.arm_state == ArmState::Disarmed).then_some(current_a);
+                    mean_current_a(dt_us, previous_a, current_a).or(parked_a)
+                }),
             unmeasured_mah: 0.0,
             share_at_most: 1.0,
             known_cells: measurement.doubtful_cells,
@@ -295,6 +306,7 @@ impl BatteryMonitor {
             push(events, event);
         }
         if let Some(kept) = findings.second {
+            self.notice_reversed_current(tick.arm_state, events);
             self.keep(kept, settings, events);
             if measurement.time_remaining_s.is_none() {
                 self.update_time_remaining();
@@ -345,6 +357,19 @@ impl BatteryMonitor {
         self.last_reading = None;
         self.state.revision = self.state.revision.wrapping_add(1);
         push(events, PackEvent::Swapped);
+    }
+
+    /// A count that runs backwards is worse than none. Disarmed, a charger may be switched on and off.
+    fn notice_reversed_current(&mut self, arm_state: ArmState, events: &mut PackEvents) {
+        if self.current_is_reversed
+            || arm_state == ArmState::Disarmed
+            || !self.estimator.is_current_reversed()
+        {
+            return;
+        }
+        self.current_is_reversed = true;
+        self.estimator.restart_charge();
+        push(events, PackEvent::CurrentReversed);
     }
 
     /// A pack that rests near the voltage of the one before may still have another charge.

@@ -1,3 +1,4 @@
+use super::rover::{IDLE_A, Pack, Rover, Sensors};
 use super::*;
 use crate::battery::CurrentRange;
 
@@ -51,4 +52,52 @@ fn the_resistance_is_not_measured_by_a_current_over_range() {
     }
     let resistance_ohm = bench.state().resistance_ohm.expect("measured");
     assert!((resistance_ohm - 0.05).abs() < 0.003, "{resistance_ohm}");
+}
+
+#[test]
+fn a_reversed_sensor_is_announced_and_the_charge_estimated_without_it() {
+    let announced = |rover: &Rover| {
+        let events = rover.bench.events.iter();
+        events
+            .filter(|event| **event == PackEvent::CurrentReversed)
+            .count()
+    };
+    for (sensors, expected) in [
+        (Sensors::VoltageAndReversedCurrent, 1),
+        (Sensors::VoltageAndCurrent, 0),
+    ] {
+        let mut rover = Rover::parked(Pack::rested(Chemistry::LiIon, 0.9));
+        rover.sensors = sensors;
+        rover.drive_to(0.6);
+        assert_eq!(announced(&rover), expected);
+        rover.run(60.0, IDLE_A);
+        let sigma_pct = rover.bench.state().remaining_sigma_pct.expect("known");
+        let what = format!("{} ± {sigma_pct} %", rover.reported_pct());
+        assert!(rover.error_pct().abs() <= 2.0 * sigma_pct, "{what}");
+        // The sign is put right.
+        if sensors == Sensors::VoltageAndReversedCurrent {
+            rover.measuring.scale.amperes_per_volt *= -1.0;
+        }
+        rover.drive_to(0.3);
+        assert_eq!(announced(&rover), expected, "once");
+        assert!(rover.bench.state().resistance_ohm.is_some());
+        assert!(rover.error_pct().abs() < 10.0, "{} %", rover.reported_pct());
+    }
+}
+
+#[test]
+fn braking_and_charging_reverse_no_sensor() {
+    let mut bench = Bench::new();
+    bench.run(30.0, loaded(12.0, 0.2));
+    bench.arm_state = ArmState::Armed;
+    for _ in 0..50 {
+        bench.run(3.0, loaded(11.8, 5.0));
+        bench.run(1.0, loaded(12.2, -5.0));
+    }
+    bench.arm_state = ArmState::Disarmed;
+    for _ in 0..50 {
+        bench.run(3.0, loaded(12.2, -3.0));
+        bench.run(3.0, loaded(12.0, 0.0));
+    }
+    assert!(!bench.events.contains(&PackEvent::CurrentReversed));
 }

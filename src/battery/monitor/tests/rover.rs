@@ -75,6 +75,7 @@ pub struct Rover {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensors {
     VoltageAndCurrent,
+    VoltageAndReversedCurrent,
     Voltage,
 }
 
@@ -108,6 +109,7 @@ impl Rover {
         let by_current = scale.amperes_per_volt / TRUE_SCALE.amperes_per_volt;
         match self.sensors {
             Sensors::VoltageAndCurrent => loaded(voltage_v, current_a * by_current),
+            Sensors::VoltageAndReversedCurrent => loaded(voltage_v, -current_a * by_current),
             Sensors::Voltage => volts(voltage_v),
         }
     }
