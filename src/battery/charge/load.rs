@@ -307,8 +307,8 @@ impl Trace {
 /// Time in which a peak of the sag is forgotten, in seconds.
 const FORGETTING_S: f32 = 3600.0;
 
-/// Growth of the sag of the same load from half charge to the end, where the load is measured: the resistance of a cell rises as
-/// its charge falls (Waag, Käbitz and Sauer 2013, doi:10.1016/j.apenergy.2012.09.030). The amount is assumed.
+/// Growth of the sag of the same load from half charge to the end, where the load is measured: impedances of Li-ion cells are much
+/// the same down to 20 % and change at low charge (doi:10.3390/jlpea13020029). Course and amount are assumed.
 const GROWTH_NEAR_EMPTY: f32 = 1.5;
 const GROWS_BELOW: f32 = 0.5;
 
