@@ -10,14 +10,14 @@
 //! end 30
 //! ```
 //!
-//! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack
-//! 1), `reset` (percent, all packs), `pack` (pack 1 is a simulated pack of two cells, with this many mAh, mOhm and percent of
-//! charge, until the next `voltage`), `unplug` and `plug` (the same pack), `loose` and `fixed` (the wire that measures its voltage), and its `load` (two currents by turns, four seconds
-//! each). Outcomes: `low`, `critical`, `unhealthy`
-//! (failsafe level of pack 1), `low2`…, `says` (start of a text, `*` stands for any; `says~2` within two seconds more), `health` (of pack 1, within 3 %, or `unknown`), `charge` (of the
-//! simulated pack, is reported within 5 %), and
-//! `brake`, `coast` or `turn` (the motors). Every level, and every text about a charge state, charging, a fault, a lost
-//! contact, a swap or what was learnt has to be expected; motors and health are checked only where expected.
+//! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `reset` (percent, all packs), `fail` and `work`
+//! (the sensor of pack 1), `pack` (pack 1 is a simulated one of two cells, with this many mAh, mOhm and percent of charge, until the
+//! next `voltage`), its `load` (two currents by turns, four seconds each), `unplug` and `plug`, `loose` and `fixed` (the wire that
+//! measures its voltage). Outcomes: `low`, `critical`, `unhealthy` (failsafe level of pack 1), `low2`…, `says` (start of a text, `*`
+//! stands for any; `says~2` within two seconds more), `health` (of pack 1, within 3 %, or `unknown`), `charge` (of the simulated
+//! pack, is reported within 5 %), and `brake`, `coast` or `turn` (the motors). Every level, and every text about a charge state,
+//! charging, a fault, a lost contact, a swap, a restarted estimate or what was learnt has to be expected; motors, health and charge
+//! are checked only where expected.
 //!
 //! Below 2.1 V no pack is connected: `voltage 0.3` is a lost contact.
 

@@ -1,4 +1,4 @@
-//! What a drive teaches: capacity, resistance, slow sag and curve of a pack.
+//! Capacity, resistance, slow sag and curve of a pack, learnt from a drive.
 
 use super::cell_model::{Capacity, CellModel, root_of_squares};
 use crate::battery::learnt::{LearntCapacity, LearntResistance, LearntSlowShare, Offset};
@@ -11,7 +11,7 @@ const MAX_LABEL_SIGMA: f32 = 0.3;
 /// Standard deviation of the true capacity, relative to the rated one: for what is believed.
 const RATED_SIGMA: f32 = 0.15;
 
-/// What a capacity may change until a lesson that is better, relative to it.
+/// Change of a capacity until a better lesson, relative to it: assumed.
 const DRIFT_SIGMA: f32 = 0.02;
 
 /// Least standard deviation of a learnt capacity, relative to it: Texas Instruments' gauges state 3 % after an update (SLUUBT5).
@@ -37,7 +37,7 @@ const MAX_RISE: f32 = 1.02;
 const OFFSET_SIGMA_V: f32 = 0.015;
 const MIN_OFFSET_SIGMA_V: f32 = 0.008;
 
-/// What an offset may change from drive to drive, in volts, and a slow share.
+/// Changes from drive to drive of an offset, in volts, and of a slow share: assumed.
 const OFFSET_DRIFT_V: f32 = 0.003;
 const SLOW_DRIFT: f32 = 0.1;
 
@@ -100,7 +100,7 @@ pub(super) fn learn_resistance(before: Option<LearntResistance>, ohm: f32) -> Le
             now_ohm: ohm,
             first_ohm: ohm,
         },
-        // What is kept was cold.
+        // The kept one was cold.
         Some(kept) if WARM_TO_KEPT * ohm < kept.now_ohm => LearntResistance {
             now_ohm: ohm,
             first_ohm: kept.first_ohm.min(ohm),
@@ -115,7 +115,7 @@ pub(super) fn learn_resistance(before: Option<LearntResistance>, ohm: f32) -> Le
     }
 }
 
-/// What a drive saw near one point of the curve: means.
+/// Means of a drive near one point of the curve.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SeenPoint {
     /// The voltage of a cell without the fast part of the sag, in volts.
@@ -126,26 +126,26 @@ pub(super) struct SeenPoint {
     pub drawn_ah: f32,
 }
 
-/// How the slow part of the sag is found.
+/// Origin of the slow part of the sag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SlowSag {
-    /// As in what is known.
+    /// As known before.
     Known,
     /// With the curve: wires and contacts raise the resistance, and have no slow sag.
     Learnt,
 }
 
 /// A point of the curve as it was known, and seen in a drive.
-struct Comparison {
+struct ComparedPoint {
     before_v: f32,
     before_sigma_v: f32,
-    /// How far the voltage, less the slow part of the sag, was above the one before, in volts.
+    /// Voltage, less the slow part of the sag, above the one before, in volts.
     above_v: f32,
     slow_v: f32,
     noise_v: f32,
 }
 
-impl Comparison {
+impl ComparedPoint {
     fn variance(&self) -> f32 {
         self.before_sigma_v * self.before_sigma_v + self.noise_v * self.noise_v
     }
@@ -157,7 +157,7 @@ pub(super) struct CurveLesson<'a> {
     pub start_share: f32,
     pub capacity: Capacity,
     pub slow_sag: SlowSag,
-    /// What was known before.
+    /// The cell as known before.
     pub model: &'a CellModel<'a>,
 }
 
@@ -204,7 +204,7 @@ impl CurveLesson<'_> {
         Offset::from_v(mean_v, sigma_v.max(MIN_OFFSET_SIGMA_V))
     }
 
-    fn compare(&self, before: &Offset, seen: &SeenPoint) -> Comparison {
+    fn compare(&self, before: &Offset, seen: &SeenPoint) -> ComparedPoint {
         let Self { capacity, model, .. } = self;
         let drawn = seen.drawn_ah / capacity.ah;
         let share = self.start_share - drawn;
@@ -219,7 +219,7 @@ impl CurveLesson<'_> {
                 root_of_squares(LEARNT_SAG_SIGMA * seen.slow_v, by_capacity_v)
             }
         };
-        Comparison {
+        ComparedPoint {
             before_v,
             before_sigma_v,
             above_v: seen.without_fast_v - model.cell.curve.voltage_v(share) - before_v,

@@ -66,7 +66,7 @@ pub struct BatteryMonitor {
     swap_detector: SwapDetector,
     evaluation: Evaluation,
     learnt: Option<Learnt>,
-    /// How the voltage was measured on which the estimate is based.
+    /// Scale and pin of the voltage on which the estimate is based.
     measuring: Option<Measuring>,
     /// Since the start.
     current_was_over_range: bool,

@@ -65,7 +65,7 @@ fn the_same_pack_goes_on() {
                 assert!((rover.reported_pct() - before_pct).abs() < 1.0, "{what}");
                 rover.drive_to(0.05);
                 rover.run(1000.0, IDLE_A);
-                // What may have happened in a longer gap is too uncertain to learn from, and a flat curve teaches nothing.
+                // A longer gap is too uncertain to learn from, and a flat curve teaches nothing.
                 let is_short = outages_s.iter().all(|outage_s| *outage_s < 100.0);
                 let is_learnt = rover.bench.state().learnt_capacity_mah.is_some();
                 assert!(is_learnt || !is_short || chemistry == Chemistry::LiFe, "{what}");

@@ -135,7 +135,7 @@ fn learnt(scale: Option<MeasuringScale>) -> LearntPack {
     }
 }
 
-/// What a rover goes on with that has measured by `scale` and kept `learnt`.
+/// The knowledge of a rover that has measured by `scale` and kept `learnt`.
 fn known_of(learnt: LearntPack, scale: MeasuringScale) -> LearntPack {
     let mut rover = Rover::with(Pack::rested(Chemistry::LiPo, 0.6));
     rover.bench.monitor.restore_learnt(learnt);
@@ -174,7 +174,7 @@ fn what_was_learnt_under_another_scale_is_converted() {
         (known.capacity_mah(), known.offsets),
         (Some(4000.0), before.offsets)
     );
-    // What is the same within the error of a voltage stays, and so does all that a factor of zero would spoil.
+    // A scale within the error of a voltage, and a factor of zero, change nothing.
     for scale in [
         multiplied(3.955),
         MeasuringScale {
