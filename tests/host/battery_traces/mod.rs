@@ -5,6 +5,7 @@
 
 mod charge;
 mod failsafe;
+mod lives;
 mod pack;
 mod plausibility;
 mod recordings;

@@ -1,0 +1,278 @@
+//! Errors over the life of other cells, whose drives are not part of the repository.
+//!
+//! `BATTERY_RECORDINGS` names a folder whose `aged` has `{cell}_{number}….csv.gz` (`t_s,voltage_v,current_a`): drives of one
+//! Li-ion cell with constant currents until the voltage at which their tests end, in the order of their numbers, with rests
+//! before and after. Without it these tests do nothing. `docs/battery-model.md` lists their figures:
+//!
+//! `BATTERY_RECORDINGS=folder cargo test --test host battery_traces::lives -- --nocapture`
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+
+use flate2::read::GzDecoder;
+use rover_battmon::battery::{BatteryMonitor, Chemistry, LearntPack, PackSettings, Thresholds};
+
+use super::replay::{Sample, reading, tick};
+
+/// A current above this is a load, in capacities per hour.
+const LOAD_PER_H: f32 = 0.1;
+
+/// A charge that such a test leaves in a cell, relative to its capacity: assumed.
+const LEFT_AT_CUT_OFF: f64 = 0.05;
+
+/// The usable charge that warns, in percent.
+const LOW_PCT: f32 = 15.0;
+
+/// A drive with the sample at which its load begins, and the one before which it ends.
+#[derive(Clone)]
+struct Drive {
+    number: usize,
+    samples: Vec<Sample>,
+    load: std::ops::Range<usize>,
+}
+
+impl Drive {
+    fn new(number: usize, samples: Vec<Sample>, label_mah: f32) -> Self {
+        let load_a = LOAD_PER_H * label_mah / 1000.0;
+        let is_load = |sample: &Sample| sample.current_a.is_some_and(|current_a| current_a > load_a);
+        let first = samples.iter().position(is_load).expect("a load");
+        let last = samples.iter().rposition(is_load).expect("a load");
+        Self {
+            number,
+            samples,
+            load: first..last + 1,
+        }
+    }
+
+    fn read(path: &Path, cell: &str, label_mah: f32) -> Option<Self> {
+        let name = path.file_name()?.to_str()?.strip_suffix(".csv.gz")?;
+        let digits = name.strip_prefix(cell)?.strip_prefix('_')?.split('_').next()?;
+        let mut text = String::new();
+        let file = File::open(path).expect("a recording");
+        GzDecoder::new(file)
+            .read_to_string(&mut text)
+            .expect("a recording");
+        let sample = |line: &str| {
+            let numbers: Vec<f64> = line
+                .split(',')
+                .map(|field| field.parse().expect("a number"))
+                .collect();
+            Sample {
+                t_s: numbers[0],
+                voltage_v: numbers[1] as f32,
+                current_a: Some(numbers[2] as f32),
+                healthy: true,
+                armed: true,
+            }
+        };
+        let samples = text.lines().skip(1).map(sample).collect();
+        Some(Self::new(digits.parse().ok()?, samples, label_mah))
+    }
+
+    /// The sample at a share of the rest before (0 to 1), the load (to 2) and the rest after (to 3).
+    fn at(&self, position: f64) -> Sample {
+        let ends = [0, self.load.start, self.load.end - 1, self.samples.len() - 1].map(|end| end as f64);
+        let part = (position as usize).min(2);
+        let index = ends[part] + (ends[part + 1] - ends[part]) * (position - part as f64);
+        self.samples[index.round() as usize]
+    }
+
+    /// A drive between this one and `next`.
+    fn between(&self, next: &Self, number: usize, label_mah: f32) -> Self {
+        let weight = (number - self.number) as f64 / (next.number - self.number) as f64;
+        let mix = |here: f64, there: f64| here + (there - here) * weight;
+        let mut samples: Vec<Sample> = Vec::new();
+        for part in 0..3 {
+            let seconds =
+                |drive: &Self| drive.at(f64::from(part) + 0.9999).t_s - drive.at(f64::from(part)).t_s;
+            let duration_s = mix(seconds(self), seconds(next)).round() as u32;
+            let begin_s = samples.last().map_or(0.0, |last| last.t_s + 1.0);
+            samples.extend((0..duration_s).map(|second| {
+                let position = f64::from(part) + (f64::from(second) + 0.5) / f64::from(duration_s);
+                let (here, there) = (self.at(position), next.at(position));
+                let current = |sample: &Sample| f64::from(sample.current_a.expect("a current"));
+                Sample {
+                    t_s: begin_s + f64::from(second),
+                    voltage_v: mix(f64::from(here.voltage_v), f64::from(there.voltage_v)) as f32,
+                    current_a: Some(mix(current(&here), current(&there)) as f32),
+                    ..here
+                }
+            }));
+        }
+        Self::new(number, samples, label_mah)
+    }
+}
+
+/// All drives of a cell, those between two recorded ones interpolated; none without a folder.
+fn life(cell: &str, label_mah: f32) -> Vec<Drive> {
+    let Some(folder) = std::env::var_os("BATTERY_RECORDINGS") else {
+        println!("skipped: BATTERY_RECORDINGS names no folder");
+        return Vec::new();
+    };
+    let files = fs::read_dir(Path::new(&folder).join("aged")).expect("the folder of drives");
+    let mut recorded: Vec<Drive> = files
+        .filter_map(|file| Drive::read(&file.expect("a file").path(), cell, label_mah))
+        .collect();
+    recorded.sort_by_key(|drive| drive.number);
+    let mut drives = recorded[..1].to_vec();
+    for pair in recorded.windows(2) {
+        let numbers = pair[0].number + 1..pair[1].number;
+        drives.extend(numbers.map(|number| pair[0].between(&pair[1], number, label_mah)));
+        drives.push(pair[1].clone());
+    }
+    drives
+}
+
+/// Figures of a drive, from the begin of its load to the cut-off, in percent, minutes and shares.
+#[derive(Debug)]
+struct Score {
+    usable_rms_pct: f64,
+    remaining_rms_pct: f64,
+    remaining_at_cut_off_pct: f64,
+    low_ahead_min: f64,
+    time_left_ten_minutes_before_min: f64,
+    within_two_deviations: f64,
+}
+
+impl Score {
+    const NAMES: [&str; 6] = [
+        "usable charge, RMS",
+        "state of charge, RMS",
+        "at cut-off",
+        "LOW ahead, min",
+        "time left ten minutes before, min",
+        "within two deviations",
+    ];
+
+    fn figures(&self) -> [f64; 6] {
+        [
+            self.usable_rms_pct,
+            self.remaining_rms_pct,
+            self.remaining_at_cut_off_pct,
+            self.low_ahead_min,
+            self.time_left_ten_minutes_before_min,
+            self.within_two_deviations,
+        ]
+    }
+}
+
+/// Drives with what was learnt before, which is carried on.
+fn drive(drive: &Drive, settings: &PackSettings, learnt: &mut LearntPack) -> Score {
+    let loaded = &drive.samples[drive.load.clone()];
+    let charges: Vec<f64> = loaded
+        .windows(2)
+        .scan(0.0, |drawn, pair| {
+            *drawn += f64::from(pair[1].current_a.expect("a current")) * (pair[1].t_s - pair[0].t_s);
+            Some(*drawn)
+        })
+        .collect();
+    let total = *charges.last().expect("a load");
+    let cut_off_s = loaded[loaded.len() - 1].t_s;
+    let mut monitor = BatteryMonitor::new();
+    monitor.restore_learnt(*learnt);
+    let (mut usable, mut remaining) = (Vec::new(), Vec::new());
+    let (mut within, mut low_s, mut ten_minutes_min, mut at_cut_off_pct) = (0, cut_off_s, f64::NAN, f64::NAN);
+    for (number, sample) in drive.samples.iter().enumerate() {
+        let _ = monitor.update(tick(sample), reading(sample), settings);
+        let Some(drawn) = number
+            .checked_sub(drive.load.start + 1)
+            .and_then(|index| charges.get(index))
+        else {
+            continue;
+        };
+        let state = monitor.state();
+        let values = (state.remaining_pct, state.remaining_sigma_pct, state.usable_pct);
+        let (Some(remaining_pct), Some(sigma_pct), Some(usable_pct)) = values else {
+            continue;
+        };
+        let error_pct = f64::from(remaining_pct) - 100.0 * (1.0 - drawn / total * (1.0 - LEFT_AT_CUT_OFF));
+        remaining.push(error_pct);
+        usable.push(f64::from(usable_pct) - 100.0 * (1.0 - drawn / total));
+        within += u32::from(error_pct.abs() <= 2.0 * f64::from(sigma_pct));
+        at_cut_off_pct = f64::from(remaining_pct);
+        if usable_pct <= LOW_PCT {
+            low_s = low_s.min(sample.t_s);
+        }
+        if sample.t_s <= cut_off_s - 600.0 {
+            ten_minutes_min = state
+                .time_remaining_s
+                .map_or(f64::NAN, |left_s| f64::from(left_s) / 60.0);
+        }
+    }
+    *learnt = monitor.unsaved_learnt().copied().unwrap_or(*learnt);
+    let rms =
+        |errors: &[f64]| (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
+    Score {
+        usable_rms_pct: rms(&usable),
+        remaining_rms_pct: rms(&remaining),
+        remaining_at_cut_off_pct: at_cut_off_pct,
+        low_ahead_min: (cut_off_s - low_s) / 60.0,
+        time_left_ten_minutes_before_min: ten_minutes_min,
+        within_two_deviations: f64::from(within) / remaining.len() as f64,
+    }
+}
+
+/// Scores of a cell's drives in their order.
+fn scores(cell: &str, label_mah: f32, cut_off_v: f32) -> Vec<Score> {
+    let mut settings = PackSettings {
+        chemistry: Chemistry::LiIon,
+        cell_count: Some(1),
+        capacity_mah: Some(label_mah),
+        ..PackSettings::default()
+    };
+    settings.failsafe.timer_s = Some(10.0);
+    settings.failsafe.low = Thresholds::default();
+    settings.failsafe.critical.voltage_v = Some(cut_off_v);
+    let mut learnt = LearntPack::UNKNOWN;
+    let drives = life(cell, label_mah);
+    let scores = drives.iter().map(|recorded| {
+        let score = drive(recorded, &settings, &mut learnt);
+        println!(
+            "{cell} {:3} {:6.2?} {:?}",
+            recorded.number,
+            score.figures(),
+            learnt.capacity_mah()
+        );
+        score
+    });
+    scores.collect()
+}
+
+#[test]
+fn an_aged_cell_is_known() {
+    let scores = scores("b0005", 2000.0, 2.7);
+    let half = &scores[scores.len() / 2..];
+    if half.is_empty() {
+        return;
+    }
+    let means: Vec<f64> = (0..Score::NAMES.len())
+        .map(|figure| half.iter().map(|score| score.figures()[figure]).sum::<f64>() / half.len() as f64)
+        .collect();
+    for (name, mean) in Score::NAMES.iter().zip(&means) {
+        println!("second half of life, {name:34} {mean:6.2}");
+    }
+    let [usable, remaining, at_cut_off, low, ten_minutes, within] = means[..] else {
+        panic!("six figures: {means:?}");
+    };
+    assert!(
+        usable <= 4.0 && remaining <= 3.2 && at_cut_off <= 10.5,
+        "{means:?}"
+    );
+    assert!(
+        low >= 4.0 && (8.0..=13.0).contains(&ten_minutes) && within >= 0.9,
+        "{means:?}"
+    );
+}
+
+#[test]
+fn heavier_drives_do_not_bend_the_curve() {
+    let scores = scores("leaf", 33_100.0, 2.5);
+    let worst = scores
+        .iter()
+        .skip(1)
+        .map(|score| score.remaining_rms_pct)
+        .fold(0.0, f64::max);
+    println!("worst of all but the first {worst:.2}");
+    assert!(worst <= 5.3, "{worst}");
+}
