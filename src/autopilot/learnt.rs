@@ -169,7 +169,7 @@ impl Autopilot {
 
     /// Shows what is learnt of the pack in its parameters.
     pub(super) fn show_learnt(&mut self, pack: Pack) {
-        let learnt = self.packs.bank.monitor(pack).learnt();
+        let learnt = self.packs.bank.monitor(pack).shown_learnt();
         let capacity_mah = learnt.and_then(LearntPack::capacity_mah).unwrap_or(0.0);
         let resistance_ohm = learnt.and_then(LearntPack::resistance_ohm).unwrap_or(0.0);
         let shown = [

@@ -23,6 +23,9 @@ const HIGHEST_OFFSET_MV: i16 = 1_000;
 /// A learnt capacity that differs from the rated one by a larger factor is that of another pack.
 const MAX_TO_RATED: f32 = 2.0;
 
+/// Resistance relative to what is kept, up to which the pack was warm.
+pub(super) const WARM_TO_KEPT: f32 = 1.4;
+
 /// Changes of a charge that are not worth a write to flash: of the state of charge, and of a resting cell in volts.
 const LIKE_SHARE: f32 = 0.005;
 const LIKE_VOLTAGE_V: f32 = 0.002;
@@ -216,6 +219,13 @@ impl LearntPack {
     pub fn resistance_ohm(&self) -> Option<f32> {
         self.resistance
             .map(|resistance| resistance.now_ohm * f32::from(self.cell_count))
+    }
+
+    /// Whether a cell with this resistance, in ohms, may be one of this pack: the ratio is that up to which a pack is warm.
+    pub(super) fn has_resistance(&self, cell_ohm: f32) -> bool {
+        self.resistance.is_some_and(|kept| {
+            cell_ohm <= WARM_TO_KEPT * kept.now_ohm && kept.now_ohm <= WARM_TO_KEPT * cell_ohm
+        })
     }
 
     pub(crate) fn cell_count(&self) -> Option<u8> {

@@ -1,10 +1,12 @@
 //! Counting of the current from a charge that was found, corrected by the voltage.
 
 use super::cell_model::{Capacity, CellModel};
-use super::drive::Drive;
+use super::drive::{Drive, Rest};
 use super::filter::Filter;
 use super::load::{Block, Load, SagGrowth, Trace};
-use super::start::charged;
+use super::start::{
+    Relaxation, charged, full, has_plateau, may_have_surface_charge, provisional, was_charged,
+};
 use crate::battery::LearntPack;
 
 /// A voltage that is further from the expected one, in standard deviations, contradicts the estimate: no cell of the
@@ -21,6 +23,7 @@ pub(super) struct Counting {
     pub filter: Filter,
     /// Since the charge was certain.
     drive: Option<Drive>,
+    relaxation: Relaxation,
     contradicted_s: f32,
 }
 
@@ -30,6 +33,7 @@ impl Counting {
         Self {
             filter,
             drive: None,
+            relaxation: Relaxation::Unknown,
             contradicted_s: 0.0,
         }
     }
@@ -86,11 +90,19 @@ impl Counting {
 
     /// Compares a block with the model.
     fn compare(&mut self, block: &Block, trace: &mut Trace, model: &CellModel, capacity: &Capacity) {
+        if was_charged(&block.load, capacity) {
+            self.relaxation = Relaxation::Unknown;
+        }
+        let is_provisional = self.is_provisional();
         let filter = &mut self.filter;
         if let Some(drive) = &mut self.drive {
             drive.add(block, filter.share(), model, capacity);
         }
-        if let Some(deviations) = filter.update(block, model, capacity) {
+        let compared = Block {
+            cell_v: block.cell_v.filter(|_| !is_provisional),
+            ..*block
+        };
+        if let Some(deviations) = filter.update(&compared, model, capacity) {
             let excess = (deviations.abs() - CONTRADICTION).min(MAX_EXCESS);
             self.contradicted_s = (self.contradicted_s + excess * block.load.duration_s).max(0.0);
         }
@@ -99,7 +111,8 @@ impl Counting {
             && let Some(cell_v) = block.cell_v
         {
             self.contradicted_s = 0.0;
-            *filter = Filter::from_voltage(&block.load, cell_v, model, capacity);
+            self.relaxation = Relaxation::Unknown;
+            *filter = provisional(Filter::from_voltage(&block.load, cell_v, model, capacity));
             trace.reserve.restart();
         }
         if let Some(charged) = charged(block, model, capacity) {
@@ -108,6 +121,43 @@ impl Counting {
         }
         if block.load.current_a < 0.0 && filter.share() >= 1.0 {
             self.drive = Some(Drive::new(filter));
+        }
+    }
+
+    /// Whether the voltage may be too high for this charge, as it is right after charging. A certain charge was not read from it.
+    fn is_provisional(&self) -> bool {
+        self.relaxation == Relaxation::Unknown
+            && may_have_surface_charge(&self.filter)
+            && self.filter.is_from_voltage()
+    }
+
+    /// Takes the voltage of a cell that rests as one measurement. What the offset of the current sensor has counted meanwhile is
+    /// unknown.
+    pub fn rest(&mut self, rest: &Rest, load: &Load, cell_v: f32, model: &CellModel, capacity: &Capacity) {
+        if rest.relaxation == Relaxation::Relaxed {
+            self.relaxation = Relaxation::Relaxed;
+        }
+        let mut by_voltage = Filter::from_voltage(load, cell_v, model, capacity);
+        if self.relaxation == Relaxation::Unknown {
+            by_voltage = provisional(by_voltage);
+        }
+        let is_provisional = self.is_provisional();
+        let filter = &mut self.filter;
+        filter.doubt(Drive::rest_drift(rest.duration_s));
+        if is_provisional && may_have_surface_charge(&by_voltage) {
+            if by_voltage.share() < filter.share() {
+                *filter = by_voltage;
+            }
+        } else {
+            filter.rest(&by_voltage);
+        }
+        if has_plateau(model, capacity)
+            && let Some(full) = full(&by_voltage, rest.relaxation, model, capacity)
+        {
+            *filter = full;
+        }
+        if let Some(drive) = &mut self.drive {
+            drive.rest(filter, capacity);
         }
     }
 

@@ -1,17 +1,17 @@
 //! A drive, from which the pack is learnt when it rests again, and when that rest is evaluated.
 
-use super::cell_model::{Capacity, CellModel, MAX_LEARNT_SIGMA, root_of_squares};
+use super::cell_model::{Capacity, CellModel, KnownCharge, MAX_LEARNT_SIGMA, root_of_squares};
 use super::filter::Filter;
 use super::lesson::{CurveLesson, SeenPoint, SlowSag, is_warm, learn_capacity, learn_resistance};
 use super::load::{Block, HOURS_PER_SECOND, Load, Sum};
-use super::start::is_resting;
+use super::start::{Relaxation, is_resting};
 use crate::battery::learnt::{LearntPack, OFFSET_POINTS, Offset};
 
 /// Charge to be drawn between two rests, in capacities; Texas Instruments' gauges ask for 0.37 (SLUA450).
 const MIN_DRAWN: f32 = 0.35;
 
-/// Standard deviation of the charge at the first rest up to which it counts as known.
-const MAX_START_SIGMA: f32 = 0.03;
+/// Standard deviation of the charge at the first rest up to which a drive is evaluated: that of any charge by its voltage.
+const MAX_START_SIGMA: f32 = 0.08;
 
 /// Resistance of a first drive relative to that of a typical cell, up to which it is that of a cell with its contacts.
 const MAX_TO_TYPICAL: f32 = 4.0;
@@ -28,11 +28,21 @@ const REST_DRIFT_PER_H: f32 = 0.05;
 /// A shorter rest teaches nothing, in seconds.
 const FIRST_REST_S: f32 = 30.0;
 
+/// The longest interval between evaluations of a rest, in seconds.
+const MAX_INTERVAL_S: f32 = 1800.0;
+
+/// A cell whose voltage changes by less, in volts per second, has relaxed (Texas Instruments, SLUA364); over a shorter time
+/// than this one, in seconds, so little is not seen.
+const RELAXED_V_PER_S: f32 = 4e-6;
+const RELAXED_S: f32 = 900.0;
+
+/// A drive that has drawn less, in capacities, begins at the latest rest.
+const BEGUN: f32 = 0.05;
+
 /// What was seen of a pack since its charge was last certain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
-    start_share: f32,
-    start_sigma: f32,
+    start: KnownCharge,
     drawn_ah: f32,
     /// Time at rest, in hours.
     rested_h: f32,
@@ -81,8 +91,10 @@ impl Drive {
     /// Begins with this estimate.
     pub fn new(start: &Filter) -> Self {
         Self {
-            start_share: start.share(),
-            start_sigma: start.sigma(),
+            start: KnownCharge {
+                share: start.share(),
+                sigma: start.sigma(),
+            },
             drawn_ah: 0.0,
             rested_h: 0.0,
             ohm: Sum::NEW,
@@ -93,7 +105,19 @@ impl Drive {
 
     /// A charge with this standard deviation, in capacities, was drawn unseen.
     pub fn doubt(&mut self, sigma: f32) {
-        self.start_sigma = root_of_squares(self.start_sigma, sigma);
+        self.start.sigma = root_of_squares(self.start.sigma, sigma);
+    }
+
+    /// The pack rests with this estimate: a drive that has hardly begun starts from it.
+    pub fn rest(&mut self, estimate: &Filter, capacity: &Capacity) {
+        if self.drawn_ah.abs() < BEGUN * capacity.ah {
+            *self = Self::new(estimate);
+        }
+    }
+
+    /// Standard deviation, in capacities, of what the offset of a current sensor has counted in this time at rest.
+    pub fn rest_drift(rested_s: f32) -> f32 {
+        REST_DRIFT_PER_H * HOURS_PER_SECOND * rested_s
     }
 
     /// A charge was drawn that no measured current shows, in ampere-hours.
@@ -137,15 +161,15 @@ impl Drive {
     /// State of charge with this capacity, and its standard deviation.
     pub fn share(&self, capacity: &Capacity) -> (f32, f32) {
         let used = self.drawn_ah / capacity.ah;
-        let sigma = root_of_squares(self.start_sigma, used * capacity.sigma);
-        (self.start_share - used, sigma)
+        let sigma = root_of_squares(self.start.sigma, used * capacity.sigma);
+        (self.start.share - used, sigma)
     }
 
     /// What is learnt when the pack rests at this voltage of a cell; `None` if that is not more than is known.
     pub fn learn(&mut self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<LearntPack> {
         let rated_ah = model.rated_ah?;
         let ohm = self.mean_ohm()?;
-        if self.drawn_ah < MIN_DRAWN * rated_ah || self.start_sigma > MAX_START_SIGMA {
+        if self.drawn_ah < MIN_DRAWN * rated_ah || self.start.sigma > MAX_START_SIGMA {
             return None;
         }
         let kept = self.before.unwrap_or(*model.learnt);
@@ -195,7 +219,7 @@ impl Drive {
             learnt.resistance = Some(learn_resistance(before.resistance, ohm));
             if capacity.sigma < MAX_LEARNT_SIGMA {
                 let lesson = CurveLesson {
-                    start_share: self.start_share,
+                    start: self.start,
                     capacity: Capacity {
                         ah: capacity.ah(),
                         sigma: capacity.sigma,
@@ -216,8 +240,8 @@ impl Drive {
     /// The capacity by the charge between two rests.
     fn capacity(&self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<Capacity> {
         let end = Filter::from_voltage(rest, cell_v, model, &model.capacity()?);
-        let used = self.start_share - end.share();
-        let rests_sigma = root_of_squares(self.start_sigma, end.sigma());
+        let used = self.start.share - end.share();
+        let rests_sigma = root_of_squares(self.start.sigma, end.sigma());
         let sigma = root_of_squares(rests_sigma, REST_DRIFT_PER_H * self.rested_h);
         // Less is nothing that a curve shows.
         (used >= 0.5 * MIN_DRAWN).then(|| Capacity {
@@ -251,28 +275,50 @@ fn known<'a>(model: &CellModel, learnt: &'a LearntPack, ohm: f32) -> CellModel<'
     }
 }
 
-/// Measures a rest. It is evaluated after half a minute, and again whenever it has lasted twice as long.
+/// Measures a rest. It is evaluated after half a minute, and again whenever it has lasted twice as long, or half an hour more.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RestTimer {
     rested_s: f32,
-    due_s: f32,
+    /// The latest evaluation, in seconds of this rest, and the voltage of a cell then.
+    evaluated_s: f32,
+    evaluated_v: f32,
+}
+
+/// An evaluation of a rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rest {
+    /// Since the evaluation before, in seconds.
+    pub duration_s: f32,
+    pub relaxation: Relaxation,
 }
 
 impl RestTimer {
     pub const fn new() -> Self {
         Self {
             rested_s: 0.0,
-            due_s: FIRST_REST_S,
+            evaluated_s: 0.0,
+            evaluated_v: 0.0,
         }
     }
 
-    /// The pack rested for another `dt_s` seconds. Returns whether an evaluation is due.
-    pub fn rest(&mut self, dt_s: f32) -> bool {
+    /// The pack rested at this voltage of a cell for another `dt_s` seconds. Returns the evaluation that is due.
+    pub fn rest(&mut self, dt_s: f32, cell_v: f32) -> Option<Rest> {
         self.rested_s += dt_s;
-        let is_due = self.rested_s >= self.due_s;
-        if is_due {
-            self.due_s = 2.0 * self.rested_s;
+        let duration_s = self.rested_s - self.evaluated_s;
+        if duration_s < self.evaluated_s.clamp(FIRST_REST_S, MAX_INTERVAL_S) {
+            return None;
         }
-        is_due
+        let change_v = (cell_v - self.evaluated_v).abs();
+        self.evaluated_s = self.rested_s;
+        self.evaluated_v = cell_v;
+        let is_relaxed = duration_s >= RELAXED_S && change_v <= RELAXED_V_PER_S * duration_s;
+        Some(Rest {
+            duration_s,
+            relaxation: if is_relaxed {
+                Relaxation::Relaxed
+            } else {
+                Relaxation::Unknown
+            },
+        })
     }
 }

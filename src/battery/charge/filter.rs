@@ -146,9 +146,31 @@ impl Filter {
         }
     }
 
-    /// Takes the voltage of a cell that has rested.
-    pub fn rest(&mut self, cell_v: f32, model: &CellModel) {
-        self.correct(cell_v, &Sag::NONE, 0.0, model);
+    /// Whether its errors are those of a voltage.
+    pub fn is_from_voltage(&self) -> bool {
+        self.voltage_variance.is_some()
+    }
+
+    /// Takes the estimate by the voltage of a cell at rest as one measurement: it has errors of curve and slow sag that no other
+    /// voltage of this rest averages out. An estimate that it corrects by more than half is one from a voltage.
+    pub fn rest(&mut self, by_voltage: &Self) {
+        let (variance, voltage_variance) = (square(self.sigma()), square(by_voltage.sigma()));
+        let innovation = by_voltage.share() - self.share();
+        let total = variance + voltage_variance;
+        let weight = if variance < voltage_variance {
+            self.weight(innovation / libm::sqrtf(total))
+        } else {
+            1.0
+        };
+        let gain = weight * variance / total;
+        self.state[0] += gain * innovation;
+        for with in 1..STATES {
+            self.set_covariance(with, (1.0 - gain) * self.covariance[0][with]);
+        }
+        self.covariance[0][0] = variance * (1.0 - gain);
+        if gain > 0.5 {
+            self.voltage_variance = Some(voltage_variance);
+        }
         self.limit();
     }
 
@@ -200,11 +222,8 @@ impl Filter {
         let deviations = unexplained_v / libm::sqrtf(typical_variance);
         let innovation_v = cell_v - (resting_v + curve_sigma_v * offset - sag.at(slow_share));
         let gradient = [slope_v, 0.0, curve_sigma_v, -sag.slow_v];
-        self.apply(
-            &gradient,
-            innovation_v * self.weight(deviations),
-            noise * CORRELATED_STEPS,
-        );
+        let weight = self.weight(deviations);
+        self.apply(&gradient, innovation_v, noise * CORRELATED_STEPS, weight);
         deviations
     }
 
@@ -218,12 +237,12 @@ impl Filter {
         (1.0 - dead_band / deviations.abs().max(dead_band)).max(0.0)
     }
 
-    /// The Kalman update.
-    fn apply(&mut self, gradient: &Vector, innovation_v: f32, noise: f32) {
+    /// The Kalman update, with a weight from 0 to 1.
+    fn apply(&mut self, gradient: &Vector, innovation_v: f32, noise: f32, weight: f32) {
         let by_state = self.covariance.map(|row| dot(&row, gradient));
         let variance = dot(&by_state, gradient) + noise;
         for ((state, row), covariance) in self.state.iter_mut().zip(&mut self.covariance).zip(by_state) {
-            let gain = covariance / variance;
+            let gain = weight * covariance / variance;
             *state += gain * innovation_v;
             for (element, covariance) in row.iter_mut().zip(by_state) {
                 *element -= gain * covariance;
@@ -262,11 +281,6 @@ struct Sag {
 }
 
 impl Sag {
-    const NONE: Self = Self {
-        fast_v: 0.0,
-        slow_v: 0.0,
-    };
-
     fn new(load: &Load, ohm: f32) -> Self {
         let limit = |voltage_v: f32| voltage_v.clamp(-MAX_SAG_V, MAX_SAG_V);
         Self {
@@ -292,8 +306,11 @@ struct VoltageError {
 impl VoltageError {
     fn new(share: f32, sag: &Sag, model: &CellModel) -> Self {
         let slope_v = model.slope_v(share);
+        let sigma_v = model.curve_sigma_v(share, slope_v);
+        // Right above a plateau a voltage that is a little too high is that of any charge there.
+        let lower = share - model.share(model.voltage_v(share) - sigma_v);
         Self {
-            by_offset: -model.curve_sigma_v(share, slope_v) / slope_v,
+            by_offset: -lower.max(sigma_v / slope_v),
             by_slow_share: sag.slow_v / slope_v,
             slow_variance: square(model.slow_share_sigma()),
             noise: noise_variance(sag.at(model.slow_share())) / square(slope_v),

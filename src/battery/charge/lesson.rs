@@ -1,7 +1,7 @@
 //! Capacity, resistance, slow sag and curve of a pack, learnt from a drive.
 
-use super::cell_model::{Capacity, CellModel, root_of_squares};
-use crate::battery::learnt::{LearntCapacity, LearntResistance, LearntSlowShare, Offset};
+use super::cell_model::{Capacity, CellModel, KnownCharge, root_of_squares};
+use crate::battery::learnt::{LearntCapacity, LearntResistance, LearntSlowShare, Offset, WARM_TO_KEPT};
 
 /// Standard deviation of a label, relative to it, if a lesson does not contradict it, and the most that a true capacity is away
 /// from one.
@@ -25,9 +25,6 @@ const BETTER: f32 = 0.7;
 
 /// Share of a change that is taken over from a lesson as good as those before: nine tenths after three.
 const FOLLOWING: f32 = 0.6;
-
-/// Resistance relative to what is kept, up to which the pack was warm.
-const WARM_TO_KEPT: f32 = 1.4;
 
 /// The kept resistance follows that of this many drives, and rises by this factor at most: never into the cold.
 const RESISTANCE_DRIVES: f32 = 4.0;
@@ -153,8 +150,8 @@ impl ComparedPoint {
 
 /// A curve that is learnt from a drive.
 pub(super) struct CurveLesson<'a> {
-    /// State of charge at the start of the drive, from 0 to 1.
-    pub start_share: f32,
+    /// State of charge at the start of the drive.
+    pub start: KnownCharge,
     pub capacity: Capacity,
     pub slow_sag: SlowSag,
     /// The cell as known before.
@@ -207,11 +204,12 @@ impl CurveLesson<'_> {
     fn compare(&self, before: &Offset, seen: &SeenPoint) -> ComparedPoint {
         let Self { capacity, model, .. } = self;
         let drawn = seen.drawn_ah / capacity.ah;
-        let share = self.start_share - drawn;
+        let share = self.start.share - drawn;
         let (before_v, before_sigma_v) = match before.sigma_v() {
             Some(sigma_v) => (before.mean_v(), sigma_v + OFFSET_DRIFT_V),
             None => (0.0, model.cell.curve_sigma_v),
         };
+        let by_start_v = model.slope_v(share) * self.start.sigma;
         let by_sag_v = match self.slow_sag {
             SlowSag::Known => SAG_SIGMA * seen.slow_v * (1.0 + model.slow_share()),
             SlowSag::Learnt => {
@@ -224,7 +222,7 @@ impl CurveLesson<'_> {
             before_sigma_v,
             above_v: seen.without_fast_v - model.cell.curve.voltage_v(share) - before_v,
             slow_v: seen.slow_v,
-            noise_v: root_of_squares(OFFSET_SIGMA_V, by_sag_v),
+            noise_v: root_of_squares(root_of_squares(OFFSET_SIGMA_V, by_start_v), by_sag_v),
         }
     }
 }

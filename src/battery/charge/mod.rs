@@ -19,7 +19,7 @@ use super::learnt::LastCharge;
 use super::swap::Doubt;
 use super::{ArmState, LearntPack};
 use counting::Counting;
-use drive::RestTimer;
+use drive::{Rest, RestTimer};
 use filter::Filter;
 use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace};
 use reference::Reference;
@@ -280,16 +280,23 @@ impl ChargeEstimator {
         if !rests {
             self.rest = RestTimer::new();
         }
-        let kept = if self.is_of_pack_before() || doubt == Doubt::Rescaled {
-            None
-        } else if rests && self.rest.rest(load.duration_s) {
-            let learnt = self.learn(&load, cell_v, model);
-            if learnt.is_some() {
-                self.trace.reserve.restart();
+        let kept = if let Some(cell_v) = cell_v
+            && !self.is_of_pack_before()
+            && doubt != Doubt::Rescaled
+        {
+            let rest = if rests {
+                self.rest.rest(load.duration_s, cell_v)
+            } else {
+                None
+            };
+            match rest {
+                Some(rest) => {
+                    let learnt = self.evaluate(&rest, &load, cell_v, model);
+                    self.keep(&load, cell_v, learnt, model)
+                }
+                None if was_disarmed => self.keep(&load, cell_v, None, model),
+                None => None,
             }
-            self.keep(&load, cell_v, learnt, model)
-        } else if was_disarmed {
-            self.keep(&load, cell_v, None, model)
         } else {
             None
         };
@@ -300,23 +307,28 @@ impl ChargeEstimator {
         kept
     }
 
-    /// Learns the pack when it has rested.
-    fn learn(&mut self, rest: &Load, cell_v: Option<f32>, model: &CellModel) -> Option<LearntPack> {
-        match &mut self.phase {
-            Phase::Counting(counting) => counting.learn(rest, cell_v?, model),
-            Phase::Starting(_) | Phase::Known(_) | Phase::VoltageOnly(_) => None,
+    /// Evaluates a rest: learns the pack, or corrects the estimate.
+    fn evaluate(&mut self, rest: &Rest, load: &Load, cell_v: f32, model: &CellModel) -> Option<LearntPack> {
+        let Phase::Counting(counting) = &mut self.phase else {
+            return None;
+        };
+        let learnt = counting.learn(load, cell_v, model);
+        match (&learnt, model.capacity()) {
+            (Some(_), _) => self.trace.reserve.restart(),
+            (None, Some(capacity)) => counting.rest(rest, load, cell_v, model, &capacity),
+            (None, None) => {}
         }
+        learnt
     }
 
     /// What is kept of a pack that rests.
     fn keep(
         &self,
         rest: &Load,
-        cell_v: Option<f32>,
+        cell_v: f32,
         learnt: Option<LearntPack>,
         model: &CellModel,
     ) -> Option<LearntPack> {
-        let cell_v = cell_v?;
         let mut kept = learnt.unwrap_or(*model.learnt);
         kept.chemistry = model.chemistry;
         kept.cell_count = model.cell_count?;

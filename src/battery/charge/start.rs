@@ -35,9 +35,13 @@ const CONFIRMED_S: f32 = 1.5;
 /// relaxes by some 30 mV.
 const FULL_SHARE: f32 = 0.95;
 
-/// From here on a voltage is certain: only charging brings it there.
-const CERTAIN_SHARE: f32 = 0.90;
 const CERTAIN_SIGMA: f32 = 0.01;
+
+/// From here on, and the more so within this width, a voltage may be that of a cell that was charged a moment ago and has not relaxed. Two standard deviations are
+/// what a LiFe cell that was taken off its charger early showed too much; LiPo and Li-ion cells showed 11 and 17 %.
+const SURFACE_SHARE: f32 = 0.80;
+const SURFACE_WIDTH: f32 = 0.1;
+const SURFACE_SIGMA: f32 = 0.15;
 
 /// What self-discharge and a charge that leaves the voltage alone may have changed since a charge was kept.
 const PAUSE_SIGMA: f32 = 0.03;
@@ -150,8 +154,9 @@ impl Start {
         }
         self.rested_s += load.duration_s;
         let by_voltage = Filter::from_voltage(load, cell_v, model, capacity);
-        let known = certain(&by_voltage, model, capacity).or_else(|| remembered(cell_v, model, capacity));
-        let found = known.unwrap_or(by_voltage);
+        let known = full(&by_voltage, Relaxation::Unknown, model, capacity)
+            .or_else(|| remembered(cell_v, model, capacity));
+        let found = known.unwrap_or(provisional(by_voltage));
         if self.rested_s >= known.map_or(RESTED_S, |_| CONFIRMED_S) {
             return Some(found);
         }
@@ -255,8 +260,8 @@ impl First {
         let by_voltage =
             resting_v.map(|resting_v| Filter::from_voltage(&Load::NONE, resting_v, &typical, capacity));
         by_voltage
-            .and_then(|by_voltage| certain(&by_voltage, &typical, capacity))
-            .is_some_and(|certain| certain.share() >= FULL_SHARE)
+            .and_then(|by_voltage| full(&by_voltage, Relaxation::Unknown, &typical, capacity))
+            .is_some()
     }
 
     /// The estimate by this limit. After a restart under load the slow sag is in the voltage too: the deviation holds it.
@@ -287,7 +292,7 @@ fn remembered(cell_v: f32, model: &CellModel, capacity: &Capacity) -> Option<Fil
     let last = model.last_charge(cell_v)?;
     let sigma = root_of_squares(last.sigma, PAUSE_SIGMA);
     let mut filter = Filter::from_share(last.share, sigma, model, capacity);
-    filter.rest(cell_v, model);
+    filter.rest(&Filter::from_voltage(&Load::NONE, cell_v, model, capacity));
     Some(filter)
 }
 
@@ -296,14 +301,23 @@ pub(super) fn is_resting(current_a: f32, capacity: &Capacity) -> bool {
     current_a.abs() < RESTING_RATE_PER_H * capacity.ah
 }
 
-/// The estimate at the end of charging: the current has fallen at the voltage of a full pack.
+/// Whether a pack was charged in the last minutes.
+pub(super) fn was_charged(load: &Load, capacity: &Capacity) -> bool {
+    load.slow_a < -CHARGED_RATE_PER_H * capacity.ah
+}
+
+/// The estimate at the end of charging: the current has fallen at the voltage of a full pack. On a curve with a plateau that is
+/// the voltage of the charger: lower ones are reached long before.
 pub(super) fn charged(block: &Block, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
-    let was_charged = block.load.slow_a < -CHARGED_RATE_PER_H * capacity.ah;
-    if !was_charged || !is_resting(block.load.current_a, capacity) {
+    if !was_charged(&block.load, capacity) || !is_resting(block.load.current_a, capacity) {
         return None;
     }
-    let by_voltage = Filter::from_voltage(&block.load, block.cell_v?, model, capacity);
-    certain(&by_voltage, model, capacity).filter(|certain| certain.share() >= FULL_SHARE)
+    let cell_v = block.cell_v?;
+    if cell_v >= model.voltage_v(1.0) {
+        return Some(Filter::from_share(1.0, CERTAIN_SIGMA, model, capacity));
+    }
+    let by_voltage = Filter::from_voltage(&block.load, cell_v, model, capacity);
+    full(&by_voltage, Relaxation::Unknown, model, capacity)
 }
 
 /// Whether a voltage says little of the charge.
@@ -311,14 +325,42 @@ pub(super) fn is_flat(by_voltage: &Filter) -> bool {
     by_voltage.sigma() > STEEP_SIGMA
 }
 
-/// The estimate for a voltage that only charging brings about, unless the curve is flat there.
-fn certain(by_voltage: &Filter, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
-    let share = by_voltage.share();
-    if share < CERTAIN_SHARE || is_flat(by_voltage) {
-        return None;
-    }
-    let share = if share >= FULL_SHARE { 1.0 } else { share };
-    Some(Filter::from_share(share, CERTAIN_SIGMA, model, capacity))
+/// Whether a cell has had the time to relax.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Relaxation {
+    Unknown,
+    Relaxed,
+}
+
+/// The estimate for a voltage that only a full cell has. On a curve with a plateau it is that of a cell that has relaxed.
+pub(super) fn full(
+    by_voltage: &Filter,
+    relaxation: Relaxation,
+    model: &CellModel,
+    capacity: &Capacity,
+) -> Option<Filter> {
+    let is_full = by_voltage.share() >= FULL_SHARE
+        && !is_flat(by_voltage)
+        && (relaxation == Relaxation::Relaxed || !has_plateau(model, capacity));
+    is_full.then(|| Filter::from_share(1.0, CERTAIN_SIGMA, model, capacity))
+}
+
+/// Whether such a cell may have been charged a moment ago.
+pub(super) fn may_have_surface_charge(estimate: &Filter) -> bool {
+    estimate.share() >= SURFACE_SHARE
+}
+
+/// The estimate by the voltage of a cell that may not have relaxed.
+pub(super) fn provisional(mut by_voltage: Filter) -> Filter {
+    let beyond = (by_voltage.share() - SURFACE_SHARE) / SURFACE_WIDTH;
+    by_voltage.doubt(SURFACE_SIGMA * beyond.clamp(0.0, 1.0));
+    by_voltage
+}
+
+/// Whether the curve is flat at half charge.
+pub(super) fn has_plateau(model: &CellModel, capacity: &Capacity) -> bool {
+    let half_v = model.cell.curve.voltage_v(0.5);
+    is_flat(&Filter::from_voltage(&Load::NONE, half_v, model, capacity))
 }
 
 #[cfg(test)]

@@ -17,9 +17,10 @@ enum Standing {
     Saved,
     /// It has to be written.
     Unsaved,
-    /// The pack was swapped: flash holds what was learnt of the one before, which had this many cells, until this one is
-    /// learnt.
-    Swapped(Option<u8>),
+    /// The pack was swapped, or charged elsewhere. What is kept is hidden until this one has the same resistance, or is learnt.
+    Swapped,
+    /// By its serial number this is another pack. What is kept is hidden until it is learnt.
+    Replaced,
 }
 
 impl Learnt {
@@ -53,14 +54,24 @@ impl Learnt {
         self.standing = Standing::Unsaved;
     }
 
-    /// The pack was swapped. A serial number says which one it is; what was learnt of it stays then, but for its charge.
-    pub fn replace_pack(&mut self, serial_number: Option<i32>) {
-        match serial_number {
-            Some(_) => self.pack = self.pack.without_charge(),
-            None => {
-                self.standing = Standing::Swapped(self.kept_cells());
-                self.pack = LearntPack::of(self.pack.serial_number);
-            }
+    /// The pack was swapped. A serial number that is set says which one it is: what was learnt of it stays.
+    pub fn swap(&mut self, set_serial_number: Option<i32>) {
+        self.forget_charge();
+        if set_serial_number.is_none() && self.pack.learnt().is_some() {
+            self.standing = Standing::Swapped;
+        }
+    }
+
+    /// The pack reports another serial number.
+    pub fn replace_pack(&mut self) {
+        self.forget_charge();
+        self.standing = Standing::Replaced;
+    }
+
+    /// Takes the resistance of a cell of this pack, in ohms.
+    pub fn compare(&mut self, cell_ohm: f32) {
+        if self.standing == Standing::Swapped && self.pack.has_resistance(cell_ohm) {
+            self.standing = Standing::Unsaved;
         }
     }
 
@@ -76,20 +87,18 @@ impl Learnt {
         }
     }
 
-    /// Cells of the pack that flash holds.
-    pub fn kept_cells(&self) -> Option<u8> {
-        match self.standing {
-            Standing::Swapped(cells) => cells,
-            Standing::Saved | Standing::Unsaved => self.pack.cell_count(),
-        }
-    }
-
     /// What is learnt of the pack, unless the settings say that it is another one.
     pub fn known(&self, settings: &PackSettings, cell_count: Option<u8>) -> Option<&LearntPack> {
-        let matches = self
-            .pack
-            .matches(settings.chemistry, cell_count, settings.capacity_mah);
-        matches.then_some(&self.pack)
+        self.shown()
+            .filter(|pack| pack.matches(settings.chemistry, cell_count, settings.capacity_mah))
+    }
+
+    /// What is kept, unless that may be of another pack.
+    pub fn shown(&self) -> Option<&LearntPack> {
+        match self.standing {
+            Standing::Saved | Standing::Unsaved => Some(&self.pack),
+            Standing::Swapped | Standing::Replaced => None,
+        }
     }
 
     /// The same, or that nothing is known.
@@ -137,9 +146,7 @@ impl Learnt {
             return;
         }
         self.pack = kept;
-        if !matches!(self.standing, Standing::Swapped(_)) || kept.learnt().is_some() {
-            self.standing = Standing::Unsaved;
-        }
+        self.standing = Standing::Unsaved;
     }
 
     /// Takes over what was learnt of a pack with other settings. Those may be a mistake: until the pack is learnt, what

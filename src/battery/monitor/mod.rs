@@ -207,7 +207,10 @@ impl BatteryMonitor {
         if let Some(replacement) = self.reports.replacement(tick, measurement) {
             self.swap_detector.reset();
             self.evaluation.restart_charge_reports();
-            self.replace_pack(replacement, None, events);
+            if let Some(learnt) = &mut self.learnt {
+                learnt.replace_pack();
+            }
+            self.replace_pack(replacement, events);
         }
         self.reports.update(tick, measurement, &mut self.state, events);
     }
@@ -281,7 +284,10 @@ impl BatteryMonitor {
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         match self.detect_swap(&reading) {
             Some(AtRest::Replaced(replacement)) => {
-                self.replace_pack(replacement, settings.serial_number, events);
+                if let Some(learnt) = &mut self.learnt {
+                    learnt.swap(settings.serial_number);
+                }
+                self.replace_pack(replacement, events);
                 self.reports.gauge.update(tick.now, measurement.gauge);
             }
             Some(at_rest) => self.resolve_doubt(&at_rest, &reading, settings, events),
@@ -341,15 +347,7 @@ impl BatteryMonitor {
 
     /// The pack was swapped: estimates and counts restart. The failsafe level stays latched until the new pack
     /// disproves it. What was learnt is that of the pack before, unless a serial number says which pack it is.
-    fn replace_pack(
-        &mut self,
-        replacement: Replacement,
-        serial_number: Option<i32>,
-        events: &mut PackEvents,
-    ) {
-        if let Some(learnt) = &mut self.learnt {
-            learnt.replace_pack(serial_number);
-        }
+    fn replace_pack(&mut self, replacement: Replacement, events: &mut PackEvents) {
         self.counting.replace_pack();
         self.reports.gauge = GaugeState::Absent;
         self.estimator = Estimator::new();
@@ -403,7 +401,13 @@ impl BatteryMonitor {
     fn keep(&mut self, kept: Option<LearntPack>, settings: &PackSettings, events: &mut PackEvents) {
         let can_learn = self.can_learn();
         let cell_count = self.estimator.cell_count(settings);
-        if let (Some(kept), Some(learnt), true) = (kept, &mut self.learnt, can_learn)
+        let Some(learnt) = self.learnt.as_mut().filter(|_| can_learn) else {
+            return;
+        };
+        if let Some((pack_ohm, count)) = self.estimator.resistance_ohm().zip(cell_count) {
+            learnt.compare(pack_ohm / f32::from(count));
+        }
+        if let Some(kept) = kept
             && let Some(event) = learnt.update(&kept, settings, cell_count)
         {
             push(events, event);
@@ -419,7 +423,7 @@ impl BatteryMonitor {
 
     /// Cells of the pack that flash holds.
     fn kept_cells(&self) -> Option<u8> {
-        self.learnt.as_ref()?.kept_cells()
+        self.learnt.as_ref()?.pack().cell_count()
     }
 
     /// Cells that the pack may have although its voltage is that of fewer.
@@ -636,6 +640,11 @@ impl BatteryMonitor {
         self.learnt.as_ref().map(Learnt::pack)
     }
 
+    /// The same, unless the pack was swapped and may be another one.
+    pub fn shown_learnt(&self) -> Option<&LearntPack> {
+        self.learnt.as_ref()?.shown()
+    }
+
     /// The same, unless the pack's state says that it was learnt of another one.
     pub fn learnt_of_this(&self) -> Option<&LearntPack> {
         let BatteryState {
@@ -643,7 +652,7 @@ impl BatteryMonitor {
             cell_count,
             ..
         } = self.state;
-        self.learnt()
+        self.shown_learnt()
             .filter(|learnt| learnt.matches(chemistry, cell_count, self.state.capacity_mah()))
     }
 

@@ -14,6 +14,7 @@ mod changed_scale;
 mod current_range;
 mod doubtful_cells;
 mod missing_voltage;
+mod rests;
 mod rover;
 mod sources;
 

@@ -21,7 +21,13 @@ pub struct Pack {
     pub slow_share: f32,
     /// How far the curve is above that of its chemistry when empty and full, in volts.
     pub offsets_v: [f32; 2],
+    /// What is left of charging, in volts.
+    pub surface_v: f32,
 }
+
+/// Time in which a surface charge relaxes, in seconds, and charge whose drawing takes it away.
+const SURFACE_S: f32 = 600.0;
+const SURFACE_SHARE: f32 = 0.03;
 
 impl Pack {
     pub fn rested(chemistry: Chemistry, share: f32) -> Self {
@@ -32,11 +38,14 @@ impl Pack {
             slow_a: [0.0; 3],
             slow_share: chemistry.cell().slow_share,
             offsets_v: [0.0; 2],
+            surface_v: 0.0,
         }
     }
 
     pub fn draw(&mut self, current_a: f32, dt_s: f32) {
         self.share = (self.share - current_a * dt_s / 3600.0 / self.capacity_ah).clamp(0.0, 1.0);
+        let drawn = (current_a * dt_s / 3600.0 / self.capacity_ah).max(0.0);
+        self.surface_v *= (-dt_s / SURFACE_S - drawn / SURFACE_SHARE).exp();
         for (slow_a, (time_constant_s, _)) in self.slow_a.iter_mut().zip(SLOW) {
             *slow_a += (current_a - *slow_a) * (1.0 - (-dt_s / time_constant_s).exp());
         }
@@ -53,7 +62,7 @@ impl Pack {
         let sag_v = cell.ohmic_drop_v / self.capacity_ah * (current_a + self.slow_share * slow_a);
         let [empty_v, full_v] = self.offsets_v;
         let offset_v = empty_v + (full_v - empty_v) * self.share;
-        3.0 * (cell.curve.voltage_v(self.share) + offset_v - sag_v)
+        3.0 * (cell.curve.voltage_v(self.share) + offset_v + self.surface_v - sag_v)
     }
 }
 
@@ -76,6 +85,8 @@ pub struct Rover {
 pub enum Sensors {
     VoltageAndCurrent,
     VoltageAndReversedCurrent,
+    /// The board's own consumption is none to it.
+    VoltageAndInsensitiveCurrent,
     Voltage,
 }
 
@@ -102,6 +113,13 @@ impl Rover {
         rover
     }
 
+    /// A rover whose full pack has relaxed: on a curve with a plateau it is certain only then.
+    pub fn rested(chemistry: Chemistry) -> Self {
+        let mut rover = Self::with(Pack::rested(chemistry, 1.0));
+        rover.run(4.0 * 3600.0, 0.0);
+        rover
+    }
+
     fn reading(&self, current_a: f32) -> Measurement {
         let scale = &self.measuring.scale;
         let pin_v = self.pack.voltage_v(current_a) / TRUE_SCALE.volt_multiplier;
@@ -110,6 +128,8 @@ impl Rover {
         match self.sensors {
             Sensors::VoltageAndCurrent => loaded(voltage_v, current_a * by_current),
             Sensors::VoltageAndReversedCurrent => loaded(voltage_v, -current_a * by_current),
+            Sensors::VoltageAndInsensitiveCurrent if current_a <= IDLE_A => loaded(voltage_v, 0.0),
+            Sensors::VoltageAndInsensitiveCurrent => loaded(voltage_v, current_a),
             Sensors::Voltage => volts(voltage_v),
         }
     }
@@ -133,6 +153,13 @@ impl Rover {
             self.run(5.0, 1.1);
         }
         self.bench.arm_state = ArmState::Disarmed;
+    }
+
+    /// Board and pack are switched off and on: only flash is kept.
+    pub fn power_cycle(&mut self) {
+        let kept = *self.bench.monitor.learnt().expect("restored");
+        self.bench.monitor = BatteryMonitor::new();
+        self.bench.monitor.restore_learnt(kept);
     }
 
     /// The pack is out for this time.

@@ -1,0 +1,156 @@
+//! What the voltage of a pack at rest says, as it relaxes and while the board stays on.
+
+use super::rover::{IDLE_A, Pack, Rover, STEEP, Sensors};
+use super::*;
+
+/// A pack that was taken off its charger at this charge, and reads too full by this much, in volts of a cell.
+fn just_charged(chemistry: Chemistry, share: f32, surface_v: f32) -> Pack {
+    Pack {
+        surface_v,
+        ..Pack::rested(chemistry, share)
+    }
+}
+
+/// The charge with its standard deviation, as reported.
+fn estimate_pct(rover: &Rover) -> Option<(f32, f32)> {
+    let BatteryState {
+        remaining_pct,
+        remaining_sigma_pct,
+        ..
+    } = *rover.bench.state();
+    remaining_pct.zip(remaining_sigma_pct)
+}
+
+/// The charge is within two stated standard deviations, or unknown.
+#[track_caller]
+fn assert_honest(rover: &Rover, what: &str) {
+    let is_within = |(remaining_pct, sigma_pct): (f32, f32)| {
+        (remaining_pct - 100.0 * rover.pack.share).abs() <= 2.0 * sigma_pct
+    };
+    let estimate = estimate_pct(rover);
+    println!("{what}: {estimate:?} instead of {}", 100.0 * rover.pack.share);
+    assert!(
+        estimate.is_none_or(is_within),
+        "{what}: {estimate:?} instead of {}",
+        100.0 * rover.pack.share
+    );
+}
+
+#[test]
+// Requirement: PX-6, L-11
+fn a_pack_taken_off_its_charger_early_is_found_out_as_it_relaxes() {
+    for (chemistry, share, surface_v) in [(Chemistry::LiPo, 0.80, 0.10), (Chemistry::LiIon, 0.75, 0.13)] {
+        let mut rover = Rover::with(just_charged(chemistry, share, surface_v));
+        for minute in 1..=60 {
+            rover.run(60.0, 0.02);
+            assert_honest(&rover, &format!("{chemistry:?} after {minute} minutes"));
+        }
+        assert!(
+            rover.error_pct().abs() <= 3.0,
+            "{chemistry:?}: {} %",
+            rover.reported_pct()
+        );
+    }
+}
+
+#[test]
+// Requirement: PX-6, L-11
+fn a_curve_with_a_plateau_makes_no_pack_full_before_it_has_relaxed() {
+    let pack = just_charged(Chemistry::LiFe, 0.70, 0.12);
+    let mut rover = Rover::with(pack.clone());
+    for seconds in [3.0, 60.0, 600.0, 3600.0] {
+        rover.run(seconds, 0.02);
+        assert_honest(&rover, &format!("{seconds} s later"));
+    }
+    rover.power_cycle();
+    rover.run(60.0, IDLE_A);
+    assert_honest(&rover, "switched on once more");
+    rover.drive_to(0.1);
+    assert_honest(&rover, "driven");
+    let mut rover = Rover::with(pack);
+    rover.drive_to(0.1);
+    assert_honest(&rover, "driven at once");
+}
+
+#[test]
+// Requirement: PX-6
+fn a_full_pack_with_a_plateau_is_certain_once_it_has_relaxed() {
+    let mut rover = Rover::with(just_charged(Chemistry::LiFe, 1.0, 0.05));
+    rover.run(60.0, 0.0);
+    let is_full = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 97.0 && sigma_pct > 10.0;
+    assert!(
+        estimate_pct(&rover).is_some_and(is_full),
+        "{:?}",
+        estimate_pct(&rover)
+    );
+    rover.run(4.0 * 3600.0, 0.0);
+    let is_certain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 99.0 && sigma_pct < 2.0;
+    assert!(
+        estimate_pct(&rover).is_some_and(is_certain),
+        "{:?}",
+        estimate_pct(&rover)
+    );
+}
+
+#[test]
+// Requirement: PX-6
+fn a_charger_at_its_voltage_makes_a_pack_of_any_lithium_chemistry_full() {
+    for chemistry in [Chemistry::LiPo, Chemistry::LiIon, Chemistry::LiFe] {
+        let mut rover = Rover::parked(Pack::rested(chemistry, 0.6));
+        let charged_v = 3.0
+            * chemistry
+                .charged_cell_voltage_v()
+                .expect("chargers end by voltage");
+        while rover.pack.voltage_v(-1.1) < charged_v && rover.pack.share < 1.0 {
+            rover.run(5.0, -1.1);
+        }
+        assert_honest(&rover, &format!("{chemistry:?} charged"));
+        rover.bench.run(60.0, loaded(charged_v, -0.15));
+        rover.pack.share = 1.0;
+        assert!(
+            rover.error_pct().abs() <= 1.0,
+            "{chemistry:?}: {} %",
+            rover.reported_pct()
+        );
+    }
+}
+
+#[test]
+// Requirement: PX-6, L-11
+fn a_load_that_the_sensor_does_not_see_is_found_at_rest() {
+    for chemistry in STEEP {
+        for start in [0.6, 1.0] {
+            let mut rover = Rover::parked(Pack::rested(chemistry, start));
+            rover.sensors = Sensors::VoltageAndInsensitiveCurrent;
+            for hour in 1..=20 {
+                rover.run(3600.0, 0.022);
+                assert_honest(&rover, &format!("{chemistry:?} from {start}, after {hour} hours"));
+            }
+        }
+    }
+}
+
+#[test]
+// Requirement: PX-6
+fn parking_with_a_good_sensor_costs_a_certain_count_little() {
+    for chemistry in STEEP {
+        // As far from the curve as makes usually are.
+        let sigma_v = chemistry.cell().curve_sigma_v;
+        let mut rover = Rover::parked(Pack {
+            offsets_v: [sigma_v, sigma_v],
+            ..Pack::rested(chemistry, 1.0)
+        });
+        rover.drive_to(0.5);
+        let driven_pct = rover.error_pct();
+        for _ in 0..5 {
+            rover.run(60.0, 1.1);
+            rover.run(300.0, IDLE_A);
+        }
+        println!("{chemistry:?}: off by {driven_pct}, then {} %", rover.error_pct());
+        assert!(
+            (rover.error_pct() - driven_pct).abs() <= 2.0,
+            "{chemistry:?}: {} %",
+            rover.error_pct()
+        );
+    }
+}
