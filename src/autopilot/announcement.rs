@@ -186,7 +186,8 @@ impl Announcement<'_> {
                 | PackEvent::SensorRecovered
                 | PackEvent::ContactRestored
                 | PackEvent::Charging
-                | PackEvent::Learnt { .. },
+                | PackEvent::Learnt { .. }
+                | PackEvent::NotLearnt(_),
             ) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::Pack(
                 _,
@@ -198,6 +199,7 @@ impl Announcement<'_> {
                 | PackEvent::CurrentOverRange
                 | PackEvent::CurrentReversed
                 | PackEvent::AboveDrivers
+                | PackEvent::CapacityAboveLabel
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
                 | PackEvent::MembersLeft(_)

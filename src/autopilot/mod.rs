@@ -201,13 +201,14 @@ impl Autopilot {
     }
 
     /// Has every link send the text, which is returned; `None` if it is repeated too often. What has a place of its own is
-    /// not limited.
+    /// not limited, nor what is for the log alone.
     fn broadcast(&mut self, announcement: &Announcement<'_>, now: Instant) -> Option<AnnouncementText> {
         match announcement {
             Announcement::Pack(pack, event @ PackEvent::Failsafe { .. }) => {
                 self.broadcast.set_level(*pack, **event);
                 return Some(announcement.text());
             }
+            Announcement::Pack(_, PackEvent::NotLearnt(_)) => return Some(announcement.text()),
             Announcement::Vehicle(event) => {
                 self.broadcast.set_mode(*event);
                 return Some(announcement.text());

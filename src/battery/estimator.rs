@@ -4,6 +4,7 @@ use super::charge::{
     CellModel, ChargeEstimate, ChargeEstimator, Comparison, EndVoltage, KnownCharge, Second,
 };
 use super::event::PackEvent;
+use super::learnt::LessonObstacle;
 use super::low_pass::MeanThenLowPass;
 use super::resistance::ResistanceEstimator;
 use super::rest::{CellCount, RESTING_CURRENT_A};
@@ -235,6 +236,11 @@ impl Estimator {
                 self.charge.rescale(cell(resting_v), current_a, &model)
             }
         }
+    }
+
+    /// Why the drive so far has taught nothing; `None` if it has.
+    pub fn lesson_obstacle(&self, settings: &PackSettings, learnt: &LearntPack) -> Option<LessonObstacle> {
+        self.charge.lesson_obstacle(&self.model(settings, learnt))
     }
 
     fn report(&mut self) {

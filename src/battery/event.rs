@@ -5,7 +5,7 @@ use core::fmt;
 use heapless::Vec;
 
 use super::consumption::Gap;
-use super::{Amount, BatteryState, ChargeState, FailsafeLevel, Faults, ReadError};
+use super::{Amount, BatteryState, ChargeState, FailsafeLevel, Faults, LessonObstacle, ReadError};
 use crate::numbers::{Hundredths, round_to_i32};
 use crate::pack::Pack;
 
@@ -66,6 +66,10 @@ pub enum PackEvent {
         /// Resistance of the whole pack when warm, in ohms.
         resistance_ohm: f32,
     },
+    /// It has learnt a capacity more than a tenth above the one that is set.
+    CapacityAboveLabel,
+    /// A drive has taught nothing. For the log alone.
+    NotLearnt(LessonObstacle),
     /// These faults have begun.
     Faults(Faults),
     /// The pack reports these faults since now.
@@ -83,8 +87,9 @@ pub enum PackEvent {
 
 /// The most events of one tick: cells detected, pack swapped or estimate
 /// restarted, gap, current over range or reversed, sensor failed or recovered, contact lost
-/// or restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt.
-const MAX_EVENTS: usize = 14;
+/// or restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt or not,
+/// capacity above the label.
+const MAX_EVENTS: usize = 15;
 
 /// Charge that remains and is not usable is mentioned from here on, in percent.
 const WORTH_SAYING_PCT: f32 = 3.0;
@@ -179,6 +184,8 @@ impl fmt::Display for PackEvent {
                 round_to_i32(*capacity_mah),
                 round_to_i32(resistance_ohm * 1e3)
             ),
+            Self::CapacityAboveLabel => f.write_str("check BATT_AMP_PERVLT or BATT_CAPACITY"),
+            Self::NotLearnt(obstacle) => write!(f, "not learnt: {obstacle}"),
             Self::Faults(faults) => write_faults(f, "fault: ", *faults, &FAULT_NAMES),
             Self::ReportedFaults(faults) => write_faults(f, "reports: ", *faults, &REPORTED_NAMES),
             Self::Failsafe {

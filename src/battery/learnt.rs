@@ -1,5 +1,6 @@
 //! What is learnt of a pack over its drives, and kept in flash.
 
+use core::fmt;
 use core::ops::RangeInclusive;
 
 use super::chemistry::SAME_VOLTAGE_V;
@@ -115,6 +116,39 @@ pub(crate) struct LastCharge {
     pub sigma: f32,
     /// The voltage of a cell that has rested since then, in volts.
     pub resting_v: f32,
+}
+
+/// Why a drive has taught nothing of its pack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LessonObstacle {
+    /// `BATT_CAPACITY` is 0.
+    NoCapacity,
+    /// The current is not measured.
+    NoCurrent,
+    /// The charge was not known at the start: the pack had not rested, or its curve is flat.
+    UnknownStart,
+    /// Less than a third of the capacity was drawn.
+    LittleDrawn,
+    /// The resistance is unknown, as the load has hardly changed, or over four times a typical one.
+    Resistance,
+    /// The pack has not rested since.
+    NoRest,
+    /// The voltage at rest says nothing of the charge, or none that fits what was drawn.
+    Implausible,
+}
+
+impl fmt::Display for LessonObstacle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NoCapacity => "BATT_CAPACITY is 0",
+            Self::NoCurrent => "no current sensor",
+            Self::UnknownStart => "charge unknown at the start",
+            Self::LittleDrawn => "less than 35% drawn",
+            Self::Resistance => "resistance unknown or too high",
+            Self::NoRest => "no rest of 30s at the end",
+            Self::Implausible => "no plausible capacity",
+        })
+    }
 }
 
 impl LastCharge {

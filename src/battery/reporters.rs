@@ -4,7 +4,9 @@
 use super::charge_state::by_failsafe;
 use super::consumption::Gap;
 use super::event::push;
-use super::{ArmState, BatteryState, ChargeState, Faults, PackEvent, PackEvents, PackStatus, ReadError};
+use super::{
+    ArmState, BatteryState, ChargeState, Faults, LessonObstacle, PackEvent, PackEvents, PackStatus, ReadError,
+};
 
 /// A condition that is reported once.
 #[derive(Clone, Copy, Debug, Default)]
@@ -149,6 +151,36 @@ impl GapReporter {
         let pending = self.pending.take();
         self.silent_s = pending.map(|_| 0.0);
         pending
+    }
+}
+
+/// Reports why a drive has taught nothing of its pack.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) enum LessonReporter {
+    #[default]
+    NotDriven,
+    Driven,
+    Reported(LessonObstacle),
+}
+
+impl LessonReporter {
+    pub fn follow(&mut self, arm_state: ArmState) {
+        if arm_state == ArmState::Armed {
+            *self = Self::Driven;
+        }
+    }
+
+    /// Takes what is in the way of a lesson when the drive or its rest ends, if anything is. Returns it once.
+    pub fn report(&mut self, obstacle: LessonObstacle) -> Option<PackEvent> {
+        let is_news = match *self {
+            Self::NotDriven => false,
+            Self::Driven => true,
+            Self::Reported(before) => before != obstacle,
+        };
+        is_news.then(|| {
+            *self = Self::Reported(obstacle);
+            PackEvent::NotLearnt(obstacle)
+        })
     }
 }
 

@@ -462,6 +462,7 @@ fn pack_events() -> Vec<PackEvent> {
         capacity_mah: 2995.0,
         resistance_ohm: 0.087,
     });
+    events.push(PackEvent::CapacityAboveLabel);
     // Some faults are found here, and some reported by packs only.
     let of_faults = [PackEvent::Faults, PackEvent::ReportedFaults].into_iter();
     let of_faults = of_faults.flat_map(|event| Faults::all().iter().map(event));

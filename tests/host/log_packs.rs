@@ -11,7 +11,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
 use support::desk::Desk;
+use support::frames::texts_of;
 use support::learnt_record::learnt_words;
+use support::requests::{command_long_2, disarm};
 
 use crate::logged_rover::Rover;
 
@@ -19,6 +21,8 @@ use crate::logged_rover::Rover;
 const MONITOR: f32 = 7.0;
 const BOARD_ID: BoardId = BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c]);
 const UNKNOWN: i64 = -1;
+const ARM_DISARM: u16 = 400;
+const FORCED: f32 = 21196.0;
 
 /// A board with a smart battery that was not read yet.
 fn rover(board_id: Option<BoardId>) -> Rover {
@@ -125,4 +129,40 @@ fn what_is_learnt_of_another_pack_is_recorded_with_its_serial_number_only() {
     assert_eq!(rover.serial_numbers(), [UNKNOWN]);
     rover.report(None);
     assert_eq!(rover.serial_numbers(), [UNKNOWN, 4712]);
+}
+
+#[test]
+fn why_a_drive_taught_nothing_is_in_the_log_and_not_on_the_wire() {
+    let mut rover = rover(None);
+    let identity = PackIdentity {
+        pack: Pack::First,
+        serial_number: None,
+    };
+    rover.desk.autopilot.learnt_read(identity, Ok(None));
+    rover.desk.set(BatteryParameter::Cells.of(Pack::First), 2.0);
+    let arm = |rover: &mut Rover, request: &[u8]| {
+        rover.desk.ask(request);
+        for _ in 0..20 {
+            rover.report(None);
+        }
+        rover.desk.sent()
+    };
+    let mut sent = arm(&mut rover, &command_long_2(ARM_DISARM, 1.0, FORCED));
+    sent.extend(arm(&mut rover, &disarm()));
+    let expected = "Battery 1 not learnt: no current sensor";
+    let records = rover.records();
+    let texts: Vec<_> = records
+        .iter()
+        .filter_map(|record| record.get_str("Message"))
+        .collect();
+    assert_eq!(
+        texts.iter().filter(|text| **text == expected).count(),
+        1,
+        "{texts:?}"
+    );
+    let announced = texts_of(&sent);
+    assert!(
+        !announced.iter().any(|text| text.contains("not learnt")),
+        "{announced:?}"
+    );
 }

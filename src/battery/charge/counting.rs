@@ -176,6 +176,11 @@ impl Counting {
         Some(learnt)
     }
 
+    /// The drive so far.
+    pub fn drive(&self) -> Option<&Drive> {
+        self.drive.as_ref()
+    }
+
     /// Mean resistance of a cell in this drive, in ohms.
     pub fn mean_ohm(&self) -> Option<f32> {
         self.drive.as_ref().and_then(Drive::mean_ohm)

@@ -5,7 +5,7 @@ use super::filter::Filter;
 use super::lesson::{CurveLesson, SeenPoint, SlowSag, is_warm, learn_capacity, learn_resistance};
 use super::load::{Block, HOURS_PER_SECOND, Load, Sum};
 use super::start::{Relaxation, is_resting};
-use crate::battery::learnt::{LearntPack, OFFSET_POINTS, Offset};
+use crate::battery::learnt::{LearntPack, LessonObstacle, OFFSET_POINTS, Offset};
 
 /// Charge to be drawn between two rests, in capacities; Texas Instruments' gauges ask for 0.37 (SLUA450).
 const MIN_DRAWN: f32 = 0.35;
@@ -165,18 +165,42 @@ impl Drive {
         (self.start.share - used, sigma)
     }
 
+    /// Why nothing can be learnt from it, whatever its rest shows.
+    pub fn obstacle(&self, model: &CellModel) -> Option<LessonObstacle> {
+        let Some(rated_ah) = model.rated_ah else {
+            return Some(LessonObstacle::NoCapacity);
+        };
+        if self.start.sigma > MAX_START_SIGMA {
+            return Some(LessonObstacle::UnknownStart);
+        }
+        if self.drawn_ah < MIN_DRAWN * rated_ah {
+            return Some(LessonObstacle::LittleDrawn);
+        }
+        let typical_ohm = model.cell.ohmic_drop_v / rated_ah;
+        let is_first = self.kept(model).resistance.is_none();
+        let is_known = self
+            .mean_ohm()
+            .is_some_and(|ohm| !is_first || ohm <= MAX_TO_TYPICAL * typical_ohm);
+        (!is_known).then_some(LessonObstacle::Resistance)
+    }
+
+    /// Whether something was learnt from it.
+    pub fn has_taught(&self) -> bool {
+        self.before.is_some()
+    }
+
+    /// What was known before this drive.
+    fn kept(&self, model: &CellModel) -> LearntPack {
+        self.before.unwrap_or(*model.learnt)
+    }
+
     /// What is learnt when the pack rests at this voltage of a cell; `None` if that is not more than is known.
     pub fn learn(&mut self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<LearntPack> {
-        let rated_ah = model.rated_ah?;
+        if self.obstacle(model).is_some() {
+            return None;
+        }
         let ohm = self.mean_ohm()?;
-        if self.drawn_ah < MIN_DRAWN * rated_ah || self.start.sigma > MAX_START_SIGMA {
-            return None;
-        }
-        let kept = self.before.unwrap_or(*model.learnt);
-        let typical_ohm = model.cell.ohmic_drop_v / rated_ah;
-        if kept.resistance.is_none() && ohm > MAX_TO_TYPICAL * typical_ohm {
-            return None;
-        }
+        let kept = self.kept(model);
         let attempt = |before| Some((before, self.evaluate(ohm, rest, cell_v, &before, model)?));
         // A capacity that contradicts what was learnt is that of another pack.
         let (before, learnt) = attempt(kept).or_else(|| attempt(LearntPack::UNKNOWN))?;
@@ -299,6 +323,11 @@ impl RestTimer {
             evaluated_s: 0.0,
             evaluated_v: 0.0,
         }
+    }
+
+    /// Whether this rest was evaluated.
+    pub fn is_evaluated(&self) -> bool {
+        self.evaluated_s > 0.0
     }
 
     /// The pack rested at this voltage of a cell for another `dt_s` seconds. Returns the evaluation that is due.

@@ -15,7 +15,7 @@ mod voltage_only;
 pub(super) use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
 pub(super) use load::Second;
 
-use super::learnt::LastCharge;
+use super::learnt::{LastCharge, LessonObstacle};
 use super::swap::Doubt;
 use super::{ArmState, LearntPack};
 use counting::Counting;
@@ -319,6 +319,27 @@ impl ChargeEstimator {
             (None, None) => {}
         }
         learnt
+    }
+
+    /// Why the drive so far has taught nothing; `None` if it has.
+    pub fn lesson_obstacle(&self, model: &CellModel) -> Option<LessonObstacle> {
+        let counting = match &self.phase {
+            Phase::Counting(counting) => counting,
+            Phase::VoltageOnly(_) => return Some(LessonObstacle::NoCurrent),
+            Phase::Starting(_) | Phase::Known(_) => return Some(LessonObstacle::UnknownStart),
+        };
+        let Some(drive) = counting.drive() else {
+            return Some(LessonObstacle::UnknownStart);
+        };
+        if drive.has_taught() {
+            return None;
+        }
+        let by_rest = if self.rest.is_evaluated() {
+            LessonObstacle::Implausible
+        } else {
+            LessonObstacle::NoRest
+        };
+        drive.obstacle(model).or(Some(by_rest))
     }
 
     /// What is kept of a pack that rests.

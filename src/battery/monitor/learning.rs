@@ -1,7 +1,11 @@
 //! What is learnt of a pack, and whether flash holds it.
 
+use crate::battery::event::{PackEvents, push};
 use crate::battery::settings::PackSettings;
 use crate::battery::{LearntPack, MeasuringScale, PackEvent};
+
+/// A new cell has up to so much more than its label says, relative to it; more is a wrong scale or label.
+const MAX_ABOVE_LABEL: f32 = 1.1;
 
 /// What is learnt of the pack, once flash was read.
 #[derive(Clone, Copy, Debug)]
@@ -114,25 +118,35 @@ impl Learnt {
             .unwrap_or(&UNKNOWN)
     }
 
-    /// Takes over what was learnt of the pack or of its rest. Returns an event when it is learnt for the first time.
+    /// Takes over what was learnt of the pack or of its rest. Announces the first time, and a capacity that no such pack has.
     pub fn update(
         &mut self,
         kept: &LearntPack,
         settings: &PackSettings,
         cell_count: Option<u8>,
-    ) -> Option<PackEvent> {
+        events: &mut PackEvents,
+    ) {
         let known = self.known(settings, cell_count).map(LearntPack::learnt);
         match known {
             Some(_) => self.keep(kept),
             None => self.replace(kept),
         }
-        let (None, Some((capacity_mah, resistance_ohm))) = (known.flatten(), kept.learnt()) else {
-            return None;
+        let known = known.flatten();
+        let Some((capacity_mah, resistance_ohm)) = kept.learnt() else {
+            return;
         };
-        Some(PackEvent::Learnt {
-            capacity_mah,
-            resistance_ohm,
-        })
+        if known.is_none() {
+            let event = PackEvent::Learnt {
+                capacity_mah,
+                resistance_ohm,
+            };
+            push(events, event);
+        }
+        let limit_mah = settings.capacity_mah.map(|rated_mah| MAX_ABOVE_LABEL * rated_mah);
+        let was_above = known.is_some_and(|(before_mah, _)| Some(before_mah) > limit_mah);
+        if limit_mah.is_some_and(|limit_mah| capacity_mah > limit_mah) && !was_above {
+            push(events, PackEvent::CapacityAboveLabel);
+        }
     }
 
     /// Takes over what was learnt in addition. Flash is spared what it holds already.

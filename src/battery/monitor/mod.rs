@@ -19,13 +19,13 @@ use super::diagnosis;
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
 use super::failsafe::ReachedLevels;
-use super::reporters::{GapReporter, HealthReporter};
+use super::reporters::{GapReporter, HealthReporter, LessonReporter};
 use super::settings::{FailsafeSettings, PackSettings};
 use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, Faults, LearntPack,
-    Measurement, Measuring, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported,
-    Tick,
+    LessonObstacle, Measurement, Measuring, PackEvent, PackEvents, PackMemory, PackSource, PackStatus,
+    ReadError, Reported, Tick,
 };
 use crate::time::Instant;
 
@@ -61,6 +61,7 @@ pub struct BatteryMonitor {
     reports: Reports,
     health: HealthReporter,
     gaps: GapReporter,
+    lesson: LessonReporter,
     counting: Counting,
     estimator: Estimator,
     swap_detector: SwapDetector,
@@ -96,6 +97,7 @@ impl BatteryMonitor {
             reports: Reports::new(),
             health: HealthReporter::default(),
             gaps: GapReporter::default(),
+            lesson: LessonReporter::default(),
             counting: Counting::default(),
             estimator: Estimator::new(),
             swap_detector: SwapDetector::new(),
@@ -313,6 +315,13 @@ impl BatteryMonitor {
         }
         if let Some(kept) = findings.second {
             self.notice_reversed_current(tick.arm_state, events);
+            self.lesson.follow(tick.arm_state);
+            if kept.is_some()
+                && let Some(obstacle) = self.lesson_obstacle(settings)
+                && let Some(event) = self.lesson.report(obstacle)
+            {
+                push(events, event);
+            }
             self.keep(kept, settings, events);
             if measurement.time_remaining_s.is_none() {
                 self.update_time_remaining();
@@ -407,10 +416,8 @@ impl BatteryMonitor {
         if let Some((pack_ohm, count)) = self.estimator.resistance_ohm().zip(cell_count) {
             learnt.compare(pack_ohm / f32::from(count));
         }
-        if let Some(kept) = kept
-            && let Some(event) = learnt.update(&kept, settings, cell_count)
-        {
-            push(events, event);
+        if let Some(kept) = kept {
+            learnt.update(&kept, settings, cell_count, events);
         }
     }
 
@@ -419,6 +426,13 @@ impl BatteryMonitor {
         self.reports.gauge.full_mah().is_none()
             && self.state.members == 0
             && self.state.contents == Contents::Charge
+    }
+
+    /// Why the drive so far has taught nothing of the pack; `None` if it has, or if no such pack is learnt.
+    pub fn lesson_obstacle(&self, settings: &PackSettings) -> Option<LessonObstacle> {
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn())?;
+        let learnt = Learnt::of(Some(learnt), settings, self.estimator.cell_count(settings));
+        self.estimator.lesson_obstacle(settings, learnt)
     }
 
     /// Cells of the pack that flash holds.

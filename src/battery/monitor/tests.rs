@@ -3,8 +3,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     Amount, BusError, CellVoltages, ChargeState, Chemistry, Consequences, Contents, Counted, FailsafeLevel,
-    FailsafeSettings, Faults, Gauge, GaugeReading, PackDetails, Reported, Thermometer, Thresholds,
-    VoltageSource, arming_failures,
+    FailsafeSettings, Faults, Gauge, GaugeReading, LessonObstacle, PackDetails, Reported, Thermometer,
+    Thresholds, VoltageSource, arming_failures,
 };
 use crate::time::{Instant, at_us};
 use crate::vehicle::ArmState;

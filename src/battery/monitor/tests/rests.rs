@@ -154,3 +154,82 @@ fn parking_with_a_good_sensor_costs_a_certain_count_little() {
         );
     }
 }
+
+/// What is in the way of a lesson, in the order of the reports.
+fn obstacles(rover: &Rover) -> Vec<LessonObstacle> {
+    let obstacle = |event: &PackEvent| match event {
+        PackEvent::NotLearnt(obstacle) => Some(*obstacle),
+        _ => None,
+    };
+    rover.bench.events.iter().filter_map(obstacle).collect()
+}
+
+#[test]
+// Requirement: PX-6
+fn a_drive_that_taught_nothing_says_why() {
+    let full = || Rover::parked(Pack::rested(Chemistry::LiPo, 1.0));
+    let mut rover = full();
+    rover.run(200.0, IDLE_A);
+    assert_eq!(obstacles(&rover), [], "not driven");
+    rover.drive_to(0.9);
+    rover.run(200.0, IDLE_A);
+    assert_eq!(obstacles(&rover), [LessonObstacle::LittleDrawn]);
+    rover.drive_to(0.4);
+    rover.run(20.0, IDLE_A);
+    assert_eq!(
+        obstacles(&rover),
+        [LessonObstacle::LittleDrawn, LessonObstacle::NoRest]
+    );
+    rover.run(200.0, IDLE_A);
+    assert_eq!(obstacles(&rover).len(), 2, "learnt by this rest");
+    assert!(rover.bench.state().learnt_capacity_mah.is_some());
+
+    for (obstacle, change) in [
+        (
+            LessonObstacle::NoCapacity,
+            (|rover| rover.bench.settings.capacity_mah = None) as fn(&mut Rover),
+        ),
+        (LessonObstacle::NoCurrent, |rover| {
+            rover.bench.monitor = BatteryMonitor::new();
+            rover.bench.monitor.restore_learnt(LearntPack::UNKNOWN);
+            rover.sensors = Sensors::Voltage;
+        }),
+        (LessonObstacle::UnknownStart, |rover| {
+            rover.bench.monitor.reset(100.0, &rover.bench.settings);
+        }),
+        (LessonObstacle::Implausible, |rover| {
+            rover.bench.settings.capacity_mah = Some(1010.0)
+        }),
+    ] {
+        let mut rover = full();
+        change(&mut rover);
+        rover.drive_to(0.4);
+        rover.run(200.0, IDLE_A);
+        assert_eq!(obstacles(&rover).last(), Some(&obstacle));
+    }
+}
+
+#[test]
+// Requirement: PX-6
+fn a_capacity_that_no_such_pack_has_is_announced_once() {
+    for (label_mah, announced) in [(2200.0, 0), (1800.0, 1)] {
+        let mut rover = Rover::parked(Pack::rested(Chemistry::LiPo, 1.0));
+        rover.bench.settings.capacity_mah = Some(label_mah);
+        for _ in 0..3 {
+            rover.pack.share = 1.0;
+            rover.pack.slow_a = [0.0; 3];
+            rover.power_cycle();
+            rover.run(40.0, IDLE_A);
+            rover.drive_to(0.2);
+            rover.run(1000.0, IDLE_A);
+        }
+        let is_announced = |event: &&PackEvent| **event == PackEvent::CapacityAboveLabel;
+        let count = rover.bench.events.iter().filter(is_announced).count();
+        assert_eq!(
+            count,
+            announced,
+            "{label_mah}: {:?}",
+            rover.bench.state().learnt_capacity_mah
+        );
+    }
+}
