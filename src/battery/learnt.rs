@@ -9,8 +9,9 @@ use super::{Chemistry, MeasuringScale};
 /// Points of the charge at which the curve's offset is learnt.
 pub(super) const OFFSET_POINTS: usize = 5;
 
-/// Words of a [`LearntPack`] in flash.
-pub const LEARNT_WORDS: usize = 21;
+/// Words of a [`LearntPack`] in flash, the last of them those of its [`OpenLesson`].
+pub const LEARNT_WORDS: usize = 33;
+const OPEN_LESSON_WORDS: usize = 12;
 
 /// The first words of these, which firmware before the scale stored.
 pub const OLDER_LEARNT_WORDS: u8 = 14;
@@ -20,6 +21,7 @@ const CAPACITIES_MAH: RangeInclusive<f32> = 1.0..=10_000_000.0;
 const RESISTANCES_OHM: RangeInclusive<f32> = 1e-6..=100.0;
 const CELL_VOLTAGES_V: RangeInclusive<f32> = 0.1..=10.0;
 const HIGHEST_OFFSET_MV: i16 = 1_000;
+const MAX_RESTED_H: f32 = 1000.0;
 
 /// A learnt capacity that differs from the rated one by a larger factor is that of another pack.
 const MAX_TO_RATED: f32 = 2.0;
@@ -56,6 +58,8 @@ pub struct LearntPack {
     pub(super) slow: Option<LearntSlowShare>,
     /// The scale of its measurements, where that is set.
     pub(super) scale: Option<MeasuringScale>,
+    /// A drive after which it has not rested yet.
+    pub(super) open: Option<OpenLesson>,
 }
 
 /// A learnt capacity.
@@ -116,6 +120,82 @@ pub(crate) struct LastCharge {
     pub sigma: f32,
     /// The voltage of a cell that has rested since then, in volts.
     pub resting_v: f32,
+}
+
+/// What drives have taught of a pack.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lessons {
+    drives: u16,
+    capacity: Option<LearntCapacity>,
+    resistance: Option<LearntResistance>,
+    offsets: [Offset; OFFSET_POINTS],
+    slow: Option<LearntSlowShare>,
+}
+
+/// What a drive has shown that ended without a rest: the next start may be that rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct OpenLesson {
+    /// State of charge at its start and the standard deviation, in ten-thousandths.
+    pub start: [u16; 2],
+    /// Charge drawn since, in ampere-hours.
+    pub drawn_ah: f32,
+    /// Time at rest, in hours.
+    pub rested_h: f32,
+    /// Mean resistance of a cell, in ohms.
+    pub ohm: f32,
+    /// At each point of the curve: the voltage of a cell without the fast sag and what the slow one may be, in tenths of a
+    /// millivolt, and the charge drawn by then, in 65535ths. Zeros where the drive was not.
+    pub points: [[u16; 3]; OFFSET_POINTS],
+}
+
+impl OpenLesson {
+    fn to_words(self) -> [u32; OPEN_LESSON_WORDS] {
+        let [share, sigma] = self.start;
+        let mut words = [0; OPEN_LESSON_WORDS];
+        let (head, points) = words.split_at_mut(4);
+        head.copy_from_slice(&[
+            pair(share, sigma),
+            self.drawn_ah.to_bits(),
+            self.rested_h.to_bits(),
+            self.ohm.to_bits(),
+        ]);
+        let mut halves = self.points.as_flattened().iter();
+        for word in points {
+            let mut half = || halves.next().copied().unwrap_or(0);
+            *word = pair(half(), half());
+        }
+        words
+    }
+
+    /// `None` if no drive has these words.
+    fn from_words(words: &[u32; OPEN_LESSON_WORDS]) -> Option<Self> {
+        let [start, drawn_ah, rested_h, ohm, halves @ ..] = words;
+        let mut points = [[0; 3]; OFFSET_POINTS];
+        let halves = halves.iter().flat_map(|word| halves_of(*word));
+        for (point, half) in points.as_flattened_mut().iter_mut().zip(halves) {
+            *point = half;
+        }
+        let lesson = Self {
+            start: halves_of(*start),
+            drawn_ah: f32::from_bits(*drawn_ah),
+            rested_h: f32::from_bits(*rested_h),
+            ohm: f32::from_bits(*ohm),
+            points,
+        };
+        let is_plausible = lesson.start.iter().all(|part| *part <= 10_000)
+            && CAPACITIES_MAH.contains(&(lesson.drawn_ah * 1e3))
+            && (0.0..=MAX_RESTED_H).contains(&lesson.rested_h)
+            && RESISTANCES_OHM.contains(&lesson.ohm);
+        is_plausible.then_some(lesson)
+    }
+}
+
+fn pair(low: u16, high: u16) -> u32 {
+    u32::from(low) | u32::from(high) << 16
+}
+
+fn halves_of(word: u32) -> [u16; 2] {
+    [word as u16, (word >> 16) as u16]
 }
 
 /// Why a drive has taught nothing of its pack.
@@ -223,6 +303,7 @@ impl LearntPack {
         charge: None,
         slow: None,
         scale: None,
+        open: None,
     };
 
     /// Nothing is learnt yet of the pack with this serial number.
@@ -350,6 +431,34 @@ impl LearntPack {
         }
     }
 
+    /// What drives have taught of it.
+    pub(super) fn lessons(&self) -> Lessons {
+        Lessons {
+            drives: self.drives,
+            capacity: self.capacity,
+            resistance: self.resistance,
+            offsets: self.offsets,
+            slow: self.slow,
+        }
+    }
+
+    /// The same pack after these.
+    pub(super) fn with_lessons(&self, lessons: &Lessons) -> Self {
+        Self {
+            drives: lessons.drives,
+            capacity: lessons.capacity,
+            resistance: lessons.resistance,
+            offsets: lessons.offsets,
+            slow: lessons.slow,
+            ..*self
+        }
+    }
+
+    /// The same without a drive that its next rest would end.
+    pub(super) fn without_open_lesson(&self) -> Self {
+        Self { open: None, ..*self }
+    }
+
     /// The same under another scale of its measurements: what is in ampere-hours and ohms is converted. Small offsets of the
     /// curve, and the voltage of a rest, do not outlast another scale of the voltage.
     ///
@@ -377,7 +486,7 @@ impl LearntPack {
             (0.0, _) => 1.0,
             (before, now) => (now / before).abs(),
         };
-        let mut rescaled = *self;
+        let mut rescaled = self.without_open_lesson();
         let mut by_voltage = 1.0;
         rescaled.scale = Some(MeasuringScale {
             amperes_per_volt: scale.amperes_per_volt,
@@ -430,7 +539,7 @@ impl LearntPack {
         let [drives_low, drives_high] = self.drives.to_le_bytes();
         let kind = [self.chemistry as u8, self.cell_count, drives_low, drives_high];
         let [a, b, c, d, e] = self.offsets.map(Offset::to_word);
-        [
+        let known = [
             u32::from_le_bytes(kind),
             self.serial_number.unwrap_or(NO_SERIAL_NUMBER) as u32,
             capacity.capacity_mah.to_bits(),
@@ -452,7 +561,14 @@ impl LearntPack {
             slow.sigma.to_bits(),
             capacity.seen_mah.to_bits(),
             capacity.seen_sigma.to_bits(),
-        ]
+        ];
+        let mut words = [0; LEARNT_WORDS];
+        let (head, open) = words.split_at_mut(known.len());
+        head.copy_from_slice(&known);
+        if let Some(lesson) = self.open {
+            open.copy_from_slice(&lesson.to_words());
+        }
+        words
     }
 
     /// `None` if no pack has these words. An older record ends before the scale, and has zeros there.
@@ -480,6 +596,7 @@ impl LearntPack {
             slow_sigma,
             seen_mah,
             seen_sigma,
+            ..,
         ] = words.map(f32::from_bits);
         let [chemistry, cell_count, drives @ ..] = kind.to_le_bytes();
         let is_seen = CAPACITIES_MAH.contains(&seen_mah) && (0.0..=1.0).contains(&seen_sigma);
@@ -523,6 +640,7 @@ impl LearntPack {
                 amperes_per_volt,
             }
             .if_plausible(),
+            open: words.last_chunk().and_then(OpenLesson::from_words),
         })
     }
 }
@@ -568,6 +686,19 @@ mod tests {
                 volt_offset_v: -0.01,
                 amperes_per_volt: -17.0,
             }),
+            open: Some(OpenLesson {
+                start: [9_990, 120],
+                drawn_ah: 1.9,
+                rested_h: 0.1,
+                ohm: 0.029,
+                points: [
+                    [0; 3],
+                    [36_120, 210, 65_535],
+                    [37_000, 200, 40_000],
+                    [1, 2, 3],
+                    [41_000, 0, 9],
+                ],
+            }),
         };
         for learnt in [learnt, LearntPack::UNKNOWN] {
             assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
@@ -576,7 +707,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn arbitrary_words_give_plausible_values(words in prop::array::uniform21(any::<u32>())) {
+        fn arbitrary_words_give_plausible_values(words in prop::array::uniform::<_, LEARNT_WORDS>(any::<u32>())) {
             let Some(learnt) = LearntPack::from_words(&words) else { return Ok(()) };
             prop_assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
             prop_assert!(learnt.capacity_mah().is_none_or(|capacity_mah| capacity_mah >= 1.0));

@@ -11,12 +11,16 @@
 //! charge_sigma_resting_v 0.143 0.04 3.387
 //! slow_share_sigma 0.4 0.06
 //! scale_volt_mult_offset_amp_pervlt 3.95 0 17
+//! open_drawn_ah_rested_h_ohm 1.9 0.1 0.029
+//! open_start_1e4_points 10000 100 34120 310 60211 0 0 0 36320 280 30100 37900 270 20500 41200 100 900
 //! ```
 
 use core::fmt;
 use core::str::FromStr;
 
-use super::learnt::{LastCharge, LearntCapacity, LearntResistance, LearntSlowShare, OFFSET_POINTS, Offset};
+use super::learnt::{
+    LastCharge, LearntCapacity, LearntResistance, LearntSlowShare, OFFSET_POINTS, Offset, OpenLesson,
+};
 use super::{Chemistry, LearntPack, MeasuringScale};
 
 const CHEMISTRY: &str = "chemistry";
@@ -30,6 +34,8 @@ const CHARGE: &str = "charge_sigma_resting_v";
 const SEEN: &str = "shown_mah_sigma";
 const SLOW: &str = "slow_share_sigma";
 const SCALE: &str = "scale_volt_mult_offset_amp_pervlt";
+const OPEN: &str = "open_drawn_ah_rested_h_ohm";
+const OPEN_POINTS: &str = "open_start_1e4_points";
 
 /// Why a text is not what was learnt of a pack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,6 +100,21 @@ impl fmt::Display for LearntPack {
         }) = self.scale
         {
             writeln!(f, "{SCALE} {volt_multiplier} {volt_offset_v} {amperes_per_volt}")?;
+        }
+        if let Some(OpenLesson {
+            start: [share, sigma],
+            drawn_ah,
+            rested_h,
+            ohm,
+            points,
+        }) = self.open
+        {
+            writeln!(f, "{OPEN} {drawn_ah} {rested_h} {ohm}")?;
+            write!(f, "{OPEN_POINTS} {share} {sigma}")?;
+            for number in points.as_flattened() {
+                write!(f, " {number}")?;
+            }
+            writeln!(f)?;
         }
         Ok(())
     }
@@ -178,6 +199,23 @@ impl LearntPack {
                     amperes_per_volt,
                 });
             }
+            OPEN => {
+                let [drawn_ah, rested_h, ohm] = parse(numbers)?;
+                self.open = Some(OpenLesson {
+                    start: [0; 2],
+                    drawn_ah,
+                    rested_h,
+                    ohm,
+                    points: [[0; 3]; OFFSET_POINTS],
+                });
+            }
+            OPEN_POINTS => {
+                let numbers: [u16; 2 + 3 * OFFSET_POINTS] = parse(numbers)?;
+                let (start, points) = numbers.split_first_chunk()?;
+                let open = self.open.as_mut()?;
+                open.start = *start;
+                open.points.as_flattened_mut().copy_from_slice(points);
+            }
             _ => return None,
         }
         Some(())
@@ -241,7 +279,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn text_restores_whatever_flash_may_hold(words in prop::array::uniform21(any::<u32>()), chemistry in 1u8..=4) {
+        fn text_restores_whatever_flash_may_hold(words in prop::array::uniform::<_, { crate::battery::LEARNT_WORDS }>(any::<u32>()), chemistry in 1u8..=4) {
             let mut words = words;
             words[0] = words[0] & !0xff | u32::from(chemistry);
             let learnt = LearntPack::from_words(&words).expect("a chemistry");

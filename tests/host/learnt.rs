@@ -566,7 +566,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn arbitrary_words_in_flash_show_plausible_values(mut stored in prop::array::uniform21(any::<u32>()), is_known: bool) {
+    fn arbitrary_words_in_flash_show_plausible_values(mut stored in prop::array::uniform::<_, LEARNT_WORDS>(any::<u32>()), is_known: bool) {
         if is_known {
             // A chemistry, and no serial number.
             stored[0] = stored[0] & !0xFF | 1;

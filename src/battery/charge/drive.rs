@@ -5,7 +5,7 @@ use super::filter::Filter;
 use super::lesson::{CurveLesson, SeenPoint, SlowSag, is_warm, learn_capacity, learn_resistance};
 use super::load::{Block, HOURS_PER_SECOND, Load, Sum};
 use super::start::{Relaxation, is_resting};
-use crate::battery::learnt::{LearntPack, LessonObstacle, OFFSET_POINTS, Offset};
+use crate::battery::learnt::{LearntPack, LessonObstacle, Lessons, OFFSET_POINTS, Offset, OpenLesson};
 
 /// Charge to be drawn between two rests, in capacities; Texas Instruments' gauges ask for 0.37 (SLUA450).
 const MIN_DRAWN: f32 = 0.35;
@@ -36,6 +36,10 @@ const MAX_INTERVAL_S: f32 = 1800.0;
 const RELAXED_V_PER_S: f32 = 4e-6;
 const RELAXED_S: f32 = 900.0;
 
+/// By how much less a pack's capacity may be than known, relative to it, if its next start is to end a drive: two standard
+/// deviations of a rated one.
+const MAX_LESS: f32 = 0.3;
+
 /// A drive that has drawn less, in capacities, begins at the latest rest.
 const BEGUN: f32 = 0.05;
 
@@ -49,7 +53,7 @@ pub(super) struct Drive {
     ohm: Sum,
     parts: [CurvePoint; OFFSET_POINTS],
     /// What was known before, once something was learnt from this drive: each rest is evaluated on its own.
-    before: Option<LearntPack>,
+    before: Option<Lessons>,
 }
 
 /// A [`SeenPoint`], summed over time.
@@ -68,6 +72,28 @@ impl CurvePoint {
             drawn_ah: 0.0,
         },
     };
+
+    /// From an [`OpenLesson`] of a drive that has drawn so much, in ampere-hours.
+    fn of(point: &[u16; 3], drawn_ah: f32) -> Self {
+        let [without_fast, slow, drawn] = point.map(f32::from);
+        let mut part = Self::NEW;
+        if without_fast > 0.0 {
+            let seen = SeenPoint {
+                without_fast_v: without_fast * 1e-4,
+                slow_v: slow * 1e-4,
+                drawn_ah: drawn / f32::from(u16::MAX) * drawn_ah,
+            };
+            part.add(MIN_DURATION_S, &seen);
+        }
+        part
+    }
+
+    fn as_halves(&self, drawn_ah: f32) -> [u16; 3] {
+        self.means().map_or([0; 3], |seen| {
+            let drawn = seen.drawn_ah / drawn_ah * f32::from(u16::MAX);
+            [seen.without_fast_v * 1e4, seen.slow_v * 1e4, drawn].map(|number| number as u16)
+        })
+    }
 
     fn add(&mut self, duration_s: f32, seen: &SeenPoint) {
         self.duration_s += duration_s;
@@ -101,6 +127,43 @@ impl Drive {
             parts: [CurvePoint::NEW; OFFSET_POINTS],
             before: None,
         }
+    }
+
+    /// One that goes on at a start.
+    pub fn reopened(lesson: &OpenLesson) -> Self {
+        let [share, sigma] = lesson.start.map(|part| f32::from(part) * 1e-4);
+        let mut ohm = Sum::NEW;
+        ohm.add(MIN_DURATION_S, lesson.ohm);
+        Self {
+            start: KnownCharge { share, sigma },
+            drawn_ah: lesson.drawn_ah,
+            rested_h: lesson.rested_h,
+            ohm,
+            parts: lesson.points.map(|point| CurvePoint::of(&point, lesson.drawn_ah)),
+            before: None,
+        }
+    }
+
+    /// What a later rest may still teach.
+    pub fn open(&self) -> Option<OpenLesson> {
+        Some(OpenLesson {
+            start: [self.start.share, self.start.sigma].map(|part| (part * 1e4) as u16),
+            drawn_ah: self.drawn_ah,
+            rested_h: self.rested_h,
+            ohm: self.mean_ohm()?,
+            points: self.parts.each_ref().map(|part| part.as_halves(self.drawn_ah)),
+        })
+    }
+
+    /// Whether the pack that rests with this estimate may be the one that was driven, and not charged since: not above what is
+    /// left by the count, nor, unless a serial number says that it is the same, below it by more than its capacity may be less.
+    pub fn may_end_at(&self, rest: &Filter, learnt: &LearntPack, capacity: &Capacity) -> bool {
+        let (left, _) = self.share(capacity);
+        let lowest = match learnt.serial_number {
+            Some(_) => 0.0,
+            None => left - MAX_LESS * (self.start.share - left),
+        };
+        (lowest..=left + rest.sigma()).contains(&rest.share())
     }
 
     /// A charge with this standard deviation, in capacities, was drawn unseen.
@@ -191,7 +254,8 @@ impl Drive {
 
     /// What was known before this drive.
     fn kept(&self, model: &CellModel) -> LearntPack {
-        self.before.unwrap_or(*model.learnt)
+        self.before
+            .map_or(*model.learnt, |before| model.learnt.with_lessons(&before))
     }
 
     /// What is learnt when the pack rests at this voltage of a cell; `None` if that is not more than is known.
@@ -211,7 +275,7 @@ impl Drive {
         if !is_better {
             return None;
         }
-        self.before = Some(before);
+        self.before = Some(before.lessons());
         Some(learnt)
     }
 

@@ -15,11 +15,11 @@ mod voltage_only;
 pub(super) use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
 pub(super) use load::Second;
 
-use super::learnt::{LastCharge, LessonObstacle};
+use super::learnt::{LastCharge, LessonObstacle, OpenLesson};
 use super::swap::Doubt;
 use super::{ArmState, LearntPack};
 use counting::Counting;
-use drive::{Rest, RestTimer};
+use drive::{Drive, Rest, RestTimer};
 use filter::Filter;
 use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace};
 use reference::Reference;
@@ -251,6 +251,7 @@ impl ChargeEstimator {
         if let Some(capacity) = &capacity {
             self.phase.draw(second.unmeasured_ah, capacity);
         }
+        let was_starting = matches!(self.phase, Phase::Starting(_));
         let trace = &mut self.trace;
         let (load, rests) = match (second.current_a, capacity) {
             (Some(current_a), Some(capacity)) => {
@@ -284,6 +285,7 @@ impl ChargeEstimator {
             && !self.is_of_pack_before()
             && doubt != Doubt::Rescaled
         {
+            let has_open_lesson = model.learnt.open.is_some();
             let rest = if rests {
                 self.rest.rest(load.duration_s, cell_v)
             } else {
@@ -295,6 +297,10 @@ impl ChargeEstimator {
                     self.keep(&load, cell_v, learnt, model)
                 }
                 None if was_disarmed => self.keep(&load, cell_v, None, model),
+                None if has_open_lesson && arm_state == ArmState::Armed => {
+                    Some(model.learnt.without_open_lesson())
+                }
+                None if has_open_lesson && was_starting && rests => self.end_lesson(&load, cell_v, model),
                 None => None,
             }
         } else {
@@ -319,6 +325,28 @@ impl ChargeEstimator {
             (None, None) => {}
         }
         learnt
+    }
+
+    /// Ends a drive before this start, if the pack has been found at rest.
+    fn end_lesson(&self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<LearntPack> {
+        let (Phase::Counting(_), Some(capacity), Some(lesson)) =
+            (&self.phase, model.capacity(), &model.learnt.open)
+        else {
+            return None;
+        };
+        let mut drive = Drive::reopened(lesson);
+        let by_voltage = Filter::from_voltage(rest, cell_v, model, &capacity);
+        let is_the_same = drive.may_end_at(&by_voltage, model.learnt, &capacity);
+        let learnt = is_the_same.then(|| drive.learn(rest, cell_v, model)).flatten();
+        Some(learnt.unwrap_or(*model.learnt).without_open_lesson())
+    }
+
+    /// The drive that has only to rest.
+    fn open_lesson(&self, model: &CellModel) -> Option<OpenLesson> {
+        match (&self.phase, self.lesson_obstacle(model)) {
+            (Phase::Counting(counting), Some(LessonObstacle::NoRest)) => counting.drive()?.open(),
+            _ => None,
+        }
     }
 
     /// Why the drive so far has taught nothing; `None` if it has.
@@ -351,6 +379,7 @@ impl ChargeEstimator {
         model: &CellModel,
     ) -> Option<LearntPack> {
         let mut kept = learnt.unwrap_or(*model.learnt);
+        kept.open = self.open_lesson(model);
         kept.chemistry = model.chemistry;
         kept.cell_count = model.cell_count?;
         let ohm = match &self.phase {

@@ -81,7 +81,7 @@ impl Learnt {
 
     /// The kept charge is that of another pack, or of this one before it was charged.
     pub fn forget_charge(&mut self) {
-        self.pack = self.pack.without_charge();
+        self.pack = self.pack.without_charge().without_open_lesson();
     }
 
     /// Converts knowledge under another scale to this one.

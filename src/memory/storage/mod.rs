@@ -6,7 +6,7 @@
 //! |---|---|
 //! | first 12 | header: magic, sequence number, CRC-32 |
 //! | 4 | retired mark: blank until the next sector is active |
-//! | 12 each, of wider values 64 or 108 | records: key, value, CRC-32 |
+//! | 12 each, of wider values up to 140 | records: key, value, CRC-32 |
 //! | last 16 | copy of the header; 4 bytes of mark if the sector was erased ahead |
 //!
 //! A store appends a record. When the sector is full, the next one gets the latest record of every key, and
@@ -27,8 +27,8 @@
 //!   [`clear`](Records::clear).
 //!
 //! # Cost
-//! A value of one word takes 12 bytes: the board's blocks of 4096 bytes hold 338 records, and two of them 680. One of 21
-//! words takes 92 bytes, and a block holds 44; one of 25 words takes 108, and a block holds 37. A load or a move to the next sector
+//! A value of one word takes 12 bytes: the board's blocks of 4096 bytes hold 338 records, and two of them 680. One of 25
+//! words takes 108 bytes, and a block holds 37; one of 33 words takes 140, and a block holds 29. A load or a move to the next sector
 //! compares every record with all later ones instead of keeping a table in RAM: reads are cheap.
 
 use core::marker::PhantomData;

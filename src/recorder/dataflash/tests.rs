@@ -467,7 +467,7 @@ proptest! {
 
     #[test]
     fn whatever_flash_may_hold_of_a_pack_has_records(
-        words in prop::array::uniform21(any::<u32>()),
+        words in prop::array::uniform::<_, { crate::battery::LEARNT_WORDS }>(any::<u32>()),
         chemistry in 1u32..=4,
         serial_number: Option<i32>,
     ) {

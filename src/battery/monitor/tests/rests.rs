@@ -233,3 +233,75 @@ fn a_capacity_that_no_such_pack_has_is_announced_once() {
         );
     }
 }
+
+/// A full pack that was driven to this charge and switched off at once.
+fn switched_off_at(chemistry: Chemistry, share: f32) -> Rover {
+    let mut rover = Rover::parked(Pack::rested(chemistry, 1.0));
+    rover.drive_to(share);
+    rover.run(3.0, IDLE_A);
+    rover
+}
+
+/// The capacity that a start finds after a night with this charge.
+fn learnt_mah_next_day(rover: &mut Rover, share: f32) -> Option<f32> {
+    rover.power_cycle();
+    rover.pack = Pack {
+        share,
+        ..Pack::rested(rover.pack.chemistry, share)
+    };
+    rover.run(60.0, IDLE_A);
+    rover.bench.state().learnt_capacity_mah
+}
+
+#[test]
+// Requirement: PX-6
+fn the_next_start_ends_a_drive_that_did_not_rest() {
+    for chemistry in STEEP {
+        let mut rover = switched_off_at(chemistry, 0.35);
+        assert_eq!(rover.bench.state().learnt_capacity_mah, None);
+        let learnt_mah = learnt_mah_next_day(&mut rover, 0.35).expect("learnt");
+        assert!(
+            (learnt_mah / 2200.0 - 1.0).abs() < 0.05,
+            "{chemistry:?}: {learnt_mah} mAh"
+        );
+        assert!(
+            rover.bench.monitor.learnt().is_some_and(LearntPack::has_curve),
+            "{chemistry:?}"
+        );
+        let again_mah = learnt_mah_next_day(&mut rover, 0.35);
+        assert_eq!(again_mah, Some(learnt_mah), "a drive teaches once");
+    }
+}
+
+#[test]
+// Requirement: PX-6
+fn a_pack_that_was_charged_or_is_another_one_ends_no_drive() {
+    for chemistry in STEEP {
+        for share in [1.0, 0.75, 0.2] {
+            let mut rover = switched_off_at(chemistry, 0.5);
+            assert_eq!(
+                learnt_mah_next_day(&mut rover, share),
+                None,
+                "{chemistry:?} {share}"
+            );
+            // Nor does it later.
+            assert_eq!(
+                learnt_mah_next_day(&mut rover, 0.5),
+                None,
+                "{chemistry:?} {share}"
+            );
+        }
+    }
+}
+
+#[test]
+// Requirement: PX-6
+fn a_drive_that_goes_on_before_a_power_cut_is_not_ended_by_the_next_start() {
+    for chemistry in STEEP {
+        let mut rover = switched_off_at(chemistry, 0.5);
+        rover.bench.arm_state = ArmState::Armed;
+        rover.run(600.0, 2.2);
+        let share = rover.pack.share;
+        assert_eq!(learnt_mah_next_day(&mut rover, share), None, "{chemistry:?}");
+    }
+}
