@@ -265,6 +265,12 @@ impl Polarisation {
         }
     }
 
+    /// The current averaged over ten seconds, in amperes.
+    pub fn recent_a(&self) -> Option<f32> {
+        let [fast, ..] = &self.0;
+        fast.value()
+    }
+
     /// The current averaged over minutes, in amperes.
     pub fn mean_a(&self) -> Option<f32> {
         let [_, middle, _] = &self.0;

@@ -23,7 +23,7 @@ use drive::{Drive, Rest, RestTimer};
 use filter::Filter;
 use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace};
 use reference::Reference;
-use start::{STEEP_SIGMA, Start, is_flat, is_resting};
+use start::{STEEP_SIGMA, Start, is_flat, is_idle, is_resting};
 use voltage_only::VoltageOnly;
 
 /// After a longer time without a reading, in seconds, the load meanwhile is taken for that of the time before: one
@@ -262,7 +262,10 @@ impl ChargeEstimator {
                     slow_a: trace.polarisation.current_a(),
                 };
                 self.phase.count(&load, cell_v, trace, model, &capacity);
-                (load, is_resting(current_a, &capacity))
+                let rests = is_resting(current_a, &capacity)
+                    || arm_state == ArmState::Disarmed
+                        && is_idle(&load, &trace.polarisation, model, &capacity);
+                (load, rests)
             }
             _ => {
                 let rests = cell_v.is_some_and(|cell_v| {

@@ -2,7 +2,7 @@
 
 use super::cell_model::{Capacity, CellModel, KnownCharge, root_of_squares};
 use super::filter::Filter;
-use super::load::{Block, HOURS_PER_SECOND, Load, Sum};
+use super::load::{Block, HOURS_PER_SECOND, Load, Polarisation, Sum};
 use crate::battery::LearntPack;
 
 /// Time at the very start whose voltage is kept, in seconds: of a load that began then only the immediate part of the sag
@@ -17,6 +17,10 @@ const FIRST_AVERAGE_S: f32 = 3.0;
 
 /// Maximum current at rest, in capacities per hour.
 const RESTING_RATE_PER_H: f32 = 0.1;
+
+/// Maximum current of a disarmed rover, and of its difference from that of the last seconds, in capacities per hour.
+const MAX_IDLE_RATE_PER_H: f32 = 0.2;
+const STEADY_RATE_PER_H: f32 = 0.02;
 
 /// Mean current of the last minutes, in capacities per hour, from which on a pack was charged: more than a sensor's offset.
 const CHARGED_RATE_PER_H: f32 = 0.05;
@@ -294,6 +298,20 @@ fn remembered(cell_v: f32, model: &CellModel, capacity: &Capacity) -> Option<Fil
     let mut filter = Filter::from_share(last.share, sigma, model, capacity);
     filter.rest(&Filter::from_voltage(&Load::NONE, cell_v, model, capacity));
     Some(filter)
+}
+
+/// Whether a disarmed rover draws a small steady current: a rest with a sag that is known.
+pub(super) fn is_idle(
+    load: &Load,
+    polarisation: &Polarisation,
+    model: &CellModel,
+    capacity: &Capacity,
+) -> bool {
+    let is_steady = polarisation
+        .recent_a()
+        .is_some_and(|recent_a| (load.current_a - recent_a).abs() < STEADY_RATE_PER_H * capacity.ah);
+    let is_small = (0.0..MAX_IDLE_RATE_PER_H * capacity.ah).contains(&load.current_a);
+    is_small && is_steady && model.measured_ohm.is_some()
 }
 
 /// Whether a current is that of a pack at rest.

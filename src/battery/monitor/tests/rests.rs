@@ -305,3 +305,21 @@ fn a_drive_that_goes_on_before_a_power_cut_is_not_ended_by_the_next_start() {
         assert_eq!(learnt_mah_next_day(&mut rover, share), None, "{chemistry:?}");
     }
 }
+
+#[test]
+// Requirement: PX-6
+fn a_pack_with_a_board_that_draws_much_is_learnt() {
+    for chemistry in STEEP {
+        for idle_a in [0.3, 0.42] {
+            let mut rover = Rover::with(Pack::rested(chemistry, 1.0));
+            rover.run(100.0, idle_a);
+            rover.drive_to(0.3);
+            rover.run(1000.0, idle_a);
+            let learnt_mah = rover.bench.state().learnt_capacity_mah.expect("learnt");
+            assert!(
+                (learnt_mah / 2200.0 - 1.0).abs() < 0.05,
+                "{chemistry:?}: {learnt_mah} mAh"
+            );
+        }
+    }
+}
