@@ -288,6 +288,81 @@ fn root() -> &'static Path {
     tools.parent().expect("it is in the repository")
 }
 
+/// What is said of a recording.
+fn said_of(arguments: &[&str]) -> String {
+    let output = replay(arguments);
+    let text = String::from_utf8(output.stderr).expect("text");
+    assert!(output.status.success(), "{text}");
+    text
+}
+
+/// ArduPilot's from 3.2 on: readings without an instance, in other units, and in a log that begins while armed.
+#[test]
+fn logs_of_other_autopilots_are_replayed() {
+    for name in ["old_bat.BIN", "curr.BIN", "armed_before.BIN"] {
+        let text = said_of(&[&format!("tests/data/logs/{name}")]);
+        let lines = [
+            "1 min 0 s, from 0:01 to 1:00, 600 readings; armed for 1 min 0 s\n",
+            "Voltage: 12.00 V at the start, 10.00 V at the end; weakest at 1:00: 10.00 V at 5.0 A\n",
+            "Drawn: 83 mAh, 0.9 Wh\n",
+            "Failsafe: BATT_LOW_VOLT 11 would have acted at 0:34\n",
+        ];
+        for line in lines {
+            assert!(text.contains(line), "{name}: {text}");
+        }
+        let inferred = "\nTaken for armed from the beginning: the log has the disarming only\n";
+        assert_eq!(text.contains(inferred), name == "armed_before.BIN", "{text}");
+    }
+}
+
+/// A file of parameters that is loaded after a drive does not rewrite it.
+#[test]
+fn parameters_hold_from_when_they_were_set() {
+    let log = no_file("set-later.BIN");
+    let mut bytes = log_of_drive();
+    let last_us = 1_399_900_000;
+    for (parameter, value) in [(BatteryParameter::Cells, 6.0), (BatteryParameter::LowVolt, 21.0)] {
+        let id = parameter.of(Pack::Second);
+        let name = id.name();
+        let record = Record::Parameter {
+            name: name.as_str(),
+            value,
+            default: 0.0,
+        };
+        bytes.extend(record.encode(last_us));
+    }
+    let state = BatteryMonitor::new();
+    bytes.extend(Record::Battery(Pack::Second, state.state()).encode(last_us + 100_000));
+    fs::write(&log, bytes).expect("a file");
+    let text = said_of(&["--pack", "2", log.to_str().expect("a path")]);
+    let expected = "Set during the recording: BATT2_CELLS=6 at 23:20, BATT2_LOW_VOLT=21 at 23:20\n";
+    assert!(text.contains(expected), "{text}");
+    assert!(
+        text.contains("\nFailsafe: BATT2_LOW_VOLT 10.8 would have acted at 8:11"),
+        "{text}"
+    );
+    assert!(!text.contains("does not fit"), "{text}");
+}
+
+#[test]
+fn a_file_that_is_no_recording_gets_one_line() {
+    let path = no_file("program.BIN");
+    fs::write(&path, [0x7f, b'E', b'L', b'F', 0, 1, 2]).expect("a file");
+    let name = path.to_str().expect("a path");
+    let output = replay(&[name]);
+    assert_eq!(output.status.code(), Some(2));
+    let errors = String::from_utf8(output.stderr).expect("text");
+    assert!(
+        errors.starts_with(&format!("error: {name}: neither a log of ArduPilot")),
+        "{errors}"
+    );
+    assert_eq!(errors.lines().count(), 1);
+    // A name says nothing.
+    let renamed = no_file("log.csv");
+    fs::copy(root().join("tests/data/logs/old_bat.BIN"), &renamed).expect("a file");
+    assert!(said_of(&[renamed.to_str().expect("a path")]).contains("600 readings"));
+}
+
 /// The log of that drive, of pack 2: at each reading what the monitor makes of it.
 fn log_of_drive() -> Vec<u8> {
     let mut parameters = Parameters::defaults();

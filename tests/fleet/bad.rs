@@ -66,9 +66,15 @@ fn each_bad_input_ends_as_it_should() {
         ("missing.BIN", "No such file or directory (os error 2)"),
         ("empty.BIN", "empty"),
         ("long.BIN", "larger than 256 MiB"),
-        ("noise.BIN", "no log in ArduPilot's format (.BIN)"),
-        ("text.BIN", "no log in ArduPilot's format (.BIN)"),
-        ("vehicle.BIN", "no reading of a pack (BAT)"),
+        (
+            "noise.BIN",
+            "neither a log of ArduPilot or this board (.BIN) nor CSV",
+        ),
+        (
+            "text.BIN",
+            "text, but not a log of ArduPilot or this board (.BIN)",
+        ),
+        ("vehicle.BIN", "no reading of a pack"),
     ];
     let lines = expected.map(|(file, reason)| format!("{name}/{file}: {reason}\n"));
     assert!(run.errors().starts_with(&lines.concat()), "{}", run.errors());

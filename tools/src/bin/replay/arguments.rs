@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Parser;
 use rover_battmon::pack::Pack;
 
-use crate::run::Assignment;
+use crate::assignments::Assignment;
 
 const EXAMPLES: &str = "\
 Examples:

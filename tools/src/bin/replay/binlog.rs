@@ -30,6 +30,7 @@ pub struct Record {
 
 #[derive(Debug)]
 struct Format {
+    number: u8,
     name: String,
     columns: Vec<Column>,
     payload_bytes: usize,
@@ -69,6 +70,22 @@ impl Record {
         number(field_type, bytes).filter(|number| number.is_finite())
     }
 
+    /// Number of its format in this log.
+    pub fn format_number(&self) -> u8 {
+        self.format.number
+    }
+
+    /// Where a column stands among all of the record.
+    pub fn place(&self, column: &str) -> Option<usize> {
+        self.format.columns.iter().position(|field| field.name == column)
+    }
+
+    /// Whether a column has integers without a factor of their type.
+    pub fn is_unscaled_integer(&self, column: &str) -> bool {
+        self.field(column)
+            .is_some_and(|(field_type, _)| matches!(field_type, b'b' | b'B' | b'h' | b'H' | b'i' | b'I'))
+    }
+
     /// The text in a column.
     pub fn text(&self, column: &str) -> Option<String> {
         let (field_type, bytes) = self.field(column)?;
@@ -104,11 +121,6 @@ impl<R: Read> Records<R> {
     /// Bytes so far that belong to no record.
     pub fn skipped_bytes(&self) -> u64 {
         self.skipped_bytes
-    }
-
-    /// Whether any format was described so far: without one there is no record.
-    pub fn has_formats(&self) -> bool {
-        !self.formats.is_empty()
     }
 
     /// Makes the next record, and what follows it, available as far as the file goes.
@@ -222,6 +234,7 @@ impl Format {
                 place,
             });
         let format = Self {
+            number: *kind,
             name: text(name),
             columns: columns.collect(),
             payload_bytes: types.iter().map(|field_type| field_bytes(*field_type)).sum(),
@@ -233,7 +246,7 @@ impl Format {
 }
 
 /// Length of a field by the character of its type; 0 for one that does not exist.
-fn field_bytes(field_type: u8) -> usize {
+pub fn field_bytes(field_type: u8) -> usize {
     match field_type {
         b'b' | b'B' | b'M' => 1,
         b'h' | b'H' | b'c' | b'C' => 2,

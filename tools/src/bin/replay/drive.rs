@@ -1,15 +1,14 @@
 //! A drive in a log of the board: the readings of a pack, and what the log says as a whole.
 
-use std::fs::File;
-use std::io::{self, Read};
-use std::path::Path;
+use std::io;
 
 use rover_battmon::pack::Pack;
 
-use crate::binlog::Records;
+use crate::assignments::{Assignment, LogParameters};
+use crate::entry::{Content, Entries};
 use crate::readings::Readings;
 use crate::survey::Survey;
-use crate::trace::{Sample, Trace};
+use crate::trace::{Change, Sample, Trace};
 
 /// A drive.
 #[derive(Debug)]
@@ -21,18 +20,18 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// The drive of `pack` in a log, or why there is none.
-    pub fn read(path: &Path, pack: Pack) -> Result<Self, String> {
-        let open = || File::open(path);
-        let survey = open().and_then(Survey::of).map_err(|error| error.to_string())?;
-        let trace = open().and_then(|file| Trace::of_pack(file, pack));
-        Self::of_survey(survey, trace.map_err(|error| error.to_string())?, pack)
-    }
-
-    fn of_survey(survey: Survey, trace: Trace, pack: Pack) -> Result<Self, String> {
+    /// The drive of `pack` in a log that can be opened twice, or why there is none.
+    pub fn read<'a>(
+        open: impl Fn() -> io::Result<Box<dyn Entries + 'a>>,
+        pack: Pack,
+    ) -> Result<Self, String> {
+        let in_words = |error: io::Error| error.to_string();
+        let survey = open().and_then(Survey::of).map_err(in_words)?;
         if let Some(obstacle) = survey.obstacle() {
             return Err(obstacle.into());
         }
+        let trace = open().and_then(|entries| Trace::of_pack(entries, pack, &survey));
+        let trace = trace.map_err(in_words)?;
         if trace.samples.is_empty() {
             return Err(no_reading(&survey, pack));
         }
@@ -47,19 +46,32 @@ impl Drive {
 
 impl Trace {
     /// The readings of a pack in a log.
-    fn of_pack(source: impl Read, pack: Pack) -> io::Result<Self> {
+    fn of_pack(entries: Box<dyn Entries + '_>, pack: Pack, survey: &Survey) -> io::Result<Self> {
         let mut samples = vec![];
-        let mut readings = Readings::default();
-        let mut take = |of: Pack, sample: Sample| {
+        let mut changes = vec![];
+        let mut parameters = LogParameters::default();
+        let mut readings = Readings::beginning(survey.initial_arm_state());
+        let take = |samples: &mut Vec<Sample>, of: Pack, sample: Sample| {
             if of == pack {
                 samples.push(sample);
             }
         };
-        for record in Records::of(source) {
-            readings.add(&record?, &mut take);
+        for entry in entries {
+            let entry = entry?;
+            readings.add(&entry, |of, sample| take(&mut samples, of, sample));
+            let Content::Parameter(name, value) = &entry.content else {
+                continue;
+            };
+            if let Some((id, value)) = parameters.changed_value(name, *value) {
+                readings.finish(|of, sample| take(&mut samples, of, sample));
+                changes.push(Change {
+                    readings: samples.len(),
+                    assignment: Assignment { id, value },
+                });
+            }
         }
-        readings.finish(take);
-        Ok(Self { samples })
+        readings.finish(|of, sample| take(&mut samples, of, sample));
+        Ok(Self { samples, changes })
     }
 }
 
@@ -80,6 +92,7 @@ fn no_reading(survey: &Survey, pack: Pack) -> String {
 mod tests {
     use super::*;
     use crate::binlog::tests::{arming, opening};
+    use crate::dataflash::DataFlash;
     use crate::trace::Reported;
     use proptest::prelude::*;
     use rover_battmon::battery::{Amount, BatteryState, CellVoltages, ChargeState, PackStatus};
@@ -98,9 +111,7 @@ mod tests {
 
     /// The drive of a pack in these bytes.
     fn drive_of(bytes: &[u8], pack: Pack) -> Result<Drive, String> {
-        let survey = Survey::of(bytes).expect("it is readable");
-        let trace = Trace::of_pack(bytes, pack).expect("it is readable");
-        Drive::of_survey(survey, trace, pack)
+        Drive::read(|| Ok(Box::new(DataFlash::of(bytes))), pack)
     }
 
     fn healthy() -> BatteryState {
@@ -218,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_are_the_last_of_each_and_others_are_ignored() {
+    fn parameters_are_the_first_of_each_and_later_ones_hold_from_then_on() {
         let parameter = |name, value| Recorded::Parameter {
             name,
             value,
@@ -231,14 +242,35 @@ mod tests {
             parameter("BATT2_ARM_VOLT", f32::NAN),
             parameter("EK3_ENABLE", 1.0),
             Recorded::Battery(Pack::Second, &state),
+            // A start-up value between readings, the same once more, and another one.
+            parameter("BATT2_LOW_VOLT", 10.5),
+            parameter("BATT2_LOW_VOLT", 10.5),
+            Recorded::Battery(Pack::Second, &state),
+            parameter("BATT2_LOW_VOLT", 9.5),
+            Recorded::Battery(Pack::Second, &state),
         ];
         let drive = drive_of(&log(&records), Pack::Second).expect("a drive");
         let parameters = drive.survey.parameters.expect("the log has some");
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(Pack::Second));
-        assert_eq!(value(BatteryParameter::Capacity), 5200.0);
+        assert_eq!(value(BatteryParameter::Capacity), 1000.0);
+        assert_eq!(value(BatteryParameter::LowVolt), 10.5);
         assert_eq!(
             value(BatteryParameter::ArmVolt),
             BatteryParameter::ArmVolt.of(Pack::Second).default_value()
+        );
+        let change = |readings, parameter: BatteryParameter, value| Change {
+            readings,
+            assignment: Assignment {
+                id: parameter.of(Pack::Second),
+                value,
+            },
+        };
+        assert_eq!(
+            drive.trace.changes,
+            [
+                change(0, BatteryParameter::Capacity, 5200.0),
+                change(2, BatteryParameter::LowVolt, 9.5)
+            ]
         );
     }
 
@@ -251,7 +283,7 @@ mod tests {
         ];
         let error = |log: &[u8]| drive_of(log, Pack::Second).expect_err("no drive");
         assert_eq!(error(&log(&records)), "no reading of pack 2, but of 1, 3");
-        assert_eq!(error(&log(&[])), "no reading of a pack (BAT)");
+        assert_eq!(error(&log(&[])), "no reading of a pack");
     }
 
     proptest! {

@@ -12,16 +12,20 @@
 //! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`]; copies
 //! of a log do not count, see [`copies`]. No file is replaced but an earlier output, see [`outputs`].
 mod arguments;
+mod assignments;
 mod binlog;
 mod comparison;
 mod copies;
+mod dataflash;
 mod drive;
+mod entry;
 mod files;
 mod history;
 mod many;
 mod outputs;
 mod plot;
 mod readings;
+mod recording;
 mod report;
 mod run;
 mod single;

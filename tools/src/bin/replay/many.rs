@@ -2,7 +2,7 @@
 //!
 //! All processors work, each on a log at a time. The rows are in the order of the logs' paths, however many processors there are.
 
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
@@ -12,8 +12,10 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
 use crate::arguments::Arguments;
-use crate::files::{Failure, Files, readable_bytes};
-use crate::run::{self, Assignment, Replay};
+use crate::assignments::Assignment;
+use crate::files::{Failure, Files};
+use crate::recording::LogFormat;
+use crate::run::{self, Replay};
 use crate::table::{self, Drives, Row};
 use crate::trace::Inputs;
 use crate::words::{copies, shown};
@@ -71,7 +73,7 @@ fn check(assignments: &[Assignment]) -> Result<(), String> {
     };
     for pack in Pack::ALL {
         let parameters = run::assign(Parameters::defaults(), assignments, pack, measured)?;
-        Replay::new(pack, &parameters, LearntPack::UNKNOWN)?;
+        Replay::new(pack, &parameters, assignments, LearntPack::UNKNOWN)?;
     }
     Ok(())
 }
@@ -109,6 +111,6 @@ fn read(files: Files, what_if: &[Assignment]) -> Found {
 }
 
 fn read_log(path: &Path, what_if: &[Assignment]) -> Result<Drives, String> {
-    readable_bytes(path)?;
-    Drives::read(&path.to_string_lossy(), || File::open(path), what_if)
+    let format = LogFormat::of(path)?;
+    Drives::read(&path.to_string_lossy(), || format.open(path), what_if)
 }

@@ -1,8 +1,5 @@
 //! A trace through the monitor, and the parameters it is replayed with.
 
-use std::fmt;
-use std::str::FromStr;
-
 use rover_battmon::battery::{
     BatteryMonitor, BatteryState, LearntPack, Measurement, PackEvent, PackSettings, PackUpdate, ReadError,
     Tick,
@@ -12,6 +9,7 @@ use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Refuse
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 
+use crate::assignments::Assignment;
 use crate::report::Row;
 use crate::trace::{Inputs, Sample, Trace};
 
@@ -19,33 +17,6 @@ use crate::trace::{Inputs, Sample, Trace};
 const VOLTAGE_ONLY: i32 = 3;
 const VOLTAGE_AND_CURRENT: i32 = 4;
 const CURRENT_ONLY: i32 = 31;
-
-/// A parameter and its value, as in `BATT_CELLS=3`.
-#[derive(Clone, Copy, Debug)]
-pub struct Assignment {
-    id: ParameterId,
-    value: f32,
-}
-
-impl FromStr for Assignment {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (name, value) = text.split_once('=').ok_or("NAME=VALUE is needed")?;
-        Ok(Self {
-            id: ParameterId::from_name(name.as_bytes()).ok_or_else(|| format!("no parameter {name}"))?,
-            value: value
-                .parse()
-                .map_err(|_| format!("{value:?} is not a number for {name}"))?,
-        })
-    }
-}
-
-impl fmt::Display for Assignment {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}={}", self.id.name(), self.value)
-    }
-}
 
 /// `parameters` with these assignments, in their order. `BATT_MONITOR` of `pack` is what is measured, unless it is assigned.
 pub fn assign(
@@ -113,23 +84,50 @@ impl Inputs {
 
 /// A fresh monitor that is given the readings of a recording.
 pub struct Replay {
+    pack: Pack,
     monitor: BatteryMonitor,
+    parameters: Parameters,
     settings: PackSettings,
     inputs: Inputs,
     known: LearntPack,
+    /// Parameters that are as the user has them, whatever the recording sets.
+    assigned: Vec<ParameterId>,
 }
 
 impl Replay {
-    /// With the parameters of `pack`, of which this was learnt before.
-    pub fn new(pack: Pack, parameters: &Parameters, known: LearntPack) -> Result<Self, String> {
+    /// With the parameters of `pack`, of which this was learnt before. The user's assignments among them stay.
+    pub fn new(
+        pack: Pack,
+        parameters: &Parameters,
+        assignments: &[Assignment],
+        known: LearntPack,
+    ) -> Result<Self, String> {
         let mut monitor = BatteryMonitor::new();
         monitor.restore_learnt(known);
+        let mut assigned: Vec<ParameterId> = assignments.iter().map(|assignment| assignment.id).collect();
+        // It is what the recording has.
+        assigned.push(BatteryParameter::Monitor.of(pack));
         Ok(Self {
+            pack,
             monitor,
             settings: PackSettings::from_parameters(parameters, pack),
             inputs: Inputs::from_parameters(parameters, pack)?,
+            parameters: parameters.clone(),
             known,
+            assigned,
         })
+    }
+
+    /// Takes a parameter that was set during the recording. A value that is out of range in this version does not matter.
+    pub fn set(&mut self, Assignment { id, value }: Assignment) {
+        if !self.assigned.contains(&id) && self.parameters.set(id, value).is_ok() {
+            self.settings = PackSettings::from_parameters(&self.parameters, self.pack);
+        }
+    }
+
+    /// The settings by now.
+    pub fn settings(&self) -> &PackSettings {
+        &self.settings
     }
 
     /// Takes the next reading.
@@ -149,28 +147,42 @@ impl Replay {
     }
 }
 
-/// What a fresh monitor with the parameters of `pack` makes of each reading of the trace; `learnt` is known of the pack and
-/// updated as flash would be.
-pub fn run(
-    trace: &Trace,
-    pack: Pack,
-    parameters: &Parameters,
-    learnt: &mut LearntPack,
-) -> Result<Vec<Row>, String> {
-    let mut replay = Replay::new(pack, parameters, *learnt)?;
-    let rows = trace.samples.iter().map(|sample| {
+/// A recording through the monitor.
+pub struct Outcome {
+    /// The state after each reading.
+    pub rows: Vec<Row>,
+    /// The settings at the last armed reading; if there is none, those at the beginning.
+    pub settings: PackSettings,
+    /// What is learnt of the pack at the end.
+    pub learnt: LearntPack,
+}
+
+/// Gives the readings of the trace to `replay`, and between them the parameters that it sets.
+pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
+    let mut settings = *replay.settings();
+    let mut changes = trace.changes.iter().peekable();
+    let mut rows = Vec::with_capacity(trace.samples.len());
+    for sample in &trace.samples {
+        while let Some(change) = changes.next_if(|change| change.readings <= rows.len()) {
+            replay.set(change.assignment);
+        }
         let update = replay.update(sample);
-        Row {
+        if sample.armed {
+            settings = *replay.settings();
+        }
+        rows.push(Row {
             time_s: sample.time_s,
             state: *replay.state(),
             events: announced(&update).map(ToString::to_string).collect(),
             reached: update.failsafe,
             reported: sample.reported,
-        }
-    });
-    let rows = rows.collect();
-    *learnt = *replay.learnt();
-    Ok(rows)
+        });
+    }
+    Outcome {
+        rows,
+        settings,
+        learnt: *replay.learnt(),
+    }
 }
 
 /// Events that are announced to ground stations: of the levels that are reached in one tick, the worst.

@@ -4,15 +4,16 @@ use std::fs;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
-use rover_battmon::battery::{LearntPack, PackSettings};
+use rover_battmon::battery::LearntPack;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
 use crate::arguments::Arguments;
 use crate::comparison::comparison;
 use crate::drive::Drive;
-use crate::files::is_log;
+use crate::recording::{Format, LogFormat};
 use crate::report::Row;
+use crate::run::{Outcome, Replay};
 use crate::summary::Summary;
 use crate::survey::Survey;
 use crate::trace::Trace;
@@ -37,18 +38,17 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
         Some(path) => read_learnt(path)?,
         None => drive.survey.known(pack).unwrap_or(LearntPack::UNKNOWN),
     };
-    let mut learnt = known;
-    let rows = run::run(&drive.trace, pack, &parameters, &mut learnt)?;
-    let written = write_files(path, arguments, &parameters, &rows, &learnt)?;
+    let replay = Replay::new(pack, &parameters, &arguments.assignments, known)?;
+    let outcome = run::run(&drive.trace, replay);
+    let written = write_files(path, arguments, &outcome)?;
     let summary = Summary {
         trace: &drive.trace,
-        rows: &rows,
+        outcome: &outcome,
         pack,
-        settings: &PackSettings::from_parameters(&parameters, pack),
         known: &known,
-        learnt: &learnt,
+        armed_before: drive.survey.armed_before().filter(|_| !arguments.armed),
     };
-    let compared = compared(arguments, &drive, &parameters, &rows, known)?;
+    let compared = compared(arguments, &drive, &parameters, &outcome.rows, known)?;
     let date = drive.began_utc_s().map_or(String::new(), |utc_s| {
         format!("Recorded from {} on\n", utc(utc_s))
     });
@@ -57,20 +57,20 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
 }
 
 /// Writes what was asked for, and returns a line for each file.
-fn write_files(
-    recording: &Path,
-    arguments: &Arguments,
-    parameters: &Parameters,
-    rows: &[Row],
-    learnt: &LearntPack,
-) -> Result<String, String> {
+fn write_files(recording: &Path, arguments: &Arguments, outcome: &Outcome) -> Result<String, String> {
     let files = [
-        arguments.learned.as_ref().map(|path| (path, learnt.to_string())),
+        arguments
+            .learned
+            .as_ref()
+            .map(|path| (path, outcome.learnt.to_string())),
         arguments
             .plot
             .as_ref()
-            .map(|path| (path, picture(recording, arguments, parameters, rows))),
-        arguments.csv.as_ref().map(|path| (path, report::csv(rows))),
+            .map(|path| (path, picture(recording, arguments, outcome))),
+        arguments
+            .csv
+            .as_ref()
+            .map(|path| (path, report::csv(&outcome.rows))),
     ];
     let mut written = String::new();
     for (path, text) in files.into_iter().flatten() {
@@ -78,7 +78,7 @@ fn write_files(
         written += &format!("wrote {}\n", shown(path));
     }
     if arguments.prints_rows() {
-        print(rows).map_err(|error| format!("standard output: {error}"))?;
+        print(&outcome.rows).map_err(|error| format!("standard output: {error}"))?;
     }
     Ok(written)
 }
@@ -89,7 +89,7 @@ fn compared(
     drive: &Drive,
     parameters: &Parameters,
     rows: &[Row],
-    mut known: LearntPack,
+    known: LearntPack,
 ) -> Result<String, String> {
     let Some(own) = drive.survey.parameters.clone() else {
         return Ok(String::new());
@@ -100,8 +100,8 @@ fn compared(
     if changes.is_empty() {
         return Ok(String::new());
     }
-    let own = run::run(&drive.trace, pack, &own, &mut known)?;
-    Ok(comparison(&changes, &own, rows))
+    let own = run::run(&drive.trace, Replay::new(pack, &own, &[], known)?);
+    Ok(comparison(&changes, &own.rows, rows))
 }
 
 /// Shows what a person reads, who may have closed the terminal.
@@ -109,20 +109,21 @@ fn show(text: &str) {
     let _ = io::stderr().write_all(text.as_bytes());
 }
 
-/// A log by the end of its name, else a trace.
 fn read(path: &Path, pack: Pack) -> Result<Drive, String> {
-    if is_log(path) {
-        return read_log(path, pack);
+    match Format::of(path).map_err(|error| about(path, &error))? {
+        Format::Log(format) => read_log(path, format, pack),
+        Format::Csv => {
+            let bytes = fs::read(path).map_err(|error| about(path, &error))?;
+            Ok(Drive {
+                trace: Trace::parse(&bytes).map_err(|error| about(path, &error))?,
+                survey: Survey::default(),
+            })
+        }
     }
-    let bytes = fs::read(path).map_err(|error| about(path, &error))?;
-    Ok(Drive {
-        trace: Trace::parse(&bytes).map_err(|error| about(path, &error))?,
-        survey: Survey::default(),
-    })
 }
 
-fn read_log(path: &Path, pack: Pack) -> Result<Drive, String> {
-    let drive = Drive::read(path, pack).map_err(|error| about(path, &error))?;
+fn read_log(path: &Path, format: LogFormat, pack: Pack) -> Result<Drive, String> {
+    let drive = Drive::read(|| format.open(path), pack).map_err(|error| about(path, &error))?;
     let Survey {
         read_bytes,
         skipped_bytes,
@@ -151,12 +152,16 @@ fn read_learnt(path: &Path) -> Result<LearntPack, String> {
 }
 
 /// The rows as a picture that says what it shows.
-fn picture(recording: &Path, arguments: &Arguments, parameters: &Parameters, rows: &[Row]) -> String {
+fn picture(recording: &Path, arguments: &Arguments, outcome: &Outcome) -> String {
     let trace = shown(recording.file_name().unwrap_or_default());
     let assignments: Vec<String> = arguments.assignments.iter().map(ToString::to_string).collect();
     let title = format!("{trace} through the battery monitor");
-    let settings = PackSettings::from_parameters(parameters, arguments.pack);
-    plot::plot(rows, &title, &assignments.join("  "), &settings.failsafe)
+    plot::plot(
+        &outcome.rows,
+        &title,
+        &assignments.join("  "),
+        &outcome.settings.failsafe,
+    )
 }
 
 fn print(rows: &[Row]) -> io::Result<()> {

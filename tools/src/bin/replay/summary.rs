@@ -2,14 +2,14 @@
 
 use std::fmt;
 
-use rover_battmon::battery::{
-    FailsafeLevel, FailsafeSettings, LearntPack, PackSettings, PackStatus, SuggestedThresholds,
-};
+use rover_battmon::battery::{FailsafeLevel, FailsafeSettings, LearntPack, PackStatus, SuggestedThresholds};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 
 use crate::report::{Row, events};
-use crate::trace::Trace;
+use crate::run::Outcome;
+use crate::survey::ArmedBefore;
+use crate::trace::{Change, Trace};
 use crate::words::{clock, duration, quantity, times};
 
 /// The remaining charge lies within this many standard deviations in 19 of 20 cases.
@@ -18,30 +18,36 @@ const SIGMAS: f32 = 2.0;
 /// This many announcements are listed.
 const LISTED_EVENTS: usize = 20;
 
+/// This many parameters that were set during the recording are listed.
+const LISTED_CHANGES: usize = 5;
+
 /// A replay, to be shown in words.
 pub struct Summary<'a> {
     /// What was replayed.
     pub trace: &'a Trace,
     /// Its result.
-    pub rows: &'a [Row],
+    pub outcome: &'a Outcome,
     /// Which pack it is of.
     pub pack: Pack,
-    /// What it was replayed with.
-    pub settings: &'a PackSettings,
     /// What was known of the pack before.
     pub known: &'a LearntPack,
-    /// What is known of it now.
-    pub learnt: &'a LearntPack,
+    /// Why the vehicle is taken for armed at the beginning, if not by an entry.
+    pub armed_before: Option<ArmedBefore>,
 }
 
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rows = &self.outcome.rows;
         writeln!(f, "{}", length(self.trace))?;
+        if let Some(reason) = self.armed_before {
+            writeln!(f, "Taken for armed from the beginning: {reason}")?;
+        }
         self.backward_steps(f)?;
-        writeln!(f, "Voltage: {}", voltages(self.rows))?;
-        writeln!(f, "Drawn: {}", drawn(self.rows))?;
-        writeln!(f, "Remaining at the end: {}", remaining(self.rows))?;
-        writeln!(f, "Learnt: {}", learnt(self.known, self.learnt))?;
+        self.changes(f)?;
+        writeln!(f, "Voltage: {}", voltages(rows))?;
+        writeln!(f, "Drawn: {}", drawn(rows))?;
+        writeln!(f, "Remaining at the end: {}", remaining(rows))?;
+        writeln!(f, "Learnt: {}", learnt(self.known, &self.outcome.learnt))?;
         self.announced(f)?;
         writeln!(f, "Failsafe: {}", self.failsafe())
     }
@@ -112,8 +118,9 @@ fn remaining(rows: &[Row]) -> String {
         text += &format!(" ± {} (19 times of 20)", quantity(within_pct, 0, "%"));
         text += &format!(", usable {}", quantity(state.usable_pct, 0, "%"));
     }
-    if let Some(reported) = &last.reported {
-        text += &format!("; the log has {}", quantity(reported.remaining_pct, 0, "%"));
+    let reported_pct = last.reported.and_then(|reported| reported.remaining_pct);
+    if reported_pct.is_some() {
+        text += &format!("; the log has {}", quantity(reported_pct, 0, "%"));
     }
     text
 }
@@ -145,7 +152,7 @@ pub fn reached(rows: &[Row], level: FailsafeLevel) -> Option<&Row> {
 
 impl Summary<'_> {
     fn failsafe(&self) -> String {
-        if self.settings.failsafe.is_disabled() {
+        if self.outcome.settings.failsafe.is_disabled() {
             return self.suggestion();
         }
         let levels = [FailsafeLevel::Low, FailsafeLevel::Critical];
@@ -162,8 +169,8 @@ impl Summary<'_> {
 
     /// When its thresholds would have acted, if it has any.
     fn failsafe_level(&self, level: FailsafeLevel) -> Option<String> {
-        let names = thresholds(&self.settings.failsafe, level, self.pack)?;
-        let Some(row) = reached(self.rows, level) else {
+        let names = thresholds(&self.outcome.settings.failsafe, level, self.pack)?;
+        let Some(row) = reached(&self.outcome.rows, level) else {
             return Some(format!("{names} would not have acted"));
         };
         let left = row.state.remaining_pct;
@@ -172,8 +179,10 @@ impl Summary<'_> {
     }
 
     fn suggestion(&self) -> String {
-        let last = self.rows.last();
-        let Some(suggested) = last.and_then(|row| SuggestedThresholds::of(&row.state, self.settings)) else {
+        let last = self.outcome.rows.last();
+        let Some(suggested) =
+            last.and_then(|row| SuggestedThresholds::of(&row.state, &self.outcome.settings))
+        else {
             return "none is set".into();
         };
         format!(
@@ -205,13 +214,34 @@ impl Summary<'_> {
         )
     }
 
+    /// Parameters that were set during the recording hold from then on.
+    fn changes(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Trace { samples, changes } = self.trace;
+        if changes.is_empty() {
+            return Ok(());
+        }
+        let time_s = |change: &Change| {
+            let sample = samples.get(change.readings).or(samples.last());
+            sample.map_or(0.0, |sample| sample.time_s)
+        };
+        let listed = changes.iter().take(LISTED_CHANGES);
+        let listed: Vec<String> = listed
+            .map(|change| format!("{} at {}", change.assignment, clock(time_s(change))))
+            .collect();
+        write!(f, "Set during the recording: {}", listed.join(", "))?;
+        match changes.len().saturating_sub(LISTED_CHANGES) {
+            0 => writeln!(f),
+            more => writeln!(f, ", {more} more"),
+        }
+    }
+
     fn announced(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let count = events(self.rows).count();
+        let count = events(&self.outcome.rows).count();
         if count == 0 {
             return writeln!(f, "Announced: nothing");
         }
         writeln!(f, "Announced:")?;
-        for (time_s, text) in events(self.rows).take(LISTED_EVENTS) {
+        for (time_s, text) in events(&self.outcome.rows).take(LISTED_EVENTS) {
             writeln!(f, "  {:>7}  Battery {} {text}", clock(time_s), self.pack.number())?;
         }
         match count.saturating_sub(LISTED_EVENTS) {
@@ -246,7 +276,7 @@ fn thresholds(settings: &FailsafeSettings, level: FailsafeLevel, pack: Pack) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::assign;
+    use crate::run::{Replay, assign};
     use crate::trace::Sample;
     use crate::{plot, report, run};
     use proptest::prelude::*;
@@ -261,18 +291,17 @@ mod tests {
         let pack = Pack::First;
         let parameters =
             assign(Parameters::defaults(), &assignments, pack, trace.measured()).expect("in range");
-        let mut learnt = LearntPack::UNKNOWN;
-        let rows = run::run(trace, pack, &parameters, &mut learnt).expect("what the trace has");
-        let settings = PackSettings::from_parameters(&parameters, pack);
+        let replay = Replay::new(pack, &parameters, &assignments, LearntPack::UNKNOWN);
+        let outcome = run::run(trace, replay.expect("what the trace has"));
         // Nothing that is said, written or drawn may fail.
-        let _ = (report::csv(&rows), plot::plot(&rows, "", "", &settings.failsafe));
+        let _ = report::csv(&outcome.rows);
+        let _ = plot::plot(&outcome.rows, "", "", &outcome.settings.failsafe);
         Summary {
             trace,
-            rows: &rows,
+            outcome: &outcome,
             pack,
-            settings: &settings,
             known: &LearntPack::UNKNOWN,
-            learnt: &learnt,
+            armed_before: None,
         }
         .to_string()
     }
@@ -304,6 +333,7 @@ mod tests {
         let text = summary(
             &Trace {
                 samples: samples.into(),
+                changes: vec![],
             },
             &[],
         );
@@ -427,7 +457,7 @@ mod tests {
                 time_s += step_s;
                 Sample { time_s, ..sample }
             });
-            let trace = Trace { samples: samples.collect() };
+            let trace = Trace { samples: samples.collect(), changes: vec![] };
             let text = summary(&trace, &["BATT_LOW_VOLT=10.5"]);
             prop_assert!(text.lines().count() >= 7, "{text}");
         }

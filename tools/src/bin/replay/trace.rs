@@ -14,6 +14,8 @@
 
 use rover_battmon::battery::CellVoltages;
 
+use crate::assignments::Assignment;
+
 /// What some recorders write into every row when there is no sensor of the current.
 const NO_SENSOR_A: f32 = -1.0;
 
@@ -38,6 +40,17 @@ const SHOWN_CHARACTERS: usize = 40;
 pub struct Trace {
     /// Its readings, as they follow each other.
     pub samples: Vec<Sample>,
+    /// Parameters that were set between them, in their order.
+    pub changes: Vec<Change>,
+}
+
+/// A parameter that was set during a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// Readings before it.
+    pub readings: usize,
+    /// The parameter and its new value.
+    pub assignment: Assignment,
 }
 
 /// What is measured, or what the monitor is given of it.
@@ -132,7 +145,10 @@ impl Trace {
         }
         leave_out_missing_current(&mut samples);
         start_unix_time_at_zero(&mut samples);
-        Ok(Self { samples })
+        Ok(Self {
+            samples,
+            changes: vec![],
+        })
     }
 
     /// Takes the rover for armed at each reading.

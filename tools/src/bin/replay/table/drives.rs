@@ -1,24 +1,20 @@
 //! The rows of one log: a log of any length takes the same memory.
 
-use std::io::{self, Read};
+use std::io;
 
 use rover_battmon::pack::Pack;
+use rover_battmon::vehicle::ArmState;
 
 use super::pack_drives::{End, PackDrives};
 use super::row::Row;
-use crate::binlog::{Record, Records};
-use crate::readings::{Readings, time_s};
-use crate::run::Assignment;
-use crate::survey::{Survey, pack_of, serial_number};
+use crate::assignments::{Assignment, LogParameters};
+use crate::entry::{Content, Entries, Entry};
+use crate::readings::Readings;
+use crate::survey::{ArmedBefore, Survey};
+use crate::trace::Sample;
 
 /// Drives of a pack in a log. The board's log has some hundred at most: each takes the seconds in which it is recorded.
 const MOST_DRIVES: usize = 10_000;
-
-/// ERR: numbers of the failsafes that are of no pack, with their names. The one of a pack has a text that names the pack.
-const FAILSAFES: [(f64, &str); 2] = [(5.0, "sticks"), (8.0, "ground station")];
-
-/// ERR: a failsafe begins.
-const OCCURRED: f64 = 1.0;
 
 /// The board's word for the levels of a pack's failsafe, and the table's.
 const LEVELS: [(&str, &str); 3] = [
@@ -40,9 +36,9 @@ impl Drives {
     ///
     /// # Errors
     /// Why there is none, in words.
-    pub fn read<R: Read>(
+    pub fn read<'a>(
         path: &str,
-        open: impl Fn() -> io::Result<R>,
+        open: impl Fn() -> io::Result<Box<dyn Entries + 'a>>,
         what_if: &[Assignment],
     ) -> Result<Self, String> {
         let in_words = |error: io::Error| error.to_string();
@@ -55,52 +51,82 @@ impl Drives {
             .filter_map(|pack| PackDrives::new(path, &survey, pack, what_if));
         let mut log = Log {
             packs: packs.collect::<Result<_, _>>()?,
-            readings: Readings::default(),
+            readings: Readings::beginning(survey.initial_arm_state()),
+            parameters: LogParameters::default(),
+            arm_state: survey.initial_arm_state(),
+            armed_before: survey.armed_before(),
             latest_s: 0.0,
         };
-        let mut records = Records::of(open().map_err(in_words)?);
-        while let Some(record) = records.next() {
-            let record = record.map_err(in_words)?;
-            log.add(&record, records.skipped_bytes());
+        let mut entries = open().map_err(in_words)?;
+        while let Some(entry) = entries.next() {
+            let entry = entry.map_err(in_words)?;
+            log.add(&entry, entries.skipped_bytes());
             if log.packs.iter().any(|pack| pack.count() > MOST_DRIVES) {
                 return Err(format!("more than {MOST_DRIVES} drives"));
             }
         }
-        Ok(log.finish(records.skipped_bytes()))
+        Ok(log.finish(entries.skipped_bytes()))
     }
 }
 
 struct Log {
     packs: Vec<PackDrives>,
     readings: Readings,
+    parameters: LogParameters,
+    arm_state: ArmState,
+    /// Why it is armed at the beginning; `None` from the first reading on.
+    armed_before: Option<ArmedBefore>,
     latest_s: f64,
 }
 
 impl Log {
-    /// Takes a record, before which this much of the file was damaged.
-    fn add(&mut self, record: &Record, skipped_bytes: u64) {
-        self.latest_s = time_s(record).unwrap_or(self.latest_s);
+    /// Takes an entry, before which this much of the file was damaged.
+    fn add(&mut self, entry: &Entry, skipped_bytes: u64) {
+        self.latest_s = entry.time_s.unwrap_or(self.latest_s);
+        if matches!(entry.content, Content::Reading(..)) {
+            self.begin();
+        }
         let packs = &mut self.packs;
-        self.readings.add(record, |pack, sample| {
-            if let Some(drives) = find(packs, pack) {
-                drives.add(&sample);
+        self.readings
+            .add(entry, |pack, sample| give(packs, pack, &sample));
+        match &entry.content {
+            Content::Arming(state) if *state == self.arm_state => {}
+            Content::Arming(ArmState::Armed) => {
+                self.arm_state = ArmState::Armed;
+                self.each(|drives, time_s| drives.arm(time_s));
             }
-        });
-        match record.name() {
-            "ARM" if record.number("ArmState") == Some(1.0) => self.each(|drives, time_s| drives.arm(time_s)),
-            "ARM" => {
+            Content::Arming(ArmState::Disarmed) => {
+                self.arm_state = ArmState::Disarmed;
                 let end = self.end(skipped_bytes);
                 self.each(|drives, time_s| drives.disarm(time_s, end));
             }
-            "PACK" => {
-                let drives = pack_of(record).and_then(|pack| find(packs, pack));
-                if let Some((drives, number)) = drives.zip(serial_number(record)) {
-                    drives.identify(number);
+            Content::Parameter(name, value) => self.parameter(name, *value),
+            Content::Learnt(pack, Some(number), _) => {
+                if let Some(drives) = find(packs, *pack) {
+                    drives.identify(*number);
                 }
             }
-            "ERR" => self.error(record),
-            "MSG" => self.text(&record.text("Message").unwrap_or_default()),
+            Content::Failsafe(name) => self.each(|drives, time_s| drives.failsafe(name, time_s)),
+            Content::Text(text) => self.text(text),
             _ => {}
+        }
+    }
+
+    /// A log that begins armed begins a drive with its first reading.
+    fn begin(&mut self) {
+        if self.armed_before.take().is_some() {
+            self.each(|drives, time_s| drives.arm(time_s));
+        }
+    }
+
+    fn parameter(&mut self, name: &str, value: f64) {
+        let Some((id, value)) = self.parameters.changed_value(name, value) else {
+            return;
+        };
+        let packs = &mut self.packs;
+        self.readings.finish(|pack, sample| give(packs, pack, &sample));
+        for drives in packs {
+            drives.set(Assignment { id, value });
         }
     }
 
@@ -113,18 +139,9 @@ impl Log {
     }
 
     fn each(&mut self, mut act: impl FnMut(&mut PackDrives, f64)) {
+        let time_s = self.latest_s;
         for drives in &mut self.packs {
-            act(drives, self.latest_s);
-        }
-    }
-
-    fn error(&mut self, record: &Record) {
-        if record.number("ECode") != Some(OCCURRED) {
-            return;
-        }
-        let number = record.number("Subsys");
-        for (_, name) in FAILSAFES.iter().filter(|(failsafe, _)| number == Some(*failsafe)) {
-            self.each(|drives, time_s| drives.failsafe(name, time_s));
+            act(drives, time_s);
         }
     }
 
@@ -149,11 +166,7 @@ impl Log {
         let end = self.end(skipped_bytes);
         let backward_steps = self.readings.backward_steps();
         let Self { packs, readings, .. } = &mut self;
-        readings.finish(|pack, sample| {
-            if let Some(drives) = find(packs, pack) {
-                drives.add(&sample);
-            }
-        });
+        readings.finish(|pack, sample| give(packs, pack, &sample));
         let rows = self
             .packs
             .into_iter()
@@ -165,6 +178,12 @@ impl Log {
     }
 }
 
+fn give(packs: &mut [PackDrives], pack: Pack, sample: &Sample) {
+    if let Some(drives) = find(packs, pack) {
+        drives.add(sample);
+    }
+}
+
 fn find(packs: &mut [PackDrives], pack: Pack) -> Option<&mut PackDrives> {
     packs.iter_mut().find(|drives| drives.number() == pack.number())
 }
@@ -173,6 +192,7 @@ fn find(packs: &mut [PackDrives], pack: Pack) -> Option<&mut PackDrives> {
 mod tests {
     use super::*;
     use crate::binlog::tests::{arming, opening};
+    use crate::dataflash::DataFlash;
     use proptest::prelude::*;
     use rover_battmon::battery::{BatteryState, Faults, PackStatus};
     use rover_battmon::recorder::dataflash::{Record as Recorded, Subsystem};
@@ -194,12 +214,16 @@ mod tests {
         opening().into_iter().chain(records).collect()
     }
 
+    fn drives_in(bytes: &[u8], what_if: &[Assignment]) -> Result<Drives, String> {
+        Drives::read("log", || Ok(Box::new(DataFlash::of(bytes))), what_if)
+    }
+
     fn rows_of(bytes: &[u8], what_if: &[&str]) -> Vec<Row> {
         let what_if: Vec<Assignment> = what_if
             .iter()
             .map(|text| text.parse().expect("an assignment"))
             .collect();
-        Drives::read("log", || Ok(bytes), &what_if).expect("drives").rows
+        drives_in(bytes, &what_if).expect("drives").rows
     }
 
     const LOW_VOLTAGE: Recorded = Recorded::Parameter {
@@ -336,9 +360,9 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_have_rows_or_a_reason(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
-            let _ = Drives::read("log", || Ok(bytes.as_slice()), &[]);
+            let _ = drives_in(&bytes, &[]);
             let after = [drives(), bytes].concat();
-            prop_assert!(Drives::read("log", || Ok(after.as_slice()), &[]).is_ok());
+            prop_assert!(drives_in(&after, &[]).is_ok());
         }
 
         #[test]
@@ -346,7 +370,7 @@ mod tests {
             let whole = drives();
             let all = rows_of(&whole, &[]);
             let cut = &whole[..whole.len().saturating_sub(cut)];
-            let Ok(Drives { rows, .. }) = Drives::read("log", || Ok(cut), &[]) else {
+            let Ok(Drives { rows, .. }) = drives_in(cut, &[]) else {
                 return Ok(());
             };
             for row in rows.iter().filter(|row| row.complete) {

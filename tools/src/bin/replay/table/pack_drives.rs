@@ -8,7 +8,8 @@ use rover_battmon::parameter::Parameters;
 
 use super::row::{Estimate, Levels, Row, WhatIf};
 use super::statistics::{Extremes, Span, Spread};
-use crate::run::{self, Assignment, Replay};
+use crate::assignments::Assignment;
+use crate::run::{self, Replay};
 use crate::survey::Survey;
 use crate::trace::Sample;
 
@@ -73,7 +74,7 @@ impl PackDrives {
             run::assign(own, assignments, pack, measured)
         };
         let known = survey.known(pack).unwrap_or(LearntPack::UNKNOWN);
-        let replay = |parameters: &Parameters| Replay::new(pack, parameters, known);
+        let replay = |parameters: &Parameters, assigned: &[_]| Replay::new(pack, parameters, assigned, known);
         let new = || {
             let own = parameters(&[])?;
             let changed = parameters(what_if)?;
@@ -81,10 +82,10 @@ impl PackDrives {
             let settings = PackSettings::from_parameters(&own, pack);
             Ok(Self {
                 pack,
-                own: replay(&own)?,
+                own: replay(&own, &[])?,
                 what_if: match texts.as_slice() {
                     [] => None,
-                    texts => Some((texts.join(", "), replay(&changed)?)),
+                    texts => Some((texts.join(", "), replay(&changed, what_if)?)),
                 },
                 rated_mah: settings.capacity_mah,
                 reported_health_pct: None,
@@ -108,6 +109,15 @@ impl PackDrives {
     /// Takes a serial number that was read.
     pub fn identify(&mut self, serial_number: i32) {
         self.common.serial_number = Some(serial_number);
+    }
+
+    /// Takes a parameter that was set.
+    pub fn set(&mut self, assignment: Assignment) {
+        self.own.set(assignment);
+        if let Some((_, replay)) = &mut self.what_if {
+            replay.set(assignment);
+        }
+        self.rated_mah = self.own.settings().capacity_mah;
     }
 
     /// Takes the next reading.
