@@ -315,6 +315,25 @@ fn logs_of_other_autopilots_are_replayed() {
     }
 }
 
+#[test]
+fn a_log_of_a_ground_station_is_armed_by_any_vehicle() {
+    let text = said_of(&[
+        "--param",
+        "BATT_LOW_VOLT=11.5",
+        "--param",
+        "BATT_LOW_TIMER=3",
+        "tests/data/logs/boat.tlog",
+    ]);
+    for line in [
+        "Recorded by ArduPilot, boat\n",
+        "Not in the log: BATT_CELLS, BATT_CAPACITY (--param)\n",
+        "1 min 40 s, from 0:00 to 1:39, 200 readings; armed for 1 min 29 s\n",
+        "Failsafe: BATT_LOW_VOLT 11.5 would have acted at 0:29\n",
+    ] {
+        assert!(text.contains(line), "{text}");
+    }
+}
+
 /// A file of parameters that is loaded after a drive does not rewrite it.
 #[test]
 fn parameters_hold_from_when_they_were_set() {

@@ -42,6 +42,9 @@ fn each_bad_input_ends_as_it_should() {
         ("vehicle.BIN", &without_packs(&log)),
         ("whole.BIN", &log),
         ("notes.txt", b"of no interest"),
+        ("system.log", b"of no interest, either"),
+        ("flight.ulg", b"ULog\x01\x12\x35"),
+        ("packed.tlog", b"PK\x03\x04"),
     ] {
         fs::write(folder.join(name), bytes).expect("a file");
     }
@@ -65,14 +68,16 @@ fn each_bad_input_ends_as_it_should() {
     let expected = [
         ("missing.BIN", "No such file or directory (os error 2)"),
         ("empty.BIN", "empty"),
+        ("flight.ulg", "no reading of a pack"),
         ("long.BIN", "larger than 256 MiB"),
         (
             "noise.BIN",
-            "neither a log of ArduPilot or this board (.BIN) nor CSV",
+            "neither a log of ArduPilot (.BIN, .log), PX4 (.ulg) or a ground station (.tlog) nor CSV",
         ),
+        ("packed.tlog", "compressed: unpack it first"),
         (
             "text.BIN",
-            "text, but not a log of ArduPilot or this board (.BIN)",
+            "text, but not a log of ArduPilot (.BIN, .log), PX4 (.ulg) or a ground station (.tlog)",
         ),
         ("vehicle.BIN", "no reading of a pack"),
     ];

@@ -50,6 +50,11 @@ impl LogParameters {
         before.is_none().then_some((id, value))
     }
 
+    /// Whether there was a value of a parameter.
+    pub fn has(&self, name: &str) -> bool {
+        self.latest.contains_key(name)
+    }
+
     /// The parameter and its value, if this version has it and the value differs from the one before.
     pub fn changed_value(&mut self, name: &str, value: f64) -> Option<(ParameterId, f32)> {
         let (id, value) = known(name, value)?;

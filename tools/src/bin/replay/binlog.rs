@@ -1,12 +1,13 @@
-//! Records of a log file in ArduPilot's DataFlash format, as far as they are readable, one after the other: a log of any length
-//! takes the same memory.
+//! Records of a log file in ArduPilot's DataFlash format, binary or as text, as far as they are readable, one after the other.
 //!
-//! The format has no checksum. A record counts if its format is known and another record, or the end, follows it; anything
+//! The binary format has no checksum. A record counts if its format is known and another record, or the end, follows it; anything
 //! else is skipped byte by byte, so that damage costs the records it is in and the one before.
 
 use std::collections::HashMap;
 use std::io::{self, Read};
 use std::rc::Rc;
+
+use crate::window::Window;
 
 const SYNCHRONISATION: [u8; 2] = [0xa3, 0x95];
 const HEADER_BYTES: usize = 3;
@@ -18,14 +19,32 @@ const FORMAT_BYTES: usize = 89;
 /// A record, whose length is a byte, and what shows that another one follows.
 const MOST_NEEDED_BYTES: usize = u8::MAX as usize + SYNCHRONISATION.len();
 
-/// What is read of a file at once.
-const BUFFER_BYTES: usize = 1 << 16;
+/// Lines of a text log are shorter.
+const LONGEST_LINE_BYTES: usize = 1 << 12;
 
 /// A record.
 #[derive(Clone, Debug)]
 pub struct Record {
     format: Rc<Format>,
-    payload: Vec<u8>,
+    payload: Payload,
+}
+
+/// The fields of a record.
+#[derive(Clone, Debug)]
+enum Payload {
+    /// As in a binary log.
+    Bytes(Vec<u8>),
+    /// As in a text log.
+    Texts(Vec<String>),
+}
+
+/// A source of records.
+pub trait Records: Iterator<Item = io::Result<Record>> {
+    /// Bytes so far, of records and others.
+    fn read_bytes(&self) -> u64;
+
+    /// Bytes so far that belong to no record.
+    fn skipped_bytes(&self) -> u64;
 }
 
 #[derive(Debug)]
@@ -44,17 +63,10 @@ struct Column {
     place: std::ops::Range<usize>,
 }
 
-/// The records of a file, as they follow each other, without those that describe formats.
-pub struct Records<R> {
-    source: R,
-    buffer: Vec<u8>,
-    /// Where in the buffer the bytes are that are not used yet.
-    start: usize,
-    end: usize,
-    is_at_end: bool,
+/// The records of a binary log, as they follow each other, without those that describe formats.
+pub struct BinaryRecords<R> {
+    window: Window<R>,
     formats: HashMap<u8, Rc<Format>>,
-    read_bytes: u64,
-    skipped_bytes: u64,
 }
 
 impl Record {
@@ -66,8 +78,11 @@ impl Record {
     /// The number in a column; `None` also for a text and for NaN. Integers of all lengths are exact in a double but for times
     /// beyond 285 years.
     pub fn number(&self, column: &str) -> Option<f64> {
-        let (field_type, bytes) = self.field(column)?;
-        number(field_type, bytes).filter(|number| number.is_finite())
+        let number = match self.field(column)? {
+            Field::Bytes(field_type, bytes) => number(field_type, bytes),
+            Field::Text(field_type, text) => text.parse().ok().filter(|_| !is_text(field_type)),
+        };
+        number.filter(|number| number.is_finite())
     }
 
     /// Number of its format in this log.
@@ -82,82 +97,57 @@ impl Record {
 
     /// Whether a column has integers without a factor of their type.
     pub fn is_unscaled_integer(&self, column: &str) -> bool {
-        self.field(column)
-            .is_some_and(|(field_type, _)| matches!(field_type, b'b' | b'B' | b'h' | b'H' | b'i' | b'I'))
+        let place = self.place(column);
+        place.is_some_and(|place| {
+            matches!(
+                self.format.columns[place].field_type,
+                b'b' | b'B' | b'h' | b'H' | b'i' | b'I'
+            )
+        })
     }
 
     /// The text in a column.
     pub fn text(&self, column: &str) -> Option<String> {
-        let (field_type, bytes) = self.field(column)?;
-        is_text(field_type).then(|| text(bytes))
+        match self.field(column)? {
+            Field::Bytes(field_type, bytes) => is_text(field_type).then(|| text(bytes)),
+            Field::Text(field_type, text) => is_text(field_type).then(|| text.into()),
+        }
     }
 
-    fn field(&self, column: &str) -> Option<(u8, &[u8])> {
-        let column = self.format.columns.iter().find(|field| field.name == column)?;
-        Some((column.field_type, self.payload.get(column.place.clone())?))
+    fn field(&self, column: &str) -> Option<Field<'_>> {
+        let place = self.place(column)?;
+        let column = &self.format.columns[place];
+        Some(match &self.payload {
+            Payload::Bytes(bytes) => Field::Bytes(column.field_type, bytes.get(column.place.clone())?),
+            Payload::Texts(texts) => Field::Text(column.field_type, texts.get(place)?),
+        })
     }
 }
 
-impl<R: Read> Records<R> {
+/// A field of a record, with its type.
+enum Field<'a> {
+    Bytes(u8, &'a [u8]),
+    Text(u8, &'a str),
+}
+
+impl<R: Read> BinaryRecords<R> {
     /// The records of what `source` delivers.
     pub fn of(source: R) -> Self {
         Self {
-            source,
-            buffer: vec![0; BUFFER_BYTES],
-            start: 0,
-            end: 0,
-            is_at_end: false,
+            window: Window::of(source),
             formats: HashMap::new(),
-            read_bytes: 0,
-            skipped_bytes: 0,
         }
-    }
-
-    /// Bytes so far, of records and others.
-    pub fn read_bytes(&self) -> u64 {
-        self.read_bytes
-    }
-
-    /// Bytes so far that belong to no record.
-    pub fn skipped_bytes(&self) -> u64 {
-        self.skipped_bytes
-    }
-
-    /// Makes the next record, and what follows it, available as far as the file goes.
-    fn fill(&mut self) -> io::Result<()> {
-        if self.end - self.start >= MOST_NEEDED_BYTES || self.is_at_end {
-            return Ok(());
-        }
-        self.buffer.copy_within(self.start..self.end, 0);
-        (self.start, self.end) = (0, self.end - self.start);
-        while self.end < MOST_NEEDED_BYTES && !self.is_at_end {
-            match self.source.read(&mut self.buffer[self.end..]) {
-                Ok(0) => self.is_at_end = true,
-                Ok(bytes) => self.end += bytes,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
-    }
-
-    /// Goes past bytes of the buffer.
-    fn advance(&mut self, bytes: usize) {
-        self.start += bytes;
-        self.read_bytes += bytes as u64;
     }
 
     /// The next record; `None` at the end of the file.
     fn read_next(&mut self) -> io::Result<Option<Record>> {
         loop {
-            self.fill()?;
-            let rest = &self.buffer[self.start..self.end];
+            let rest = self.window.look(MOST_NEEDED_BYTES)?;
             if rest.is_empty() {
                 return Ok(None);
             }
             let Some((kind, payload)) = first_record(rest, &self.formats) else {
-                self.skipped_bytes += 1;
-                self.advance(1);
+                self.window.skip(1);
                 continue;
             };
             let length = HEADER_BYTES + payload.len();
@@ -165,29 +155,120 @@ impl<R: Read> Records<R> {
                 if let Some((kind, format)) = Format::parse(payload) {
                     self.formats.insert(kind, Rc::new(format));
                 }
-                self.advance(length);
+                self.window.advance(length);
             } else if let Some(format) = self.formats.get(&kind) {
                 let record = Record {
                     format: format.clone(),
-                    payload: payload.to_vec(),
+                    payload: Payload::Bytes(payload.to_vec()),
                 };
-                self.advance(length);
+                self.window.advance(length);
                 return Ok(Some(record));
             }
         }
     }
 }
 
-/// After an error of the source there are no more.
-impl<R: Read> Iterator for Records<R> {
+impl<R: Read> Records for BinaryRecords<R> {
+    fn read_bytes(&self) -> u64 {
+        self.window.read_bytes()
+    }
+
+    fn skipped_bytes(&self) -> u64 {
+        self.window.skipped_bytes()
+    }
+}
+
+impl<R: Read> Iterator for BinaryRecords<R> {
     type Item = io::Result<Record>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let next = self.read_next();
-        if next.is_err() {
-            (self.start, self.end, self.is_at_end) = (0, 0, true);
+        self.read_next().transpose()
+    }
+}
+
+/// The records of a text log, as Mission Planner writes it: a line each, with the names and numbers of a binary one.
+pub struct TextRecords<R> {
+    window: Window<R>,
+    formats: HashMap<String, Rc<Format>>,
+}
+
+impl<R: Read> TextRecords<R> {
+    /// The records of what `source` delivers.
+    pub fn of(source: R) -> Self {
+        Self {
+            window: Window::of(source),
+            formats: HashMap::new(),
         }
-        next.transpose()
+    }
+
+    /// The next record; `None` at the end of the file.
+    fn read_next(&mut self) -> io::Result<Option<Record>> {
+        loop {
+            let rest = self.window.look(LONGEST_LINE_BYTES)?;
+            if rest.is_empty() {
+                return Ok(None);
+            }
+            let end = rest
+                .iter()
+                .take(LONGEST_LINE_BYTES)
+                .position(|byte| *byte == b'\n');
+            let length = end.map_or(rest.len().min(LONGEST_LINE_BYTES), |end| end + 1);
+            let line = String::from_utf8_lossy(&rest[..length]).trim().to_owned();
+            let (name, fields) = line.split_once(',').unwrap_or((&line, ""));
+            if name == "FMT" {
+                let format = Format::of_text(fields);
+                self.pass(length, format.is_some());
+                self.formats
+                    .extend(format.map(|format| (format.name.clone(), Rc::new(format))));
+                continue;
+            }
+            let format = self.formats.get(name).cloned();
+            let record = format.and_then(|format| Record::of_text(format, fields));
+            self.pass(length, line.is_empty() || record.is_some());
+            if record.is_some() {
+                return Ok(record);
+            }
+        }
+    }
+
+    fn pass(&mut self, bytes: usize, is_readable: bool) {
+        match is_readable {
+            true => self.window.advance(bytes),
+            false => self.window.skip(bytes),
+        }
+    }
+}
+
+impl<R: Read> Records for TextRecords<R> {
+    fn read_bytes(&self) -> u64 {
+        self.window.read_bytes()
+    }
+
+    fn skipped_bytes(&self) -> u64 {
+        self.window.skipped_bytes()
+    }
+}
+
+impl<R: Read> Iterator for TextRecords<R> {
+    type Item = io::Result<Record>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.read_next().transpose()
+    }
+}
+
+impl Record {
+    /// `None` if a field is missing. A text in the last one may have commas.
+    fn of_text(format: Rc<Format>, fields: &str) -> Option<Self> {
+        let fields: Vec<String> = fields
+            .splitn(format.columns.len(), ',')
+            .map(|field| field.trim().into())
+            .collect();
+        let is_whole = fields.len() == format.columns.len();
+        is_whole.then_some(Self {
+            format,
+            payload: Payload::Texts(fields),
+        })
     }
 }
 
@@ -218,30 +299,43 @@ impl Format {
         };
         let (name, texts) = texts.split_at_checked(4)?;
         let (types, columns) = texts.split_at_checked(16)?;
-        let (types, names) = (text(types).into_bytes(), text(columns));
-        let mut end = 0;
-        let places = types.iter().map(|field_type| {
-            let start = end;
-            end += field_bytes(*field_type);
-            (*field_type, start..end)
-        });
-        let columns = names
-            .split(',')
-            .zip(places)
-            .map(|(name, (field_type, place))| Column {
-                name: name.into(),
-                field_type,
-                place,
-            });
-        let format = Self {
-            number: *kind,
-            name: text(name),
-            columns: columns.collect(),
-            payload_bytes: types.iter().map(|field_type| field_bytes(*field_type)).sum(),
-        };
-        let is_consistent = types.iter().all(|field_type| field_bytes(*field_type) > 0)
-            && HEADER_BYTES + format.payload_bytes == usize::from(*length);
+        let format = Self::new(*kind, text(name), &text(types), &text(columns))?;
+        let is_consistent = HEADER_BYTES + format.payload_bytes == usize::from(*length);
         is_consistent.then_some((*kind, format))
+    }
+
+    /// The format that a line of a text log describes: number, length, name, types and columns.
+    fn of_text(fields: &str) -> Option<Self> {
+        let mut fields = fields.splitn(5, ',').map(str::trim);
+        let number = fields.next()?.parse().ok()?;
+        let name = fields.nth(1)?;
+        Self::new(number, name.into(), fields.next()?, fields.next()?)
+    }
+
+    /// `None` if there is a type that does not exist.
+    fn new(number: u8, name: String, types: &str, columns: &str) -> Option<Self> {
+        let mut end = 0;
+        let places = types.bytes().map(|field_type| {
+            let start = end;
+            end += field_bytes(field_type);
+            (field_type, start..end)
+        });
+        let columns = columns.split(',').zip(places);
+        let columns = columns.map(|(name, (field_type, place))| Column {
+            name: name.trim().into(),
+            field_type,
+            place,
+        });
+        let format = Self {
+            number,
+            name,
+            columns: columns.collect(),
+            payload_bytes: types.bytes().map(field_bytes).sum(),
+        };
+        types
+            .bytes()
+            .all(|field_type| field_bytes(field_type) > 0)
+            .then_some(format)
     }
 }
 
@@ -337,7 +431,7 @@ pub mod tests {
         }
 
         fn read(source: impl Read) -> Self {
-            let mut records = Records::of(source);
+            let mut records = BinaryRecords::of(source);
             let all = records.by_ref().map(|record| record.expect("it is readable"));
             Self {
                 records: all.collect(),

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
-use crate::files::readable_bytes;
+use crate::recording::readable_bytes;
 
 /// Length of the block that is hashed, as a power of two: logs of one firmware begin with the same formats, and differ behind.
 const BLOCK_BITS: u32 = 16;

@@ -1,7 +1,7 @@
 //! Records of ArduPilot's logs, from version 3.2 on, and of this board's, as entries.
 
 use std::collections::HashMap;
-use std::io::{self, Read};
+use std::io;
 
 use rover_battmon::battery::{CellVoltages, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
@@ -41,7 +41,7 @@ const HUNDREDTHS: f64 = 0.01;
 
 /// The entries of a log.
 pub struct DataFlash<R> {
-    records: Records<R>,
+    records: R,
     scales: Scales,
 }
 
@@ -54,17 +54,17 @@ struct Scales {
     letters: HashMap<u8, Vec<u8>>,
 }
 
-impl<R: Read> DataFlash<R> {
-    /// Of a log that `source` delivers.
-    pub fn of(source: R) -> Self {
+impl<R: Records> DataFlash<R> {
+    /// Of these records.
+    pub fn of(records: R) -> Self {
         Self {
-            records: Records::of(source),
+            records,
             scales: Scales::default(),
         }
     }
 }
 
-impl<R: Read> Entries for DataFlash<R> {
+impl<R: Records> Entries for DataFlash<R> {
     fn read_bytes(&self) -> u64 {
         self.records.read_bytes()
     }
@@ -74,7 +74,7 @@ impl<R: Read> Entries for DataFlash<R> {
     }
 }
 
-impl<R: Read> Iterator for DataFlash<R> {
+impl<R: Records> Iterator for DataFlash<R> {
     type Item = io::Result<Entry>;
 
     fn next(&mut self) -> Option<Self::Item> {
@@ -294,7 +294,7 @@ fn started_utc_s(record: &Record) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::binlog::field_bytes;
+    use crate::binlog::{BinaryRecords, field_bytes};
     use crate::survey::{ArmedBefore, Survey};
 
     /// A record of format 100 on, by its place.
@@ -322,7 +322,7 @@ mod tests {
     }
 
     fn entries(bytes: &[u8]) -> Vec<Content> {
-        let entries = DataFlash::of(bytes).map(|entry| entry.expect("it is readable"));
+        let entries = DataFlash::of(BinaryRecords::of(bytes)).map(|entry| entry.expect("it is readable"));
         entries.map(|entry| entry.content).collect()
     }
 
@@ -421,7 +421,8 @@ mod tests {
             (vec![Recorded("EV", &landed)], None),
         ] {
             let bytes = log(&[EVENT, ("PARM", "QNf", "TimeUS,Name,Value")], &records);
-            let survey = Survey::of(Box::new(DataFlash::of(bytes.as_slice()))).expect("it is readable");
+            let survey = Survey::of(Box::new(DataFlash::of(BinaryRecords::of(bytes.as_slice()))))
+                .expect("it is readable");
             assert_eq!(survey.armed_before(), expected);
         }
     }

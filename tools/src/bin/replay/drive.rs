@@ -3,6 +3,7 @@
 use std::io;
 
 use rover_battmon::pack::Pack;
+use rover_battmon::parameter::ParameterId;
 
 use crate::assignments::{Assignment, LogParameters};
 use crate::entry::{Content, Entries};
@@ -62,7 +63,9 @@ impl Trace {
             let Content::Parameter(name, value) = &entry.content else {
                 continue;
             };
-            if let Some((id, value)) = parameters.changed_value(name, *value) {
+            let changed = parameters.changed_value(name, *value);
+            let is_of_other = |id| matches!(id, ParameterId::Battery(other, _) if other != pack);
+            if let Some((id, value)) = changed.filter(|(id, _)| !is_of_other(*id)) {
                 readings.finish(|of, sample| take(&mut samples, of, sample));
                 changes.push(Change {
                     readings: samples.len(),
@@ -91,6 +94,7 @@ fn no_reading(survey: &Survey, pack: Pack) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::binlog::BinaryRecords;
     use crate::binlog::tests::{arming, opening};
     use crate::dataflash::DataFlash;
     use crate::trace::Reported;
@@ -111,7 +115,7 @@ mod tests {
 
     /// The drive of a pack in these bytes.
     fn drive_of(bytes: &[u8], pack: Pack) -> Result<Drive, String> {
-        Drive::read(|| Ok(Box::new(DataFlash::of(bytes))), pack)
+        Drive::read(|| Ok(Box::new(DataFlash::of(BinaryRecords::of(bytes)))), pack)
     }
 
     fn healthy() -> BatteryState {

@@ -31,6 +31,8 @@ pub enum Content {
     Cells(Pack, Cells),
     /// The vehicle is armed or disarmed.
     Arming(ArmState),
+    /// A report of whether the vehicle is armed, also of one that was armed before the log.
+    ArmState(ArmState),
     /// An event that occurs in flight only.
     Airborne,
     /// The value of a parameter.
@@ -39,6 +41,16 @@ pub enum Content {
     Failsafe(&'static str),
     /// A text to the owner.
     Text(String),
+    /// The kind of vehicle: MAVLink's `MAV_TYPE`.
+    Vehicle(u8),
+    /// The kind of autopilot: MAVLink's `MAV_AUTOPILOT`.
+    Autopilot(u8),
+    /// The version of its firmware.
+    Version(String),
+    /// MAVLink's id of the vehicle.
+    SystemId(i32),
+    /// The id of another vehicle, whose packs are not read.
+    OtherSystem(u8),
     /// The board's serial number.
     Board(String),
     /// When the recorder started, in seconds since 1970 (UTC).
@@ -87,4 +99,9 @@ pub trait Entries: Iterator<Item = io::Result<Entry>> {
 
     /// Bytes so far that belong to no entry.
     fn skipped_bytes(&self) -> u64;
+
+    /// Readings so far that were skipped, since their times step back.
+    fn stepped_back(&self) -> u64 {
+        0
+    }
 }

@@ -1,13 +1,12 @@
 //! Which logs are to be read: files, and folders with all below.
 
 use std::collections::HashSet;
+use std::ffi::OsStr;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The longest log that is read, in bytes. The board's have 1 MB at most, and ArduPilot's seldom more than 100 MB; reading this
-/// much takes a processor some seconds.
-const LONGEST_BYTES: u64 = 256 << 20;
+use crate::recording::LogFormat;
 
 /// Why a path gives no row.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -59,7 +58,7 @@ impl Files {
         let before = self.logs.len();
         self.take_folder(path)?;
         if named == Named::ByUser && self.logs.len() == before {
-            self.fail(path, "no log (.BIN) in this folder");
+            self.fail(path, "no log in this folder (.BIN, .log, .tlog, .ulg)");
         }
         Ok(())
     }
@@ -94,21 +93,13 @@ enum Named {
     ByFolder,
 }
 
-/// Length of a log that can be read, in bytes.
-///
-/// # Errors
-/// Why it can't, in words.
-pub fn readable_bytes(path: &Path) -> Result<u64, String> {
-    let file = fs::metadata(path).map_err(|error| error.to_string())?;
-    match file.len() {
-        _ if !file.is_file() => Err("no file".into()),
-        bytes if bytes > LONGEST_BYTES => Err(format!("larger than {} MiB", LONGEST_BYTES >> 20)),
-        bytes => Ok(bytes),
+/// Whether a file in a folder is a log by the end of its name. Many other programs write texts that end with `.log`: these
+/// are no logs by their content.
+fn is_log(path: &Path) -> bool {
+    let ending = path.extension().map(OsStr::to_ascii_lowercase);
+    match ending.as_ref().and_then(|ending| ending.to_str()) {
+        Some("bin" | "tlog" | "ulg") => true,
+        Some("log") => LogFormat::of(path).is_ok(),
+        _ => false,
     }
-}
-
-/// Whether this is a log by the end of its name.
-pub fn is_log(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("bin"))
 }

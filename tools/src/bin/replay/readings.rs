@@ -30,7 +30,7 @@ impl Readings {
     /// Takes an entry, and gives each reading that is whole then to `take`.
     pub fn add(&mut self, entry: &Entry, mut take: impl FnMut(Pack, Sample)) {
         match &entry.content {
-            Content::Arming(state) => {
+            Content::Arming(state) | Content::ArmState(state) => {
                 self.finish(&mut take);
                 self.arm_state = *state;
             }

@@ -1,12 +1,18 @@
 //! The format of a recording, by its content: names mislead.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
 
+use crate::binlog::{BinaryRecords, TextRecords};
 use crate::dataflash::DataFlash;
 use crate::entry::Entries;
-use crate::files::readable_bytes;
+use crate::tlog::{Tlog, is_tlog};
+use crate::ulog::{ULog, is_ulog};
+
+/// The longest log that is read, in bytes. The board's have 1 MB at most, and ArduPilot's seldom more than 100 MB; reading this
+/// much takes a processor some seconds.
+const LONGEST_BYTES: u64 = 256 << 20;
 
 /// Bytes at the beginning of a file that show its format. A damaged log may begin with others.
 const HEAD_BYTES: u64 = 1 << 16;
@@ -15,13 +21,16 @@ const HEAD_BYTES: u64 = 1 << 16;
 const FORMAT_RECORD: [u8; 3] = [0xa3, 0x95, 128];
 const FORMAT_RECORD_BYTES: usize = 89;
 
+/// Beginning of a line that describes a format.
+const FORMAT_LINE: &[u8] = b"FMT, ";
+
 /// Beginnings of compressed files: ZIP, gzip, xz, 7-Zip.
 const COMPRESSED: [&[u8]; 4] = [b"PK\x03\x04", b"\x1f\x8b", b"\xfd7zXZ", b"7z\xbc\xaf"];
 
 const BYTE_ORDER_MARKS_OF_UTF16: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
 
 /// The logs that can be read.
-pub const LOGS: &str = "a log of ArduPilot or this board (.BIN)";
+pub const LOGS: &str = "a log of ArduPilot (.BIN, .log), PX4 (.ulg) or a ground station (.tlog)";
 
 /// A format that can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +46,12 @@ pub enum Format {
 pub enum LogFormat {
     /// ArduPilot's and this board's.
     DataFlash,
+    /// The same as text.
+    Text,
+    /// A ground station's.
+    Telemetry,
+    /// PX4's.
+    ULog,
 }
 
 impl Format {
@@ -86,13 +101,26 @@ impl LogFormat {
     }
 
     fn of_head(head: &[u8]) -> Option<Self> {
+        if is_ulog(head) {
+            return Some(Self::ULog);
+        }
+        if is_tlog(head) {
+            return Some(Self::Telemetry);
+        }
         // Another record follows.
         let is_format = |bytes: &[u8]| {
             let following = &bytes[FORMAT_RECORD_BYTES..];
             bytes.starts_with(&FORMAT_RECORD) && following == &FORMAT_RECORD[..2]
         };
         let mut records = head.windows(FORMAT_RECORD_BYTES + 2);
-        records.any(is_format).then_some(Self::DataFlash)
+        if records.any(is_format) {
+            return Some(Self::DataFlash);
+        }
+        let has_format = || {
+            head.split(|byte| *byte == b'\n')
+                .any(|line| line.starts_with(FORMAT_LINE))
+        };
+        (is_text(head) && has_format()).then_some(Self::Text)
     }
 
     /// The entries of a log of this format.
@@ -102,8 +130,24 @@ impl LogFormat {
     pub fn open(self, path: &Path) -> io::Result<Box<dyn Entries>> {
         let file = File::open(path)?;
         Ok(match self {
-            Self::DataFlash => Box::new(DataFlash::of(file)),
+            Self::DataFlash => Box::new(DataFlash::of(BinaryRecords::of(file))),
+            Self::ULog => Box::new(ULog::of(file)),
+            Self::Telemetry => Box::new(Tlog::of(file)),
+            Self::Text => Box::new(DataFlash::of(TextRecords::of(file))),
         })
+    }
+}
+
+/// Length of a log that can be read, in bytes.
+///
+/// # Errors
+/// Why it can't, in words.
+pub fn readable_bytes(path: &Path) -> Result<u64, String> {
+    let file = fs::metadata(path).map_err(|error| error.to_string())?;
+    match file.len() {
+        _ if !file.is_file() => Err("no file".into()),
+        bytes if bytes > LONGEST_BYTES => Err(format!("larger than {} MiB", LONGEST_BYTES >> 20)),
+        bytes => Ok(bytes),
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use rover_battmon::battery::LearntPack;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::Parameters;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 
 use crate::arguments::Arguments;
 use crate::comparison::comparison;
@@ -17,8 +17,12 @@ use crate::run::{Outcome, Replay};
 use crate::summary::Summary;
 use crate::survey::Survey;
 use crate::trace::Trace;
+use crate::vehicle::Vehicle;
 use crate::words::{shown, utc};
 use crate::{outputs, plot, report, run};
+
+/// Settings without which the charge is not known.
+const NEEDED: [BatteryParameter; 2] = [BatteryParameter::Cells, BatteryParameter::Capacity];
 
 /// Replays one recording.
 ///
@@ -49,11 +53,52 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
         armed_before: drive.survey.armed_before().filter(|_| !arguments.armed),
     };
     let compared = compared(arguments, &drive, &parameters, &outcome.rows, known)?;
-    let date = drive.began_utc_s().map_or(String::new(), |utc_s| {
-        format!("Recorded from {} on\n", utc(utc_s))
-    });
-    show(&format!("{date}{summary}{compared}{written}"));
+    let origin = origin(&drive, arguments);
+    show(&format!("{origin}{summary}{compared}{written}"));
     Ok(())
+}
+
+/// Where a log is from, and what it lacks; of a trace nothing.
+fn origin(drive: &Drive, arguments: &Arguments) -> String {
+    let survey = &drive.survey;
+    let mut text = String::new();
+    if survey.vehicle != Vehicle::default() {
+        text += &format!("Recorded by {}\n", survey.vehicle);
+    }
+    if let Some(utc_s) = drive.began_utc_s() {
+        text += &format!("Recorded from {} on\n", utc(utc_s));
+    }
+    if let Some(id) = survey.system_id.filter(|_| !survey.other_systems.is_empty()) {
+        let others: Vec<String> = survey.other_systems.iter().map(ToString::to_string).collect();
+        text += &format!("Replayed vehicle {id}; the log also has {}\n", others.join(", "));
+    }
+    if survey.stepped_back > 0 {
+        let count = survey.stepped_back;
+        text += &format!("Skipped: {count} readings whose times step back\n");
+    }
+    let missing = missing(survey, arguments);
+    if !missing.is_empty() {
+        let names: Vec<String> = missing.iter().map(|id| id.name().to_string()).collect();
+        text += &format!("Not in the log: {} (--param)\n", names.join(", "));
+    }
+    text
+}
+
+/// Settings that the estimate needs, and that neither the log nor the user has; none of a trace.
+fn missing(survey: &Survey, arguments: &Arguments) -> Vec<ParameterId> {
+    let is_log = survey.measured(arguments.pack).is_some();
+    let is_missing = |id: &ParameterId| {
+        let is_assigned = arguments
+            .assignments
+            .iter()
+            .any(|assignment| assignment.id == *id);
+        is_log && !is_assigned && !survey.has_parameter(*id)
+    };
+    NEEDED
+        .map(|parameter| parameter.of(arguments.pack))
+        .into_iter()
+        .filter(is_missing)
+        .collect()
 }
 
 /// Writes what was asked for, and returns a line for each file.

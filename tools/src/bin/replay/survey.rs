@@ -5,12 +5,13 @@ use std::io;
 
 use rover_battmon::battery::{LEARNT_WORDS, LearntPack};
 use rover_battmon::pack::{MAX_PACKS, Pack};
-use rover_battmon::parameter::Parameters;
+use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::vehicle::ArmState;
 
 use crate::assignments::LogParameters;
 use crate::entry::{CURVE_WORDS, Content, Entries, Entry};
 use crate::trace::Inputs;
+use crate::vehicle::Vehicle;
 
 /// Parameters with the system id: that of ArduPilot up to 4.6, and the later one.
 const SYSTEM_ID: [&str; 2] = ["SYSID_THISMAV", "MAV_SYSID"];
@@ -24,6 +25,10 @@ const FROM_ARMING: f64 = 0.0;
 pub struct Survey {
     /// The first value of each parameter, defaults beside.
     pub parameters: Option<Parameters>,
+    /// Which vehicle recorded it.
+    pub vehicle: Vehicle,
+    /// Other vehicles in it, whose packs are not read.
+    pub other_systems: Vec<u8>,
     /// MAVLink's id of the rover.
     pub system_id: Option<i32>,
     /// The board's serial number.
@@ -37,6 +42,9 @@ pub struct Survey {
     first_arming: Option<ArmState>,
     log_disarmed: Option<f64>,
     has_flown: bool,
+    reports_arm_state: bool,
+    /// Readings that were skipped, since their times step back.
+    pub stepped_back: u64,
     /// All bytes.
     pub read_bytes: u64,
     /// Those of them that belong to no entry.
@@ -73,6 +81,7 @@ impl Survey {
         }
         survey.read_bytes = entries.read_bytes();
         survey.skipped_bytes = entries.skipped_bytes();
+        survey.stepped_back = entries.stepped_back();
         Ok(survey)
     }
 
@@ -95,11 +104,17 @@ impl Survey {
     /// Why the vehicle is armed at the beginning of the file, if it is.
     pub fn armed_before(&self) -> Option<ArmedBefore> {
         match self.first_arming {
+            _ if self.reports_arm_state => None,
             Some(ArmState::Armed) => None,
             Some(ArmState::Disarmed) => Some(ArmedBefore::FirstIsDisarming),
             None if self.log_disarmed == Some(FROM_ARMING) => Some(ArmedBefore::RecordedWhileArmed),
             None => self.has_flown.then_some(ArmedBefore::Airborne),
         }
+    }
+
+    /// Whether the log has a value of a parameter.
+    pub fn has_parameter(&self, id: ParameterId) -> bool {
+        self.known_parameters.has(&id.name())
     }
 
     /// Whether the vehicle is armed at the beginning of the file.
@@ -111,6 +126,7 @@ impl Survey {
     }
 
     fn take(&mut self, entry: &Entry) {
+        self.vehicle.take(&entry.content);
         match &entry.content {
             Content::Parameter(name, value) => self.parameter(name, *value),
             Content::Board(id) => self.board_id = Some(id.clone()),
@@ -124,6 +140,13 @@ impl Survey {
                 self.first_arming.get_or_insert(*state);
             }
             Content::Airborne => self.has_flown = true,
+            Content::ArmState(_) => self.reports_arm_state = true,
+            Content::SystemId(id) => {
+                self.system_id.get_or_insert(*id);
+                // A ground station hears it all along.
+                self.reports_arm_state = true;
+            }
+            Content::OtherSystem(id) => self.other_systems.push(*id),
             _ => {}
         }
     }

@@ -90,12 +90,12 @@ impl Log {
         self.readings
             .add(entry, |pack, sample| give(packs, pack, &sample));
         match &entry.content {
-            Content::Arming(state) if *state == self.arm_state => {}
-            Content::Arming(ArmState::Armed) => {
+            Content::Arming(state) | Content::ArmState(state) if *state == self.arm_state => {}
+            Content::Arming(ArmState::Armed) | Content::ArmState(ArmState::Armed) => {
                 self.arm_state = ArmState::Armed;
                 self.each(|drives, time_s| drives.arm(time_s));
             }
-            Content::Arming(ArmState::Disarmed) => {
+            Content::Arming(ArmState::Disarmed) | Content::ArmState(ArmState::Disarmed) => {
                 self.arm_state = ArmState::Disarmed;
                 let end = self.end(skipped_bytes);
                 self.each(|drives, time_s| drives.disarm(time_s, end));
@@ -191,6 +191,7 @@ fn find(packs: &mut [PackDrives], pack: Pack) -> Option<&mut PackDrives> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::binlog::BinaryRecords;
     use crate::binlog::tests::{arming, opening};
     use crate::dataflash::DataFlash;
     use proptest::prelude::*;
@@ -215,7 +216,11 @@ mod tests {
     }
 
     fn drives_in(bytes: &[u8], what_if: &[Assignment]) -> Result<Drives, String> {
-        Drives::read("log", || Ok(Box::new(DataFlash::of(bytes))), what_if)
+        Drives::read(
+            "log",
+            || Ok(Box::new(DataFlash::of(BinaryRecords::of(bytes)))),
+            what_if,
+        )
     }
 
     fn rows_of(bytes: &[u8], what_if: &[&str]) -> Vec<Row> {
