@@ -22,6 +22,9 @@ import pyarrow
 import pyarrow.parquet
 from dask.distributed import Client, LocalCluster
 
+# Ends of the names of logs.
+LOGS = (".bin", ".log", ".tlog", ".ulg")
+
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -39,7 +42,7 @@ def logs_of(url):
     files, path = fsspec.url_to_fs(url)
     if not files.isdir(path):
         return [files.unstrip_protocol(path)]
-    return [files.unstrip_protocol(found) for found in files.find(path) if found.lower().endswith(".bin")]
+    return [files.unstrip_protocol(found) for found in files.find(path) if found.lower().endswith(LOGS)]
 
 
 def local_path(log, folder, number):

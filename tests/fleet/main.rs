@@ -126,6 +126,42 @@ fn the_history_finds_the_packs_that_age_and_no_other() {
     }
 }
 
+/// Logs of any format and vehicle make one table, in which each row has its pack.
+#[test]
+fn logs_of_other_autopilots_are_in_the_table() {
+    let logs = folder("mixed");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/logs");
+    for name in ["armed_before.BIN", "boat.tlog", "curr.BIN", "old_bat.BIN"] {
+        fs::copy(data.join(name), logs.join(name)).expect("a file");
+    }
+    let mut pack = Owned::new(0);
+    fs::write(logs.join("rover.BIN"), pack.drive()).expect("a file");
+    let name = logs.to_str().expect("a path");
+    let (run, path) = table(&[name], "mixed", 2);
+    assert!(run.output.status.success(), "{}", run.errors());
+    let rows = rows(&path);
+    let of_folder = format!("folder {name}/1");
+    let of_pack = format!("serial {}", pack.serial_number());
+    let inferred = "the log has the disarming only";
+    let expected = [
+        ["", "", &of_folder, inferred],
+        ["ArduPilot", "boat", &of_folder, ""],
+        ["", "", &of_folder, ""],
+        ["", "", &of_folder, ""],
+        ["", "", &of_pack, ""],
+    ];
+    assert_eq!(rows.len(), expected.len());
+    for (row, expected) in rows.iter().zip(expected) {
+        let columns = ["firmware", "vehicle", "pack_key", "armed_before"].map(|column| row.text(column));
+        assert_eq!(columns, expected, "{row:?}");
+    }
+    for row in [&rows[0], &rows[2], &rows[3]] {
+        assert!((row.number("drawn_mah") - 83.0).abs() < 1.0, "{row:?}");
+        assert!((row.number("low_s") - 33.0).abs() < 1.0, "{row:?}");
+    }
+    assert_eq!(rows[1].number("log_remaining_pct"), 50.0);
+}
+
 /// One log alone begins with what the board knew, too.
 #[test]
 fn a_replay_begins_with_what_the_board_had_learnt() {

@@ -26,9 +26,11 @@ impl Row {
             .unwrap_or_else(|| panic!("no {column} in {self:?}"))
     }
 
+    /// NULL is empty.
     pub fn text(&self, column: &str) -> &str {
         match self.field(column) {
             Field::Str(text) => text,
+            Field::Null => "",
             other => panic!("{column} {other:?}"),
         }
     }

@@ -33,6 +33,9 @@ const AIRBORNE: [f64; 2] = [15.0, 28.0];
 
 /// ERR: numbers of the failsafes that are of no pack, with their names. The one of a pack has a text that names the pack.
 const FAILSAFES: [(f64, &str); 2] = [(5.0, "sticks"), (8.0, "ground station")];
+/// MODE: `Rsn` of a change by a pack's failsafe.
+const BATTERY_FAILSAFE: f64 = 4.0;
+
 /// ERR: a failsafe begins.
 const OCCURRED: f64 = 1.0;
 
@@ -131,6 +134,7 @@ fn content(record: &Record, scales: &Scales) -> Option<Content> {
         "ARM" => Some(Content::Arming(arm_state(record.number("ArmState") == Some(1.0)))),
         "EV" => event(record.number("Id")?),
         "ERR" => failsafe(record),
+        "MODE" => (record.number("Rsn") == Some(BATTERY_FAILSAFE)).then_some(Content::FailsafeMode),
         "MSG" => Some(Content::Text(record.text("Message")?)),
         "BRD" => record.text("Id").filter(|id| !id.is_empty()).map(Content::Board),
         "GPS" => started_utc_s(record).map(Content::StartUtc),

@@ -19,6 +19,7 @@ mod copies;
 mod dataflash;
 mod drive;
 mod entry;
+mod failsafes;
 mod files;
 mod history;
 mod many;

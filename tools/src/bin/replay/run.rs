@@ -10,6 +10,7 @@ use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 
 use crate::assignments::Assignment;
+use crate::failsafes::Levels;
 use crate::report::Row;
 use crate::trace::{Inputs, Sample, Trace};
 
@@ -155,6 +156,19 @@ pub struct Outcome {
     pub settings: PackSettings,
     /// What is learnt of the pack at the end.
     pub learnt: LearntPack,
+}
+
+impl Outcome {
+    /// When each level was reached.
+    pub fn levels(&self) -> Levels {
+        let mut levels = Levels::default();
+        for row in &self.rows {
+            row.reached
+                .iter()
+                .for_each(|level| levels.reach(*level, row.time_s));
+        }
+        levels
+    }
 }
 
 /// Gives the readings of the trace to `replay`, and between them the parameters that it sets.

@@ -18,7 +18,7 @@ use crate::summary::Summary;
 use crate::survey::Survey;
 use crate::trace::Trace;
 use crate::vehicle::Vehicle;
-use crate::words::{shown, utc};
+use crate::words::{clock, shown, utc};
 use crate::{outputs, plot, report, run};
 
 /// Settings without which the charge is not known.
@@ -51,6 +51,7 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
         pack,
         known: &known,
         armed_before: drive.survey.armed_before().filter(|_| !arguments.armed),
+        recorded: recorded(&drive, arguments, &outcome),
     };
     let compared = compared(arguments, &drive, &parameters, &outcome.rows, known)?;
     let origin = origin(&drive, arguments);
@@ -80,6 +81,34 @@ fn origin(drive: &Drive, arguments: &Arguments) -> String {
     if !missing.is_empty() {
         let names: Vec<String> = missing.iter().map(|id| id.name().to_string()).collect();
         text += &format!("Not in the log: {} (--param)\n", names.join(", "));
+    }
+    text
+}
+
+/// The failsafes of a log, and, if nothing was assigned, whether the replay differs.
+fn recorded(drive: &Drive, arguments: &Arguments, outcome: &Outcome) -> String {
+    let survey = &drive.survey;
+    let levels = survey.recorded_levels(arguments.pack);
+    let events = [
+        ("low", levels.low_s),
+        ("critical", levels.critical_s),
+        ("another mode for it", survey.failsafe_mode_s()),
+    ];
+    let events = events.into_iter().filter_map(|(name, time_s)| {
+        let time_s = time_s?;
+        Some(format!("{name} at {}", clock(time_s)))
+    });
+    let events: Vec<String> = events.collect();
+    let mut text = match events.as_slice() {
+        [] => String::new(),
+        events => format!("The log has: {}\n", events.join(", ")),
+    };
+    if survey.announces_failsafes() && arguments.assignments.is_empty() && !arguments.armed {
+        let differences = levels.differences(&outcome.levels());
+        let differences: Vec<String> = differences.iter().map(ToString::to_string).collect();
+        if !differences.is_empty() {
+            text += &format!("The replay differs: {}\n", differences.join("; "));
+        }
     }
     text
 }

@@ -33,6 +33,8 @@ pub struct Summary<'a> {
     pub known: &'a LearntPack,
     /// Why the vehicle is taken for armed at the beginning, if not by an entry.
     pub armed_before: Option<ArmedBefore>,
+    /// Lines on the failsafes of the log itself.
+    pub recorded: String,
 }
 
 impl fmt::Display for Summary<'_> {
@@ -49,6 +51,7 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "Remaining at the end: {}", remaining(rows))?;
         writeln!(f, "Learnt: {}", learnt(self.known, &self.outcome.learnt))?;
         self.announced(f)?;
+        write!(f, "{}", self.recorded)?;
         writeln!(f, "Failsafe: {}", self.failsafe())
     }
 }
@@ -302,6 +305,7 @@ mod tests {
             pack,
             known: &LearntPack::UNKNOWN,
             armed_before: None,
+            recorded: String::new(),
         }
         .to_string()
     }

@@ -10,6 +10,7 @@ use rover_battmon::vehicle::ArmState;
 
 use crate::assignments::LogParameters;
 use crate::entry::{CURVE_WORDS, Content, Entries, Entry};
+use crate::failsafes::{Levels, announced};
 use crate::trace::Inputs;
 use crate::vehicle::Vehicle;
 
@@ -41,7 +42,10 @@ pub struct Survey {
     known_parameters: LogParameters,
     first_arming: Option<ArmState>,
     log_disarmed: Option<f64>,
+    /// Its failsafes of packs.
+    recorded: RecordedFailsafes,
     has_flown: bool,
+    has_texts: bool,
     reports_arm_state: bool,
     /// Readings that were skipped, since their times step back.
     pub stepped_back: u64,
@@ -49,6 +53,13 @@ pub struct Survey {
     pub read_bytes: u64,
     /// Those of them that belong to no entry.
     pub skipped_bytes: u64,
+}
+
+/// The first of each kind, in seconds since the recorder started.
+#[derive(Debug, Default)]
+struct RecordedFailsafes {
+    levels: [Levels; MAX_PACKS],
+    mode_s: Option<f64>,
 }
 
 /// Why a log begins armed, though it does not have the arming.
@@ -112,6 +123,21 @@ impl Survey {
         }
     }
 
+    /// When the log has a pack reach the levels of its failsafe.
+    pub fn recorded_levels(&self, pack: Pack) -> Levels {
+        self.recorded.levels[usize::from(pack.instance())]
+    }
+
+    /// When the vehicle took another mode for the failsafe of a pack.
+    pub fn failsafe_mode_s(&self) -> Option<f64> {
+        self.recorded.mode_s
+    }
+
+    /// Whether a failsafe of a pack has a text in the log: those of the first versions that could be read had none.
+    pub fn announces_failsafes(&self) -> bool {
+        self.has_texts && self.vehicle.firmware.as_deref() != Some("PX4")
+    }
+
     /// Whether the log has a value of a parameter.
     pub fn has_parameter(&self, id: ParameterId) -> bool {
         self.known_parameters.has(&id.name())
@@ -139,6 +165,11 @@ impl Survey {
             Content::Arming(state) => {
                 self.first_arming.get_or_insert(*state);
             }
+            Content::Text(text) => {
+                self.has_texts = true;
+                self.announcement(text, entry.time_s);
+            }
+            Content::FailsafeMode => self.recorded.mode_s = self.recorded.mode_s.or(entry.time_s),
             Content::Airborne => self.has_flown = true,
             Content::ArmState(_) => self.reports_arm_state = true,
             Content::SystemId(id) => {
@@ -173,6 +204,12 @@ impl Survey {
             voltage: true,
             current: had_current || current_a.is_some(),
         });
+    }
+
+    fn announcement(&mut self, text: &str, time_s: Option<f64>) {
+        if let Some(((pack, level), time_s)) = announced(text).zip(time_s) {
+            self.recorded.levels[usize::from(pack.instance())].reach(level, time_s);
+        }
     }
 
     /// The first record of a pack is what was known at the beginning.

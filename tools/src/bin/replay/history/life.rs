@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
 
 use rover_battmon::battery::{END_OF_LIFE_LOSS, Faults};
 
-use crate::table::{Estimate, Row};
+use crate::table::{Estimate, Identity, Row};
 use crate::words::{date, drives};
 
 /// A pack at or below this state of health is at the end of its life, by the rule that the board has for it.
@@ -41,37 +40,6 @@ pub struct Life<'a> {
     pub name: String,
     /// Its drives, the oldest first.
     pub drives: Vec<&'a Row>,
-}
-
-/// What says which pack it is, the surest first.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Identity {
-    SerialNumber(i32),
-    /// On a board that has always the same ones.
-    Board(String, u8),
-    /// In a folder that has the logs of one rover.
-    Folder(String, u8),
-}
-
-impl Identity {
-    fn of(row: &Row) -> Self {
-        match (row.serial_number, &row.board_id) {
-            (Some(number), _) => Self::SerialNumber(number),
-            (None, Some(board)) => Self::Board(board.clone(), row.pack),
-            (None, None) => {
-                let folder = Path::new(&row.path).parent().unwrap_or(Path::new(""));
-                Self::Folder(folder.to_string_lossy().into_owned(), row.pack)
-            }
-        }
-    }
-
-    fn name(&self) -> String {
-        match self {
-            Self::SerialNumber(number) => format!("Pack {number}"),
-            Self::Board(board, pack) => format!("Pack {pack} of board {board}"),
-            Self::Folder(folder, pack) => format!("Pack {pack} of the logs in {folder}"),
-        }
-    }
 }
 
 impl<'a> Life<'a> {

@@ -1,5 +1,6 @@
 //! The columns of the table: everything that is said of them, and the file's schema, derives from these.
 
+use super::identity::Identity;
 use super::row::Row;
 
 /// A column.
@@ -37,6 +38,21 @@ const fn column(name: &'static str, meaning: &'static str, value: Value) -> Colu
 pub const COLUMNS: &[Column] = &[
     column("path", "the log", Value::Text(|row| Some(row.path.clone()))),
     column(
+        "vehicle",
+        "as rover, boat, copter",
+        Value::Text(|row| row.vehicle.kind.clone()),
+    ),
+    column(
+        "firmware",
+        "rover-battmon, ArduPilot, PX4",
+        Value::Text(|row| row.vehicle.firmware.clone()),
+    ),
+    column(
+        "version",
+        "its version",
+        Value::Text(|row| row.vehicle.version.clone()),
+    ),
+    column(
         "board_id",
         "serial number of the board, as in its USB serial number",
         Value::Text(|row| row.board_id.clone()),
@@ -57,18 +73,28 @@ pub const COLUMNS: &[Column] = &[
         Value::Text(|row| row.serial_number.map(|number| number.to_string())),
     ),
     column(
+        "pack_key",
+        "the pack by `pack_id`, else `board_id` and `pack`, else folder and `pack`; never NULL",
+        Value::Text(|row| Some(Identity::of(row).to_string())),
+    ),
+    column(
         "start_utc",
         "when the rover was armed, UTC",
         Value::Moment(|row| row.start_utc_s),
     ),
     column(
         "duration_s",
-        "from arming to disarming or the end of the file, s",
+        "from arming to disarming or the end, s",
         Value::Number(|row| Some(row.duration_s)),
     ),
     column(
+        "armed_before",
+        "why the log is taken to begin armed",
+        Value::Text(|row| Some(row.armed_before?.to_string())),
+    ),
+    column(
         "complete",
-        "the log has the drive up to the disarming, and before that neither damage nor backward times",
+        "up to the disarming there is neither damage nor backward times",
         Value::Flag(|row| Some(row.complete)),
     ),
     column(
@@ -88,7 +114,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "sag_max_v",
-        "the most that the voltage was below the resting voltage, V",
+        "most that the voltage was below it, V",
         Value::Number(|row| row.sag_max_v),
     ),
     column(
@@ -103,7 +129,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "resistance_mohm",
-        "resistance of the whole pack by load steps, mean over the drive, mΩ",
+        "resistance of the pack by load steps, mean over the drive, mΩ",
         Value::Number(|row| row.resistance_mohm.value),
     ),
     column(
@@ -113,7 +139,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "capacity_mah",
-        "learnt capacity, by the time of the next drive or the end of the file, mAh",
+        "learnt capacity by the next drive or the end, mAh",
         Value::Number(|row| row.capacity_mah.value),
     ),
     column(
@@ -123,7 +149,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "health_pct",
-        "state of health at the same time, as learnt, else as recorded, %",
+        "state of health then, learnt, else recorded, %",
         Value::Number(|row| row.health_pct.value),
     ),
     column(
@@ -133,17 +159,17 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "failsafes",
-        "failsafes as recorded, with the seconds since arming: `low 412 s; critical 530 s`, also `unhealthy`, `sticks`, `ground station`; empty without any",
+        "failsafes as recorded, with seconds since arming: `low 412 s; critical 530 s`, also `unhealthy`, `sticks`, `ground station`",
         Value::Text(|row| Some(row.failsafes.join(SEPARATOR))),
     ),
     column(
         "arming_refusals",
-        "why the rover was not armed, as recorded since the drive before; separated by `; `",
+        "why arming was refused since the drive before",
         Value::Text(|row| Some(row.arming_refusals.join(SEPARATOR))),
     ),
     column(
         "faults",
-        "faults of the pack, names of MAVLink's bits and of the log's further ones; separated by `; `",
+        "faults of the pack by MAVLink's names and the log's further ones",
         Value::Text(|row| {
             let names: Vec<&str> = row.faults.iter_names().map(|(name, _)| name).collect();
             Some(names.join(SEPARATOR))
@@ -151,13 +177,48 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "low_s",
-        "seconds from arming until the pack is low, replayed with the log's parameters; NULL: it is not",
+        "seconds from arming until the pack is low, replayed; NULL: it is not",
         Value::Number(|row| row.levels.low_s),
     ),
     column(
         "critical_s",
         "the same until it is critical",
         Value::Number(|row| row.levels.critical_s),
+    ),
+    column(
+        "failsafes_differ",
+        "levels recorded at another time than replayed",
+        Value::Text(|row| Some(row.differences.join(SEPARATOR))),
+    ),
+    column(
+        "remaining_pct",
+        "remaining charge at the end, replayed, %",
+        Value::Number(|row| row.remaining.replayed_pct),
+    ),
+    column(
+        "log_remaining_pct",
+        "the same, recorded, %",
+        Value::Number(|row| row.remaining.recorded_pct),
+    ),
+    column(
+        "low_remaining_pct",
+        "at `low_s`, %",
+        Value::Number(|row| row.remaining_low.replayed_pct),
+    ),
+    column(
+        "log_low_remaining_pct",
+        "the same, recorded, %",
+        Value::Number(|row| row.remaining_low.recorded_pct),
+    ),
+    column(
+        "critical_remaining_pct",
+        "at `critical_s`, %",
+        Value::Number(|row| row.remaining_critical.replayed_pct),
+    ),
+    column(
+        "log_critical_remaining_pct",
+        "the same, recorded, %",
+        Value::Number(|row| row.remaining_critical.recorded_pct),
     ),
     column(
         "what_if",
@@ -209,9 +270,11 @@ mod tests {
         let known = [
             "path",
             "pack",
+            "pack_key",
             "duration_s",
             "complete",
             "failsafes",
+            "failsafes_differ",
             "arming_refusals",
             "faults",
         ];

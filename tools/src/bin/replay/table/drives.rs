@@ -9,19 +9,13 @@ use super::pack_drives::{End, PackDrives};
 use super::row::Row;
 use crate::assignments::{Assignment, LogParameters};
 use crate::entry::{Content, Entries, Entry};
+use crate::failsafes::announced;
 use crate::readings::Readings;
 use crate::survey::{ArmedBefore, Survey};
 use crate::trace::Sample;
 
 /// Drives of a pack in a log. The board's log has some hundred at most: each takes the seconds in which it is recorded.
 const MOST_DRIVES: usize = 10_000;
-
-/// The board's word for the levels of a pack's failsafe, and the table's.
-const LEVELS: [(&str, &str); 3] = [
-    ("is low ", "low"),
-    ("is critical ", "critical"),
-    ("is missing", "unhealthy"),
-];
 
 /// The drives in a log.
 pub struct Drives {
@@ -154,10 +148,10 @@ impl Log {
                 if !reason.starts_with("Battery ") || reason.starts_with(&prefix) {
                     drives.refusal(reason);
                 }
-            } else if let Some(event) = text.strip_prefix(&prefix) {
-                for (_, name) in LEVELS.iter().filter(|(words, _)| event.starts_with(words)) {
-                    drives.failsafe(name, time_s);
-                }
+            } else if let Some((_, level)) =
+                announced(text).filter(|(pack, _)| pack.number() == drives.number())
+            {
+                drives.reach(level, time_s);
             }
         });
     }
@@ -194,6 +188,7 @@ mod tests {
     use crate::binlog::BinaryRecords;
     use crate::binlog::tests::{arming, opening};
     use crate::dataflash::DataFlash;
+    use crate::table::row::Remaining;
     use proptest::prelude::*;
     use rover_battmon::battery::{BatteryState, Faults, PackStatus};
     use rover_battmon::recorder::dataflash::{Record as Recorded, Subsystem};
@@ -334,6 +329,41 @@ mod tests {
         // The voltage falls 21 s after arming, and has to be low for ten seconds.
         assert!((30.0..=32.0).contains(&low_s), "{low_s}");
         assert_eq!(changed[0].levels.low_s, None);
+    }
+
+    #[test]
+    fn a_failsafe_of_the_log_at_another_time_than_replayed_is_named() {
+        let state = state(10.4);
+        let readings = |count| vec![Recorded::Battery(Pack::First, &state); count];
+        let low = Recorded::Message("Battery 1 is low 10.40V used 300 mAh");
+        let differences = |before: usize, after: usize| {
+            let records = [
+                vec![LOW_VOLTAGE, arming(ArmState::Armed)],
+                readings(before),
+                vec![low],
+                readings(after),
+            ];
+            rows_of(&file(&records.concat()), &[]).remove(0).differences
+        };
+        // The default of ten seconds is over with the second reading behind it.
+        assert!(differences(11, 10).is_empty());
+        assert_eq!(differences(20, 1), ["low recorded 21 s, replayed 12 s"]);
+        assert_eq!(differences(2, 1), ["low recorded 3 s, replayed never"]);
+    }
+
+    #[test]
+    fn remaining_charge_is_that_of_the_moment() {
+        let [before, after] = [(11.0, 60.0), (10.4, 20.0)].map(|(voltage_v, remaining_pct)| BatteryState {
+            remaining_pct: Some(remaining_pct),
+            ..state(voltage_v)
+        });
+        let mut records = vec![LOW_VOLTAGE, arming(ArmState::Armed)];
+        records.extend([Recorded::Battery(Pack::First, &before); 5]);
+        records.extend([Recorded::Battery(Pack::First, &after); 30]);
+        let row = rows_of(&file(&records), &[]).remove(0);
+        assert_eq!(row.remaining.recorded_pct, Some(20.0));
+        assert_eq!(row.remaining_low.recorded_pct, Some(20.0));
+        assert_eq!(row.remaining_critical, Remaining::default());
     }
 
     /// Two drives of two packs, with all that a board records of them.

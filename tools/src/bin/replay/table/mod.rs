@@ -2,12 +2,14 @@
 
 mod columns;
 mod drives;
+mod identity;
 mod pack_drives;
 mod parquet;
 mod row;
 mod statistics;
 
 pub use drives::Drives;
+pub use identity::Identity;
 pub use parquet::is_table;
 pub use row::{Estimate, Row};
 

@@ -6,11 +6,12 @@ use rover_battmon::battery::{
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
-use super::row::{Estimate, Levels, Row, WhatIf};
+use super::row::{Estimate, Remaining, Row, WhatIf};
 use super::statistics::{Extremes, Span, Spread};
 use crate::assignments::Assignment;
+use crate::failsafes::{self, Difference, Levels};
 use crate::run::{self, Replay};
-use crate::survey::Survey;
+use crate::survey::{ArmedBefore, Survey};
 use crate::trace::Sample;
 
 /// Texts of a kind in a row: what is repeated for ever takes no more room.
@@ -35,6 +36,9 @@ pub struct PackDrives {
     /// What every row has.
     common: Row,
     started_utc_s: Option<f64>,
+    /// Of the first drive.
+    armed_before: Option<ArmedBefore>,
+    announces_failsafes: bool,
     refusals: Vec<String>,
     /// The present drive; before the first one the log so far.
     drive: Option<Drive>,
@@ -58,6 +62,13 @@ struct Drive {
     replayed_faults: Faults,
     levels: Levels,
     what_if_levels: Levels,
+    /// Levels that are reached in this drive, without those of an earlier one.
+    reached: Levels,
+    /// The same as the log has it.
+    recorded: Levels,
+    remaining: Remaining,
+    remaining_low: Option<Remaining>,
+    remaining_critical: Option<Remaining>,
 }
 
 impl PackDrives {
@@ -91,6 +102,7 @@ impl PackDrives {
                 reported_health_pct: None,
                 common: Row {
                     path: path.into(),
+                    vehicle: survey.vehicle.clone(),
                     board_id: survey.board_id.clone(),
                     system_id: survey.system_id,
                     pack: pack.number(),
@@ -98,6 +110,8 @@ impl PackDrives {
                     ..Row::default()
                 },
                 started_utc_s: survey.started_utc_s,
+                armed_before: survey.armed_before(),
+                announces_failsafes: survey.announces_failsafes(),
                 refusals: vec![],
                 drive: None,
                 rows: vec![],
@@ -177,6 +191,15 @@ impl PackDrives {
         }
     }
 
+    /// The log has that this pack reaches a level.
+    pub fn reach(&mut self, level: FailsafeLevel, time_s: f64) {
+        self.failsafe(failsafes::name(level), time_s);
+        if let Some(drive) = &mut self.drive {
+            let since_s = drive.since_start_s(time_s);
+            drive.recorded.reach(level, since_s);
+        }
+    }
+
     /// Arming is refused.
     pub fn refusal(&mut self, reason: &str) {
         if !self.refusals.iter().any(|known| known == reason) {
@@ -219,6 +242,17 @@ impl PackDrives {
             arming_refusals: std::mem::take(&mut self.refusals),
             faults: drive.recorded_faults.unwrap_or(drive.replayed_faults),
             levels: drive.levels,
+            remaining: drive.remaining,
+            remaining_low: drive.remaining_low.unwrap_or_default(),
+            remaining_critical: drive.remaining_critical.unwrap_or_default(),
+            differences: match self.announces_failsafes {
+                true => drive.recorded.differences(&drive.reached),
+                false => vec![],
+            }
+            .iter()
+            .map(Difference::in_seconds)
+            .collect(),
+            armed_before: self.armed_before.take(),
             what_if,
             ..self.common.clone()
         });
@@ -252,6 +286,20 @@ impl Drive {
         self.reach(sample, reached, state.failsafe, |drive| &mut drive.levels);
         self.replayed_faults |= state.faults_to_show();
         let reported = sample.reported.unwrap_or_default();
+        self.remaining = Remaining {
+            replayed_pct: state.remaining_pct.map(f64::from),
+            recorded_pct: reported.remaining_pct.map(f64::from),
+        };
+        let since_s = self.since_start_s(sample.time_s);
+        for level in reached {
+            self.reached.reach(*level, since_s);
+        }
+        if self.levels.low_s.is_some() {
+            self.remaining_low.get_or_insert(self.remaining);
+        }
+        if self.levels.critical_s.is_some() {
+            self.remaining_critical.get_or_insert(self.remaining);
+        }
         if let Some(bits) = reported.faults {
             *self.recorded_faults.get_or_insert_default() |= Faults::from_bits_truncate(bits);
         }
@@ -281,11 +329,7 @@ impl Drive {
         let since_s = self.since_start_s(sample.time_s);
         let levels = levels(self);
         for level in reached.iter().chain([&latched]) {
-            match level {
-                FailsafeLevel::Low => levels.low_s.get_or_insert(since_s),
-                FailsafeLevel::Critical => levels.critical_s.get_or_insert(since_s),
-                FailsafeLevel::None | FailsafeLevel::Unhealthy => continue,
-            };
+            levels.reach(*level, since_s);
         }
     }
 }

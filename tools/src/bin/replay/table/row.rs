@@ -2,6 +2,10 @@
 
 use rover_battmon::battery::{Faults, LearntPack};
 
+use crate::failsafes::Levels;
+use crate::survey::ArmedBefore;
+use crate::vehicle::Vehicle;
+
 /// A pack in a drive. `None` is unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Row {
@@ -9,6 +13,8 @@ pub struct Row {
     pub path: String,
     /// The board's serial number.
     pub board_id: Option<String>,
+    /// Which vehicle recorded the log.
+    pub vehicle: Vehicle,
     /// MAVLink's id of the rover.
     pub system_id: Option<i32>,
     /// The pack's number, 1 to 9.
@@ -21,6 +27,8 @@ pub struct Row {
     pub start_s: f64,
     /// How long it lasted, in seconds.
     pub duration_s: f64,
+    /// Why the vehicle is taken for armed before the log, if it is.
+    pub armed_before: Option<ArmedBefore>,
     /// The log has all of it, to the disarming, and no damage up to there.
     pub complete: bool,
     /// Charge drawn, in milliampere-hours.
@@ -49,6 +57,14 @@ pub struct Row {
     pub faults: Faults,
     /// When the pack was low and critical by the log's parameters.
     pub levels: Levels,
+    /// Remaining charge at the end.
+    pub remaining: Remaining,
+    /// Remaining charge when the replay was low.
+    pub remaining_low: Remaining,
+    /// Remaining charge when the replay was critical.
+    pub remaining_critical: Remaining,
+    /// Failsafes that the log has at other times than the replay.
+    pub differences: Vec<String>,
     /// The same by other ones.
     pub what_if: Option<WhatIf>,
 }
@@ -62,13 +78,13 @@ pub struct Estimate {
     pub sigma: Option<f64>,
 }
 
-/// When each level of the failsafe was reached, in seconds since the drive began.
+/// Remaining charge at a moment, in percent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Levels {
-    /// Low.
-    pub low_s: Option<f64>,
-    /// Critical.
-    pub critical_s: Option<f64>,
+pub struct Remaining {
+    /// By the replay.
+    pub replayed_pct: Option<f64>,
+    /// As the log has it.
+    pub recorded_pct: Option<f64>,
 }
 
 /// What other parameters would have done.
