@@ -66,8 +66,11 @@ struct Column {
 /// The records of a binary log, as they follow each other, without those that describe formats.
 pub struct BinaryRecords<R> {
     window: Window<R>,
-    formats: HashMap<u8, Rc<Format>>,
+    formats: Formats,
 }
+
+/// The formats that were described so far, at the places of their numbers.
+type Formats = [Option<Rc<Format>>; 256];
 
 impl Record {
     /// Name of its format: `BAT`, for example.
@@ -135,7 +138,7 @@ impl<R: Read> BinaryRecords<R> {
     pub fn of(source: R) -> Self {
         Self {
             window: Window::of(source),
-            formats: HashMap::new(),
+            formats: [const { None }; 256],
         }
     }
 
@@ -153,10 +156,10 @@ impl<R: Read> BinaryRecords<R> {
             let length = HEADER_BYTES + payload.len();
             if kind == FORMAT {
                 if let Some((kind, format)) = Format::parse(payload) {
-                    self.formats.insert(kind, Rc::new(format));
+                    self.formats[usize::from(kind)] = Some(Rc::new(format));
                 }
                 self.window.advance(length);
-            } else if let Some(format) = self.formats.get(&kind) {
+            } else if let Some(format) = &self.formats[usize::from(kind)] {
                 let record = Record {
                     format: format.clone(),
                     payload: Payload::Bytes(payload.to_vec()),
@@ -273,14 +276,14 @@ impl Record {
 }
 
 /// Number of the format and payload of the record that `bytes` begin with, if they do.
-fn first_record<'a>(bytes: &'a [u8], formats: &HashMap<u8, Rc<Format>>) -> Option<(u8, &'a [u8])> {
+fn first_record<'a>(bytes: &'a [u8], formats: &Formats) -> Option<(u8, &'a [u8])> {
     if !bytes.starts_with(&SYNCHRONISATION) {
         return None;
     }
     let [_, _, kind] = *bytes.first_chunk()?;
     let length = match kind {
         FORMAT => FORMAT_BYTES,
-        _ => HEADER_BYTES + formats.get(&kind)?.payload_bytes,
+        _ => HEADER_BYTES + formats[usize::from(kind)].as_ref()?.payload_bytes,
     };
     let (record, following) = bytes.split_at_checked(length)?;
     // As far as the file goes.
@@ -360,22 +363,23 @@ fn is_text(field_type: u8) -> bool {
 /// has one.
 fn number(field_type: u8, bytes: &[u8]) -> Option<f64> {
     let unsigned = || {
-        bytes
-            .iter()
-            .rev()
-            .fold(0, |number: u64, byte| number << 8 | u64::from(*byte))
+        let mut number = [0; 8];
+        number[..bytes.len()].copy_from_slice(bytes);
+        u64::from_le_bytes(number)
     };
     let signed = || {
         let unused_bits = 64 - 8 * bytes.len() as u32;
         (unsigned() << unused_bits) as i64 >> unused_bits
     };
+    if matches!(field_type, b'a' | b'n' | b'N' | b'Z') {
+        return None;
+    }
     Some(match field_type {
         b'b' | b'h' | b'i' | b'L' | b'q' => signed() as f64,
         b'c' | b'e' => signed() as f64 / 100.0,
         b'C' | b'E' => unsigned() as f64 / 100.0,
         b'f' => f64::from(f32::from_bits(unsigned() as u32)),
         b'd' => f64::from_bits(unsigned()),
-        b'a' | b'n' | b'N' | b'Z' => return None,
         _ => unsigned() as f64,
     })
 }
