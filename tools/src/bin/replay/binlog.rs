@@ -22,6 +22,9 @@ const MOST_NEEDED_BYTES: usize = u8::MAX as usize + SYNCHRONISATION.len();
 /// Lines of a text log are shorter.
 const LONGEST_LINE_BYTES: usize = 1 << 12;
 
+/// The most formats of a text log: their numbers are bytes.
+const MOST_FORMATS: usize = 256;
+
 /// A record.
 #[derive(Clone, Debug)]
 pub struct Record {
@@ -219,7 +222,7 @@ impl<R: Read> TextRecords<R> {
             let line = String::from_utf8_lossy(&rest[..length]).trim().to_owned();
             let (name, fields) = line.split_once(',').unwrap_or((&line, ""));
             if name == "FMT" {
-                let format = Format::of_text(fields);
+                let format = Format::of_text(fields).filter(|_| self.formats.len() < MOST_FORMATS);
                 self.pass(length, format.is_some());
                 self.formats
                     .extend(format.map(|format| (format.name.clone(), Rc::new(format))));
@@ -503,6 +506,63 @@ pub mod tests {
     }
 
     #[test]
+    fn a_text_log_has_the_same_records() {
+        let text = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\r\n\
+                    FMT, 2, 31, BAT, Qfh, TimeUS,Volt,Curr\r\n\
+                    FMT, 3, 75, MSG, QZ, TimeUS,Message\n\
+                    BAT, 1000000, 11.5, -3\r\n\
+                    \n\
+                    BAT, 1100000, nan, x\n\
+                    XYZ, 1, 2\n\
+                    BAT, 1200000\n\
+                    MSG, 1300000, low, and critical\n\
+                    MSG, 14";
+        let mut records = TextRecords::of(text.as_bytes());
+        let found: Vec<Record> = records.by_ref().map(|record| record.expect("a record")).collect();
+        let [first, unknown, message] = &found[..] else {
+            panic!("{found:?}");
+        };
+        let numbers = |record: &Record| ["TimeUS", "Volt", "Curr"].map(|column| record.number(column));
+        assert_eq!(numbers(first), [Some(1e6), Some(11.5), Some(-3.0)]);
+        assert!(first.is_unscaled_integer("Curr") && !first.is_unscaled_integer("Volt"));
+        assert_eq!(numbers(unknown), [Some(1.1e6), None, None]);
+        assert_eq!(message.text("Message").as_deref(), Some("low, and critical"));
+        assert_eq!((message.number("Message"), first.text("Volt")), (None, None));
+        let lost = ["XYZ, 1, 2\n", "BAT, 1200000\n", "MSG, 14"].map(str::len);
+        assert_eq!(records.skipped_bytes(), lost.iter().sum::<usize>() as u64);
+        assert_eq!(records.read_bytes(), text.len() as u64);
+    }
+
+    #[test]
+    fn a_format_that_changes_counts_from_then_on() {
+        let format = |types: &[u8], columns: &[u8]| {
+            let mut bytes = vec![0xa3, 0x95, FORMAT, 200, 7];
+            for (text, length) in [(&b"T"[..], 4), (types, 16), (columns, 64)] {
+                bytes.extend(text);
+                bytes.resize(bytes.len() + length - text.len(), 0);
+            }
+            bytes
+        };
+        let record = [0xa3, 0x95, 200, 1, 0, 0, 0];
+        let log = [
+            &record[..],
+            &format(b"I", b"A"),
+            &record,
+            &format(b"hh", b"A,B"),
+            &record,
+        ];
+        let log = Log::parse(&log.concat());
+        // The first record comes before its format.
+        assert_eq!(log.skipped_bytes, 7);
+        let numbers: Vec<_> = log
+            .records
+            .iter()
+            .map(|record| [record.number("A"), record.number("B")])
+            .collect();
+        assert_eq!(numbers, [[Some(1.0), None], [Some(1.0), Some(0.0)]]);
+    }
+
+    #[test]
     fn a_torn_end_is_skipped() {
         let bytes = file(0..3);
         for cut in 1..75 {
@@ -540,6 +600,9 @@ pub mod tests {
         #[test]
         fn any_bytes_can_be_read(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
             Log::parse(&bytes);
+            let mut texts = TextRecords::of(bytes.as_slice());
+            prop_assert!(texts.by_ref().all(|record| record.is_ok()));
+            prop_assert_eq!(texts.read_bytes(), bytes.len() as u64);
             let after_formats = [opening(), bytes].concat();
             let log = Log::parse(&after_formats);
             prop_assert!(log.skipped_bytes <= after_formats.len() as u64);

@@ -275,6 +275,30 @@ mod tests {
     }
 
     #[test]
+    fn what_the_user_assigns_holds_whatever_the_recording_sets() {
+        let assignments: Vec<Assignment> = vec!["BATT_LOW_VOLT=10".parse().expect("an assignment")];
+        let trace = Trace::parse(WITH_CURRENT.as_bytes()).expect("a trace");
+        let pack = Pack::First;
+        let parameters =
+            assign(Parameters::defaults(), &assignments, pack, trace.measured()).expect("in range");
+        let replay = Replay::new(pack, &parameters, &assignments, LearntPack::UNKNOWN);
+        let mut replay = replay.expect("what the trace has");
+        for set in [
+            "BATT_LOW_VOLT=9",
+            "BATT_CRT_VOLT=8",
+            "BATT_CRT_VOLT=-1",
+            "BATT_MONITOR=0",
+        ] {
+            replay.set(set.parse().expect("an assignment"));
+        }
+        let thresholds = replay.settings().failsafe;
+        assert_eq!(
+            (thresholds.low.voltage_v, thresholds.critical.voltage_v),
+            (Some(10.0), Some(8.0))
+        );
+    }
+
+    #[test]
     fn changes_are_parameters_that_differ_once_each() {
         let assignments: Vec<Assignment> = ["BATT_LOW_VOLT=10", "BATT_CELLS=0", "BATT_LOW_VOLT=10.8"]
             .map(|text| text.parse().expect("an assignment"))

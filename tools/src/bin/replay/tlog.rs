@@ -345,9 +345,9 @@ impl Vehicle {
 impl Clock {
     fn time_s(&mut self, time_us: u64) -> f64 {
         let start_us = *self.start_us.get_or_insert(time_us);
-        let mut since_us = (time_us + self.shift_us).saturating_sub(start_us);
-        if since_us + DELAYED_US < self.latest_us {
-            self.shift_us += self.latest_us - since_us;
+        let mut since_us = time_us.saturating_add(self.shift_us).saturating_sub(start_us);
+        if since_us.saturating_add(DELAYED_US) < self.latest_us {
+            self.shift_us = self.shift_us.saturating_add(self.latest_us - since_us);
             since_us = self.latest_us;
         }
         self.latest_us = self.latest_us.max(since_us);
@@ -562,6 +562,8 @@ mod tests {
             read(&bytes);
             let log = [heartbeat(0, 1, 3, ARMED), bytes, battery(1, 1, &[12_000])].concat();
             prop_assert_eq!(samples(&log).len(), 1);
+            let (_, read) = read(&log);
+            prop_assert_eq!(read.read_bytes(), log.len() as u64);
         }
     }
 }

@@ -591,6 +591,9 @@ mod tests {
             let log = log(&[battery(0, 1, 11.5, 1.0), bytes, battery(0, 2, 11.5, 1.0)]);
             let (_, skipped) = entries(&log);
             prop_assert!(skipped <= log.len() as u64);
+            let mut read = ULog::of(log.as_slice());
+            prop_assert!(read.by_ref().all(|entry| entry.is_ok()));
+            prop_assert_eq!(read.read_bytes(), log.len() as u64);
         }
 
         #[test]
