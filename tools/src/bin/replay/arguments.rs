@@ -51,8 +51,9 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.html", conflicts_with_all = OF_ONE)]
     pub history: Option<PathBuf>,
 
-    /// The recording: CSV with columns as t_s, voltage_v, current_a, healthy, armed; or a log, drive.BIN. With --table and
-    /// --history logs, and folders with all logs below
+    /// The recording, told by its content: a log of this board or ArduPilot (.BIN, .log), PX4 (.ulg) or a ground station (.tlog);
+    /// or CSV with columns as t_s, voltage_v, current_a, healthy, armed. With --table and --history logs, and folders with all
+    /// logs below
     #[arg(value_name = "RECORDING", required = true)]
     pub paths: Vec<PathBuf>,
 }

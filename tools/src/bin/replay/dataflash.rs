@@ -31,8 +31,10 @@ const ARMED: f64 = 10.0;
 const DISARMED: f64 = 11.0;
 const AIRBORNE: [f64; 2] = [15.0, 28.0];
 
-/// ERR: numbers of the failsafes that are of no pack, with their names. The one of a pack has a text that names the pack.
+/// ERR: numbers of the failsafes that are of no pack, with their names.
 const FAILSAFES: [(f64, &str); 2] = [(5.0, "sticks"), (8.0, "ground station")];
+/// ERR: number of a pack's.
+const PACK_FAILSAFE: f64 = 6.0;
 /// MODE: `Rsn` of a change by a pack's failsafe.
 const BATTERY_FAILSAFE: f64 = 4.0;
 
@@ -193,10 +195,15 @@ fn event(id: f64) -> Option<Content> {
 }
 
 fn failsafe(record: &Record) -> Option<Content> {
-    let number = record.number("Subsys");
-    let mut failsafes = FAILSAFES.iter();
-    let (_, name) = failsafes.find(|(failsafe, _)| number == Some(*failsafe))?;
-    (record.number("ECode") == Some(OCCURRED)).then_some(Content::Failsafe(name))
+    if record.number("ECode") != Some(OCCURRED) {
+        return None;
+    }
+    let number = record.number("Subsys")?;
+    if number == PACK_FAILSAFE {
+        return Some(Content::PackFailsafe);
+    }
+    let (_, name) = FAILSAFES.iter().find(|(failsafe, _)| number == *failsafe)?;
+    Some(Content::Failsafe(name))
 }
 
 fn reading(record: &Record, pack: Pack, scales: &Scales) -> Option<Content> {

@@ -39,6 +39,8 @@ pub enum Content {
     Parameter(String, f64),
     /// A failsafe that belongs to no pack acts.
     Failsafe(&'static str),
+    /// The failsafe of a pack acts; versions that say which pack and level have a text, too.
+    PackFailsafe,
     /// The vehicle takes another mode for the failsafe of a pack.
     FailsafeMode,
     /// A text to the owner.

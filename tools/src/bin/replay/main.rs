@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A recording is a CSV file with the columns `t_s`, `voltage_v`, `current_a`, `healthy` and `armed`, see [`trace`], or a log
-//! of the board or of ArduPilot (`.BIN`), see [`drive`]. What the monitor made of each reading goes to a file or to a pipe, in
+//! in one of several formats, see [`recording`]: their readers make the same entries of them, see [`entry`]. What the monitor made of each reading goes to a file or to a pipe, in
 //! the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE` the
 //! drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
 //!

@@ -92,6 +92,7 @@ fn recorded(drive: &Drive, arguments: &Arguments, outcome: &Outcome) -> String {
     let events = [
         ("low", levels.low_s),
         ("critical", levels.critical_s),
+        ("a pack's failsafe", survey.unnamed_failsafe_s()),
         ("another mode for it", survey.failsafe_mode_s()),
     ];
     let events = events.into_iter().filter_map(|(name, time_s)| {

@@ -59,6 +59,8 @@ pub struct Survey {
 #[derive(Debug, Default)]
 struct RecordedFailsafes {
     levels: [Levels; MAX_PACKS],
+    /// Of any pack and level.
+    any_s: Option<f64>,
     mode_s: Option<f64>,
 }
 
@@ -128,14 +130,24 @@ impl Survey {
         self.recorded.levels[usize::from(pack.instance())]
     }
 
+    /// When the failsafe of a pack acted in a log that does not say which one.
+    pub fn unnamed_failsafe_s(&self) -> Option<f64> {
+        let is_named = self
+            .recorded
+            .levels
+            .iter()
+            .any(|levels| *levels != Levels::default());
+        self.recorded.any_s.filter(|_| !is_named)
+    }
+
     /// When the vehicle took another mode for the failsafe of a pack.
     pub fn failsafe_mode_s(&self) -> Option<f64> {
         self.recorded.mode_s
     }
 
-    /// Whether a failsafe of a pack has a text in the log: those of the first versions that could be read had none.
+    /// Whether the failsafe of a pack has a text in the log.
     pub fn announces_failsafes(&self) -> bool {
-        self.has_texts && self.vehicle.firmware.as_deref() != Some("PX4")
+        self.has_texts && self.vehicle.announces_failsafes()
     }
 
     /// Whether the log has a value of a parameter.
@@ -169,6 +181,7 @@ impl Survey {
                 self.has_texts = true;
                 self.announcement(text, entry.time_s);
             }
+            Content::PackFailsafe => self.recorded.any_s = self.recorded.any_s.or(entry.time_s),
             Content::FailsafeMode => self.recorded.mode_s = self.recorded.mode_s.or(entry.time_s),
             Content::Airborne => self.has_flown = true,
             Content::ArmState(_) => self.reports_arm_state = true,

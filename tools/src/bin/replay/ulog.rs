@@ -551,6 +551,9 @@ mod tests {
         let whole = log(&data);
         let expected: Vec<(u8, f32)> = (1..=9).map(|second| (1, second as f32)).collect();
         assert_eq!(voltages(&whole), expected);
+        let mut torn = ULog::of(&whole[..MAGIC.len()]);
+        assert!(torn.by_ref().all(|entry| entry.is_ok()));
+        assert_eq!(torn.read_bytes(), MAGIC.len() as u64);
         // A torn end, a dropout in between, and garbage.
         assert_eq!(voltages(&whole[..whole.len() - 5]), expected[..8]);
         let (front, behind) = whole.split_at(whole.len() - 4 * length);

@@ -10,6 +10,9 @@ const BOARD: &str = "rover-battmon ";
 /// Beginnings of the text by which ArduPilot names its vehicle, in the order of versions.
 const ARDUPILOT: [&str; 2] = ["Ardu", "APM:"];
 
+/// Beginnings of versions of ArduPilot whose failsafes have other texts.
+const OLDER: [char; 4] = ['0', '1', '2', '3'];
+
 /// A vehicle and its firmware. `None` is unknown.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Vehicle {
@@ -36,6 +39,16 @@ impl Vehicle {
                 self.version.get_or_insert(version.clone());
             }
             _ => {}
+        }
+    }
+
+    /// Whether its texts name the pack and the level of a failsafe: PX4 and ArduPilot before 4.0 have others.
+    pub fn announces_failsafes(&self) -> bool {
+        let version = self.version.as_deref().unwrap_or_default();
+        match self.firmware.as_deref() {
+            Some("PX4") => false,
+            Some("ArduPilot") => !version.starts_with(OLDER),
+            _ => true,
         }
     }
 
@@ -155,5 +168,22 @@ mod tests {
         ] {
             assert_eq!(named(&contents), expected);
         }
+    }
+
+    #[test]
+    fn older_firmware_announces_failsafes_by_other_texts() {
+        for (text, expected) in [
+            ("ArduRover V4.2.3", true),
+            ("rover-battmon 0.1.0", true),
+            ("EKF3 active", true),
+            ("APM:Copter V3.5.5", false),
+        ] {
+            let mut vehicle = Vehicle::default();
+            vehicle.take(&Content::Text(text.into()));
+            assert_eq!(vehicle.announces_failsafes(), expected, "{text}");
+        }
+        let mut vehicle = Vehicle::default();
+        vehicle.take(&Content::Autopilot(12));
+        assert!(!vehicle.announces_failsafes());
     }
 }

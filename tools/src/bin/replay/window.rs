@@ -55,9 +55,10 @@ impl<R: Read> Window<R> {
         Ok(())
     }
 
-    /// Goes past bytes of an entry.
+    /// Goes past bytes of an entry, as far as there are any.
     pub fn advance(&mut self, bytes: usize) {
-        self.start = self.end.min(self.start + bytes);
+        let bytes = bytes.min(self.end - self.start);
+        self.start += bytes;
         self.read_bytes += bytes as u64;
     }
 

@@ -159,7 +159,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "failsafes",
-        "failsafes as recorded, with seconds since arming: `low 412 s; critical 530 s`, also `unhealthy`, `sticks`, `ground station`",
+        "failsafes as recorded, with seconds since arming: `low 412 s; critical 530 s`, also `unhealthy`, `battery`, `sticks`, `ground station`",
         Value::Text(|row| Some(row.failsafes.join(SEPARATOR))),
     ),
     column(

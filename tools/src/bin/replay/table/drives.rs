@@ -101,6 +101,7 @@ impl Log {
                 }
             }
             Content::Failsafe(name) => self.each(|drives, time_s| drives.failsafe(name, time_s)),
+            Content::PackFailsafe => self.each(PackDrives::unnamed_failsafe),
             Content::Text(text) => self.text(text),
             _ => {}
         }
@@ -349,6 +350,40 @@ mod tests {
         assert!(differences(11, 10).is_empty());
         assert_eq!(differences(20, 1), ["low recorded 21 s, replayed 12 s"]);
         assert_eq!(differences(2, 1), ["low recorded 3 s, replayed never"]);
+    }
+
+    #[test]
+    fn parameters_that_are_set_after_a_drive_do_not_rewrite_it() {
+        let state = state(10.4);
+        let reading = Recorded::Battery(Pack::First, &state);
+        let parameter = |name, value| Recorded::Parameter {
+            name,
+            value,
+            default: 0.0,
+        };
+        let mut records = vec![LOW_VOLTAGE, parameter("BATT_CELLS", 3.0), arming(ArmState::Armed)];
+        records.extend([reading; 20]);
+        records.push(arming(ArmState::Disarmed));
+        let whole = rows_of(&file(&records), &["BATT_CRT_VOLT=10.45"]);
+        records.extend([
+            parameter("BATT_LOW_VOLT", 0.0),
+            parameter("BATT_CELLS", 6.0),
+            reading,
+        ]);
+        let rows = rows_of(&file(&records), &["BATT_CRT_VOLT=10.45"]);
+        assert!(rows[0].levels.low_s.is_some());
+        assert_eq!(rows, whole);
+    }
+
+    #[test]
+    fn a_failsafe_without_a_text_has_no_level() {
+        let state = state(11.0);
+        let records = [
+            arming(ArmState::Armed),
+            Recorded::Battery(Pack::First, &state),
+            Recorded::Error(Subsystem::BatteryFailsafe),
+        ];
+        assert_eq!(rows_of(&file(&records), &[])[0].failsafes, ["battery 2 s"]);
     }
 
     #[test]

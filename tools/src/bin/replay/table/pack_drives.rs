@@ -200,6 +200,14 @@ impl PackDrives {
         }
     }
 
+    /// The log has a failsafe of a pack; one with a text is known already.
+    pub fn unnamed_failsafe(&mut self, time_s: f64) {
+        let is_named = |drive: &Drive| drive.recorded != Levels::default();
+        if !self.drive.as_ref().is_some_and(is_named) {
+            self.failsafe("battery", time_s);
+        }
+    }
+
     /// Arming is refused.
     pub fn refusal(&mut self, reason: &str) {
         if !self.refusals.iter().any(|known| known == reason) {
