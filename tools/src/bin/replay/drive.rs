@@ -250,6 +250,9 @@ mod tests {
             parameter("BATT2_LOW_VOLT", 10.5),
             parameter("BATT2_LOW_VOLT", 10.5),
             Recorded::Battery(Pack::Second, &state),
+            // Of another pack.
+            parameter("BATT_LOW_VOLT", 9.0),
+            parameter("BATT_LOW_VOLT", 9.5),
             parameter("BATT2_LOW_VOLT", 9.5),
             Recorded::Battery(Pack::Second, &state),
         ];

@@ -407,6 +407,7 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::survey::Survey;
     use proptest::prelude::*;
 
     const START_US: u64 = 1_700_000_000_000_000;
@@ -542,6 +543,16 @@ mod tests {
         let cells = |name: &str, value| Some(Content::Parameter(name.into(), value));
         assert_eq!(of(PX4, 4_i32.to_le_bytes()), cells("BAT1_N_CELLS", 4.0));
         assert_eq!(of(3, 4_f32.to_le_bytes()), cells("BAT1_N_CELLS", 4.0));
+    }
+
+    #[test]
+    fn a_parameter_of_the_vehicles_own_log_does_not_arm_it() {
+        let log = [
+            battery(0, 1, &[12_000]),
+            parameter(b"LOG_DISARMED\0\0\0\0", [0; 4], 9),
+        ];
+        let survey = Survey::of(Box::new(Tlog::of(log.concat().as_slice()))).expect("it is readable");
+        assert_eq!(survey.armed_before(), None);
     }
 
     #[test]

@@ -559,6 +559,11 @@ mod tests {
         let (front, behind) = whole.split_at(whole.len() - 4 * length);
         let dropout = message(b'O', &[100, 0]);
         assert_eq!(voltages(&[front, &dropout, behind].concat()), expected);
+        // A message that is shorter than its format.
+        let short = message(b'D', &[0, 0, 1, 2, 3]);
+        let with_short = [front, &short, behind].concat();
+        assert_eq!(voltages(&with_short), expected);
+        assert_eq!(entries(&with_short).1, short.len() as u64);
         let garbage = [front, &[0xff; 99], behind].concat();
         let found = voltages(&garbage);
         assert_eq!(found.len(), 8, "{found:?}");

@@ -376,6 +376,28 @@ mod tests {
     }
 
     #[test]
+    fn a_log_that_begins_armed_begins_a_drive_with_its_first_reading() {
+        let state = state(11.0);
+        let reading = Recorded::Battery(Pack::First, &state);
+        let records = [
+            LOW_VOLTAGE,
+            reading,
+            reading,
+            arming(ArmState::Disarmed),
+            reading,
+            arming(ArmState::Armed),
+            reading,
+        ];
+        let rows = rows_of(&file(&records), &[]);
+        let seen: Vec<_> = rows
+            .iter()
+            .map(|row| (row.start_s, row.duration_s, row.complete, row.armed_before))
+            .collect();
+        let inferred = Some(ArmedBefore::FirstIsDisarming);
+        assert_eq!(seen, [(2.0, 2.0, true, inferred), (6.0, 1.0, false, None)]);
+    }
+
+    #[test]
     fn a_failsafe_without_a_text_has_no_level() {
         let state = state(11.0);
         let records = [
