@@ -166,10 +166,10 @@ impl Log {
             .packs
             .into_iter()
             .flat_map(|drives| drives.finish(self.latest_s, end));
-        Drives {
-            rows: rows.collect(),
-            backward_steps,
-        }
+        let mut rows: Vec<Row> = rows.collect();
+        // Room for more would be a multiple of the one row that most logs have.
+        rows.shrink_to_fit();
+        Drives { rows, backward_steps }
     }
 }
 
