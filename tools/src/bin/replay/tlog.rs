@@ -408,6 +408,7 @@ impl Frame {
 mod tests {
     use super::*;
     use crate::survey::Survey;
+    use crate::table::Drives;
     use proptest::prelude::*;
 
     const START_US: u64 = 1_700_000_000_000_000;
@@ -529,6 +530,11 @@ mod tests {
         };
         assert_eq!(times(&[0, 100, 90, 200, 200]), (vec![0.0, 0.1, 0.2, 0.2], 1));
         assert_eq!(times(&[0, 60_000, 1000, 2000]), (vec![0.0, 60.0, 60.0, 61.0], 0));
+        let log = [0, 100, 90]
+            .map(|time_ms| battery(time_ms, 1, &[12_000]))
+            .concat();
+        let drives = Drives::read("log", || Ok(Box::new(Tlog::of(log.as_slice()))), &[]);
+        assert_eq!(drives.expect("drives").backward_steps, 1);
     }
 
     #[test]

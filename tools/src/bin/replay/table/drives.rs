@@ -21,7 +21,7 @@ const MOST_DRIVES: usize = 10_000;
 pub struct Drives {
     /// A row for each of a pack.
     pub rows: Vec<Row>,
-    /// Readings that are earlier than the one before of the same pack.
+    /// Readings that are earlier than the one before of the same pack, or were skipped for that.
     pub backward_steps: usize,
 }
 
@@ -59,7 +59,9 @@ impl Drives {
                 return Err(format!("more than {MOST_DRIVES} drives"));
             }
         }
-        Ok(log.finish(entries.skipped_bytes()))
+        let mut drives = log.finish(entries.skipped_bytes());
+        drives.backward_steps += entries.stepped_back() as usize;
+        Ok(drives)
     }
 }
 
