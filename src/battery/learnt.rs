@@ -1,7 +1,7 @@
 //! What is learnt of a pack over its drives, and kept in flash.
 
 use core::fmt;
-use core::ops::RangeInclusive;
+use core::ops::{Range, RangeInclusive};
 
 use super::chemistry::SAME_VOLTAGE_V;
 use super::{Chemistry, MeasuringScale};
@@ -11,6 +11,10 @@ pub(super) const OFFSET_POINTS: usize = 5;
 
 /// Words of a [`LearntPack`] in flash, the last of them those of its [`OpenLesson`].
 pub const LEARNT_WORDS: usize = 33;
+
+/// The words of the curve among them.
+pub const LEARNT_CURVE: Range<usize> = 9..14;
+
 const OPEN_LESSON_WORDS: usize = 12;
 
 /// The first words of these, which firmware before the scale stored.

@@ -35,7 +35,9 @@ pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
 pub use event::{PackEvent, PackEvents};
 pub use failsafe::ReachedLevels;
-pub use learnt::{END_OF_LIFE_LOSS, LEARNT_WORDS, LearntPack, LessonObstacle, OLDER_LEARNT_WORDS};
+pub use learnt::{
+    END_OF_LIFE_LOSS, LEARNT_CURVE, LEARNT_WORDS, LearntPack, LessonObstacle, OLDER_LEARNT_WORDS,
+};
 pub use learnt_text::LearntTextError;
 pub use measurement::{
     Amount, BusError, CellVoltages, Consumed, Contents, Counted, CurrentRange, Gauge, GaugeReading,

@@ -175,7 +175,7 @@ fn a_replay_begins_with_what_the_board_had_learnt() {
         let line = errors.lines().find(|line| line.starts_with("Learnt: "));
         line.expect("a summary").to_owned()
     });
-    assert_eq!(learnt[0], "Learnt: nothing");
+    assert_eq!(learnt[0], "Learnt: nothing: no rest of 30s at the end");
     assert!(
         learnt[1].starts_with("Learnt: nothing new: capacity 2."),
         "{learnt:?}"

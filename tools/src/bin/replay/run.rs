@@ -1,8 +1,8 @@
 //! A trace through the monitor, and the parameters it is replayed with.
 
 use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, LearntPack, Measurement, PackEvent, PackSettings, PackUpdate, ReadError,
-    Tick,
+    BatteryMonitor, BatteryState, LearntPack, LessonObstacle, Measurement, PackEvent, PackSettings,
+    PackUpdate, ReadError, Tick,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Refused};
@@ -146,6 +146,11 @@ impl Replay {
     pub fn learnt(&self) -> &LearntPack {
         self.monitor.unsaved_learnt().unwrap_or(&self.known)
     }
+
+    /// Why the drive so far has taught nothing.
+    fn lesson_obstacle(&self) -> Option<LessonObstacle> {
+        self.monitor.lesson_obstacle(&self.settings)
+    }
 }
 
 /// A recording through the monitor.
@@ -156,6 +161,8 @@ pub struct Outcome {
     pub settings: PackSettings,
     /// What is learnt of the pack at the end.
     pub learnt: LearntPack,
+    /// Why the last drive taught nothing.
+    pub lesson_obstacle: Option<LessonObstacle>,
 }
 
 impl Outcome {
@@ -196,17 +203,16 @@ pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
         rows,
         settings,
         learnt: *replay.learnt(),
+        lesson_obstacle: replay.lesson_obstacle(),
     }
 }
 
 /// Events that are announced to ground stations: of the levels that are reached in one tick, the worst.
 fn announced(update: &PackUpdate) -> impl Iterator<Item = &PackEvent> {
-    let is_skipped = |event: &PackEvent| {
-        let level = match event {
-            PackEvent::Failsafe { level, .. } => Some(level),
-            _ => None,
-        };
-        level.is_some() && level != update.failsafe.last()
+    let is_skipped = |event: &PackEvent| match event {
+        PackEvent::Failsafe { level, .. } => Some(level) != update.failsafe.last(),
+        PackEvent::NotLearnt(_) => true,
+        _ => false,
     };
     update.events.iter().filter(move |event| !is_skipped(event))
 }

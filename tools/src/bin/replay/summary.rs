@@ -2,7 +2,9 @@
 
 use std::fmt;
 
-use rover_battmon::battery::{FailsafeLevel, FailsafeSettings, LearntPack, PackStatus, SuggestedThresholds};
+use rover_battmon::battery::{
+    FailsafeLevel, FailsafeSettings, LearntPack, LessonObstacle, PackStatus, SuggestedThresholds,
+};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 
@@ -49,7 +51,11 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "Voltage: {}", voltages(rows))?;
         writeln!(f, "Drawn: {}", drawn(rows))?;
         writeln!(f, "Remaining at the end: {}", remaining(rows))?;
-        writeln!(f, "Learnt: {}", learnt(self.known, &self.outcome.learnt))?;
+        write!(f, "Learnt: {}", learnt(self.known, &self.outcome.learnt))?;
+        if let Some(obstacle) = self.obstacle() {
+            write!(f, ": {obstacle}")?;
+        }
+        writeln!(f)?;
         self.announced(f)?;
         write!(f, "{}", self.recorded)?;
         writeln!(f, "Failsafe: {}", self.failsafe())
@@ -154,6 +160,12 @@ pub fn reached(rows: &[Row], level: FailsafeLevel) -> Option<&Row> {
 }
 
 impl Summary<'_> {
+    /// Why nothing is learnt of the pack at all.
+    fn obstacle(&self) -> Option<LessonObstacle> {
+        let is_learnt = self.outcome.learnt.capacity_mah().is_some();
+        self.outcome.lesson_obstacle.filter(|_| !is_learnt)
+    }
+
     fn failsafe(&self) -> String {
         if self.outcome.settings.failsafe.is_disabled() {
             return self.suggestion();
@@ -321,7 +333,7 @@ mod tests {
                         Voltage: unknown\n\
                         Drawn: unknown\n\
                         Remaining at the end: unknown, as is the number of cells (BATT_CELLS)\n\
-                        Learnt: nothing\n\
+                        Learnt: nothing: charge unknown at the start\n\
                         Announced: nothing\n\
                         Failsafe: none is set\n";
         assert_eq!(text, expected);

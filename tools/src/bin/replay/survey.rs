@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io;
 
-use rover_battmon::battery::{LEARNT_WORDS, LearntPack};
+use rover_battmon::battery::{LEARNT_CURVE, LEARNT_WORDS, LearntPack};
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::vehicle::ArmState;
@@ -232,7 +232,28 @@ impl Survey {
 
     fn curve(&mut self, pack: Pack, words: &[u32; CURVE_WORDS]) {
         if let Some(learnt) = &mut self.learnt[usize::from(pack.instance())] {
-            learnt[LEARNT_WORDS - CURVE_WORDS..].copy_from_slice(words);
+            learnt[LEARNT_CURVE].copy_from_slice(words);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_curve_belongs_to_the_pack_before_it() {
+        let known: LearntPack = "chemistry 3\ncells 1\ncapacity_mah_sigma 2987.5 0.03\n\
+                                 offsets_100uv_sigma 75 144 -201 144 -323 144 -428 144 236 144\n\
+                                 slow_share_sigma 0.4 0.06\n"
+            .parse()
+            .expect("a pack");
+        let words = known.to_words();
+        let mut pack = words;
+        pack[LEARNT_CURVE].fill(0);
+        let mut survey = Survey::default();
+        survey.learnt(Pack::First, &pack);
+        survey.curve(Pack::First, words[LEARNT_CURVE].try_into().expect("its length"));
+        assert_eq!(survey.known(Pack::First), Some(known));
     }
 }
