@@ -4,8 +4,8 @@ use heapless::Deque;
 
 use super::announcement::{Announcement, AnnouncementText};
 use crate::battery::PackEvent;
-use crate::mavlink::BroadcastCommand;
 use crate::mavlink::dialect::MavSeverity;
+use crate::mavlink::{BroadcastCommand, BroadcastPosition};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::vehicle::VehicleEvent;
 
@@ -75,15 +75,6 @@ pub(super) enum Next<'a> {
     Lost(u32),
 }
 
-/// How far a link has sent the broadcast.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Position {
-    levels: [u32; MAX_PACKS],
-    mode: u32,
-    /// The number of its next announcement in the queue.
-    next: u32,
-}
-
 impl Broadcast {
     /// Nothing was announced yet.
     // Not inlined: it is built where it stays.
@@ -113,8 +104,8 @@ impl Broadcast {
     }
 
     /// The position behind the latest announcement.
-    pub fn end(&self) -> Position {
-        Position {
+    pub fn end(&self) -> BroadcastPosition {
+        BroadcastPosition {
             levels: core::array::from_fn(|pack| self.levels.get(pack).map_or(0, |level| level.count)),
             mode: self.mode.count,
             next: self.oldest.wrapping_add(self.latest.len() as u32),
@@ -122,7 +113,7 @@ impl Broadcast {
     }
 
     /// What has a place of its own and was not sent yet; `position` moves behind it.
-    pub fn next_urgent(&self, position: &mut Position) -> Option<Announcement<'_>> {
+    pub fn next_urgent(&self, position: &mut BroadcastPosition) -> Option<Announcement<'_>> {
         let packs = Pack::ALL.into_iter().zip(&self.levels).zip(&mut position.levels);
         let level = packs.into_iter().find_map(|((pack, level), sent)| {
             let event = level.unsent(sent)?;
@@ -135,7 +126,7 @@ impl Broadcast {
     }
 
     /// What follows `position` in the queue, which moves behind it.
-    pub fn next(&self, position: &mut Position) -> Option<Next<'_>> {
+    pub fn next(&self, position: &mut BroadcastPosition) -> Option<Next<'_>> {
         let ahead = position.next.wrapping_sub(self.oldest);
         if ahead > self.latest.len() as u32 {
             let lost = ahead.wrapping_neg();
@@ -157,7 +148,7 @@ mod tests {
         broadcast.add(Announced::Text(MavSeverity::MAV_SEVERITY_INFO, text));
     }
 
-    fn texts(broadcast: &Broadcast, position: &mut Position) -> Vec<String> {
+    fn texts(broadcast: &Broadcast, position: &mut BroadcastPosition) -> Vec<String> {
         let mut texts = Vec::new();
         while let Some(next) = broadcast.next(position) {
             texts.push(match next {
@@ -208,7 +199,7 @@ mod tests {
             announce(&mut broadcast, number);
         }
         let mut opened_later = broadcast.end();
-        let urgent = |position: &mut Position| {
+        let urgent = |position: &mut BroadcastPosition| {
             let next = std::iter::from_fn(|| Some(broadcast.next_urgent(position)?.text().to_string()));
             next.collect::<Vec<_>>()
         };

@@ -2,15 +2,13 @@
 
 use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
 use super::broadcast::{Announced, Next};
-use super::changes::Listener;
-use super::channel::Channel;
 use super::recording::is_on;
 use super::{Autopilot, Work, system_state};
 use crate::battery::{FailsafeLevel, PackEvent, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{
-    Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,
+    Action, Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,
 };
 use crate::memory::flash_chip::RegisterWear;
 use crate::pack::Pack;
@@ -24,26 +22,26 @@ const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
 
 impl Autopilot {
     /// A link has been opened: sends what every ground station has to know. Announcements follow from now on.
-    pub fn open(&mut self, channel: &mut Channel) {
+    pub fn open(&mut self, endpoint: &mut Endpoint) {
         self.opened_links = self.opened_links.wrapping_add(1);
-        channel.endpoint.set_number(self.opened_links);
-        channel.position = self.broadcast.end();
-        channel.listener = self.changes.open();
-        self.send_levels(channel);
-        self.send_notices(channel);
+        endpoint.set_number(self.opened_links);
+        endpoint.position = self.broadcast.end();
+        self.changes.open(self.opened_links);
+        self.send_levels(endpoint);
+        self.send_notices(endpoint);
     }
 
     /// A link has been closed: its stations drive no more.
     // Not inlined: each link has its own task.
     #[inline(never)]
-    pub fn close(&mut self, channel: &Channel) {
-        self.vehicle.close_link(channel.endpoint.number());
-        self.changes.close(channel.listener);
+    pub fn close(&mut self, endpoint: &Endpoint) {
+        self.vehicle.close_link(endpoint.number());
+        self.changes.close(endpoint.number());
         self.work |= Work::DRIVE;
     }
 
     /// What a ground station that connects has to know: about the start, and what can't be saved or trusted now.
-    fn send_notices(&self, channel: &mut Channel) {
+    fn send_notices(&self, endpoint: &mut Endpoint) {
         let unsaved = self.parameters.save_failure();
         let notices = [
             self.start_notice,
@@ -59,7 +57,7 @@ impl Autopilot {
         ];
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
         for notice in notices.into_iter().flatten().chain(suggestions) {
-            notify(channel, &notice);
+            notify(endpoint, &notice);
         }
     }
 
@@ -69,20 +67,20 @@ impl Autopilot {
     }
 
     /// The failsafe levels that were latched before the link was opened.
-    fn send_levels(&self, channel: &mut Channel) {
+    fn send_levels(&self, endpoint: &mut Endpoint) {
         for (pack, state) in Pack::ALL.into_iter().zip(&self.packs.states) {
             if state.failsafe != FailsafeLevel::None {
                 let event = PackEvent::failsafe(state.failsafe, state.voltage_v, state);
-                notify(channel, &Announcement::Pack(pack, &event));
+                notify(endpoint, &Announcement::Pack(pack, &event));
             }
         }
     }
 
     /// The same for a station that was away, unless they were reported on its link since.
-    fn repeat_levels(&self, channel: &mut Channel, now: Instant) {
-        if now.us_since(channel.levels_reported_at) >= STATION_SILENCE_US {
-            channel.levels_reported_at = now;
-            self.send_levels(channel);
+    fn repeat_levels(&self, endpoint: &mut Endpoint, now: Instant) {
+        if now.us_since(endpoint.levels_reported_at) >= STATION_SILENCE_US {
+            endpoint.levels_reported_at = now;
+            self.send_levels(endpoint);
         }
     }
 
@@ -109,7 +107,7 @@ impl Autopilot {
     }
 
     /// Has every link except that of `except` report the parameters that have changed.
-    pub(super) fn report_changes(&mut self, except: Option<Listener>) {
+    pub(super) fn report_changes(&mut self, except: Option<u16>) {
         let mut changed = self.parameters.take_changed();
         // Its PARAM_VALUE would come from another system than the others.
         changed.remove(VehicleParameter::SysidThismav.into());
@@ -120,45 +118,45 @@ impl Autopilot {
     }
 
     /// Posts what was announced, what has changed, and every stream that is due at `now`.
-    pub fn post_due(&mut self, channel: &mut Channel, now: Instant) {
-        self.post_announcements(channel);
-        if let Some(changed) = self.changes.take(channel.listener) {
-            channel.endpoint.report_parameters(&changed, now);
+    pub fn post_due(&mut self, endpoint: &mut Endpoint, now: Instant) {
+        self.post_announcements(endpoint);
+        if let Some(changed) = self.changes.take(endpoint.number()) {
+            endpoint.report_parameters(&changed, now);
         }
         let state = self.system_state();
-        let dropped = channel.endpoint.post_due(now, &state, &self.parameters);
+        let dropped = endpoint.post_due(now, &state, &self.parameters);
         if let Some(stream) = dropped
-            && channel.drop_log.allows(now)
+            && endpoint.drop_log.allows(now)
         {
             warn!(
                 "{}: link too slow, dropped {:?}, {} messages so far",
-                channel.name(),
+                endpoint.name(),
                 stream,
-                channel.endpoint.statistics().dropped
+                endpoint.statistics().dropped
             );
         }
     }
 
     /// What has a place of its own follows as soon as the one before has left.
-    fn post_urgent(&self, channel: &mut Channel) {
-        if channel.endpoint.has_room_for_urgent()
-            && let Some(urgent) = self.broadcast.next_urgent(&mut channel.position)
+    fn post_urgent(&self, endpoint: &mut Endpoint) {
+        if endpoint.has_room_for_urgent()
+            && let Some(urgent) = self.broadcast.next_urgent(&mut endpoint.position)
         {
-            channel.endpoint.say_urgently(urgent.severity(), &urgent.text());
+            endpoint.say_urgently(urgent.severity(), &urgent.text());
         }
     }
 
     /// Announcements for which there is no room wait for the next call.
-    fn post_announcements(&self, channel: &mut Channel) {
-        self.post_urgent(channel);
-        while channel.endpoint.has_room_to_announce(ANNOUNCEMENT_BYTES) {
-            match self.broadcast.next(&mut channel.position) {
+    fn post_announcements(&self, endpoint: &mut Endpoint) {
+        self.post_urgent(endpoint);
+        while endpoint.has_room_to_announce(ANNOUNCEMENT_BYTES) {
+            match self.broadcast.next(&mut endpoint.position) {
                 Some(Next::Announced(Announced::Text(severity, text))) => {
-                    channel.endpoint.say(*severity, text);
+                    endpoint.say(*severity, text);
                 }
-                Some(Next::Announced(Announced::Command(command))) => channel.endpoint.command(*command),
+                Some(Next::Announced(Announced::Command(command))) => endpoint.command(*command),
                 Some(Next::Lost(lost)) => {
-                    warn!("{}: busy, {} announcements were not sent", channel.name(), lost);
+                    warn!("{}: busy, {} announcements were not sent", endpoint.name(), lost);
                 }
                 None => return,
             }
@@ -168,43 +166,37 @@ impl Autopilot {
     /// What has to be read of the log for the next message of a download, if anything: see [`Endpoint::next_read`].
     ///
     /// [`Endpoint::next_read`]: crate::mavlink::Endpoint::next_read
-    pub fn next_read(&self, channel: &mut Channel, now: Instant) -> Option<LogRead> {
+    pub fn next_read(&self, endpoint: &mut Endpoint, now: Instant) -> Option<LogRead> {
         let state = SystemState {
             now,
             ..self.system_state()
         };
-        channel.endpoint.next_read(&state, &self.parameters)
+        endpoint.next_read(&state, &self.parameters)
     }
 
     /// The message that leaves next.
-    pub fn take(&self, channel: &mut Channel, now: Instant) -> Option<Outgoing> {
-        self.post_urgent(channel);
+    pub fn take(&self, endpoint: &mut Endpoint, now: Instant) -> Option<Outgoing> {
+        self.post_urgent(endpoint);
         let state = SystemState {
             now,
             ..self.system_state()
         };
-        channel.endpoint.take(&state, &self.parameters)
+        endpoint.take(&state, &self.parameters)
     }
 
     /// The frame of the message that leaves next, signed if there is a key.
     pub fn next_frame<'a>(
         &mut self,
-        channel: &mut Channel,
+        endpoint: &mut Endpoint,
         framer: &'a mut Framer,
         now: Instant,
     ) -> Option<&'a [u8]> {
-        let message = self.take(channel, now);
+        let message = self.take(endpoint, now);
         // By reference: a message is large, and each move copies it.
         let message = message.as_ref()?;
         // The table's range is 1 to 255.
         let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
-        Some(framer.signed_frame(
-            message,
-            system_id,
-            &mut self.signing,
-            channel.endpoint.kind(),
-            now,
-        ))
+        Some(framer.signed_frame(message, system_id, &mut self.signing, endpoint.kind(), now))
     }
 
     /// The frame of a HEARTBEAT for stations that have no link yet, by which ground stations find the vehicle; signed if there is a key.
@@ -220,7 +212,7 @@ impl Autopilot {
     /// move the rover.
     pub fn handle_next(
         &mut self,
-        channel: &mut Channel,
+        endpoint: &mut Endpoint,
         now: Instant,
         received_at: Instant,
     ) -> Option<Event> {
@@ -236,7 +228,7 @@ impl Autopilot {
                 self.load_permille,
             )
         };
-        let event = channel.endpoint.handle_next(
+        let event = endpoint.handle_next(
             now,
             received_at,
             &state,
@@ -247,60 +239,63 @@ impl Autopilot {
                 wifi: &mut self.wifi.credentials,
             },
         )?;
-        if channel.endpoint.kind() == LinkKind::Wifi {
+        if endpoint.kind() == LinkKind::Wifi {
             self.wifi.heard_at = Some(now);
         }
-        self.react(&event, channel, now, received_at);
+        let work = self.react(&event, endpoint, now, received_at);
+        self.work |= work;
         let has_own = matches!(event, Event::ParameterSet(_) | Event::ParametersSet);
-        self.report_changes(channel.listener.filter(|_| has_own));
+        self.report_changes(has_own.then(|| endpoint.number()));
         Some(event)
     }
 
-    fn react(&mut self, event: &Event, channel: &mut Channel, now: Instant, received_at: Instant) {
+    /// Acts on a handled frame, and returns the tasks to wake.
+    fn react(&mut self, event: &Event, endpoint: &mut Endpoint, now: Instant, received_at: Instant) -> Work {
         match *event {
             Event::Ignored | Event::Answered => {}
-            Event::GroundStationHeard => self.work |= Work::GROUND_STATION_HEARD,
+            Event::GroundStationHeard => return Work::GROUND_STATION_HEARD,
             Event::GroundStationIntroduced => {
-                self.work |= Work::GROUND_STATION_HEARD;
-                self.repeat_levels(channel, now);
+                self.repeat_levels(endpoint, now);
+                return Work::GROUND_STATION_HEARD;
             }
             Event::TimeHeard(utc) => self.recording.set_time(utc, now),
-            Event::Driven => self.work |= Work::DRIVE,
+            Event::Driven => return Work::DRIVE,
             Event::ListRequested => {
-                channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER);
-                self.send_notices(channel);
+                endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER);
+                self.send_notices(endpoint);
             }
-            Event::ParameterSet(id) => self.parameter_set(id, channel),
-            Event::Triggered(id) => self.triggered(id, channel),
+            Event::ParameterSet(id) => return self.parameter_set(id, endpoint),
+            Event::Triggered(id) => return self.triggered(id, endpoint),
             Event::Command(action) => {
-                info!("{}: {:?}", channel.name(), action);
-                self.act(action, now);
+                info!("{}: {:?}", endpoint.name(), action);
+                return self.act(action, now);
             }
             Event::LogsErased => {
-                info!("{}: logs erased", channel.name());
+                info!("{}: logs erased", endpoint.name());
                 self.recording.erase_all();
             }
             Event::ParametersSet => {
-                info!("{}: parameters set by a file", channel.name());
+                info!("{}: parameters set by a file", endpoint.name());
                 self.recording.add_all_parameters();
-                self.parameters_changed();
+                return self.parameters_changed();
             }
             Event::SigningSetUp(change) => {
-                info!("{}: signing: {:?}", channel.name(), change);
+                info!("{}: signing: {:?}", endpoint.name(), change);
                 self.save_signing(change);
             }
             Event::WifiSetUp(mode) => {
-                info!("{}: Wi-Fi: {:?}", channel.name(), mode);
-                self.parameter_set(VehicleParameter::WifiMode.into(), channel);
+                info!("{}: Wi-Fi: {:?}", endpoint.name(), mode);
+                let work = self.parameter_set(VehicleParameter::WifiMode.into(), endpoint);
                 self.wifi_set_up();
+                return work;
             }
             Event::Unauthorized { count } => {
-                let link = channel.name();
+                let link = endpoint.name();
                 self.announce(Announcement::Unauthorized { link, count }, now);
             }
             Event::TooOld => {
                 if self.signing.reports_old() {
-                    let link = channel.name();
+                    let link = endpoint.name();
                     self.announce(Announcement::TooOld { link }, now);
                 }
             }
@@ -309,14 +304,14 @@ impl Autopilot {
                 ref reading,
             } => {
                 if let Some(admission) = self.add_external_reading(component_id, reading, received_at, now) {
-                    log_admission(admission, component_id, reading.pack, channel, now);
+                    log_admission(admission, component_id, reading.pack, endpoint, now);
                 }
             }
             Event::CommandRefused(command) => {
                 // Some ground stations repeat for as long as they run what this rover does not have.
-                if channel.refused_command != Some(command) {
-                    channel.refused_command = Some(command);
-                    warn!("{}: refused: {:?}", channel.name(), *event);
+                if endpoint.refused_command != Some(command) {
+                    endpoint.refused_command = Some(command);
+                    warn!("{}: refused: {:?}", endpoint.name(), *event);
                 }
             }
             Event::ParameterRefused(id, why) => {
@@ -326,71 +321,73 @@ impl Autopilot {
             | Event::ControlTooLate
             | Event::SigningRefused(_)
             | Event::WifiRefused(_) => {
-                if channel.refusal_log.allows(now) {
-                    warn!("{}: refused: {:?}", channel.name(), *event);
+                if endpoint.refusal_log.allows(now) {
+                    warn!("{}: refused: {:?}", endpoint.name(), *event);
                 }
             }
         }
+        Work::empty()
     }
 
-    fn parameter_set(&mut self, id: ParameterId, channel: &Channel) {
+    fn parameter_set(&mut self, id: ParameterId, endpoint: &Endpoint) -> Work {
         let value = self.parameters.get(id);
-        info!("{}: {} set to {}", channel.name(), id.name().as_str(), value);
+        info!("{}: {} set to {}", endpoint.name(), id.name().as_str(), value);
         self.recording.add_parameter(id, &self.parameters);
-        self.parameters_changed();
+        self.parameters_changed()
     }
 
-    /// Another serial number is another pack.
-    fn parameters_changed(&mut self) {
+    fn parameters_changed(&mut self) -> Work {
         self.follow_wifi_parameters();
-        self.work |= Work::SAVE;
+        Work::SAVE
     }
 
-    fn triggered(&mut self, id: ParameterId, channel: &mut Channel) {
-        info!("{}: {}", channel.name(), id.name().as_str());
+    fn triggered(&mut self, id: ParameterId, endpoint: &mut Endpoint) -> Work {
+        info!("{}: {}", endpoint.name(), id.name().as_str());
         match id {
             ParameterId::Battery(pack, BatteryParameter::LrnErase) => self.erase_learnt(pack),
-            ParameterId::Vehicle(VehicleParameter::WifiShow) => self.show_wifi(channel),
+            ParameterId::Vehicle(VehicleParameter::WifiShow) => self.show_wifi(endpoint),
             ParameterId::Vehicle(VehicleParameter::ParamChecked) => {
                 self.parameters.confirm();
-                self.work |= Work::SAVE;
+                return Work::SAVE;
             }
             _ => {}
         }
+        Work::empty()
     }
 
-    fn act(&mut self, action: Action, now: Instant) {
+    fn act(&mut self, action: Action, now: Instant) -> Work {
         match action {
-            Action::Restart(_) => self.work |= Work::RESTART,
+            Action::Restart(_) => Work::RESTART,
             Action::ResetParameters => {
                 self.parameters.reset();
                 self.announce(Announcement::ParametersReset, now);
                 self.recording.add_all_parameters();
-                self.parameters_changed();
+                self.parameters_changed()
             }
             Action::ResetBatteries { mask, percent } => {
                 self.packs.reset(mask, percent, &self.parameters);
                 self.was_reset = true;
+                Work::empty()
             }
         }
     }
 }
 
 /// Sends `notice` on this link only.
-fn notify(channel: &mut Channel, notice: &Announcement<'_>) {
+fn notify(endpoint: &mut Endpoint, notice: &Announcement<'_>) {
     let text = notice.text();
-    info!("{}: {}", channel.name(), text.as_str());
-    channel.endpoint.say(notice.severity(), &text);
+    info!("{}: {}", endpoint.name(), text.as_str());
+    endpoint.say(notice.severity(), &text);
 }
 
-fn log_admission(admission: Admission, component_id: u8, pack: Pack, channel: &mut Channel, now: Instant) {
+fn log_admission(admission: Admission, component_id: u8, pack: Pack, endpoint: &mut Endpoint, now: Instant) {
     let number = pack.number();
     match admission {
         Admission::Known => {}
         Admission::New => info!("battery {}: measured by component {}", number, component_id),
         Admission::OtherSource | Admission::TooLate => {
-            if channel.refusal_log.allows(now) {
-                let link = channel.name();
+            if endpoint.refusal_log.allows(now) {
+                let link = endpoint.name();
                 warn!(
                     "{}: battery {}: component {} refused: {:?}",
                     link, number, component_id, admission

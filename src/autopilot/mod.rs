@@ -9,7 +9,6 @@ mod announcement_limit;
 mod broadcast;
 mod can_watch;
 mod changes;
-mod channel;
 mod driving;
 mod learnt;
 mod links;
@@ -24,7 +23,6 @@ mod wifi_state;
 mod wiring;
 
 pub use announcement::{ANNOUNCEMENT_BYTES, Announcement, AnnouncementText};
-pub use channel::Channel;
 pub use driving::Outputs;
 pub use learnt::{LearntJob, PackIdentity};
 pub use packs::PinsToRead;

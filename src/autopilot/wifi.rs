@@ -3,13 +3,12 @@
 use heapless::String;
 
 use super::announcement::Announcement;
-use super::channel::Channel;
 use super::saving::log_failure;
 use super::wifi_state::PRESENCE_US;
 use super::{Autopilot, Work};
 use crate::log::info;
-use crate::mavlink::LinkKind;
 use crate::mavlink::dialect::MavSeverity;
+use crate::mavlink::{Endpoint, LinkKind};
 use crate::memory::save_state::SaveState;
 use crate::memory::storage::StorageError;
 use crate::numbers::text;
@@ -114,13 +113,11 @@ impl Autopilot {
 
     /// Sends name and password of the access point on a link to a person who has the vehicle in hand, and a refusal on any
     /// other. Neither is logged.
-    pub(super) fn show_wifi(&self, channel: &mut Channel) {
+    pub(super) fn show_wifi(&self, endpoint: &mut Endpoint) {
         let credentials = &self.wifi.credentials;
-        match (channel.endpoint.kind(), credentials.own_password()) {
+        match (endpoint.kind(), credentials.own_password()) {
             (LinkKind::Radio | LinkKind::Wifi, _) => {
-                channel
-                    .endpoint
-                    .say(MavSeverity::MAV_SEVERITY_WARNING, "Wi-Fi password: by USB only");
+                endpoint.say(MavSeverity::MAV_SEVERITY_WARNING, "Wi-Fi password: by USB only");
             }
             (LinkKind::Direct, Some(password)) if credentials.radio() == Radio::Present => {
                 let name = credentials.own_name().as_str();
@@ -130,13 +127,11 @@ impl Autopilot {
                     format_args!("Wi-Fi password: {password}"),
                 ] {
                     let line: String<SHOWN_BYTES> = text(line);
-                    channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, &line);
+                    endpoint.say(MavSeverity::MAV_SEVERITY_INFO, &line);
                 }
             }
             (LinkKind::Direct, _) => {
-                channel
-                    .endpoint
-                    .say(MavSeverity::MAV_SEVERITY_WARNING, "No Wi-Fi radio on this board");
+                endpoint.say(MavSeverity::MAV_SEVERITY_WARNING, "No Wi-Fi radio on this board");
             }
         }
     }

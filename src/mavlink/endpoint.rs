@@ -16,18 +16,34 @@ use super::services::{Changeable, Context};
 use super::signing::{Access, LinkKind};
 use super::stations::Stations;
 use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
-use crate::pack::Pack;
+use crate::log::LogLimit;
+use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterIdSet, Parameters, VehicleParameter};
 use crate::system::{LinkStatistics, SystemState};
 use crate::time::Instant;
 use crate::vehicle::Delivery;
 
+/// Minimum interval between log lines about drops, and between those about refusals.
+const LOG_INTERVAL_US: u64 = 1_000_000;
+
 /// A few dropped messages may be a hiccup; this many mean a link that is too slow.
 const DROPS_UNTIL_SHORTFALL: u8 = 10;
+
+/// The announcements to all links that one link has sent, as counts modulo 2^32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct BroadcastPosition {
+    /// Failsafe levels of each pack.
+    pub levels: [u32; MAX_PACKS],
+    /// Changes of the mode.
+    pub mode: u32,
+    /// Number of the next one in the queue.
+    pub next: u32,
+}
 
 /// Our end of one link. Bytes and times come in, messages and events come out; the wire is not part of it.
 #[derive(Debug)]
 pub struct Endpoint {
+    name: &'static str,
     kind: LinkKind,
     access: Access,
     number: u16,
@@ -45,12 +61,22 @@ pub struct Endpoint {
     /// Received messages that were not signed as they would have to be.
     unauthorized: u32,
     shortfall_said: bool,
+    /// Announcements to all links that this one has sent.
+    pub(crate) position: BroadcastPosition,
+    /// When latched failsafe levels were reported last; at the start, when it was opened.
+    pub(crate) levels_reported_at: Instant,
+    pub(crate) drop_log: LogLimit<LOG_INTERVAL_US>,
+    pub(crate) refusal_log: LogLimit<LOG_INTERVAL_US>,
+    /// The command that was refused last.
+    pub(crate) refused_command: Option<u16>,
 }
 
 impl Endpoint {
-    /// An end of a link of this kind that carries `bytes_per_second`, whose first HEARTBEAT is due at `now`.
-    pub fn new(kind: LinkKind, bytes_per_second: u32, now: Instant) -> Self {
+    /// An end of a link of this kind, called `name` in the log, that carries `bytes_per_second`. Its first HEARTBEAT is due
+    /// at `now`.
+    pub fn new(name: &'static str, kind: LinkKind, bytes_per_second: u32, now: Instant) -> Self {
         Self {
+            name,
             kind,
             access: Access::Full,
             number: 0,
@@ -66,10 +92,20 @@ impl Endpoint {
             streams_dropped: 0,
             unauthorized: 0,
             shortfall_said: false,
+            position: BroadcastPosition::default(),
+            levels_reported_at: now,
+            drop_log: LogLimit::new(),
+            refusal_log: LogLimit::new(),
+            refused_command: None,
         }
     }
 
-    /// Whoever is at the other end has this access from now on.
+    /// The link's name in the log.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Sets the access of the other end, from now on.
     pub fn set_access(&mut self, access: Access) {
         self.access = access;
     }

@@ -30,6 +30,7 @@ mod stations;
 
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
+pub(crate) use endpoint::BroadcastPosition;
 pub use endpoint::Endpoint;
 pub use event::{Action, Event, SetupRefused, SigningChange, WifiRefused};
 pub use framer::Framer;

@@ -6,8 +6,8 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 
 use super::{Shared, now};
-use crate::autopilot::{Autopilot, Channel};
-use crate::mavlink::{Access, LinkId, LinkKind};
+use crate::autopilot::Autopilot;
+use crate::mavlink::{Access, Endpoint, LinkId, LinkKind};
 use crate::parameter::{VehicleParameter, serial_baud};
 use crate::recorder::LogSource;
 use crate::system::LinkStatistics;
@@ -16,7 +16,7 @@ use crate::system::LinkStatistics;
 ///
 /// All tasks run on one executor and none is interrupted by another, so a plain cell guards our end.
 pub struct Link<'a> {
-    channel: RefCell<Channel>,
+    endpoint: RefCell<Endpoint>,
     /// Where logs are read from, for those who download them here.
     log: Option<&'a dyn LogSource>,
     /// The sequence number of the first frame.
@@ -31,7 +31,7 @@ impl<'a> Link<'a> {
     /// A link of this kind called `name` in the log, that carries `bytes_per_second`.
     pub fn new(name: &'static str, kind: LinkKind, bytes_per_second: u32) -> Self {
         Self {
-            channel: RefCell::new(Channel::new(name, kind, bytes_per_second, now())),
+            endpoint: RefCell::new(Endpoint::new(name, kind, bytes_per_second, now())),
             log: None,
             first_sequence: 0,
             to_write: Signal::new(),
@@ -62,7 +62,7 @@ impl<'a> Link<'a> {
 
     /// The same link, at whose other end someone with this access is.
     pub fn with_access(mut self, access: Access) -> Self {
-        self.channel.get_mut().endpoint.set_access(access);
+        self.endpoint.get_mut().set_access(access);
         self
     }
 
@@ -73,41 +73,41 @@ impl<'a> Link<'a> {
 
     /// This many frames were lost on their way to the wire.
     pub fn count_lost(&self, frames: u32) {
-        self.with(|channel| channel.endpoint.count_lost(frames));
+        self.with(|endpoint| endpoint.count_lost(frames));
     }
 
     /// The link's name in the log.
     pub fn name(&self) -> &'static str {
-        self.channel.borrow().name()
+        self.endpoint.borrow().name()
     }
 
     /// The link's counters.
     pub fn statistics(&self) -> LinkStatistics {
-        self.channel.borrow().endpoint.statistics()
+        self.endpoint.borrow().statistics()
     }
 
     /// Whether all answers have been taken by the wire.
     pub fn is_idle(&self) -> bool {
-        self.channel.borrow().endpoint.is_idle()
+        self.endpoint.borrow().is_idle()
     }
 
     /// Uses our end of the link. It must not wait in there.
-    pub(super) fn with<R>(&self, use_channel: impl FnOnce(&mut Channel) -> R) -> R {
-        use_channel(&mut self.channel.borrow_mut())
+    pub(super) fn with<R>(&self, use_endpoint: impl FnOnce(&mut Endpoint) -> R) -> R {
+        use_endpoint(&mut self.endpoint.borrow_mut())
     }
 
     /// Uses our end of the link together with the core. It must not wait in there.
     pub(super) fn serve<R>(
         &self,
         shared: &Shared,
-        serve: impl FnOnce(&mut Autopilot, &mut Channel) -> R,
+        serve: impl FnOnce(&mut Autopilot, &mut Endpoint) -> R,
     ) -> R {
-        shared.with(|autopilot| self.with(|channel| serve(autopilot, channel)))
+        shared.with(|autopilot| self.with(|endpoint| serve(autopilot, endpoint)))
     }
 
     /// Reads what the next message of a download needs, if anything.
     pub(super) fn read_log(&self, shared: &Shared) -> LogReading {
-        let next = self.serve(shared, |autopilot, channel| autopilot.next_read(channel, now()));
+        let next = self.serve(shared, |autopilot, endpoint| autopilot.next_read(endpoint, now()));
         let Some(read) = next else {
             return LogReading::NothingToRead;
         };
@@ -115,13 +115,13 @@ impl<'a> Link<'a> {
         let wanted = bytes.get_mut(..read.bytes.into()).unwrap_or_default();
         let filled = match self.log {
             Some(source) => {
-                let link = self.with(|channel| channel.endpoint.number());
+                let link = self.with(|endpoint| endpoint.number());
                 read_file(read.number, read.offset, wanted, Some(link), source, shared)
             }
             None => 0,
         };
         let bytes = bytes.get(..filled).unwrap_or_default();
-        self.with(|channel| channel.endpoint.supply(read, bytes));
+        self.with(|endpoint| endpoint.supply(read, bytes));
         LogReading::Read
     }
 }

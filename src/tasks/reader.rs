@@ -56,16 +56,16 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
                 handle(bytes, arrivals.earliest, shared, link).await;
             }
             Some(Err(ReceiveError::LineError)) => {
-                link.with(|channel| channel.endpoint.count_overrun());
+                link.with(|endpoint| endpoint.count_overrun());
                 warn!("{}: line error", link.name());
             }
             Some(Err(ReceiveError::BytesLost(bytes))) => {
-                link.with(|channel| channel.endpoint.count_overrun());
+                link.with(|endpoint| endpoint.count_overrun());
                 warn!("{}: {} received bytes were lost", link.name(), bytes);
             }
             Some(Err(ReceiveError::Closed)) => return,
             None => {
-                link.with(|channel| channel.endpoint.give_up_waiting());
+                link.with(|endpoint| endpoint.give_up_waiting());
                 handle(&[], arrivals.earliest, shared, link).await;
             }
         }
@@ -118,7 +118,7 @@ fn earliest_after_wait(began: Instant, ended: Instant) -> Instant {
 /// what a fast line brings in a millisecond takes longer than a sample may be late.
 async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Link<'_>) {
     loop {
-        let taken = link.with(|channel| channel.endpoint.push(bytes));
+        let taken = link.with(|endpoint| endpoint.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
         while let Some(event) = handle_next(earliest, shared, link) {
             if event.concerns_link() {
@@ -134,8 +134,8 @@ async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Lin
 }
 
 fn handle_next(earliest: Instant, shared: &Shared, link: &Link<'_>) -> Option<Event> {
-    link.serve(shared, |autopilot, channel| {
-        autopilot.handle_next(channel, now(), earliest)
+    link.serve(shared, |autopilot, endpoint| {
+        autopilot.handle_next(endpoint, now(), earliest)
     })
 }
 

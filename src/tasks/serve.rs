@@ -31,7 +31,7 @@ pub async fn refuse_link(
     reason: &str,
     check_in: &CheckIn,
 ) {
-    link.with(|channel| channel.endpoint.say(MavSeverity::MAV_SEVERITY_ERROR, reason));
+    link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_ERROR, reason));
     let taken = async {
         while !link.is_idle() {
             yield_now().await;

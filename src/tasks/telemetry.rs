@@ -15,7 +15,7 @@ struct OpenLink<'a> {
 
 impl<'a> OpenLink<'a> {
     fn new(shared: &'a Shared, link: &'a Link<'a>) -> Self {
-        link.serve(shared, |autopilot, channel| autopilot.open(channel));
+        link.serve(shared, |autopilot, endpoint| autopilot.open(endpoint));
         Self { shared, link }
     }
 }
@@ -23,7 +23,7 @@ impl<'a> OpenLink<'a> {
 impl Drop for OpenLink<'_> {
     fn drop(&mut self) {
         self.link
-            .serve(self.shared, |autopilot, channel| autopilot.close(channel));
+            .serve(self.shared, |autopilot, endpoint| autopilot.close(endpoint));
     }
 }
 
@@ -32,10 +32,10 @@ pub async fn schedule_telemetry(shared: &Shared, link: &Link<'_>, check_in: &Che
     let mut announcements = shared.announcements();
     let _open = OpenLink::new(shared, link);
     loop {
-        link.serve(shared, |autopilot, channel| autopilot.post_due(channel, now()));
+        link.serve(shared, |autopilot, endpoint| autopilot.post_due(endpoint, now()));
         link.to_write.signal(());
         mark(check_in);
-        let next_due = link.with(|channel| channel.endpoint.next_due());
+        let next_due = link.with(|endpoint| endpoint.next_due());
         select3(
             timer_at(next_due),
             link.to_schedule.wait(),

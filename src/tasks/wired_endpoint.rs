@@ -22,7 +22,7 @@ impl<W: Write> WiredEndpoint<W> {
     /// A link of this kind over `wire`, which carries `bytes_per_second`. Its first HEARTBEAT is due at `now`.
     pub fn new(kind: LinkKind, bytes_per_second: u32, wire: W, now: Instant) -> Self {
         Self {
-            endpoint: Endpoint::new(kind, bytes_per_second, now),
+            endpoint: Endpoint::new("link", kind, bytes_per_second, now),
             framer: Framer::new(),
             wire,
         }

@@ -21,8 +21,8 @@ pub async fn write_frames<W: Write>(
     let mut framer = Framer::starting_at(link.first_sequence);
     loop {
         let reading = link.read_log(shared);
-        let frame = link.serve(shared, |autopilot, channel| {
-            autopilot.next_frame(channel, &mut framer, now())
+        let frame = link.serve(shared, |autopilot, endpoint| {
+            autopilot.next_frame(endpoint, &mut framer, now())
         });
         let Some(frame) = frame else {
             match reading {

@@ -7,9 +7,9 @@ use embassy_futures::select::select;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Timer};
 use nor_flash::SmallFlash;
-use rover_battmon::autopilot::{Channel, Start};
+use rover_battmon::autopilot::Start;
 use rover_battmon::crash::ParameterSource;
-use rover_battmon::mavlink::{Framer, LinkKind};
+use rover_battmon::mavlink::{Endpoint, Framer, LinkKind};
 use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
@@ -42,19 +42,19 @@ fn erases(regions: &Regions) -> [u32; 3] {
 /// The vehicle, and a ground station by cable.
 struct Station<'a> {
     shared: &'a Shared,
-    channel: RefCell<Channel>,
+    endpoint: RefCell<Endpoint>,
     regions: &'a Regions,
 }
 
 impl Station<'_> {
     /// Everything that is sent now.
     fn sent(&self) -> Vec<Frame> {
-        let mut channel = self.channel.borrow_mut();
+        let mut endpoint = self.endpoint.borrow_mut();
         let mut framer = Framer::new();
         let mut bytes = Vec::new();
         self.shared.with(|autopilot| {
-            autopilot.post_due(&mut channel, now());
-            while let Some(frame) = autopilot.next_frame(&mut channel, &mut framer, now()) {
+            autopilot.post_due(&mut endpoint, now());
+            while let Some(frame) = autopilot.next_frame(&mut endpoint, &mut framer, now()) {
                 bytes.extend(frame.iter().map(|byte| (0, *byte)));
             }
         });
@@ -63,11 +63,11 @@ impl Station<'_> {
 
     /// Delivers a request and returns the answers.
     fn ask(&self, request: &[u8]) -> Vec<Frame> {
-        self.channel.borrow_mut().endpoint.push(request);
+        self.endpoint.borrow_mut().push(request);
         let handle = || {
-            let mut channel = self.channel.borrow_mut();
+            let mut endpoint = self.endpoint.borrow_mut();
             self.shared
-                .with(|autopilot| autopilot.handle_next(&mut channel, now(), now()))
+                .with(|autopilot| autopilot.handle_next(&mut endpoint, now(), now()))
         };
         while handle().is_some() {}
         self.shared.with(|autopilot| autopilot.drive(now()));
@@ -121,7 +121,7 @@ fn run(regions: &Regions, script: impl AsyncFnOnce(&Station<'_>)) {
         let shared = Shared::new(&start);
         let station = Station {
             shared: &shared,
-            channel: RefCell::new(Channel::new("cable", LinkKind::Direct, 100_000, now())),
+            endpoint: RefCell::new(Endpoint::new("cable", LinkKind::Direct, 100_000, now())),
             regions,
         };
         let script = async {

@@ -137,7 +137,7 @@ impl DeskBoard {
         self.desk
             .autopilot
             .set_load(if self.fault == Fault::Busy { 900 } else { 8 });
-        self.desk.autopilot.open(&mut self.desk.channel);
+        self.desk.autopilot.open(&mut self.desk.endpoint);
         if self.fault == Fault::AnnouncesDamage {
             let now = self.desk.now();
             self.desk.autopilot.announce(Announcement::LastParameterLost, now);
@@ -238,13 +238,13 @@ impl DeskBoard {
     fn sent(&mut self) -> Vec<u8> {
         let Desk {
             autopilot,
-            channel,
+            endpoint,
             framer,
             ..
         } = &mut self.desk;
         let now = Instant::from_micros(self.now_us - self.started_us);
         let mut bytes = Vec::new();
-        while let Some(frame) = autopilot.next_frame(channel, framer, now) {
+        while let Some(frame) = autopilot.next_frame(endpoint, framer, now) {
             bytes.extend(frame);
         }
         bytes

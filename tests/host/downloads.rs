@@ -50,7 +50,7 @@ impl Bench {
             (file, content.collect())
         });
         Self {
-            endpoint: Endpoint::new(LinkKind::Direct, 100_000, Instant::EPOCH),
+            endpoint: Endpoint::new("bench", LinkKind::Direct, 100_000, Instant::EPOCH),
             framer: Framer::new(),
             parameters: Parameters::defaults(),
             vehicle: Vehicle::new(),

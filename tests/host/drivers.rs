@@ -2,8 +2,7 @@
 //! driver has centred it, whatever opens its way.
 
 use proptest::prelude::*;
-use rover_battmon::autopilot::Channel;
-use rover_battmon::mavlink::{Access, Framer, LinkKind};
+use rover_battmon::mavlink::{Access, Endpoint, Framer, LinkKind};
 use rover_battmon::parameter::VehicleParameter;
 use rover_battmon::vehicle::{ArmState, Mode, MotorDrive, SideDrives};
 use support::desk::Desk;
@@ -73,7 +72,7 @@ impl Way {
 struct Station {
     way: Way,
     system_id: u8,
-    channel: Channel,
+    endpoint: Endpoint,
     framer: Framer,
 }
 
@@ -100,13 +99,13 @@ impl Room {
 
     /// Another station, by its number.
     fn join(&mut self, way: Way) -> usize {
-        let mut channel = Channel::new("station", way.link, 100_000, self.desk.now());
-        channel.endpoint.set_access(way.access);
-        self.desk.autopilot.open(&mut channel);
+        let mut endpoint = Endpoint::new("station", way.link, 100_000, self.desk.now());
+        endpoint.set_access(way.access);
+        self.desk.autopilot.open(&mut endpoint);
         self.stations.push(Station {
             way,
             system_id: 60 + self.stations.len() as u8,
-            channel,
+            endpoint,
             framer: Framer::new(),
         });
         let number = self.stations.len() - 1;
@@ -117,7 +116,7 @@ impl Room {
 
     /// A station's link is closed.
     fn leave(&mut self, number: usize) {
-        self.desk.autopilot.close(&self.stations[number].channel);
+        self.desk.autopilot.close(&self.stations[number].endpoint);
     }
 
     fn send(&mut self, number: usize, request: &[u8]) {
@@ -125,10 +124,10 @@ impl Room {
         let mut frame = request.to_vec();
         frame[5] = station.system_id;
         let frame = resealed(&frame);
-        assert_eq!(station.channel.endpoint.push(&frame), frame.len());
+        assert_eq!(station.endpoint.push(&frame), frame.len());
         let now = self.desk.now();
         let autopilot = &mut self.desk.autopilot;
-        while autopilot.handle_next(&mut station.channel, now, now).is_some() {}
+        while autopilot.handle_next(&mut station.endpoint, now, now).is_some() {}
     }
 
     fn sticks(&mut self, number: usize, throttle: i16) {
@@ -141,7 +140,7 @@ impl Room {
         let mut bytes = Vec::new();
         let now = self.desk.now();
         let autopilot = &mut self.desk.autopilot;
-        while let Some(frame) = autopilot.next_frame(&mut station.channel, &mut station.framer, now) {
+        while let Some(frame) = autopilot.next_frame(&mut station.endpoint, &mut station.framer, now) {
             bytes.extend(frame.iter().map(|byte| (0, *byte)));
         }
         frames(&bytes)
@@ -332,7 +331,7 @@ fn a_rover_whose_driver_has_left_stands_at_once_and_holds_after_the_time_out() {
         }
         assert_eq!(room.desk.vehicle().status().mode, Mode::Hold, "{way:?}");
         let now = room.desk.now();
-        room.desk.autopilot.post_due(&mut room.stations[1].channel, now);
+        room.desk.autopilot.post_due(&mut room.stations[1].endpoint, now);
         assert_eq!(room.texts(1), ["Radio Failsafe: Hold"]);
     }
 }

@@ -855,7 +855,7 @@ fn what_waits_says_how_things_are_when_it_leaves() {
     desk.change_battery(Pack::Second, |battery| battery.visibility = gone);
     desk.change_battery(Pack::Third, |battery| battery.status = PackStatus::Disabled);
     // The link's counters are those of that moment, too.
-    desk.channel.endpoint.count_overrun();
+    desk.endpoint.count_overrun();
     let sent = desk.sent();
     let of_packs = of_message(&sent, BATTERY_STATUS);
     let voltages: Vec<_> = of_packs
@@ -929,10 +929,9 @@ fn a_file_that_does_not_exist_is_refused_at_once() {
 #[test]
 fn a_long_text_leaves_in_chunks() {
     let mut desk = Desk::without_packs();
-    desk.channel
-        .endpoint
+    desk.endpoint
         .say(MavSeverity::MAV_SEVERITY_WARNING, &"x".repeat(70));
-    desk.channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, "short");
+    desk.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, "short");
     let texts = desk.sent();
     assert!(texts.iter().all(|frame| frame.message_id == STATUSTEXT));
     let parts: Vec<_> = texts
@@ -949,7 +948,7 @@ fn answers_are_byte_exact() {
         .map(|row| row.split(',').collect::<Vec<_>>())
         .map(|columns| (columns[0], columns[4]))
         .collect();
-    let mut endpoint = Endpoint::new(LinkKind::Radio, 100_000, Instant::EPOCH);
+    let mut endpoint = Endpoint::new("bench", LinkKind::Radio, 100_000, Instant::EPOCH);
     endpoint.say(
         MavSeverity::MAV_SEVERITY_WARNING,
         "Battery 1 is low 10.40V used 36 mAh",
@@ -1273,7 +1272,7 @@ proptest! {
         let mut desk = Desk::without_packs();
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25)].concat();
         let mut events = desk.receive_in_chunks(&bytes, chunk);
-        desk.channel.endpoint.give_up_waiting();
+        desk.endpoint.give_up_waiting();
         events.extend(desk.handle_all());
         prop_assume!(!swallowed(&events));
         if desk.statistics().received.unknown_messages > 0 {
@@ -1307,7 +1306,7 @@ proptest! {
         }
         let mut desk = Desk::without_packs();
         let mut events = desk.receive_in_chunks(&bytes, chunk);
-        desk.channel.endpoint.give_up_waiting();
+        desk.endpoint.give_up_waiting();
         events.extend(desk.handle_all());
         let expected = (!is_last).then_some(Event::ParameterSet(EXTRA1));
         prop_assert_eq!(events, Vec::from_iter(expected));
@@ -1340,7 +1339,7 @@ proptest! {
         let mut desk = Desk::without_packs();
         desk.receive_in_chunks(&bytes, 64);
         if pause {
-            desk.channel.endpoint.give_up_waiting();
+            desk.endpoint.give_up_waiting();
         }
         desk.sent();
         for id in ParameterId::all() {

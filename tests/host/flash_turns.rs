@@ -4,9 +4,9 @@ use embassy_futures::block_on;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use rover_battmon::autopilot::{Channel, SamplingProgress, Start};
+use rover_battmon::autopilot::{SamplingProgress, Start};
 use rover_battmon::battery::RetainedRecord;
-use rover_battmon::mavlink::LinkKind;
+use rover_battmon::mavlink::{Endpoint, LinkKind};
 use rover_battmon::memory::flash_map;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
@@ -85,11 +85,11 @@ async fn sample(shared: &Shared) {
 }
 
 fn set(shared: &Shared, name: &str, value: f32) {
-    let mut channel = Channel::new("desk", LinkKind::Direct, 100_000, now());
-    channel.endpoint.push(&param_set(name, value));
+    let mut endpoint = Endpoint::new("desk", LinkKind::Direct, 100_000, now());
+    endpoint.push(&param_set(name, value));
     let handle =
-        |channel: &mut Channel| shared.with(|autopilot| autopilot.handle_next(channel, now(), now()));
-    while handle(&mut channel).is_some() {}
+        |endpoint: &mut Endpoint| shared.with(|autopilot| autopilot.handle_next(endpoint, now(), now()));
+    while handle(&mut endpoint).is_some() {}
 }
 
 fn logged_bytes(shared: &Shared) -> u32 {

@@ -53,7 +53,7 @@ fn desk_with(packs: &[Pack]) -> Desk {
         parameters.restore(monitor.key(), 3.0).unwrap();
     }
     let mut desk = Desk::starting(Start::with_parameters(parameters));
-    desk.autopilot.open(&mut desk.channel);
+    desk.autopilot.open(&mut desk.endpoint);
     desk.sent();
     desk
 }
@@ -358,7 +358,7 @@ fn failure_is_announced_to_a_ground_station_that_connects_while_it_lasts() {
     let mut desk = desk_after_reading(None);
     desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
     let notices = |desk: &mut Desk| {
-        desk.autopilot.open(&mut desk.channel);
+        desk.autopilot.open(&mut desk.endpoint);
         texts_of(&desk.sent())
             .iter()
             .filter(|text| *text == NOT_SAVED)
@@ -437,15 +437,11 @@ fn run_task(flash: &SmallFlash, duration: Duration, script: impl AsyncFnOnce(&Sh
 /// A request by a link to this vehicle.
 fn request(shared: &Shared, request: &[u8]) {
     let now = rover_battmon::tasks::now();
-    let mut channel = rover_battmon::autopilot::Channel::new(
-        "test",
-        rover_battmon::mavlink::LinkKind::Direct,
-        100_000,
-        now,
-    );
-    channel.endpoint.push(request);
+    let mut endpoint =
+        rover_battmon::mavlink::Endpoint::new("test", rover_battmon::mavlink::LinkKind::Direct, 100_000, now);
+    endpoint.push(request);
     while shared
-        .with(|autopilot| autopilot.handle_next(&mut channel, now, now))
+        .with(|autopilot| autopilot.handle_next(&mut endpoint, now, now))
         .is_some()
     {}
 }

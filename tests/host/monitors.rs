@@ -640,8 +640,8 @@ fn packs_that_are_not_on_the_boards_divider_are_announced_once_above_what_the_dr
         let mut rig = Rig::new(kind);
         rig.desk.set(BatteryParameter::VoltPin.of(Pack::First), pin);
         rig.desk.set(VehicleParameter::MotDrvVolt, LOWER_V - 0.5);
-        let channel = &mut rig.desk.channel;
-        rig.desk.autopilot.open(channel);
+        let endpoint = &mut rig.desk.endpoint;
+        rig.desk.autopilot.open(endpoint);
         let mut texts = Vec::new();
         for does in [Does::Measures, Does::MeasuresLess, Does::Fails, Does::Measures] {
             rig.ticks(3 * SECOND_US, does);

@@ -43,7 +43,7 @@ impl Page {
         }]);
         desk.set(VehicleParameter::MotSlewrate, 0.0);
         desk.connect(kind);
-        desk.channel.endpoint.set_access(access);
+        desk.endpoint.set_access(access);
         desk.now_us = 10_000_000;
         let mut page = Self { desk };
         for _ in 0..10 {
@@ -182,7 +182,7 @@ fn only_the_pages_own_link_is_judged_by_what_it_states() {
 fn a_station_that_states_no_time_is_obeyed() {
     let mut desk = Desk::without_packs();
     desk.connect(LinkKind::Wifi);
-    desk.channel.endpoint.set_access(Access::Page);
+    desk.endpoint.set_access(Access::Page);
     for second in 1..20 {
         desk.now_us = second * 1_000_000;
         desk.ask(&system_time(1_790_000_000_000_000));

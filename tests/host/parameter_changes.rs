@@ -1,8 +1,7 @@
 //! A parameter that changes on one link is reported on the others.
 
 use proptest::prelude::*;
-use rover_battmon::autopilot::Channel;
-use rover_battmon::mavlink::LinkKind;
+use rover_battmon::mavlink::{Endpoint, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{Access, BatteryParameter, ParameterId, VehicleParameter};
 use support::desk::Desk;
@@ -23,7 +22,7 @@ const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter
 struct Room {
     desk: Desk,
     /// The other links; one is swapped in to be used.
-    others: Vec<Channel>,
+    others: Vec<Endpoint>,
 }
 
 impl Room {
@@ -32,18 +31,18 @@ impl Room {
         let mut others = Vec::new();
         for bytes_per_second in bytes_per_second {
             desk.connect_slowly(LinkKind::Wifi, *bytes_per_second);
-            desk.autopilot.open(&mut desk.channel);
+            desk.autopilot.open(&mut desk.endpoint);
             desk.sent();
-            let none = Channel::new("none", LinkKind::Wifi, FAST, desk.now());
-            others.push(std::mem::replace(&mut desk.channel, none));
+            let none = Endpoint::new("none", LinkKind::Wifi, FAST, desk.now());
+            others.push(std::mem::replace(&mut desk.endpoint, none));
         }
         Self { desk, others }
     }
 
     fn on<R>(&mut self, link: usize, use_it: impl FnOnce(&mut Desk) -> R) -> R {
-        std::mem::swap(&mut self.desk.channel, &mut self.others[link]);
+        std::mem::swap(&mut self.desk.endpoint, &mut self.others[link]);
         let result = use_it(&mut self.desk);
-        std::mem::swap(&mut self.desk.channel, &mut self.others[link]);
+        std::mem::swap(&mut self.desk.endpoint, &mut self.others[link]);
         result
     }
 
@@ -204,8 +203,8 @@ fn a_link_that_opens_later_or_is_closed_has_nothing_to_report() {
     let mut closed = room.others.pop().expect("the second");
     room.desk.autopilot.close(&closed);
     room.set(0, "BATT_LOW_VOLT", 10.4);
-    std::mem::swap(&mut room.desk.channel, &mut closed);
-    room.desk.autopilot.open(&mut room.desk.channel);
+    std::mem::swap(&mut room.desk.endpoint, &mut closed);
+    room.desk.autopilot.open(&mut room.desk.endpoint);
     room.desk.post_due(room.desk.now_us);
     assert_eq!(values(&room.desk.sent()), []);
 }

@@ -470,7 +470,7 @@ fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
     const BATTERY_RESET: u16 = 42651;
     let open = |rover: &mut Rover, link| {
         rover.0.connect(link);
-        rover.0.autopilot.open(&mut rover.0.channel);
+        rover.0.autopilot.open(&mut rover.0.endpoint);
     };
     let levels = |rover: &mut Rover| {
         rover.0.post_due(rover.0.now_us);
@@ -517,7 +517,7 @@ fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
 // Requirement: AP-18
 fn a_station_that_was_away_when_a_level_was_latched_learns_of_it_once() {
     let mut rover = with_thresholds();
-    rover.0.autopilot.open(&mut rover.0.channel);
+    rover.0.autopilot.open(&mut rover.0.endpoint);
     rover.sample(11.1, 2);
     rover.deliver(&heartbeat(GROUND_STATION));
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
@@ -603,11 +603,8 @@ fn prearm_check_reports_all_failures_of_all_packs() {
     rover
         .0
         .set_batteries(&[at_voltage(11.1), BatteryState::disabled(), critical]);
-    let texts = rover.ask(
-        &command_long(RUN_PREARM_CHECKS, f32::NAN),
-        RUN_PREARM_CHECKS,
-        ACCEPTED,
-    );
+    let checks = command_long(RUN_PREARM_CHECKS, f32::NAN);
+    let texts = rover.ask(&checks, RUN_PREARM_CHECKS, ACCEPTED);
     let expected = [
         "PreArm: Battery 1 critical voltage failsafe",
         "PreArm: Battery 1 low voltage failsafe",
@@ -615,14 +612,11 @@ fn prearm_check_reports_all_failures_of_all_packs() {
         "PreArm: Battery 3 critical voltage failsafe",
     ];
     assert_eq!(texts, expected.map(|text| (CRITICAL, text.to_string())));
+    assert_eq!(rover.deliver(&checks), Event::Answered, "nothing is driven");
     assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
 
     let mut armed = Rover::armed_in(4.0);
-    armed.assert_ack(
-        &command_long(RUN_PREARM_CHECKS, 0.0),
-        RUN_PREARM_CHECKS,
-        TEMPORARILY_REJECTED,
-    );
+    armed.assert_ack(&checks, RUN_PREARM_CHECKS, TEMPORARILY_REJECTED);
 }
 
 /// The readiness to arm that SYS_STATUS reports is the answer that an attempt gets.

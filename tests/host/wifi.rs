@@ -460,7 +460,7 @@ fn a_report_is_announced_once_until_the_radio_does_what_it_should() {
 fn a_ground_station_that_connects_later_is_sent_what_is_wrong_now() {
     let notices = |desk: &mut Desk| {
         desk.connect(LinkKind::Direct);
-        desk.autopilot.open(&mut desk.channel);
+        desk.autopilot.open(&mut desk.endpoint);
         let texts = texts_of(&desk.sent());
         texts
             .into_iter()
@@ -554,8 +554,8 @@ fn run_task(flash: &SmallFlash, requests: &[Vec<u8>]) {
         let all = async {
             for request in requests {
                 let now = rover_battmon::tasks::now();
-                let mut desk = rover_battmon::autopilot::Channel::new("desk", LinkKind::Direct, 100_000, now);
-                desk.endpoint.push(request);
+                let mut desk = rover_battmon::mavlink::Endpoint::new("desk", LinkKind::Direct, 100_000, now);
+                desk.push(request);
                 while shared
                     .with(|autopilot| autopilot.handle_next(&mut desk, now, now))
                     .is_some()

@@ -1,8 +1,8 @@
 //! The autopilot on a desk: one link, with a ground station at the other end, and no tasks.
 
-use rover_battmon::autopilot::{Autopilot, Channel, SamplingProgress, Start};
+use rover_battmon::autopilot::{Autopilot, SamplingProgress, Start};
 use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
-use rover_battmon::mavlink::{Event, Framer, LinkKind};
+use rover_battmon::mavlink::{Endpoint, Event, Framer, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogReadings};
@@ -30,7 +30,7 @@ pub fn adc_count(pin_v: f32) -> AdcCount {
 /// The autopilot, and our end of a link.
 pub struct Desk {
     pub autopilot: Autopilot,
-    pub channel: Channel,
+    pub endpoint: Endpoint,
     pub framer: Framer,
     pub now_us: u64,
     /// For how long what is delivered may have waited on its way.
@@ -65,7 +65,7 @@ impl Desk {
     pub fn with_own_drivers(start: Start) -> Self {
         Self {
             autopilot: Autopilot::new(&start),
-            channel: Channel::new("desk", LinkKind::Radio, FAST, Instant::EPOCH),
+            endpoint: Endpoint::new("desk", LinkKind::Radio, FAST, Instant::EPOCH),
             framer: Framer::new(),
             now_us: 0,
             waited_us: 0,
@@ -83,7 +83,7 @@ impl Desk {
 
     /// Connects by another link that carries `bytes_per_second`.
     pub fn connect_slowly(&mut self, kind: LinkKind, bytes_per_second: u32) {
-        self.channel = Channel::new("desk", kind, bytes_per_second, self.now());
+        self.endpoint = Endpoint::new("desk", kind, bytes_per_second, self.now());
     }
 
     pub fn parameters(&self) -> &Parameters {
@@ -136,7 +136,7 @@ impl Desk {
         let mut events = Vec::new();
         for mut part in bytes.chunks(chunk) {
             while !part.is_empty() {
-                let taken = self.channel.endpoint.push(part);
+                let taken = self.endpoint.push(part);
                 assert!(taken > 0, "no room for another byte");
                 part = &part[taken..];
                 events.extend(self.handle_all());
@@ -149,22 +149,22 @@ impl Desk {
     pub fn handle_all(&mut self) -> Vec<Event> {
         let now = self.now();
         let received_at = now.before_us(self.waited_us);
-        std::iter::from_fn(|| self.autopilot.handle_next(&mut self.channel, now, received_at)).collect()
+        std::iter::from_fn(|| self.autopilot.handle_next(&mut self.endpoint, now, received_at)).collect()
     }
 
     /// Posts what is due at `now_us`.
     pub fn post_due(&mut self, now_us: u64) {
         self.autopilot
-            .post_due(&mut self.channel, Instant::from_micros(now_us));
+            .post_due(&mut self.endpoint, Instant::from_micros(now_us));
     }
 
     /// When something is due next.
     pub fn next_due_us(&self) -> u64 {
-        self.channel.endpoint.next_due().as_micros()
+        self.endpoint.next_due().as_micros()
     }
 
     pub fn statistics(&self) -> LinkStatistics {
-        self.channel.endpoint.statistics()
+        self.endpoint.statistics()
     }
 
     /// Delivers a request and returns the answers.
@@ -185,7 +185,7 @@ impl Desk {
             let now = self.now();
             let frame = self
                 .autopilot
-                .next_frame(&mut self.channel, &mut self.framer, now);
+                .next_frame(&mut self.endpoint, &mut self.framer, now);
             let Some(frame) = frame else {
                 break;
             };

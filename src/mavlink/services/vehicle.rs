@@ -265,6 +265,7 @@ impl<'a> VehicleService<'a> {
     fn acknowledge(&mut self, command: u16, result: MavResult, from: Peer) -> Event {
         self.outbox.acknowledge(command, result, from);
         match result {
+            ACCEPTED if command == RUN_PREARM_CHECKS => Event::Answered,
             ACCEPTED => Event::Driven,
             _ => Event::CommandRefused(command),
         }

@@ -71,7 +71,7 @@ impl Scene {
     fn attack(&mut self, bytes: &[u8]) {
         let before = self.desk.parameters().clone();
         let mut events = self.desk.receive_in_chunks(bytes, 64);
-        self.desk.channel.endpoint.give_up_waiting();
+        self.desk.endpoint.give_up_waiting();
         events.extend(self.desk.handle_all());
         for event in events {
             assert!(
