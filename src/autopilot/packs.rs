@@ -8,10 +8,10 @@ use crate::battery::{
 };
 use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
-    FuelReadings, Members, MonitorKind, Pulses, Samples, capacity_ml, set_up_error, tank, timeout_us,
+    FuelReadings, Members, Pulses, Samples, capacity_ml, set_up_error, tank, timeout_us,
 };
 use crate::time::Instant;
 
@@ -277,7 +277,7 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
     let mut order = Vec::new();
     for is_turn_of_sums in [false, true] {
         for pack in Pack::ALL {
-            if let Some(kind) = MonitorKind::of(parameters, pack)
+            if let Some(kind) = parameters.monitor_kind(pack)
                 && (kind == MonitorKind::Sum) == is_turn_of_sums
             {
                 // There is room for every pack.
@@ -293,12 +293,12 @@ fn sources(parameters: &Parameters) -> [PackSource; MAX_PACKS] {
 }
 
 fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
-    Pack::ALL.map(|pack| set_up_error(MonitorKind::of(parameters, pack)?, parameters))
+    Pack::ALL.map(|pack| set_up_error(parameters.monitor_kind(pack)?, parameters))
 }
 
 fn silences(parameters: &Parameters) -> [Silence; MAX_PACKS] {
     Pack::ALL.map(|pack| {
-        let kind = MonitorKind::of(parameters, pack);
+        let kind = parameters.monitor_kind(pack);
         Silence::new(kind.map_or(0, |kind| timeout_us(kind, parameters)))
     })
 }

@@ -12,10 +12,11 @@ use crate::battery::{
 };
 use crate::log::{info, warn};
 use crate::pack::Pack;
+use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
-    Admission, AnalogPin, AnalogReadings, CanEvent, CanStatus, ControllerReading, ExternalReading,
-    MonitorKind, Pulses, SerialReading,
+    Admission, AnalogPin, AnalogReadings, CanEvent, CanStatus, ControllerReading, ExternalReading, Pulses,
+    SerialReading,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;

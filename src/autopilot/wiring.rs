@@ -1,8 +1,8 @@
 //! The peripherals that the parameters call for.
 
 use super::Autopilot;
-use crate::parameter::{VehicleParameter, serial_baud};
-use crate::sensor::{self, BitTiming, CanSettings, CanSetup, MonitorKind, SerialSetup};
+use crate::parameter::{MonitorInput, MonitorKind, VehicleParameter, serial_baud};
+use crate::sensor::{self, BitTiming, CanSettings, CanSetup, SerialSetup};
 
 /// Peripherals that the parameters call for. Those that are not used stay untouched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +31,8 @@ impl Autopilot {
             telemetry_baud: serial_baud(parameters.get_whole(VehicleParameter::Serial0Baud)),
             i2c_clock_hz: sensor::bus_clock_hz(parameters),
             serial: SerialSetup::from_parameters(parameters),
-            uses_pulses: sensor::needs_pulses(parameters) && can.is_none(),
-            uses_spi_part: sensor::needs_spi(parameters),
+            uses_pulses: parameters.uses_input(MonitorInput::Pulses) && can.is_none(),
+            uses_spi_part: parameters.uses_input(MonitorInput::Spi),
             can,
         }
     }

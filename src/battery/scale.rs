@@ -3,10 +3,6 @@
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 
-/// `BATT_MONITOR` of the kinds whose voltage is converted by these factors: an analog pin, the same with a current sensor or
-/// a synthetic current, and AD7091R-5.
-const CONVERTED: [i32; 4] = [3, 4, 25, 33];
-
 /// The scale of a pack's voltage and current, with the pin of the voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measuring {
@@ -31,17 +27,15 @@ impl Measuring {
     /// From the live parameters of a pack; `None` if its source does not use them.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Option<Self> {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
-        let whole = |parameter: BatteryParameter| parameters.get_whole(parameter.of(pack));
-        CONVERTED
-            .contains(&whole(BatteryParameter::Monitor))
-            .then(|| Self {
-                scale: MeasuringScale {
-                    volt_multiplier: value(BatteryParameter::VoltMult),
-                    volt_offset_v: value(BatteryParameter::VltOffset),
-                    amperes_per_volt: value(BatteryParameter::AmpPervlt),
-                },
-                voltage_pin: whole(BatteryParameter::VoltPin),
-            })
+        let kind = parameters.monitor_kind(pack)?;
+        kind.reads_voltage_pin().then(|| Self {
+            scale: MeasuringScale {
+                volt_multiplier: value(BatteryParameter::VoltMult),
+                volt_offset_v: value(BatteryParameter::VltOffset),
+                amperes_per_volt: value(BatteryParameter::AmpPervlt),
+            },
+            voltage_pin: parameters.get_whole(BatteryParameter::VoltPin.of(pack)),
+        })
     }
 }
 

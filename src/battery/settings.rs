@@ -2,7 +2,7 @@
 
 use super::{BatteryState, Chemistry, ReportedVoltage, Visibility};
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 
 /// Settings of a pack, from its parameters. `None` is not set or disabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -100,9 +100,6 @@ pub enum VoltageSource {
 const SEND_RESTING_VOLTAGE: i32 = 1 << 6;
 const INTERNAL_USE_ONLY: i32 = 1 << 8;
 
-/// `BATT_MONITOR` of a sum of packs.
-const SUM: i32 = 10;
-
 /// `BATT_FS_VOLTSRC`: the resting voltage.
 const SAG_COMPENSATED: i32 = 1;
 
@@ -121,7 +118,7 @@ impl PackSettings {
         let above_zero = |parameter| Some(value(parameter)).filter(|value| *value > 0.0);
         let options = whole(BatteryParameter::Options);
         let default_capacity_mah = BatteryParameter::Capacity.of(pack).default_value();
-        let is_sum = whole(BatteryParameter::Monitor) == SUM;
+        let is_sum = parameters.monitor_kind(pack) == Some(MonitorKind::Sum);
         Self {
             chemistry: Chemistry::from_number(whole(BatteryParameter::Chem)).unwrap_or_default(),
             cell_count: u8::try_from(whole(BatteryParameter::Cells))

@@ -23,10 +23,11 @@ pub(crate) use parameters::checked;
 pub use parameters::{Parameters, Refused, triggers};
 pub use stick_channel::{StickChannel, StickChannels};
 pub use table::{
-    Access, BatteryParameter, Bearing, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS, Meaning,
-    Parameter, Range, StickParameter, VehicleParameter, means, serial_baud,
+    Access, BatteryParameter, Bearing, FuelKind, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS,
+    Meaning, MonitorKind, Parameter, PartKind, Range, StickParameter, VehicleParameter, means, serial_baud,
 };
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
+pub(crate) use table::{MonitorInput, TICK_TIMEOUT_US};
 pub use trouble::ParameterTrouble;
 pub use unsaved::{SaveFailure, Unsaved};

@@ -3,8 +3,8 @@
 use super::stick_channel::Sticks;
 use super::trouble::{CHECKED, Doubts};
 use super::{
-    Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, ParameterId, ParameterIdSet,
-    VehicleParameter,
+    Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, MonitorInput, MonitorKind,
+    ParameterId, ParameterIdSet, VehicleParameter,
 };
 use crate::memory::save_state::SaveState;
 use crate::numbers::round_to_i32;
@@ -114,6 +114,17 @@ impl Parameters {
         self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED
     }
 
+    /// The kind of a pack's monitor (`BATT_MONITOR`); `None` if disabled.
+    pub fn monitor_kind(&self, pack: Pack) -> Option<MonitorKind> {
+        MonitorKind::from_number(self.get_whole(BatteryParameter::Monitor.of(pack)))
+    }
+
+    /// Whether any pack's monitor is read by this input.
+    pub(crate) fn uses_input(&self, input: MonitorInput) -> bool {
+        let mut kinds = Pack::ALL.into_iter().filter_map(|pack| self.monitor_kind(pack));
+        kinds.any(|kind| kind.input() == input)
+    }
+
     /// Lists those of `ids` that are in use now.
     fn update_listed(&mut self, ids: impl Iterator<Item = ParameterId>) {
         for id in ids {
@@ -137,7 +148,7 @@ impl Parameters {
             // Whole numbers are stored as such.
             Listed::WithSerialProtocol(protocol) => self.get(VehicleParameter::Serial1Protocol) == protocol,
             Listed::WithCan => self.get(VehicleParameter::CanP1Driver) != CAN_DISABLED,
-            Listed::WithMonitor(kind) => monitor == Some(kind),
+            Listed::WithMonitor(kind) => monitor == Some(kind.number() as f32),
         }
     }
 

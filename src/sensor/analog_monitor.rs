@@ -1,7 +1,8 @@
 //! Analog battery monitor: voltage divider and current sensor on ADC pins.
 
-use super::{AnalogPin, AnalogReadings, AnalogWiring, FuelKind, MonitorKind};
+use super::{AnalogPin, AnalogReadings, AnalogWiring};
 use crate::battery::{Measurement, ReadError};
+use crate::parameter::{FuelKind, MonitorKind};
 
 impl AnalogWiring {
     /// The pins that a monitor of this kind reads.

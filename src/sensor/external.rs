@@ -2,11 +2,11 @@
 
 use crate::battery::{CellVoltages, Consumed, Counted, Measurement, Reported};
 use crate::pack::Pack;
+use crate::parameter::MonitorKind;
 use crate::time::Instant;
 
-/// For how long a pack may be without a reading by another component of the vehicle, in microseconds. Over a longer interval
-/// the current would not be integrated without a gap.
-pub(super) const EXTERNAL_TIMEOUT_US: u64 = 2_000_000;
+/// Longest time without a reading by another component of the vehicle, in microseconds.
+const EXTERNAL_TIMEOUT_US: u64 = MonitorKind::External.timeout_us();
 
 /// A reading of a pack by another component. `None` is not reported; without a voltage there is no reading.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,20 +6,8 @@ use super::AnalogReadings;
 use super::analog::level_pin;
 use crate::battery::{Consumed, Contents, Counted, Gauge, GaugeReading, Measurement, ReadError};
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::parameter::{BatteryParameter, FuelKind, Parameters, VehicleParameter};
 use crate::time::Instant;
-
-/// Kind of fuel sensor. None of them shows that it is broken: without pulses an engine seems to stand, and an open input is some level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum FuelKind {
-    /// Flow sensor with a fixed volume per pulse.
-    Flow,
-    /// Level sensor with a pulse-width output.
-    LevelPwm,
-    /// Level sensor with an analog output.
-    LevelAnalog,
-}
 
 /// Inputs of a fuel measurement.
 #[derive(Clone, Copy, Debug)]

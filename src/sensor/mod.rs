@@ -7,7 +7,6 @@ mod can;
 mod controllers;
 mod external;
 mod fuel;
-mod kind;
 mod serial;
 mod set_up;
 
@@ -15,9 +14,7 @@ pub use analog::{
     ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, AnalogWiring,
     BURST_CONVERSIONS, CurrentSensor, VoltageDivider, read_mean,
 };
-pub use bus::{
-    Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
-};
+pub use bus::{Address, BusDevices, Buses, I2cBus, NoSpi, Samples, SensorBus, Wiring, bus_clock_hz};
 pub use can::{
     Acceptance, BitTiming, CanBus, CanEvent, CanFilters, CanFrame, CanInterrupt, CanNotice, CanOptions,
     CanPack, CanReport, CanSettings, CanSetup, CanState, CanStatus, ChargerPower, DroneCan, FRAME_BYTES,
@@ -25,8 +22,7 @@ pub use can::{
 };
 pub use controllers::{ControllerBank, ControllerReading, Members};
 pub use external::{Admission, ExternalReading, ExternalSource};
-pub use fuel::{EngineReading, FuelKind, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
-pub use kind::{MonitorKind, needs_pulses, needs_spi};
+pub use fuel::{EngineReading, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
 pub use serial::{
     DriverEnable, FuelCellError, FuelCellState, REQUEST_BYTES, Request, RichenPowerErrors, SerialDevice,
     SerialNotice, SerialProtocol, SerialReading, SerialSetup, TorqeedoCondition, Urgency, Wires,

@@ -1,62 +1,32 @@
-//! What a sensor is connected to: whether that is set up for it, and how often it has to report.
+//! Whether the input of a sensor is set up, and how often it has to report.
 
-use super::can::CAN_TIMEOUT_US;
-use super::external::EXTERNAL_TIMEOUT_US;
-use super::kind::TICK_TIMEOUT_US;
-use super::{BitTiming, DriverEnable, FuelKind, MonitorKind, SerialProtocol, SerialSetup};
+use super::{BitTiming, DriverEnable, SerialProtocol, SerialSetup};
 use crate::battery::ReadError;
-use crate::parameter::Parameters;
+use crate::parameter::{MonitorInput, MonitorKind, Parameters};
 
-/// For how long a pack may be without a reading, in microseconds. Each sampling tick after that is a failed read.
+/// Longest time without a reading, in microseconds. Each sampling tick after that is a failed read.
 pub fn timeout_us(kind: MonitorKind, parameters: &Parameters) -> u64 {
-    match kind {
-        MonitorKind::Can => CAN_TIMEOUT_US,
-        MonitorKind::External => EXTERNAL_TIMEOUT_US,
-        MonitorKind::GeneratorElectrical
-        | MonitorKind::GeneratorFuel
-        | MonitorKind::Torqeedo
-        | MonitorKind::Efi => {
-            SerialProtocol::selected(parameters).map_or(TICK_TIMEOUT_US, SerialProtocol::timeout_us)
-        }
-        MonitorKind::AnalogVoltage
-        | MonitorKind::AnalogVoltageAndCurrent
-        | MonitorKind::Sum
-        | MonitorKind::SyntheticCurrent
-        | MonitorKind::AnalogCurrent
-        | MonitorKind::Esc
-        | MonitorKind::Fuel(_)
-        | MonitorKind::Bus(_) => TICK_TIMEOUT_US,
-    }
+    let protocol = match kind.input() {
+        MonitorInput::SerialLine => SerialProtocol::selected(parameters),
+        _ => None,
+    };
+    protocol.map_or(kind.timeout_us(), SerialProtocol::timeout_us)
 }
 
-/// Why a sensor can't be read with these parameters, whatever is connected: what it is connected to is not set up, or is used
-/// by another sensor.
+/// Why a sensor can't be read with these parameters, whatever is connected: its input is not set up, or another sensor uses
+/// the pin.
 pub fn set_up_error(kind: MonitorKind, parameters: &Parameters) -> Option<ReadError> {
-    match kind {
-        MonitorKind::Esc => {
+    let unless = |is_set_up: bool, error| (!is_set_up).then_some(error);
+    match kind.input() {
+        MonitorInput::AlwaysThere => None,
+        MonitorInput::Pulses => unless(!has_can(parameters), ReadError::PinTaken),
+        MonitorInput::Spi => unless(!has_driver_enable(parameters), ReadError::PinTaken),
+        MonitorInput::SerialLine => unless(has_protocol(kind, parameters), ReadError::NotSetUp),
+        MonitorInput::Can => unless(has_can(parameters), ReadError::NotSetUp),
+        MonitorInput::Controllers => {
             let is_connected = has_protocol(kind, parameters) || has_can(parameters);
-            (!is_connected).then_some(ReadError::NotSetUp)
+            unless(is_connected, ReadError::NotSetUp)
         }
-        MonitorKind::GeneratorElectrical
-        | MonitorKind::GeneratorFuel
-        | MonitorKind::Torqeedo
-        | MonitorKind::Efi => (!has_protocol(kind, parameters)).then_some(ReadError::NotSetUp),
-        MonitorKind::Can => (!has_can(parameters)).then_some(ReadError::NotSetUp),
-        // GP17 is the interrupt line of the CAN controller.
-        MonitorKind::Fuel(FuelKind::Flow | FuelKind::LevelPwm) => {
-            has_can(parameters).then_some(ReadError::PinTaken)
-        }
-        MonitorKind::Bus(part) if part.is_at_spi() => {
-            has_driver_enable(parameters).then_some(ReadError::PinTaken)
-        }
-        MonitorKind::AnalogVoltage
-        | MonitorKind::AnalogVoltageAndCurrent
-        | MonitorKind::Sum
-        | MonitorKind::SyntheticCurrent
-        | MonitorKind::AnalogCurrent
-        | MonitorKind::External
-        | MonitorKind::Fuel(FuelKind::LevelAnalog)
-        | MonitorKind::Bus(_) => None,
     }
 }
 

@@ -15,8 +15,8 @@ use panic_probe as _;
 use rover_battmon::battery::{BatteryMonitor, BusError, PackSettings, Tick};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, Parameters};
-use rover_battmon::sensor::{BusDevices, Buses, I2cBus, PartKind, bus_clock_hz};
+use rover_battmon::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
+use rover_battmon::sensor::{BusDevices, Buses, I2cBus, bus_clock_hz};
 use rover_battmon::system::SystemState;
 use rover_battmon::tasks::{WiredEndpoint, now};
 use rover_battmon::vehicle::ArmState;
@@ -31,7 +31,7 @@ const BAUD: u32 = 115_200;
 
 /// How the pack is measured and what it is: the parameters `BATT_MONITOR`, `BATT_SHUNT` and so on.
 const PACK: [(BatteryParameter, f32); 4] = [
-    (BatteryParameter::Monitor, PartKind::Ina2xx.number() as f32),
+    (BatteryParameter::Monitor, MonitorKind::Bus(PartKind::Ina2xx).number() as f32),
     // The resistor between the pack and its load, in ohms.
     (BatteryParameter::Shunt, 0.002),
     (BatteryParameter::Cells, 3.0),

@@ -1,45 +1,12 @@
 //! Parameters of a pack.
 
+use super::monitor_kind::{MONITOR_CHOICES, MonitorKind};
 use super::{Access, Kind, Listed, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 
 /// Most motor controllers: `BATT_ESC_MASK` has a bit for each.
 pub const MAX_CONTROLLERS: usize = 12;
-
-/// Kinds of sensors, with ArduPilot's numbers; a test in `src/sensor/kind.rs` compares them with those there are.
-const MONITORS: Range = Range::OneOf(&[
-    (0, means("Disabled")),
-    (3, means("Analog Voltage Only")),
-    (4, means("Analog Voltage and Current")),
-    (9, means("ESC")),
-    (10, means("Sum Of Selected Monitors")),
-    (11, means("FuelFlow")),
-    (12, means("FuelLevelPWM")),
-    (24, means("FuelLevelAnalog")),
-    (25, means("Synthetic Current and Analog Voltage")),
-    (8, means("DroneCAN-BatteryInfo")),
-    (17, means("Generator-Elec")),
-    (18, means("Generator-Fuel")),
-    (23, means("Torqeedo")),
-    (27, means("EFI")),
-    (29, means("Scripting, by a companion computer")),
-    (31, means("Analog Current Only")),
-    (7, means("SMBus-Generic")),
-    (5, means("Solo")),
-    (13, means("SMBUS-SUI3")),
-    (14, means("SMBUS-SUI6")),
-    (15, means("NeoDesign")),
-    (16, means("SMBus-Maxell")),
-    (19, means("Rotoye")),
-    (21, means("INA2XX")),
-    (26, means("INA239_SPI")),
-    (22, means("LTC2946")),
-    (28, means("AD7091R5")),
-    (30, means("INA3221")),
-    (32, means("TIBQ76952-I2C")),
-    (6, means("Bebop")),
-]);
 
 /// Analog pins of the board, by GPIO number.
 const ANALOG_PINS: Range = Range::OneOf(&[
@@ -97,7 +64,7 @@ parameters! {
         name: "MONITOR",
         kind: Kind::Int8,
         default: 0.0,
-        range: MONITORS,
+        range: Range::OneOf(MONITOR_CHOICES),
         takes_effect: TakesEffect::AfterReboot,
         label: "Battery monitoring",
         description: "Kind of sensor. While it is 0, the pack's other parameters are not listed.",
@@ -601,7 +568,7 @@ parameters! {
         kind: Kind::Real32,
         default: 1.0,
         range: Range::Between(0.1, 10.0),
-        listed: Listed::WithMonitor(8.0),
+        listed: Listed::WithMonitor(MonitorKind::Can),
         step: 0.1,
         label: "Current multiplier",
         description: "Factor applied to the current that a DroneCAN battery or charger reports.",
@@ -613,7 +580,7 @@ parameters! {
         default: 0.0,
         // A float represents every whole number in this range.
         range: Range::Between(0.0, ((1 << MAX_CONTROLLERS) - 1) as f32),
-        listed: Listed::WithMonitor(9.0),
+        listed: Listed::WithMonitor(MonitorKind::Esc),
         label: "ESC mask",
         description: "Motor controllers that supply this pack's measurement, one bit each from bit 0. 0: all.",
     }

@@ -74,6 +74,7 @@ macro_rules! parameters {
 
 mod battery;
 mod ground_station;
+mod monitor_kind;
 mod range;
 #[cfg(not(target_os = "none"))]
 mod simulation;
@@ -82,6 +83,8 @@ mod vehicle;
 
 pub use battery::{BatteryParameter, MAX_CONTROLLERS};
 pub use ground_station::GroundStationParameter;
+pub use monitor_kind::{FuelKind, MonitorKind, PartKind};
+pub(crate) use monitor_kind::{MonitorInput, TICK_TIMEOUT_US};
 pub use range::{Meaning, Range, means};
 #[cfg(not(target_os = "none"))]
 pub use simulation::SimulationParameter;
@@ -172,7 +175,7 @@ pub enum Listed {
     /// While `CAN_P1_DRIVER` is not 0.
     WithCan,
     /// While the pack's `MONITOR` is this.
-    WithMonitor(f32),
+    WithMonitor(MonitorKind),
 }
 
 /// When a change of a parameter takes effect.

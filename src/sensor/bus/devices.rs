@@ -4,10 +4,10 @@ use heapless::Vec;
 
 use super::part::FAST_MODE_HZ;
 use super::registry::AnyPart;
-use super::{Address, PartKind, SensorBus, Wiring};
+use super::{Address, SensorBus, Wiring};
 use crate::battery::{BusError, Measurement, ReadError};
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::Parameters;
+use crate::parameter::{MonitorKind, Parameters, PartKind};
 use crate::time::{Cadence, Instant};
 
 /// Failures in a row before a part's back-off period, so that it does not hold up the others.
@@ -60,7 +60,7 @@ impl BusDevices {
     pub fn from_parameters(parameters: &Parameters, now: Instant) -> Self {
         let mut devices = Self::default();
         for pack in Pack::ALL {
-            if let Some(kind) = PartKind::of(parameters, pack) {
+            if let Some(kind) = part_of(parameters, pack) {
                 devices.add(kind, pack, Wiring::from_parameters(parameters, pack), now);
             }
         }
@@ -150,11 +150,17 @@ impl BusDevices {
     }
 }
 
+/// The kind of part that measures a pack; `None` if no part on the bus does.
+fn part_of(parameters: &Parameters, pack: Pack) -> Option<PartKind> {
+    match parameters.monitor_kind(pack)? {
+        MonitorKind::Bus(kind) => Some(kind),
+        _ => None,
+    }
+}
+
 /// The fastest clock that every part the parameters name stands, in Hz.
 pub fn bus_clock_hz(parameters: &Parameters) -> u32 {
-    let kinds = Pack::ALL
-        .into_iter()
-        .filter_map(|pack| PartKind::of(parameters, pack));
+    let kinds = Pack::ALL.into_iter().filter_map(|pack| part_of(parameters, pack));
     kinds
         .map(PartKind::highest_clock_hz)
         .min()

@@ -20,7 +20,6 @@ use embedded_hal_async::spi::{
 
 pub use devices::{BusDevices, bus_clock_hz};
 pub use part::Wiring;
-pub use registry::PartKind;
 pub use samples::Samples;
 
 use crate::battery::BusError;

@@ -4,22 +4,13 @@ use super::part::Part;
 use super::parts::{Ad7091r5, Bebop, Bq76952, Ina2xx, Ina3221, Ltc2946, SmartBattery, ina2xx, smart_battery};
 use super::{Address, SensorBus, Wiring};
 use crate::battery::{Measurement, ReadError};
-use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::PartKind;
 
-/// For each driver its kinds, a line each: what it is, its number in `BATT_MONITOR` (ArduPilot's), and what the driver has
-/// to know of it.
+/// For each driver its kinds, a line each, and the model that distinguishes them.
 macro_rules! parts {
     ($($driver:ident {
-        $($(#[$doc:meta])* $kind:ident = $number:literal, $model:expr;)+
+        $($kind:ident = $model:expr;)+
     })+) => {
-        /// A kind of part on the bus.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[cfg_attr(target_os = "none", derive(defmt::Format))]
-        pub enum PartKind {
-            $($($(#[$doc])* $kind,)+)+
-        }
-
         /// A kind's driver, with what that has to know of the kind.
         #[derive(Clone, Copy)]
         enum Selected {
@@ -27,16 +18,6 @@ macro_rules! parts {
         }
 
         impl PartKind {
-            /// Every kind.
-            pub const ALL: &'static [Self] = &[$($(Self::$kind,)+)+];
-
-            /// Its number in `BATT_MONITOR`.
-            pub const fn number(self) -> i32 {
-                match self {
-                    $($(Self::$kind => $number,)+)+
-                }
-            }
-
             fn selected(self) -> Selected {
                 match self {
                     $($(Self::$kind => Selected::$driver(&$model),)+)+
@@ -115,62 +96,31 @@ macro_rules! parts {
 
 parts! {
     SmartBattery {
-        /// A battery with a gauge of its own.
-        SmartBattery = 7, smart_battery::GENERIC;
-        /// The battery of 3D Robotics' Solo.
-        Solo = 5, smart_battery::SOLO;
-        /// SUI's battery of three cells.
-        Sui3Cells = 13, smart_battery::SUI_3_CELLS;
-        /// SUI's battery of six cells.
-        Sui6Cells = 14, smart_battery::SUI_6_CELLS;
-        /// NeoDesign's battery.
-        NeoDesign = 15, smart_battery::NEO_DESIGN;
-        /// Maxell's battery.
-        Maxell = 16, smart_battery::MAXELL;
-        /// Rotoye's Batmon.
-        Rotoye = 19, smart_battery::ROTOYE;
+        SmartBattery = smart_battery::GENERIC;
+        Solo = smart_battery::SOLO;
+        Sui3Cells = smart_battery::SUI_3_CELLS;
+        Sui6Cells = smart_battery::SUI_6_CELLS;
+        NeoDesign = smart_battery::NEO_DESIGN;
+        Maxell = smart_battery::MAXELL;
+        Rotoye = smart_battery::ROTOYE;
     }
     Ina2xx {
-        /// Texas Instruments' INA226, INA228 and their like; which one it is shows its identification.
-        Ina2xx = 21, ina2xx::ON_I2C;
-        /// Texas Instruments' INA239, at the SPI bus.
-        Ina239 = 26, ina2xx::ON_SPI;
+        Ina2xx = ina2xx::ON_I2C;
+        Ina239 = ina2xx::ON_SPI;
     }
     Ltc2946 {
-        /// Analog Devices' LTC2946.
-        Ltc2946 = 22, ();
+        Ltc2946 = ();
     }
     Ad7091r5 {
-        /// Analog Devices' AD7091R-5: four more analog pins.
-        Ad7091r5 = 28, ();
+        Ad7091r5 = ();
     }
     Ina3221 {
-        /// Texas Instruments' INA3221: three packs on one chip.
-        Ina3221 = 30, ();
+        Ina3221 = ();
     }
     Bq76952 {
-        /// Texas Instruments' BQ76952: monitor of a stack of up to 16 cells.
-        Bq76952 = 32, ();
+        Bq76952 = ();
     }
     Bebop {
-        /// Parrot's motor board of the Bebop.
-        Bebop = 6, ();
-    }
-}
-
-impl PartKind {
-    /// The kind of part that measures a pack (`BATT_MONITOR`); `None` if no part on the bus does.
-    pub(super) fn of(parameters: &Parameters, pack: Pack) -> Option<Self> {
-        Self::from_number(parameters.get_whole(BatteryParameter::Monitor.of(pack)))
-    }
-
-    /// Whether it is at the SPI bus.
-    pub(in crate::sensor) fn is_at_spi(self) -> bool {
-        self.addresses().contains(&Address::ChipSelect)
-    }
-
-    /// The kind with this number of `BATT_MONITOR`.
-    pub fn from_number(number: i32) -> Option<Self> {
-        Self::ALL.iter().copied().find(|kind| kind.number() == number)
+        Bebop = ();
     }
 }

@@ -12,7 +12,7 @@ use crate::battery::{
     PackSettings, ReadError, Tick,
 };
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
 use crate::time::{Instant, at_us};
 
 /// Devices as tables: by address and register, the bytes that are read. What is written is not kept.
@@ -126,8 +126,20 @@ fn parameters(settings: &[(Pack, BatteryParameter, f32)]) -> Parameters {
     parameters
 }
 
+fn part_kinds() -> Vec<PartKind> {
+    let part = |kind: &MonitorKind| match kind {
+        MonitorKind::Bus(part) => Some(*part),
+        _ => None,
+    };
+    MonitorKind::ALL.iter().filter_map(part).collect()
+}
+
 fn second_is(kind: PartKind) -> Parameters {
-    parameters(&[(Pack::Second, BatteryParameter::Monitor, kind.number() as f32)])
+    parameters(&[(
+        Pack::Second,
+        BatteryParameter::Monitor,
+        MonitorKind::Bus(kind).number() as f32,
+    )])
 }
 
 /// Reads the part that is due next, and collects its readings.
@@ -482,7 +494,7 @@ proptest! {
             2 => Just(Ok(0xff)),
             1 => prop::sample::select(vec![BusError::NoAnswer, BusError::Timeout, BusError::Stuck]).prop_map(Err),
         ], 0..2000),
-        kind in prop::sample::select(PartKind::ALL.to_vec()),
+        kind in prop::sample::select(part_kinds()),
     ) {
         let mut devices = BusDevices::from_parameters(&second_is(kind), Instant::EPOCH);
         let mut bus = Buses::i2c(Anything(bytes.into()));

@@ -24,7 +24,6 @@ pub use bus::{Acceptance, BitTiming, CanBus, CanFilters, CanInterrupt, CanReport
 pub use dronecan::DroneCan;
 pub use event::{CanEvent, CanNotice, ChargerPower};
 pub use frame::{CanFrame, FRAME_BYTES, NodeId};
-pub(super) use packs::CAN_TIMEOUT_US;
 pub use setup::{CanOptions, CanPack, CanSettings, CanSetup};
 
 use crate::pack::MAX_PACKS;

@@ -11,12 +11,12 @@ use crate::battery::{
 };
 use crate::log::info;
 use crate::pack::{MAX_PACKS, Pack};
+use crate::parameter::MonitorKind;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 
-/// For how long a pack may be without a reading by a node on the bus, in microseconds, as in ArduPilot
-/// (`AP_BATTMONITOR_UAVCAN_TIMEOUT_MICROS`).
-pub(in crate::sensor) const CAN_TIMEOUT_US: u64 = 5_000_000;
+/// Longest time without a reading by a node on the bus, in microseconds.
+pub(super) const CAN_TIMEOUT_US: u64 = MonitorKind::Can.timeout_us();
 
 /// For how long what BatteryInfoAux has reported is used, in microseconds: more than two of the slowest
 /// period of batteries, 5 s.

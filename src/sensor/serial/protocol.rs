@@ -3,8 +3,8 @@
 
 use super::conditions::SerialNotice;
 use crate::battery::Measurement;
-use crate::sensor::kind::TICK_TIMEOUT_US;
-use crate::sensor::{ControllerReading, EngineReading, MonitorKind};
+use crate::parameter::{MonitorKind, TICK_TIMEOUT_US};
+use crate::sensor::{ControllerReading, EngineReading};
 use crate::time::Instant;
 
 /// What a protocol needs of the line. Every one has eight data bits, no parity and one stop bit.

@@ -4,8 +4,7 @@ use super::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
 use super::protocols::intelligent_energy::FuelCell;
 use super::protocols::{IntelligentEnergy, Kiss, MegaSquirt, RichenPower, Torqeedo, TorqeedoRole};
 use crate::pack::Pack;
-use crate::parameter::{Parameters, VehicleParameter, serial_baud};
-use crate::sensor::MonitorKind;
+use crate::parameter::{MonitorKind, Parameters, VehicleParameter, serial_baud};
 use crate::time::Instant;
 
 /// For each protocol what speaks it, a line each: its number in `SERIAL1_PROTOCOL` (ArduPilot's), the parameter and value that
@@ -141,7 +140,7 @@ impl SerialProtocol {
         let selected = Self::selected(parameters)?;
         let mut kinds = Pack::ALL
             .into_iter()
-            .filter_map(|pack| MonitorKind::of(parameters, pack));
+            .filter_map(|pack| parameters.monitor_kind(pack));
         kinds
             .any(|kind| selected.kinds().contains(&kind))
             .then_some(selected)

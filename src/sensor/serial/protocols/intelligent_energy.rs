@@ -15,7 +15,7 @@ use heapless::Vec;
 use super::super::conditions::{FuelCellError, FuelCellState, SerialNotice};
 use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Wires};
 use crate::battery::{Contents, Measurement};
-use crate::sensor::MonitorKind;
+use crate::parameter::MonitorKind;
 use crate::time::Instant;
 
 /// The longest sentence of protocol 4 has some 110.

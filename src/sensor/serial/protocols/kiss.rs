@@ -10,7 +10,8 @@
 //! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
 use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
-use crate::sensor::{ControllerReading, MonitorKind};
+use crate::parameter::MonitorKind;
+use crate::sensor::ControllerReading;
 use crate::time::Instant;
 
 const FRAME_BYTES: usize = 10;

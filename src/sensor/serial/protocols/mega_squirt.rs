@@ -12,7 +12,8 @@
 
 use super::super::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
 use crate::memory::checksum::file_crc32;
-use crate::sensor::{EngineReading, MonitorKind};
+use crate::parameter::MonitorKind;
+use crate::sensor::EngineReading;
 use crate::time::Instant;
 
 /// Command `r` (read) to unit 0: table 7, from byte 2, 6 bytes.

@@ -15,7 +15,7 @@
 use super::super::conditions::{RichenPowerErrors, SerialNotice};
 use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
 use crate::battery::Measurement;
-use crate::sensor::MonitorKind;
+use crate::parameter::MonitorKind;
 use crate::time::Instant;
 
 const FRAME_BYTES: usize = 70;

@@ -20,7 +20,7 @@
 use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
 
 use crate::battery::{Measurement, Thermometer};
-use crate::sensor::MonitorKind;
+use crate::parameter::MonitorKind;
 use crate::sensor::serial::conditions::{SerialNotice, TorqeedoCondition};
 use crate::sensor::serial::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
 use crate::time::Instant;

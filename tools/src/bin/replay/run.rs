@@ -5,7 +5,7 @@ use rover_battmon::battery::{
     PackUpdate, ReadError, Tick,
 };
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Refused};
+use rover_battmon::parameter::{BatteryParameter, MonitorKind, ParameterId, Parameters, Refused};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 
@@ -14,11 +14,6 @@ use crate::failsafes::Levels;
 use crate::report::Row;
 use crate::trace::{Inputs, Sample, Trace};
 
-/// `BATT_MONITOR`: which of the trace's columns the monitor is given.
-const VOLTAGE_ONLY: i32 = 3;
-const VOLTAGE_AND_CURRENT: i32 = 4;
-const CURRENT_ONLY: i32 = 31;
-
 /// `parameters` with these assignments, in their order. `BATT_MONITOR` of `pack` is what is measured, unless it is assigned.
 pub fn assign(
     mut parameters: Parameters,
@@ -26,13 +21,14 @@ pub fn assign(
     pack: Pack,
     measured: Inputs,
 ) -> Result<Parameters, String> {
+    let kind = if measured.current {
+        MonitorKind::AnalogVoltageAndCurrent
+    } else {
+        MonitorKind::AnalogVoltage
+    };
     let monitor = Assignment {
         id: BatteryParameter::Monitor.of(pack),
-        value: if measured.current {
-            VOLTAGE_AND_CURRENT
-        } else {
-            VOLTAGE_ONLY
-        } as f32,
+        value: kind.number() as f32,
     };
     for Assignment { id, value } in [&monitor].into_iter().chain(assignments) {
         parameters.set(*id, *value).map_err(|refused| match refused {
@@ -59,25 +55,25 @@ pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment
 }
 
 impl Inputs {
-    /// By `BATT_MONITOR` of `pack`.
+    /// The trace's columns that the monitor is given, by `BATT_MONITOR` of `pack`.
     fn from_parameters(parameters: &Parameters, pack: Pack) -> Result<Self, String> {
-        let monitor = BatteryParameter::Monitor.of(pack);
-        match parameters.get_whole(monitor) {
-            VOLTAGE_ONLY => Ok(Self {
+        match parameters.monitor_kind(pack) {
+            Some(MonitorKind::AnalogVoltage) => Ok(Self {
                 voltage: true,
                 current: false,
             }),
-            VOLTAGE_AND_CURRENT => Ok(Self {
+            Some(MonitorKind::AnalogVoltageAndCurrent) => Ok(Self {
                 voltage: true,
                 current: true,
             }),
-            CURRENT_ONLY => Ok(Self {
+            Some(MonitorKind::AnalogCurrent) => Ok(Self {
                 voltage: false,
                 current: true,
             }),
             other => Err(format!(
-                "{} {other} can't be replayed: 3, 4 and 31 can",
-                monitor.name()
+                "{} {} can't be replayed: 3, 4 and 31 can",
+                BatteryParameter::Monitor.of(pack).name(),
+                other.map_or(0, MonitorKind::number)
             )),
         }
     }

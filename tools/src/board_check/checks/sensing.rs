@@ -1,8 +1,8 @@
 //! What the board measures.
 
 use rover_battmon::mavlink::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
-use rover_battmon::parameter::BatteryParameter;
-use rover_battmon::sensor::{ADC_REFERENCE_V, MonitorKind};
+use rover_battmon::parameter::{BatteryParameter, MonitorKind};
+use rover_battmon::sensor::ADC_REFERENCE_V;
 
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, outcome, passed};
 use crate::board_check::evidence::{Calibration, Evidence, boards_own, mean};
@@ -49,9 +49,6 @@ fn unhealthy(status: &SYS_STATUS_DATA) -> Option<&'static str> {
 /// A pack that reads this share of full scale, 3.3 V behind the divider, is beyond it.
 const END_OF_SCALE: f32 = 0.99;
 
-/// Values of `BATT_MONITOR` with which the board's converter measures the voltage.
-const ANALOG_KINDS: [f32; 2] = [3.0, 4.0];
-
 /// Per cell, of any chemistry.
 const LOWEST_CELL_V: f32 = 0.9;
 const HIGHEST_CELL_V: f32 = 4.4;
@@ -65,13 +62,19 @@ pub(super) const VOLTAGE: Check = Check {
     judge: judge_voltage,
 };
 
+/// The kind of monitor of the first pack.
+fn monitor_kind(evidence: &Evidence) -> Option<MonitorKind> {
+    MonitorKind::from_number(evidence.parameter("BATT_MONITOR")? as i32)
+}
+
 fn judge_voltage(evidence: &Evidence) -> Outcome {
     let Some(mean_v) = mean(&evidence.voltages_v()) else {
         return not_measured("no pack is connected");
     };
-    let is_analog = evidence
-        .parameter("BATT_MONITOR")
-        .is_some_and(|kind| ANALOG_KINDS.contains(&kind));
+    let is_analog = matches!(
+        monitor_kind(evidence),
+        Some(MonitorKind::AnalogVoltage | MonitorKind::AnalogVoltageAndCurrent)
+    );
     let multiplier = evidence.parameter("BATT_VOLT_MULT").filter(|_| is_analog);
     let is_at_end =
         multiplier.is_some_and(|multiplier| mean_v >= END_OF_SCALE * ADC_REFERENCE_V * multiplier);
@@ -104,9 +107,7 @@ fn judge_motor_drivers(evidence: &Evidence) -> Outcome {
     let Some(limit_v) = evidence.parameter("MOT_DRV_VOLT") else {
         return not_measured("it has no MOT_DRV_VOLT");
     };
-    let kind = evidence.parameter("BATT_MONITOR");
-    let kind = kind.and_then(|number| MonitorKind::from_number(number as i32));
-    let is_at_divider = kind.is_some_and(MonitorKind::reads_voltage_pin)
+    let is_at_divider = monitor_kind(evidence).is_some_and(MonitorKind::reads_voltage_pin)
         && evidence.parameter("BATT_VOLT_PIN") == Some(boards_own(BatteryParameter::VoltPin));
     let is_above = is_at_divider && limit_v > 0.0 && mean_v > limit_v;
     outcome(
