@@ -3,6 +3,7 @@
 use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
 use super::broadcast::{Announced, Next};
 use super::recording::is_on;
+use super::stores::FlashStore;
 use super::{Autopilot, Work, system_state};
 use crate::battery::{FailsafeLevel, PackEvent, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
@@ -48,8 +49,10 @@ impl Autopilot {
             self.parameters.trouble().map(Announcement::Parameters),
             unsaved.map(Announcement::ParametersNotSaved),
             self.signing.trouble().map(Announcement::Signing),
-            self.learnt_save.failure().map(Announcement::LearntNotSaved),
-            self.wifi.save.failure().map(Announcement::WifiNotSaved),
+            self.save_failure(FlashStore::Learnt)
+                .map(Announcement::LearntNotSaved),
+            self.save_failure(FlashStore::Wifi)
+                .map(Announcement::WifiNotSaved),
             self.wifi.trouble().map(Announcement::Wifi),
             self.can.trouble().map(Announcement::Can),
             self.log_wears_flash().then_some(Announcement::LogWearsFlash),

@@ -15,20 +15,20 @@ mod links;
 mod packs;
 mod recording;
 mod sampling;
-mod save_reports;
 mod saving;
 mod start;
+mod stores;
 mod wifi;
 mod wifi_state;
 mod wiring;
 
 pub use announcement::{ANNOUNCEMENT_BYTES, Announcement, AnnouncementText};
 pub use driving::Outputs;
-pub use learnt::{LearntJob, PackIdentity};
 pub use packs::PinsToRead;
 pub use recording::{LogFailure, LogStep};
 pub use sampling::{SAMPLING_INTERVAL_US, SAMPLING_RESOLUTION_US, SamplingProgress, SamplingTick};
 pub use start::{ParameterLoad, Start};
+pub use stores::{FlashJob, FlashResult, FlashStore, PackIdentity};
 pub use wiring::Wiring;
 
 use bitflags::bitflags;
@@ -52,7 +52,7 @@ use can_watch::CanWatch;
 use changes::Changes;
 use packs::Packs;
 use recording::Recording;
-use save_reports::SaveReports;
+use stores::SaveReports;
 use wifi_state::WifiState;
 
 /// The autopilot without its hardware, links and clock.
@@ -73,15 +73,13 @@ pub struct Autopilot {
     limit: AnnouncementLimit,
     broadcast: Broadcast,
     changes: Changes,
-    /// Failures to save parameters, as a whole.
-    parameter_save: SaveState<Instant>,
+    /// Failures to write to each [`FlashStore`].
+    save_states: [SaveState<Instant>; FlashStore::ALL.len()],
     save_reports: SaveReports,
-    signing_save: SaveState<Instant>,
     /// To announce once it is in flash.
     signing_change: Option<SigningChange>,
     /// Since when the vehicle has been armed, as far as the signing time has to be ahead of it.
     armed_since: Option<Instant>,
-    learnt_save: SaveState<Instant>,
     wifi: WifiState,
     can: CanWatch,
     recording: Recording,
@@ -111,12 +109,10 @@ impl Autopilot {
             was_reset: false,
             identity: start.identity,
             flash_wear: start.flash_wear,
-            parameter_save: SaveState::Saved,
+            save_states: Default::default(),
             save_reports: SaveReports::default(),
-            signing_save: SaveState::Saved,
             signing_change: None,
             armed_since: None,
-            learnt_save: SaveState::Saved,
             wifi: in_place(|| WifiState::new(start)),
             can: CanWatch::new(),
             recording: in_place(|| Recording::new(start.crash.clone())),

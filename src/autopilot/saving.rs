@@ -1,10 +1,10 @@
-//! What has to be written to flash: parameters, the signing key and the log. What is learnt of the packs: [`super::learnt`]; of
-//! Wi-Fi: [`super::wifi`].
+//! Operations in flash, one store after the other, and their retries and announcements; the log.
 
 use core::mem;
 
 use super::announcement::Announcement;
 use super::recording::{LogStep, Subject};
+use super::stores::{FlashJob, FlashResult, FlashStore, PackIdentity};
 use super::{Autopilot, Work};
 use crate::log::{info, warn};
 use crate::mavlink::{AcceptUnsigned, LinkKind, SigningChange, SigningTrouble, ToStore};
@@ -16,6 +16,110 @@ use crate::time::Instant;
 use crate::vehicle::ArmState;
 
 impl Autopilot {
+    /// The next operation of `store` at `now`; `None` while a failed one waits for its retry.
+    pub fn next_flash_job(&mut self, store: FlashStore, now: Instant) -> Option<FlashJob> {
+        let retry = self.save_states[store as usize].take_retry(now);
+        match store {
+            FlashStore::Parameters => {
+                if retry {
+                    self.parameters.retry_failed();
+                }
+                self.next_unsaved_parameter(now).map(FlashJob::Parameter)
+            }
+            FlashStore::Signing => {
+                if retry {
+                    self.save_states[store as usize] = SaveState::New;
+                }
+                self.next_unsaved_signing(now).map(FlashJob::Signing)
+            }
+            FlashStore::Learnt => self.next_learnt_job(),
+            FlashStore::Wifi => self.next_unsaved_wifi().map(FlashJob::Wifi),
+        }
+    }
+
+    /// Takes the result of an operation. A failed write is repeated after a minute.
+    pub fn flash_done(&mut self, job: &FlashJob, result: FlashResult, now: Instant) {
+        match (job, result) {
+            (FlashJob::ReadLearnt(identity), stored) => self.learnt_read(*identity, stored),
+            (_, Ok(_)) => self.written(job),
+            (_, Err(error)) => self.write_failed(job, error, now),
+        }
+    }
+
+    fn written(&mut self, job: &FlashJob) {
+        match job {
+            FlashJob::Parameter(unsaved) => {
+                match unsaved {
+                    Unsaved::Reset => info!("stored parameters cleared"),
+                    Unsaved::Value(id, _) => info!("{} saved", id.name().as_str()),
+                }
+                self.parameters.mark_saved(*unsaved);
+            }
+            FlashJob::Signing(unsaved) => self.signing.mark_saved(unsaved),
+            FlashJob::WriteLearnt(PackIdentity { pack, .. }, learnt) => {
+                info!("battery {}: learnt data saved", pack.number());
+                self.save_states[FlashStore::Learnt as usize] = SaveState::Saved;
+                self.packs.bank.monitor(*pack).mark_learnt_saved(learnt);
+            }
+            FlashJob::Wifi(record) => {
+                info!("Wi-Fi settings saved");
+                self.save_states[FlashStore::Wifi as usize] = SaveState::Saved;
+                self.wifi.credentials.mark_saved(record);
+            }
+            FlashJob::ReadLearnt(_) => {}
+        }
+    }
+
+    fn write_failed(&mut self, job: &FlashJob, error: StorageError, now: Instant) {
+        let (store, name) = match job {
+            FlashJob::Parameter(_) => (FlashStore::Parameters, "parameter"),
+            FlashJob::Signing(_) => (FlashStore::Signing, "signing"),
+            FlashJob::ReadLearnt(_) | FlashJob::WriteLearnt(..) => (FlashStore::Learnt, "learnt data"),
+            FlashJob::Wifi(_) => (FlashStore::Wifi, "Wi-Fi"),
+        };
+        // To wait until the vehicle is disarmed is not a fault.
+        match error {
+            StorageError::NoErasedSpace => info!("{} storage: no erased space until disarmed", name),
+            error => warn!("{} storage: {:?}", name, error),
+        }
+        let state = &mut self.save_states[store as usize];
+        let is_repeated = state.failure().is_some();
+        let to_announce = state.fail(error, now);
+        match job {
+            FlashJob::Parameter(unsaved) => {
+                if let Some(error) = self.parameters.mark_failed(*unsaved, error) {
+                    self.save_reports.add(error, now);
+                }
+            }
+            FlashJob::Signing(_) => self.signing_failed(error, is_repeated, now),
+            FlashJob::ReadLearnt(_) | FlashJob::WriteLearnt(..) => {
+                if let Some(error) = to_announce {
+                    self.announce(Announcement::LearntNotSaved(error), now);
+                }
+            }
+            FlashJob::Wifi(_) => {
+                if let Some(error) = to_announce {
+                    self.announce(Announcement::WifiNotSaved(error), now);
+                }
+            }
+        }
+    }
+
+    /// The last failure of a store, until a write succeeds.
+    pub(super) fn save_failure(&self, store: FlashStore) -> Option<StorageError> {
+        self.save_states[store as usize].failure()
+    }
+
+    /// Whether a failed write of a store waits for its retry.
+    pub(super) fn waits_for_retry(&self, store: FlashStore) -> bool {
+        self.save_states[store as usize].is_waiting()
+    }
+
+    /// Tries again at once to write to a store, if that has failed.
+    pub(super) fn retry_store(&mut self, store: FlashStore) {
+        self.save_states[store as usize].retry();
+    }
+
     /// Whether flash may be erased now. That stops everything for up to 400 ms, which must not happen to a rover that may be
     /// moving, nor under the watchdog of one.
     pub fn may_erase(&self) -> Erase {
@@ -45,7 +149,7 @@ impl Autopilot {
         if self.waits_for_watchdog() {
             return;
         }
-        self.signing_save = SaveState::New;
+        self.save_states[FlashStore::Signing as usize] = SaveState::New;
         self.retry_failed();
         self.follow_wifi_parameters();
     }
@@ -53,16 +157,13 @@ impl Autopilot {
     /// Tries again what could not be saved, but for the signing key.
     fn retry_failed(&mut self) {
         self.parameters.retry_failed();
-        self.learnt_save.retry();
-        self.wifi.save.retry();
+        self.retry_store(FlashStore::Learnt);
+        self.retry_store(FlashStore::Wifi);
         self.work |= Work::SAVE;
     }
 
     /// The parameter to write to flash next. A value is live and acknowledged before it is written.
-    pub fn next_unsaved_parameter(&mut self, now: Instant) -> Option<Unsaved> {
-        if self.parameter_save.take_retry(now) {
-            self.parameters.retry_failed();
-        }
+    fn next_unsaved_parameter(&mut self, now: Instant) -> Option<Unsaved> {
         if let Some(error) = self.save_reports.take(now) {
             self.report_unsaved(error, now);
         }
@@ -85,35 +186,15 @@ impl Autopilot {
         }
     }
 
-    /// Result of writing `unsaved`.
-    pub fn parameter_written(&mut self, unsaved: Unsaved, result: Result<(), StorageError>, now: Instant) {
-        match (result, unsaved) {
-            (Ok(()), Unsaved::Reset) => info!("stored parameters cleared"),
-            (Ok(()), Unsaved::Value(id, _)) => info!("{} saved", id.name().as_str()),
-            (Err(error), _) => {
-                log_failure("parameter", error);
-                self.parameter_save.fail(error, now);
-                if let Some(error) = self.parameters.mark_failed(unsaved, error) {
-                    self.save_reports.add(error, now);
-                }
-                return;
-            }
-        }
-        self.parameters.mark_saved(unsaved);
-    }
-
     /// The signing data to write to flash next: a key as soon as it was set up, and the time once a minute.
-    pub fn next_unsaved_signing(&mut self, now: Instant) -> Option<ToStore> {
-        if self.signing_save.take_retry(now) {
-            self.signing_save = SaveState::New;
-        }
-        if self.signing_save.is_waiting() {
+    fn next_unsaved_signing(&mut self, now: Instant) -> Option<ToStore> {
+        if self.waits_for_retry(FlashStore::Signing) {
             return None;
         }
         let armed_us = self.armed_us(now);
         let unsaved = self.signing.next_unsaved(now, armed_us);
         if unsaved.is_none() {
-            self.signing_save = SaveState::Saved;
+            self.save_states[FlashStore::Signing as usize] = SaveState::Saved;
             if let Some(change) = self.signing_change.take() {
                 self.announce(Announcement::SigningSaved(change), now);
             }
@@ -132,30 +213,23 @@ impl Autopilot {
         }
     }
 
-    /// Result of writing `unsaved`. After a failure everything is written once more at once, to the next sector.
-    pub fn signing_written(&mut self, unsaved: &ToStore, result: Result<(), StorageError>, now: Instant) {
-        let Err(error) = result else {
-            self.signing.mark_saved(unsaved);
-            return;
-        };
-        log_failure("signing", error);
-        let was_repeated = self.signing_save.failure().is_some();
-        self.signing_save.fail(error, now);
+    /// After a failure everything is written once more at once, to the next sector.
+    fn signing_failed(&mut self, error: StorageError, is_repeated: bool, now: Instant) {
         if error == StorageError::NoErasedSpace {
-            // What is in flash is as good as before.
+            // Flash holds the same data as before.
             return;
         }
         self.signing.mark_failed();
-        if was_repeated {
+        if is_repeated {
             self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
         } else {
-            self.signing_save.retry();
+            self.retry_store(FlashStore::Signing);
         }
     }
 
     pub(super) fn save_signing(&mut self, change: SigningChange) {
         self.signing_change = Some(change);
-        self.signing_save = SaveState::New;
+        self.save_states[FlashStore::Signing as usize] = SaveState::New;
         self.work |= Work::SAVE;
     }
 
@@ -217,15 +291,7 @@ impl Autopilot {
         self.signing.is_key_unsaved()
             || self.parameters.next_unsaved().is_some()
             || self.next_unsaved_learnt().is_some()
-            || self.wifi.next_unsaved().is_some()
+            || self.next_unsaved_wifi().is_some()
             || !self.recording.is_written()
-    }
-}
-
-/// Logs why something was not written: to wait until the vehicle is disarmed is not a fault.
-pub(super) fn log_failure(storage: &str, error: StorageError) {
-    match error {
-        StorageError::NoErasedSpace => info!("{} storage: no erased space until disarmed", storage),
-        error => warn!("{} storage: {:?}", storage, error),
     }
 }

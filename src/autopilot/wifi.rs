@@ -3,14 +3,12 @@
 use heapless::String;
 
 use super::announcement::Announcement;
-use super::saving::log_failure;
+use super::stores::FlashStore;
 use super::wifi_state::PRESENCE_US;
 use super::{Autopilot, Work};
 use crate::log::info;
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Endpoint, LinkKind};
-use crate::memory::save_state::SaveState;
-use crate::memory::storage::StorageError;
 use crate::numbers::text;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
@@ -76,26 +74,11 @@ impl Autopilot {
     }
 
     /// The name or password to write to flash next, unless a failed write waits for its retry.
-    pub fn next_unsaved_wifi(&mut self, now: Instant) -> Option<WifiRecord> {
-        self.wifi.save.take_retry(now);
-        self.wifi.next_unsaved()
-    }
-
-    /// Result of writing `record`. A failed write is repeated after a minute.
-    pub fn wifi_written(&mut self, record: &WifiRecord, result: Result<(), StorageError>, now: Instant) {
-        match result {
-            Ok(()) => {
-                info!("Wi-Fi settings saved");
-                self.wifi.save = SaveState::Saved;
-                self.wifi.credentials.mark_saved(record);
-            }
-            Err(error) => {
-                log_failure("Wi-Fi", error);
-                if let Some(error) = self.wifi.save.fail(error, now) {
-                    self.announce(Announcement::WifiNotSaved(error), now);
-                }
-            }
+    pub(super) fn next_unsaved_wifi(&self) -> Option<WifiRecord> {
+        if self.waits_for_retry(FlashStore::Wifi) {
+            return None;
         }
+        self.wifi.credentials.next_unsaved()
     }
 
     /// Follows the parameters while disarmed: a radio that is set up again drops its stations, perhaps the driver.
@@ -138,7 +121,7 @@ impl Autopilot {
 
     fn wifi_changed(&mut self) {
         self.wifi.forget_reports();
-        self.wifi.save.retry();
+        self.retry_store(FlashStore::Wifi);
         self.work |= Work::WIFI | Work::SAVE;
     }
 }

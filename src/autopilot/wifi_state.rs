@@ -3,11 +3,10 @@
 use heapless::Vec;
 
 use super::start::Start;
-use crate::memory::save_state::SaveState;
 use crate::parameter::Parameters;
 use crate::time::Instant;
 use crate::wifi::{
-    RADIO_TASK, Radio, StoredWifi, WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup,
+    RADIO_TASK, Radio, StoredWifi, WifiChoice, WifiCredentials, WifiMode, WifiReport, WifiSetup,
 };
 
 /// Reports of each kind, each announced once.
@@ -28,7 +27,6 @@ pub(super) struct WifiState {
     pub off: Option<WifiReport>,
     /// What is wrong now.
     pub fault: Option<WifiReport>,
-    pub save: SaveState<Instant>,
     /// When a frame last came by Wi-Fi.
     pub heard_at: Option<Instant>,
 }
@@ -41,7 +39,6 @@ impl WifiState {
             announced: Vec::new(),
             off: is_radio_to_blame(start).then_some(WifiReport::OffAfterCrash),
             fault: None,
-            save: SaveState::Saved,
             heard_at: None,
         }
     }
@@ -89,14 +86,6 @@ impl WifiState {
     pub fn forget_reports(&mut self) {
         self.announced.clear();
         self.fault = None;
-    }
-
-    /// What has to be written; `None` while a failed write waits for its retry.
-    pub fn next_unsaved(&self) -> Option<WifiRecord> {
-        if self.save.is_waiting() {
-            return None;
-        }
-        self.credentials.next_unsaved()
     }
 
     /// Follows the parameters, and returns whether they have changed.

@@ -13,7 +13,7 @@ use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::{CheckIn, Shared, mark, now};
-use crate::autopilot::{LearntJob, LogStep, ParameterLoad, Start};
+use crate::autopilot::{FlashJob, FlashResult, FlashStore, LogStep, ParameterLoad, Start};
 use crate::battery::{LEARNT_WORDS, OLDER_LEARNT_WORDS};
 use crate::crash::ParameterSource;
 use crate::log::warn;
@@ -22,7 +22,7 @@ use crate::memory::flash_map;
 use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Records, Storage, StorageError};
 use crate::parameter::{Parameters, Refused, Unsaved, VehicleParameter};
 use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
-use crate::wifi::{Radio, StoredWifi, WIFI_WORDS, WifiRecord};
+use crate::wifi::{Radio, StoredWifi, WIFI_WORDS};
 
 /// How often it is looked whether there is something to write without a request: of the log, or because a retry is due.
 const IDLE_CHECK: Duration = Duration::from_millis(250);
@@ -172,26 +172,12 @@ impl<F: NorFlash> Storages<F> {
         if shared.waits_for_watchdog() {
             return;
         }
-        if let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_parameter(now())) {
-            let written = self.write_parameter(unsaved, shared).await;
-            shared.with(|autopilot| autopilot.parameter_written(unsaved, written, now()));
-            go_on(shared, check_in).await;
-        }
-        if let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_signing(now())) {
-            let written = self.write_signing(&unsaved, &|| shared.may_erase()).await;
-            shared.with(|autopilot| autopilot.signing_written(&unsaved, written, now()));
-            go_on(shared, check_in).await;
-        }
-        if let Some(job) = shared.with(|autopilot| autopilot.next_learnt_job(now())) {
-            self.keep_learnt(job, shared).await;
-            go_on(shared, check_in).await;
-        }
-        if let Some(storage) = &mut self.wifi
-            && let Some(record) = shared.with(|autopilot| autopilot.next_unsaved_wifi(now()))
-        {
-            let written = write_wifi(storage, &record, shared).await;
-            shared.with(|autopilot| autopilot.wifi_written(&record, written, now()));
-            go_on(shared, check_in).await;
+        for store in FlashStore::ALL {
+            if let Some(job) = shared.with(|autopilot| autopilot.next_flash_job(store, now())) {
+                let result = self.run(&job, shared).await;
+                shared.with(|autopilot| autopilot.flash_done(&job, result, now()));
+                go_on(shared, check_in).await;
+            }
         }
         if shared.to_save.signaled() {
             return;
@@ -204,15 +190,30 @@ impl<F: NorFlash> Storages<F> {
         }
     }
 
-    async fn write_parameter(&mut self, unsaved: Unsaved, shared: &Shared) -> Result<(), StorageError> {
+    async fn run(&mut self, job: &FlashJob, shared: &Shared) -> FlashResult {
         let may_erase = || shared.may_erase();
-        match unsaved {
-            Unsaved::Reset => self.parameters.clear(&may_erase).await,
-            Unsaved::Value(id, value) => {
-                let stored = self.parameters.store(id.key(), value.to_bits(), &may_erase).await;
-                stored.map(drop)
+        match job {
+            FlashJob::Parameter(Unsaved::Reset) => self.parameters.clear(&may_erase).await?,
+            FlashJob::Parameter(Unsaved::Value(id, value)) => {
+                let word = value.to_bits();
+                self.parameters.store(id.key(), word, &may_erase).await?;
+            }
+            FlashJob::Signing(what) => self.write_signing(what, &may_erase).await?,
+            FlashJob::ReadLearnt(identity) => return self.learnt.read(identity.key()).await,
+            FlashJob::WriteLearnt(identity, learnt) => {
+                let is_dispensable = |key| shared.with(|autopilot| !autopilot.is_learnt_in_use(key));
+                self.learnt
+                    .store_replacing(identity.key(), learnt.to_words(), &is_dispensable, &may_erase)
+                    .await?;
+            }
+            FlashJob::Wifi(record) => {
+                // A board without a radio has nothing to store.
+                if let Some(storage) = &mut self.wifi {
+                    storage.store(record.key(), record.to_words(), &may_erase).await?;
+                }
             }
         }
+        Ok(None)
     }
 
     async fn write_signing(&mut self, what: &ToStore, may_erase: MayErase<'_>) -> Result<(), StorageError> {
@@ -226,37 +227,6 @@ impl<F: NorFlash> Storages<F> {
         }
         Ok(())
     }
-
-    /// Reads what is stored of a pack that is monitored, or writes what is learnt of one.
-    async fn keep_learnt(&mut self, job: LearntJob, shared: &Shared) {
-        match job {
-            LearntJob::Read(identity) => {
-                let stored = self.learnt.read(identity.key()).await;
-                shared.with(|autopilot| autopilot.learnt_read(identity, stored));
-            }
-            LearntJob::Write(identity, learnt) => {
-                let is_dispensable = |key| shared.with(|autopilot| !autopilot.is_learnt_in_use(key));
-                let may_erase = || shared.may_erase();
-                let written = self
-                    .learnt
-                    .store_replacing(identity.key(), learnt.to_words(), &is_dispensable, &may_erase)
-                    .await;
-                shared.with(|autopilot| {
-                    autopilot.learnt_written(identity.pack, &learnt, written.map(drop), now());
-                });
-            }
-        }
-    }
-}
-
-async fn write_wifi<F: NorFlash>(
-    storage: &mut Storage<F, [u32; WIFI_WORDS]>,
-    record: &WifiRecord,
-    shared: &Shared,
-) -> Result<(), StorageError> {
-    let may_erase = || shared.may_erase();
-    let stored = storage.store(record.key(), record.to_words(), &may_erase).await;
-    stored.map(drop)
 }
 
 /// Something was done, and more of it may follow; now it is the others' turn.

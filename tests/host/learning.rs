@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use rover_battmon::autopilot::{LearntJob, Start};
+use rover_battmon::autopilot::{FlashJob, FlashStore, Start};
 use rover_battmon::battery::{BatteryState, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
@@ -116,23 +116,19 @@ impl Rover {
 
     fn run_jobs(&mut self) {
         let mut jobs = 0;
-        while let Some(job) = self.desk.autopilot.next_learnt_job(self.desk.now()) {
+        while let Some(job) = self.desk.next_flash_job(FlashStore::Learnt) {
             jobs += 1;
             assert!(jobs < 40, "{job:?}");
-            match job {
-                LearntJob::Read(identity) => {
-                    let stored = self.flash.get(&identity.key()).copied();
-                    self.desk.autopilot.learnt_read(identity, Ok(stored));
-                }
-                LearntJob::Write(identity, learnt) => {
+            let stored = match &job {
+                FlashJob::ReadLearnt(identity) => self.flash.get(&identity.key()).copied(),
+                FlashJob::WriteLearnt(identity, learnt) => {
                     self.flash.insert(identity.key(), learnt.to_words());
                     self.writes += 1;
-                    let now = self.desk.now();
-                    self.desk
-                        .autopilot
-                        .learnt_written(identity.pack, &learnt, Ok(()), now);
+                    None
                 }
-            }
+                _ => panic!("{job:?}"),
+            };
+            self.desk.flash_done(&job, Ok(stored));
         }
     }
 

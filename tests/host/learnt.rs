@@ -5,7 +5,7 @@ use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
 use nor_flash::SmallFlash;
 use proptest::prelude::*;
-use rover_battmon::autopilot::{LearntJob, PackIdentity, Start, Work};
+use rover_battmon::autopilot::{FlashJob, FlashStore, PackIdentity, Start, Work};
 use rover_battmon::battery::{LEARNT_WORDS, LearntPack};
 use rover_battmon::memory::storage::{Erase, FlashFault, Storage, StorageError};
 use rover_battmon::pack::Pack;
@@ -33,13 +33,13 @@ fn of(pack: Pack, serial_number: Option<i32>) -> PackIdentity {
     PackIdentity { pack, serial_number }
 }
 
-fn read_of(pack: Pack, serial_number: Option<i32>) -> Option<LearntJob> {
-    Some(LearntJob::Read(of(pack, serial_number)))
+fn read_of(pack: Pack, serial_number: Option<i32>) -> Option<FlashJob> {
+    Some(FlashJob::ReadLearnt(of(pack, serial_number)))
 }
 
 /// The write that erases what is learnt.
-fn erasure_of(pack: Pack, serial_number: Option<i32>) -> Option<LearntJob> {
-    Some(LearntJob::Write(
+fn erasure_of(pack: Pack, serial_number: Option<i32>) -> Option<FlashJob> {
+    Some(FlashJob::WriteLearnt(
         of(pack, serial_number),
         LearntPack::of(serial_number),
     ))
@@ -62,20 +62,19 @@ fn desk_with(packs: &[Pack]) -> Desk {
 fn desk_after_reading(stored: Option<Words>) -> Desk {
     let mut desk = desk_with(&[Pack::First]);
     assert_eq!(job(&mut desk), read_of(Pack::First, None));
-    desk.autopilot.learnt_read(of(Pack::First, None), Ok(stored));
+    desk.learnt_read(of(Pack::First, None), Ok(stored));
     assert_eq!(job(&mut desk), None);
     posted(&mut desk);
     desk
 }
 
-fn job(desk: &mut Desk) -> Option<LearntJob> {
-    let now = desk.now();
-    desk.autopilot.next_learnt_job(now)
+fn job(desk: &mut Desk) -> Option<FlashJob> {
+    desk.next_flash_job(FlashStore::Learnt)
 }
 
 fn written(desk: &mut Desk, learnt: &LearntPack, result: Result<(), StorageError>) {
-    let now = desk.now();
-    desk.autopilot.learnt_written(Pack::First, learnt, result, now);
+    let identity = of(Pack::First, learnt.serial_number());
+    desk.flash_done(&FlashJob::WriteLearnt(identity, *learnt), result.map(|()| None));
 }
 
 /// Names and values of all PARAM_VALUE.
@@ -106,10 +105,9 @@ fn stored_pack_is_read_at_the_start_and_shown() {
     let mut desk = desk_with(&[Pack::First, Pack::Third]);
     assert_eq!(job(&mut desk), read_of(Pack::First, None));
     let stored = learnt_words(None, 2949.7);
-    desk.autopilot
-        .learnt_read(of(Pack::First, None), Ok(Some(stored)));
+    desk.learnt_read(of(Pack::First, None), Ok(Some(stored)));
     assert_eq!(job(&mut desk), read_of(Pack::Third, None));
-    desk.autopilot.learnt_read(of(Pack::Third, None), Ok(None));
+    desk.learnt_read(of(Pack::Third, None), Ok(None));
     assert_eq!(job(&mut desk), None, "nothing else, and nothing to write");
     assert!(!desk.autopilot.has_unsaved());
 
@@ -124,9 +122,8 @@ fn stored_pack_is_read_at_the_start_and_shown() {
 #[test]
 fn nine_packs_read_at_once_are_all_shown() {
     let mut desk = desk_with(&Pack::ALL);
-    while let Some(LearntJob::Read(identity)) = job(&mut desk) {
-        desk.autopilot
-            .learnt_read(identity, Ok(Some(learnt_words(None, 2950.0))));
+    while let Some(FlashJob::ReadLearnt(identity)) = job(&mut desk) {
+        desk.learnt_read(identity, Ok(Some(learnt_words(None, 2950.0))));
     }
     let shown = values(&posted(&mut desk));
     assert_eq!(shown.len(), 2 * Pack::ALL.len(), "{shown:?}");
@@ -143,7 +140,7 @@ fn what_does_not_fit_is_not_used() {
         Err(StorageError::Flash(FlashFault::Other)),
     ] {
         let mut desk = desk_with(&[Pack::First]);
-        desk.autopilot.learnt_read(of(Pack::First, None), stored);
+        desk.learnt_read(of(Pack::First, None), stored);
         assert_eq!(job(&mut desk), None, "it starts over");
         assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
     }
@@ -165,14 +162,13 @@ fn another_serial_number_is_another_pack() {
     desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
     assert!(desk.autopilot.take_work().contains(Work::SAVE));
     assert_eq!(job(&mut desk), read_of(Pack::First, Some(7)));
-    desk.autopilot.learnt_read(of(Pack::First, Some(7)), Ok(None));
+    desk.learnt_read(of(Pack::First, Some(7)), Ok(None));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
 
     desk.ask(&param_set("BATT_SERIAL_NUM", -1.0));
     assert_eq!(job(&mut desk), read_of(Pack::First, None));
     let stored = learnt_words(None, 2950.0);
-    desk.autopilot
-        .learnt_read(of(Pack::First, None), Ok(Some(stored)));
+    desk.learnt_read(of(Pack::First, None), Ok(Some(stored)));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 2950.0);
 }
 
@@ -183,8 +179,7 @@ fn serial_number_set_while_another_is_read() {
     assert_eq!(job(&mut desk), read_of(Pack::First, Some(7)));
     desk.ask(&param_set("BATT_SERIAL_NUM", 8.0));
     let stored = learnt_words(Some(7), 2950.0);
-    desk.autopilot
-        .learnt_read(of(Pack::First, Some(7)), Ok(Some(stored)));
+    desk.learnt_read(of(Pack::First, Some(7)), Ok(Some(stored)));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0, "it is of another pack");
     assert_eq!(job(&mut desk), read_of(Pack::First, Some(8)));
 }
@@ -197,9 +192,9 @@ fn instances_with_the_same_serial_number_are_two_packs() {
     }
     let identities = [Pack::First, Pack::Second].map(|pack| of(pack, Some(7)));
     for (identity, capacity_mah) in identities.into_iter().zip([1000.0, 2000.0]) {
-        assert_eq!(job(&mut desk), Some(LearntJob::Read(identity)));
+        assert_eq!(job(&mut desk), Some(FlashJob::ReadLearnt(identity)));
         let stored = learnt_words(Some(7), capacity_mah);
-        desk.autopilot.learnt_read(identity, Ok(Some(stored)));
+        desk.learnt_read(identity, Ok(Some(stored)));
     }
     assert_ne!(identities[0].key(), identities[1].key());
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 1000.0);
@@ -277,8 +272,7 @@ fn erased_before_it_is_read_and_while_it_is_read() {
     assert_eq!(job(&mut desk), read_of(Pack::First, None));
     desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
     let stored = learnt_words(None, 2950.0);
-    desk.autopilot
-        .learnt_read(of(Pack::First, None), Ok(Some(stored)));
+    desk.learnt_read(of(Pack::First, None), Ok(Some(stored)));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
     assert_eq!(job(&mut desk), erasure_of(Pack::First, None));
 }
@@ -298,9 +292,7 @@ fn pack_that_is_not_monitored_can_be_erased() {
     let mut desk = desk_after_reading(None);
     desk.ask(&param_set("BATT9_LRN_ERASE", 1.0));
     assert_eq!(job(&mut desk), erasure_of(Pack::Ninth, None));
-    let now = desk.now();
-    desk.autopilot
-        .learnt_written(Pack::Ninth, &LearntPack::of(None), Ok(()), now);
+    desk.flash_done(&erasure_of(Pack::Ninth, None).unwrap(), Ok(None));
     assert_eq!(job(&mut desk), None);
 }
 
@@ -313,8 +305,7 @@ fn a_parameter_reset_keeps_what_is_learnt() {
 
     desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
     let stored = learnt_words(Some(7), 1000.0);
-    desk.autopilot
-        .learnt_read(of(Pack::First, Some(7)), Ok(Some(stored)));
+    desk.learnt_read(of(Pack::First, Some(7)), Ok(Some(stored)));
     desk.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
     assert_eq!(
         job(&mut desk),
@@ -551,8 +542,7 @@ fn flipped_bit_never_gives_another_value() {
         let spoiled = flash.with_flipped_bit(bit);
         let mut desk = desk_with(&[Pack::First]);
         let identity = of(Pack::First, None);
-        desk.autopilot
-            .learnt_read(identity, Ok(stored(&spoiled, identity)));
+        desk.learnt_read(identity, Ok(stored(&spoiled, identity)));
         let shown = value(&mut desk, "BATT_LRN_CAP");
         assert!([0.0, 2800.0, 2950.0].contains(&shown), "bit {bit}: {shown}");
     }
@@ -569,7 +559,7 @@ proptest! {
             stored[1] = u32::MAX;
         }
         let mut desk = desk_with(&[Pack::First]);
-        desk.autopilot.learnt_read(of(Pack::First, None), Ok(Some(stored)));
+        desk.learnt_read(of(Pack::First, None), Ok(Some(stored)));
         let capacity_mah = value(&mut desk, "BATT_LRN_CAP");
         let resistance_mohm = value(&mut desk, "BATT_LRN_RES");
         prop_assert!((0.0..=1e7).contains(&capacity_mah) && (0.0..=1e8).contains(&resistance_mohm));

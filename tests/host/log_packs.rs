@@ -101,7 +101,7 @@ fn what_is_read_from_flash_after_the_log_began_is_recorded() {
         serial_number: None,
     };
     let words = learnt_words(None, 2950.0);
-    rover.desk.autopilot.learnt_read(identity, Ok(Some(words)));
+    rover.desk.learnt_read(identity, Ok(Some(words)));
     rover.run(2);
     let records = rover.records();
     let packs = records.iter().filter(|record| record.name == "PACK");
@@ -124,7 +124,7 @@ fn what_is_learnt_of_another_pack_is_recorded_with_its_serial_number_only() {
         serial_number: Some(4712),
     };
     let words = learnt_words(Some(4712), 2950.0);
-    rover.desk.autopilot.learnt_read(identity, Ok(Some(words)));
+    rover.desk.learnt_read(identity, Ok(Some(words)));
     rover.run(2);
     assert_eq!(rover.serial_numbers(), [UNKNOWN]);
     rover.report(None);
@@ -138,7 +138,7 @@ fn why_a_drive_taught_nothing_is_in_the_log_and_not_on_the_wire() {
         pack: Pack::First,
         serial_number: None,
     };
-    rover.desk.autopilot.learnt_read(identity, Ok(None));
+    rover.desk.learnt_read(identity, Ok(None));
     rover.desk.set(BatteryParameter::Cells.of(Pack::First), 2.0);
     let arm = |rover: &mut Rover, request: &[u8]| {
         rover.desk.ask(request);

@@ -2,7 +2,7 @@
 
 use embassy_futures::block_on;
 use nor_flash::SmallFlash;
-use rover_battmon::autopilot::Start;
+use rover_battmon::autopilot::{FlashJob, FlashStore, Start};
 use rover_battmon::crash::ParameterSource;
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
@@ -96,7 +96,7 @@ impl Rover {
 
     /// Writes what has to be written, as the task does.
     fn save(&mut self) {
-        while let Some(unsaved) = self.desk.autopilot.next_unsaved_parameter(self.desk.now()) {
+        while let Some(FlashJob::Parameter(unsaved)) = self.desk.next_flash_job(FlashStore::Parameters) {
             let mut storage = Storage::new(self.chip.clone(), SmallFlash::REGION);
             let written = block_on(async {
                 match unsaved {
@@ -107,8 +107,8 @@ impl Rover {
                     }
                 }
             });
-            let now = self.desk.now();
-            self.desk.autopilot.parameter_written(unsaved, written, now);
+            let job = FlashJob::Parameter(unsaved);
+            self.desk.flash_done(&job, written.map(|()| None));
         }
     }
 

@@ -1,6 +1,6 @@
 //! Stories, run on the core: voltages at its pins and frames in, texts and motor outputs out.
 
-use rover_battmon::autopilot::{LearntJob, Start};
+use rover_battmon::autopilot::{FlashStore, Start};
 use rover_battmon::battery::ReadError;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
@@ -128,16 +128,8 @@ impl Stage {
 
     /// Nothing is learnt before flash was read; it is blank.
     fn read_flash(&mut self) {
-        let now = self.desk.now();
-        while let Some(job) = self.desk.autopilot.next_learnt_job(now) {
-            match job {
-                LearntJob::Read(identity) => self.desk.autopilot.learnt_read(identity, Ok(None)),
-                LearntJob::Write(identity, learnt) => {
-                    self.desk
-                        .autopilot
-                        .learnt_written(identity.pack, &learnt, Ok(()), now);
-                }
-            }
+        while let Some(job) = self.desk.next_flash_job(FlashStore::Learnt) {
+            self.desk.flash_done(&job, Ok(None));
         }
     }
 

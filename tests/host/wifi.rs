@@ -5,7 +5,7 @@ use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
 use nor_flash::SmallFlash;
 use proptest::prelude::*;
-use rover_battmon::autopilot::{Start, Work};
+use rover_battmon::autopilot::{FlashJob, FlashResult, FlashStore, Start, Work};
 use rover_battmon::battery::{PackStatus, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::mavlink::{AcceptUnsigned, Event, LinkId, LinkKind, SigningChange, WifiRefused};
@@ -342,8 +342,8 @@ fn a_radio_without_a_password_gets_one_that_is_saved() {
     let made = Password::from_entropy(&[1; 32]);
     assert_eq!(desk.autopilot.wifi_setup().unwrap().own_password, made);
     assert!(desk.autopilot.take_work().contains(Work::WIFI | Work::SAVE));
-    let unsaved = desk.autopilot.next_unsaved_wifi(desk.now());
-    assert_eq!(unsaved, Some(WifiRecord::OwnPassword(made)));
+    let unsaved = desk.next_flash_job(FlashStore::Wifi);
+    assert_eq!(unsaved, Some(FlashJob::Wifi(WifiRecord::OwnPassword(made))));
     assert!(desk.autopilot.has_unsaved());
 }
 
@@ -477,16 +477,15 @@ fn a_ground_station_that_connects_later_is_sent_what_is_wrong_now() {
 
 #[test]
 fn a_failed_write_is_announced_once_and_repeated_after_a_minute() {
-    const FAILED: Result<(), StorageError> = Err(StorageError::Flash(FlashFault::NotVerified));
+    const FAILED: FlashResult = Err(StorageError::Flash(FlashFault::NotVerified));
     let mut desk = desk(LinkKind::Direct);
     desk.ask(&wifi_config("home", "at home 1", STATION));
     desk.ask(&wifi_config("", "another one", ACCESS_POINT));
-    let own = WifiRecord::OwnPassword(password("another one"));
-    let other = WifiRecord::Network(network("home", "at home 1"));
+    let own = FlashJob::Wifi(WifiRecord::OwnPassword(password("another one")));
+    let other = FlashJob::Wifi(WifiRecord::Network(network("home", "at home 1")));
     for round in 0..3 {
-        let now = desk.now();
-        assert_eq!(desk.autopilot.next_unsaved_wifi(now).as_ref(), Some(&own));
-        desk.autopilot.wifi_written(&own, FAILED, now);
+        assert_eq!(desk.next_flash_job(FlashStore::Wifi).as_ref(), Some(&own));
+        desk.flash_done(&own, FAILED);
         desk.post_due(desk.now_us);
         let texts = texts_of(&desk.sent());
         let announced = texts
@@ -494,15 +493,14 @@ fn a_failed_write_is_announced_once_and_repeated_after_a_minute() {
             .filter(|text| text.contains("Wi-Fi settings not saved: flash worn out?"));
         assert_eq!(announced.count(), usize::from(round == 0));
         desk.now_us += MINUTE_US - 1;
-        assert_eq!(desk.autopilot.next_unsaved_wifi(desk.now()), None);
+        assert_eq!(desk.next_flash_job(FlashStore::Wifi), None);
         desk.now_us += 1;
     }
-    for record in [own, other] {
-        let now = desk.now();
-        assert_eq!(desk.autopilot.next_unsaved_wifi(now).as_ref(), Some(&record));
-        desk.autopilot.wifi_written(&record, Ok(()), now);
+    for job in [own, other] {
+        assert_eq!(desk.next_flash_job(FlashStore::Wifi).as_ref(), Some(&job));
+        desk.flash_done(&job, Ok(None));
     }
-    assert_eq!(desk.autopilot.next_unsaved_wifi(desk.now()), None);
+    assert_eq!(desk.next_flash_job(FlashStore::Wifi), None);
 }
 
 #[test]

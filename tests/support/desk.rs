@@ -1,6 +1,8 @@
 //! The autopilot on a desk: one link, with a ground station at the other end, and no tasks.
 
-use rover_battmon::autopilot::{Autopilot, SamplingProgress, Start};
+use rover_battmon::autopilot::{
+    Autopilot, FlashJob, FlashResult, FlashStore, PackIdentity, SamplingProgress, Start,
+};
 use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
 use rover_battmon::mavlink::{Endpoint, Event, Framer, LinkKind};
 use rover_battmon::pack::Pack;
@@ -161,6 +163,18 @@ impl Desk {
     /// When something is due next.
     pub fn next_due_us(&self) -> u64 {
         self.endpoint.next_due().as_micros()
+    }
+
+    pub fn next_flash_job(&mut self, store: FlashStore) -> Option<FlashJob> {
+        self.autopilot.next_flash_job(store, self.now())
+    }
+
+    pub fn flash_done(&mut self, job: &FlashJob, result: FlashResult) {
+        self.autopilot.flash_done(job, result, self.now());
+    }
+
+    pub fn learnt_read(&mut self, identity: PackIdentity, stored: FlashResult) {
+        self.flash_done(&FlashJob::ReadLearnt(identity), stored);
     }
 
     pub fn statistics(&self) -> LinkStatistics {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use rover_battmon::autopilot::Start;
+use rover_battmon::autopilot::{FlashJob, FlashStore, Start};
 use rover_battmon::mavlink::{Event, LinkKind, StoredSigning, ToStore};
 use rover_battmon::memory::storage::Condition;
 use rover_battmon::pack::Pack;
@@ -83,13 +83,12 @@ impl Scene {
     }
 
     fn save_now(&mut self) {
-        let now = self.desk.now();
-        while let Some(unsaved) = self.desk.autopilot.next_unsaved_signing(now) {
+        while let Some(FlashJob::Signing(unsaved)) = self.desk.next_flash_job(FlashStore::Signing) {
             if unsaved == ToStore::Nothing {
                 self.words.clear();
             }
             self.words.extend(self.stored().words(&unsaved));
-            self.desk.autopilot.signing_written(&unsaved, Ok(()), now);
+            self.desk.flash_done(&FlashJob::Signing(unsaved), Ok(None));
         }
     }
 

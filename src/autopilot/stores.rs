@@ -1,15 +1,78 @@
-//! When failures to save parameters are announced.
+//! Stores of values in flash: their operations, and when failures are announced.
 
 use core::mem;
 
+use crate::battery::{LEARNT_WORDS, LearntPack};
+use crate::mavlink::ToStore;
 use crate::memory::storage::StorageError;
+use crate::pack::Pack;
+use crate::parameter::Unsaved;
 use crate::time::Instant;
+use crate::wifi::WifiRecord;
+
+/// Bits of a flash key for the instance of the pack.
+const INSTANCE_BITS: u32 = 4;
 
 /// Minimum interval between reports: loading a parameter file into a worn flash fails at every parameter.
 const REPORT_INTERVAL_US: u64 = 5_000_000;
 
 /// When the first of several changes has to wait for erased space, the others get this long to be reported with it.
 const COLLECTION_US: u64 = 1_000_000;
+
+/// A store of values in flash, apart from the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlashStore {
+    /// Parameters.
+    Parameters,
+    /// The signing key and time.
+    Signing,
+    /// Learnt data of the packs.
+    Learnt,
+    /// Names and passwords of networks.
+    Wifi,
+}
+
+impl FlashStore {
+    /// Every store, in the order of their turns.
+    pub const ALL: [Self; 4] = [Self::Parameters, Self::Signing, Self::Learnt, Self::Wifi];
+}
+
+/// An operation in flash.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FlashJob {
+    /// Store or clear parameters.
+    Parameter(Unsaved),
+    /// Store signing data.
+    Signing(ToStore),
+    /// Read the learnt data of a pack.
+    ReadLearnt(PackIdentity),
+    /// Store the learnt data of a pack.
+    WriteLearnt(PackIdentity, LearntPack),
+    /// Store a name or password.
+    Wifi(WifiRecord),
+}
+
+/// Result of a [`FlashJob`]; of a read, the words that are stored.
+pub type FlashResult = Result<Option<[u32; LEARNT_WORDS]>, StorageError>;
+
+/// The pack that an instance monitors, by its serial number (`BATT_SERIAL_NUM`), if set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PackIdentity {
+    /// The instance.
+    pub pack: Pack,
+    /// The serial number.
+    pub serial_number: Option<i32>,
+}
+
+impl PackIdentity {
+    /// Flash key: the instance, and above it the serial number plus one.
+    pub fn key(self) -> u32 {
+        let serial_number = self
+            .serial_number
+            .map_or(0, |number| number.wrapping_add(1) as u32);
+        u32::from(self.pack.instance()) | serial_number << INSTANCE_BITS
+    }
+}
 
 /// Failures to save parameters that have to be announced.
 #[derive(Debug, Default)]
@@ -53,6 +116,8 @@ impl SaveReports {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashSet;
+
     use super::*;
     use crate::memory::storage::FlashFault;
     use crate::memory::storage::StorageError::{Full, NoErasedSpace};
@@ -105,5 +170,28 @@ mod tests {
         reports.mark_announced();
         assert!(reports.take_recovery());
         assert!(!reports.take_recovery());
+    }
+
+    #[test]
+    fn every_pack_and_serial_number_has_a_key_of_its_own() {
+        let mut keys = HashSet::new();
+        let serial_numbers = [-1, 0, 1, 2, 4095, 4096, 65_535, 16_777_214, 16_777_215];
+        for pack in Pack::ALL {
+            for number in serial_numbers {
+                let serial_number = Some(number).filter(|number| *number >= 0);
+                assert!(
+                    keys.insert(PackIdentity { pack, serial_number }.key()),
+                    "{pack:?}, {number}"
+                );
+            }
+        }
+        assert_eq!(
+            PackIdentity {
+                pack: Pack::Second,
+                serial_number: None
+            }
+            .key(),
+            1
+        );
     }
 }
