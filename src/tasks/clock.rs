@@ -5,6 +5,8 @@ use embassy_time::{TimeoutError, Timer};
 use crate::time::Instant;
 
 /// This moment, by embassy's clock.
+// Not inlined: it is read in a hundred places.
+#[inline(never)]
 pub fn now() -> Instant {
     Instant::from_micros(embassy_time::Instant::now().as_micros())
 }

@@ -1,6 +1,6 @@
 //! A link to ground stations, shared by the tasks that schedule, write and read it.
 
-use core::cell::RefCell;
+use core::cell::{RefCell, RefMut};
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -93,7 +93,13 @@ impl<'a> Link<'a> {
 
     /// Uses our end of the link. It must not wait in there.
     pub(super) fn with<R>(&self, use_endpoint: impl FnOnce(&mut Endpoint) -> R) -> R {
-        use_endpoint(&mut self.endpoint.borrow_mut())
+        use_endpoint(&mut self.borrow())
+    }
+
+    // Not inlined: each kind of wire has tasks of its own.
+    #[inline(never)]
+    fn borrow(&self) -> RefMut<'_, Endpoint> {
+        self.endpoint.borrow_mut()
     }
 
     /// Uses our end of the link together with the core. It must not wait in there.

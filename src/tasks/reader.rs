@@ -9,7 +9,6 @@ use embassy_time::{Duration, with_timeout};
 
 use super::{CheckIn, Link, Shared, mark, now};
 use crate::log::warn;
-use crate::mavlink::Event;
 use crate::time::Instant;
 
 /// Bytes handled in one go.
@@ -55,15 +54,8 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
                 let bytes = chunk.get(..received).unwrap_or(&chunk);
                 handle(bytes, arrivals.earliest, shared, link).await;
             }
-            Some(Err(ReceiveError::LineError)) => {
-                link.with(|endpoint| endpoint.count_overrun());
-                warn!("{}: line error", link.name());
-            }
-            Some(Err(ReceiveError::BytesLost(bytes))) => {
-                link.with(|endpoint| endpoint.count_overrun());
-                warn!("{}: {} received bytes were lost", link.name(), bytes);
-            }
             Some(Err(ReceiveError::Closed)) => return,
+            Some(Err(error)) => note(error, link),
             None => {
                 link.with(|endpoint| endpoint.give_up_waiting());
                 handle(&[], arrivals.earliest, shared, link).await;
@@ -72,6 +64,18 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
         mark(check_in);
         // A sender that never pauses must leave the others their turn.
         yield_now().await;
+    }
+}
+
+/// Counts and logs lost bytes.
+// Not inlined, like `handle_next`: there is a reader for each kind of wire.
+#[inline(never)]
+fn note(error: ReceiveError, link: &Link<'_>) {
+    link.with(|endpoint| endpoint.count_overrun());
+    match error {
+        ReceiveError::LineError => warn!("{}: line error", link.name()),
+        ReceiveError::BytesLost(bytes) => warn!("{}: {} received bytes were lost", link.name(), bytes),
+        ReceiveError::Closed => {}
     }
 }
 
@@ -120,11 +124,7 @@ async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Lin
     loop {
         let taken = link.with(|endpoint| endpoint.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
-        while let Some(event) = handle_next(earliest, shared, link) {
-            if event.concerns_link() {
-                link.to_write.signal(());
-                link.to_schedule.signal(());
-            }
+        while handle_next(earliest, shared, link).is_some() {
             yield_now().await;
         }
         if bytes.is_empty() {
@@ -133,10 +133,17 @@ async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Lin
     }
 }
 
-fn handle_next(earliest: Instant, shared: &Shared, link: &Link<'_>) -> Option<Event> {
-    link.serve(shared, |autopilot, endpoint| {
+/// Handles the next frame, if there is one.
+#[inline(never)]
+fn handle_next(earliest: Instant, shared: &Shared, link: &Link<'_>) -> Option<()> {
+    let event = link.serve(shared, |autopilot, endpoint| {
         autopilot.handle_next(endpoint, now(), earliest)
-    })
+    })?;
+    if event.concerns_link() {
+        link.to_write.signal(());
+        link.to_schedule.signal(());
+    }
+    Some(())
 }
 
 #[cfg(test)]

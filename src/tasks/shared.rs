@@ -1,6 +1,6 @@
 //! The core, shared between tasks.
 
-use core::cell::{Cell, RefCell};
+use core::cell::{Cell, RefCell, RefMut};
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
@@ -59,13 +59,24 @@ impl Shared {
 
     /// Uses the core, and wakes up the tasks that have to act on the result. It must not wait in there.
     pub fn with<R>(&self, use_it: impl FnOnce(&mut Autopilot) -> R) -> R {
-        let mut autopilot = self.autopilot.borrow_mut();
+        let mut autopilot = self.borrow();
         let result = use_it(&mut autopilot);
+        self.release(autopilot);
+        result
+    }
+
+    // Not inlined, like `release`: the core is used in a hundred places.
+    #[inline(never)]
+    fn borrow(&self) -> RefMut<'_, Autopilot> {
+        self.autopilot.borrow_mut()
+    }
+
+    #[inline(never)]
+    fn release(&self, mut autopilot: RefMut<'_, Autopilot>) {
         let work = autopilot.take_work();
         if !work.is_empty() {
             self.wake(work);
         }
-        result
     }
 
     /// The packs are sampled next at `due`.
@@ -105,8 +116,6 @@ impl Shared {
         self.announced.receiver()
     }
 
-    // Inlined, it would be there for each use of the core.
-    #[inline(never)]
     fn wake(&self, work: Work) {
         let signals = [
             (Work::DRIVE, &self.to_drive),

@@ -20,22 +20,25 @@ pub async fn write_frames<W: Write>(
 ) -> Result<(), W::Error> {
     let mut framer = Framer::starting_at(link.first_sequence);
     loop {
-        let reading = link.read_log(shared);
-        let frame = link.serve(shared, |autopilot, endpoint| {
-            autopilot.next_frame(endpoint, &mut framer, now())
-        });
-        let Some(frame) = frame else {
-            match reading {
-                LogReading::Read => yield_now().await,
-                LogReading::NothingToRead => {
-                    wire.flush().await?;
-                    link.to_write.wait().await;
-                }
+        match next_frame(&mut framer, shared, link) {
+            Ok(frame) => wire.write_all(frame).await?,
+            Err(LogReading::Read) => yield_now().await,
+            Err(LogReading::NothingToRead) => {
+                wire.flush().await?;
+                link.to_write.wait().await;
             }
-            mark(check_in);
-            continue;
-        };
-        wire.write_all(frame).await?;
+        }
         mark(check_in);
     }
+}
+
+/// The frame of the message that leaves next. If there is none, whether a part of one was read.
+// Not inlined: there is a writer for each kind of wire.
+#[inline(never)]
+fn next_frame<'a>(framer: &'a mut Framer, shared: &Shared, link: &Link<'_>) -> Result<&'a [u8], LogReading> {
+    let reading = link.read_log(shared);
+    let frame = link.serve(shared, |autopilot, endpoint| {
+        autopilot.next_frame(endpoint, framer, now())
+    });
+    frame.ok_or(reading)
 }
