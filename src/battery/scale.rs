@@ -28,7 +28,7 @@ impl Measuring {
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Option<Self> {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
         let kind = parameters.monitor_kind(pack)?;
-        kind.reads_voltage_pin().then(|| Self {
+        kind.uses_divider().then(|| Self {
             scale: MeasuringScale {
                 volt_multiplier: value(BatteryParameter::VoltMult),
                 volt_offset_v: value(BatteryParameter::VltOffset),
@@ -53,5 +53,21 @@ impl MeasuringScale {
     pub(super) fn voltage_change_v(&self, before: &Self, voltage_v: f32) -> f32 {
         let pin_v = voltage_v / self.volt_multiplier + self.volt_offset_v;
         voltage_v - (pin_v - before.volt_offset_v) * before.volt_multiplier
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_converter_on_the_bus_measures_by_the_same_factors_as_a_pin() {
+        for (number, is_scaled) in [(3.0, true), (28.0, true), (21.0, false)] {
+            let mut parameters = Parameters::defaults();
+            let monitor = BatteryParameter::Monitor.of(Pack::First);
+            parameters.set(monitor, number).unwrap();
+            let measuring = Measuring::from_parameters(&parameters, Pack::First);
+            assert_eq!(measuring.is_some(), is_scaled, "{number}");
+        }
     }
 }

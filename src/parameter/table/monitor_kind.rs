@@ -187,6 +187,11 @@ impl MonitorKind {
         )
     }
 
+    /// Whether the voltage at a pin is converted by `BATT_VOLT_MULT` and `BATT_VLT_OFFSET`.
+    pub fn uses_divider(self) -> bool {
+        self.reads_voltage_pin() || self == Self::Bus(PartKind::Ad7091r5)
+    }
+
     pub(crate) fn reads_current_pin(self) -> bool {
         matches!(self, Self::AnalogVoltageAndCurrent | Self::AnalogCurrent)
     }
