@@ -1,4 +1,4 @@
-//! What is announced to ground stations: the one place with its severities.
+//! Announcements to ground stations, with their severities.
 
 use core::fmt;
 use core::mem::{Discriminant, discriminant};
@@ -48,9 +48,9 @@ pub enum Announcement<'a> {
     ParametersUnknown(u16),
     /// Parameters can't be written to flash.
     ParametersNotSaved(SaveFailure),
-    /// What is announced of parameters that can't be written is over.
+    /// Parameters can be written again.
     ParametersSaved,
-    /// What is learnt of a pack can't be written to flash.
+    /// Learnt data of a pack can't be written to flash.
     LearntNotSaved(StorageError),
     /// Names or passwords of Wi-Fi networks can't be written to flash.
     WifiNotSaved(StorageError),
@@ -70,7 +70,7 @@ pub enum Announcement<'a> {
     Unauthorized {
         /// The link they came from.
         link: &'static str,
-        /// How many so far.
+        /// Their number so far.
         count: u32,
     },
     /// Messages were ignored since they are too old although they are signed with the key.
@@ -112,7 +112,7 @@ pub(super) enum Kind {
     Unauthorized,
     TooOld,
     ParameterRefused,
-    /// What the board reports of itself.
+    /// Reports of the board itself.
     Board,
 }
 
@@ -133,7 +133,7 @@ impl Kind {
 }
 
 impl Announcement<'_> {
-    /// What it shares a limit with.
+    /// The kind whose limit it shares.
     pub(super) fn kind(&self) -> Kind {
         match self {
             Self::Pack(pack, event) => Kind::Pack(*pack, discriminant(*event)),
@@ -165,7 +165,7 @@ impl Announcement<'_> {
         }
     }
 
-    /// How urgent it is. A low battery is a warning, as in ArduPilot; a critical one is critical, where ArduPilot has a warning.
+    /// Its severity. A low battery is a warning, as in ArduPilot; a critical one is critical, where ArduPilot has a warning.
     pub fn severity(&self) -> MavSeverity {
         match self {
             // A ground station shows what is critical in a box.

@@ -1,4 +1,4 @@
-//! How often announcements of the same kind are sent.
+//! Limits of announcements of the same kind.
 
 use heapless::Vec;
 
@@ -17,7 +17,7 @@ pub(super) struct AnnouncementLimit {
     used: Vec<Used, KINDS>,
 }
 
-/// What was announced of a kind.
+/// Announcements of a kind so far.
 #[derive(Debug)]
 struct Used {
     kind: Kind,
@@ -98,7 +98,7 @@ mod tests {
         Announcement::CanNode(CanNotice::Lost(node)).kind()
     }
 
-    /// How many of these are allowed, of one every `interval_us` in a minute.
+    /// Number of these that are allowed, of one every `interval_us` in a minute.
     fn allowed_in_a_minute(
         limit: &mut AnnouncementLimit,
         interval_us: usize,

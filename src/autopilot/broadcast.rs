@@ -38,7 +38,7 @@ pub(super) struct Broadcast {
 #[derive(Debug)]
 struct Slot<T> {
     latest: Option<T>,
-    /// How many were there so far, modulo 2^32.
+    /// Their number so far, modulo 2^32.
     count: u32,
 }
 
@@ -57,7 +57,7 @@ impl<T> Slot<T> {
         self.count = self.count.wrapping_add(1);
     }
 
-    /// What is there, unless it was sent already; now it was.
+    /// The latest one, unless it was sent already; now it was.
     fn unsent(&self, sent: &mut u32) -> Option<&T> {
         if core::mem::replace(sent, self.count) == self.count {
             return None;
@@ -66,7 +66,7 @@ impl<T> Slot<T> {
     }
 }
 
-/// What follows a position in the broadcast.
+/// The next item after a position in the broadcast.
 #[derive(Debug, PartialEq)]
 pub(super) enum Next<'a> {
     /// An announcement.
@@ -112,7 +112,7 @@ impl Broadcast {
         }
     }
 
-    /// What has a place of its own and was not sent yet; `position` moves behind it.
+    /// The next urgent announcement that was not sent yet; `position` moves behind it.
     pub fn next_urgent(&self, position: &mut BroadcastPosition) -> Option<Announcement<'_>> {
         let packs = Pack::ALL.into_iter().zip(&self.levels).zip(&mut position.levels);
         let level = packs.into_iter().find_map(|((pack, level), sent)| {
@@ -125,7 +125,7 @@ impl Broadcast {
         })
     }
 
-    /// What follows `position` in the queue, which moves behind it.
+    /// The item after `position` in the queue, which moves behind it.
     pub fn next(&self, position: &mut BroadcastPosition) -> Option<Next<'_>> {
         let ahead = position.next.wrapping_sub(self.oldest);
         if ahead > self.latest.len() as u32 {

@@ -1,4 +1,4 @@
-//! What is announced of the CAN bus's controller.
+//! Announcements of the CAN bus's controller.
 
 use crate::sensor::{CanInterrupt, CanReport, CanState, CanStatus};
 use crate::time::Instant;
@@ -9,7 +9,7 @@ const PASSIVE_US: u64 = 2_000_000;
 /// With shorted wires it is active for moments, between one bus-off and the next.
 const WORKING_US: u64 = 2_000_000;
 
-/// What was announced of the controller.
+/// Announced state of the controller.
 #[derive(Debug)]
 pub(super) struct CanWatch {
     announced: CanStatus,
@@ -56,7 +56,7 @@ impl CanWatch {
         Some(report)
     }
 
-    /// What has changed since it was announced, the most important first.
+    /// The change since the last announcement, the most important first.
     fn changes(&self, status: &CanStatus, now: Instant) -> [Option<CanReport>; 5] {
         let before = &self.announced;
         let is_dead = status.interrupt != before.interrupt && status.interrupt == CanInterrupt::Dead;
@@ -103,7 +103,7 @@ impl CanWatch {
         }
     }
 
-    /// What a ground station that connects has to know.
+    /// Trouble for a ground station that connects.
     pub fn trouble(&self) -> Option<CanReport> {
         match self.announced.state {
             CanState::NoAnswer => Some(CanReport::NoAnswer),
@@ -126,7 +126,7 @@ mod tests {
         ..CanStatus::STARTING
     };
 
-    /// What is announced of statuses that come every 100 ms.
+    /// Announcements of statuses that come every 100 ms.
     fn announced(statuses: impl IntoIterator<Item = CanStatus>) -> std::vec::Vec<(u64, CanReport)> {
         let (mut watch, mut limit) = (CanWatch::new(), AnnouncementLimit::default());
         let mut announced = std::vec::Vec::new();

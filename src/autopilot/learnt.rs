@@ -1,4 +1,4 @@
-//! What is learnt of the packs: read from flash, written to it, shown in parameters.
+//! Learnt data of the packs: read from flash, written to it, shown in parameters.
 
 use super::stores::{FlashJob, FlashResult, FlashStore, PackIdentity};
 use super::{Autopilot, Work};
@@ -58,7 +58,7 @@ impl Autopilot {
             .any(|(pack, _)| self.identity(*pack).key() == key)
     }
 
-    /// What is learnt and has to be written; `None` while a failed write waits for its retry.
+    /// The next write of learnt data; `None` while a failed write waits for its retry.
     pub(super) fn next_unsaved_learnt(&self) -> Option<FlashJob> {
         if self.waits_for_retry(FlashStore::Learnt) {
             return None;

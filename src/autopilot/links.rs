@@ -41,7 +41,7 @@ impl Autopilot {
         self.work |= Work::DRIVE;
     }
 
-    /// What a ground station that connects has to know: about the start, and what can't be saved or trusted now.
+    /// Notices for a ground station that connects: about the start, and about what can't be saved or trusted now.
     fn send_notices(&self, endpoint: &mut Endpoint) {
         let unsaved = self.parameters.save_failure();
         let notices = [
@@ -140,7 +140,7 @@ impl Autopilot {
         }
     }
 
-    /// What has a place of its own follows as soon as the one before has left.
+    /// Posts the next urgent announcement once the one before has left.
     fn post_urgent(&self, endpoint: &mut Endpoint) {
         if endpoint.has_room_for_urgent()
             && let Some(urgent) = self.broadcast.next_urgent(&mut endpoint.position)
@@ -166,7 +166,7 @@ impl Autopilot {
         }
     }
 
-    /// What has to be read of the log for the next message of a download, if anything: see [`Endpoint::next_read`].
+    /// The next read of the log for a download, if one is needed: see [`Endpoint::next_read`].
     ///
     /// [`Endpoint::next_read`]: crate::mavlink::Endpoint::next_read
     pub fn next_read(&self, endpoint: &mut Endpoint, now: Instant) -> Option<LogRead> {

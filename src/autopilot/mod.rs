@@ -90,7 +90,7 @@ pub struct Autopilot {
     /// The vehicle's status when it was last driven.
     known_status: VehicleStatus,
     work: Work,
-    /// How many links were opened, modulo 65536.
+    /// Number of links that were opened, modulo 65536.
     opened_links: u16,
 }
 
@@ -227,7 +227,7 @@ impl Autopilot {
         }
     }
 
-    /// What other tasks have to do since the last call.
+    /// Work of other tasks since the last call.
     pub fn take_work(&mut self) -> Work {
         core::mem::take(&mut self.work)
     }
@@ -258,7 +258,7 @@ fn system_state<'a>(
 }
 
 bitflags! {
-    /// What other tasks have to do after a call.
+    /// Work of other tasks after a call.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub struct Work: u8 {
         /// The outputs may have changed: [`Autopilot::drive`](Autopilot::drive).
@@ -271,7 +271,7 @@ bitflags! {
         const RESTART = 1 << 3;
         /// A ground station sent a HEARTBEAT.
         const GROUND_STATION_HEARD = 1 << 4;
-        /// What the radio is to do may have changed: [`Autopilot::wifi_setup`](Autopilot::wifi_setup).
+        /// The radio's set-up may have changed: [`Autopilot::wifi_setup`](Autopilot::wifi_setup).
         const WIFI = 1 << 5;
         /// The vehicle was armed or disarmed, so that the watchdog gets another time-out: [`Autopilot::watched`](Autopilot::watched).
         const WATCHDOG = 1 << 6;

@@ -28,7 +28,7 @@ pub(super) struct Packs {
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
     /// Packs announced to have a voltage above `MOT_DRV_VOLT`, a bit each.
     pub announced_too_high: u16,
-    /// What the packs are read from, by the parameters at boot.
+    /// Sources of the packs, by the parameters at boot.
     pub read_from: [PackSource; MAX_PACKS],
     /// Why a pack can't be read with the parameters at boot.
     set_up_errors: [Option<ReadError>; MAX_PACKS],

@@ -109,7 +109,7 @@ impl Autopilot {
         };
         sampling.next += 1;
         if self.packs.ticks == 0 {
-            // What is done of a pack once in a second is done of one pack in a tick.
+            // Staggers per-second work across packs.
             let delay_s = f32::from(pack.instance()) * SAMPLING_INTERVAL_US as f32 * 1e-6;
             self.packs.bank.monitor(pack).delay(delay_s);
         }

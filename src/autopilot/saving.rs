@@ -238,7 +238,7 @@ impl Autopilot {
         self.recording.found(ring);
     }
 
-    /// What the flash has to do next for the log at `now`, if anything.
+    /// The next flash operation of the log at `now`, if there is one.
     pub fn next_log_step(&mut self, now: Instant) -> Option<LogStep> {
         let may_erase = self.may_erase();
         let subject = Subject {

@@ -15,7 +15,7 @@ use crate::wifi::Radio;
 pub struct Start {
     /// The parameters.
     pub parameters: Parameters,
-    /// Where they come from.
+    /// Their source.
     pub parameter_load: ParameterLoad,
     /// The signing key and its time.
     pub signing: Signing,

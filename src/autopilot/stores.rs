@@ -103,7 +103,7 @@ impl SaveReports {
         Some(report)
     }
 
-    /// What [`take`](Self::take) has returned was announced: it may have been over by then.
+    /// The report that [`take`](Self::take) returned was announced: the failure may have been over by then.
     pub fn mark_announced(&mut self) {
         self.was_announced = true;
     }

@@ -21,7 +21,7 @@ const _: () = assert!("Wi-Fi password: ".len() + Password::MAX_BYTES <= SHOWN_BY
 const _: () = assert!("Wi-Fi name: ".len() + Ssid::MAX_BYTES <= SHOWN_BYTES);
 
 impl Autopilot {
-    /// What the radio is to do; `None` on a board without one, or while the access point has no password. After
+    /// The radio's set-up; `None` on a board without one, or while the access point has no password. After
     /// [`Work::WIFI`] it may have changed; while armed it stays as it is.
     pub fn wifi_setup(&self) -> Option<WifiSetup> {
         self.wifi.setup()

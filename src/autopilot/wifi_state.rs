@@ -1,4 +1,4 @@
-//! What is known of Wi-Fi: names and passwords, what is in force, what was announced.
+//! State of Wi-Fi: names and passwords, the set-up in force, announced reports.
 
 use heapless::Vec;
 
@@ -19,13 +19,13 @@ pub(super) const PRESENCE_US: u64 = 10_000_000;
 #[derive(Debug)]
 pub(super) struct WifiState {
     pub credentials: WifiCredentials,
-    /// What the parameters said when the vehicle was last disarmed.
+    /// The choice by the parameters when the vehicle was last disarmed.
     choice: WifiChoice,
     /// Announced since the radio was set up, or since it last did what it is set up for.
     announced: Vec<WifiReport, REPORTS>,
     /// Why the radio stays off until the next start.
     pub off: Option<WifiReport>,
-    /// What is wrong now.
+    /// The present fault.
     pub fault: Option<WifiReport>,
     /// When a frame last came by Wi-Fi.
     pub heard_at: Option<Instant>,
@@ -43,7 +43,7 @@ impl WifiState {
         }
     }
 
-    /// What the radio is to do.
+    /// The radio's set-up.
     pub fn setup(&self) -> Option<WifiSetup> {
         match self.off {
             Some(_) => None,
@@ -51,7 +51,7 @@ impl WifiState {
         }
     }
 
-    /// What a ground station that connects has to know.
+    /// The report for a ground station that connects.
     pub fn trouble(&self) -> Option<WifiReport> {
         self.off.or(self.fault)
     }
@@ -106,7 +106,7 @@ fn is_radio_to_blame(start: &Start) -> bool {
         && crash.is_some_and(|crash| crash.is_fault_of_task() || start.radio_crashes > 1)
 }
 
-/// What ends a success, so that the next one is announced.
+/// Whether a report ends a success, so that the next one is announced.
 fn is_interruption(report: WifiReport) -> bool {
     matches!(
         report,

@@ -37,12 +37,12 @@ impl Autopilot {
         }
     }
 
-    /// How the node on the CAN bus is set up; `None` while the bus is not in use.
+    /// Set-up of the node on the CAN bus; `None` while the bus is not in use.
     pub fn can_setup(&self) -> Option<CanSetup> {
         CanSetup::from_parameters(&self.parameters, &self.identity)
     }
 
-    /// What may change of the node's settings at any time.
+    /// The node's settings that may change at any time.
     pub fn can_settings(&self) -> CanSettings {
         CanSettings::new(
             self.packs.of_kind(MonitorKind::Can),

@@ -27,7 +27,7 @@ const GROUND_STATION: u8 = MavType::MAV_TYPE_GCS as u8;
 /// 100 s.
 const MAX_AGE_MS: u32 = 3_000;
 
-/// What a request does, at most.
+/// The greatest effect of a request.
 fn effect(request: &Request<'_>) -> Effect {
     match request {
         Request::FileTransfer(transfer) if file_transfer::writes(transfer.opcode) => Effect::Changes,

@@ -120,7 +120,7 @@ impl Endpoint {
         self.number = number;
     }
 
-    /// What kind of link it is.
+    /// The kind of link.
     pub fn kind(&self) -> LinkKind {
         self.kind
     }
@@ -213,7 +213,7 @@ impl Endpoint {
             .map_or(streams, |list| list.min(streams))
     }
 
-    /// What has to be read of the log for the message that a download sends next, if anything. [`Self::supply`] takes what
+    /// The read of the log that a download's next message needs, if one is needed. [`Self::supply`] takes what
     /// was read; until then it is asked for again. One message may need several reads, so this is called until it returns
     /// `None`, before each [`Self::take`].
     pub fn next_read(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<LogRead> {
@@ -229,7 +229,7 @@ impl Endpoint {
     /// The message that leaves next: HEARTBEAT, urgent texts, answers, the share of a parameter list, downloads and telemetry in turn.
     /// Telemetry is built now, from `state` and the link's own counters.
     pub fn take(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Outgoing> {
-        // What needs nothing to be read is sent without a caller that reads.
+        // Messages that need no read are sent without a caller that reads.
         let _ = self.next_read(state, parameters);
         let state = SystemState {
             link: self.statistics(),

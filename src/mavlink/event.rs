@@ -1,4 +1,4 @@
-//! What a received message leads to, beyond its answer.
+//! Events of received messages, beyond their answers.
 
 use crate::parameter::{ParameterId, Refused};
 use crate::sensor::ExternalReading;
@@ -54,12 +54,12 @@ pub enum Event {
     Measured {
         /// The component's id.
         component_id: u8,
-        /// What it has measured.
+        /// Its measurement.
         reading: ExternalReading,
     },
     /// It was not signed as it would have to be, and had no effect.
     Unauthorized {
-        /// How many there have been on this link.
+        /// Their number on this link.
         count: u32,
     },
     /// It was signed with the key, but is too old, and had no effect.
@@ -82,7 +82,7 @@ impl Event {
     }
 }
 
-/// What the vehicle has to do, beyond answering.
+/// An action of the vehicle, beyond answering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Action {
@@ -99,7 +99,7 @@ pub enum Action {
     },
 }
 
-/// What a ground station has set up of signing.
+/// A change of the signing key by a ground station.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum SigningChange {

@@ -15,10 +15,10 @@ pub const MAX_LINKS: usize = if cfg!(target_os = "none") {
 /// A byte on a serial line has ten bits.
 const BITS_PER_BYTE: u32 = 10;
 
-/// What the USB link is taken to carry: a packet of 64 bytes each millisecond, which any host polls for.
+/// Assumed capacity of the USB link: a packet of 64 bytes each millisecond, which any host polls for.
 const USB_BYTES_PER_SECOND: u32 = 64_000;
 
-/// What each Wi-Fi link is taken to carry: more than all streams at their highest rates, and less than the radio's bus.
+/// Assumed capacity of each Wi-Fi link: more than all streams at their highest rates, and less than the radio's bus.
 const WIFI_BYTES_PER_SECOND: u32 = 100_000;
 
 /// A link of the board.
@@ -69,7 +69,7 @@ impl LinkId {
         }
     }
 
-    /// What kind of link it is.
+    /// The kind of link.
     pub fn kind(self) -> LinkKind {
         match self {
             Self::Uart0 => LinkKind::Radio,
@@ -78,7 +78,7 @@ impl LinkId {
         }
     }
 
-    /// What it carries, in bytes per second, if the telemetry port has this baud rate.
+    /// Its capacity, in bytes per second, if the telemetry port has this baud rate.
     pub fn bytes_per_second(self, telemetry_baud: u32) -> u32 {
         match self {
             Self::Uart0 => telemetry_baud / BITS_PER_BYTE,

@@ -19,7 +19,7 @@ const FOR_ANSWERS: usize = 8;
 /// Messages of one urgent text.
 const URGENT: usize = 2;
 
-/// What became of a stream that was posted.
+/// Result of posting a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Posted {
@@ -29,14 +29,14 @@ pub enum Posted {
     Replaced,
 }
 
-/// What waits for the wire: answers, and streams whose message is due.
+/// The queue for the wire: answers, and streams whose message is due.
 ///
 /// HEARTBEAT goes first, then an urgent text, answers in the order they came, then the streams in turn, always in the order of their table
 /// and of the packs. An answer waits as it was built. A stream waits by its name alone: its message is built when it is
 /// taken. So every stream gets the same share of a link that is too slow, none starves, and what arrives is fresh.
 #[derive(Debug)]
 pub struct Outbox {
-    /// What is left of an urgent text.
+    /// The rest of an urgent text.
     urgent: Deque<STATUSTEXT_DATA, URGENT>,
     /// Why arming was refused last, until that is the urgent text.
     refused_arming: Option<ArmingObstacle>,
@@ -144,7 +144,7 @@ impl Outbox {
         self.dropped = self.dropped.wrapping_add(messages);
     }
 
-    /// How many messages were dropped. Wraps at 2^32.
+    /// Number of dropped messages. Wraps at 2^32.
     pub fn dropped(&self) -> u32 {
         self.dropped
     }
@@ -153,7 +153,7 @@ impl Outbox {
         REPLIES - self.replies.len()
     }
 
-    /// How many messages of announcements there is room for: as many as leave room for answers.
+    /// Free room for messages of announcements, without the room for answers.
     pub fn room_for_announcements(&self) -> usize {
         self.room_for_replies().saturating_sub(FOR_ANSWERS)
     }

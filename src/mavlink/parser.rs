@@ -15,7 +15,7 @@ const CRC_BYTES: usize = 2;
 /// The only incompatibility flag a frame may carry here: it is signed.
 pub(super) const FLAG_SIGNED: u8 = 0x01;
 
-/// What a signed frame has behind its checksum: the link's number, the timestamp and the signature.
+/// Bytes of a signed frame behind its checksum: the link's number, the timestamp and the signature.
 pub(super) const TRAILER_BYTES: usize = 13;
 
 /// The longest frame: MAVLink 2 with a full payload and a signature.
@@ -59,7 +59,7 @@ pub struct FrameParser {
     statistics: ReceiveStatistics,
 }
 
-/// What stands at the start of the buffer.
+/// The content at the start of the buffer.
 enum Candidate {
     /// More bytes are needed to decide.
     Incomplete,
@@ -102,7 +102,7 @@ impl FrameParser {
         }
     }
 
-    /// What came in so far.
+    /// Counts of received frames so far.
     pub fn statistics(&self) -> ReceiveStatistics {
         self.statistics
     }

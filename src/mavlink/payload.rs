@@ -80,7 +80,7 @@ impl Name {
 }
 
 impl From<&str> for Name {
-    /// What is longer than 16 characters is cut off.
+    /// Names longer than 16 characters are cut off.
     fn from(text: &str) -> Self {
         let mut name = [0; 16];
         for (to, from) in name.iter_mut().zip(text.bytes()) {

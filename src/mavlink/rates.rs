@@ -109,7 +109,7 @@ impl Rates {
         if !is_known || self.is_repeated(request) {
             return;
         }
-        // What was set before the request must not override it later.
+        // An earlier setting must not override the request later.
         self.follow(parameters, now);
         let rate_hz = rate_hz.map_or(0.0, f32::from).min(HIGHEST_RATE_HZ);
         let scheduler = &mut self.scheduler;
@@ -136,7 +136,7 @@ impl Rates {
         self.requests
             .retain(|before| !request.is_about_that_of(before) && !request.overrides(before));
         if self.requests.is_full() {
-            // What comes again counts once more.
+            // A repeated request counts once more.
             self.requests.clear();
         }
         // There is room now.

@@ -18,7 +18,7 @@ const SHORTEST_INTERVAL_US: u64 = 20_000;
 /// Half an hour: not much more can be reported by MESSAGE_INTERVAL.
 const LONGEST_INTERVAL_US: u64 = 1_800_000_000;
 
-/// How often a message is sent.
+/// Rate of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interval {
     /// By the message's [`DefaultRate`].

@@ -1,4 +1,4 @@
-//! How much streams are slowed down for a radio that can't keep up.
+//! Slowdown of streams for a radio that can't keep up.
 
 use crate::time::Instant;
 
@@ -21,7 +21,7 @@ pub(super) struct Slowdown {
 }
 
 impl Slowdown {
-    /// What is added to an interval, in µs.
+    /// Addition to an interval, in µs.
     pub fn delay_us(self) -> u64 {
         u64::from(self.delay_ms) * MICROSECONDS_PER_MILLISECOND
     }

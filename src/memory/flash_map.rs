@@ -1,4 +1,4 @@
-//! What lies where in the flash chip, for the board and the simulator.
+//! Map of the flash chip, for the board and the simulator.
 //!
 //! Ranges are offsets from the start of the chip, in bytes. What is kept stays where it was in every release, so that an
 //! update finds it: a new part is taken from the end of the program, or goes below the others.
@@ -20,7 +20,7 @@ pub const WIFI: Range<u32> = PROGRAM.end..768 * KIB;
 /// The ring of log files.
 pub const LOG: Range<u32> = WIFI.end..2008 * KIB;
 
-/// What is learnt of the packs.
+/// Learnt data of the packs.
 pub const LEARNT: Range<u32> = LOG.end..2024 * KIB;
 
 /// The signing key.

@@ -1,4 +1,4 @@
-//! What is kept in flash and in RAM that survives a reset, each behind a checksum.
+//! Data in flash, and in RAM that survives a reset, each behind a checksum.
 
 pub(crate) mod checksum;
 pub mod flash_chip;

@@ -17,7 +17,7 @@ impl<const N: usize> RetainedWords<N> {
         Self([const { AtomicU32::new(0) }; N])
     }
 
-    /// What they hold.
+    /// Their content.
     pub fn get(&self) -> [u32; N] {
         array::from_fn(|at| self.0.get(at).map_or(0, |word| word.load(Ordering::Relaxed)))
     }

@@ -1,4 +1,4 @@
-//! How far the saving of something is.
+//! Progress of saving a value, or one kind of data.
 
 use super::storage::StorageError;
 use crate::time::Instant;
@@ -6,7 +6,7 @@ use crate::time::Instant;
 /// Interval between automatic retries: a worn sector won't recover, and each attempt blocks for the time of an erase.
 const RETRY_INTERVAL_US: u64 = 60_000_000;
 
-/// How far the saving of a value is, or of one kind of data. `When` is when a failed write is tried again, if that is known.
+/// Progress of saving a value, or one kind of data. `When` is when a failed write is tried again, if that is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SaveState<When = ()> {
     /// Nothing has failed, and of a value: nothing has to be written.
@@ -18,7 +18,7 @@ pub enum SaveState<When = ()> {
     Failed(StorageError, When),
     /// Failed before; to be written again.
     Retried(StorageError),
-    /// What is stored does not fit, and stays until another value is to be written.
+    /// The stored value does not fit, and stays until another value is to be written.
     Misfit,
 }
 
@@ -54,7 +54,7 @@ impl<When> SaveState<When> {
         (!is_known).then_some(error)
     }
 
-    /// What has failed is tried again.
+    /// Tries again after a failure.
     pub fn retry(&mut self) {
         if let Self::Failed(error, _) = self {
             *self = Self::Retried(*error);

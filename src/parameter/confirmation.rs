@@ -1,4 +1,4 @@
-//! What makes the live values doubtful, and what ends that.
+//! Doubts of the live values, and their end.
 //!
 //! What was damaged or half loaded leaves a mark in flash, under the key of `PARAM_CHECKED`: stored before any other value, and taken
 //! back after all of them. What does not fit needs none: the value stays stored under its key until the parameter is set.
@@ -72,7 +72,7 @@ impl Parameters {
         self.doubts |= Doubts::from_bits_retain(value.to_bits() as u8).marked();
     }
 
-    /// What is stored of a parameter: its value, or the mark.
+    /// The stored form of a parameter: its value, or the mark.
     pub(super) fn to_store(&self, id: ParameterId) -> f32 {
         if id == CHECKED {
             f32::from_bits(self.doubts.marked().bits().into())

@@ -29,7 +29,7 @@ pub struct Parameters {
     pub(super) doubts: Doubts,
     /// The listed parameters.
     pub(super) listed: ParameterIdSet,
-    /// Those whose value has changed since they were taken.
+    /// Parameters that have changed since they were taken.
     changed: ParameterIdSet,
     pub(super) sticks: Sticks,
 }
@@ -236,7 +236,7 @@ impl Parameters {
         match checked {
             Ok(value) => {
                 self.write(id, value, SaveState::Saved);
-                // What is loaded is no change.
+                // A loaded value is no change.
                 self.changed.remove(id);
             }
             Err(_) if bearing == Bearing::Drive => self.save_states.set(id, SaveState::Misfit),

@@ -13,19 +13,19 @@ bitflags! {
     /// Causes that are not known by a parameter.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub(super) struct Doubts: u8 {
-        /// What could not be read is at an older value or its default.
+        /// Unreadable values are at an older value or their default.
         const DAMAGED = 1;
         /// A file of parameters has begun, and has not ended.
         const HALF_LOADED = 1 << 1;
         /// The others have ended, but the mark is taken back once everything else is saved.
         const ENDED = 1 << 6;
-        /// Those in flash were not read. Of this start alone: not in the mark.
+        /// Stored values were not read. Of this start alone: not in the mark.
         const NOT_READ = 1 << 7;
     }
 }
 
 impl Doubts {
-    /// Those that the mark has.
+    /// The doubts that the mark has.
     pub fn marked(self) -> Self {
         self - Self::ENDED - Self::NOT_READ
     }
@@ -35,7 +35,7 @@ impl Doubts {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ParameterTrouble {
-    /// Those in flash were not read at this start, and are not known.
+    /// Stored values were not read at this start, and are not known.
     NotRead,
     /// Stored values are lost, and with them their names.
     Damaged,

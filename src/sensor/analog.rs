@@ -100,7 +100,7 @@ impl AnalogReadings {
         }
     }
 
-    /// What a pin reads.
+    /// Reading of a pin.
     ///
     /// # Errors
     /// The pin is not set, or the read failed.

@@ -24,7 +24,7 @@ pub struct ControllerReading {
 }
 
 impl ControllerReading {
-    /// What was drawn since its previous reading.
+    /// Charge and energy drawn since its previous reading.
     fn drawn(&self) -> Option<Consumed> {
         let charge_mah = self.drawn_mah?;
         Some(Consumed {
@@ -92,7 +92,7 @@ impl ControllerBank {
         }
     }
 
-    /// What the members measure together when the controller `reporting` has just reported: mean voltage, sum of the
+    /// Measurement of all members when the controller `reporting` has just reported: mean voltage, sum of the
     /// currents, mean temperature, and what that controller has drawn. `None` if it is not one of them.
     ///
     /// The current is unknown while a member is lost. The charge is counted only if every member has a counter, whose

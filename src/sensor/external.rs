@@ -27,7 +27,7 @@ pub struct ExternalReading {
     pub state_of_charge: Option<f32>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
-    /// What the component reports of the pack's condition.
+    /// The pack's condition, as the component reports it.
     pub reported: Reported,
     /// Time until the pack is empty, in seconds.
     pub time_remaining_s: Option<f32>,

@@ -58,7 +58,7 @@ pub async fn serve_can(bus: Option<impl CanBus>, shared: &Shared, check_in: &Che
             }
             let status = bus.status();
             shared.with(|autopilot| autopilot.set_can_status(&status, now()));
-            // What serves the controller has no check-in of its own.
+            // The controller's interrupt has no check-in of its own.
             if status.looks != looks {
                 looks = status.looks;
                 mark(check_in);

@@ -11,7 +11,7 @@ use crate::crash::{CrashRecord, call_sites_text, headline};
 /// Longer than a crash report takes to leave at 9600 baud, behind everything else that may wait.
 const UNTIL_SENT: Duration = Duration::from_secs(2);
 
-/// Where a crash is written down.
+/// Storage of a crash record.
 pub trait CrashMemory {
     /// The crash was reported to a ground station.
     fn forget(&mut self);

@@ -24,7 +24,7 @@ use crate::parameter::{Parameters, Refused, Unsaved, VehicleParameter};
 use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS};
 
-/// How often it is looked whether there is something to write without a request: of the log, or because a retry is due.
+/// Interval of checks for work without a request: of the log, or because a retry is due.
 const IDLE_CHECK: Duration = Duration::from_millis(250);
 
 /// Minimum pause of the log after an erase, which is as long as the erase otherwise: for others to use the flash and the
@@ -43,7 +43,7 @@ const NOT_ARMED_US: u64 = 0;
 /// Of the mark that damaged or half loaded parameters leave.
 const MARK_KEY: u16 = VehicleParameter::ParamChecked.row().key;
 
-/// Where everything is kept but the log.
+/// All storages but the log's.
 pub struct Storages<F> {
     parameters: Storage<F>,
     signing: Storage<F>,
@@ -122,7 +122,7 @@ impl<F: NorFlash> Storages<F> {
         }
     }
 
-    /// What can't be read counts as a lost key: [`Signing::trouble`] reports it.
+    /// Unreadable data count as a lost key: [`Signing::trouble`] reports it.
     async fn load_signing(&mut self, signing: &mut Signing) {
         let stored = &mut self.stored_signing;
         let read = self.signing.load(&mut |key, word| stored.found(key, word)).await;
@@ -139,7 +139,7 @@ impl<F: NorFlash> Storages<F> {
         }
     }
 
-    /// What can't be read is as if it was never set.
+    /// Unreadable data are as if they were never set.
     async fn load_wifi(&mut self, shared: &Shared) {
         let Some(storage) = &mut self.wifi else { return };
         let mut stored = StoredWifi::default();

@@ -17,7 +17,7 @@ use crate::system::LinkStatistics;
 /// All tasks run on one executor and none is interrupted by another, so a plain cell guards our end.
 pub struct Link<'a> {
     endpoint: RefCell<Endpoint>,
-    /// Where logs are read from, for those who download them here.
+    /// The source of logs for downloads on this link.
     log: Option<&'a dyn LogSource>,
     /// The sequence number of the first frame.
     pub(super) first_sequence: u8,

@@ -13,10 +13,10 @@ use crate::sensor::Pulses;
 /// Between two looks at a pin. One that never rests must leave the others their turn, and pulses come up to 1000 times a second.
 const PAUSE: Duration = Duration::from_micros(100);
 
-/// What was seen of the pulses, between an interrupt and the other tasks.
+/// Timed pulses, between an interrupt and the other tasks.
 pub type SeenPulses = Signal<CriticalSectionRawMutex, Pulses>;
 
-/// What the pin has to become next.
+/// The pin's next level.
 #[derive(Clone, Copy)]
 enum Awaited {
     High,

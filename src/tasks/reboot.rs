@@ -6,7 +6,7 @@ use super::{Shared, now};
 use crate::log::info;
 use crate::vehicle::Restart;
 
-/// What was answered and set before a restart gets this long to be sent and saved.
+/// Before a restart, answers and values get this long to be sent and saved.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 const LOOK_INTERVAL: Duration = Duration::from_millis(20);

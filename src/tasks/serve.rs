@@ -37,6 +37,6 @@ pub async fn refuse_link(
             yield_now().await;
         }
     };
-    // What is taken has been written: a new link has room for so little.
+    // Frames that were taken have been written: a new link has room for so little.
     select(write_frames(transmitter, shared, link, check_in), taken).await;
 }

@@ -33,7 +33,7 @@ pub struct Shared {
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
-    /// What the radio is to do may have changed.
+    /// The radio's set-up may have changed.
     pub(crate) to_set_up_wifi: Signal<NoopRawMutex, ()>,
     pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
     pub(super) to_feed_watchdog: Signal<NoopRawMutex, ()>,

@@ -1,4 +1,4 @@
-//! What is logged each second, and the processor's load.
+//! Log lines of each second, and the processor's load.
 
 use embassy_time::{Duration, Ticker};
 
@@ -8,7 +8,7 @@ use crate::log::info;
 
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
-/// How long the processor has been idle.
+/// Idle time of the processor.
 pub trait IdleTime {
     /// Microseconds without anything to do since boot, modulo 2^32.
     fn idle_us(&self) -> u32;

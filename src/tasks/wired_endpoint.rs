@@ -12,7 +12,7 @@ use crate::time::Instant;
 
 /// Our end of a link together with its wire, for a program of one loop. Nothing is signed.
 pub struct WiredEndpoint<W> {
-    /// What is received and posted.
+    /// Our end of the link.
     pub endpoint: Endpoint,
     framer: Framer,
     wire: W,

@@ -16,7 +16,7 @@ use crate::system::SystemState;
 /// MAVLink's value for a state of health that is not known: its −1, in a byte without sign.
 const HEALTH_UNKNOWN_PCT: u8 = u8::MAX;
 
-/// What `pack` is, as far as its gauge reports it or its parameters say.
+/// Facts of `pack`, as far as its gauge reports them or its parameters say.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels.
 pub fn build_battery_info(state: &SystemState<'_>, pack: Pack) -> BATTERY_INFO_DATA {
@@ -63,7 +63,7 @@ const HIGHEST_VOLTAGE_UNKNOWN_MV: u16 = 0;
 /// MAVLink's value for a highest current that is not known.
 const HIGHEST_CURRENT_UNKNOWN_MA: u32 = 0;
 
-/// What `pack` is, as far as its gauge reports it or its parameters say.
+/// Facts of `pack`, as far as its gauge reports them or its parameters say.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
 /// ones saturate.

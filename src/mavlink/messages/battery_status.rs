@@ -31,7 +31,7 @@ const TIME_REMAINING_UNKNOWN_S: i32 = 0;
 /// Hectojoules (100 J) in a watt-hour, the unit of `energy_consumed`.
 const HECTOJOULES_PER_WH: f32 = 36.0;
 
-/// What is known of `pack`.
+/// State of `pack`.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
 /// ones saturate.

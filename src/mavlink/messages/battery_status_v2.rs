@@ -52,7 +52,7 @@ const FLAGS_OF_FAULTS: [(Faults, Flags); 11] = [
 /// Faults of the pack itself: it has to be looked at before it is used again. The others pass, or are the rover's.
 const FAULTS_TO_SERVICE: Faults = Faults::CELL_FAIL.union(Faults::DEEP_DISCHARGE);
 
-/// What is known of `pack`.
+/// State of `pack`.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels. Unlike in
 /// BATTERY_STATUS net charging can be reported: `capacity_consumed` is negative then.

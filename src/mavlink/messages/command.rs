@@ -17,9 +17,9 @@ use crate::pack::Pack;
 pub struct CommandAck {
     /// The number of the command that is answered.
     pub command: u16,
-    /// What became of it.
+    /// Its result.
     pub result: MavResult,
-    /// Who had sent it.
+    /// Its sender.
     pub target_system: u8,
     /// Which component of that system had.
     pub target_component: u8,

@@ -1,4 +1,4 @@
-//! What follows from the rows of the table of messages.
+//! Types and functions that follow from the rows of the table of messages.
 
 /// Declares [`Message`](super::Message), [`StreamKind`](super::StreamKind) and [`Stream`](super::Stream), from a row for
 /// each message.
@@ -23,7 +23,7 @@ macro_rules! messages {
         }
 
         impl StreamKind {
-            /// How many there are.
+            /// Their number.
             pub const COUNT: usize = [$(Self::$vehicle,)+ $(Self::$pack,)+].len();
 
             /// All of them, in the order of the table.
@@ -45,7 +45,7 @@ macro_rules! messages {
                 }
             }
 
-            /// How often it is sent unless a ground station asks for another interval.
+            /// Its rate unless a ground station asks for another interval.
             pub const fn default_rate(self) -> DefaultRate {
                 match self {
                     $(Self::$vehicle => DefaultRate::$vehicle_rate $((StreamGroup::$vehicle_group))?,)+
@@ -53,7 +53,7 @@ macro_rules! messages {
                 }
             }
 
-            /// What it is about.
+            /// Its subject.
             pub const fn subject(self) -> Subject {
                 match self {
                     $(Self::$vehicle => Subject::Vehicle,)+

@@ -19,7 +19,7 @@ const OPCODE_NAK: u8 = 129;
 /// Which request is answered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileAnswerHeader {
-    /// Who had asked.
+    /// The sender of the request.
     pub to: Peer,
     /// The system id that the request was addressed to: the sender expects the answer from it, also when the request has
     /// changed it.
@@ -55,7 +55,7 @@ pub enum FileError {
     FileNotFound = 10,
 }
 
-/// What an answer without bytes of a file says.
+/// The result in an answer without bytes of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileOutcome {
     /// It was done.

@@ -15,7 +15,7 @@ const ML_PER_S: f32 = 1000.0 / 3600.0;
 
 const KELVIN_AT_0_CELSIUS: f32 = 273.15;
 
-/// What is known of the tank `pack`.
+/// State of the tank `pack`.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels. What is left
 /// and what was used is reported as far as it was measured: the one by a level sensor, the other by a flow sensor. The level in

@@ -86,7 +86,7 @@ declare::messages! {
     }
 }
 
-/// What leaves next on a link.
+/// The next message of a link.
 ///
 /// Bytes of files are no [`Message`]: of these many wait, and the longest decides how much memory each takes.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,7 +97,7 @@ pub enum Outgoing {
     FileData(FileData),
 }
 
-/// What becomes a frame.
+/// A message that becomes a frame.
 pub trait ToFrame {
     /// The system id that sends it, if that is not the vehicle's at present.
     fn sender_system(&self) -> Option<u8>;

@@ -1,4 +1,4 @@
-//! What more than one message reports of a pack, and does not change while it is used.
+//! Facts of a pack that more than one message reports, and that do not change in use.
 
 use core::iter;
 
@@ -27,7 +27,7 @@ const NUMBER_BYTES: usize = 11;
 /// A day, in characters: 30/06/2026.
 const DATE_BYTES: usize = 10;
 
-/// What the cells are made of, as set or as the pack reports; that is known even while nothing is measured. A tank has none.
+/// Chemistry of the cells, as set or as the pack reports; that is known even while nothing is measured. A tank has none.
 pub(super) fn battery_type(battery: &BatteryState) -> MavBatteryType {
     if battery.contents == Contents::Fuel {
         return MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN;
@@ -48,7 +48,7 @@ pub(super) fn charged_cell_voltage_v(battery: &BatteryState) -> Option<f32> {
     }
 }
 
-/// How far a cell may be discharged, in volts: what the owner calls critical, since no pack reports it.
+/// Lowest voltage of a cell: the owner's critical threshold, since no pack reports it.
 pub(super) fn lowest_cell_voltage_v(battery: &BatteryState) -> Option<f32> {
     let cells = battery.cell_count.filter(|cells| *cells > 0)?;
     Some(battery.critical_voltage_v? / f32::from(cells))

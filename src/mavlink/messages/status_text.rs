@@ -5,7 +5,7 @@ use crate::mavlink::dialect::{MavSeverity, STATUSTEXT_DATA};
 /// Characters in one message.
 const CHUNK_BYTES: usize = 50;
 
-/// How many messages carry a text of this many bytes.
+/// Number of messages that a text of this many bytes needs.
 pub(in crate::mavlink) fn chunks_of(text_bytes: usize) -> usize {
     if text_bytes <= CHUNK_BYTES {
         1

@@ -1,10 +1,10 @@
-//! What the rows of the table of messages say of a stream.
+//! Properties of a stream in the rows of the table of messages.
 
 use super::{Stream, StreamKind};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::system::SystemState;
 
-/// What a message is about, and with that whether there is one of it or one for each pack.
+/// Subject of a message, and with that whether there is one of it or one for each pack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// The whole vehicle.
@@ -28,7 +28,7 @@ pub enum StreamGroup {
     Extra3,
 }
 
-/// How often a message is sent unless a ground station asks for another interval.
+/// Rate of a message unless a ground station asks for another interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DefaultRate {
     /// Once a second, and at no other rate: without HEARTBEAT ground stations lose the vehicle.

@@ -15,7 +15,7 @@ const ARDUPILOT_VERSION: u32 = 4 << 24 | 6 << 16;
 const MAVLINK_2: u16 = 200;
 const MAVLINK_1: u16 = 100;
 
-/// What this vehicle can do, which version and program it runs and which board it is; what is unknown is 0.
+/// Capabilities, versions, program and board; an unknown field is 0.
 pub fn build_autopilot_version(identity: Identity) -> AUTOPILOT_VERSION_DATA {
     AUTOPILOT_VERSION_DATA {
         capabilities: capabilities(),

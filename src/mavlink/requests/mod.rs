@@ -1,4 +1,4 @@
-//! What a received message asks for.
+//! Requests of received messages.
 //!
 //! Only this folder knows where the fields of a received payload are. They are read one by one: the `mavlink` crate refuses a
 //! whole message whose enum has a value that the dialect does not know, a command's number for one, and what is refused
@@ -34,7 +34,7 @@ const MISSION_REQUEST_ID: u32 = 40;
 /// Channels of RC_CHANNELS_OVERRIDE that a stick can have.
 const CHANNELS: usize = 8;
 
-/// Who sent a message.
+/// The sender of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Peer {
     /// Its system id.
@@ -75,7 +75,7 @@ impl Target {
     }
 }
 
-/// What a message asks for.
+/// The request of a message.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Request<'a> {
     ParameterList,
@@ -236,7 +236,7 @@ pub(super) struct Mission {
     pub request: MissionRequest,
 }
 
-/// What is asked of a list.
+/// A request for a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum MissionRequest {
     /// MISSION_REQUEST_LIST.
@@ -258,7 +258,7 @@ pub(super) struct ReceivedRequest<'a> {
 }
 
 impl<'a> ReceivedRequest<'a> {
-    /// What a frame asks for; `None` if it is of a message that has no effect here.
+    /// The request of a frame; `None` if it is of a message that has no effect here.
     pub fn decode(frame: &ReceivedFrame<'a>) -> Option<Self> {
         let (target, request) = decode(frame.message_id, &frame.payload)?;
         Some(Self {

@@ -64,7 +64,7 @@ impl Action {
     }
 }
 
-/// What a command asked for.
+/// The answer that a command asked for.
 #[derive(Debug, PartialEq)]
 pub(in crate::mavlink) enum Answer {
     Message(Message),
@@ -95,7 +95,7 @@ impl RequestedStreams {
 #[derive(Debug, PartialEq)]
 pub(in crate::mavlink) struct CommandOutcome {
     pub result: MavResult,
-    /// What was asked for, to be sent after the acknowledgement.
+    /// The answer, to be sent after the acknowledgement.
     pub answer: Option<Answer>,
     pub action: Option<Action>,
 }
@@ -196,7 +196,7 @@ impl Command {
         }
     }
 
-    /// What to use instead of a command that is not supported.
+    /// An alternative to a command that is not supported.
     pub fn alternative(&self) -> Option<&'static str> {
         // What can't sense whether the wheels are off the ground does not turn them while disarmed.
         (self.number == DO_MOTOR_TEST).then_some("No motor test: use board-check")
@@ -213,7 +213,7 @@ impl Command {
         let interval = match self.param2 {
             INTERVAL_OFF => Interval::Off,
             INTERVAL_DEFAULT => Interval::Default,
-            // What is negative or no number becomes 0, which no message can have.
+            // A negative value or NaN becomes 0, which no message can have.
             interval_us => Interval::Every(interval_us as u64),
         };
         match scheduler.set_interval(message_id, interval, now) {

@@ -31,7 +31,7 @@ const REFUSAL_INTERVAL_US: u64 = 5_000_000;
 /// File numbers, which go round from the last one to 1.
 const NUMBERS: u32 = u16::MAX as u32;
 
-/// What is to be read of a log file.
+/// A read of a log file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct LogRead {
@@ -39,11 +39,11 @@ pub struct LogRead {
     pub number: u16,
     /// The first byte's place in the file.
     pub offset: u32,
-    /// How many bytes, at least one.
+    /// Number of bytes, at least one.
     pub bytes: u8,
 }
 
-/// What a download does next.
+/// The next step of a download.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(
     clippy::large_enum_variant,
@@ -67,7 +67,7 @@ pub(in crate::mavlink) enum Refusal {
 }
 
 impl Refusal {
-    /// What its sender gets as an answer.
+    /// The answer to its sender.
     pub fn text(self) -> &'static str {
         match self {
             Self::Armed => super::DISARM_FIRST,
@@ -251,7 +251,7 @@ impl LogDownload {
         is_due
     }
 
-    /// What comes next. A message counts as sent; of a read, [`Self::supply`] makes the message.
+    /// The next step. A message counts as sent; of a read, [`Self::supply`] makes the message.
     pub fn step(&mut self, state: &SystemState<'_>) -> Step {
         if let Some(entry) = self.next_entry(state.logs) {
             return Step::Send(Outgoing::Message(Message::LogEntry(entry)));

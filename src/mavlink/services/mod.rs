@@ -1,4 +1,4 @@
-//! What a ground station can ask for, one file a service.
+//! Services for ground stations, one file each.
 
 pub(super) mod commands;
 pub(super) mod downloads;
@@ -28,7 +28,7 @@ pub(super) const DISARM_FIRST: &str = "Not while armed: disarm first";
 /// Why a request that could set the rover in motion, or change it for good, was refused.
 pub(super) const TOO_LATE: &str = "Command waited for too long: refused";
 
-/// What requests may change, apart from their link.
+/// State that requests may change, apart from their link.
 #[derive(Debug)]
 pub struct Changeable<'a> {
     /// The live parameters.
@@ -41,7 +41,7 @@ pub struct Changeable<'a> {
     pub wifi: &'a mut WifiCredentials,
 }
 
-/// What a request may use and change.
+/// State that a request may use and change.
 pub(in crate::mavlink) struct Context<'a> {
     pub now: Instant,
     /// The frame can't have been received earlier.

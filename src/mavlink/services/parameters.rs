@@ -156,7 +156,7 @@ impl ParameterList {
         }
         let share = bytes_per_second as f32 * LIST_SHARE;
         let elapsed_s = now.us_since(pace.credited_at) as f32 / 1e6;
-        // What a batch leaves over of a frame counts for the next.
+        // The part of a frame that a batch leaves counts for the next.
         let most_bytes = share / rate_hz + PARAM_VALUE_FRAME_BYTES;
         pace.credit_bytes = (pace.credit_bytes + share * elapsed_s).min(most_bytes);
         pace.credited_at = now;

@@ -8,7 +8,7 @@ use crate::mavlink::signing::LinkKind;
 use crate::vehicle::ArmState;
 
 impl SigningChange {
-    /// What is announced when it is in flash.
+    /// The change to announce when it is in flash.
     pub fn text(self) -> &'static str {
         match self {
             Self::KeySet => "Signing key set",
@@ -18,7 +18,7 @@ impl SigningChange {
 }
 
 impl SetupRefused {
-    /// What its sender gets as an answer.
+    /// The answer to its sender.
     fn text(self) -> &'static str {
         match self {
             Self::NotDirect => "Signing is set up by USB only",

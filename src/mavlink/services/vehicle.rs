@@ -74,7 +74,7 @@ pub(in crate::mavlink) struct VehicleService<'a> {
     pub delivery: Delivery,
     /// The number of the link that it came by.
     pub link_number: u16,
-    /// What says, with the parameters, whether the rover is fit to be armed.
+    /// Decides, with the parameters, whether the rover is fit to be armed.
     pub state: &'a SystemState<'a>,
     pub parameters: &'a Parameters,
     pub vehicle: &'a mut Vehicle,

@@ -27,7 +27,7 @@ impl WifiRefused {
     }
 }
 
-/// What a valid request sets up.
+/// The set-up by a valid request.
 enum Setup {
     Off,
     AccessPoint(Password),

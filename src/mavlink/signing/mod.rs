@@ -30,7 +30,7 @@ use crate::time::Instant;
 const LINK_BYTES: usize = 1;
 const _: () = assert!(TRAILER_BYTES == LINK_BYTES + time::BYTES + key::SIGNATURE_BYTES);
 
-/// What the vehicle knows of signing: the key, the time, and the senders heard.
+/// State of signing: the key, the time, and the senders heard.
 #[derive(Clone, Debug)]
 pub struct Signing {
     protection: Protection,
@@ -45,7 +45,7 @@ pub struct Signing {
     stored_mark: Mark,
 }
 
-/// Who may do what.
+/// Permissions of senders.
 #[derive(Clone, Debug)]
 enum Protection {
     /// No key: everything is accepted.
@@ -55,10 +55,10 @@ enum Protection {
     KeyLost,
 }
 
-/// What a restart would find in flash.
+/// State that a restart would find in flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum InFlash {
-    /// What is in force.
+    /// State in force.
     Current,
     /// Another key, or this one without its second record. It counts until the choice is written: a power cut leaves
     /// either key.
@@ -84,18 +84,18 @@ pub enum ToStore {
     Mark(Mark),
 }
 
-/// What ground stations have to know of the key.
+/// Trouble with the key, for ground stations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum SigningTrouble {
     /// There was a key that can't be read any more.
     KeyLost,
-    /// What was set up could not be written to flash.
+    /// A new key could not be written to flash.
     NotSaved,
 }
 
 impl SigningTrouble {
-    /// What is announced.
+    /// The announced text.
     pub fn text(self) -> &'static str {
         match self {
             Self::KeyLost => "Signing key lost: set up by USB (used Pico: erase)",
@@ -127,7 +127,7 @@ impl Signing {
         matches!(self.protection, Protection::KeyLost)
     }
 
-    /// What every ground station has to know, one that connects later too.
+    /// Trouble for every ground station, one that connects later too.
     pub fn trouble(&self) -> Option<SigningTrouble> {
         match (&self.protection, self.in_flash) {
             (Protection::KeyLost, _) => Some(SigningTrouble::KeyLost),
@@ -234,7 +234,7 @@ impl Signing {
         *signature = key.signature(before);
     }
 
-    /// What has to be written to flash now, one thing after the other, if anything. The vehicle has been armed for
+    /// The next write to flash, if there is one. The vehicle has been armed for
     /// `armed_us`, 0 if it is not.
     pub fn next_unsaved(&self, now: Instant, armed_us: u64) -> Option<ToStore> {
         let key = match &self.protection {

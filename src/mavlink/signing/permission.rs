@@ -1,8 +1,8 @@
-//! What is accepted without a signature, on which link.
+//! Permissions of unsigned messages, by link.
 
 use crate::parameter::{Parameters, VehicleParameter};
 
-/// What kind of link it is.
+/// The kind of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum LinkKind {
@@ -26,10 +26,10 @@ impl LinkKind {
     }
 }
 
-/// What the station at the other end of a link may do.
+/// Permissions of the station at the other end of a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Access {
-    /// What its kind of link allows.
+    /// All that its kind of link allows.
     #[default]
     Full,
     /// The same, by the age of what it sends: the vehicle's own web page, which states its time.
@@ -39,19 +39,19 @@ pub enum Access {
     Listen,
 }
 
-/// What is accepted without a right signature while there is a key.
+/// Messages that are accepted without a right signature while there is a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AcceptUnsigned {
     /// Nothing, but what a radio reports of itself.
     Nothing,
-    /// What only reads.
+    /// Requests that only read.
     Requests,
     /// Everything, as if there were no key.
     Everything,
 }
 
 impl AcceptUnsigned {
-    /// What the owner has chosen for this kind of link (`SIGN_UART_ALLOW`, `SIGN_USB_ALLOW`,
+    /// The owner's choice for this kind of link (`SIGN_UART_ALLOW`, `SIGN_USB_ALLOW`,
     /// `SIGN_WIFI_ALLOW`).
     pub fn on(link: LinkKind, parameters: &Parameters) -> Self {
         let chosen = parameters.get_whole(match link {
@@ -83,7 +83,7 @@ pub(in crate::mavlink) enum Authenticity {
     Unproven,
 }
 
-/// What a received message does, at most.
+/// The greatest effect of a received message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum Effect {
     /// It says how the radio is doing. Radios have no key: ArduPilot takes it unsigned, too.

@@ -69,7 +69,7 @@ impl SigningClock {
         }
     }
 
-    /// What it shows at `now`.
+    /// The time it shows at `now`.
     // Not inlined: its division takes much space.
     #[inline(never)]
     pub fn time_at(&self, now: Instant) -> Timestamp {

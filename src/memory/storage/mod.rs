@@ -107,7 +107,7 @@ enum Preparation {
     Done,
 }
 
-/// What a call of [`Records::prepare`] leaves.
+/// Result of a call of [`Records::prepare`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Prepared {
     /// Another block has to be erased, by another call.
@@ -130,7 +130,7 @@ struct Log {
     condition: Condition,
 }
 
-/// What an interrupted clear leaves.
+/// State that an interrupted clear leaves.
 #[derive(Clone, Copy, Debug)]
 enum IfInterrupted {
     /// All values.

@@ -338,7 +338,7 @@ fn verified(is_as_written: bool) -> Result<(), StorageError> {
     result.ok_or(StorageError::Flash(FlashFault::NotVerified))
 }
 
-/// How large the sectors of a region are.
+/// Size of the sectors of a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Layout {
     /// A sector is one block, the flash's unit of erase.

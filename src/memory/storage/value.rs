@@ -1,4 +1,4 @@
-//! What can be stored: values of a fixed number of words.
+//! Types that can be stored: values of a fixed number of words.
 
 /// A value of a fixed number of words. Its width decides the layout of the region.
 pub trait Value: Copy {
@@ -25,7 +25,7 @@ impl Value for u32 {
     }
 }
 
-/// What is learnt of a pack, or the name and the password of a Wi-Fi network.
+/// Learnt data of a pack, or the name and the password of a Wi-Fi network.
 impl<const N: usize> Value for [u32; N] {
     const WORDS: usize = N;
 

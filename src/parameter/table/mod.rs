@@ -105,7 +105,7 @@ pub struct Parameter {
     pub default: f32,
     /// Valid values.
     pub range: Range,
-    /// Who changes it, and whether it is saved.
+    /// Whether it can be set, and whether it is saved.
     pub access: Access,
     /// When it is in lists. It can always be read and set by name.
     pub listed: Listed,
@@ -143,7 +143,7 @@ pub enum Kind {
     Real32,
 }
 
-/// Who changes a parameter, and whether it is saved.
+/// Whether a parameter can be set, and whether it is saved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// A ground station sets it, and it is saved.
@@ -156,7 +156,7 @@ pub enum Access {
     Trigger,
 }
 
-/// What a setting bears on.
+/// The purpose that a setting bears on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bearing {
     /// Measuring, failsafes, arming or driving: the rover does not arm while its owner's value is not known.

@@ -21,7 +21,7 @@ pub enum Unsaved {
 pub struct SaveFailure {
     /// Why.
     pub error: StorageError,
-    /// How many are not saved; a reset is one.
+    /// Their number; a reset is one.
     pub changes: usize,
 }
 
@@ -128,7 +128,7 @@ impl Parameters {
         self.all_states().filter(SaveState::is_unsaved).count()
     }
 
-    /// How far the reset and all values are.
+    /// States of the reset and of all values.
     fn all_states(&self) -> impl Iterator<Item = SaveState> {
         iter::once(self.reset).chain(self.save_states.values())
     }

@@ -16,14 +16,14 @@ const FAILURES_UNTIL_REST: u8 = 3;
 /// At most this much of it: ArduPilot looks for a missing part as often.
 const REST_US: u64 = 200_000;
 
-/// Where a device is.
+/// The address of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum DeviceAddress {
-    /// Where it was set to be.
+    /// Set by a parameter.
     Set(Address),
     /// To be found.
     Unknown,
-    /// Where it was found. It stays there: after a loose contact no pack must be mistaken for another.
+    /// Found by a search. It stays: after a loose contact no pack must be mistaken for another.
     Found(Address),
     /// Another device is there.
     Taken,
@@ -205,7 +205,7 @@ impl BusDevice {
                 self.failures = 0;
                 return;
             }
-            // What was set up is not there any more, or is not set up any more. Even whether there is a check byte depends
+            // The part is not there any more, or is not set up any more. Even whether there is a check byte depends
             // on the part.
             Err(ReadError::OtherPart | ReadError::Bus(BusError::Checksum)) => self.part = None,
             Err(_) => {}

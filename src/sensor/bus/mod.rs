@@ -24,7 +24,7 @@ pub use samples::Samples;
 
 use crate::battery::BusError;
 
-/// Where a part is.
+/// The address of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Address {
@@ -34,7 +34,7 @@ pub enum Address {
     ChipSelect,
 }
 
-/// What lies outside is reserved (I2C specification UM10204, table 4).
+/// Addresses outside are reserved (I2C specification UM10204, table 4).
 const LOWEST_ADDRESS: u8 = 0x08;
 const HIGHEST_ADDRESS: u8 = 0x77;
 
@@ -100,7 +100,7 @@ pub struct Buses<I, S> {
     pub spi: S,
 }
 
-/// Where no SPI bus is.
+/// A board without an SPI bus.
 pub struct NoSpi;
 
 impl<I> Buses<I, NoSpi> {

@@ -1,4 +1,4 @@
-//! What a driver has to do, and how a pack is wired to its part.
+//! Duties of a driver, and the wiring of a pack to its part.
 
 use super::{Address, SensorBus};
 use crate::battery::{Measurement, ReadError};
@@ -8,7 +8,7 @@ use crate::sensor::AnalogWiring;
 
 /// A driver of a part on the bus.
 pub(super) trait Part: Sized {
-    /// What distinguishes the kinds of such a part.
+    /// The differences between kinds of such a part.
     type Model: 'static;
 
     /// The time between two readings, in µs. What comes in between two ticks of the battery task is averaged.
@@ -23,7 +23,7 @@ pub(super) trait Part: Sized {
     /// Whether it refuses commands that it does not know: set up while it answers in part, it would lack what it has.
     const REFUSES_COMMANDS: bool = false;
 
-    /// Where to look for it when no address is set.
+    /// Addresses to search when none is set.
     fn addresses(model: &'static Self::Model) -> &'static [Address];
 
     /// Makes sure that what answers is such a part, and prepares it.
@@ -54,10 +54,10 @@ pub(super) trait Part: Sized {
 /// An I2C part of ordinary speed ("fast mode").
 pub(super) const FAST_MODE_HZ: u32 = 400_000;
 
-/// How a pack is wired to a part on the bus.
+/// The wiring of a pack to a part on the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wiring {
-    /// Where the part is (`BATT_I2C_ADDR`); `None` has it looked for.
+    /// Address of the part (`BATT_I2C_ADDR`); `None`: it is searched for.
     pub address: Option<Address>,
     /// Which of a part's channels measures the pack, from 1 (`BATT_CHANNEL`).
     pub channel: u8,
@@ -69,7 +69,7 @@ pub struct Wiring {
     pub voltage_pin: i32,
     /// The pin of a converter that measures the current, by ArduPilot's number (`BATT_CURR_PIN`).
     pub current_pin: i32,
-    /// What a converter's pins are wired to.
+    /// The wiring of a converter's pins.
     pub analog: AnalogWiring,
 }
 

@@ -7,7 +7,7 @@ use crate::battery::{Consumed, Counted, Measurement, ReadError};
 pub struct Samples {
     voltage: Mean,
     current: Mean,
-    /// What was counted since the readings were taken.
+    /// Counts since the readings were taken.
     counted: Option<Consumed>,
     last: Option<Measurement>,
     /// Whether the pack was read since the readings were taken.

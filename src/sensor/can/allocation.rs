@@ -142,7 +142,7 @@ const FOLLOW_UP_US: u64 = 500_000;
 /// Nothing is given away until nodes that have an id were heard, in microseconds: they report each second.
 const LISTENING_US: u64 = 3_000_000;
 
-/// Who has which id.
+/// Owners of ids.
 #[derive(Debug)]
 pub(super) struct Allocator {
     started: Instant,
@@ -159,7 +159,7 @@ struct Assigned {
     id: NodeId,
 }
 
-/// What a request leads to.
+/// Result of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
     /// Send the next part.

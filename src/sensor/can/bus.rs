@@ -24,11 +24,11 @@ pub trait CanBus {
     /// Lets nothing else through, as far as the controller can; nothing works before.
     fn accept(&self, accepted: Acceptance);
 
-    /// What is known of the controller.
+    /// State of the controller.
     fn status(&self) -> CanStatus;
 }
 
-/// What a controller lets through: frames that pass the filters of one of its two receive buffers.
+/// Filters of a controller: frames that pass the filters of one of its two receive buffers.
 ///
 /// A frame for the first buffer goes to the second while the first is full. A frame for the second is lost while that is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,14 +57,14 @@ const BATTERY_BITS: u32 = ((BATTERY_INFO ^ BATTERY_AUX) as u32) << TYPE_SHIFT;
 /// The lowest two bits of the type, and whether it is a service: all that an anonymous message has.
 const LOWEST_TYPE_BITS: u32 = 0x380;
 
-/// Where the type of a message stands.
+/// Place of the type of a message.
 const TYPE_SHIFT: u32 = 8;
 
 /// Bit of a service, and where its destination stands.
 const SERVICE: u32 = 0x80;
 const DESTINATION_SHIFT: u32 = 8;
 
-/// What is used.
+/// The filters in use.
 ///
 /// What comes often, and in transfers of several frames, has both buffers: batteries, both messages by one filter, and motor
 /// controllers. This lets StaticPressure (1028), gnss.Fix (1060) and BatteryContinuous (20010) through as well, but no commands
@@ -105,7 +105,7 @@ const FEWEST_QUANTA: u32 = 8;
 const PERIODS: u32 = 2;
 const HIGHEST_PRESCALER: u32 = 64;
 
-/// How a bit on the bus is divided, for a controller whose quanta are multiples of two periods of its crystal.
+/// Division of a bit on the bus, for a controller whose quanta are multiples of two periods of its crystal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {
     quanta: u8,
@@ -158,16 +158,16 @@ impl BitTiming {
     }
 }
 
-/// What is known of the controller and its bus. Numbers count since the start, modulo 2^32.
+/// State of the controller and its bus. Numbers count since the start, modulo 2^32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CanStatus {
     /// Whether it takes part in the bus.
     pub state: CanState,
     /// Whether it interrupts as it should.
     pub interrupt: CanInterrupt,
-    /// How often it was bus-off.
+    /// Number of times it was bus-off.
     pub bus_offs: u32,
-    /// How often it had lost its configuration and was configured again.
+    /// Number of times it had lost its configuration and was configured again.
     pub lost_setups: u32,
     /// Received frames that were lost, at least: the controller or the queue behind it had no room.
     pub lost_frames: u32,
@@ -216,7 +216,7 @@ pub enum CanInterrupt {
     Dead,
 }
 
-/// What the controller's state is announced as.
+/// Announced form of the controller's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum CanReport {
@@ -228,7 +228,7 @@ pub enum CanReport {
     Reconfigured,
     /// There are too many errors.
     Passive,
-    /// How often the controller was bus-off since the start.
+    /// Number of times the controller was bus-off since the start.
     BusOff(u32),
     /// The bus works again.
     Working,

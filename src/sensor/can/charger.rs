@@ -8,7 +8,7 @@ use crate::vehicle::ArmState;
 /// A charger that has not confirmed is asked again after this time, in microseconds.
 const RETRY_US: u64 = 1_000_000;
 
-/// What is known of a pack's charger.
+/// State of a pack's charger.
 #[derive(Debug)]
 pub(super) struct Charger {
     arm_state: ArmState,
@@ -46,7 +46,7 @@ impl Charger {
         }
     }
 
-    /// What has to be requested now, by a request with this id.
+    /// The request to send now, with this id.
     pub fn poll(
         &mut self,
         options: CanOptions,

@@ -45,7 +45,7 @@ struct Node {
     has_announced_no_id: bool,
 }
 
-/// Where the own id comes from, and who else gets one from here.
+/// Source of the own id, and ids given to other nodes.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap, and one of it exists")]
 enum Role {
@@ -126,7 +126,7 @@ impl DroneCan {
         self.node.outgoing.next()
     }
 
-    /// What the hardware has to let through. It changes once, when the node has got its id from another one.
+    /// Filters for the hardware. They change once, when the node has got its id from another one.
     pub fn acceptance(&self) -> Acceptance {
         acceptance(self.node.role.id())
     }

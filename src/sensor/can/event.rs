@@ -1,4 +1,4 @@
-//! What comes from the bus, for the packs and for ground stations.
+//! Events of the bus, for the packs and for ground stations.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ use crate::battery::Measurement;
 use crate::pack::Pack;
 use crate::sensor::ControllerReading;
 
-/// What comes from the bus.
+/// An event of the bus.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CanEvent {
     /// A reading of a pack.
@@ -42,7 +42,7 @@ pub enum CanNotice {
     Charger(Pack, ChargerPower),
 }
 
-/// What a charger's output is switched to.
+/// State of a charger's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ChargerPower {

@@ -79,7 +79,7 @@ const KEY: u32 = 0x00ff_ffff;
 const SERVICE: u32 = 1 << 7;
 const REQUEST: u32 = 1 << 15;
 
-/// How urgent a transfer is, 0 the most.
+/// Priority of a transfer, 0 the most urgent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Priority(u8);
 
@@ -100,7 +100,7 @@ pub(super) enum Direction {
     Response,
 }
 
-/// What a frame belongs to, without its priority.
+/// The transfer of a frame, without its priority.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Identifier {
     /// A message to all.
@@ -175,7 +175,7 @@ impl Identifier {
         u32::from(priority) << 24 | lower
     }
 
-    /// Who sent it; `None` if anonymous.
+    /// Its sender; `None` if anonymous.
     pub fn source(self) -> Option<NodeId> {
         match self {
             Self::Message { source, .. } | Self::Service { source, .. } => Some(source),
@@ -183,7 +183,7 @@ impl Identifier {
         }
     }
 
-    /// What all transfers of the same source and type have in common.
+    /// Key of all transfers of the same source and type.
     pub fn key(id: u32) -> u32 {
         id & KEY
     }

@@ -29,7 +29,7 @@ pub(super) const NODE_INFO: u8 = 1;
 /// The service `mppt.OutputEnable`.
 pub(super) const OUTPUT_ENABLE: u8 = 240;
 
-/// What is received.
+/// A received message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum DataType {
     Allocation,
@@ -88,7 +88,7 @@ impl DataType {
     }
 }
 
-/// What a node says of itself, each second.
+/// Status that a node sends each second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct NodeStatus {
     pub uptime_s: u32,
@@ -174,7 +174,7 @@ impl BatteryInfo {
     }
 }
 
-/// What a battery reports beside its reading. `None` is unknown.
+/// Facts that a battery reports beside its reading. `None` is unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BatteryAux {
     pub battery_id: u8,
@@ -384,7 +384,7 @@ impl<'a> BitReader<'a> {
         (self.position <= 8 * self.bytes.len()).then_some(())
     }
 
-    /// What is left, from a whole byte on.
+    /// The rest, from a whole byte on.
     pub fn rest(self) -> &'a [u8] {
         self.bytes.get(self.position.div_ceil(8)..).unwrap_or(&[])
     }

@@ -26,7 +26,7 @@ const fn number(digits: &str) -> u8 {
     }
 }
 
-/// What this node is.
+/// Facts of this node.
 #[derive(Debug)]
 pub(super) struct NodeInfo {
     pub uptime_s: u32,

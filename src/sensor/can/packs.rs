@@ -52,7 +52,7 @@ struct Entry {
     charger: Option<Charger>,
 }
 
-/// What was received, and when.
+/// A reception and its time.
 #[derive(Clone, Copy, Debug)]
 struct Heard<T> {
     content: T,
@@ -223,7 +223,7 @@ impl CanPacks {
     }
 }
 
-/// How well a source fits a pack, the best first.
+/// Fit of a source to a pack, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Rank {
     Own,

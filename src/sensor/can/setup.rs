@@ -1,4 +1,4 @@
-//! What the node and its packs are set to.
+//! Settings of the node and its packs.
 
 use heapless::Vec;
 
@@ -9,10 +9,10 @@ use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use crate::vehicle::ArmState;
 
-/// What follows the board's id in its unique id, which is longer.
+/// Bytes behind the board's id in its unique id, which is longer.
 const UNIQUE_ID_END: [u8; UNIQUE_ID_BYTES - BoardId::BYTES] = *b"roverbat";
 
-/// How the node is set up; it takes effect at a start.
+/// Set-up of the node; it takes effect at a start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CanSetup {
     /// The own id (`CAN_D1_UC_NODE`); `None` is given by another node.
@@ -64,7 +64,7 @@ pub struct CanPack {
     pub battery_id: Option<i32>,
     /// Factor of the reported current (`BATT_CURR_MULT`).
     pub current_multiplier: f32,
-    /// What is done differently (`BATT_OPTIONS`).
+    /// Options of a pack (`BATT_OPTIONS`).
     pub options: CanOptions,
 }
 

@@ -271,7 +271,7 @@ impl Outgoing {
     }
 }
 
-/// What is divided into frames: the payload, with its CRC in front if it needs several.
+/// Bytes to divide into frames: the payload, with its CRC in front if it needs several.
 fn content(transfer: &Transfer) -> Option<Vec<u8, LONGEST_BYTES>> {
     let mut content = Vec::new();
     if transfer.payload.len() > PART_BYTES {

@@ -1,8 +1,8 @@
-//! What devices on the serial line report of themselves, for ground stations.
+//! Conditions that devices on the serial line report, for ground stations.
 
 use core::fmt;
 
-/// How urgent a notice is.
+/// Urgency of a notice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Urgency {
     /// Nothing is wrong, or it can wait.
@@ -16,14 +16,14 @@ pub enum Urgency {
 /// Error flags of 650 W and 800 W with which ArduPilot acts as on a critical pack.
 const CRITICAL_FLAGS: u32 = 0xfbed_c460;
 
-/// Those with which it acts as on a low pack.
+/// Errors with which it acts as on a low pack.
 const LOW_FLAGS: u32 = 0x0412_3b98;
 
 /// Error codes of 2.4 kW: up to these they are notes or warnings.
 const LAST_NOTE: u32 = 9;
 const LAST_WARNING: u32 = 20;
 
-/// What a fuel cell reports to be wrong.
+/// Errors that a fuel cell reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FuelCellError {
     /// Of 650 W and 800 W: flags, as the manual lists them.
@@ -49,7 +49,7 @@ impl FuelCellError {
         }
     }
 
-    /// How urgent a change to it is, as in ArduPilot.
+    /// Urgency of a change to it, as in ArduPilot.
     pub(in crate::sensor::serial) fn urgency(self) -> Urgency {
         match self {
             Self::Flags(flags) if flags & CRITICAL_FLAGS != 0 => Urgency::Critical,
@@ -72,7 +72,7 @@ impl fmt::Display for FuelCellError {
     }
 }
 
-/// What a fuel cell does.
+/// State of a fuel cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FuelCellState {
     /// It is off.
@@ -118,7 +118,7 @@ impl FuelCellState {
         })
     }
 
-    /// How urgent a change to it is.
+    /// Urgency of a change to it.
     pub(in crate::sensor::serial) fn urgency(self) -> Urgency {
         match self {
             Self::Off
@@ -147,7 +147,7 @@ impl fmt::Display for FuelCellState {
     }
 }
 
-/// What the generator reports to be wrong, a bit each.
+/// Errors that the generator reports, a bit each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RichenPowerErrors(pub(in crate::sensor::serial) u16);
 
@@ -162,7 +162,7 @@ const NAMES: [&str; 5] = [
 const MAINTENANCE: u16 = 1;
 
 impl RichenPowerErrors {
-    /// How urgent a change to these is. Maintenance can wait.
+    /// Urgency of a change to these. Maintenance can wait.
     pub(in crate::sensor::serial) fn urgency(self) -> Urgency {
         match self.0 & !MAINTENANCE {
             0 => Urgency::Info,
@@ -216,7 +216,7 @@ const TEXTS: [(u16, &str); 9] = [
     (NEARLY_EMPTY, "battery nearly empty"),
 ];
 
-/// What a Torqeedo motor or its battery reports to be wrong; announced when it has changed.
+/// Errors that a Torqeedo motor or its battery reports; announced when they have changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TorqeedoCondition {
     /// The battery's error code; 0 is none.
@@ -296,18 +296,18 @@ impl fmt::Display for TorqeedoCondition {
 /// A change in the state of a device on the serial line, reported once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SerialNotice {
-    /// What is wrong with a fuel cell.
+    /// Errors of a fuel cell.
     FuelCellError(FuelCellError),
-    /// What a fuel cell does.
+    /// State of a fuel cell.
     FuelCellState(FuelCellState),
-    /// What is wrong with RichenPower's generator.
+    /// Errors of RichenPower's generator.
     RichenPower(RichenPowerErrors),
-    /// What a Torqeedo motor or its battery reports to be wrong.
+    /// Errors of a Torqeedo motor or its battery.
     Torqeedo(TorqeedoCondition),
 }
 
 impl SerialNotice {
-    /// How urgent it is.
+    /// Its urgency.
     pub fn urgency(&self) -> Urgency {
         match self {
             Self::FuelCellError(error) => error.urgency(),

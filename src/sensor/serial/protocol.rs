@@ -7,7 +7,7 @@ use crate::parameter::{MonitorKind, TICK_TIMEOUT_US};
 use crate::sensor::{ControllerReading, EngineReading};
 use crate::time::Instant;
 
-/// What a protocol needs of the line. Every one has eight data bits, no parity and one stop bit.
+/// A protocol's requirements of the line. Every one has eight data bits, no parity and one stop bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Line {
     /// Its rate.
@@ -25,7 +25,7 @@ pub(super) enum Baud {
     Set,
 }
 
-/// What is connected to the port.
+/// The wires at the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Wires {
@@ -40,10 +40,10 @@ pub enum Wires {
 /// Most bytes of a request: the port sends it as a whole.
 pub const REQUEST_BYTES: usize = 32;
 
-/// What is sent at once: a request, or an answer.
+/// Bytes sent at once: a request, or an answer.
 pub type Request = heapless::Vec<u8, REQUEST_BYTES>;
 
-/// What was received.
+/// A received reading or notice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SerialReading {
     /// A motor controller's reading.
@@ -62,10 +62,10 @@ pub enum SerialReading {
 
 /// A protocol on the serial line: what comes in, and what has to be sent.
 pub(super) trait Protocol: Sized {
-    /// What distinguishes devices that speak it; `()` if there is one.
+    /// The differences between devices that speak it; `()` if there is one.
     type Model: 'static;
 
-    /// What it needs of the line.
+    /// Its requirements of the line.
     const LINE: Line;
 
     /// Kinds of packs that it measures.
@@ -83,7 +83,7 @@ pub(super) trait Protocol: Sized {
     /// Processes a byte, which was received by `now`.
     fn push(&mut self, byte: u8, now: Instant, deliver: &mut impl FnMut(SerialReading));
 
-    /// What has to be sent at `now`, if anything; never to a device that sends by itself.
+    /// The request to send at `now`, if there is one; never to a device that sends by itself.
     fn next_request(&mut self, _now: Instant) -> Option<Request> {
         None
     }

@@ -13,7 +13,7 @@ macro_rules! protocols {
     ($($protocol:ident {
         $($(#[$doc:meta])* $device:ident = $number:literal, $selection:expr, $model:expr;)+
     })+) => {
-        /// What may be connected to the serial line.
+        /// A device that the serial line may have.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[cfg_attr(target_os = "none", derive(defmt::Format))]
         pub enum SerialProtocol {
@@ -160,14 +160,14 @@ pub enum DriverEnable {
 /// `TRQD1_DE_PIN` for GP22.
 const GP22: i32 = 22;
 
-/// How the second serial port is set up.
+/// Set-up of the second serial port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialSetup {
     /// Its rate, in bits per second.
     pub baud: u32,
-    /// What is connected to it.
+    /// Its wires.
     pub wires: Wires,
-    /// What switches the transceiver.
+    /// The switch of the transceiver's driver.
     pub driver_enable: DriverEnable,
 }
 
@@ -215,7 +215,7 @@ impl SerialDevice {
         }
     }
 
-    /// What has to be sent at `now`, if anything.
+    /// The request to send at `now`, if there is one.
     pub fn next_request(&mut self, now: Instant) -> Option<Request> {
         self.0.next_request(now)
     }

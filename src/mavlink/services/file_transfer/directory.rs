@@ -23,7 +23,7 @@ const EXTENSION: &str = "BIN";
 /// The longest entry: a file's name and the largest size.
 const ENTRY_BYTES: usize = 32;
 
-/// What a path leads to.
+/// The target of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Path {
     Directory(Directory),
@@ -40,19 +40,19 @@ pub(super) enum Directory {
     Logs,
 }
 
-/// What is wanted of the packed parameters.
+/// The wanted part of the packed parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Selection {
     /// The index of the first one.
     pub start: u16,
-    /// How many; `None` for all.
+    /// Their number; `None` for all.
     pub count: Option<u16>,
     /// Whether a parameter's default follows its value.
     pub with_defaults: bool,
 }
 
 impl Path {
-    /// What `path` leads to, if anything.
+    /// The target of `path`, if there is one.
     pub fn parse(path: &str) -> Option<Self> {
         if let Some(query) = path.strip_prefix(PARAMETERS) {
             return Selection::parse(query).map(Self::Parameters);

@@ -46,12 +46,12 @@ const MAX_WAITING: usize = 8;
 struct Handled {
     /// Its answer, unless that follows.
     outcome: Option<FileOutcome>,
-    /// What it leads to.
+    /// The target.
     ///
     /// # Errors
     /// A log is refused, which a text explains.
     event: Result<Event, Refusal>,
-    /// What a file of parameters has not set.
+    /// Parameters that a file has not set.
     not_set: Option<NotSet>,
 }
 
@@ -396,14 +396,14 @@ impl FileTransfers {
         !self.waiting.is_empty() || self.burst.is_some()
     }
 
-    /// What is sent next: parts that were requested, then a burst, then a checksum.
+    /// The next message: parts that were requested, then a burst, then a checksum.
     fn job(&self) -> Option<Job> {
         let part = self.waiting.front().copied().map(Job::Part);
         part.or(self.burst.map(Job::Burst))
             .or(self.checksum.map(Job::Checksum))
     }
 
-    /// What comes next. An answer counts as sent; of a read, [`Self::supply`] makes it.
+    /// The next step. An answer counts as sent; of a read, [`Self::supply`] makes it.
     pub fn step(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Step {
         if self.waiting.is_empty() {
             self.keep_burst(state.now);

@@ -27,7 +27,7 @@ pub(super) struct ParameterFile {
     list_checksum: u32,
     /// The number of parameters listed then.
     total: u16,
-    /// How many of them are in the file.
+    /// Number of them in the file.
     count: u16,
     /// The size of the blocks in which it is read, by the first read. No value is in two blocks.
     block_bytes: Option<u8>,
@@ -177,7 +177,7 @@ impl ParameterFile {
         record
     }
 
-    /// How many zeros move the values at the end of a record of this many bytes out of the block before.
+    /// Number of zeros that move the values at the end of a record of this many bytes out of the block before.
     fn padding(&self, record_bytes: usize, value_bytes: usize) -> usize {
         let end = self.cursor.offset as usize + record_bytes;
         let block_bytes = usize::from(self.block_bytes.unwrap_or(0));
@@ -188,7 +188,7 @@ impl ParameterFile {
     }
 }
 
-/// How many characters `name` begins with as the one before. A record has at least one of its own.
+/// Length of the prefix that `name` shares with the one before. A record has at least one of its own.
 fn common_bytes(name: &str, before: &str) -> usize {
     let pairs = name.bytes().zip(before.bytes());
     let common = pairs.take_while(|(a, b)| a == b).count();

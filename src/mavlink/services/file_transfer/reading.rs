@@ -1,4 +1,4 @@
-//! What is being sent: parts of a file or list, a burst, a checksum.
+//! Answers being sent: parts of a file or list, a burst, a checksum.
 
 use super::directory::{Directory, list};
 use super::session::{Bytes, Session, log_read, unless_empty};
@@ -20,7 +20,7 @@ const BURST_MESSAGES: u16 = 200;
 /// many messages have come.
 const BURST_US: u64 = 2_000_000;
 
-/// What is being sent, one at a time.
+/// The answer being sent, one at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Job {
     Part(PartRequest),
@@ -39,7 +39,7 @@ impl Job {
         session.filter(|session| session.has(header))
     }
 
-    /// What has to be read of a log for its next message, if anything.
+    /// The read of a log that its next message needs, if one is needed.
     pub fn log_read(&self, session: Option<&mut Session>) -> Option<LogRead> {
         match self {
             Self::Part(PartRequest {

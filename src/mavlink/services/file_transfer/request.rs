@@ -1,4 +1,4 @@
-//! What a request asks for: its operation and the path that it names.
+//! A request: its operation and the path that it names.
 
 use core::str;
 
@@ -11,7 +11,7 @@ use crate::mavlink::requests::FileTransfer;
 /// The longest path: that of parameters with all arguments.
 const MAX_PATH_BYTES: usize = 64;
 
-/// What a request asks for.
+/// The operation of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Operation {
     None,

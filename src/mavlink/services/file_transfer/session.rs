@@ -40,7 +40,7 @@ impl Session {
 }
 
 impl OpenFile {
-    /// What has to be read of a log for `bytes` bytes from `offset` on; `None` if it needs none.
+    /// The read of a log for `bytes` bytes from `offset` on; `None` if it needs none.
     pub fn log_read(&self, offset: u32, bytes: u8) -> Option<LogRead> {
         match self {
             Self::Log(log) => log_read(log, offset, bytes),
@@ -59,7 +59,7 @@ impl OpenFile {
     }
 }
 
-/// What has to be read of `log` for `bytes` bytes from `offset` on; `None` at its end.
+/// The read of `log` for `bytes` bytes from `offset` on; `None` at its end.
 pub(super) fn log_read(log: &LogFile, offset: u32, bytes: u8) -> Option<LogRead> {
     let rest = log.bytes.saturating_sub(offset).min(u32::from(bytes));
     (rest > 0).then_some(LogRead {

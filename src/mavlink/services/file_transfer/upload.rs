@@ -33,10 +33,10 @@ const FACTORS: [(BatteryParameter, BatteryParameter); 3] = [
 /// A file of parameters on its way here.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Upload {
-    /// How many bytes have come.
+    /// Number of received bytes.
     position: u32,
     expected: Option<Expected>,
-    /// What has come of the header or record that is not complete.
+    /// Received part of the header or record that is not complete.
     pending: Vec<u8, PENDING_BYTES>,
     name_before: Vec<u8, MAX_NAME_LENGTH>,
     records: u16,
@@ -100,7 +100,7 @@ fn factor_of(pin: ParameterId) -> Option<ParameterId> {
     Some(factor.of(pack))
 }
 
-/// What the header says.
+/// The header's content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Expected {
     records: u16,

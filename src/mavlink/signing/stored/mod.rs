@@ -1,4 +1,4 @@
-//! What of signing outlasts a restart, as words under keys.
+//! Signing data that outlast a restart, as words under keys.
 //!
 //! The secret has two places. A new one is written to the place that does not count, and then the choice says that this
 //! is the place that counts from now on: a power cut leaves either secret whole.
@@ -17,7 +17,7 @@ use super::{InFlash, Protection, Signing, SigningKey, ToStore};
 use crate::memory::checksum::crc32;
 use crate::memory::storage::Condition;
 
-/// Where the words are. These numbers never change.
+/// Keys of the words. These numbers never change.
 const FIRST_PLACE: u16 = 0x100;
 const SECOND_PLACE: u16 = 0x110;
 const CHOICES: [u16; 2] = [0x120, 0x122];
@@ -61,7 +61,7 @@ impl KeySlot {
     }
 }
 
-/// What the flash holds of signing.
+/// Signing data in flash.
 #[derive(Debug, Default)]
 pub struct StoredSigning {
     first: [Option<u32>; KEY_WORDS],
@@ -97,7 +97,7 @@ impl StoredSigning {
         }
     }
 
-    /// What signing starts with, if flash is in this condition.
+    /// The state that signing starts with, if flash is in this condition.
     pub fn restore(&self, condition: Condition) -> Signing {
         let protection = match condition {
             Condition::Blank => Protection::Off,
@@ -151,7 +151,7 @@ impl StoredSigning {
             .find(|place| place.number() == number)
     }
 
-    /// Where to write `key`: not over another one that counts.
+    /// The place to write `key`: not over another one that counts.
     fn place_for(&self, key: &SigningKey) -> KeySlot {
         match self.place() {
             Some(place) if self.key().as_ref() == Some(key) => place,

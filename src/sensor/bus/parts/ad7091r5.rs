@@ -104,7 +104,7 @@ impl Part for Ad7091r5 {
 }
 
 impl Ad7091r5 {
-    /// What a pin reads; `None` if it is not one of these.
+    /// Reading of a pin; `None` if it is not one of these.
     fn count(&self, pin: i32) -> Result<Option<AdcCount>, ReadError> {
         let pin = usize::try_from(pin.wrapping_sub(FIRST_PIN)).ok();
         match pin.and_then(|pin| self.counts.get(pin)) {

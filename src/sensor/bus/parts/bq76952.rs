@@ -72,7 +72,7 @@ pub(in crate::sensor::bus) struct Bq76952 {
     last: Option<Charge>,
 }
 
-/// How it is set up.
+/// Its set-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Setup {
     units: u8,
@@ -80,10 +80,10 @@ struct Setup {
     cells: u16,
 }
 
-/// What it has counted.
+/// Its count.
 #[derive(Clone, Copy, Debug)]
 struct Charge {
-    /// What flowed into the pack, in 2^-32 of the unit of current times an hour.
+    /// Charge that flowed into the pack, in 2^-32 of the unit of current times an hour.
     count: u64,
     /// For how long it has counted, in seconds.
     duration_s: u32,
@@ -215,7 +215,7 @@ impl Charge {
         })
     }
 
-    /// What flowed out of the pack since `earlier`, in the unit of current times an hour. `None` if the count has been restarted.
+    /// Charge drawn from the pack since `earlier`, in the unit of current times an hour. `None` if the count was restarted.
     fn since(&self, earlier: &Self) -> Option<f32> {
         const STEPS: f32 = (1u64 << 32) as f32;
         let into = self.count.wrapping_sub(earlier.count) as i64;

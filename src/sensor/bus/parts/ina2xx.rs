@@ -15,7 +15,7 @@ use crate::sensor::bus::{Address, SensorBus, Wiring};
 /// The lowest four bits of an identification are the revision.
 const REVISION: u16 = 0xf;
 
-/// How a part is distinguished from others, set up and read.
+/// Identification, set-up and registers of a part.
 #[derive(Debug)]
 struct Model {
     name: &'static str,
@@ -30,7 +30,7 @@ struct Model {
     counters: Option<Counters>,
 }
 
-/// What a part is recognised by.
+/// Identification of a part.
 #[derive(Debug)]
 enum Identity {
     /// Its maker's number and its own, in these registers.
@@ -88,10 +88,10 @@ pub(in crate::sensor::bus) struct Family {
     models: &'static [Model],
 }
 
-/// Those with an I2C bus.
+/// Parts with an I2C bus.
 pub(in crate::sensor::bus) static ON_I2C: Family = Family {
     addresses: &[
-        // Those that are set by a wire to ground or to the supply.
+        // Addresses that are set by a wire to ground or to the supply.
         Address::I2c(0x40),
         Address::I2c(0x41),
         Address::I2c(0x44),
@@ -220,12 +220,12 @@ pub(in crate::sensor::bus) struct Ina2xx {
     counting: Option<Counting>,
 }
 
-/// How the counters of a part were set up, and what they read last.
+/// Set-up and last reading of the counters of a part.
 #[derive(Debug)]
 struct Counting {
     counters: &'static Counters,
     calibration: u16,
-    /// What a step of the current is worth, in amperes.
+    /// Unit of the current, in amperes.
     step_a: f32,
     last: Option<Codes>,
 }
@@ -372,7 +372,7 @@ impl Counters {
 }
 
 impl Counting {
-    /// What was counted since the last reading; `None` the first time.
+    /// Counts since the last reading; `None` the first time.
     async fn read<B: SensorBus>(
         &mut self,
         registers: &mut Registers<'_, B>,

@@ -55,7 +55,7 @@ const ADDRESSES: [Address; 9] = [
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct Ltc2946 {
     address: Address,
-    /// What the accumulators read last: charge and energy.
+    /// Last reading of the accumulators: charge and energy.
     last: Option<(u32, u32)>,
 }
 

@@ -47,7 +47,7 @@ pub(in crate::sensor::serial) struct IntelligentEnergy {
     /// From its first byte on; empty between sentences.
     sentence: Vec<u8, SENTENCE_BYTES>,
     gaps: Gaps<MAX_GAP_US>,
-    /// What was reported last.
+    /// The last report.
     state: Option<FuelCellState>,
     error: FuelCellError,
 }
@@ -95,7 +95,7 @@ impl Protocol for IntelligentEnergy {
     }
 }
 
-/// What a sentence says.
+/// Content of a sentence.
 struct Report {
     state: Option<FuelCellState>,
     error: FuelCellError,

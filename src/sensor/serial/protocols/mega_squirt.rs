@@ -26,7 +26,7 @@ const ANSWER_BYTES: usize = 13;
 /// Length of the answer's content, and that it is an answer.
 const ANSWER_START: [u8; 3] = [0x00, 0x07, 0x00];
 
-/// How often the unit is asked, in microseconds: in each sampling tick.
+/// Interval of requests to the unit, in microseconds: in each sampling tick.
 const INTERVAL_US: u64 = 100_000;
 
 /// MegaSquirt's protocol.
@@ -55,7 +55,7 @@ impl Protocol for MegaSquirt {
         }
     }
 
-    /// What is left of an answer is dropped with the next request: the unit may pause within one.
+    /// The rest of an answer is dropped with the next request: the unit may pause within one.
     fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
         if let Some(reading) = self.take(byte) {
             deliver(SerialReading::Efi(reading));

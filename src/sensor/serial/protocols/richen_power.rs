@@ -22,7 +22,7 @@ const FRAME_BYTES: usize = 70;
 const HEADER: [u8; 2] = [0xaa, 0x55];
 const FOOTER: [u8; 2] = [0x55, 0xaa];
 
-/// Where words begin.
+/// Offsets of words.
 const SUMMED: core::ops::Range<usize> = 2..12;
 const ERRORS: usize = 12;
 const VOLTAGE: usize = 20;
@@ -37,7 +37,7 @@ const MAX_GAP_US: u64 = 200_000;
 pub(in crate::sensor::serial) struct RichenPower {
     window: Window<FRAME_BYTES>,
     gaps: Gaps<MAX_GAP_US>,
-    /// What was reported last.
+    /// The last report.
     errors: RichenPowerErrors,
 }
 

@@ -42,7 +42,7 @@ const ASK_FOR_PARAMETERS: [u8; 5] = [0xAC, 0x30, 0x03, 0xCF, 0xAD];
 /// A master that has not been answered for this long goes on, in microseconds.
 const ANSWER_TIME_US: u64 = 25_000;
 
-/// How often the motor is asked, in microseconds: for status and parameters every 0.4 s, as by ArduPilot.
+/// Interval of requests to the motor, in microseconds: for status and parameters every 0.4 s, as by ArduPilot.
 const ASK_INTERVAL_US: u64 = 200_000;
 
 /// Bit of the system state's flags: the charge is valid.

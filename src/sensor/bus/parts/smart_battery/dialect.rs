@@ -1,4 +1,4 @@
-//! How makers' batteries differ from the specification, and where their cells are.
+//! Differences of makers' batteries from the specification, and the places of their cells.
 //!
 //! What is known of them is how ArduPilot's drivers read them (Rotoye's second thermistor and its coarse current by its maker's
 //! own change to that). No maker's document could be read, so all but the generic one count as unconfirmed.
@@ -9,22 +9,22 @@ use crate::battery::{CellVoltages, MAX_CELLS, ReadError};
 use crate::sensor::bus::SensorBus;
 use crate::sensor::bus::smbus::{PacketErrorCode, SmBus};
 
-/// How a maker's batteries differ from the specification.
+/// Differences of a maker's batteries from the specification.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct Dialect {
     /// Whether they have a packet error code; `None` if the specification information says so.
     pub(super) code: Option<PacketErrorCode>,
-    /// What the words for capacities have to be multiplied with.
+    /// Factor of the words for capacities.
     pub(super) capacity_factor: f32,
     pub(super) cells: Cells,
     pub(super) voltage: Voltage,
     pub(super) current: Current,
-    /// Where temperatures are, in tenths of a kelvin.
+    /// Registers of temperatures, in tenths of a kelvin.
     pub(super) temperatures: &'static [u8],
     pub(super) button: Option<Button>,
 }
 
-/// Where the pack's voltage comes from.
+/// Source of the pack's voltage.
 #[derive(Debug)]
 pub(super) enum Voltage {
     /// Its word.
@@ -33,7 +33,7 @@ pub(super) enum Voltage {
     SumOfCells,
 }
 
-/// Where the current comes from.
+/// Source of the current.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Current {
     /// A word in milliamperes.
@@ -44,7 +44,7 @@ pub(super) enum Current {
     Long { command: u8, framing: Framing },
 }
 
-/// How bytes are sent.
+/// Framing of bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Framing {
     /// With their length before them.
@@ -136,7 +136,7 @@ pub(in crate::sensor::bus) static SOLO: Dialect = Dialect {
     ..SPECIFIED
 };
 
-/// What the others differ from.
+/// The dialect that the others differ from.
 const SPECIFIED: Dialect = Dialect {
     code: None,
     capacity_factor: 1.0,
@@ -156,10 +156,10 @@ const CELL_SUM_TOLERANCE: f32 = 0.05;
 /// Bytes of a block of cells: four, whether there are as many or not.
 const BLOCK_BYTES: usize = 8;
 
-/// What a battery reports of its cells, in millivolts, from the first on.
+/// Reported voltages of cells, in millivolts, from the first on.
 pub(super) type CellWords = [Option<u16>; MAX_CELLS];
 
-/// Where the voltages of the cells are.
+/// Place of the voltages of the cells.
 #[derive(Debug)]
 pub(super) enum Cells {
     /// It does not report them all.
@@ -174,7 +174,7 @@ pub(super) enum Cells {
 }
 
 impl Cells {
-    /// How many there are.
+    /// Their number.
     pub async fn count<B: SensorBus>(
         &self,
         commands: &mut SmBus<'_, B>,
@@ -222,7 +222,7 @@ impl Cells {
     }
 }
 
-/// What `count` cells amount to, in volts; unknown if one of them is.
+/// Sum of the voltages of `count` cells; unknown if one of them is.
 pub(super) fn sum_v(cells_mv: &CellWords, count: usize) -> Option<f32> {
     let cells_mv = cells_mv.get(..count).filter(|cells_mv| !cells_mv.is_empty())?;
     let sum_mv: Option<u32> = cells_mv.iter().map(|mv| mv.map(u32::from)).sum();
@@ -236,7 +236,7 @@ pub(super) fn cell_voltages(pack_v: f32, cells_mv: &CellWords) -> CellVoltages {
     CellVoltages::from_millivolts(cells_mv.get(..cells).unwrap_or(&[]))
 }
 
-/// How many of these cells amount to the pack's voltage: makers use the commands for other things, too.
+/// Number of these cells whose sum is the pack's voltage: makers use the commands for other things, too.
 fn cells_of(pack_v: f32, cells_mv: &CellWords) -> usize {
     let cells_mv = cells_mv
         .iter()

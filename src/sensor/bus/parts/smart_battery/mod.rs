@@ -46,7 +46,7 @@ const HIGHEST_EXPONENT: u16 = 3;
 /// A word that is not filled in.
 const BLANK: u16 = 0xffff;
 
-/// What a battery with a button reports of it.
+/// Bytes that a battery with a button reports of it.
 const BUTTON_BYTES: usize = 6;
 
 /// The button counts as held after this many readings in a row, as in ArduPilot.
@@ -57,7 +57,7 @@ const ZERO_CELSIUS_K: f32 = 273.15;
 /// Years are counted from here.
 const FIRST_YEAR: u16 = 1980;
 
-/// What a battery is asked once.
+/// Facts that a battery is asked for once.
 const INTRODUCTION: [u8; 8] = [
     BATTERY_MODE,
     VOLTAGE,
@@ -69,7 +69,7 @@ const INTRODUCTION: [u8; 8] = [
     SERIAL_NUMBER,
 ];
 
-/// Where every smart battery is.
+/// Address of every smart battery.
 const ADDRESSES: [Address; 1] = [Address::I2c(0x0b)];
 
 /// A smart battery that answered.
@@ -86,11 +86,11 @@ pub(in crate::sensor::bus) struct SmartBattery {
     serial: Option<u16>,
     details: PackDetails,
     full_mah: Option<f32>,
-    /// What changes slowly is read by turns.
+    /// The slow value that is read next, by turns.
     slow_command: u8,
 }
 
-/// What the words of a battery are worth.
+/// Units of the words of a battery.
 #[derive(Clone, Copy, Debug)]
 struct Scale {
     /// Volts.
@@ -354,7 +354,7 @@ fn power_of_ten(exponent: u16) -> f32 {
     (0..exponent).fold(1.0, |power, _| power * 10.0)
 }
 
-/// What a word is worth; 0 is not filled in.
+/// Value of a word; 0 is not filled in.
 fn filled(word: Option<u16>, step: f32) -> Option<f32> {
     word.filter(|word| *word > 0).map(|word| f32::from(word) * step)
 }
