@@ -51,7 +51,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.html", conflicts_with_all = OF_ONE)]
     pub history: Option<PathBuf>,
 
-    /// The recording, told by its content: a log of this board or ArduPilot (.BIN, .log), PX4 (.ulg) or a ground station (.tlog);
+    /// The recording, recognized by its content: a log of this board or ArduPilot (.BIN, .log), PX4 (.ulg) or a ground station (.tlog);
     /// or CSV with columns as t_s, voltage_v, current_a, healthy, armed. With --table and --history logs, and folders with all
     /// logs below
     #[arg(value_name = "RECORDING", required = true)]

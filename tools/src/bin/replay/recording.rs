@@ -165,7 +165,7 @@ mod tests {
     use crate::binlog::tests::opening;
 
     #[test]
-    fn a_format_is_told_by_the_content() {
+    fn a_format_is_recognized_by_the_content() {
         let log = Ok(Format::Log(LogFormat::DataFlash));
         assert_eq!(Format::of_head(&opening()), log);
         assert_eq!(Format::of_head(&[&[0xff; 500], &*opening()].concat()), log);
