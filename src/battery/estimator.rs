@@ -102,6 +102,8 @@ pub(super) struct ReportedCharge {
     pub at_most_pct: f32,
     /// What the load can still draw, in percent of what it can draw from a full pack.
     pub usable_pct: f32,
+    /// Its standard deviation.
+    pub usable_sigma_pct: f32,
 }
 
 impl ReportedCharge {
@@ -117,6 +119,7 @@ impl ReportedCharge {
             sigma_pct: estimate.sigma * 100.0,
             at_most_pct: at_most * 100.0,
             usable_pct: estimate.usable_share * 100.0,
+            usable_sigma_pct: estimate.usable_sigma * 100.0,
         })
     }
 }

@@ -86,6 +86,8 @@ pub struct BatteryState {
     /// What the load can still draw, in percent of what it can draw from a full pack (0 to 100): less than what remains
     /// in a cold or worn pack.
     pub usable_pct: Option<f32>,
+    /// Standard deviation of the usable charge, in percent, where it is estimated here.
+    pub usable_sigma_pct: Option<f32>,
     /// Time until the pack can't serve the average load any more, in seconds.
     pub time_remaining_s: Option<f32>,
     /// Temperature, in degrees Celsius.
@@ -150,6 +152,7 @@ impl BatteryState {
         remaining_pct: None,
         remaining_sigma_pct: None,
         usable_pct: None,
+        usable_sigma_pct: None,
         time_remaining_s: None,
         temperature_c: None,
         thermometer: Thermometer::Pack,

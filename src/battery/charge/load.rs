@@ -2,7 +2,7 @@
 //!
 //! All that follows a second runs once a second, at any sampling rate.
 
-use super::cell_model::CellModel;
+use super::cell_model::{CellModel, root_of_squares};
 use crate::battery::VoltageSource;
 use crate::battery::low_pass::MeanThenLowPass;
 
@@ -321,6 +321,9 @@ const GROWS_BELOW: f32 = 0.5;
 /// The same where the load is inferred from the sag, at any charge.
 const INFERRED_GROWTH: f32 = 0.2;
 
+/// Standard deviation of the sag that ends a drive, relative to it: that of its growth, and of the peak. Assumed.
+const RESERVE_SAG_SIGMA: f32 = 0.25;
+
 /// Lower limit of what is used between full and the end, relative to the capacity.
 const MIN_SPAN: f32 = 0.01;
 
@@ -341,6 +344,8 @@ pub(super) enum SagGrowth {
 pub(super) struct Reserve {
     peak_v: f32,
     share: f32,
+    /// Standard deviation of the share.
+    sigma: f32,
 }
 
 impl Reserve {
@@ -348,6 +353,7 @@ impl Reserve {
     pub const NEW: Self = Self {
         peak_v: 0.0,
         share: 0.0,
+        sigma: 0.0,
     };
 
     /// Takes the sag of a cell over `dt_s` seconds.
@@ -364,34 +370,15 @@ impl Reserve {
     /// Computes the charge at which such a sag ends the drive.
     pub fn settle(&mut self, growth: SagGrowth, model: &CellModel) {
         let end_v = model.end.cell_v;
-        self.share = match model.end.source {
-            VoltageSource::Terminal => self.reserve(end_v, growth, model),
+        let by_sag = |peak_v: f32| match model.end.source {
+            VoltageSource::Terminal => reserve(peak_v, end_v, growth, model),
             VoltageSource::Resting => {
-                let by_terminal = self.reserve(model.cell.deep_discharge_v, growth, model);
+                let by_terminal = reserve(peak_v, model.cell.deep_discharge_v, growth, model);
                 by_terminal.max(model.share(end_v))
             }
         };
-    }
-
-    /// The charge at which the sag takes a cell to this voltage.
-    fn reserve(&self, end_v: f32, growth: SagGrowth, model: &CellModel) -> f32 {
-        let sag_v = |share: f32| match growth {
-            SagGrowth::Inferred => self.peak_v * (1.0 + INFERRED_GROWTH),
-            SagGrowth::NearEmpty => {
-                let growth = GROWTH_NEAR_EMPTY * (1.0 - share / GROWS_BELOW).max(0.0);
-                self.peak_v + (growth * self.peak_v).min(model.cell.max_growth_v)
-            }
-        };
-        let (mut low, mut high) = (0.0_f32, model.cell.max_reserve);
-        for _ in 0..SEARCH_STEPS {
-            let middle = 0.5 * (low + high);
-            if model.voltage_v(middle) - sag_v(middle) < end_v {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        low
+        self.share = by_sag(self.peak_v);
+        self.sigma = by_sag(self.peak_v * (1.0 + RESERVE_SAG_SIGMA)) - self.share;
     }
 
     /// What the load can still draw at this state of charge, relative to the capacity, from 0 to 1.
@@ -401,6 +388,37 @@ impl Reserve {
 
     /// The same relative to what the load can draw from a full pack.
     pub fn usable(&self, share: f32) -> f32 {
-        (self.available(share) / (1.0 - self.share).max(MIN_SPAN)).min(1.0)
+        (self.available(share) / self.span()).min(1.0)
     }
+
+    /// Standard deviation of that, with this one of the state of charge.
+    pub fn usable_sigma(&self, share: f32, sigma: f32) -> f32 {
+        let by_reserve = (1.0 - share) / self.span() * self.sigma;
+        (root_of_squares(sigma, by_reserve) / self.span()).min(1.0)
+    }
+
+    fn span(&self) -> f32 {
+        (1.0 - self.share).max(MIN_SPAN)
+    }
+}
+
+/// The charge at which such a peak of the sag takes a cell to this voltage.
+fn reserve(peak_v: f32, end_v: f32, growth: SagGrowth, model: &CellModel) -> f32 {
+    let sag_v = |share: f32| match growth {
+        SagGrowth::Inferred => peak_v * (1.0 + INFERRED_GROWTH),
+        SagGrowth::NearEmpty => {
+            let growth = GROWTH_NEAR_EMPTY * (1.0 - share / GROWS_BELOW).max(0.0);
+            peak_v + (growth * peak_v).min(model.cell.max_growth_v)
+        }
+    };
+    let (mut low, mut high) = (0.0_f32, model.cell.max_reserve);
+    for _ in 0..SEARCH_STEPS {
+        let middle = 0.5 * (low + high);
+        if model.voltage_v(middle) - sag_v(middle) < end_v {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }

@@ -82,6 +82,8 @@ pub(super) struct ChargeEstimate {
     pub available: f32,
     /// The same relative to what it can draw from a full pack.
     pub usable_share: f32,
+    /// Its standard deviation.
+    pub usable_sigma: f32,
     /// Charge drawn, in capacities per hour, where the current is not measured.
     pub rate_per_h: Option<f32>,
 }
@@ -104,6 +106,7 @@ impl ChargeEstimator {
             sigma: charge.sigma,
             available: charge.share,
             usable_share: charge.share,
+            usable_sigma: charge.sigma,
             rate_per_h: None,
         });
         known
@@ -411,6 +414,7 @@ impl ChargeEstimator {
             sigma,
             available: self.trace.reserve.available(share),
             usable_share: self.trace.reserve.usable(share),
+            usable_sigma: self.trace.reserve.usable_sigma(share, sigma),
             rate_per_h: match &self.phase {
                 Phase::VoltageOnly(estimate) => estimate.rate_per_h(),
                 Phase::Starting(_) | Phase::Known(_) | Phase::Counting(_) => None,

@@ -339,6 +339,7 @@ impl BatteryMonitor {
         self.state.remaining_pct = None;
         self.state.remaining_sigma_pct = None;
         self.state.usable_pct = None;
+        self.state.usable_sigma_pct = None;
         self.state.time_remaining_s = None;
         self.state.faults = Faults::empty();
         self.state.reported = Reported::NONE;
@@ -538,10 +539,10 @@ impl BatteryMonitor {
     /// What the load can still draw.
     fn update_usable(&mut self) {
         let charge = self.estimator.reported().filter(|_| self.is_estimated());
-        let (sigma_pct, usable_pct) = charge.map(|charge| (charge.sigma_pct, charge.usable_pct)).unzip();
         let state = &mut self.state;
-        state.remaining_sigma_pct = sigma_pct;
-        state.usable_pct = usable_pct.or(state.remaining_pct);
+        state.remaining_sigma_pct = charge.map(|charge| charge.sigma_pct);
+        state.usable_pct = charge.map(|charge| charge.usable_pct).or(state.remaining_pct);
+        state.usable_sigma_pct = charge.map(|charge| charge.usable_sigma_pct);
     }
 
     /// How long the load can still be served: once a second, since it takes a division.

@@ -123,9 +123,10 @@ fn remaining(rows: &[Row]) -> String {
     }
     if state.remaining_pct.is_some() {
         text += &format!(" of {}", quantity(state.capacity_mah(), 0, "mAh"));
-        let within_pct = state.remaining_sigma_pct.map(|sigma_pct| SIGMAS * sigma_pct);
-        text += &format!(" ± {} (19 times of 20)", quantity(within_pct, 0, "%"));
-        text += &format!(", usable {}", quantity(state.usable_pct, 0, "%"));
+        let within = |sigma_pct: Option<f32>| quantity(sigma_pct.map(|sigma_pct| SIGMAS * sigma_pct), 0, "%");
+        text += &format!(" ± {} (19 times of 20)", within(state.remaining_sigma_pct));
+        let usable = quantity(state.usable_pct, 0, "%");
+        text += &format!(", usable {usable} ± {}", within(state.usable_sigma_pct));
     }
     let reported_pct = last.reported.and_then(|reported| reported.remaining_pct);
     if reported_pct.is_some() {
