@@ -370,15 +370,48 @@ impl Reserve {
     /// Computes the charge at which such a sag ends the drive.
     pub fn settle(&mut self, growth: SagGrowth, model: &CellModel) {
         let end_v = model.end.cell_v;
-        let by_sag = |peak_v: f32| match model.end.source {
-            VoltageSource::Terminal => reserve(peak_v, end_v, growth, model),
+        let by_sag = |end_v: f32| {
+            let share = self.reserve(end_v, growth, model);
+            let sigma_v = RESERVE_SAG_SIGMA * self.sag_v(share, growth, model);
+            (share, sigma_v / model.slope_v(share))
+        };
+        (self.share, self.sigma) = match model.end.source {
+            VoltageSource::Terminal => by_sag(end_v),
             VoltageSource::Resting => {
-                let by_terminal = reserve(peak_v, model.cell.deep_discharge_v, growth, model);
-                by_terminal.max(model.share(end_v))
+                let by_terminal = by_sag(model.cell.deep_discharge_v);
+                let by_resting = (model.share(end_v), 0.0);
+                if by_terminal.0 > by_resting.0 {
+                    by_terminal
+                } else {
+                    by_resting
+                }
             }
         };
-        self.share = by_sag(self.peak_v);
-        self.sigma = by_sag(self.peak_v * (1.0 + RESERVE_SAG_SIGMA)) - self.share;
+    }
+
+    /// The sag of the same load at this state of charge, in volts.
+    fn sag_v(&self, share: f32, growth: SagGrowth, model: &CellModel) -> f32 {
+        match growth {
+            SagGrowth::Inferred => self.peak_v * (1.0 + INFERRED_GROWTH),
+            SagGrowth::NearEmpty => {
+                let growth = GROWTH_NEAR_EMPTY * (1.0 - share / GROWS_BELOW).max(0.0);
+                self.peak_v + (growth * self.peak_v).min(model.cell.max_growth_v)
+            }
+        }
+    }
+
+    /// The charge at which the sag takes a cell to this voltage.
+    fn reserve(&self, end_v: f32, growth: SagGrowth, model: &CellModel) -> f32 {
+        let (mut low, mut high) = (0.0_f32, model.cell.max_reserve);
+        for _ in 0..SEARCH_STEPS {
+            let middle = 0.5 * (low + high);
+            if model.voltage_v(middle) - self.sag_v(middle, growth, model) < end_v {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        low
     }
 
     /// What the load can still draw at this state of charge, relative to the capacity, from 0 to 1.
@@ -400,25 +433,4 @@ impl Reserve {
     fn span(&self) -> f32 {
         (1.0 - self.share).max(MIN_SPAN)
     }
-}
-
-/// The charge at which such a peak of the sag takes a cell to this voltage.
-fn reserve(peak_v: f32, end_v: f32, growth: SagGrowth, model: &CellModel) -> f32 {
-    let sag_v = |share: f32| match growth {
-        SagGrowth::Inferred => peak_v * (1.0 + INFERRED_GROWTH),
-        SagGrowth::NearEmpty => {
-            let growth = GROWTH_NEAR_EMPTY * (1.0 - share / GROWS_BELOW).max(0.0);
-            peak_v + (growth * peak_v).min(model.cell.max_growth_v)
-        }
-    };
-    let (mut low, mut high) = (0.0_f32, model.cell.max_reserve);
-    for _ in 0..SEARCH_STEPS {
-        let middle = 0.5 * (low + high);
-        if model.voltage_v(middle) - sag_v(middle) < end_v {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
 }
