@@ -2,6 +2,8 @@
 //!
 //! A message counts if its type exists, its content fits the format that the log states for it, and another message, or the
 //! end, follows. Anything else is skipped byte by byte. Formats are read of the topics only that are used here.
+//!
+//! PX4's own crate, `px4-ulog` 0.6.1, does not check the lengths of contents, and ends at the first damaged message.
 
 use std::collections::{HashMap, VecDeque};
 use std::io::{self, Read};
