@@ -9,7 +9,7 @@ use super::{Chemistry, MeasuringScale};
 /// Points of the charge at which the curve's offset is learnt.
 pub(super) const OFFSET_POINTS: usize = 5;
 
-/// Words of a [`LearntPack`] in flash, the last of them those of its [`OpenLesson`].
+/// Words of a [`LearntPack`] in flash, the last of them those of a drive that it has not rested after.
 pub const LEARNT_WORDS: usize = 33;
 
 /// The words of the curve among them.

@@ -21,6 +21,9 @@ const PACK_CODE: u16 = 2482;
 /// two of either.
 const BETWEEN_TICKS_US: u64 = 5_050 * MILLISECOND;
 
+/// Before a turn of the drive task, and of no other.
+const BEFORE_DRIVE_US: u64 = 5_070 * MILLISECOND;
+
 /// A fault restarts the board without waiting for the watchdog.
 const AT_ONCE_US: u64 = MILLISECOND;
 
@@ -38,7 +41,8 @@ fn between_ticks() -> Bench {
 
 /// In the middle of the task that runs next.
 fn in_drive() -> Bench {
-    let mut bench = between_ticks();
+    let mut bench = Bench::power_up(PACK_CODE);
+    bench.run_until_time(BEFORE_DRIVE_US);
     bench.run_into_task();
     bench
 }
@@ -155,7 +159,7 @@ fn the_task_is_the_one_that_runs() {
 
 #[test]
 fn a_panic_is_reported_with_its_callers() {
-    let mut bench = between_ticks();
+    let mut bench = in_drive();
     bench.panic();
     // The caller: any place in the program, as it stands in the link register.
     let caller = bench.symbol("main") & !THUMB;
