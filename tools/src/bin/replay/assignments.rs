@@ -35,7 +35,7 @@ impl fmt::Display for Assignment {
     }
 }
 
-/// Those of a log so far: the first value of each name holds from the beginning of the log, later ones from their time.
+/// The parameters of a log so far: the first value of each name holds from the beginning of the log, later ones from their time.
 #[derive(Debug, Default)]
 pub struct LogParameters {
     /// The latest value of each that this version has, by its name.

@@ -3,6 +3,9 @@
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 
+/// MAV_AUTOPILOT_PX4.
+pub const AUTOPILOT: u8 = 12;
+
 /// A share of 1 in percent.
 const PERCENT: f64 = 100.0;
 

@@ -41,8 +41,6 @@ const STATUSTEXT: u32 = 253;
 const AUTOPILOT_COMPONENT: u8 = 1;
 /// MAV_AUTOPILOT_INVALID, of what is no autopilot.
 const NO_AUTOPILOT: u8 = 8;
-/// MAV_AUTOPILOT_PX4.
-const PX4: u8 = 12;
 /// MAV_MODE_FLAG_SAFETY_ARMED.
 const ARMED: u8 = 128;
 /// MAV_PARAM_TYPE_INT32.
@@ -224,8 +222,8 @@ impl<R: Read> Tlog<R> {
 
     fn parameter(&mut self, frame: &Frame, time_s: f64, vehicle: Vehicle) {
         let (name, bits) = (frame.text(8, 16), u32::from_le_bytes(frame.bytes(0)));
-        let is_px4 = vehicle.autopilot == Some(PX4);
-        // PX4 sends the bits of an integer in place of a number.
+        let is_px4 = vehicle.autopilot == Some(px4::AUTOPILOT);
+        // px4::AUTOPILOT sends the bits of an integer in place of a number.
         let value = match frame.payload[24] {
             INTEGER if is_px4 => f64::from(bits as i32),
             _ => f64::from(f32::from_bits(bits)),
@@ -547,7 +545,10 @@ mod tests {
             read(&log.concat()).0.pop()
         };
         let cells = |name: &str, value| Some(Content::Parameter(name.into(), value));
-        assert_eq!(of(PX4, 4_i32.to_le_bytes()), cells("BAT1_N_CELLS", 4.0));
+        assert_eq!(
+            of(px4::AUTOPILOT, 4_i32.to_le_bytes()),
+            cells("BAT1_N_CELLS", 4.0)
+        );
         assert_eq!(of(3, 4_f32.to_le_bytes()), cells("BAT1_N_CELLS", 4.0));
     }
 

@@ -36,9 +36,6 @@ const BATTERY: &str = "battery_status";
 const ACTUATORS: &str = "actuator_armed";
 const GPS: &str = "vehicle_gps_position";
 
-/// MAV_AUTOPILOT_PX4.
-const PX4: u8 = 12;
-
 /// UTC is unknown before 2000, in microseconds.
 const UTC_FROM_US: f64 = 946_684_800e6;
 
@@ -96,7 +93,7 @@ impl<R: Read> ULog<R> {
             window: Window::of(source),
             found: VecDeque::from([Entry {
                 time_s: None,
-                content: Content::Autopilot(PX4),
+                content: Content::Autopilot(px4::AUTOPILOT),
             }]),
             has_header: false,
             formats: HashMap::new(),

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::entry::Content;
+use crate::px4;
 
 /// The beginning of the text by which this board names itself.
 const BOARD: &str = "rover-battmon ";
@@ -98,7 +99,7 @@ impl fmt::Display for Vehicle {
 fn firmware_name(autopilot: u8) -> Option<&'static str> {
     match autopilot {
         3 => Some("ArduPilot"),
-        12 => Some("PX4"),
+        px4::AUTOPILOT => Some("PX4"),
         _ => None,
     }
 }
