@@ -260,10 +260,7 @@ impl Estimator {
             rated_ah: settings
                 .capacity_mah
                 .map(|capacity_mah| capacity_mah * AH_PER_MAH),
-            measured_ohm: self
-                .resistance_ohm()
-                .zip(cell_count)
-                .map(|(pack_ohm, count)| pack_ohm / f32::from(count)),
+            measured_ohm: self.cell_resistance_ohm(settings),
             end: EndVoltage::new(settings, cell_count),
             share_at_most: 1.0,
             learnt,
@@ -283,6 +280,11 @@ impl Estimator {
     /// The pack's resistance, once measured.
     pub fn resistance_ohm(&self) -> Option<f32> {
         self.resistance.resistance_ohm()
+    }
+
+    /// The same of a cell.
+    pub fn cell_resistance_ohm(&self, settings: &PackSettings) -> Option<f32> {
+        Some(self.resistance_ohm()? / f32::from(self.cell_count(settings)?))
     }
 
     /// The voltage without load, once the resistance is measured.

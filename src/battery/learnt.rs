@@ -126,7 +126,7 @@ pub(crate) struct LastCharge {
     pub resting_v: f32,
 }
 
-/// What drives have taught of a pack.
+/// Lessons of a pack's drives.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lessons {
     drives: u16,
@@ -136,7 +136,7 @@ pub(crate) struct Lessons {
     slow: Option<LearntSlowShare>,
 }
 
-/// What a drive has shown that ended without a rest: the next start may be that rest.
+/// A lesson of a drive that ended without a rest: the next start may be that rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct OpenLesson {
     /// State of charge at its start and the standard deviation, in ten-thousandths.
@@ -435,7 +435,7 @@ impl LearntPack {
         }
     }
 
-    /// What drives have taught of it.
+    /// The lessons of its drives.
     pub(super) fn lessons(&self) -> Lessons {
         Lessons {
             drives: self.drives,

@@ -117,10 +117,7 @@ impl Drive {
     /// Begins with this estimate.
     pub fn new(start: &Filter) -> Self {
         Self {
-            start: KnownCharge {
-                share: start.share(),
-                sigma: start.sigma(),
-            },
+            start: start.charge(),
             drawn_ah: 0.0,
             rested_h: 0.0,
             ohm: Sum::NEW,
@@ -144,7 +141,7 @@ impl Drive {
         }
     }
 
-    /// What a later rest may still teach.
+    /// The lesson that a later rest may end.
     pub fn open(&self) -> Option<OpenLesson> {
         Some(OpenLesson {
             start: [self.start.share, self.start.sigma].map(|part| (part * 1e4) as u16),
@@ -252,13 +249,13 @@ impl Drive {
         self.before.is_some()
     }
 
-    /// What was known before this drive.
+    /// Knowledge before this drive.
     fn kept(&self, model: &CellModel) -> LearntPack {
         self.before
             .map_or(*model.learnt, |before| model.learnt.with_lessons(&before))
     }
 
-    /// What is learnt when the pack rests at this voltage of a cell; `None` if that is not more than is known.
+    /// Learns the pack when it rests at this voltage of a cell; `None` if that is not more than is known.
     pub fn learn(&mut self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<LearntPack> {
         if self.obstacle(model).is_some() {
             return None;

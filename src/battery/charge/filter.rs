@@ -1,6 +1,6 @@
 //! A Kalman filter for the charge of a cell whose current is measured.
 
-use super::cell_model::{Capacity, CellModel};
+use super::cell_model::{Capacity, CellModel, KnownCharge};
 use super::load::{Block, Load};
 
 /// The states: state of charge; relative error of the inverse capacity; offset of the curve, in its standard deviations;
@@ -102,6 +102,14 @@ impl Filter {
     /// Standard deviation of the state of charge.
     pub fn sigma(&self) -> f32 {
         libm::sqrtf(self.covariance[0][0].max(self.voltage_variance.unwrap_or(0.0)))
+    }
+
+    /// State of charge with its standard deviation.
+    pub fn charge(&self) -> KnownCharge {
+        KnownCharge {
+            share: self.share(),
+            sigma: self.sigma(),
+        }
     }
 
     /// A charge was drawn, in capacities.

@@ -189,10 +189,7 @@ impl Start {
         }
         let is_averaged = self.averaged_s >= FIRST_AVERAGE_S;
         let provisional = self.at_rest.or(is_averaged.then_some(highest));
-        self.provisional = provisional.map(|filter| KnownCharge {
-            share: filter.share(),
-            sigma: filter.sigma(),
-        });
+        self.provisional = provisional.as_ref().map(Filter::charge);
         None
     }
 

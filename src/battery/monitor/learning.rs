@@ -97,7 +97,7 @@ impl Learnt {
             .filter(|pack| pack.matches(settings.chemistry, cell_count, settings.capacity_mah))
     }
 
-    /// What is kept, unless that may be of another pack.
+    /// The kept knowledge, unless that may be of another pack.
     pub fn shown(&self) -> Option<&LearntPack> {
         match self.standing {
             Standing::Saved | Standing::Unsaved => Some(&self.pack),

@@ -356,7 +356,7 @@ impl BatteryMonitor {
     }
 
     /// The pack was swapped: estimates and counts restart. The failsafe level stays latched until the new pack
-    /// disproves it. What was learnt is that of the pack before, unless a serial number says which pack it is.
+    /// disproves it.
     fn replace_pack(&mut self, replacement: Replacement, events: &mut PackEvents) {
         self.counting.replace_pack();
         self.reports.gauge = GaugeState::Absent;
@@ -414,8 +414,8 @@ impl BatteryMonitor {
         let Some(learnt) = self.learnt.as_mut().filter(|_| can_learn) else {
             return;
         };
-        if let Some((pack_ohm, count)) = self.estimator.resistance_ohm().zip(cell_count) {
-            learnt.compare(pack_ohm / f32::from(count));
+        if let Some(cell_ohm) = self.estimator.cell_resistance_ohm(settings) {
+            learnt.compare(cell_ohm);
         }
         if let Some(kept) = kept {
             learnt.update(&kept, settings, cell_count, events);

@@ -1,4 +1,4 @@
-//! What the voltage of a pack at rest says, as it relaxes and while the board stays on.
+//! The estimate of a pack at rest, as it relaxes and while the board stays on.
 
 use super::rover::{IDLE_A, Pack, Rover, STEEP, Sensors};
 use super::*;
@@ -155,7 +155,7 @@ fn parking_with_a_good_sensor_costs_a_certain_count_little() {
     }
 }
 
-/// What is in the way of a lesson, in the order of the reports.
+/// Obstacles to a lesson, in the order of the reports.
 fn obstacles(rover: &Rover) -> Vec<LessonObstacle> {
     let obstacle = |event: &PackEvent| match event {
         PackEvent::NotLearnt(obstacle) => Some(*obstacle),

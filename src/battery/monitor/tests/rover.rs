@@ -21,7 +21,7 @@ pub struct Pack {
     pub slow_share: f32,
     /// How far the curve is above that of its chemistry when empty and full, in volts.
     pub offsets_v: [f32; 2],
-    /// What is left of charging, in volts.
+    /// Surface charge of a cell, in volts.
     pub surface_v: f32,
 }
 
