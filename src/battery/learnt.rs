@@ -1,6 +1,7 @@
 //! What is learnt of a pack over its drives, and kept in flash.
 
 use core::fmt;
+use core::num::NonZeroU16;
 use core::ops::{Range, RangeInclusive};
 
 use super::chemistry::SAME_VOLTAGE_V;
@@ -9,8 +10,8 @@ use super::{Chemistry, MeasuringScale};
 /// Points of the charge at which the curve's offset is learnt.
 pub(super) const OFFSET_POINTS: usize = 5;
 
-/// Words of a [`LearntPack`] in flash, the last of them those of a drive that it has not rested after.
-pub const LEARNT_WORDS: usize = 33;
+/// Words of a [`LearntPack`] in flash.
+pub const LEARNT_WORDS: usize = 34;
 
 /// The words of the curve among them.
 pub const LEARNT_CURVE: Range<usize> = 9..14;
@@ -64,6 +65,8 @@ pub struct LearntPack {
     pub(super) scale: Option<MeasuringScale>,
     /// A drive after which it has not rested yet.
     pub(super) open: Option<OpenLesson>,
+    /// Its last collapse under load, unless a later drive has passed it.
+    pub(super) collapse: Option<Collapse>,
 }
 
 /// A learnt capacity.
@@ -124,6 +127,54 @@ pub(crate) struct LastCharge {
     pub sigma: f32,
     /// The voltage of a cell that has rested since then, in volts.
     pub resting_v: f32,
+}
+
+/// The charge at which a load has taken a cell to the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Collapse {
+    /// State of charge, in ten-thousandths.
+    share_1e4: u16,
+    /// Mean resistance of a cell in that drive, in ten microohms.
+    ohm_1e5: NonZeroU16,
+}
+
+impl Collapse {
+    /// At this state of charge from 0 to 1 and resistance in ohms; `None` where they are beyond those of a rover's pack.
+    pub fn new(share: f32, ohm: f32) -> Option<Self> {
+        let numbers = [share * 1e4 + 0.5, ohm * 1e5 + 0.5];
+        let is_possible = share >= 0.0 && numbers.iter().all(|number| *number < f32::from(u16::MAX));
+        is_possible.then(|| Self::from_numbers(numbers.map(|number| number as u16)))?
+    }
+
+    /// State of charge, from 0 to 1.
+    pub fn share(&self) -> f32 {
+        f32::from(self.share_1e4) * 1e-4
+    }
+
+    fn ohm(&self) -> f32 {
+        f32::from(self.ohm_1e5.get()) * 1e-5
+    }
+
+    /// The state of charge at which cells with this resistance, in ohms, collapse: the sag is proportional to it.
+    pub fn share_at(&self, ohm: Option<f32>) -> f32 {
+        self.share() * ohm.map_or(1.0, |ohm| ohm / self.ohm())
+    }
+
+    /// The same at a state of charge that is higher by this difference.
+    pub fn corrected(&self, difference: f32) -> Option<Self> {
+        Self::new(self.share() + difference, self.ohm())
+    }
+
+    /// As two numbers: ten-thousandths, and ten microohms.
+    pub fn to_numbers(self) -> [u16; 2] {
+        [self.share_1e4, self.ohm_1e5.get()]
+    }
+
+    /// `None` if no collapse has these numbers.
+    pub fn from_numbers([share_1e4, ohm_1e5]: [u16; 2]) -> Option<Self> {
+        let ohm_1e5 = NonZeroU16::new(ohm_1e5)?;
+        (share_1e4 <= 10_000).then_some(Self { share_1e4, ohm_1e5 })
+    }
 }
 
 /// Lessons of a pack's drives.
@@ -308,6 +359,7 @@ impl LearntPack {
         slow: None,
         scale: None,
         open: None,
+        collapse: None,
     };
 
     /// Nothing is learnt yet of the pack with this serial number.
@@ -510,6 +562,9 @@ impl LearntPack {
             *now_ohm *= by_voltage / by_current;
             *first_ohm *= by_voltage / by_current;
         }
+        rescaled.collapse = rescaled
+            .collapse
+            .and_then(|collapse| Collapse::new(collapse.share(), collapse.ohm() * by_voltage / by_current));
         // Without implausible values.
         Self::from_words(&rescaled.to_words())
     }
@@ -566,11 +621,15 @@ impl LearntPack {
             capacity.seen_mah.to_bits(),
             capacity.seen_sigma.to_bits(),
         ];
+        let open = self.open.map_or([0; OPEN_LESSON_WORDS], OpenLesson::to_words);
+        let collapse = self.collapse.map_or(0, |collapse| {
+            let [share, ohm] = collapse.to_numbers();
+            pair(share, ohm)
+        });
         let mut words = [0; LEARNT_WORDS];
-        let (head, open) = words.split_at_mut(known.len());
-        head.copy_from_slice(&known);
-        if let Some(lesson) = self.open {
-            open.copy_from_slice(&lesson.to_words());
+        let stored = known.into_iter().chain(open).chain([collapse]);
+        for (word, stored) in words.iter_mut().zip(stored) {
+            *word = stored;
         }
         words
     }
@@ -578,6 +637,7 @@ impl LearntPack {
     /// `None` if no pack has these words. An older record ends before the scale, and has zeros there.
     pub fn from_words(words: &[u32; LEARNT_WORDS]) -> Option<Self> {
         let [kind, serial_number, _, _, _, _, _, _, _, a, b, c, d, e, ..] = words;
+        let [before_collapse @ .., collapse] = words;
         let [
             _,
             _,
@@ -644,7 +704,8 @@ impl LearntPack {
                 amperes_per_volt,
             }
             .if_plausible(),
-            open: words.last_chunk().and_then(OpenLesson::from_words),
+            open: before_collapse.last_chunk().and_then(OpenLesson::from_words),
+            collapse: Collapse::from_numbers(halves_of(*collapse)),
         })
     }
 }
@@ -703,6 +764,7 @@ mod tests {
                     [41_000, 0, 9],
                 ],
             }),
+            collapse: Collapse::new(0.23, 0.041),
         };
         for learnt in [learnt, LearntPack::UNKNOWN] {
             assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));

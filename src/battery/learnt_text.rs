@@ -13,13 +13,15 @@
 //! scale_volt_mult_offset_amp_pervlt 3.95 0 17
 //! open_drawn_ah_rested_h_ohm 1.9 0.1 0.029
 //! open_start_1e4_points 10000 100 34120 310 60211 0 0 0 36320 280 30100 37900 270 20500 41200 100 900
+//! collapse_1e4_10uohm 2300 4100
 //! ```
 
 use core::fmt;
 use core::str::FromStr;
 
 use super::learnt::{
-    LastCharge, LearntCapacity, LearntResistance, LearntSlowShare, OFFSET_POINTS, Offset, OpenLesson,
+    Collapse, LastCharge, LearntCapacity, LearntResistance, LearntSlowShare, OFFSET_POINTS, Offset,
+    OpenLesson,
 };
 use super::{Chemistry, LearntPack, MeasuringScale};
 
@@ -36,6 +38,7 @@ const SLOW: &str = "slow_share_sigma";
 const SCALE: &str = "scale_volt_mult_offset_amp_pervlt";
 const OPEN: &str = "open_drawn_ah_rested_h_ohm";
 const OPEN_POINTS: &str = "open_start_1e4_points";
+const COLLAPSE: &str = "collapse_1e4_10uohm";
 
 /// Why a text is not what was learnt of a pack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,6 +118,10 @@ impl fmt::Display for LearntPack {
                 write!(f, " {number}")?;
             }
             writeln!(f)?;
+        }
+        if let Some(collapse) = self.collapse {
+            let [share, ohm] = collapse.to_numbers();
+            writeln!(f, "{COLLAPSE} {share} {ohm}")?;
         }
         Ok(())
     }
@@ -216,6 +223,7 @@ impl LearntPack {
                 open.start = *start;
                 open.points.as_flattened_mut().copy_from_slice(points);
             }
+            COLLAPSE => self.collapse = Some(Collapse::from_numbers(parse(numbers)?)?),
             _ => return None,
         }
         Some(())

@@ -22,7 +22,7 @@ const PREFLIGHT_STORAGE: u16 = 245;
 const CODE_OF_4_2_V: u16 = 1320;
 
 /// Records that a sector takes.
-pub const SLOTS: u32 = 29;
+pub const SLOTS: u32 = 28;
 
 pub const FIRST: PackIdentity = PackIdentity {
     pack: Pack::First,

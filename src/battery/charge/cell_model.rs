@@ -164,6 +164,12 @@ impl CellModel<'_> {
         self.measured_ohm.or(kept.map(|kept| kept.now_ohm))
     }
 
+    /// The resistance of a cell, in ohms: measured since the start, else learnt in warm drives.
+    pub fn known_ohm(&self) -> Option<f32> {
+        let learnt = self.learnt.resistance.map(|learnt| learnt.now_ohm);
+        self.measured_ohm.or(learnt)
+    }
+
     /// The slow part of a sag relative to the fast one: learnt, else typical.
     pub fn slow_share(&self) -> f32 {
         self.learnt.slow.map_or(self.cell.slow_share, |slow| slow.share)

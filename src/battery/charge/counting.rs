@@ -1,13 +1,15 @@
 //! Counting of the current from a charge that was found, corrected by the voltage.
 
 use super::cell_model::{Capacity, CellModel};
+use super::collapse::LastCollapse;
 use super::drive::{Drive, Rest};
 use super::filter::Filter;
 use super::load::{Block, Load, SagGrowth, Trace};
 use super::start::{
-    Relaxation, charged, full, has_plateau, may_have_surface_charge, provisional, was_charged,
+    Relaxation, charged, full, has_plateau, is_resting, may_have_surface_charge, provisional, was_charged,
 };
 use crate::battery::LearntPack;
+use crate::battery::learnt::Collapse;
 
 /// A voltage that is further from the expected one, in standard deviations, contradicts the estimate: no cell of the
 /// chemistry has it, since published curves lie less far from their mean. What exceeds that, up to the second figure, is
@@ -24,6 +26,7 @@ pub(super) struct Counting {
     /// Since the charge was certain.
     drive: Option<Drive>,
     relaxation: Relaxation,
+    collapse: LastCollapse,
     contradicted_s: f32,
 }
 
@@ -34,6 +37,7 @@ impl Counting {
             filter,
             drive: None,
             relaxation: Relaxation::Unknown,
+            collapse: LastCollapse::Learnt,
             contradicted_s: 0.0,
         }
     }
@@ -81,11 +85,24 @@ impl Counting {
         if let Some(block) = trace.block.add(load, cell_v) {
             self.compare(&block, trace, model, capacity);
             if let Some(cell_v) = block.cell_v {
-                let sag_v = model.voltage_v(self.filter.share()) - cell_v;
-                trace.reserve.update(block.load.duration_s, sag_v);
+                let share = self.filter.share();
+                let sag_v = model.voltage_v(share) - cell_v;
+                let reserve = &mut trace.reserve;
+                reserve.update(block.load.duration_s, sag_v);
+                if !is_resting(block.load.current_a, capacity) {
+                    let ohm = self.mean_ohm();
+                    self.collapse.update(share, cell_v, sag_v, ohm, reserve, model);
+                }
             }
-            trace.reserve.settle(SagGrowth::NearEmpty, model);
+            trace
+                .reserve
+                .settle(SagGrowth::NearEmpty, self.collapse(model), model);
         }
+    }
+
+    /// The charge at which the pack is expected to collapse again.
+    pub fn collapse(&self, model: &CellModel) -> Option<Collapse> {
+        self.collapse.expected(model.learnt.collapse)
     }
 
     /// Compares a block with the model.
@@ -112,7 +129,9 @@ impl Counting {
         {
             self.contradicted_s = 0.0;
             self.relaxation = Relaxation::Unknown;
+            let estimated = filter.share();
             *filter = provisional(Filter::from_voltage(&block.load, cell_v, model, capacity));
+            self.collapse.correct(filter.share() - estimated);
             trace.reserve.restart();
         }
         if let Some(charged) = charged(block, model, capacity) {
@@ -143,6 +162,7 @@ impl Counting {
         }
         let is_provisional = self.is_provisional();
         let filter = &mut self.filter;
+        let estimated = filter.share();
         filter.doubt(Drive::rest_drift(rest.duration_s));
         if is_provisional && may_have_surface_charge(&by_voltage) {
             if by_voltage.share() < filter.share() {
@@ -156,6 +176,7 @@ impl Counting {
         {
             *filter = full;
         }
+        self.collapse.correct(filter.share() - estimated);
         if let Some(drive) = &mut self.drive {
             drive.rest(filter, capacity);
         }
@@ -171,6 +192,7 @@ impl Counting {
         };
         if let Some(capacity) = model.capacity() {
             let (share, sigma) = drive.share(&capacity);
+            self.collapse.correct(share - self.filter.share());
             self.filter = Filter::counted_to(share, sigma, &model, &capacity);
         }
         Some(learnt)

@@ -4,6 +4,7 @@
 
 use super::cell_model::{CellModel, root_of_squares};
 use crate::battery::VoltageSource;
+use crate::battery::learnt::Collapse;
 use crate::battery::low_pass::MeanThenLowPass;
 
 /// Duration of a second, less what the sampling interval may vary, in seconds.
@@ -367,8 +368,13 @@ impl Reserve {
         *self = Self::NEW;
     }
 
-    /// Computes the charge at which such a sag ends the drive.
-    pub fn settle(&mut self, growth: SagGrowth, model: &CellModel) {
+    /// The largest recent sag, in volts.
+    pub fn peak_v(&self) -> f32 {
+        self.peak_v
+    }
+
+    /// Computes the charge at which such a sag ends the drive: not below that of a collapse that is expected.
+    pub fn settle(&mut self, growth: SagGrowth, collapse: Option<Collapse>, model: &CellModel) {
         let end_v = model.end.cell_v;
         let by_sag = |end_v: f32| {
             let share = self.reserve(end_v, growth, model);
@@ -387,6 +393,12 @@ impl Reserve {
                 }
             }
         };
+        if let Some(collapse) = collapse {
+            let share = collapse.share_at(model.known_ohm()).min(model.cell.max_reserve);
+            if share > self.share {
+                (self.share, self.sigma) = (share, RESERVE_SAG_SIGMA * share);
+            }
+        }
     }
 
     /// The sag of the same load at this state of charge, in volts.

@@ -3,6 +3,7 @@
 //! Sums are kept at every reading; everything else runs once a second, and the comparison with the model once in ten.
 
 mod cell_model;
+mod collapse;
 mod counting;
 mod drive;
 mod filter;
@@ -344,7 +345,13 @@ impl ChargeEstimator {
         let by_voltage = Filter::from_voltage(rest, cell_v, model, &capacity);
         let is_the_same = drive.may_end_at(&by_voltage, model.learnt, &capacity);
         let learnt = is_the_same.then(|| drive.learn(rest, cell_v, model)).flatten();
-        Some(learnt.unwrap_or(*model.learnt).without_open_lesson())
+        let mut ended = learnt.unwrap_or(*model.learnt).without_open_lesson();
+        let (counted, _) = drive.share(&capacity);
+        if learnt.is_some() && ended.collapse.is_some_and(|collapse| counted <= collapse.share()) {
+            let difference = by_voltage.share() - counted;
+            ended.collapse = ended.collapse.and_then(|collapse| collapse.corrected(difference));
+        }
+        Some(ended)
     }
 
     /// The drive that has only to rest.
@@ -388,10 +395,11 @@ impl ChargeEstimator {
         kept.open = self.open_lesson(model);
         kept.chemistry = model.chemistry;
         kept.cell_count = model.cell_count?;
-        let ohm = match &self.phase {
-            Phase::Counting(counting) => counting.mean_ohm().unwrap_or(0.0),
-            Phase::Starting(_) | Phase::Known(_) | Phase::VoltageOnly(_) => 0.0,
-        };
+        let mut ohm = 0.0;
+        if let Phase::Counting(counting) = &self.phase {
+            kept.collapse = counting.collapse(model);
+            ohm = counting.mean_ohm().unwrap_or(0.0);
+        }
         let estimate = self.estimate_now(CellModel {
             learnt: &kept,
             ..*model

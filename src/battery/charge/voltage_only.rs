@@ -179,7 +179,7 @@ impl VoltageOnly {
         trace.reserve.update(dt_s, self.sag_v);
         if trace.block.add(&Load::none_for(dt_s), None).is_some() {
             self.assess(model);
-            trace.reserve.settle(SagGrowth::Inferred, model);
+            trace.reserve.settle(SagGrowth::Inferred, None, model);
         }
         rests
     }

@@ -11,6 +11,7 @@ use crate::vehicle::ArmState;
 
 mod another_pack;
 mod changed_scale;
+mod collapse;
 mod current_range;
 mod doubtful_cells;
 mod missing_voltage;

@@ -5,7 +5,7 @@ use core::iter;
 use crate::memory::checksum::crc32;
 
 /// Words of the widest value.
-pub(super) const MAX_WORDS: usize = 33;
+pub(super) const MAX_WORDS: usize = 34;
 
 /// A stored value as in flash: key, value and CRC-32. It is read into: copies made a move to the next sector an eighth longer.
 #[derive(Clone, Copy, Debug)]

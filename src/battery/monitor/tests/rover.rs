@@ -23,7 +23,14 @@ pub struct Pack {
     pub offsets_v: [f32; 2],
     /// Surface charge of a cell, in volts.
     pub surface_v: f32,
+    /// Resistance relative to that of a warm cell.
+    pub resistance: f32,
+    /// Charge below which the resistance grows.
+    pub weak_below: f32,
 }
+
+/// Growth of a weak pack's resistance, relative to it, for each unit of charge below that.
+const WEAKNESS: f32 = 40.0;
 
 /// Time in which a surface charge relaxes, in seconds, and charge whose drawing takes it away.
 const SURFACE_S: f32 = 600.0;
@@ -39,6 +46,17 @@ impl Pack {
             slow_share: chemistry.cell().slow_share,
             offsets_v: [0.0; 2],
             surface_v: 0.0,
+            resistance: 1.0,
+            weak_below: 0.0,
+        }
+    }
+
+    /// As strong or weak, charged and rested.
+    pub fn recharged(&self) -> Self {
+        Self {
+            resistance: self.resistance,
+            weak_below: self.weak_below,
+            ..Self::rested(self.chemistry, 1.0)
         }
     }
 
@@ -59,7 +77,9 @@ impl Pack {
             .zip(SLOW)
             .map(|(slow_a, (_, share))| slow_a * share)
             .sum();
-        let sag_v = cell.ohmic_drop_v / self.capacity_ah * (current_a + self.slow_share * slow_a);
+        let weakness = WEAKNESS * (self.weak_below - self.share).max(0.0);
+        let ohm = self.resistance * (1.0 + weakness) * cell.ohmic_drop_v / self.capacity_ah;
+        let sag_v = ohm * (current_a + self.slow_share * slow_a);
         let [empty_v, full_v] = self.offsets_v;
         let offset_v = empty_v + (full_v - empty_v) * self.share;
         3.0 * (cell.curve.voltage_v(self.share) + offset_v + self.surface_v - sag_v)
