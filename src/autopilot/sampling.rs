@@ -212,6 +212,7 @@ impl Autopilot {
             self.recording.describe(pack);
         }
         *before = *state;
+        self.recording.add_timers(pack, state.failsafe_timers);
         self.keep_learnt(pack);
         for event in &events {
             self.announce(Announcement::Pack(pack, event), tick.now);

@@ -4,7 +4,7 @@ use core::mem;
 
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 use super::swap::Replacement;
-use super::{ArmState, BatteryState, FailsafeLevel, PackStatus, Tick};
+use super::{ArmState, BatteryState, FailsafeLevel, FailsafeTimer, FailsafeTimers, PackStatus, Tick};
 use crate::time::Instant;
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
@@ -52,6 +52,8 @@ struct Watch {
     timer: Timer,
     /// This pack has reached the level, since the last battery reset.
     is_reached: bool,
+    /// The timer as others see it.
+    shown: FailsafeTimer,
 }
 
 /// A voltage that has been below its threshold for this long still counts as below while unknown, in microseconds. A
@@ -105,9 +107,24 @@ impl Timer {
     }
 }
 
+impl Watch {
+    /// The rover is disarmed.
+    fn stop(&mut self) {
+        self.timer = Timer::default();
+        self.shown = FailsafeTimer::Stopped;
+    }
+}
+
 impl Failsafe {
     pub fn level(&self) -> FailsafeLevel {
         self.level
+    }
+
+    pub fn timers(&self) -> FailsafeTimers {
+        FailsafeTimers {
+            low: self.low.shown,
+            critical: self.critical.shown,
+        }
     }
 
     /// Processes one tick, and returns the levels that are reached. That the pack is unhealthy is also returned at a higher
@@ -121,8 +138,8 @@ impl Failsafe {
         };
         if seen.tick.arm_state == ArmState::Disarmed {
             // A dip before disarming must not count after rearming.
-            self.low.timer = Timer::default();
-            self.critical.timer = Timer::default();
+            self.low.stop();
+            self.critical.stop();
             self.has_reported_loss = false;
             self.release(seen, settings);
             return ReachedLevels::new();
@@ -211,8 +228,16 @@ impl Failsafe {
         let is_reached = |watch: &mut Watch, thresholds: &Thresholds, is_skipped: bool| {
             let comparison = Comparison::of(voltage_v, thresholds.voltage_v);
             let has_expired = watch.timer.expires(seen.dt_us, comparison, limit_us);
-            let is_below = has_expired || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
-            is_below && !mem::replace(&mut watch.is_reached, true)
+            if watch.is_reached {
+                return false;
+            }
+            watch.is_reached = has_expired || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
+            watch.shown = match watch.timer.below_us.and(limit_us) {
+                Some(_) if has_expired => FailsafeTimer::Expired,
+                Some(_) if !watch.is_reached => FailsafeTimer::Running,
+                _ => FailsafeTimer::Stopped,
+            };
+            watch.is_reached
         };
         let is_critical = is_reached(&mut self.critical, critical, false);
         let is_low = is_reached(&mut self.low, low, is_critical && settings.is_in_force(low));
@@ -346,6 +371,32 @@ mod tests {
         run(&mut failsafe, 5, 30, ArmState::Disarmed, &at_voltage(10.4));
         let raised = run(&mut failsafe, 35, 20, ArmState::Armed, &at_voltage(10.4));
         assert_eq!(raised, [(10, FailsafeLevel::Low)]);
+    }
+
+    #[test]
+    fn a_timer_is_shown_until_its_level_is_reached() {
+        let charge = |remaining_pct| BatteryState {
+            capacity: Some(Amount::Mah(1000.0)),
+            consumed: Some(Amount::Mah(0.0)),
+            remaining_pct: Some(remaining_pct),
+            ..at_voltage(10.4)
+        };
+        let mut failsafe = Failsafe::default();
+        let mut low_after = |from_s, arm_state, remaining_pct| {
+            run(&mut failsafe, from_s, 6, arm_state, &charge(remaining_pct));
+            let FailsafeTimers { low, critical } = failsafe.timers();
+            assert_eq!(critical, FailsafeTimer::Stopped);
+            low
+        };
+        assert_eq!(low_after(0, ArmState::Armed, 50.0), FailsafeTimer::Running);
+        assert_eq!(low_after(6, ArmState::Armed, 50.0), FailsafeTimer::Expired);
+        assert_eq!(low_after(12, ArmState::Disarmed, 50.0), FailsafeTimer::Stopped);
+        assert_eq!(low_after(18, ArmState::Armed, 50.0), FailsafeTimer::Stopped);
+        failsafe = Failsafe::default();
+        run(&mut failsafe, 24, 6, ArmState::Armed, &charge(50.0));
+        assert_eq!(failsafe.timers().low, FailsafeTimer::Running);
+        run(&mut failsafe, 30, 1, ArmState::Armed, &charge(39.0));
+        assert_eq!(failsafe.timers().low, FailsafeTimer::Stopped);
     }
 
     #[test]

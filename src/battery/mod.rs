@@ -50,7 +50,9 @@ pub use scale::{Measuring, MeasuringScale};
 pub use settings::{
     ChargeLimits, FailsafeSettings, PackSettings, SuggestedThresholds, Thresholds, VoltageSource,
 };
-pub use state::{BatteryState, ChargeSource, PackStatus, ReportedVoltage, Visibility};
+pub use state::{
+    BatteryState, ChargeSource, FailsafeTimer, FailsafeTimers, PackStatus, ReportedVoltage, Visibility,
+};
 
 use crate::vehicle::ArmState;
 pub use crate::vehicle::FailsafeLevel;

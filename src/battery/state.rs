@@ -5,6 +5,42 @@ use super::{
     ReadError, Reported, Thermometer,
 };
 
+/// The timer of a voltage threshold, up to its level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FailsafeTimer {
+    /// The voltage is not below, or does not count: disarmed, without a timer, or the level is reached by the charge.
+    #[default]
+    Stopped = 0,
+    /// The voltage is below.
+    Running = 1,
+    /// It was below for longer than the timer: until disarming or a battery reset.
+    Expired = 2,
+}
+
+/// The timers of a pack's failsafe.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FailsafeTimers {
+    /// Of the low voltage.
+    pub low: FailsafeTimer,
+    /// Of the critical voltage.
+    pub critical: FailsafeTimer,
+}
+
+impl FailsafeTimers {
+    /// None runs.
+    pub const STOPPED: Self = Self {
+        low: FailsafeTimer::Stopped,
+        critical: FailsafeTimer::Stopped,
+    };
+
+    /// The levels with a timer that is not as `before`, and that timer.
+    pub fn changes(self, before: Self) -> impl Iterator<Item = (FailsafeLevel, FailsafeTimer)> {
+        let low = (self.low != before.low).then_some((FailsafeLevel::Low, self.low));
+        let critical = (self.critical != before.critical).then_some((FailsafeLevel::Critical, self.critical));
+        low.into_iter().chain(critical)
+    }
+}
+
 /// Whether a pack is connected and its sensor works.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -105,6 +141,8 @@ pub struct BatteryState {
     pub reported: Reported,
     /// The failsafe level, latched until a battery reset or swap.
     pub failsafe: FailsafeLevel,
+    /// The timers of its voltage thresholds.
+    pub failsafe_timers: FailsafeTimers,
     /// Cells in series, as set or detected.
     pub cell_count: Option<u8>,
     /// Cell voltages, if measured.
@@ -161,6 +199,7 @@ impl BatteryState {
         faults: Faults::empty(),
         reported: Reported::NONE,
         failsafe: FailsafeLevel::None,
+        failsafe_timers: FailsafeTimers::STOPPED,
         cell_count: None,
         cells: CellVoltages::NONE,
         chemistry: Chemistry::LiPo,

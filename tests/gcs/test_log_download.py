@@ -191,7 +191,7 @@ def test_it_is_read_without_a_warning(drive, tmp_path, capfd):
     records = records_of(path)
     assert capfd.readouterr() == ("", "")
     types = {record.get_type() for record in records}
-    assert {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "ARM", "EV", "BAT", "BATX", "BRD", "PACK"} <= types
+    assert {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "ARM", "EV", "BAT", "BATX", "BRD", "PACK", "FSTM"} <= types
     dump = subprocess.run(
         [Path(sys.executable).parent / "mavlogdump.py", path], check=True, capture_output=True, text=True
     )
@@ -221,6 +221,14 @@ def test_it_says_which_board_and_which_packs_it_is_of(drive, records):
     numbers = {name: pack[name] for name in ("Inst", "SN", "Chem", "Cells", "Drv")}
     assert numbers == {"Inst": 0, "SN": SERIAL_NUMBER, "Chem": 1, "Cells": SETTINGS["BATT_CELLS"], "Drv": 0}
     assert all(math.isnan(pack[name]) for name in ("Cap", "CapD", "Res", "Res1", "SoC", "SoCD", "RstV"))
+
+
+def test_it_says_when_the_timer_of_a_failsafe_started_and_tripped(drive, records):
+    started, tripped = [record for record in records if record.get_type() == "FSTM"][:2]
+    assert [(r.Inst, r.FS, r.Tmr) for r in (started, tripped)] == [(0, 2, 1), (0, 2, 2)]
+    assert SETTINGS["BATT_LOW_TIMER"] <= (tripped.TimeUS - started.TimeUS) / 1e6 <= SETTINGS["BATT_LOW_TIMER"] + 0.3
+    (failsafe,) = [record for record in records if record.get_type() == "ERR"]
+    assert failsafe.TimeUS == pytest.approx(tripped.TimeUS, abs=20_000)
 
 
 def test_voltages_are_those_on_the_wire(drive, records):

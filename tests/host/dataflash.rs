@@ -4,7 +4,8 @@ use std::path::Path;
 
 use ardupilot_binlog::{Entry, Reader};
 use rover_battmon::battery::{
-    Amount, BatteryState, CellVoltages, ChargeState, Faults, LearntPack, PackStatus,
+    Amount, BatteryState, CellVoltages, ChargeState, FailsafeLevel, FailsafeTimer, Faults, LearntPack,
+    PackStatus,
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::memory::identity::BoardId;
@@ -78,8 +79,10 @@ fn file() -> Vec<u8> {
         Record::Pack(Pack::Second, &state, Some(&learnt)),
         Record::Curve(Pack::Second, &learnt),
     ];
+    let timer = Record::FailsafeTimer(Pack::Second, FailsafeLevel::Low, FailsafeTimer::Expired);
     let records = vehicle.into_iter().chain(Record::of_pack(Pack::Second, &state));
     let records = records
+        .chain([timer])
         .zip(1..)
         .map(|(record, ms)| record.encode(START_US + 1000 * ms));
     let opening = (0..).map_while(|index| opening_record(index, START_US));
@@ -156,6 +159,10 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
     );
     assert_numbers(only(&entries, "EV"), &[("Id", 10.0)]);
     assert_numbers(only(&entries, "ERR"), &[("Subsys", 6.0), ("ECode", 1.0)]);
+    assert_numbers(
+        only(&entries, "FSTM"),
+        &[("Inst", 1.0), ("FS", 2.0), ("Tmr", 2.0)],
+    );
     assert_numbers(only(&entries, "PM"), &[("Load", 345.0), ("LogDrop", 2.0)]);
     assert_numbers(only(&entries, "CRSH"), &[("PC", f64::from(0x1000_1234))]);
     assert_eq!(only(&entries, "CRSH").get_str("Task"), Some("battery"));

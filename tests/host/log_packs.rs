@@ -54,6 +54,20 @@ impl Rover {
         self.run(2);
     }
 
+    /// Has the battery report this voltage for so many seconds.
+    fn hold(&mut self, voltage_v: f32, seconds: u64) {
+        let reading = Measurement {
+            voltage_v: Some(voltage_v),
+            ..Measurement::default()
+        };
+        for _ in 0..10 * seconds {
+            let now = self.desk.now();
+            self.desk.autopilot.add_bus_reading(Pack::First, Ok(reading), now);
+            self.desk.sample(AnalogReadings::NONE);
+            (0..5).for_each(|_| self.turn());
+        }
+    }
+
     fn records(&mut self) -> Vec<Entry> {
         let reader = Reader::new(Cursor::new(self.file(1)));
         reader.map(|record| record.expect("no error")).collect()
@@ -164,5 +178,42 @@ fn why_a_drive_taught_nothing_is_in_the_log_and_not_on_the_wire() {
     assert!(
         !announced.iter().any(|text| text.contains("not learnt")),
         "{announced:?}"
+    );
+}
+
+#[test]
+// Requirement: AP-18, AP-21
+fn a_log_has_each_start_reset_and_trip_of_a_failsafes_timer() {
+    const LOW: f64 = 2.0;
+    const STOPPED: f64 = 0.0;
+    const RUNNING: f64 = 1.0;
+    const EXPIRED: f64 = 2.0;
+    let mut rover = rover(None);
+    rover.desk.set(BatteryParameter::LowVolt.of(Pack::First), 10.5);
+    rover.desk.set(BatteryParameter::CrtVolt.of(Pack::First), 9.9);
+    rover.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    let start_s = rover.desk.now_us as f64 * 1e-6;
+    // The timer is 10 s; a reading below the threshold after it has expired changes nothing.
+    for (voltage_v, seconds) in [(11.0, 5), (10.4, 4), (11.0, 2), (10.4, 12), (11.0, 2), (10.4, 2)] {
+        rover.hold(voltage_v, seconds);
+    }
+    rover.run(2);
+    let records = rover.records();
+    let timers = records
+        .iter()
+        .filter(|record| record.name == "FSTM")
+        .map(|record| {
+            let number = |field| record.get_f64(field).expect("a number");
+            let since_s = number("TimeUS") * 1e-6 - start_s;
+            ((10.0 * since_s).round() / 10.0, number("FS"), number("Tmr"))
+        });
+    assert_eq!(
+        timers.collect::<Vec<_>>(),
+        [
+            (5.0, LOW, RUNNING),
+            (9.0, LOW, STOPPED),
+            (11.0, LOW, RUNNING),
+            (21.1, LOW, EXPIRED)
+        ]
     );
 }

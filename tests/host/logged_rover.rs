@@ -42,11 +42,16 @@ impl Rover {
     /// Drives, and writes the log.
     pub fn run(&mut self, seconds: u64) {
         for _ in 0..50 * seconds {
-            self.desk.now_us += SECOND / 50;
-            self.desk.drive();
-            while let Some(step) = self.desk.autopilot.next_log_step(self.desk.now()) {
-                self.obey(step);
-            }
+            self.turn();
+        }
+    }
+
+    /// Drives for 20 ms, and writes the log.
+    pub fn turn(&mut self) {
+        self.desk.now_us += SECOND / 50;
+        self.desk.drive();
+        while let Some(step) = self.desk.autopilot.next_log_step(self.desk.now()) {
+            self.obey(step);
         }
     }
 

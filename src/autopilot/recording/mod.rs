@@ -5,6 +5,8 @@ mod share;
 mod step;
 mod stream;
 
+use core::mem;
+
 use heapless::Vec;
 
 use date::Date;
@@ -14,9 +16,10 @@ pub use step::LogStep;
 pub(super) use stream::Subject;
 use stream::{Stream, parameter_record};
 
+use crate::battery::FailsafeTimers;
 use crate::crash::CrashRecord;
 use crate::log::{info, warn};
-use crate::pack::Pack;
+use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterId, ParameterTrouble, Parameters, VehicleParameter};
 use crate::recorder::dataflash::Record;
 use crate::recorder::{LogFile, Piece, Ring};
@@ -84,6 +87,8 @@ pub(super) struct Recording {
     /// The crash before this start, until it is in flash.
     crash: Option<CrashRecord>,
     date: Date,
+    /// The timers of each pack's failsafe as the file has them.
+    timers: [FailsafeTimers; MAX_PACKS],
 }
 
 /// Whether records are taken.
@@ -133,6 +138,7 @@ impl Recording {
             retry_at: Instant::EPOCH,
             crash,
             date: Date::default(),
+            timers: [FailsafeTimers::STOPPED; MAX_PACKS],
         }
     }
 
@@ -278,6 +284,7 @@ impl Recording {
         self.chunk.clear();
         self.stream.begin(self.now);
         self.date.file_began_utc_s = None;
+        self.timers = [FailsafeTimers::STOPPED; MAX_PACKS];
         self.flushed_at = self.now;
         self.add(&Record::Message(GREETING));
         if let Some(crash) = &self.crash {
@@ -305,6 +312,19 @@ impl Recording {
         let bytes = record.encode(self.now.as_micros());
         self.stream.add(&bytes);
         bytes.len()
+    }
+
+    /// Records the timers of a pack's failsafe that are not as the file has them. They are part of the share, since a voltage may
+    /// cross its threshold with every tick; the latest follows when there is room.
+    pub fn add_timers(&mut self, pack: Pack, timers: FailsafeTimers) {
+        if self.state != State::Recording || self.share.is_overdrawn() {
+            return;
+        }
+        let before = mem::replace(&mut self.timers[pack as usize], timers);
+        for (level, timer) in timers.changes(before) {
+            let bytes = self.add(&Record::FailsafeTimer(pack, level, timer));
+            self.spend(bytes);
+        }
     }
 
     /// Records the value of a parameter.

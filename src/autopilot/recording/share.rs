@@ -13,6 +13,9 @@ const BYTES_PER_TICK: i16 = 25;
 /// Records that may follow at once after a pause.
 const MOST_BYTES: i16 = 100;
 
+/// Debt by records that can't wait for their turn, at most: a second of the share.
+const MOST_DEBT_BYTES: i16 = 250;
+
 /// Cells and details of a pack are recorded in one round of this many.
 const DETAILED_ROUND: u8 = 5;
 
@@ -69,6 +72,11 @@ impl Share {
             _ => Detail::Readings,
         };
         Some((turn, detail))
+    }
+
+    /// Whether so much was used ahead that nothing more is recorded for now.
+    pub fn is_overdrawn(&self) -> bool {
+        self.credit_bytes <= -MOST_DEBT_BYTES
     }
 
     /// This many bytes were recorded of a pack.

@@ -7,7 +7,7 @@ use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use super::{GREETING, LogFailure, LogStep, Recording, Subject};
 use crate::autopilot::packs::Packs;
 use crate::autopilot::{Autopilot, Start};
-use crate::battery::{LearntPack, Measurement, PackSettings, Tick};
+use crate::battery::{FailsafeTimer, FailsafeTimers, LearntPack, Measurement, PackSettings, Tick};
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::identity::BoardId;
 use crate::memory::storage::Erase;
@@ -875,4 +875,60 @@ fn a_date_that_can_not_be_programmed_ends_the_file_and_the_next_one_has_its_own(
     assert_eq!(bench.announced, [LogFailure::NotWritten]);
     assert_eq!(bench.dates().len(), 2);
     assert!(bench.dates()[1].is_some());
+}
+
+const FAILSAFE_TIMER: [u8; 3] = [0xA3, 0x95, 148];
+
+fn timers(low: FailsafeTimer) -> FailsafeTimers {
+    FailsafeTimers {
+        low,
+        ..FailsafeTimers::STOPPED
+    }
+}
+
+#[test]
+// Requirement: AP-21
+fn timers_that_change_all_the_time_take_no_more_than_the_share() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    for tick in 0..600 {
+        let low = [FailsafeTimer::Running, FailsafeTimer::Stopped][tick % 2];
+        for pack in Pack::ALL {
+            bench.recording.add_timers(pack, timers(low));
+        }
+        bench.tick();
+        bench.work();
+    }
+    // Room for the latest of each.
+    for _ in 0..10 {
+        for pack in Pack::ALL {
+            bench.recording.add_timers(pack, timers(FailsafeTimer::Expired));
+        }
+        bench.run(1);
+    }
+    let file = bench.file(1);
+    let places = places(&file, FAILSAFE_TIMER);
+    let bytes_per_s = places.len() as f32 * 14.0 / 60.0;
+    assert!((200.0..=265.0).contains(&bytes_per_s), "{bytes_per_s}");
+    let latest = places[places.len() - 9..].iter().map(|place| file[place + 13]);
+    assert_eq!(latest.collect::<Vec<_>>(), [FailsafeTimer::Expired as u8; 9]);
+}
+
+#[test]
+fn another_file_begins_with_the_timers_that_run() {
+    let mut bench = Bench::armed();
+    bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
+    for file in [1, 2] {
+        bench.run(2);
+        for _ in 0..3 {
+            bench
+                .recording
+                .add_timers(Pack::Second, timers(FailsafeTimer::Running));
+        }
+        bench.run(1);
+        assert_eq!(places(&bench.file(file), FAILSAFE_TIMER).len(), 1);
+        bench.vehicle.disarm();
+        bench.run(20);
+        bench.arm();
+    }
 }

@@ -57,6 +57,7 @@ impl Evaluation {
         }
         let reached = self.update_failsafe(basis, state, settings, events);
         state.failsafe = self.failsafe.level();
+        state.failsafe_timers = self.failsafe.timers();
         let inputs = Inputs {
             status: state.status,
             faults: state.faults,

@@ -27,6 +27,7 @@ pub(super) enum Kind {
     Board = 145,
     Pack = 146,
     Curve = 147,
+    FailsafeTimer = 148,
 }
 
 /// A format, as its FMT and FMTU records say it: a character and a name for each field.
@@ -71,7 +72,7 @@ fn field_bytes(field_type: u8) -> usize {
 }
 
 /// All formats, FMT first, since a reader needs it to read the others.
-pub(super) const FORMATS: [Format; 20] = [
+pub(super) const FORMATS: [Format; 21] = [
     Format {
         kind: Kind::Format,
         name: "FMT",
@@ -232,6 +233,14 @@ pub(super) const FORMATS: [Format; 20] = [
         columns: "TimeUS,Inst,O1,O2,O3,O4,O5,D1,D2,D3,D4,D5",
         units: "s#vvvvvvvvvv",
         multipliers: "F-DDDDDDDDDD",
+    },
+    Format {
+        kind: Kind::FailsafeTimer,
+        name: "FSTM",
+        types: "QBBB",
+        columns: "TimeUS,Inst,FS,Tmr",
+        units: "s#--",
+        multipliers: "F---",
     },
 ];
 

@@ -7,7 +7,7 @@ use heapless::String;
 
 use super::format::Kind;
 use super::packet::{Packet, RecordBytes, finite, whole_pct};
-use crate::battery::{Amount, BatteryState, LearntPack, MAX_CELLS, PackStatus};
+use crate::battery::{Amount, BatteryState, FailsafeLevel, FailsafeTimer, LearntPack, MAX_CELLS, PackStatus};
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::identity::BoardId;
 use crate::numbers::round_to_i32;
@@ -77,6 +77,8 @@ pub enum Record<'a> {
     Pack(Pack, &'a BatteryState, Option<&'a LearntPack>),
     /// PCKO: what is learnt of the curve of a pack's cells.
     Curve(Pack, &'a LearntPack),
+    /// FSTM: the timer of a level of a pack's failsafe starts, is reset or expires.
+    FailsafeTimer(Pack, FailsafeLevel, FailsafeTimer),
 }
 
 impl<'a> Record<'a> {
@@ -139,6 +141,12 @@ impl<'a> Record<'a> {
                 .finish(),
             Self::Pack(pack, state, learnt) => encode_pack(time_us, pack, state, learnt),
             Self::Curve(pack, learnt) => encode_curve(time_us, pack, learnt),
+            // `FS` as in BATX.
+            Self::FailsafeTimer(pack, level, timer) => Packet::at(Kind::FailsafeTimer, time_us)
+                .u8(pack.instance())
+                .u8(level as u8)
+                .u8(timer as u8)
+                .finish(),
         }
     }
 }

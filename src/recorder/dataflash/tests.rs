@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use super::format::{FORMATS, Format, MULTIPLIERS, UNITS};
 use super::*;
 use crate::battery::{
-    Amount, BatteryState, CellVoltages, ChargeState, Chemistry, FailsafeLevel, Faults, LearntPack, MAX_CELLS,
-    PackStatus,
+    Amount, BatteryState, CellVoltages, ChargeState, Chemistry, FailsafeLevel, FailsafeTimer, Faults,
+    LearntPack, MAX_CELLS, PackStatus,
 };
 use crate::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use crate::memory::identity::BoardId;
@@ -118,6 +118,7 @@ fn one_of_each<'a>(
         Record::Board(BOARD_ID),
         Record::Pack(Pack::First, state, Some(learnt)),
         Record::Curve(Pack::First, learnt),
+        Record::FailsafeTimer(Pack::First, FailsafeLevel::Low, FailsafeTimer::Running),
     ]
 }
 
@@ -271,6 +272,10 @@ fn records_of_the_vehicle_have_each_field_in_its_place() {
             "a3958908070605040302010601",
         ),
         (Record::Event(ArmState::Disarmed), "a3958608070605040302010b"),
+        (
+            Record::FailsafeTimer(Pack::Second, FailsafeLevel::Critical, FailsafeTimer::Expired),
+            "a395940807060504030201010302",
+        ),
         (
             Record::Health {
                 load_permille: 345,
