@@ -432,8 +432,11 @@ fn log_of_drive() -> Vec<u8> {
             ..Measurement::default()
         };
         let now = Instant::from_micros(time_us);
+        let timers = monitor.state().failsafe_timers;
         let _ = monitor.update(Tick { now, arm_state }, Ok(reading), &settings);
-        let records = Record::of_pack(Pack::Second, monitor.state());
+        let changes = monitor.state().failsafe_timers.changes(timers);
+        let timers = changes.map(|(level, timer)| Record::FailsafeTimer(Pack::Second, level, timer));
+        let records = timers.chain(Record::of_pack(Pack::Second, monitor.state()));
         bytes.extend(records.flat_map(|record| record.encode(time_us)));
     }
     bytes
@@ -483,6 +486,35 @@ fn a_log_replayed_agrees_with_what_the_board_reported() {
         (10.0..30.0).contains(&armed_remaining_pct),
         "{armed_remaining_pct} %"
     );
+}
+
+#[test]
+fn a_log_whose_own_timer_differs_is_warned_of() {
+    const TIMER: [u8; 3] = [0xA3, 0x95, 148];
+    let log = no_file("timers.BIN");
+    let said = |bytes: &[u8]| {
+        fs::write(&log, bytes).expect("a file");
+        said_of(&["--pack", "2", log.to_str().expect("a path")])
+    };
+    let mut bytes = log_of_drive();
+    let text = said(&bytes);
+    for name in ["log", "replay"] {
+        let expected = format!(
+            "Timers in the {name}: low started 7:28, low reset 7:32, low started 7:44, low reset 7:52, \
+             low started 8:01, low tripped 8:11, low reset 13:10\n"
+        );
+        assert!(text.contains(&expected), "{text}");
+    }
+    assert!(!text.contains("The replay differs"), "{text}");
+    // A minute earlier.
+    let start = bytes.windows(3).position(|header| header == TIMER).expect("one");
+    let time = &mut bytes[start + 3..start + 11];
+    let time_us = u64::from_le_bytes((&*time).try_into().expect("its length"));
+    time.copy_from_slice(&(time_us - 60_000_000).to_le_bytes());
+    let text = said(&bytes);
+    let expected =
+        "\nThe replay differs: low started 6:28 in the log alone; low started 7:28 in the replay alone\n";
+    assert!(text.contains(expected), "{text}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io;
 
-use rover_battmon::battery::{CellVoltages, LEARNT_WORDS};
+use rover_battmon::battery::{CellVoltages, FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
 use rover_battmon::vehicle::ArmState;
 
@@ -146,6 +146,7 @@ fn content(record: &Record, scales: &Scales) -> Option<Content> {
             serial_number(record),
             Box::new(learnt_words(record)),
         )),
+        "FSTM" => Some(Content::FailsafeTimer(pack_of(record)?, timer(record)?)),
         "PCKO" => Some(Content::Curve(pack_of(record)?, curve(record))),
         "CURR" => reading(record, Pack::First, scales),
         "CUR2" => reading(record, Pack::Second, scales),
@@ -204,6 +205,24 @@ fn failsafe(record: &Record) -> Option<Content> {
     }
     let (_, name) = FAILSAFES.iter().find(|(failsafe, _)| number == *failsafe)?;
     Some(Content::Failsafe(name))
+}
+
+/// Of a FSTM record.
+fn timer(record: &Record) -> Option<(FailsafeLevel, FailsafeTimer)> {
+    let levels = [FailsafeLevel::Low, FailsafeLevel::Critical];
+    let timers = [
+        FailsafeTimer::Stopped,
+        FailsafeTimer::Running,
+        FailsafeTimer::Expired,
+    ];
+    let [level, timer] = [record.number("FS")?, record.number("Tmr")?];
+    let level = levels
+        .into_iter()
+        .find(|known| f64::from(*known as u8) == level)?;
+    let timer = timers
+        .into_iter()
+        .find(|known| f64::from(*known as u8) == timer)?;
+    Some((level, timer))
 }
 
 fn reading(record: &Record, pack: Pack, scales: &Scales) -> Option<Content> {

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use rover_battmon::battery::LEARNT_WORDS;
+use rover_battmon::battery::{FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
 use rover_battmon::vehicle::ArmState;
 
@@ -41,6 +41,8 @@ pub enum Content {
     Failsafe(&'static str),
     /// The failsafe of a pack acts; versions that say which pack and level have a text, too.
     PackFailsafe,
+    /// The timer of a level of a pack's failsafe starts, is reset or expires.
+    FailsafeTimer(Pack, (FailsafeLevel, FailsafeTimer)),
     /// The vehicle takes another mode for the failsafe of a pack.
     FailsafeMode,
     /// A text to the owner.

@@ -2,13 +2,16 @@
 
 use std::fmt;
 
-use rover_battmon::battery::FailsafeLevel;
+use rover_battmon::battery::{FailsafeLevel, FailsafeTimer};
 use rover_battmon::pack::Pack;
 
 use crate::words::clock;
 
 /// Times of the log and of the replay differ by less if both are the same event: readings are some tenths of a second apart.
 const SAME_S: f64 = 2.0;
+
+/// Changes of a pack's timers that are kept: those of a voltage that crosses its threshold with every reading are no news.
+const MOST_CHANGES: usize = 1000;
 
 /// The words of the board and of ArduPilot for the levels of a pack's failsafe.
 const LEVELS: [(&str, FailsafeLevel); 3] = [
@@ -25,6 +28,10 @@ pub struct Levels {
     /// Critical.
     pub critical_s: Option<f64>,
 }
+
+/// Changes of the timers of a pack's failsafe, with their times in seconds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timers(Vec<(f64, FailsafeLevel, FailsafeTimer)>);
 
 /// A level at different times in a log and its replay; `None` is not at all.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,6 +102,63 @@ impl Levels {
                 replayed_s,
             });
         differing.collect()
+    }
+}
+
+impl Timers {
+    /// Notes that the timer of a level starts, is reset or expires.
+    pub fn add(&mut self, time_s: f64, (level, timer): (FailsafeLevel, FailsafeTimer)) {
+        if self.0.len() < MOST_CHANGES {
+            self.0.push((time_s, level, timer));
+        }
+    }
+
+    /// As in `low started 0:31`.
+    pub fn texts(&self, in_words: fn(f64) -> String) -> Vec<String> {
+        let text = |place| self.text(place, in_words);
+        (0..self.0.len()).map(text).collect()
+    }
+
+    /// The first change that the log has alone, and the first that its replay has alone; nothing without timers in the log.
+    pub fn differences(&self, replayed: &Self, in_words: fn(f64) -> String) -> Vec<String> {
+        if self.0.is_empty() {
+            return vec![];
+        }
+        [(self, replayed, "log"), (replayed, self, "replay")]
+            .into_iter()
+            .filter_map(|(one, other, name)| {
+                let place = (0..one.0.len()).find(|place| one.has_alone(*place, other))?;
+                Some(format!("{} in the {name} alone", one.text(place, in_words)))
+            })
+            .collect()
+    }
+
+    fn text(&self, place: usize, in_words: fn(f64) -> String) -> String {
+        let (time_s, level, timer) = self.0[place];
+        let change = match timer {
+            FailsafeTimer::Stopped => "reset",
+            FailsafeTimer::Running => "started",
+            FailsafeTimer::Expired => "tripped",
+        };
+        format!("{} {change} {}", name(level), in_words(time_s))
+    }
+
+    /// Whether `other` has no such change. Between two readings a timer may start and be reset unseen.
+    fn has_alone(&self, place: usize, other: &Self) -> bool {
+        let (time_s, level, timer) = self.0[place];
+        let is_near = |changed_s: f64| (changed_s - time_s).abs() < SAME_S;
+        let opposite = match timer {
+            FailsafeTimer::Stopped => FailsafeTimer::Running,
+            FailsafeTimer::Running => FailsafeTimer::Stopped,
+            FailsafeTimer::Expired => FailsafeTimer::Expired,
+        };
+        let has = |changes: &[(f64, FailsafeLevel, FailsafeTimer)], timer| {
+            changes
+                .iter()
+                .any(|(changed_s, of, change)| (*of, *change) == (level, timer) && is_near(*changed_s))
+        };
+        let is_short = timer != opposite && has(&self.0, opposite);
+        !is_short && !has(&other.0, timer)
     }
 }
 
@@ -173,5 +237,39 @@ mod tests {
                 .collect();
             assert_eq!(texts.join("; "), expected);
         }
+    }
+
+    fn timers(changes: &[(f64, FailsafeTimer)]) -> Timers {
+        let changes = changes
+            .iter()
+            .map(|(time_s, timer)| (*time_s, FailsafeLevel::Low, *timer));
+        Timers(changes.collect())
+    }
+
+    #[test]
+    fn timers_differ_by_what_one_has_alone() {
+        use FailsafeTimer::{Expired, Running, Stopped};
+        let recorded = [(30.0, Running), (34.0, Stopped), (50.0, Running), (60.0, Expired)];
+        for (replayed, expected) in [
+            (
+                vec![(30.4, Running), (34.3, Stopped), (50.9, Running), (61.0, Expired)],
+                "",
+            ),
+            // A dip between two readings.
+            (
+                [vec![(10.0, Running), (11.0, Stopped)], recorded.to_vec()].concat(),
+                "",
+            ),
+            (
+                vec![(30.0, Running), (40.0, Expired)],
+                "low reset 0:34 in the log alone; low tripped 0:40 in the replay alone",
+            ),
+            (vec![], "low started 0:30 in the log alone"),
+        ] {
+            let differences = timers(&recorded).differences(&timers(&replayed), clock);
+            assert_eq!(differences.join("; "), expected);
+        }
+        let of_older_firmware = timers(&[]).differences(&timers(&recorded), clock);
+        assert_eq!(of_older_firmware, [""; 0]);
     }
 }

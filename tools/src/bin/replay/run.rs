@@ -1,8 +1,8 @@
 //! A trace through the monitor, and the parameters it is replayed with.
 
 use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, LearntPack, LessonObstacle, Measurement, PackEvent, PackSettings,
-    PackUpdate, ReadError, Tick,
+    BatteryMonitor, BatteryState, FailsafeTimers, LearntPack, LessonObstacle, Measurement, PackEvent,
+    PackSettings, PackUpdate, ReadError, Tick,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, MonitorKind, ParameterId, Parameters, Refused};
@@ -10,7 +10,7 @@ use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 
 use crate::assignments::Assignment;
-use crate::failsafes::Levels;
+use crate::failsafes::{Levels, Timers};
 use crate::report::Row;
 use crate::trace::{Inputs, Sample, Trace};
 
@@ -171,6 +171,18 @@ impl Outcome {
                 .for_each(|level| levels.reach(*level, row.time_s));
         }
         levels
+    }
+
+    /// Each change of the failsafe's timers.
+    pub fn timers(&self) -> Timers {
+        let mut timers = Timers::default();
+        let mut before = FailsafeTimers::STOPPED;
+        for row in &self.rows {
+            let changes = row.state.failsafe_timers.changes(before);
+            changes.for_each(|change| timers.add(row.time_s, change));
+            before = row.state.failsafe_timers;
+        }
+        timers
     }
 }
 

@@ -11,6 +11,7 @@ use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use crate::arguments::Arguments;
 use crate::comparison::comparison;
 use crate::drive::Drive;
+use crate::failsafes::Timers;
 use crate::recording::{Format, LogFormat};
 use crate::report::Row;
 use crate::run::{Outcome, Replay};
@@ -23,6 +24,9 @@ use crate::{outputs, plot, report, run};
 
 /// Settings without which the charge is not known.
 const NEEDED: [BatteryParameter; 2] = [BatteryParameter::Cells, BatteryParameter::Capacity];
+
+/// This many changes of timers are listed.
+const LISTED_TIMERS: usize = 20;
 
 /// Replays one recording.
 ///
@@ -104,14 +108,34 @@ fn recorded(drive: &Drive, arguments: &Arguments, outcome: &Outcome) -> String {
         [] => String::new(),
         events => format!("The log has: {}\n", events.join(", ")),
     };
-    if survey.announces_failsafes() && arguments.assignments.is_empty() && !arguments.armed {
-        let differences = levels.differences(&outcome.levels());
-        let differences: Vec<String> = differences.iter().map(ToString::to_string).collect();
+    let (timers, replayed) = (survey.recorded_timers(arguments.pack), outcome.timers());
+    if *timers != Timers::default() {
+        for (name, timers) in [("log", timers), ("replay", &replayed)] {
+            text += &format!("Timers in the {name}: {}\n", listed(&timers.texts(clock)));
+        }
+    }
+    if arguments.assignments.is_empty() && !arguments.armed {
+        let levels = match survey.announces_failsafes() {
+            true => levels.differences(&outcome.levels()),
+            false => vec![],
+        };
+        let mut differences: Vec<String> = levels.iter().map(ToString::to_string).collect();
+        differences.extend(timers.differences(&replayed, clock));
         if !differences.is_empty() {
             text += &format!("The replay differs: {}\n", differences.join("; "));
         }
     }
     text
+}
+
+/// The first of them, and how many follow.
+fn listed(texts: &[String]) -> String {
+    let (first, more) = texts.split_at(texts.len().min(LISTED_TIMERS));
+    match (first, more) {
+        ([], _) => "none".into(),
+        (first, []) => first.join(", "),
+        (first, more) => format!("{}, {} more", first.join(", "), more.len()),
+    }
 }
 
 /// Settings that the estimate needs, and that neither the log nor the user has; none of a trace.

@@ -10,7 +10,7 @@ use rover_battmon::vehicle::ArmState;
 
 use crate::assignments::LogParameters;
 use crate::entry::{CURVE_WORDS, Content, Entries, Entry};
-use crate::failsafes::{Levels, announced};
+use crate::failsafes::{Levels, Timers, announced};
 use crate::trace::Inputs;
 use crate::vehicle::Vehicle;
 
@@ -55,10 +55,11 @@ pub struct Survey {
     pub skipped_bytes: u64,
 }
 
-/// The first of each kind, in seconds since the recorder started.
+/// The first of each kind, and the timers, in seconds since the recorder started.
 #[derive(Debug, Default)]
 struct RecordedFailsafes {
     levels: [Levels; MAX_PACKS],
+    timers: [Timers; MAX_PACKS],
     /// Of any pack and level.
     any_s: Option<f64>,
     mode_s: Option<f64>,
@@ -130,6 +131,11 @@ impl Survey {
         self.recorded.levels[usize::from(pack.instance())]
     }
 
+    /// The timers of a pack's failsafe in the log.
+    pub fn recorded_timers(&self, pack: Pack) -> &Timers {
+        &self.recorded.timers[usize::from(pack.instance())]
+    }
+
     /// When the failsafe of a pack acted in a log that does not say which one.
     pub fn unnamed_failsafe_s(&self) -> Option<f64> {
         let is_named = self
@@ -183,6 +189,10 @@ impl Survey {
             }
             Content::PackFailsafe => self.recorded.any_s = self.recorded.any_s.or(entry.time_s),
             Content::FailsafeMode => self.recorded.mode_s = self.recorded.mode_s.or(entry.time_s),
+            Content::FailsafeTimer(pack, change) => {
+                let timers = &mut self.recorded.timers[usize::from(pack.instance())];
+                timers.add(entry.time_s.unwrap_or_default(), *change);
+            }
             Content::Airborne => self.has_flown = true,
             Content::ArmState(_) => self.reports_arm_state = true,
             Content::SystemId(id) => {

@@ -54,7 +54,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "board_id",
-        "serial number of the board, as in its USB serial number",
+        "the board's USB serial number",
         Value::Text(|row| row.board_id.clone()),
     ),
     column(
@@ -77,11 +77,7 @@ pub const COLUMNS: &[Column] = &[
         "the pack by `pack_id`, else `board_id` and `pack`, else folder and `pack`; never NULL",
         Value::Text(|row| Some(Identity::of(row).to_string())),
     ),
-    column(
-        "start_utc",
-        "when the rover was armed, UTC",
-        Value::Moment(|row| row.start_utc_s),
-    ),
+    column("start_utc", "arming, UTC", Value::Moment(|row| row.start_utc_s)),
     column(
         "duration_s",
         "from arming to disarming or the end, s",
@@ -94,19 +90,15 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "complete",
-        "up to the disarming there is neither damage nor backward times",
+        "neither damage nor backward times up to the disarming",
         Value::Flag(|row| Some(row.complete)),
     ),
     column(
         "drawn_mah",
-        "charge drawn in the drive, mAh",
+        "charge drawn, mAh",
         Value::Number(|row| row.drawn_mah),
     ),
-    column(
-        "drawn_wh",
-        "energy drawn in the drive, Wh",
-        Value::Number(|row| row.drawn_wh),
-    ),
+    column("drawn_wh", "energy drawn, Wh", Value::Number(|row| row.drawn_wh)),
     column(
         "rest_min_v",
         "lowest resting voltage, V",
@@ -124,7 +116,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "temperature_max_c",
-        "highest temperature of the pack, °C",
+        "the highest, °C",
         Value::Number(|row| row.temperature_max_c),
     ),
     column(
@@ -186,8 +178,18 @@ pub const COLUMNS: &[Column] = &[
         Value::Number(|row| row.levels.critical_s),
     ),
     column(
+        "timers",
+        "their timers, replayed: `low started 402 s; low tripped 412 s`, also `reset`",
+        Value::Text(|row| Some(row.timers.join(SEPARATOR))),
+    ),
+    column(
+        "log_timers",
+        "the same, if recorded",
+        Value::Text(|row| (!row.recorded_timers.is_empty()).then(|| row.recorded_timers.join(SEPARATOR))),
+    ),
+    column(
         "failsafes_differ",
-        "levels recorded at another time than replayed",
+        "levels and timers recorded at another time than replayed",
         Value::Text(|row| Some(row.differences.join(SEPARATOR))),
     ),
     column(
@@ -274,6 +276,7 @@ mod tests {
             "duration_s",
             "complete",
             "failsafes",
+            "timers",
             "failsafes_differ",
             "arming_refusals",
             "faults",

@@ -103,6 +103,11 @@ impl Log {
                 }
             }
             Content::Failsafe(name) => self.each(|drives, time_s| drives.failsafe(name, time_s)),
+            Content::FailsafeTimer(pack, change) => {
+                if let Some(drives) = find(packs, *pack) {
+                    drives.timer(self.latest_s, *change);
+                }
+            }
             Content::PackFailsafe => self.each(PackDrives::unnamed_failsafe),
             Content::Text(text) => self.text(text),
             _ => {}
@@ -193,7 +198,7 @@ mod tests {
     use crate::dataflash::DataFlash;
     use crate::table::row::Remaining;
     use proptest::prelude::*;
-    use rover_battmon::battery::{BatteryState, Faults, PackStatus};
+    use rover_battmon::battery::{BatteryState, FailsafeLevel, FailsafeTimer, Faults, PackStatus};
     use rover_battmon::recorder::dataflash::{Record as Recorded, Subsystem};
     use rover_battmon::vehicle::ArmState;
 
@@ -352,6 +357,41 @@ mod tests {
         assert!(differences(11, 10).is_empty());
         assert_eq!(differences(20, 1), ["low recorded 21 s, replayed 12 s"]);
         assert_eq!(differences(2, 1), ["low recorded 3 s, replayed never"]);
+    }
+
+    #[test]
+    fn timers_of_the_log_stand_beside_those_of_the_replay() {
+        let [low, high] = [state(10.4), state(11.0)];
+        let timer = |timer| Recorded::FailsafeTimer(Pack::First, FailsafeLevel::Low, timer);
+        let row = |second_start: &[Recorded]| {
+            let mut records = vec![LOW_VOLTAGE, arming(ArmState::Armed)];
+            records.extend([
+                timer(FailsafeTimer::Running),
+                Recorded::Battery(Pack::First, &low),
+            ]);
+            records.extend([Recorded::Battery(Pack::First, &low); 4]);
+            records.extend([
+                timer(FailsafeTimer::Stopped),
+                Recorded::Battery(Pack::First, &high),
+            ]);
+            records.extend([Recorded::Battery(Pack::First, &high); 4]);
+            records.extend(second_start);
+            records.extend([Recorded::Battery(Pack::First, &low); 5]);
+            rows_of(&file(&records), &[]).remove(0)
+        };
+        let replayed = ["low started 2 s", "low reset 8 s", "low started 13 s"];
+        let same = row(&[timer(FailsafeTimer::Running)]);
+        let mut shifted = replayed.map(String::from);
+        shifted[2] = "low started 14 s".into();
+        assert_eq!(same.timers, shifted);
+        assert_eq!(
+            same.recorded_timers,
+            ["low started 1 s", "low reset 7 s", "low started 13 s"]
+        );
+        assert_eq!(same.differences, [""; 0]);
+        let other = row(&[]);
+        assert_eq!(other.timers, replayed);
+        assert_eq!(other.differences, ["low started 13 s in the replay alone"]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The drives of one pack in a log, as its readings come.
 
 use rover_battmon::battery::{
-    BatteryState, FailsafeLevel, Faults, LearntPack, PackSettings, PackStatus, ReachedLevels,
+    BatteryState, FailsafeLevel, FailsafeTimer, Faults, LearntPack, PackSettings, PackStatus, ReachedLevels,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
@@ -9,7 +9,7 @@ use rover_battmon::parameter::Parameters;
 use super::row::{Estimate, Remaining, Row, WhatIf};
 use super::statistics::{Extremes, Span, Spread};
 use crate::assignments::Assignment;
-use crate::failsafes::{self, Difference, Levels};
+use crate::failsafes::{self, Difference, Levels, Timers};
 use crate::run::{self, Replay};
 use crate::survey::{ArmedBefore, Survey};
 use crate::trace::Sample;
@@ -66,6 +66,8 @@ struct Drive {
     reached: Levels,
     /// The same as the log has it.
     recorded: Levels,
+    timers: Timers,
+    recorded_timers: Timers,
     remaining: Remaining,
     remaining_low: Option<Remaining>,
     remaining_critical: Option<Remaining>,
@@ -136,6 +138,7 @@ impl PackDrives {
 
     /// Takes the next reading.
     pub fn add(&mut self, sample: &Sample) {
+        let timers = self.own.state().failsafe_timers;
         let reached = self.own.update(sample).failsafe;
         let what_if = self.what_if.as_mut();
         let reached_if = what_if.map(|(_, replay)| replay.update(sample).failsafe);
@@ -146,6 +149,9 @@ impl PackDrives {
         }
         if let Some(drive) = &mut self.drive {
             drive.add(sample, self.own.state(), &reached);
+            let since_s = drive.since_start_s(sample.time_s);
+            let changes = self.own.state().failsafe_timers.changes(timers);
+            changes.for_each(|change| drive.timers.add(since_s, change));
             if let Some(((_, replay), reached)) = self.what_if.as_ref().zip(reached_if) {
                 let level = replay.state().failsafe;
                 drive.reach(sample, &reached, level, |drive| &mut drive.what_if_levels);
@@ -200,6 +206,13 @@ impl PackDrives {
         }
     }
 
+    /// The log has that the timer of a level starts, is reset or expires.
+    pub fn timer(&mut self, time_s: f64, change: (FailsafeLevel, FailsafeTimer)) {
+        if let Some(drive) = &mut self.drive {
+            drive.recorded_timers.add(drive.since_start_s(time_s), change);
+        }
+    }
+
     /// The log has a failsafe of a pack; one with a text is known already.
     pub fn unnamed_failsafe(&mut self, time_s: f64) {
         let is_named = |drive: &Drive| drive.recorded != Levels::default();
@@ -231,6 +244,7 @@ impl PackDrives {
             levels: drive.what_if_levels,
         });
         let resistance = drive.resistance_mohm;
+        let differences = drive.differences(self.announces_failsafes);
         self.rows.push(Row {
             start_utc_s: self.started_utc_s.map(|started_s| started_s + drive.start_s),
             start_s: drive.start_s,
@@ -253,13 +267,9 @@ impl PackDrives {
             remaining: drive.remaining,
             remaining_low: drive.remaining_low.unwrap_or_default(),
             remaining_critical: drive.remaining_critical.unwrap_or_default(),
-            differences: match self.announces_failsafes {
-                true => drive.recorded.differences(&drive.reached),
-                false => vec![],
-            }
-            .iter()
-            .map(Difference::in_seconds)
-            .collect(),
+            differences,
+            timers: drive.timers.texts(in_seconds),
+            recorded_timers: drive.recorded_timers.texts(in_seconds),
             armed_before: self.armed_before.take(),
             what_if,
             ..self.common.clone()
@@ -282,6 +292,18 @@ impl Drive {
             end_s: start_s,
             ..Self::default()
         }
+    }
+
+    /// Levels and timers that the log has at another time than the replay.
+    fn differences(&self, announces_failsafes: bool) -> Vec<String> {
+        let levels = match announces_failsafes {
+            true => self.recorded.differences(&self.reached),
+            false => vec![],
+        };
+        let levels = levels.iter().map(Difference::in_seconds);
+        levels
+            .chain(self.recorded_timers.differences(&self.timers, in_seconds))
+            .collect()
     }
 
     /// To the microsecond.
@@ -340,6 +362,10 @@ impl Drive {
             levels.reach(*level, since_s);
         }
     }
+}
+
+fn in_seconds(time_s: f64) -> String {
+    format!("{time_s:.0} s")
 }
 
 fn push(texts: &mut Vec<String>, text: String) {

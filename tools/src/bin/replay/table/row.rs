@@ -57,6 +57,10 @@ pub struct Row {
     pub faults: Faults,
     /// When the pack was low and critical by the log's parameters.
     pub levels: Levels,
+    /// Changes of the failsafe's timers in the replay, with the seconds since the drive began.
+    pub timers: Vec<String>,
+    /// The same as the log has it.
+    pub recorded_timers: Vec<String>,
     /// Remaining charge at the end.
     pub remaining: Remaining,
     /// Remaining charge when the replay was low.
