@@ -29,10 +29,10 @@ BUDGETS = {
     ("docs/hardware.md",): 2200,
     ("docs/architecture.md",): 1550,
     ("docs/battery-model.md",): 2200,
-    ("docs/parity.md",): 1750,
+    ("docs/parity.md",): 2150,
     ("docs/extending.md",): 1600,
     ("docs/proof.md",): 2850,
-    ("docs/decisions.md",): 3150,
+    ("docs/decisions.md",): 3550,
     ("CONTRIBUTING.md", "CHANGELOG.md"): 1800,
 }
 # All of it is generated.

@@ -199,6 +199,7 @@ impl Announcement<'_> {
                 | PackEvent::CurrentOverRange
                 | PackEvent::CurrentReversed
                 | PackEvent::AboveDrivers
+                | PackEvent::PowerLimited(_)
                 | PackEvent::CapacityAboveLabel
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
@@ -391,6 +392,10 @@ mod tests {
             (
                 PackEvent::SensorFailed(ReadError::AddressTaken),
                 "Battery 9 unhealthy: address already in use",
+            ),
+            (
+                PackEvent::PowerLimited(32_767.0),
+                "Battery 9 limits the motors: over 32767W",
             ),
             (PackEvent::SensorRecovered, "Battery 9 healthy again"),
             (PackEvent::PoweringOff, "Battery 9 is powering off"),

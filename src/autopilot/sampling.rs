@@ -20,7 +20,7 @@ use crate::sensor::{
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
-use crate::vehicle::ArmState;
+use crate::vehicle::{ArmState, PowerLimit};
 use crate::wifi::Radio;
 
 /// Interval of sampling ticks: 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
@@ -191,7 +191,10 @@ impl Autopilot {
     }
 
     fn update_pack(&mut self, pack: Pack, tick: Tick, reading: Result<Measurement, ReadError>) {
-        let settings = PackSettings::from_parameters(&self.parameters, pack);
+        let mut settings = PackSettings::from_parameters(&self.parameters, pack);
+        if !self.vehicle.has_exhausted_power_limit(pack) {
+            settings.overload_w = None;
+        }
         let monitor = self.packs.bank.monitor(pack);
         if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated() {
             monitor.release_unhealthy();
@@ -213,6 +216,9 @@ impl Autopilot {
         }
         *before = *state;
         self.recording.add_timers(pack, state.failsafe_timers);
+        if error.is_none() {
+            self.limit_power(pack, tick.now);
+        }
         self.keep_learnt(pack);
         for event in &events {
             self.announce(Announcement::Pack(pack, event), tick.now);
@@ -227,6 +233,16 @@ impl Autopilot {
         }
         if !failsafe.is_empty() {
             self.act_on_failsafe(pack, &failsafe, tick.now);
+        }
+    }
+
+    /// Limits the motors by the power that a pack supplies.
+    fn limit_power(&mut self, pack: Pack, now: Instant) {
+        let limit = PowerLimit::from_parameters(&self.parameters, pack);
+        let power_w = self.packs.states[pack as usize].power_w();
+        let has_begun = self.vehicle.limit_power(pack, now, limit, power_w);
+        if let Some(PowerLimit { max_w, .. }) = limit.filter(|_| has_begun) {
+            self.announce(Announcement::Pack(pack, &PackEvent::PowerLimited(max_w)), now);
         }
     }
 

@@ -12,6 +12,9 @@ const DEBOUNCE_S: f32 = 1.0;
 /// A contradicted charge has to be so for this long at rest, in seconds: cells recover from a load.
 const CONTRADICTION_S: f32 = 10.0;
 
+/// The motors are limited as far as they can be for this long before an overload is one, in seconds.
+const OVERLOAD_S: f32 = 3.0;
+
 /// Largest difference between the resting voltages of a sum's packs, relative to the lowest.
 const MAX_SPREAD: f32 = 0.05;
 
@@ -96,6 +99,7 @@ impl Diagnosis {
             // A spike is shorter than the debounce time.
             let debounce_s = match fault {
                 Faults::CONTRADICTED_CHARGE => CONTRADICTION_S,
+                Faults::OVER_CURRENT => OVERLOAD_S,
                 _ => DEBOUNCE_S,
             };
             if *changing_s >= debounce_s || (fault == Faults::SPIKES && present.contains(fault)) {
@@ -111,11 +115,10 @@ fn conditions(state: &BatteryState, settings: &PackSettings) -> Faults {
     let cell = settings.chemistry.cell();
     let mut faults = Faults::empty();
     let temperature_c = state.pack_temperature_c();
-    let power_w = state
-        .voltage_v
-        .zip(state.current_a)
-        .map(|(voltage_v, current_a)| voltage_v * current_a);
-    faults.set(Faults::OVER_CURRENT, is_below(settings.power_limit_w, power_w));
+    faults.set(
+        Faults::OVER_CURRENT,
+        is_below(settings.overload_w, state.power_w()),
+    );
     faults.set(
         Faults::OVER_TEMPERATURE,
         is_below(Some(MAX_TEMPERATURE_C), temperature_c),

@@ -38,6 +38,8 @@ pub enum PackEvent {
     CurrentReversed,
     /// The voltage is above `MOT_DRV_VOLT` for the first time since the start; whether the pack supplies the motors is not known.
     AboveDrivers,
+    /// It supplies more than `BATT_WATT_MAX`, in watts, for the first time since the arming: the motors are limited.
+    PowerLimited(f32),
     /// Its sensor has failed repeatedly, with the latest error.
     SensorFailed(ReadError),
     /// Its sensor has recovered.
@@ -143,6 +145,7 @@ impl fmt::Display for PackEvent {
             Self::CurrentOverRange => f.write_str("current over range: consumption too low"),
             Self::CurrentReversed => f.write_str("current sensor reversed?"),
             Self::AboveDrivers => f.write_str("voltage above MOT_DRV_VOLT"),
+            Self::PowerLimited(max_w) => write!(f, "limits the motors: over {}W", round_to_i32(*max_w)),
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
             Self::PoweringOff => f.write_str("is powering off"),

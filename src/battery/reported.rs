@@ -12,7 +12,7 @@ bitflags! {
         const SPIKES = 2;
         /// The cells are out of balance, or one has failed.
         const CELL_FAIL = 4;
-        /// The load exceeds `BATT_WATT_MAX`.
+        /// The load exceeds `BATT_WATT_MAX` by a tenth, with the motors limited as far as they can be.
         const OVER_CURRENT = 8;
         /// The pack is too hot.
         const OVER_TEMPERATURE = 16;

@@ -14,8 +14,8 @@ pub struct PackSettings {
     /// Full capacity (`BATT_CAPACITY`), in milliampere-hours; millilitres of fuel. That of a sum is not set at the default:
     /// it is that of its members together.
     pub capacity_mah: Option<f32>,
-    /// Maximum load (`BATT_WATT_MAX`), in watts.
-    pub power_limit_w: Option<f32>,
+    /// Load that is a fault, in watts: a tenth above `BATT_WATT_MAX`, so that limiting the motors to it is none.
+    pub overload_w: Option<f32>,
     /// Serial number (`BATT_SERIAL_NUM`).
     pub serial_number: Option<i32>,
     /// The voltage reported to ground stations (`BATT_OPTIONS` bit 6).
@@ -100,6 +100,9 @@ pub enum VoltageSource {
 const SEND_RESTING_VOLTAGE: i32 = 1 << 6;
 const INTERNAL_USE_ONLY: i32 = 1 << 8;
 
+/// Load that is a fault, relative to `BATT_WATT_MAX`.
+const OVERLOAD: f32 = 1.1;
+
 /// `BATT_FS_VOLTSRC`: the resting voltage.
 const SAG_COMPENSATED: i32 = 1;
 
@@ -126,7 +129,7 @@ impl PackSettings {
                 .filter(|count| *count > 0),
             capacity_mah: above_zero(BatteryParameter::Capacity)
                 .filter(|capacity_mah| !is_sum || *capacity_mah != default_capacity_mah),
-            power_limit_w: above_zero(BatteryParameter::WattMax),
+            overload_w: above_zero(BatteryParameter::WattMax).map(|max_w| OVERLOAD * max_w),
             serial_number: Self::serial_number(parameters, pack),
             reported_voltage: if options & SEND_RESTING_VOLTAGE != 0 {
                 ReportedVoltage::Resting
@@ -280,7 +283,7 @@ mod tests {
             chemistry: Chemistry::LiIon,
             cell_count: Some(2),
             capacity_mah: Some(5200.0),
-            power_limit_w: Some(90.0),
+            overload_w: Some(99.0),
             serial_number: Some(7),
             reported_voltage: ReportedVoltage::Resting,
             visibility: Visibility::Internal,

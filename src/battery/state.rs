@@ -234,6 +234,12 @@ impl BatteryState {
         self.cell_count.is_none() && self.faults.contains(Faults::CELLS_CONFIGURATION)
     }
 
+    /// Power drawn from the pack, in watts; `None` also for a tank.
+    pub fn power_w(&self) -> Option<f32> {
+        let current_a = self.current_a.filter(|_| self.contents == Contents::Charge);
+        Some(self.voltage_v? * current_a?)
+    }
+
     /// Charge drawn since boot or the last battery reset, in milliampere-hours; `None` also for a tank.
     pub fn consumed_mah(&self) -> Option<f32> {
         self.consumed?.mah()

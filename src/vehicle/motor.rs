@@ -52,6 +52,13 @@ impl MotorDrive {
         }
     }
 
+    fn scaled(self, share: f32) -> Self {
+        match self {
+            Self::Turn(duty) => Self::turn(duty * share),
+            Self::Coast | Self::Brake => self,
+        }
+    }
+
     /// Share of its full power, from 0 to 1.
     fn effort(self) -> f32 {
         match self {
@@ -70,6 +77,14 @@ impl SideDrives {
         Self {
             left: MotorDrive::turn(left / scale),
             right: MotorDrive::turn(right / scale),
+        }
+    }
+
+    /// The same at this share of the duties, from 0 to 1.
+    pub(super) fn scaled(self, share: f32) -> Self {
+        Self {
+            left: self.left.scaled(share),
+            right: self.right.scaled(share),
         }
     }
 
@@ -210,6 +225,15 @@ mod tests {
         assert_eq!(SideDrives::mixed(0.0, 1.0).effort(), 1.0);
         assert_eq!(SideDrives::mixed(1.0, 1.0).effort(), 0.5);
         assert_eq!(SideDrives::BRAKE.effort(), 0.0);
+    }
+
+    #[test]
+    fn a_share_scales_what_turns_and_nothing_else() {
+        let scaled = SideDrives::mixed(0.4, 0.6).scaled(0.05);
+        assert_eq!((scaled.left, scaled.right), (Turn(0.05), Turn(-0.2 * 0.05)));
+        let slow = SideDrives::mixed(0.1, 0.0).scaled(0.05);
+        assert_eq!(slow, SideDrives::COAST, "below the least duty");
+        assert_eq!(SideDrives::BRAKE.scaled(0.05), SideDrives::BRAKE);
     }
 
     #[test]

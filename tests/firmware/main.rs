@@ -30,6 +30,7 @@ mod packs;
 mod parameter_files;
 mod parameters;
 mod power_cuts;
+mod power_limit;
 mod pulses_and_esc;
 mod reception;
 mod rover;

@@ -535,11 +535,11 @@ fn faults_begin_and_end() {
     ];
     for (measurement, expected) in cases {
         let mut bench = Bench::new();
-        bench.settings.power_limit_w = Some(200.0);
+        bench.settings.overload_w = Some(200.0);
         assert_eq!(bench.run(1.0, loaded(11.4, 1.0)).faults, Faults::empty());
-        assert_eq!(bench.run(3.0, measurement).faults, expected);
+        assert_eq!(bench.run(3.5, measurement).faults, expected);
         assert_eq!(
-            bench.run(3.0, loaded(11.4, 1.0)).faults,
+            bench.run(3.5, loaded(11.4, 1.0)).faults,
             Faults::empty(),
             "{expected:?} stays"
         );

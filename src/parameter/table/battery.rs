@@ -301,7 +301,8 @@ parameters! {
         range: Range::Between(0.0, 32_767.0),
         unit: "W",
         label: "Maximum power",
-        description: "A load above this power is reported as an over-current fault. 0: disabled.",
+        description: "Limits the motors so that the pack supplies at most this power, to 5 % of their duty at the least. A load \
+                      that stays more than 10 % above it then is an over-current fault. 0: disabled.",
     }
     FsLowAct {
         key: 85,

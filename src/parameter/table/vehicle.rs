@@ -142,6 +142,17 @@ parameters! {
         label: "Throttle slew rate",
         description: "Maximum rate of change of the throttle. 0: unlimited.",
     }
+    MotBatWattTc {
+        key: 54,
+        name: "MOT_BAT_WATT_TC",
+        kind: Kind::Real32,
+        default: 2.0,
+        range: Range::Between(0.1, 10.0),
+        step: 0.1,
+        unit: "s",
+        label: "Time constant of the power limit",
+        description: "How fast the motors are limited and released by BATT_WATT_MAX.",
+    }
     MotDrvVolt {
         key: 53,
         name: "MOT_DRV_VOLT",

@@ -4,12 +4,14 @@ use super::controls::Controls;
 use super::driver::{Admitted, DriverSeat};
 use super::failsafe::Effect;
 use super::motor::{Ramp, Reversals};
+use super::power_limit::PowerLimiter;
 use super::timed_input::TimedInput;
 use super::{
     Alert, AnotherDrives, ArmState, BatteryAlert, Colour, Delivery, DriverId, FailsafeAction, FailsafeLevel,
-    Fitness, Indication, Mode, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings,
-    VehicleStatus,
+    Fitness, Indication, Mode, PowerLimit, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent,
+    VehicleSettings, VehicleStatus,
 };
+use crate::pack::Pack;
 use crate::parameter::StickChannels;
 use crate::time::Instant;
 
@@ -52,6 +54,7 @@ pub struct Vehicle {
     channels: StickChannels,
     ground_stations: TimedInput<()>,
     throttle: Ramp,
+    power: PowerLimiter,
     reversals: Reversals,
     /// The most urgent alert of all packs.
     battery_alert: BatteryAlert,
@@ -93,6 +96,7 @@ impl Vehicle {
     pub fn disarm(&mut self) {
         self.arm_state = ArmState::Disarmed;
         self.throttle = Ramp::default();
+        self.power = PowerLimiter::default();
         self.controls.disarm();
         self.seat.vacate();
         self.ground_stations.clear_time_out();
@@ -251,6 +255,23 @@ impl Vehicle {
         self.mode = mode;
     }
 
+    /// Limits the motors while armed, by a pack's limit and what is supplied by it now, in watts; while that is unknown its
+    /// limit holds. Returns whether the pack limits them for the first time since the arming.
+    pub fn limit_power(
+        &mut self,
+        pack: Pack,
+        now: Instant,
+        limit: Option<PowerLimit>,
+        power_w: Option<f32>,
+    ) -> bool {
+        self.arm_state == ArmState::Armed && self.power.follow(pack, now, limit, power_w)
+    }
+
+    /// Whether the motors are not the cause of a pack's load, or can't be limited any further.
+    pub fn has_exhausted_power_limit(&self, pack: Pack) -> bool {
+        self.arm_state == ArmState::Disarmed || self.power.is_exhausted(pack)
+    }
+
     /// Present motor outputs.
     pub fn drives(&self) -> SideDrives {
         match (self.arm_state, self.mode) {
@@ -260,9 +281,9 @@ impl Vehicle {
         }
     }
 
-    /// What the sticks ask of the sides.
+    /// What the sticks ask of the sides, within the power limits.
     fn mixed(&self) -> SideDrives {
-        SideDrives::mixed(self.throttle.value(), self.controls.steering())
+        SideDrives::mixed(self.throttle.value(), self.controls.steering()).scaled(self.power.share())
     }
 
     /// Share of the motors' full power, from 0 to 1, for the synthetic current sensor.
