@@ -5,6 +5,7 @@ mod component_metadata;
 
 use std::fmt::Write;
 
+use super::named::NEWER_NAMES;
 use super::{
     Access, BatteryParameter, Parameter, ParameterId, Range, SimulationParameter, StickParameter,
     TakesEffect, VehicleParameter,
@@ -14,20 +15,17 @@ use crate::pack::Pack;
 pub use component_metadata::{general_json, parameters_json};
 
 /// Parameters that have another name from ArduPilot 4.7 on (ArduPilot's wiki, "Parameter Name Changes"), and what else differs.
-const RENAMED: [(VehicleParameter, &str, &str); 4] = [
-    (VehicleParameter::SysidThismav, "MAV_SYSID", "the same"),
-    (
-        VehicleParameter::Sr0Extra1,
-        "MAV1_EXTRA1",
-        "there it sets neither SYS_STATUS (`MAV1_EXT_STAT`) nor BATTERY_STATUS (`MAV1_EXTRA3`)",
-    ),
-    (VehicleParameter::Sr0Params, "MAV1_PARAMS", "the same"),
-    (
-        VehicleParameter::ArmingCheck,
-        "ARMING_SKIPCHK",
-        "inverted: the sum of the checks to skip, with the same bits except bit 0; 0 checks all (here 1), -1 none (here 0)",
-    ),
-];
+fn difference_of_newer_name(parameter: VehicleParameter) -> &'static str {
+    match parameter {
+        VehicleParameter::Sr0Extra1 => {
+            "there it sets neither SYS_STATUS (`MAV1_EXT_STAT`) nor BATTERY_STATUS (`MAV1_EXTRA3`)"
+        }
+        VehicleParameter::ArmingCheck => {
+            "inverted: the sum of the checks to skip, with the same bits except bit 0; 0 checks all (here 1), -1 none (here 0)"
+        }
+        _ => "the same",
+    }
+}
 
 /// The page `docs/parameters.md`.
 pub fn markdown() -> String {
@@ -73,11 +71,12 @@ fn write_renamed(page: &mut String) -> std::fmt::Result {
     page.push_str(
         "\n\
          ## Names of ArduPilot 4.7\n\
-         ArduPilot 4.7 has renamed these. The new names are unknown here: rename them in a file of parameters. Names of packs \
-         are the same.\n\n\
+         ArduPilot 4.7 has renamed these. They are read and set by these names, too, also by files; lists have the older ones. \
+         Names of packs are the same.\n\n\
          | here, as up to 4.6 | 4.7 | meaning there |\n|---|---|---|\n",
     );
-    for (parameter, renamed, difference) in RENAMED {
+    for (renamed, parameter) in NEWER_NAMES {
+        let difference = difference_of_newer_name(parameter);
         let name = ParameterId::from(parameter).name();
         writeln!(page, "| `{name}` | `{renamed}` | {difference} |")?;
     }
@@ -238,11 +237,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_ardupilot_4_7_are_listed_and_are_no_aliases() {
+    fn names_of_ardupilot_4_7_are_listed() {
         let page = markdown();
-        for (_, renamed, _) in RENAMED {
+        for (renamed, _) in NEWER_NAMES {
             assert!(page.contains(&format!("| `{renamed}` |")));
-            assert_eq!(ParameterId::from_name(renamed.as_bytes()), None);
         }
     }
 

@@ -9,6 +9,7 @@ mod description_files;
 #[cfg(not(target_os = "none"))]
 pub mod documentation;
 mod id;
+mod named;
 mod parameters;
 mod stick_channel;
 mod sticks;
@@ -19,6 +20,7 @@ mod unsaved;
 pub use collections::{ForEachParameter, ParameterIdSet};
 pub use description_files::DescriptionFile;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
+pub use named::NamedParameter;
 pub(crate) use parameters::checked;
 pub use parameters::{Parameters, Refused, triggers};
 pub use stick_channel::{StickChannel, StickChannels};

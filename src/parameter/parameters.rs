@@ -269,7 +269,7 @@ pub fn triggers(id: ParameterId, value: f32) -> bool {
 }
 
 /// Truncates a value of a whole-number parameter, as ArduPilot does. NaN and infinity are kept, to be out of range.
-fn whole_number(value: f32) -> f32 {
+pub(super) fn whole_number(value: f32) -> f32 {
     let nudged = value
         + if value < 0.0 {
             -WHOLE_NUMBER_TOLERANCE

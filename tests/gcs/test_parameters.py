@@ -75,6 +75,25 @@ def test_set_and_refuse(vehicle):
     assert receive(vehicle, ["PARAM_VALUE"]).param_value == pytest.approx(7.9)
 
 
+@pytest.mark.board
+# Requirement: AP-29
+def test_names_of_ardupilot_4_7(vehicle):
+    listed = read_list(vehicle)
+    for newer, value, own, own_value in [
+        ("MAV1_EXTRA1", 5, "SR0_EXTRA1", 5),
+        ("MAV1_PARAMS", 20, "SR0_PARAMS", 20),
+        ("ARMING_SKIPCHK", 320, "ARMING_CHECK", 1024),
+        ("ARMING_SKIPCHK", -1, "ARMING_CHECK", 0),
+        ("ARMING_SKIPCHK", 0, "ARMING_CHECK", 1),
+        ("MAV_SYSID", 1, "SYSID_THISMAV", 1),
+    ]:
+        answer = set_to(vehicle, newer, value)
+        assert (answer.param_id, answer.param_value, answer.param_index) == (newer, value, 65535)
+        assert read(vehicle, own).param_value == own_value
+        assert read(vehicle, newer).param_value == value
+    assert read_list(vehicle).keys() == listed.keys()
+
+
 def test_what_one_station_sets_reaches_the_others(start_simulator):
     url = start_simulator().url
     with closing(connect(url)) as one, closing(connect(url)) as other:

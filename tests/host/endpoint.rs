@@ -100,6 +100,47 @@ fn what_does_not_exist_is_an_error_that_says_so() {
 }
 
 #[test]
+// Requirement: AP-29
+fn a_name_of_ardupilot_4_7_sets_and_reads_its_parameter_and_is_in_no_list() {
+    let mut desk = Desk::without_packs();
+    let shown = |frame: &Frame| {
+        let answer = ParamValue(frame);
+        assert_eq!(answer.index(), u16::MAX);
+        (answer.name(), answer.value())
+    };
+    for (newer, own, value, own_value) in [
+        ("MAV1_EXTRA1", "SR0_EXTRA1", 7.0, 7.0),
+        ("MAV1_PARAMS", "SR0_PARAMS", 20.0, 20.0),
+        ("ARMING_SKIPCHK", "ARMING_CHECK", 256.0, 1088.0),
+        ("ARMING_SKIPCHK", "ARMING_CHECK", 1344.0, 0.0),
+        ("ARMING_SKIPCHK", "ARMING_CHECK", -1.0, 0.0),
+    ] {
+        let set = desk.one_answer(&param_set(newer, value));
+        assert_eq!(shown(&set), (newer.into(), value));
+        let id = ParameterId::from_name(own.as_bytes()).unwrap();
+        assert_eq!(desk.parameters().get(id), own_value, "{newer}");
+    }
+    let read = desk.one_answer(&param_read_by_name("arming_skipchk"));
+    assert_eq!(shown(&read), ("ARMING_SKIPCHK".into(), -1.0));
+    let [error, kept] = &desk.ask(&param_set("MAV1_EXTRA1", 99.0))[..] else {
+        panic!("an error and the value");
+    };
+    assert_eq!(error.message_id, PARAM_ERROR);
+    assert_eq!(shown(kept), ("MAV1_EXTRA1".into(), 7.0));
+    let own = desk.one_answer(&param_read_by_name("SR0_EXTRA1"));
+    assert_eq!(ParamValue(&own).value(), 7.0);
+    let listed = desk.list(|_, _| {});
+    assert!(
+        listed
+            .iter()
+            .all(|name| !name.starts_with("MAV") && name != "ARMING_SKIPCHK")
+    );
+    // The last one: the board has another address then.
+    let set = desk.one_answer(&param_set("MAV_SYSID", 9.0));
+    assert_eq!(shown(&set), ("MAV_SYSID".into(), 9.0));
+}
+
+#[test]
 fn a_set_value_is_live_and_acknowledged_at_once() {
     let mut desk = Desk::without_packs();
     desk.assert_set("SR0_EXTRA1", EXTRA1, 10.0);

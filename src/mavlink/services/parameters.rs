@@ -8,7 +8,7 @@ use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PAR
 use crate::mavlink::event::Event;
 use crate::mavlink::payload::Name;
 use crate::mavlink::{Message, Peer};
-use crate::parameter::{Kind, ParameterId, ParameterIdSet, Parameters, Refused, triggers};
+use crate::parameter::{Kind, NamedParameter, ParameterId, ParameterIdSet, Parameters, Refused, triggers};
 use crate::time::{Cadence, Instant};
 use crate::vehicle::ArmState;
 
@@ -27,17 +27,27 @@ const NO_INDEX: u16 = u16::MAX;
 
 /// The PARAM_VALUE of a parameter.
 pub(in crate::mavlink) fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
-    let index = parameters.listed_index(id);
-    param_value_of(id, parameters.get(id), index, parameters)
+    param_value_of(id.into(), parameters.get(id), parameters)
 }
 
-fn param_value_of(id: ParameterId, value: f32, index: Option<usize>, parameters: &Parameters) -> Message {
+/// This value under a name of its parameter. A newer name is in no list.
+fn param_value_of(named: NamedParameter, value: f32, parameters: &Parameters) -> Message {
+    let index = parameters.listed_index(named.id).filter(|_| !named.is_newer());
+    indexed_param_value(named, value, index, parameters)
+}
+
+fn indexed_param_value(
+    named: NamedParameter,
+    value: f32,
+    index: Option<usize>,
+    parameters: &Parameters,
+) -> Message {
     Message::ParamValue(PARAM_VALUE_DATA {
         param_value: value,
         param_count: parameters.listed_count() as u16,
         param_index: index.map_or(NO_INDEX, |index| index as u16),
-        param_id: Name::from(id.name().as_str()).0.into(),
-        param_type: match id.row().kind {
+        param_id: Name::from(named.name().as_str()).0.into(),
+        param_type: match named.id.row().kind {
             Kind::Int8 => MavParamType::MAV_PARAM_TYPE_INT8,
             Kind::Int16 => MavParamType::MAV_PARAM_TYPE_INT16,
             Kind::Int32 => MavParamType::MAV_PARAM_TYPE_INT32,
@@ -59,15 +69,19 @@ fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Messag
 /// Answers PARAM_REQUEST_READ.
 pub(in crate::mavlink) fn read(index: i16, name: Name, from: Peer, context: &mut Context<'_>) -> Event {
     let parameters = &*context.changeable.parameters;
-    let id = if index == BY_NAME {
-        ParameterId::from_name(name.as_bytes())
+    let named = if index == BY_NAME {
+        NamedParameter::from_name(name.as_bytes())
     } else {
-        usize::try_from(index)
-            .ok()
+        let index = usize::try_from(index).ok();
+        index
             .and_then(|index| parameters.listed().nth(index))
+            .map(NamedParameter::from)
     };
-    context.outbox.answer(match id {
-        Some(id) => param_value(id, parameters),
+    context.outbox.answer(match named {
+        Some(named) => {
+            let value = named.from_own(parameters.get(named.id));
+            param_value_of(named, value, parameters)
+        }
         None => param_error(name, index, MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST, from),
     });
     Event::Answered
@@ -78,17 +92,18 @@ pub(in crate::mavlink) fn read(index: i16, name: Name, from: Peer, context: &mut
 pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut Context<'_>) -> Event {
     let (parameters, outbox) = (&mut *context.changeable.parameters, &mut *context.outbox);
     let error = |error| param_error(name, BY_NAME, error, from);
-    let Some(id) = ParameterId::from_name(name.as_bytes()) else {
+    let Some(named) = NamedParameter::from_name(name.as_bytes()) else {
         outbox.answer(error(MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST));
         return Event::ParameterUnknown;
     };
+    let (id, own) = (named.id, named.to_own(value));
     let result = match context.changeable.vehicle.arm_state() {
-        ArmState::Disarmed => parameters.set(id, value),
-        ArmState::Armed => parameters.set_while_armed(id, value),
+        ArmState::Disarmed => parameters.set(id, own),
+        ArmState::Armed => parameters.set_while_armed(id, own),
     };
     let event = match result {
         Ok(()) if triggers(id, value) => {
-            outbox.answer(param_value_of(id, value, parameters.listed_index(id), parameters));
+            outbox.answer(param_value_of(named, value, parameters));
             Event::Triggered(id)
         }
         Ok(()) => {
@@ -104,7 +119,11 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
             Event::ParameterRefused(id, refused)
         }
     };
-    outbox.answer(param_value(id, parameters));
+    let live = parameters.get(id);
+    let is_meant = named.is_newer() && live == own;
+    // Several values of a newer name mean the same: a ground station waits for its own.
+    let shown = if is_meant { value } else { named.from_own(live) };
+    outbox.answer(param_value_of(named, shown, parameters));
     event
 }
 
@@ -180,7 +199,12 @@ impl ParameterList {
             self.pace = None;
             return None;
         };
-        Some(param_value_of(id, parameters.get(id), None, parameters))
+        Some(indexed_param_value(
+            id.into(),
+            parameters.get(id),
+            None,
+            parameters,
+        ))
     }
 }
 

@@ -6,8 +6,8 @@ use heapless::{String, Vec};
 
 use super::packed::{HEADER_BYTES, MAGIC, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType};
 use crate::parameter::{
-    Access, BatteryParameter, Bearing, MAX_NAME_LENGTH, ParameterId, ParameterIdSet, Parameters,
-    VehicleParameter, checked,
+    Access, BatteryParameter, Bearing, MAX_NAME_LENGTH, NamedParameter, ParameterId, ParameterIdSet,
+    Parameters, VehicleParameter, checked,
 };
 
 const SYSTEM_ID: ParameterId = ParameterId::Vehicle(VehicleParameter::SysidThismav);
@@ -199,10 +199,11 @@ impl Upload {
 
     /// Sets the parameter whose name has come. What only shows or triggers something is not a setting, and is left out.
     fn set(&mut self, value: f32, parameters: &mut Parameters) -> Option<ParameterId> {
-        let Some(id) = ParameterId::from_name(&self.name_before) else {
+        let Some(named) = NamedParameter::from_name(&self.name_before) else {
             self.not_set.unknown = self.not_set.unknown.saturating_add(1);
             return None;
         };
+        let (id, value) = (named.id, named.to_own(value));
         let Access::Setting(bearing) = id.row().access else {
             return None;
         };

@@ -99,6 +99,30 @@ fn what_does_not_exist_or_is_out_of_range_is_counted_and_the_rest_is_set() {
     assert_eq!(text, "Parameters not set: SR0_EXTRA1, 1 unknown");
 }
 
+#[test]
+// Requirement: AP-29
+fn of_two_names_of_a_parameter_the_later_counts() {
+    let values = |file: &[Vec<u8>]| {
+        let mut parameters = Parameters::defaults();
+        let mut upload = Upload::default();
+        write(&mut upload, &file_of(file), 80, &mut parameters);
+        upload.set_system_id(&mut parameters);
+        assert_eq!(upload.not_set(), None);
+        [VehicleParameter::SysidThismav, VehicleParameter::ArmingCheck].map(|id| parameters.get(id))
+    };
+    let older = [
+        record(1, 0, "SYSID_THISMAV", &[3]),
+        record(1, 0, "ARMING_CHECK", &[64]),
+    ];
+    let newer = [
+        record(1, 0, "MAV_SYSID", &[4]),
+        record(2, 0, "ARMING_SKIPCHK", &64i16.to_le_bytes()),
+    ];
+    assert_eq!(values(&newer), [4.0, 1280.0]);
+    assert_eq!(values(&[older.clone(), newer.clone()].concat()), [4.0, 1280.0]);
+    assert_eq!(values(&[newer, older].concat()), [3.0, 64.0]);
+}
+
 /// The text about a file with these values.
 fn text_about(values: &[(&str, f32)]) -> String<NOT_SET_BYTES> {
     let records: Vec<_> = values
