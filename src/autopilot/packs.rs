@@ -11,12 +11,13 @@ use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
-    FuelReadings, Members, Pulses, Samples, capacity_ml, set_up_error, tank, timeout_us,
+    FuelReadings, Members, PinPull, Pulses, Samples, Thermometers, capacity_ml, set_up_error, tank,
+    thermometer_pins, timeout_us,
 };
 use crate::time::Instant;
 
-/// Analog pins, each at most once.
-pub type PinsToRead = Vec<AnalogPin, PIN_COUNT>;
+/// Analog pins, each at most once, and how they are pulled.
+pub type PinsToRead = Vec<(AnalogPin, PinPull), PIN_COUNT>;
 
 const PIN_COUNT: usize = AnalogPin::ALL.len();
 
@@ -38,6 +39,7 @@ pub(super) struct Packs {
     controllers: ControllerBank,
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
+    pub thermometers: Thermometers,
     pub states: [BatteryState; MAX_PACKS],
     pub ticks: u32,
 }
@@ -58,6 +60,7 @@ impl Packs {
             controllers: in_place(ControllerBank::default),
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
+            thermometers: Thermometers::default(),
             states: in_place(|| states_at_boot(parameters)),
             ticks: 0,
         }
@@ -82,21 +85,26 @@ impl Packs {
         }
     }
 
-    /// The pins that the packs need. Packs may share a pin.
+    /// The pins that the packs and their thermometers need. Packs may share a pin.
     pub fn needed_pins(&self, parameters: &Parameters) -> PinsToRead {
-        let mut needed = [false; PIN_COUNT];
+        let mut needed = [None; PIN_COUNT];
+        for (_, pin) in thermometer_pins(parameters) {
+            if let Some(pull) = needed.get_mut(pin as usize) {
+                *pull = Some(PinPull::Up);
+            }
+        }
         for (pack, kind) in &self.order {
             for pin in AnalogWiring::from_parameters(parameters, *pack).pins(*kind) {
-                if let Some(is_needed) = needed.get_mut(pin as usize) {
-                    *is_needed = true;
+                if let Some(pull) = needed.get_mut(pin as usize) {
+                    *pull = Some(PinPull::None);
                 }
             }
         }
         let mut pins = Vec::new();
-        for (pin, is_needed) in AnalogPin::ALL.into_iter().zip(needed) {
-            if is_needed {
+        for (pin, pull) in AnalogPin::ALL.into_iter().zip(needed) {
+            if let Some(pull) = pull {
                 // There is room for every pin.
-                let _ = pins.push(pin);
+                let _ = pins.push((pin, pull));
             }
         }
         pins

@@ -16,7 +16,7 @@ use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, CanEvent, CanStatus, ControllerReading, ExternalReading, Pulses,
-    SerialReading,
+    SerialReading, Temperatures,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
@@ -47,6 +47,7 @@ const CHECKING_TICK: u32 = 5;
 pub struct SamplingTick {
     tick: Tick,
     readings: AnalogReadings,
+    temperatures: Temperatures,
     /// Position in the order of sampling.
     next: usize,
 }
@@ -73,7 +74,7 @@ impl Autopilot {
     /// The pins to read before the next sampling tick.
     pub fn pins_to_read(&self) -> PinsToRead {
         let mut pins = self.packs.needed_pins(&self.parameters);
-        pins.retain(|pin| Some(*pin) != self.pin_of_radio());
+        pins.retain(|(pin, _)| Some(*pin) != self.pin_of_radio());
         pins
     }
 
@@ -90,11 +91,13 @@ impl Autopilot {
         if let Some(pin) = self.pin_of_radio() {
             readings.set(pin, Err(ReadError::PinOfRadio));
         }
+        let thermometers = &self.packs.thermometers;
         SamplingTick {
             tick: Tick {
                 now: now.before_us(now.as_micros() % SAMPLING_RESOLUTION_US),
                 arm_state: self.vehicle.arm_state(),
             },
+            temperatures: thermometers.measure(&readings, now, &self.parameters),
             readings,
             next: 0,
         }
@@ -121,7 +124,10 @@ impl Autopilot {
             &self.parameters,
             self.vehicle.effort(),
         );
-        if let Some(reading) = reading {
+        if let Some(mut reading) = reading {
+            if let Ok(measurement) = &mut reading {
+                sampling.temperatures.complete(pack, measurement);
+            }
             self.update_pack(pack, sampling.tick, reading);
         }
         SamplingProgress::Sampled
@@ -284,6 +290,10 @@ impl Autopilot {
                 self.packs.add(*pack, MonitorKind::Can, Ok(*reading), now);
             }
             CanEvent::Controller(index, reading) => self.add_controller_reading(*index, *reading, now),
+            CanEvent::Temperature(device_id, temperature_c) => {
+                let thermometers = &mut self.packs.thermometers;
+                thermometers.receive(*device_id, *temperature_c, now, &self.parameters);
+            }
             CanEvent::Announce(notice) => self.announce(Announcement::CanNode(*notice), now),
         }
     }

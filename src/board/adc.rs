@@ -7,11 +7,14 @@ use embassy_rp::pac;
 use embassy_rp::peripherals::{ADC, PIN_26, PIN_27, PIN_28, PIN_29};
 
 use crate::battery::ReadError;
-use crate::sensor::{AdcCount, AnalogIn, AnalogPin};
+use crate::sensor::{AdcCount, AnalogIn, AnalogPin, PinPull};
 
 /// A conversion takes 96 cycles of the converter's 48 MHz clock (RP2040 datasheet 4.9.2), 250 of the processor's; each look at it
 /// takes five at least.
 const LOOKS: u32 = 200;
+
+/// The number of the first analog pin.
+const FIRST_PIN: usize = 26;
 
 /// The analog pins GP26 to GP29; on a Pico W GP29 is the radio's.
 ///
@@ -26,7 +29,7 @@ pub struct AnalogInputs {
 }
 
 impl AnalogInputs {
-    /// Takes the converter and its pins. The pins are left without pulls, which would bend a divider's ratio.
+    /// Takes the converter and its pins, without pulls.
     pub fn new(
         adc: Peri<'static, ADC>,
         gp26: Peri<'static, PIN_26>,
@@ -52,6 +55,11 @@ impl AnalogIn for AnalogInputs {
             return Err(ReadError::PinOfRadio);
         }
         convert(pin)
+    }
+
+    fn pull(&mut self, pin: AnalogPin, pull: PinPull) {
+        let pad = pac::PADS_BANK0.gpio(FIRST_PIN + pin as usize);
+        pad.modify(|pad| pad.set_pue(pull == PinPull::Up));
     }
 }
 

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use super::named::NEWER_NAMES;
 use super::{
     Access, BatteryParameter, Parameter, ParameterId, Range, SimulationParameter, StickParameter,
-    TakesEffect, VehicleParameter,
+    THERMOMETER_COUNT, TakesEffect, ThermometerParameter, VehicleParameter,
 };
 use crate::pack::Pack;
 
@@ -45,6 +45,14 @@ pub fn markdown() -> String {
          after a restart the defaults.\n\n";
     let of_sticks = StickParameter::ALL.into_iter().map(ParameterId::from);
     write_table(&mut page, sticks, of_sticks).expect("infallible");
+    let thermometers = "\n\
+         ## Thermometers\n\
+         `TEMP2_…` and `TEMP3_…` are the same for two more. While a type is 0, the other parameters are not listed.\n\n";
+    let of_first = ThermometerParameter::ALL
+        .into_iter()
+        .take(ThermometerParameter::COUNT / THERMOMETER_COUNT)
+        .map(ParameterId::from);
+    write_table(&mut page, thermometers, of_first).expect("infallible");
     let packs = "\n\
          ## Packs\n\
          Of the first pack; `BATT2_…` to `BATT9_…` are the same for the others. While a pack's `MONITOR` is 0, its other \

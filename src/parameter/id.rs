@@ -6,7 +6,10 @@ use heapless::String;
 
 #[cfg(not(target_os = "none"))]
 use super::table::SimulationParameter;
-use super::table::{BatteryParameter, GroundStationParameter, Parameter, StickParameter, VehicleParameter};
+use super::table::{
+    BatteryParameter, GroundStationParameter, Parameter, StickParameter, ThermometerParameter,
+    VehicleParameter,
+};
 use crate::pack::{MAX_PACKS, Pack};
 
 /// Maximum length of a parameter's name in MAVLink.
@@ -25,7 +28,10 @@ pub const PARAMETER_COUNT: usize = VARIABLE_COUNT + GroundStationParameter::COUN
 pub(super) const VARIABLE_COUNT: usize = SIMULATION_START + SIMULATION_COUNT;
 
 /// Number of the first parameter of the packs.
-const BATTERY_START: usize = VehicleParameter::COUNT + StickParameter::COUNT;
+const BATTERY_START: usize = THERMOMETER_START + ThermometerParameter::COUNT;
+
+/// Number of the first parameter of the thermometers.
+const THERMOMETER_START: usize = VehicleParameter::COUNT + StickParameter::COUNT;
 
 /// Number of the first simulator parameter.
 const SIMULATION_START: usize = BATTERY_START + MAX_PACKS * BatteryParameter::COUNT;
@@ -43,6 +49,8 @@ pub enum ParameterId {
     Vehicle(VehicleParameter),
     /// Of the driver's sticks.
     Stick(StickParameter),
+    /// Of a thermometer.
+    Thermometer(ThermometerParameter),
     /// Of a pack.
     Battery(Pack, BatteryParameter),
     /// Of the simulated pack.
@@ -53,7 +61,7 @@ pub enum ParameterId {
 }
 
 impl ParameterId {
-    /// All parameters including hidden ones: the vehicle's, the sticks', each pack's, the simulator's, the constants, each in the
+    /// All parameters including hidden ones: the vehicle's, the sticks', the thermometers', each pack's, the simulator's, the constants, each in the
     /// order of its table.
     pub fn all() -> impl Iterator<Item = Self> {
         iter::successors(Some(Self::Vehicle(VehicleParameter::FIRST)), |id| id.next())
@@ -70,6 +78,10 @@ impl ParameterId {
             },
             Self::Stick(parameter) => match StickParameter::ALL.get(parameter as usize + 1) {
                 Some(next) => Some(Self::Stick(*next)),
+                None => Some(Self::Thermometer(ThermometerParameter::FIRST)),
+            },
+            Self::Thermometer(parameter) => match ThermometerParameter::ALL.get(parameter as usize + 1) {
+                Some(next) => Some(Self::Thermometer(*next)),
                 None => Some(BatteryParameter::FIRST.of(Pack::First)),
             },
             Self::Battery(pack, parameter) => match BatteryParameter::ALL.get(parameter as usize + 1) {
@@ -105,6 +117,7 @@ impl ParameterId {
         let found = VehicleParameter::from_name(name)
             .map(Self::Vehicle)
             .or_else(|| StickParameter::from_name(name).map(Self::Stick))
+            .or_else(|| ThermometerParameter::from_name(name).map(Self::Thermometer))
             .or_else(|| GroundStationParameter::from_name(name).map(Self::GroundStation))
             .or_else(|| Pack::ALL.into_iter().find_map(of_pack));
         #[cfg(not(target_os = "none"))]
@@ -133,6 +146,7 @@ impl ParameterId {
         match self {
             Self::Vehicle(parameter) => parameter as usize,
             Self::Stick(parameter) => VehicleParameter::COUNT + parameter as usize,
+            Self::Thermometer(parameter) => THERMOMETER_START + parameter as usize,
             Self::Battery(pack, parameter) => {
                 BATTERY_START + pack as usize * BatteryParameter::COUNT + parameter as usize
             }
@@ -147,6 +161,7 @@ impl ParameterId {
         match self {
             Self::Vehicle(parameter) => parameter.row(),
             Self::Stick(parameter) => parameter.row(),
+            Self::Thermometer(parameter) => parameter.row(),
             Self::Battery(_, parameter) => parameter.row(),
             #[cfg(not(target_os = "none"))]
             Self::Simulation(parameter) => parameter.row(),
@@ -176,6 +191,12 @@ impl ParameterId {
 impl From<StickParameter> for ParameterId {
     fn from(parameter: StickParameter) -> Self {
         Self::Stick(parameter)
+    }
+}
+
+impl From<ThermometerParameter> for ParameterId {
+    fn from(parameter: ThermometerParameter) -> Self {
+        Self::Thermometer(parameter)
     }
 }
 

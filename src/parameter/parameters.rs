@@ -1,10 +1,11 @@
 //! The live values of all parameters.
 
 use super::stick_channel::Sticks;
+use super::table::THERMOMETER_DISABLED;
 use super::trouble::{CHECKED, Doubts};
 use super::{
     Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, MonitorInput, MonitorKind,
-    ParameterId, ParameterIdSet, VehicleParameter,
+    ParameterId, ParameterIdSet, ThermometerParameter, VehicleParameter,
 };
 use crate::memory::save_state::SaveState;
 use crate::numbers::round_to_i32;
@@ -148,6 +149,12 @@ impl Parameters {
             // Whole numbers are stored as such.
             Listed::WithSerialProtocol(protocol) => self.get(VehicleParameter::Serial1Protocol) == protocol,
             Listed::WithCan => self.get(VehicleParameter::CanP1Driver) != CAN_DISABLED,
+            Listed::WithThermometer(number) => {
+                let mut kinds = ThermometerParameter::THERMOMETERS.iter().map(|rows| rows.kind);
+                kinds
+                    .nth(usize::from(number).saturating_sub(1))
+                    .is_some_and(|kind| self.get(kind) != THERMOMETER_DISABLED)
+            }
             Listed::WithMonitor(kind) => monitor == Some(kind.number() as f32),
         }
     }
@@ -164,6 +171,13 @@ impl Parameters {
             // Whether others are in use depends on these; all of them would take a millisecond.
             ParameterId::Battery(pack, BatteryParameter::Monitor) => {
                 self.update_listed(BatteryParameter::ALL.iter().map(|parameter| parameter.of(pack)));
+            }
+            ParameterId::Thermometer(_) => {
+                self.update_listed(
+                    ThermometerParameter::ALL
+                        .iter()
+                        .map(|parameter| (*parameter).into()),
+                );
             }
             ParameterId::Vehicle(VehicleParameter::Serial1Protocol | VehicleParameter::CanP1Driver) => {
                 self.update_listed(VehicleParameter::ALL.iter().map(|parameter| (*parameter).into()));
@@ -294,7 +308,8 @@ mod tests {
     use super::*;
     use crate::pack::MAX_PACKS;
     use crate::parameter::{
-        GroundStationParameter, PARAMETER_COUNT, SimulationParameter, StickParameter, Unsaved,
+        GroundStationParameter, PARAMETER_COUNT, SimulationParameter, StickParameter, THERMOMETER_COUNT,
+        Unsaved,
     };
     use proptest::prelude::*;
 
@@ -322,6 +337,7 @@ mod tests {
     /// The vehicle's, those of the first pack, `MONITOR` of the others, and the simulator's.
     const LISTED_BY_DEFAULT: usize = VehicleParameter::COUNT - UNUSED_OF_VEHICLE
         + StickParameter::COUNT
+        + THERMOMETER_COUNT
         + GroundStationParameter::COUNT
         + BatteryParameter::COUNT
         - UNUSED_OF_PACK

@@ -113,6 +113,16 @@ impl AnalogReadings {
     }
 }
 
+/// Whether an analog pin is pulled up while it is in use: then a broken lead is one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum PinPull {
+    /// A pull would bend a divider's ratio.
+    None,
+    /// By the pad's resistor of some 60 kΩ.
+    Up,
+}
+
 /// Analog pins with their ADC.
 pub trait AnalogIn {
     /// One conversion of `pin`. It may never complete: the caller applies a time-out.
@@ -122,6 +132,9 @@ pub trait AnalogIn {
     // The futures stay on one executor, so they need not be `Send`.
     #[allow(async_fn_in_trait)]
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError>;
+
+    /// Pulls `pin` like this from now on, if it can be pulled.
+    fn pull(&mut self, _pin: AnalogPin, _pull: PinPull) {}
 }
 
 /// Rounded mean of a burst of [`BURST_CONVERSIONS`] conversions.

@@ -9,16 +9,17 @@ mod external;
 mod fuel;
 mod serial;
 mod set_up;
+mod thermometer;
 
 pub use analog::{
     ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, AnalogWiring,
-    BURST_CONVERSIONS, CurrentSensor, VoltageDivider, read_mean,
+    BURST_CONVERSIONS, CurrentSensor, PinPull, VoltageDivider, read_mean,
 };
 pub use bus::{Address, BusDevices, Buses, I2cBus, NoSpi, Samples, SensorBus, Wiring, bus_clock_hz};
 pub use can::{
     Acceptance, BitTiming, CanBus, CanEvent, CanFilters, CanFrame, CanInterrupt, CanNotice, CanOptions,
     CanPack, CanReport, CanSettings, CanSetup, CanState, CanStatus, ChargerPower, DroneCan, FRAME_BYTES,
-    NodeId,
+    NodeId, TemperatureMessages,
 };
 pub use controllers::{ControllerBank, ControllerReading, Members};
 pub use external::{Admission, ExternalReading, ExternalSource};
@@ -28,3 +29,4 @@ pub use serial::{
     SerialNotice, SerialProtocol, SerialReading, SerialSetup, TorqeedoCondition, Urgency, Wires,
 };
 pub use set_up::{set_up_error, timeout_us};
+pub use thermometer::{Temperatures, Thermometers, shared_thermometer_pin, thermometer_pins};

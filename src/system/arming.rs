@@ -6,8 +6,10 @@ use super::{ArmingReadiness, LogHealth, SystemState};
 use crate::battery::{ArmingFailure, PackSettings, ReadError, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, ParameterTrouble, Parameters, StickParameter, VehicleParameter};
-use crate::sensor::AnalogWiring;
+use crate::parameter::{
+    BatteryParameter, ParameterTrouble, Parameters, StickParameter, ThermometerParameter, VehicleParameter,
+};
+use crate::sensor::{AnalogWiring, shared_thermometer_pin};
 use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
@@ -33,6 +35,8 @@ pub enum ArmingObstacle {
     Stick(Stick, u8),
     /// These parameters of the sticks do not fit each other.
     SticksMisfit(StickParameter, StickParameter),
+    /// Something else is read at this thermometer's pin.
+    PinTaken(ThermometerParameter),
     /// The log can't be written.
     Logging,
 }
@@ -70,6 +74,7 @@ impl ArmingObstacle {
                 one.row().name,
                 other.row().name
             )),
+            Self::PinTaken(pin) => text(format_args!("{checked_by}: {} already in use", pin.row().name)),
             Self::Logging => text(format_args!("{checked_by}: Logging failed")),
         }
     }
@@ -130,6 +135,9 @@ pub fn arming_obstacles(
             _ => ArmingObstacle::Pack(pack, failure),
         })
     });
+    let pin = shared_thermometer_pin(parameters)
+        .map(ArmingObstacle::PinTaken)
+        .filter(|_| checks & BATTERY_CHECKED != 0);
     let stick = vehicle.deflected_stick();
     let deflected = stick.map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));
     let misfits = parameters.stick_misfits();
@@ -144,6 +152,7 @@ pub fn arming_obstacles(
         .chain(restarting)
         .chain(of_parameters)
         .chain(of_packs)
+        .chain(pin)
         .chain(of_sticks)
         .chain(log)
 }

@@ -50,7 +50,8 @@ pub async fn read_pins(mut input: impl AnalogIn, sampled: &SampledPins) -> ! {
         timer_at(due).await;
         let begun = now();
         let mut readings = AnalogReadings::NONE;
-        for pin in pins {
+        for (pin, pull) in pins {
+            input.pull(pin, pull);
             let count = with_timeout(READ_TIMEOUT, read_mean(&mut input, pin)).await;
             readings.set(pin, count.unwrap_or(Err(ReadError::Timeout)));
             // Other tasks in interrupts can't wait for all pins.

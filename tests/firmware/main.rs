@@ -46,6 +46,7 @@ mod stack;
 mod storage_faults;
 mod stories;
 mod telemetry;
+mod thermometer;
 mod time_wrap;
 mod usb;
 mod wheels;

@@ -11,7 +11,7 @@ use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind};
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{
     BatteryParameter, GroundStationParameter, ParameterId, Parameters, SimulationParameter, StickParameter,
-    Unsaved, VehicleParameter,
+    THERMOMETER_COUNT, Unsaved, VehicleParameter,
 };
 use rover_battmon::system::SystemState;
 use rover_battmon::time::Instant;
@@ -34,7 +34,7 @@ const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
 /// The parameters of the vehicle that are listed by default: ten more set up what is not in use then.
-const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10 + StickParameter::COUNT;
+const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10 + StickParameter::COUNT + THERMOMETER_COUNT;
 
 /// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
 const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;

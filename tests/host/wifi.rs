@@ -514,7 +514,11 @@ fn gp29_measures_no_pack_on_a_board_with_a_radio() {
         start.parameters.set(pin, 29.0).expect("in range");
         let mut desk = Desk::starting(start);
         desk.connect(LinkKind::Direct);
-        let is_read = desk.autopilot.pins_to_read().contains(&AnalogPin::Gp29);
+        let is_read = desk
+            .autopilot
+            .pins_to_read()
+            .iter()
+            .any(|(pin, _)| *pin == AnalogPin::Gp29);
         assert_eq!(is_read, radio == Radio::Absent);
         let mut readings = AnalogReadings::NONE;
         readings.set(AnalogPin::Gp29, Ok(adc_count(2.9)));

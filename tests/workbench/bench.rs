@@ -7,7 +7,9 @@ use crate::log_flash::LogFlash;
 use crate::starts::Start;
 use rover_battmon::memory::flash_map;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, GroundStationParameter, StickParameter, VehicleParameter};
+use rover_battmon::parameter::{
+    BatteryParameter, GroundStationParameter, StickParameter, THERMOMETER_COUNT, VehicleParameter,
+};
 
 use crate::elf::{Artifact, build};
 use crate::parameter_flash;
@@ -48,8 +50,8 @@ pub fn is_learnt(operation: &FlashOperation) -> bool {
     flash_map::LEARNT.contains(&operation.offset)
 }
 
-/// The parameters of the vehicle and of its sticks that are listed by default: ten more set up what is not in use then.
-pub const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10 + StickParameter::COUNT;
+/// The parameters of the vehicle, of its sticks and of its thermometers that are listed by default: ten more set up what is not in use then.
+pub const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10 + StickParameter::COUNT + THERMOMETER_COUNT;
 
 /// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
 pub const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;

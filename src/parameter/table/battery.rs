@@ -9,7 +9,7 @@ use super::{Documentation, TakesEffect};
 pub const MAX_CONTROLLERS: usize = 12;
 
 /// Analog pins of the board, by GPIO number.
-const ANALOG_PINS: Range = Range::OneOf(&[
+pub(super) const ANALOG_PINS: Range = Range::OneOf(&[
     (-1, means("none")),
     (26, means("GP26")),
     (27, means("GP27")),

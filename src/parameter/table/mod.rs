@@ -1,4 +1,4 @@
-//! Parameter tables: of the vehicle, of its sticks, of a pack, of the simulator, and constants for ground stations.
+//! Parameter tables: of the vehicle, of its sticks, of thermometers, of a pack, of the simulator, and constants for ground stations.
 
 /// Declares a table: an enum of its parameters, and a row for each. Without `access` a parameter is a setting that bears on the
 /// drive, without `listed` it is in every list, without `step` it goes by whole numbers, without `unit` it is a plain number,
@@ -79,6 +79,7 @@ mod range;
 #[cfg(not(target_os = "none"))]
 mod simulation;
 pub(super) mod sticks;
+mod thermometer;
 mod vehicle;
 
 pub use battery::{BatteryParameter, MAX_CONTROLLERS};
@@ -89,6 +90,8 @@ pub use range::{Meaning, Range, means};
 #[cfg(not(target_os = "none"))]
 pub use simulation::SimulationParameter;
 pub use sticks::StickParameter;
+pub(super) use thermometer::THERMOMETER_DISABLED;
+pub use thermometer::{THERMOMETER_COUNT, ThermometerParameter, ThermometerRows};
 pub use vehicle::{VehicleParameter, serial_baud};
 
 /// One row of a table.
@@ -174,6 +177,8 @@ pub enum Listed {
     WithSerialProtocol(f32),
     /// While `CAN_P1_DRIVER` is not 0.
     WithCan,
+    /// While the type of the thermometer with this number, from 1, is not 0.
+    WithThermometer(u8),
     /// While the pack's `MONITOR` is this.
     WithMonitor(MonitorKind),
 }

@@ -3,8 +3,8 @@
 
 use core::fmt;
 
-use super::messages::{ALLOCATION, BATTERY_AUX, BATTERY_INFO, CONTROLLER};
-use super::{CanFrame, NodeId};
+use super::messages::{ALLOCATION, BATTERY_AUX, BATTERY_INFO, CONTROLLER, TEMPERATURE};
+use super::{CanFrame, NodeId, TemperatureMessages};
 use crate::parameter::{Parameters, VehicleParameter};
 
 /// A CAN bus, behind a controller that something else serves.
@@ -69,9 +69,14 @@ const DESTINATION_SHIFT: u32 = 8;
 /// What comes often, and in transfers of several frames, has both buffers: batteries, both messages by one filter, and motor
 /// controllers. This lets StaticPressure (1028), gnss.Fix (1060) and BatteryContinuous (20010) through as well, but no commands
 /// for motor controllers. What is left has the second: messages with the lowest two type bits of Allocation, which are also those
-/// of NodeStatus and of a charger, and services for nodes with the lowest two bits of the own id.
-pub(super) fn acceptance(own_id: Option<NodeId>) -> Acceptance {
-    let messages = u32::from(ALLOCATION & 3) << TYPE_SHIFT;
+/// of NodeStatus and of a charger, services for nodes with the lowest two bits of the own id, and thermometers if there are any.
+pub(super) fn acceptance(own_id: Option<NodeId>, temperatures: TemperatureMessages) -> Acceptance {
+    let lowest = |type_id: u16| u32::from(type_id & 3) << TYPE_SHIFT;
+    let messages = lowest(ALLOCATION);
+    let thermometers = match temperatures {
+        TemperatureMessages::Ignored => messages,
+        TemperatureMessages::Wanted => lowest(TEMPERATURE),
+    };
     let services = own_id.map(|id| u32::from(id.number() & 3) << DESTINATION_SHIFT | SERVICE);
     let services = services.unwrap_or(messages);
     Acceptance {
@@ -82,7 +87,7 @@ pub(super) fn acceptance(own_id: Option<NodeId>) -> Acceptance {
         second: CanFilters {
             mask: LOWEST_TYPE_BITS,
             // A filter can't be left out.
-            ids: [messages, services, messages, services],
+            ids: [messages, services, thermometers, services],
         },
     }
 }

@@ -6,11 +6,11 @@ use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::frame::{CanFrame, Direction, Identifier, NodeId, Priority, Tail};
 use super::messages::{
     ALLOCATION, Allocation, BatteryAux, BatteryInfo, ChargerReading, DataType, NODE_INFO, NODE_STATUS,
-    NodeStatus, OUTPUT_ENABLE, parse_controller, parse_output_enable,
+    NodeStatus, OUTPUT_ENABLE, parse_controller, parse_output_enable, parse_temperature,
 };
 use super::nodes::{NodeInfo, Nodes};
 use super::packs::{CanPacks, ChargerRequest};
-use super::setup::{CanSettings, CanSetup};
+use super::setup::{CanSettings, CanSetup, TemperatureMessages};
 use super::transfers::Assembler;
 use super::transfers::{Outgoing, Transfer};
 use crate::log::{info, warn};
@@ -34,6 +34,7 @@ struct Node {
     started: Instant,
     role: Role,
     packs: CanPacks,
+    temperatures: TemperatureMessages,
     nodes: Nodes,
     outgoing: Outgoing,
     status: Cadence,
@@ -126,9 +127,9 @@ impl DroneCan {
         self.node.outgoing.next()
     }
 
-    /// Filters for the hardware. They change once, when the node has got its id from another one.
+    /// Filters for the hardware. They change when the node has got its id from another one, and with thermometers.
     pub fn acceptance(&self) -> Acceptance {
-        acceptance(self.node.role.id())
+        acceptance(self.node.role.id(), self.node.temperatures)
     }
 
     /// The own id; `None` until another node has given one.
@@ -162,6 +163,7 @@ impl Node {
             started: now,
             role,
             packs: CanPacks::EMPTY,
+            temperatures: TemperatureMessages::Ignored,
             nodes: Nodes::default(),
             outgoing: Outgoing::EMPTY,
             status: Cadence::starting_at(now, STATUS_US),
@@ -207,6 +209,10 @@ impl Node {
             DataType::Charger => self
                 .packs
                 .charger(source, &ChargerReading::parse(payload)?, now, deliver),
+            DataType::Temperature => {
+                let (device_id, temperature_c) = parse_temperature(payload)?;
+                deliver(CanEvent::Temperature(device_id, temperature_c));
+            }
             DataType::NodeInfoRequest => self.answer_node_info(source, received, now),
             DataType::OutputEnableResponse => {
                 let power = if parse_output_enable(payload)? {
@@ -223,6 +229,7 @@ impl Node {
     fn poll(&mut self, settings: &CanSettings, now: Instant, deliver: &mut impl FnMut(CanEvent)) {
         self.firmware_hash = settings.firmware_hash;
         self.packs.set_up(settings, now);
+        self.temperatures = settings.temperatures;
         if let Role::Asking(allocatee) = &mut self.role
             && let Some(request) = allocatee.poll(now)
         {

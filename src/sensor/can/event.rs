@@ -14,6 +14,8 @@ pub enum CanEvent {
     Reading(Pack, Measurement),
     /// A reading of the motor controller with this index, 0 to 31.
     Controller(u8, ControllerReading),
+    /// The temperature of the device with this id, in degrees Celsius.
+    Temperature(u16, f32),
     /// Something to announce.
     Announce(CanNotice),
 }

@@ -20,6 +20,8 @@ pub(super) const NODE_STATUS: u16 = 341;
 pub(super) const CONTROLLER: u16 = 1034;
 /// `uavcan.equipment.power.BatteryInfo`.
 pub(super) const BATTERY_INFO: u16 = 1092;
+/// `uavcan.equipment.device.Temperature`.
+pub(super) const TEMPERATURE: u16 = 1110;
 /// `ardupilot.equipment.power.BatteryInfoAux`.
 pub(super) const BATTERY_AUX: u16 = 20004;
 /// `mppt.Stream`.
@@ -38,6 +40,7 @@ pub(super) enum DataType {
     BatteryInfo,
     BatteryAux,
     Charger,
+    Temperature,
     NodeInfoRequest,
     OutputEnableResponse,
 }
@@ -57,6 +60,7 @@ impl DataType {
                 BATTERY_INFO => Some(Self::BatteryInfo),
                 BATTERY_AUX => Some(Self::BatteryAux),
                 CHARGER => Some(Self::Charger),
+                TEMPERATURE => Some(Self::Temperature),
                 _ => None,
             },
             Identifier::Service {
@@ -82,6 +86,7 @@ impl DataType {
             Self::BatteryInfo => 0x249c_2654_8a71_1966,
             Self::BatteryAux => 0x7d7f_49fc_7548_4882,
             Self::Charger => 0xdd70_96b2_55fb_6358,
+            Self::Temperature => 0x7026_1c28_a941_44c6,
             Self::NodeInfoRequest => 0xee46_8a81_21c4_6a9e,
             Self::OutputEnableResponse => 0xea25_1f2a_6dd1_d8a5,
         })
@@ -291,6 +296,12 @@ pub(super) fn parse_controller(payload: &[u8]) -> Option<(u8, ControllerReading)
     let _rpm = reader.unsigned(18)?;
     let _power_pct = reader.byte(7)?;
     Some((reader.byte(5)?, reading))
+}
+
+/// Id of a device, and its temperature in degrees Celsius if that is known.
+pub(super) fn parse_temperature(payload: &[u8]) -> Option<(u16, f32)> {
+    let mut reader = BitReader::new(payload);
+    Some((reader.word()?, celsius(reader.known()?)?))
 }
 
 /// Whether a charger's output is on now.

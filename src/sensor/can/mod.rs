@@ -24,7 +24,7 @@ pub use bus::{Acceptance, BitTiming, CanBus, CanFilters, CanInterrupt, CanReport
 pub use dronecan::DroneCan;
 pub use event::{CanEvent, CanNotice, ChargerPower};
 pub use frame::{CanFrame, FRAME_BYTES, NodeId};
-pub use setup::{CanOptions, CanPack, CanSettings, CanSetup};
+pub use setup::{CanOptions, CanPack, CanSettings, CanSetup, TemperatureMessages};
 
 use crate::pack::MAX_PACKS;
 use crate::parameter::MAX_CONTROLLERS;

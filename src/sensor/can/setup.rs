@@ -7,6 +7,7 @@ use super::messages::UNIQUE_ID_BYTES;
 use crate::memory::identity::{BoardId, FirmwareHash, Identity};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::sensor::thermometer::has_can_thermometer;
 use crate::vehicle::ArmState;
 
 /// Bytes behind the board's id in its unique id, which is longer.
@@ -51,8 +52,21 @@ pub struct CanSettings {
     pub packs: Vec<CanPack, MAX_PACKS>,
     /// Whether the rover is armed: a charger may be switched by it.
     pub arm_state: ArmState,
+    /// Messages of thermometers.
+    pub temperatures: TemperatureMessages,
     /// The program's hash; `None` for the first moments after a start, while it is computed.
     pub firmware_hash: Option<FirmwareHash>,
+}
+
+/// Whether messages of thermometers are wanted. They pass the controller's filters with many others, such as commands for motor
+/// controllers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TemperatureMessages {
+    /// No thermometer is on the bus.
+    #[default]
+    Ignored,
+    /// One is.
+    Wanted,
 }
 
 /// Settings of a pack.
@@ -112,6 +126,11 @@ impl CanSettings {
         let mut settings = Self {
             packs: Vec::new(),
             arm_state,
+            temperatures: if has_can_thermometer(parameters) {
+                TemperatureMessages::Wanted
+            } else {
+                TemperatureMessages::Ignored
+            },
             firmware_hash: identity.firmware_hash,
         };
         for pack in packs {

@@ -3,14 +3,16 @@
 use proptest::prelude::*;
 
 use super::golden::{self, frames};
-use super::{Battery, Bench, charger, node, pack};
+use super::{Battery, Bench, charger, message, node, pack};
 use crate::battery::{ChargeState, Faults, Gauge, GaugeReading, Measurement, Supply, Thermometer};
 use crate::memory::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::sensor::can::messages::{DataType, TEMPERATURE};
 use crate::sensor::can::packs::CAN_TIMEOUT_US;
 use crate::sensor::{
     CanEvent, CanFrame, CanNotice, CanOptions, CanPack, CanSettings, CanSetup, ChargerPower,
+    TemperatureMessages,
 };
 use crate::vehicle::ArmState;
 
@@ -467,6 +469,30 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+// Requirement: AP-30
+fn a_temperature_is_that_of_its_device_and_passes_the_filters_when_it_is_wanted() {
+    // Device 1234 at 293.15 K: single precision 0x43929333, rounded to half 0x5c95.
+    let thermometer = message(
+        33,
+        TEMPERATURE,
+        DataType::Temperature,
+        0,
+        &[0xd2, 0x04, 0x95, 0x5c, 0],
+    );
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let passes = |bench: &Bench| bench.can.acceptance().second.pass(thermometer[0].id());
+    assert!(!passes(&bench));
+    bench.settings.temperatures = TemperatureMessages::Wanted;
+    bench.run_ms(100);
+    assert!(passes(&bench));
+    bench.receive(&thermometer);
+    let [CanEvent::Temperature(1234, temperature_c)] = bench.events[..] else {
+        panic!("{:?}", bench.events);
+    };
+    assert!((temperature_c - 20.0).abs() < 0.2, "{temperature_c}");
 }
 
 /// Requests of node 10 to the charger, node 33.

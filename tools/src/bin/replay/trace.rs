@@ -5,6 +5,7 @@
 //! | `t_s` | `t`, `time`, `timestamp`, `seconds`, `elapsed` | seconds since some start; Unix time counts from the first reading |
 //! | `voltage_v` | `v`, `volt`, `volts`, `voltage` | between the pack's terminals; empty where it was not measured |
 //! | `current_a` | `a`, `i`, `amp`, `amps`, `amperes`, `curr`, `current` | drawn from the pack; empty where it was not measured, −1 throughout or left out for no sensor |
+//! | `temperature_c` | `temperature` | of the pack, in degrees Celsius; empty where it was not measured |
 //! | `healthy` | | 0 where the sensor failed; 1 if left out |
 //! | `armed` | | 1 while the rover may move; 0 if left out |
 //!
@@ -217,6 +218,12 @@ const CURRENT: Names = Names {
     unit: "a",
 };
 
+const TEMPERATURE: Names = Names {
+    quantity: "temperature",
+    names: &["temperature"],
+    unit: "c",
+};
+
 const HEALTHY: Names = Names {
     quantity: "state of the sensor",
     names: &["healthy"],
@@ -247,6 +254,7 @@ struct Columns<'a> {
     time: usize,
     voltage: usize,
     current: Option<usize>,
+    temperature: Option<usize>,
     healthy: Option<usize>,
     armed: Option<usize>,
 }
@@ -263,6 +271,7 @@ impl<'a> Columns<'a> {
             time: need(&TIME)?,
             voltage: need(&VOLTAGE)?,
             current: find(&CURRENT)?,
+            temperature: find(&TEMPERATURE)?,
             healthy: find(&HEALTHY)?,
             armed: find(&ARMED)?,
             names,
@@ -287,6 +296,7 @@ impl<'a> Columns<'a> {
             time_s: field(self.time).time_s(latest_s)?,
             voltage_v: field(self.voltage).quantity()?,
             current_a: optional(self.current).map_or(Ok(None), |field| field.quantity())?,
+            temperature_c: optional(self.temperature).map_or(Ok(None), |field| field.quantity())?,
             healthy: optional(self.healthy).map_or(Ok(true), |field| field.flag(true))?,
             armed: optional(self.armed).map_or(Ok(false), |field| field.flag(false))?,
             ..Sample::NONE
@@ -453,6 +463,14 @@ mod tests {
         };
         assert_eq!(only_sample("t_s,voltage_v\r\n1,7.9\r\n"), expected);
         assert_eq!(only_sample("t_s,voltage_v,current_a\n1,7.9,\n"), expected);
+    }
+
+    #[test]
+    fn a_temperature_is_read_where_it_was_measured() {
+        let text = "t_s,voltage_v,Temperature [C]\n1,7.9,-12.5\n2,7.9,\n";
+        let trace = Trace::parse(text.as_bytes()).expect("a trace");
+        let temperatures_c: Vec<_> = trace.samples.iter().map(|sample| sample.temperature_c).collect();
+        assert_eq!(temperatures_c, [Some(-12.5), None]);
     }
 
     #[test]

@@ -1,0 +1,269 @@
+//! Thermometers for packs whose own sensors have none.
+
+use super::{ADC_FULL_SCALE, AdcCount, AnalogPin, AnalogReadings, AnalogWiring};
+use crate::battery::{Measurement, Thermometer};
+use crate::pack::Pack;
+use crate::parameter::{Parameters, THERMOMETER_COUNT, ThermometerParameter, ThermometerRows};
+use crate::time::Instant;
+
+/// `TEMP1_TYPE`, as in ArduPilot.
+const ANALOG: i32 = 5;
+const DRONE_CAN: i32 = 6;
+
+/// `TEMP1_SRC`: a pack by its number.
+const BATTERY_INDEX: i32 = 3;
+
+/// Share of the scale at either end that shows a broken or a shorted lead.
+const RAIL_SHARE: f32 = 0.03;
+
+/// Range of the sensors that are in use, in degrees Celsius.
+const PLAUSIBLE_C: core::ops::RangeInclusive<f32> = -40.0..=125.0;
+
+/// A temperature from the CAN bus is unknown after this time, in microseconds.
+const SILENCE_US: u64 = 5_000_000;
+
+/// A thermometer in use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Input {
+    /// `TEMP1_PIN`, `TEMP1_A0` to `TEMP1_A5`
+    Analog(Option<AnalogPin>, [f32; 6]),
+    /// `TEMP1_MSG_ID`
+    DroneCan(u16),
+}
+
+impl Input {
+    fn from_parameters(parameters: &Parameters, rows: &ThermometerRows) -> Option<Self> {
+        match parameters.get_whole(rows.kind) {
+            ANALOG => Some(Self::Analog(
+                AnalogPin::from_gpio(parameters.get_whole(rows.pin)),
+                rows.coefficients.map(|row| parameters.get(row)),
+            )),
+            DRONE_CAN => Some(Self::DroneCan(parameters.get_whole(rows.message_id) as u16)),
+            _ => None,
+        }
+    }
+}
+
+/// The pins of analog thermometers, each with its parameter. Of one that is not in use it is `None`.
+pub fn thermometer_pins(
+    parameters: &Parameters,
+) -> impl Iterator<Item = (ThermometerParameter, AnalogPin)> + Clone {
+    let rows = ThermometerParameter::THERMOMETERS.into_iter();
+    rows.filter_map(|rows| match Input::from_parameters(parameters, &rows)? {
+        Input::Analog(pin, _) => Some((rows.pin, pin?)),
+        Input::DroneCan(_) => None,
+    })
+}
+
+/// A thermometer's pin that another thermometer or a pack reads, too.
+pub fn shared_thermometer_pin(parameters: &Parameters) -> Option<ThermometerParameter> {
+    let is_of_pack = |pin: AnalogPin| {
+        Pack::ALL.into_iter().any(|pack| {
+            let kind = parameters.monitor_kind(pack);
+            let wiring = AnalogWiring::from_parameters(parameters, pack);
+            kind.is_some_and(|kind| wiring.pins(kind).any(|other| other == pin))
+        })
+    };
+    let mut pins = thermometer_pins(parameters);
+    let shared = pins.find(|(own, pin)| {
+        let mut others = thermometer_pins(parameters).filter(|(other, _)| other != own);
+        others.any(|(_, other)| other == *pin) || is_of_pack(*pin)
+    });
+    shared.map(|(own, _)| own)
+}
+
+/// Whether any thermometer is on the CAN bus.
+pub(super) fn has_can_thermometer(parameters: &Parameters) -> bool {
+    let mut rows = ThermometerParameter::THERMOMETERS.iter();
+    rows.any(|rows| parameters.get_whole(rows.kind) == DRONE_CAN)
+}
+
+/// Temperatures of packs by thermometers, in degrees Celsius.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Temperatures([Option<(Pack, f32)>; THERMOMETER_COUNT]);
+
+impl Temperatures {
+    /// Completes a measurement whose sensor does not measure the pack's temperature.
+    pub fn complete(&self, pack: Pack, measurement: &mut Measurement) {
+        let has_own = measurement.temperature_c.is_some() && measurement.thermometer == Thermometer::Pack;
+        let mut measured = self.0.iter().flatten().filter(|(of_pack, _)| *of_pack == pack);
+        if let Some((_, temperature_c)) = measured.next().filter(|_| !has_own) {
+            measurement.temperature_c = Some(*temperature_c);
+            measurement.thermometer = Thermometer::Pack;
+        }
+    }
+}
+
+/// All thermometers, with what was received from those on the CAN bus.
+#[derive(Clone, Debug, Default)]
+pub struct Thermometers {
+    received: [Option<(f32, Instant)>; THERMOMETER_COUNT],
+}
+
+impl Thermometers {
+    /// Takes a temperature in degrees Celsius from the CAN bus, with its device id.
+    pub fn receive(&mut self, device_id: u16, temperature_c: f32, now: Instant, parameters: &Parameters) {
+        for (received, rows) in self.received.iter_mut().zip(&ThermometerParameter::THERMOMETERS) {
+            if Input::from_parameters(parameters, rows) == Some(Input::DroneCan(device_id)) {
+                *received = Some((temperature_c, now));
+            }
+        }
+    }
+
+    /// The temperatures now.
+    pub fn measure(&self, readings: &AnalogReadings, now: Instant, parameters: &Parameters) -> Temperatures {
+        let mut temperatures = Temperatures::default();
+        let rows = self.received.iter().zip(&ThermometerParameter::THERMOMETERS);
+        for (place, (received, rows)) in temperatures.0.iter_mut().zip(rows) {
+            let Some(input) = Input::from_parameters(parameters, rows) else {
+                continue;
+            };
+            let temperature_c = match input {
+                Input::Analog(pin, coefficients) => {
+                    let count = readings.count(pin).ok();
+                    count.and_then(|count| analog_c(count, &coefficients))
+                }
+                Input::DroneCan(_) => received
+                    .filter(|(_, at)| now.us_since(*at) <= SILENCE_US)
+                    .map(|(temperature_c, _)| temperature_c),
+            };
+            let is_of_pack = parameters.get_whole(rows.source) == BATTERY_INDEX;
+            let number = parameters.get_whole(rows.source_id) as u8;
+            let pack = number.checked_sub(1).and_then(Pack::from_instance);
+            *place = pack
+                .filter(|_| is_of_pack)
+                .zip(temperature_c.filter(|temperature_c| PLAUSIBLE_C.contains(temperature_c)));
+        }
+        temperatures
+    }
+}
+
+/// Temperature by the voltage at a pin, in degrees Celsius; `None` while no coefficient is set, or a lead is broken or
+/// shorted.
+fn analog_c(count: AdcCount, coefficients: &[f32; 6]) -> Option<f32> {
+    let share = f32::from(count.0) / f32::from(ADC_FULL_SCALE);
+    let is_connected = (RAIL_SHARE..=1.0 - RAIL_SHARE).contains(&share);
+    let is_set = coefficients.iter().any(|coefficient| *coefficient != 0.0);
+    (is_connected && is_set).then(|| {
+        let pin_v = count.pin_voltage_v();
+        let powers = coefficients.iter().rev();
+        powers.fold(0.0, |sum, coefficient| sum * pin_v + coefficient)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::at_us;
+
+    const SECOND: ThermometerRows = ThermometerParameter::THERMOMETERS[1];
+
+    fn with(values: &[(ThermometerParameter, f32)]) -> Parameters {
+        let mut parameters = Parameters::defaults();
+        let pack = [(SECOND.source, 3.0), (SECOND.source_id, 3.0)];
+        for (parameter, value) in pack.iter().chain(values) {
+            parameters.set(*parameter, *value).unwrap();
+        }
+        parameters
+    }
+
+    fn analog() -> Parameters {
+        let [a0, a1, a2, ..] = SECOND.coefficients;
+        with(&[
+            (SECOND.kind, 5.0),
+            (SECOND.pin, 28.0),
+            (a0, 100.0),
+            (a1, -50.0),
+            (a2, 2.0),
+        ])
+    }
+
+    fn measured(parameters: &Parameters, count: u16) -> Measurement {
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp28, Ok(AdcCount(count)));
+        let temperatures = Thermometers::default().measure(&readings, at_us(0), parameters);
+        let mut measurement = Measurement::default();
+        temperatures.complete(Pack::Third, &mut measurement);
+        measurement
+    }
+
+    #[test]
+    // Requirement: AP-30
+    fn a_pin_is_a_temperature_by_its_polynomial() {
+        // 1.5 V: 100 − 75 + 4.5.
+        let temperature_c = measured(&analog(), 1861).temperature_c.unwrap();
+        assert!((temperature_c - 29.5).abs() < 0.1, "{temperature_c}");
+        let mut other = Measurement::default();
+        Temperatures([Some((Pack::Third, 20.0)); 3]).complete(Pack::First, &mut other);
+        assert_eq!(other.temperature_c, None);
+    }
+
+    #[test]
+    // Requirement: AP-30
+    fn a_temperature_that_may_be_none_is_unknown() {
+        for count in [0, 122, 3973, 4095] {
+            assert_eq!(measured(&analog(), count).temperature_c, None, "{count}");
+        }
+        for count in [123, 2900, 3972] {
+            assert!(measured(&analog(), count).temperature_c.is_some(), "{count}");
+        }
+        let mut too_hot = analog();
+        too_hot.set(SECOND.coefficients[0], 201.0).unwrap();
+        assert_eq!(measured(&too_hot, 1861).temperature_c, None);
+        let without_coefficients = with(&[(SECOND.kind, 5.0), (SECOND.pin, 28.0)]);
+        assert_eq!(measured(&without_coefficients, 1861).temperature_c, None);
+        let mut of_nothing = analog();
+        of_nothing.set(SECOND.source, 0.0).unwrap();
+        assert_eq!(measured(&of_nothing, 1861).temperature_c, None);
+    }
+
+    #[test]
+    // Requirement: AP-30
+    fn a_pin_that_a_pack_or_another_thermometer_reads_is_shared() {
+        let mut parameters = analog();
+        assert_eq!(shared_thermometer_pin(&parameters), None);
+        parameters.set(SECOND.pin, 26.0).unwrap();
+        assert_eq!(
+            shared_thermometer_pin(&parameters),
+            Some(SECOND.pin),
+            "the divider's"
+        );
+        parameters.set(SECOND.kind, 6.0).unwrap();
+        assert_eq!(shared_thermometer_pin(&parameters), None, "not an analog one");
+        let mut parameters = analog();
+        let first = ThermometerParameter::THERMOMETERS[0];
+        parameters.set(first.pin, 28.0).unwrap();
+        parameters.set(first.kind, 5.0).unwrap();
+        assert_eq!(shared_thermometer_pin(&parameters), Some(first.pin));
+    }
+
+    #[test]
+    // Requirement: AP-30
+    fn a_sensors_own_temperature_of_the_pack_has_priority() {
+        let temperatures = Temperatures([None, Some((Pack::Third, 20.0)), None]);
+        for (thermometer, expected_c) in [(Thermometer::Pack, 35.0), (Thermometer::Device, 20.0)] {
+            let mut measurement = Measurement {
+                temperature_c: Some(35.0),
+                thermometer,
+                ..Measurement::default()
+            };
+            temperatures.complete(Pack::Third, &mut measurement);
+            assert_eq!(
+                (measurement.temperature_c, measurement.thermometer),
+                (Some(expected_c), Thermometer::Pack)
+            );
+        }
+    }
+
+    #[test]
+    // Requirement: AP-30
+    fn a_temperature_from_the_bus_is_that_of_its_device_for_five_seconds() {
+        let parameters = with(&[(SECOND.kind, 6.0), (SECOND.message_id, 1234.0)]);
+        let mut thermometers = Thermometers::default();
+        thermometers.receive(1233, 50.0, at_us(0), &parameters);
+        thermometers.receive(1234, 20.0, at_us(0), &parameters);
+        let at = |us| thermometers.measure(&AnalogReadings::NONE, at_us(us), &parameters);
+        assert_eq!(at(SILENCE_US).0[1], Some((Pack::Third, 20.0)));
+        assert_eq!(at(SILENCE_US + 1), Temperatures::default());
+    }
+}
