@@ -80,7 +80,7 @@ mod firmware {
                 let update = monitor.update(tick, reading, &settings);
                 link.announce(Pack::First, &update.events);
             };
-            parts.read_next(&mut bus, tick.now, judge).await;
+            parts.read_next(&mut bus, tick.now, tick.arm_state, judge).await;
 
             // Report what is due.
             let batteries = [*monitor.state()];

@@ -185,6 +185,7 @@ impl Announcement<'_> {
                 PackEvent::CellsDetected { .. }
                 | PackEvent::SensorRecovered
                 | PackEvent::ContactRestored
+                | PackEvent::Found { .. }
                 | PackEvent::Charging
                 | PackEvent::Learnt { .. }
                 | PackEvent::NotLearnt(_),
@@ -200,6 +201,7 @@ impl Announcement<'_> {
                 | PackEvent::CurrentReversed
                 | PackEvent::AboveDrivers
                 | PackEvent::PowerLimited(_)
+                | PackEvent::NotFound { .. }
                 | PackEvent::CapacityAboveLabel
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
@@ -396,6 +398,27 @@ mod tests {
             (
                 PackEvent::PowerLimited(32_767.0),
                 "Battery 9 limits the motors: over 32767W",
+            ),
+            (
+                PackEvent::NotFound {
+                    address: Some(0x40),
+                    answering: [Some(0x0b), Some(0x41), None, None, None],
+                },
+                "Battery 9 not found at 0x40: the bus answers at 0x0b, 0x41",
+            ),
+            (
+                PackEvent::NotFound {
+                    address: None,
+                    answering: [None; 5],
+                },
+                "Battery 9 not found: nothing answers",
+            ),
+            (
+                PackEvent::Found {
+                    address: 0x0b,
+                    cells: 4,
+                },
+                "Battery 9 found at 0x0b, 4 cells",
             ),
             (PackEvent::SensorRecovered, "Battery 9 healthy again"),
             (PackEvent::PoweringOff, "Battery 9 is powering off"),

@@ -40,6 +40,20 @@ pub enum PackEvent {
     AboveDrivers,
     /// It supplies more than `BATT_WATT_MAX`, in watts, for the first time since the arming: the motors are limited.
     PowerLimited(f32),
+    /// No part was found on the bus while disarmed, at its address if that is set, but others answer: the first of them.
+    NotFound {
+        /// Where it was searched; `None` is everywhere.
+        address: Option<u8>,
+        /// Where something answers that measures no pack here.
+        answering: [Option<u8>; MAX_ANSWERING],
+    },
+    /// A smart battery was met for the first time since the start.
+    Found {
+        /// Where it is.
+        address: u8,
+        /// Its cells, 0 if unknown.
+        cells: u8,
+    },
     /// Its sensor has failed repeatedly, with the latest error.
     SensorFailed(ReadError),
     /// Its sensor has recovered.
@@ -86,6 +100,9 @@ pub enum PackEvent {
         consumed: Amount,
     },
 }
+
+/// Most addresses that answer in place of a part that was not found.
+pub const MAX_ANSWERING: usize = 5;
 
 /// The most events of one tick: cells detected, pack swapped or estimate
 /// restarted, gap, current over range or reversed, sensor failed or recovered, contact lost
@@ -146,6 +163,23 @@ impl fmt::Display for PackEvent {
             Self::CurrentReversed => f.write_str("current sensor reversed?"),
             Self::AboveDrivers => f.write_str("voltage above MOT_DRV_VOLT"),
             Self::PowerLimited(max_w) => write!(f, "limits the motors: over {}W", round_to_i32(*max_w)),
+            Self::NotFound { address, answering } => {
+                f.write_str("not found")?;
+                if let Some(address) = address {
+                    write!(f, " at {address:#04x}")?;
+                }
+                let mut separator = ": the bus answers at ";
+                for address in answering.iter().flatten() {
+                    write!(f, "{separator}{address:#04x}")?;
+                    separator = ", ";
+                }
+                match answering {
+                    [None, ..] => f.write_str(": nothing answers"),
+                    _ => Ok(()),
+                }
+            }
+            Self::Found { address, cells: 0 } => write!(f, "found at {address:#04x}"),
+            Self::Found { address, cells } => write!(f, "found at {address:#04x}, {cells} cells"),
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
             Self::PoweringOff => f.write_str("is powering off"),

@@ -1,6 +1,7 @@
 //! Reads the parts on the I2C bus.
 
 use super::{CheckIn, LONGEST_SLEEP, Shared, mark, now, timer_at};
+use crate::autopilot::Announcement;
 use crate::sensor::{BusDevices, SensorBus};
 
 /// Reads each part when it is due. A part that hangs holds up this task, and no other.
@@ -10,10 +11,14 @@ pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &Check
         mark(check_in);
         let wake = now().after_us(LONGEST_SLEEP.as_micros());
         timer_at(devices.next_due().unwrap_or(wake).min(wake)).await;
-        devices
-            .read_next(&mut bus, now(), |pack, reading| {
+        let arm_state = shared.with(|autopilot| autopilot.vehicle().arm_state());
+        let finding = devices
+            .read_next(&mut bus, now(), arm_state, |pack, reading| {
                 shared.with(|autopilot| autopilot.add_bus_reading(pack, reading, now()));
             })
             .await;
+        if let Some((pack, event)) = finding {
+            shared.with(|autopilot| autopilot.announce(Announcement::Pack(pack, &event), now()));
+        }
     }
 }

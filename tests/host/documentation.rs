@@ -439,6 +439,15 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::ContactRestored,
         gap(Some(3.0)),
         gap(None),
+        PackEvent::PowerLimited(20.0),
+        PackEvent::NotFound {
+            address: Some(0x40),
+            answering: [Some(0x41), Some(0x44), None, None, None],
+        },
+        PackEvent::Found {
+            address: 0x0b,
+            cells: 4,
+        },
         PackEvent::SensorRecovered,
         PackEvent::PoweringOff,
         PackEvent::MembersLeft(0b10),

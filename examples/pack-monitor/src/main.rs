@@ -110,7 +110,7 @@ async fn main(_spawner: Spawner) {
             let update = monitor.update(tick, reading, &settings);
             link.announce(pack, &update.events);
         };
-        parts.read_next(&mut bus, tick.now, &mut update).await;
+        parts.read_next(&mut bus, tick.now, tick.arm_state, &mut update).await;
 
         // Send what is due: HEARTBEAT once a second, SYS_STATUS and BATTERY_STATUS twice.
         let batteries = [*monitor.state()];

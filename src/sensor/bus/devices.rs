@@ -1,14 +1,17 @@
 //! The parts on the bus, and when which is read.
 
+use core::mem;
+
 use heapless::Vec;
 
 use super::part::FAST_MODE_HZ;
 use super::registry::AnyPart;
 use super::{Address, SensorBus, Wiring};
-use crate::battery::{BusError, Measurement, ReadError};
+use crate::battery::{BusError, MAX_ANSWERING, Measurement, PackEvent, ReadError};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{MonitorKind, Parameters, PartKind};
 use crate::time::{Cadence, Instant};
+use crate::vehicle::ArmState;
 
 /// Failures in a row before a part's back-off period, so that it does not hold up the others.
 const FAILURES_UNTIL_REST: u8 = 3;
@@ -29,6 +32,19 @@ enum DeviceAddress {
     Taken,
 }
 
+impl DeviceAddress {
+    /// On the I2C bus, if it is known.
+    fn number(self) -> Option<u8> {
+        match self {
+            Self::Set(Address::I2c(number)) | Self::Found(Address::I2c(number)) => Some(number),
+            Self::Set(Address::ChipSelect)
+            | Self::Found(Address::ChipSelect)
+            | Self::Unknown
+            | Self::Taken => None,
+        }
+    }
+}
+
 /// A part on the bus.
 #[derive(Debug)]
 struct BusDevice {
@@ -36,6 +52,8 @@ struct BusDevice {
     place: DeviceAddress,
     part: Option<AnyPart>,
     failures: u8,
+    /// Whether another part was looked for in its place, or it was announced.
+    was_announced: bool,
     cadence: Cadence,
 }
 
@@ -87,6 +105,7 @@ impl BusDevices {
             place,
             part: None,
             failures: 0,
+            was_announced: false,
             // Between two ticks of the battery task, which starts at the same time: a delay on the bus must not put two
             // readings into one tick and none into the next.
             cadence: Cadence::starting_at(now.after_us(interval_us / 2), interval_us),
@@ -117,37 +136,59 @@ impl BusDevices {
         due.min()
     }
 
-    /// Reads the part that has waited longest, if it is due at `now`, and hands over its reading of each of its packs.
+    /// Reads the part that has waited longest, if it is due at `now`, and hands over its reading of each of its packs. Returns
+    /// something to announce: a smart battery that was met, or what answers in place of a part that is not found.
     pub async fn read_next(
         &mut self,
         bus: &mut impl SensorBus,
         now: Instant,
+        arm_state: ArmState,
         mut deliver: impl FnMut(Pack, Result<Measurement, ReadError>),
-    ) {
+    ) -> Option<(Pack, PackEvent)> {
         let mut taken: Vec<Address, MAX_PACKS> = Vec::new();
         for address in self.taken() {
             // There is room for the part of every pack.
             let _ = taken.push(address);
         }
         let devices = self.devices.iter_mut().enumerate();
-        let Some((number, device)) = devices.min_by_key(|(_, device)| device.cadence.due()) else {
-            return;
-        };
+        let (number, device) = devices.min_by_key(|(_, device)| device.cadence.due())?;
         if !device.cadence.take(now) {
-            return;
+            return None;
         }
+        let mut cells = 0;
         let packs = self.packs.iter().filter(|pack| pack.device == number);
         let is_new = device.part.is_none();
-        let result = device.read(bus, packs.clone(), &taken, &mut deliver).await;
+        let mut noted = |pack, reading: Result<Measurement, ReadError>| {
+            cells = reading.map_or(0, |measurement| measurement.cells.count() as u8);
+            deliver(pack, reading);
+        };
+        let result = device.read(bus, packs.clone(), &taken, &mut noted).await;
         // Contacts bounce while a part is plugged in: what it did not answer then must not count as refused.
         if is_new && device.kind.refuses_commands() && (device.failures > 0 || result.is_err()) {
             device.part = None;
         }
         device.note(result, now);
         if let Err(error) = result {
-            packs.for_each(|pack| deliver(pack.pack, Err(error)));
+            packs.clone().for_each(|pack| deliver(pack.pack, Err(error)));
         }
+        let pack = packs.clone().next()?.pack;
+        let event = match result {
+            Ok(()) => device.met(cells),
+            Err(_) if arm_state == ArmState::Armed => None,
+            Err(error) => device.look_for_others(bus, &taken, error).await,
+        };
+        event.map(|event| (pack, event))
     }
+}
+
+/// The addresses at which parts are searched, with repetitions.
+fn known_addresses() -> impl Iterator<Item = Address> {
+    let kinds = MonitorKind::ALL.iter();
+    let addresses = kinds.filter_map(|kind| match kind {
+        MonitorKind::Bus(part) => Some(part.addresses()),
+        _ => None,
+    });
+    addresses.flatten().copied()
 }
 
 /// The kind of part that measures a pack; `None` if no part on the bus does.
@@ -197,6 +238,46 @@ impl BusDevice {
             }
         }
         Ok(())
+    }
+
+    /// A smart battery answers for the first time: which one it is can't be seen otherwise.
+    fn met(&mut self, cells: u8) -> Option<PackEvent> {
+        let address = self.place.number().filter(|_| self.kind.refuses_commands())?;
+        let is_first = !mem::replace(&mut self.was_announced, true);
+        is_first.then_some(PackEvent::Found { address, cells })
+    }
+
+    /// Nothing was ever found: reads a byte, once, wherever parts are searched.
+    async fn look_for_others(
+        &mut self,
+        bus: &mut impl SensorBus,
+        taken: &[Address],
+        error: ReadError,
+    ) -> Option<PackEvent> {
+        let is_lost = self.part.is_none() && error == ReadError::Bus(BusError::NoAnswer);
+        if !is_lost || self.failures < FAILURES_UNTIL_REST || mem::replace(&mut self.was_announced, true) {
+            return None;
+        }
+        let mut answering = [None; MAX_ANSWERING];
+        let mut free = answering.iter_mut();
+        let mut asked = 0_u128;
+        for address in known_addresses() {
+            let Address::I2c(number) = address else { continue };
+            let bit = 1 << (number & 0x7f);
+            if asked & bit != 0 || taken.contains(&address) {
+                continue;
+            }
+            asked |= bit;
+            if bus.write_read(address, &[], &mut [0]).await.is_ok()
+                && let Some(place) = free.next()
+            {
+                *place = Some(number);
+            }
+        }
+        Some(PackEvent::NotFound {
+            address: self.place.number(),
+            answering,
+        })
     }
 
     fn note(&mut self, result: Result<(), ReadError>, now: Instant) {

@@ -50,7 +50,7 @@ impl Address {
 
 /// The wires to the parts. Transfers must end: the implementation bounds the wait and frees one that hangs.
 pub trait SensorBus {
-    /// Writes `written`, then reads, without letting go in between.
+    /// Writes `written`, unless that is empty, then reads, without letting go in between.
     ///
     /// # Errors
     /// No part answers, or the transfer failed.
@@ -118,6 +118,9 @@ impl<I: I2cBus, S: SpiDevice> SensorBus for Buses<I, S> {
         read: &mut [u8],
     ) -> Result<(), BusError> {
         match address {
+            Address::I2c(address) if written.is_empty() => {
+                self.i2c.transfer(address, &mut [Operation::Read(read)]).await
+            }
             Address::I2c(address) => {
                 let mut operations = [Operation::Write(written), Operation::Read(read)];
                 self.i2c.transfer(address, &mut operations).await

@@ -9,11 +9,12 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     BatteryMonitor, BatteryState, CellVoltages, Chemistry, Date, Faults, GaugeReading, Measurement,
-    PackSettings, ReadError, Tick,
+    PackEvent, PackSettings, ReadError, Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
 use crate::time::{Instant, at_us};
+use crate::vehicle::ArmState;
 
 /// Devices as tables: by address and register, the bytes that are read. What is written is not kept.
 #[derive(Default)]
@@ -149,8 +150,48 @@ fn read_next(
 ) -> Vec<(Pack, Result<Measurement, ReadError>)> {
     let mut readings = Vec::new();
     let now = devices.next_due().expect("there is a part");
-    block_on(devices.read_next(bus, now, |pack, reading| readings.push((pack, reading))));
+    let _ = block_on(devices.read_next(bus, now, ArmState::Disarmed, |pack, reading| {
+        readings.push((pack, reading));
+    }));
     readings
+}
+
+/// What is announced in the next readings.
+fn findings(
+    devices: &mut BusDevices,
+    bus: &mut impl SensorBus,
+    arm_state: ArmState,
+) -> Vec<(Pack, PackEvent)> {
+    let mut readings = 0..20;
+    std::iter::from_fn(|| {
+        readings.next()?;
+        let now = devices.next_due()?;
+        Some(block_on(devices.read_next(bus, now, arm_state, |_, _| {})))
+    })
+    .flatten()
+    .collect()
+}
+
+#[test]
+fn a_part_that_is_not_found_is_looked_for_once_while_disarmed() {
+    let parameters = parameters(&[
+        (Pack::Second, BatteryParameter::Monitor, 21.0),
+        (Pack::Second, BatteryParameter::I2cAddr, 64.0),
+    ]);
+    let mut devices = BusDevices::from_parameters(&parameters, Instant::EPOCH);
+    let mut tables = Tables::default();
+    for address in [0x44, 0x41, 0x50] {
+        tables.set(address, 0, &[1]);
+    }
+    let mut bus = wires(tables);
+    assert_eq!(findings(&mut devices, &mut bus, ArmState::Armed), []);
+    let event = PackEvent::NotFound {
+        address: Some(0x40),
+        answering: [Some(0x41), Some(0x44), None, None, None],
+    };
+    let found = findings(&mut devices, &mut bus, ArmState::Disarmed);
+    assert_eq!(found, [(Pack::Second, event)]);
+    assert_eq!(findings(&mut devices, &mut bus, ArmState::Disarmed), []);
 }
 
 fn read_one(devices: &mut BusDevices, bus: &mut Wires) -> Result<Measurement, ReadError> {

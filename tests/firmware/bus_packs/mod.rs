@@ -2,6 +2,7 @@
 
 mod bq76952;
 mod faults;
+mod found;
 mod messages;
 mod more_parts;
 mod nine;
