@@ -471,7 +471,7 @@ mod tests {
                 "Battery 9 reports: bad battery, over temperature",
             ),
             (
-                PackEvent::Faults(Faults::all() - Faults::SPIKES - Faults::UNDER_TEMPERATURE),
+                PackEvent::Faults(Faults::all() - Faults::CELL_DIFFERS - Faults::UNDER_TEMPERATURE),
                 "Battery 9 fault: cell failed, deep discharge, over temperature, over current, voltage does not f",
             ),
             (

@@ -199,7 +199,9 @@ impl Autopilot {
         let message = message.as_ref()?;
         // The table's range is 1 to 255.
         let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
-        Some(framer.signed_frame(message, system_id, &mut self.signing, endpoint.kind(), now))
+        let frame = framer.signed_frame(message, system_id, &mut self.signing, endpoint.kind(), now);
+        endpoint.count_bytes(frame);
+        Some(frame)
     }
 
     /// The frame of a HEARTBEAT for stations that have no link yet, by which ground stations find the vehicle; signed if there is a key.
@@ -366,6 +368,10 @@ impl Autopilot {
                 self.announce(Announcement::ParametersReset, now);
                 self.recording.add_all_parameters();
                 self.parameters_changed()
+            }
+            Action::SwitchChargers(power) => {
+                self.charger_switch = Some(power);
+                Work::empty()
             }
             Action::ResetBatteries { mask, percent } => {
                 self.packs.reset(mask, percent, &self.parameters);

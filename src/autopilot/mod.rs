@@ -43,6 +43,7 @@ use crate::memory::save_state::SaveState;
 use crate::pack::Pack;
 use crate::parameter::{MonitorKind, Parameters};
 use crate::recorder::dataflash::{ModeReason, Record};
+use crate::sensor::ChargerPower;
 use crate::system::{ArmingReadiness, SystemState};
 use crate::time::Instant;
 use crate::vehicle::{ArmState, Vehicle, VehicleStatus};
@@ -82,6 +83,8 @@ pub struct Autopilot {
     armed_since: Option<Instant>,
     wifi: WifiState,
     can: CanWatch,
+    /// To be done by the CAN task: a ground station switches the solar chargers.
+    charger_switch: Option<ChargerPower>,
     recording: Recording,
     /// The watchdog has the time-out of this state.
     watched_as: ArmState,
@@ -115,6 +118,7 @@ impl Autopilot {
             armed_since: None,
             wifi: in_place(|| WifiState::new(start)),
             can: CanWatch::new(),
+            charger_switch: None,
             recording: in_place(|| Recording::new(start.crash.clone())),
             watched_as: ArmState::Disarmed,
             mode_reason: ModeReason::Command,
@@ -245,6 +249,7 @@ fn system_state<'a>(
     SystemState {
         batteries: &packs.states,
         external_packs: packs.mask_of(|kind| kind == MonitorKind::External),
+        can_packs: packs.mask_of(|kind| kind == MonitorKind::Can),
         pin_packs: packs.mask_of(MonitorKind::reads_voltage_pin),
         vehicle: vehicle.status(),
         identity,

@@ -42,13 +42,17 @@ impl Autopilot {
         CanSetup::from_parameters(&self.parameters, &self.identity)
     }
 
-    /// The node's settings that may change at any time.
-    pub fn can_settings(&self) -> CanSettings {
-        CanSettings::new(
+    /// The node's settings that may change at any time, and what a ground station has switched since the last call.
+    pub fn can_settings(&mut self) -> CanSettings {
+        let settings = CanSettings::new(
             self.packs.of_kind(MonitorKind::Can),
             &self.parameters,
             &self.identity,
             self.vehicle.arm_state(),
-        )
+        );
+        CanSettings {
+            switched: self.charger_switch.take(),
+            ..settings
+        }
     }
 }

@@ -18,6 +18,9 @@ const OVERLOAD_S: f32 = 3.0;
 /// Largest difference between the resting voltages of a sum's packs, relative to the lowest.
 const MAX_SPREAD: f32 = 0.05;
 
+/// Difference between resting cells that is worth knowing, in volts.
+const NOTED_IMBALANCE_V: f32 = 0.2;
+
 /// Maximum difference between the cells of a sound pack, in volts.
 const MAX_IMBALANCE_V: f32 = 0.3;
 
@@ -26,10 +29,11 @@ const MIN_TEMPERATURE_C: f32 = -20.0;
 const MAX_TEMPERATURE_C: f32 = 60.0;
 
 /// All faults.
-pub(super) const FAULTS: [Faults; 9] = [
+pub(super) const FAULTS: [Faults; 10] = [
     Faults::DEEP_DISCHARGE,
     Faults::SPIKES,
     Faults::CELL_FAIL,
+    Faults::CELL_DIFFERS,
     Faults::OVER_CURRENT,
     Faults::OVER_TEMPERATURE,
     Faults::UNDER_TEMPERATURE,
@@ -70,6 +74,13 @@ impl Diagnosis {
             (
                 Faults::INCOMPATIBLE_VOLTAGE,
                 at_rest.spread.map(|spread| spread > MAX_SPREAD),
+            ),
+            (
+                Faults::CELL_DIFFERS,
+                at_rest
+                    .voltage_v
+                    .and(state.cells.imbalance_v())
+                    .map(|imbalance_v| imbalance_v > NOTED_IMBALANCE_V && imbalance_v <= MAX_IMBALANCE_V),
             ),
             (
                 Faults::CONTRADICTED_CHARGE,

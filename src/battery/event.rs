@@ -252,8 +252,9 @@ impl fmt::Display for PackEvent {
     }
 }
 
-const FAULT_NAMES: [(Faults, &str); 9] = [
+const FAULT_NAMES: [(Faults, &str); 10] = [
     (Faults::CELL_FAIL, "cell failed"),
+    (Faults::CELL_DIFFERS, "cells differ at rest"),
     (Faults::DEEP_DISCHARGE, "deep discharge"),
     (Faults::OVER_TEMPERATURE, "over temperature"),
     (Faults::UNDER_TEMPERATURE, "under temperature"),

@@ -25,6 +25,8 @@ bitflags! {
         /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry, or may be that of more cells than it is usual for;
         /// or the pack reports other cells than it should have.
         const CELLS_CONFIGURATION = 256;
+        /// A cell differs from another at rest, without having failed yet.
+        const CELL_DIFFERS = 1 << 12;
         /// The pack reports that it is bad: it must not be used.
         const BAD_BATTERY = 1 << 13;
         /// The pack reports that it has to be serviced.

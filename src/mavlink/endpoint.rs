@@ -56,6 +56,7 @@ pub struct Endpoint {
     stations: Stations,
     clocks: SenderClocks,
     sent: u32,
+    sent_bytes: u32,
     /// Messages of streams that were dropped (saturating).
     streams_dropped: u8,
     /// Received messages that were not signed as they would have to be.
@@ -89,6 +90,7 @@ impl Endpoint {
             stations: Stations::default(),
             clocks: SenderClocks::default(),
             sent: 0,
+            sent_bytes: 0,
             streams_dropped: 0,
             unauthorized: 0,
             shortfall_said: false,
@@ -129,6 +131,7 @@ impl Endpoint {
     pub fn statistics(&self) -> LinkStatistics {
         LinkStatistics {
             sent: self.sent,
+            sent_bytes: self.sent_bytes,
             dropped: self.outbox.dropped(),
             unauthorized: self.unauthorized,
             received: self.parser.statistics(),
@@ -224,6 +227,11 @@ impl Endpoint {
     /// wanted any more is ignored.
     pub fn supply(&mut self, read: LogRead, bytes: &[u8]) {
         self.services.downloads.supply(read, bytes);
+    }
+
+    /// Counts the bytes of a frame that leaves.
+    pub(crate) fn count_bytes(&mut self, frame: &[u8]) {
+        self.sent_bytes = self.sent_bytes.wrapping_add(frame.len() as u32);
     }
 
     /// The message that leaves next: HEARTBEAT, urgent texts, answers, the share of a parameter list, downloads and telemetry in turn.

@@ -1,7 +1,7 @@
 //! Events of received messages, beyond their answers.
 
 use crate::parameter::{ParameterId, Refused};
-use crate::sensor::ExternalReading;
+use crate::sensor::{ChargerPower, ExternalReading};
 use crate::time::Utc;
 use crate::vehicle::Restart;
 use crate::wifi::WifiMode;
@@ -90,6 +90,8 @@ pub enum Action {
     Restart(Restart),
     /// Forget everything stored and go back to the defaults.
     ResetParameters,
+    /// Switch all solar chargers.
+    SwitchChargers(ChargerPower),
     /// The failsafe levels of these packs end, and they have this much charge now, unless they report it themselves.
     ResetBatteries {
         /// One bit for each instance, bit 0 for the first; only packs that are monitored.

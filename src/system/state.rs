@@ -15,6 +15,8 @@ pub struct SystemState<'a> {
     pub batteries: &'a [BatteryState],
     /// The packs that another component measures, a bit each, bit 0 for the first.
     pub external_packs: u16,
+    /// The packs on the CAN bus, a bit each, bit 0 for the first.
+    pub can_packs: u16,
     /// The packs whose voltage is read at an analog pin, a bit each, bit 0 for the first.
     pub pin_packs: u16,
     /// The rover's mode, and whether it is armed.
@@ -123,6 +125,8 @@ pub enum LogHealth {
     Works,
     /// The flash can't be written or erased.
     Failed,
+    /// None is wanted (`LOG_BITMASK` 0).
+    Off,
 }
 
 /// Who read a log file most recently: a download must not lose its file to another station's LOG_ERASE.
@@ -179,6 +183,8 @@ pub enum ArmingReadiness {
 pub struct LinkStatistics {
     /// Messages handed to the wire.
     pub sent: u32,
+    /// Their bytes.
+    pub sent_bytes: u32,
     /// Messages dropped because the link had no room for them.
     pub dropped: u32,
     /// Received messages that were ignored because they were not signed as they would have to be.

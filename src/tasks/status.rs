@@ -33,6 +33,7 @@ struct Snapshot {
     idle_us: u32,
     samples: u32,
     sent: u32,
+    sent_bytes: u32,
     dropped: u32,
 }
 
@@ -44,6 +45,7 @@ impl Snapshot {
             idle_us: idle.idle_us(),
             samples: shared.with(|autopilot| autopilot.samples()),
             sent: statistics.sent,
+            sent_bytes: statistics.sent_bytes,
             dropped: statistics.dropped,
         }
     }
@@ -64,10 +66,11 @@ fn log(shared: &Shared, link: &Link<'_>, now: &Snapshot, before: &Snapshot) {
         state.batteries.iter().zip(1u8..).for_each(log_pack);
     });
     info!(
-        "{} samples/s; {}: {} frames/s, {} dropped; load {} permille",
+        "{} samples/s; {}: {} frames/s, {} bytes/s, {} dropped; load {} permille",
         now.samples.wrapping_sub(before.samples),
         link.name(),
         now.sent.wrapping_sub(before.sent),
+        now.sent_bytes.wrapping_sub(before.sent_bytes),
         now.dropped.wrapping_sub(before.dropped),
         shared.with(|autopilot| autopilot.load_permille()),
     );

@@ -49,7 +49,7 @@ fn two_lines_a_second_report_voltage_and_rates() {
     );
     let (_, last) = &lines[9];
     assert!(
-        last.contains("10 samples/s") && last.contains("5 frames/s") && last.contains("0 dropped"),
+        last.contains("10 samples/s") && last.contains("5 frames/s, 213 bytes/s, 0 dropped"),
         "{last}"
     );
 }

@@ -22,7 +22,7 @@ use rover_battmon::mavlink::{
     build_sys_status,
 };
 use rover_battmon::pack::Pack;
-use rover_battmon::system::{ArmingReadiness, LinkStatistics, ReceiveStatistics, SystemState};
+use rover_battmon::system::{ArmingReadiness, LinkStatistics, LogHealth, ReceiveStatistics, SystemState};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::VehicleStatus;
@@ -405,20 +405,39 @@ fn which_faults_are_unsound_by_their_origin() {
 
 /// What Mission Planner takes for a safety switch and for the readiness to arm, and MAVProxy for a fence.
 #[test]
-fn motors_arming_checks_and_fence_have_their_bits() {
+fn motors_arming_checks_log_and_fence_have_their_bits() {
     const MOTORS: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS;
     const CHECKS: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
     const FENCE: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
-    for (readiness, healthy) in [
-        (ArmingReadiness::NotReady, MOTORS | FENCE),
-        (ArmingReadiness::Ready, MOTORS | FENCE | CHECKS),
+    const LOG: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_LOGGING;
+    for (readiness, log, enabled, healthy) in [
+        (
+            ArmingReadiness::NotReady,
+            LogHealth::Works,
+            LOG,
+            MOTORS | FENCE | LOG,
+        ),
+        (
+            ArmingReadiness::Ready,
+            LogHealth::Works,
+            LOG,
+            MOTORS | FENCE | CHECKS | LOG,
+        ),
+        (ArmingReadiness::NotReady, LogHealth::Failed, LOG, MOTORS | FENCE),
+        (
+            ArmingReadiness::NotReady,
+            LogHealth::Off,
+            MavSysStatusSensor::empty(),
+            MOTORS | FENCE | LOG,
+        ),
     ] {
         let data = build_sys_status(&SystemState {
             readiness,
+            log,
             ..SystemState::default()
         });
-        assert_eq!(data.onboard_control_sensors_present, MOTORS | CHECKS);
-        assert_eq!(data.onboard_control_sensors_enabled, MOTORS | CHECKS);
+        assert_eq!(data.onboard_control_sensors_present, MOTORS | CHECKS | LOG);
+        assert_eq!(data.onboard_control_sensors_enabled, MOTORS | CHECKS | enabled);
         assert_eq!(data.onboard_control_sensors_health, healthy);
     }
 }
@@ -1399,7 +1418,7 @@ proptest! {
     ) {
         let received = ReceiveStatistics { frames, bad_checksums, ..Default::default() };
         let state = SystemState {
-            batteries: &packs, load_permille, link: LinkStatistics { sent, dropped, unauthorized, received }, ..SystemState::default()
+            batteries: &packs, load_permille, link: LinkStatistics { sent, sent_bytes: sent, dropped, unauthorized, received }, ..SystemState::default()
         };
         let data = build_sys_status(&state);
         prop_assert!(data.load <= 1000);

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{
     Amount, BatteryState, ChargeSource, ChargeState, Contents, PackDetails, PackStatus, Visibility,
 };
@@ -13,6 +14,7 @@ use rover_battmon::parameter::{
     BatteryParameter, GroundStationParameter, ParameterId, Parameters, SimulationParameter, StickParameter,
     THERMOMETER_COUNT, Unsaved, VehicleParameter,
 };
+use rover_battmon::sensor::ChargerPower;
 use rover_battmon::system::SystemState;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::Restart;
@@ -369,6 +371,36 @@ fn healthy() -> BatteryState {
 fn packs_with_a_gap() -> [BatteryState; 4] {
     let none = BatteryState::disabled();
     [healthy(), none, healthy(), none]
+}
+
+#[test]
+// Requirement: AP-31
+fn a_ground_station_switches_solar_chargers_by_their_function_alone() {
+    const DO_AUX_FUNCTION: u16 = 218;
+    const DRONE_CAN: f32 = 8.0;
+    let mut parameters = Parameters::defaults();
+    parameters
+        .set(BatteryParameter::Monitor.of(Pack::Second), DRONE_CAN)
+        .unwrap();
+    for (function, position, result, switched) in [
+        (172.0, 2.0, ACCEPTED, Some(ChargerPower::On)),
+        (172.0, 0.0, ACCEPTED, Some(ChargerPower::Off)),
+        (172.0, 1.0, ACCEPTED, None),
+        (172.0, 3.0, DENIED, None),
+        (9.0, 2.0, UNSUPPORTED, None),
+    ] {
+        let mut desk = Desk::starting(Start::with_parameters(parameters.clone()));
+        let answer = desk.one_answer(&command_long_2(DO_AUX_FUNCTION, function, position));
+        assert_ack(&answer, DO_AUX_FUNCTION, result);
+        assert_eq!(
+            desk.autopilot.can_settings().switched,
+            switched,
+            "{function} {position}"
+        );
+        assert_eq!(desk.autopilot.can_settings().switched, None, "once");
+    }
+    let answer = Desk::without_packs().one_answer(&command_long_2(DO_AUX_FUNCTION, 172.0, 2.0));
+    assert_ack(&answer, DO_AUX_FUNCTION, FAILED);
 }
 
 #[test]

@@ -81,6 +81,8 @@ pub(super) struct Recording {
     armed_at: Option<Instant>,
     flushed_at: Instant,
     failed_erases: u8,
+    /// No log is wanted.
+    is_off: bool,
     failure: Option<LogFailure>,
     announced: Option<LogFailure>,
     retry_at: Instant,
@@ -133,6 +135,7 @@ impl Recording {
             armed_at: None,
             flushed_at: Instant::EPOCH,
             failed_erases: 0,
+            is_off: false,
             failure: None,
             announced: None,
             retry_at: Instant::EPOCH,
@@ -155,7 +158,9 @@ impl Recording {
     /// Whether the flash can be written and erased.
     pub fn health(&self) -> LogHealth {
         let is_worn_out = self.failed_erases >= MOST_FAILED_ERASES;
-        if is_worn_out || self.failure == Some(LogFailure::NotWritten) {
+        if self.is_off {
+            LogHealth::Off
+        } else if is_worn_out || self.failure == Some(LogFailure::NotWritten) {
             LogHealth::Failed
         } else {
             LogHealth::Works
@@ -194,7 +199,8 @@ impl Recording {
             ArmState::Disarmed if self.is_full() => self.failure = None,
             ArmState::Disarmed => {}
         }
-        if !is_on(parameters) {
+        self.is_off = !is_on(parameters);
+        if self.is_off {
             // Of no concern.
             self.failed_erases = 0;
         }

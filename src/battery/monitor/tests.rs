@@ -547,6 +547,25 @@ fn faults_begin_and_end() {
 }
 
 #[test]
+fn cells_that_differ_at_rest_are_a_fault_until_the_next_rest_and_refuse_nothing() {
+    let mut bench = Bench::new();
+    let with = |lowest_mv, current_a| Measurement {
+        cells: CellVoltages::from_millivolts(&[3900, 3900, lowest_mv]),
+        ..loaded(11.5, current_a)
+    };
+    assert_eq!(
+        bench.run(10.0, with(3650, 5.0)).faults,
+        Faults::empty(),
+        "under load"
+    );
+    let at_rest = bench.run(10.0, with(3650, 0.0));
+    assert_eq!(at_rest.faults, Faults::CELL_DIFFERS);
+    assert_eq!(at_rest.refusals().count(), 0);
+    assert_eq!(bench.run(10.0, with(3900, 5.0)).faults, Faults::CELL_DIFFERS);
+    assert_eq!(bench.run(10.0, with(3720, 0.0)).faults, Faults::empty());
+}
+
+#[test]
 // Requirement: AP-10
 fn the_temperature_of_a_device_is_no_fault_of_the_pack() {
     for temperature_c in [90.0, -30.0] {

@@ -8,7 +8,7 @@ use crate::system::SystemState;
 
 /// The flag that goes with each fault. Those of things no sensor here can see (balancing, protections, a short circuit)
 /// are never set.
-const FLAGS_OF_FAULTS: [(Faults, Flags); 11] = [
+const FLAGS_OF_FAULTS: [(Faults, Flags); 12] = [
     (
         Faults::DEEP_DISCHARGE,
         Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_VOLT,
@@ -16,6 +16,10 @@ const FLAGS_OF_FAULTS: [(Faults, Flags); 11] = [
     (Faults::SPIKES, Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_VOLT),
     (
         Faults::CELL_FAIL,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_CELL_IMBALANCE,
+    ),
+    (
+        Faults::CELL_DIFFERS,
         Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_CELL_IMBALANCE,
     ),
     (

@@ -4,7 +4,7 @@ use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct
 use crate::battery::{BatteryState, Consequences, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::pack::Pack;
-use crate::system::{ArmingReadiness, ReceiveStatistics, SystemState};
+use crate::system::{ArmingReadiness, LogHealth, ReceiveStatistics, SystemState};
 use crate::vehicle::ArmState;
 
 /// The primary pack's voltage, current and remaining charge, whether all packs are healthy, the processor's load and
@@ -18,7 +18,7 @@ pub fn build_sys_status(state: &SystemState<'_>) -> SYS_STATUS_DATA {
     let battery = state.battery(Pack::First);
     SYS_STATUS_DATA {
         onboard_control_sensors_present: present_sensors(state),
-        onboard_control_sensors_enabled: present_sensors(state),
+        onboard_control_sensors_enabled: enabled_sensors(state),
         onboard_control_sensors_health: healthy_sensors(state),
         load: state.load_permille.min(1000),
         voltage_battery: pack_voltage_mv(battery),
@@ -51,14 +51,25 @@ fn drop_rate_percent_hundredths(received: &ReceiveStatistics) -> u16 {
     (lost * 10_000).checked_div(all).unwrap_or(0) as u16
 }
 
-/// The motors, the arming checks, and the packs if any is monitored. Without the bit of the motors Mission Planner shows
+/// The motors, the arming checks, the log, and the packs if any is monitored. Without the bit of the motors Mission Planner shows
 /// a safety switch that is on; without the one of the checks, readiness to arm.
 fn present_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
     let mut sensors = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
-        | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+        | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK
+        | MavSysStatusSensor::MAV_SYS_STATUS_LOGGING;
     sensors.set(
         MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
         state.monitored().next().is_some(),
+    );
+    sensors
+}
+
+/// Those of them that are in use.
+fn enabled_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
+    let mut sensors = present_sensors(state);
+    sensors.set(
+        MavSysStatusSensor::MAV_SYS_STATUS_LOGGING,
+        state.log != LogHealth::Off,
     );
     sensors
 }
@@ -70,6 +81,10 @@ fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
     sensors.set(
         MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK,
         state.readiness == ArmingReadiness::Ready,
+    );
+    sensors.set(
+        MavSysStatusSensor::MAV_SYS_STATUS_LOGGING,
+        state.log != LogHealth::Failed,
     );
     // One bit stands for all packs.
     let mut packs = state.monitored();

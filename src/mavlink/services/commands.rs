@@ -14,6 +14,7 @@ use crate::mavlink::{
     build_protocol_version,
 };
 use crate::pack::Pack;
+use crate::sensor::ChargerPower;
 use crate::system::SystemState;
 use crate::time::Instant;
 use crate::vehicle::{Mode, Restart};
@@ -45,6 +46,13 @@ const BATTERY_RESET: u16 = 42651;
 /// MAV_CMD_BATTERY_RESET, parameter 1: all packs, as MAVProxy writes it.
 const ALL_PACKS: f32 = -1.0;
 
+/// MAV_CMD_DO_AUX_FUNCTION of ArduPilot's dialect; parameter 1: solar chargers, by ArduPilot's number. Parameter 2: the position of the switch.
+const CHARGERS: f32 = 172.0;
+const SWITCH_LOW: f32 = 0.0;
+const SWITCH_MIDDLE: f32 = 1.0;
+const SWITCH_HIGH: f32 = 2.0;
+
+const DO_AUX_FUNCTION: u16 = 218;
 const DO_MOTOR_TEST: u16 = MavCmd::MAV_CMD_DO_MOTOR_TEST as u16;
 const PREFLIGHT_STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
 const PREFLIGHT_REBOOT_SHUTDOWN: u16 = MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN as u16;
@@ -59,7 +67,7 @@ impl Action {
     pub(in crate::mavlink) fn needs_disarmed(self) -> bool {
         match self {
             Self::Restart(_) | Self::ResetParameters => true,
-            Self::ResetBatteries { .. } => false,
+            Self::SwitchChargers(_) | Self::ResetBatteries { .. } => false,
         }
     }
 }
@@ -188,6 +196,7 @@ impl Command {
             SET_MESSAGE_INTERVAL => self.set_message_interval(scheduler, now).into(),
             GET_MESSAGE_INTERVAL => self.message_interval(self.param1, scheduler),
             BATTERY_RESET => self.reset_batteries(state),
+            DO_AUX_FUNCTION if self.param1 == CHARGERS => self.switch_chargers(state),
             REQUEST_MESSAGE => self.request_message(scheduler, state),
             REQUEST_PROTOCOL_VERSION if self.param1 == REQUEST => protocol_version(),
             REQUEST_AUTOPILOT_CAPABILITIES if self.param1 == REQUEST => autopilot_version(state),
@@ -281,6 +290,20 @@ impl Command {
         } else {
             Answer::Streams(requested).into()
         }
+    }
+
+    /// Switches all solar chargers; as in ArduPilot the middle position leaves them as they are. Fails without a pack on the CAN bus.
+    fn switch_chargers(&self, state: &SystemState<'_>) -> CommandOutcome {
+        let power = match self.param2 {
+            SWITCH_LOW => ChargerPower::Off,
+            SWITCH_HIGH => ChargerPower::On,
+            SWITCH_MIDDLE => return ACCEPTED.into(),
+            _ => return DENIED.into(),
+        };
+        if state.can_packs == 0 {
+            return FAILED.into();
+        }
+        Action::SwitchChargers(power).into()
     }
 
     /// Resets the packs that are named, and with a sum the packs that it is of. As in ArduPilot it fails if a pack that is

@@ -46,6 +46,11 @@ impl Charger {
         }
     }
 
+    /// A ground station switches it.
+    pub fn switch(&mut self, power: ChargerPower) {
+        self.wanted = Some(Wanted::new(power));
+    }
+
     /// The request to send now, with this id.
     pub fn poll(
         &mut self,

@@ -78,9 +78,13 @@ impl CanPacks {
     /// Takes over what may have changed.
     pub fn set_up(&mut self, settings: &CanSettings, now: Instant) {
         self.arm_state = settings.arm_state;
+        let switched = settings.switched;
         for (entry, pack) in self.entries.iter_mut().zip(Pack::ALL) {
             let settings = settings.packs.iter().find(|settings| settings.pack == pack);
             entry.set_up(settings, now);
+            if let Some((charger, power)) = entry.charger.as_mut().zip(switched) {
+                charger.switch(power);
+            }
         }
     }
 

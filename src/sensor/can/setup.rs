@@ -3,6 +3,7 @@
 use heapless::Vec;
 
 use super::NodeId;
+use super::event::ChargerPower;
 use super::messages::UNIQUE_ID_BYTES;
 use crate::memory::identity::{BoardId, FirmwareHash, Identity};
 use crate::pack::{MAX_PACKS, Pack};
@@ -52,6 +53,8 @@ pub struct CanSettings {
     pub packs: Vec<CanPack, MAX_PACKS>,
     /// Whether the rover is armed: a charger may be switched by it.
     pub arm_state: ArmState,
+    /// All chargers are to be switched so, once.
+    pub switched: Option<ChargerPower>,
     /// Messages of thermometers.
     pub temperatures: TemperatureMessages,
     /// The program's hash; `None` for the first moments after a start, while it is computed.
@@ -126,6 +129,7 @@ impl CanSettings {
         let mut settings = Self {
             packs: Vec::new(),
             arm_state,
+            switched: None,
             temperatures: if has_can_thermometer(parameters) {
                 TemperatureMessages::Wanted
             } else {

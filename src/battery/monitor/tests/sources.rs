@@ -403,7 +403,8 @@ fn one_cell_that_is_too_low_contradicts_the_charge() {
         cells: CellVoltages::from_millivolts(&[3900, 3900, 3610]),
         ..reports(0.84, 3.8)
     };
-    assert_eq!(bench.run(15.0, uneven).faults, Faults::CONTRADICTED_CHARGE);
+    let expected = Faults::CONTRADICTED_CHARGE | Faults::CELL_DIFFERS;
+    assert_eq!(bench.run(15.0, uneven).faults, expected);
 }
 
 #[test]

@@ -617,6 +617,23 @@ fn it_is_asked_each_second_until_it_confirms() {
 }
 
 #[test]
+fn it_is_switched_by_a_ground_station() {
+    let mut bench = charger_with(&[]);
+    bench.receive(&charger(33, 0));
+    for (power, expected) in [(ChargerPower::Off, 0b01), (ChargerPower::On, 0b10)] {
+        bench.settings.switched = Some(power);
+        bench.run_ms(100);
+        bench.settings.switched = None;
+        let requests = bench.sent_of(SWITCH);
+        assert_eq!(requests.len(), 1);
+        assert_eq!(requests[0].data()[0], expected);
+        bench.receive(&[answer(&requests[0], expected >> 1)]);
+        bench.run_ms(5000);
+        assert_eq!(switched(&mut bench), [], "it has confirmed");
+    }
+}
+
+#[test]
 fn it_follows_arming_by_options() {
     for (options, armed, disarmed) in [
         (&[2][..], &[][..], &[0b01][..]),
