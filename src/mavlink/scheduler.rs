@@ -5,18 +5,18 @@ use super::{DefaultRate, StreamGroup, StreamKind};
 use crate::time::{Cadence, Instant};
 
 /// The interval of what is sent once a second.
-const SECOND_US: u64 = 1_000_000;
+const SECOND_US: u32 = 1_000_000;
 
 const MICROSECONDS_PER_SECOND: f32 = 1e6;
 
 /// The default interval of messages whose content hardly ever changes.
-const RARELY_US: u64 = 10_000_000;
+const RARELY_US: u32 = 10_000_000;
 
 /// 50 Hz, the highest rate a stream is sent at.
 const SHORTEST_INTERVAL_US: u64 = 20_000;
 
 /// Half an hour: not much more can be reported by MESSAGE_INTERVAL.
-const LONGEST_INTERVAL_US: u64 = 1_800_000_000;
+const LONGEST_INTERVAL_US: u32 = 1_800_000_000;
 
 /// Rate of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,7 +44,7 @@ struct Entry {
     kind: StreamKind,
     interval: Interval,
     /// The interval by default, in µs; `None` is never.
-    default_us: Option<u64>,
+    default_us: Option<u32>,
     /// `None` while it is off.
     cadence: Option<Cadence>,
     /// Earliest time at which it may be due again: toggling it must not exceed the highest rate.
@@ -61,10 +61,10 @@ impl Entry {
         match (self.kind.default_rate(), interval) {
             (_, Interval::Default) => true,
             (DefaultRate::EverySecond, Interval::Off) => false,
-            (DefaultRate::EverySecond, Interval::Every(interval_us)) => interval_us == SECOND_US,
+            (DefaultRate::EverySecond, Interval::Every(interval_us)) => interval_us == u64::from(SECOND_US),
             (_, Interval::Off) => true,
             (_, Interval::Every(interval_us)) => {
-                (SHORTEST_INTERVAL_US..=LONGEST_INTERVAL_US).contains(&interval_us)
+                (SHORTEST_INTERVAL_US..=u64::from(LONGEST_INTERVAL_US)).contains(&interval_us)
             }
         }
     }
@@ -72,7 +72,7 @@ impl Entry {
     /// The interval that was asked for, before any slow-down.
     fn asked_interval_us(&self) -> Option<u64> {
         match self.interval {
-            Interval::Default => self.default_us,
+            Interval::Default => self.default_us.map(u64::from),
             Interval::Off => None,
             Interval::Every(interval_us) => Some(interval_us),
         }
@@ -136,7 +136,7 @@ impl StreamScheduler {
     /// at least.
     pub fn set_group_rate(&mut self, group: StreamGroup, rate_hz: f32, now: Instant) {
         let interval_us =
-            (rate_hz > 0.0).then(|| ((MICROSECONDS_PER_SECOND / rate_hz) as u64).min(LONGEST_INTERVAL_US));
+            (rate_hz > 0.0).then(|| ((MICROSECONDS_PER_SECOND / rate_hz) as u32).min(LONGEST_INTERVAL_US));
         for entry in &mut self.entries {
             if entry.kind.default_rate() == DefaultRate::Extra1(group) {
                 entry.default_us = interval_us;
@@ -425,7 +425,7 @@ mod tests {
         for other in [
             Interval::Off,
             Interval::Default,
-            Interval::Every(LONGEST_INTERVAL_US),
+            Interval::Every(u64::from(LONGEST_INTERVAL_US)),
         ] {
             let sent = sent_while(|scheduler, now| {
                 for interval in [other, Interval::Every(SHORTEST_INTERVAL_US)] {

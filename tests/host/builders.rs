@@ -18,8 +18,8 @@ use rover_battmon::mavlink::dialect::{
 };
 use rover_battmon::mavlink::{
     BroadcastCommand, Framer, Message, build_battery_info, build_battery_status, build_battery_status_v2,
-    build_fuel_status, build_heartbeat, build_resistance, build_resting_voltage, build_smart_battery_info,
-    build_sys_status,
+    build_charge_deviation, build_fuel_status, build_heartbeat, build_resistance, build_resting_voltage,
+    build_smart_battery_info, build_sys_status,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::system::{ArmingReadiness, LinkStatistics, LogHealth, ReceiveStatistics, SystemState};
@@ -956,10 +956,11 @@ fn a_tank_is_no_battery_of_any_chemistry() {
 }
 
 #[test]
-fn resistance_and_resting_voltage_are_byte_exact() {
+fn named_values_are_byte_exact() {
     let battery = BatteryState {
         resistance_ohm: Some(0.04525),
         resting_voltage_v: Some(11.5),
+        remaining_sigma_pct: Some(3.5),
         ..healthy(11.1)
     };
     let batteries = [battery; 9];
@@ -972,6 +973,8 @@ fn resistance_and_resting_voltage_are_byte_exact() {
     assert_eq!(frame_hex(&message), golden["named_value_float_resistance"]);
     let message = Message::RestingVoltage(build_resting_voltage(&state, Pack::Ninth));
     assert_eq!(frame_hex(&message), golden["named_value_float_resting_voltage"]);
+    let message = Message::ChargeDeviation(build_charge_deviation(&state, Pack::First));
+    assert_eq!(frame_hex(&message), golden["named_value_float_charge_deviation"]);
 }
 
 #[test]
@@ -1374,6 +1377,7 @@ proptest! {
         for (data, name, length) in [
             (build_resistance(&state, pack), format!("BAT{number}_RES"), 8),
             (build_resting_voltage(&state, pack), format!("BAT{number}_VREST"), 10),
+            (build_charge_deviation(&state, pack), format!("BAT{number}_SIGMA"), 10),
         ] {
             prop_assert_eq!(&data.name[..length], name.as_bytes());
             prop_assert!(data.name[length..].iter().all(|byte| *byte == 0));

@@ -289,6 +289,7 @@ fn row_of_stream(kind: StreamKind) -> String {
         Subject::EachTank => "each tank",
         Subject::EachKnownResistance => "each pack whose resistance is known",
         Subject::EachKnownRestingVoltage => "each pack whose resting voltage is known",
+        Subject::EachKnownDeviation => "each pack whose charge is estimated",
     };
     format!("| {} ({}) | {comes} | {of} |", kind.name(), kind.message_id())
 }

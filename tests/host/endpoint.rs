@@ -812,14 +812,16 @@ fn named_values(sent: &[Frame]) -> Vec<(String, f32)> {
 }
 
 #[test]
-fn resistance_and_resting_voltage_are_sent_on_request_while_they_are_known() {
+fn estimates_are_sent_on_request_while_they_are_known() {
     let known = BatteryState {
         resistance_ohm: Some(0.0625),
         resting_voltage_v: Some(11.5),
+        remaining_sigma_pct: Some(3.5),
         ..healthy()
     };
     let resistance_only = BatteryState {
         resting_voltage_v: None,
+        remaining_sigma_pct: None,
         ..known
     };
     let unused = BatteryState {
@@ -829,7 +831,11 @@ fn resistance_and_resting_voltage_are_sent_on_request_while_they_are_known() {
     let mut desk = Desk::with_packs(&[known, healthy(), resistance_only, unused]);
     assert_eq!(named_values(&sent_for(&mut desk, 60)), []);
 
-    let of_first = [("BAT1_RES".into(), 62.5), ("BAT1_VREST".into(), 11.5)];
+    let of_first = [
+        ("BAT1_RES".into(), 62.5),
+        ("BAT1_VREST".into(), 11.5),
+        ("BAT1_SIGMA".into(), 3.5),
+    ];
     let of_third = [("BAT3_RES".into(), 62.5)];
     for (instance, expected) in [(0.0, &of_first[..]), (f32::NAN, &of_first), (2.0, &of_third)] {
         let answers = desk.ask(&command_long_2(
@@ -856,13 +862,13 @@ fn resistance_and_resting_voltage_are_sent_on_request_while_they_are_known() {
         assert_ack(&desk.one_answer(&request), SET_MESSAGE_INTERVAL, ACCEPTED);
     };
     set_interval(&mut desk, 1_000_000.0);
-    let once = ["BAT1_RES", "BAT3_RES", "BAT1_VREST"];
+    let once = ["BAT1_RES", "BAT3_RES", "BAT1_VREST", "BAT1_SIGMA"];
     let names = |sent: &[Frame]| -> Vec<_> { named_values(sent).into_iter().map(|(name, _)| name).collect() };
     assert_eq!(names(&sent_for(&mut desk, 5)), once.repeat(5));
     desk.change_battery(Pack::First, |battery| battery.resistance_ohm = None);
     assert_eq!(
         names(&sent_for(&mut desk, 2)),
-        ["BAT3_RES", "BAT1_VREST"].repeat(2)
+        ["BAT3_RES", "BAT1_VREST", "BAT1_SIGMA"].repeat(2)
     );
     // By default it is off.
     set_interval(&mut desk, 0.0);

@@ -31,7 +31,7 @@ pub use file_transfer::{
 };
 pub use fuel_status::build_fuel_status;
 pub use heartbeat::build_heartbeat;
-pub use named_value_float::{build_resistance, build_resting_voltage};
+pub use named_value_float::{build_charge_deviation, build_resistance, build_resting_voltage};
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
 pub use stream::{DefaultRate, StreamGroup, Subject};
@@ -63,6 +63,7 @@ declare::messages! {
         FuelStatus(FUEL_STATUS_DATA): OnRequest, EachTank, build_fuel_status;
         Resistance(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownResistance, build_resistance;
         RestingVoltage(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownRestingVoltage, build_resting_voltage;
+        ChargeDeviation(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownDeviation, build_charge_deviation;
     }
     answers {
         Ping(PING_DATA);

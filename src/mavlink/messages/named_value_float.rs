@@ -22,6 +22,17 @@ pub fn build_resting_voltage(state: &SystemState<'_>, pack: Pack) -> NAMED_VALUE
     named_value(state, pack, *b"BAT#_VREST", state.battery(pack).resting_voltage_v)
 }
 
+/// The standard deviation of the remaining charge of `pack`, in percent of a full pack: `BAT1_SIGMA` of the first one. NaN while
+/// it is unknown.
+pub fn build_charge_deviation(state: &SystemState<'_>, pack: Pack) -> NAMED_VALUE_FLOAT_DATA {
+    named_value(
+        state,
+        pack,
+        *b"BAT#_SIGMA",
+        state.battery(pack).remaining_sigma_pct,
+    )
+}
+
 /// A value under a name whose `#` becomes the number of the pack.
 fn named_value(
     state: &SystemState<'_>,

@@ -17,6 +17,8 @@ pub enum Subject {
     EachKnownResistance,
     /// A pack whose resting voltage is known.
     EachKnownRestingVoltage,
+    /// A pack whose remaining charge is estimated here.
+    EachKnownDeviation,
 }
 
 /// The group of streams in which ArduPilot sends a message (MAV_DATA_STREAM).
@@ -76,6 +78,7 @@ impl Stream {
                 Subject::EachTank => state.is_tank(pack),
                 Subject::EachKnownResistance => battery.resistance_ohm.is_some(),
                 Subject::EachKnownRestingVoltage => battery.resting_voltage_v.is_some(),
+                Subject::EachKnownDeviation => battery.remaining_sigma_pct.is_some(),
             }
     }
 }
