@@ -1,5 +1,8 @@
 // The room of the packs: a card each, the plot, the rover's messages.
 
+// How often a pack is asked what it is: what is learnt or detected changes it.
+const INFO_MS = 10000;
+
 // By number of the charge state: a word, and its colour.
 const CHARGE_STATES = [
   ['Unknown'], ['OK', 'good'], ['Low', 'low'], ['Critical', 'bad'], ['Nearly empty', 'bad'],
@@ -12,9 +15,10 @@ const FIGURES = {
   drawn: ['Drawn', 0, ' mAh'], left: ['Time left'], celsius: ['Temperature', 0, ' °C'],
 };
 
-// Kinds of pack that have a voltage only, and chemistries whose voltage hardly changes.
-const VOLTAGE_ONLY = [3, 6];
+// Chemistries whose voltage hardly changes.
 const FLAT = [2, 4];
+
+const CHEMISTRIES = ['', 'LiPo', 'LiFe', 'Li-ion', 'NiMH'];
 
 // From an empty lithium cell to a full one.
 const CELL_EMPTY_V = 2.8;
@@ -23,9 +27,9 @@ const CELL_RANGE_V = 1.4;
 const SEVERITIES = ['Emergency', 'Alert', 'Critical', 'Error', 'Warning', 'Notice', 'Info', 'Debug'];
 
 function newCard(pack) {
-  const html = '<header><h2></h2><span></span></header><div class="charge"><b></b><small></small></div><div class="bar"><i></i></div>'
+  const html = '<header><h2></h2><span></span></header><p class="muted"></p><div class="charge"><b></b><small></small></div><div class="bar"><i></i></div>'
     + '<div class="figures">' + Object.values(FIGURES).map(([name]) => `<div><span>${name}</span><b></b><small></small></div>`).join('')
-    + '</div><div class="cells"></div><p class="muted"></p>';
+    + '</div><p class="muted"></p><div class="cells"></div><p class="muted"></p>';
   const card = el('article', { className: 'card live', innerHTML: html });
   show(card.querySelector('h2'), pack.name);
   $('packs').append(card);
@@ -33,35 +37,55 @@ function newCard(pack) {
   return card;
 }
 
+const NOT_YET = 'not known yet';
+
 // Why something of a pack is not known.
-function reason({ prefix, volts, state, cellCount }, key) {
-  const hasNoCurrent = VOLTAGE_ONLY.includes(value(prefix + 'MONITOR'));
+function reason(pack, key) {
+  const { prefix, volts, state, cellCount } = pack;
+  const hasNoCurrent = isVoltageOnly(pack);
   if (volts == null) return state == UNHEALTHY ? 'the sensor fails' : 'no pack is connected';
   if (key == 'celsius') return 'no sensor for it';
-  if (key != 'percent') return hasNoCurrent ? 'no current sensor' : 'not known yet';
-  if (hasNoCurrent && FLAT.includes(value(prefix + 'CHEM'))) return 'no current sensor';
-  return cellCount ? 'not known yet' : 'set the number of cells';
+  if (hasNoCurrent && (key != 'percent' || FLAT.includes(value(prefix + 'CHEM')))) return 'no current sensor';
+  return key != 'percent' || cellCount ? NOT_YET : 'set the number of cells';
+}
+
+// Cells, chemistry and capacity, in a line.
+function contents({ cellCount, chemistry, design, full }) {
+  const mah = (ampHours) => digits(ampHours * 1000) + ' mAh';
+  const cells = cellCount && cellCount + (cellCount > 1 ? ' cells' : ' cell');
+  return [cells, CHEMISTRIES[chemistry], design > 0 && mah(design), full > 0 && 'learnt ' + mah(full)].filter((part) => part).join(', ');
 }
 
 function renderPack(pack) {
   const card = (pack.card ||= newCard(pack));
   const [, state, percent, why, bar] = card.querySelectorAll('h2,header span,.charge *,i');
+  const [what, missing] = card.querySelectorAll('p');
   const [word, colour = ''] = CHARGE_STATES[pack.state] || CHARGE_STATES[0];
   const old = now() - pack.at;
   card.classList.toggle('old', old > DEAD_MS);
   show(state, pack.volts == null && !pack.state ? 'Not connected' : word);
   state.className = 'chip ' + colour;
   show(percent, pack.percent == null ? '–' : pack.percent + ' %');
-  const unknown = pack.percent == null ? 'Charge unknown: ' + reason(pack, 'percent') : '';
-  show(why, old > FRESH_MS ? duration(old / SECOND) + ' old' : unknown);
+  // Two standard deviations: it is within them 19 times of 20.
+  const band = pack.deviation == null ? '' : '± ' + digits(2 * pack.deviation) + ' %';
+  show(why, old > FRESH_MS ? duration(old / SECOND) + ' old' : pack.percent == null ? 'Charge unknown: ' + reason(pack, 'percent') : band);
+  show(what, contents(pack));
   bar.style.width = +pack.percent + '%';
   bar.className = colour;
-  Object.entries(FIGURES).forEach(([key, [, places, unit]], index) => {
-    const [, figure, why] = card.querySelectorAll('.figures>div')[index].children;
+  // By why it is: what can't be measured has no field.
+  const lacks = {};
+  Object.entries(FIGURES).forEach(([key, [name, places, unit]], index) => {
+    const field = card.querySelectorAll('.figures>div')[index];
+    const [, figure, why] = field.children;
     const number = pack[key];
-    show(figure, number == null ? '–' : unit ? digits(number, places) + unit : duration(number));
-    show(why, number == null ? reason(pack, key) : '');
+    const cause = number == null ? reason(pack, key) : '';
+    const isTransient = cause == NOT_YET;
+    field.hidden = cause && !isTransient;
+    if (field.hidden) (lacks[cause] ||= []).push(name);
+    show(figure, cause ? '–' : unit ? digits(number, places) + unit : duration(number));
+    show(why, cause);
   });
+  show(missing, Object.entries(lacks).map(([cause, names]) => names.join(', ') + ': ' + cause + '.').join(' '));
   const cells = card.querySelector('.cells');
   if (cells.children.length != pack.cells.length) {
     cells.replaceChildren(...pack.cells.map((_, index) => el('div', { innerHTML: `Cell ${index + 1}<div class="bar"><i></i></div><b></b>` })));
@@ -72,25 +96,6 @@ function renderPack(pack) {
     show(text, digits(volts, 2) + ' V');
   });
   show(card.lastChild, pack.text ? pack.text.text + ', ' + clock(pack.text.at) : '');
-}
-
-// What keeps the rover from driving, in its own words.
-function notices() {
-  const found = [];
-  if (lacksKey()) found.push('The rover has a signing key: enter it under Link.');
-  if (ignored && age() > FRESH_MS) found.push('Nothing comes that is signed with your key: it is wrong, or the rover has none.');
-  if (!isFresh()) return found;
-  if (status == STATE_TERMINATED) found.push(textLike(/^Terminated/) || 'Terminated');
-  if (status == STATE_TIMED_OUT) found.push(textLike(/Failsafe: Hold$/) || 'Failsafe: Hold');
-  if (ready == false && !armed) found.push(...(obstacles[0] ? obstacles : ['not ready']).map((text) => 'Does not arm: ' + text));
-  return found;
-}
-
-function renderNotices() {
-  const found = notices();
-  for (const list of document.querySelectorAll('.notices')) {
-    fill(list, found.map((text) => el('li', {}, text, / 1$/.test(text) ? el('button', { onclick: () => setParameter('PARAM_CHECKED', 1) }, 'Set') : '')));
-  }
 }
 
 function renderBattery() {
@@ -106,3 +111,7 @@ on('text', ({ at, severity, text }) => {
   list.prepend(el('li', {}, el('time', {}, clock(at)), el('span', { className: colour }, SEVERITIES[severity]), el('span', {}, text)));
   list.children[MAX_TEXTS]?.remove();
 });
+
+setInterval(() => {
+  if (isFresh() && !document.hidden) for (const { id } of allPacks()) request('BATTERY_INFO', id);
+}, INFO_MS);

@@ -19,13 +19,13 @@ import zopfli.gzip
 FOLDER = pathlib.Path(__file__).resolve().parent
 
 # Each uses what stands before it.
-SCRIPTS = "messages codec signing link page rover drive battery plot about setup logs main".split()
+SCRIPTS = "messages codec signing link page rover advice drive battery plot about setup logs main".split()
 
 # Fields of messages that the rover has in its lists of logs, too.
 NAMES_IN_JSON = {"time_utc"}
 
 MAX_BYTES = 40 * 1024
-MAX_COMPRESSED_BYTES = 14_800
+MAX_COMPRESSED_BYTES = 16_600
 
 
 def source(name):

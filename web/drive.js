@@ -246,7 +246,8 @@ on('state', () => {
 });
 
 on('text', ({ text }) => {
-  said = text;
+  // What it says on connecting is no answer; its thresholds are in a line of their own.
+  if (!/^(Set BATT|Battery failsafes|rover-)/.test(text)) said = text;
   if (/^(Sticks|Centre)/.test(text)) blocked = { text, at: now() };
 });
 
@@ -307,10 +308,10 @@ function renderDrive() {
   else if (armed && !isManual) hint = 'In Hold it stands: choose Manual to drive.';
   else if (armed && isBlocked()) hint = blocked.text;
   else if (armed) hint = stickX || stickY ? 'The rover follows the stick.' : 'Move the stick to drive.';
-  put('hint', hint);
-  const text = wishText();
-  put('stop-state', wish.isStop ? text : '');
-  put('drive-answer', (!wish.isStop && text) || said);
+  const answer = wishText();
+  put('hint', !taken && !armed && notices()[0] ? '' : hint);
+  put('stop-state', wish.isStop ? answer : '');
+  put('drive-answer', (!wish.isStop && answer) || (said == acting ? '' : said));
   $('hold').ariaPressed = fresh && mode == HOLD;
   $('manual').ariaPressed = isManual;
   $('manual').disabled = !isKnown();
@@ -318,4 +319,6 @@ function renderDrive() {
   $('disarm').disabled = fresh && !armed;
   $('pad').className = isReady ? 'follows' : '';
   put('limit-value', $('limit').value + ' %');
+  const line = whenLow();
+  put('when-low', line && line + ' → Set up');
 }

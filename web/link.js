@@ -73,9 +73,10 @@ function send(name, values) {
   if (isOpen()) socket.send(encode(name, values, ownSystem, COMPONENT, sequence++ & 255, signer?.sign));
 }
 
-// To the rover. It refuses what was under way for too long, by the time that is stated before; 0 would be none.
+// To the rover. It refuses what was under way for too long, by the time that is stated before; 0 would be none. The date is for
+// its logs.
 function ask(name, values) {
-  send('SYSTEM_TIME', { time_boot_ms: now() + 1 });
+  send('SYSTEM_TIME', { time_unix_usec: BigInt(Date.now()) * 1000n, time_boot_ms: now() + 1 });
   send(name, { target_system: roverSystem, ...values });
 }
 

@@ -3,7 +3,7 @@
 const MESSAGE_TABLE = `
 HEARTBEAT 0 50 custom_mode:I0 type:B4 autopilot:B5 base_mode:B6 system_status:B7 mavlink_version:B8
 SYS_STATUS 1 124 onboard_control_sensors_health:I8 errors_comm:H20
-SYSTEM_TIME 2 137 time_boot_ms:I8
+SYSTEM_TIME 2 137 time_unix_usec:Q0 time_boot_ms:I8
 PING 4 237 seq:I8
 PARAM_REQUEST_READ 20 214 param_index:h0 target_system:B2 param_id:s4x16
 PARAM_REQUEST_LIST 21 159 target_system:B0
@@ -20,7 +20,8 @@ LOG_ERASE 121 237 target_system:B0
 LOG_REQUEST_END 122 203 target_system:B0
 BATTERY_STATUS 147 154 current_consumed:i0 temperature:h8 voltages:H10x10 current_battery:h30 id:B32 battery_remaining:b35 time_remaining:i36 charge_state:B40 voltages_ext:H41x4
 AUTOPILOT_VERSION 148 178 uid:Q8 middleware_sw_version:I20 flight_custom_version:s36x8
+NAMED_VALUE_FLOAT 251 170 value:f4 name:s8x10
 STATUSTEXT 253 83 severity:B0 text:s1x50 id:H51 chunk_seq:B53
 PARAM_ERROR 345 209 param_id:s4x16 error:B20
-BATTERY_INFO 372 26 id:B44 cells_in_series:B48
+BATTERY_INFO 372 26 design_capacity:f32 full_charge_capacity:f36 id:B44 type:B46 cells_in_series:B48
 `;

@@ -9,10 +9,14 @@ const STATE_TIMED_OUT = 5;
 const STATE_TERMINATED = 6;
 const ARMING_CHECKS_PASSED = 1 << 28;
 
+// A failsafe's action.
+const TERMINATE = 5;
+
 const SET_MODE = 176;
 const RESTART = 246;
 const ARM = 400;
 const CHECK_ARMING = 401;
+const SET_INTERVAL = 511;
 const REQUEST_MESSAGE = 512;
 
 const REFUSED = 'refused';
@@ -21,6 +25,13 @@ const NO_KEY = 'Without the key nothing is obeyed.';
 const REAL32 = 9;
 
 const MAX_TEXTS = 100;
+// What is said of the rover to a new station may come more than once.
+const GREETING_MS = 5000;
+// Estimates that no other message has.
+const ESTIMATES_US = 2000000;
+
+// Kinds of pack that have a voltage only.
+const VOLTAGE_ONLY = [3, 6];
 const CHUNK_CHARACTERS = 50;
 // A cell that is not there, or an index that is not known.
 const UNKNOWN = 65535;
@@ -48,6 +59,8 @@ const allPacks = () => [...packs.values()].filter((pack) => pack.at);
 const chosenPack = () => packs.get(+$('pack').value) || {};
 const textLike = (pattern) => texts.find(({ text }) => pattern.test(text))?.text;
 const value = (name) => params.get(name)?.param_value;
+const isVoltageOnly = ({ prefix }) => VOLTAGE_ONLY.includes(value(prefix + 'MONITOR'));
+const parameterOf = (name) => (chosenPack().prefix || 'BATT_') + name;
 
 const isKnown = () => isFresh() && isIdentified;
 const UNSIGNED_ALLOWED = 2;
@@ -56,6 +69,7 @@ const lacksKey = () => roverSigns && !signer && value('SIGN_WIFI_ALLOW') != UNSI
 on('HEARTBEAT', ({ base_mode, custom_mode, system_status }) => {
   const isArmed = !!(base_mode & ARMED_FLAG);
   if (armed != isArmed && armed != null) say(isArmed ? 'Armed' : 'Disarmed');
+  if (!isArmed) acting = '';
   armed = isArmed;
   mode = custom_mode;
   status = system_status;
@@ -94,7 +108,13 @@ on('BATTERY_STATUS', (fields) => {
   emit('pack', pack);
 });
 
-on('BATTERY_INFO', ({ id, cells_in_series }) => (packOf(id).cellCount = cells_in_series));
+on('BATTERY_INFO', ({ id, type, cells_in_series, design_capacity, full_charge_capacity }) =>
+  Object.assign(packOf(id), { chemistry: type, cellCount: cells_in_series, design: design_capacity, full: full_charge_capacity }));
+
+on('NAMED_VALUE_FLOAT', ({ name, value }) => {
+  const [, number] = /^BAT(\d)_SIGMA/.exec(name) || [];
+  if (number) packOf(number - 1).deviation = value;
+});
 
 function packOf(id) {
   if (!packs.has(id)) {
@@ -114,6 +134,7 @@ on('STATUSTEXT', ({ severity, text: part, id, chunk_seq }) => {
     if (!obstacles.includes(obstacle)) obstacles.push(obstacle);
     return;
   }
+  if (now() - openedAt < GREETING_MS && texts.some(({ at, text }) => text == chunks && Date.now() - at < GREETING_MS)) return;
   const entry = { at: new Date(), severity, text: chunks };
   texts.unshift(entry);
   texts.splice(MAX_TEXTS);
@@ -126,7 +147,10 @@ on('STATUSTEXT', ({ severity, text: part, id, chunk_seq }) => {
 // As on the board's label; undefined if it is unknown.
 const boardId = () => (version?.uid || undefined)?.toString(16).toUpperCase();
 
-on('opened', () => (isIdentified = 0));
+on('opened', () => {
+  isIdentified = 0;
+  for (const pack of allPacks()) pack.deviation = null;
+});
 
 // For another rover the page starts again, without a key that is another's. One without an id is the same.
 on('AUTOPILOT_VERSION', (fields) => {
@@ -140,6 +164,7 @@ on('AUTOPILOT_VERSION', (fields) => {
   if (hasAnothersKey || isAnother(before)) return location.reload();
   if (isIdentified) return;
   isIdentified = 1;
+  ask('COMMAND_LONG', { command: SET_INTERVAL, param1: MESSAGES['NAMED_VALUE_FLOAT'].id, param2: ESTIMATES_US });
   readParameters();
 });
 
@@ -170,7 +195,7 @@ on('PARAM_VALUE', (fields) => {
 });
 
 // The rover's own words, if it has said any since, say best why not.
-const inItsWords = (why, before) => (why && texts[0] != before ? texts[0].text : why);
+const inItsWords = (why, before) => (why && texts[0] != before ? texts[0].text.replace(/^Arm: /, '') : why);
 
 // How often Stop was wanted: what was begun before is not sent again.
 let stops = 0;

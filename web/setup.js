@@ -45,7 +45,8 @@ async function change(name, wanted, state, input = {}) {
   const why = await setParameter(name, wanted);
   const stored = short(value(name));
   input.value = stored;
-  show(state, why ? 'Failed: ' + why : 'Saved: ' + stored);
+  // Its own refusal says so itself.
+  show(state, why ? (/refused:/.test(why) ? '' : 'Failed: ') + why : 'Saved: ' + stored);
   if (!why && described(name).rebootRequired) restarts.add(name);
   if (!why && /MONITOR|TYPE|DRIVER|PROTOCOL/.test(name)) readParameters();
   renderSetup();
@@ -76,14 +77,12 @@ function fieldOf(name) {
     el('p', { className: 'muted' }, longDesc, bits && ' The sum of ' + bits));
 }
 
-const parameterOf = (name) => (chosenPack().prefix || 'BATT_') + name;
-
 function renderForms() {
   for (const [form, names] of Object.entries(FORMS)) {
     const known = names.map(parameterOf).filter((name) => params.has(name));
     const element = $('form-' + form);
     element.replaceChildren(...known.map(fieldOf));
-    element.parentNode.hidden = !known[0];
+    element.parentNode.hidden = !known[0] || (form == 'sensor' && isVoltageOnly(chosenPack()));
   }
   renderList();
   renderSetup();
@@ -138,7 +137,7 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
     const before = undone[name];
     const is = value(name);
     const then = wanted();
-    card.hidden = is == null;
+    card.hidden = is == null || (key == 'amps' && isVoltageOnly(chosenPack()));
     show(reported, measured == null ? 'nothing' : digits(measured, 2) + unit);
     apply.disabled = !then || !isKnown();
     undo.disabled = !isKnown();
@@ -154,8 +153,9 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
 
 function renderSetup() {
   const volts = suggestion();
-  hide('suggest', !volts);
-  put('suggest', volts ? 'What suits the cells: ' + volts.map((one) => digits(one, 2) + ' V').join(', ') : '');
+  hide('suggestion', !volts);
+  put('suggest', volts ? 'Use what suits the cells: ' + volts.map((one) => digits(one, 2) + ' V').join(', ') : '');
+  put('low-line', whenLow());
   const { cellCount } = chosenPack();
   put('detected', cellCount ? 'The rover counts ' + cellCount + ' cells.' : '');
   $('restart').parentNode.hidden = !restarts.size;
@@ -170,9 +170,15 @@ function startSetup() {
   $('search').oninput = renderList;
   $('suggest').onclick = async () => {
     const [low, critical] = suggestion();
-    // The lower one first: crossed, they would keep the rover from arming.
-    (await change(parameterOf('CRT_VOLT'), critical, $('suggested'))) && (await change(parameterOf('LOW_VOLT'), low, $('suggested')));
+    const action = +$('action').value;
+    // The lower one first: crossed, they would keep the rover from arming. An action that is set stays.
+    const wanted = [['CRT_VOLT', critical], ['LOW_VOLT', low], ['LOW_TIMER', value(parameterOf('LOW_TIMER')) || 10]];
+    const unset = ['FS_LOW_ACT', 'FS_CRT_ACT'].filter((name) => !value(parameterOf(name)));
+    for (const [name, number] of [...wanted, ...unset.map((name) => [name, action])]) {
+      if (!(await change(parameterOf(name), number, $('suggested')))) return renderForms();
+    }
     renderForms();
+    put('suggested', 'Saved. ' + whenLow());
   };
   askTwice($('restart'), 'Press again to restart', async () => {
     const why = await command(RESTART, 1);

@@ -297,15 +297,20 @@ def test_each_page_signs_by_a_link_of_its_own(codec):
 def test_the_pack_and_what_is_unknown_of_it(rover):
     page = rover.open()
     page.wait_for("100 %")
-    page.wait_for("no current sensor")
+    page.wait_for("Current, Power, Drawn, Time left: no current sensor. Temperature: no sensor for it.")
+    page.wait_for("3 cells, LiPo, 3300 mAh")
+    # Two standard deviations, as the rover estimates it.
+    page.wait(lambda: re.search(r"100 %\s+± \d+ %", page.read("packs")))
     shown = page.text()
     assert re.search(r"12\.\d\d V", shown) and "OK" in shown and "Disarmed" in shown
-    assert "no sensor for it" in shown
+    assert shown.count("no current sensor") == 1
+    # What it says to a new station is shown once.
+    assert shown.count("Battery failsafes are off") == 1
     page.wait(lambda: re.search(r"Now: Voltage 12\.\d\d V, Charge 100 %", page.text()))
     set_to(rover.station, "SIM_BATT_FAULT", 2)
     page.wait_for("no pack is connected")
     assert page.run("return document.querySelector('.bar i').offsetWidth") == 0
-    page.wait_for("Does not arm: Battery 1 unhealthy")
+    page.wait_for("Does not arm: Battery 1 unhealthy. Check the plug and the wires of the pack.")
     set_to(rover.station, "SIM_BATT_FAULT", 0)
     page.wait_until_gone("Does not arm")
     set_to(rover.station, "SIM_BATT_VOLTAGE", 10.9)
@@ -527,6 +532,8 @@ def test_settings(rover):
     page.enter("setup")
     page.wait_for("Battery monitoring")
     page.wait_for("The rover counts 3 cells")
+    # Nothing of a current without a sensor for it.
+    assert not page.element("#form-sensor").is_displayed() and not page.element("#current").is_displayed()
 
     # A calibration says what it will change, and can be undone.
     meter = page.element("#voltage input")
@@ -553,8 +560,8 @@ def test_settings(rover):
     page.wait_until_gone("Undo: back to 3.95")
 
     # Thresholds that suit the cells.
-    page.press("What suits the cells: 10.50 V, 10.20 V")
-    page.wait_for("Saved: 10.5")
+    page.press("Use what suits the cells: 10.50 V, 10.20 V")
+    page.wait_for("Saved. Below 10.50 V for 10 s it stops in Hold.")
     assert parameter(rover, "BATT_LOW_VOLT") == 10.5
     assert parameter(rover, "BATT_CRT_VOLT") == pytest.approx(10.2)
 
@@ -564,8 +571,8 @@ def test_settings(rover):
     field = page.element("#list input")
     field.clear()
     field.send_keys("500\t")
-    page.wait_for("Failed: ")
-    assert "BATT_LOW_TIMER" in page.read("list") and "120" in page.read("list")
+    page.wait(lambda: "BATT_LOW_TIMER refused: valid 0 to 120" in page.read("list"))
+    assert page.read("list").lower().count("refused") == 1 and "Failed" not in page.read("list")
     assert field.get_attribute("value") == "10"
 
     # What needs a restart says so, and the page is back after it.
@@ -576,6 +583,7 @@ def test_settings(rover):
     page.wait(lambda: page.read("found").startswith("1 of "))
     page.run("const list = document.querySelector('#list select'); list.value = 4; list.dispatchEvent(new Event('change'))")
     page.wait_for("Saved: 4")
+    page.wait(lambda: page.element("#form-sensor").is_displayed())
     page.wait_for("After a restart: BATT_MONITOR")
     page.press("Restart the rover")
     page.press("Press again to restart")
@@ -583,6 +591,75 @@ def test_settings(rover):
     page.wait(lambda: re.search(r"Current\s+0\.\d A", page.text()), 20)
     errors = [error for error in page.errors() if "WebSocket" not in error]
     assert errors == []
+
+
+def test_what_suits_the_cells_stops_the_rover_when_the_pack_is_low(rover):
+    set_to(rover.station, "BATT_FS_CRT_ACT", 5)
+    page = rover.open()
+    page.enter("drive")
+    page.wait_for("A low pack does not stop the rover.")
+    page.element("#when-low").click()
+    page.press("Use what suits the cells: 10.50 V, 10.20 V")
+    # An action that was set stays, and is shown.
+    page.wait_for("Saved. Below 10.50 V for 10 s it stops in Hold. Below 10.20 V for 10 s it disarms.")
+    assert [parameter(rover, f"BATT_FS_{level}_ACT") for level in ("LOW", "CRT")] == [2, 5]
+    set_to(rover.station, "BATT_LOW_TIMER", 2)
+    drive(page)
+    page.wait_for("Below 10.50 V for 2 s it stops in Hold.")
+    set_to(rover.station, "SIM_BATT_VOLTAGE", 10.4)
+    page.wait_for("The rover stops to spare the pack: charge it.", 20)
+    assert rover.mode == "Hold" and rover.is_armed
+    page.press("Disarm")
+    page.wait_for("Does not arm: Battery 1 low voltage failsafe. Charge the pack, or plug in a full one.", 10)
+    assert page.errors() == []
+
+
+def test_only_a_warning_is_said_to_be_one(rover):
+    page = rover.open(size=DESKTOP)
+    page.enter("setup")
+    page.wait_for("Use what suits the cells")
+    page.run("document.getElementById('action').value = 0")
+    page.press("Use what suits the cells")
+    page.wait_for("Saved. Below 10.50 V for 10 s it only warns. Below 10.20 V for 10 s it only warns. A low pack does not stop the rover.")
+    assert [parameter(rover, f"BATT_FS_{level}_ACT") for level in ("LOW", "CRT")] == [0, 0]
+
+
+def test_stick_and_stop_stay_where_they_are_when_a_text_appears(rover):
+    page = rover.open()
+    places = lambda: page.run(
+        "return ['pad', 'stop', 'manual', 'arm'].map((id) => Object.values(document.getElementById(id).getBoundingClientRect().toJSON()))"
+    )
+    for size in (PHONE, SMALL_PHONE, LANDSCAPE, DESKTOP):
+        page.resize(size)
+        page.enter("drive")
+        page.wait_for("To drive, arm and choose Manual.")
+        before = places()
+        page.press("Stop")
+        page.wait_for("Stopped: Hold")
+        set_to(rover.station, "BATT_ARM_VOLT", 13)
+        page.wait_for("Does not arm: Battery 1 below minimum arming voltage. Charge the pack", 10)
+        page.hold_to_arm()
+        page.wait_for("Not armed: Battery 1 below minimum arming voltage", 10)
+        assert places() == before, size
+        set_to(rover.station, "BATT_ARM_VOLT", 0)
+        page.wait_until_gone("Does not arm")
+        page.driver.refresh()
+        page.wait_for("Live")
+
+
+@pytest.mark.parametrize(
+    "text, advice",
+    [
+        ("Battery 1 limits the motors: over 20W", "It drives slower, to spare the pack. Push the stick less."),
+        ("Radio Failsafe: Hold", "No stick was received for too long, so it stopped. Go nearer, then choose Manual."),
+        ("Battery 1 cells unclear: set BATT_CELLS", "Check chemistry and cells under Set up."),
+        ("Battery 1 voltage failsafe critical >= low", "Under Set up, critical has to be below low."),
+        ("Throttle (RC3) is not neutral", "Let go of the stick."),
+    ],
+)
+def test_what_keeps_it_from_driving_is_said_with_what_to_do(codec, text, advice):
+    script = (WEB / "advice.js").read_text()
+    assert codec("const on = () => 0;" + script + "return advised(arguments[0])", text) == f"{text}. {advice}"
 
 
 def test_what_another_station_sets_is_shown_and_a_longer_list_is_read(rover):
@@ -635,6 +712,27 @@ def test_logs_are_listed_downloaded_and_erased_when_asked_twice(rover, tmp_path)
     page.wait_for("No logs", 10)
     # The refusal while armed is an answer with an error.
     assert [error for error in page.errors() if "409" not in error] == []
+
+
+@pytest.mark.parametrize("signs", [False, True])
+def test_a_log_recorded_from_the_page_has_a_date(rover, signs):
+    if signs:
+        rover.station.mav.setup_signing_send(1, 1, list(KEY), ticks_now())
+        wait_for_text(rover.station, "Signing key set")
+        sign_with(rover.station, KEY)
+    page = rover.open()
+    if signs:
+        page.enter("about")
+        page.element("#passphrase").send_keys("a good passphrase\n")
+        page.wait_for("This page signs")
+    drive(page)
+    time.sleep(2)
+    page.press("Disarm")
+    page.wait_for("Disarmed")
+    page.enter("logs")
+    page.wait_for("Log 1")
+    today = page.run("return new Date().toLocaleDateString()")
+    assert today in page.read("log-list") and "no date" not in page.read("log-list")
 
 
 def test_a_rover_with_a_key(rover, tmp_path):

@@ -387,7 +387,7 @@ def test_only_a_page_that_drives_says_that_the_rover_stops_by_itself(rover, page
 def test_a_refused_arm_stays_on_the_page(rover, page):
     set_to(rover.station, "BATT_ARM_VOLT", 13)
     page.hold_to_arm()
-    page.wait_for("Not armed: Arm: Battery 1")
+    page.wait_for("Not armed: Battery 1")
     refusal = page.read("drive-answer")
     set_to(rover.station, "SIM_BATT_VOLTAGE", 9)
     # The rover says something else.

@@ -8,9 +8,10 @@ use rover_battmon::mavlink::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA,
     HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA,
     LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA, MavAutopilot, MavBatteryChargeState,
-    MavCmd, MavModeFlag, MavParamError, MavParamType, MavResult, MavSeverity, MavState, MavSysStatusSensor,
-    MavType, PARAM_ERROR_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
-    PARAM_VALUE_DATA, PING_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, SYSTEM_TIME_DATA,
+    MavBatteryType, MavCmd, MavModeFlag, MavParamError, MavParamType, MavResult, MavSeverity, MavState,
+    MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_ERROR_DATA, PARAM_REQUEST_LIST_DATA,
+    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, PING_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+    SYSTEM_TIME_DATA,
 };
 
 /// More than any of the messages has.
@@ -56,10 +57,12 @@ fields! {
     [u8; 90]: "B" "x90", [1; 90];
     [u16; 4]: "H" "x4", [1; 4];
     [u16; 10]: "H" "x10", [1; 10];
+    CharArray<10>: "s" "x10", CharArray::from([1; 10]);
     CharArray<16>: "s" "x16", CharArray::from([1; 16]);
     CharArray<50>: "s" "x50", CharArray::from([1; 50]);
     MavAutopilot: "B" "", Self::MAV_AUTOPILOT_RESERVED;
     MavBatteryChargeState: "B" "", Self::MAV_BATTERY_CHARGE_STATE_OK;
+    MavBatteryType: "B" "", Self::MAV_BATTERY_TYPE_LIPO;
     MavCmd: "H" "", Self::MAV_CMD_COMPONENT_ARM_DISARM;
     MavModeFlag: "B" "", Self::from_bits_retain(2);
     MavParamError: "B" "", Self::MAV_PARAM_ERROR_DOES_NOT_EXIST;
@@ -116,7 +119,7 @@ pub fn messages_js() -> String {
     let rows = rows! {
         HEARTBEAT_DATA { custom_mode mavtype autopilot base_mode system_status mavlink_version }
         SYS_STATUS_DATA { onboard_control_sensors_health errors_comm }
-        SYSTEM_TIME_DATA { time_boot_ms }
+        SYSTEM_TIME_DATA { time_unix_usec time_boot_ms }
         PING_DATA { seq }
         PARAM_REQUEST_READ_DATA { param_index target_system param_id }
         PARAM_REQUEST_LIST_DATA { target_system }
@@ -136,9 +139,10 @@ pub fn messages_js() -> String {
             voltages_ext
         }
         AUTOPILOT_VERSION_DATA { uid middleware_sw_version flight_custom_version }
+        NAMED_VALUE_FLOAT_DATA { value name }
         STATUSTEXT_DATA { severity text id chunk_seq }
         PARAM_ERROR_DATA { param_id error }
-        BATTERY_INFO_DATA { id cells_in_series }
+        BATTERY_INFO_DATA { design_capacity full_charge_capacity id mavtype cells_in_series }
     };
     format!("{HEAD}{}\n`;\n", rows.join("\n"))
 }

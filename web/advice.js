@@ -1,0 +1,78 @@
+// What keeps the rover from driving as its driver wishes, and what to do then.
+
+// The first that fits a text of the rover.
+const ADVICE = [
+  [/not neutral/, 'Let go of the stick.'],
+  [/MOT_DRV_VOLT/, 'It may burn the motor drivers: unplug it.'],
+  [/has failed|own report/, 'Do not use this pack.'],
+  [/cells|contradicts/, 'Check chemistry and cells under Set up.'],
+  [/over temperature/, 'Let the pack cool down.'],
+  [/>=/, 'Under Set up, critical has to be below low.'],
+  [/unhealthy|missing|not connected/, 'Check the plug and the wires of the pack.'],
+  [/low|critical|empty|below/, 'Charge the pack, or plug in a full one.'],
+  [/limits the motors/, 'It drives slower, to spare the pack. Push the stick less.'],
+  [/^Radio/, 'No stick was received for too long, so it stopped. Go nearer, then choose Manual.'],
+  [/^GCS/, 'No page was heard for too long, so it stopped. Go nearer, then choose Manual.'],
+  [/^Terminated/, 'The pack is too low. Charge it, then restart the rover.'],
+  [/PARAM_CHECKED/, 'Settings were lost: look through Set up first.'],
+  [/Logging/, 'Its log can’t be written. Under Set up, LOG_BITMASK 0 drives without.'],
+];
+
+function advised(text) {
+  const [, advice] = ADVICE.find(([pattern]) => pattern.test(text)) || [];
+  return advice ? text + '. ' + advice : text;
+}
+
+// The latest text since arming on what a pack does to the drive, until that has ended.
+let acting = '';
+
+on('text', ({ text }) => {
+  if (/^Battery \d( is (low|critical|missing)| limits| unhealthy)/.test(text)) acting = text;
+  if (/^Battery \d healthy/.test(text)) acting = '';
+});
+
+// The same in its driver's words.
+function actingNow() {
+  const [, pack, level] = /^Battery (\d) is (low|critical)/.exec(acting) || [];
+  if (!level) return advised(acting);
+  const does = levelOf(level == 'low' ? 'LOW' : 'CRT', 'BATT' + (pack > 1 ? pack : '') + '_')?.action;
+  return acting + (does ? '. The rover stops to spare the pack: charge it.' : '. Nothing stops the rover: drive home, and charge the pack.');
+}
+
+// What keeps the rover from driving, in its own words, and what to do.
+function notices() {
+  const found = [];
+  if (lacksKey()) found.push('The rover has a signing key: enter it under Link.');
+  if (ignored && age() > FRESH_MS) found.push('Nothing comes that is signed with your key: it is wrong, or the rover has none.');
+  if (!isFresh()) return found;
+  if (status == STATE_TERMINATED) found.push(advised(textLike(/^Terminated/) || 'Terminated'));
+  if (status == STATE_TIMED_OUT) found.push(advised(textLike(/Failsafe: Hold$/) || 'Failsafe: Hold'));
+  if (armed && acting) found.push(actingNow());
+  if (ready == false && !armed) found.push(...(obstacles[0] ? obstacles : ['not ready']).map((text) => 'Does not arm: ' + advised(text)));
+  return found;
+}
+
+function renderNotices() {
+  const found = notices();
+  for (const list of document.querySelectorAll('.notices')) {
+    fill(list, found.map((text) => el('li', {}, text, /PARAM_CHECKED/.test(text) ? el('button', { onclick: () => setParameter('PARAM_CHECKED', 1) }, 'Set') : '')));
+  }
+}
+
+// What a level of the pack leads to; nothing if neither voltage nor charge lead to it.
+function levelOf(level, prefix) {
+  const of = (name) => value(prefix + name);
+  const volts = of('LOW_TIMER') && of(level + '_VOLT');
+  const mah = of(level + '_MAH');
+  const action = of('FS_' + level + '_ACT');
+  const bounds = [volts && digits(volts, 2) + ' V for ' + of('LOW_TIMER') + ' s', mah && mah + ' mAh'].filter((bound) => bound);
+  return bounds[0] && { action, text: 'Below ' + bounds.join(' or ') + (!action ? ' it only warns' : action == TERMINATE ? ' it disarms' : ' it stops in Hold') };
+}
+
+// What happens when the pack is low, in a line.
+function whenLow() {
+  const prefix = parameterOf('');
+  if (!params.has(prefix + 'LOW_VOLT')) return '';
+  const levels = ['LOW', 'CRT'].map((level) => levelOf(level, prefix)).filter((level) => level);
+  return levels.map(({ text }) => text + '. ').join('') + (levels.some(({ action }) => action) ? '' : 'A low pack does not stop the rover.');
+}
