@@ -11,14 +11,14 @@ def test_pages_within_their_budgets_have_no_complaint():
 
 
 def test_a_page_over_its_budget_is_named_with_the_excess(capsys):
-    assert words.report({**WITHIN_BUDGET, "docs/wifi.md": "word " * 1603}) == 1
-    assert "1603 of  1600  docs/wifi.md" in (output := capsys.readouterr().out)
+    assert words.report({**WITHIN_BUDGET, "docs/wifi.md": "word " * 2003}) == 1
+    assert "2003 of  2000  docs/wifi.md" in (output := capsys.readouterr().out)
     assert "3 over" in output
 
 
 def test_pages_that_share_a_budget_are_added_up():
-    assert words.report({**WITHIN_BUDGET, "CONTRIBUTING.md": "one " * 900, "CHANGELOG.md": "other " * 900}) == 0
-    assert words.report({**WITHIN_BUDGET, "CONTRIBUTING.md": "one " * 900, "CHANGELOG.md": "other " * 901}) == 1
+    assert words.report({**WITHIN_BUDGET, "CONTRIBUTING.md": "one " * 950, "CHANGELOG.md": "other " * 950}) == 0
+    assert words.report({**WITHIN_BUDGET, "CONTRIBUTING.md": "one " * 950, "CHANGELOG.md": "other " * 951}) == 1
 
 
 def test_a_page_without_a_budget_is_named_and_a_missing_one_shown(capsys):

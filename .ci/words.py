@@ -17,15 +17,15 @@ REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
 
 # Pages that share a budget stand together.
 BUDGETS = {
-    ("README.md",): 900,
-    ("docs/getting-started.md",): 2050,
-    ("docs/packs.md",): 2000,
-    ("docs/failsafes.md",): 1200,
-    ("docs/wifi.md",): 1600,
-    ("docs/logs.md",): 1200,
-    ("docs/fleet.md",): 900,
-    ("docs/troubleshooting.md",): 2350,
-    ("docs/ground-stations.md",): 1300,
+    ("README.md",): 1350,
+    ("docs/getting-started.md",): 2600,
+    ("docs/packs.md",): 2400,
+    ("docs/failsafes.md",): 1600,
+    ("docs/wifi.md",): 2000,
+    ("docs/logs.md",): 1500,
+    ("docs/fleet.md",): 1200,
+    ("docs/troubleshooting.md",): 3400,
+    ("docs/ground-stations.md",): 1650,
     ("docs/hardware.md",): 2200,
     ("docs/architecture.md",): 1550,
     ("docs/battery-model.md",): 2200,
@@ -33,7 +33,7 @@ BUDGETS = {
     ("docs/extending.md",): 1600,
     ("docs/proof.md",): 2850,
     ("docs/decisions.md",): 3550,
-    ("CONTRIBUTING.md", "CHANGELOG.md"): 1800,
+    ("CONTRIBUTING.md", "CHANGELOG.md"): 1900,
 }
 # All of it is generated.
 NOT_COUNTED = "docs/parameters.md"
