@@ -457,11 +457,11 @@ fn pack_events() -> Vec<PackEvent> {
         failsafe(FailsafeLevel::Critical, Amount::Mah(120.0)),
         failsafe(FailsafeLevel::Low, Amount::Ml(120.0)),
     ];
-    for usable_pct in [15.0, 9.0] {
+    for (remaining_pct, usable_pct) in [(Some(15.0), Some(15.0)), (Some(15.0), Some(9.0)), (None, None)] {
         let entered = |state| PackEvent::Charge {
             state,
-            remaining_pct: Some(15.0),
-            usable_pct: Some(usable_pct),
+            remaining_pct,
+            usable_pct,
             voltage_v: Some(10.95),
         };
         events.extend([ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(entered));
