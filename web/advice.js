@@ -1,4 +1,4 @@
-// What keeps the rover from driving as its driver wishes, and what to do then.
+// Advice on texts that keep the rover from driving, and the line on low packs.
 
 // The first that fits a text of the rover.
 const ADVICE = [
@@ -12,7 +12,7 @@ const ADVICE = [
   [/low|critical|empty|below/, 'Charge the pack, or plug in a full one.'],
   [/limits the motors/, 'It drives slower, to spare the pack. Push the stick less.'],
   [/^Radio/, 'No stick was received for too long, so it stopped. Go nearer, then choose Manual.'],
-  [/^GCS/, 'No page was heard for too long, so it stopped. Go nearer, then choose Manual.'],
+  [/^GCS/, 'No page or ground station was heard for too long, so it stopped. Go nearer, then choose Manual.'],
   [/^Terminated/, 'The pack is too low. Charge it, then restart the rover.'],
   [/PARAM_CHECKED/, 'Settings were lost: look through Set up first.'],
   [/Logging/, 'Its log can’t be written. Under Set up, LOG_BITMASK 0 drives without.'],
@@ -23,15 +23,19 @@ function advised(text) {
   return advice ? text + '. ' + advice : text;
 }
 
-// The latest text since arming on what a pack does to the drive, until that has ended.
+// The latest text since arming on a pack's failsafe, until that has ended.
 let acting = '';
+// The latest text on limited power, which has no text for its end.
+let limited = {};
+const LIMITED_MS = 20000;
 
 on('text', ({ text }) => {
-  if (/^Battery \d( is (low|critical|missing)| limits| unhealthy)/.test(text)) acting = text;
+  if (/^Battery \d (is (low|critical|missing)|unhealthy)/.test(text)) acting = text;
   if (/^Battery \d healthy/.test(text)) acting = '';
+  if (/^Battery \d limits/.test(text)) limited = { text, at: now() };
 });
 
-// The same in its driver's words.
+// That text, and what it means for the driver.
 function actingNow() {
   const [, pack, level] = /^Battery (\d) is (low|critical)/.exec(acting) || [];
   if (!level) return advised(acting);
@@ -39,7 +43,7 @@ function actingNow() {
   return acting + (does ? '. The rover stops to spare the pack: charge it.' : '. Nothing stops the rover: drive home, and charge the pack.');
 }
 
-// What keeps the rover from driving, in its own words, and what to do.
+// Obstacles to driving in the rover's own words, with advice.
 function notices() {
   const found = [];
   if (lacksKey()) found.push('The rover has a signing key: enter it under Link.');
@@ -48,6 +52,7 @@ function notices() {
   if (status == STATE_TERMINATED) found.push(advised(textLike(/^Terminated/) || 'Terminated'));
   if (status == STATE_TIMED_OUT) found.push(advised(textLike(/Failsafe: Hold$/) || 'Failsafe: Hold'));
   if (armed && acting) found.push(actingNow());
+  if (armed && now() - limited.at < LIMITED_MS) found.push(advised(limited.text));
   if (ready == false && !armed) found.push(...(obstacles[0] ? obstacles : ['not ready']).map((text) => 'Does not arm: ' + advised(text)));
   return found;
 }
@@ -59,7 +64,7 @@ function renderNotices() {
   }
 }
 
-// What a level of the pack leads to; nothing if neither voltage nor charge lead to it.
+// Action and text of a level; undefined if no threshold leads to it.
 function levelOf(level, prefix) {
   const of = (name) => value(prefix + name);
   const volts = of('LOW_TIMER') && of(level + '_VOLT');
@@ -69,7 +74,7 @@ function levelOf(level, prefix) {
   return bounds[0] && { action, text: 'Below ' + bounds.join(' or ') + (!action ? ' it only warns' : action == TERMINATE ? ' it disarms' : ' it stops in Hold') };
 }
 
-// What happens when the pack is low, in a line.
+// One line on the rover's reaction to a low pack.
 function whenLow() {
   const prefix = parameterOf('');
   if (!params.has(prefix + 'LOW_VOLT')) return '';

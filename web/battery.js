@@ -1,6 +1,6 @@
 // The room of the packs: a card each, the plot, the rover's messages.
 
-// How often a pack is asked what it is: what is learnt or detected changes it.
+// Interval of BATTERY_INFO: cells are detected, and the capacity is learnt.
 const INFO_MS = 10000;
 
 // By number of the charge state: a word, and its colour.
@@ -72,7 +72,7 @@ function renderPack(pack) {
   show(what, contents(pack));
   bar.style.width = +pack.percent + '%';
   bar.className = colour;
-  // By why it is: what can't be measured has no field.
+  // Grouped by cause: values that can't be measured have no field.
   const lacks = {};
   Object.entries(FIGURES).forEach(([key, [name, places, unit]], index) => {
     const field = card.querySelectorAll('.figures>div')[index];

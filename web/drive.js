@@ -246,7 +246,7 @@ on('state', () => {
 });
 
 on('text', ({ text }) => {
-  // What it says on connecting is no answer; its thresholds are in a line of their own.
+  // Its greeting is no answer; thresholds have a line of their own.
   if (!/^(Set BATT|Battery failsafes|rover-)/.test(text)) said = text;
   if (/^(Sticks|Centre)/.test(text)) blocked = { text, at: now() };
 });

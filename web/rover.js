@@ -25,9 +25,9 @@ const NO_KEY = 'Without the key nothing is obeyed.';
 const REAL32 = 9;
 
 const MAX_TEXTS = 100;
-// What is said of the rover to a new station may come more than once.
+// The greeting to a new station may come more than once.
 const GREETING_MS = 5000;
-// Estimates that no other message has.
+// Interval of NAMED_VALUE_FLOAT.
 const ESTIMATES_US = 2000000;
 
 // Kinds of pack that have a voltage only.
