@@ -1,4 +1,4 @@
-//! What is learnt of a pack over its drives, and kept in flash.
+//! Properties of a pack that are learnt over its drives, and kept in flash.
 
 use core::fmt;
 use core::num::NonZeroU16;
@@ -110,7 +110,7 @@ pub(crate) struct LearntSlowShare {
     pub sigma: f32,
 }
 
-/// How far the cell's curve lies above that of its chemistry at one charge, in tenths of a millivolt.
+/// Height of the cell's curve above that of its chemistry at one charge, in tenths of a millivolt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Offset {
     pub mean_100uv: i16,
@@ -155,9 +155,10 @@ impl Collapse {
         f32::from(self.ohm_1e5.get()) * 1e-5
     }
 
-    /// The state of charge at which cells with this resistance, in ohms, collapse: the sag is proportional to it.
+    /// The state of charge at which cells with this resistance, in ohms, collapse: the sag is proportional to it. A larger one
+    /// than in that drive is no reason to expect it earlier: the reserve for the sag grows by itself.
     pub fn share_at(&self, ohm: Option<f32>) -> f32 {
-        self.share() * ohm.map_or(1.0, |ohm| ohm / self.ohm())
+        self.share() * ohm.map_or(1.0, |ohm| (ohm / self.ohm()).min(1.0))
     }
 
     /// The same at a state of charge that is higher by this difference.

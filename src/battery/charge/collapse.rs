@@ -67,7 +67,8 @@ impl LastCollapse {
         }
     }
 
-    /// The charge was found to be other than estimated by this difference: so was that of the collapse.
+    /// The next drive counts more by this difference at the same charge. A rest that corrects the estimate alone is no reason:
+    /// the next drive starts from another charge, and counts with the same capacity.
     pub fn correct(&mut self, difference: f32) {
         if let Self::Seen(collapse) = self {
             *self = collapse.corrected(difference).map_or(Self::Learnt, Self::Seen);

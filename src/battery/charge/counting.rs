@@ -50,7 +50,7 @@ impl Counting {
         }
     }
 
-    /// What was seen of the pack so far must not be learnt.
+    /// Discards the observations so far: they must not be learnt.
     pub fn restart_drive(&mut self) {
         if let Some(drive) = &mut self.drive {
             *drive = Drive::new(&self.filter);
@@ -162,7 +162,6 @@ impl Counting {
         }
         let is_provisional = self.is_provisional();
         let filter = &mut self.filter;
-        let estimated = filter.share();
         filter.doubt(Drive::rest_drift(rest.duration_s));
         if is_provisional && may_have_surface_charge(&by_voltage) {
             if by_voltage.share() < filter.share() {
@@ -176,7 +175,6 @@ impl Counting {
         {
             *filter = full;
         }
-        self.collapse.correct(filter.share() - estimated);
         if let Some(drive) = &mut self.drive {
             drive.rest(filter, capacity);
         }

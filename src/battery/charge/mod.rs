@@ -51,7 +51,7 @@ pub(super) struct ChargeEstimator {
     estimate: Option<ChargeEstimate>,
 }
 
-/// How the charge is estimated.
+/// Method of the estimate.
 #[derive(Clone, Copy, Debug)]
 enum Phase {
     /// Not yet.
@@ -79,7 +79,7 @@ pub(super) struct ChargeEstimate {
     pub share: f32,
     /// Its standard deviation.
     pub sigma: f32,
-    /// What such a load can still draw, relative to the capacity, from 0 to 1.
+    /// Usable charge: how much such a load can still draw, relative to the capacity, from 0 to 1.
     pub available: f32,
     /// The same relative to what it can draw from a full pack.
     pub usable_share: f32,
@@ -136,7 +136,7 @@ impl ChargeEstimator {
         self.doubt == Doubt::ContactLoss && self.reference.is_some()
     }
 
-    /// What is kept over a reset.
+    /// The charge to retain over a reset.
     pub fn known(&self) -> Option<KnownCharge> {
         if self.is_of_pack_before() {
             return None;
@@ -203,7 +203,7 @@ impl ChargeEstimator {
         Comparison::Another
     }
 
-    /// What was seen of the pack so far must not be learnt.
+    /// Discards the observations so far: they must not be learnt.
     pub fn restart_drive(&mut self) {
         if let Phase::Counting(counting) = &mut self.phase {
             counting.restart_drive();
@@ -347,9 +347,14 @@ impl ChargeEstimator {
         let learnt = is_the_same.then(|| drive.learn(rest, cell_v, model)).flatten();
         let mut ended = learnt.unwrap_or(*model.learnt).without_open_lesson();
         let (counted, _) = drive.share(&capacity);
-        if learnt.is_some() && ended.collapse.is_some_and(|collapse| counted <= collapse.share()) {
-            let difference = by_voltage.share() - counted;
-            ended.collapse = ended.collapse.and_then(|collapse| collapse.corrected(difference));
+        if let Some(collapse) = ended.collapse.filter(|collapse| counted <= collapse.share()) {
+            let learnt_capacity = CellModel {
+                learnt: &ended,
+                ..*model
+            }
+            .capacity();
+            let (corrected, _) = drive.share(&learnt_capacity.unwrap_or(capacity));
+            ended.collapse = collapse.corrected(corrected - counted);
         }
         Some(ended)
     }
@@ -383,7 +388,7 @@ impl ChargeEstimator {
         drive.obstacle(model).or(Some(by_rest))
     }
 
-    /// What is kept of a pack that rests.
+    /// The record of a pack that rests, for flash.
     fn keep(
         &self,
         rest: &Load,

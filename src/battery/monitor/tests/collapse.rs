@@ -58,7 +58,6 @@ fn drive_to_the_end(rover: &mut Rover, lowest_share: f32) -> ToTheEnd {
     rover.run(1800.0, 0.1);
     rover.power_cycle();
     rover.pack = rover.pack.recharged();
-    println!("{drive:?} {:?}", rover.bench.monitor.learnt().and_then(|learnt| learnt.collapse));
     drive
 }
 
