@@ -63,7 +63,7 @@ mod firmware {
                 timer_s: Some(10.0),
                 low: Thresholds {
                     voltage_v: Some(10.5),
-                    remaining_mah: None,
+                    ..Thresholds::default()
                 },
                 ..FailsafeSettings::default()
             },

@@ -96,7 +96,7 @@ mod firmware {
             timer_s: Some(10.0),
             low: Thresholds {
                 voltage_v: Some(voltage_v),
-                remaining_mah: None,
+                ..Thresholds::default()
             },
             ..FailsafeSettings::default()
         }

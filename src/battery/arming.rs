@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use super::failsafe::{is_below, remaining, voltage_v};
+use super::failsafe::{is_below, most_usable_pct, remaining, voltage_v};
+use super::settings::Thresholds;
 use super::{BatteryState, PackSettings, PackStatus};
 
 /// Why a pack fails the arming checks, in ArduPilot's words and order where it has the check; but *critical* comes before
@@ -120,8 +121,11 @@ fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
     let (low, critical) = (&settings.failsafe.low, &settings.failsafe.critical);
     let voltage_v = voltage_v(state, &settings.failsafe);
     let remaining_mah = remaining(state);
-    let low_capacity = is_below(remaining_mah, low.remaining_mah);
-    let critical_capacity = is_below(remaining_mah, critical.remaining_mah);
+    let usable_pct = most_usable_pct(state);
+    let lacks_charge = |thresholds: &Thresholds| {
+        is_below(remaining_mah, thresholds.remaining_mah) || is_below(usable_pct, thresholds.usable_pct)
+    };
+    let (low_capacity, critical_capacity) = (lacks_charge(low), lacks_charge(critical));
     let latched = state.refusals().filter(|failure| match failure {
         ArmingFailure::LowVoltage => !low_capacity,
         ArmingFailure::CriticalVoltage => !critical_capacity,
@@ -144,7 +148,8 @@ fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
         ),
         (critical_capacity, ArmingFailure::CriticalCapacity),
         (
-            is_inverted(low.remaining_mah, critical.remaining_mah),
+            is_inverted(low.remaining_mah, critical.remaining_mah)
+                || is_inverted(low.usable_pct, critical.usable_pct),
             ArmingFailure::CapacityOrder,
         ),
         (
@@ -167,14 +172,14 @@ fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
 mod tests {
     use super::*;
     use crate::battery::{
-        Amount, ChargeSource, ChargeState, FailsafeLevel, FailsafeSettings, Faults, Reported, Thresholds,
-        VoltageSource,
+        Amount, ChargeSource, ChargeState, FailsafeLevel, FailsafeSettings, Faults, Reported, VoltageSource,
     };
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
         Thresholds {
             voltage_v: Some(voltage_v),
             remaining_mah: Some(remaining_mah),
+            usable_pct: None,
         }
     }
 

@@ -4,7 +4,7 @@ use core::mem;
 
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 use super::swap::Replacement;
-use super::{ArmState, BatteryState, FailsafeLevel, FailsafeTimer, FailsafeTimers, PackStatus, Tick};
+use super::{ArmState, BatteryState, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, PackStatus, Tick};
 use crate::time::Instant;
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
@@ -40,7 +40,7 @@ pub(super) struct Failsafe {
     is_of_pack_before: bool,
     /// The loss of the pack was reported, and it has not been healthy for long enough since.
     has_reported_loss: bool,
-    /// How long readings have been healthy, in microseconds (saturating).
+    /// Time with healthy readings, in microseconds (saturating).
     healthy_us: u32,
     low: Watch,
     critical: Watch,
@@ -49,24 +49,28 @@ pub(super) struct Failsafe {
 /// Observation of the thresholds of one level.
 #[derive(Clone, Copy, Debug, Default)]
 struct Watch {
-    timer: Timer,
+    voltage: Timer,
+    usable: Timer,
     /// This pack has reached the level, since the last battery reset.
     is_reached: bool,
     /// The timer as others see it.
     shown: FailsafeTimer,
 }
 
-/// A voltage that has been below its threshold for this long still counts as below while unknown, in microseconds. A
+/// A value that has been below its threshold for this long still counts as below while unknown, in microseconds. A
 /// breaking wire passes through any voltage, but faster.
 const HOLD_WHILE_UNKNOWN_US: u32 = 1_000_000;
 
-/// How long a voltage has been below a threshold.
+/// Standard deviations by which the usable charge has to be below its threshold.
+const SURE_SIGMAS: f32 = 2.0;
+
+/// Time below a threshold.
 #[derive(Clone, Copy, Debug, Default)]
 struct Timer {
     below_us: Option<u32>,
 }
 
-/// How a voltage compares with a threshold.
+/// Comparison of a value with a threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Comparison {
     Unknown,
@@ -75,18 +79,18 @@ enum Comparison {
 }
 
 impl Comparison {
-    fn of(voltage_v: Option<f32>, threshold_v: Option<f32>) -> Self {
-        match voltage_v {
+    fn of(value: Option<f32>, threshold: Option<f32>) -> Self {
+        match value {
             None => Self::Unknown,
-            Some(_) if is_below(voltage_v, threshold_v) => Self::Below,
+            Some(_) if is_below(value, threshold) => Self::Below,
             Some(_) => Self::NotBelow,
         }
     }
 }
 
 impl Timer {
-    /// Whether the voltage has been below for more than `limit_us`. Only a known voltage starts the timer, lets it
-    /// expire or resets it.
+    /// Whether the value has been below for more than `limit_us`. Only a known value starts the timer, lets it expire or
+    /// resets it.
     // Inlined, the code would be repeated for each threshold.
     #[inline(never)]
     fn expires(&mut self, dt_us: u32, comparison: Comparison, limit_us: Option<u32>) -> bool {
@@ -110,7 +114,8 @@ impl Timer {
 impl Watch {
     /// The rover is disarmed.
     fn stop(&mut self) {
-        self.timer = Timer::default();
+        self.voltage = Timer::default();
+        self.usable = Timer::default();
         self.shown = FailsafeTimer::Stopped;
     }
 }
@@ -199,6 +204,7 @@ impl Failsafe {
         let is_above = |thresholds: &Thresholds| {
             is_known_above(seen.resting_v, thresholds.voltage_v)
                 && is_known_above(remaining_mah, thresholds.remaining_mah)
+                && is_known_above(state.usable_pct, thresholds.usable_pct)
         };
         if [settings.low, settings.critical].iter().all(is_above) {
             self.clear();
@@ -225,14 +231,20 @@ impl Failsafe {
         let is_compared = low.remaining_mah.or(critical.remaining_mah).is_some();
         let state = seen.state.filter(|_| is_compared);
         let remaining_mah = state.and_then(|state| most_remaining(state, seen.remaining_at_most_pct));
+        let usable_pct = seen.state.and_then(most_usable_pct);
         let is_reached = |watch: &mut Watch, thresholds: &Thresholds, is_skipped: bool| {
-            let comparison = Comparison::of(voltage_v, thresholds.voltage_v);
-            let has_expired = watch.timer.expires(seen.dt_us, comparison, limit_us);
+            let by_voltage = Comparison::of(voltage_v, thresholds.voltage_v);
+            let by_usable = Comparison::of(usable_pct, thresholds.usable_pct);
+            let has_expired = watch.voltage.expires(seen.dt_us, by_voltage, limit_us)
+                | watch.usable.expires(seen.dt_us, by_usable, limit_us);
             if watch.is_reached {
                 return false;
             }
-            watch.is_reached = has_expired || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
-            watch.shown = match watch.timer.below_us.and(limit_us) {
+            // Without LOW_TIMER a percentage acts at once.
+            let is_unusable = limit_us.is_none() && by_usable == Comparison::Below;
+            watch.is_reached =
+                has_expired || is_unusable || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
+            watch.shown = match watch.voltage.below_us.or(watch.usable.below_us).and(limit_us) {
                 Some(_) if has_expired => FailsafeTimer::Expired,
                 Some(_) if !watch.is_reached => FailsafeTimer::Running,
                 _ => FailsafeTimer::Stopped,
@@ -284,6 +296,14 @@ fn most_remaining(state: &BatteryState, at_most_pct: Option<f32>) -> Option<f32>
     }
 }
 
+/// The upper bound of the usable charge, in percent; `None` where cells at rest contradict it.
+pub(super) fn most_usable_pct(state: &BatteryState) -> Option<f32> {
+    let usable_pct = state
+        .usable_pct
+        .filter(|_| !state.faults.contains(Faults::CONTRADICTED_CHARGE))?;
+    Some(usable_pct + SURE_SIGMAS * state.usable_sigma_pct.unwrap_or(0.0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -299,10 +319,12 @@ mod tests {
             low: Thresholds {
                 voltage_v: Some(10.5),
                 remaining_mah: Some(400.0),
+                usable_pct: None,
             },
             critical: Thresholds {
                 voltage_v: Some(9.9),
                 remaining_mah: Some(200.0),
+                usable_pct: None,
             },
         }
     }
@@ -650,6 +672,7 @@ mod tests {
             low: Thresholds {
                 voltage_v: None,
                 remaining_mah: Some(400.0),
+                usable_pct: None,
             },
             ..settings()
         };
@@ -657,7 +680,7 @@ mod tests {
             timer_s: None,
             low: Thresholds {
                 voltage_v: Some(10.5),
-                remaining_mah: None,
+                ..Thresholds::default()
             },
             ..settings()
         };
@@ -792,6 +815,88 @@ mod tests {
                 FailsafeLevel::Critical,
                 "{arm_state:?}"
             );
+        }
+    }
+
+    /// Settings that act by the percentage alone.
+    fn by_percent(timer_s: Option<f32>) -> FailsafeSettings {
+        let percent = |usable_pct| Thresholds {
+            usable_pct: Some(usable_pct),
+            ..Thresholds::default()
+        };
+        FailsafeSettings {
+            timer_s,
+            voltage_source: VoltageSource::Terminal,
+            low: percent(15.0),
+            critical: percent(7.0),
+        }
+    }
+
+    fn usable(usable_pct: Option<f32>, usable_sigma_pct: Option<f32>) -> BatteryState {
+        BatteryState {
+            usable_pct,
+            usable_sigma_pct,
+            ..at_voltage(12.0)
+        }
+    }
+
+    #[test]
+    // Requirement: AP-18, PX-3
+    fn a_percentage_acts_once_it_is_surely_below_for_the_timer() {
+        let none: &[FailsafeLevel] = &[];
+        let contradicted = BatteryState {
+            faults: Faults::CONTRADICTED_CHARGE,
+            ..usable(Some(3.0), None)
+        };
+        for (state, expected) in [
+            (usable(Some(14.9), None), &BOTH[..1]),
+            (usable(Some(10.0), Some(2.4)), &BOTH[..1]),
+            (usable(Some(10.0), Some(2.6)), none),
+            (usable(Some(3.0), Some(1.9)), &BOTH),
+            (usable(None, None), none),
+            (contradicted, none),
+        ] {
+            for timer_s in [Some(10.0), None] {
+                let mut failsafe = Failsafe::default();
+                assert_eq!(
+                    reached(&mut failsafe, &by_percent(timer_s), &state),
+                    expected,
+                    "{timer_s:?}: {state:?}"
+                );
+            }
+        }
+        let mut failsafe = Failsafe::default();
+        let low = usable(Some(10.0), None);
+        let mut at = |tick: u64, settings: &FailsafeSettings| {
+            let now = at_us(tick * u64::from(TICK_US));
+            failsafe.update(&seen(now, ArmState::Armed, Some(&low)), settings)
+        };
+        for tick in 0..=100 {
+            assert_eq!(at(tick, &by_percent(Some(10.0))), [], "tick {tick}");
+        }
+        assert_eq!(at(101, &by_percent(Some(10.0))), [FailsafeLevel::Low]);
+        let at_once =
+            Failsafe::default().update(&seen(at_us(0), ArmState::Armed, Some(&low)), &by_percent(None));
+        assert_eq!(at_once, [FailsafeLevel::Low]);
+    }
+
+    #[test]
+    // Requirement: AP-18
+    fn a_percentage_that_acts_has_to_be_above_for_a_level_to_be_released() {
+        for (usable_pct, expected) in [
+            (None, FailsafeLevel::Critical),
+            (Some(14.0), FailsafeLevel::Critical),
+            (Some(90.0), FailsafeLevel::None),
+        ] {
+            let mut failsafe = critical();
+            failsafe.replace_pack(Replacement::Certain);
+            let state = usable(usable_pct, None);
+            let observation = Observation {
+                resting_v: Some(12.0),
+                ..seen(Instant::EPOCH, ArmState::Disarmed, Some(&state))
+            };
+            failsafe.update(&observation, &by_percent(Some(10.0)));
+            assert_eq!(failsafe.level(), expected, "{usable_pct:?}");
         }
     }
 }

@@ -41,17 +41,27 @@ pub struct ChargeLimits {
     pub emergency_pct: Option<f32>,
 }
 
+impl ChargeLimits {
+    /// The limit at which the failsafe level *critical* is reached: it has no *emergency*.
+    fn highest_critical_pct(&self) -> Option<f32> {
+        match (self.critical_pct, self.emergency_pct) {
+            (Some(critical_pct), Some(emergency_pct)) => Some(critical_pct.max(emergency_pct)),
+            (critical_pct, emergency_pct) => critical_pct.or(emergency_pct),
+        }
+    }
+}
+
 /// Settings of a pack's failsafe. `None` is disabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FailsafeSettings {
-    /// How long the voltage has to stay below a threshold (`BATT_LOW_TIMER`), in seconds; `None` disables voltage
+    /// Time for which the voltage has to stay below a threshold (`BATT_LOW_TIMER`), in seconds; `None` disables voltage
     /// thresholds.
     pub timer_s: Option<f32>,
     /// The voltage that is compared (`BATT_FS_VOLTSRC`).
     pub voltage_source: VoltageSource,
-    /// `BATT_LOW_VOLT` and `BATT_LOW_MAH`.
+    /// `BATT_LOW_VOLT` and `BATT_LOW_MAH`; `BATT_LOW_PCT` if that acts (`BATT_FS_PCT_EN`).
     pub low: Thresholds,
-    /// `BATT_CRT_VOLT` and `BATT_CRT_MAH`.
+    /// `BATT_CRT_VOLT` and `BATT_CRT_MAH`; the higher one of `BATT_CRT_PCT` and `BATT_EMR_PCT` if they act.
     pub critical: Thresholds,
 }
 
@@ -70,10 +80,15 @@ impl FailsafeSettings {
         })
     }
 
+    /// Whether a threshold compares the charge.
+    pub(super) fn needs_charge(&self) -> bool {
+        self.low.compares_charge() || self.critical.compares_charge()
+    }
+
     /// Whether one of these thresholds is in effect.
     pub(super) fn is_in_force(&self, thresholds: &Thresholds) -> bool {
-        let voltage_v = self.timer_s.and(thresholds.voltage_v);
-        voltage_v.or(thresholds.remaining_mah).is_some()
+        let is_by_voltage = self.timer_s.is_some() && thresholds.voltage_v.is_some();
+        is_by_voltage || thresholds.compares_charge()
     }
 }
 
@@ -84,6 +99,14 @@ pub struct Thresholds {
     pub voltage_v: Option<f32>,
     /// Remaining charge, in milliampere-hours; millilitres of fuel.
     pub remaining_mah: Option<f32>,
+    /// Usable charge, in percent.
+    pub usable_pct: Option<f32>,
+}
+
+impl Thresholds {
+    fn compares_charge(&self) -> bool {
+        self.remaining_mah.is_some() || self.usable_pct.is_some()
+    }
 }
 
 /// The voltage that thresholds are compared with.
@@ -103,6 +126,9 @@ const INTERNAL_USE_ONLY: i32 = 1 << 8;
 /// Load that is a fault, relative to `BATT_WATT_MAX`.
 const OVERLOAD: f32 = 1.1;
 
+/// `BATT_FS_PCT_EN`: thresholds in percent act.
+const PERCENT_ACTS: i32 = 1;
+
 /// `BATT_FS_VOLTSRC`: the resting voltage.
 const SAG_COMPENSATED: i32 = 1;
 
@@ -121,6 +147,13 @@ impl PackSettings {
         let above_zero = |parameter| Some(value(parameter)).filter(|value| *value > 0.0);
         let options = whole(BatteryParameter::Options);
         let default_capacity_mah = BatteryParameter::Capacity.of(pack).default_value();
+        let charge_limits = ChargeLimits {
+            low_pct: above_zero(BatteryParameter::LowPct),
+            critical_pct: above_zero(BatteryParameter::CrtPct),
+            emergency_pct: above_zero(BatteryParameter::EmrPct),
+        };
+        let percent_acts = whole(BatteryParameter::FsPctEn) == PERCENT_ACTS;
+        let if_it_acts = |limit_pct: Option<f32>| limit_pct.filter(|_| percent_acts);
         let is_sum = parameters.monitor_kind(pack) == Some(MonitorKind::Sum);
         Self {
             chemistry: Chemistry::from_number(whole(BatteryParameter::Chem)).unwrap_or_default(),
@@ -141,11 +174,7 @@ impl PackSettings {
             } else {
                 Visibility::Reported
             },
-            charge_limits: ChargeLimits {
-                low_pct: above_zero(BatteryParameter::LowPct),
-                critical_pct: above_zero(BatteryParameter::CrtPct),
-                emergency_pct: above_zero(BatteryParameter::EmrPct),
-            },
+            charge_limits,
             failsafe: FailsafeSettings {
                 timer_s: above_zero(BatteryParameter::LowTimer),
                 voltage_source: if whole(BatteryParameter::FsVoltsrc) == SAG_COMPENSATED {
@@ -156,15 +185,18 @@ impl PackSettings {
                 low: Thresholds {
                     voltage_v: above_zero(BatteryParameter::LowVolt),
                     remaining_mah: above_zero(BatteryParameter::LowMah),
+                    usable_pct: if_it_acts(charge_limits.low_pct),
                 },
                 critical: Thresholds {
                     voltage_v: above_zero(BatteryParameter::CrtVolt),
                     remaining_mah: above_zero(BatteryParameter::CrtMah),
+                    usable_pct: if_it_acts(charge_limits.highest_critical_pct()),
                 },
             },
             arming: Thresholds {
                 voltage_v: above_zero(BatteryParameter::ArmVolt),
                 remaining_mah: above_zero(BatteryParameter::ArmMah),
+                usable_pct: None,
             },
         }
     }
@@ -267,7 +299,8 @@ mod tests {
             (BatteryParameter::Options, 320.0),
             (BatteryParameter::LowPct, 30.0),
             (BatteryParameter::CrtPct, 20.0),
-            (BatteryParameter::EmrPct, 0.0),
+            (BatteryParameter::EmrPct, 25.0),
+            (BatteryParameter::FsPctEn, 1.0),
             (BatteryParameter::LowTimer, 5.0),
             (BatteryParameter::FsVoltsrc, 1.0),
             (BatteryParameter::LowVolt, 6.6),
@@ -290,7 +323,7 @@ mod tests {
             charge_limits: ChargeLimits {
                 low_pct: Some(30.0),
                 critical_pct: Some(20.0),
-                emergency_pct: None,
+                emergency_pct: Some(25.0),
             },
             failsafe: FailsafeSettings {
                 timer_s: Some(5.0),
@@ -298,15 +331,19 @@ mod tests {
                 low: Thresholds {
                     voltage_v: Some(6.6),
                     remaining_mah: Some(500.0),
+                    usable_pct: Some(30.0),
                 },
                 critical: Thresholds {
                     voltage_v: Some(6.2),
                     remaining_mah: Some(200.0),
+                    // The higher one: there is one level for both.
+                    usable_pct: Some(25.0),
                 },
             },
             arming: Thresholds {
                 voltage_v: Some(7.4),
                 remaining_mah: Some(1000.0),
+                usable_pct: None,
             },
         };
         assert_eq!(PackSettings::from_parameters(&parameters, Pack::Third), expected);

@@ -509,6 +509,7 @@ struct Watched {
 #[derive(Clone, Debug, Default)]
 struct Passing {
     below_ticks: u32,
+    unusable_ticks: u32,
     has_passed: bool,
 }
 
@@ -527,7 +528,13 @@ impl Passing {
         };
         let is_voltage_below = is_below(state.and_then(|state| state.voltage_v), thresholds.voltage_v);
         self.below_ticks = if is_voltage_below { self.below_ticks + 1 } else { 0 };
-        let has_lasted = timer_s.is_some_and(|timer_s| self.below_ticks as f32 > timer_s * 10.0 + 2.0);
+        let most_usable_pct =
+            state.and_then(|state| Some(state.usable_pct? + 2.0 * state.usable_sigma_pct.unwrap_or(0.0)));
+        let is_unusable = is_below(most_usable_pct, thresholds.usable_pct);
+        self.unusable_ticks = if is_unusable { self.unusable_ticks + 1 } else { 0 };
+        let has_lasted = timer_s
+            .is_some_and(|timer_s| self.below_ticks.max(self.unusable_ticks) as f32 > timer_s * 10.0 + 2.0)
+            || timer_s.is_none() && is_unusable;
         // Without a current it is an estimate with bounds.
         let counted = state.filter(|state| state.current_a.is_some());
         let remaining_mah = counted.and_then(BatteryState::remaining);
@@ -539,9 +546,11 @@ impl Passing {
 fn any_thresholds() -> impl Strategy<Value = Thresholds> {
     let voltage_v = prop::option::of(9.0f32..11.5);
     let remaining_mah = prop::option::of(10.0f32..200.0);
-    (voltage_v, remaining_mah).prop_map(|(voltage_v, remaining_mah)| Thresholds {
+    let usable_pct = prop::option::of(5.0f32..90.0);
+    (voltage_v, remaining_mah, usable_pct).prop_map(|(voltage_v, remaining_mah, usable_pct)| Thresholds {
         voltage_v,
         remaining_mah,
+        usable_pct,
     })
 }
 

@@ -20,7 +20,7 @@ use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
 use super::failsafe::ReachedLevels;
 use super::reporters::{GapReporter, HealthReporter, LessonReporter};
-use super::settings::{FailsafeSettings, PackSettings};
+use super::settings::PackSettings;
 use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, Faults, LearntPack,
@@ -461,7 +461,7 @@ impl BatteryMonitor {
             voltage_v, current_a, ..
         } = *measurement;
         let is_counted = match self.reports.gauge {
-            // What was counted is as unknown as what is left.
+            // Consumed and remaining charge are equally unknown.
             GaugeState::TimedOut { .. } => false,
             GaugeState::Valid { .. } => true,
             _ => current_a.is_some() || measurement.counted.is_some(),
@@ -536,7 +536,7 @@ impl BatteryMonitor {
             && self.state.remaining_pct.is_some()
     }
 
-    /// What the load can still draw.
+    /// Updates the usable charge.
     fn update_usable(&mut self) {
         let charge = self.estimator.reported().filter(|_| self.is_estimated());
         let state = &mut self.state;
@@ -545,7 +545,7 @@ impl BatteryMonitor {
         state.usable_sigma_pct = charge.map(|charge| charge.usable_sigma_pct);
     }
 
-    /// How long the load can still be served: once a second, since it takes a division.
+    /// Updates the time left: once a second, since it takes a division.
     fn update_time_remaining(&mut self) {
         let charge = self.estimator.charge().filter(|_| self.is_estimated());
         let state = &self.state;
@@ -566,13 +566,11 @@ impl BatteryMonitor {
 
     /// A pack whose charge has timed out is unhealthy while a threshold needs it.
     fn judge_health(&mut self, now: Instant, settings: &PackSettings) -> Option<ReadError> {
-        let FailsafeSettings { low, critical, .. } = &settings.failsafe;
-        let needs_charge = low.remaining_mah.or(critical.remaining_mah).is_some();
         if self.state.status != PackStatus::Healthy {
             return None;
         }
         let time_out = self.reports.charge_time_out(now);
-        if needs_charge && time_out.is_some() && self.state.remaining_pct.is_none() {
+        if settings.failsafe.needs_charge() && time_out.is_some() && self.state.remaining_pct.is_none() {
             self.state.status = PackStatus::Unhealthy;
             return time_out;
         }
@@ -588,7 +586,7 @@ impl BatteryMonitor {
         }
     }
 
-    /// What the evaluation of a tick is based on. `is_fresh`: the state shows this tick's reading.
+    /// Inputs of a tick's evaluation. `is_fresh`: the state shows this tick's reading.
     fn basis(&self, tick: Tick, dt_us: u64, is_fresh: bool) -> Basis {
         let remaining_at_most_pct = match self.state.charge_source {
             ChargeSource::Estimated => {
@@ -630,7 +628,7 @@ impl BatteryMonitor {
         state.visibility = settings.visibility;
     }
 
-    /// What is retained over a reset of the processor, of a pack that is read from `source`.
+    /// The part to retain over a reset of the processor, of a pack that is read from `source`.
     pub fn memory(&self, source: PackSource) -> PackMemory {
         let estimate = match self.state.status {
             // After the reset another pack may be connected.
@@ -650,7 +648,7 @@ impl BatteryMonitor {
         self.estimator.restore(&memory.estimate);
     }
 
-    /// What is learnt of the pack; `None` until [`restore_learnt`](Self::restore_learnt).
+    /// Learnt properties of the pack; `None` until [`restore_learnt`](Self::restore_learnt).
     pub fn learnt(&self) -> Option<&LearntPack> {
         self.learnt.as_ref().map(Learnt::pack)
     }
@@ -679,7 +677,7 @@ impl BatteryMonitor {
         self.learnt = Some(Learnt::saved(pack));
     }
 
-    /// What has to be written to flash.
+    /// The record to write to flash.
     pub fn unsaved_learnt(&self) -> Option<&LearntPack> {
         self.learnt.as_ref()?.unsaved()
     }

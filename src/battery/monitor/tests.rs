@@ -369,11 +369,11 @@ fn latched() -> Bench {
         timer_s: Some(1.0),
         low: Thresholds {
             voltage_v: Some(10.5),
-            remaining_mah: None,
+            ..Thresholds::default()
         },
         critical: Thresholds {
             voltage_v: Some(9.9),
-            remaining_mah: None,
+            ..Thresholds::default()
         },
         ..FailsafeSettings::default()
     };
@@ -658,7 +658,7 @@ fn failsafe_text_has_voltage_and_consumption() {
         voltage_source: VoltageSource::Terminal,
         low: Thresholds {
             voltage_v: Some(10.5),
-            remaining_mah: None,
+            ..Thresholds::default()
         },
         critical: Thresholds::default(),
     };

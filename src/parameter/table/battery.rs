@@ -492,8 +492,8 @@ parameters! {
         range: Range::Between(0.0, 100.0),
         unit: "%",
         label: "Low charge state",
-        description: "Below this remaining charge the pack is announced as low. No action follows. 0: disabled. \
-                      (ArduPilot has no such parameter; PX4's is BAT_LOW_THR.)",
+        description: "Below this remaining charge the pack is announced as low; armed it acts with FS_PCT_EN. 0: \
+                      disabled. (ArduPilot has no such parameter; PX4's is BAT_LOW_THR.)",
     }
     CrtPct {
         key: 103,
@@ -503,8 +503,8 @@ parameters! {
         range: Range::Between(0.0, 100.0),
         unit: "%",
         label: "Critical charge state",
-        description: "Below this remaining charge the pack is announced as critical. No action follows. 0: disabled. \
-                      (ArduPilot has no such parameter; PX4's is BAT_CRIT_THR.)",
+        description: "Below this remaining charge the pack is announced as critical; armed it acts with FS_PCT_EN. \
+                      0: disabled. (ArduPilot has no such parameter; PX4's is BAT_CRIT_THR.)",
     }
     EmrPct {
         key: 104,
@@ -584,5 +584,16 @@ parameters! {
         listed: Listed::WithMonitor(MonitorKind::Esc),
         label: "ESC mask",
         description: "Motor controllers that supply this pack's measurement, one bit each from bit 0. 0: all.",
+    }
+    FsPctEn {
+        key: 111,
+        name: "FS_PCT_EN",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Announce only")), (1, means("Act"))]),
+        label: "Failsafe by percent",
+        description: "1: an armed rover executes FS_LOW_ACT below LOW_PCT and FS_CRT_ACT below CRT_PCT or EMR_PCT, once \
+                      usable charge plus two standard deviations was below for LOW_TIMER (0: at once). (ArduPilot \
+                      has no such parameter.)",
     }
 }

@@ -15,7 +15,7 @@ fn low_failsafe_of_the_drive(low_v: f32, timer_s: f32, voltage_source: VoltageSo
             voltage_source,
             low: Thresholds {
                 voltage_v: Some(low_v),
-                remaining_mah: None,
+                ..Thresholds::default()
             },
             ..FailsafeSettings::default()
         },

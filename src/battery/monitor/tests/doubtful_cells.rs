@@ -99,7 +99,7 @@ fn a_voltage_failsafe_acts_on_a_pack_with_unclear_cells() {
         timer_s: Some(1.0),
         low: Thresholds {
             voltage_v: Some(9.0),
-            remaining_mah: None,
+            ..Thresholds::default()
         },
         ..FailsafeSettings::default()
     };

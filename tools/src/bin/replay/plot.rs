@@ -218,7 +218,7 @@ mod tests {
         let failsafe = FailsafeSettings {
             low: Thresholds {
                 voltage_v: Some(11.8),
-                remaining_mah: None,
+                ..Thresholds::default()
             },
             ..FailsafeSettings::default()
         };

@@ -269,13 +269,10 @@ impl Summary<'_> {
 
 /// The thresholds of a level that are in effect, with their values.
 fn thresholds(settings: &FailsafeSettings, level: FailsafeLevel, pack: Pack) -> Option<String> {
-    let (limits, voltage, charge) = match level {
-        FailsafeLevel::Critical => (
-            settings.critical,
-            BatteryParameter::CrtVolt,
-            BatteryParameter::CrtMah,
-        ),
-        _ => (settings.low, BatteryParameter::LowVolt, BatteryParameter::LowMah),
+    use BatteryParameter::{CrtMah, CrtPct, CrtVolt, LowMah, LowPct, LowVolt};
+    let (limits, [voltage, charge, percent]) = match level {
+        FailsafeLevel::Critical => (settings.critical, [CrtVolt, CrtMah, CrtPct]),
+        _ => (settings.low, [LowVolt, LowMah, LowPct]),
     };
     let named = |parameter: BatteryParameter, value| format!("{} {value}", parameter.of(pack).name());
     let texts = [
@@ -284,6 +281,7 @@ fn thresholds(settings: &FailsafeSettings, level: FailsafeLevel, pack: Pack) -> 
             .and(limits.voltage_v)
             .map(|volts| named(voltage, volts)),
         limits.remaining_mah.map(|mah| named(charge, mah)),
+        limits.usable_pct.map(|usable_pct| named(percent, usable_pct)),
     ];
     let texts: Vec<String> = texts.into_iter().flatten().collect();
     (!texts.is_empty()).then(|| texts.join(" or "))
