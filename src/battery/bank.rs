@@ -99,7 +99,7 @@ impl BatteryBank {
         alerts.max().unwrap_or_default()
     }
 
-    /// What is retained over a reset of the processor, of packs that are read from these sources.
+    /// The parts to retain over a reset of the processor, of packs that are read from these sources.
     pub fn memory(&self, sources: &[PackSource; MAX_PACKS]) -> [PackMemory; MAX_PACKS] {
         let mut memory = [PackMemory::default(); MAX_PACKS];
         for ((pack, monitor), source) in memory.iter_mut().zip(&self.monitors).zip(sources) {
@@ -141,7 +141,7 @@ fn spread(voltages: impl Iterator<Item = Option<f32>> + Clone) -> Option<f32> {
     (highest_v >= lowest_v).then(|| highest_v / lowest_v - 1.0)
 }
 
-/// How the members' voltages are combined.
+/// Combination of the members' voltages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SumVoltage {
     /// The mean, for packs in parallel.
@@ -212,7 +212,7 @@ fn consumed<'a>(packs: impl Iterator<Item = &'a BatteryState> + Clone) -> Option
     })
 }
 
-/// What lamps and buzzer show of a pack in this state.
+/// Indication of a pack in this state by lamps and buzzer.
 fn alert_of(state: &BatteryState) -> BatteryAlert {
     let by_failsafe = match state.failsafe {
         FailsafeLevel::None => BatteryAlert::None,

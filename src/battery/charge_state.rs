@@ -24,7 +24,7 @@ const CHARGING_HYSTERESIS: f32 = 0.5;
 pub(super) struct Inputs {
     pub status: PackStatus,
     pub faults: Faults,
-    /// What the pack reports.
+    /// State as reported by the pack.
     pub reported: Option<ChargeState>,
     pub failsafe: FailsafeLevel,
     pub usable_pct: Option<f32>,

@@ -42,7 +42,7 @@ pub(super) const FAULTS: [Faults; 10] = [
     Faults::CONTRADICTED_CHARGE,
 ];
 
-/// What is known of a pack only while it is at rest.
+/// Observations that need a pack at rest.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct AtRest {
     /// Its voltage, in volts.

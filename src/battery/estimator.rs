@@ -54,7 +54,7 @@ pub(super) struct Reading {
     pub doubt: Doubt,
 }
 
-/// What an update of the estimators brings about.
+/// Outcome of an update of the estimators.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Findings {
     /// Cell detection ended.
@@ -66,7 +66,7 @@ pub(super) struct Findings {
 /// Chemistry and number of cells by the settings.
 pub(super) type SetCells = (Chemistry, Option<u8>);
 
-/// What is retained of the estimates over a reset.
+/// Part of the estimates that is retained over a reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct EstimatorMemory {
     pub charge: Option<KnownCharge>,
@@ -87,7 +87,7 @@ pub(super) struct Estimator {
     charge: ChargeEstimator,
     /// The latest estimate as it is reported, if it is certain enough.
     reported: Option<ReportedCharge>,
-    /// What the present estimate is made for.
+    /// Cells that the present estimate assumes.
     estimated_for: Option<SetCells>,
 }
 
@@ -100,7 +100,7 @@ pub(super) struct ReportedCharge {
     pub sigma_pct: f32,
     /// Its upper bound.
     pub at_most_pct: f32,
-    /// What the load can still draw, in percent of what it can draw from a full pack.
+    /// Usable charge, in percent of a full pack's.
     pub usable_pct: f32,
     /// Its standard deviation.
     pub usable_sigma_pct: f32,
@@ -321,7 +321,7 @@ impl Estimator {
         Some(charge.available / charge.rate_per_h? * SECONDS_PER_HOUR)
     }
 
-    /// What is retained over a reset.
+    /// The part to retain over a reset.
     pub fn memory(&self) -> EstimatorMemory {
         EstimatorMemory {
             charge: self.charge.known(),
@@ -371,7 +371,7 @@ impl Estimator {
         self.charge = ChargeEstimator::new();
     }
 
-    /// What was seen of the pack so far must not be learnt.
+    /// Discards the observations so far: they must not be learnt.
     pub fn restart_drive(&mut self) {
         self.charge.restart_drive();
     }

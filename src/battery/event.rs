@@ -68,7 +68,7 @@ pub enum PackEvent {
         state: ChargeState,
         /// Remaining charge, in percent, if known.
         remaining_pct: Option<f32>,
-        /// What the load can still draw, in percent of what it can draw from a full pack, if known.
+        /// Usable charge, in percent, if known.
         usable_pct: Option<f32>,
         /// Terminal voltage, in volts, if known.
         voltage_v: Option<f32>,
@@ -265,7 +265,7 @@ const FAULT_NAMES: [(Faults, &str); 10] = [
     (Faults::SPIKES, "voltage spikes"),
 ];
 
-/// What packs call their faults.
+/// Names that packs have for their faults.
 const REPORTED_NAMES: [(Faults, &str); 11] = [
     (Faults::BAD_BATTERY, "bad battery"),
     (Faults::NEEDS_SERVICE, "needs service"),

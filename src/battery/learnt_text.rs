@@ -1,4 +1,4 @@
-//! What is learnt of a pack as text, one property a line, for tools on a desk.
+//! Learnt properties of a pack as text, one a line, for tools on a desk.
 //!
 //! ```text
 //! chemistry 3

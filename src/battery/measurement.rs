@@ -1,4 +1,4 @@
-//! What is measured of a pack and when, and why a measurement failed.
+//! Measurements of a pack, their times, and their errors.
 
 use core::fmt;
 
@@ -16,7 +16,7 @@ const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
 const HIGHEST_ENERGY_WH: f32 = 1_000_000.0;
 const LOWEST_CAPACITY_MAH: f32 = 1.0;
 
-/// What a pack stores. As in ArduPilot, a fuel tank is a pack, too.
+/// Contents of a pack. As in ArduPilot, a fuel tank is a pack, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Contents {
@@ -52,7 +52,7 @@ pub struct Measurement {
     pub current_range: CurrentRange,
     /// Charge and energy, if the sensor counts them.
     pub counted: Option<Counted>,
-    /// What the pack's own fuel gauge reports.
+    /// Report of the pack's own fuel gauge.
     pub gauge: GaugeReading,
     /// State of charge, 0 to 1, if the sensor reports it without a capacity.
     pub state_of_charge: Option<f32>,
@@ -64,7 +64,7 @@ pub struct Measurement {
     pub cells: CellVoltages,
     /// Identity and ratings, of a smart battery.
     pub details: PackDetails,
-    /// What the pack reports of its own condition.
+    /// Condition as reported by the pack.
     pub reported: Reported,
     /// Time until the pack is empty, in seconds, if the pack or its sensor reports it.
     pub time_remaining_s: Option<f32>,
@@ -170,7 +170,7 @@ pub enum Counted {
     TotalCharge(f32),
     /// Of a sum.
     Members {
-        /// What its members have consumed.
+        /// Consumption of its members together.
         consumed: Consumed,
         /// Charge drawn from them since the start, in milliampere-hours, which a battery reset or another pack does not
         /// change; `None` unless every member counts it and none is lost.
@@ -200,7 +200,7 @@ impl Consumed {
     }
 }
 
-/// What a reading says of the pack's own fuel gauge.
+/// State of the pack's own fuel gauge in one reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum GaugeReading {
     /// The source has none, or it is not to be used: the charge is estimated here.
@@ -208,7 +208,7 @@ pub enum GaugeReading {
     Absent,
     /// The reading came without it.
     Missing,
-    /// What it reports.
+    /// Its report.
     Read(Gauge),
 }
 
@@ -218,7 +218,7 @@ impl GaugeReading {
         gauge.map_or(Self::Missing, Self::Read)
     }
 
-    /// What it reports.
+    /// Its report, if there is one.
     pub fn read(&self) -> Option<&Gauge> {
         match self {
             Self::Absent | Self::Missing => None,
@@ -227,7 +227,7 @@ impl GaugeReading {
     }
 }
 
-/// What a smart battery's own fuel gauge has counted.
+/// Count of a smart battery's own fuel gauge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gauge {
     /// Remaining charge, in milliampere-hours.
@@ -285,7 +285,7 @@ pub enum ReadError {
     NotSetUp,
 }
 
-/// What failed on the wires to a sensor.
+/// Fault on the wires to a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum BusError {

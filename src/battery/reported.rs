@@ -37,13 +37,13 @@ bitflags! {
 }
 
 impl Faults {
-    /// Those that MAVLink has a bit for.
+    /// Faults with a bit in MAVLink.
     pub const MAVLINK: Self = Self::from_bits_retain(0x1ff);
 
-    /// Those that make a sufficiently charged pack FAILED: it must not be used.
+    /// Faults that make a sufficiently charged pack FAILED: it must not be used.
     pub const FAILING: Self = Self::CELL_FAIL;
 
-    /// Those that make a sufficiently charged pack UNHEALTHY.
+    /// Faults that make a sufficiently charged pack UNHEALTHY.
     pub const UNFIT: Self = Self::CELLS_CONFIGURATION.union(Self::OVER_TEMPERATURE);
 }
 
@@ -87,7 +87,7 @@ impl ChargeState {
     }
 }
 
-/// What a pack, or another component that measures it, reports of its condition. It is shown, and its faults are
+/// Condition as reported by the pack, or by another component that measures it. It is shown, and its faults are
 /// announced; none of them changes what is found here. A failed cell, [`Faults::BAD_BATTERY`] and the states EMERGENCY,
 /// FAILED and UNHEALTHY keep a rover from being armed. Chargers report none of these.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

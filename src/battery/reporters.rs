@@ -16,7 +16,7 @@ enum Condition {
     Absent,
     /// Its beginning was reported.
     Reported {
-        /// How long it has been absent since, in seconds.
+        /// Time since it was last present, in seconds.
         absent_s: f32,
     },
 }
@@ -36,7 +36,7 @@ impl Evidence {
     }
 }
 
-/// What has to be reported.
+/// Outcome of an observation: the report that is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
     Begins,
@@ -114,7 +114,7 @@ impl HealthReporter {
     }
 }
 
-/// What was reported has to be absent for this long before it is reported again, in seconds: a load that comes and goes
+/// Time of absence after which a condition is reported again, in seconds: a load that comes and goes
 /// must not flood the link.
 const RECOVERY_S: f32 = 30.0;
 
@@ -189,15 +189,15 @@ impl LessonReporter {
 pub(super) struct ChargeReporter {
     /// The worst charge state, UNDEFINED to EMERGENCY, that has not been better since for [`RECOVERY_S`].
     worst: ChargeState,
-    /// How long the present one has been better, in seconds.
+    /// Time since the present one is better, in seconds.
     better_s: f32,
-    /// How long no pack has been connected while disarmed, in seconds.
+    /// Time without a pack while disarmed, in seconds.
     unplugged_s: f32,
-    /// How long nothing is reported from now on, in seconds.
+    /// Time until something may be reported, in seconds.
     settling_s: f32,
     charging: Condition,
     faults: AnnouncedFaults,
-    /// Those that the pack reports itself.
+    /// Faults that the pack reports itself.
     reported: AnnouncedFaults,
 }
 
@@ -210,7 +210,7 @@ struct AnnouncedFaults {
 }
 
 impl AnnouncedFaults {
-    /// Those that are new, `dt_s` seconds after the ones before.
+    /// The new faults, `dt_s` seconds after the ones before.
     fn update(&mut self, dt_s: f32, present: Faults) -> Faults {
         let new = present - self.faults;
         self.faults |= present;

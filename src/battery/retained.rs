@@ -24,7 +24,7 @@ pub type RetainedMemory = [RetainedRecord; 2];
 #[repr(transparent)]
 pub struct RetainedRecord([u32; RECORD_WORDS]);
 
-/// What a pack has been read from since boot, by the parameters that take effect then: `BATT_MONITOR`, `BATT_I2C_ADDR`
+/// Source of a pack's readings since boot, by the parameters that take effect then: `BATT_MONITOR`, `BATT_I2C_ADDR`
 /// and `BATT_CHANNEL`. Behind another source is another pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PackSource([u8; 3]);
@@ -32,7 +32,7 @@ pub struct PackSource([u8; 3]);
 /// Retained data of one pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PackMemory {
-    /// Where the data is from.
+    /// Source of the data.
     pub source: PackSource,
     pub(super) consumption: Consumption,
     pub(super) estimate: EstimatorMemory,

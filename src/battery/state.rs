@@ -119,7 +119,7 @@ pub struct BatteryState {
     pub remaining_pct: Option<f32>,
     /// Standard deviation of [`remaining_pct`](Self::remaining_pct), in percent of a full pack, where it is estimated.
     pub remaining_sigma_pct: Option<f32>,
-    /// What the load can still draw, in percent of what it can draw from a full pack (0 to 100): less than what remains
+    /// Usable charge: how much the load can still draw, in percent of a full pack's (0 to 100): less than what remains
     /// in a cold or worn pack.
     pub usable_pct: Option<f32>,
     /// Standard deviation of the usable charge, in percent, where it is estimated here.
@@ -137,7 +137,7 @@ pub struct BatteryState {
     pub without_reserve: Option<ChargeState>,
     /// Present faults, as found here.
     pub faults: Faults,
-    /// What the pack reports of its own condition.
+    /// Condition as reported by the pack.
     pub reported: Reported,
     /// The failsafe level, latched until a battery reset or swap.
     pub failsafe: FailsafeLevel,

@@ -13,7 +13,7 @@ const MAX_RECOVERY: f32 = 0.08;
 /// Consecutive readings that confirm a changed serial number: half a second at 10 Hz.
 const CONFIRMING_READINGS: u8 = 5;
 
-/// How certain a swap is.
+/// Certainty of a swap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Replacement {
     /// The pack rests at more than the previous one can recover to, or has another serial number.

@@ -1,4 +1,4 @@
-//! What is known of a pack: the chemistry of its cells, what was learnt of it, and charges that are known.
+//! Model of a pack's cells: chemistry, learnt properties, and known charges.
 
 use crate::battery::chemistry::{Cell, POINTS, SAME_VOLTAGE_V};
 use crate::battery::learnt::{LastCharge, LearntPack, Offset};
@@ -53,7 +53,7 @@ pub(in crate::battery) struct CellModel<'a> {
     pub end: EndVoltage,
     /// The most that can be left by a count at the source, from 0 to 1.
     pub share_at_most: f32,
-    /// What was learnt of this pack.
+    /// Learnt properties of this pack.
     pub learnt: &'a LearntPack,
 }
 

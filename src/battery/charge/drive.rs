@@ -19,10 +19,10 @@ const MAX_TO_TYPICAL: f32 = 4.0;
 /// Up to here the typical slow sag is that of the cell.
 const NEAR_TYPICAL: f32 = 1.5;
 
-/// What is seen for a shorter time is not learnt, in seconds.
+/// A point of the curve that is seen for a shorter time is not learnt, in seconds.
 const MIN_DURATION_S: f32 = 60.0;
 
-/// What the offset of a current sensor may count at rest, in capacities per hour: a parked rover teaches little.
+/// Charge that a current sensor's offset may count at rest, in capacities per hour: a parked rover teaches little.
 const REST_DRIFT_PER_H: f32 = 0.05;
 
 /// A shorter rest teaches nothing, in seconds.
@@ -43,7 +43,7 @@ const MAX_LESS: f32 = 0.3;
 /// A drive that has drawn less, in capacities, begins at the latest rest.
 const BEGUN: f32 = 0.05;
 
-/// What was seen of a pack since its charge was last certain.
+/// Observations of a pack since its charge was last certain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
     start: KnownCharge,
@@ -52,7 +52,7 @@ pub(super) struct Drive {
     rested_h: f32,
     ohm: Sum,
     parts: [CurvePoint; OFFSET_POINTS],
-    /// What was known before, once something was learnt from this drive: each rest is evaluated on its own.
+    /// Lessons before this drive, once something was learnt from it: each rest is evaluated on its own.
     before: Option<Lessons>,
 }
 

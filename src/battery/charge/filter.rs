@@ -184,7 +184,7 @@ impl Filter {
 
     fn predict(&mut self, drawn: f32, dt_s: f32, model: &CellModel) {
         self.state[0] -= drawn * self.counted();
-        // What the error of the capacity adds to that of the charge.
+        // Part of the error of the charge that comes from that of the capacity.
         let by_capacity = self.covariance[1];
         for (with, covariance) in by_capacity.into_iter().enumerate() {
             self.covariance[0][with] -= drawn * covariance;
@@ -303,7 +303,7 @@ impl Sag {
     }
 }
 
-/// What is unknown of a charge that is read from a voltage, by the slope of the curve there.
+/// Error of a charge that is read from a voltage, by the slope of the curve there.
 struct VoltageError {
     by_offset: f32,
     by_slow_share: f32,

@@ -1,4 +1,4 @@
-//! What loads a cell: means over a second and over ten, what is left of earlier loads, and how far the voltage sags.
+//! Load of a cell: means over a second and over ten, the rest of earlier loads, and the sag of the voltage.
 //!
 //! All that follows a second runs once a second, at any sampling rate.
 
@@ -293,7 +293,7 @@ impl Polarisation {
     }
 }
 
-/// What every phase of the estimate goes on with.
+/// State that outlives a change of the method.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trace {
     /// Of the current in amperes; of the load in capacities per hour where it is inferred from the voltage.
@@ -426,7 +426,7 @@ impl Reserve {
         low
     }
 
-    /// What the load can still draw at this state of charge, relative to the capacity, from 0 to 1.
+    /// Usable charge at this state of charge, relative to the capacity, from 0 to 1.
     pub fn available(&self, share: f32) -> f32 {
         (share - self.share).max(0.0)
     }

@@ -47,7 +47,7 @@ const SURFACE_SHARE: f32 = 0.80;
 const SURFACE_WIDTH: f32 = 0.1;
 const SURFACE_SIGMA: f32 = 0.15;
 
-/// What self-discharge and a charge that leaves the voltage alone may have changed since a charge was kept.
+/// Change of a stored charge by self-discharge, or by charging that leaves the voltage alone.
 const PAUSE_SIGMA: f32 = 0.03;
 
 /// A curve on which a voltage gives the charge to this standard deviation is steep.
@@ -401,7 +401,7 @@ mod tests {
         }
     }
 
-    /// What a start finds after a second under a load.
+    /// The start after a second under a load.
     fn found(cell_v: f32, current_a: f32, model: &CellModel) -> Option<Found> {
         let mut start = Start::NEW;
         start.add(0.1, Some(cell_v), Some(current_a));

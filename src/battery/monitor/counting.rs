@@ -16,7 +16,7 @@ pub(super) struct Counting {
     last_current: Option<(Instant, f32)>,
 }
 
-/// What a reading adds to the consumption.
+/// Contribution of a reading to the consumption.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Count {
     pub gap: Option<Gap>,
@@ -143,7 +143,7 @@ impl Counting {
         largest.map_or(1.0, |capacity_mah| self.share_left(capacity_mah))
     }
 
-    /// What is left of this capacity, from 0 to 1.
+    /// Share of this capacity that is left, from 0 to 1.
     pub fn share_left(&self, capacity_mah: f32) -> f32 {
         (1.0 - self.charge_mah() / capacity_mah).clamp(0.0, 1.0)
     }
@@ -177,7 +177,7 @@ impl Counting {
         self.counter.rebase();
     }
 
-    /// What is retained over a reset of the processor.
+    /// The part to retain over a reset of the processor.
     pub fn consumption(&self) -> Consumption {
         self.consumption
     }
@@ -235,7 +235,7 @@ struct SourceCounter {
     energy: Total,
     /// A sum's members, and the latest of what was drawn from them, which may fall.
     drawn_mah: Option<(u16, f32)>,
-    /// What it has counted beyond the measured current, in milliampere-hours; negative by up to a step, of a sum by more:
+    /// Charge counted beyond the measured current, in milliampere-hours; negative by up to a step, of a sum by more:
     /// its members are counted less often than it is.
     ahead_mah: f32,
     progress: Progress,
@@ -335,7 +335,7 @@ pub(super) fn has_timed_out(since: Instant, now: Instant) -> bool {
     now.us_since(since) > TIMEOUT_US
 }
 
-/// What is known of the gauge.
+/// Knowledge of the gauge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum GaugeState {
     /// There is none, or it is not to be used.

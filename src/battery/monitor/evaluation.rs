@@ -1,4 +1,4 @@
-//! What follows from the state of a pack: its faults, failsafe level and charge state, and what is announced of them.
+//! Evaluation of a pack's state: faults, failsafe level and charge state, and their announcements.
 
 use crate::battery::charge_state::{ChargeStateMachine, Inputs};
 use crate::battery::diagnosis::{AtRest, Diagnosis};
@@ -19,7 +19,7 @@ pub(super) struct Evaluation {
     charge_reporter: ChargeReporter,
 }
 
-/// What a tick's evaluation is based on, beside the state.
+/// Inputs of a tick's evaluation, beside the state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Basis {
     pub tick: Tick,

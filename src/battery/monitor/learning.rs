@@ -1,4 +1,4 @@
-//! What is learnt of a pack, and whether flash holds it.
+//! Learnt properties of a pack, and whether flash holds them.
 
 use crate::battery::event::{PackEvents, push};
 use crate::battery::settings::PackSettings;
@@ -7,14 +7,14 @@ use crate::battery::{LearntPack, MeasuringScale, PackEvent};
 /// A new cell has up to so much more than its label says, relative to it; more is a wrong scale or label.
 const MAX_ABOVE_LABEL: f32 = 1.1;
 
-/// What is learnt of the pack, once flash was read.
+/// Learnt properties of the pack, once flash was read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Learnt {
     pack: LearntPack,
     standing: Standing,
 }
 
-/// How what is learnt relates to what flash holds.
+/// State of the learnt properties relative to flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Standing {
     /// The same.
@@ -40,7 +40,7 @@ impl Learnt {
         &self.pack
     }
 
-    /// What has to be written to flash.
+    /// The record to write to flash.
     pub fn unsaved(&self) -> Option<&LearntPack> {
         (self.standing == Standing::Unsaved).then_some(&self.pack)
     }
@@ -91,7 +91,7 @@ impl Learnt {
         }
     }
 
-    /// What is learnt of the pack, unless the settings say that it is another one.
+    /// Learnt properties of the pack, unless the settings say that it is another one.
     pub fn known(&self, settings: &PackSettings, cell_count: Option<u8>) -> Option<&LearntPack> {
         self.shown()
             .filter(|pack| pack.matches(settings.chemistry, cell_count, settings.capacity_mah))

@@ -1,4 +1,4 @@
-//! What a pack, or the sum of packs, reports of itself.
+//! Reports of a pack, or of a sum of packs, about itself.
 
 use super::counting::{GaugeState, has_timed_out};
 use crate::battery::event::push;
