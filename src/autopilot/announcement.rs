@@ -349,7 +349,9 @@ impl fmt::Display for Announcement<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Amount, ChargeState, FailsafeLevel, Faults, Gap, ReadError};
+    use crate::battery::{Amount, ChargeState, FailsafeLevel, Faults, Gap, LessonObstacle, ReadError};
+    use crate::memory::storage::FlashFault;
+    use crate::sensor::{ChargerPower, FuelCellError, FuelCellState, NodeId, TorqeedoCondition};
     use crate::vehicle::FailsafeAction;
 
     #[test]
@@ -500,6 +502,279 @@ mod tests {
         ] {
             assert_eq!(Announcement::Vehicle(event).text(), expected);
         }
+    }
+
+    /// Severity and text, for one place of each event in the sources.
+    fn line(announcement: &Announcement<'_>) -> std::string::String {
+        let severity = match announcement.severity() {
+            MavSeverity::MAV_SEVERITY_INFO => "info",
+            MavSeverity::MAV_SEVERITY_NOTICE => "notice",
+            MavSeverity::MAV_SEVERITY_WARNING => "warning",
+            MavSeverity::MAV_SEVERITY_CRITICAL => "critical",
+            other => panic!("{other:?} is not announced"),
+        };
+        format!("{severity}: {}", announcement.text())
+    }
+
+    #[test]
+    fn severities_and_texts_of_packs_in_order() {
+        let charge = |state| PackEvent::Charge {
+            state,
+            remaining_pct: Some(14.0),
+            usable_pct: None,
+            voltage_v: None,
+        };
+        let failsafe = |level| PackEvent::Failsafe {
+            level,
+            voltage_v: 10.0,
+            consumed: Amount::Mah(900.0),
+        };
+        let gap = Gap {
+            duration_s: 3.0,
+            counted_mah: None,
+        };
+        let learnt = PackEvent::Learnt {
+            capacity_mah: 3000.0,
+            resistance_ohm: 0.08,
+        };
+        let events = [
+            PackEvent::CellsDetected { count: 3 },
+            PackEvent::CellsAmbiguous { voltage_v: 8.85 },
+            PackEvent::Swapped,
+            PackEvent::EstimateRestarted,
+            PackEvent::ContactLost,
+            PackEvent::ContactRestored,
+            PackEvent::Gap(gap),
+            PackEvent::CurrentOverRange,
+            PackEvent::CurrentReversed,
+            PackEvent::AboveDrivers,
+            PackEvent::SensorFailed(ReadError::Timeout),
+            PackEvent::SensorRecovered,
+            PackEvent::PoweringOff,
+            PackEvent::MembersLeft(0b11),
+            charge(ChargeState::Low),
+            charge(ChargeState::Critical),
+            charge(ChargeState::Emergency),
+            PackEvent::Charging,
+            learnt,
+            PackEvent::CapacityAboveLabel,
+            PackEvent::NotLearnt(LessonObstacle::NoRest),
+            PackEvent::Faults(Faults::SPIKES),
+            PackEvent::ReportedFaults(Faults::SPIKES),
+            failsafe(FailsafeLevel::Unhealthy),
+            failsafe(FailsafeLevel::Low),
+            failsafe(FailsafeLevel::Critical),
+        ];
+        let lines = events.map(|event| line(&Announcement::Pack(Pack::First, &event)));
+        let expected = "\
+notice: Battery 1 has 3 cells (set BATT_CELLS to be sure)
+warning: Battery 1 cells unclear at 8.85V: set BATT_CELLS
+warning: Battery 1 swapped: estimates restarted
+warning: Battery 1 estimate restarted
+warning: Battery 1 not connected
+notice: Battery 1 connected again
+warning: Battery 1 not measured for 3s: consumption too low
+warning: Battery 1 current over range: consumption too low
+warning: Battery 1 current sensor reversed?
+warning: Battery 1 voltage above MOT_DRV_VOLT
+warning: Battery 1 unhealthy: no reading in time
+notice: Battery 1 healthy again
+warning: Battery 1 is powering off
+warning: Battery 1 sums without battery 1, 2
+warning: Battery 1 low: 14% left
+critical: Battery 1 critical: 14% left
+critical: Battery 1 emergency: 14% left
+notice: Battery 1 charging
+notice: Battery 1 learnt: 3000 mAh, 80 mOhm
+warning: Battery 1 check BATT_AMP_PERVLT or BATT_CAPACITY
+notice: Battery 1 not learnt: no rest of 30s at the end
+warning: Battery 1 fault: voltage spikes
+warning: Battery 1 reports: voltage spikes
+warning: Battery 1 is missing, last: 10.00V used 900 mAh
+warning: Battery 1 is low 10.00V used 900 mAh
+critical: Battery 1 is critical 10.00V used 900 mAh";
+        assert_eq!(lines.join("\n"), expected);
+    }
+
+    #[test]
+    fn severities_and_texts_of_everything_else_in_order() {
+        let node = NodeId::new(10).expect("an id");
+        let flash = StorageError::Flash(FlashFault::NotVerified);
+        let id = BatteryParameter::Capacity.of(Pack::First);
+        let not_saved = |error| Announcement::ParametersNotSaved(SaveFailure { error, changes: 2 });
+        let refused = |why| Announcement::ParameterRefused { id, why };
+        let serial = [
+            SerialNotice::FuelCellError(FuelCellError::Flags(0x0400)),
+            SerialNotice::FuelCellError(FuelCellError::Flags(0x0010)),
+            SerialNotice::FuelCellError(FuelCellError::Code(0, 0)),
+            SerialNotice::FuelCellError(FuelCellError::Code(20, 0)),
+            SerialNotice::FuelCellError(FuelCellError::Code(33, 7)),
+            SerialNotice::FuelCellState(FuelCellState::Running),
+            SerialNotice::FuelCellState(FuelCellState::Fault),
+            SerialNotice::Torqeedo(TorqeedoCondition::default()),
+        ];
+        let announcements = [
+            Announcement::Vehicle(VehicleEvent::NeedsPosition(FailsafeAction::Rtl)),
+            Announcement::Vehicle(VehicleEvent::Terminated),
+            Announcement::Vehicle(VehicleEvent::ControlsTimedOut),
+            Announcement::Vehicle(VehicleEvent::GroundStationsTimedOut),
+            Announcement::FailsafesOff(BatteryParameter::LowVolt.of(Pack::First)),
+            Announcement::Suggestion(
+                Pack::First,
+                SuggestedThresholds {
+                    low_v: 10.5,
+                    critical_v: 10.2,
+                },
+            ),
+            Announcement::DefaultParameters,
+            Announcement::LastParameterLost,
+            Announcement::ParametersReset,
+            Announcement::Parameters(ParameterTrouble::NotRead),
+            Announcement::Parameters(ParameterTrouble::Damaged),
+            Announcement::Parameters(ParameterTrouble::HalfLoaded),
+            Announcement::Parameters(ParameterTrouble::DoesNotFit(id)),
+            Announcement::ParametersUnknown(3),
+            not_saved(StorageError::NoErasedSpace),
+            not_saved(StorageError::Full),
+            not_saved(flash),
+            Announcement::ParametersSaved,
+            Announcement::LearntNotSaved(StorageError::NoErasedSpace),
+            Announcement::LearntNotSaved(flash),
+            Announcement::WifiNotSaved(StorageError::NoErasedSpace),
+            Announcement::WifiNotSaved(flash),
+            Announcement::Wifi(WifiReport::NoAnswer),
+            Announcement::Wifi(WifiReport::DownloadFailed),
+            Announcement::Wifi(WifiReport::NoRadio),
+            Announcement::Wifi(WifiReport::AccessPointUp),
+            Announcement::Wifi(WifiReport::Joined),
+            Announcement::Wifi(WifiReport::AddressObtained([192, 168, 4, 2])),
+            Announcement::Wifi(WifiReport::NetworkNotFound),
+            Announcement::Wifi(WifiReport::JoinFailed),
+            Announcement::Wifi(WifiReport::WrongPassword),
+            Announcement::Wifi(WifiReport::NoAddress),
+            Announcement::Wifi(WifiReport::NetworkLost),
+            Announcement::Wifi(WifiReport::FallbackToAccessPoint),
+            Announcement::Wifi(WifiReport::OffAfterCrash),
+            Announcement::Wifi(WifiReport::NoEntropy),
+            Announcement::Can(CanReport::ImpossibleBitRate),
+            Announcement::Can(CanReport::NoAnswer),
+            Announcement::Can(CanReport::Reconfigured),
+            Announcement::Can(CanReport::Passive),
+            Announcement::Can(CanReport::BusOff(2)),
+            Announcement::Can(CanReport::Working),
+            Announcement::Can(CanReport::NoInterrupt),
+            Announcement::Can(CanReport::FramesLost(7)),
+            Announcement::CanNode(CanNotice::Appeared(node)),
+            Announcement::CanNode(CanNotice::Lost(node)),
+            Announcement::CanNode(CanNotice::Restarted(node)),
+            Announcement::CanNode(CanNotice::OwnId(node)),
+            Announcement::CanNode(CanNotice::SameId(node)),
+            Announcement::CanNode(CanNotice::Assigned(node)),
+            Announcement::CanNode(CanNotice::NoIdLeft),
+            Announcement::CanNode(CanNotice::Source(Pack::Second, node)),
+            Announcement::CanNode(CanNotice::Charger(Pack::Second, ChargerPower::On)),
+            Announcement::CanNode(CanNotice::Charger(Pack::Second, ChargerPower::Off)),
+            Announcement::SigningSaved(SigningChange::KeySet),
+            Announcement::SigningSaved(SigningChange::KeyRemoved),
+            Announcement::Signing(SigningTrouble::KeyLost),
+            Announcement::Signing(SigningTrouble::NotSaved),
+            Announcement::Unauthorized {
+                link: "UART",
+                count: 5,
+            },
+            Announcement::TooOld { link: "UART" },
+            refused(Refused::OutOfRange),
+            refused(Refused::ReadOnly),
+            refused(Refused::Armed),
+            Announcement::LongTimeOut {
+                parameter: VehicleParameter::FsTimeout,
+                seconds: 7.5,
+            },
+            Announcement::NoLog(LogFailure::Full),
+            Announcement::NoLog(LogFailure::NotWritten),
+            Announcement::LogWearsFlash,
+            Announcement::Crash("Crashed"),
+        ];
+        let serial = serial.map(Announcement::Serial);
+        let lines: Vec<_> = announcements.iter().chain(&serial).map(line).collect();
+        let expected = "\
+warning: RTL needs a position: Hold
+critical: Terminated by battery failsafe
+warning: Radio Failsafe: Hold
+warning: GCS Failsafe: Hold
+warning: Battery failsafes are off: set BATT_LOW_VOLT
+notice: Set BATT_LOW_VOLT 10.50, BATT_CRT_VOLT 10.20
+critical: 5 quick resets: started with default parameters
+critical: Parameter storage damaged: check parameters
+warning: All parameters reset to their defaults
+critical: Stored parameters not read: restart
+critical: Parameters damaged: check them, then set PARAM_CHECKED 1
+critical: Parameters half loaded: check them, then set PARAM_CHECKED 1
+critical: Stored BATT_CAPACITY does not fit: check them, then set PARAM_CHECKED 1
+warning: 3 stored parameters unknown: kept
+warning: Parameters: 2 not saved until disarmed
+critical: Parameters can't be saved: too many changed
+critical: Parameters can't be saved: flash worn out?
+info: Parameters saved
+warning: Learnt battery data not saved until disarmed
+warning: Learnt battery data not saved: flash worn out?
+warning: Wi-Fi settings not saved until disarmed
+warning: Wi-Fi settings not saved: flash worn out?
+warning: Wi-Fi radio does not answer
+warning: Wi-Fi radio does not take its firmware
+warning: No Wi-Fi radio found: GP29 free after a restart
+info: Wi-Fi access point on
+info: Wi-Fi network joined
+info: Wi-Fi address 192.168.4.2
+warning: Wi-Fi network not found
+warning: Wi-Fi network can't be joined
+warning: Wi-Fi network refuses the password
+warning: Wi-Fi network gives no address
+warning: Wi-Fi network lost
+warning: No Wi-Fi network: access point instead
+warning: Wi-Fi off after a crash: restart the board
+warning: Wi-Fi off: no random numbers for a password
+warning: CAN off: 1 Mbit/s needs a 16 MHz crystal
+warning: CAN controller does not answer
+warning: CAN controller was reset and configured again
+warning: CAN bus has errors: check wires and bit rate
+warning: CAN bus off, times: 2
+info: CAN bus works
+warning: CAN interrupt line GP17 does not work
+warning: CAN frames lost: 7
+info: CAN node 10 found
+warning: CAN node 10 lost
+warning: CAN node 10 restarted
+info: CAN node id 10 assigned to this board
+warning: CAN node id 10 used twice
+info: CAN node id 10 assigned
+warning: CAN: no node id left to assign
+info: Battery 2 measured by CAN node 10
+info: Battery 2 charger switched on
+info: Battery 2 charger switched off
+info: Signing key set
+info: Signing key removed: commands are accepted from anyone
+critical: Signing key lost: set up by USB (used Pico: erase)
+critical: Signing not saved: set it up again after a restart
+warning: UART: not signed with the key, ignored: 5
+warning: UART: signed frames too old: does the station hear the rover?
+warning: BATT_CAPACITY refused: valid 0 to 1000000
+warning: Param write denied (BATT_CAPACITY)
+warning: BATT_CAPACITY refused: not raised while armed
+warning: Armed with FS_TIMEOUT 7.50: drives on for long without a driver
+warning: Log full until disarmed
+warning: Log not written: flash worn out?
+warning: Logging wears out this flash chip: set LOG_BITMASK 0
+critical: Crashed
+critical: Fuel cell error 0x400
+warning: Fuel cell error 0x10
+info: Fuel cell: no error any more
+warning: Fuel cell error 20
+critical: Fuel cell error 33.7
+info: Fuel cell running
+warning: Fuel cell has failed
+info: Torqeedo: no error";
+        assert_eq!(lines.join("\n"), expected);
     }
 
     #[test]
