@@ -47,7 +47,7 @@ impl Pack {
         self as u8
     }
 
-    /// What users call it: its instance and 1, as in the parameters' names.
+    /// Its number for users: its instance and 1, as in the parameters' names.
     pub fn number(self) -> u8 {
         self.instance() + 1
     }

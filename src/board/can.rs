@@ -23,7 +23,7 @@ use crate::sensor::BitTiming;
 /// An interrupt of no peripheral (RP2040 datasheet, 2.3.2).
 static EXECUTOR: InterruptExecutor = InterruptExecutor::new();
 
-/// What the controller's loop and the task that uses the bus share.
+/// Exchange between the controller's loop and the task that uses the bus.
 pub type BoardCan = CanExchange<CriticalSectionRawMutex>;
 
 static EXCHANGE: BoardCan = CanExchange::new();
@@ -67,7 +67,7 @@ fn poll_quickly<F: Future>(future: Pin<&mut F>, context: &mut Context<'_>) -> Po
     future.poll(context)
 }
 
-/// What tasks have of the controller.
+/// The exchange, for tasks.
 pub fn can_exchange() -> &'static BoardCan {
     &EXCHANGE
 }

@@ -1,4 +1,4 @@
-//! What is still done when the program has gone wrong. Panics end here too, after panic-probe has logged them.
+//! The fault handler. Panics end here too, after panic-probe has logged them.
 //!
 //! A hang doesn't come here, and neither does a fault that can't be stacked, because the stack ran over: then it is the
 //! watchdog's reset that leaves the motors to roll. A debugger that catches vectors halts before the handler's first
@@ -32,7 +32,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     reset::restart_after_fault()
 }
 
-/// Where the fault happened. The processor has written the frame, so it is in RAM, wherever the stack pointer has got to.
+/// Site of the fault. The processor has written the frame, so it is in RAM, wherever the stack pointer has got to.
 fn site(frame: &ExceptionFrame) -> FaultSite {
     let frame_end = ptr::from_ref(frame).wrapping_add(1).expose_provenance() as u32;
     let before = frame_end + if frame.xpsr() & PADDED != 0 { 4 } else { 0 };

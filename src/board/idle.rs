@@ -1,4 +1,4 @@
-//! How long the executor has slept and which task it runs, from its trace hooks.
+//! Sleep time of the executor and the task it runs, from its trace hooks.
 //!
 //! The executors call the hooks by name. Time spent in interrupt handlers while the one of the tasks sleeps counts as idle, but
 //! for that of the executor in an interrupt.
@@ -55,7 +55,7 @@ fn _embassy_trace_poll_start(executor_id: u32) {
     IDLE_US.store(idle_us.wrapping_add(asleep_us), Ordering::Relaxed);
 }
 
-/// What the executor in the interrupt took does not count as sleep of the other. If that is awake, it does not matter.
+/// Time of the executor in the interrupt does not count as sleep of the other. If that is awake, it does not matter.
 fn end_interruption() {
     let took_us = now_us().wrapping_sub(INTERRUPTED_AT_US.load(Ordering::Relaxed));
     let asleep_since_us = ASLEEP_SINCE_US.load(Ordering::Relaxed);

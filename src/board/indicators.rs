@@ -70,7 +70,7 @@ impl Buzzer {
         let mut due = now();
         while TONE.try_take() != Some(Tone::Silent) {
             self.pin.toggle();
-            // What was missed (flash was erased) is not made up for: that would be a shrill tone.
+            // Missed toggles (flash was erased) are not made up for: that would be a shrill tone.
             due = due.after_us(TOGGLE_INTERVAL_US).max(now());
             timer_at(due).await;
         }

@@ -1,4 +1,4 @@
-//! What is known of the program that ran before this start.
+//! Traces of the program that ran before this start.
 
 use embassy_rp::pac::WATCHDOG;
 
@@ -9,7 +9,7 @@ use crate::crash::{CrashCause, CrashRecord, CrashesInARow, StartKind, headline};
 use crate::log::warn;
 use crate::wifi::RADIO_TASK;
 
-/// What is known of the program that ran before this start.
+/// The program that ran before this start.
 pub struct LastRun {
     /// Why it ended.
     pub reset_reason: ResetReason,

@@ -1,4 +1,4 @@
-//! Where the linker has put what.
+//! Addresses of the linker script.
 #![expect(
     unsafe_code,
     reason = "symbols of the linker are declared, and the program reads itself at these addresses"
@@ -21,17 +21,17 @@ unsafe extern "C" {
     static __edata: u32;
 }
 
-/// Where the main stack lies.
+/// Address range of the main stack.
 pub(super) fn stack() -> Range<u32> {
     address(&raw const _stack_end)..address(&raw const _stack_start)
 }
 
-/// Where the program's code lies in flash.
+/// Address range of the program's code in flash.
 pub fn program_code() -> Range<u32> {
     address(&raw const __stext)..address(&raw const __etext)
 }
 
-/// Where the whole program lies in flash: boot loader, vectors and code; constants; initial values of variables. What is
+/// Address ranges of the whole program in flash: boot loader, vectors and code; constants; initial values of variables. What is
 /// between these parts is up to the one who flashes it.
 pub(super) fn program_image() -> [Range<u32>; 3] {
     let values = address(&raw const __sidata);

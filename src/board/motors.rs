@@ -21,7 +21,7 @@ const PINS: u32 = 0b1111 << 18 | 0b1111 << 6;
 /// IO_BANK0's number for the function "driven by the processor".
 const FUNCTION_SIO: u8 = 5;
 
-/// What each motor takes: a PWM slice, and the pins of its positive and its negative pole, which are IN1 and IN2 of its
+/// Peripherals of each motor: a PWM slice, and the pins of its positive and its negative pole, which are IN1 and IN2 of its
 /// driver.
 pub struct MotorPeripherals {
     /// M1.

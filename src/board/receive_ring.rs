@@ -12,7 +12,7 @@ use embassy_rp::pac::uart::Uart;
 
 use crate::drivers::{COUNT_PERIOD, Overtaken, RingReader};
 
-/// What the second channel writes into the first one's count. In RAM, as flash can't be read while it is written.
+/// Reload value of the first channel's count, which the second channel writes. In RAM, as flash can't be read while it is written.
 static TRANSFERS: AtomicU32 = AtomicU32::new(COUNT_PERIOD);
 
 /// The ring, and how far it has been read.
@@ -76,7 +76,7 @@ impl ReceiveRing {
     }
 }
 
-/// How many bytes the channel has written, modulo [`COUNT_PERIOD`]: its count changes when a byte is in RAM.
+/// Bytes the channel has written, modulo [`COUNT_PERIOD`]: its count changes when a byte is in RAM.
 fn written(channel: pac::dma::Channel) -> u32 {
     // Bytes are moved after the first and before the second reading of the count.
     compiler_fence(Ordering::SeqCst);

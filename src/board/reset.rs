@@ -23,10 +23,10 @@ pub enum ResetReason {
     Processor,
 }
 
-/// What the fault handler leaves in scratch register 3.
+/// Mark of the fault handler in scratch register 3.
 const FAULT: u32 = u32::from_le_bytes(*b"FALT");
 
-/// Who ran before this start.
+/// The program that ran before this start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Predecessor {
     /// This firmware, or another version of it.

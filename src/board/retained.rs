@@ -17,11 +17,11 @@ use crate::tasks::CrashMemory;
 #[unsafe(link_section = ".uninit.BATTERY_MEMORY")]
 static mut BATTERY_MEMORY: MaybeUninit<RetainedMemory> = MaybeUninit::uninit();
 
-/// Who had which address of the access point. Valid after every reset, RUN too: a lease that is too old ends in ten minutes.
+/// Leases of the access point. Valid after every reset, RUN too: a lease that is too old ends in ten minutes.
 #[unsafe(link_section = ".uninit.LEASES")]
 pub static RETAINED_LEASES: RetainedLeases = RetainedLeases::new();
 
-/// What the firmware before this start has retained: records that have yet to be checked. After a power cycle, or when
+/// Records that the firmware before this start has retained, yet to be checked. After a power cycle, or when
 /// RUN was pressed, there is nothing to continue from: another pack may be plugged in.
 ///
 /// It may be called once: `main` does.

@@ -16,9 +16,9 @@ use crate::crash::{TaskName, TaskNameWords};
 use crate::log::warn;
 use crate::memory::retained::RetainedWords;
 
-/// What a register holds that was not written since power-on or RUN.
+/// Content of a register that was not written since power-on or RUN.
 const NOTHING: u32 = 0;
-/// What is noted between tasks, and when `main` begins to note; neither is the address of a task.
+/// Noted between tasks, and when `main` begins to note; neither is the address of a task.
 const NO_TASK: u32 = 1;
 const MAIN: u32 = 2;
 
@@ -30,13 +30,13 @@ const ENTRY_WORDS: usize = 1 + size_of::<TaskNameWords>() / 4;
 static NAMES: [RetainedWords<ENTRY_WORDS>; MAX_TASKS] = [const { RetainedWords::new() }; MAX_TASKS];
 static NAMED: AtomicUsize = AtomicUsize::new(0);
 
-/// What was noted when a task in an interrupt began. Only one executor runs in an interrupt.
+/// The note before a task in an interrupt began. Only one executor runs in an interrupt.
 static INTERRUPTED: AtomicU32 = AtomicU32::new(NOTHING);
 
 /// The executor runs `main` before that could look at the notes.
 static NOTES_WERE_READ: AtomicBool = AtomicBool::new(false);
 
-/// What a program has noted until it was reset.
+/// Notes of a program until it was reset.
 pub(super) struct Notes {
     pub running: Option<TaskName>,
     /// The task because of which the watchdog was not fed.

@@ -18,7 +18,7 @@ const MONITOR_HZ: u32 = 1_000_000;
 /// this comes next: 7.8 MHz.
 const CAN_HZ: u32 = 8_000_000;
 
-/// What the bus is made of.
+/// Peripherals of the bus.
 pub struct SpiPeripherals {
     /// The peripheral.
     pub spi: Peri<'static, SPI1>,

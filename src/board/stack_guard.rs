@@ -1,4 +1,4 @@
-//! What makes it certain that a stack which leaves RAM downwards faults.
+//! Makes certain that a stack which leaves RAM downwards faults.
 #![expect(unsafe_code, reason = "the MPU decides which memory can be accessed")]
 
 use cortex_m::asm;

@@ -50,7 +50,7 @@ const _: () = assert!(align_of::<TelemetryRing>() == TELEMETRY_RING_BYTES);
 struct SerialRing([AtomicU8; SERIAL_RING_BYTES]);
 const _: () = assert!(align_of::<SerialRing>() == SERIAL_RING_BYTES);
 
-/// What the telemetry port is made of: UART0 on GP0 (out) and GP1 (in).
+/// Peripherals of the telemetry port: UART0 on GP0 (out) and GP1 (in).
 pub struct TelemetryUart {
     /// The port.
     pub uart: Peri<'static, UART0>,
@@ -101,7 +101,7 @@ impl Write for UartTransmitter {
     }
 }
 
-/// What the second serial port is made of: UART1 on GP4 (out) and GP5 (in).
+/// Peripherals of the second serial port: UART1 on GP4 (out) and GP5 (in).
 pub struct SerialUart {
     /// The port.
     pub uart: Peri<'static, UART1>,
@@ -111,7 +111,7 @@ pub struct SerialUart {
     pub rx_pin: Peri<'static, PIN_5>,
     /// Receives, and starts that again.
     pub rx_dma: (Peri<'static, DMA_CH10>, Peri<'static, DMA_CH11>),
-    /// What is high while the port sends, if a transceiver has to be switched.
+    /// High while the port sends, if a transceiver has to be switched.
     pub driver_enable: Option<Peri<'static, PIN_22>>,
 }
 
@@ -177,7 +177,7 @@ impl SerialLine for SerialPort {
         if let Some(pin) = &mut self.driver_enable {
             pin.set_high();
         }
-        // What was sent before has left: the FIFO is empty.
+        // Everything sent before has left: the FIFO is empty.
         for byte in bytes.iter().take(FIFO_BYTES) {
             self.registers.uartdr().write(|data| data.set_data(*byte));
         }
@@ -236,7 +236,7 @@ impl UartReceiver {
         }
     }
 
-    /// What has come since the last look.
+    /// Takes the bytes that have come since the last look.
     fn look(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
         self.check_line()?;
         let read = self.ring.read(buffer);

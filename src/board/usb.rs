@@ -31,10 +31,10 @@ const PACKET_BYTES: usize = 64;
 /// Bytes that are sent together: some frames of a download.
 const TOGETHER_BYTES: usize = 8 * PACKET_BYTES;
 
-/// What one CDC ACM function with its association takes is 70.
+/// One CDC ACM function with its association takes 70.
 const CONFIGURATION_BYTES: usize = 80;
 
-/// What the header and the one capability take.
+/// Size of the header and the one capability.
 const OBJECT_STORE_BYTES: usize = 12;
 
 /// The longest string descriptor, the product's name in UTF-16, takes 44.
@@ -42,7 +42,7 @@ const CONTROL_BYTES: usize = 64;
 
 const OBSERVATION_INTERVAL: Duration = Duration::from_millis(OBSERVATION_INTERVAL_MS);
 
-/// How long the pull-up of D+ is off, so that every host and hub sees the device leave.
+/// Time for which the pull-up of D+ is off, so that every host and hub sees the device leave.
 const DETACHED: Duration = Duration::from_millis(100);
 
 type UsbDriver<'d> = Driver<'d, USB>;
@@ -51,7 +51,7 @@ type UsbDriver<'d> = Driver<'d, USB>;
 pub struct UsbPort {
     peripheral: Peri<'static, USB>,
     id: Option<BoardId>,
-    /// How often the device was stuck and was rebuilt.
+    /// Number of times the device was stuck and was rebuilt.
     rebuilds: u32,
 }
 
@@ -107,7 +107,7 @@ impl UsbPort {
     }
 }
 
-/// What the device keeps of itself.
+/// Buffers of the device.
 struct Memory<'d> {
     configuration: [u8; CONFIGURATION_BYTES],
     object_store: [u8; OBJECT_STORE_BYTES],
@@ -239,7 +239,7 @@ impl Line<'_> {
     }
 }
 
-/// What the host has done with the device. All tasks run on one executor, so plain cells hold it.
+/// Actions of the host on the device. All tasks run on one executor, so plain cells hold them.
 #[derive(Default)]
 struct Bus {
     addressed: Cell<bool>,

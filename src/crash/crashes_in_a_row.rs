@@ -20,7 +20,7 @@ pub enum StartKind {
 /// Source of the parameters of a start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterSource {
-    /// Those in flash.
+    /// The parameters in flash.
     Stored,
     /// All defaults.
     Defaults,

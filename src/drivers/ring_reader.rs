@@ -1,6 +1,6 @@
 //! Reads a ring that is written without end by a writer that never waits.
 
-/// What has been written is counted modulo this. The reader has to look before that much more is written: at 921,600 baud
+/// Written bytes are counted modulo this. The reader has to look before that much more is written: at 921,600 baud
 /// that takes 2.8 s. A reader that is late by more miscounts what it has lost, and is about to be missed by the watchdog.
 pub const COUNT_PERIOD: u32 = 1 << 18;
 
@@ -11,7 +11,7 @@ pub struct Overtaken {
     pub bytes_lost: u32,
 }
 
-/// How far a ring of bytes has been read.
+/// Reading position in a ring of bytes.
 #[derive(Debug)]
 pub struct RingReader {
     ring_bytes: u32,

@@ -4,14 +4,14 @@
 //! for that transfer's end without looking at what comes instead; and a bus error at the wrong moment, after which the
 //! controller itself does nothing more (erratum RP2040-E15).
 
-/// How long the device has between two observations, at least, to do what is waiting for it.
+/// Time of the device between two observations, at least, for the work that is waiting.
 pub const OBSERVATION_INTERVAL_MS: u64 = 100;
 
 /// This many observations in a row have to look stuck. They are counted, not timed: what holds up the device, as an erase of
 /// flash does, holds up the observations, too.
 const PATIENCE: u8 = 5;
 
-/// What is under way at the control endpoint.
+/// Transfer at the control endpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ControlPipe {
     /// Nothing.
@@ -20,7 +20,7 @@ pub enum ControlPipe {
     Busy,
 }
 
-/// What the controller shows at one moment.
+/// State of the controller at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UsbObservation {
     /// A device that works is busy for some milliseconds only: it serves requests at once, and a host fetches an answer

@@ -406,7 +406,7 @@ mod tests {
         assert_eq!(sent, 100);
     }
 
-    /// How often SYS_STATUS is sent in a second, with a change every millisecond.
+    /// SYS_STATUS sent in a second, with a change every millisecond.
     fn sent_while(mut change: impl FnMut(&mut StreamScheduler, Instant)) -> usize {
         let mut scheduler = StreamScheduler::new(Instant::EPOCH);
         let mut sent = 0;

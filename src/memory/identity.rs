@@ -35,10 +35,10 @@ impl BoardId {
     }
 }
 
-/// What is read of a program at a time takes some 60 µs.
+/// Words of a program that are read at a time, in some 60 µs.
 const WORDS_A_TURN: usize = 256;
 
-/// What distinguishes a board and its program from others; `None` if it is unknown, as on a host.
+/// Identity of a board and its program; `None` if it is unknown, as on a host.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// The board's own number.

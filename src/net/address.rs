@@ -17,10 +17,10 @@ pub(super) const MAX_CLIENTS: usize = 8;
 /// The network of the access point has 254 addresses.
 const ACCESS_POINT_PREFIX: u8 = 24;
 
-/// So long no DHCP server may answer until it is reported.
+/// Time without an answer of a DHCP server until that is reported.
 const DHCP_PATIENCE: Duration = Duration::from_secs(30);
 
-/// How the board gets its address.
+/// Source of the board's address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// It is 192.168.4.1, and gives addresses to others by DHCP.
@@ -29,7 +29,7 @@ pub enum Role {
     Station,
 }
 
-/// What is reported of the board's address.
+/// Report on the board's address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetReport {
     /// The board has this address now.
@@ -41,7 +41,7 @@ pub enum NetReport {
 }
 
 impl Role {
-    /// How the network is configured.
+    /// Configuration of the network.
     pub(super) fn config(self) -> Config {
         match self {
             Self::AccessPoint => Config::ipv4_static(StaticConfigV4 {

@@ -23,13 +23,13 @@ use crate::web::{
 /// The port of HTTP.
 const PORT: u16 = 80;
 
-/// Those of WebSockets, and two that get a page or a file. One more gets 503.
+/// Connections of WebSockets, and two that get a page or a file. One more gets 503.
 pub(super) const CONNECTIONS: usize = 4;
 
-/// What a browser sends while its link is busy.
+/// Room for bytes from a browser while its link is busy.
 const RECEIVED_BYTES: usize = 512;
 
-/// What is sent until a browser confirms it.
+/// Room for bytes to a browser until it confirms them.
 const SENT_BYTES: usize = 1024;
 
 /// The same of the one that gets 503.

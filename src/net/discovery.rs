@@ -32,7 +32,7 @@ pub(super) async fn be_found(
         seconds.next().await;
         turn = turn.wrapping_add(1);
         mark(service.check_in);
-        // Who gets a link meanwhile is not greeted.
+        // A station that gets a link meanwhile is not greeted.
         let _ = sender.make_room().await;
         let search = links.stations.borrow().search();
         let mut others = clients();
@@ -43,7 +43,7 @@ pub(super) async fn be_found(
             Search::Anyone | Search::Others => &others,
             Search::NoOne => &[],
         };
-        // Those behind one that does not answer for its address are not reached in the same turn.
+        // Addresses behind one that does not answer are not reached in the same turn.
         let first = turn / 2 % addresses.len().max(1);
         greet(
             &mut sender,
@@ -74,7 +74,7 @@ async fn greet(
     let shared = service.shared;
     let heartbeat = shared.with(|autopilot| autopilot.heartbeat_frame(framer, LinkKind::Wifi, now()));
     while !greetings.is_over() {
-        // What is lost comes again in a second.
+        // A lost one comes again in a second.
         let _ = sender.make_room().await;
         if let Some(address) = greetings.next_address() {
             let _ = sender.hand_over(heartbeat, SocketAddrV4::new(address, PORT));

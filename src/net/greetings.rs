@@ -1,4 +1,4 @@
-//! Who gets a HEARTBEAT without having a link.
+//! Stations that get a HEARTBEAT without having a link.
 
 use core::cell::{Cell, RefCell};
 use core::net::Ipv4Addr;
@@ -10,7 +10,7 @@ use super::address::MAX_CLIENTS;
 /// The HEARTBEATs for those who have no link yet.
 pub(super) struct Greetings {
     next_sequence: Cell<u8>,
-    /// Those who have not been sent the present one.
+    /// Addresses that have not been sent the present one.
     waiting: RefCell<Vec<Ipv4Addr, MAX_CLIENTS>>,
 }
 
@@ -47,7 +47,7 @@ impl Greetings {
         }
     }
 
-    /// Who gets it next.
+    /// The address that gets it next.
     pub fn next_address(&self) -> Option<Ipv4Addr> {
         self.waiting.borrow_mut().pop()
     }

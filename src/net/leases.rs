@@ -14,7 +14,7 @@ const LAST: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1 + MAX_CLIENTS as u8);
 
 const NETMASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 
-/// How long a phone that has left keeps its address.
+/// Time for which a phone that has left keeps its address.
 const LEASE_S: u32 = 600;
 
 /// Since boot: a lease from before it has expired by then.
@@ -31,7 +31,7 @@ const REQUESTED_ADDRESS: u8 = 50;
 const MESSAGE_TYPE: u8 = 53;
 const END: u8 = 255;
 
-// Where they are in a message (RFC 2131).
+// Their offsets in a message (RFC 2131).
 const CLIENT_MAC: usize = 28;
 const MAGIC_COOKIE: usize = 236;
 const OPTIONS: usize = 240;
@@ -94,7 +94,7 @@ impl Leases {
 
     fn serve(&mut self, request: &[u8], now_ms: u64) -> Option<Reply> {
         let (mut outcome, kind) = self.handle(request, now_ms);
-        // Those who did not ask, or only asked, must not keep addresses from the others.
+        // A client that did not ask, or only asked, must not keep addresses from the others.
         if outcome.reply.is_none() && kind == Some(AdmissionEvent::Discover) && self.withdraw() {
             (outcome, _) = self.handle(request, now_ms);
         }
@@ -105,7 +105,7 @@ impl Leases {
         outcome.reply
     }
 
-    /// What the server does, and what it was asked for.
+    /// The server's outcome, and the request.
     // Generic over its closure, the server would be in flash for each caller.
     fn handle(&mut self, request: &[u8], now_ms: u64) -> (Outcome, Option<AdmissionEvent>) {
         let mut kind = None;
@@ -215,7 +215,7 @@ fn is_valid(lease: &Lease, now_ms: u64) -> bool {
     lease.bound && lease.expires_at_ms > now_ms
 }
 
-/// Where an address is among those that are given to others.
+/// Index of an address among those that are given to others.
 fn place(address: Ipv4Addr) -> Option<usize> {
     let place = address.to_bits().checked_sub(FIRST.to_bits())? as usize;
     (place < MAX_CLIENTS).then_some(place)
@@ -401,7 +401,7 @@ mod tests {
         }
         assert_eq!(leases.clients(1_000).as_slice(), [FIRST]);
         assert!(join(&mut leases, 6_000, 1_001).is_some());
-        // Whose offer was withdrawn begins again.
+        // A client whose offer was withdrawn begins again.
         let late = answer(&mut leases, &message(REQUEST, 0, Some(FIRST)), 1_002);
         assert_eq!(late.map(|(kind, _)| kind), Some(NAK));
     }
@@ -518,7 +518,7 @@ mod tests {
         assert_eq!(leases.clients(0).as_slice(), [leased]);
     }
 
-    /// What a computer does.
+    /// Action of a computer.
     #[derive(Clone, Copy, Debug)]
     enum Act {
         Use(u16, u8),

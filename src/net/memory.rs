@@ -1,4 +1,4 @@
-//! Where the network keeps its sockets.
+//! Memory of the network's sockets.
 
 use core::cell::RefCell;
 
@@ -17,7 +17,7 @@ use super::udp::{SlotMemory, UdpLinks};
 /// those for browsers, and one for who is refused; and two of the DHCP server, or one of the DHCP client.
 const SOCKETS: usize = 9 + CONNECTIONS;
 
-/// What is longer than a link's queue is lost there; this is a little more, so that it is counted.
+/// A little more than a link's queue, so that what is lost there is counted.
 const RECEIVED_BYTES: usize = 832;
 
 /// A HEARTBEAT has 34 bytes with its signature.

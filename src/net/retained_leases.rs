@@ -1,4 +1,4 @@
-//! Who has which address, in RAM that survives a reset.
+//! Leases in RAM that survives a reset.
 
 use super::address::MAX_CLIENTS;
 use crate::memory::retained::{RetainedWords, is_sealed, seal};
@@ -12,7 +12,7 @@ const WORDS: usize = size_of::<Holders>() / 4 + 2;
 /// Hardware address of the computer that has each address of the pool; zeros where there is none.
 pub(super) type Holders = [[u8; 6]; MAX_CLIENTS];
 
-/// Who has which address, valid behind a checksum: for a static that is not initialised at the start.
+/// Leases, valid behind a checksum: for a static that is not initialised at the start.
 pub struct RetainedLeases(RetainedWords<WORDS>);
 
 impl RetainedLeases {
@@ -21,7 +21,7 @@ impl RetainedLeases {
         Self(RetainedWords::new())
     }
 
-    /// What was retained before the last reset; nothing if it is not valid.
+    /// The leases before the last reset; none if they are not valid.
     pub(super) fn recall(&self) -> Holders {
         let words = self.0.get();
         let mut holders = Holders::default();

@@ -11,7 +11,7 @@ use embassy_time::{Duration, with_timeout};
 use super::packet_queue::PacketQueue;
 use super::until::until;
 
-/// So long a datagram waits for the radio, or for the hardware address of who gets it, while another one waits behind it.
+/// Time for which a datagram waits for the radio, or for the receiver's hardware address, while another one waits behind it.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// A datagram could not be sent.

@@ -1,4 +1,4 @@
-//! What every link of the network needs.
+//! Needs of every link of the network.
 
 use embedded_io_async::Write;
 
@@ -11,9 +11,9 @@ use crate::tasks::{ByteSource, CheckIn, Link, Shared, serve_link};
 pub struct Service<'a> {
     /// The core.
     pub shared: &'a Shared,
-    /// What is recorded.
+    /// The recorded files.
     pub logs: &'a dyn LogSource,
-    /// Where the service shows that it is alive.
+    /// Takes the service's signs of life.
     pub check_in: &'a CheckIn,
 }
 

@@ -5,7 +5,7 @@ use core::net::SocketAddrV4;
 /// Ground stations that can have a link by UDP at a time.
 pub(super) const SLOTS: usize = 2;
 
-/// What became of a ground station that was heard.
+/// Result for a ground station that was heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Admission {
     /// It has this slot.
@@ -49,7 +49,7 @@ impl Stations {
         }
     }
 
-    /// Who is to be looked for.
+    /// The stations to look for.
     pub fn search(&self) -> Search {
         match self.slots.iter().flatten().count() {
             0 => Search::Anyone,
@@ -72,7 +72,7 @@ impl Stations {
 pub(super) enum Search {
     /// There is none yet: a broadcast reaches all.
     Anyone,
-    /// Those that are not connected yet. A broadcast would reach the connected ones, too.
+    /// Stations that are not connected yet. A broadcast would reach the connected ones, too.
     Others,
     /// No slot is free.
     NoOne,

@@ -21,10 +21,10 @@ pub(super) const CLIENTS: usize = 2;
 /// The port of MAVLink by TCP, as ArduPilot's.
 const PORT: u16 = 5760;
 
-/// What a client sends while its link is busy: TCP has it wait for the rest.
+/// Room for bytes from a client while its link is busy: TCP has it wait for the rest.
 const TCP_RECEIVED_BYTES: usize = 512;
 
-/// What is sent until a client confirms it.
+/// Room for bytes to a client until it confirms them.
 const TCP_SENT_BYTES: usize = 1024;
 
 /// Interval at which a silent client is asked whether it is still connected.
@@ -36,7 +36,7 @@ const SILENCE: Duration = Duration::from_secs(12);
 /// Time for a client to receive what was sent last and to close its side.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// So long a reset waits for the radio.
+/// Time for which a reset waits for the radio.
 const RESET_PATIENCE: Duration = Duration::from_millis(100);
 
 /// The buffers of a TCP socket.
@@ -128,7 +128,7 @@ impl Write for TcpTransmitter<'_, '_> {
     }
 }
 
-/// What a client sends.
+/// Bytes from a client.
 pub(super) struct TcpReceiver<'a, 's>(pub &'a RefCell<TcpSocket<'s>>);
 
 impl ByteSource for TcpReceiver<'_, '_> {

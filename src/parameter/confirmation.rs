@@ -1,6 +1,6 @@
 //! Doubts of the live values, and their end.
 //!
-//! What was damaged or half loaded leaves a mark in flash, under the key of `PARAM_CHECKED`: stored before any other value, and taken
+//! Damaged or half loaded parameters leave a mark in flash, under the key of `PARAM_CHECKED`: stored before any other value, and taken
 //! back after all of them. What does not fit needs none: the value stays stored under its key until the parameter is set.
 
 use super::trouble::{CHECKED, Doubts};

@@ -20,7 +20,7 @@ pub struct LogFile {
     pub began_utc_s: Option<NonZeroU32>,
 }
 
-/// Where a part of a file is.
+/// Place of a part of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FileSpan {
     /// Its sector.
@@ -154,7 +154,7 @@ impl Directory {
         self.first.clear();
     }
 
-    /// Where the bytes of a file from `offset` on are; `None` beyond its end.
+    /// Place of the bytes of a file from `offset` on; `None` beyond its end.
     pub fn locate(&self, number: u16, offset: u32) -> Option<FileSpan> {
         let mut files = self.files.iter().zip(&self.first);
         let (file, first) = files.find(|(file, _)| file.number == number)?;

@@ -39,7 +39,7 @@ const DATE_MAGIC: u32 = u32::from_le_bytes(*b"DAT1");
 /// Sequence numbers from here on are invalid. Flash is worn out after some 100,000 laps, at 31 million.
 const SEQUENCE_END: u32 = 1 << 31;
 
-/// What a sector is used for.
+/// Use of a sector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Header {
     /// Which sector it is, of all that were ever used.
@@ -50,7 +50,7 @@ pub(super) struct Header {
     pub index: u16,
 }
 
-/// What the front of a sector proves.
+/// The proof that the front of a sector gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Front {
     pub header: HeaderSlot,
@@ -116,14 +116,14 @@ pub(super) fn date(began_utc_s: NonZeroU32, sectors: u32) -> [u8; DATE_BYTES] {
 }
 
 impl Front {
-    /// What is known of a sector that can't be read.
+    /// The front of a sector that can't be read.
     pub const UNREADABLE: Self = Self {
         header: HeaderSlot::Damaged,
         erased_for: None,
         began_utc_s: None,
     };
 
-    /// What `bytes` prove in a ring of this many sectors.
+    /// The proof that `bytes` give in a ring of this many sectors.
     pub fn from_bytes(bytes: &[u8; FRONT_BYTES as usize], sectors: u32) -> Self {
         let mut words = [0; FRONT_BYTES as usize / 4];
         for (word, bytes) in words.iter_mut().zip(bytes.as_chunks().0) {

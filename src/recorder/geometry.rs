@@ -1,4 +1,4 @@
-//! Where the sectors of a ring are, and sets of them.
+//! Positions of a ring's sectors, and sets of them.
 
 use core::ops::Range;
 
@@ -78,7 +78,7 @@ impl SectorSet {
         word.is_some_and(|word| word & bit_of(position) != 0)
     }
 
-    /// How many positions it has.
+    /// Number of its positions.
     pub fn count(&self) -> u32 {
         self.0.iter().map(|word| word.count_ones()).sum()
     }

@@ -62,7 +62,7 @@ pub struct Ring {
 // It is kept in RAM all the time.
 const _: () = assert!(size_of::<Ring>() <= 1160);
 
-/// How far a file was written that is open.
+/// Progress of the open file.
 #[derive(Debug, Default)]
 struct OpenFile {
     /// Its sectors with a header.
@@ -70,7 +70,7 @@ struct OpenFile {
     in_flight: Option<InFlight>,
 }
 
-/// What was handed out to be programmed, and not reported yet.
+/// An operation that was handed out, and not reported yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum InFlight {
     Header,
@@ -80,12 +80,12 @@ enum InFlight {
     Date(NonZeroU32),
 }
 
-/// Where bytes of a file are.
+/// Place of a file's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Piece {
     /// Address of the first, as offset from the start of the flash.
     pub address: u32,
-    /// How many follow one another there, at least one.
+    /// Number of bytes that follow one another there, at least one.
     pub bytes: u32,
 }
 
@@ -183,7 +183,7 @@ impl Ring {
         self.directory.files()
     }
 
-    /// Where the bytes of a file from `offset` on are, as far as they follow one another; `None` beyond its end, or if
+    /// Place of a file's bytes from `offset` on, as far as they follow one another; `None` beyond its end, or if
     /// there is no such file.
     pub fn locate(&self, number: u16, offset: u32) -> Option<Piece> {
         let place = self.directory.locate(number, offset)?;
@@ -215,7 +215,7 @@ impl Ring {
             return;
         };
         if open.in_flight == Some(InFlight::Header) {
-            // What the sector holds is unknown.
+            // The content of the sector is unknown.
             self.spend_sector();
         }
         self.directory.pop_if_empty();
@@ -237,7 +237,7 @@ impl Ring {
         in_sector + self.ready.count() * PAYLOAD_BYTES
     }
 
-    /// What has to be programmed next to append `data`, which is not empty: the header of the next sector, or the first of
+    /// The next page to program to append `data`, which is not empty: the header of the next sector, or the first of
     /// `data`. [`programmed`](Self::programmed) takes the outcome, before anything else is appended.
     ///
     /// # Errors
@@ -289,7 +289,7 @@ impl Ring {
         })
     }
 
-    /// What has to be programmed to date the open file, which began at this moment, in seconds since 1970 (UTC).
+    /// The page to program to date the open file, which began at this moment, in seconds since 1970 (UTC).
     /// [`programmed`](Self::programmed) takes the outcome. `None` if it has its date, or nothing of it was programmed yet.
     pub fn next_date(&mut self, began_utc_s: NonZeroU32) -> Option<Program<'static>> {
         let open = self.open.as_ref()?;
@@ -431,12 +431,12 @@ impl Ring {
 }
 
 impl Program<'_> {
-    /// Where, as offset from the start of the flash.
+    /// Offset from the start of the flash.
     pub fn address(&self) -> u32 {
         self.address
     }
 
-    /// What.
+    /// Content.
     pub fn bytes(&self) -> &[u8] {
         match &self.content {
             Content::Header(header) => header,
@@ -458,7 +458,7 @@ impl Erasure {
         self.is_first_use
     }
 
-    /// Where the mark is programmed after the erase.
+    /// Address of the mark that is programmed after the erase.
     pub fn mark_address(&self) -> u32 {
         self.address + MARK_AT
     }

@@ -20,7 +20,7 @@ impl Chunk {
     }
 }
 
-/// What a ring holds besides files.
+/// Content of a ring besides files.
 pub(super) struct Scan {
     /// The sector after all that were ever begun.
     pub next: u32,
@@ -60,7 +60,7 @@ pub(super) async fn scan<F: ReadNorFlash>(
     }
 }
 
-/// How far the ring was used and erased.
+/// Extent to which the ring was used and erased.
 #[derive(Default)]
 struct Newest {
     /// The header with the highest sequence number.
@@ -165,7 +165,7 @@ impl<F: ReadNorFlash> Reader<'_, F> {
         let mut blank = 0;
         for offset in (0..SECTOR_BYTES).step_by(CHUNK_BYTES).rev() {
             let mut chunk = Chunk([0; CHUNK_BYTES]);
-            // What can't be read counts as content.
+            // Bytes that can't be read count as content.
             let _ = self.read(start + offset, &mut chunk.0).await;
             if !chunk.is_blank() {
                 blank += chunk.0.iter().rev().take_while(|byte| **byte == 0xFF).count() as u32;

@@ -1,4 +1,4 @@
-//! Where the files are read from.
+//! Source of the files for readers.
 
 /// The flash that holds the ring, which can be read at once: it is mapped into memory, or simulated.
 pub trait LogSource {

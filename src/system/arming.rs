@@ -80,7 +80,7 @@ impl ArmingObstacle {
     }
 }
 
-/// Where a pack's voltage is measured.
+/// Place of a pack's voltage measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeasuredAt {
     /// At the board's battery connector, which supplies the motor drivers.
@@ -89,7 +89,7 @@ pub enum MeasuredAt {
     Elsewhere,
 }
 
-/// Where `pack` is measured, if its present voltage is above what the motor drivers stand (`MOT_DRV_VOLT`). At full scale it is
+/// The place of measurement of `pack`, if its present voltage is above what the motor drivers stand (`MOT_DRV_VOLT`). At full scale it is
 /// at least that of the scale.
 // Not inlined: it is asked in several places.
 #[inline(never)]

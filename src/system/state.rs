@@ -25,7 +25,7 @@ pub struct SystemState<'a> {
     pub readiness: ArmingReadiness,
     /// Busy share of the processor over the last second, in tenths of a percent (0 to 1000).
     pub load_permille: u16,
-    /// What happened on the link this state is sent over.
+    /// Counters of the link this state is sent over.
     pub link: LinkStatistics,
     /// The present moment; its epoch is the start.
     pub now: Instant,
@@ -35,7 +35,7 @@ pub struct SystemState<'a> {
     pub logs: &'a [LogFile],
     /// Whether the log can be written.
     pub log: LogHealth,
-    /// Who reads log files.
+    /// Readers of log files.
     pub log_readers: LogReaders,
 }
 
@@ -102,7 +102,7 @@ impl SystemState<'_> {
         Pack::ALL.into_iter().filter(|pack| self.is_reported(*pack))
     }
 
-    /// Those of them that report what they are: smart batteries.
+    /// Packs that report what they are: smart batteries.
     pub fn described(&self) -> impl Iterator<Item = Pack> {
         self.reported()
             .filter(|pack| !self.battery(*pack).details.is_empty())
@@ -129,7 +129,7 @@ pub enum LogHealth {
     Off,
 }
 
-/// Who read a log file most recently: a download must not lose its file to another station's LOG_ERASE.
+/// The latest readers of log files: a download must not lose its file to another station's LOG_ERASE.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LogReaders {
     latest: Option<LogReader>,
@@ -189,11 +189,11 @@ pub struct LinkStatistics {
     pub dropped: u32,
     /// Received messages that were ignored because they were not signed as they would have to be.
     pub unauthorized: u32,
-    /// What came in.
+    /// Received frames and bytes.
     pub received: ReceiveStatistics,
 }
 
-/// What came in on a link since boot. The counters wrap at 2^32.
+/// Counters of reception on a link since boot. They wrap at 2^32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReceiveStatistics {
     /// Frames with a right checksum.

@@ -5,7 +5,7 @@ use super::timed_input::TimedInput;
 use crate::parameter::StickChannel;
 use crate::time::Instant;
 
-/// What a control message says about a stick.
+/// Content of a control message about a stick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum StickInput {
@@ -28,7 +28,7 @@ impl StickInput {
         matches!(self, Self::Position(position) if is_neutral(position))
     }
 
-    /// What the pulses of all channels, in microseconds, say about the stick of one.
+    /// Reads the stick of one channel from the pulses of all, in microseconds.
     pub fn of_channel(channel: &StickChannel, pulses_us: &[u16]) -> Self {
         const RELEASED_US: u16 = 0;
         const UNCHANGED_US: u16 = u16::MAX;
@@ -383,7 +383,7 @@ mod tests {
             StickInput::Position(800),
         );
         assert_eq!(positions(&controls), (0.8, 0.0));
-        // What its predecessor had in use times out.
+        // The sticks of its predecessor time out.
         let mut controls = centred();
         controls.hand_over(heard);
         assert!(controls.times_out(at_us(1_500_001), TIMEOUT_US, ArmState::Armed));

@@ -1,6 +1,6 @@
 //! Indications of the rover's lamps and buzzer.
 
-/// How urgently a pack needs attention, for lamps and buzzer, in increasing urgency.
+/// Urgency of a pack's need for attention, for lamps and buzzer, in increasing order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum BatteryAlert {
     /// Not at all.

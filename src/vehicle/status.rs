@@ -1,4 +1,4 @@
-//! What the vehicle is doing, and what it is about to do.
+//! State of the vehicle, and a pending restart.
 
 /// Whether the rover is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! What is answered to a request.
+//! Answers to requests.
 
 use core::fmt::Write as _;
 
@@ -21,7 +21,7 @@ pub(super) type Entry = String<120>;
 /// A log's name: the longest has 46 bytes.
 type LogName = String<48>;
 
-/// What is answered.
+/// Body of an answer.
 #[derive(Clone, Debug)]
 pub(super) enum Answer {
     Refused(Refusal),
@@ -48,7 +48,7 @@ pub(super) struct LogPart {
     pub board_id: Option<BoardId>,
 }
 
-/// What is answered to a request.
+/// The answer to a request.
 pub(super) fn answer(request: &Request, autopilot: &Autopilot) -> Answer {
     match request.target {
         Target::Page => file(PAGE, request),
@@ -122,7 +122,7 @@ fn log(number: u16, request: &Request, autopilot: &Autopilot) -> Result<LogPart,
 }
 
 impl LogPart {
-    /// What distinguishes the file from another one: one that grows is another one.
+    /// Identity of the file: one that grows is another one.
     fn tag(&self) -> Tag {
         text(format_args!("\"{}-{}\"", self.file.number, self.file.bytes))
     }

@@ -21,7 +21,7 @@ pub const BUFFER_BYTES: usize = 1024;
 /// A request comes within this time. Browsers also open connections in advance, and send nothing.
 const REQUEST_PATIENCE: Duration = Duration::from_secs(3);
 
-/// So long who reads an answer may take no byte of it.
+/// Write time-out of an answer.
 const READER_PATIENCE: Duration = Duration::from_secs(12);
 
 const HEAD_END: &[u8] = b"\r\n\r\n";
@@ -41,18 +41,18 @@ const NO_CONNECTION: &str = concat!(
     no_place!()
 );
 
-/// What a server serves.
+/// Content of a server.
 #[derive(Clone, Copy)]
 pub struct Site<'a> {
     /// The core.
     pub shared: &'a Shared,
-    /// What is recorded.
+    /// The recorded files.
     pub logs: &'a dyn LogSource,
-    /// Who is served at a time.
+    /// Limit of connections that are served at a time.
     pub places: &'a Places,
 }
 
-/// What became of a connection.
+/// Result of a connection.
 pub enum Attended<'a> {
     /// It is to be closed.
     Answered,
@@ -84,7 +84,7 @@ pub async fn attend<'a>(
         Ok(request) => admit(&request, site).await,
         Err(refusal) => Admitted::refused(refusal),
     };
-    // Who has left needs no answer.
+    // A client that has left needs no answer.
     let sent = send_answer(&admitted, &mut writer, buffer, site).await;
     match (admitted.answer, admitted.place, sent) {
         (Answer::WebSocket(_), Some(place), Ok(())) => Attended::WebSocket(place),
@@ -95,7 +95,7 @@ pub async fn attend<'a>(
 /// Refuses a connection whatever its request is, because all others are in use.
 pub async fn refuse(mut writer: impl Write, places: &Places) {
     places.end_stalled_files();
-    // Who has left needs no answer.
+    // A client that has left needs no answer.
     let _ = send(NO_CONNECTION.as_bytes(), &mut writer).await;
 }
 
@@ -125,7 +125,7 @@ async fn read_to_end_of_head(
             let reason = "The request is too long.";
             return Err(NoHead::Refused(refusal(Status::HeaderFieldsTooLarge, reason)));
         }
-        // What ends the head may have begun before.
+        // The end of the head may have begun before.
         let searched = length.saturating_sub(HEAD_END.len() - 1);
         *length += reader.receive(room).await.map_err(|_| NoHead::Closed)?;
         let head = buffer.get(..*length).unwrap_or_default();
@@ -175,7 +175,7 @@ async fn admit<'a>(request: &Request, site: Site<'a>) -> Admitted<'a> {
     }
 }
 
-/// Who reads has left, or takes nothing.
+/// The peer has left, or does not read.
 struct Gone;
 
 async fn send(bytes: &[u8], writer: &mut impl Write) -> Result<(), Gone> {

@@ -24,7 +24,7 @@ pub(super) enum End {
     Closed,
     /// The place is wanted by another page.
     PlaceWanted,
-    /// What came is no frame from a client, or not in order.
+    /// Bytes that are not a client's frame, or not in order.
     ProtocolError,
     /// Text: MAVLink is binary.
     Unsupported,
@@ -49,7 +49,7 @@ impl End {
 struct Payload {
     kind: FrameType,
     mask: [u8; 4],
-    /// How many bytes have come.
+    /// Bytes that have come.
     at: u64,
     bytes: u64,
 }

@@ -10,7 +10,7 @@ pub(super) struct File {
     pub tag: FileTag,
 }
 
-/// What distinguishes a file from another version of it: the CRC-32 of its content.
+/// Version of a file: the CRC-32 of its content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FileTag(u32);
 

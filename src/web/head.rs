@@ -7,7 +7,7 @@ use sha1::{Digest, Sha1};
 
 use super::status::Status;
 
-/// What a key is hashed with (RFC 6455).
+/// Suffix with which a key is hashed (RFC 6455).
 const WEB_SOCKET_ID: &[u8] = b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
 
 /// In each answer. The page loads nothing from elsewhere, and no other page can show it in a frame, where a touch on something
@@ -65,7 +65,7 @@ impl Write for HeadWriter<'_> {
     }
 }
 
-/// What accepts a WebSocket with this key: it shows that the request was understood.
+/// Accepts a WebSocket with this key: it shows that the request was understood.
 pub(super) fn accept_key(key: &str) -> [u8; 28] {
     let hash = Sha1::new()
         .chain_update(key)

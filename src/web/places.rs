@@ -1,4 +1,4 @@
-//! Who is served at a time.
+//! Places of connections that are served at a time.
 
 use core::cell::Cell;
 
@@ -20,7 +20,7 @@ const FILES: usize = 2;
 /// foreign pages get none for as long.
 const PATIENCE_US: u64 = 3_000_000;
 
-/// So often it is looked whether a place was given up, this many times.
+/// Interval and number of looks for a place that was given up.
 const LOOK_INTERVAL: Duration = Duration::from_millis(10);
 const LOOKS: u32 = 100;
 
@@ -114,7 +114,7 @@ impl Default for Places {
 pub struct Place<'a> {
     /// Which one it is, of those with the same purpose.
     pub index: usize,
-    /// Whose page has it.
+    /// Origin of the page that has it.
     pub sender: Sender,
     state: &'a PlaceState,
 }

@@ -1,4 +1,4 @@
-//! What a browser asks for, from the head of its request.
+//! Requests of browsers, from their heads.
 
 use heapless::String;
 use httparse::{EMPTY_HEADER, Header};
@@ -23,7 +23,7 @@ const EXTENSION: &str = ".BIN";
 
 const SCHEME: &str = "http://";
 
-/// Whose page has sent a request.
+/// Origin of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sender {
     /// Ours, or no page: a program.
@@ -32,7 +32,7 @@ pub enum Sender {
     Foreign,
 }
 
-/// What is wanted of the answer.
+/// Wanted part of the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Method {
     Get,
@@ -40,7 +40,7 @@ pub(super) enum Method {
     Head,
 }
 
-/// What a request is for.
+/// Subject of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     Page,
@@ -158,7 +158,7 @@ fn split_target(target: &str) -> (Option<&str>, Option<&str>) {
     }
 }
 
-/// Who sends it. A name that is not ours may have been made to lead here by someone else (DNS rebinding): the browser takes
+/// Its origin. A name that is not ours may have been made to lead here by someone else (DNS rebinding): the browser takes
 /// their page for ours then.
 fn sender(headers: &Headers<'_>, authority: Option<&str>, names: &[&str]) -> Result<Sender, Refusal> {
     let Some(host) = headers.only("Host")? else {

@@ -1,4 +1,4 @@
-//! What becomes of a request, in HTTP's words.
+//! Status codes of HTTP.
 
 /// A status of HTTP (RFC 9110).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

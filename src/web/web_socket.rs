@@ -54,7 +54,7 @@ pub async fn serve_web_socket(
 }
 
 impl Sender {
-    /// What whoever sent the request may do on a WebSocket.
+    /// Access of the request's origin on a WebSocket.
     pub fn access(self) -> Access {
         match self {
             Self::Own => Access::Page,
@@ -105,7 +105,7 @@ impl<W: Write> Write for FrameWriter<'_, W> {
     }
 }
 
-/// What a browser sends.
+/// Frames from a browser.
 struct FrameReader<'a, R> {
     reader: R,
     decoder: &'a RefCell<FrameDecoder>,

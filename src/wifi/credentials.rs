@@ -17,7 +17,7 @@ pub enum Radio {
 }
 
 bitflags! {
-    /// What is not in flash yet.
+    /// Data that are not in flash yet.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     struct Unsaved: u8 {
         const OWN_PASSWORD = 1;
@@ -35,7 +35,7 @@ pub struct WifiCredentials {
 }
 
 impl WifiCredentials {
-    /// What is in force at the start of a board.
+    /// The credentials at the start of a board.
     pub fn new(radio: Radio, board_id: Option<BoardId>, stored: StoredWifi) -> Self {
         Self {
             radio,
@@ -89,7 +89,7 @@ impl WifiCredentials {
         self.unsaved |= Unsaved::NETWORK;
     }
 
-    /// What has to be written to flash next.
+    /// The record to write to flash next.
     pub fn next_unsaved(&self) -> Option<WifiRecord> {
         let own_password = self
             .own_password()
@@ -112,7 +112,7 @@ impl WifiCredentials {
         }
     }
 
-    /// What the radio is to do; `None` without a radio, or while its own network has no password.
+    /// The radio's set-up; `None` without a radio, or while its own network has no password.
     pub fn setup(&self, choice: WifiChoice) -> Option<WifiSetup> {
         let own_password = self.own_password().filter(|_| self.radio == Radio::Present)?;
         Some(WifiSetup {

@@ -99,7 +99,7 @@ mod tests {
         }
     }
 
-    /// What an oscillator gives.
+    /// Samples of an oscillator.
     struct Sampled {
         samples: Vec<bool>,
         /// Bits of min-entropy for someone who knows the phase before each sample.

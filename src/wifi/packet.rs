@@ -9,19 +9,19 @@ const CONTROL_HEADER_BYTES: usize = 16;
 /// Flags, priority, more flags, length of what follows before the frame, in words.
 const DATA_HEADER_BYTES: usize = 4;
 
-/// Where a channel's number is.
+/// Offset of the channel's number.
 const CHANNEL: usize = 5;
 const CHANNEL_MASK: u8 = 0x0f;
 /// Answers to control requests.
 const CONTROL: u8 = 0;
-/// What the chip reports unasked.
+/// Channel of events, which the chip reports unasked.
 const EVENT: u8 = 1;
 /// Frames from the air.
 const DATA: u8 = 2;
-/// Where the length of the bus header is.
+/// Offset of the bus header's length.
 const HEADER_LENGTH: usize = 7;
 
-/// Where the answer to a control request has its status.
+/// Offset of the status in an answer to a control request.
 const STATUS: usize = 12;
 
 /// An event's frame: 14 bytes of Ethernet, 10 of Broadcom's, then its message: version (2), flags (2), kind (4), status (4).
@@ -105,7 +105,7 @@ fn put(words: &mut [u32], at: usize, byte: u8) {
     }
 }
 
-/// What there is of a packet.
+/// The present part of a packet.
 struct Packet<'a> {
     words: &'a [u32],
     length: usize,
@@ -154,7 +154,7 @@ impl Packet<'_> {
         })
     }
 
-    /// Where the frame of an event begins.
+    /// Offset of an event's frame.
     fn event_start(&self) -> Option<usize> {
         let start = usize::from(self.byte(HEADER_LENGTH)?);
         Some(start + DATA_HEADER_BYTES + 4 * usize::from(self.byte(start + 3)?))
@@ -266,7 +266,7 @@ mod tests {
             payload.extend(vec![0; bytes]);
             assert_eq!(check_packet(&packet(DATA, &payload)), expected, "{bytes}");
         }
-        // What stands between the header and the frame does not count.
+        // Bytes between the header and the frame do not count.
         let mut payload = vec![0x20, 0, 0, 2];
         payload.extend(vec![0; 8 + 1514]);
         assert_eq!(check_packet(&packet(DATA, &payload)), Ok(()));
@@ -316,7 +316,7 @@ mod tests {
                 Ok(PacketKind::Other)
             );
         }
-        // What ends before its status is none.
+        // A packet that ends before its status is none.
         let cut = event(DEAUTH_IND);
         let cut = packet(EVENT, &cut[BUS_HEADER_BYTES..cut.len() - 5]);
         assert_eq!(
@@ -326,7 +326,7 @@ mod tests {
     }
 
     proptest! {
-        /// What the driver does with a packet's lengths stays inside of it.
+        /// The driver's use of a packet's lengths stays inside of it.
         #[test]
         fn what_passes_has_its_parts_inside(packet in proptest::collection::vec(any::<u8>(), 0..64), fix in any::<bool>()) {
             let mut packet = packet;

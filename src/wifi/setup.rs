@@ -1,9 +1,9 @@
-//! What the radio is to do.
+//! Set-up of the radio.
 
 use super::{Network, Password, Ssid};
 use crate::parameter::{Parameters, VehicleParameter};
 
-/// What the radio is (`WIFI_MODE`).
+/// Mode of the radio (`WIFI_MODE`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum WifiMode {
@@ -36,7 +36,7 @@ pub enum PowerSave {
     On,
 }
 
-/// What the parameters say of Wi-Fi.
+/// Choice of Wi-Fi by the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct WifiChoice {
@@ -71,7 +71,7 @@ impl WifiChoice {
 /// Everything the radio has to know.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WifiSetup {
-    /// What it is.
+    /// Its mode.
     pub mode: WifiMode,
     /// Channel of the access point, 1 to 11.
     pub channel: u8,

@@ -1,4 +1,4 @@
-//! What of Wi-Fi outlasts a restart, as words under keys.
+//! Stored data of Wi-Fi, as words under keys.
 //!
 //! | byte | content |
 //! |---|---|
@@ -21,7 +21,7 @@ const BYTES: usize = PASSWORD_AT + Password::MAX_BYTES;
 const OWN_PASSWORD: u16 = 1;
 const NETWORK: u16 = 2;
 
-/// What the flash holds of Wi-Fi. What was never set, or can't be read, is `None`.
+/// Stored data of Wi-Fi. A value that was never set, or can't be read, is `None`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StoredWifi {
     /// The password of the board's own network.

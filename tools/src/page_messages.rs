@@ -74,7 +74,7 @@ fields! {
     MavType: "B" "", Self::MAV_TYPE_FIXED_WING;
 }
 
-/// Where `marked` begins to differ on the wire.
+/// Offset at which `marked` differs on the wire.
 fn place<M: MessageData>(unmarked: &M, marked: &M) -> usize {
     let bytes = |message: &M| {
         let mut payload = [0; MAX_PAYLOAD_BYTES];

@@ -6,7 +6,7 @@ use super::stream::Stream;
 use crate::recorder::dataflash::Record;
 use crate::time::{Instant, Utc};
 
-/// What is known of it.
+/// The known part of a date.
 #[derive(Debug, Default)]
 pub(super) struct Date {
     /// When the board started.

@@ -1,4 +1,4 @@
-//! How packs share the log, and drives the ring.
+//! Shares of packs in the log, and of drives in the ring.
 //!
 //! Half of the ring is kept erased for the next drive, and the oldest files go for that. A drive that was longer stays while
 //! a fifth is free; so a file takes at most four fifths, which is an hour, and the log goes on at the next arming.
@@ -6,7 +6,7 @@
 use crate::recorder::{LogFile, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 use crate::time::Instant;
 
-/// What the records of all packs take of the log, in bytes per sampling tick: 250 bytes per second, which three quarters of
+/// Share of the packs' records in the log, in bytes per sampling tick: 250 bytes per second, which three quarters of
 /// the ring hold for more than an hour.
 const BYTES_PER_TICK: i16 = 25;
 
@@ -19,7 +19,7 @@ const MOST_DEBT_BYTES: i16 = 250;
 /// Cells and details of a pack are recorded in one round of this many.
 const DETAILED_ROUND: u8 = 5;
 
-/// What is recorded of the pack whose turn it is.
+/// Records of the pack whose turn it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detail {
     /// Voltage, current and what was consumed.
@@ -85,7 +85,7 @@ impl Share {
     }
 }
 
-/// How many sectors have to be erased while disarmed.
+/// Number of sectors to erase while disarmed.
 pub(super) fn erase_target(ring: &Ring) -> u32 {
     let free = ring.free_sectors();
     let half = ring.sectors() / 2;

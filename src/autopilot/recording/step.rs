@@ -1,4 +1,4 @@
-//! What the flash has to do next.
+//! The next flash operation of the log.
 
 use heapless::Vec;
 
@@ -13,10 +13,10 @@ use crate::time::Instant;
 /// With the interval at which the flash is looked after, at most a second is lost when the power goes.
 const FLUSH_INTERVAL_US: u64 = 700_000;
 
-/// Where sectors are erased in between, each may take 400 ms, and a pause as long follows.
+/// The same with erases in between: each may take 400 ms, and a pause as long follows.
 const FLUSH_INTERVAL_WITH_ERASES_US: u64 = 150_000;
 
-/// What the flash has to do next for the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
+/// A flash operation of the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
 /// [`Autopilot::log_erased`](super::super::Autopilot::log_erased).
 #[derive(Debug)]
 #[expect(
@@ -26,9 +26,9 @@ const FLUSH_INTERVAL_WITH_ERASES_US: u64 = 150_000;
 pub enum LogStep {
     /// Program these bytes, which are blank.
     Program {
-        /// Where, as offset from the start of the flash.
+        /// Offset from the start of the flash.
         address: u32,
-        /// What; within one page.
+        /// Content, within one page.
         bytes: Vec<u8, PAGE_BYTES>,
     },
     /// Erase a sector and program its mark, before the rover can be armed.
@@ -46,7 +46,7 @@ impl LogStep {
 }
 
 impl Recording {
-    /// What the flash has to do next at `now`, if anything.
+    /// The next operation at `now`, if there is one.
     pub fn next_step(&mut self, now: Instant, subject: &Subject<'_>, may_erase: Erase) -> Option<LogStep> {
         if let Some(date) = self.next_date() {
             return Some(date);

@@ -15,7 +15,7 @@ const QUEUE_BYTES: usize = 2048;
 /// All packs, a bit each.
 const ALL_PACKS: u16 = u16::MAX;
 
-/// What a log file is about.
+/// Subject of a log file.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
     pub board_id: Option<BoardId>,
@@ -23,7 +23,7 @@ pub struct Subject<'a> {
     pub parameters: &'a Parameters,
 }
 
-/// What a log file is made of: formats, board and packs first, then what happens, and in between all parameters.
+/// Records of a log file: formats, board and packs first, then events, and in between all parameters.
 #[derive(Debug, Default)]
 pub(super) struct Stream {
     queue: Queue,
@@ -34,11 +34,11 @@ pub(super) struct Stream {
     began: Instant,
     /// Of the opening's current record, what has not left yet.
     part: RecordBytes,
-    /// How much of it has.
+    /// Bytes of it that have.
     left: usize,
 }
 
-/// What a file begins with.
+/// Progress of the records that begin a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Opening {
     /// The formats from this one on, then the board and the parameters.

@@ -46,10 +46,10 @@ const PACKETS_READY: u32 = 1 << 5;
 const CLOCK_TIMEOUT_MS: u32 = 90;
 const PACKETS_TIMEOUT_MS: u32 = 900;
 
-/// What the line holds that the chip does not drive.
+/// Words read from a line that the chip does not drive.
 const SILENCE: [u32; 2] = [0, u32::MAX];
 
-/// So long after a look at a chip that is not awake yet.
+/// Pause after a look at a chip that is not awake yet.
 const WAKING_MS: u64 = 1;
 
 /// Why there is no sense in going on.
@@ -63,17 +63,17 @@ pub(super) enum BusFault {
     Refused(i32),
 }
 
-/// What the owner of the driver learns of the chip.
+/// State of the chip, for the owner of the driver.
 pub(super) struct ChipState {
     /// Why the driver has to be dropped and restarted.
     pub fault: Signal<NoopRawMutex, BusFault>,
     pub stage: Cell<Stage>,
-    /// What the board is in its network.
+    /// Role of the board in its network.
     pub role: Role,
     pub refusals: Cell<Refusals>,
     /// It has refused, and that is not a fault.
     pub refused: Signal<NoopRawMutex, ()>,
-    /// What the driver waits for while it starts the chip.
+    /// The driver's wait while it starts the chip.
     waiting: Cell<Waiting>,
 }
 
@@ -91,10 +91,10 @@ impl ChipState {
     }
 }
 
-/// What the driver waits for. It is with the owner, since the bus lies in the driver's future several times.
+/// A wait of the driver. It is with the owner, since the bus lies in the driver's future several times.
 #[derive(Clone, Copy, Default)]
 struct Waiting {
-    /// What was written last to [`CLOCK_REGISTER`].
+    /// The value written last to [`CLOCK_REGISTER`].
     clock_request: u8,
     /// The read before this one was of [`CORE_CLOCK_REGISTER`].
     was_core_clock: bool,
@@ -102,7 +102,7 @@ struct Waiting {
     since_ms: Option<u32>,
 }
 
-/// What it means that the chip refuses a control request.
+/// Meaning of a control request that the chip refuses.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Refusals {
     /// Something is wrong with the chip.
@@ -111,7 +111,7 @@ pub(super) enum Refusals {
     AreReported,
 }
 
-/// How far the driver has come with the chip.
+/// Progress of the driver with the chip.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stage {
     /// Words are swapped in halves; the driver waits for the first answer.
@@ -274,7 +274,7 @@ impl<B: SpiBusCyw43> SpiBusCyw43 for CheckedBus<'_, B> {
 }
 
 impl Waiting {
-    /// How long the driver may go on asking for what it has not got by this answer; `None`: it goes on.
+    /// Time for which the driver may go on asking for what it has not got by this answer; `None`: it goes on.
     fn patience_ms(&self, command: Command, answer: u32) -> Option<u32> {
         let (is_ready, patience_ms) = match (command.function, command.address) {
             (Function::Backplane, CLOCK_REGISTER) if self.clock_request == LOW_POWER_CLOCK_REQUEST => {
@@ -335,7 +335,7 @@ impl Command {
         self.function == function && self.address == address
     }
 
-    /// What counts of a register of this length.
+    /// Significant bits of a register of this length.
     fn mask(self) -> u32 {
         let unused_bits = u32::BITS.saturating_sub(u8::BITS * self.bytes as u32);
         u32::MAX.checked_shr(unused_bits).unwrap_or(0)

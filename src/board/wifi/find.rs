@@ -12,7 +12,7 @@ use crate::memory::retained::RetainedWords;
 use crate::sensor::{AdcCount, AnalogPin};
 use crate::wifi::Radio;
 
-/// Where a third of VSYS is at GP29, it is 0.6 V at least: VSYS has 1.8 V or more. This is 0.16 V.
+/// A third of VSYS at GP29 is 0.6 V at least: VSYS has 1.8 V or more. This is 0.16 V.
 const ABSENT_DIVIDER_COUNTS: u16 = 200;
 
 /// Written where RAM keeps its content over a reset: no radio has answered since power came on.
@@ -21,7 +21,7 @@ const NO_RADIO: u32 = 0x6e6f_5746;
 #[unsafe(link_section = ".uninit.RADIO")]
 static NO_RADIO_NOTE: RetainedWords<1> = RetainedWords::new();
 
-/// What the look at the pins says of the board.
+/// The board by a look at the pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BoardKind {
     /// GP29 has a divider.

@@ -20,7 +20,7 @@ const CLOCK_DIVIDER: u8 = 2;
 /// Follows each transfer.
 const STATUS_WORDS: usize = 1;
 
-/// What a FIFO of the state machine takes, but for one word: the status, or the command.
+/// Size of a FIFO of the state machine, but for one word: the status, or the command.
 const SHORT_WORDS: usize = 3;
 
 /// Up to this length, in bytes, a transfer is over before a DMA channel would have woken the task: the processor waits for it. An

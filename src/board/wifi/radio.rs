@@ -32,11 +32,11 @@ const SET_UP_TIMEOUT: Duration = Duration::from_secs(3);
 /// Starts without any answer after which a board that may not be a Pico W is none.
 const VAIN_STARTS: u8 = 3;
 
-/// How often the chip is asked for a sign of life, and how long that may take. A request waits behind packets.
+/// Interval of requests for a sign of life, and their time-out. A request waits behind packets.
 const WATCH_INTERVAL: Duration = Duration::from_secs(5);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// How long a radio that has failed stays switched off.
+/// Time for which a radio that has failed stays switched off.
 const RETRY_DELAY: Duration = Duration::from_secs(10);
 
 /// Between two attempts to join a network. A failed one takes a few seconds itself.
@@ -53,7 +53,7 @@ const ADDRESS_PATIENCE: Duration = Duration::from_secs(25);
 /// The limit over all attempts, and over faults of the radio meanwhile: then the board has its own network instead.
 const NETWORK_PATIENCE: Duration = Duration::from_secs(60);
 
-/// How long the board has its own network, before it looks for the other one again if no ground station is connected.
+/// Time for which the board has its own network, before it looks for the other one again if no ground station is connected.
 const FALLBACK_TIME: Duration = Duration::from_secs(300);
 
 /// The task shows as often that it is alive.
@@ -114,10 +114,10 @@ enum NotJoined {
 /// The latest of what the network stack has reported of the board's address.
 type Address = Signal<NoopRawMutex, NetReport>;
 
-/// What the board is for others while the radio runs.
+/// Plan for the radio's run: the network to be in.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Plan {
-    /// What the owner wants.
+    /// The owner's choice.
     AsSetUp,
     /// An access point, because the network is not there.
     Fallback,
@@ -253,8 +253,8 @@ impl Wifi {
     }
 }
 
-/// What the driver keeps may hold pointers into what was dropped.
-// Not inlined: what is built on the stack must be gone before the radio runs.
+/// The driver's state may hold pointers into what was dropped.
+// Not inlined: everything built on the stack must be gone before the radio runs.
 #[inline(never)]
 fn forget(driver: &mut cyw43::State) {
     *driver = in_place(cyw43::State::new);
@@ -301,7 +301,7 @@ async fn changed(shared: &Shared, setup: &WifiSetup) {
     Timer::after_secs(1).await;
 }
 
-/// What the board is in its network.
+/// Role of the board in its network.
 fn role(setup: &WifiSetup, plan: Plan) -> Role {
     match (setup.mode, &setup.network, plan) {
         (WifiMode::Station, Some(_), Plan::AsSetUp) => Role::Station,
@@ -502,7 +502,7 @@ pub(super) static PROGRAM: Aligned<A4, [u8; 231_077]> = Aligned(*cyw43_firmware:
 /// Country locale matrix: which channels and powers are allowed where.
 pub(super) static COUNTRIES: &[u8] = cyw43_firmware::CYW43_43439A0_CLM;
 
-/// What the program has to know of the module on a Pico W, as lines `name=value` (the values that the driver's release
+/// Board data of the module on a Pico W, as lines `name=value` (the values that the driver's release
 /// 0.6.0 carried in its source, `nvram.rs`).
 const BOARD_DATA_LINES: &[u8] = include_bytes!("nvram.txt");
 

@@ -77,7 +77,7 @@ pub(super) struct Chip<S: SpiDevice> {
     cnf: [u8; 3],
 }
 
-/// What is read of the controller at a look.
+/// Registers that are read at a look.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Registers {
     cnf: [u8; 3],
@@ -95,7 +95,7 @@ pub(super) enum ReceiveBuffer {
     Second,
 }
 
-/// What READ STATUS shows (figure 12-8).
+/// Answer to READ STATUS (figure 12-8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Buffers(u8);
 
@@ -349,7 +349,7 @@ mod tests {
     }
 
     proptest! {
-        /// What is loaded for sending is what a receive buffer holds at the other end (registers 3-3 to 3-8, 4-3 to 4-9).
+        /// A frame loaded for sending is what a receive buffer holds at the other end (registers 3-3 to 3-8, 4-3 to 4-9).
         #[test]
         fn frames_are_held_as_they_are_sent(id in 0..1u32 << 29, data in prop::collection::vec(any::<u8>(), 0..=8)) {
             let frame = CanFrame::new(id, &data).unwrap();

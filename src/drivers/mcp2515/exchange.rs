@@ -13,7 +13,7 @@ use crate::sensor::{Acceptance, CanBus, CanFrame, CanInterrupt, CanStatus};
 /// and the sampling of packs, 4 ms.
 const RECEIVED: usize = 128;
 
-/// What has more to send waits.
+/// Frames that may wait to be sent; a task with more waits itself.
 const TO_SEND: usize = 4;
 
 /// Frames that were received and that are to be sent, and what is known of the controller.
@@ -66,7 +66,7 @@ impl<M: RawMutex> CanExchange<M> {
         self.to_send.receive().await
     }
 
-    /// What has to be let through, when that changes.
+    /// The frames to let through, when that changes.
     pub(super) async fn new_acceptance(&self) -> Acceptance {
         self.acceptance.wait().await
     }

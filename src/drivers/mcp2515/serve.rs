@@ -26,7 +26,7 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(100);
 /// It joins a bus after eleven recessive bits, as there are behind every frame: 1.3 ms at the longest, at 125 kbit/s.
 const LONGEST_JOINING: Duration = LOOK_INTERVAL;
 
-/// How often its buffers are read without its interrupts: a transfer of several frames at 1 Mbit/s fills both in 260 µs, of which
+/// Interval of reads without interrupts: a transfer of several frames at 1 Mbit/s fills both buffers in 260 µs, of which
 /// reading them takes a part.
 const POLL_INTERVAL: Duration = Duration::from_micros(100);
 
@@ -81,7 +81,7 @@ impl From<NoAnswer> for Ended {
     }
 }
 
-/// What the transmit buffer does.
+/// State of the transmit buffer.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Transmission {
     /// It is empty.
@@ -92,7 +92,7 @@ enum Transmission {
     GivenUp,
 }
 
-/// What was found to be done in the controller.
+/// Result of a look at the controller.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Found {
     Something,

@@ -45,7 +45,7 @@ pub enum DefaultRate {
 }
 
 impl StreamKind {
-    /// Those with this message id: none unless it can be sent regularly, several of NAMED_VALUE_FLOAT.
+    /// The streams with this message id: none unless it can be sent regularly, several of NAMED_VALUE_FLOAT.
     pub fn with_message_id(message_id: u32) -> impl Iterator<Item = Self> {
         let kinds = Self::ALL.into_iter();
         kinds.filter(move |kind| kind.message_id() == message_id)
@@ -61,7 +61,7 @@ impl StreamKind {
         packs.map(move |pack| self.of(pack))
     }
 
-    /// Those of its streams that have something to report.
+    /// Its streams that have something to report.
     pub(in crate::mavlink) fn reported_in(self, state: &SystemState<'_>) -> impl Iterator<Item = Stream> {
         self.streams().filter(|stream| stream.is_reported_in(state))
     }

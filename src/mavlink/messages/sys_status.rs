@@ -64,7 +64,7 @@ fn present_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
     sensors
 }
 
-/// Those of them that are in use.
+/// The present ones that are in use.
 fn enabled_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
     let mut sensors = present_sensors(state);
     sensors.set(
@@ -74,7 +74,7 @@ fn enabled_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
     sensors
 }
 
-/// Those of them that are sound, and a fence that is not breached, since there is none: MAVProxy announces a breach by
+/// The sound ones among them, and a fence that is not breached, since there is none: MAVProxy announces a breach by
 /// the bit of its health alone.
 fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
     let mut sensors = present_sensors(state) | MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;

@@ -90,7 +90,7 @@ pub(in crate::mavlink) struct RequestedStreams {
 }
 
 impl RequestedStreams {
-    /// Those that have something to report: of NAMED_VALUE_FLOAT one for each name.
+    /// The streams that have something to report: of NAMED_VALUE_FLOAT one for each name.
     pub fn reported_in(&self, state: &SystemState<'_>) -> impl Iterator<Item = Stream> {
         let kinds = StreamKind::with_message_id(self.message_id);
         let streams = kinds.map(|kind| kind.of(self.pack.unwrap_or(Pack::First)));
@@ -207,7 +207,7 @@ impl Command {
 
     /// An alternative to a command that is not supported.
     pub fn alternative(&self) -> Option<&'static str> {
-        // What can't sense whether the wheels are off the ground does not turn them while disarmed.
+        // The rover can't sense whether its wheels are off the ground, so it does not turn them while disarmed.
         (self.number == DO_MOTOR_TEST).then_some("No motor test: use board-check")
     }
 

@@ -54,7 +54,7 @@ pub(in crate::mavlink) struct Context<'a> {
     pub changeable: Changeable<'a>,
     pub rates: &'a mut Rates,
     pub stations: &'a mut Stations,
-    /// Those of who sends on the link of the vehicle's own page.
+    /// Clocks of the senders on the link of the vehicle's own page.
     pub clocks: &'a mut SenderClocks,
     pub link: LinkKind,
     pub access: Access,

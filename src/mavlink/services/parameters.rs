@@ -132,7 +132,7 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
 /// Each is sent once, whatever is shown or hidden meanwhile, and the list ends when all that are shown have been sent.
 #[derive(Debug, Default)]
 pub(in crate::mavlink) struct ParameterList {
-    /// Those of the list that were sent; `None` if none is being sent.
+    /// The parameters of the list that were sent; `None` if none is being sent.
     sent: Option<ParameterIdSet>,
     changed: ParameterIdSet,
     pace: Option<Pace>,

@@ -46,7 +46,7 @@ pub(in crate::mavlink) enum Role {
 #[derive(Clone, Debug)]
 pub(super) struct Streams {
     known: Vec<Stream, STREAMS>,
-    /// What a sender who is not known any more has sent is not later than this.
+    /// Latest time of any sender that is not known any more.
     forgotten: Timestamp,
     driver: Option<StreamId>,
     armed_by: Option<StreamId>,

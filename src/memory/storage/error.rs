@@ -18,11 +18,11 @@ pub enum StorageError {
     NoErasedSpace,
 }
 
-/// What failed in the flash: the kind of the driver's error, or a difference that the driver did not notice.
+/// Fault of the flash: the kind of the driver's error, or a difference that the driver did not notice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum FlashFault {
-    /// What was erased or written reads back otherwise: the flash is worn out, or the operation had no effect.
+    /// Erased or written data read back otherwise: the flash is worn out, or the operation had no effect.
     NotVerified,
     /// The driver refused addresses that are not aligned.
     NotAligned,

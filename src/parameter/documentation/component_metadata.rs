@@ -89,7 +89,7 @@ fn type_name(kind: Kind) -> &'static str {
     }
 }
 
-/// What a ground station lists together.
+/// The group of a parameter in a ground station's list.
 fn group(name: &str) -> &str {
     name.split(['_', '{']).next().unwrap_or(name)
 }
@@ -146,7 +146,7 @@ fn described<N: Copy + ToString>(key: &str, numbers: &[(N, Meaning)]) -> String 
     format!("[{}]", items.join(","))
 }
 
-/// Those that are set; all are false by default.
+/// The flags that are set; all are false by default.
 fn flags(row: &Parameter) -> Vec<String> {
     let mut flags = Vec::new();
     if row.documentation.takes_effect == TakesEffect::AfterReboot {

@@ -42,7 +42,7 @@ pub(super) struct Format {
     pub columns: &'static str,
     /// Units of the fields, see [`UNITS`].
     pub units: &'static str,
-    /// What makes the number in a field one in that unit, see [`MULTIPLIERS`].
+    /// Factors that make the number in a field one in that unit, see [`MULTIPLIERS`].
     pub multipliers: &'static str,
 }
 

@@ -1,4 +1,4 @@
-//! What is recorded, and how each record is encoded.
+//! The records, and how each is encoded.
 
 use core::fmt::Write;
 use core::ops::Range;
@@ -34,13 +34,13 @@ pub enum Record<'a> {
     Event(ArmState),
     /// ARM: arming or disarming.
     Arm {
-        /// What the rover is now.
+        /// The rover's present state.
         state: ArmState,
         /// The checks in use: `ARMING_CHECK`.
         enabled_checks: u32,
         /// Whether it was armed or disarmed by force, whatever the checks say.
         forced: bool,
-        /// What armed or disarmed it.
+        /// The cause.
         method: ArmingMethod,
     },
     /// MODE: a change of the driving mode.
@@ -151,7 +151,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// What armed or disarmed the rover, with ArduPilot's numbers.
+/// Cause of arming or disarming, with ArduPilot's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ArmingMethod {
@@ -177,7 +177,7 @@ pub enum ModeReason {
     GroundStationsTimedOut = 5,
 }
 
-/// What a failsafe is for, with ArduPilot's numbers.
+/// Subject of a failsafe, with ArduPilot's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Subsystem {
@@ -338,7 +338,7 @@ fn encode_crash(time_us: u64, crash: &CrashRecord) -> RecordBytes {
 /// GPS time began with 1980-01-06, in milliseconds since 1970.
 const GPS_EPOCH_MS: u64 = 315_964_800_000;
 
-/// What GPS time is ahead of UTC by since 2017, when the last leap second was over.
+/// Lead of GPS time over UTC since 2017, when the last leap second was over.
 const LEAP_SECONDS_MS: u64 = 18_000;
 
 const WEEK_MS: u64 = 7 * 24 * 60 * 60 * 1000;

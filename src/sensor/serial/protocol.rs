@@ -1,4 +1,4 @@
-//! What a protocol on the serial line implements, what it needs of the line, and what separates frames there: pauses, and a
+//! The trait of a protocol on the serial line, its needs of the line, and the separators of frames there: pauses, and a
 //! fixed length.
 
 use super::conditions::SerialNotice;

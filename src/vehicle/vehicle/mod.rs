@@ -50,7 +50,7 @@ pub struct Vehicle {
     fitness: Fitness,
     controls: Controls,
     seat: DriverSeat,
-    /// Those of the settings when it was disarmed last.
+    /// Channels of the settings when it was disarmed last.
     channels: StickChannels,
     ground_stations: TimedInput<()>,
     throttle: Ramp,
@@ -161,7 +161,7 @@ impl Vehicle {
         Ok(waiting.filter(|_| self.seat.may_report(received_at)))
     }
 
-    /// What the pulses of all channels, in microseconds, say about throttle and steering.
+    /// Reads throttle and steering from the pulses of all channels, in microseconds.
     pub fn stick_inputs(&self, pulses_us: &[u16]) -> (StickInput, StickInput) {
         let StickChannels { throttle, steering } = &self.channels;
         (
@@ -281,7 +281,7 @@ impl Vehicle {
         }
     }
 
-    /// What the sticks ask of the sides, within the power limits.
+    /// The drives of both sides that the sticks ask for, within the power limits.
     fn mixed(&self) -> SideDrives {
         SideDrives::mixed(self.throttle.value(), self.controls.steering()).scaled(self.power.share())
     }
@@ -367,7 +367,7 @@ impl Vehicle {
         self.action == Effect::Terminate
     }
 
-    /// What the board is about to restart into.
+    /// The program after a pending restart.
     pub fn pending_restart(&self) -> Option<Restart> {
         self.pending_restart
     }

@@ -1,4 +1,4 @@
-//! What was heard of the board, each with its time, and what the procedures leave for the checks.
+//! Messages of the board, each with its time, and evidence of the procedures for the checks.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
@@ -40,7 +40,7 @@ pub struct Gap {
 pub struct RoundTrip {
     /// When it was asked.
     pub asked_at: Instant,
-    /// How long the answer took, in µs; `None` if none came until the next request.
+    /// Delay of the answer, in µs; `None` if none came until the next request.
     pub took_us: Option<u64>,
 }
 
@@ -58,13 +58,13 @@ pub struct BoardStart {
 pub struct Text {
     /// When it was complete.
     pub at: Instant,
-    /// How urgent it is.
+    /// Its severity.
     pub severity: MavSeverity,
     /// The text.
     pub text: String,
 }
 
-/// What was heard of the board.
+/// Messages of the board.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     /// Its messages.
@@ -73,7 +73,7 @@ pub struct Record {
     pub others: BTreeSet<(u8, u8)>,
     /// Breaks in its frames.
     pub gaps: Vec<Gap>,
-    /// How fast it answers.
+    /// Its delays of answers.
     pub round_trips: Vec<RoundTrip>,
     /// Its starts.
     pub starts: Vec<BoardStart>,
@@ -156,7 +156,7 @@ pub enum Trial<T> {
 /// The board's parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ParameterList {
-    /// How many there are, as the board says; `None` if nothing came.
+    /// Their number by the board; `None` if nothing came.
     pub count: Option<u16>,
     /// Names and values by their index.
     pub by_index: BTreeMap<u16, (String, f32)>,
@@ -181,13 +181,13 @@ pub struct KeptTrial {
     pub old: f32,
     /// The value it was given.
     pub new: f32,
-    /// What the board answered to that.
+    /// The board's answer to that.
     pub answered: Option<f32>,
     /// Result of the restart.
     pub restarted: Option<Restarted>,
-    /// What was read after it.
+    /// The value that was read after it.
     pub read: Option<f32>,
-    /// What the board answered when the old value was set again.
+    /// The board's answer when the old value was set again.
     pub restored: Option<f32>,
 }
 
@@ -221,9 +221,9 @@ const LARGEST_CHANGE: f32 = 0.15;
 /// The shown voltage beside a multimeter's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Calibration {
-    /// What the multimeter shows, in volts; `None` if the owner did not say.
+    /// Reading of the multimeter, in volts; `None` if the owner did not say.
     pub measured_v: Option<f32>,
-    /// What the board reports, in volts.
+    /// Report of the board, in volts.
     pub shown_v: Option<f32>,
     /// `BATT_VOLT_MULT` at that time.
     pub old: Option<f32>,
@@ -231,9 +231,9 @@ pub struct Calibration {
     pub pin: Option<f32>,
     /// The owner's statement about the divider.
     pub divider: Divider,
-    /// What the board answered when the exact value was set; `None` if it was not set.
+    /// The board's answer when the exact value was set; `None` if it was not set.
     pub applied: Option<f32>,
-    /// What the board reports since, in volts.
+    /// Report of the board since, in volts.
     pub shown_since_v: Option<f32>,
 }
 
@@ -306,13 +306,13 @@ pub enum StepResult {
 /// Everything the checks judge by.
 #[derive(Clone, Debug, Default)]
 pub struct Evidence {
-    /// What was heard.
+    /// The messages.
     pub record: Record,
     /// The board's system and component id; `None` if none was heard.
     pub board: Option<(u8, u8)>,
     /// Why the check ended early.
     pub ended: Option<Interruption>,
-    /// How long its first heartbeat took, in µs.
+    /// Delay of its first heartbeat, in µs.
     pub connected_after_us: u64,
     /// Its version; `None` if it did not answer.
     pub version: Option<AUTOPILOT_VERSION_DATA>,

@@ -1,4 +1,4 @@
-//! What the owner asks for.
+//! The owner's requests.
 
 use object::LittleEndian;
 use object::elf::{FileHeader32, PT_LOAD};
@@ -7,7 +7,7 @@ use rover_battmon::memory::identity::FirmwareHash;
 
 use super::evidence::{Divider, Evidence, Trial};
 
-/// What a multimeter at the pack shows.
+/// Reading of a multimeter at the pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Multimeter {
     /// There is none.
@@ -19,7 +19,7 @@ pub enum Multimeter {
     Shows(f32),
 }
 
-/// What is to be done.
+/// The requested procedures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Plan {
     /// Provoke a fault.
@@ -37,7 +37,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What is known before anything is done.
+    /// Knowledge before anything is done.
     pub(super) fn nothing_yet(&self) -> Evidence {
         Evidence {
             expected_hash: self.firmware_hash,

@@ -1,4 +1,4 @@
-//! What the check needs of its surroundings: a line with a clock, and the board's owner.
+//! Surroundings of the check: a line with a clock, and the board's owner.
 
 use std::io;
 use std::sync::mpsc::TryRecvError;

@@ -71,7 +71,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// What was heard so far.
+    /// Messages so far.
     pub fn record(&self) -> &Record {
         &self.record
     }

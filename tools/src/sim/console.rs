@@ -1,4 +1,4 @@
-//! What the simulator prints: lines, or on a terminal one status line that is updated in place below all others.
+//! Output of the simulator: lines, or on a terminal one status line that is updated in place below all others.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Stdout, Write};
@@ -15,7 +15,7 @@ static SCREEN: Mutex<Option<Screen<Stdout>>> = Mutex::new(None);
 /// Whether standard output could not be written to.
 static IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// How urgent a line is.
+/// Urgency of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
     /// In the terminal's own colour.
@@ -41,7 +41,7 @@ impl From<MavSeverity> for Level {
     }
 }
 
-/// Where lines go.
+/// Output for lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
     /// To a terminal, with a status line that is updated in place.
@@ -221,7 +221,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What a terminal shows of `bytes`: understands what [`Screen`] uses, and nothing else.
+    /// Content of a terminal after `bytes`: understands what [`Screen`] uses, and nothing else.
     fn shown(bytes: &[u8]) -> Vec<String> {
         let text = std::str::from_utf8(bytes).unwrap();
         let mut lines = vec![String::new()];

@@ -38,15 +38,15 @@ const MAX_CLIENTS: usize = SIMULATED_LINKS - 3;
 /// A ground station by UDP has gone when this many status lines, one a second, were printed since it was heard.
 const MOST_SILENT_LINES: u32 = 5;
 
-/// What a simulation is given.
+/// Options of a simulation.
 pub struct Setup<'a> {
     /// What the rover is among others.
     pub role: Role<'a>,
-    /// Where ground stations connect by TCP, if they may.
+    /// Address for ground stations by TCP, if they may connect.
     pub clients: Option<&'a Clients>,
     /// At its remote end another ground station may listen.
     pub udp: &'a UdpWire,
-    /// Where browsers connect, if they may.
+    /// Address for browsers, if they may connect.
     pub web: Option<&'a Clients>,
     /// Survives a restart of the vehicle.
     pub flash: SimulatedFlash,

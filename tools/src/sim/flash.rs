@@ -28,7 +28,7 @@ pub struct SimulatedFlash(Rc<RefCell<Chip>>);
 
 #[derive(Debug)]
 struct Chip {
-    /// What the range [`IMAGE`] holds.
+    /// Content of the range [`IMAGE`].
     content: Vec<u8>,
     file: Option<ImageFile>,
 }
@@ -66,7 +66,7 @@ fn blank() -> Vec<u8> {
     vec![ERASED; IMAGE_BYTES]
 }
 
-/// Where a range of the chip is in the image; `None` outside it.
+/// Place of a range of the chip in the image; `None` outside it.
 fn place(range: Range<u32>) -> Option<Range<usize>> {
     let start = range.start.checked_sub(IMAGE.start)? as usize;
     let end = range.end.checked_sub(IMAGE.start)? as usize;

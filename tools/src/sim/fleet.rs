@@ -137,7 +137,7 @@ fn board_id(number: u8) -> BoardId {
 /// The latest status of each rover.
 #[derive(Debug)]
 pub struct Fleet {
-    /// How many there are.
+    /// Their number.
     rovers: u8,
     statuses: RefCell<Vec<(u8, Status)>>,
 }

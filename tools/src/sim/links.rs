@@ -47,7 +47,7 @@ impl Clients {
         Ok(Self { listener })
     }
 
-    /// Where it listens.
+    /// Its address.
     ///
     /// # Errors
     /// The system does not say.

@@ -68,7 +68,7 @@ impl LogFolder {
         Ok(())
     }
 
-    /// What the flash holds now.
+    /// Present content of the flash.
     fn ring(&mut self) -> Ring {
         block_on(Ring::scan(&mut self.flash, flash_map::LOG))
     }

@@ -56,7 +56,7 @@ pub struct SimulatedPack {
     current_a: f32,
     /// Overrides the voltage by charge.
     open_circuit_v: Option<f32>,
-    /// How far the first cell is below the others, in volts.
+    /// Difference of the first cell to the others, in volts below them.
     first_cell_drop_v: f32,
     /// It is connected to the rover.
     is_plugged_in: bool,

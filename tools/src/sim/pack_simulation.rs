@@ -14,10 +14,10 @@ use super::{SimulatedPack, SimulatedRover};
 /// Longer steps are divided, for the accuracy of the slow voltage at high speedups.
 const MAX_STEP: Duration = Duration::from_millis(100);
 
-/// How far the cell of [`Fault::WeakCell`] is below the others, in volts.
+/// Difference of the cell of [`Fault::WeakCell`] to the others, in volts below them.
 const WEAK_CELL_DROP_V: f32 = 1.0;
 
-/// What is wrong with the simulated pack or its sensors (`SIM_BATT_FAULT`).
+/// Fault of the simulated pack or its sensors (`SIM_BATT_FAULT`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
     None,
@@ -72,7 +72,7 @@ impl<'a> PackSimulation<'a> {
         self.pack.borrow().clone()
     }
 
-    /// What is wrong with it or its sensors now.
+    /// Its present fault, or its sensors'.
     pub(super) fn fault(&self) -> Fault {
         Fault::now(self.shared)
     }

@@ -55,7 +55,7 @@ impl Comparison {
         self.estimate.failsafe
     }
 
-    /// How urgent it is, by the monitor.
+    /// Its urgency, by the monitor.
     pub fn level(&self) -> Level {
         match (self.estimate.status, self.estimate.charge_state) {
             (_, ChargeState::Critical | ChargeState::Emergency | ChargeState::Failed) => Level::Critical,

@@ -18,7 +18,7 @@ type Record = Vec<u8, RECORD_BYTES>;
 
 /// An open file of parameters.
 ///
-/// How long a record is depends on its name and type alone, so that a value that is set meanwhile moves nothing. Every
+/// The length of a record depends on its name and type alone, so that a value that is set meanwhile moves nothing. Every
 /// record has its default, if any has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ParameterFile {

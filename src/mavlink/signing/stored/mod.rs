@@ -102,7 +102,7 @@ impl StoredSigning {
         let protection = match condition {
             Condition::Blank => Protection::Off,
             Condition::Intact if self.choice == Some(NO_KEY) => Protection::Off,
-            // What was set up after this key is there at least once, and would count.
+            // A later set-up is there at least once, and would count.
             Condition::Intact | Condition::OneRecordDamaged => {
                 self.key().map_or(Protection::KeyLost, Protection::Key)
             }

@@ -96,7 +96,7 @@ impl Record {
         self.format.number
     }
 
-    /// Where a column stands among all of the record.
+    /// Index of a column among all of the record.
     pub fn place(&self, column: &str) -> Option<usize> {
         self.format.columns.iter().position(|field| field.name == column)
     }
@@ -401,7 +401,7 @@ pub mod tests {
     use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded, opening_record};
     use rover_battmon::vehicle::ArmState;
 
-    /// What a file of the board begins with.
+    /// Beginning of a file of the board.
     pub fn opening() -> Vec<u8> {
         (0..)
             .map_while(|index| opening_record(index, 0))

@@ -6,7 +6,7 @@ use crate::report::Row;
 use crate::summary::reached;
 use crate::words::{clock, duration};
 
-/// What `changes`, parameters with their new and old values, do to a replay with the log's own parameters.
+/// Effect of `changes`, parameters with their new and old values, on a replay with the log's own parameters.
 pub fn comparison(changes: &[String], own: &[Row], changed: &[Row]) -> String {
     let levels = [("low", FailsafeLevel::Low), ("critical", FailsafeLevel::Critical)];
     let lines = levels.map(|(name, level)| {
@@ -22,7 +22,7 @@ pub fn comparison(changes: &[String], own: &[Row], changed: &[Row]) -> String {
     format!("With {}:\n{}\n", changes.join(", "), lines.join("\n"))
 }
 
-/// How the moment with the changes differs from that with the log's own parameters; `None` without both.
+/// Difference of the moment with the changes from that with the log's own parameters; `None` without both.
 fn difference(own_s: Option<f64>, changed_s: Option<f64>) -> Option<String> {
     let text = match (own_s, changed_s) {
         (None, None) => return None,

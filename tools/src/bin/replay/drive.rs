@@ -16,7 +16,7 @@ use crate::trace::{Change, Sample, Trace};
 pub struct Drive {
     /// The readings of the pack.
     pub trace: Trace,
-    /// What the log says as a whole; of a trace nothing.
+    /// Facts of the log as a whole; none of a trace.
     pub survey: Survey,
 }
 

@@ -63,7 +63,7 @@ pub enum Content {
     StartUtc(f64),
     /// The serial number of a pack, if known, and what was learnt of it, as flash holds it.
     Learnt(Pack, Option<i32>, Box<[u32; LEARNT_WORDS]>),
-    /// What was learnt of the curve of its cells.
+    /// The learnt curve of its cells.
     Curve(Pack, [u32; CURVE_WORDS]),
 }
 
@@ -94,7 +94,7 @@ pub struct Cells {
 pub enum Part {
     /// The first ones.
     First,
-    /// Those behind the first ones.
+    /// The packs behind the first ones.
     Further,
 }
 

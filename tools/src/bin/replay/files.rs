@@ -17,12 +17,12 @@ pub struct Failure {
     pub reason: String,
 }
 
-/// What was found.
+/// The files that were found.
 #[derive(Debug, Default)]
 pub struct Files {
     /// Logs, each once, in the order of their paths.
     pub logs: Vec<PathBuf>,
-    /// What can't be read.
+    /// Paths that can't be read.
     pub failures: Vec<Failure>,
     /// What was seen: links may lead to the same file or folder more than once, or in a circle.
     seen: HashSet<PathBuf>,
@@ -84,7 +84,7 @@ impl Files {
     }
 }
 
-/// How a path came to be read.
+/// Origin of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Named {
     /// It was given as an argument.

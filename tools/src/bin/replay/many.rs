@@ -21,7 +21,7 @@ use crate::trace::Inputs;
 use crate::words::{copies, shown};
 use crate::{copies, history, outputs};
 
-/// What many logs give.
+/// Results of many logs.
 struct Found {
     rows: Vec<Row>,
     failures: Vec<Failure>,
@@ -32,7 +32,7 @@ struct Found {
 /// Writes what was asked for.
 ///
 /// # Errors
-/// What is wrong with an argument, or why a file can't be written, in words.
+/// An error of an argument, or of a file that can't be written, in words.
 pub fn replay(arguments: &Arguments) -> Result<(), String> {
     check(&arguments.assignments)?;
     let mut files = Files::find(&arguments.paths);

@@ -168,7 +168,7 @@ impl Identity {
     }
 }
 
-/// Where a file is created: links may lead to one that does not exist yet.
+/// Path at which a file is created: links may lead to one that does not exist yet.
 fn created(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
     for _ in 0..MOST_LINKS {

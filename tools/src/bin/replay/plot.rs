@@ -52,7 +52,7 @@ pub fn is_plot(head: &str) -> bool {
     head.lines().next() == sheet().finish().lines().next()
 }
 
-/// Where a diagram begins, counted from the top.
+/// Top of a diagram, counted from that of the page.
 fn offset(place: u32) -> f64 {
     HEAD_HEIGHT + f64::from(place) * PANEL_HEIGHT
 }
@@ -160,7 +160,7 @@ fn marks(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
     }
 }
 
-/// What happened.
+/// The event.
 fn events(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
     for (number, (time_s, text)) in report::events(rows).enumerate() {
         panel.event(svg, time_s, number % EVENT_LINES, &format!("Battery {text}"));

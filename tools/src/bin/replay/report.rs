@@ -24,7 +24,7 @@ const COLUMNS: &str = "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistan
 const REPORTED_COLUMNS: &str = ",reported_consumed_mah,reported_remaining_pct,reported_charge_state";
 const LAST_COLUMN: &str = ",events\n";
 
-/// What is known after one reading.
+/// State after one reading.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// Seconds since the trace's start.
@@ -33,13 +33,13 @@ pub struct Row {
     pub state: BatteryState,
     /// The failsafe levels that were just reached.
     pub reached: ReachedLevels,
-    /// What has just happened.
+    /// Events of this moment.
     pub events: Vec<String>,
-    /// What the board reported then, in a log of its own.
+    /// The board's own report at this moment, in a log of its own.
     pub reported: Option<Reported>,
 }
 
-/// What happened, and when, in seconds since the trace's start.
+/// Events, with their times in seconds since the trace's start.
 pub fn events(rows: &[Row]) -> impl Iterator<Item = (f64, &String)> {
     rows.iter()
         .flat_map(|row| row.events.iter().map(|text| (row.time_s, text)))

@@ -138,7 +138,7 @@ impl Replay {
         self.monitor.state()
     }
 
-    /// What is learnt by now, as flash would have it.
+    /// The learnt data by now, as flash would have them.
     pub fn learnt(&self) -> &LearntPack {
         self.monitor.unsaved_learnt().unwrap_or(&self.known)
     }
@@ -155,7 +155,7 @@ pub struct Outcome {
     pub rows: Vec<Row>,
     /// The settings at the last armed reading; if there is none, those at the beginning.
     pub settings: PackSettings,
-    /// What is learnt of the pack at the end.
+    /// The learnt data of the pack at the end.
     pub learnt: LearntPack,
     /// Why the last drive taught nothing.
     pub lesson_obstacle: Option<LessonObstacle>,

@@ -31,7 +31,7 @@ const LISTED_TIMERS: usize = 20;
 /// Replays one recording.
 ///
 /// # Errors
-/// What is wrong with the recording, an argument or a file, in words.
+/// An error of the recording, an argument or a file, in words.
 pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
     outputs::check(arguments, &arguments.paths)?;
     let pack = arguments.pack;
@@ -63,7 +63,7 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
     Ok(())
 }
 
-/// Where a log is from, and what it lacks; of a trace nothing.
+/// Origin of a log, and what it lacks; of a trace nothing.
 fn origin(drive: &Drive, arguments: &Arguments) -> String {
     let survey = &drive.survey;
     let mut text = String::new();
@@ -182,7 +182,7 @@ fn write_files(recording: &Path, arguments: &Arguments, outcome: &Outcome) -> Re
     Ok(written)
 }
 
-/// What the arguments change of a log's own parameters, and what comes of that; empty if they change nothing.
+/// Changes of a log's own parameters by the arguments, and their effect; empty if there are none.
 fn compared(
     arguments: &Arguments,
     drive: &Drive,
@@ -241,7 +241,7 @@ fn about(path: &Path, error: &dyn std::fmt::Display) -> String {
     format!("{}: {error}", shown(path))
 }
 
-/// What was learnt in earlier drives; nothing before the first, and in a pipe.
+/// Learnt data of earlier drives; none before the first, and in a pipe.
 fn read_learnt(path: &Path) -> Result<LearntPack, String> {
     if !path.is_file() {
         return Ok(LearntPack::UNKNOWN);

@@ -1,4 +1,4 @@
-//! What a replay has shown, in words. What was not computed is unknown.
+//! Results of a replay, in words. Anything that was not computed is unknown.
 
 use std::fmt;
 
@@ -25,13 +25,13 @@ const LISTED_CHANGES: usize = 5;
 
 /// A replay, to be shown in words.
 pub struct Summary<'a> {
-    /// What was replayed.
+    /// Subject of the replay.
     pub trace: &'a Trace,
     /// Its result.
     pub outcome: &'a Outcome,
     /// Which pack it is of.
     pub pack: Pack,
-    /// What was known of the pack before.
+    /// Knowledge of the pack before.
     pub known: &'a LearntPack,
     /// Why the vehicle is taken for armed at the beginning, if not by an entry.
     pub armed_before: Option<ArmedBefore>,
@@ -135,7 +135,7 @@ fn remaining(rows: &[Row]) -> String {
     text
 }
 
-/// What is known of the pack, and since when.
+/// Knowledge of the pack, and its age.
 fn learnt(known: &LearntPack, now: &LearntPack) -> String {
     let capacity_ah = |pack: &LearntPack| pack.capacity_mah().map(|mah| mah / 1e3);
     let milliohms = |pack: &LearntPack| pack.resistance_ohm().map(|ohm| ohm * 1e3);
@@ -296,7 +296,7 @@ mod tests {
     use proptest::prelude::*;
     use rover_battmon::parameter::Parameters;
 
-    /// What is said of a trace that is replayed with these parameters.
+    /// Remark on a trace that is replayed with these parameters.
     fn summary(trace: &Trace, assignments: &[&str]) -> String {
         let assignments: Vec<_> = assignments
             .iter()

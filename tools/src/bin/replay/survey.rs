@@ -1,4 +1,4 @@
-//! What a log says as a whole: parameters, which rover and which packs, and when.
+//! Facts of a log as a whole: parameters, rover, packs and time.
 
 use std::fmt;
 use std::io;
@@ -21,7 +21,7 @@ const SYSTEM_ID: [&str; 2] = ["SYSID_THISMAV", "MAV_SYSID"];
 const LOG_DISARMED: &str = "LOG_DISARMED";
 const FROM_ARMING: f64 = 0.0;
 
-/// What a log says as a whole. `None` is what it does not say.
+/// Facts of a log as a whole; `None` if it lacks one.
 #[derive(Debug, Default)]
 pub struct Survey {
     /// The first value of each parameter, defaults beside.
@@ -36,7 +36,7 @@ pub struct Survey {
     pub board_id: Option<String>,
     /// When the recorder started, in seconds since 1970 (UTC).
     pub started_utc_s: Option<f64>,
-    /// What is measured of each pack that has a reading.
+    /// Measured quantities of each pack that has a reading.
     packs: [Option<Inputs>; MAX_PACKS],
     learnt: [Option<[u32; LEARNT_WORDS]>; MAX_PACKS],
     known_parameters: LogParameters,
@@ -51,7 +51,7 @@ pub struct Survey {
     pub stepped_back: u64,
     /// All bytes.
     pub read_bytes: u64,
-    /// Those of them that belong to no entry.
+    /// Parameters that belong to no entry.
     pub skipped_bytes: u64,
 }
 
@@ -105,12 +105,12 @@ impl Survey {
         (!has_reading).then_some("no reading of a pack")
     }
 
-    /// What is measured of a pack; `None` without a reading.
+    /// Measured quantities of a pack; `None` without a reading.
     pub fn measured(&self, pack: Pack) -> Option<Inputs> {
         self.packs[usize::from(pack.instance())]
     }
 
-    /// What was known of a pack at the beginning of the file.
+    /// Knowledge of a pack at the beginning of the file.
     pub fn known(&self, pack: Pack) -> Option<LearntPack> {
         LearntPack::from_words(self.learnt[usize::from(pack.instance())].as_ref()?)
     }

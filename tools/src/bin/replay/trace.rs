@@ -17,7 +17,7 @@ use rover_battmon::battery::CellVoltages;
 
 use crate::assignments::Assignment;
 
-/// What some recorders write into every row when there is no sensor of the current.
+/// Value of some recorders in every row when there is no sensor of the current.
 const NO_SENSOR_A: f32 = -1.0;
 
 /// Times from here on are Unix time, in seconds: in September 2001. No recording lasts as long.
@@ -26,11 +26,11 @@ const UNIX_TIME_FROM_S: f64 = 1e9;
 /// The latest time that is read, in seconds.
 const LATEST_S: f64 = 1e10;
 
-/// What files of Windows programs may begin with.
+/// Mark with which files of Windows programs may begin.
 const BYTE_ORDER_MARK: char = '\u{feff}';
 const BYTE_ORDER_MARKS_OF_UTF16: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
 
-/// What separates fields; the first of these that the header has.
+/// Separators of fields; the first of these that the header has counts.
 const SEPARATORS: [char; 3] = [';', '\t', ','];
 
 /// Characters of a field that an error shows.
@@ -54,7 +54,7 @@ pub struct Change {
     pub assignment: Assignment,
 }
 
-/// What is measured, or what the monitor is given of it.
+/// The measurement, or what the monitor is given of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Inputs {
     /// The voltage.
@@ -80,7 +80,7 @@ pub struct Sample {
     pub temperature_c: Option<f32>,
     /// Of each cell.
     pub cells: CellVoltages,
-    /// What the board reported then, in a log of its own.
+    /// The board's own report at this moment, in a log of its own.
     pub reported: Option<Reported>,
 }
 
@@ -98,7 +98,7 @@ impl Sample {
     };
 }
 
-/// What the board reported of the pack.
+/// The board's report of the pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reported {
     /// Charge drawn, in milliampere-hours.
@@ -159,7 +159,7 @@ impl Trace {
         }
     }
 
-    /// What was measured in any of its readings.
+    /// Quantities that were measured in any of its readings.
     pub fn measured(&self) -> Inputs {
         Inputs {
             voltage: true,
@@ -247,7 +247,7 @@ impl Names {
     }
 }
 
-/// Where the columns are.
+/// Indexes of the columns.
 struct Columns<'a> {
     separator: char,
     names: Vec<&'a str>,

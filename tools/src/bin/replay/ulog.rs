@@ -48,7 +48,7 @@ pub struct ULog<R> {
     found: VecDeque<Entry>,
     has_header: bool,
     formats: HashMap<String, Rc<Format>>,
-    /// What each message of data is, by its number.
+    /// Format of each message of data, by its number.
     topics: HashMap<u16, Topic>,
     is_armed: Option<bool>,
 }

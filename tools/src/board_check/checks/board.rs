@@ -103,7 +103,7 @@ pub(super) const VERSION: Check = Check {
     judge: judge_version,
 };
 
-/// What a simulator sends.
+/// Mark of a simulator.
 const NO_HASH: [u8; FirmwareHash::DIGITS] = [0; _];
 
 pub(super) const HASH_CHECK: Check = Check {

@@ -1,4 +1,4 @@
-//! What a check is, and its outcome.
+//! A check and its outcome.
 
 use crate::board_check::evidence::{Evidence, Trial};
 
@@ -7,11 +7,11 @@ use crate::board_check::evidence::{Evidence, Trial};
 pub struct Check {
     /// Its name.
     pub name: &'static str,
-    /// What it measures.
+    /// Measured quantity.
     pub measures: &'static str,
-    /// What is expected, and by what.
+    /// Expected result, and its source.
     pub expected: &'static str,
-    /// What to do when it fails.
+    /// Advice for a failure.
     pub advice: &'static str,
     /// Judges the evidence.
     pub(super) judge: fn(&Evidence) -> Outcome,
@@ -24,9 +24,9 @@ pub enum Outcome {
     Passed(String),
     /// Not as expected.
     Failed {
-        /// What was measured.
+        /// The measurement.
         measured: String,
-        /// What is wrong.
+        /// The fault.
         sentence: String,
     },
     /// Not measured, and why.

@@ -6,7 +6,7 @@ use rover_battmon::time::Instant;
 use super::check::{Check, Outcome, failed, not_measured, outcome};
 use crate::board_check::evidence::{Evidence, Text, Trial};
 
-/// What a crash report begins with.
+/// Beginning of a crash report.
 pub(super) const CRASH: &str = "Crash:";
 
 /// After five crashes in a row.

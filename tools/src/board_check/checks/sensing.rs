@@ -1,4 +1,4 @@
-//! What the board measures.
+//! Measurements of the board.
 
 use rover_battmon::mavlink::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
 use rover_battmon::parameter::{BatteryParameter, MonitorKind};
@@ -7,7 +7,7 @@ use rover_battmon::sensor::ADC_REFERENCE_V;
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, outcome, passed};
 use crate::board_check::evidence::{Calibration, Evidence, boards_own, mean};
 
-/// What does it say of its sensors?
+/// The board's report of its sensors.
 pub(super) const SENSORS: Check = Check {
     name: "sensor health",
     measures: "battery and motor outputs in SYS_STATUS's sensor bits",

@@ -1,4 +1,4 @@
-//! What is tried with the board: its parameters are read and set, a fault is provoked, the wheels turn.
+//! Trials of the board: its parameters are read and set, a fault is provoked, the wheels turn.
 
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, not_reached, outcome, passed};
 use super::faults::CRASH;

@@ -1,4 +1,4 @@
-//! What is done with the board. Each procedure leaves evidence, and judges nothing.
+//! Procedures with the board. Each leaves evidence, and judges nothing.
 
 mod parameters;
 mod turn_motors;
@@ -115,7 +115,7 @@ fn shown_v(session: &mut Session<'_>) -> Result<Option<f32>, Interruption> {
 /// The rate of parameter lists: nothing else depends on it.
 const KEPT: &str = "SR0_PARAMS";
 
-/// Where its range ends.
+/// End of its range.
 const KEPT_MAX: f32 = 50.0;
 
 /// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: restart the autopilot.

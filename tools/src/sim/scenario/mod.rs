@@ -19,9 +19,9 @@ pub(super) use play::Player;
 /// A story.
 #[derive(Debug)]
 pub struct Scenario {
-    /// What it is called on the command line.
+    /// Its name on the command line.
     pub name: &'static str,
-    /// What will happen, in a sentence.
+    /// Description in a sentence.
     pub summary: &'static str,
     /// How many times as fast as the wall clock it takes about a minute.
     pub speedup: f64,
@@ -29,7 +29,7 @@ pub struct Scenario {
     pub pack: SimulatedPack,
     /// Parameters with which the vehicle starts, as if they were in its flash. They are not written there.
     pub parameters: &'static [(&'static str, f32)],
-    /// What happens, in the order of time.
+    /// Steps in the order of time.
     pub steps: &'static [Step],
     /// When it ends, in seconds of simulated time since the start.
     pub end_s: u32,
@@ -42,7 +42,7 @@ pub struct Scenario {
 /// done.
 pub type Step = (u32, &'static str, &'static [Action]);
 
-/// What is done in a step.
+/// Action of a step.
 #[derive(Clone, Debug)]
 pub enum Action {
     /// A parameter is set, for a fault that begins or ends.

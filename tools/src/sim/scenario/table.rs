@@ -65,7 +65,7 @@ const fn drive_until(at_s: u32) -> [Step; 2] {
     ]
 }
 
-/// What a pack that runs empty leads to.
+/// Consequence of a pack that runs empty.
 const DRAIN_SIGHTS: [(&str, &[&str]); 3] = [
     ("low", &["Battery 1 low", "Battery 1 is low"]),
     ("critical", &["Battery 1 critical", "Battery 1 is critical"]),

@@ -1,6 +1,6 @@
 //! Differences of makers' batteries from the specification, and the places of their cells.
 //!
-//! What is known of them is how ArduPilot's drivers read them (Rotoye's second thermistor and its coarse current by its maker's
+//! All of them are as ArduPilot's drivers read them (Rotoye's second thermistor and its coarse current by its maker's
 //! own change to that). No maker's document could be read, so all but the generic one count as unconfirmed.
 
 use core::ops::RangeInclusive;

@@ -119,7 +119,7 @@ impl Part for SmartBattery {
         _: &Wiring,
         dialect: &'static Dialect,
     ) -> Result<Self, ReadError> {
-        // Who has no packet error code can't send it, and who has one can be asked without.
+        // A battery without packet error code can't send it, and one with it can be asked without.
         let mut commands = SmBus::new(bus, address, dialect.code.unwrap_or(PacketErrorCode::Absent));
         dialect.read_voltage(&mut commands).await?;
         let mut commands = SmBus::new(bus, address, PacketErrorCode::Absent);
@@ -255,7 +255,7 @@ impl SmartBattery {
         self.details.state_of_health_pct = self.state_of_health_pct();
     }
 
-    /// What it holds of what it was made to hold. A new battery may hold more.
+    /// Its capacity as a share of that of its design. A new battery may hold more.
     fn state_of_health_pct(&self) -> Option<u8> {
         let share = self.full_mah? / self.details.design_capacity_mah?;
         Some((share * 100.0 + 0.5).min(100.0) as u8)

@@ -36,7 +36,7 @@ pub enum Attention {
 
 /// A pack over its drives.
 pub struct Life<'a> {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Its drives, the oldest first.
     pub drives: Vec<&'a Row>,
@@ -76,7 +76,7 @@ impl<'a> Life<'a> {
         }
     }
 
-    /// What is known of its age, in a sentence.
+    /// Its age, in a sentence.
     pub fn sentence(&self) -> String {
         let faults = self.last_faults();
         let texts = [
@@ -141,7 +141,7 @@ impl<'a> Life<'a> {
     }
 }
 
-/// Those without a date come first, in the order of their paths, as they are.
+/// Drives without a date come first, in the order of their paths, as they are.
 fn moment(row: &Row) -> f64 {
     row.start_utc_s.unwrap_or(f64::NEG_INFINITY)
 }

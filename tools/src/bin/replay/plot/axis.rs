@@ -16,9 +16,9 @@ pub struct Axis {
     lowest: f64,
     highest: f64,
     step: f64,
-    /// How a value is written, given the distance of ticks.
+    /// Writes a value, given the distance of ticks.
     label: fn(f64, f64) -> String,
-    /// What the values are, where that is not in the title of the diagram.
+    /// Name of the values, unless the title of the diagram has it.
     pub caption: &'static str,
 }
 
@@ -67,7 +67,7 @@ impl Axis {
         }
     }
 
-    /// Where a value lies: 0 at the lowest end, 1 at the highest.
+    /// Position of a value: 0 at the lowest end, 1 at the highest.
     pub fn share(&self, value: f64) -> f64 {
         (value - self.lowest) / (self.highest - self.lowest)
     }

@@ -8,7 +8,7 @@ pub const WIDTH: f64 = 1000.0;
 /// Of a diagram in it.
 pub const PANEL_HEIGHT: f64 = 260.0;
 
-/// Where the diagrams begin, in pixels from the left.
+/// Left edge of the diagrams, in pixels.
 pub const LEFT: f64 = 60.0;
 const RIGHT: f64 = WIDTH - 115.0;
 const MARGIN_TOP: f64 = 40.0;
@@ -20,7 +20,7 @@ const EVENT: &str = "#a01818";
 const LINE_HEIGHT: f64 = 16.0;
 const SWATCH: f64 = 12.0;
 
-/// Where a legend begins, behind the title; the width of a character is that of a wide font.
+/// Left edge of a legend, behind the title; the width of a character is that of a wide font.
 const LEGEND_LEFT: f64 = LEFT + 135.0;
 const CHARACTER_WIDTH: f64 = 6.5;
 const SWATCH_GAP: f64 = 5.0;
@@ -160,9 +160,9 @@ pub type Point = (f64, f64);
 
 /// A value over time.
 pub struct Series<'a> {
-    /// What it is.
+    /// Its name.
     pub name: &'a str,
-    /// How it is drawn.
+    /// Its style.
     pub colour: &'a str,
     points: Vec<(f64, Option<f64>)>,
 }

@@ -7,9 +7,9 @@ use super::row::Row;
 pub struct Column {
     /// Its name, with the unit.
     pub name: &'static str,
-    /// What it means, and what its unit is.
+    /// Its meaning and unit.
     pub meaning: &'static str,
-    /// What a row has in it.
+    /// Its content in a row.
     pub value: Value,
 }
 
@@ -27,7 +27,7 @@ pub enum Value {
     Moment(fn(&Row) -> Option<f64>),
 }
 
-/// What separates the texts of a list.
+/// Separator of the texts of a list.
 const SEPARATOR: &str = "; ";
 
 const fn column(name: &'static str, meaning: &'static str, value: Value) -> Column {

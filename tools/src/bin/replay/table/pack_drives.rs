@@ -17,7 +17,7 @@ use crate::trace::Sample;
 /// Texts of a kind in a row: what is repeated for ever takes no more room.
 const MOST_TEXTS: usize = 20;
 
-/// How much of a drive a log has.
+/// Extent of a drive in a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// Nothing is missing.
@@ -33,7 +33,7 @@ pub struct PackDrives {
     what_if: Option<(String, Replay)>,
     rated_mah: Option<f32>,
     reported_health_pct: Option<f32>,
-    /// What every row has.
+    /// Common part of every row.
     common: Row,
     started_utc_s: Option<f64>,
     /// Of the first drive.
@@ -74,7 +74,7 @@ struct Drive {
 }
 
 impl PackDrives {
-    /// Those of `pack` in the log of which this is known; `None` if there is no reading of it.
+    /// The drive of `pack` in a log with this knowledge; `None` if there is no reading of it.
     pub fn new(
         path: &str,
         survey: &Survey,

@@ -25,7 +25,7 @@ pub struct Row {
     pub start_utc_s: Option<f64>,
     /// When the drive began, in seconds since the recorder started.
     pub start_s: f64,
-    /// How long it lasted, in seconds.
+    /// Duration, in seconds.
     pub duration_s: f64,
     /// Why the vehicle is taken for armed before the log, if it is.
     pub armed_before: Option<ArmedBefore>,
@@ -91,7 +91,7 @@ pub struct Remaining {
     pub recorded_pct: Option<f64>,
 }
 
-/// What other parameters would have done.
+/// Effect of other parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WhatIf {
     /// The parameters.

@@ -1,4 +1,4 @@
-//! What is kept of many values.
+//! Statistics of many values.
 
 /// From the first value to the last one.
 #[derive(Clone, Copy, Debug, Default)]
