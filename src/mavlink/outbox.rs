@@ -44,18 +44,12 @@ pub struct Outbox {
     /// Which streams of each message wait, in the order of [`StreamKind::ALL`]: a bit for each pack, bit 0 for the first
     /// one and for the vehicle.
     waiting: [u16; StreamKind::COUNT],
-    turn: NextStream,
+    /// The kind, by its place in [`StreamKind::ALL`], and the first pack whose turn it is.
+    turn: (usize, u32),
     /// Messages of the link that were dropped.
     dropped: u32,
     /// Long texts so far, of which each has a number.
     texts: u16,
-}
-
-/// The stream whose turn it is.
-#[derive(Debug)]
-struct NextStream {
-    kind: usize,
-    pack: u32,
 }
 
 impl Outbox {
@@ -66,7 +60,7 @@ impl Outbox {
             refused_arming: None,
             replies: Deque::new(),
             waiting: [0; StreamKind::COUNT],
-            turn: NextStream { kind: 0, pack: 0 },
+            turn: (0, 0),
             dropped: 0,
             texts: 0,
         }
@@ -208,19 +202,17 @@ impl Outbox {
 
     /// Takes out the next stream of the message whose turn it is. If none waits, it is the next message's turn.
     fn take_in_turn(&mut self) -> Option<Stream> {
-        let kind = *StreamKind::ALL.get(self.turn.kind)?;
+        let (place, from_pack) = self.turn;
+        let kind = *StreamKind::ALL.get(place)?;
         let waiting = &mut self.waiting[kind as usize];
-        let in_turn = *waiting & u16::MAX << self.turn.pack;
+        let in_turn = *waiting & u16::MAX << from_pack;
         // Without a bit there are sixteen zeros, which is not a pack.
         let Some(pack) = Pack::from_instance(in_turn.trailing_zeros() as u8) else {
-            self.turn = NextStream {
-                kind: (self.turn.kind + 1) % StreamKind::COUNT,
-                pack: 0,
-            };
+            self.turn = ((place + 1) % StreamKind::COUNT, 0);
             return None;
         };
         *waiting &= !pack.bit();
-        self.turn.pack = pack as u32 + 1;
+        self.turn = (place, pack as u32 + 1);
         Some(kind.of(pack))
     }
 
