@@ -1,12 +1,13 @@
-//! The latest announcements, until every link has sent them.
+//! The latest announcements, and parameters that have changed, until every link has sent them.
 
 use heapless::Deque;
 
 use super::announcement::{Announcement, AnnouncementText};
 use crate::battery::PackEvent;
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{BroadcastCommand, BroadcastPosition};
+use crate::mavlink::{BroadcastCommand, BroadcastPosition, MAX_LINKS};
 use crate::pack::{MAX_PACKS, Pack};
+use crate::parameter::ParameterIdSet;
 use crate::vehicle::VehicleEvent;
 
 /// Announcements kept for links that are busy: one of each pack in the same tick, and a few more.
@@ -136,6 +137,44 @@ impl Broadcast {
         let announced = self.latest.iter().nth(ahead as usize)?;
         position.next = position.next.wrapping_add(1);
         Some(Next::Announced(announced))
+    }
+}
+
+/// Changed parameters not yet taken, for each open link with its number.
+#[derive(Debug, Default)]
+pub(super) struct Changes([Option<(u16, ParameterIdSet)>; MAX_LINKS]);
+
+impl Changes {
+    /// Keeps changes for the link `number` from now on, if there are not too many links.
+    pub fn open(&mut self, number: u16) {
+        if let Some(free) = self.0.iter_mut().find(|place| place.is_none()) {
+            *free = Some((number, ParameterIdSet::default()));
+        }
+    }
+
+    /// Keeps no changes for the link `number` any more.
+    pub fn close(&mut self, number: u16) {
+        for place in &mut self.0 {
+            if matches!(place, Some((open, _)) if *open == number) {
+                *place = None;
+            }
+        }
+    }
+
+    /// Keeps `changed` for every open link but `except`, whose station has made the change.
+    pub fn add(&mut self, changed: &ParameterIdSet, except: Option<u16>) {
+        for (number, unsent) in self.0.iter_mut().flatten() {
+            if Some(*number) != except {
+                unsent.insert_all(changed);
+            }
+        }
+    }
+
+    /// The parameters changed since the last call; `None` if there are none.
+    pub fn take(&mut self, number: u16) -> Option<ParameterIdSet> {
+        let mut open = self.0.iter_mut().flatten();
+        let (_, unsent) = open.find(|(open, _)| *open == number)?;
+        (!unsent.is_empty()).then(|| core::mem::take(unsent))
     }
 }
 
