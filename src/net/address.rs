@@ -6,7 +6,7 @@ use embassy_futures::select::{Either, select};
 use embassy_net::{Config, Ipv4Cidr, Stack, StaticConfigV4};
 use embassy_time::{Duration, Timer};
 
-use super::until::until;
+use super::socket::until;
 
 /// The board's own address where it is the access point.
 pub(super) const ACCESS_POINT: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);

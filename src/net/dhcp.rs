@@ -7,9 +7,8 @@ use embassy_net::Stack;
 use embassy_net::udp::UdpSocket;
 
 use super::leases::Leases;
-use super::packet_queue::PacketQueue;
 use super::sender::Sender;
-use super::until::until;
+use super::socket::{PacketQueue, until};
 use crate::tasks::now;
 
 const SERVER_PORT: u16 = 67;

@@ -1,6 +1,6 @@
 //! MAVLink by UDP and TCP, and a page for browsers, over a network device; addresses for others on the network.
 //!
-//! All of it runs in one task: the network first, then who waits for it (`until.rs`).
+//! All of it runs in one task: the network first, then who waits for it (`until` in `socket.rs`).
 
 mod address;
 mod browsers;
@@ -12,15 +12,14 @@ mod greetings;
 mod leases;
 mod memory;
 mod paced;
-mod packet_queue;
 mod retained_leases;
 mod sender;
 mod serve;
 mod service;
+mod socket;
 mod stations;
 mod tcp;
 mod udp;
-mod until;
 
 pub use address::{NetReport, Role};
 pub use memory::NetMemory;

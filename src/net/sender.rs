@@ -8,8 +8,7 @@ use embassy_net::Stack;
 use embassy_net::udp::UdpSocket;
 use embassy_time::{Duration, with_timeout};
 
-use super::packet_queue::PacketQueue;
-use super::until::until;
+use super::socket::{PacketQueue, until};
 
 /// Time for which a datagram waits for the radio, or for the receiver's hardware address, while another one waits behind it.
 const PATIENCE: Duration = Duration::from_millis(100);

@@ -10,7 +10,7 @@ use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{ErrorKind, ErrorType, Write};
 
 use super::service::Service;
-use super::until::until;
+use super::socket::until;
 use crate::log::info;
 use crate::mavlink::{Access, LinkId};
 use crate::tasks::{ByteSource, ReceiveError};

@@ -16,11 +16,10 @@ use embedded_io_async::{ErrorType, Write};
 
 use super::datagram::{DATAGRAM_BYTES, Datagram};
 use super::greetings::Greetings;
-use super::packet_queue::PacketQueue;
 use super::sender::Sender;
 use super::service::Service;
+use super::socket::{PacketQueue, until};
 use super::stations::{Admission, SLOTS, Stations};
-use super::until::until;
 use crate::log::{LogLimit, info, warn};
 use crate::mavlink::{Access, LinkId, begins_with_frame};
 use crate::tasks::{ByteSource, Link, ReceiveError, now};

@@ -46,19 +46,19 @@ pub trait ByteSource {
 
 /// Handles what `source` delivers until it is closed.
 pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Link<'_>, check_in: &CheckIn) {
-    let mut arrivals = Arrivals::default();
+    let mut earliest = Instant::EPOCH;
     let mut chunk = [0; CHUNK_BYTES];
     loop {
-        match arrivals.next(&mut source, &mut chunk).await {
+        match receive(&mut source, &mut chunk, &mut earliest).await {
             Some(Ok(received)) => {
                 let bytes = chunk.get(..received).unwrap_or(&chunk);
-                handle(bytes, arrivals.earliest, shared, link).await;
+                handle(bytes, earliest, shared, link).await;
             }
             Some(Err(ReceiveError::Closed)) => return,
             Some(Err(error)) => note(error, link),
             None => {
                 link.with(|endpoint| endpoint.give_up_waiting());
-                handle(&[], arrivals.earliest, shared, link).await;
+                handle(&[], earliest, shared, link).await;
             }
         }
         mark(check_in);
@@ -79,33 +79,27 @@ fn note(error: ReceiveError, link: &Link<'_>) {
     }
 }
 
-/// Lower bound of the arrival time of received bytes, but for the few milliseconds between two looks at a ring. A source that
-/// always has bytes ready may have held them back, and so may one that was not asked for a while. What it holds at first may
-/// be as old as the board's start.
-#[derive(Default)]
-struct Arrivals {
-    earliest: Instant,
-}
-
-impl Arrivals {
-    /// Waits for bytes, for [`PAUSE`] at most.
-    async fn next(
-        &mut self,
-        source: &mut impl ByteSource,
-        chunk: &mut [u8],
-    ) -> Option<Result<usize, ReceiveError>> {
-        let mut receive = pin!(source.receive(chunk));
-        // With the task's own waker: a source may wait for a timer, which takes no other.
-        let first_poll = poll_fn(|context| Poll::Ready(receive.as_mut().poll(context))).await;
-        if let Poll::Ready(received) = first_poll {
-            return Some(received);
-        }
-        // It is empty, so what comes next has not come yet.
-        let empty_at = now();
-        let received = with_timeout(PAUSE, receive).await.ok();
-        self.earliest = earliest_after_wait(empty_at, now());
-        received
+/// Waits for bytes, for [`PAUSE`] at most.
+///
+/// `earliest` becomes the lower bound of their arrival time, but for the few milliseconds between two looks at a ring. A source
+/// that always has bytes ready may have held them back, and so may one that was not asked for a while. What it holds at first
+/// may be as old as the board's start.
+async fn receive(
+    source: &mut impl ByteSource,
+    chunk: &mut [u8],
+    earliest: &mut Instant,
+) -> Option<Result<usize, ReceiveError>> {
+    let mut receive = pin!(source.receive(chunk));
+    // With the task's own waker: a source may wait for a timer, which takes no other.
+    let first_poll = poll_fn(|context| Poll::Ready(receive.as_mut().poll(context))).await;
+    if let Poll::Ready(received) = first_poll {
+        return Some(received);
     }
+    // It is empty, so what comes next has not come yet.
+    let empty_at = now();
+    let received = with_timeout(PAUSE, receive).await.ok();
+    *earliest = earliest_after_wait(empty_at, now());
+    received
 }
 
 /// Lower bound of the arrival time of bytes that ended a wait for them. Such a wait is no longer than [`PAUSE`]; what lies

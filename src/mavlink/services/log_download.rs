@@ -79,33 +79,18 @@ impl Refusal {
 /// The list and the file that are being sent on one link, at most one of each.
 #[derive(Debug, Default)]
 pub(in crate::mavlink) struct LogDownload {
-    numbering: Option<Numbering>,
+    /// Number of the file with id 1.
+    first: Option<u16>,
     list: Option<Listing>,
     sending: Option<Sending>,
     holder: Option<Holder>,
     refused_at: Option<Instant>,
 }
 
-/// Which file has id 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Numbering {
-    first: u16,
-}
-
-impl Numbering {
-    fn of(logs: &[LogFile]) -> Option<Self> {
-        logs.first().map(|oldest| Self { first: oldest.number })
-    }
-
-    /// The id of the file `number`.
-    fn id(self, number: u16) -> u16 {
-        let ahead = (u32::from(number) + NUMBERS - u32::from(self.first)) % NUMBERS;
-        (ahead + 1) as u16
-    }
-
-    fn file(self, id: u16, logs: &[LogFile]) -> Option<LogFile> {
-        logs.iter().copied().find(|file| self.id(file.number) == id)
-    }
+/// The id of the file `number` if the file `first` has id 1.
+fn id_of(number: u16, first: u16) -> u16 {
+    let ahead = (u32::from(number) + NUMBERS - u32::from(first)) % NUMBERS;
+    (ahead + 1) as u16
 }
 
 /// The rest of a list.
@@ -148,8 +133,8 @@ impl LogDownload {
         state: &SystemState<'_>,
     ) -> Result<(), Refusal> {
         self.check_use(from, state.now)?;
-        if request.end == TO_THE_LAST || self.numbering.is_none() {
-            self.numbering = Numbering::of(state.logs);
+        if request.end == TO_THE_LAST || self.first.is_none() {
+            self.first = state.logs.first().map(|oldest| oldest.number);
         }
         self.list = Some(Listing {
             next_id: request.start.max(1),
@@ -177,10 +162,14 @@ impl LogDownload {
             station: from,
             active_at: state.now,
         });
-        self.numbering = self.numbering.or(Numbering::of(state.logs));
-        let file = self
-            .numbering
-            .and_then(|numbering| numbering.file(request.id, state.logs));
+        let oldest = state.logs.first().map(|oldest| oldest.number);
+        self.first = self.first.or(oldest);
+        let file = self.first.and_then(|first| {
+            let mut files = state.logs.iter();
+            files
+                .find(|file| id_of(file.number, first) == request.id)
+                .copied()
+        });
         let bytes = file.map_or(0, |file| file.bytes);
         let requested_end = request.offset.saturating_add(request.bytes);
         self.sending = Some(Sending {
@@ -215,7 +204,7 @@ impl LogDownload {
         }
         self.stop();
         self.list = None;
-        self.numbering = None;
+        self.first = None;
         Ok(())
     }
 
@@ -276,8 +265,8 @@ impl LogDownload {
     /// The next LOG_ENTRY of the list.
     fn next_entry(&mut self, logs: &[LogFile]) -> Option<LOG_ENTRY_DATA> {
         let listing = self.list?;
-        let next = self.numbering.and_then(|numbering| {
-            let entries = logs.iter().map(|file| (numbering.id(file.number), *file));
+        let next = self.first.and_then(|first| {
+            let entries = logs.iter().map(|file| (id_of(file.number, first), *file));
             entries
                 .filter(|(id, _)| (listing.next_id..=listing.last_id).contains(id))
                 .min_by_key(|(id, _)| *id)
@@ -313,8 +302,8 @@ impl LogDownload {
 
     /// The id of the newest file; 0 if there is none.
     fn last_id(&self, logs: &[LogFile]) -> u16 {
-        let newest = self.numbering.zip(logs.last());
-        newest.map_or(0, |(numbering, newest)| numbering.id(newest.number))
+        let newest = self.first.zip(logs.last());
+        newest.map_or(0, |(first, newest)| id_of(newest.number, first))
     }
 
     /// The next LOG_DATA, of the bytes that were read; `None` if they are not those that come next.

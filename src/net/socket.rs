@@ -1,7 +1,24 @@
-//! Waiting for the network.
+//! Memory of the network's sockets, and waits for them.
 
 use core::future::poll_fn;
 use core::task::Poll;
+
+use embassy_net::udp::PacketMetadata;
+
+/// Datagrams that wait.
+pub(super) struct PacketQueue<const PACKETS: usize, const BYTES: usize> {
+    pub packets: [PacketMetadata; PACKETS],
+    pub bytes: [u8; BYTES],
+}
+
+impl<const PACKETS: usize, const BYTES: usize> PacketQueue<PACKETS, BYTES> {
+    pub const fn new() -> Self {
+        Self {
+            packets: [PacketMetadata::EMPTY; PACKETS],
+            bytes: [0; BYTES],
+        }
+    }
+}
 
 /// Waits until the network has done something that makes `is_so` true.
 ///
