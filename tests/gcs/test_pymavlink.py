@@ -73,6 +73,7 @@ def test_fields_decode(start_simulator):
         mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
         | mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
         | mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        | mavlink.MAV_SYS_STATUS_LOGGING
     )
     assert status.onboard_control_sensors_present == sensors
     assert status.onboard_control_sensors_enabled == sensors

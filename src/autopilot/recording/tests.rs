@@ -558,7 +558,7 @@ fn a_failing_flash_is_announced_once_until_it_works() {
     let newest = *bench.numbers().last().unwrap();
     assert!(newest > 1 && contains(&bench.file(newest), GREETING));
     bench.flash.cut_power_after(0, 1);
-    bench.run(30);
+    bench.run(15);
     assert_eq!(bench.announced, [LogFailure::NotWritten; 2]);
 }
 
