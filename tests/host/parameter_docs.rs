@@ -92,7 +92,11 @@ fn every_ready_parameter_file_sets_existing_parameters_to_allowed_values() {
 
 #[test]
 fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
-    for (file, content) in ready_files() {
+    // An addition to the file of a pack leaves its thresholds.
+    let of_packs = ready_files()
+        .into_iter()
+        .filter(|(_, content)| content.contains("_MONITOR,"));
+    for (file, content) in of_packs {
         let parameters = after(&file, &content);
         let settings = Pack::ALL
             .into_iter()
