@@ -170,6 +170,14 @@ impl CellModel<'_> {
         self.measured_ohm.or(learnt)
     }
 
+    /// The terminal voltage of a cell at which a drive ends, in volts: where the resting voltage ends it, deep discharge.
+    pub fn terminal_end_v(&self) -> f32 {
+        match self.end.source {
+            VoltageSource::Terminal => self.end.cell_v,
+            VoltageSource::Resting => self.cell.deep_discharge_v,
+        }
+    }
+
     /// The slow part of a sag relative to the fast one: learnt, else typical.
     pub fn slow_share(&self) -> f32 {
         self.learnt.slow.map_or(self.cell.slow_share, |slow| slow.share)

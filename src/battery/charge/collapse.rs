@@ -2,7 +2,6 @@
 
 use super::cell_model::CellModel;
 use super::load::Reserve;
-use crate::battery::VoltageSource;
 use crate::battery::learnt::Collapse;
 
 /// At a higher charge, from 0 to 1, a stalled motor takes a cell below the end.
@@ -46,10 +45,7 @@ impl LastCollapse {
         reserve: &Reserve,
         model: &CellModel,
     ) {
-        let end_v = match model.end.source {
-            VoltageSource::Terminal => model.end.cell_v,
-            VoltageSource::Resting => model.cell.deep_discharge_v,
-        };
+        let end_v = model.terminal_end_v();
         if cell_v < end_v + COLLAPSED_V {
             let continues = matches!(self, Self::Seen(seen) if seen.share() >= share);
             if !continues

@@ -375,24 +375,15 @@ impl Reserve {
 
     /// Computes the charge at which such a sag ends the drive: not below that of a collapse that is expected.
     pub fn settle(&mut self, growth: SagGrowth, collapse: Option<Collapse>, model: &CellModel) {
-        let end_v = model.end.cell_v;
-        let by_sag = |end_v: f32| {
-            let share = self.reserve(end_v, growth, model);
-            let sigma_v = RESERVE_SAG_SIGMA * self.sag_v(share, growth, model);
-            (share, sigma_v / model.slope_v(share))
-        };
-        (self.share, self.sigma) = match model.end.source {
-            VoltageSource::Terminal => by_sag(end_v),
-            VoltageSource::Resting => {
-                let by_terminal = by_sag(model.cell.deep_discharge_v);
-                let by_resting = (model.share(end_v), 0.0);
-                if by_terminal.0 > by_resting.0 {
-                    by_terminal
-                } else {
-                    by_resting
-                }
+        let by_sag = self.reserve(model.terminal_end_v(), growth, model);
+        let sigma_v = RESERVE_SAG_SIGMA * self.sag_v(by_sag, growth, model);
+        (self.share, self.sigma) = (by_sag, sigma_v / model.slope_v(by_sag));
+        if model.end.source == VoltageSource::Resting {
+            let by_resting = model.share(model.end.cell_v);
+            if by_resting >= by_sag {
+                (self.share, self.sigma) = (by_resting, 0.0);
             }
-        };
+        }
         if let Some(collapse) = collapse {
             let share = collapse.share_at(model.known_ohm()).min(model.cell.max_reserve);
             if share > self.share {
