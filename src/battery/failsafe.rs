@@ -227,14 +227,18 @@ impl Failsafe {
         let (low, critical) = (&settings.low, &settings.critical);
         let limit_us = settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32);
         let voltage_v = seen.state.and_then(|state| voltage_v(state, settings));
-        // Without a threshold the multiplication and the division are spared.
+        // Without a threshold its arithmetic is spared.
         let is_compared = low.remaining_mah.or(critical.remaining_mah).is_some();
         let state = seen.state.filter(|_| is_compared);
         let remaining_mah = state.and_then(|state| most_remaining(state, seen.remaining_at_most_pct));
-        let usable_pct = seen.state.and_then(most_usable_pct);
+        let is_compared = low.usable_pct.or(critical.usable_pct).is_some();
+        let usable_pct = seen.state.filter(|_| is_compared).and_then(most_usable_pct);
         let is_reached = |watch: &mut Watch, thresholds: &Thresholds, is_skipped: bool| {
             let by_voltage = Comparison::of(voltage_v, thresholds.voltage_v);
-            let by_usable = Comparison::of(usable_pct, thresholds.usable_pct);
+            let by_usable = match thresholds.usable_pct {
+                Some(_) => Comparison::of(usable_pct, thresholds.usable_pct),
+                None => Comparison::NotBelow,
+            };
             let has_expired = watch.voltage.expires(seen.dt_us, by_voltage, limit_us)
                 | watch.usable.expires(seen.dt_us, by_usable, limit_us);
             if watch.is_reached {
@@ -336,6 +340,16 @@ mod tests {
         }
     }
 
+    /// A pack of 1000 mAh.
+    fn charged(voltage_v: f32, remaining_pct: Option<f32>) -> BatteryState {
+        BatteryState {
+            capacity: Some(Amount::Mah(1000.0)),
+            consumed: Some(Amount::Mah(0.0)),
+            remaining_pct,
+            ..at_voltage(voltage_v)
+        }
+    }
+
     fn seen(now: Instant, arm_state: ArmState, state: Option<&BatteryState>) -> Observation<'_> {
         Observation {
             tick: Tick { now, arm_state },
@@ -397,15 +411,15 @@ mod tests {
 
     #[test]
     fn a_timer_is_shown_until_its_level_is_reached() {
-        let charge = |remaining_pct| BatteryState {
-            capacity: Some(Amount::Mah(1000.0)),
-            consumed: Some(Amount::Mah(0.0)),
-            remaining_pct: Some(remaining_pct),
-            ..at_voltage(10.4)
-        };
         let mut failsafe = Failsafe::default();
         let mut low_after = |from_s, arm_state, remaining_pct| {
-            run(&mut failsafe, from_s, 6, arm_state, &charge(remaining_pct));
+            run(
+                &mut failsafe,
+                from_s,
+                6,
+                arm_state,
+                &charged(10.4, Some(remaining_pct)),
+            );
             let FailsafeTimers { low, critical } = failsafe.timers();
             assert_eq!(critical, FailsafeTimer::Stopped);
             low
@@ -415,25 +429,19 @@ mod tests {
         assert_eq!(low_after(12, ArmState::Disarmed, 50.0), FailsafeTimer::Stopped);
         assert_eq!(low_after(18, ArmState::Armed, 50.0), FailsafeTimer::Stopped);
         failsafe = Failsafe::default();
-        run(&mut failsafe, 24, 6, ArmState::Armed, &charge(50.0));
+        run(&mut failsafe, 24, 6, ArmState::Armed, &charged(10.4, Some(50.0)));
         assert_eq!(failsafe.timers().low, FailsafeTimer::Running);
-        run(&mut failsafe, 30, 1, ArmState::Armed, &charge(39.0));
+        run(&mut failsafe, 30, 1, ArmState::Armed, &charged(10.4, Some(39.0)));
         assert_eq!(failsafe.timers().low, FailsafeTimer::Stopped);
     }
 
     #[test]
     fn charge_below_threshold_trips_at_once() {
-        let charge = |remaining_pct| BatteryState {
-            capacity: Some(Amount::Mah(1000.0)),
-            consumed: Some(Amount::Mah(0.0)),
-            remaining_pct: Some(remaining_pct),
-            ..at_voltage(12.0)
-        };
         let mut failsafe = Failsafe::default();
-        assert_eq!(run(&mut failsafe, 0, 1, ArmState::Armed, &charge(40.0)), []);
-        let raised = run(&mut failsafe, 1, 1, ArmState::Armed, &charge(39.9));
+        assert_eq!(run(&mut failsafe, 0, 1, ArmState::Armed, &at_charge(40.0)), []);
+        let raised = run(&mut failsafe, 1, 1, ArmState::Armed, &at_charge(39.9));
         assert_eq!(raised, [(0, FailsafeLevel::Low)]);
-        let raised = run(&mut failsafe, 2, 1, ArmState::Armed, &charge(19.9));
+        let raised = run(&mut failsafe, 2, 1, ArmState::Armed, &at_charge(19.9));
         assert_eq!(raised, [(0, FailsafeLevel::Critical)]);
     }
 
@@ -594,12 +602,7 @@ mod tests {
 
     /// A pack of 1000 mAh with this charge, at a voltage above all thresholds.
     fn at_charge(remaining_pct: f32) -> BatteryState {
-        BatteryState {
-            capacity: Some(Amount::Mah(1000.0)),
-            consumed: Some(Amount::Mah(0.0)),
-            remaining_pct: Some(remaining_pct),
-            ..at_voltage(12.0)
-        }
+        charged(12.0, Some(remaining_pct))
     }
 
     #[test]
@@ -754,15 +757,8 @@ mod tests {
         failsafe
     }
 
-    /// A pack of 1000 mAh.
     fn at_rest(resting_v: f32, remaining_pct: Option<f32>) -> (f32, BatteryState) {
-        let state = BatteryState {
-            capacity: Some(Amount::Mah(1000.0)),
-            consumed: Some(Amount::Mah(0.0)),
-            remaining_pct,
-            ..at_voltage(resting_v)
-        };
-        (resting_v, state)
+        (resting_v, charged(resting_v, remaining_pct))
     }
 
     fn rest(failsafe: &mut Failsafe, (resting_v, state): &(f32, BatteryState)) -> FailsafeLevel {

@@ -5,13 +5,13 @@ use super::{
     ReadError, Reported, Thermometer,
 };
 
-/// The timer of a voltage threshold, up to its level.
+/// The timer of a threshold in volts or percent, up to its level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FailsafeTimer {
-    /// The voltage is not below, or does not count: disarmed, without a timer, or the level is reached by the charge.
+    /// Nothing is below, or it does not count: disarmed, without a timer, or the level is reached by the charge.
     #[default]
     Stopped = 0,
-    /// The voltage is below.
+    /// The voltage or the percentage is below.
     Running = 1,
     /// It was below for longer than the timer: until disarming or a battery reset.
     Expired = 2,
@@ -20,9 +20,9 @@ pub enum FailsafeTimer {
 /// The timers of a pack's failsafe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FailsafeTimers {
-    /// Of the low voltage.
+    /// Of the level low.
     pub low: FailsafeTimer,
-    /// Of the critical voltage.
+    /// Of the level critical.
     pub critical: FailsafeTimer,
 }
 
@@ -141,7 +141,7 @@ pub struct BatteryState {
     pub reported: Reported,
     /// The failsafe level, latched until a battery reset or swap.
     pub failsafe: FailsafeLevel,
-    /// The timers of its voltage thresholds.
+    /// The timers of its thresholds.
     pub failsafe_timers: FailsafeTimers,
     /// Cells in series, as set or detected.
     pub cell_count: Option<u8>,
