@@ -42,14 +42,14 @@ pub enum PackEvent {
     PowerLimited(f32),
     /// No part was found on the bus while disarmed, at its address if that is set, but others answer: the first of them.
     NotFound {
-        /// Where it was searched; `None` is everywhere.
+        /// Its address; `None` is all that such parts have.
         address: Option<u8>,
-        /// Where something answers that measures no pack here.
+        /// Addresses that answer and measure no pack here.
         answering: [Option<u8>; MAX_ANSWERING],
     },
     /// A smart battery was met for the first time since the start.
     Found {
-        /// Where it is.
+        /// Its address.
         address: u8,
         /// Its cells, 0 if unknown.
         cells: u8,

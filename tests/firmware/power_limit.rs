@@ -53,7 +53,7 @@ impl Limited {
         rover
     }
 
-    /// What the motors take without a limit.
+    /// Power of the motors without a limit.
     fn assert_unlimited(&mut self, steering: i16, throttle: i16) {
         let unlimited = self.steer_for(2, steering, throttle);
         let most_w = unlimited.iter().copied().fold(0.0, f64::max);

@@ -54,7 +54,7 @@ impl Rover {
         self.run(2);
     }
 
-    /// Has the battery report this voltage for so many seconds.
+    /// Has the battery report this voltage for a time, in seconds.
     fn hold(&mut self, voltage_v: f32, seconds: u64) {
         let reading = Measurement {
             voltage_v: Some(voltage_v),

@@ -156,7 +156,7 @@ fn read_next(
     readings
 }
 
-/// What is announced in the next readings.
+/// The events of the next readings.
 fn findings(
     devices: &mut BusDevices,
     bus: &mut impl SensorBus,

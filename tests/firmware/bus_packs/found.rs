@@ -1,4 +1,4 @@
-//! What answers on the bus in place of a part that is not found, and a smart battery that is.
+//! Search for a part that is not found, and the announcement of a smart battery that is.
 
 use std::rc::Rc;
 

@@ -6,7 +6,7 @@ use super::*;
 /// The end of a Li-ion cell under load, in volts.
 const END_V: f32 = 3.0;
 
-/// How a drive to the end went.
+/// Figures of a drive to the end.
 #[derive(Debug)]
 struct ToTheEnd {
     /// Charge left at the end, in percent.
