@@ -4,9 +4,9 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use flate2::{Compression, GzBuilder};
 use lzma_rust2::{CheckType, XzOptions, XzWriter};
 use rover_battmon::parameter::documentation;
+use zopfli::{Format, Options};
 
 /// How well it is compressed, from 0 to 9.
 const PRESET: u32 = 9;
@@ -32,13 +32,11 @@ fn main() -> std::io::Result<()> {
     fs::write(docs.join("parameters.json.xz"), compressed)
 }
 
-/// By the one method that all browsers decompress. The same on every system.
+/// By the one method that all browsers decompress.
 fn compressed_for_browsers(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
-    const UNKNOWN_SYSTEM: u8 = 255;
-    let builder = GzBuilder::new().operating_system(UNKNOWN_SYSTEM);
-    let mut writer = builder.write(Vec::new(), Compression::best());
-    writer.write_all(bytes)?;
-    writer.finish()
+    let mut compressed = Vec::new();
+    zopfli::compress(Options::default(), Format::Gzip, bytes, &mut compressed)?;
+    Ok(compressed)
 }
 
 /// With the check that every decompressor knows.

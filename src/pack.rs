@@ -57,6 +57,11 @@ impl Pack {
         1 << self.instance()
     }
 
+    /// The pack with the next instance.
+    pub fn next(self) -> Option<Self> {
+        Self::from_instance(self.instance() + 1)
+    }
+
     /// The pack with this instance, if valid.
     pub fn from_instance(instance: u8) -> Option<Self> {
         Self::ALL.get(usize::from(instance)).copied()

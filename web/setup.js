@@ -22,8 +22,8 @@ let descriptions = new Map();
 const restarts = new Set();
 const undone = {};
 
-// Those of further packs are the same.
-const described = (name) => descriptions.get(name) || descriptions.get(name.replace(/^BATT\d_/, 'BATT{n}_')) || {};
+// Those of further packs are the same, and those of all thermometers.
+const described = (name) => descriptions.get(name) || descriptions.get(name.replace(/\d_/, '{n}_')) || {};
 
 async function readDescriptions() {
   if (descriptions.size) return;

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use super::named::NEWER_NAMES;
 use super::{
     Access, BatteryParameter, Parameter, ParameterId, Range, SimulationParameter, StickParameter,
-    THERMOMETER_COUNT, TakesEffect, ThermometerParameter, VehicleParameter,
+    TakesEffect, TemperatureSensor, ThermometerParameter, VehicleParameter,
 };
 use crate::pack::Pack;
 
@@ -50,8 +50,7 @@ pub fn markdown() -> String {
          `TEMP2_…` and `TEMP3_…` are the same for two more. While a type is 0, the other parameters are not listed.\n\n";
     let of_first = ThermometerParameter::ALL
         .into_iter()
-        .take(ThermometerParameter::COUNT / THERMOMETER_COUNT)
-        .map(ParameterId::from);
+        .map(|parameter| parameter.of(TemperatureSensor::First));
     write_table(&mut page, thermometers, of_first).expect("infallible");
     let packs = "\n\
          ## Packs\n\

@@ -7,8 +7,8 @@ use heapless::String;
 #[cfg(not(target_os = "none"))]
 use super::table::SimulationParameter;
 use super::table::{
-    BatteryParameter, GroundStationParameter, Parameter, StickParameter, ThermometerParameter,
-    VehicleParameter,
+    BatteryParameter, GroundStationParameter, Parameter, StickParameter, THERMOMETER_COUNT,
+    TemperatureSensor, ThermometerParameter, VehicleParameter,
 };
 use crate::pack::{MAX_PACKS, Pack};
 
@@ -17,6 +17,9 @@ pub const MAX_NAME_LENGTH: usize = 16;
 
 /// Keys reserved per pack.
 const KEYS_PER_PACK: u16 = 128;
+
+/// Keys reserved per thermometer.
+const KEYS_PER_THERMOMETER: u16 = 16;
 
 /// Default `BATT_MONITOR` of the first pack: the board's divider. The other packs are disabled by default.
 const FIRST_PACK_MONITOR: f32 = 3.0;
@@ -28,7 +31,7 @@ pub const PARAMETER_COUNT: usize = VARIABLE_COUNT + GroundStationParameter::COUN
 pub(super) const VARIABLE_COUNT: usize = SIMULATION_START + SIMULATION_COUNT;
 
 /// Number of the first parameter of the packs.
-const BATTERY_START: usize = THERMOMETER_START + ThermometerParameter::COUNT;
+const BATTERY_START: usize = THERMOMETER_START + THERMOMETER_COUNT * ThermometerParameter::COUNT;
 
 /// Number of the first parameter of the thermometers.
 const THERMOMETER_START: usize = VehicleParameter::COUNT + StickParameter::COUNT;
@@ -41,6 +44,14 @@ const SIMULATION_COUNT: usize = 0;
 #[cfg(not(target_os = "none"))]
 const SIMULATION_COUNT: usize = SimulationParameter::COUNT;
 
+const FIRST_CONSTANT: ParameterId = ParameterId::GroundStation(GroundStationParameter::FIRST);
+
+/// The parameter that follows those of the packs.
+#[cfg(target_os = "none")]
+const AFTER_PACKS: ParameterId = FIRST_CONSTANT;
+#[cfg(not(target_os = "none"))]
+const AFTER_PACKS: ParameterId = ParameterId::Simulation(SimulationParameter::FIRST);
+
 /// Identifies a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -50,7 +61,7 @@ pub enum ParameterId {
     /// Of the driver's sticks.
     Stick(StickParameter),
     /// Of a thermometer.
-    Thermometer(ThermometerParameter),
+    Thermometer(TemperatureSensor, ThermometerParameter),
     /// Of a pack.
     Battery(Pack, BatteryParameter),
     /// Of the simulated pack.
@@ -71,36 +82,29 @@ impl ParameterId {
     // Inlined, the code would be repeated at every search.
     #[inline(never)]
     fn next(self) -> Option<Self> {
-        match self {
-            Self::Vehicle(parameter) => match VehicleParameter::ALL.get(parameter as usize + 1) {
-                Some(next) => Some(Self::Vehicle(*next)),
-                None => Some(Self::Stick(StickParameter::FIRST)),
+        let next = match self {
+            Self::Vehicle(parameter) => parameter
+                .next()
+                .map_or(Self::Stick(StickParameter::FIRST), Self::Vehicle),
+            Self::Stick(parameter) => parameter.next().map_or(
+                ThermometerParameter::FIRST.of(TemperatureSensor::First),
+                Self::Stick,
+            ),
+            Self::Thermometer(sensor, parameter) => match (parameter.next(), sensor.next()) {
+                (Some(next), _) => next.of(sensor),
+                (None, Some(next)) => ThermometerParameter::FIRST.of(next),
+                (None, None) => BatteryParameter::FIRST.of(Pack::First),
             },
-            Self::Stick(parameter) => match StickParameter::ALL.get(parameter as usize + 1) {
-                Some(next) => Some(Self::Stick(*next)),
-                None => Some(Self::Thermometer(ThermometerParameter::FIRST)),
-            },
-            Self::Thermometer(parameter) => match ThermometerParameter::ALL.get(parameter as usize + 1) {
-                Some(next) => Some(Self::Thermometer(*next)),
-                None => Some(BatteryParameter::FIRST.of(Pack::First)),
-            },
-            Self::Battery(pack, parameter) => match BatteryParameter::ALL.get(parameter as usize + 1) {
-                Some(next) => Some(next.of(pack)),
-                None => match Pack::from_instance(pack.instance() + 1) {
-                    Some(next) => Some(BatteryParameter::FIRST.of(next)),
-                    #[cfg(target_os = "none")]
-                    None => Some(Self::GroundStation(GroundStationParameter::FIRST)),
-                    #[cfg(not(target_os = "none"))]
-                    None => Some(Self::Simulation(SimulationParameter::FIRST)),
-                },
+            Self::Battery(pack, parameter) => match (parameter.next(), pack.next()) {
+                (Some(next), _) => next.of(pack),
+                (None, Some(next)) => BatteryParameter::FIRST.of(next),
+                (None, None) => AFTER_PACKS,
             },
             #[cfg(not(target_os = "none"))]
-            Self::Simulation(parameter) => match SimulationParameter::ALL.get(parameter as usize + 1) {
-                Some(next) => Some(Self::Simulation(*next)),
-                None => Some(Self::GroundStation(GroundStationParameter::FIRST)),
-            },
-            Self::GroundStation(parameter) => parameter.next().map(Self::GroundStation),
-        }
+            Self::Simulation(parameter) => parameter.next().map_or(FIRST_CONSTANT, Self::Simulation),
+            Self::GroundStation(parameter) => return parameter.next().map(Self::GroundStation),
+        };
+        Some(next)
     }
 
     /// The parameter with this flash key.
@@ -114,18 +118,22 @@ impl ParameterId {
             let parameter = BatteryParameter::from_name(strip_prefix(name, pack.prefix())?)?;
             Some(parameter.of(pack))
         };
+        let of_thermometer = |sensor: TemperatureSensor| {
+            let parameter = ThermometerParameter::from_name(strip_prefix(name, sensor.prefix())?)?;
+            Some(parameter.of(sensor))
+        };
         let found = VehicleParameter::from_name(name)
             .map(Self::Vehicle)
             .or_else(|| StickParameter::from_name(name).map(Self::Stick))
-            .or_else(|| ThermometerParameter::from_name(name).map(Self::Thermometer))
             .or_else(|| GroundStationParameter::from_name(name).map(Self::GroundStation))
+            .or_else(|| TemperatureSensor::ALL.into_iter().find_map(of_thermometer))
             .or_else(|| Pack::ALL.into_iter().find_map(of_pack));
         #[cfg(not(target_os = "none"))]
         let found = found.or_else(|| SimulationParameter::from_name(name).map(Self::Simulation));
         found
     }
 
-    /// The full name, with the pack's prefix.
+    /// The full name, with the pack's or thermometer's prefix.
     pub fn name(self) -> String<MAX_NAME_LENGTH> {
         let mut name = String::new();
         // Every name fits, as a test proves.
@@ -137,6 +145,7 @@ impl ParameterId {
     fn prefix(self) -> &'static str {
         match self {
             Self::Battery(pack, _) => pack.prefix(),
+            Self::Thermometer(sensor, _) => sensor.prefix(),
             _ => "",
         }
     }
@@ -146,7 +155,9 @@ impl ParameterId {
         match self {
             Self::Vehicle(parameter) => parameter as usize,
             Self::Stick(parameter) => VehicleParameter::COUNT + parameter as usize,
-            Self::Thermometer(parameter) => THERMOMETER_START + parameter as usize,
+            Self::Thermometer(sensor, parameter) => {
+                THERMOMETER_START + sensor as usize * ThermometerParameter::COUNT + parameter as usize
+            }
             Self::Battery(pack, parameter) => {
                 BATTERY_START + pack as usize * BatteryParameter::COUNT + parameter as usize
             }
@@ -161,7 +172,7 @@ impl ParameterId {
         match self {
             Self::Vehicle(parameter) => parameter.row(),
             Self::Stick(parameter) => parameter.row(),
-            Self::Thermometer(parameter) => parameter.row(),
+            Self::Thermometer(_, parameter) => parameter.row(),
             Self::Battery(_, parameter) => parameter.row(),
             #[cfg(not(target_os = "none"))]
             Self::Simulation(parameter) => parameter.row(),
@@ -174,6 +185,9 @@ impl ParameterId {
         match self {
             Self::Battery(pack, parameter) => {
                 parameter.row().key + KEYS_PER_PACK * u16::from(pack.instance())
+            }
+            Self::Thermometer(sensor, parameter) => {
+                parameter.row().key + KEYS_PER_THERMOMETER * sensor as u16
             }
             _ => self.row().key,
         }
@@ -194,12 +208,6 @@ impl From<StickParameter> for ParameterId {
     }
 }
 
-impl From<ThermometerParameter> for ParameterId {
-    fn from(parameter: ThermometerParameter) -> Self {
-        Self::Thermometer(parameter)
-    }
-}
-
 impl From<VehicleParameter> for ParameterId {
     fn from(parameter: VehicleParameter) -> Self {
         Self::Vehicle(parameter)
@@ -217,6 +225,13 @@ impl BatteryParameter {
     /// This parameter of `pack`.
     pub fn of(self, pack: Pack) -> ParameterId {
         ParameterId::Battery(pack, self)
+    }
+}
+
+impl ThermometerParameter {
+    /// This parameter of `sensor`.
+    pub fn of(self, sensor: TemperatureSensor) -> ParameterId {
+        ParameterId::Thermometer(sensor, self)
     }
 }
 

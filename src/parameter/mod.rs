@@ -26,8 +26,8 @@ pub use parameters::{Parameters, Refused, triggers};
 pub use stick_channel::{StickChannel, StickChannels};
 pub use table::{
     Access, BatteryParameter, Bearing, FuelKind, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS,
-    Meaning, MonitorKind, Parameter, PartKind, Range, StickParameter, THERMOMETER_COUNT,
-    ThermometerParameter, ThermometerRows, VehicleParameter, means, serial_baud,
+    Meaning, MonitorKind, Parameter, PartKind, Range, StickParameter, THERMOMETER_COUNT, TemperatureSensor,
+    ThermometerParameter, VehicleParameter, means, serial_baud,
 };
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};

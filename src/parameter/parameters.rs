@@ -149,12 +149,8 @@ impl Parameters {
             // Whole numbers are stored as such.
             Listed::WithSerialProtocol(protocol) => self.get(VehicleParameter::Serial1Protocol) == protocol,
             Listed::WithCan => self.get(VehicleParameter::CanP1Driver) != CAN_DISABLED,
-            Listed::WithThermometer(number) => {
-                let mut kinds = ThermometerParameter::THERMOMETERS.iter().map(|rows| rows.kind);
-                kinds
-                    .nth(usize::from(number).saturating_sub(1))
-                    .is_some_and(|kind| self.get(kind) != THERMOMETER_DISABLED)
-            }
+            Listed::WithThermometer => matches!(id, ParameterId::Thermometer(sensor, _)
+                if self.get(ThermometerParameter::Type.of(sensor)) != THERMOMETER_DISABLED),
             Listed::WithMonitor(kind) => monitor == Some(kind.number() as f32),
         }
     }
@@ -172,11 +168,11 @@ impl Parameters {
             ParameterId::Battery(pack, BatteryParameter::Monitor) => {
                 self.update_listed(BatteryParameter::ALL.iter().map(|parameter| parameter.of(pack)));
             }
-            ParameterId::Thermometer(_) => {
+            ParameterId::Thermometer(sensor, ThermometerParameter::Type) => {
                 self.update_listed(
                     ThermometerParameter::ALL
                         .iter()
-                        .map(|parameter| (*parameter).into()),
+                        .map(|parameter| parameter.of(sensor)),
                 );
             }
             ParameterId::Vehicle(VehicleParameter::Serial1Protocol | VehicleParameter::CanP1Driver) => {

@@ -29,4 +29,4 @@ pub use serial::{
     SerialNotice, SerialProtocol, SerialReading, SerialSetup, TorqeedoCondition, Urgency, Wires,
 };
 pub use set_up::{set_up_error, timeout_us};
-pub use thermometer::{Temperatures, Thermometers, shared_thermometer_pin, thermometer_pins};
+pub use thermometer::{Temperatures, Thermometers, thermometer_on_shared_pin, thermometer_pins};

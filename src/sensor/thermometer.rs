@@ -3,7 +3,7 @@
 use super::{ADC_FULL_SCALE, AdcCount, AnalogPin, AnalogReadings, AnalogWiring};
 use crate::battery::{Measurement, Thermometer};
 use crate::pack::Pack;
-use crate::parameter::{Parameters, THERMOMETER_COUNT, ThermometerParameter, ThermometerRows};
+use crate::parameter::{Parameters, THERMOMETER_COUNT, TemperatureSensor, ThermometerParameter};
 use crate::time::Instant;
 
 /// `TEMP1_TYPE`, as in ArduPilot.
@@ -32,31 +32,35 @@ enum Input {
 }
 
 impl Input {
-    fn from_parameters(parameters: &Parameters, rows: &ThermometerRows) -> Option<Self> {
-        match parameters.get_whole(rows.kind) {
+    // Inlined, the code would be repeated for each of its five uses.
+    #[inline(never)]
+    fn from_parameters(parameters: &Parameters, sensor: TemperatureSensor) -> Option<Self> {
+        match parameters.get_whole(ThermometerParameter::Type.of(sensor)) {
             ANALOG => Some(Self::Analog(
-                AnalogPin::from_gpio(parameters.get_whole(rows.pin)),
-                rows.coefficients.map(|row| parameters.get(row)),
+                AnalogPin::from_gpio(parameters.get_whole(ThermometerParameter::Pin.of(sensor))),
+                ThermometerParameter::COEFFICIENTS.map(|coefficient| parameters.get(coefficient.of(sensor))),
             )),
-            DRONE_CAN => Some(Self::DroneCan(parameters.get_whole(rows.message_id) as u16)),
+            DRONE_CAN => Some(Self::DroneCan(
+                parameters.get_whole(ThermometerParameter::MessageId.of(sensor)) as u16,
+            )),
             _ => None,
         }
     }
 }
 
-/// The pins of analog thermometers, each with its parameter. Of one that is not in use it is `None`.
+/// The analog thermometers in use that have a pin.
 pub fn thermometer_pins(
     parameters: &Parameters,
-) -> impl Iterator<Item = (ThermometerParameter, AnalogPin)> + Clone {
-    let rows = ThermometerParameter::THERMOMETERS.into_iter();
-    rows.filter_map(|rows| match Input::from_parameters(parameters, &rows)? {
-        Input::Analog(pin, _) => Some((rows.pin, pin?)),
+) -> impl Iterator<Item = (TemperatureSensor, AnalogPin)> + Clone {
+    let sensors = TemperatureSensor::ALL.into_iter();
+    sensors.filter_map(|sensor| match Input::from_parameters(parameters, sensor)? {
+        Input::Analog(pin, _) => Some((sensor, pin?)),
         Input::DroneCan(_) => None,
     })
 }
 
-/// A thermometer's pin that another thermometer or a pack reads, too.
-pub fn shared_thermometer_pin(parameters: &Parameters) -> Option<ThermometerParameter> {
+/// A thermometer whose pin another thermometer or a pack reads, too.
+pub fn thermometer_on_shared_pin(parameters: &Parameters) -> Option<TemperatureSensor> {
     let is_of_pack = |pin: AnalogPin| {
         Pack::ALL.into_iter().any(|pack| {
             let kind = parameters.monitor_kind(pack);
@@ -74,8 +78,8 @@ pub fn shared_thermometer_pin(parameters: &Parameters) -> Option<ThermometerPara
 
 /// Whether any thermometer is on the CAN bus.
 pub(super) fn has_can_thermometer(parameters: &Parameters) -> bool {
-    let mut rows = ThermometerParameter::THERMOMETERS.iter();
-    rows.any(|rows| parameters.get_whole(rows.kind) == DRONE_CAN)
+    let mut sensors = TemperatureSensor::ALL.into_iter();
+    sensors.any(|sensor| parameters.get_whole(ThermometerParameter::Type.of(sensor)) == DRONE_CAN)
 }
 
 /// Temperatures of packs by thermometers, in degrees Celsius.
@@ -103,8 +107,8 @@ pub struct Thermometers {
 impl Thermometers {
     /// Takes a temperature in degrees Celsius from the CAN bus, with its device id.
     pub fn receive(&mut self, device_id: u16, temperature_c: f32, now: Instant, parameters: &Parameters) {
-        for (received, rows) in self.received.iter_mut().zip(&ThermometerParameter::THERMOMETERS) {
-            if Input::from_parameters(parameters, rows) == Some(Input::DroneCan(device_id)) {
+        for (received, sensor) in self.received.iter_mut().zip(TemperatureSensor::ALL) {
+            if Input::from_parameters(parameters, sensor) == Some(Input::DroneCan(device_id)) {
                 *received = Some((temperature_c, now));
             }
         }
@@ -113,9 +117,9 @@ impl Thermometers {
     /// The temperatures now.
     pub fn measure(&self, readings: &AnalogReadings, now: Instant, parameters: &Parameters) -> Temperatures {
         let mut temperatures = Temperatures::default();
-        let rows = self.received.iter().zip(&ThermometerParameter::THERMOMETERS);
-        for (place, (received, rows)) in temperatures.0.iter_mut().zip(rows) {
-            let Some(input) = Input::from_parameters(parameters, rows) else {
+        let sensors = self.received.iter().zip(TemperatureSensor::ALL);
+        for (place, (received, sensor)) in temperatures.0.iter_mut().zip(sensors) {
+            let Some(input) = Input::from_parameters(parameters, sensor) else {
                 continue;
             };
             let temperature_c = match input {
@@ -127,8 +131,8 @@ impl Thermometers {
                     .filter(|(_, at)| now.us_since(*at) <= SILENCE_US)
                     .map(|(temperature_c, _)| temperature_c),
             };
-            let is_of_pack = parameters.get_whole(rows.source) == BATTERY_INDEX;
-            let number = parameters.get_whole(rows.source_id) as u8;
+            let is_of_pack = parameters.get_whole(ThermometerParameter::Source.of(sensor)) == BATTERY_INDEX;
+            let number = parameters.get_whole(ThermometerParameter::SourceId.of(sensor)) as u8;
             let pack = number.checked_sub(1).and_then(Pack::from_instance);
             *place = pack
                 .filter(|_| is_of_pack)
@@ -154,28 +158,22 @@ fn analog_c(count: AdcCount, coefficients: &[f32; 6]) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameter::ThermometerParameter::{A0, A1, A2, MessageId, Pin, Source, SourceId, Type};
     use crate::time::at_us;
 
-    const SECOND: ThermometerRows = ThermometerParameter::THERMOMETERS[1];
+    const SECOND: TemperatureSensor = TemperatureSensor::Second;
 
     fn with(values: &[(ThermometerParameter, f32)]) -> Parameters {
         let mut parameters = Parameters::defaults();
-        let pack = [(SECOND.source, 3.0), (SECOND.source_id, 3.0)];
+        let pack = [(Source, 3.0), (SourceId, 3.0)];
         for (parameter, value) in pack.iter().chain(values) {
-            parameters.set(*parameter, *value).unwrap();
+            parameters.set(parameter.of(SECOND), *value).unwrap();
         }
         parameters
     }
 
     fn analog() -> Parameters {
-        let [a0, a1, a2, ..] = SECOND.coefficients;
-        with(&[
-            (SECOND.kind, 5.0),
-            (SECOND.pin, 28.0),
-            (a0, 100.0),
-            (a1, -50.0),
-            (a2, 2.0),
-        ])
+        with(&[(Type, 5.0), (Pin, 28.0), (A0, 100.0), (A1, -50.0), (A2, 2.0)])
     }
 
     fn measured(parameters: &Parameters, count: u16) -> Measurement {
@@ -208,12 +206,12 @@ mod tests {
             assert!(measured(&analog(), count).temperature_c.is_some(), "{count}");
         }
         let mut too_hot = analog();
-        too_hot.set(SECOND.coefficients[0], 201.0).unwrap();
+        too_hot.set(A0.of(SECOND), 201.0).unwrap();
         assert_eq!(measured(&too_hot, 1861).temperature_c, None);
-        let without_coefficients = with(&[(SECOND.kind, 5.0), (SECOND.pin, 28.0)]);
+        let without_coefficients = with(&[(Type, 5.0), (Pin, 28.0)]);
         assert_eq!(measured(&without_coefficients, 1861).temperature_c, None);
         let mut of_nothing = analog();
-        of_nothing.set(SECOND.source, 0.0).unwrap();
+        of_nothing.set(Source.of(SECOND), 0.0).unwrap();
         assert_eq!(measured(&of_nothing, 1861).temperature_c, None);
     }
 
@@ -221,20 +219,20 @@ mod tests {
     // Requirement: AP-30
     fn a_pin_that_a_pack_or_another_thermometer_reads_is_shared() {
         let mut parameters = analog();
-        assert_eq!(shared_thermometer_pin(&parameters), None);
-        parameters.set(SECOND.pin, 26.0).unwrap();
+        assert_eq!(thermometer_on_shared_pin(&parameters), None);
+        parameters.set(Pin.of(SECOND), 26.0).unwrap();
         assert_eq!(
-            shared_thermometer_pin(&parameters),
-            Some(SECOND.pin),
+            thermometer_on_shared_pin(&parameters),
+            Some(SECOND),
             "the divider's"
         );
-        parameters.set(SECOND.kind, 6.0).unwrap();
-        assert_eq!(shared_thermometer_pin(&parameters), None, "not an analog one");
+        parameters.set(Type.of(SECOND), 6.0).unwrap();
+        assert_eq!(thermometer_on_shared_pin(&parameters), None, "not an analog one");
         let mut parameters = analog();
-        let first = ThermometerParameter::THERMOMETERS[0];
-        parameters.set(first.pin, 28.0).unwrap();
-        parameters.set(first.kind, 5.0).unwrap();
-        assert_eq!(shared_thermometer_pin(&parameters), Some(first.pin));
+        let first = TemperatureSensor::First;
+        parameters.set(Pin.of(first), 28.0).unwrap();
+        parameters.set(Type.of(first), 5.0).unwrap();
+        assert_eq!(thermometer_on_shared_pin(&parameters), Some(first));
     }
 
     #[test]
@@ -258,7 +256,7 @@ mod tests {
     #[test]
     // Requirement: AP-30
     fn a_temperature_from_the_bus_is_that_of_its_device_for_five_seconds() {
-        let parameters = with(&[(SECOND.kind, 6.0), (SECOND.message_id, 1234.0)]);
+        let parameters = with(&[(Type, 6.0), (MessageId, 1234.0)]);
         let mut thermometers = Thermometers::default();
         thermometers.receive(1233, 50.0, at_us(0), &parameters);
         thermometers.receive(1234, 20.0, at_us(0), &parameters);

@@ -7,9 +7,10 @@ use crate::battery::{ArmingFailure, PackSettings, ReadError, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{
-    BatteryParameter, ParameterTrouble, Parameters, StickParameter, ThermometerParameter, VehicleParameter,
+    BatteryParameter, ParameterTrouble, Parameters, StickParameter, TemperatureSensor, ThermometerParameter,
+    VehicleParameter,
 };
-use crate::sensor::{AnalogWiring, shared_thermometer_pin};
+use crate::sensor::{AnalogWiring, thermometer_on_shared_pin};
 use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
@@ -36,7 +37,7 @@ pub enum ArmingObstacle {
     /// These parameters of the sticks do not fit each other.
     SticksMisfit(StickParameter, StickParameter),
     /// Something else is read at this thermometer's pin.
-    PinTaken(ThermometerParameter),
+    PinTaken(TemperatureSensor),
     /// The log can't be written.
     Logging,
 }
@@ -74,7 +75,10 @@ impl ArmingObstacle {
                 one.row().name,
                 other.row().name
             )),
-            Self::PinTaken(pin) => text(format_args!("{checked_by}: {} already in use", pin.row().name)),
+            Self::PinTaken(sensor) => {
+                let pin = ThermometerParameter::Pin.of(sensor).name();
+                text(format_args!("{checked_by}: {pin} already in use"))
+            }
             Self::Logging => text(format_args!("{checked_by}: Logging failed")),
         }
     }
@@ -135,7 +139,7 @@ pub fn arming_obstacles(
             _ => ArmingObstacle::Pack(pack, failure),
         })
     });
-    let pin = shared_thermometer_pin(parameters)
+    let pin = thermometer_on_shared_pin(parameters)
         .map(ArmingObstacle::PinTaken)
         .filter(|_| checks & BATTERY_CHECKED != 0);
     let stick = vehicle.deflected_stick();

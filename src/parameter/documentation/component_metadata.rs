@@ -1,6 +1,8 @@
 //! The descriptions in the format of MAVLink's component metadata.
 
-use super::super::{Access, DescriptionFile, Kind, Meaning, Parameter, ParameterId, Range, TakesEffect};
+use super::super::{
+    Access, DescriptionFile, Kind, Meaning, Parameter, ParameterId, Range, TakesEffect, TemperatureSensor,
+};
 use crate::memory::checksum::file_crc32;
 use crate::pack::Pack;
 
@@ -10,13 +12,14 @@ const VERSION: u8 = 1;
 /// `COMP_METADATA_TYPE_PARAMETER`.
 const TYPE_PARAMETER: u8 = 1;
 
-/// Stands for a pack's number in a name.
+/// Stands for a pack's or thermometer's number in a name.
 const INDEX: &str = "{n}";
 
 /// The file `docs/parameters.json`.
 ///
-/// A pack's parameter has two rows: by the name that it has of the first pack, and by one with an index for all others. The index has
-/// more characters than the digit it stands for, so this name may be longer than any on the wire.
+/// A pack's parameter has two rows: by the name that it has of the first pack, and by one with an index for all others. That of a
+/// thermometer has one for all. The index has more characters than the digit it stands for, so such a name may be longer than any on
+/// the wire.
 pub fn parameters_json() -> String {
     let rows: Vec<String> = ParameterId::all()
         .filter_map(|id| Some(parameter_json(id, &name(id)?)))
@@ -44,6 +47,10 @@ fn name(id: ParameterId) -> Option<String> {
             Some(format!("BATT{INDEX}_{}", parameter.row().name))
         }
         ParameterId::Battery(pack, _) if pack != Pack::First => None,
+        ParameterId::Thermometer(TemperatureSensor::First, parameter) => {
+            Some(format!("TEMP{INDEX}_{}", parameter.row().name))
+        }
+        ParameterId::Thermometer(..) => None,
         _ => Some(id.name().as_str().into()),
     }
 }
@@ -194,6 +201,7 @@ mod tests {
                 ParameterId::Battery(pack, parameter) if pack != Pack::First => {
                     format!("BATT{INDEX}_{}", parameter.row().name)
                 }
+                ParameterId::Thermometer(_, parameter) => format!("TEMP{INDEX}_{}", parameter.row().name),
                 _ => name.as_str().into(),
             };
             let same = names.iter().find(|row| *row == name.as_str());

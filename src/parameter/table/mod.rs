@@ -38,6 +38,11 @@ macro_rules! parameters {
             /// The first parameter.
             pub const FIRST: Self = Self::ALL[0];
 
+            /// The next one in the order of the table.
+            pub(in crate::parameter) fn next(self) -> Option<Self> {
+                Self::ALL.get(self as usize + 1).copied()
+            }
+
             /// The parameter with this name, case-insensitive.
             pub(in crate::parameter) fn from_name(name: &[u8]) -> Option<Self> {
                 let is_meant = |parameter: &Self| parameter.row().name.as_bytes().eq_ignore_ascii_case(name);
@@ -91,15 +96,15 @@ pub use range::{Meaning, Range, means};
 pub use simulation::SimulationParameter;
 pub use sticks::StickParameter;
 pub(super) use thermometer::THERMOMETER_DISABLED;
-pub use thermometer::{THERMOMETER_COUNT, ThermometerParameter, ThermometerRows};
+pub use thermometer::{THERMOMETER_COUNT, TemperatureSensor, ThermometerParameter};
 pub use vehicle::{VehicleParameter, serial_baud};
 
 /// One row of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// Flash key, of a pack's parameter that of the first pack; 0 if it is constant. Never changed or reused.
+    /// Flash key, of a pack's or thermometer's parameter that of the first one; 0 if it is constant. Never changed or reused.
     pub key: u16,
-    /// Name, ArduPilot 4.6's if it has the parameter; of a pack's parameter without the pack's prefix.
+    /// Name, ArduPilot 4.6's if it has the parameter; of a pack's or thermometer's parameter without the prefix.
     pub name: &'static str,
     /// Type reported to ground stations.
     pub kind: Kind,
@@ -177,8 +182,8 @@ pub enum Listed {
     WithSerialProtocol(f32),
     /// While `CAN_P1_DRIVER` is not 0.
     WithCan,
-    /// While the type of the thermometer with this number, from 1, is not 0.
-    WithThermometer(u8),
+    /// While the thermometer's `TYPE` is not 0.
+    WithThermometer,
     /// While the pack's `MONITOR` is this.
     WithMonitor(MonitorKind),
 }
