@@ -16,7 +16,7 @@
 //! Pins, dividers, cells and thresholds come from [`parameter`]; a ground station sets them over the same wire.
 //!
 //! # From a conversion to a frame
-//! What the tasks do for each pack ten times a second, in one go. Nothing here waits, owns a peripheral or reads a clock:
+//! The tasks do this for each pack ten times a second, in one go. Nothing here waits, owns a peripheral or reads a clock:
 //!
 //! ```
 //! use rover_battmon::battery::{BatteryMonitor, ChargeState, Measurement, PackSettings, PackStatus, Tick};
@@ -60,6 +60,7 @@
 //! | [`sensor`] | turning conversions of a part into a [`battery::Measurement`] |
 //! | [`battery`] | turning measurements into a [`battery::BatteryState`] |
 //! | [`parameter`] | the table of parameters and their live values |
+//! | [`announce`] | severities and limits of texts for ground stations |
 //! | [`pack`] | which packs there are |
 //! | [`time`] | moments, regular due times |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
@@ -97,6 +98,7 @@
 
 mod numbers;
 
+pub mod announce;
 pub mod autopilot;
 pub mod battery;
 pub mod crash;

@@ -3,10 +3,6 @@
 //! defmt's macros need its linker script, which a host build lacks. Arguments must be printable by both: `Debug` on the
 //! host, `defmt::Format` on the target.
 
-use core::cell::Cell;
-
-use crate::time::Instant;
-
 #[cfg(target_os = "none")]
 pub(crate) use defmt::{info, warn};
 
@@ -20,7 +16,7 @@ mod host {
     use std::fmt;
     use std::sync::OnceLock;
 
-    /// How urgent a line of the log is.
+    /// Urgency of a line of the log.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Level {
         /// For the record.
@@ -70,45 +66,3 @@ macro_rules! warning {
 // `warn` is also a built-in attribute, so the macro is defined under another name.
 #[cfg(not(target_os = "none"))]
 pub(crate) use {info, warning as warn};
-
-/// Allows one log line per `INTERVAL_US` about something that may happen many times a second.
-#[derive(Debug)]
-pub(crate) struct LogLimit<const INTERVAL_US: u64> {
-    last: Cell<Option<Instant>>,
-}
-
-impl<const INTERVAL_US: u64> LogLimit<INTERVAL_US> {
-    /// Nothing was logged yet.
-    pub const fn new() -> Self {
-        Self {
-            last: Cell::new(None),
-        }
-    }
-
-    /// Whether a line may be logged at `now`; then it counts as logged.
-    pub fn allows(&self, now: Instant) -> bool {
-        let is_due = self
-            .last
-            .get()
-            .is_none_or(|last| now.us_since(last) >= INTERVAL_US);
-        if is_due {
-            self.last.set(Some(now));
-        }
-        is_due
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::time::at_us;
-
-    #[test]
-    fn one_line_is_logged_per_interval() {
-        let limit = LogLimit::<1_000_000>::new();
-        assert!(limit.allows(Instant::EPOCH));
-        assert!(!limit.allows(at_us(999_999)));
-        assert!(limit.allows(at_us(1_000_000)));
-        assert!(!limit.allows(at_us(1_000_000)));
-    }
-}

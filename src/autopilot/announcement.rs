@@ -1,71 +1,31 @@
-//! Announcements to ground stations, with their severities.
+//! Announcements of the autopilot itself, with their severities.
 
 use core::fmt;
-use core::mem::{Discriminant, discriminant};
-
-use heapless::String;
 
 use super::recording::LogFailure;
-use crate::battery::{ChargeState, FailsafeLevel, PackEvent, SuggestedThresholds};
-use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
+use super::start::ParameterLoad;
+use crate::announce::{Announce, Limit, Severity};
+use crate::battery::SuggestedThresholds;
 use crate::memory::storage::StorageError;
-use crate::numbers::{Hundredths, text};
-use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{
-    BatteryParameter, ParameterId, ParameterTrouble, Refused, SaveFailure, VehicleParameter,
-};
-use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
-use crate::vehicle::VehicleEvent;
-use crate::wifi::WifiReport;
+use crate::numbers::Hundredths;
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, ParameterId, Refused, VehicleParameter};
 
-/// Maximum length of an announcement, in bytes: two STATUSTEXT. The rest is cut off.
-pub const ANNOUNCEMENT_BYTES: usize = 96;
-
-/// The text of an announcement.
-pub type AnnouncementText = String<ANNOUNCEMENT_BYTES>;
-
-/// Something that ground stations are informed of by STATUSTEXT.
+/// An announcement of the autopilot itself.
 #[derive(Clone, Copy, Debug)]
-pub enum Announcement<'a> {
-    /// An event of a pack.
-    Pack(Pack, &'a PackEvent),
-    /// The vehicle changed its state without a request.
-    Vehicle(VehicleEvent),
+pub enum Notice {
     /// Packs are monitored, and none of them has a failsafe threshold in effect; with the parameter to set.
     FailsafesOff(ParameterId),
     /// Thresholds for a pack without any.
     Suggestion(Pack, SuggestedThresholds),
-    /// The stored parameters were not loaded, after repeated quick resets.
-    DefaultParameters,
-    /// The last stored parameter could not be read.
-    LastParameterLost,
     /// A ground station has set all parameters to their defaults.
     ParametersReset,
-    /// The parameters may not be the owner's.
-    Parameters(ParameterTrouble),
-    /// This many stored parameters are of another version.
-    ParametersUnknown(u16),
-    /// Parameters can't be written to flash.
-    ParametersNotSaved(SaveFailure),
     /// Parameters can be written again.
     ParametersSaved,
     /// Learnt data of a pack can't be written to flash.
     LearntNotSaved(StorageError),
     /// Names or passwords of Wi-Fi networks can't be written to flash.
     WifiNotSaved(StorageError),
-    /// The radio, the access point or the network to join.
-    Wifi(WifiReport),
-    /// The controller of the CAN bus.
-    Can(CanReport),
-    /// A node on the CAN bus.
-    CanNode(CanNotice),
-    /// The state of the device on the serial line.
-    Serial(SerialNotice),
-    /// A signing key, or its removal, is in flash.
-    SigningSaved(SigningChange),
-    /// The signing key is lost, or can't be written to flash.
-    Signing(SigningTrouble),
     /// Messages were ignored since they were not signed with the key.
     Unauthorized {
         /// The link they came from.
@@ -92,201 +52,31 @@ pub enum Announcement<'a> {
         /// Its value.
         seconds: f32,
     },
-    /// There is no log although there should be one.
-    NoLog(LogFailure),
     /// Each page of the log stores a register of the flash chip.
     LogWearsFlash,
-    /// A line of a crash report.
-    Crash(&'a str),
 }
 
-/// What shares a limit: a kind of text, not its wording, which may differ by a node, a count or an address. What is of a
-/// pack has a limit for each pack.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Pack(Pack, Discriminant<PackEvent>),
-    Can(Discriminant<CanReport>),
-    CanNode(Option<Pack>, Discriminant<CanNotice>),
-    Serial(Discriminant<SerialNotice>),
-    Wifi(Discriminant<WifiReport>),
-    Unauthorized,
-    TooOld,
-    ParameterRefused,
-    /// Reports of the board itself.
-    Board,
-}
-
-impl Kind {
-    /// How many may be announced at once, at least 1: one of each pack, or of as many nodes. States that come and go
-    /// have one.
-    pub fn at_once(self) -> u8 {
+impl Announce for Notice {
+    fn severity(&self) -> Severity {
         match self {
-            Self::Can(_) | Self::Unauthorized | Self::TooOld => 1,
-            Self::Pack(..)
-            | Self::CanNode(..)
-            | Self::Serial(_)
-            | Self::Wifi(_)
-            | Self::ParameterRefused
-            | Self::Board => MAX_PACKS as u8,
+            Self::Suggestion(..) => Severity::Notice,
+            Self::ParametersSaved => Severity::Info,
+            _ => Severity::Warning,
+        }
+    }
+
+    fn limit(&self) -> Limit {
+        match self {
+            Self::Unauthorized { .. } | Self::TooOld { .. } => Limit::of(self).one_at_once(),
+            Self::ParameterRefused { .. } => Limit::of(self),
+            _ => Limit::BOARD,
         }
     }
 }
 
-impl Announcement<'_> {
-    /// The kind whose limit it shares.
-    pub(super) fn kind(&self) -> Kind {
-        match self {
-            Self::Pack(pack, event) => Kind::Pack(*pack, discriminant(*event)),
-            Self::Can(report) => Kind::Can(discriminant(report)),
-            Self::CanNode(notice) => Kind::CanNode(notice.pack(), discriminant(notice)),
-            Self::Serial(notice) => Kind::Serial(discriminant(notice)),
-            Self::Wifi(report) => Kind::Wifi(discriminant(report)),
-            Self::Unauthorized { .. } => Kind::Unauthorized,
-            Self::TooOld { .. } => Kind::TooOld,
-            Self::ParameterRefused { .. } => Kind::ParameterRefused,
-            Self::Vehicle(_)
-            | Self::FailsafesOff(_)
-            | Self::Suggestion(..)
-            | Self::DefaultParameters
-            | Self::LastParameterLost
-            | Self::ParametersReset
-            | Self::Parameters(_)
-            | Self::ParametersUnknown(_)
-            | Self::ParametersNotSaved(_)
-            | Self::ParametersSaved
-            | Self::LearntNotSaved(_)
-            | Self::WifiNotSaved(_)
-            | Self::SigningSaved(_)
-            | Self::Signing(_)
-            | Self::LongTimeOut { .. }
-            | Self::NoLog(_)
-            | Self::LogWearsFlash
-            | Self::Crash(_) => Kind::Board,
-        }
-    }
-
-    /// Its severity. A low battery is a warning, as in ArduPilot; a critical one is critical, where ArduPilot has a warning.
-    pub fn severity(&self) -> MavSeverity {
-        match self {
-            // A ground station shows what is critical in a box.
-            Self::Pack(
-                _,
-                PackEvent::Failsafe {
-                    level: FailsafeLevel::Critical,
-                    ..
-                }
-                | PackEvent::Charge {
-                    state: ChargeState::Critical | ChargeState::Emergency,
-                    ..
-                },
-            ) => MavSeverity::MAV_SEVERITY_CRITICAL,
-            Self::Pack(
-                _,
-                PackEvent::CellsDetected { .. }
-                | PackEvent::SensorRecovered
-                | PackEvent::ContactRestored
-                | PackEvent::Found { .. }
-                | PackEvent::Charging
-                | PackEvent::Learnt { .. }
-                | PackEvent::NotLearnt(_),
-            ) => MavSeverity::MAV_SEVERITY_NOTICE,
-            Self::Pack(
-                _,
-                PackEvent::CellsAmbiguous { .. }
-                | PackEvent::Swapped
-                | PackEvent::EstimateRestarted
-                | PackEvent::ContactLost
-                | PackEvent::Gap(_)
-                | PackEvent::CurrentOverRange
-                | PackEvent::CurrentReversed
-                | PackEvent::AboveDrivers
-                | PackEvent::PowerLimited(_)
-                | PackEvent::NotFound { .. }
-                | PackEvent::CapacityAboveLabel
-                | PackEvent::SensorFailed(_)
-                | PackEvent::PoweringOff
-                | PackEvent::MembersLeft(_)
-                | PackEvent::Charge { .. }
-                | PackEvent::Faults(_)
-                | PackEvent::ReportedFaults(_)
-                | PackEvent::Failsafe { .. },
-            ) => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::Vehicle(VehicleEvent::Terminated) => MavSeverity::MAV_SEVERITY_CRITICAL,
-            Self::Vehicle(
-                VehicleEvent::NeedsPosition(_)
-                | VehicleEvent::ControlsTimedOut
-                | VehicleEvent::GroundStationsTimedOut,
-            ) => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::Suggestion(..) => MavSeverity::MAV_SEVERITY_NOTICE,
-            Self::SigningSaved(_) | Self::ParametersSaved => MavSeverity::MAV_SEVERITY_INFO,
-            Self::ParametersNotSaved(SaveFailure {
-                error: StorageError::NoErasedSpace,
-                ..
-            }) => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::Wifi(report) if report.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::Can(report) if report.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::CanNode(notice) if notice.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::Wifi(_) | Self::Can(_) | Self::CanNode(_) => MavSeverity::MAV_SEVERITY_INFO,
-            Self::Serial(notice) => match notice.urgency() {
-                Urgency::Info => MavSeverity::MAV_SEVERITY_INFO,
-                Urgency::Warning => MavSeverity::MAV_SEVERITY_WARNING,
-                Urgency::Critical => MavSeverity::MAV_SEVERITY_CRITICAL,
-            },
-            Self::FailsafesOff(_)
-            | Self::ParametersReset
-            | Self::ParametersUnknown(_)
-            | Self::LearntNotSaved(_)
-            | Self::WifiNotSaved(_)
-            | Self::NoLog(_)
-            | Self::LogWearsFlash
-            | Self::ParameterRefused { .. }
-            | Self::LongTimeOut { .. }
-            | Self::Unauthorized { .. }
-            | Self::TooOld { .. } => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::DefaultParameters
-            | Self::LastParameterLost
-            | Self::Parameters(_)
-            | Self::ParametersNotSaved(_)
-            | Self::Signing(_)
-            | Self::Crash(_) => MavSeverity::MAV_SEVERITY_CRITICAL,
-        }
-    }
-
-    /// The command it is sent as, too: a companion computer may act on it.
-    pub fn command(&self) -> Option<BroadcastCommand> {
-        match self {
-            Self::Pack(pack, PackEvent::PoweringOff) => Some(BroadcastCommand::power_off_initiated(*pack)),
-            _ => None,
-        }
-    }
-
-    /// The text, cut off if it is too long.
-    pub fn text(&self) -> AnnouncementText {
-        text(format_args!("{self}"))
-    }
-
-    /// The text, after this many of its kind were left out.
-    pub(super) fn text_after(&self, left_out: u16) -> AnnouncementText {
-        match left_out {
-            0 => self.text(),
-            _ => text(format_args!("{self} (+{left_out} left out)")),
-        }
-    }
-}
-
-impl fmt::Display for Announcement<'_> {
+impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Pack(pack, event) => {
-                write!(f, "Battery {} {event}", pack.number())?;
-                let cells = BatteryParameter::Cells.of(*pack).name();
-                match event {
-                    PackEvent::CellsDetected { .. } => write!(f, " (set {cells} to be sure)"),
-                    PackEvent::CellsAmbiguous { .. } => write!(f, ": set {cells}"),
-                    _ => Ok(()),
-                }
-            }
-            Self::Vehicle(event) => write!(f, "{event}"),
             Self::FailsafesOff(id) => write!(f, "Battery failsafes are off: set {}", id.name()),
             Self::Suggestion(pack, suggested) => write!(
                 f,
@@ -296,12 +86,7 @@ impl fmt::Display for Announcement<'_> {
                 BatteryParameter::CrtVolt.of(*pack).name(),
                 Hundredths(suggested.critical_v)
             ),
-            Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
-            Self::LastParameterLost => f.write_str("Parameter storage damaged: check parameters"),
             Self::ParametersReset => f.write_str("All parameters reset to their defaults"),
-            Self::Parameters(trouble) => trouble.fmt(f),
-            Self::ParametersUnknown(count) => write!(f, "{count} stored parameters unknown: kept"),
-            Self::ParametersNotSaved(failure) => write!(f, "{failure}"),
             Self::ParametersSaved => f.write_str("Parameters saved"),
             Self::LearntNotSaved(StorageError::NoErasedSpace) => {
                 f.write_str("Learnt battery data not saved until disarmed")
@@ -311,15 +96,6 @@ impl fmt::Display for Announcement<'_> {
                 f.write_str("Wi-Fi settings not saved until disarmed")
             }
             Self::WifiNotSaved(_) => f.write_str("Wi-Fi settings not saved: flash worn out?"),
-            Self::Wifi(report) => write!(f, "{report}"),
-            Self::Can(report) => write!(f, "{report}"),
-            Self::CanNode(notice) => write!(f, "{notice}"),
-            Self::Serial(notice) => write!(f, "{notice}"),
-            Self::SigningSaved(change) => f.write_str(change.text()),
-            Self::NoLog(LogFailure::Full) => f.write_str("Log full until disarmed"),
-            Self::NoLog(LogFailure::NotWritten) => f.write_str("Log not written: flash worn out?"),
-            Self::LogWearsFlash => f.write_str("Logging wears out this flash chip: set LOG_BITMASK 0"),
-            Self::Signing(trouble) => f.write_str(trouble.text()),
             Self::Unauthorized { link, count } => {
                 write!(f, "{link}: not signed with the key, ignored: {count}")
             }
@@ -341,18 +117,79 @@ impl fmt::Display for Announcement<'_> {
                 parameter.row().name,
                 Hundredths(*seconds)
             ),
-            Self::Crash(line) => f.write_str(line),
+            Self::LogWearsFlash => f.write_str("Logging wears out this flash chip: set LOG_BITMASK 0"),
         }
+    }
+}
+
+impl Announce for ParameterLoad {
+    fn severity(&self) -> Severity {
+        match self {
+            Self::Loaded => Severity::Info,
+            Self::Unknown(_) => Severity::Warning,
+            Self::Interrupted | Self::Skipped => Severity::Critical,
+        }
+    }
+}
+
+impl fmt::Display for ParameterLoad {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Loaded => f.write_str("Parameters loaded"),
+            Self::Unknown(count) => write!(f, "{count} stored parameters unknown: kept"),
+            Self::Interrupted => f.write_str("Parameter storage damaged: check parameters"),
+            Self::Skipped => f.write_str("5 quick resets: started with default parameters"),
+        }
+    }
+}
+
+impl Announce for LogFailure {
+    fn severity(&self) -> Severity {
+        Severity::Warning
+    }
+}
+
+impl fmt::Display for LogFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Full => "Log full until disarmed",
+            Self::NotWritten => "Log not written: flash worn out?",
+        })
+    }
+}
+
+/// A line of a crash report.
+#[derive(Clone, Copy, Debug)]
+pub struct CrashLine<'a>(pub &'a str);
+
+impl Announce for CrashLine<'_> {
+    fn severity(&self) -> Severity {
+        Severity::Critical
+    }
+}
+
+impl fmt::Display for CrashLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Amount, ChargeState, FailsafeLevel, Faults, Gap, LessonObstacle, ReadError};
+    use crate::announce::announced_text;
+    use crate::battery::{
+        Amount, ChargeState, FailsafeLevel, Faults, Gap, LessonObstacle, PackEvent, PackNotice, ReadError,
+    };
+    use crate::mavlink::{SigningChange, SigningTrouble};
     use crate::memory::storage::FlashFault;
-    use crate::sensor::{ChargerPower, FuelCellError, FuelCellState, NodeId, TorqeedoCondition};
-    use crate::vehicle::FailsafeAction;
+    use crate::parameter::{ParameterTrouble, SaveFailure};
+    use crate::sensor::{
+        CanNotice, CanReport, ChargerPower, FuelCellError, FuelCellState, NodeId, SerialNotice,
+        TorqeedoCondition,
+    };
+    use crate::vehicle::{FailsafeAction, VehicleEvent};
+    use crate::wifi::WifiReport;
 
     #[test]
     fn every_event_has_a_text_that_fits() {
@@ -489,7 +326,7 @@ mod tests {
                 "Battery 9 is critical, used -1000000000 ml",
             ),
         ] {
-            assert_eq!(Announcement::Pack(Pack::Ninth, &event).text(), expected);
+            assert_eq!(PackNotice(Pack::Ninth, &event).text(), expected);
         }
         for (event, expected) in [
             (
@@ -500,20 +337,14 @@ mod tests {
             (VehicleEvent::ControlsTimedOut, "Radio Failsafe: Hold"),
             (VehicleEvent::GroundStationsTimedOut, "GCS Failsafe: Hold"),
         ] {
-            assert_eq!(Announcement::Vehicle(event).text(), expected);
+            assert_eq!(event.text(), expected);
         }
     }
 
     /// Severity and text, for one place of each event in the sources.
-    fn line(announcement: &Announcement<'_>) -> std::string::String {
-        let severity = match announcement.severity() {
-            MavSeverity::MAV_SEVERITY_INFO => "info",
-            MavSeverity::MAV_SEVERITY_NOTICE => "notice",
-            MavSeverity::MAV_SEVERITY_WARNING => "warning",
-            MavSeverity::MAV_SEVERITY_CRITICAL => "critical",
-            other => panic!("{other:?} is not announced"),
-        };
-        format!("{severity}: {}", announcement.text())
+    fn line(event: &dyn Announce) -> String {
+        let severity = format!("{:?}", event.severity()).to_lowercase();
+        format!("{severity}: {}", announced_text(event))
     }
 
     #[test]
@@ -565,7 +396,7 @@ mod tests {
             failsafe(FailsafeLevel::Low),
             failsafe(FailsafeLevel::Critical),
         ];
-        let lines = events.map(|event| line(&Announcement::Pack(Pack::First, &event)));
+        let lines = events.map(|event| line(&PackNotice(Pack::First, &event)));
         let expected = "\
 notice: Battery 1 has 3 cells (set BATT_CELLS to be sure)
 warning: Battery 1 cells unclear at 8.85V: set BATT_CELLS
@@ -601,8 +432,8 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
         let node = NodeId::new(10).expect("an id");
         let flash = StorageError::Flash(FlashFault::NotVerified);
         let id = BatteryParameter::Capacity.of(Pack::First);
-        let not_saved = |error| Announcement::ParametersNotSaved(SaveFailure { error, changes: 2 });
-        let refused = |why| Announcement::ParameterRefused { id, why };
+        let not_saved = |error| SaveFailure { error, changes: 2 };
+        let refused = |why| Notice::ParameterRefused { id, why };
         let serial = [
             SerialNotice::FuelCellError(FuelCellError::Flags(0x0400)),
             SerialNotice::FuelCellError(FuelCellError::Flags(0x0010)),
@@ -613,90 +444,90 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
             SerialNotice::FuelCellState(FuelCellState::Fault),
             SerialNotice::Torqeedo(TorqeedoCondition::default()),
         ];
-        let announcements = [
-            Announcement::Vehicle(VehicleEvent::NeedsPosition(FailsafeAction::Rtl)),
-            Announcement::Vehicle(VehicleEvent::Terminated),
-            Announcement::Vehicle(VehicleEvent::ControlsTimedOut),
-            Announcement::Vehicle(VehicleEvent::GroundStationsTimedOut),
-            Announcement::FailsafesOff(BatteryParameter::LowVolt.of(Pack::First)),
-            Announcement::Suggestion(
+        let announcements: [&dyn Announce; _] = [
+            &VehicleEvent::NeedsPosition(FailsafeAction::Rtl),
+            &VehicleEvent::Terminated,
+            &VehicleEvent::ControlsTimedOut,
+            &VehicleEvent::GroundStationsTimedOut,
+            &Notice::FailsafesOff(BatteryParameter::LowVolt.of(Pack::First)),
+            &Notice::Suggestion(
                 Pack::First,
                 SuggestedThresholds {
                     low_v: 10.5,
                     critical_v: 10.2,
                 },
             ),
-            Announcement::DefaultParameters,
-            Announcement::LastParameterLost,
-            Announcement::ParametersReset,
-            Announcement::Parameters(ParameterTrouble::NotRead),
-            Announcement::Parameters(ParameterTrouble::Damaged),
-            Announcement::Parameters(ParameterTrouble::HalfLoaded),
-            Announcement::Parameters(ParameterTrouble::DoesNotFit(id)),
-            Announcement::ParametersUnknown(3),
-            not_saved(StorageError::NoErasedSpace),
-            not_saved(StorageError::Full),
-            not_saved(flash),
-            Announcement::ParametersSaved,
-            Announcement::LearntNotSaved(StorageError::NoErasedSpace),
-            Announcement::LearntNotSaved(flash),
-            Announcement::WifiNotSaved(StorageError::NoErasedSpace),
-            Announcement::WifiNotSaved(flash),
-            Announcement::Wifi(WifiReport::NoAnswer),
-            Announcement::Wifi(WifiReport::DownloadFailed),
-            Announcement::Wifi(WifiReport::NoRadio),
-            Announcement::Wifi(WifiReport::AccessPointUp),
-            Announcement::Wifi(WifiReport::Joined),
-            Announcement::Wifi(WifiReport::AddressObtained([192, 168, 4, 2])),
-            Announcement::Wifi(WifiReport::NetworkNotFound),
-            Announcement::Wifi(WifiReport::JoinFailed),
-            Announcement::Wifi(WifiReport::WrongPassword),
-            Announcement::Wifi(WifiReport::NoAddress),
-            Announcement::Wifi(WifiReport::NetworkLost),
-            Announcement::Wifi(WifiReport::FallbackToAccessPoint),
-            Announcement::Wifi(WifiReport::OffAfterCrash),
-            Announcement::Wifi(WifiReport::NoEntropy),
-            Announcement::Can(CanReport::ImpossibleBitRate),
-            Announcement::Can(CanReport::NoAnswer),
-            Announcement::Can(CanReport::Reconfigured),
-            Announcement::Can(CanReport::Passive),
-            Announcement::Can(CanReport::BusOff(2)),
-            Announcement::Can(CanReport::Working),
-            Announcement::Can(CanReport::NoInterrupt),
-            Announcement::Can(CanReport::FramesLost(7)),
-            Announcement::CanNode(CanNotice::Appeared(node)),
-            Announcement::CanNode(CanNotice::Lost(node)),
-            Announcement::CanNode(CanNotice::Restarted(node)),
-            Announcement::CanNode(CanNotice::OwnId(node)),
-            Announcement::CanNode(CanNotice::SameId(node)),
-            Announcement::CanNode(CanNotice::Assigned(node)),
-            Announcement::CanNode(CanNotice::NoIdLeft),
-            Announcement::CanNode(CanNotice::Source(Pack::Second, node)),
-            Announcement::CanNode(CanNotice::Charger(Pack::Second, ChargerPower::On)),
-            Announcement::CanNode(CanNotice::Charger(Pack::Second, ChargerPower::Off)),
-            Announcement::SigningSaved(SigningChange::KeySet),
-            Announcement::SigningSaved(SigningChange::KeyRemoved),
-            Announcement::Signing(SigningTrouble::KeyLost),
-            Announcement::Signing(SigningTrouble::NotSaved),
-            Announcement::Unauthorized {
+            &ParameterLoad::Skipped,
+            &ParameterLoad::Interrupted,
+            &Notice::ParametersReset,
+            &ParameterTrouble::NotRead,
+            &ParameterTrouble::Damaged,
+            &ParameterTrouble::HalfLoaded,
+            &ParameterTrouble::DoesNotFit(id),
+            &ParameterLoad::Unknown(3),
+            &not_saved(StorageError::NoErasedSpace),
+            &not_saved(StorageError::Full),
+            &not_saved(flash),
+            &Notice::ParametersSaved,
+            &Notice::LearntNotSaved(StorageError::NoErasedSpace),
+            &Notice::LearntNotSaved(flash),
+            &Notice::WifiNotSaved(StorageError::NoErasedSpace),
+            &Notice::WifiNotSaved(flash),
+            &WifiReport::NoAnswer,
+            &WifiReport::DownloadFailed,
+            &WifiReport::NoRadio,
+            &WifiReport::AccessPointUp,
+            &WifiReport::Joined,
+            &WifiReport::AddressObtained([192, 168, 4, 2]),
+            &WifiReport::NetworkNotFound,
+            &WifiReport::JoinFailed,
+            &WifiReport::WrongPassword,
+            &WifiReport::NoAddress,
+            &WifiReport::NetworkLost,
+            &WifiReport::FallbackToAccessPoint,
+            &WifiReport::OffAfterCrash,
+            &WifiReport::NoEntropy,
+            &CanReport::ImpossibleBitRate,
+            &CanReport::NoAnswer,
+            &CanReport::Reconfigured,
+            &CanReport::Passive,
+            &CanReport::BusOff(2),
+            &CanReport::Working,
+            &CanReport::NoInterrupt,
+            &CanReport::FramesLost(7),
+            &CanNotice::Appeared(node),
+            &CanNotice::Lost(node),
+            &CanNotice::Restarted(node),
+            &CanNotice::OwnId(node),
+            &CanNotice::SameId(node),
+            &CanNotice::Assigned(node),
+            &CanNotice::NoIdLeft,
+            &CanNotice::Source(Pack::Second, node),
+            &CanNotice::Charger(Pack::Second, ChargerPower::On),
+            &CanNotice::Charger(Pack::Second, ChargerPower::Off),
+            &SigningChange::KeySet,
+            &SigningChange::KeyRemoved,
+            &SigningTrouble::KeyLost,
+            &SigningTrouble::NotSaved,
+            &Notice::Unauthorized {
                 link: "UART",
                 count: 5,
             },
-            Announcement::TooOld { link: "UART" },
-            refused(Refused::OutOfRange),
-            refused(Refused::ReadOnly),
-            refused(Refused::Armed),
-            Announcement::LongTimeOut {
+            &Notice::TooOld { link: "UART" },
+            &refused(Refused::OutOfRange),
+            &refused(Refused::ReadOnly),
+            &refused(Refused::Armed),
+            &Notice::LongTimeOut {
                 parameter: VehicleParameter::FsTimeout,
                 seconds: 7.5,
             },
-            Announcement::NoLog(LogFailure::Full),
-            Announcement::NoLog(LogFailure::NotWritten),
-            Announcement::LogWearsFlash,
-            Announcement::Crash("Crashed"),
+            &LogFailure::Full,
+            &LogFailure::NotWritten,
+            &Notice::LogWearsFlash,
+            &CrashLine("Crashed"),
         ];
-        let serial = serial.map(Announcement::Serial);
-        let lines: Vec<_> = announcements.iter().chain(&serial).map(line).collect();
+        let serial = serial.iter().map(|notice| notice as &dyn Announce);
+        let lines: Vec<_> = announcements.into_iter().chain(serial).map(line).collect();
         let expected = "\
 warning: RTL needs a position: Hold
 critical: Terminated by battery failsafe
@@ -783,29 +614,14 @@ info: Torqeedo: no error";
             low_v: 16.0 * 3.5,
             critical_v: 16.0 * 3.4,
         };
-        let text = Announcement::Suggestion(Pack::Ninth, suggested).text();
+        let text = Notice::Suggestion(Pack::Ninth, suggested).text();
         assert_eq!(text, "Set BATT9_LOW_VOLT 56.00, BATT9_CRT_VOLT 54.40");
         assert!(text.len() <= 50);
     }
 
     #[test]
-    fn only_a_pack_that_powers_off_is_announced_by_a_command() {
-        let command = |event| Announcement::Pack(Pack::Ninth, &event).command();
-        let power_off = BroadcastCommand {
-            number: 42000,
-            param1: 9.0,
-        };
-        assert_eq!(command(PackEvent::PoweringOff), Some(power_off));
-        for event in [PackEvent::ContactLost, PackEvent::Swapped] {
-            assert_eq!(command(event), None);
-        }
-        let off = Announcement::FailsafesOff(BatteryParameter::LowVolt.of(Pack::First));
-        assert_eq!(off.command(), None);
-    }
-
-    #[test]
     fn long_text_is_cut_off_at_a_whole_character() {
         let line = format!("{}°C", "x".repeat(95));
-        assert_eq!(Announcement::Crash(&line).text().as_str(), "x".repeat(95));
+        assert_eq!(CrashLine(&line).text().as_str(), "x".repeat(95));
     }
 }

@@ -2,13 +2,13 @@
 
 use heapless::Vec;
 
-use super::announcement::Kind;
+use crate::announce::{Limit, RateLimit};
 use crate::time::Instant;
 
 /// Time in which one announcement of a kind becomes allowed again, in microseconds.
 const INTERVAL_US: u64 = 10_000_000;
 
-/// Kinds that are counted at a time. Beyond that the one that has been limited least gives way: those that flood stay.
+/// Limits that are counted at a time. Beyond that the one that has been limited least gives way: those that flood stay.
 const KINDS: usize = 8;
 
 /// Allows several announcements of a kind at once, as many as the kind says, and then one per [`INTERVAL_US`].
@@ -20,92 +20,79 @@ pub(super) struct AnnouncementLimit {
 /// Announcements of a kind so far.
 #[derive(Debug)]
 struct Used {
-    kind: Kind,
-    /// From when on all of it is allowed again.
-    restored_at: Instant,
+    kind: Limit,
+    rate: RateLimit<INTERVAL_US>,
     /// Announcements left out since the last one that was allowed (saturating).
     left_out: u16,
 }
 
-/// Whether an announcement may be sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Permission {
-    /// It may, after this many of its kind were left out.
-    Allowed { left_out: u16 },
-    /// It is left out, as were this many before it.
-    LeftOut { before: u16 },
-}
-
-impl Used {
-    fn allows_one(&self, now: Instant) -> bool {
-        let several_us = u64::from(self.kind.at_once() - 1) * INTERVAL_US;
-        self.restored_at.us_since(now) <= several_us
-    }
-}
-
 impl AnnouncementLimit {
     /// Whether one of this kind would be allowed now.
-    pub fn allows_one(&self, kind: Kind, now: Instant) -> bool {
+    pub fn allows_one(&self, kind: Limit, now: Instant) -> bool {
         let used = self.used.iter().find(|used| used.kind == kind);
-        used.is_none_or(|used| used.allows_one(now))
+        used.is_none_or(|used| used.rate.allows(kind.at_once, now))
     }
 
-    /// Counts one of this kind.
-    pub fn count(&mut self, kind: Kind, now: Instant) -> Permission {
+    /// Counts one of this kind, which is allowed after this many were left out.
+    ///
+    /// # Errors
+    /// It is left out, as were this many before it.
+    pub fn count(&mut self, kind: Limit, now: Instant) -> Result<u16, u16> {
+        if self.used.iter().all(|used| used.kind != kind) {
+            self.add(kind);
+        }
         let Some(used) = self.used.iter_mut().find(|used| used.kind == kind) else {
-            self.add(Used {
-                kind,
-                restored_at: now.after_us(INTERVAL_US),
-                left_out: 0,
-            });
-            return Permission::Allowed { left_out: 0 };
+            return Ok(0);
         };
-        if used.allows_one(now) {
-            used.restored_at = used.restored_at.max(now).after_us(INTERVAL_US);
-            let left_out = core::mem::take(&mut used.left_out);
-            Permission::Allowed { left_out }
+        let before = used.left_out;
+        if used.rate.take_of(kind.at_once, now) {
+            used.left_out = 0;
+            Ok(before)
         } else {
-            let before = used.left_out;
             used.left_out = before.saturating_add(1);
-            Permission::LeftOut { before }
+            Err(before)
         }
     }
 
-    fn add(&mut self, used: Used) {
+    fn add(&mut self, kind: Limit) {
         let places = self.used.iter().enumerate();
         if self.used.is_full()
-            && let Some((place, _)) = places.min_by_key(|(_, used)| used.restored_at)
+            && let Some((place, _)) = places.min_by_key(|(_, used)| used.rate.restored_at)
         {
             self.used.swap_remove(place);
         }
         // There is room now.
-        let _ = self.used.push(used);
+        let _ = self.used.push(Used {
+            kind,
+            rate: RateLimit::default(),
+            left_out: 0,
+        });
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::autopilot::Announcement;
-    use crate::battery::PackEvent;
+    use crate::announce::Announce;
+    use crate::battery::{PackEvent, PackNotice};
     use crate::pack::Pack;
     use crate::sensor::{CanNotice, CanReport, NodeId};
     use crate::time::at_us;
     use proptest::prelude::*;
 
-    fn lost(node: u8) -> Kind {
+    fn lost(node: u8) -> Limit {
         let node = NodeId::new(node).expect("an id");
-        Announcement::CanNode(CanNotice::Lost(node)).kind()
+        CanNotice::Lost(node).limit()
     }
 
     /// Number of these that are allowed, of one every `interval_us` in a minute.
     fn allowed_in_a_minute(
         limit: &mut AnnouncementLimit,
         interval_us: usize,
-        kind: impl Fn(u64) -> Kind,
+        kind: impl Fn(u64) -> Limit,
     ) -> usize {
         let times = (0..60_000_000).step_by(interval_us);
-        let is_allowed = |us: &u64| matches!(limit.count(kind(*us), at_us(*us)), Permission::Allowed { .. });
+        let is_allowed = |us: &u64| limit.count(kind(*us), at_us(*us)).is_ok();
         times.filter(is_allowed).count()
     }
 
@@ -125,8 +112,8 @@ mod tests {
         allowed_in_a_minute(&mut limit, 100_000, |_| lost(1));
         let now = at_us(59_900_000);
         for pack in Pack::ALL {
-            let kind = Announcement::Pack(pack, &PackEvent::Swapped).kind();
-            assert_eq!(limit.count(kind, now), Permission::Allowed { left_out: 0 });
+            let kind = PackNotice(pack, &PackEvent::Swapped).limit();
+            assert_eq!(limit.count(kind, now), Ok(0));
         }
         assert!(!limit.allows_one(lost(2), now));
     }
@@ -135,19 +122,13 @@ mod tests {
     fn what_was_left_out_is_counted() {
         let mut limit = AnnouncementLimit::default();
         allowed_in_a_minute(&mut limit, 1_000_000, |_| lost(1));
-        assert_eq!(
-            limit.count(lost(1), at_us(59_500_000)),
-            Permission::LeftOut { before: 9 }
-        );
-        assert_eq!(
-            limit.count(lost(2), at_us(60_000_000)),
-            Permission::Allowed { left_out: 10 }
-        );
+        assert_eq!(limit.count(lost(1), at_us(59_500_000)), Err(9));
+        assert_eq!(limit.count(lost(2), at_us(60_000_000)), Ok(10));
     }
 
     #[test]
     fn a_state_is_announced_every_ten_seconds_at_most() {
-        let kind = |times| Announcement::Can(CanReport::BusOff(times)).kind();
+        let kind = |times| CanReport::BusOff(times).limit();
         let count = allowed_in_a_minute(&mut AnnouncementLimit::default(), 100_000, |us| kind(us as u32));
         assert_eq!(count, 6);
     }
@@ -160,9 +141,9 @@ mod tests {
             let mut allowed = [0u64; 10];
             for (pack, after_us) in steps {
                 now = now.after_us(after_us);
-                let kind = Announcement::Pack(Pack::ALL[usize::from(pack) - 1], &PackEvent::Swapped).kind();
+                let kind = PackNotice(Pack::ALL[usize::from(pack) - 1], &PackEvent::Swapped).limit();
                 let expected = limit.allows_one(kind, now);
-                let is_allowed = matches!(limit.count(kind, now), Permission::Allowed { .. });
+                let is_allowed = limit.count(kind, now).is_ok();
                 prop_assert_eq!(is_allowed, expected);
                 allowed[usize::from(pack)] += u64::from(is_allowed);
                 prop_assert!(allowed[usize::from(pack)] <= 9 + now.as_micros() / INTERVAL_US);

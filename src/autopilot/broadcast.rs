@@ -2,9 +2,8 @@
 
 use heapless::Deque;
 
-use super::announcement::{Announcement, AnnouncementText};
-use crate::battery::PackEvent;
-use crate::mavlink::dialect::MavSeverity;
+use crate::announce::{Announce, AnnouncementText, Severity, announced_text};
+use crate::battery::{PackEvent, PackNotice};
 use crate::mavlink::{BroadcastCommand, BroadcastPosition, MAX_LINKS};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::ParameterIdSet;
@@ -17,7 +16,7 @@ const KEPT: usize = MAX_PACKS + 3;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Announced {
     /// As a text.
-    Text(MavSeverity, AnnouncementText),
+    Text(Severity, AnnouncementText),
     /// As a command.
     Command(BroadcastCommand),
 }
@@ -113,17 +112,16 @@ impl Broadcast {
         }
     }
 
-    /// The next urgent announcement that was not sent yet; `position` moves behind it.
-    pub fn next_urgent(&self, position: &mut BroadcastPosition) -> Option<Announcement<'_>> {
-        let packs = Pack::ALL.into_iter().zip(&self.levels).zip(&mut position.levels);
-        let level = packs.into_iter().find_map(|((pack, level), sent)| {
-            let event = level.unsent(sent)?;
-            Some(Announcement::Pack(pack, event))
-        });
-        level.or_else(|| {
-            let event = self.mode.unsent(&mut position.mode)?;
-            Some(Announcement::Vehicle(*event))
-        })
+    /// Severity and text of the next urgent announcement that was not sent yet; `position` moves behind it.
+    pub fn next_urgent(&self, position: &mut BroadcastPosition) -> Option<(Severity, AnnouncementText)> {
+        let said = |event: &dyn Announce| (event.severity(), announced_text(event));
+        for ((pack, level), sent) in Pack::ALL.into_iter().zip(&self.levels).zip(&mut position.levels) {
+            if let Some(event) = level.unsent(sent) {
+                return Some(said(&PackNotice(pack, event)));
+            }
+        }
+        let event = self.mode.unsent(&mut position.mode)?;
+        Some(said(event))
     }
 
     /// The item after `position` in the queue, which moves behind it.
@@ -184,7 +182,7 @@ mod tests {
 
     fn announce(broadcast: &mut Broadcast, number: usize) {
         let text = AnnouncementText::try_from(number.to_string().as_str()).unwrap();
-        broadcast.add(Announced::Text(MavSeverity::MAV_SEVERITY_INFO, text));
+        broadcast.add(Announced::Text(Severity::Info, text));
     }
 
     fn texts(broadcast: &Broadcast, position: &mut BroadcastPosition) -> Vec<String> {
@@ -239,7 +237,7 @@ mod tests {
         }
         let mut opened_later = broadcast.end();
         let urgent = |position: &mut BroadcastPosition| {
-            let next = std::iter::from_fn(|| Some(broadcast.next_urgent(position)?.text().to_string()));
+            let next = std::iter::from_fn(|| Some(broadcast.next_urgent(position)?.1.to_string()));
             next.collect::<Vec<_>>()
         };
         assert_eq!(

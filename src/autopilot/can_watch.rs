@@ -1,6 +1,7 @@
 //! Announcements of the CAN bus's controller.
 
-use crate::sensor::{CanInterrupt, CanReport, CanState, CanStatus};
+use super::start::{ParameterLoad, Start};
+use crate::sensor::{BitTiming, CanInterrupt, CanReport, CanState, CanStatus};
 use crate::time::Instant;
 
 /// At the start no node may acknowledge yet; errors that go on for longer are announced.
@@ -12,6 +13,8 @@ const WORKING_US: u64 = 2_000_000;
 /// Announced state of the controller.
 #[derive(Debug)]
 pub(super) struct CanWatch {
+    /// Why the bus is not in use.
+    pub impossible: Option<CanReport>,
     announced: CanStatus,
     /// Since when there are too many errors.
     passive_since: Option<Instant>,
@@ -20,15 +23,20 @@ pub(super) struct CanWatch {
 }
 
 impl CanWatch {
-    pub fn new() -> Self {
+    pub fn new(start: &Start) -> Self {
+        let impossible = match start.parameter_load {
+            ParameterLoad::Loaded => BitTiming::from_parameters(&start.parameters).err(),
+            _ => None,
+        };
         Self {
+            impossible,
             announced: CanStatus::STARTING,
             passive_since: None,
             active_since: None,
         }
     }
 
-    /// What is news of `status`, if it may be announced yet, which `is_due` says: the most important. A bus may work and fail
+    /// The most important news of `status` that may be announced yet, which `is_due` says. A bus may work and fail
     /// in turns; what has to wait stays news.
     pub fn news(
         &mut self,
@@ -117,7 +125,7 @@ impl CanWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::autopilot::Announcement;
+    use crate::announce::Announce;
     use crate::autopilot::announcement_limit::AnnouncementLimit;
     use crate::time::at_us;
 
@@ -128,14 +136,13 @@ mod tests {
 
     /// Announcements of statuses that come every 100 ms.
     fn announced(statuses: impl IntoIterator<Item = CanStatus>) -> std::vec::Vec<(u64, CanReport)> {
-        let (mut watch, mut limit) = (CanWatch::new(), AnnouncementLimit::default());
+        let (mut watch, mut limit) = (CanWatch::new(&Start::default()), AnnouncementLimit::default());
         let mut announced = std::vec::Vec::new();
         for (tick, status) in (0..).zip(statuses) {
             let now = at_us(tick * 100_000);
-            let kind = |report| Announcement::Can(report).kind();
-            let news = watch.news(&status, now, |report| limit.allows_one(kind(report), now));
+            let news = watch.news(&status, now, |report| limit.allows_one(report.limit(), now));
             if let Some(report) = news {
-                limit.count(kind(report), now);
+                assert!(limit.count(report.limit(), now).is_ok());
                 announced.push((tick * 100, report));
             }
         }

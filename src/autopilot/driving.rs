@@ -2,7 +2,7 @@
 
 use core::mem;
 
-use super::announcement::Announcement;
+use super::announcement::Notice;
 use super::{Autopilot, Work};
 use crate::battery::FailsafeLevel;
 use crate::log::info;
@@ -41,11 +41,11 @@ impl Autopilot {
         }
         if let Some(event) = event {
             self.record_failsafe(event);
-            self.announce(Announcement::Vehicle(event), now);
+            self.announce_vehicle(event);
         }
         self.follow_status(now);
         if let Some(failure) = self.recording.take_report() {
-            self.announce(Announcement::NoLog(failure), now);
+            self.announce(&failure, now);
         }
         Outputs {
             drives: self.vehicle.drives(),
@@ -54,12 +54,12 @@ impl Autopilot {
     }
 
     /// Takes the most severe of the actions that are set for a pack that has reached these levels.
-    pub(super) fn act_on_failsafe(&mut self, pack: Pack, reached: &[FailsafeLevel], now: Instant) {
+    pub(super) fn act_on_failsafe(&mut self, pack: Pack, reached: &[FailsafeLevel]) {
         self.recording.add(&Record::Error(Subsystem::BatteryFailsafe));
         self.mode_reason = ModeReason::BatteryFailsafe;
         let action = FailsafeAction::from_parameters(&self.parameters, pack, reached);
         if let Some(event) = self.vehicle.battery_failsafe(action) {
-            self.announce(Announcement::Vehicle(event), now);
+            self.announce_vehicle(event);
         }
         self.work |= Work::DRIVE;
     }
@@ -92,7 +92,7 @@ impl Autopilot {
         for (parameter, longest_s) in LONGEST_TIME_OUTS_S {
             let seconds = self.parameters.get(parameter);
             if seconds > longest_s {
-                self.announce(Announcement::LongTimeOut { parameter, seconds }, now);
+                self.announce(&Notice::LongTimeOut { parameter, seconds }, now);
             }
         }
     }

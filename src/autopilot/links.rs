@@ -1,13 +1,14 @@
 //! Links to ground stations: what is sent and received, and what a request leads to.
 
-use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
+use super::announcement::Notice;
 use super::broadcast::{Announced, Next};
 use super::recording::is_on;
+use super::start::ParameterLoad;
 use super::stores::FlashStore;
 use super::{Autopilot, Work, system_state};
-use crate::battery::{FailsafeLevel, PackEvent, PackSettings, SuggestedThresholds};
+use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Severity, announced_text};
+use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
-use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{
     Action, Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,
 };
@@ -43,24 +44,23 @@ impl Autopilot {
 
     /// Notices for a ground station that connects: about the start, and about what can't be saved or trusted now.
     fn send_notices(&self, endpoint: &mut Endpoint) {
-        let unsaved = self.parameters.save_failure();
-        let notices = [
-            self.start_notice,
-            self.parameters.trouble().map(Announcement::Parameters),
-            unsaved.map(Announcement::ParametersNotSaved),
-            self.signing.trouble().map(Announcement::Signing),
-            self.save_failure(FlashStore::Learnt)
-                .map(Announcement::LearntNotSaved),
-            self.save_failure(FlashStore::Wifi)
-                .map(Announcement::WifiNotSaved),
-            self.wifi.trouble().map(Announcement::Wifi),
-            self.can.trouble().map(Announcement::Can),
-            self.log_wears_flash().then_some(Announcement::LogWearsFlash),
-            self.missing_threshold().map(Announcement::FailsafesOff),
-        ];
-        let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
-        for notice in notices.into_iter().flatten().chain(suggestions) {
-            notify(endpoint, &notice);
+        if self.parameter_load != ParameterLoad::Loaded {
+            notify(endpoint, &self.parameter_load);
+        }
+        notify_any(endpoint, self.can.impossible);
+        notify_any(endpoint, self.parameters.trouble());
+        notify_any(endpoint, self.parameters.save_failure());
+        notify_any(endpoint, self.signing.trouble());
+        let learnt = self.save_failure(FlashStore::Learnt);
+        notify_any(endpoint, learnt.map(Notice::LearntNotSaved));
+        let wifi = self.save_failure(FlashStore::Wifi);
+        notify_any(endpoint, wifi.map(Notice::WifiNotSaved));
+        notify_any(endpoint, self.wifi.trouble());
+        notify_any(endpoint, self.can.trouble());
+        notify_any(endpoint, self.log_wears_flash().then_some(Notice::LogWearsFlash));
+        notify_any(endpoint, self.missing_threshold().map(Notice::FailsafesOff));
+        for pack in Pack::ALL {
+            notify_any(endpoint, self.suggestion(pack));
         }
     }
 
@@ -74,7 +74,7 @@ impl Autopilot {
         for (pack, state) in Pack::ALL.into_iter().zip(&self.packs.states) {
             if state.failsafe != FailsafeLevel::None {
                 let event = PackEvent::failsafe(state.failsafe, state.voltage_v, state);
-                notify(endpoint, &Announcement::Pack(pack, &event));
+                notify(endpoint, &PackNotice(pack, &event));
             }
         }
     }
@@ -103,10 +103,10 @@ impl Autopilot {
     }
 
     /// Thresholds for a pack that has none.
-    pub(super) fn suggestion(&self, pack: Pack) -> Option<Announcement<'static>> {
+    pub(super) fn suggestion(&self, pack: Pack) -> Option<Notice> {
         let settings = PackSettings::from_parameters(&self.parameters, pack);
         let suggested = SuggestedThresholds::of(self.battery(pack), &settings)?;
-        Some(Announcement::Suggestion(pack, suggested))
+        Some(Notice::Suggestion(pack, suggested))
     }
 
     /// Has every link except that of `except` report the parameters that have changed.
@@ -129,7 +129,7 @@ impl Autopilot {
         let state = self.system_state();
         let dropped = endpoint.post_due(now, &state, &self.parameters);
         if let Some(stream) = dropped
-            && endpoint.drop_log.allows(now)
+            && endpoint.drop_log.take(now)
         {
             warn!(
                 "{}: link too slow, dropped {:?}, {} messages so far",
@@ -143,9 +143,9 @@ impl Autopilot {
     /// Posts the next urgent announcement once the one before has left.
     fn post_urgent(&self, endpoint: &mut Endpoint) {
         if endpoint.has_room_for_urgent()
-            && let Some(urgent) = self.broadcast.next_urgent(&mut endpoint.position)
+            && let Some((severity, text)) = self.broadcast.next_urgent(&mut endpoint.position)
         {
-            endpoint.say_urgently(urgent.severity(), &urgent.text());
+            endpoint.say_urgently(severity, &text);
         }
     }
 
@@ -266,7 +266,7 @@ impl Autopilot {
             Event::TimeHeard(utc) => self.recording.set_time(utc, now),
             Event::Driven => return Work::DRIVE,
             Event::ListRequested => {
-                endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER);
+                endpoint.say(Severity::Info, BANNER);
                 self.send_notices(endpoint);
             }
             Event::ParameterSet(id) => return self.parameter_set(id, endpoint),
@@ -296,12 +296,12 @@ impl Autopilot {
             }
             Event::Unauthorized { count } => {
                 let link = endpoint.name();
-                self.announce(Announcement::Unauthorized { link, count }, now);
+                self.announce(&Notice::Unauthorized { link, count }, now);
             }
             Event::TooOld => {
                 if self.signing.reports_old() {
                     let link = endpoint.name();
-                    self.announce(Announcement::TooOld { link }, now);
+                    self.announce(&Notice::TooOld { link }, now);
                 }
             }
             Event::Measured {
@@ -314,19 +314,18 @@ impl Autopilot {
             }
             Event::CommandRefused(command) => {
                 // Some ground stations repeat for as long as they run what this rover does not have.
-                if endpoint.refused_command != Some(command) {
-                    endpoint.refused_command = Some(command);
+                if endpoint.refused_command.has_changed(Some(command)) {
                     warn!("{}: refused: {:?}", endpoint.name(), *event);
                 }
             }
             Event::ParameterRefused(id, why) => {
-                self.announce(Announcement::ParameterRefused { id, why }, now);
+                self.announce(&Notice::ParameterRefused { id, why }, now);
             }
             Event::ParameterUnknown
             | Event::ControlTooLate
             | Event::SigningRefused(_)
             | Event::WifiRefused(_) => {
-                if endpoint.refusal_log.allows(now) {
+                if endpoint.refusal_log.take(now) {
                     warn!("{}: refused: {:?}", endpoint.name(), *event);
                 }
             }
@@ -365,7 +364,7 @@ impl Autopilot {
             Action::Restart(_) => Work::RESTART,
             Action::ResetParameters => {
                 self.parameters.reset();
-                self.announce(Announcement::ParametersReset, now);
+                self.announce(&Notice::ParametersReset, now);
                 self.recording.add_all_parameters();
                 self.parameters_changed()
             }
@@ -382,9 +381,15 @@ impl Autopilot {
     }
 }
 
+fn notify_any(endpoint: &mut Endpoint, notice: Option<impl Announce>) {
+    if let Some(notice) = notice {
+        notify(endpoint, &notice);
+    }
+}
+
 /// Sends `notice` on this link only.
-fn notify(endpoint: &mut Endpoint, notice: &Announcement<'_>) {
-    let text = notice.text();
+fn notify(endpoint: &mut Endpoint, notice: &dyn Announce) {
+    let text = announced_text(notice);
     info!("{}: {}", endpoint.name(), text.as_str());
     endpoint.say(notice.severity(), &text);
 }
@@ -395,7 +400,7 @@ fn log_admission(admission: Admission, component_id: u8, pack: Pack, endpoint: &
         Admission::Known => {}
         Admission::New => info!("battery {}: measured by component {}", number, component_id),
         Admission::OtherSource | Admission::TooLate => {
-            if endpoint.refusal_log.allows(now) {
+            if endpoint.refusal_log.take(now) {
                 let link = endpoint.name();
                 warn!(
                     "{}: battery {}: component {} refused: {:?}",

@@ -21,7 +21,7 @@ mod wifi;
 mod wifi_state;
 mod wiring;
 
-pub use announcement::{ANNOUNCEMENT_BYTES, Announcement, AnnouncementText};
+pub use announcement::{CrashLine, Notice};
 pub use driving::Outputs;
 pub use packs::PinsToRead;
 pub use recording::{LogFailure, LogStep};
@@ -32,21 +32,23 @@ pub use wiring::Wiring;
 
 use bitflags::bitflags;
 
-use crate::battery::{BatteryState, PackEvent};
+use crate::announce::{Announce, AnnouncementText, announced_text};
+use crate::battery::{BatteryState, PackEvent, PackNotice};
 use crate::log::info;
-use crate::mavlink::{Signing, SigningChange};
+use crate::mavlink::{BroadcastCommand, Signing, SigningChange};
 use crate::memory::flash_chip::RegisterWear;
 use crate::memory::identity::{FirmwareHash, Identity};
 use crate::memory::in_place::in_place;
 use crate::memory::save_state::SaveState;
+use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{MonitorKind, Parameters};
 use crate::recorder::dataflash::{ModeReason, Record};
 use crate::sensor::ChargerPower;
 use crate::system::{ArmingReadiness, SystemState};
 use crate::time::Instant;
-use crate::vehicle::{ArmState, Vehicle, VehicleStatus};
-use announcement_limit::{AnnouncementLimit, Permission};
+use crate::vehicle::{ArmState, Vehicle, VehicleEvent, VehicleStatus};
+use announcement_limit::AnnouncementLimit;
 use broadcast::{Announced, Broadcast, Changes};
 use can_watch::CanWatch;
 use packs::Packs;
@@ -68,7 +70,8 @@ pub struct Autopilot {
     load_permille: u16,
     identity: Identity,
     flash_wear: RegisterWear,
-    start_notice: Option<Announcement<'static>>,
+    /// To be known by every ground station that connects, unless loaded.
+    parameter_load: ParameterLoad,
     limit: AnnouncementLimit,
     broadcast: Broadcast,
     changes: Changes,
@@ -100,8 +103,9 @@ impl Autopilot {
     // Not inlined: see `in_place`.
     #[inline(never)]
     pub fn new(start: &Start) -> Self {
+        start.log();
         Self {
-            start_notice: start.notice(),
+            parameter_load: start.parameter_load,
             signing: in_place(|| start.signing.clone()),
             parameters: in_place(|| start.parameters.clone()),
             vehicle: in_place(Vehicle::new),
@@ -115,7 +119,7 @@ impl Autopilot {
             signing_change: None,
             armed_since: None,
             wifi: in_place(|| WifiState::new(start)),
-            can: CanWatch::new(),
+            can: CanWatch::new(start),
             charger_switch: None,
             recording: in_place(|| Recording::new(start.crash.clone())),
             watched_as: ArmState::Disarmed,
@@ -182,51 +186,62 @@ impl Autopilot {
         )
     }
 
-    /// Announces something to all connected ground stations at `now`, once. What is repeated too often is left out.
-    pub fn announce(&mut self, announcement: Announcement<'_>, now: Instant) {
-        let Some(text) = self.broadcast(&announcement, now) else {
-            return;
-        };
-        info!("announced: {}", text.as_str());
-        self.recording.add(&Record::Message(&text));
-        if let Some(command) = announcement.command() {
-            self.broadcast.add(Announced::Command(command));
-        }
-        self.work |= Work::ANNOUNCED;
+    /// Announces an event to all connected ground stations at `now`, once. One that is repeated too often is left out.
+    pub fn announce(&mut self, event: &dyn Announce, now: Instant) {
+        self.announce_limited(event, now);
     }
 
-    /// Has every link send the text, which is returned; `None` if it is repeated too often. What has a place of its own is
-    /// not limited, nor what is for the log alone.
-    fn broadcast(&mut self, announcement: &Announcement<'_>, now: Instant) -> Option<AnnouncementText> {
-        match announcement {
-            Announcement::Pack(pack, event @ PackEvent::Failsafe { .. }) => {
-                self.broadcast.set_level(*pack, **event);
-                return Some(announcement.text());
+    /// The same; returns whether it was announced.
+    fn announce_limited(&mut self, event: &dyn Announce, now: Instant) -> bool {
+        let limit = event.limit();
+        let text = match self.limit.count(limit, now) {
+            // The next one of a state says how things are now.
+            Ok(left_out) if left_out > 0 && limit.at_once > 1 => {
+                text(format_args!("{event} (+{left_out} left out)"))
             }
-            Announcement::Pack(_, PackEvent::NotLearnt(_)) => return Some(announcement.text()),
-            Announcement::Vehicle(event) => {
-                self.broadcast.set_mode(*event);
-                return Some(announcement.text());
-            }
-            _ => {}
-        }
-        let kind = announcement.kind();
-        match self.limit.count(kind, now) {
-            Permission::Allowed { left_out } => {
-                // The next one of a state says how things are now.
-                let left_out = if kind.at_once() == 1 { 0 } else { left_out };
-                let text = announcement.text_after(left_out);
-                let severity = announcement.severity();
-                self.broadcast.add(Announced::Text(severity, text.clone()));
-                Some(text)
-            }
-            Permission::LeftOut { before } => {
+            Ok(_) => announced_text(event),
+            Err(before) => {
                 if before == 0 {
-                    info!("too often, left out: {}", announcement.text().as_str());
+                    info!("too often, left out: {}", announced_text(event).as_str());
                 }
-                None
+                return false;
+            }
+        };
+        self.broadcast
+            .add(Announced::Text(event.severity(), text.clone()));
+        self.note_announced(&text);
+        true
+    }
+
+    /// Announces an event of a pack. A failsafe level has a place of its own, without a limit; an obstacle to learning is for
+    /// the log alone.
+    pub fn announce_pack(&mut self, pack: Pack, event: &PackEvent, now: Instant) {
+        let notice = PackNotice(pack, event);
+        match event {
+            PackEvent::Failsafe { .. } => self.broadcast.set_level(pack, *event),
+            PackEvent::NotLearnt(_) => {}
+            _ => {
+                // A companion computer may act on the command.
+                if self.announce_limited(&notice, now) && *event == PackEvent::PoweringOff {
+                    let command = BroadcastCommand::power_off_initiated(pack);
+                    self.broadcast.add(Announced::Command(command));
+                }
+                return;
             }
         }
+        self.note_announced(&announced_text(&notice));
+    }
+
+    /// Announces a change of the vehicle's state, which has a place of its own, without a limit.
+    fn announce_vehicle(&mut self, event: VehicleEvent) {
+        self.broadcast.set_mode(event);
+        self.note_announced(&announced_text(&event));
+    }
+
+    fn note_announced(&mut self, text: &AnnouncementText) {
+        info!("announced: {}", text.as_str());
+        self.recording.add(&Record::Message(text));
+        self.work |= Work::ANNOUNCED;
     }
 
     /// Work of other tasks since the last call.
@@ -278,5 +293,35 @@ bitflags! {
         const WIFI = 1 << 5;
         /// The vehicle was armed or disarmed, so that the watchdog gets another time-out: [`Autopilot::watched`](Autopilot::watched).
         const WATCHDOG = 1 << 6;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use broadcast::Next;
+
+    #[test]
+    fn only_a_pack_that_powers_off_is_announced_by_a_command() {
+        let announced = |event| {
+            let mut autopilot = Autopilot::new(&Start::default());
+            let mut position = autopilot.broadcast.end();
+            autopilot.announce_pack(Pack::Ninth, &event, Instant::EPOCH);
+            let mut commands = Vec::new();
+            while let Some(next) = autopilot.broadcast.next(&mut position) {
+                if let Next::Announced(Announced::Command(command)) = next {
+                    commands.push(*command);
+                }
+            }
+            commands
+        };
+        let power_off = BroadcastCommand {
+            number: 42000,
+            param1: 9.0,
+        };
+        assert_eq!(announced(PackEvent::PoweringOff), [power_off]);
+        for event in [PackEvent::ContactLost, PackEvent::Swapped] {
+            assert_eq!(announced(event), []);
+        }
     }
 }

@@ -3,9 +3,9 @@
 use core::mem;
 
 use super::Autopilot;
-use super::announcement::Announcement;
 use super::packs::PinsToRead;
 use super::recording::Detail;
+use crate::announce::Announce;
 use crate::battery::{
     BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
     ReadError, RetainedMemory, Tick, recall, retain,
@@ -15,8 +15,8 @@ use crate::pack::Pack;
 use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
-    Admission, AnalogPin, AnalogReadings, CanEvent, CanStatus, ControllerReading, ExternalReading, Pulses,
-    SerialReading, Temperatures,
+    Admission, AnalogPin, AnalogReadings, CanEvent, CanReport, CanStatus, ControllerReading, ExternalReading,
+    Pulses, SerialReading, Temperatures,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
@@ -164,7 +164,7 @@ impl Autopilot {
         // The remaining packs follow, one a second.
         if let Some(pack) = Pack::ALL.into_iter().find(is_news) {
             self.packs.announced_too_high |= pack.bit();
-            self.announce(Announcement::Pack(pack, &PackEvent::AboveDrivers), now);
+            self.announce_pack(pack, &PackEvent::AboveDrivers, now);
         }
     }
 
@@ -227,18 +227,18 @@ impl Autopilot {
         }
         self.keep_learnt(pack);
         for event in &events {
-            self.announce(Announcement::Pack(pack, event), tick.now);
+            self.announce_pack(pack, event, tick.now);
             if *event == PackEvent::Swapped {
                 self.show_learnt(pack);
             }
             if let PackEvent::CellsDetected { .. } = event
                 && let Some(suggestion) = self.suggestion(pack)
             {
-                self.announce(suggestion, tick.now);
+                self.announce(&suggestion, tick.now);
             }
         }
         if !failsafe.is_empty() {
-            self.act_on_failsafe(pack, &failsafe, tick.now);
+            self.act_on_failsafe(pack, &failsafe);
         }
     }
 
@@ -248,7 +248,7 @@ impl Autopilot {
         let power_w = self.packs.states[pack as usize].power_w();
         let has_begun = self.vehicle.limit_power(pack, now, limit, power_w);
         if let Some(PowerLimit { max_w, .. }) = limit.filter(|_| has_begun) {
-            self.announce(Announcement::Pack(pack, &PackEvent::PowerLimited(max_w)), now);
+            self.announce_pack(pack, &PackEvent::PowerLimited(max_w), now);
         }
     }
 
@@ -278,7 +278,7 @@ impl Autopilot {
             }
             SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, Ok(measurement)),
             SerialReading::Efi(reading) => (MonitorKind::Efi, reading.measure(&self.parameters)),
-            SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice), now),
+            SerialReading::Notice(notice) => return self.announce(&notice, now),
         };
         self.packs.add_to_all(kind, measured, now);
     }
@@ -294,17 +294,17 @@ impl Autopilot {
                 let thermometers = &mut self.packs.thermometers;
                 thermometers.receive(*device_id, *temperature_c, now, &self.parameters);
             }
-            CanEvent::Announce(notice) => self.announce(Announcement::CanNode(*notice), now),
+            CanEvent::Announce(notice) => self.announce(notice, now),
         }
     }
 
     /// Takes what is known of the bus's controller, and announces what is news.
     pub fn set_can_status(&mut self, status: &CanStatus, now: Instant) {
         let limit = &self.limit;
-        let is_due = |report| limit.allows_one(Announcement::Can(report).kind(), now);
+        let is_due = |report: CanReport| limit.allows_one(report.limit(), now);
         if let Some(report) = self.can.news(status, now, is_due) {
             info!("CAN: {:?}, {} frames not sent", report, status.unsent_frames);
-            self.announce(Announcement::Can(report), now);
+            self.announce(&report, now);
         }
     }
 

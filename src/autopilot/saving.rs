@@ -2,7 +2,7 @@
 
 use core::mem;
 
-use super::announcement::Announcement;
+use super::announcement::Notice;
 use super::recording::{LogStep, Subject};
 use super::stores::{FlashJob, FlashResult, FlashStore, PackIdentity};
 use super::{Autopilot, Work};
@@ -94,12 +94,12 @@ impl Autopilot {
             FlashJob::Signing(_) => self.signing_failed(error, is_repeated, now),
             FlashJob::ReadLearnt(_) | FlashJob::WriteLearnt(..) => {
                 if let Some(error) = to_announce {
-                    self.announce(Announcement::LearntNotSaved(error), now);
+                    self.announce(&Notice::LearntNotSaved(error), now);
                 }
             }
             FlashJob::Wifi(_) => {
                 if let Some(error) = to_announce {
-                    self.announce(Announcement::WifiNotSaved(error), now);
+                    self.announce(&Notice::WifiNotSaved(error), now);
                 }
             }
         }
@@ -170,7 +170,7 @@ impl Autopilot {
         let unsaved = self.parameters.next_unsaved();
         if unsaved.is_none() && self.parameters.save_failure().is_none() && self.save_reports.take_recovery()
         {
-            self.announce(Announcement::ParametersSaved, now);
+            self.announce(&Notice::ParametersSaved, now);
         }
         unsaved
     }
@@ -181,7 +181,7 @@ impl Autopilot {
             return;
         }
         if let Some(failure) = self.parameters.unsaved_by(error) {
-            self.announce(Announcement::ParametersNotSaved(failure), now);
+            self.announce(&failure, now);
             self.save_reports.mark_announced();
         }
     }
@@ -196,7 +196,7 @@ impl Autopilot {
         if unsaved.is_none() {
             self.save_states[FlashStore::Signing as usize] = SaveState::Saved;
             if let Some(change) = self.signing_change.take() {
-                self.announce(Announcement::SigningSaved(change), now);
+                self.announce(&change, now);
             }
         }
         unsaved
@@ -221,7 +221,7 @@ impl Autopilot {
         }
         self.signing.mark_failed();
         if is_repeated {
-            self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
+            self.announce(&SigningTrouble::NotSaved, now);
         } else {
             self.retry_store(FlashStore::Signing);
         }
@@ -281,7 +281,7 @@ impl Autopilot {
     pub fn prepare_restart(&mut self, now: Instant) {
         self.retry_failed();
         if self.signing.trouble() == Some(SigningTrouble::NotSaved) {
-            self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
+            self.announce(&SigningTrouble::NotSaved, now);
         }
     }
 

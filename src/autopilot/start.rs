@@ -1,13 +1,12 @@
 //! The start: what was read from flash, and what it announces.
 
-use super::announcement::Announcement;
+use crate::announce::announced_text;
 use crate::crash::CrashRecord;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
 use crate::memory::flash_chip::RegisterWear;
 use crate::memory::identity::Identity;
 use crate::parameter::Parameters;
-use crate::sensor::BitTiming;
 use crate::wifi::Radio;
 
 /// Everything that is read from flash before the tasks start.
@@ -70,23 +69,15 @@ impl Start {
         }
     }
 
-    /// Logs the result of the start, and returns what every ground station that connects has to know of it.
-    pub(super) fn notice(&self) -> Option<Announcement<'static>> {
+    /// Logs the result of the start.
+    pub(super) fn log(&self) {
         if self.signing.has_lost_key() {
-            warn!("{}", SigningTrouble::KeyLost.text());
+            warn!("{}", announced_text(&SigningTrouble::KeyLost).as_str());
         }
         match self.parameter_load {
-            ParameterLoad::Loaded => {
-                info!("parameters loaded");
-                let report = BitTiming::from_parameters(&self.parameters).err()?;
-                Some(Announcement::Can(report))
-            }
-            ParameterLoad::Skipped => {
-                warn!("{}", Announcement::DefaultParameters.text().as_str());
-                Some(Announcement::DefaultParameters)
-            }
-            ParameterLoad::Unknown(count) => Some(Announcement::ParametersUnknown(count)),
-            ParameterLoad::Interrupted => Some(Announcement::LastParameterLost),
+            ParameterLoad::Loaded => info!("parameters loaded"),
+            ParameterLoad::Skipped => warn!("{}", announced_text(&ParameterLoad::Skipped).as_str()),
+            ParameterLoad::Unknown(_) | ParameterLoad::Interrupted => {}
         }
     }
 }

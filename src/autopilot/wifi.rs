@@ -2,12 +2,11 @@
 
 use heapless::String;
 
-use super::announcement::Announcement;
 use super::stores::FlashStore;
 use super::wifi_state::PRESENCE_US;
 use super::{Autopilot, Work};
+use crate::announce::Severity;
 use crate::log::info;
-use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Endpoint, LinkKind};
 use crate::numbers::text;
 use crate::time::Instant;
@@ -69,7 +68,7 @@ impl Autopilot {
             self.wifi.off = Some(report);
         }
         if self.wifi.is_news(report) {
-            self.announce(Announcement::Wifi(report), now);
+            self.announce(&report, now);
         }
     }
 
@@ -100,7 +99,7 @@ impl Autopilot {
         let credentials = &self.wifi.credentials;
         match (endpoint.kind(), credentials.own_password()) {
             (LinkKind::Radio | LinkKind::Wifi, _) => {
-                endpoint.say(MavSeverity::MAV_SEVERITY_WARNING, "Wi-Fi password: by USB only");
+                endpoint.say(Severity::Warning, "Wi-Fi password: by USB only");
             }
             (LinkKind::Direct, Some(password)) if credentials.radio() == Radio::Present => {
                 let name = credentials.own_name().as_str();
@@ -110,11 +109,11 @@ impl Autopilot {
                     format_args!("Wi-Fi password: {password}"),
                 ] {
                     let line: String<SHOWN_BYTES> = text(line);
-                    endpoint.say(MavSeverity::MAV_SEVERITY_INFO, &line);
+                    endpoint.say(Severity::Info, &line);
                 }
             }
             (LinkKind::Direct, _) => {
-                endpoint.say(MavSeverity::MAV_SEVERITY_WARNING, "No Wi-Fi radio on this board");
+                endpoint.say(Severity::Warning, "No Wi-Fi radio on this board");
             }
         }
     }

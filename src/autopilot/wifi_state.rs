@@ -1,5 +1,7 @@
 //! State of Wi-Fi: names and passwords, the set-up in force, announced reports.
 
+use core::mem::replace;
+
 use heapless::Vec;
 
 use super::start::Start;
@@ -91,9 +93,7 @@ impl WifiState {
     /// Follows the parameters, and returns whether they have changed.
     pub fn follow(&mut self, parameters: &Parameters) -> bool {
         let choice = WifiChoice::from_parameters(parameters);
-        let has_changed = choice != self.choice;
-        self.choice = choice;
-        has_changed
+        replace(&mut self.choice, choice) != choice
     }
 }
 

@@ -6,8 +6,10 @@ use heapless::Vec;
 
 use super::consumption::Gap;
 use super::{Amount, BatteryState, ChargeState, FailsafeLevel, Faults, LessonObstacle, ReadError};
+use crate::announce::{Announce, Limit, Severity};
 use crate::numbers::{Hundredths, round_to_i32};
 use crate::pack::Pack;
+use crate::parameter::BatteryParameter;
 
 /// An event of a pack. Its text follows "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,6 +130,51 @@ impl PackEvent {
             level,
             voltage_v: voltage_v.unwrap_or(0.0),
             consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
+        }
+    }
+}
+
+/// An event of a pack, as it is announced.
+#[derive(Clone, Copy, Debug)]
+pub struct PackNotice<'a>(pub Pack, pub &'a PackEvent);
+
+impl Announce for PackNotice<'_> {
+    /// A low battery is a warning, as in ArduPilot; a critical one is critical, where ArduPilot has a warning.
+    fn severity(&self) -> Severity {
+        match self.1 {
+            PackEvent::Failsafe {
+                level: FailsafeLevel::Critical,
+                ..
+            }
+            | PackEvent::Charge {
+                state: ChargeState::Critical | ChargeState::Emergency,
+                ..
+            } => Severity::Critical,
+            PackEvent::CellsDetected { .. }
+            | PackEvent::SensorRecovered
+            | PackEvent::ContactRestored
+            | PackEvent::Found { .. }
+            | PackEvent::Charging
+            | PackEvent::Learnt { .. }
+            | PackEvent::NotLearnt(_) => Severity::Notice,
+            _ => Severity::Warning,
+        }
+    }
+
+    fn limit(&self) -> Limit {
+        Limit::of(self.1).of_pack(Some(self.0))
+    }
+}
+
+impl fmt::Display for PackNotice<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(pack, event) = self;
+        write!(f, "Battery {} {event}", pack.number())?;
+        let cells = BatteryParameter::Cells.of(*pack).name();
+        match event {
+            PackEvent::CellsDetected { .. } => write!(f, " (set {cells} to be sure)"),
+            PackEvent::CellsAmbiguous { .. } => write!(f, ": set {cells}"),
+            _ => Ok(()),
         }
     }
 }

@@ -33,7 +33,7 @@ pub use chemistry::Chemistry;
 pub use conditions::Consequences;
 pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
-pub use event::{MAX_ANSWERING, PackEvent, PackEvents};
+pub use event::{MAX_ANSWERING, PackEvent, PackEvents, PackNotice};
 pub use failsafe::ReachedLevels;
 pub use learnt::{
     END_OF_LIFE_LOSS, LEARNT_CURVE, LEARNT_WORDS, LearntPack, LessonObstacle, OLDER_LEARNT_WORDS,

@@ -7,6 +7,7 @@ use super::event::push;
 use super::{
     ArmState, BatteryState, ChargeState, Faults, LessonObstacle, PackEvent, PackEvents, PackStatus, ReadError,
 };
+use crate::announce::Lasting;
 
 /// A condition that is reported once.
 #[derive(Clone, Copy, Debug, Default)]
@@ -14,11 +15,8 @@ enum Condition {
     /// Not reported, or its end was.
     #[default]
     Absent,
-    /// Its beginning was reported.
-    Reported {
-        /// Time since it was last present, in seconds.
-        absent_s: f32,
-    },
+    /// Its beginning was reported; it has been absent since for this long.
+    Reported(Lasting),
 }
 
 /// Evidence of a condition in one tick.
@@ -49,20 +47,18 @@ impl Condition {
     fn update(&mut self, dt_s: f32, evidence: Evidence, recovery_s: f32) -> Option<Change> {
         match (&mut *self, evidence) {
             (Self::Absent, Evidence::Present) => {
-                *self = Self::Reported { absent_s: 0.0 };
-                return Some(Change::Begins);
+                *self = Self::Reported(Lasting::default());
+                Some(Change::Begins)
             }
-            (Self::Absent, _) => {}
-            (Self::Reported { absent_s }, Evidence::Absent) => {
-                *absent_s += dt_s;
-                if *absent_s >= recovery_s {
+            (Self::Absent, _) => None,
+            (Self::Reported(absent), _) => {
+                let has_ended = absent.reaches(recovery_s, dt_s, evidence == Evidence::Absent);
+                has_ended.then(|| {
                     *self = Self::Absent;
-                    return Some(Change::Ends);
-                }
+                    Change::Ends
+                })
             }
-            (Self::Reported { absent_s }, _) => *absent_s = 0.0,
         }
-        None
     }
 }
 
@@ -189,8 +185,7 @@ impl LessonReporter {
 pub(super) struct ChargeReporter {
     /// The worst charge state, UNDEFINED to EMERGENCY, that has not been better since for [`RECOVERY_S`].
     worst: ChargeState,
-    /// Time since the present one is better, in seconds.
-    better_s: f32,
+    better: Lasting,
     /// Time without a pack while disarmed, in seconds.
     unplugged_s: f32,
     /// Time until something may be reported, in seconds.
@@ -205,8 +200,7 @@ pub(super) struct ChargeReporter {
 #[derive(Clone, Copy, Debug, Default)]
 struct AnnouncedFaults {
     faults: Faults,
-    /// For how long some of them have been absent, in seconds.
-    absent_s: f32,
+    some_absent: Lasting,
 }
 
 impl AnnouncedFaults {
@@ -214,16 +208,8 @@ impl AnnouncedFaults {
     fn update(&mut self, dt_s: f32, present: Faults) -> Faults {
         let new = present - self.faults;
         self.faults |= present;
-        if present == self.faults {
-            self.absent_s = 0.0;
-            return new;
-        }
-        self.absent_s += dt_s;
-        if self.absent_s >= RECOVERY_S {
-            *self = Self {
-                faults: present,
-                absent_s: 0.0,
-            };
+        if self.some_absent.reaches(RECOVERY_S, dt_s, present != self.faults) {
+            self.faults = present;
         }
         new
     }
@@ -273,14 +259,13 @@ impl ChargeReporter {
             // Neither better nor worse.
             return None;
         }
-        if present < self.worst {
-            self.better_s += dt_s;
-            if self.better_s >= RECOVERY_S {
-                (self.worst, self.better_s) = (present, 0.0);
-            }
+        let is_better = present < self.worst;
+        if self.better.reaches(RECOVERY_S, dt_s, is_better) {
+            self.worst = present;
+        }
+        if is_better {
             return None;
         }
-        self.better_s = 0.0;
         let before = core::mem::replace(&mut self.worst, present);
         // A failsafe level that is reached is announced as such.
         let is_news = present > before && present > by_failsafe(state.failsafe);

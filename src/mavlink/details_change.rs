@@ -4,6 +4,7 @@ use core::hash::Hash;
 
 use hash32::{FnvHasher, Hasher};
 
+use crate::announce::LastAnnounced;
 use crate::battery::PackDetails;
 use crate::pack::{MAX_PACKS, Pack};
 
@@ -11,7 +12,7 @@ use crate::pack::{MAX_PACKS, Pack};
 /// themselves would take twenty times as much.
 #[derive(Debug, Default)]
 pub(super) struct DetailsChangeDetector {
-    reported: [Option<u32>; MAX_PACKS],
+    reported: [LastAnnounced<Option<u32>>; MAX_PACKS],
     /// Packs of which a BATTERY_INFO was sent, a bit each.
     described: u16,
     revisions: [u8; MAX_PACKS],
@@ -48,13 +49,7 @@ impl DetailsChangeDetector {
     /// details has not changed, nor has one that is silent for a while and then repeats them.
     pub fn has_changed(&mut self, pack: Pack, details: &PackDetails) -> bool {
         let reported = &mut self.reported[pack as usize];
-        if details.is_empty() {
-            return false;
-        }
-        let hash = Some(hash_of(details));
-        let has_changed = *reported != hash;
-        *reported = hash;
-        has_changed
+        !details.is_empty() && reported.has_changed(Some(hash_of(details)))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use ::mavlink::MessageData;
 
-use super::dialect::{MavResult, MavSeverity, MavType, WIFI_CONFIG_AP_DATA};
+use super::dialect::{MavResult, MavType, WIFI_CONFIG_AP_DATA};
 use super::event::{Action, Event};
 use super::parser::ReceivedFrame;
 use super::rates::is_radio;
@@ -17,6 +17,7 @@ use super::services::{
 };
 use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, Role, is_permitted};
 use super::{COMPONENT_ID, Message, build_available_mode};
+use crate::announce::Severity;
 use crate::parameter::VehicleParameter;
 use crate::vehicle::{ArmState, ControlMessage, Delivery, Mode};
 
@@ -118,9 +119,7 @@ fn changes_for_good(request: &Request<'_>) -> bool {
 }
 
 fn refuse_late(request: &Request<'_>, from: Peer, context: &mut Context<'_>) -> Event {
-    context
-        .outbox
-        .explain(MavSeverity::MAV_SEVERITY_WARNING, TOO_LATE);
+    context.outbox.explain(Severity::Warning, TOO_LATE);
     let Request::Command(command) = request else {
         return Event::Answered;
     };
@@ -285,7 +284,7 @@ fn execute(command: &Command, from: Peer, context: &mut Context<'_>) -> Event {
     );
     let outcome = command.execute(&mut context.rates.scheduler, state, context.now);
     if outcome.action.is_some_and(Action::needs_disarmed) && vehicle.arm_state() == ArmState::Armed {
-        outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, DISARM_FIRST);
+        outbox.explain(Severity::Warning, DISARM_FIRST);
         outbox.acknowledge(command.number, MavResult::MAV_RESULT_FAILED, from);
         return Event::CommandRefused(command.number);
     }
@@ -295,7 +294,7 @@ fn execute(command: &Command, from: Peer, context: &mut Context<'_>) -> Event {
     if outcome.result == MavResult::MAV_RESULT_UNSUPPORTED
         && let Some(alternative) = command.alternative()
     {
-        outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, alternative);
+        outbox.explain(Severity::Warning, alternative);
     }
     outbox.acknowledge(command.number, outcome.result, from);
     match outcome.answer {
@@ -324,9 +323,7 @@ fn execute(command: &Command, from: Peer, context: &mut Context<'_>) -> Event {
 fn explained(result: Result<Event, Refusal>, downloads: &mut Downloads, context: &mut Context<'_>) -> Event {
     result.unwrap_or_else(|refusal| {
         if downloads.logs.may_explain(context.now) {
-            context
-                .outbox
-                .say(MavSeverity::MAV_SEVERITY_WARNING, refusal.text());
+            context.outbox.say(Severity::Warning, refusal.text());
         }
         Event::Answered
     })

@@ -3,7 +3,6 @@
 use core::iter;
 
 use super::details_change::DetailsChangeDetector;
-use super::dialect::MavSeverity;
 use super::dispatcher::{Services, dispatch};
 use super::event::Event;
 use super::messages::chunks_of;
@@ -16,7 +15,7 @@ use super::services::{Changeable, Context};
 use super::signing::{Access, LinkKind};
 use super::stations::Stations;
 use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
-use crate::log::LogLimit;
+use crate::announce::{LastAnnounced, RateLimit, Severity};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterIdSet, Parameters, VehicleParameter};
 use crate::system::{LinkStatistics, SystemState};
@@ -66,10 +65,10 @@ pub struct Endpoint {
     pub(crate) position: BroadcastPosition,
     /// When latched failsafe levels were reported last; at the start, when it was opened.
     pub(crate) levels_reported_at: Instant,
-    pub(crate) drop_log: LogLimit<LOG_INTERVAL_US>,
-    pub(crate) refusal_log: LogLimit<LOG_INTERVAL_US>,
+    pub(crate) drop_log: RateLimit<LOG_INTERVAL_US>,
+    pub(crate) refusal_log: RateLimit<LOG_INTERVAL_US>,
     /// The command that was refused last.
-    pub(crate) refused_command: Option<u16>,
+    pub(crate) refused_command: LastAnnounced<Option<u16>>,
 }
 
 impl Endpoint {
@@ -96,9 +95,9 @@ impl Endpoint {
             shortfall_said: false,
             position: BroadcastPosition::default(),
             levels_reported_at: now,
-            drop_log: LogLimit::new(),
-            refusal_log: LogLimit::new(),
-            refused_command: None,
+            drop_log: RateLimit::default(),
+            refusal_log: RateLimit::default(),
+            refused_command: LastAnnounced::default(),
         }
     }
 
@@ -201,7 +200,7 @@ impl Endpoint {
         if !self.shortfall_said && self.streams_dropped >= DROPS_UNTIL_SHORTFALL {
             self.shortfall_said = true;
             self.say(
-                MavSeverity::MAV_SEVERITY_WARNING,
+                Severity::Warning,
                 "Link too slow for its rates: telemetry reduced",
             );
         }
@@ -245,8 +244,7 @@ impl Endpoint {
         };
         if let Some(obstacle) = self.outbox.take_refused_arming() {
             let text = obstacle.text("Arm");
-            self.outbox
-                .say_urgently(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+            self.outbox.say_urgently(Severity::Critical, &text);
         }
         let message = if let Some(stream) = self.outbox.take_heartbeat() {
             Some(Outgoing::Message(stream.build(&state)))
@@ -316,12 +314,12 @@ impl Endpoint {
     }
 
     /// Sends a text before all answers. It has two messages at most; the rest is cut off.
-    pub fn say_urgently(&mut self, severity: MavSeverity, text: &str) {
+    pub fn say_urgently(&mut self, severity: Severity, text: &str) {
         self.outbox.say_urgently(severity, text);
     }
 
     /// Sends a text, in as many messages as it needs.
-    pub fn say(&mut self, severity: MavSeverity, text: &str) {
+    pub fn say(&mut self, severity: Severity, text: &str) {
         self.outbox.say(severity, text);
     }
 

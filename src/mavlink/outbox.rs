@@ -4,16 +4,17 @@ use core::mem;
 
 use heapless::Deque;
 
-use super::dialect::{MavResult, MavSeverity, STATUSTEXT_DATA};
+use super::dialect::{MavResult, STATUSTEXT_DATA};
 use super::messages::chunks_of;
 use super::{CommandAck, DefaultRate, Message, Peer, Stream, StreamKind, status_texts};
+use crate::announce::Severity;
 use crate::pack::Pack;
 use crate::system::ArmingObstacle;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;
 
-/// Those of them that announcements leave free.
+/// Part of them that announcements leave free.
 const FOR_ANSWERS: usize = 8;
 
 /// Messages of one urgent text.
@@ -111,7 +112,7 @@ impl Outbox {
     }
 
     /// Posts a text, in as many messages as it needs.
-    pub fn say(&mut self, severity: MavSeverity, text: &str) {
+    pub fn say(&mut self, severity: Severity, text: &str) {
         let id = self.next_text_id();
         for message in status_texts(severity, text, id) {
             self.answer(Message::StatusText(message));
@@ -119,7 +120,7 @@ impl Outbox {
     }
 
     /// Posts a text if room is left behind it for the acknowledgement that follows.
-    pub fn explain(&mut self, severity: MavSeverity, text: &str) {
+    pub fn explain(&mut self, severity: Severity, text: &str) {
         if self.room_for_replies() > chunks_of(text.len()) {
             self.say(severity, text);
         } else {
@@ -168,7 +169,7 @@ impl Outbox {
     }
 
     /// Posts an urgent text. It has two messages at most; the rest is cut off.
-    pub fn say_urgently(&mut self, severity: MavSeverity, text: &str) {
+    pub fn say_urgently(&mut self, severity: Severity, text: &str) {
         let id = self.next_text_id();
         for message in status_texts(severity, text, id) {
             let _ = self.urgent.push_back(message);
@@ -239,7 +240,7 @@ mod tests {
     const BATTERY: Stream = Stream::BatteryStatus(Pack::First);
 
     fn answer(text: &str) -> Message {
-        let severity = MavSeverity::MAV_SEVERITY_INFO;
+        let severity = Severity::Info;
         Message::StatusText(
             status_texts(severity, text, 1)
                 .next()
@@ -301,7 +302,7 @@ mod tests {
         assert_eq!(taken, in_turn);
     }
 
-    /// Those that take turns: all but HEARTBEAT.
+    /// The streams that take turns: all but HEARTBEAT.
     fn streams() -> impl Iterator<Item = Stream> + Clone {
         let all = StreamKind::ALL.into_iter().flat_map(StreamKind::streams);
         all.filter(|stream| *stream != Stream::Heartbeat)

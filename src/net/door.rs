@@ -8,7 +8,8 @@ use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxTo
 
 use super::dhcp::now_ms;
 use super::leases::Leases;
-use crate::log::{LogLimit, info};
+use crate::announce::RateLimit;
+use crate::log::info;
 use crate::tasks::now;
 
 const ETHERTYPE_IPV4: [u8; 2] = [0x08, 0x00];
@@ -41,7 +42,7 @@ pub(super) struct Guarded<'a, D> {
     /// Of the access point; `None` in another's network.
     leases: Option<&'a RefCell<Leases>>,
     refused: Cell<u32>,
-    log: LogLimit<LOG_INTERVAL_US>,
+    log: Cell<RateLimit<LOG_INTERVAL_US>>,
 }
 
 impl<'a, D> Guarded<'a, D> {
@@ -50,7 +51,7 @@ impl<'a, D> Guarded<'a, D> {
             device,
             leases,
             refused: Cell::new(0),
-            log: LogLimit::new(),
+            log: Cell::default(),
         }
     }
 }
@@ -59,7 +60,7 @@ impl<'a, D> Guarded<'a, D> {
 struct Door<'a> {
     leases: Option<&'a RefCell<Leases>>,
     refused: &'a Cell<u32>,
-    log: &'a LogLimit<LOG_INTERVAL_US>,
+    log: &'a Cell<RateLimit<LOG_INTERVAL_US>>,
 }
 
 impl Door<'_> {
@@ -98,7 +99,9 @@ impl Door<'_> {
     fn count(&self) {
         let refused = self.refused.get().saturating_add(1);
         self.refused.set(refused);
-        if self.log.allows(now()) {
+        let mut limit = self.log.get();
+        if limit.take(now()) {
+            self.log.set(limit);
             info!("Wi-Fi: {} frames of unknown senders refused", refused);
         }
     }
@@ -132,7 +135,7 @@ impl<T: RxToken> RxToken for GuardedToken<'_, T> {
     fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, take: F) -> R {
         self.token.consume(|frame| match self.door.admits(frame) {
             true => take(frame),
-            // What is not a frame is ignored.
+            // An empty frame is ignored.
             false => take(&mut []),
         })
     }
@@ -216,7 +219,7 @@ mod tests {
         let door = Door {
             leases,
             refused: &Cell::new(0),
-            log: &LogLimit::new(),
+            log: &Cell::default(),
         };
         door.admits(frame)
     }

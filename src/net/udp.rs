@@ -20,7 +20,8 @@ use super::sender::Sender;
 use super::service::Service;
 use super::socket::{PacketQueue, until};
 use super::stations::{Admission, SLOTS, Stations};
-use crate::log::{LogLimit, info, warn};
+use crate::announce::RateLimit;
+use crate::log::{info, warn};
 use crate::mavlink::{Access, LinkId, begins_with_frame};
 use crate::tasks::{ByteSource, Link, ReceiveError, now};
 
@@ -37,11 +38,11 @@ const SILENCE: Duration = Duration::from_secs(10);
 /// Minimum interval between log lines about stations that are refused.
 const LOG_INTERVAL_US: u64 = 10_000_000;
 
-/// What is sent to a station.
+/// Buffers of the way to a station.
 pub(super) struct SlotMemory {
-    /// What waits for the radio.
+    /// Datagrams that wait for the radio.
     pub sent: PacketQueue<1, DATAGRAM_BYTES>,
-    /// What is put together meanwhile. In a future it would take several times its size.
+    /// The next one, put together meanwhile. In a future it would take several times its size.
     pub datagram: Datagram,
 }
 
@@ -60,10 +61,10 @@ pub(super) struct UdpLinks {
     pub stations: RefCell<Stations>,
     slots: [Slot; SLOTS],
     pub greetings: Greetings,
-    refusal_log: LogLimit<LOG_INTERVAL_US>,
+    refusal_log: Cell<RateLimit<LOG_INTERVAL_US>>,
 }
 
-/// What waits for a link.
+/// Bytes that wait for a link.
 struct Slot {
     received: Pipe<NoopRawMutex, QUEUE_BYTES>,
     lost_bytes: Cell<u32>,
@@ -77,7 +78,7 @@ impl UdpLinks {
             stations: RefCell::default(),
             slots: [const { Slot::new() }; SLOTS],
             greetings: Greetings::new(),
-            refusal_log: LogLimit::new(),
+            refusal_log: Cell::default(),
         }
     }
 
@@ -124,7 +125,9 @@ impl UdpLinks {
     }
 
     fn log_refusal(&self, station: SocketAddrV4, count: u32) {
-        if self.refusal_log.allows(now()) {
+        let mut limit = self.refusal_log.get();
+        if limit.take(now()) {
+            self.refusal_log.set(limit);
             let address = station.ip().octets();
             warn!(
                 "UDP: {:?} refused, no link is free: {} datagrams so far",
@@ -267,7 +270,7 @@ impl UdpTransmitter<'_, '_> {
     }
 }
 
-/// What a station sends.
+/// Bytes from a station.
 struct UdpReceiver<'a>(&'a Slot);
 
 impl ByteSource for UdpReceiver<'_> {

@@ -5,6 +5,7 @@ use core::fmt;
 use bitflags::bitflags;
 
 use super::{ParameterId, VehicleParameter};
+use crate::announce::{Announce, Severity};
 
 /// The parameter that confirms. Its key has the mark; it reads 0.
 pub(super) const CHECKED: ParameterId = ParameterId::Vehicle(VehicleParameter::ParamChecked);
@@ -43,6 +44,12 @@ pub enum ParameterTrouble {
     HalfLoaded,
     /// Stored values are out of the range of this firmware, this one's first.
     DoesNotFit(ParameterId),
+}
+
+impl Announce for ParameterTrouble {
+    fn severity(&self) -> Severity {
+        Severity::Critical
+    }
 }
 
 /// The cause, and how it ends.

@@ -26,7 +26,7 @@ pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{EngineReading, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
 pub use serial::{
     DriverEnable, FuelCellError, FuelCellState, REQUEST_BYTES, Request, RichenPowerErrors, SerialDevice,
-    SerialNotice, SerialProtocol, SerialReading, SerialSetup, TorqeedoCondition, Urgency, Wires,
+    SerialNotice, SerialProtocol, SerialReading, SerialSetup, TorqeedoCondition, Wires,
 };
 pub use set_up::{set_up_error, timeout_us};
 pub use thermometer::{Temperatures, Thermometers, thermometer_on_shared_pin, thermometer_pins};

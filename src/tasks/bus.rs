@@ -1,7 +1,6 @@
 //! Reads the parts on the I2C bus.
 
 use super::{CheckIn, LONGEST_SLEEP, Shared, mark, now, timer_at};
-use crate::autopilot::Announcement;
 use crate::sensor::{BusDevices, SensorBus};
 
 /// Reads each part when it is due. A part that hangs holds up this task, and no other.
@@ -18,7 +17,7 @@ pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &Check
             })
             .await;
         if let Some((pack, event)) = finding {
-            shared.with(|autopilot| autopilot.announce(Announcement::Pack(pack, &event), now()));
+            shared.with(|autopilot| autopilot.announce_pack(pack, &event, now()));
         }
     }
 }

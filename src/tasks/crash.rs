@@ -5,7 +5,7 @@ use core::ops::Range;
 use embassy_time::{Duration, Timer};
 
 use super::Shared;
-use crate::autopilot::Announcement;
+use crate::autopilot::CrashLine;
 use crate::crash::{CrashRecord, call_sites_text, headline};
 
 /// Longer than a crash report takes to leave at 9600 baud, behind everything else that may wait.
@@ -26,9 +26,9 @@ pub async fn report_crash(
     shared: &Shared,
 ) {
     shared.ground_station_heard.wait().await;
-    shared.announce(Announcement::Crash(&headline(crash)));
+    shared.announce(&CrashLine(&headline(crash)));
     if let Some(calls) = call_sites_text(crash, code) {
-        shared.announce(Announcement::Crash(&calls));
+        shared.announce(&CrashLine(&calls));
     }
     Timer::after(UNTIL_SENT).await;
     memory.forget();

@@ -5,7 +5,7 @@ use embassy_futures::yield_now;
 use embedded_io_async::Write;
 
 use super::{ByteSource, CheckIn, Link, Shared, read_frames, schedule_telemetry, write_frames};
-use crate::mavlink::dialect::MavSeverity;
+use crate::announce::Severity;
 
 /// Schedules, writes and reads `link` until the wire is closed or fails in either direction.
 pub async fn serve_link(
@@ -31,7 +31,7 @@ pub async fn refuse_link(
     reason: &str,
     check_in: &CheckIn,
 ) {
-    link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_ERROR, reason));
+    link.with(|endpoint| endpoint.say(Severity::Error, reason));
     let taken = async {
         while !link.is_idle() {
             yield_now().await;

@@ -7,7 +7,8 @@ use embassy_sync::signal::Signal;
 use embassy_sync::watch::{Receiver, Watch};
 
 use super::{now, timer_at};
-use crate::autopilot::{Announcement, Autopilot, Start, Work};
+use crate::announce::Announce;
+use crate::autopilot::{Autopilot, Start, Work};
 use crate::mavlink::MAX_LINKS;
 use crate::memory::in_place::in_place;
 use crate::memory::storage::Erase;
@@ -107,8 +108,8 @@ impl Shared {
     }
 
     /// Announces something to all connected ground stations, once.
-    pub fn announce(&self, announcement: Announcement<'_>) {
-        self.with(|autopilot| autopilot.announce(announcement, now()));
+    pub fn announce(&self, event: &dyn Announce) {
+        self.with(|autopilot| autopilot.announce(event, now()));
     }
 
     /// Wakes up a link when something is announced; `None` for too many links.

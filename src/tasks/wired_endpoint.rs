@@ -2,8 +2,8 @@
 
 use embedded_io_async::Write;
 
-use crate::autopilot::Announcement;
-use crate::battery::PackEvent;
+use crate::announce::Announce;
+use crate::battery::{PackEvent, PackNotice};
 use crate::mavlink::{Endpoint, Framer, LinkKind};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
@@ -31,7 +31,7 @@ impl<W: Write> WiredEndpoint<W> {
     /// Posts a STATUSTEXT for each event of a pack.
     pub fn announce(&mut self, pack: Pack, events: &[PackEvent]) {
         for event in events {
-            let announcement = Announcement::Pack(pack, event);
+            let announcement = PackNotice(pack, event);
             self.endpoint.say(announcement.severity(), &announcement.text());
         }
     }

@@ -1,7 +1,8 @@
-//! Whose sticks drive: those of one station at a time.
+//! The driver: the sticks of one station at a time drive.
 
 use super::controls::Controls;
 use super::{ArmState, StickInput};
+use crate::announce::RateLimit;
 use crate::time::Instant;
 
 /// A driver that has been neutral or silent for this long gives way, in µs.
@@ -36,7 +37,7 @@ pub enum ControlMessage {
     ChannelOverride,
 }
 
-/// How a message came.
+/// Delivery of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
     /// In time, as far as is known.
@@ -56,7 +57,7 @@ impl AnotherDrives {
     const UNREPORTED: Self = Self { report: None };
 }
 
-/// What a control message says of both sticks.
+/// Content of a control message about both sticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sticks {
     Deflected,
@@ -77,24 +78,6 @@ impl Sticks {
     }
 }
 
-/// Rate limit of texts to one station.
-#[derive(Clone, Copy, Debug, Default)]
-struct Texts {
-    latest_at: Option<Instant>,
-}
-
-impl Texts {
-    /// Whether one may be sent at this time, which counts as sent.
-    fn allow(&mut self, at: Instant) -> bool {
-        let is_recent = |latest_at| at.us_since(latest_at) < TEXT_INTERVAL_US;
-        let allowed = !self.latest_at.is_some_and(is_recent);
-        if allowed {
-            self.latest_at = Some(at);
-        }
-        allowed
-    }
-}
-
 /// The station that drives, or the last one that did.
 #[derive(Clone, Copy, Debug)]
 struct Driver {
@@ -104,7 +87,7 @@ struct Driver {
     sticks: Sticks,
     /// Since then no stick is known to be deflected.
     free_since: Instant,
-    texts: Texts,
+    texts: RateLimit<TEXT_INTERVAL_US>,
 }
 
 /// A station that would drive.
@@ -114,10 +97,10 @@ struct Other {
     heard_at: Instant,
     /// Positions that had no effect.
     sticks: Controls,
-    texts: Texts,
+    texts: RateLimit<TEXT_INTERVAL_US>,
 }
 
-/// Who drives. Another station takes over once the driver has been neutral or silent for a second, with sticks that were neutral
+/// The driver. Another station takes over once the driver has been neutral or silent for a second, with sticks that were neutral
 /// since: those of one that is held deflected would make the rover jump.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DriverSeat {
@@ -192,7 +175,7 @@ impl DriverSeat {
 
     /// Whether the driver may be sent a text about its sticks, which counts as sent.
     pub fn may_report(&mut self, at: Instant) -> bool {
-        self.driver.as_mut().is_some_and(|driver| driver.texts.allow(at))
+        self.driver.as_mut().is_some_and(|driver| driver.texts.take(at))
     }
 
     /// Drops positions of other stations that have expired.
@@ -226,7 +209,7 @@ impl Driver {
             heard_at: at,
             sticks,
             free_since: at,
-            texts: Texts::default(),
+            texts: RateLimit::default(),
         }
     }
 
@@ -258,7 +241,7 @@ impl Other {
         if takes_over {
             return Ok(());
         }
-        let reports = sticks == Sticks::Deflected && self.texts.allow(at);
+        let reports = sticks == Sticks::Deflected && self.texts.take(at);
         Err(AnotherDrives {
             report: reports.then_some(driver.id),
         })

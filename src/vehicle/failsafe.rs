@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::announce::{Announce, Severity};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 
@@ -41,7 +42,7 @@ pub enum FailsafeAction {
     Terminate,
 }
 
-/// What an action does without a position, in increasing severity.
+/// Effect of an action without a position, in increasing severity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Effect {
     /// Nothing: it is announced only.
@@ -86,7 +87,7 @@ impl FailsafeAction {
         Self::from_number(parameters.get_whole(parameter.of(pack))).unwrap_or(Self::Warn)
     }
 
-    /// What it does without a position.
+    /// Its effect without a position.
     pub(super) fn effect(self) -> Effect {
         match self {
             Self::Warn => Effect::None,
@@ -131,6 +132,15 @@ pub enum VehicleEvent {
     ControlsTimedOut,
     /// Heartbeats of ground stations have timed out: Hold.
     GroundStationsTimedOut,
+}
+
+impl Announce for VehicleEvent {
+    fn severity(&self) -> Severity {
+        match self {
+            Self::Terminated => Severity::Critical,
+            _ => Severity::Warning,
+        }
+    }
 }
 
 impl fmt::Display for VehicleEvent {

@@ -1,8 +1,10 @@
-//! What the radio's task reports.
+//! Reports of the radio's task.
 
 use core::fmt;
 
-/// What has become of the radio, of the access point or of the network to join.
+use crate::announce::{Announce, Limit, Severity};
+
+/// A change of the radio, of the access point or of the network to join.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum WifiReport {
@@ -39,20 +41,20 @@ pub enum WifiReport {
 impl WifiReport {
     /// Whether something is wrong.
     pub fn is_fault(self) -> bool {
-        match self {
-            Self::AccessPointUp | Self::Joined | Self::AddressObtained(_) => false,
-            Self::NoAnswer
-            | Self::DownloadFailed
-            | Self::NoRadio
-            | Self::NetworkNotFound
-            | Self::JoinFailed
-            | Self::WrongPassword
-            | Self::NoAddress
-            | Self::NetworkLost
-            | Self::FallbackToAccessPoint
-            | Self::OffAfterCrash
-            | Self::NoEntropy => true,
-        }
+        !matches!(
+            self,
+            Self::AccessPointUp | Self::Joined | Self::AddressObtained(_)
+        )
+    }
+}
+
+impl Announce for WifiReport {
+    fn severity(&self) -> Severity {
+        Severity::of_fault(self.is_fault())
+    }
+
+    fn limit(&self) -> Limit {
+        Limit::of(self)
     }
 }
 

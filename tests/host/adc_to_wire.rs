@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
-use rover_battmon::autopilot::{Announcement, Start};
-use rover_battmon::battery::{Gap, PackEvent, ReadError, RetainedRecord};
+use rover_battmon::autopilot::{CrashLine, Start};
+use rover_battmon::battery::{Gap, PackEvent, PackNotice, ReadError, RetainedRecord};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
@@ -190,7 +190,7 @@ fn what_is_announced_is_said_once_and_at_once_on_every_link() {
     let said = sent_while(57_600, async |shared| {
         for number in 1..=5 {
             Timer::after_millis(1_030).await;
-            shared.announce(Announcement::Crash(&format!("Battery {number} is low")));
+            shared.announce(&CrashLine(&format!("Battery {number} is low")));
         }
     });
     for frames in said {
@@ -210,10 +210,7 @@ fn all_packs_can_be_announced_in_the_same_tick() {
     let said = sent_while(57_600, async |shared| {
         Timer::after_millis(1_030).await;
         for number in 1..=9 {
-            shared.announce(Announcement::Crash(&format!(
-                "Battery {number}: {}",
-                "x".repeat(80)
-            )));
+            shared.announce(&CrashLine(&format!("Battery {number}: {}", "x".repeat(80))));
         }
     });
     for frames in said {
@@ -234,7 +231,7 @@ fn all_packs_can_be_announced_in_the_same_tick() {
 fn a_text_that_is_too_long_is_cut_off_between_characters() {
     let [frames, _] = sent_while(57_600, async |shared| {
         Timer::after_millis(1_030).await;
-        shared.announce(Announcement::Crash(&format!("{}°C", "x".repeat(95))));
+        shared.announce(&CrashLine(&format!("{}°C", "x".repeat(95))));
     });
     let texts = texts(&frames);
     assert_eq!(texts[0].1.len() + texts[1].1.len(), 95);
@@ -252,7 +249,7 @@ fn a_link_that_is_too_slow_loses_the_oldest_and_no_other_link_does() {
                 duration_s: number as f32 + 100.0,
                 counted_mah: None,
             });
-            shared.announce(Announcement::Pack(Pack::ALL[number % MAX_PACKS], &gap));
+            shared.announce(&PackNotice(Pack::ALL[number % MAX_PACKS], &gap));
         }
     });
     let numbers = |frames: &[Frame]| {
@@ -293,7 +290,7 @@ fn a_notice_about_the_start_is_sent_to_a_link_that_opens_later() {
             Shared::new(&Start::with_parameters(Parameters::defaults())),
             Link::new("late", LinkKind::Radio, 5_760),
         );
-        shared.announce(Announcement::Crash("before there was a link"));
+        shared.announce(&CrashLine("before there was a link"));
         let telemetry = schedule_telemetry(&shared, &link, &check_in);
         join(telemetry, write_frames(line, &shared, &link, &check_in)).await
     });

@@ -6,7 +6,7 @@ use std::io;
 use std::rc::Rc;
 
 use proptest::prelude::*;
-use rover_battmon::autopilot::{Announcement, Start, Work};
+use rover_battmon::autopilot::{CrashLine, ParameterLoad, Start, Work};
 use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -140,7 +140,7 @@ impl DeskBoard {
         self.desk.autopilot.open(&mut self.desk.endpoint);
         if self.fault == Fault::AnnouncesDamage {
             let now = self.desk.now();
-            self.desk.autopilot.announce(Announcement::LastParameterLost, now);
+            self.desk.autopilot.announce(&ParameterLoad::Interrupted, now);
         }
     }
 
@@ -231,7 +231,7 @@ impl DeskBoard {
                 _ => "Crash: hard fault in reboot, PC 0x10001234 LR 0x10005679",
             };
             let now = self.desk.now();
-            self.desk.autopilot.announce(Announcement::Crash(text), now);
+            self.desk.autopilot.announce(&CrashLine(text), now);
         }
     }
 

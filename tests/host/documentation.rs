@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rover_battmon::autopilot::Announcement;
+use rover_battmon::autopilot::Notice;
 use rover_battmon::battery::{
-    Amount, ArmingFailure, BusError, ChargeState, FailsafeLevel, Faults, Gap, PackEvent, ReadError,
+    Amount, ArmingFailure, BusError, ChargeState, FailsafeLevel, Faults, Gap, PackEvent, PackNotice,
+    ReadError,
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
@@ -485,7 +486,7 @@ fn pack_events() -> Vec<PackEvent> {
 fn announced() -> Vec<String> {
     let packs = pack_events()
         .into_iter()
-        .map(|event| Announcement::Pack(Pack::First, &event).text().as_str().to_owned());
+        .map(|event| PackNotice(Pack::First, &event).to_string());
     let arming = ARMING_FAILURES.map(|failure| {
         let obstacle = ArmingObstacle::Pack(Pack::First, failure);
         obstacle.text("PreArm").as_str().to_owned()
@@ -529,7 +530,6 @@ fn announced() -> Vec<String> {
     });
     let id = BatteryParameter::Cells.of(Pack::First);
     let why = Refused::OutOfRange;
-    let refused = Announcement::ParameterRefused { id, why }.text();
     let wifi = WIFI_REPORTS.map(|report| report.to_string());
     let all = packs
         .chain(arming)
@@ -538,7 +538,7 @@ fn announced() -> Vec<String> {
         .chain(CAN_REPORTS.map(|report| report.to_string()))
         .chain(FUEL_CELL_STATES.map(|state| state.to_string()))
         .chain(logging)
-        .chain([refused.as_str().to_owned()])
+        .chain([Notice::ParameterRefused { id, why }.to_string()])
         .chain(rover)
         .chain(crashes);
     all.map(|text| without_numbers(&text)).collect()

@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 
 use proptest::prelude::*;
+use rover_battmon::announce::Severity;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{
     Amount, BatteryState, ChargeSource, ChargeState, Contents, PackDetails, PackStatus, Visibility,
 };
-use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind};
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{
@@ -1008,9 +1008,8 @@ fn a_file_that_does_not_exist_is_refused_at_once() {
 #[test]
 fn a_long_text_leaves_in_chunks() {
     let mut desk = Desk::without_packs();
-    desk.endpoint
-        .say(MavSeverity::MAV_SEVERITY_WARNING, &"x".repeat(70));
-    desk.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, "short");
+    desk.endpoint.say(Severity::Warning, &"x".repeat(70));
+    desk.endpoint.say(Severity::Info, "short");
     let texts = desk.sent();
     assert!(texts.iter().all(|frame| frame.message_id == STATUSTEXT));
     let parts: Vec<_> = texts
@@ -1028,10 +1027,7 @@ fn answers_are_byte_exact() {
         .map(|columns| (columns[0], columns[4]))
         .collect();
     let mut endpoint = Endpoint::new("bench", LinkKind::Radio, 100_000, Instant::EPOCH);
-    endpoint.say(
-        MavSeverity::MAV_SEVERITY_WARNING,
-        "Battery 1 is low 10.40V used 36 mAh",
-    );
+    endpoint.say(Severity::Warning, "Battery 1 is low 10.40V used 36 mAh");
     let text = endpoint
         .take(&SystemState::default(), &Parameters::defaults())
         .expect("the text waits");

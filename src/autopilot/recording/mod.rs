@@ -16,6 +16,7 @@ pub use step::LogStep;
 pub(super) use stream::Subject;
 use stream::{Stream, parameter_record};
 
+use crate::announce::LastAnnounced;
 use crate::battery::FailsafeTimers;
 use crate::crash::CrashRecord;
 use crate::log::{info, warn};
@@ -27,7 +28,7 @@ use crate::system::{LogHealth, LogReaders};
 use crate::time::{Instant, Utc};
 use crate::vehicle::{ArmState, Vehicle};
 
-/// How long the log goes on after disarming, as ArduPilot's does: the pack recovers meanwhile.
+/// Recording time after disarming, as ArduPilot's: the pack recovers meanwhile.
 const AFTER_DISARMING_US: u64 = 15_000_000;
 
 /// Delay after a failure before another file is begun.
@@ -46,7 +47,7 @@ const GREETING: &str = concat!(
     " (modes of ArduPilot Rover)"
 );
 
-/// What the flash programs at once.
+/// Page size of the flash.
 const PAGE_BYTES: usize = 256;
 
 /// Bytes on their way to flash.
@@ -65,7 +66,7 @@ pub enum LogFailure {
     NotWritten,
 }
 
-/// What is recorded, until it is in flash.
+/// Records on their way to flash.
 #[derive(Debug)]
 pub(super) struct Recording {
     /// The files in flash; `None` until they were looked for.
@@ -73,7 +74,7 @@ pub(super) struct Recording {
     pub(super) readers: LogReaders,
     state: State,
     stream: Stream,
-    /// What is taken out of the stream and not in flash yet.
+    /// Taken out of the stream and not in flash yet.
     chunk: Chunk,
     share: Share,
     now: Instant,
@@ -84,7 +85,7 @@ pub(super) struct Recording {
     /// No log is wanted.
     is_off: bool,
     failure: Option<LogFailure>,
-    announced: Option<LogFailure>,
+    announced: LastAnnounced<Option<LogFailure>>,
     retry_at: Instant,
     /// The crash before this start, until it is in flash.
     crash: Option<CrashRecord>,
@@ -107,7 +108,7 @@ enum State {
     Closing,
 }
 
-/// What is wanted of the log.
+/// The wanted state of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wish {
     /// To record, in another file if none is open.
@@ -137,7 +138,7 @@ impl Recording {
             failed_erases: 0,
             is_off: false,
             failure: None,
-            announced: None,
+            announced: LastAnnounced::default(),
             retry_at: Instant::EPOCH,
             crash,
             date: Date::default(),
@@ -150,7 +151,7 @@ impl Recording {
         self.ring.as_ref().map_or(&[], Ring::files)
     }
 
-    /// Where the bytes of a file are.
+    /// Place of a file's bytes.
     pub fn locate(&self, number: u16, offset: u32) -> Option<Piece> {
         self.ring.as_ref()?.locate(number, offset)
     }
@@ -169,11 +170,10 @@ impl Recording {
 
     /// A failure that was not announced yet.
     pub fn take_report(&mut self) -> Option<LogFailure> {
-        if self.announced == self.failure {
-            return None;
-        }
-        self.announced = self.failure;
-        self.failure
+        self.announced
+            .has_changed(self.failure)
+            .then_some(self.failure)
+            .flatten()
     }
 
     /// It is this time in UTC at `now`. Counts for the open file, unless it has its date, and for all that follow, until there
@@ -210,7 +210,7 @@ impl Recording {
         match (self.state, self.wish(parameters, vehicle)) {
             (State::Idle, Wish::Record) => return self.begin(arm_state),
             // A failure of a log that is not wanted any more is over once it was announced.
-            (State::Idle, Wish::Pause | Wish::End) if self.announced == self.failure => self.failure = None,
+            (State::Idle, Wish::Pause | Wish::End) if self.announced.is(&self.failure) => self.failure = None,
             (State::Recording, Wish::Record) => self.limit_length(arm_state),
             (State::Recording, Wish::Pause) => self.state = State::Paused,
             (State::Paused, Wish::Record) => self.state = State::Recording,
@@ -223,7 +223,7 @@ impl Recording {
         None
     }
 
-    /// What is wanted of the log now.
+    /// The state that parameters and vehicle call for.
     fn wish(&self, parameters: &Parameters, vehicle: &Vehicle) -> Wish {
         let is_set = |parameter| parameters.get_whole(parameter) != 0;
         let is_kept_on = |armed_at| self.now.us_since(armed_at) < AFTER_DISARMING_US;

@@ -1,5 +1,6 @@
 //! STATUSTEXT (253).
 
+use crate::announce::Severity;
 use crate::mavlink::dialect::{MavSeverity, STATUSTEXT_DATA};
 
 /// Characters in one message.
@@ -18,10 +19,17 @@ pub(in crate::mavlink) fn chunks_of(text_bytes: usize) -> usize {
 ///
 /// A receiver takes a chunk that is not full as the last one, so a text that fills its last chunk is followed by an
 /// empty one.
-pub fn status_texts(severity: MavSeverity, text: &str, id: u16) -> impl Iterator<Item = STATUSTEXT_DATA> {
+pub fn status_texts(severity: Severity, text: &str, id: u16) -> impl Iterator<Item = STATUSTEXT_DATA> {
     let bytes = text.as_bytes();
     let chunks = chunks_of(bytes.len());
     let id = if chunks == 1 { 0 } else { id };
+    let severity = match severity {
+        Severity::Info => MavSeverity::MAV_SEVERITY_INFO,
+        Severity::Notice => MavSeverity::MAV_SEVERITY_NOTICE,
+        Severity::Warning => MavSeverity::MAV_SEVERITY_WARNING,
+        Severity::Error => MavSeverity::MAV_SEVERITY_ERROR,
+        Severity::Critical => MavSeverity::MAV_SEVERITY_CRITICAL,
+    };
     (0..chunks).map(move |chunk| {
         let mut text = [0; CHUNK_BYTES];
         for (to, from) in text.iter_mut().zip(bytes.iter().skip(chunk * CHUNK_BYTES)) {
@@ -42,7 +50,7 @@ mod tests {
     use super::*;
 
     fn chunks(text: &str) -> Vec<(String, u16, u8)> {
-        status_texts(MavSeverity::MAV_SEVERITY_INFO, text, 7)
+        status_texts(Severity::Info, text, 7)
             .map(|message| {
                 (
                     message.text.to_str().unwrap().to_string(),

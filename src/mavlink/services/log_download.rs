@@ -6,6 +6,7 @@
 
 use core::num::NonZeroU32;
 
+use crate::announce::RateLimit;
 use crate::mavlink::dialect::{LOG_DATA_DATA, LOG_ENTRY_DATA};
 use crate::mavlink::requests::{LogDataRequest, LogListRequest};
 use crate::mavlink::{Message, Outgoing, Peer};
@@ -84,7 +85,7 @@ pub(in crate::mavlink) struct LogDownload {
     list: Option<Listing>,
     sending: Option<Sending>,
     holder: Option<Holder>,
-    refused_at: Option<Instant>,
+    explanations: RateLimit<REFUSAL_INTERVAL_US>,
 }
 
 /// The id of the file `number` if the file `first` has id 1.
@@ -231,13 +232,7 @@ impl LogDownload {
 
     /// Whether the text about a refusal may be sent at `now`; then it counts as sent.
     pub fn may_explain(&mut self, now: Instant) -> bool {
-        let is_due = self
-            .refused_at
-            .is_none_or(|at| now.us_since(at) >= REFUSAL_INTERVAL_US);
-        if is_due {
-            self.refused_at = Some(now);
-        }
-        is_due
+        self.explanations.take(now)
     }
 
     /// The next step. A message counts as sent; of a read, [`Self::supply`] makes the message.

@@ -1,19 +1,26 @@
 //! SETUP_SIGNING (256): another key, or none any more.
 
+use core::fmt;
+
 use super::{Context, DISARM_FIRST};
-use crate::mavlink::dialect::MavSeverity;
+use crate::announce::{Announce, Severity};
 use crate::mavlink::event::{Event, SetupRefused, SigningChange};
 use crate::mavlink::requests::SetUpSigning;
 use crate::mavlink::signing::LinkKind;
 use crate::vehicle::ArmState;
 
-impl SigningChange {
-    /// The change to announce when it is in flash.
-    pub fn text(self) -> &'static str {
-        match self {
+impl Announce for SigningChange {
+    fn severity(&self) -> Severity {
+        Severity::Info
+    }
+}
+
+impl fmt::Display for SigningChange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
             Self::KeySet => "Signing key set",
             Self::KeyRemoved => "Signing key removed: commands are accepted from anyone",
-        }
+        })
     }
 }
 
@@ -33,9 +40,7 @@ pub(in crate::mavlink) fn set_up(request: &SetUpSigning, context: &mut Context<'
     match change(request, context) {
         Ok(change) => Event::SigningSetUp(change),
         Err(refused) => {
-            context
-                .outbox
-                .say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());
+            context.outbox.say(Severity::Warning, refused.text());
             Event::SigningRefused(refused)
         }
     }

@@ -4,8 +4,9 @@ use ::mavlink::MessageData;
 use heapless::String;
 
 use super::{Context, TOO_LATE};
+use crate::announce::Severity;
 use crate::mavlink::Peer;
-use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, SET_MODE_DATA};
+use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, SET_MODE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::requests::{Command, Request};
@@ -163,7 +164,7 @@ impl<'a> VehicleService<'a> {
         }
         for obstacle in arming_obstacles(self.state, self.parameters, self.vehicle) {
             let text = obstacle.text("PreArm");
-            self.outbox.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+            self.outbox.explain(Severity::Critical, &text);
         }
         ACCEPTED
     }
@@ -183,7 +184,7 @@ impl<'a> VehicleService<'a> {
             let [first, second] = Mode::ALL.map(Mode::name);
             // The longest number fits.
             let text: String<48> = text(format_args!("No such mode {number}: {first} or {second}"));
-            self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
+            self.outbox.explain(Severity::Warning, &text);
             return FAILED;
         };
         if mode != Mode::Hold && self.is_late() {
@@ -193,7 +194,7 @@ impl<'a> VehicleService<'a> {
             Ok(()) => ACCEPTED,
             Err(_) => {
                 let text = "Failsafe active: mode change denied";
-                self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, text);
+                self.outbox.explain(Severity::Warning, text);
                 FAILED
             }
         }
@@ -244,7 +245,7 @@ impl<'a> VehicleService<'a> {
                 let number = self.vehicle.channel_number(stick);
                 // The longest number fits.
                 let text: String<40> = text(format_args!("Centre the {name} (RC{number}) first"));
-                self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
+                self.outbox.explain(Severity::Warning, &text);
                 Event::Driven
             }
             Err(AnotherDrives { report }) => {
@@ -255,7 +256,7 @@ impl<'a> VehicleService<'a> {
                     } else {
                         ANOTHER_STATION
                     };
-                    self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, reason);
+                    self.outbox.explain(Severity::Warning, reason);
                 }
                 Event::Answered
             }
@@ -272,7 +273,7 @@ impl<'a> VehicleService<'a> {
     }
 
     fn refuse_late(&mut self) -> MavResult {
-        self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, TOO_LATE);
+        self.outbox.explain(Severity::Warning, TOO_LATE);
         FAILED
     }
 }

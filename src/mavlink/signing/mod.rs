@@ -12,7 +12,7 @@ mod stored;
 mod streams;
 mod time;
 
-use core::mem;
+use core::{fmt, mem};
 
 pub use key::SigningKey;
 pub use permission::{AcceptUnsigned, Access, LinkKind};
@@ -25,6 +25,7 @@ use streams::{StreamId, Streams};
 use time::{Mark, SigningClock, lower_mark, next_mark};
 
 use super::parser::{ReceivedFrame, TRAILER_BYTES};
+use crate::announce::{Announce, Severity};
 use crate::time::Instant;
 
 const LINK_BYTES: usize = 1;
@@ -94,13 +95,18 @@ pub enum SigningTrouble {
     NotSaved,
 }
 
-impl SigningTrouble {
-    /// The announced text.
-    pub fn text(self) -> &'static str {
-        match self {
+impl Announce for SigningTrouble {
+    fn severity(&self) -> Severity {
+        Severity::Critical
+    }
+}
+
+impl fmt::Display for SigningTrouble {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
             Self::KeyLost => "Signing key lost: set up by USB (used Pico: erase)",
             Self::NotSaved => "Signing not saved: set it up again after a restart",
-        }
+        })
     }
 }
 

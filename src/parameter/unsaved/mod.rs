@@ -4,6 +4,7 @@ use core::{fmt, iter};
 
 use super::trouble::{CHECKED, Doubts};
 use super::{Access, ParameterId, Parameters};
+use crate::announce::{Announce, Severity};
 use crate::memory::save_state::SaveState;
 use crate::memory::storage::StorageError;
 
@@ -23,6 +24,15 @@ pub struct SaveFailure {
     pub error: StorageError,
     /// Their number; a reset is one.
     pub changes: usize,
+}
+
+impl Announce for SaveFailure {
+    fn severity(&self) -> Severity {
+        match self.error {
+            StorageError::NoErasedSpace => Severity::Warning,
+            _ => Severity::Critical,
+        }
+    }
 }
 
 impl fmt::Display for SaveFailure {

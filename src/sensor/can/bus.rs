@@ -5,6 +5,7 @@ use core::fmt;
 
 use super::messages::{ALLOCATION, BATTERY_AUX, BATTERY_INFO, CONTROLLER, TEMPERATURE};
 use super::{CanFrame, NodeId, TemperatureMessages};
+use crate::announce::{Announce, Limit, Severity};
 use crate::parameter::{Parameters, VehicleParameter};
 
 /// A CAN bus, behind a controller that something else serves.
@@ -66,7 +67,7 @@ const DESTINATION_SHIFT: u32 = 8;
 
 /// The filters in use.
 ///
-/// What comes often, and in transfers of several frames, has both buffers: batteries, both messages by one filter, and motor
+/// Frequent messages in transfers of several frames have both buffers: batteries, both messages by one filter, and motor
 /// controllers. This lets StaticPressure (1028), gnss.Fix (1060) and BatteryContinuous (20010) through as well, but no commands
 /// for motor controllers. What is left has the second: messages with the lowest two type bits of Allocation, which are also those
 /// of NodeStatus and of a charger, services for nodes with the lowest two bits of the own id, and thermometers if there are any.
@@ -243,10 +244,13 @@ pub enum CanReport {
     FramesLost(u32),
 }
 
-impl CanReport {
-    /// Whether something is wrong.
-    pub fn is_fault(self) -> bool {
-        self != Self::Working
+impl Announce for CanReport {
+    fn severity(&self) -> Severity {
+        Severity::of_fault(*self != Self::Working)
+    }
+
+    fn limit(&self) -> Limit {
+        Limit::of(self).one_at_once()
     }
 }
 

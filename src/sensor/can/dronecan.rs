@@ -13,6 +13,7 @@ use super::packs::{CanPacks, ChargerRequest};
 use super::setup::{CanSettings, CanSetup, TemperatureMessages};
 use super::transfers::Assembler;
 use super::transfers::{Outgoing, Transfer};
+use crate::announce::{Announce, Severity};
 use crate::log::{info, warn};
 use crate::memory::identity::FirmwareHash;
 use crate::time::{Cadence, Instant};
@@ -396,10 +397,9 @@ fn send_switch_request(outgoing: &mut Outgoing, source: NodeId, request: &Charge
 }
 
 fn announce(notice: CanNotice, deliver: &mut impl FnMut(CanEvent)) {
-    if notice.is_fault() {
-        warn!("{}", notice);
-    } else {
-        info!("{}", notice);
+    match notice.severity() {
+        Severity::Info => info!("{}", notice),
+        _ => warn!("{}", notice),
     }
     deliver(CanEvent::Announce(notice));
 }

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::NodeId;
+use crate::announce::{Announce, Limit, Severity};
 use crate::battery::Measurement;
 use crate::pack::Pack;
 use crate::sensor::ControllerReading;
@@ -56,27 +57,24 @@ pub enum ChargerPower {
 
 impl CanNotice {
     /// The pack that it is about, if it is about one.
-    pub fn pack(&self) -> Option<Pack> {
+    fn pack(&self) -> Option<Pack> {
         match self {
             Self::Source(pack, _) | Self::Charger(pack, _) => Some(*pack),
-            Self::Appeared(_)
-            | Self::Lost(_)
-            | Self::Restarted(_)
-            | Self::OwnId(_)
-            | Self::SameId(_)
-            | Self::Assigned(_)
-            | Self::NoIdLeft => None,
+            _ => None,
         }
     }
+}
 
-    /// Whether something does not work.
-    pub fn is_fault(&self) -> bool {
-        match self {
-            Self::Lost(_) | Self::Restarted(_) | Self::SameId(_) | Self::NoIdLeft => true,
-            Self::Appeared(_) | Self::OwnId(_) | Self::Assigned(_) | Self::Source(..) | Self::Charger(..) => {
-                false
-            }
-        }
+impl Announce for CanNotice {
+    fn severity(&self) -> Severity {
+        Severity::of_fault(matches!(
+            self,
+            Self::Lost(_) | Self::Restarted(_) | Self::SameId(_) | Self::NoIdLeft
+        ))
+    }
+
+    fn limit(&self) -> Limit {
+        Limit::of(self).of_pack(self.pack())
     }
 }
 

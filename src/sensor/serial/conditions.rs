@@ -2,16 +2,7 @@
 
 use core::fmt;
 
-/// Urgency of a notice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Urgency {
-    /// Nothing is wrong, or it can wait.
-    Info,
-    /// Something is wrong with the device.
-    Warning,
-    /// The device stops, or is about to.
-    Critical,
-}
+use crate::announce::{Announce, Limit, Severity};
 
 /// Error flags of 650 W and 800 W with which ArduPilot acts as on a critical pack.
 const CRITICAL_FLAGS: u32 = 0xfbed_c460;
@@ -49,14 +40,14 @@ impl FuelCellError {
         }
     }
 
-    /// Urgency of a change to it, as in ArduPilot.
-    pub(in crate::sensor::serial) fn urgency(self) -> Urgency {
+    /// Severity of a change to it, as in ArduPilot.
+    pub(in crate::sensor::serial) fn severity(self) -> Severity {
         match self {
-            Self::Flags(flags) if flags & CRITICAL_FLAGS != 0 => Urgency::Critical,
-            Self::Flags(_) => Urgency::Warning,
-            Self::Code(..=LAST_NOTE, _) => Urgency::Info,
-            Self::Code(..=LAST_WARNING, _) => Urgency::Warning,
-            Self::Code(..) => Urgency::Critical,
+            Self::Flags(flags) if flags & CRITICAL_FLAGS != 0 => Severity::Critical,
+            Self::Flags(_) => Severity::Warning,
+            Self::Code(..=LAST_NOTE, _) => Severity::Info,
+            Self::Code(..=LAST_WARNING, _) => Severity::Warning,
+            Self::Code(..) => Severity::Critical,
         }
     }
 }
@@ -118,16 +109,16 @@ impl FuelCellState {
         })
     }
 
-    /// Urgency of a change to it.
-    pub(in crate::sensor::serial) fn urgency(self) -> Urgency {
+    /// Severity of a change to it.
+    pub(in crate::sensor::serial) fn severity(self) -> Severity {
         match self {
             Self::Off
             | Self::Starting
             | Self::Ready
             | Self::Running
             | Self::Stopping
-            | Self::FallingAsleep => Urgency::Info,
-            Self::Fault | Self::BatteryOnly => Urgency::Warning,
+            | Self::FallingAsleep => Severity::Info,
+            Self::Fault | Self::BatteryOnly => Severity::Warning,
         }
     }
 }
@@ -162,12 +153,9 @@ const NAMES: [&str; 5] = [
 const MAINTENANCE: u16 = 1;
 
 impl RichenPowerErrors {
-    /// Urgency of a change to these. Maintenance can wait.
-    pub(in crate::sensor::serial) fn urgency(self) -> Urgency {
-        match self.0 & !MAINTENANCE {
-            0 => Urgency::Info,
-            _ => Urgency::Warning,
-        }
+    /// Severity of a change to these. Maintenance can wait.
+    pub(in crate::sensor::serial) fn severity(self) -> Severity {
+        Severity::of_fault(self.0 & !MAINTENANCE != 0)
     }
 }
 
@@ -306,16 +294,18 @@ pub enum SerialNotice {
     Torqeedo(TorqeedoCondition),
 }
 
-impl SerialNotice {
-    /// Its urgency.
-    pub fn urgency(&self) -> Urgency {
+impl Announce for SerialNotice {
+    fn severity(&self) -> Severity {
         match self {
-            Self::FuelCellError(error) => error.urgency(),
-            Self::FuelCellState(state) => state.urgency(),
-            Self::RichenPower(errors) => errors.urgency(),
-            Self::Torqeedo(condition) if condition.is_good() => Urgency::Info,
-            Self::Torqeedo(_) => Urgency::Warning,
+            Self::FuelCellError(error) => error.severity(),
+            Self::FuelCellState(state) => state.severity(),
+            Self::RichenPower(errors) => errors.severity(),
+            Self::Torqeedo(condition) => Severity::of_fault(!condition.is_good()),
         }
+    }
+
+    fn limit(&self) -> Limit {
+        Limit::of(self)
     }
 }
 

@@ -7,8 +7,6 @@ mod protocol;
 mod protocols;
 mod registry;
 
-pub use conditions::{
-    FuelCellError, FuelCellState, RichenPowerErrors, SerialNotice, TorqeedoCondition, Urgency,
-};
+pub use conditions::{FuelCellError, FuelCellState, RichenPowerErrors, SerialNotice, TorqeedoCondition};
 pub use protocol::{REQUEST_BYTES, Request, SerialReading, Wires};
 pub use registry::{DriverEnable, SerialDevice, SerialProtocol, SerialSetup};

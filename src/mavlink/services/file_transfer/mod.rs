@@ -25,7 +25,7 @@ use upload::{NotSet, Upload, Written};
 
 use super::Context;
 use super::log_download::{LogRead, Refusal, Step};
-use crate::mavlink::dialect::MavSeverity;
+use crate::announce::Severity;
 use crate::mavlink::event::Event;
 use crate::mavlink::messages::{Burst, FileAnswer, FileAnswerHeader, FileError, FileOutcome, MAX_FILE_BYTES};
 use crate::mavlink::rates::Rates;
@@ -121,9 +121,7 @@ impl FileTransfers {
         });
         context.outbox.answer_any(answer.map(Message::FileAnswer));
         if let Some(not_set) = handled.not_set {
-            context
-                .outbox
-                .say(MavSeverity::MAV_SEVERITY_WARNING, &not_set.text());
+            context.outbox.say(Severity::Warning, &not_set.text());
         }
         handled.event
     }

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use super::golden::{self, frames};
 use super::{Bench, OWN_ID, message, node, setup, status};
+use crate::announce::{Announce, Severity};
 use crate::memory::identity::FirmwareHash;
 use crate::sensor::can::MAX_NODES;
 use crate::sensor::can::allocation::Allocator;
@@ -389,7 +390,7 @@ fn texts_name_node_and_pack() {
         ),
     ] {
         assert_eq!(notice.to_string(), text);
-        assert!(!notice.is_fault());
+        assert_eq!(notice.severity(), Severity::Info);
     }
-    assert!(CanNotice::Lost(node(1)).is_fault());
+    assert_eq!(CanNotice::Lost(node(1)).severity(), Severity::Warning);
 }

@@ -14,6 +14,7 @@ use heapless::Vec;
 
 use super::super::conditions::{FuelCellError, FuelCellState, SerialNotice};
 use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Wires};
+use crate::announce::LastAnnounced;
 use crate::battery::{Contents, Measurement};
 use crate::parameter::MonitorKind;
 use crate::time::Instant;
@@ -47,9 +48,8 @@ pub(in crate::sensor::serial) struct IntelligentEnergy {
     /// From its first byte on; empty between sentences.
     sentence: Vec<u8, SENTENCE_BYTES>,
     gaps: Gaps<MAX_GAP_US>,
-    /// The last report.
-    state: Option<FuelCellState>,
-    error: FuelCellError,
+    state: LastAnnounced<Option<FuelCellState>>,
+    error: LastAnnounced<FuelCellError>,
 }
 
 impl Protocol for IntelligentEnergy {
@@ -66,8 +66,8 @@ impl Protocol for IntelligentEnergy {
             fuel_cell: *fuel_cell,
             sentence: Vec::new(),
             gaps: Gaps::new(),
-            state: None,
-            error: FuelCellError::NONE,
+            state: LastAnnounced::default(),
+            error: LastAnnounced::new(FuelCellError::NONE),
         }
     }
 
@@ -159,13 +159,11 @@ impl IntelligentEnergy {
 
     fn deliver(&mut self, report: &Report, deliver: &mut impl FnMut(SerialReading)) {
         if let Some(state) = report.state
-            && self.state != Some(state)
+            && self.state.has_changed(Some(state))
         {
-            self.state = Some(state);
             deliver(SerialReading::Notice(SerialNotice::FuelCellState(state)));
         }
-        if self.error != report.error {
-            self.error = report.error;
+        if self.error.has_changed(report.error) {
             deliver(SerialReading::Notice(SerialNotice::FuelCellError(report.error)));
         }
         deliver(SerialReading::GeneratorElectrical(report.electrical));
@@ -241,7 +239,7 @@ fn number(digits: &[u8], radix: u32) -> Option<u32> {
 
 #[cfg(test)]
 mod tests {
-    use crate::sensor::Urgency;
+    use crate::announce::{Announce, Severity};
     use proptest::prelude::*;
 
     use super::*;
@@ -286,9 +284,9 @@ mod tests {
         )
     }
 
-    fn notices(readings: &[SerialReading]) -> std::vec::Vec<(String, Urgency)> {
+    fn notices(readings: &[SerialReading]) -> std::vec::Vec<(String, Severity)> {
         let notice = |reading: &SerialReading| match reading {
-            SerialReading::Notice(notice) => Some((notice.to_string(), notice.urgency())),
+            SerialReading::Notice(notice) => Some((notice.to_string(), notice.severity())),
             _ => None,
         };
         readings.iter().filter_map(notice).collect()
@@ -364,47 +362,47 @@ mod tests {
     fn state_and_error_are_reported_when_they_change() {
         let mut protocol = fuel_cell(&FuelCell::Watts650);
         let mut after = |sentence: &[u8]| notices(&read(&mut protocol, sentence));
-        let notice = |text: &str, urgency| (text.to_string(), urgency);
+        let notice = |text: &str, severity| (text.to_string(), severity);
         assert_eq!(
             after(b"<50,50,2,0>"),
-            [notice("Fuel cell running", Urgency::Info)]
+            [notice("Fuel cell running", Severity::Info)]
         );
         assert_eq!(after(b"<50,50,2,0>"), []);
         assert_eq!(
             after(b"<50,50,3,0x20000>"),
             [
-                notice("Fuel cell has failed", Urgency::Warning),
-                notice("Fuel cell error 0x20000", Urgency::Warning),
+                notice("Fuel cell has failed", Severity::Warning),
+                notice("Fuel cell error 0x20000", Severity::Warning),
             ]
         );
         assert_eq!(
             after(b"<50,50,3,0x80020000>"),
-            [notice("Fuel cell error 0x80020000", Urgency::Critical)]
+            [notice("Fuel cell error 0x80020000", Severity::Critical)]
         );
         // A flag without a meaning.
         assert_eq!(
             after(b"<50,50,3,0x1>"),
-            [notice("Fuel cell: no error any more", Urgency::Info)]
+            [notice("Fuel cell: no error any more", Severity::Info)]
         );
 
         let mut protocol = fuel_cell(&FuelCell::Kilowatts2);
         let mut after = |sentence: &[u8]| notices(&read(&mut protocol, sentence));
         after(LEGACY);
-        for (error, urgency) in [
-            (1, Urgency::Info),
-            (20, Urgency::Warning),
-            (21, Urgency::Critical),
+        for (error, severity) in [
+            (1, Severity::Info),
+            (20, Severity::Warning),
+            (21, Severity::Critical),
         ] {
             let sentence = format!("<300,48.7,1600,1700,100,2,{error}>");
-            let expected = notice(&format!("Fuel cell error {error}"), urgency);
+            let expected = notice(&format!("Fuel cell error {error}"), severity);
             assert_eq!(after(sentence.as_bytes()), [expected]);
         }
         let sentence = of_protocol_4("48,6.1,49.9,1200,1300,0,-499,3,33,7,LOW PRESSURE");
         assert_eq!(
             after(&sentence),
             [
-                notice("Fuel cell stopping", Urgency::Info),
-                notice("Fuel cell error 33.7", Urgency::Critical),
+                notice("Fuel cell stopping", Severity::Info),
+                notice("Fuel cell error 33.7", Severity::Critical),
             ]
         );
     }
@@ -459,7 +457,7 @@ mod tests {
 
         #[test]
         fn garbage_is_no_sentence(garbage in any_line()) {
-            // What is read has to be a sentence of numbers.
+            // Only a sentence of numbers is read.
             for (model, commas) in [(&FuelCell::Watts650, 3), (&FuelCell::Kilowatts2, 6)] {
                 let readings = read(&mut fuel_cell(model), &garbage);
                 let sentences = garbage.split(|byte| *byte == b'>').filter(|piece| {

@@ -14,6 +14,7 @@
 
 use super::super::conditions::{RichenPowerErrors, SerialNotice};
 use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
+use crate::announce::LastAnnounced;
 use crate::battery::Measurement;
 use crate::parameter::MonitorKind;
 use crate::time::Instant;
@@ -37,8 +38,7 @@ const MAX_GAP_US: u64 = 200_000;
 pub(in crate::sensor::serial) struct RichenPower {
     window: Window<FRAME_BYTES>,
     gaps: Gaps<MAX_GAP_US>,
-    /// The last report.
-    errors: RichenPowerErrors,
+    errors: LastAnnounced<RichenPowerErrors>,
 }
 
 impl Protocol for RichenPower {
@@ -54,7 +54,7 @@ impl Protocol for RichenPower {
         Self {
             window: Window::new(),
             gaps: Gaps::new(),
-            errors: RichenPowerErrors(0),
+            errors: LastAnnounced::new(RichenPowerErrors(0)),
         }
     }
 
@@ -68,8 +68,7 @@ impl Protocol for RichenPower {
         let Some((errors, measurement)) = self.window.push(byte, decode) else {
             return;
         };
-        if errors != self.errors {
-            self.errors = errors;
+        if self.errors.has_changed(errors) {
             deliver(SerialReading::Notice(SerialNotice::RichenPower(errors)));
         }
         deliver(SerialReading::GeneratorElectrical(measurement));
@@ -97,11 +96,11 @@ fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<(RichenPowerErrors, Measurement)>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::Urgency;
+    use crate::announce::{Announce, Severity};
     use crate::time::at_us;
     use proptest::prelude::*;
 
-    /// What a controller of an H2 sent: 43.81 V, 0 A, low battery voltage (ArduPilot/ardupilot, a comment in
+    /// A frame of an H2's controller: 43.81 V, 0 A, low battery voltage (ArduPilot/ardupilot, a comment in
     /// libraries/AP_Generator/AP_Generator_RichenPower.cpp).
     const RECORDED: [u8; FRAME_BYTES] = {
         let mut frame = [0; FRAME_BYTES];
@@ -164,25 +163,25 @@ mod tests {
         let mut protocol = RichenPower::new(&());
         for (errors, expected) in [
             (0, None),
-            (0b1, Some(("Generator: maintenance required", Urgency::Info))),
+            (0b1, Some(("Generator: maintenance required", Severity::Info))),
             (0b1, None),
             (
                 0b1101,
                 Some((
                     "Generator: maintenance required, overload, low output voltage",
-                    Urgency::Warning,
+                    Severity::Warning,
                 )),
             ),
-            (0x8000, Some(("Generator: error 15", Urgency::Warning))),
-            (0, Some(("Generator: no error any more", Urgency::Info))),
+            (0x8000, Some(("Generator: error 15", Severity::Warning))),
+            (0, Some(("Generator: no error any more", Severity::Info))),
             (0, None),
         ] {
             let readings = read(&mut protocol, &frame(errors, 5000, 0));
             let notice = match readings[0] {
-                SerialReading::Notice(notice) => Some((notice.to_string(), notice.urgency())),
+                SerialReading::Notice(notice) => Some((notice.to_string(), notice.severity())),
                 _ => None,
             };
-            let expected = expected.map(|(text, urgency)| (text.to_string(), urgency));
+            let expected = expected.map(|(text, severity)| (text.to_string(), severity));
             assert_eq!(notice, expected, "{errors:#x}");
         }
     }

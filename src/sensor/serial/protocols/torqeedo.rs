@@ -19,6 +19,7 @@
 
 use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
 
+use crate::announce::LastAnnounced;
 use crate::battery::{Measurement, Thermometer};
 use crate::parameter::MonitorKind;
 use crate::sensor::serial::conditions::{SerialNotice, TorqeedoCondition};
@@ -68,7 +69,7 @@ pub(in crate::sensor::serial) struct Torqeedo {
     ask_due: Instant,
     /// The next question to the motor is that for its status, else that for its parameters.
     asks_for_status: bool,
-    announced: TorqeedoCondition,
+    announced: LastAnnounced<TorqeedoCondition>,
 }
 
 impl Protocol for Torqeedo {
@@ -88,7 +89,7 @@ impl Protocol for Torqeedo {
             speed_awaited: None,
             ask_due: Instant::EPOCH,
             asks_for_status: false,
-            announced: TorqeedoCondition::default(),
+            announced: LastAnnounced::default(),
         }
     }
 
@@ -151,8 +152,7 @@ impl Torqeedo {
     }
 
     fn announce(&mut self, condition: TorqeedoCondition, deliver: &mut impl FnMut(SerialReading)) {
-        if condition != self.announced {
-            self.announced = condition;
+        if self.announced.has_changed(condition) {
             deliver(SerialReading::Notice(SerialNotice::Torqeedo(condition)));
         }
     }
