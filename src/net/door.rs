@@ -2,9 +2,6 @@
 
 use core::cell::{Cell, RefCell};
 use core::net::Ipv4Addr;
-use core::task::Context;
-
-use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken};
 
 use super::dhcp::now_ms;
 use super::leases::Leases;
@@ -32,40 +29,29 @@ const DHCP_CLIENT_MAC: usize = 8 + 28;
 /// Minimum interval between log lines about refused frames.
 const LOG_INTERVAL_US: u64 = 10_000_000;
 
-/// A device of which only frames come in that mean something to the board.
+/// Lets frames in that mean something to the board.
 ///
 /// At its own access point the board knows which address it has given to which computer. Frames with another sender are refused there: those
 /// who invent addresses would push the others out of the list of neighbours, and occupy the places for connections. A DHCP message on behalf of
 /// another computer is refused, too: it could release that one's address. So is ARP on behalf of another: it could be lent every free address.
-pub(super) struct Guarded<'a, D> {
-    device: D,
+pub(super) struct Door<'a> {
     /// Of the access point; `None` in another's network.
     leases: Option<&'a RefCell<Leases>>,
     refused: Cell<u32>,
     log: Cell<RateLimit<LOG_INTERVAL_US>>,
 }
 
-impl<'a, D> Guarded<'a, D> {
-    pub fn new(device: D, leases: Option<&'a RefCell<Leases>>) -> Self {
+impl<'a> Door<'a> {
+    pub fn new(leases: Option<&'a RefCell<Leases>>) -> Self {
         Self {
-            device,
             leases,
             refused: Cell::new(0),
             log: Cell::default(),
         }
     }
-}
 
-/// The way in.
-struct Door<'a> {
-    leases: Option<&'a RefCell<Leases>>,
-    refused: &'a Cell<u32>,
-    log: &'a Cell<RateLimit<LOG_INTERVAL_US>>,
-}
-
-impl Door<'_> {
     /// Whether a frame comes in.
-    fn admits(&self, frame: &[u8]) -> bool {
+    pub fn admits(&self, frame: &[u8]) -> bool {
         let is_admitted = match part(frame, ETHERTYPE) {
             Some(ETHERTYPE_ARP) => {
                 let sender = part(frame, SOURCE_MAC);
@@ -125,59 +111,6 @@ fn part<const BYTES: usize>(frame: &[u8], at: usize) -> Option<[u8; BYTES]> {
     frame.get(at..)?.first_chunk().copied()
 }
 
-/// A frame that is looked at before it is handed over.
-pub(super) struct GuardedToken<'a, T> {
-    token: T,
-    door: Door<'a>,
-}
-
-impl<T: RxToken> RxToken for GuardedToken<'_, T> {
-    fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, take: F) -> R {
-        self.token.consume(|frame| match self.door.admits(frame) {
-            true => take(frame),
-            // An empty frame is ignored.
-            false => take(&mut []),
-        })
-    }
-}
-
-impl<D: Driver> Driver for Guarded<'_, D> {
-    type RxToken<'a>
-        = GuardedToken<'a, D::RxToken<'a>>
-    where
-        Self: 'a;
-    type TxToken<'a>
-        = D::TxToken<'a>
-    where
-        Self: 'a;
-
-    fn receive(&mut self, context: &mut Context<'_>) -> Option<(Self::RxToken<'_>, Self::TxToken<'_>)> {
-        let (token, answer) = self.device.receive(context)?;
-        let door = Door {
-            leases: self.leases,
-            refused: &self.refused,
-            log: &self.log,
-        };
-        Some((GuardedToken { token, door }, answer))
-    }
-
-    fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {
-        self.device.transmit(context)
-    }
-
-    fn link_state(&mut self, context: &mut Context<'_>) -> LinkState {
-        self.device.link_state(context)
-    }
-
-    fn capabilities(&self) -> Capabilities {
-        self.device.capabilities()
-    }
-
-    fn hardware_address(&self) -> HardwareAddress {
-        self.device.hardware_address()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -216,12 +149,7 @@ mod tests {
     }
 
     fn admits(leases: Option<&RefCell<Leases>>, frame: &[u8]) -> bool {
-        let door = Door {
-            leases,
-            refused: &Cell::new(0),
-            log: &Cell::default(),
-        };
-        door.admits(frame)
+        Door::new(leases).admits(frame)
     }
 
     #[test]

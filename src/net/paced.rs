@@ -1,15 +1,18 @@
-//! A network device that leaves the other tasks their turn.
+//! The network device: it leaves the other tasks their turn, and lets in what means something to the board.
 
 use core::task::Context;
 
-use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState};
+use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken};
+
+use super::door::Door;
 
 /// A device that gives one received frame, and takes one to send, each time the network is polled. Without that all frames that
 /// wait would be handled in one go, and the sampling of the packs would wait meanwhile.
 ///
 /// A frame stays with the device when the token for it is dropped.
-pub(super) struct Paced<D> {
+pub(super) struct Paced<'a, D> {
     device: D,
+    door: Door<'a>,
     received: FrameSlot,
     sent: FrameSlot,
 }
@@ -28,19 +31,36 @@ impl FrameSlot {
     }
 }
 
-impl<D> Paced<D> {
-    pub fn new(device: D) -> Self {
+impl<'a, D> Paced<'a, D> {
+    pub fn new(device: D, door: Door<'a>) -> Self {
         Self {
             device,
+            door,
             received: FrameSlot::Open,
             sent: FrameSlot::Open,
         }
     }
 }
 
-impl<D: Driver> Driver for Paced<D> {
+/// A frame that is looked at before it is handed over.
+pub(super) struct GuardedToken<'a, T> {
+    token: T,
+    door: &'a Door<'a>,
+}
+
+impl<T: RxToken> RxToken for GuardedToken<'_, T> {
+    fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, take: F) -> R {
+        self.token.consume(|frame| match self.door.admits(frame) {
+            true => take(frame),
+            // An empty frame is ignored.
+            false => take(&mut []),
+        })
+    }
+}
+
+impl<D: Driver> Driver for Paced<'_, D> {
     type RxToken<'a>
-        = D::RxToken<'a>
+        = GuardedToken<'a, D::RxToken<'a>>
     where
         Self: 'a;
     type TxToken<'a>
@@ -58,10 +78,10 @@ impl<D: Driver> Driver for Paced<D> {
             }
             return None;
         }
-        if frame.is_some() {
-            self.received = FrameSlot::Used;
-        }
-        frame
+        let (token, answer) = frame?;
+        self.received = FrameSlot::Used;
+        let door = &self.door;
+        Some((GuardedToken { token, door }, answer))
     }
 
     fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {
@@ -93,7 +113,7 @@ impl<D: Driver> Driver for Paced<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use embassy_net::driver::{RxToken, TxToken};
+    use embassy_net::driver::TxToken;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
     use std::task::{Wake, Waker};
@@ -157,7 +177,7 @@ mod tests {
         let wakes = Arc::new(Wakes::default());
         let waker = Waker::from(wakes.clone());
         let mut context = Context::from_waker(&waker);
-        let mut device = Paced::new(Waiting(3));
+        let mut device = Paced::new(Waiting(3), Door::new(None));
         for expected_wakes in [1, 2, 2, 2] {
             if let Some((frame, _)) = device.receive(&mut context) {
                 frame.consume(|_| ());
@@ -173,7 +193,7 @@ mod tests {
         let wakes = Arc::new(Wakes::default());
         let waker = Waker::from(wakes.clone());
         let mut context = Context::from_waker(&waker);
-        let mut device = Paced::new(Waiting(0));
+        let mut device = Paced::new(Waiting(0), Door::new(None));
         for turn in 1..4 {
             assert!(device.transmit(&mut context).is_some());
             assert!(device.transmit(&mut context).is_none());

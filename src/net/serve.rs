@@ -14,7 +14,7 @@ use super::address::{NetReport, Role, report_address};
 use super::browsers::serve_browsers;
 use super::dhcp::{give_addresses, now_ms};
 use super::discovery::be_found;
-use super::door::Guarded;
+use super::door::Door;
 use super::memory::NetMemory;
 use super::paced::Paced;
 use super::sender::Sender;
@@ -39,7 +39,7 @@ pub async fn serve<D: Driver>(
         Role::AccessPoint => Some(leases),
         Role::Station => None,
     };
-    let device = Guarded::new(device, guests);
+    let device = Paced::new(device, Door::new(guests));
     let (stack, mut runner) = start(device, role, seed, &mut memory.stack);
     links.reset();
     // The one that receives comes first: all have the same port.
@@ -85,6 +85,6 @@ fn start<'d, D: Driver, const SOCKETS: usize>(
     role: Role,
     seed: u64,
     resources: &'d mut StackResources<SOCKETS>,
-) -> (Stack<'d>, Runner<'d, Paced<D>>) {
-    embassy_net::new(Paced::new(device), role.config(), resources, seed)
+) -> (Stack<'d>, Runner<'d, D>) {
+    embassy_net::new(device, role.config(), resources, seed)
 }
