@@ -7,7 +7,7 @@ use super::event::{Action, Event};
 use super::parser::ReceivedFrame;
 use super::rates::is_radio;
 use super::requests::{Command, Peer, ReceivedRequest, Request};
-use super::services::commands::Answer;
+use super::services::commands::{Answer, requested_streams};
 use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
@@ -304,8 +304,8 @@ fn execute(command: &Command, from: Peer, context: &mut Context<'_>) -> Event {
                 outbox.answer(Message::AvailableModes(build_available_mode(mode)));
             }
         }
-        Some(Answer::Streams(requested)) => {
-            for stream in requested.reported_in(state) {
+        Some(Answer::Streams(message_id, pack)) => {
+            for stream in requested_streams(message_id, pack, state) {
                 outbox.answer(stream.build(state));
             }
         }

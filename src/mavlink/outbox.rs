@@ -35,7 +35,7 @@ pub enum Posted {
 /// HEARTBEAT goes first, then an urgent text, answers in the order they came, then the streams in turn, always in the order of their table
 /// and of the packs. An answer waits as it was built. A stream waits by its name alone: its message is built when it is
 /// taken. So every stream gets the same share of a link that is too slow, none starves, and what arrives is fresh.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Outbox {
     /// The rest of an urgent text.
     urgent: Deque<STATUSTEXT_DATA, URGENT>,
@@ -56,15 +56,7 @@ pub struct Outbox {
 impl Outbox {
     /// An empty outbox.
     pub fn new() -> Self {
-        Self {
-            urgent: Deque::new(),
-            refused_arming: None,
-            replies: Deque::new(),
-            waiting: [0; StreamKind::COUNT],
-            turn: (0, 0),
-            dropped: 0,
-            texts: 0,
-        }
+        Self::default()
     }
 
     /// Has the next message of `stream` wait, and says what was dropped for it, if anything.
@@ -223,12 +215,6 @@ impl Outbox {
             && self.refused_arming.is_none()
             && self.replies.is_empty()
             && self.waiting == [0; StreamKind::COUNT]
-    }
-}
-
-impl Default for Outbox {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -45,18 +45,16 @@ const REFUSED_FAREWELL: Duration = Duration::from_millis(250);
 /// The buffers of the connections.
 pub(super) struct BrowserMemory {
     connections: [ConnectionMemory; CONNECTIONS],
+    /// Of the connection that gets 503: received and sent bytes.
     refused: RefusedMemory,
 }
+
+type RefusedMemory = ([u8; REFUSED_RECEIVED_BYTES], [u8; REFUSED_SENT_BYTES]);
 
 struct ConnectionMemory {
     received: [u8; RECEIVED_BYTES],
     sent: [u8; SENT_BYTES],
     buffer: [u8; BUFFER_BYTES],
-}
-
-struct RefusedMemory {
-    received: [u8; REFUSED_RECEIVED_BYTES],
-    sent: [u8; REFUSED_SENT_BYTES],
 }
 
 impl BrowserMemory {
@@ -69,10 +67,7 @@ impl BrowserMemory {
         };
         Self {
             connections: [CONNECTION; CONNECTIONS],
-            refused: RefusedMemory {
-                received: [0; REFUSED_RECEIVED_BYTES],
-                sent: [0; REFUSED_SENT_BYTES],
-            },
+            refused: ([0; REFUSED_RECEIVED_BYTES], [0; REFUSED_SENT_BYTES]),
         }
     }
 }
@@ -187,8 +182,8 @@ fn own_address(socket: &RefCell<TcpSocket<'_>>) -> String<15> {
 }
 
 /// Answers 503 to those who come while all other connections are in use.
-async fn refuse_surplus(stack: Stack<'_>, memory: &mut RefusedMemory, places: &Places) {
-    let socket = &RefCell::new(socket(stack, &mut memory.received, &mut memory.sent));
+async fn refuse_surplus(stack: Stack<'_>, (received, sent): &mut RefusedMemory, places: &Places) {
+    let socket = &RefCell::new(socket(stack, received, sent));
     loop {
         accept(socket, PORT).await;
         refuse(TcpTransmitter(socket), places).await;

@@ -87,7 +87,7 @@ pub async fn attend<'a>(
     // A client that has left needs no answer.
     let sent = send_answer(&admitted, &mut writer, buffer, site).await;
     match (admitted.answer, admitted.place, sent) {
-        (Answer::WebSocket(_), Some(place), Ok(())) => Attended::WebSocket(place),
+        (Answer::WebSocket(_), Some(place), Some(())) => Attended::WebSocket(place),
         _ => Attended::Answered,
     }
 }
@@ -175,24 +175,19 @@ async fn admit<'a>(request: &Request, site: Site<'a>) -> Admitted<'a> {
     }
 }
 
-/// The peer has left, or does not read.
-struct Gone;
-
-async fn send(bytes: &[u8], writer: &mut impl Write) -> Result<(), Gone> {
+/// Sends `bytes`; `None` if the peer has left, or does not read.
+async fn send(bytes: &[u8], writer: &mut impl Write) -> Option<()> {
     let sent = with_timeout(READER_PATIENCE, writer.write_all(bytes)).await;
-    match sent {
-        Ok(Ok(())) => Ok(()),
-        Ok(Err(_)) | Err(_) => Err(Gone),
-    }
+    sent.ok()?.ok()
 }
 
-/// Sends an answer piece by piece, each of which may take its time. Ends early when its place is wanted.
+/// Sends an answer piece by piece, each of which may take its time; `None` if it ends early, as when its place is wanted.
 async fn send_answer(
     admitted: &Admitted<'_>,
     writer: &mut impl Write,
     buffer: &mut [u8],
     site: Site<'_>,
-) -> Result<(), Gone> {
+) -> Option<()> {
     let Admitted {
         answer,
         method,
@@ -206,7 +201,7 @@ async fn send_answer(
             place.iter().for_each(Place::note_use);
             bytes = content.next_piece(buffer, site.logs, site.shared);
         }
-        Ok(())
+        Some(())
     };
     let is_wanted = async {
         match place {
@@ -216,6 +211,6 @@ async fn send_answer(
     };
     match select(send_pieces, is_wanted).await {
         Either::First(sent) => sent,
-        Either::Second(()) => Err(Gone),
+        Either::Second(()) => None,
     }
 }

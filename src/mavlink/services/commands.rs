@@ -76,27 +76,23 @@ impl Action {
 #[derive(Debug, PartialEq)]
 pub(in crate::mavlink) enum Answer {
     Message(Message),
-    Streams(RequestedStreams),
+    /// Messages with this id that are streamed, once: of this pack, `None` if there is no such pack, which does not matter to
+    /// messages of the vehicle.
+    Streams(u32, Option<Pack>),
     /// AVAILABLE_MODES of each mode.
     Modes,
 }
 
-/// Messages that are streamed, to be sent once.
-#[derive(Debug, PartialEq)]
-pub(in crate::mavlink) struct RequestedStreams {
+/// The streams of [`Answer::Streams`] that have something to report: of NAMED_VALUE_FLOAT one for each name.
+pub(in crate::mavlink) fn requested_streams(
     message_id: u32,
-    /// `None` if there is no such pack; that does not matter to messages of the vehicle.
     pack: Option<Pack>,
-}
-
-impl RequestedStreams {
-    /// The streams that have something to report: of NAMED_VALUE_FLOAT one for each name.
-    pub fn reported_in(&self, state: &SystemState<'_>) -> impl Iterator<Item = Stream> {
-        let kinds = StreamKind::with_message_id(self.message_id);
-        let streams = kinds.map(|kind| kind.of(self.pack.unwrap_or(Pack::First)));
-        let asked = streams.filter(|stream| stream.pack().is_none() || stream.pack() == self.pack);
-        asked.filter(|stream| stream.is_reported_in(state))
-    }
+    state: &SystemState<'_>,
+) -> impl Iterator<Item = Stream> {
+    let kinds = StreamKind::with_message_id(message_id);
+    let streams = kinds.map(move |kind| kind.of(pack.unwrap_or(Pack::First)));
+    let asked = streams.filter(move |stream| stream.pack().is_none() || stream.pack() == pack);
+    asked.filter(|stream| stream.is_reported_in(state))
 }
 
 /// Result of a command.
@@ -121,9 +117,8 @@ impl From<MavResult> for CommandOutcome {
 impl From<Action> for CommandOutcome {
     fn from(action: Action) -> Self {
         Self {
-            result: ACCEPTED,
-            answer: None,
             action: Some(action),
+            ..ACCEPTED.into()
         }
     }
 }
@@ -131,9 +126,8 @@ impl From<Action> for CommandOutcome {
 impl From<Answer> for CommandOutcome {
     fn from(answer: Answer) -> Self {
         Self {
-            result: ACCEPTED,
             answer: Some(answer),
-            action: None,
+            ..ACCEPTED.into()
         }
     }
 }
@@ -279,16 +273,13 @@ impl Command {
     fn request_streams(&self, message_id: u32, state: &SystemState<'_>) -> CommandOutcome {
         let asked = if self.param2.is_nan() { 0.0 } else { self.param2 };
         let mut packs = Pack::ALL.into_iter();
-        let requested = RequestedStreams {
-            message_id,
-            pack: packs.find(|pack| f32::from(pack.instance()) == asked),
-        };
+        let pack = packs.find(|pack| f32::from(pack.instance()) == asked);
         if StreamKind::with_message_id(message_id).next().is_none() {
             UNSUPPORTED.into()
-        } else if requested.reported_in(state).next().is_none() {
+        } else if requested_streams(message_id, pack, state).next().is_none() {
             DENIED.into()
         } else {
-            Answer::Streams(requested).into()
+            Answer::Streams(message_id, pack).into()
         }
     }
 
@@ -445,11 +436,7 @@ mod tests {
     fn battery_status_is_sent_of_a_reported_pack_by_its_instance() {
         for instance in [0.0, -0.0, f32::NAN] {
             let outcome = execute(512, 147.0, instance);
-            let requested = RequestedStreams {
-                message_id: 147,
-                pack: Some(Pack::First),
-            };
-            assert_eq!(outcome, Answer::Streams(requested).into());
+            assert_eq!(outcome, Answer::Streams(147, Some(Pack::First)).into());
         }
         // None there, on board only, none there, no instance at all.
         for instance in [1.0, 3.0, 4.0, 5.0, 255.0, 256.0, -1.0, 0.5, f32::INFINITY] {
