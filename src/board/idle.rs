@@ -12,19 +12,14 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_rp::pac;
 
 use super::{can, running};
-use crate::tasks::IdleTime;
 
 static IDLE_US: AtomicU32 = AtomicU32::new(0);
 static ASLEEP_SINCE_US: AtomicU32 = AtomicU32::new(0);
 static INTERRUPTED_AT_US: AtomicU32 = AtomicU32::new(0);
 
-/// The idle time of the thread-mode executor.
-pub struct ExecutorIdleTime;
-
-impl IdleTime for ExecutorIdleTime {
-    fn idle_us(&self) -> u32 {
-        IDLE_US.load(Ordering::Relaxed)
-    }
+/// Idle time of the thread-mode executor since boot, in microseconds, modulo 2^32.
+pub fn idle_us() -> u32 {
+    IDLE_US.load(Ordering::Relaxed)
 }
 
 /// The low half of the free-running microsecond timer, without the latch the time driver uses.

@@ -11,7 +11,6 @@ use crate::battery::{RetainedMemory, RetainedRecord};
 use crate::crash::{CrashRecord, CrashWords};
 use crate::memory::retained::RetainedWords;
 use crate::net::RetainedLeases;
-use crate::tasks::CrashMemory;
 
 /// `.uninit` is neither cleared nor copied at start-up.
 #[unsafe(link_section = ".uninit.BATTERY_MEMORY")]
@@ -60,11 +59,7 @@ pub(super) fn crash() -> Option<CrashRecord> {
     CrashRecord::from_words(&CRASH.get())
 }
 
-/// The same, as the task that reports the crash sees it.
-pub struct BoardCrashMemory;
-
-impl CrashMemory for BoardCrashMemory {
-    fn forget(&mut self) {
-        CRASH.set([0; WORDS]);
-    }
+/// The crash was reported.
+pub fn forget_crash() {
+    CRASH.set([0; WORDS]);
 }

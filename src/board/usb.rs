@@ -83,7 +83,7 @@ impl UsbPort {
     ) -> UsbFault {
         let serial_number = self.id.map(BoardId::serial_number);
         let bus = Bus::default();
-        let mut handler = BusHandler(&bus);
+        let mut handler = &bus;
         let mut memory = Memory::default();
         let (mut device, class) = build(
             self.peripheral.reborrow(),
@@ -133,7 +133,7 @@ fn build<'d>(
     peripheral: Peri<'d, USB>,
     serial_number: Option<&'d str>,
     memory: &'d mut Memory<'d>,
-    handler: &'d mut BusHandler<'d>,
+    handler: &'d mut &'d Bus,
 ) -> (UsbDevice<'d, UsbDriver<'d>>, CdcAcmClass<'d, UsbDriver<'d>>) {
     let mut config = Config::new(VENDOR_ID, PRODUCT_ID);
     config.manufacturer = Some("rover-battmon");
@@ -255,27 +255,25 @@ impl Bus {
     }
 }
 
-struct BusHandler<'d>(&'d Bus);
-
-impl Handler for BusHandler<'_> {
+impl Handler for &Bus {
     fn reset(&mut self) {
-        self.0.addressed.set(false);
-        self.0.suspended.set(false);
+        self.addressed.set(false);
+        self.suspended.set(false);
         self.configured(false);
     }
 
     fn addressed(&mut self, _address: u8) {
-        self.0.addressed.set(true);
+        self.addressed.set(true);
     }
 
     fn configured(&mut self, configured: bool) {
-        self.0.configured.set(configured);
-        self.0.changed.signal(());
+        self.configured.set(configured);
+        self.changed.signal(());
     }
 
     fn suspended(&mut self, suspended: bool) {
-        self.0.suspended.set(suspended);
-        self.0.changed.signal(());
+        self.suspended.set(suspended);
+        self.changed.signal(());
     }
 }
 

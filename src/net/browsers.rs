@@ -11,7 +11,7 @@ use embassy_time::{Duration, with_timeout};
 use heapless::String;
 
 use super::service::Service;
-use super::tcp::{TcpReceiver, TcpTransmitter, accept, close, socket};
+use super::tcp::{TcpTransmitter, accept, close, socket};
 use crate::log::info;
 use crate::mavlink::{Access, LinkId};
 use crate::numbers::text;
@@ -123,8 +123,7 @@ async fn serve_connection<'a>(
     loop {
         accept(socket, PORT).await;
         let name = own_address(socket);
-        let (transmitter, receiver) = (TcpTransmitter(socket), TcpReceiver(socket));
-        let attended = attend(transmitter, receiver, buffer, &[&name], site).await;
+        let attended = attend(TcpTransmitter(socket), socket, buffer, &[&name], site).await;
         if let Attended::WebSocket(place) = attended
             && let Some(slot) = links.get(place.index)
         {
@@ -147,10 +146,9 @@ async fn serve_place<'a>(
     };
     let link = open(slot.id, place.sender.access(), memory, service);
     info!("{}: connected", slot.id.name());
-    let (transmitter, receiver) = (TcpTransmitter(socket), TcpReceiver(socket));
     serve_web_socket(
-        transmitter,
-        receiver,
+        TcpTransmitter(socket),
+        socket,
         place,
         link,
         service.shared,
@@ -187,7 +185,7 @@ async fn refuse_surplus(stack: Stack<'_>, (received, sent): &mut RefusedMemory, 
     loop {
         accept(socket, PORT).await;
         refuse(TcpTransmitter(socket), places).await;
-        let receive_rest = async { while TcpReceiver(socket).receive(&mut [0; 32]).await.is_ok() {} };
+        let receive_rest = async { while { socket }.receive(&mut [0; 32]).await.is_ok() {} };
         socket.borrow_mut().close();
         let _ = with_timeout(REFUSED_FAREWELL, receive_rest).await;
         close(socket, REFUSED_FAREWELL).await;

@@ -68,9 +68,7 @@ pub(super) async fn serve_clients(
         accept(&socket, PORT).await;
         info!("{}: connected", id.name());
         let link = service.open(id, 0, Access::Full);
-        service
-            .serve(TcpTransmitter(&socket), TcpReceiver(&socket), &link)
-            .await;
+        service.serve(TcpTransmitter(&socket), &socket, &link).await;
         info!("{}: disconnected", id.name());
         close(&socket, FAREWELL).await;
     }
@@ -129,16 +127,14 @@ impl Write for TcpTransmitter<'_, '_> {
 }
 
 /// Bytes from a client.
-pub(super) struct TcpReceiver<'a, 's>(pub &'a RefCell<TcpSocket<'s>>);
-
-impl ByteSource for TcpReceiver<'_, '_> {
+impl ByteSource for &RefCell<TcpSocket<'_>> {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
         until(|| {
-            let socket = self.0.borrow();
+            let socket = self.borrow();
             socket.can_recv() || !socket.may_recv()
         })
         .await;
-        match poll_once(self.0.borrow_mut().read(buffer)) {
+        match poll_once(self.borrow_mut().read(buffer)) {
             Poll::Ready(Ok(received)) if received > 0 => Ok(received),
             _ => Err(ReceiveError::Closed),
         }

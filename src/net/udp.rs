@@ -202,7 +202,7 @@ pub(super) async fn serve_stations(
             handed_over: 0,
             link: &link,
         };
-        let service = service.serve(transmitter, UdpReceiver(slot), &link);
+        let service = service.serve(transmitter, slot, &link);
         select(service, until_silent(&link)).await;
         links.close(index, slot);
         info!("{}: {:?} is silent", id.name(), station.ip().octets());
@@ -271,12 +271,10 @@ impl UdpTransmitter<'_, '_> {
 }
 
 /// Bytes from a station.
-struct UdpReceiver<'a>(&'a Slot);
-
-impl ByteSource for UdpReceiver<'_> {
+impl ByteSource for &Slot {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        match self.0.lost_bytes.take() {
-            0 => Ok(self.0.received.read(buffer).await),
+        match self.lost_bytes.take() {
+            0 => Ok(self.received.read(buffer).await),
             lost => Err(ReceiveError::BytesLost(lost)),
         }
     }

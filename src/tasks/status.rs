@@ -8,19 +8,14 @@ use crate::log::info;
 
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Idle time of the processor.
-pub trait IdleTime {
-    /// Microseconds without anything to do since boot, modulo 2^32.
-    fn idle_us(&self) -> u32;
-}
-
-/// Measures the load over each second and logs voltage, rates and load.
-pub async fn report_status(idle: impl IdleTime, shared: &Shared, link: &Link<'_>, check_in: &CheckIn) -> ! {
+/// Measures the load over each second and logs voltage, rates and load. `idle_us` says for how many microseconds the processor
+/// had nothing to do since boot, modulo 2^32.
+pub async fn report_status(idle_us: fn() -> u32, shared: &Shared, link: &Link<'_>, check_in: &CheckIn) -> ! {
     let mut seconds = Ticker::every(REPORT_INTERVAL);
-    let mut before = Snapshot::take(&idle, shared, link);
+    let mut before = Snapshot::take(idle_us(), shared, link);
     loop {
         seconds.next().await;
-        let now = Snapshot::take(&idle, shared, link);
+        let now = Snapshot::take(idle_us(), shared, link);
         shared.with(|autopilot| autopilot.set_load(now.load_permille_since(&before)));
         log(shared, link, &now, &before);
         before = now;
@@ -38,11 +33,11 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    fn take(idle: &impl IdleTime, shared: &Shared, link: &Link<'_>) -> Self {
+    fn take(idle_us: u32, shared: &Shared, link: &Link<'_>) -> Self {
         let statistics = link.statistics();
         Self {
             time_us: now().as_micros() as u32,
-            idle_us: idle.idle_us(),
+            idle_us,
             samples: shared.with(|autopilot| autopilot.samples()),
             sent: statistics.sent,
             sent_bytes: statistics.sent_bytes,

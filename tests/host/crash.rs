@@ -10,8 +10,8 @@ use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, Task
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::Parameters;
 use rover_battmon::tasks::{
-    ByteSource, CheckIn, CrashMemory, Link, ReceiveError, Shared, read_frames, report_crash,
-    schedule_telemetry, write_frames,
+    ByteSource, CheckIn, Link, ReceiveError, Shared, read_frames, report_crash, schedule_telemetry,
+    write_frames,
 };
 use rover_battmon_tools::sim::clock;
 use support::frames::{STATUSTEXT, frames, of_message};
@@ -51,14 +51,7 @@ fn texts(sent: &Sent) -> Vec<(u64, String)> {
 }
 
 /// When the crash was forgotten.
-#[derive(Default)]
-struct Memory(Cell<Option<u64>>);
-
-impl CrashMemory for &Memory {
-    fn forget(&mut self) {
-        assert_eq!(self.0.replace(Some(Instant::now().as_micros())), None, "once");
-    }
-}
+type Memory = Cell<Option<u64>>;
 
 fn crash() -> CrashRecord {
     CrashRecord {
@@ -95,7 +88,8 @@ fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
             .await
         };
         let report = async {
-            report_crash(&crash(), 0x1000_0000..0x1001_0000, &mut { memory }, &shared).await;
+            let forget = || memory.set(Some(Instant::now().as_micros()));
+            report_crash(&crash(), 0x1000_0000..0x1001_0000, forget, &shared).await;
             pending::<()>().await
         };
         join3(
@@ -125,7 +119,7 @@ fn each_link_reports_a_crash_once_and_the_record_is_cleared() {
         assert!(3 * SECOND < reported_us.start && reported_us.end < 3 * SECOND + 100_000);
     }
     assert_eq!(
-        memory.0.get().map(|at_us| at_us / SECOND),
+        memory.get().map(|at_us| at_us / SECOND),
         Some(5),
         "it had time to leave"
     );
@@ -135,5 +129,5 @@ fn each_link_reports_a_crash_once_and_the_record_is_cleared() {
 fn other_systems_get_no_crash_report_and_the_record_is_kept() {
     let memory = Memory::default();
     assert_eq!(run(ONBOARD_CONTROLLER, SECOND, &memory), [vec![], vec![]]);
-    assert_eq!(memory.0.get(), None);
+    assert_eq!(memory.get(), None);
 }

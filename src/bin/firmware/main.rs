@@ -15,10 +15,10 @@ mod firmware {
     use rover_battmon::autopilot::Start;
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
-        self, AnalogInputs, BoardCan, BoardCrashMemory, BoardFlash, BoardIndicators, BoardKind, BoardMotors,
-        BoardWatchdog, Buzzer, CanController, CanPins, ExecutorIdleTime, FlashChip, FlashDriver, LastRun,
-        MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SerialPort, SerialUart, SharedSpi,
-        SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
+        self, AnalogInputs, BoardCan, BoardFlash, BoardIndicators, BoardKind, BoardMotors, BoardWatchdog,
+        Buzzer, CanController, CanPins, FlashChip, FlashDriver, LastRun, MotorPeripherals, PulseInput,
+        SensorI2c, SensorSpi, SerialPort, SerialUart, SharedSpi, SpiPeripherals, TelemetryUart, UartReceiver,
+        UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::mavlink::LinkId;
@@ -168,7 +168,7 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn status(shared: &'static Shared, link: &'static Link<'static>) -> ! {
-        tasks::report_status(ExecutorIdleTime, shared, link, &STATUS).await
+        tasks::report_status(board::idle_us, shared, link, &STATUS).await
     }
 
     #[embassy_executor::task]
@@ -209,7 +209,7 @@ mod firmware {
     #[embassy_executor::task]
     async fn report_crash(crash: Option<CrashRecord>, shared: &'static Shared) {
         if let Some(crash) = crash {
-            tasks::report_crash(&crash, board::program_code(), &mut BoardCrashMemory, shared).await;
+            tasks::report_crash(&crash, board::program_code(), board::forget_crash, shared).await;
         }
     }
 
