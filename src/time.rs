@@ -163,6 +163,8 @@ impl Cadence {
     }
 
     /// Whether it is due at `now`; if so, advances to the next due time.
+    // Inlined, its division would be repeated in every task.
+    #[inline(never)]
     pub fn take(&mut self, now: Instant) -> bool {
         if now < self.due {
             return false;
