@@ -13,18 +13,21 @@ impl Payload<'_> {
     }
 
     /// An unsigned byte.
+    // Inlined, this and the next would be repeated for nearly each field of each message.
+    #[inline(never)]
     pub fn u8(&self, offset: usize) -> u8 {
         u8::from_le_bytes(self.bytes(offset))
     }
 
     /// An unsigned 16-bit number.
+    #[inline(never)]
     pub fn u16(&self, offset: usize) -> u16 {
         u16::from_le_bytes(self.bytes(offset))
     }
 
     /// A signed 16-bit number.
     pub fn i16(&self, offset: usize) -> i16 {
-        i16::from_le_bytes(self.bytes(offset))
+        self.u16(offset).cast_signed()
     }
 
     /// An unsigned 32-bit number.

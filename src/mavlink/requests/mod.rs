@@ -314,6 +314,8 @@ fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Request
 }
 
 /// `target_system`, which is there, and `target_component`, which always follows it.
+// Inlined, it would be repeated for each message with a target.
+#[inline(never)]
 fn target_at(payload: &Payload<'_>, target_system_at: usize) -> Peer {
     Peer {
         system_id: payload.u8(target_system_at),
@@ -506,6 +508,7 @@ fn item(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {
     mission_of(payload, 32, 37, MissionRequest::Item)
 }
 
+#[inline(never)]
 fn mission_of(
     payload: &Payload<'_>,
     target_at_byte: usize,
