@@ -1,5 +1,8 @@
 //! A record as bytes, and the records that a file begins with.
 
+use core::iter::repeat;
+use core::mem::take;
+
 use heapless::Vec;
 
 use super::format::{FORMATS, Format, Kind, MULTIPLIERS, UNITS};
@@ -22,64 +25,71 @@ pub(super) struct Packet(RecordBytes);
 impl Packet {
     pub fn of(kind: Kind) -> Self {
         let [first, second] = SYNCHRONISATION;
-        Self(RecordBytes::new()).bytes(&[first, second, kind as u8])
+        let mut packet = Self(RecordBytes::new());
+        packet.bytes(&[first, second, kind as u8]);
+        packet
     }
 
     /// A record that starts with `TimeUS`, in microseconds since the start.
     pub fn at(kind: Kind, time_us: u64) -> Self {
-        Self::of(kind).bytes(&time_us.to_le_bytes())
+        let mut packet = Self::of(kind);
+        packet.bytes(&time_us.to_le_bytes());
+        packet
     }
 
-    pub fn bytes(mut self, bytes: &[u8]) -> Self {
+    // Inlined, this, `number` and `finish` would be repeated for each field of each record.
+    #[inline(never)]
+    pub fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
         // Every record fits, as a test proves.
         let _ = self.0.extend_from_slice(bytes);
         self
     }
 
-    pub fn u8(self, value: u8) -> Self {
+    pub fn u8(&mut self, value: u8) -> &mut Self {
         self.bytes(&[value])
     }
 
-    pub fn u16(self, value: u16) -> Self {
+    pub fn u16(&mut self, value: u16) -> &mut Self {
         self.bytes(&value.to_le_bytes())
     }
 
-    pub fn u32(self, value: u32) -> Self {
+    pub fn u32(&mut self, value: u32) -> &mut Self {
         self.bytes(&value.to_le_bytes())
     }
 
-    pub fn i16(self, value: i16) -> Self {
+    pub fn i16(&mut self, value: i16) -> &mut Self {
         self.bytes(&value.to_le_bytes())
     }
 
-    pub fn i32(self, value: i32) -> Self {
+    pub fn i32(&mut self, value: i32) -> &mut Self {
         self.bytes(&value.to_le_bytes())
     }
 
-    pub fn f32(self, value: f32) -> Self {
+    pub fn f32(&mut self, value: f32) -> &mut Self {
         self.bytes(&value.to_le_bytes())
     }
 
-    pub fn f64(self, value: f64) -> Self {
+    pub fn f64(&mut self, value: f64) -> &mut Self {
         self.bytes(&value.to_le_bytes())
     }
 
     /// A number that may be unknown.
-    pub fn number(self, value: Option<f32>) -> Self {
+    #[inline(never)]
+    pub fn number(&mut self, value: Option<f32>) -> &mut Self {
         self.f32(finite(value).unwrap_or(UNKNOWN))
     }
 
-    /// A text of `LENGTH` bytes: cut there, or filled with zeros.
-    pub fn text<const LENGTH: usize>(self, text: &str) -> Self {
-        let mut field = [0; LENGTH];
-        for (to, from) in field.iter_mut().zip(text.bytes()) {
-            *to = from;
+    /// A text of `length` bytes: cut there, or filled with zeros.
+    pub fn text(&mut self, length: usize, text: &str) -> &mut Self {
+        for byte in text.bytes().chain(repeat(0)).take(length) {
+            self.u8(byte);
         }
-        self.bytes(&field)
+        self
     }
 
-    pub fn finish(self) -> RecordBytes {
-        self.0
+    #[inline(never)]
+    pub fn finish(&mut self) -> RecordBytes {
+        take(&mut self.0)
     }
 }
 
@@ -101,13 +111,13 @@ pub fn opening_record(index: usize, time_us: u64) -> Option<RecordBytes> {
     }
     let index = index - FORMATS.len();
     if let Some((unit, name)) = UNITS.get(index) {
-        let packet = Packet::at(Kind::Unit, time_us).u8(*unit);
-        return Some(packet.text::<64>(name).finish());
+        let mut packet = Packet::at(Kind::Unit, time_us);
+        return Some(packet.u8(*unit).text(64, name).finish());
     }
     let index = index - UNITS.len();
     if let Some((multiplier, value)) = MULTIPLIERS.get(index) {
-        let packet = Packet::at(Kind::Multiplier, time_us).u8(*multiplier);
-        return Some(packet.f64(*value).finish());
+        let mut packet = Packet::at(Kind::Multiplier, time_us);
+        return Some(packet.u8(*multiplier).f64(*value).finish());
     }
     let format = FORMATS.get(index - MULTIPLIERS.len())?;
     Some(format_units_record(format, time_us))
@@ -117,16 +127,16 @@ fn format_record(format: &Format) -> RecordBytes {
     Packet::of(Kind::Format)
         .u8(format.kind as u8)
         .u8(format.record_bytes() as u8)
-        .text::<4>(format.name)
-        .text::<16>(format.types)
-        .text::<64>(format.columns)
+        .text(4, format.name)
+        .text(16, format.types)
+        .text(64, format.columns)
         .finish()
 }
 
 fn format_units_record(format: &Format, time_us: u64) -> RecordBytes {
     Packet::at(Kind::FormatUnits, time_us)
         .u8(format.kind as u8)
-        .text::<16>(format.units)
-        .text::<16>(format.multipliers)
+        .text(16, format.units)
+        .text(16, format.multipliers)
         .finish()
 }

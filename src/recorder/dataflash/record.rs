@@ -101,11 +101,11 @@ impl<'a> Record<'a> {
     pub fn encode(&self, time_us: u64) -> RecordBytes {
         match *self {
             Self::Parameter { name, value, default } => Packet::at(Kind::Parameter, time_us)
-                .text::<16>(name)
+                .text(16, name)
                 .f32(value)
                 .f32(default)
                 .finish(),
-            Self::Message(text) => Packet::at(Kind::Message, time_us).text::<64>(text).finish(),
+            Self::Message(text) => Packet::at(Kind::Message, time_us).text(64, text).finish(),
             Self::Event(state) => Packet::at(Kind::Event, time_us).u8(event_number(state)).finish(),
             Self::Arm {
                 state,
@@ -137,7 +137,7 @@ impl<'a> Record<'a> {
             Self::Crash(crash) => encode_crash(time_us, crash),
             Self::Time(utc) => encode_time(time_us, utc),
             Self::Board(id) => Packet::at(Kind::Board, time_us)
-                .text::<16>(&id.serial_number())
+                .text(16, &id.serial_number())
                 .finish(),
             Self::Pack(pack, state, learnt) => encode_pack(time_us, pack, state, learnt),
             Self::Curve(pack, learnt) => encode_curve(time_us, pack, learnt),
@@ -289,19 +289,18 @@ const FIRST_CELLS: usize = 12;
 const NO_CELL_MV: u16 = 0;
 
 fn encode_cells(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
-    let packet = Packet::at(Kind::Cells, time_us)
-        .u8(pack.instance())
-        .number(state.voltage_v);
-    with_cells(packet, state, 0..FIRST_CELLS)
+    let mut packet = Packet::at(Kind::Cells, time_us);
+    packet.u8(pack.instance()).number(state.voltage_v);
+    with_cells(&mut packet, state, 0..FIRST_CELLS)
 }
 
 fn encode_more_cells(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
-    let packet = Packet::at(Kind::MoreCells, time_us).u8(pack.instance());
-    with_cells(packet, state, FIRST_CELLS..MAX_CELLS)
+    let mut packet = Packet::at(Kind::MoreCells, time_us);
+    with_cells(packet.u8(pack.instance()), state, FIRST_CELLS..MAX_CELLS)
 }
 
 /// Voltages as they are, where ArduPilot adds 1 mV. A cell at 0 V is recorded as 1 mV, since 0 is not a cell.
-fn with_cells(packet: Packet, state: &BatteryState, places: Range<usize>) -> RecordBytes {
+fn with_cells(packet: &mut Packet, state: &BatteryState, places: Range<usize>) -> RecordBytes {
     let measured = state.cells.millivolts();
     let cells = places.map(|place| {
         measured
@@ -331,7 +330,7 @@ fn encode_crash(time_us: u64, crash: &CrashRecord) -> RecordBytes {
         .u32(pc)
         .u32(lr)
         .u32(xpsr)
-        .text::<TASK_CHARACTERS>(&task)
+        .text(TASK_CHARACTERS, &task)
         .finish()
 }
 
@@ -404,8 +403,9 @@ fn encode_pack(time_us: u64, pack: Pack, state: &BatteryState, learnt: Option<&L
 
 /// All offsets, then all standard deviations, in tenths of a millivolt; a deviation of 0 is not learnt.
 fn encode_curve(time_us: u64, pack: Pack, learnt: &LearntPack) -> RecordBytes {
-    let packet = Packet::at(Kind::Curve, time_us).u8(pack.instance());
+    let mut packet = Packet::at(Kind::Curve, time_us);
+    packet.u8(pack.instance());
     let means = learnt.offsets().iter().map(|offset| offset.mean_100uv);
     let deviations = learnt.offsets().iter().map(|offset| offset.sigma_100uv);
-    means.chain(deviations).fold(packet, Packet::i16).finish()
+    means.chain(deviations).fold(&mut packet, Packet::i16).finish()
 }
