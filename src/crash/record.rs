@@ -67,7 +67,7 @@ impl FaultSite {
 
     /// Probable call sites, the innermost first: words on the stack that lie in `code` with the Thumb bit set. Some may
     /// be stale, of earlier calls.
-    pub fn call_sites(&self, code: Range<u32>) -> impl Iterator<Item = u32> {
+    pub fn call_sites(&self, code: Range<u32>) -> impl Iterator<Item = u32> + Clone {
         let words = self.stack.iter().copied();
         words
             .filter(move |word| word & 1 == 1 && code.contains(word))

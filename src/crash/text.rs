@@ -1,11 +1,12 @@
 //! Crash reports as text.
 
-use core::fmt::{self, Write};
+use core::fmt::{self, Formatter};
 use core::ops::Range;
 
 use heapless::String;
 
 use super::{CrashCause, CrashRecord};
+use crate::numbers::text;
 
 /// Maximum length of a text, in bytes: two STATUSTEXT.
 const TEXT_BYTES: usize = 96;
@@ -15,29 +16,27 @@ const CALL_SITES: usize = 8;
 
 /// Cause, task and addresses for addr2line: "Crash: hard fault in battery, PC 0x10001234 LR 0x10005679".
 pub fn headline(record: &CrashRecord) -> String<TEXT_BYTES> {
-    let mut text = String::new();
     // It fits, as a test proves.
-    let _ = write_headline(&mut text, record);
-    text
+    text(format_args!("{}", fmt::from_fn(|f| write_headline(f, record))))
 }
 
-fn write_headline(text: &mut impl Write, record: &CrashRecord) -> fmt::Result {
+fn write_headline(f: &mut Formatter<'_>, record: &CrashRecord) -> fmt::Result {
     let (before, after) = match record.cause {
         CrashCause::Fault(_) => ("hard fault in ", ""),
         CrashCause::Overdue => ("", " was overdue"),
         CrashCause::Hung => ("hung or locked up in ", ""),
     };
-    write!(text, "Crash: {before}")?;
+    write!(f, "Crash: {before}")?;
     match record.task {
-        Some(task) => write!(text, "{task}{after}")?,
-        None => write!(text, "no task{after}")?,
+        Some(task) => write!(f, "{task}{after}")?,
+        None => write!(f, "no task{after}")?,
     }
     let CrashCause::Fault(site) = &record.cause else {
         return Ok(());
     };
-    write!(text, ", PC 0x{:08x} LR 0x{:08x}", site.pc, site.lr)?;
+    write!(f, ", PC 0x{:08x} LR 0x{:08x}", site.pc, site.lr)?;
     match site.interrupt() {
-        Some(number) => write!(text, " in IRQ {number}"),
+        Some(number) => write!(f, " in IRQ {number}"),
         None => Ok(()),
     }
 }
@@ -50,13 +49,9 @@ pub fn call_sites_text(record: &CrashRecord, code: Range<u32>) -> Option<String<
     };
     let mut calls = site.call_sites(code).take(CALL_SITES).peekable();
     calls.peek()?;
-    let mut text = String::new();
+    let listed = fmt::from_fn(|f| calls.clone().try_for_each(|call| write!(f, " {call:08x}")));
     // They fit.
-    let _ = write!(text, "Crash: called from");
-    for call in calls {
-        let _ = write!(text, " {call:08x}");
-    }
-    Some(text)
+    Some(text(format_args!("Crash: called from{listed}")))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Answers to requests.
 
-use core::fmt::Write as _;
+use core::fmt;
 
 use heapless::String;
 
@@ -130,16 +130,16 @@ impl LogPart {
 
 /// A log's name, for who keeps it: there may be several rovers. The day is that of UTC, if it is known.
 fn log_name(file: &LogFile, board_id: Option<BoardId>) -> LogName {
-    let mut name = text(format_args!("rover-"));
+    let board = fmt::from_fn(|f| match board_id {
+        Some(id) => write!(f, "{}-", id.serial_number()),
+        None => Ok(()),
+    });
+    let day = fmt::from_fn(|f| match file.began_utc_s {
+        Some(began_utc_s) => write!(f, "{}-", Day::of(Utc::from_seconds(began_utc_s.get()))),
+        None => Ok(()),
+    });
     // The longest fits.
-    if let Some(id) = board_id {
-        let _ = write!(name, "{}-", id.serial_number());
-    }
-    if let Some(began_utc_s) = file.began_utc_s {
-        let _ = write!(name, "{}-", Day::of(Utc::from_seconds(began_utc_s.get())));
-    }
-    let _ = write!(name, "{:08}.BIN", file.number);
-    name
+    text(format_args!("rover-{board}{day}{:08}.BIN", file.number))
 }
 
 /// An entry of the list of logs, behind what separates it from the one before: the one at `place`, from the oldest one on.

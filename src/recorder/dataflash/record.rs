@@ -1,16 +1,13 @@
 //! The records, and how each is encoded.
 
-use core::fmt::Write;
 use core::ops::Range;
-
-use heapless::String;
 
 use super::format::Kind;
 use super::packet::{Packet, RecordBytes, finite, whole_pct};
 use crate::battery::{Amount, BatteryState, FailsafeLevel, FailsafeTimer, LearntPack, MAX_CELLS, PackStatus};
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::identity::BoardId;
-use crate::numbers::round_to_i32;
+use crate::numbers::{round_to_i32, text};
 use crate::pack::Pack;
 use crate::time::Utc;
 use crate::vehicle::ArmState;
@@ -320,17 +317,16 @@ fn encode_crash(time_us: u64, crash: &CrashRecord) -> RecordBytes {
         CrashCause::Overdue => (2, [0; 3]),
         CrashCause::Hung => (3, [0; 3]),
     };
-    let mut task = String::<TASK_CHARACTERS>::new();
-    if let Some(name) = crash.task {
-        // A name is as long at most.
-        let _ = write!(task, "{name}");
-    }
+    // A name is as long at most.
+    let task = crash
+        .task
+        .map(|name| text::<TASK_CHARACTERS>(format_args!("{name}")));
     Packet::at(Kind::Crash, time_us)
         .u8(cause)
         .u32(pc)
         .u32(lr)
         .u32(xpsr)
-        .text(TASK_CHARACTERS, &task)
+        .text(TASK_CHARACTERS, &task.unwrap_or_default())
         .finish()
 }
 

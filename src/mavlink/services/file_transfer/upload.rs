@@ -1,10 +1,11 @@
 //! The packed parameters as a file that is written: each is set when its last byte comes, but `SYSID_THISMAV` at the end.
 
-use core::fmt::{self, Write};
+use core::fmt::{self, Formatter};
 
 use heapless::{String, Vec};
 
 use super::packed::{HEADER_BYTES, MAGIC, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType};
+use crate::numbers::text;
 use crate::parameter::{
     Access, BatteryParameter, Bearing, MAX_NAME_LENGTH, NamedParameter, ParameterId, ParameterIdSet,
     Parameters, VehicleParameter, checked,
@@ -65,25 +66,23 @@ impl NotSet {
 
     /// The text about them: names first, since the file of another rover has a thousand that are unknown.
     pub fn text(&self) -> String<NOT_SET_BYTES> {
-        let mut text = String::new();
         // It has room for everything.
-        let _ = self.write(&mut text);
-        text
+        text(format_args!("{}", fmt::from_fn(|f| self.write(f))))
     }
 
-    fn write(&self, text: &mut impl Write) -> fmt::Result {
+    fn write(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let mut separator = ":";
-        text.write_str("Parameters not set")?;
+        f.write_str("Parameters not set")?;
         for id in &self.refused {
-            write!(text, "{separator} {}", id.name())?;
+            write!(f, "{separator} {}", id.name())?;
             separator = ",";
             if let Some(factor) = factor_of(*id).filter(|factor| self.set.contains(*factor)) {
-                write!(text, " (but {})", factor.name())?;
+                write!(f, " (but {})", factor.name())?;
             }
         }
         for (count, what) in [(self.more_refused, "more"), (self.unknown, "unknown")] {
             if count > 0 {
-                write!(text, "{separator} {count} {what}")?;
+                write!(f, "{separator} {count} {what}")?;
                 separator = ",";
             }
         }
