@@ -1,5 +1,7 @@
 //! The live values of all parameters.
 
+use core::iter;
+
 use super::stick_channel::Sticks;
 use super::table::THERMOMETER_DISABLED;
 use super::trouble::{CHECKED, Doubts};
@@ -87,7 +89,14 @@ impl Parameters {
     /// The listed parameters in the order of their indices: all except those of disabled packs and of what is not in use,
     /// which can still be read and set by name.
     pub fn listed(&self) -> impl Iterator<Item = ParameterId> {
-        ParameterId::all().filter(|id| self.listed.contains(*id))
+        let mut all = ParameterId::all();
+        iter::from_fn(move || self.next_listed(&mut all))
+    }
+
+    // Inlined, the search would be repeated wherever the list is read.
+    #[inline(never)]
+    fn next_listed(&self, all: &mut impl Iterator<Item = ParameterId>) -> Option<ParameterId> {
+        all.find(|id| self.listed.contains(*id))
     }
 
     /// Number of listed parameters.
