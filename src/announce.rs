@@ -60,6 +60,8 @@ pub trait Announce: fmt::Display {
 }
 
 /// The text, cut off if it is too long.
+// Inlined, it would be repeated for each kind of event.
+#[inline(never)]
 pub(crate) fn announced_text(event: &dyn Announce) -> AnnouncementText {
     text(format_args!("{event}"))
 }

@@ -364,6 +364,8 @@ impl LearntPack {
     };
 
     /// Nothing is learnt yet of the pack with this serial number.
+    // Inlined, the whole would be written out at each use.
+    #[inline(never)]
     pub fn of(serial_number: Option<i32>) -> Self {
         Self {
             serial_number,

@@ -275,6 +275,8 @@ fn level_by_pulses(
 ///
 /// # Errors
 /// The capacity is not set.
+// Inlined, it would be repeated for each kind of tank.
+#[inline(never)]
 pub fn tank(fill_level: f32, capacity_ml: Option<f32>) -> Result<Measurement, ReadError> {
     let full_ml = capacity_ml.ok_or(ReadError::NoCapacity)?;
     Ok(Measurement {

@@ -59,6 +59,8 @@ impl<T: Copy> TimedInput<T> {
 
     /// Drops an expired value. Returns whether that is a failure: while disarmed it is not, and monitoring stops until
     /// the next value.
+    // Inlined, it would be repeated for each stick in each use.
+    #[inline(never)]
     pub fn times_out(&mut self, now: Instant, timeout_us: u64, arm_state: ArmState) -> bool {
         if self.latest.is_none() || now.us_since(self.received_at) <= timeout_us {
             return false;

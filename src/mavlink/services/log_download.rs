@@ -220,6 +220,8 @@ impl LogDownload {
         self.list.is_some() || self.sending.is_some()
     }
 
+    // Inlined, it would be repeated for each request.
+    #[inline(never)]
     fn check_use(&self, from: Peer, now: Instant) -> Result<(), Refusal> {
         let is_held = |holder: Holder| {
             holder.station != from && (self.sending.is_some() || now.us_since(holder.active_at) < HOLD_US)
