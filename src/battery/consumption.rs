@@ -82,6 +82,8 @@ impl Consumption {
     }
 
     /// Adds the increment of a sensor's own counter.
+    // Inlined, its 64-bit arithmetic would be repeated for each kind of counter.
+    #[inline(never)]
     pub fn add_counted(&mut self, counted: Consumed) {
         let more = Self::from(counted);
         self.charge_nc = self.charge_nc.saturating_add(more.charge_nc);
