@@ -377,20 +377,18 @@ fn date(word: u16) -> Option<Date> {
 
 /// The specification suggests four letters.
 fn chemistry_of(name: Name) -> Option<Chemistry> {
-    let is = |letters: &[u8]| {
-        name.as_bytes()
-            .get(..letters.len())
-            .is_some_and(|start| start.eq_ignore_ascii_case(letters))
+    const BEGINNINGS: [(&[u8], Chemistry); 6] = [
+        (b"LION", Chemistry::LiIon),
+        (b"LI-I", Chemistry::LiIon),
+        (b"LIP", Chemistry::LiPo),
+        (b"LFP", Chemistry::LiFe),
+        (b"LIFE", Chemistry::LiFe),
+        (b"NIMH", Chemistry::NiMh),
+    ];
+    let is_beginning = |letters: &[u8]| {
+        let beginning = name.as_bytes().get(..letters.len());
+        beginning.is_some_and(|beginning| beginning.eq_ignore_ascii_case(letters))
     };
-    if is(b"LION") || is(b"LI-I") {
-        Some(Chemistry::LiIon)
-    } else if is(b"LIP") {
-        Some(Chemistry::LiPo)
-    } else if is(b"LFP") || is(b"LIFE") {
-        Some(Chemistry::LiFe)
-    } else if is(b"NIMH") {
-        Some(Chemistry::NiMh)
-    } else {
-        None
-    }
+    let found = BEGINNINGS.iter().find(|(letters, _)| is_beginning(letters));
+    found.map(|(_, chemistry)| *chemistry)
 }
