@@ -227,9 +227,13 @@ impl<F: NorFlash> Region<F> {
         Ok(None)
     }
 
-    async fn is_block_blank_from(&mut self, start: u32, block: u32) -> Result<bool, StorageError> {
+    fn is_block_blank_from(
+        &mut self,
+        start: u32,
+        block: u32,
+    ) -> impl Future<Output = Result<bool, StorageError>> {
         let address = self.block_address(block);
-        self.is_blank_in(address + start..address + Self::BLOCK).await
+        self.is_blank_in(address + start..address + Self::BLOCK)
     }
 
     async fn is_blank_in(&mut self, addresses: Range<u32>) -> Result<bool, StorageError> {
@@ -252,9 +256,9 @@ impl<F: NorFlash> Region<F> {
     }
 
     /// Marks a sector that was erased ahead of its use.
-    pub async fn mark_erased_ahead(&mut self, sector: Sector) -> Result<(), StorageError> {
+    pub fn mark_erased_ahead(&mut self, sector: Sector) -> impl Future<Output = Result<(), StorageError>> {
         let mark = self.addresses(sector).end - WORD as u32;
-        self.write(mark, &ERASED_AHEAD).await
+        self.write(mark, &ERASED_AHEAD)
     }
 
     pub async fn erase(&mut self, sector: Sector, may_erase: MayErase<'_>) -> Result<(), StorageError> {
