@@ -31,12 +31,14 @@ impl Instant {
     }
 
     /// Microseconds that have passed since `earlier`; 0 if that is later.
+    // Inlined, its 64-bit comparison would be repeated at seventy places.
+    #[inline(never)]
     pub const fn us_since(self, earlier: Self) -> u64 {
         self.us.saturating_sub(earlier.us)
     }
 
     /// The moment `us` microseconds later, [`Instant::MAX`] at the latest.
-    // Inlined, its 64-bit addition would be repeated at fifty places. Not so the above: they are part of each tick.
+    // Inlined, its 64-bit addition would be repeated at fifty places.
     #[inline(never)]
     pub const fn after_us(self, us: u64) -> Self {
         Self::from_micros(self.us.saturating_add(us))
