@@ -306,10 +306,10 @@ impl Autopilot {
             }
             Event::Measured {
                 component_id,
-                ref reading,
+                ref report,
             } => {
-                if let Some(admission) = self.add_external_reading(component_id, reading, received_at, now) {
-                    log_admission(admission, component_id, reading.pack, endpoint, now);
+                if let Some(admission) = self.add_external_report(component_id, report, received_at, now) {
+                    log_admission(admission, component_id, report.pack(), endpoint, now);
                 }
             }
             Event::CommandRefused(command) => {

@@ -15,7 +15,7 @@ use crate::pack::Pack;
 use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
-    Admission, AnalogPin, AnalogReadings, CanEvent, CanReport, CanStatus, ControllerReading, ExternalReading,
+    Admission, AnalogPin, AnalogReadings, CanEvent, CanReport, CanStatus, ControllerReading, ExternalReport,
     Pulses, SerialReading, Temperatures,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
@@ -184,6 +184,11 @@ impl Autopilot {
                 let bytes = self.recording.add(&record);
                 self.recording.spend(bytes);
             }
+            let reported = &self.packs.states[*pack as usize].reported;
+            if reported.has_details() && self.recording.takes_report(*pack) {
+                let bytes = self.recording.add(&Record::Report(*pack, reported));
+                self.recording.spend(bytes);
+            }
         }
     }
 
@@ -308,22 +313,34 @@ impl Autopilot {
         }
     }
 
-    /// Takes a reading of a pack by another component, which can't have been received before `received_at`; `None` if the
-    /// pack is not measured so.
-    pub(super) fn add_external_reading(
+    /// Takes what another component reports of a pack, which can't have been received before `received_at`; `None` if the
+    /// pack is not measured so, or it is no reading.
+    pub(super) fn add_external_report(
         &mut self,
         component_id: u8,
-        reading: &ExternalReading,
+        report: &ExternalReport,
         received_at: Instant,
         now: Instant,
     ) -> Option<Admission> {
-        let pack = reading.pack;
+        let pack = report.pack();
         if !self.packs.is_of_kind(pack, MonitorKind::External) {
             return None;
         }
-        let admission = self.packs.sources[pack as usize].admit(component_id, received_at, now);
+        let source = &mut self.packs.sources[pack as usize];
+        let reading = match report {
+            ExternalReport::Reading(reading) => reading,
+            ExternalReport::Health(_, health) => {
+                source.set_health(component_id, *health);
+                return None;
+            }
+        };
+        let admission = source.admit(component_id, received_at, now);
         if let Admission::Known | Admission::New = admission {
-            self.packs.add_reading(pack, Ok(reading.into()), received_at);
+            let measurement = Measurement {
+                details: source.details(),
+                ..reading.into()
+            };
+            self.packs.add_reading(pack, Ok(measurement), received_at);
         }
         Some(admission)
     }

@@ -313,9 +313,11 @@ const FAULT_NAMES: [(Faults, &str); 10] = [
 ];
 
 /// Names that packs have for their faults.
-const REPORTED_NAMES: [(Faults, &str); 11] = [
+const REPORTED_NAMES: [(Faults, &str); 13] = [
     (Faults::BAD_BATTERY, "bad battery"),
     (Faults::NEEDS_SERVICE, "needs service"),
+    (Faults::SWITCHED_OFF, "switched off by its protection"),
+    (Faults::SHORT_CIRCUIT, "short circuit"),
     (Faults::CELL_FAIL, "cell failed"),
     (Faults::DEEP_DISCHARGE, "deep discharge"),
     (Faults::OVER_TEMPERATURE, "over temperature"),

@@ -44,7 +44,7 @@ pub use measurement::{
     MAX_CELLS, Measurement, ReadError, Supply, Thermometer, Tick,
 };
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
-pub use reported::{ChargeState, Faults, Reported};
+pub use reported::{ChargeState, Faults, GaugeReport, Modes, Reported};
 pub use retained::{PackMemory, PackSource, RetainedMemory, RetainedRecord, recall, retain};
 pub use scale::{Measuring, MeasuringScale};
 pub use settings::{

@@ -25,6 +25,10 @@ bitflags! {
         /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry, or may be that of more cells than it is usual for;
         /// or the pack reports other cells than it should have.
         const CELLS_CONFIGURATION = 256;
+        /// The pack reports a short circuit.
+        const SHORT_CIRCUIT = 1 << 9;
+        /// The pack reports that its protection has switched it off.
+        const SWITCHED_OFF = 1 << 10;
         /// A cell differs from another at rest, without having failed yet.
         const CELL_DIFFERS = 1 << 12;
         /// The pack reports that it is bad: it must not be used.
@@ -45,6 +49,12 @@ impl Faults {
 
     /// Faults that make a sufficiently charged pack UNHEALTHY.
     pub const UNFIT: Self = Self::CELLS_CONFIGURATION.union(Self::OVER_TEMPERATURE);
+
+    /// The faults by a device's own flags; the table has the mask of those that mean each.
+    pub(crate) fn of_flags(flags: u32, table: &[(u32, Self)]) -> Self {
+        let set = table.iter().filter(|(mask, _)| flags & mask != 0);
+        set.fold(Self::empty(), |faults, (_, fault)| faults | *fault)
+    }
 }
 
 /// Charge state, with the numbers of MAVLink's `MAV_BATTERY_CHARGE_STATE`.
@@ -87,21 +97,67 @@ impl ChargeState {
     }
 }
 
+bitflags! {
+    /// Modes of a pack, as it reports them.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Modes: u8 {
+        /// It is fully charged.
+        const FULL = 1;
+        /// It balances its cells.
+        const BALANCING = 2;
+        /// It discharges itself to the level for storage.
+        const STORING = 4;
+        /// It switches itself off when its protection finds a fault.
+        const PROTECTED = 8;
+    }
+}
+
+/// Report of a pack's gauge beside its charge. It is logged.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GaugeReport {
+    /// Error of the state of charge, in percent: SBS's MaxError, or DroneCAN's standard deviation.
+    pub error_pct: Option<u8>,
+    /// Number of times that the pack was discharged too deeply.
+    pub over_discharges: Option<u16>,
+    /// Energy that is left, and that of the full pack, in watt-hours.
+    pub energies_wh: Option<[f32; 2]>,
+}
+
+impl GaugeReport {
+    /// Nothing.
+    pub const NONE: Self = Self {
+        error_pct: None,
+        over_discharges: None,
+        energies_wh: None,
+    };
+}
+
 /// Condition as reported by the pack, or by another component that measures it. It is shown, and its faults are
 /// announced; none of them changes what is found here. A failed cell, [`Faults::BAD_BATTERY`] and the states EMERGENCY,
 /// FAILED and UNHEALTHY keep a rover from being armed. Chargers report none of these.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reported {
     /// Faults.
     pub faults: Faults,
     /// Charge state.
     pub charge_state: Option<ChargeState>,
+    /// Modes.
+    pub modes: Modes,
+    /// Report of its gauge.
+    pub gauge: GaugeReport,
 }
 
 impl Reported {
+    /// Whether there is more than faults and a charge state.
+    pub fn has_details(&self) -> bool {
+        !self.modes.is_empty() || self.gauge != GaugeReport::NONE
+    }
+
     /// Nothing.
     pub const NONE: Self = Self {
         faults: Faults::empty(),
         charge_state: None,
+        modes: Modes::empty(),
+        gauge: GaugeReport::NONE,
     };
 }

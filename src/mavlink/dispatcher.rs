@@ -54,7 +54,7 @@ fn effect(request: &Request<'_>) -> Effect {
         | Request::SetUpSigning(_)
         | Request::LogErase
         | Request::WifiConfig(_)
-        | Request::PackReading(_) => Effect::Changes,
+        | Request::PackReport(_) => Effect::Changes,
     }
 }
 
@@ -161,15 +161,15 @@ fn refuse(request: &Request<'_>, authenticity: Authenticity, unauthorized: &mut 
     Event::Unauthorized { count: *unauthorized }
 }
 
-/// Whether a BATTERY_STATUS is of a pack that another component of this vehicle measures, and by one: other packs and
+/// Whether a BATTERY_STATUS or BATTERY_INFO is of a pack that another component of this vehicle measures, and by one: other packs and
 /// vehicles have theirs, which do not concern this one, signed or not.
 fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, external_packs: u16) -> bool {
-    let Request::PackReading(reading) = &received.request else {
+    let Request::PackReport(report) = &received.request else {
         return true;
     };
     received.from.system_id == system_id
         && received.from.component_id != COMPONENT_ID
-        && external_packs & reading.pack.bit() != 0
+        && external_packs & report.pack().bit() != 0
 }
 
 /// Does what was asked for.
@@ -247,9 +247,9 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
         Request::Heartbeat { .. } => Event::Ignored,
         Request::SetUpSigning(set_up) => signing::set_up(set_up, context),
         Request::WifiConfig(config) => wifi::set_up(config, context),
-        Request::PackReading(reading) => Event::Measured {
+        Request::PackReport(report) => Event::Measured {
             component_id: from.component_id,
-            reading: *reading,
+            report: *report,
         },
     }
 }

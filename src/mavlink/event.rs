@@ -1,7 +1,7 @@
 //! Events of received messages, beyond their answers.
 
 use crate::parameter::{ParameterId, Refused};
-use crate::sensor::{ChargerPower, ExternalReading};
+use crate::sensor::{ChargerPower, ExternalReport};
 use crate::time::Utc;
 use crate::vehicle::Restart;
 use crate::wifi::WifiMode;
@@ -54,8 +54,8 @@ pub enum Event {
     Measured {
         /// The component's id.
         component_id: u8,
-        /// Its measurement.
-        reading: ExternalReading,
+        /// Its report.
+        report: ExternalReport,
     },
     /// It was not signed as it would have to be, and had no effect.
     Unauthorized {

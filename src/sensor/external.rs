@@ -1,6 +1,6 @@
 //! Packs that another component of the vehicle measures, such as a companion computer.
 
-use crate::battery::{CellVoltages, Consumed, Counted, Measurement, Reported};
+use crate::battery::{CellVoltages, Consumed, Counted, Measurement, PackDetails, Reported};
 use crate::pack::Pack;
 use crate::parameter::MonitorKind;
 use crate::time::Instant;
@@ -33,6 +33,34 @@ pub struct ExternalReading {
     pub time_remaining_s: Option<f32>,
 }
 
+/// Facts of a pack that seldom change, by the component that measures it (BATTERY_INFO). `None` is not reported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ExternalHealth {
+    /// Charge cycles.
+    pub cycle_count: Option<u16>,
+    /// State of health, in percent.
+    pub state_of_health_pct: Option<u8>,
+}
+
+/// Report of another component about a pack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ExternalReport {
+    /// A reading.
+    Reading(ExternalReading),
+    /// The health of this pack.
+    Health(Pack, ExternalHealth),
+}
+
+impl ExternalReport {
+    /// The pack.
+    pub fn pack(&self) -> Pack {
+        match self {
+            Self::Reading(reading) => reading.pack,
+            Self::Health(pack, _) => *pack,
+        }
+    }
+}
+
 impl ExternalReading {
     fn counted(&self) -> Option<Counted> {
         let charge_mah = self.consumed_mah?;
@@ -63,9 +91,9 @@ impl From<&ExternalReading> for Measurement {
 }
 
 #[cfg(target_os = "none")]
-impl defmt::Format for ExternalReading {
+impl defmt::Format for ExternalReport {
     fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{}", self.pack);
+        defmt::write!(f, "{}", self.pack());
     }
 }
 
@@ -75,6 +103,7 @@ pub struct ExternalSource {
     component_id: Option<u8>,
     /// When its latest reading was received, or the board's start.
     heard: Instant,
+    health: ExternalHealth,
 }
 
 /// Whether a component's reading counts.
@@ -100,11 +129,30 @@ impl ExternalSource {
         let admission = match self.component_id {
             Some(known) if known == component_id => Admission::Known,
             Some(_) if !self.is_lost(now) => return Admission::OtherSource,
-            _ => Admission::New,
+            _ => {
+                self.health = ExternalHealth::default();
+                Admission::New
+            }
         };
         self.component_id = Some(component_id);
         self.heard = self.heard.max(received_at);
         admission
+    }
+
+    /// Takes what the component reports of the pack's health, if it measures the pack.
+    pub fn set_health(&mut self, component_id: u8, health: ExternalHealth) {
+        if self.component_id == Some(component_id) {
+            self.health = health;
+        }
+    }
+
+    /// Details of the pack as the component has reported them.
+    pub fn details(&self) -> PackDetails {
+        PackDetails {
+            cycle_count: self.health.cycle_count,
+            state_of_health_pct: self.health.state_of_health_pct,
+            ..PackDetails::NONE
+        }
     }
 
     /// Whether another component may take its place.

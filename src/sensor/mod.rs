@@ -22,7 +22,7 @@ pub use can::{
     NodeId, TemperatureMessages,
 };
 pub use controllers::{ControllerBank, ControllerReading, Members};
-pub use external::{Admission, ExternalReading, ExternalSource};
+pub use external::{Admission, ExternalHealth, ExternalReading, ExternalReport, ExternalSource};
 pub use fuel::{EngineReading, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
 pub use serial::{
     DriverEnable, FuelCellError, FuelCellState, REQUEST_BYTES, Request, RichenPowerErrors, SerialDevice,

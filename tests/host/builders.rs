@@ -8,8 +8,9 @@ use std::collections::HashMap;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    Amount, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date, FailsafeLevel,
-    Faults, MAX_CELLS, Name, PackDetails, PackStatus, Reported, ReportedVoltage, Visibility,
+    Amount, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Consequences, Contents, Date,
+    FailsafeLevel, Faults, MAX_CELLS, Modes, Name, PackDetails, PackStatus, Reported, ReportedVoltage,
+    Visibility,
 };
 use rover_battmon::mavlink::dialect::{
     BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, MavBatteryChargeState,
@@ -759,6 +760,8 @@ fn every_fault_has_its_flag() {
         (Faults::INCOMPATIBLE_FIRMWARE, 65536),
         (Faults::CELLS_CONFIGURATION, 131_072),
         (Faults::NEEDS_SERVICE, 32),
+        (Faults::SHORT_CIRCUIT, 16_384),
+        (Faults::SWITCHED_OFF, 256),
         (Faults::CONTRADICTED_CHARGE, 0),
     ] {
         // NOT_READY_TO_USE with those that refuse arming: more of those that are found here.
@@ -786,6 +789,23 @@ fn every_fault_has_its_flag() {
     let mut charging = reporting(Faults::empty());
     charging.reported.charge_state = Some(ChargeState::Charging);
     assert_eq!(status_v2_of(charging).status_flags.bits(), 2);
+}
+
+#[test]
+// Requirement: V2-2
+fn modes_that_a_pack_reports_have_their_flags_and_no_consequence() {
+    for (modes, expected) in [
+        (Modes::FULL, 0),
+        (Modes::BALANCING, 4),
+        (Modes::STORING, 16),
+        (Modes::PROTECTED, 128),
+    ] {
+        let mut battery = reporting(Faults::SHORT_CIRCUIT | Faults::SWITCHED_OFF);
+        battery.reported.modes = modes;
+        assert_eq!(battery.consequences(), Consequences::empty(), "{modes:?}");
+        let flags = status_v2_of(battery).status_flags;
+        assert_eq!(flags.bits(), 16_384 | 256 | expected, "{modes:?}");
+    }
 }
 
 #[test]
@@ -1350,7 +1370,8 @@ proptest! {
         let charge = data.state_of_charge;
         prop_assert!(charge.to_bits() == NAN_BITS || (0.0..=100.0).contains(&charge));
         // Flags of what can't be known, those that are reserved included, are never set.
-        let known = 1 | 2 | 8 | 32 | 64 | 512 | 1024 | 2048 | 4096 | 8192 | 32768 | 65536 | 131_072 | 262_144;
+        let of_faults = 8 | 32 | 64 | 256 | 512 | 1024 | 2048 | 4096 | 8192 | 16_384 | 32_768 | 65_536 | 131_072;
+        let known = 1 | 2 | of_faults | 262_144;
         prop_assert_eq!(data.status_flags.bits() & !known, 0);
         prop_assert_eq!(data.status_flags.bits() & 2 != 0, battery.charge_state == ChargeState::Charging);
         let message = Message::BatteryStatusV2(data);

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{
-    BatteryState, ChargeSource, ChargeState, Consequences, FailsafeLevel, PackStatus,
+    BatteryState, ChargeSource, ChargeState, Consequences, FailsafeLevel, Modes, PackStatus,
 };
 use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
@@ -11,7 +11,7 @@ use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
 use support::desk::Desk;
 use support::frames::{COMMAND_ACK, last_of, of_message, texts_of};
-use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, UNKNOWN_MV};
+use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, UNKNOWN_MV, health_report};
 use support::requests::{arm, command_long_2, setup_signing};
 use support::signer::{NEW_YEAR, Signer};
 
@@ -678,6 +678,51 @@ fn a_sum_follows_the_counts_of_its_packs() {
     assert_eq!(state.capacity, None);
 }
 
+#[test]
+// Requirement: AP-11
+fn health_and_mode_of_a_pack_are_those_that_its_own_component_reports() {
+    let mut desk = desk();
+    let mut report = of_voltage(12_000);
+    let details = |state: &BatteryState| (state.details.cycle_count, state.details.state_of_health_pct);
+    // Before the component measures the pack, and of others.
+    tick(&mut desk, &[health_report(COMPANION, 0, 12, 90)]);
+    assert_eq!(details(&ticks(&mut desk, 3, &report.frame())), (None, None));
+    for frame in [
+        health_report(OTHER_COMPANION, 0, 13, 80),
+        health_report([2, 191], 0, 14, 70),
+        health_report(COMPANION, 1, 15, 60),
+        health_report(COMPANION, 9, 16, 50),
+    ] {
+        let state = tick(&mut desk, &[frame, report.frame()]);
+        assert_eq!(details(&state), (None, None));
+    }
+    let state = tick(&mut desk, &[health_report(COMPANION, 0, 123, 91), report.frame()]);
+    assert_eq!(details(&state), (Some(123), Some(91)));
+    let state = tick(
+        &mut desk,
+        &[health_report(COMPANION, 0, 0xffff, 255), report.frame()],
+    );
+    assert_eq!(details(&state), (None, None), "not known any more");
+    assert_eq!(state.reported.modes, Modes::empty());
+    for (mode, modes) in [(1, Modes::STORING), (2, Modes::empty())] {
+        report.mode = mode;
+        assert_eq!(ticks(&mut desk, 3, &report.frame()).reported.modes, modes);
+    }
+}
+
+#[test]
+fn another_component_that_takes_over_has_not_reported_a_health_yet() {
+    let mut desk = desk();
+    let report = of_voltage(12_000);
+    ticks(&mut desk, 3, &report.frame());
+    let state = tick(&mut desk, &[health_report(COMPANION, 0, 123, 91), report.frame()]);
+    assert_eq!(state.details.state_of_health_pct, Some(91));
+    silence(&mut desk, TIMEOUT_TICKS);
+    let state = ticks(&mut desk, 3, &report.frame_from(OTHER_COMPANION));
+    assert_eq!(state.status, PackStatus::Healthy);
+    assert_eq!(state.details.state_of_health_pct, None);
+}
+
 const OWNER: u8 = 7;
 const STRANGER: u8 = 8;
 
@@ -703,6 +748,7 @@ fn with_a_key_only_signed_reports_count_and_each_once() {
     let mut desk = protected(LinkKind::Radio);
     let report = of_voltage(12_000).frame();
     assert!(is_unauthorized(&mut desk, &report));
+    assert!(is_unauthorized(&mut desk, &health_report(COMPANION, 0, 1, 99)));
     assert!(is_unauthorized(&mut desk, &Signer::new(STRANGER).sign(&report)));
     let mut owner = Signer::new(OWNER);
     let signed = owner.sign(&report);
@@ -750,12 +796,15 @@ fn any_frame() -> impl Strategy<Value = Vec<u8>> {
         any::<[i16; 2]>(),
         any::<i8>(),
         0..10u8,
-        any::<(i32, u8, u32)>(),
+        any::<(i32, u8, u8, u32, bool)>(),
     );
     let lowest_mv = prop_oneof![Just(0u16), Just(3000), Just(u16::MAX)];
     (sender, report, lowest_mv).prop_map(
         |(sender, (voltages, amounts, small, remaining_pct, instance, condition), lowest_mv)| {
-            let (time_remaining_s, charge_state, fault_bitmask) = condition;
+            let (time_remaining_s, charge_state, mode, fault_bitmask, is_health) = condition;
+            if is_health {
+                return health_report(sender, instance, voltages[0], mode);
+            }
             let report = PackReport {
                 instance,
                 voltages_mv: voltages.map(|mv| mv.max(lowest_mv)),
@@ -766,6 +815,7 @@ fn any_frame() -> impl Strategy<Value = Vec<u8>> {
                 temperature_cdegc: small[1],
                 time_remaining_s,
                 charge_state,
+                mode,
                 fault_bitmask,
             };
             report.frame_from(sender)

@@ -1,6 +1,6 @@
 //! BATTERY_STATUS as a companion computer sends it.
 
-use super::frames::{BATTERY_STATUS, encode_v2_from};
+use super::frames::{BATTERY_INFO, BATTERY_STATUS, encode_v2_from};
 
 /// System and component id of a companion computer of the vehicle (`MAV_COMP_ID_ONBOARD_COMPUTER`), and of another one.
 pub const COMPANION: [u8; 2] = [1, 191];
@@ -23,6 +23,8 @@ pub struct PackReport {
     pub temperature_cdegc: i16,
     pub time_remaining_s: i32,
     pub charge_state: u8,
+    /// MAV_BATTERY_MODE
+    pub mode: u8,
     pub fault_bitmask: u32,
 }
 
@@ -41,6 +43,7 @@ impl PackReport {
             temperature_cdegc: i16::MAX,
             time_remaining_s: 0,
             charge_state: 0,
+            mode: 0,
             fault_bitmask: 0,
         }
     }
@@ -61,9 +64,18 @@ impl PackReport {
         payload.extend([self.instance, 1, 1, self.remaining_pct as u8]);
         payload.extend(self.time_remaining_s.to_le_bytes());
         payload.push(self.charge_state);
-        // No further cells, mode unknown.
-        payload.extend([0; 4 * 2 + 1]);
+        // No further cells.
+        payload.extend([0; 4 * 2]);
+        payload.push(self.mode);
         payload.extend(self.fault_bitmask.to_le_bytes());
         encode_v2_from(sender, BATTERY_STATUS, &payload)
     }
+}
+
+/// BATTERY_INFO of a companion computer, with these fields alone.
+pub fn health_report(sender: [u8; 2], instance: u8, cycle_count: u16, health_pct: u8) -> Vec<u8> {
+    let mut payload = vec![0; 140];
+    payload[40..42].copy_from_slice(&cycle_count.to_le_bytes());
+    (payload[44], payload[47]) = (instance, health_pct);
+    encode_v2_from(sender, BATTERY_INFO, &payload)
 }

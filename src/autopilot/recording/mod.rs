@@ -34,6 +34,9 @@ const AFTER_DISARMING_US: u64 = 15_000_000;
 /// Delay after a failure before another file is begun.
 const RETRY_INTERVAL_US: u64 = 10_000_000;
 
+/// Shortest time between the reports of a pack, in microseconds.
+const REPORT_INTERVAL_US: u64 = 10_000_000;
+
 /// `LOG_BITMASK`: the health of the board, once a second.
 const HEALTH_RECORDED: i32 = 1 << 3;
 
@@ -92,6 +95,8 @@ pub(super) struct Recording {
     date: Date,
     /// The timers of each pack's failsafe as the file has them.
     timers: [FailsafeTimers; MAX_PACKS],
+    /// When the latest report of each pack in this file was recorded.
+    reports_at: [Option<Instant>; MAX_PACKS],
 }
 
 /// Whether records are taken.
@@ -143,6 +148,7 @@ impl Recording {
             crash,
             date: Date::default(),
             timers: [FailsafeTimers::STOPPED; MAX_PACKS],
+            reports_at: [None; MAX_PACKS],
         }
     }
 
@@ -291,6 +297,7 @@ impl Recording {
         self.stream.begin(self.now);
         self.date.file_began_utc_s = None;
         self.timers = [FailsafeTimers::STOPPED; MAX_PACKS];
+        self.reports_at = [None; MAX_PACKS];
         self.flushed_at = self.now;
         self.add(&Record::Message(GREETING));
         if let Some(crash) = &self.crash {
@@ -384,6 +391,16 @@ impl Recording {
         let rate_hz = parameters.get(VehicleParameter::LogBlkRatemax);
         let round_us = if rate_hz > 0.0 { (1e6 / rate_hz) as u64 } else { 0 };
         self.share.next(packs, round_us, self.now)
+    }
+
+    /// Whether what a pack reports is recorded in this turn of it.
+    pub fn takes_report(&mut self, pack: Pack) -> bool {
+        let recorded_at = &mut self.reports_at[pack as usize];
+        let is_due = recorded_at.is_none_or(|at| self.now.us_since(at) >= REPORT_INTERVAL_US);
+        if is_due {
+            *recorded_at = Some(self.now);
+        }
+        is_due
     }
 
     /// This many bytes of the share were used.

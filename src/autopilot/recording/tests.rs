@@ -915,6 +915,28 @@ fn timers_that_change_all_the_time_take_no_more_than_the_share() {
 }
 
 #[test]
+// Requirement: AP-21
+fn a_packs_reports_are_recorded_once_in_ten_seconds_and_in_each_file() {
+    let mut bench = Bench::armed();
+    bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
+    for _ in 0..2 {
+        bench.run(1);
+        let mut recorded_at = Vec::new();
+        for tick in 0..305 {
+            bench.tick();
+            if bench.recording.takes_report(Pack::Second) {
+                recorded_at.push(tick);
+            }
+        }
+        assert_eq!(recorded_at, [0, 100, 200, 300]);
+        assert!(bench.recording.takes_report(Pack::First), "each pack by itself");
+        bench.vehicle.disarm();
+        bench.run(20);
+        bench.arm();
+    }
+}
+
+#[test]
 fn another_file_begins_with_the_timers_that_run() {
     let mut bench = Bench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);

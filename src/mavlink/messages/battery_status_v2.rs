@@ -1,14 +1,15 @@
 //! BATTERY_STATUS_V2 (369).
 
 use super::units::{amp_hours, finite, number, temperature_cdegc};
-use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, Consequences, Faults, PackStatus};
+use crate::battery::{
+    Amount, BatteryState, ChargeSource, ChargeState, Consequences, Faults, Modes, PackStatus,
+};
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
 use crate::pack::Pack;
 use crate::system::SystemState;
 
-/// The flag that goes with each fault. Those of things no sensor here can see (balancing, protections, a short circuit)
-/// are never set.
-const FLAGS_OF_FAULTS: [(Faults, Flags); 12] = [
+/// The flag that goes with each fault.
+const FLAGS_OF_FAULTS: [(Faults, Flags); 14] = [
     (
         Faults::DEEP_DISCHARGE,
         Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_VOLT,
@@ -51,6 +52,24 @@ const FLAGS_OF_FAULTS: [(Faults, Flags); 12] = [
         Faults::NEEDS_SERVICE,
         Flags::MAV_BATTERY_STATUS_FLAGS_REQUIRES_SERVICE,
     ),
+    (
+        Faults::SHORT_CIRCUIT,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_SHORT_CIRCUIT,
+    ),
+    (
+        Faults::SWITCHED_OFF,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_PROTECTION_SYSTEM,
+    ),
+];
+
+/// The flag that goes with each mode.
+const FLAGS_OF_MODES: [(Modes, Flags); 3] = [
+    (Modes::BALANCING, Flags::MAV_BATTERY_STATUS_FLAGS_CELL_BALANCING),
+    (Modes::STORING, Flags::MAV_BATTERY_STATUS_FLAGS_AUTO_DISCHARGING),
+    (
+        Modes::PROTECTED,
+        Flags::MAV_BATTERY_STATUS_FLAGS_PROTECTIONS_ENABLED,
+    ),
 ];
 
 /// Faults of the pack itself: it has to be looked at before it is used again. The others pass, or are the rover's.
@@ -89,7 +108,10 @@ fn remaining(battery: &BatteryState) -> Option<f32> {
 }
 
 fn status_flags(battery: &BatteryState) -> Flags {
-    fault_flags(battery.faults_to_show()) | readiness_flags(battery) | charge_flags(battery)
+    let modes = FLAGS_OF_MODES.iter();
+    let set = modes.filter(|(mode, _)| battery.reported.modes.contains(*mode));
+    let flags = fault_flags(battery.faults_to_show()) | readiness_flags(battery) | charge_flags(battery);
+    set.fold(flags, |flags, (_, flag)| flags | *flag)
 }
 
 fn fault_flags(faults: Faults) -> Flags {

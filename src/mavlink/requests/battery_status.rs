@@ -2,7 +2,7 @@
 
 use core::array;
 
-use crate::battery::{CellVoltages, ChargeState, Faults, Reported};
+use crate::battery::{CellVoltages, ChargeState, Faults, Modes, Reported};
 use crate::mavlink::payload::Payload;
 use crate::pack::Pack;
 use crate::sensor::ExternalReading;
@@ -21,7 +21,11 @@ const BATTERY_REMAINING: usize = 35;
 const TIME_REMAINING: usize = 36;
 const CHARGE_STATE: usize = 40;
 const VOLTAGES_EXT: usize = 41;
+const MODE: usize = 49;
 const FAULT_BITMASK: usize = 50;
+
+/// `MAV_BATTERY_MODE_AUTO_DISCHARGING`
+const AUTO_DISCHARGING: u8 = 1;
 
 const VOLTAGE_UNKNOWN_MV: u16 = u16::MAX;
 const TEMPERATURE_UNKNOWN_CDEGC: i16 = i16::MAX;
@@ -66,6 +70,11 @@ fn reported(payload: &Payload<'_>) -> Reported {
     Reported {
         faults: Faults::from_bits_truncate(payload.u32(FAULT_BITMASK) as u16) & Faults::MAVLINK,
         charge_state: ChargeState::from_number(payload.u8(CHARGE_STATE)),
+        modes: match payload.u8(MODE) {
+            AUTO_DISCHARGING => Modes::STORING,
+            _ => Modes::empty(),
+        },
+        ..Reported::NONE
     }
 }
 
@@ -117,7 +126,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::mavlink::dialect::{BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault};
+    use crate::mavlink::dialect::{
+        BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryMode,
+    };
 
     const UNKNOWN: u16 = u16::MAX;
 
@@ -163,6 +174,7 @@ mod tests {
             temperature: -550,
             time_remaining: 1800,
             charge_state: MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_CRITICAL,
+            mode: MavBatteryMode::MAV_BATTERY_MODE_AUTO_DISCHARGING,
             fault_bitmask: MavBatteryFault::from_bits_retain(0xffff_ff18),
             ..at_12_volts()
         };
@@ -178,6 +190,8 @@ mod tests {
             reported: Reported {
                 faults: Faults::OVER_CURRENT | Faults::OVER_TEMPERATURE | Faults::CELLS_CONFIGURATION,
                 charge_state: Some(ChargeState::Critical),
+                modes: Modes::STORING,
+                ..Reported::NONE
             },
             time_remaining_s: Some(1800.0),
         };

@@ -12,18 +12,19 @@ use num_traits::FromPrimitive;
 
 use super::COMPONENT_ID;
 use super::dialect::{
-    BATTERY_STATUS_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA,
-    LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA,
-    MISSION_CLEAR_ALL_DATA, MISSION_COUNT_DATA, MISSION_ITEM_INT_DATA, MISSION_REQUEST_INT_DATA,
-    MISSION_REQUEST_LIST_DATA, MISSION_REQUEST_PARTIAL_LIST_DATA, MISSION_WRITE_PARTIAL_LIST_DATA,
-    MavMissionType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
-    RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA,
-    SETUP_SIGNING_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
+    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA,
+    HEARTBEAT_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA,
+    MANUAL_CONTROL_DATA, MISSION_CLEAR_ALL_DATA, MISSION_COUNT_DATA, MISSION_ITEM_INT_DATA,
+    MISSION_REQUEST_INT_DATA, MISSION_REQUEST_LIST_DATA, MISSION_REQUEST_PARTIAL_LIST_DATA,
+    MISSION_WRITE_PARTIAL_LIST_DATA, MavMissionType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
+    PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA,
+    SET_MODE_DATA, SETUP_SIGNING_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
 use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
-use crate::sensor::ExternalReading;
+use crate::pack::Pack;
+use crate::sensor::{ExternalHealth, ExternalReport};
 use crate::vehicle::StickInput;
 use battery_status::pack_reading;
 
@@ -148,8 +149,8 @@ pub(super) enum Request<'a> {
         system_type: u8,
     },
     SetUpSigning(SetUpSigning),
-    /// BATTERY_STATUS.
-    PackReading(ExternalReading),
+    /// BATTERY_STATUS, BATTERY_INFO.
+    PackReport(ExternalReport),
     WifiConfig(WifiConfig<'a>),
     Mission(Mission),
 }
@@ -294,6 +295,7 @@ fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Request
         LOG_REQUEST_END_DATA::ID => (Target::Component(target_at(payload, 0)), Request::LogEnd),
         SETUP_SIGNING_DATA::ID => setup_signing(payload),
         BATTERY_STATUS_DATA::ID => battery_status(payload)?,
+        BATTERY_INFO_DATA::ID => battery_info(payload)?,
         WIFI_CONFIG_AP_DATA::ID => wifi_config_ap(payload)?,
         MISSION_REQUEST_LIST_DATA::ID => mission(payload, 0, MissionRequest::List)?,
         MISSION_CLEAR_ALL_DATA::ID => mission(payload, 0, MissionRequest::Clear)?,
@@ -480,8 +482,23 @@ fn system_time(payload: &Payload<'_>) -> (Target, Request<'static>) {
 }
 
 fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {
-    let reading = pack_reading(payload)?;
-    Some((Target::Everyone, Request::PackReading(reading)))
+    let report = ExternalReport::Reading(pack_reading(payload)?);
+    Some((Target::Everyone, Request::PackReport(report)))
+}
+
+/// `None` if there is no such pack.
+fn battery_info(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {
+    let pack = Pack::from_instance(payload.u8(44))?;
+    let cycle_count = payload.u16(40);
+    let health_pct = payload.u8(47);
+    let health = ExternalHealth {
+        cycle_count: (cycle_count != u16::MAX).then_some(cycle_count),
+        state_of_health_pct: (health_pct <= 100).then_some(health_pct),
+    };
+    Some((
+        Target::Everyone,
+        Request::PackReport(ExternalReport::Health(pack, health)),
+    ))
 }
 
 /// The message has no target. One with a response is another vehicle's answer.

@@ -28,6 +28,7 @@ pub(super) enum Kind {
     Pack = 146,
     Curve = 147,
     FailsafeTimer = 148,
+    Report = 149,
 }
 
 /// A format, as its FMT and FMTU records say it: a character and a name for each field.
@@ -72,7 +73,7 @@ fn field_bytes(field_type: u8) -> usize {
 }
 
 /// All formats, FMT first, since a reader needs it to read the others.
-pub(super) const FORMATS: [Format; 21] = [
+pub(super) const FORMATS: [Format; 22] = [
     Format {
         kind: Kind::Format,
         name: "FMT",
@@ -241,6 +242,14 @@ pub(super) const FORMATS: [Format; 21] = [
         columns: "TimeUS,Inst,FS,Tmr",
         units: "s#--",
         multipliers: "F---",
+    },
+    Format {
+        kind: Kind::Report,
+        name: "BATR",
+        types: "QBBHffB",
+        columns: "TimeUS,Inst,Err,OvD,WhR,WhF,Mode",
+        units: "s#%-XX-",
+        multipliers: "F-0-00-",
     },
 ];
 

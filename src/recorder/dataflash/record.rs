@@ -4,7 +4,9 @@ use core::ops::Range;
 
 use super::format::Kind;
 use super::packet::{Packet, RecordBytes, finite, whole_pct};
-use crate::battery::{Amount, BatteryState, FailsafeLevel, FailsafeTimer, LearntPack, MAX_CELLS, PackStatus};
+use crate::battery::{
+    Amount, BatteryState, FailsafeLevel, FailsafeTimer, LearntPack, MAX_CELLS, PackStatus, Reported,
+};
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::identity::BoardId;
 use crate::numbers::{round_to_i32, text};
@@ -74,6 +76,8 @@ pub enum Record<'a> {
     Pack(Pack, &'a BatteryState, Option<&'a LearntPack>),
     /// PCKO: what is learnt of the curve of a pack's cells.
     Curve(Pack, &'a LearntPack),
+    /// BATR: report of a pack's own gauge.
+    Report(Pack, &'a Reported),
     /// FSTM: the timer of a level of a pack's failsafe starts, is reset or expires.
     FailsafeTimer(Pack, FailsafeLevel, FailsafeTimer),
 }
@@ -138,6 +142,7 @@ impl<'a> Record<'a> {
                 .finish(),
             Self::Pack(pack, state, learnt) => encode_pack(time_us, pack, state, learnt),
             Self::Curve(pack, learnt) => encode_curve(time_us, pack, learnt),
+            Self::Report(pack, reported) => encode_report(time_us, pack, reported),
             // `FS` as in BATX.
             Self::FailsafeTimer(pack, level, timer) => Packet::at(Kind::FailsafeTimer, time_us)
                 .u8(pack.instance())
@@ -213,6 +218,9 @@ const TEMPERATURE_UNKNOWN_CDEGC: i16 = 0;
 /// A remaining charge that is unknown, as in ArduPilot.
 const REMAINING_UNKNOWN_PCT: u8 = u8::MAX;
 
+/// Sentinel of the field `Err`.
+const ERROR_UNKNOWN_PCT: u8 = u8::MAX;
+
 /// A state of health that is unknown, as in ArduPilot.
 const STATE_OF_HEALTH_UNKNOWN_PCT: u8 = 0;
 
@@ -265,6 +273,18 @@ fn encode_estimate(time_us: u64, pack: Pack, state: &BatteryState) -> RecordByte
         .u16(state.faults_to_show().bits())
         .u8(state.failsafe as u8)
         .u8(status_number(state.status))
+        .finish()
+}
+
+fn encode_report(time_us: u64, pack: Pack, reported: &Reported) -> RecordBytes {
+    let gauge = &reported.gauge;
+    Packet::at(Kind::Report, time_us)
+        .u8(pack.instance())
+        .u8(gauge.error_pct.unwrap_or(ERROR_UNKNOWN_PCT))
+        .u16(gauge.over_discharges.unwrap_or(u16::MAX))
+        .number(gauge.energies_wh.map(|[remaining_wh, _]| remaining_wh))
+        .number(gauge.energies_wh.map(|[_, full_wh]| full_wh))
+        .u8(reported.modes.bits())
         .finish()
 }
 

@@ -6,7 +6,7 @@ use super::format::{FORMATS, Format, MULTIPLIERS, UNITS};
 use super::*;
 use crate::battery::{
     Amount, BatteryState, CellVoltages, ChargeState, Chemistry, FailsafeLevel, FailsafeTimer, Faults,
-    LearntPack, MAX_CELLS, PackStatus,
+    GaugeReport, LearntPack, MAX_CELLS, Modes, PackStatus, Reported,
 };
 use crate::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use crate::memory::identity::BoardId;
@@ -119,6 +119,7 @@ fn one_of_each<'a>(
         Record::Pack(Pack::First, state, Some(learnt)),
         Record::Curve(Pack::First, learnt),
         Record::FailsafeTimer(Pack::First, FailsafeLevel::Low, FailsafeTimer::Running),
+        Record::Report(Pack::First, &state.reported),
     ]
 }
 
@@ -275,6 +276,25 @@ fn records_of_the_vehicle_have_each_field_in_its_place() {
         (
             Record::FailsafeTimer(Pack::Second, FailsafeLevel::Critical, FailsafeTimer::Expired),
             "a395940807060504030201010302",
+        ),
+        (
+            Record::Report(
+                Pack::Second,
+                &Reported {
+                    modes: Modes::BALANCING | Modes::PROTECTED,
+                    gauge: GaugeReport {
+                        error_pct: Some(3),
+                        over_discharges: Some(4),
+                        energies_wh: Some([40.0, 50.0]),
+                    },
+                    ..Reported::NONE
+                },
+            ),
+            "a3959508070605040302010103040000002042000048420a",
+        ),
+        (
+            Record::Report(Pack::First, &Reported::NONE),
+            "a39595080706050403020100ffffff0000c07f0000c07f00",
         ),
         (
             Record::Health {

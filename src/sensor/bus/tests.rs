@@ -8,8 +8,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    BatteryMonitor, BatteryState, CellVoltages, Chemistry, Date, Faults, GaugeReading, Measurement,
-    PackEvent, PackSettings, ReadError, Tick,
+    BatteryMonitor, BatteryState, CellVoltages, Chemistry, Date, Faults, GaugeReading, Measurement, Modes,
+    PackEvent, PackSettings, ReadError, Reported, Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
@@ -76,6 +76,7 @@ impl Stack {
         commands[0x14..0x14 + bytes.len()].copy_from_slice(&bytes);
         let answers = [
             (0x0001, vec![0x95, 0x76]),
+            (0x0057, vec![0, 0]),
             (0x0076, charge.to_vec()),
             (0x9303, units.to_vec()),
         ];
@@ -343,6 +344,34 @@ fn a_large_battery_counts_in_larger_steps() {
 #[test]
 fn a_milliampere_is_a_current_and_no_blank_word() {
     assert_eq!(read_battery(battery(&[(0x0a, 0xffff)])).current_a, Some(0.001));
+}
+
+/// What a smart battery reports once each of its slow words was read.
+fn reported_by(words: &[(u8, u16)]) -> Reported {
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let mut bus = battery(words);
+    let readings = (0..4).map(|_| read_one(&mut devices, &mut bus).expect("it answers"));
+    readings.last().expect("four").reported
+}
+
+#[test]
+// Requirement: AP-5
+fn status_and_error_of_a_smart_battery_are_reported() {
+    assert_eq!(reported_by(&[]), Reported::NONE, "it refuses both");
+    assert_eq!(
+        reported_by(&[(0x16, 0xffff), (0x0c, 0xffff)]),
+        Reported::NONE,
+        "blank"
+    );
+    let full = reported_by(&[(0x16, 0x00e0), (0x0c, 4)]);
+    assert_eq!((full.faults, full.modes), (Faults::empty(), Modes::FULL));
+    assert_eq!(full.gauge.error_pct, Some(4));
+    let empty_and_hot = reported_by(&[(0x16, 0x18c0), (0x0c, 101)]);
+    assert_eq!(
+        empty_and_hot.faults,
+        Faults::DEEP_DISCHARGE | Faults::OVER_TEMPERATURE
+    );
+    assert_eq!(empty_and_hot.gauge.error_pct, None, "out of range");
 }
 
 #[test]

@@ -10,6 +10,7 @@ use crate::sensor::ControllerReading;
 
 /// An event of the bus.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "delivered at once, never kept")]
 pub enum CanEvent {
     /// A reading of a pack.
     Reading(Pack, Measurement),

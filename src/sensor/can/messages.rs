@@ -140,6 +140,8 @@ pub(super) struct BatteryInfo {
     pub flags: u16,
     pub state_of_health_pct: Option<u8>,
     pub state_of_charge_pct: Option<u8>,
+    /// Standard deviation of the state of charge. Senders that do not know it have 0.
+    pub deviation_pct: Option<u8>,
     pub model: Name,
 }
 
@@ -160,7 +162,7 @@ impl BatteryInfo {
         let flags = reader.unsigned(11)? as u16;
         let state_of_health_pct = percentage(reader.byte(7)?);
         let state_of_charge_pct = percentage(reader.byte(7)?);
-        let _deviation_pct = reader.byte(7)?;
+        let deviation_pct = percentage(reader.byte(7)?).filter(|percent| *percent > 0);
         let battery_id = reader.byte(8)?;
         let _model_instance = reader.unsigned(32)?;
         Some(Self {
@@ -173,6 +175,7 @@ impl BatteryInfo {
             flags,
             state_of_health_pct,
             state_of_charge_pct,
+            deviation_pct,
             // The last array of a message has no length: it goes on to the end.
             model: Name::from_ascii(reader.rest()),
         })
@@ -185,6 +188,7 @@ pub(super) struct BatteryAux {
     pub battery_id: u8,
     pub cells: CellVoltages,
     pub cycle_count: u16,
+    pub over_discharges: u16,
     pub nominal_v: Option<f32>,
     pub supply: Supply,
 }
@@ -198,7 +202,7 @@ impl BatteryAux {
         reader.skip(Self::TIMESTAMP_BITS)?;
         let cells = cells(&mut reader)?;
         let cycle_count = reader.word()?;
-        let _over_discharge_count = reader.word()?;
+        let over_discharges = reader.word()?;
         let _max_current_a = reader.known()?;
         let nominal_v = reader.known()?;
         let is_powering_off = reader.byte(1)? == 1;
@@ -206,6 +210,7 @@ impl BatteryAux {
             battery_id: reader.byte(8)?,
             cells,
             cycle_count,
+            over_discharges,
             nominal_v,
             supply: if is_powering_off {
                 Supply::PoweringOff

@@ -6,8 +6,8 @@ use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
 use super::setup::{CanOptions, CanPack, CanSettings};
 use crate::battery::{
-    CellVoltages, ChargeState, Faults, Gauge, GaugeReading, Measurement, PackDetails, Reported, Supply,
-    Thermometer,
+    CellVoltages, ChargeState, Faults, Gauge, GaugeReading, GaugeReport, Measurement, Modes, PackDetails,
+    Reported, Supply, Thermometer,
 };
 use crate::log::info;
 use crate::pack::{MAX_PACKS, Pack};
@@ -322,6 +322,9 @@ fn measurement(
     let share = info
         .state_of_charge_pct
         .map(|percent| f32::from(percent.min(100)) / 100.0);
+    // Unknown energies are 0.
+    let full_wh = info.full_wh.filter(|full_wh| *full_wh > 0.0);
+    let energies_wh = info.remaining_wh.zip(full_wh);
     Measurement {
         voltage_v: plausible(info.voltage_v),
         current_a: info
@@ -341,7 +344,14 @@ fn measurement(
             state_of_health_pct: info.state_of_health_pct,
             ..PackDetails::NONE
         },
-        reported: of_battery(info.flags),
+        reported: Reported {
+            gauge: GaugeReport {
+                error_pct: info.deviation_pct,
+                over_discharges: aux.map(|aux| aux.over_discharges),
+                energies_wh: energies_wh.map(<[f32; 2]>::from),
+            },
+            ..of_battery(info.flags)
+        },
         supply: aux.map_or(Supply::On, |aux| aux.supply),
         ..Measurement::default()
     }
@@ -385,9 +395,12 @@ fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Measurem
 /// `STATUS_FLAG_CHARGING` of `uavcan.equipment.power.BatteryInfo`.
 const CHARGING: u16 = 1 << 1;
 
+/// `STATUS_FLAG_CHARGED`.
+const CHARGED: u16 = 1 << 9;
+
 /// The fault that goes with each of its other flags: hot, cold, overload, bad battery, service needed, and an error of its
-/// management system. "In use" and "charged" are not faults.
-const OF_BATTERIES: [(u16, Faults); 6] = [
+/// management system.
+const OF_BATTERIES: [(u32, Faults); 6] = [
     (1 << 3, Faults::OVER_TEMPERATURE),
     (1 << 4, Faults::UNDER_TEMPERATURE),
     (1 << 5, Faults::OVER_CURRENT),
@@ -398,7 +411,7 @@ const OF_BATTERIES: [(u16, Faults); 6] = [
 
 /// The fault that goes with each bit of `fault_flags` in `mppt.Stream`: too much and too little voltage, overcurrent, too
 /// hot. Too little is the sun's, at dusk.
-const OF_CHARGERS: [(u16, Faults); 4] = [
+const OF_CHARGERS: [(u32, Faults); 4] = [
     (1 << 0, Faults::INCOMPATIBLE_VOLTAGE),
     (1 << 1, Faults::INCOMPATIBLE_VOLTAGE),
     (1 << 2, Faults::OVER_CURRENT),
@@ -408,22 +421,22 @@ const OF_CHARGERS: [(u16, Faults); 4] = [
 /// From `status_flags` of BatteryInfo.
 fn of_battery(flags: u16) -> Reported {
     Reported {
-        faults: faults(flags, &OF_BATTERIES),
+        faults: Faults::of_flags(flags.into(), &OF_BATTERIES),
         charge_state: (flags & CHARGING != 0).then_some(ChargeState::Charging),
+        modes: match flags & CHARGED {
+            0 => Modes::empty(),
+            _ => Modes::FULL,
+        },
+        ..Reported::NONE
     }
 }
 
 /// From `fault_flags` of `mppt.Stream`.
 fn of_charger(flags: u8) -> Reported {
     Reported {
-        faults: faults(flags.into(), &OF_CHARGERS),
+        faults: Faults::of_flags(flags.into(), &OF_CHARGERS),
         ..Reported::NONE
     }
-}
-
-fn faults(flags: u16, table: &[(u16, Faults)]) -> Faults {
-    let set = table.iter().filter(|(flag, _)| flags & flag != 0);
-    set.fold(Faults::empty(), |faults, (_, fault)| faults | *fault)
 }
 
 #[cfg(test)]

@@ -6,14 +6,18 @@ use super::faults::Faulty;
 use super::values::assert_measures;
 use super::{BUS, DIVIDER_CODE, Second, after_a_second, shared, with_second_pack};
 use emulator::Random;
-use emulator::i2c_devices::{Access, Bq76952, Garbled, Ina226, Pec, Reads, SmartBattery};
-use support::frames::BatteryStatus;
+use emulator::i2c_devices::{Access, Bq76952, Garbled, Ina226, Pec, Protection, Reads, SmartBattery};
+use support::frames::{BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, of_message, texts_of};
+use support::requests::{arm, command_long_2};
 use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 
 const BQ76952: f32 = 32.0;
 const SMART_BATTERY: f32 = 7.0;
 
 const ADDRESS: u8 = 0x08;
+
+const REQUEST_MESSAGE: u16 = 512;
+const SECOND_PACK: f32 = 1.0;
 
 const DEEP_DISCHARGE: u32 = 1;
 const CELL_FAIL: u32 = 4;
@@ -115,6 +119,57 @@ fn a_sealed_part_is_read_in_the_units_it_has_by_default() {
         assert_eq!(cells(&status, 4), [4000, 4000, 4000, 65535]);
         assert_eq!(status.current_ca(), 500);
     });
+}
+
+/// `status_flags` of BATTERY_STATUS_V2 of the second pack.
+fn status_flags(bench: &mut Bench) -> u32 {
+    let answers = bench.ask(&command_long_2(
+        REQUEST_MESSAGE,
+        BATTERY_STATUS_V2 as f32,
+        SECOND_PACK,
+    ));
+    of_message(&answers, BATTERY_STATUS_V2)[0].u32(20)
+}
+
+#[test]
+// Requirement: V2-2
+fn what_its_protection_does_is_reported_and_does_not_refuse_arming() {
+    let part = shared(Bq76952::new());
+    part.borrow_mut().set(&[4000; 3], 1.0, 25.0);
+    let mut bench = with_second_pack(BQ76952, ADDRESS, &part, &[]);
+    bench.run_for(SECOND);
+    assert_eq!(status_flags(&mut bench), 0);
+    // It balances; protections are enabled (FET_EN).
+    let enabled = Protection {
+        manufacturing: 1 << 4,
+        ..Protection::default()
+    };
+    part.borrow_mut().set_protection(Protection {
+        alarms: 1 << 2,
+        ..enabled
+    });
+    bench.run_for(5 * SECOND);
+    assert_eq!(status_flags(&mut bench), 128 | 4);
+    // A short circuit; it has switched the discharge off.
+    part.borrow_mut().set_protection(Protection {
+        safety: [1 << 7, 0, 0],
+        alarms: 1 << 14 | 1 << 5,
+        ..enabled
+    });
+    bench.run_for(5 * SECOND);
+    assert_eq!(status_flags(&mut bench), 128 | 256 | 16_384);
+    // The first of two STATUSTEXT.
+    let text = "Battery 2 reports: switched off by its protection,".to_owned();
+    assert!(texts_of(&bench.frames()).contains(&text));
+    // A load that is switched off by a command is no fault.
+    part.borrow_mut().set_protection(Protection {
+        alarms: 1 << 5,
+        ..enabled
+    });
+    bench.run_for(5 * SECOND);
+    assert_eq!(status_flags(&mut bench), 128);
+    let answers = bench.ask(&arm());
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "accepted");
 }
 
 type Stack = Garbled<Bq76952>;

@@ -7,16 +7,20 @@
 //! read at once (962018) and how the two halves of the charge go together (970294); published drivers alone have the meaning of
 //! the bits of the unit of current.
 
-use crate::battery::{BusError, CellVoltages, Consumed, Counted, Measurement, ReadError};
+use crate::battery::{
+    BusError, CellVoltages, Consumed, Counted, Faults, Measurement, Modes, ReadError, Reported,
+};
 use crate::log::info;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
 use crate::sensor::bus::{Address, SensorBus, Wiring};
 
 // Direct commands: words, the lowest byte first.
+/// Three words with an alert of its protection in the low byte, and its status in the high one. The others follow them.
+const SAFETY: u8 = 0x02;
 const BATTERY_STATUS: u8 = 0x12;
 /// The voltages of 16 cells, of the stack and of two pins, and the current follow each other.
-const FIRST_CELL: u8 = 0x14;
+const ALARM_RAW_STATUS: u8 = 0x64;
 const INTERNAL_TEMPERATURE: u8 = 0x68;
 
 // Subcommands are written to one place and answered at others.
@@ -26,6 +30,7 @@ const ANSWER: u8 = 0x40;
 const CHECKSUM: u8 = 0x60;
 
 const DEVICE_NUMBER: u16 = 0x0001;
+const MANUFACTURING_STATUS: u16 = 0x0057;
 /// The charge that was counted, and the time since then.
 const DA_STATUS_6: u16 = 0x0076;
 /// In the data memory: the units of voltage and current, then the inputs that have a cell.
@@ -33,10 +38,29 @@ const DA_CONFIGURATION: u16 = 0x9303;
 
 const BQ76952: u16 = 0x7695;
 
+/// Manufacturing status: it drives the transistors by what its protection finds.
+const FET_ENABLED: u8 = 1 << 4;
+
+// Alarm status: a status of its protection, or a permanent failure; no discharge, balancing.
+const PROTECTION: u16 = 0b111 << 13;
+const DISCHARGE_OFF: u16 = 1 << 5;
+const BALANCING: u16 = 1 << 2;
+
+/// The faults of its safety status: A, B and C from the lowest byte on.
+const SAFETY_FAULTS: [(u32, Faults); 6] = [
+    (1 << 2, Faults::DEEP_DISCHARGE),
+    (1 << 3 | 1 << 20, Faults::SPIKES),
+    (0b111 << 4 | 0b101 << 21, Faults::OVER_CURRENT),
+    (1 << 7 | 1 << 22, Faults::SHORT_CIRCUIT),
+    (0b111 << 8, Faults::UNDER_TEMPERATURE),
+    (0b1111 << 12, Faults::OVER_TEMPERATURE),
+];
+
 const CELLS: usize = 16;
-const STACK: usize = CELLS;
-const CURRENT: usize = CELLS + 3;
-const WORDS: usize = CELLS + 4;
+const FIRST_CELL: usize = 9;
+const STACK: usize = FIRST_CELL + CELLS;
+const CURRENT: usize = STACK + 3;
+const WORDS: usize = CURRENT + 1;
 
 const LONGEST_ANSWER: usize = 32;
 
@@ -78,6 +102,8 @@ struct Setup {
     units: u8,
     /// Inputs that have a cell, the first in bit 0; 0 if that is not set up.
     cells: u16,
+    /// Whether it is protected.
+    protection: Modes,
 }
 
 /// Its count.
@@ -129,7 +155,8 @@ impl Part for Bq76952 {
     }
 
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
-        let words: [u16; WORDS] = words_from(bus, self.address, FIRST_CELL).await?;
+        let words: [u16; WORDS] = words_from(bus, self.address, SAFETY).await?;
+        let [alarms] = words_from(bus, self.address, ALARM_RAW_STATUS).await?;
         let [tenths_k] = words_from(bus, self.address, INTERNAL_TEMPERATURE).await?;
         let charge = Charge::read(bus, self.address).await?;
         let word = |place: usize| words.get(place).map_or(0.0, |word: &u16| f32::from(*word as i16));
@@ -151,15 +178,29 @@ impl Part for Bq76952 {
             }),
             temperature_c: Some(f32::from(tenths_k as i16) * 0.1 - ZERO_CELSIUS_K),
             cells: self.cell_voltages(&words),
+            reported: self.reported(&words, alarms),
             ..Measurement::default()
         })
     }
 }
 
 impl Bq76952 {
+    fn reported(&self, [a, b, c, ..]: &[u16; WORDS], alarms: u16) -> Reported {
+        let [a, b, c] = [a, b, c].map(|word| (word >> 8) as u8);
+        let mut reported = Reported {
+            faults: Faults::of_flags(u32::from_le_bytes([a, b, c, 0]), &SAFETY_FAULTS),
+            modes: self.setup.protection,
+            ..Reported::NONE
+        };
+        reported.modes.set(Modes::BALANCING, alarms & BALANCING != 0);
+        let is_off = alarms & DISCHARGE_OFF != 0 && alarms & PROTECTION != 0;
+        reported.faults.set(Faults::SWITCHED_OFF, is_off);
+        reported
+    }
+
     /// Which cells there are is set up, or shows the first reading: a cell that fails later is still one.
     fn cell_voltages(&mut self, words: &[u16]) -> CellVoltages {
-        let inputs = || words.iter().take(CELLS).enumerate();
+        let inputs = || words.iter().skip(FIRST_CELL).take(CELLS).enumerate();
         let set_up = Some(self.setup.cells).filter(|cells| *cells != 0);
         let cells = *self.cells.get_or_insert_with(|| {
             set_up.unwrap_or_else(|| {
@@ -178,16 +219,23 @@ impl Bq76952 {
 impl Setup {
     async fn read(bus: &mut impl SensorBus, address: Address) -> Result<Self, ReadError> {
         let [status] = words_from(bus, address, BATTERY_STATUS).await?;
+        let [manufacturing, _] = ask(bus, address, MANUFACTURING_STATUS).await?;
+        let protection = match manufacturing & FET_ENABLED {
+            0 => Modes::empty(),
+            _ => Modes::PROTECTED,
+        };
         if status & SEALED == SEALED {
             return Ok(Self {
                 units: DEFAULT_UNITS,
                 cells: 0,
+                protection,
             });
         }
         let [units, low, high] = ask(bus, address, DA_CONFIGURATION).await?;
         Ok(Self {
             units,
             cells: u16::from_le_bytes([low, high]),
+            protection,
         })
     }
 

@@ -4,7 +4,9 @@ use proptest::prelude::*;
 
 use super::golden::{self, frames};
 use super::{Battery, Bench, charger, message, node, pack};
-use crate::battery::{ChargeState, Faults, Gauge, GaugeReading, Measurement, Supply, Thermometer};
+use crate::battery::{
+    ChargeState, Faults, Gauge, GaugeReading, GaugeReport, Measurement, Modes, Supply, Thermometer,
+};
 use crate::memory::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -56,6 +58,14 @@ fn battery_of_the_reference_is_read() {
     assert_eq!(alone.state_of_charge, Some(0.8));
     assert_eq!(alone.gauge, GaugeReading::Missing, "no nominal voltage is known");
     assert_eq!(alone.details.state_of_health_pct, Some(97));
+    assert_eq!(
+        alone.reported.gauge,
+        GaugeReport {
+            error_pct: Some(3),
+            over_discharges: None,
+            energies_wh: Some([40.0, 50.0]),
+        }
+    );
     assert_eq!(alone.details.device.as_bytes(), b"Smart LiPo 3S");
     assert_eq!((alone.cells.millivolts(), alone.supply), (&[][..], Supply::On));
 
@@ -65,6 +75,7 @@ fn battery_of_the_reference_is_read() {
     // As floats of 16 bits: in steps of 4 mV.
     assert_eq!(whole.cells.millivolts(), [4199, 4195, 4180]);
     assert_eq!(whole.details.cycle_count, Some(123));
+    assert_eq!(whole.reported.gauge.over_discharges, Some(4));
     assert_eq!(whole.supply, Supply::PoweringOff);
     let gauge = whole.gauge.read().expect("a gauge");
     assert!(
@@ -103,6 +114,7 @@ fn what_the_battery_does_not_know_is_unknown() {
         temperature_k: 0.0,
         current_a: f32::NAN,
         charge_pct: 127,
+        full_wh: 0.0,
         ..Battery::new(42, 0)
     };
     bench.receive(&battery.frames(0));
@@ -221,8 +233,8 @@ fn energies_are_a_gauge_if_they_make_sense() {
 
 #[test]
 fn flags_of_a_battery_are_in_its_readings() {
-    // In use, charging, hot and bad.
-    let flags = 1 | 1 << 1 | 1 << 3 | 1 << 6;
+    // In use, charging, hot, bad and charged.
+    let flags = 1 | 1 << 1 | 1 << 3 | 1 << 6 | 1 << 9;
     let mut bench = Bench::with_packs(&[pack(Pack::First)]);
     bench.receive(
         &Battery {
@@ -234,6 +246,7 @@ fn flags_of_a_battery_are_in_its_readings() {
     let reported = reading(&mut bench).reported;
     assert_eq!(reported.faults, Faults::OVER_TEMPERATURE | Faults::BAD_BATTERY);
     assert_eq!(reported.charge_state, Some(ChargeState::Charging));
+    assert_eq!(reported.modes, Modes::FULL);
 }
 
 #[test]

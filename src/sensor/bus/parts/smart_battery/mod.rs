@@ -8,7 +8,8 @@ pub(in crate::sensor::bus) use dialect::{
 };
 
 use crate::battery::{
-    BusError, Chemistry, Date, Gauge, GaugeReading, Measurement, Name, PackDetails, ReadError, Supply,
+    BusError, Chemistry, Date, Faults, Gauge, GaugeReading, Measurement, Modes, Name, PackDetails, ReadError,
+    Reported, Supply,
 };
 use crate::log::info;
 use crate::sensor::bus::part::Part;
@@ -19,8 +20,10 @@ use crate::sensor::bus::{Address, SensorBus, Wiring};
 const BATTERY_MODE: u8 = 0x03;
 const VOLTAGE: u8 = 0x09;
 const CURRENT: u8 = 0x0a;
+const MAX_ERROR: u8 = 0x0c;
 const REMAINING_CAPACITY: u8 = 0x0f;
 const FULL_CHARGE_CAPACITY: u8 = 0x10;
+const BATTERY_STATUS: u8 = 0x16;
 const CYCLE_COUNT: u8 = 0x17;
 const DESIGN_CAPACITY: u8 = 0x18;
 const DESIGN_VOLTAGE: u8 = 0x19;
@@ -33,6 +36,15 @@ const DEVICE_CHEMISTRY: u8 = 0x22;
 
 /// Battery mode: capacities are in steps of 10 mWh instead of 1 mAh.
 const CAPACITY_MODE: u16 = 1 << 15;
+
+/// Battery status: fully charged.
+const FULLY_CHARGED: u16 = 1 << 5;
+
+/// The faults that go with its alarms: over temperature, and terminate discharge.
+const ALARMS: [(u32, Faults); 2] = [
+    (1 << 12, Faults::OVER_TEMPERATURE),
+    (1 << 11, Faults::DEEP_DISCHARGE),
+];
 
 /// The first version of the specification with a packet error code.
 const VERSION_WITH_CODE: u16 = 3;
@@ -85,6 +97,7 @@ pub(in crate::sensor::bus) struct SmartBattery {
     /// Serial number, to notice another battery.
     serial: Option<u16>,
     details: PackDetails,
+    reported: Reported,
     full_mah: Option<f32>,
     /// The slow value that is read next, by turns.
     slow_command: u8,
@@ -166,6 +179,7 @@ impl Part for SmartBattery {
                 design_voltage_v: filled(design_voltage, scale.voltage),
                 state_of_health_pct: None,
             },
+            reported: Reported::NONE,
             full_mah: filled(full, scale.capacity),
             slow_command: CYCLE_COUNT,
         })
@@ -212,6 +226,7 @@ impl Part for SmartBattery {
             temperature_c: self.temperature_c(bus).await?,
             cells: cell_voltages(voltage_v, &cells_mv),
             details: self.details,
+            reported: self.reported,
             supply: self.supply(bus).await?,
             ..Measurement::default()
         })
@@ -245,13 +260,28 @@ impl SmartBattery {
 
     /// A word that is refused once stays as it was.
     fn note_slow(&mut self, word: Option<u16>) {
-        if self.slow_command == CYCLE_COUNT {
-            self.details.cycle_count = word.or(self.details.cycle_count);
-            self.slow_command = FULL_CHARGE_CAPACITY;
-        } else {
-            self.full_mah = filled(word, self.scale.capacity).or(self.full_mah);
-            self.slow_command = CYCLE_COUNT;
-        }
+        self.slow_command = match self.slow_command {
+            CYCLE_COUNT => {
+                self.details.cycle_count = word.or(self.details.cycle_count);
+                FULL_CHARGE_CAPACITY
+            }
+            FULL_CHARGE_CAPACITY => {
+                self.full_mah = filled(word, self.scale.capacity).or(self.full_mah);
+                BATTERY_STATUS
+            }
+            BATTERY_STATUS => {
+                if let Some(status) = word {
+                    self.reported.faults = Faults::of_flags(status.into(), &ALARMS);
+                    self.reported.modes.set(Modes::FULL, status & FULLY_CHARGED != 0);
+                }
+                MAX_ERROR
+            }
+            _ => {
+                let error_pct = word.and_then(|word| u8::try_from(word).ok());
+                self.reported.gauge.error_pct = error_pct.filter(|percent| *percent <= 100);
+                CYCLE_COUNT
+            }
+        };
         self.details.state_of_health_pct = self.state_of_health_pct();
     }
 

@@ -1,6 +1,6 @@
 //! BQ76952: monitor of up to 16 cells in series (SLUUBY2B, SLUAA11B).
 //!
-//! Left out: protections, transistors, balancing, thermistors, modes of less power, writes to the data memory, the check byte
+//! Left out: what its protection does, thermistors, modes of less power, writes to the data memory, the check byte
 //! behind each byte that can be set up. What the data memory reads as while it is sealed is not confirmed.
 
 use super::super::super::clock::{CLK_SYS_HZ, Cycle, cycles};
@@ -9,6 +9,8 @@ use super::signed_code;
 
 const CELLS: usize = 16;
 
+const SAFETY_ALERT_A: u8 = 0x02;
+const SAFETY_STATUS_C: u8 = 0x07;
 const BATTERY_STATUS: u8 = 0x12;
 const FIRST_CELL: u8 = 0x14;
 const LAST_CELL: u8 = 0x32;
@@ -22,9 +24,11 @@ const BUFFER: u8 = 0x40;
 const BUFFER_END: u8 = 0x5f;
 const CHECKSUM: u8 = 0x60;
 const LENGTH: u8 = 0x61;
+const ALARM_RAW_STATUS: u8 = 0x64;
 const INT_TEMPERATURE: u8 = 0x68;
 
 const DEVICE_NUMBER: u16 = 0x0001;
+const MANUFACTURING_STATUS: u16 = 0x0057;
 const DASTATUS6: u16 = 0x0076;
 const DA_CONFIGURATION: u16 = 0x9303;
 
@@ -50,11 +54,23 @@ pub enum Access {
     Sealed,
 }
 
+/// Findings and actions of its protection.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Protection {
+    /// Safety Status A, B and C.
+    pub safety: [u8; 3],
+    /// Alarm Raw Status.
+    pub alarms: u16,
+    /// Manufacturing Status.
+    pub manufacturing: u16,
+}
+
 #[derive(Clone, Copy)]
 struct State {
     da_configuration: u8,
     vcell_mode: u16,
     access: Access,
+    protection: Protection,
     /// In 2^-32 of the unit of current times an hour.
     charge: i64,
     charge_since: Cycle,
@@ -68,6 +84,7 @@ impl State {
             da_configuration: DA_CONFIGURATION_RESET,
             vcell_mode: 0,
             access: Access::Full,
+            protection: Protection::default(),
             charge: CHARGE_RESET,
             charge_since: now,
             subcommand: 0,
@@ -143,6 +160,10 @@ impl Bq76952 {
         self.state.vcell_mode = vcell_mode;
     }
 
+    pub fn set_protection(&mut self, protection: Protection) {
+        self.state.protection = protection;
+    }
+
     pub fn set_access(&mut self, access: Access) {
         self.state.access = access;
     }
@@ -169,6 +190,12 @@ impl Bq76952 {
                 Access::Full => FULL_ACCESS,
                 Access::Sealed => SEALED,
             },
+            // An alert, then the status.
+            SAFETY_ALERT_A..=SAFETY_STATUS_C => {
+                let status = self.state.protection.safety[usize::from(command - SAFETY_ALERT_A) / 2];
+                u16::from_be_bytes([status, 0])
+            }
+            ALARM_RAW_STATUS => self.state.protection.alarms,
             FIRST_CELL..=LAST_CELL => self.cells_mv[usize::from(command - FIRST_CELL) / 2],
             STACK | PACK_PIN | LD_PIN => signed_code(stack_v, self.state.unit_v(), 16) as u16,
             CC2_CURRENT => signed_code(-self.amperes, self.state.unit_a(), 16) as u16,
@@ -181,6 +208,7 @@ impl Bq76952 {
     fn answer(&self) -> Vec<u8> {
         match self.state.subcommand {
             DEVICE_NUMBER => 0x7695u16.to_le_bytes().to_vec(),
+            MANUFACTURING_STATUS => self.state.protection.manufacturing.to_le_bytes().to_vec(),
             DASTATUS6 => {
                 let seconds = ((self.now - self.state.charge_since) / CLK_SYS_HZ) as u32;
                 let integer = (self.state.charge >> 32) as i32;

@@ -20,7 +20,7 @@ mod smart_battery;
 
 pub use ad7091r5::{Ad7091r5, Reference};
 pub use bebop::Bebop;
-pub use bq76952::{Access, Bq76952};
+pub use bq76952::{Access, Bq76952, Protection};
 pub use garbled::{Garbled, Reads};
 pub use ina226::Ina226;
 pub use ina228::Ina228;
