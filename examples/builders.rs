@@ -2,7 +2,7 @@
 //!
 //! Run it with `cargo run --example builders`.
 
-use rover_battmon::battery::{BatteryState, ChargeState, PackStatus};
+use rover_battmon::battery::{BatteryState, ChargeState, PackStatus, Readings};
 use rover_battmon::mavlink::{Framer, Stream};
 use rover_battmon::pack::Pack;
 use rover_battmon::system::SystemState;
@@ -11,7 +11,10 @@ fn main() {
     let batteries = [BatteryState {
         status: PackStatus::Healthy,
         charge_state: ChargeState::Ok,
-        voltage_v: Some(11.62),
+        readings: Readings {
+            voltage_v: Some(11.62),
+            ..Readings::NONE
+        },
         ..BatteryState::default()
     }];
     let state = SystemState {

@@ -14,7 +14,7 @@ mod firmware {
     use panic_probe as _;
     use rover_battmon::battery::{
         Amount, BatteryMonitor, BatteryState, CellVoltages, ChargeState, Contents, Faults, Measurement,
-        PackDetails, PackSettings, PackStatus, Tick,
+        PackDetails, PackSettings, PackStatus, Readings, Tick,
     };
     use rover_battmon::mavlink::dialect::{MavParamType, PARAM_VALUE_DATA};
     use rover_battmon::mavlink::{
@@ -172,32 +172,34 @@ mod firmware {
         BatteryState {
             status: PackStatus::Healthy,
             charge_state: ChargeState::Ok,
-            voltage_v: Some(11.62),
-            current_a: Some(4.31),
+            readings: Readings {
+                voltage_v: Some(11.62),
+                current_a: Some(4.31),
+                remaining_pct: Some(72.3),
+                time_remaining_s: Some(1342.0),
+                ..Readings::NONE
+            },
             consumed: Some(Amount::Mah(612.0)),
             consumed_wh: Some(7.2),
-            remaining_pct: Some(72.3),
-            time_remaining_s: Some(1342.0),
             ..BatteryState::UNKNOWN
         }
     }
 
     fn full_pack() -> BatteryState {
-        BatteryState {
-            temperature_c: Some(31.5),
-            faults: Faults::all(),
-            capacity: Some(Amount::Mah(2200.0)),
-            cells: CellVoltages::from_millivolts(&[3870; 14]),
-            details: PackDetails {
-                serial_number: Some(4711),
-                cycle_count: Some(123),
-                design_capacity_mah: Some(2300.0),
-                design_voltage_v: Some(51.8),
-                state_of_health_pct: Some(96),
-                ..PackDetails::NONE
-            },
-            ..typical_pack()
-        }
+        let mut battery = typical_pack();
+        battery.temperature_c = Some(31.5);
+        battery.readings.faults = Faults::all();
+        battery.capacity = Some(Amount::Mah(2200.0));
+        battery.cells = CellVoltages::from_millivolts(&[3870; 14]);
+        battery.details = PackDetails {
+            serial_number: Some(4711),
+            cycle_count: Some(123),
+            design_capacity_mah: Some(2300.0),
+            design_voltage_v: Some(51.8),
+            state_of_health_pct: Some(96),
+            ..PackDetails::NONE
+        };
+        battery
     }
 
     fn tank() -> BatteryState {
@@ -206,7 +208,10 @@ mod firmware {
             contents: Contents::Fuel,
             capacity: Some(Amount::Ml(1500.0)),
             consumed: Some(Amount::Ml(400.0)),
-            remaining_pct: Some(73.3),
+            readings: Readings {
+                remaining_pct: Some(73.3),
+                ..Readings::NONE
+            },
             ..BatteryState::UNKNOWN
         }
     }

@@ -73,7 +73,7 @@ impl Autopilot {
     fn send_levels(&self, endpoint: &mut Endpoint) {
         for (pack, state) in Pack::ALL.into_iter().zip(&self.packs.states) {
             if state.failsafe != FailsafeLevel::None {
-                let event = PackEvent::failsafe(state.failsafe, state.voltage_v, state);
+                let event = PackEvent::failsafe(state.failsafe, state.readings.voltage_v, state);
                 notify(endpoint, &PackNotice(pack, &event));
             }
         }

@@ -184,7 +184,7 @@ impl Autopilot {
                 let bytes = self.recording.add(&record);
                 self.recording.spend(bytes);
             }
-            let reported = &self.packs.states[*pack as usize].reported;
+            let reported = &self.packs.states[*pack as usize].readings.reported;
             if reported.has_details() && self.recording.takes_report(*pack) {
                 let bytes = self.recording.add(&Record::Report(*pack, reported));
                 self.recording.spend(bytes);

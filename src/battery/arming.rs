@@ -133,7 +133,7 @@ fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
     });
     let by_thresholds = [
         (
-            is_below(state.voltage_v, settings.arming.voltage_v),
+            is_below(state.readings.voltage_v, settings.arming.voltage_v),
             ArmingFailure::BelowArmingVoltage,
         ),
         (
@@ -172,7 +172,7 @@ fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
 mod tests {
     use super::*;
     use crate::battery::{
-        Amount, ChargeSource, ChargeState, FailsafeLevel, FailsafeSettings, Faults, Reported, VoltageSource,
+        Amount, ChargeSource, ChargeState, FailsafeLevel, FailsafeSettings, Faults, Readings, VoltageSource,
     };
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
@@ -191,7 +191,10 @@ mod tests {
         ] {
             let state = BatteryState {
                 status: PackStatus::Healthy,
-                faults: Faults::CELLS_CONFIGURATION,
+                readings: Readings {
+                    faults: Faults::CELLS_CONFIGURATION,
+                    ..Readings::NONE
+                },
                 cell_count,
                 ..BatteryState::default()
             };
@@ -215,14 +218,10 @@ mod tests {
     fn which_faults_fail_by_their_origin() {
         for faults in Faults::all() {
             let by = |found, reported_faults| {
-                failures_of(BatteryState {
-                    faults: found,
-                    reported: Reported {
-                        faults: reported_faults,
-                        ..Reported::NONE
-                    },
-                    ..BatteryState::default()
-                })
+                let mut state = BatteryState::UNKNOWN;
+                state.readings.faults = found;
+                state.readings.reported.faults = reported_faults;
+                failures_of(state)
             };
             let found = match faults {
                 Faults::CELL_FAIL => Some(ArmingFailure::Failed),
@@ -257,14 +256,10 @@ mod tests {
             (ChargeState::Charging, None),
         ] {
             for charge_state in [ChargeState::Ok, ChargeState::Low, ChargeState::Charging] {
-                let failures = failures_of(BatteryState {
-                    charge_state,
-                    reported: Reported {
-                        charge_state: Some(reported),
-                        ..Reported::NONE
-                    },
-                    ..BatteryState::default()
-                });
+                let mut state = BatteryState::UNKNOWN;
+                state.charge_state = charge_state;
+                state.readings.reported.charge_state = Some(reported);
+                let failures = failures_of(state);
                 assert_eq!(failures, Vec::from_iter(expected), "{reported:?}");
             }
         }
@@ -275,7 +270,10 @@ mod tests {
         let state = BatteryState {
             status: PackStatus::Healthy,
             charge_state: ChargeState::Low,
-            faults: Faults::CELL_FAIL,
+            readings: Readings {
+                faults: Faults::CELL_FAIL,
+                ..Readings::NONE
+            },
             ..BatteryState::default()
         };
         let failures: Vec<_> = arming_failures(&state, &PackSettings::default(), None).collect();
@@ -315,10 +313,13 @@ mod tests {
     fn pack(voltage_v: f32, remaining_pct: f32) -> BatteryState {
         BatteryState {
             status: PackStatus::Healthy,
-            voltage_v: Some(voltage_v),
+            readings: Readings {
+                voltage_v: Some(voltage_v),
+                remaining_pct: Some(remaining_pct),
+                ..Readings::NONE
+            },
             capacity: Some(Amount::Mah(1000.0)),
             consumed: Some(Amount::Mah(0.0)),
-            remaining_pct: Some(remaining_pct),
             ..BatteryState::default()
         }
     }
@@ -402,10 +403,8 @@ mod tests {
 
     #[test]
     fn sag_fails_only_checks_of_the_terminal_voltage() {
-        let sagging = BatteryState {
-            resting_voltage_v: Some(11.5),
-            ..pack(10.4, 100.0)
-        };
+        let mut sagging = pack(10.4, 100.0);
+        sagging.readings.resting_voltage_v = Some(11.5);
         let mut settings = settings();
         let both = ["below minimum arming voltage", "low voltage failsafe"];
         assert_eq!(failures(&sagging, &settings), both);

@@ -121,7 +121,7 @@ impl BatteryBank {
 
 /// Whether the member's current is measured: it is healthy, or only its voltage is missing.
 fn supplies(state: &BatteryState) -> bool {
-    let has_current = state.status == PackStatus::NotConnected && state.current_a.is_some();
+    let has_current = state.status == PackStatus::NotConnected && state.readings.current_a.is_some();
     state.status == PackStatus::Healthy || has_current
 }
 
@@ -174,13 +174,13 @@ fn sum<'a>(
     packs: impl Iterator<Item = &'a BatteryState> + Clone,
     voltage: SumVoltage,
 ) -> Result<Measurement, ReadError> {
-    let current_a = |pack: &BatteryState| pack.current_a.filter(|_| supplies(pack));
+    let current_a = |pack: &BatteryState| pack.readings.current_a.filter(|_| supplies(pack));
     let thermometer = |pack: &BatteryState| pack.temperature_c.map(|_| pack.thermometer);
     let healthy = packs.clone().filter(|pack| pack.status == PackStatus::Healthy);
     if healthy.clone().next().is_none() {
         return Err(ReadError::NoHealthyMember);
     }
-    let voltages = healthy.clone().filter_map(|pack| pack.voltage_v);
+    let voltages = healthy.clone().filter_map(|pack| pack.readings.voltage_v);
     Ok(Measurement {
         voltage_v: match voltage {
             SumVoltage::Mean => mean(voltages),
@@ -223,7 +223,7 @@ fn alert_of(state: &BatteryState) -> BatteryAlert {
         ChargeState::Critical | ChargeState::Emergency | ChargeState::Failed => BatteryAlert::Urgent,
         _ if state.has_failed() => BatteryAlert::Urgent,
         ChargeState::Low => BatteryAlert::Warning,
-        _ if !state.faults.is_empty() => BatteryAlert::Warning,
+        _ if !state.readings.faults.is_empty() => BatteryAlert::Warning,
         ChargeState::Charging => BatteryAlert::Charging,
         ChargeState::Undefined | ChargeState::Ok | ChargeState::Unhealthy => BatteryAlert::None,
     };

@@ -95,9 +95,9 @@ impl Condition {
             Self::Status(status) => state.status == status,
             Self::Level(level) => state.failsafe == level,
             Self::State(charge_state) => state.firm_charge_state() == charge_state,
-            Self::Found(fault) => state.faults.contains(fault),
-            Self::Reported(fault) => state.reported.faults.contains(fault),
-            Self::ReportedState(charge_state) => state.reported.charge_state == Some(charge_state),
+            Self::Found(fault) => state.readings.faults.contains(fault),
+            Self::Reported(fault) => state.readings.reported.faults.contains(fault),
+            Self::ReportedState(charge_state) => state.readings.reported.charge_state == Some(charge_state),
         }
     }
 }

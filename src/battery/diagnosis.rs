@@ -155,7 +155,7 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
     let mean_v = |pack_v: Option<f32>| pack_v.map(|pack_v| pack_v / cell_count);
     let resting_v = mean_v(state.resting_or_terminal_voltage_v());
     let max_v = Some(cell.max_v);
-    faults.set(Faults::SPIKES, is_below(max_v, mean_v(state.voltage_v)));
+    faults.set(Faults::SPIKES, is_below(max_v, mean_v(state.readings.voltage_v)));
     faults.set(
         Faults::CELLS_CONFIGURATION,
         is_below(max_v, resting_v) || is_below(resting_v, Some(cell.min_v)),
@@ -174,5 +174,5 @@ fn is_contradicted(state: &BatteryState, at_rest: &AtRest, cell: &Cell) -> Optio
     }
     let mean_v = at_rest.voltage_v? / f32::from(state.cell_count?);
     let lowest_v = state.cells.lowest_v().unwrap_or(mean_v);
-    Some(lowest_v < cell.lowest_resting_v(state.remaining_pct? / 100.0))
+    Some(lowest_v < cell.lowest_resting_v(state.readings.remaining_pct? / 100.0))
 }

@@ -204,7 +204,7 @@ impl Failsafe {
         let is_above = |thresholds: &Thresholds| {
             is_known_above(seen.resting_v, thresholds.voltage_v)
                 && is_known_above(remaining_mah, thresholds.remaining_mah)
-                && is_known_above(state.usable_pct, thresholds.usable_pct)
+                && is_known_above(state.readings.usable_pct, thresholds.usable_pct)
         };
         if [settings.low, settings.critical].iter().all(is_above) {
             self.clear();
@@ -276,7 +276,7 @@ fn is_known_above(value: Option<f32>, threshold: Option<f32>) -> bool {
 /// The voltage the thresholds are compared with.
 pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
     match settings.voltage_source {
-        VoltageSource::Terminal => state.voltage_v,
+        VoltageSource::Terminal => state.readings.voltage_v,
         VoltageSource::Resting => state.resting_or_terminal_voltage_v(),
     }
 }
@@ -302,10 +302,10 @@ fn most_remaining(state: &BatteryState, at_most_pct: Option<f32>) -> Option<f32>
 
 /// The upper bound of the usable charge, in percent; `None` where cells at rest contradict it.
 pub(super) fn most_usable_pct(state: &BatteryState) -> Option<f32> {
-    let usable_pct = state
-        .usable_pct
-        .filter(|_| !state.faults.contains(Faults::CONTRADICTED_CHARGE))?;
-    Some(usable_pct + SURE_SIGMAS * state.usable_sigma_pct.unwrap_or(0.0))
+    let readings = &state.readings;
+    let is_contradicted = readings.faults.contains(Faults::CONTRADICTED_CHARGE);
+    let usable_pct = readings.usable_pct.filter(|_| !is_contradicted)?;
+    Some(usable_pct + SURE_SIGMAS * readings.usable_sigma_pct.unwrap_or(0.0))
 }
 
 #[cfg(test)]
@@ -334,20 +334,18 @@ mod tests {
     }
 
     fn at_voltage(voltage_v: f32) -> BatteryState {
-        BatteryState {
-            voltage_v: Some(voltage_v),
-            ..BatteryState::default()
-        }
+        let mut state = BatteryState::UNKNOWN;
+        state.readings.voltage_v = Some(voltage_v);
+        state
     }
 
     /// A pack of 1000 mAh.
     fn charged(voltage_v: f32, remaining_pct: Option<f32>) -> BatteryState {
-        BatteryState {
-            capacity: Some(Amount::Mah(1000.0)),
-            consumed: Some(Amount::Mah(0.0)),
-            remaining_pct,
-            ..at_voltage(voltage_v)
-        }
+        let mut battery = at_voltage(voltage_v);
+        battery.capacity = Some(Amount::Mah(1000.0));
+        battery.consumed = Some(Amount::Mah(0.0));
+        battery.readings.remaining_pct = remaining_pct;
+        battery
     }
 
     fn seen(now: Instant, arm_state: ArmState, state: Option<&BatteryState>) -> Observation<'_> {
@@ -517,10 +515,8 @@ mod tests {
 
     #[test]
     fn sag_is_ignored_with_the_resting_voltage_as_source() {
-        let sagging = BatteryState {
-            resting_voltage_v: Some(11.0),
-            ..at_voltage(10.0)
-        };
+        let mut sagging = at_voltage(10.0);
+        sagging.readings.resting_voltage_v = Some(11.0);
         let resting = FailsafeSettings {
             voltage_source: VoltageSource::Resting,
             ..settings()
@@ -611,11 +607,9 @@ mod tests {
             learnt_capacity_mah: Some(capacity_mah),
             ..state
         };
-        let by_voltage = BatteryState {
-            consumed: None,
-            remaining_pct: None,
-            ..at_charge(0.0)
-        };
+        let mut by_voltage = at_charge(0.0);
+        by_voltage.consumed = None;
+        by_voltage.readings.remaining_pct = None;
         let by_count = BatteryState {
             consumed: Some(Amount::Mah(110.0)),
             ..by_voltage
@@ -829,21 +823,18 @@ mod tests {
     }
 
     fn usable(usable_pct: Option<f32>, usable_sigma_pct: Option<f32>) -> BatteryState {
-        BatteryState {
-            usable_pct,
-            usable_sigma_pct,
-            ..at_voltage(12.0)
-        }
+        let mut battery = at_voltage(12.0);
+        battery.readings.usable_pct = usable_pct;
+        battery.readings.usable_sigma_pct = usable_sigma_pct;
+        battery
     }
 
     #[test]
     // Requirement: AP-18, PX-3
     fn a_percentage_acts_once_it_is_surely_below_for_the_timer() {
         let none: &[FailsafeLevel] = &[];
-        let contradicted = BatteryState {
-            faults: Faults::CONTRADICTED_CHARGE,
-            ..usable(Some(3.0), None)
-        };
+        let mut contradicted = usable(Some(3.0), None);
+        contradicted.readings.faults = Faults::CONTRADICTED_CHARGE;
         for (state, expected) in [
             (usable(Some(14.9), None), &BOTH[..1]),
             (usable(Some(10.0), Some(2.4)), &BOTH[..1]),

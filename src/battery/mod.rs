@@ -51,7 +51,8 @@ pub use settings::{
     ChargeLimits, FailsafeSettings, PackSettings, SuggestedThresholds, Thresholds, VoltageSource,
 };
 pub use state::{
-    BatteryState, ChargeSource, FailsafeTimer, FailsafeTimers, PackStatus, ReportedVoltage, Visibility,
+    BatteryState, ChargeSource, FailsafeTimer, FailsafeTimers, PackStatus, Readings, ReportedVoltage,
+    Visibility,
 };
 
 use crate::vehicle::ArmState;

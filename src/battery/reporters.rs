@@ -243,11 +243,11 @@ impl ChargeReporter {
     }
 
     fn add_faults(&mut self, dt_s: f32, state: &BatteryState, events: &mut PackEvents) {
-        let faults = self.faults.update(dt_s, state.faults);
+        let faults = self.faults.update(dt_s, state.readings.faults);
         if !faults.is_empty() {
             push(events, PackEvent::Faults(faults));
         }
-        let reported = self.reported.update(dt_s, state.reported.faults);
+        let reported = self.reported.update(dt_s, state.readings.reported.faults);
         if !reported.is_empty() {
             push(events, PackEvent::ReportedFaults(reported));
         }
@@ -270,12 +270,12 @@ impl ChargeReporter {
         // A failsafe level that is reached is announced as such.
         let is_news = present > before && present > by_failsafe(state.failsafe);
         // The voltage of a deep discharge contradicts any charge.
-        let is_by_voltage = state.faults.contains(Faults::DEEP_DISCHARGE);
+        let is_by_voltage = state.readings.faults.contains(Faults::DEEP_DISCHARGE);
         is_news.then_some(PackEvent::Charge {
             state: present,
-            remaining_pct: state.remaining_pct.filter(|_| !is_by_voltage),
-            usable_pct: state.usable_pct,
-            voltage_v: state.voltage_v,
+            remaining_pct: state.readings.remaining_pct.filter(|_| !is_by_voltage),
+            usable_pct: state.readings.usable_pct,
+            voltage_v: state.readings.voltage_v,
         })
     }
 
@@ -288,7 +288,7 @@ impl ChargeReporter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{BusError, FailsafeLevel, Reported};
+    use crate::battery::{BusError, FailsafeLevel};
 
     const FAILED: (PackStatus, Option<ReadError>) =
         (PackStatus::Unhealthy, Some(ReadError::Bus(BusError::NoAnswer)));
@@ -380,13 +380,12 @@ mod tests {
     }
 
     fn state(charge_state: ChargeState) -> BatteryState {
-        BatteryState {
-            status: PackStatus::Healthy,
-            charge_state,
-            remaining_pct: Some(14.0),
-            usable_pct: Some(14.0),
-            ..BatteryState::default()
-        }
+        let mut state = BatteryState::UNKNOWN;
+        state.status = PackStatus::Healthy;
+        state.charge_state = charge_state;
+        state.readings.remaining_pct = Some(14.0);
+        state.readings.usable_pct = Some(14.0);
+        state
     }
 
     fn reported(reporter: &mut ChargeReporter, seconds: u32, state: &BatteryState) -> Vec<PackEvent> {
@@ -513,12 +512,10 @@ mod tests {
 
     #[test]
     fn faults_that_the_pack_reports_are_announced_once() {
-        let with = |faults| BatteryState {
-            reported: Reported {
-                faults,
-                ..Reported::NONE
-            },
-            ..state(ChargeState::Ok)
+        let with = |faults| {
+            let mut battery = state(ChargeState::Ok);
+            battery.readings.reported.faults = faults;
+            battery
         };
         let two = Faults::OVER_TEMPERATURE | Faults::NEEDS_SERVICE;
         let mut reporter = ChargeReporter::default();
@@ -536,10 +533,11 @@ mod tests {
     #[test]
     fn faults_that_begin_are_reported_together_and_once() {
         let mut reporter = ChargeReporter::default();
-        let with = |faults, status| BatteryState {
-            faults,
-            status,
-            ..state(ChargeState::Ok)
+        let with = |faults, status| {
+            let mut battery = state(ChargeState::Ok);
+            battery.readings.faults = faults;
+            battery.status = status;
+            battery
         };
         let two = Faults::OVER_CURRENT | Faults::DEEP_DISCHARGE;
         let mut events = Vec::new();

@@ -90,31 +90,18 @@ pub enum Visibility {
     Internal,
 }
 
-/// The state of one pack. `None` is unknown, never zero; by default everything is unknown.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BatteryState {
-    /// Whether the pack is connected and its sensor works.
-    pub status: PackStatus,
-    /// Error of the latest reading, also if that is not enough; `None` without one.
-    pub read_error: Option<ReadError>,
-    /// Electric charge or fuel. The currents of fuel are in litres per hour instead of amperes.
-    pub contents: Contents,
+/// Readings of a connected pack, and what is estimated from them. A disconnection makes all of them unknown; a failed read
+/// keeps the last valid ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Readings {
     /// Terminal voltage, in volts.
     pub voltage_v: Option<f32>,
     /// Voltage without load, in volts.
     pub resting_voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
-    /// Whether the current is within its sensor's range.
-    pub current_range: CurrentRange,
     /// Current averaged over about a minute, in amperes.
     pub average_current_a: Option<f32>,
-    /// Internal resistance of the whole pack, in ohms, measured from load steps.
-    pub resistance_ohm: Option<f32>,
-    /// Charge or fuel drawn since boot or the last battery reset.
-    pub consumed: Option<Amount>,
-    /// Energy drawn since boot or the last battery reset, in watt-hours.
-    pub consumed_wh: Option<f32>,
     /// Remaining charge, in percent of a full pack (0 to 100).
     pub remaining_pct: Option<f32>,
     /// Standard deviation of [`remaining_pct`](Self::remaining_pct), in percent of a full pack, where it is estimated.
@@ -126,6 +113,48 @@ pub struct BatteryState {
     pub usable_sigma_pct: Option<f32>,
     /// Time until the pack can't serve the average load any more, in seconds.
     pub time_remaining_s: Option<f32>,
+    /// Present faults, as found here.
+    pub faults: Faults,
+    /// Condition as reported by the pack.
+    pub reported: Reported,
+}
+
+impl Readings {
+    /// Everything unknown.
+    pub const NONE: Self = Self {
+        voltage_v: None,
+        resting_voltage_v: None,
+        current_a: None,
+        average_current_a: None,
+        remaining_pct: None,
+        remaining_sigma_pct: None,
+        usable_pct: None,
+        usable_sigma_pct: None,
+        time_remaining_s: None,
+        faults: Faults::empty(),
+        reported: Reported::NONE,
+    };
+}
+
+/// The state of one pack. `None` is unknown, never zero; by default everything is unknown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BatteryState {
+    /// Whether the pack is connected and its sensor works.
+    pub status: PackStatus,
+    /// Error of the latest reading, also if that is not enough; `None` without one.
+    pub read_error: Option<ReadError>,
+    /// Electric charge or fuel. The currents of fuel are in litres per hour instead of amperes.
+    pub contents: Contents,
+    /// Latest readings, and what is estimated from them.
+    pub readings: Readings,
+    /// Whether the current is within its sensor's range.
+    pub current_range: CurrentRange,
+    /// Internal resistance of the whole pack, in ohms, measured from load steps.
+    pub resistance_ohm: Option<f32>,
+    /// Charge or fuel drawn since boot or the last battery reset.
+    pub consumed: Option<Amount>,
+    /// Energy drawn since boot or the last battery reset, in watt-hours.
+    pub consumed_wh: Option<f32>,
     /// Temperature, in degrees Celsius.
     pub temperature_c: Option<f32>,
     /// Place of this temperature.
@@ -135,10 +164,6 @@ pub struct BatteryState {
     /// The charge state by what remains, if the reserve for the sag makes it worse: nothing but lamps and texts goes by the
     /// reserve alone.
     pub without_reserve: Option<ChargeState>,
-    /// Present faults, as found here.
-    pub faults: Faults,
-    /// Condition as reported by the pack.
-    pub reported: Reported,
     /// The failsafe level, latched until a battery reset or swap.
     pub failsafe: FailsafeLevel,
     /// The timers of its thresholds.
@@ -179,25 +204,15 @@ impl BatteryState {
         status: PackStatus::Unknown,
         read_error: None,
         contents: Contents::Charge,
-        voltage_v: None,
-        resting_voltage_v: None,
-        current_a: None,
+        readings: Readings::NONE,
         current_range: CurrentRange::Within,
-        average_current_a: None,
         resistance_ohm: None,
         consumed: None,
         consumed_wh: None,
-        remaining_pct: None,
-        remaining_sigma_pct: None,
-        usable_pct: None,
-        usable_sigma_pct: None,
-        time_remaining_s: None,
         temperature_c: None,
         thermometer: Thermometer::Pack,
         charge_state: ChargeState::Undefined,
         without_reserve: None,
-        faults: Faults::empty(),
-        reported: Reported::NONE,
         failsafe: FailsafeLevel::None,
         failsafe_timers: FailsafeTimers::STOPPED,
         cell_count: None,
@@ -226,18 +241,21 @@ impl BatteryState {
 
     /// The faults to show: those found here and those that the pack reports.
     pub fn faults_to_show(&self) -> Faults {
-        self.faults | self.reported.faults
+        self.readings.faults | self.readings.reported.faults
     }
 
     /// Whether the pack may have more cells than its voltage is usual for: what was kept of it has more.
     pub fn has_unclear_cells(&self) -> bool {
-        self.cell_count.is_none() && self.faults.contains(Faults::CELLS_CONFIGURATION)
+        self.cell_count.is_none() && self.readings.faults.contains(Faults::CELLS_CONFIGURATION)
     }
 
     /// Power drawn from the pack, in watts; `None` also for a tank.
     pub fn power_w(&self) -> Option<f32> {
-        let current_a = self.current_a.filter(|_| self.contents == Contents::Charge);
-        Some(self.voltage_v? * current_a?)
+        let current_a = self
+            .readings
+            .current_a
+            .filter(|_| self.contents == Contents::Charge);
+        Some(self.readings.voltage_v? * current_a?)
     }
 
     /// Charge drawn since boot or the last battery reset, in milliampere-hours; `None` also for a tank.
@@ -267,7 +285,7 @@ impl BatteryState {
 
     /// Remaining charge or fuel by the state of charge, in milliampere-hours or millilitres.
     pub fn remaining(&self) -> Option<f32> {
-        Some(self.full_capacity()? * self.remaining_pct? / 100.0)
+        Some(self.full_capacity()? * self.readings.remaining_pct? / 100.0)
     }
 
     /// Volume of the full tank, in millilitres; `None` also for a pack with a charge.
@@ -283,14 +301,14 @@ impl BatteryState {
 
     /// The resting voltage, in volts; the terminal voltage while that is unknown.
     pub fn resting_or_terminal_voltage_v(&self) -> Option<f32> {
-        self.resting_voltage_v.or(self.voltage_v)
+        self.readings.resting_voltage_v.or(self.readings.voltage_v)
     }
 
     /// The voltage reported to ground stations, in volts.
     pub fn voltage_to_report_v(&self) -> Option<f32> {
         match self.reported_voltage {
             ReportedVoltage::Resting => self.resting_or_terminal_voltage_v(),
-            ReportedVoltage::Terminal => self.voltage_v,
+            ReportedVoltage::Terminal => self.readings.voltage_v,
         }
     }
 }

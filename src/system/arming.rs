@@ -109,7 +109,7 @@ pub fn above_drivers(state: &SystemState<'_>, parameters: &Parameters, pack: Pac
         .filter(|_| state.pin_packs & pack.bit() != 0);
     let voltage_v = match (battery.read_error, range_v) {
         (Some(ReadError::OverRange), Some(range_v)) => range_v,
-        _ => battery.voltage_v?,
+        _ => battery.readings.voltage_v?,
     };
     (voltage_v > limit_v).then_some(match range_v {
         Some(_) => MeasuredAt::BatteryConnector,

@@ -75,6 +75,7 @@ fn log_pack((battery, number): (&BatteryState, u8)) {
     if battery.status == PackStatus::Disabled {
         return;
     }
-    let voltage_mv = battery.voltage_v.map(|voltage_v| (voltage_v * 1000.0) as u32);
+    let voltage_v = battery.readings.voltage_v;
+    let voltage_mv = voltage_v.map(|voltage_v| (voltage_v * 1000.0) as u32);
     info!("battery {}: {:?} {:?} mV", number, battery.status, voltage_mv);
 }

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use proptest::prelude::*;
 use rover_battmon::battery::{
     Amount, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Consequences, Contents, Date,
-    FailsafeLevel, Faults, MAX_CELLS, Modes, Name, PackDetails, PackStatus, Reported, ReportedVoltage,
+    FailsafeLevel, Faults, MAX_CELLS, Modes, Name, PackDetails, PackStatus, Readings, ReportedVoltage,
     Visibility,
 };
 use rover_battmon::mavlink::dialect::{
@@ -81,41 +81,34 @@ fn system_with(battery: BatteryState) -> SYS_STATUS_DATA {
 }
 
 fn healthy(voltage_v: f32) -> BatteryState {
-    BatteryState {
-        status: PackStatus::Healthy,
-        charge_state: ChargeState::Ok,
-        voltage_v: Some(voltage_v),
-        ..BatteryState::default()
-    }
+    let mut battery = BatteryState::UNKNOWN;
+    battery.status = PackStatus::Healthy;
+    battery.charge_state = ChargeState::Ok;
+    battery.readings.voltage_v = Some(voltage_v);
+    battery
 }
 
 #[test]
 // Requirement: FR-10
 fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike() {
     let golden = golden_frames();
-    let full = BatteryState {
-        current_a: Some(5.0),
-        consumed: Some(Amount::Mah(123.0)),
-        remaining_pct: Some(94.6),
-        time_remaining_s: Some(1234.0),
-        temperature_c: Some(25.0),
-        ..healthy(11.1)
-    };
-    let emergency = BatteryState {
-        charge_state: ChargeState::Emergency,
-        current_a: Some(5.0),
-        consumed: Some(Amount::Mah(2100.0)),
-        remaining_pct: Some(5.0),
-        time_remaining_s: Some(10.0),
-        ..healthy(10.0)
-    };
-    let cells = BatteryState {
-        current_a: Some(10.0),
-        consumed: Some(Amount::Mah(100.0)),
-        remaining_pct: Some(90.0),
-        cells: CellVoltages::from_millivolts(&[3800; 12]),
-        ..healthy(45.6)
-    };
+    let mut full = healthy(11.1);
+    full.readings.current_a = Some(5.0);
+    full.readings.remaining_pct = Some(94.6);
+    full.readings.time_remaining_s = Some(1234.0);
+    full.consumed = Some(Amount::Mah(123.0));
+    full.temperature_c = Some(25.0);
+    let mut emergency = healthy(10.0);
+    emergency.charge_state = ChargeState::Emergency;
+    emergency.readings.current_a = Some(5.0);
+    emergency.readings.remaining_pct = Some(5.0);
+    emergency.readings.time_remaining_s = Some(10.0);
+    emergency.consumed = Some(Amount::Mah(2100.0));
+    let mut cells = healthy(45.6);
+    cells.readings.current_a = Some(10.0);
+    cells.readings.remaining_pct = Some(90.0);
+    cells.consumed = Some(Amount::Mah(100.0));
+    cells.cells = CellVoltages::from_millivolts(&[3800; 12]);
     for (row, battery) in [
         ("px4_voltage_only", healthy(12.345)),
         ("px4_full", full),
@@ -136,19 +129,18 @@ fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
         mavtype: MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN,
         ..data
     };
-    let counting = |voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct| BatteryState {
-        current_a: Some(current_a),
-        consumed: Some(Amount::Mah(consumed_mah)),
-        consumed_wh: Some(consumed_wh),
-        remaining_pct: Some(remaining_pct),
-        ..healthy(voltage_v)
+    let counting = |voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct| {
+        let mut battery = healthy(voltage_v);
+        battery.readings.current_a = Some(current_a);
+        battery.readings.remaining_pct = Some(remaining_pct);
+        battery.consumed = Some(Amount::Mah(consumed_mah));
+        battery.consumed_wh = Some(consumed_wh);
+        battery
     };
-    let unhealthy = BatteryState {
-        status: PackStatus::Unhealthy,
-        charge_state: ChargeState::Unhealthy,
-        remaining_pct: None,
-        ..counting(11.1, 5.0, 2100.0, 838.0 / 36.0, 0.0)
-    };
+    let mut unhealthy = counting(11.1, 5.0, 2100.0, 838.0 / 36.0, 0.0);
+    unhealthy.status = PackStatus::Unhealthy;
+    unhealthy.charge_state = ChargeState::Unhealthy;
+    unhealthy.readings.remaining_pct = None;
     let critical = BatteryState {
         charge_state: ChargeState::Critical,
         ..counting(9.8, 5.0, 2100.0, 838.0 / 36.0, 10.0)
@@ -179,15 +171,13 @@ fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
 /// ArduPilot sends unused cells of `voltages_ext` as 65535, which ground stations add up; ours are 0.
 #[test]
 fn three_cells_are_byte_exact_but_for_the_unused_ones() {
-    let battery = BatteryState {
-        current_a: Some(5.0),
-        consumed: Some(Amount::Mah(100.0)),
-        consumed_wh: Some(1.0),
-        remaining_pct: Some(95.0),
-        temperature_c: Some(25.0),
-        cells: CellVoltages::from_millivolts(&[3810, 3790, 3800]),
-        ..healthy(11.4)
-    };
+    let mut battery = healthy(11.4);
+    battery.readings.current_a = Some(5.0);
+    battery.readings.remaining_pct = Some(95.0);
+    battery.consumed = Some(Amount::Mah(100.0));
+    battery.consumed_wh = Some(1.0);
+    battery.temperature_c = Some(25.0);
+    battery.cells = CellVoltages::from_millivolts(&[3810, 3790, 3800]);
     let ours = status_of(battery);
     assert_eq!(ours.voltages_ext, [0; 4]);
     let theirs = BATTERY_STATUS_DATA {
@@ -215,11 +205,9 @@ fn with_battery_sensor_alone(data: SYS_STATUS_DATA) -> SYS_STATUS_DATA {
 #[test]
 // Requirement: FR-7
 fn sys_status_is_byte_exact() {
-    let batteries = [BatteryState {
-        current_a: Some(5.0),
-        remaining_pct: Some(96.0),
-        ..healthy(11.1)
-    }];
+    let mut batteries = [healthy(11.1)];
+    batteries[0].readings.current_a = Some(5.0);
+    batteries[0].readings.remaining_pct = Some(96.0);
     let state = SystemState {
         load_permille: 250,
         ..with_packs(&batteries)
@@ -387,10 +375,8 @@ fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
 // Requirement: PX-8
 fn which_faults_are_unsound_by_their_origin() {
     for fault in Faults::all() {
-        let found = BatteryState {
-            faults: fault,
-            ..healthy(11.1)
-        };
+        let mut found = healthy(11.1);
+        found.readings.faults = fault;
         let expected = match fault {
             Faults::CELL_FAIL | Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE => UNSOUND,
             _ => SOUND,
@@ -528,10 +514,8 @@ fn every_fault_has_mavlinks_bit() {
         (Faults::CONTRADICTED_CHARGE, 0),
         (Faults::all(), 511),
     ] {
-        let battery = BatteryState {
-            faults: fault,
-            ..healthy(11.1)
-        };
+        let mut battery = healthy(11.1);
+        battery.readings.faults = fault;
         assert_eq!(status_of(battery).fault_bitmask.bits(), expected, "{fault:?}");
         assert_eq!(
             status_of(reporting(fault)).fault_bitmask.bits(),
@@ -543,13 +527,9 @@ fn every_fault_has_mavlinks_bit() {
 
 /// A healthy pack that reports these faults itself.
 fn reporting(faults: Faults) -> BatteryState {
-    BatteryState {
-        reported: Reported {
-            faults,
-            ..Reported::NONE
-        },
-        ..healthy(11.1)
-    }
+    let mut battery = healthy(11.1);
+    battery.readings.reported.faults = faults;
+    battery
 }
 
 #[test]
@@ -567,25 +547,19 @@ fn no_state_has_a_fault_bit_without_a_known_fault() {
             ..healthy(11.1)
         };
         assert_eq!(status_of(battery).fault_bitmask.bits(), 0, "{charge_state:?}");
-        let hot = BatteryState {
-            faults: Faults::OVER_TEMPERATURE,
-            ..battery
-        };
+        let mut hot = battery;
+        hot.readings.faults = Faults::OVER_TEMPERATURE;
         assert_eq!(status_of(hot).fault_bitmask.bits(), 16, "{charge_state:?}");
     }
 }
 
 #[test]
 fn the_resting_voltage_is_sent_where_it_is_chosen_and_known() {
-    let resting = BatteryState {
-        reported_voltage: ReportedVoltage::Resting,
-        resting_voltage_v: Some(11.4),
-        ..healthy(11.1)
-    };
-    let unknown = BatteryState {
-        resting_voltage_v: None,
-        ..resting
-    };
+    let mut resting = healthy(11.1);
+    resting.reported_voltage = ReportedVoltage::Resting;
+    resting.readings.resting_voltage_v = Some(11.4);
+    let mut unknown = resting;
+    unknown.readings.resting_voltage_v = None;
     let terminal = BatteryState {
         reported_voltage: ReportedVoltage::Terminal,
         ..resting
@@ -599,12 +573,10 @@ fn the_resting_voltage_is_sent_where_it_is_chosen_and_known() {
 #[test]
 fn cells_are_sent_as_they_are_measured_with_the_resting_voltage_too() {
     let millivolts: [u16; 14] = std::array::from_fn(|cell| 3700 + cell as u16);
-    let battery = BatteryState {
-        reported_voltage: ReportedVoltage::Resting,
-        resting_voltage_v: Some(60.0),
-        cells: CellVoltages::from_millivolts(&millivolts),
-        ..healthy(51.9)
-    };
+    let mut battery = healthy(51.9);
+    battery.reported_voltage = ReportedVoltage::Resting;
+    battery.readings.resting_voltage_v = Some(60.0);
+    battery.cells = CellVoltages::from_millivolts(&millivolts);
     let data = status_of(battery);
     assert_eq!(data.voltages, millivolts[..10]);
     assert_eq!(data.voltages_ext, millivolts[10..]);
@@ -698,26 +670,22 @@ fn battery_status_v2_says_what_is_unknown_with_the_sentinel_of_each_field() {
 #[test]
 // Requirement: V2-1
 fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
-    let battery = BatteryState {
-        current_a: Some(-400.5),
-        consumed: Some(Amount::Mah(1234.0)),
-        remaining_pct: Some(37.5),
-        capacity: Some(Amount::Mah(2200.0)),
-        temperature_c: Some(-12.34),
-        resting_voltage_v: Some(71.5),
-        reported_voltage: ReportedVoltage::Resting,
-        ..healthy(70.25)
-    };
+    let mut battery = healthy(70.25);
+    battery.readings.current_a = Some(-400.5);
+    battery.readings.remaining_pct = Some(37.5);
+    battery.readings.resting_voltage_v = Some(71.5);
+    battery.consumed = Some(Amount::Mah(1234.0));
+    battery.capacity = Some(Amount::Mah(2200.0));
+    battery.temperature_c = Some(-12.34);
+    battery.reported_voltage = ReportedVoltage::Resting;
     let data = status_v2_of(battery);
     assert_eq!((data.voltage, data.current), (71.5, -400.5));
     assert_eq!((data.capacity_consumed, data.capacity_remaining), (1.234, 0.825));
     assert_eq!((data.state_of_charge, data.temperature), (37.5, -1234));
     for (capacity, remaining_pct) in [(None, Some(50.0)), (Some(Amount::Mah(2200.0)), None)] {
-        let data = status_v2_of(BatteryState {
-            capacity,
-            remaining_pct,
-            ..battery
-        });
+        battery.capacity = capacity;
+        battery.readings.remaining_pct = remaining_pct;
+        let data = status_v2_of(battery);
         assert!(data.capacity_remaining.is_nan());
         assert_eq!(data.state_of_charge.is_nan(), remaining_pct.is_none());
     }
@@ -733,13 +701,11 @@ fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
 // Requirement: V2-1
 fn what_remains_is_of_the_gauges_capacity_else_of_the_learnt_one() {
     for (charge_source, expected_ah) in [(ChargeSource::Gauge, 1.1), (ChargeSource::Estimated, 0.6)] {
-        let battery = BatteryState {
-            remaining_pct: Some(50.0),
-            capacity: Some(Amount::Mah(2200.0)),
-            learnt_capacity_mah: Some(1200.0),
-            charge_source,
-            ..healthy(11.1)
-        };
+        let mut battery = healthy(11.1);
+        battery.readings.remaining_pct = Some(50.0);
+        battery.capacity = Some(Amount::Mah(2200.0));
+        battery.learnt_capacity_mah = Some(1200.0);
+        battery.charge_source = charge_source;
         assert_eq!(status_v2_of(battery).capacity_remaining, expected_ah);
     }
 }
@@ -771,10 +737,8 @@ fn every_fault_has_its_flag() {
             | Faults::CONTRADICTED_CHARGE;
         let not_ready = u32::from(faults.intersects(found_here));
         let not_ready_by_report = u32::from(faults == Faults::CELL_FAIL);
-        let battery = BatteryState {
-            faults,
-            ..healthy(11.1)
-        };
+        let mut battery = healthy(11.1);
+        battery.readings.faults = faults;
         assert_eq!(
             status_v2_of(battery).status_flags.bits(),
             expected | not_ready,
@@ -787,7 +751,7 @@ fn every_fault_has_its_flag() {
     let bad = status_v2_of(reporting(Faults::BAD_BATTERY));
     assert_eq!(bad.status_flags.bits(), 64 | 1);
     let mut charging = reporting(Faults::empty());
-    charging.reported.charge_state = Some(ChargeState::Charging);
+    charging.readings.reported.charge_state = Some(ChargeState::Charging);
     assert_eq!(status_v2_of(charging).status_flags.bits(), 2);
 }
 
@@ -801,7 +765,7 @@ fn modes_that_a_pack_reports_have_their_flags_and_no_consequence() {
         (Modes::PROTECTED, 128),
     ] {
         let mut battery = reporting(Faults::SHORT_CIRCUIT | Faults::SWITCHED_OFF);
-        battery.reported.modes = modes;
+        battery.readings.reported.modes = modes;
         assert_eq!(battery.consequences(), Consequences::empty(), "{modes:?}");
         let flags = status_v2_of(battery).status_flags;
         assert_eq!(flags.bits(), 16_384 | 256 | expected, "{modes:?}");
@@ -908,14 +872,13 @@ fn smart() -> BatteryState {
 
 /// A tank of 2 l with 500 ml left.
 fn tank() -> BatteryState {
-    BatteryState {
-        contents: Contents::Fuel,
-        voltage_v: None,
-        capacity: Some(Amount::Ml(2000.0)),
-        remaining_pct: Some(25.0),
-        consumed: Some(Amount::Ml(1500.0)),
-        ..healthy(0.0)
-    }
+    let mut battery = healthy(0.0);
+    battery.contents = Contents::Fuel;
+    battery.readings.voltage_v = None;
+    battery.readings.remaining_pct = Some(25.0);
+    battery.capacity = Some(Amount::Ml(2000.0));
+    battery.consumed = Some(Amount::Ml(1500.0));
+    battery
 }
 
 #[test]
@@ -933,11 +896,9 @@ fn fuel_by_a_level_sensor_is_byte_exact() {
 
 #[test]
 fn fuel_by_a_flow_sensor_reports_consumption_and_rate() {
-    let flow = BatteryState {
-        current_a: Some(3.6),
-        temperature_c: Some(20.0),
-        ..tank()
-    };
+    let mut flow = tank();
+    flow.readings.current_a = Some(3.6);
+    flow.temperature_c = Some(20.0);
     let data = fuel_of(flow);
     assert_eq!((data.maximum_fuel, data.consumed_fuel), (2000.0, 1500.0));
     assert_eq!(data.remaining_fuel.to_bits(), NAN_BITS, "it is inferred");
@@ -977,12 +938,10 @@ fn a_tank_is_no_battery_of_any_chemistry() {
 
 #[test]
 fn named_values_are_byte_exact() {
-    let battery = BatteryState {
-        resistance_ohm: Some(0.04525),
-        resting_voltage_v: Some(11.5),
-        remaining_sigma_pct: Some(3.5),
-        ..healthy(11.1)
-    };
+    let mut battery = healthy(11.1);
+    battery.resistance_ohm = Some(0.04525);
+    battery.readings.resting_voltage_v = Some(11.5);
+    battery.readings.remaining_sigma_pct = Some(3.5);
     let batteries = [battery; 9];
     let state = SystemState {
         now: Instant::from_micros(1_234_567_890),
@@ -1238,8 +1197,9 @@ prop_compose! {
         resistance_ohm in any_value(), cells in prop::collection::vec(any::<u16>(), 0..=MAX_CELLS + 2),
     ) -> BatteryState {
         BatteryState {
-            voltage_v, resting_voltage_v, resistance_ohm, current_a, consumed, consumed_wh, remaining_pct, time_remaining_s,
-            temperature_c, cells: CellVoltages::from_millivolts(&cells), ..BatteryState::default()
+            readings: Readings { voltage_v, resting_voltage_v, current_a, remaining_pct, time_remaining_s, ..Readings::NONE },
+            resistance_ohm, consumed, consumed_wh, temperature_c, cells: CellVoltages::from_millivolts(&cells),
+            ..BatteryState::default()
         }
     }
 }
@@ -1284,19 +1244,16 @@ prop_compose! {
         chemistry in prop::sample::select(&CHEMISTRIES[..]), faults in any::<[u16; 2]>(), resting in any::<bool>(),
         internal in any::<bool>(), failsafe in prop::sample::select(&FAILSAFE_LEVELS[..]),
     ) -> BatteryState {
+        let mut measured = measured;
+        measured.readings.faults = Faults::from_bits_retain(faults[0]);
+        measured.readings.reported.faults = Faults::from_bits_retain(faults[1]);
         BatteryState {
             status, charge_state, chemistry, failsafe,
-            faults: Faults::from_bits_retain(faults[0]),
-            reported: Reported { faults: Faults::from_bits_retain(faults[1]), ..Reported::NONE },
             reported_voltage: if resting { ReportedVoltage::Resting } else { ReportedVoltage::Terminal },
             visibility: if internal { Visibility::Internal } else { Visibility::Reported },
-            details: identity.details,
-            cell_count: identity.cell_count,
-            capacity: identity.capacity,
-            critical_voltage_v: identity.critical_voltage_v,
-            serial_number: identity.serial_number,
-            charge_source: identity.charge_source,
-            ..measured
+            details: identity.details, cell_count: identity.cell_count, capacity: identity.capacity,
+            critical_voltage_v: identity.critical_voltage_v, serial_number: identity.serial_number,
+            charge_source: identity.charge_source, ..measured
         }
     }
 }

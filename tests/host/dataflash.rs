@@ -5,7 +5,7 @@ use std::path::Path;
 use ardupilot_binlog::{Entry, Reader};
 use rover_battmon::battery::{
     Amount, BatteryState, CellVoltages, ChargeState, FailsafeLevel, FailsafeTimer, Faults, LearntPack,
-    PackStatus,
+    PackStatus, Readings,
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::memory::identity::BoardId;
@@ -21,15 +21,18 @@ const START_US: u64 = 1_500_000;
 fn file() -> Vec<u8> {
     let state = BatteryState {
         status: PackStatus::Healthy,
-        voltage_v: Some(48.25),
-        current_a: Some(3.5),
+        readings: Readings {
+            voltage_v: Some(48.25),
+            current_a: Some(3.5),
+            remaining_pct: Some(66.5),
+            remaining_sigma_pct: Some(1.0),
+            faults: Faults::OVER_CURRENT,
+            ..Readings::NONE
+        },
         consumed: Some(Amount::Mah(1250.0)),
         consumed_wh: Some(14.5),
         temperature_c: Some(-12.34),
-        remaining_pct: Some(66.5),
-        remaining_sigma_pct: Some(1.0),
         charge_state: ChargeState::Low,
-        faults: Faults::OVER_CURRENT,
         cells: CellVoltages::from_millivolts(&[3711; 13]),
         learnt_capacity_mah: Some(4750.0),
         serial_number: Some(4711),

@@ -359,12 +359,11 @@ const GET_MESSAGE_INTERVAL: u16 = 510;
 const SET_MESSAGE_INTERVAL: u16 = 511;
 
 fn healthy() -> BatteryState {
-    BatteryState {
-        status: PackStatus::Healthy,
-        charge_state: ChargeState::Ok,
-        voltage_v: Some(11.1),
-        ..BatteryState::default()
-    }
+    let mut battery = BatteryState::UNKNOWN;
+    battery.status = PackStatus::Healthy;
+    battery.charge_state = ChargeState::Ok;
+    battery.readings.voltage_v = Some(11.1);
+    battery
 }
 
 /// Instances 0 and 2 are monitored.
@@ -605,13 +604,12 @@ fn with_cycles(cycle_count: u16) -> BatteryState {
 
 /// A tank of 2 l, half full.
 fn tank() -> BatteryState {
-    BatteryState {
-        contents: Contents::Fuel,
-        voltage_v: None,
-        capacity: Some(Amount::Ml(2000.0)),
-        remaining_pct: Some(50.0),
-        ..healthy()
-    }
+    let mut battery = healthy();
+    battery.contents = Contents::Fuel;
+    battery.readings.voltage_v = None;
+    battery.readings.remaining_pct = Some(50.0);
+    battery.capacity = Some(Amount::Ml(2000.0));
+    battery
 }
 
 #[test]
@@ -680,7 +678,7 @@ fn smart_battery_details_are_sent_once_per_change() {
     let mut desk = Desk::with_packs(&[healthy(), with_cycles(7), internal]);
     assert_eq!(sent_cycles(&mut desk), [(1, 7)]);
     assert_eq!(sent_cycles(&mut desk), []);
-    desk.change_battery(Pack::Second, |battery| battery.voltage_v = Some(10.0));
+    desk.change_battery(Pack::Second, |battery| battery.readings.voltage_v = Some(10.0));
     assert_eq!(sent_cycles(&mut desk), []);
     desk.change_battery(Pack::Second, |battery| *battery = with_cycles(8));
     assert_eq!(sent_cycles(&mut desk), [(1, 8)]);
@@ -813,17 +811,13 @@ fn named_values(sent: &[Frame]) -> Vec<(String, f32)> {
 
 #[test]
 fn estimates_are_sent_on_request_while_they_are_known() {
-    let known = BatteryState {
-        resistance_ohm: Some(0.0625),
-        resting_voltage_v: Some(11.5),
-        remaining_sigma_pct: Some(3.5),
-        ..healthy()
-    };
-    let resistance_only = BatteryState {
-        resting_voltage_v: None,
-        remaining_sigma_pct: None,
-        ..known
-    };
+    let mut known = healthy();
+    known.resistance_ohm = Some(0.0625);
+    known.readings.resting_voltage_v = Some(11.5);
+    known.readings.remaining_sigma_pct = Some(3.5);
+    let mut resistance_only = known;
+    resistance_only.readings.resting_voltage_v = None;
+    resistance_only.readings.remaining_sigma_pct = None;
     let unused = BatteryState {
         status: PackStatus::Disabled,
         ..known
@@ -930,7 +924,7 @@ fn what_waits_says_how_things_are_when_it_leaves() {
     let gone = Visibility::Internal;
     let mut desk = Desk::with_packs(&[healthy(); 3]);
     desk.post_due(0);
-    desk.change_battery(Pack::First, |battery| battery.voltage_v = Some(10.0));
+    desk.change_battery(Pack::First, |battery| battery.readings.voltage_v = Some(10.0));
     desk.change_battery(Pack::Second, |battery| battery.visibility = gone);
     desk.change_battery(Pack::Third, |battery| battery.status = PackStatus::Disabled);
     // The link's counters are those of that moment, too.

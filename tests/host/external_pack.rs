@@ -114,12 +114,13 @@ fn report_of_a_companion_computer_is_the_state_of_its_pack() {
     report.temperature_cdegc = 2150;
     let state = ticks(&mut desk, 3, &report.frame());
     assert_eq!(state.status, PackStatus::Healthy);
-    assert_eq!((state.voltage_v, state.current_a), (Some(12.0), Some(2.5)));
+    let readings = state.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(12.0), Some(2.5)));
     assert_eq!(
         (state.consumed_mah(), state.consumed_wh),
         (Some(700.0), Some(10.0))
     );
-    assert_eq!(state.remaining_pct.map(f32::round), Some(65.0));
+    assert_eq!(state.readings.remaining_pct.map(f32::round), Some(65.0));
     assert_eq!(state.charge_source, ChargeSource::Reported);
     assert_eq!(state.temperature_c, Some(21.5));
     assert_eq!(state.cells.millivolts(), [4000, 3900, 4100]);
@@ -258,7 +259,7 @@ fn what_is_not_reported_is_estimated() {
     // 10 s of 7.2 A.
     assert!((state.consumed_mah().unwrap() - 20.0).abs() < 0.01);
     assert_eq!(state.charge_source, ChargeSource::Estimated);
-    assert!(state.remaining_pct.is_some());
+    assert!(state.readings.remaining_pct.is_some());
 }
 
 #[test]
@@ -270,14 +271,17 @@ fn silent_component_is_announced_and_may_return() {
     assert_eq!(silence(&mut desk, TIMEOUT_TICKS + 3).status, PackStatus::Healthy);
     let state = silence(&mut desk, 1);
     assert_eq!(
-        (state.status, state.voltage_v),
+        (state.status, state.readings.voltage_v),
         (PackStatus::Unhealthy, Some(12.0))
     );
     assert_eq!(announced(&mut desk), ["Battery 1 unhealthy: no reading in time"]);
     assert_eq!(result_of(&mut desk, &arm()), FAILED);
     assert_eq!(announced(&mut desk), [] as [&str; 0]);
     let state = ticks(&mut desk, 1, &of_voltage(11_900).frame());
-    assert_eq!((state.status, state.voltage_v), (PackStatus::Healthy, Some(11.9)));
+    assert_eq!(
+        (state.status, state.readings.voltage_v),
+        (PackStatus::Healthy, Some(11.9))
+    );
     ticks(&mut desk, 55, &full);
     assert_eq!(announced(&mut desk), ["Battery 1 healthy again"]);
 }
@@ -415,7 +419,7 @@ fn termination_by_a_lost_pack_outlasts_good_readings_until_a_battery_reset() {
     );
     let state = ticks(&mut desk, 2, &half_full(12_000));
     assert_eq!(
-        (state.failsafe, state.remaining_pct),
+        (state.failsafe, state.readings.remaining_pct),
         (FailsafeLevel::None, Some(50.0))
     );
     assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
@@ -461,11 +465,14 @@ fn no_voltage_is_no_reading_and_zero_volts_no_pack() {
     blind.current_ca = 0;
     let state = ticks(&mut desk, TIMEOUT_TICKS + 5, &blind.frame());
     assert_eq!(
-        (state.status, state.voltage_v),
+        (state.status, state.readings.voltage_v),
         (PackStatus::Unhealthy, Some(12.0))
     );
     let state = ticks(&mut desk, 1, &of_voltage(0).frame());
-    assert_eq!((state.status, state.voltage_v), (PackStatus::NotConnected, None));
+    assert_eq!(
+        (state.status, state.readings.voltage_v),
+        (PackStatus::NotConnected, None)
+    );
 }
 
 #[test]
@@ -477,7 +484,7 @@ fn impossible_count_is_no_reading() {
     report.consumed_mah = i32::MAX;
     let state = ticks(&mut desk, 5, &report.frame());
     assert_eq!(
-        (state.status, state.voltage_v),
+        (state.status, state.readings.voltage_v),
         (PackStatus::Unhealthy, Some(12.0))
     );
     let texts = announced(&mut desk);
@@ -532,11 +539,14 @@ fn second_component_takes_over_only_from_a_silent_one() {
     for _ in 0..50 {
         let state = tick(&mut desk, &[second.clone(), first.clone(), second.clone()]);
         // The very first frame counts.
-        assert_eq!(state.voltage_v, Some(6.0));
+        assert_eq!(state.readings.voltage_v, Some(6.0));
     }
-    assert_eq!(ticks(&mut desk, TIMEOUT_TICKS - 1, &first).voltage_v, Some(6.0));
-    assert_eq!(ticks(&mut desk, 1, &first).voltage_v, Some(12.0));
-    assert_eq!(ticks(&mut desk, 50, &second).voltage_v, Some(6.0));
+    assert_eq!(
+        ticks(&mut desk, TIMEOUT_TICKS - 1, &first).readings.voltage_v,
+        Some(6.0)
+    );
+    assert_eq!(ticks(&mut desk, 1, &first).readings.voltage_v, Some(12.0));
+    assert_eq!(ticks(&mut desk, 50, &second).readings.voltage_v, Some(6.0));
 }
 
 #[test]
@@ -552,13 +562,13 @@ fn one_component_may_measure_several_packs_and_two_one_each() {
     tick(&mut desk, &[of_voltage(12_000).frame()]);
     assert_eq!(desk.autopilot.battery(Pack::Third).status, PackStatus::Unknown);
     tick(&mut desk, &[of_voltage(12_000).frame(), third.frame()]);
-    assert_eq!(desk.autopilot.battery(Pack::Third).voltage_v, Some(7.4));
+    assert_eq!(desk.autopilot.battery(Pack::Third).readings.voltage_v, Some(7.4));
     silence(&mut desk, 25);
     let state = tick(
         &mut desk,
         &[of_voltage(11_000).frame(), third.frame_from(OTHER_COMPANION)],
     );
-    assert_eq!(state.voltage_v, Some(11.0));
+    assert_eq!(state.readings.voltage_v, Some(11.0));
     assert_eq!(desk.autopilot.battery(Pack::Third).status, PackStatus::Healthy);
 }
 
@@ -573,7 +583,7 @@ fn flood_counts_as_one_reading_a_tick() {
     }
     let state = *desk.autopilot.battery(Pack::First);
     assert_eq!(state.status, PackStatus::Healthy);
-    assert!((state.voltage_v.unwrap() - 12.0).abs() < 1e-3);
+    assert!((state.readings.voltage_v.unwrap() - 12.0).abs() < 1e-3);
     assert!(
         (state.consumed_mah().unwrap() - 10.0).abs() < 0.01,
         "a second of 36 A"
@@ -588,12 +598,15 @@ fn report_that_waited_on_its_way_is_as_old_as_it_may_be() {
     desk.waited_us = 2_000_000;
     let state = ticks(&mut desk, TIMEOUT_TICKS + 5, &of_voltage(6000).frame());
     assert_eq!(
-        (state.status, state.voltage_v),
+        (state.status, state.readings.voltage_v),
         (PackStatus::Unhealthy, Some(12.0))
     );
     desk.waited_us = 1_000_000;
     let state = ticks(&mut desk, 5, &of_voltage(11_000).frame());
-    assert_eq!((state.status, state.voltage_v), (PackStatus::Healthy, Some(11.0)));
+    assert_eq!(
+        (state.status, state.readings.voltage_v),
+        (PackStatus::Healthy, Some(11.0))
+    );
 }
 
 #[test]
@@ -608,14 +621,17 @@ fn reported_charge_is_not_reset() {
     ticks(&mut desk, 2, &gauged);
     assert_eq!(result_of(&mut desk, &reset), FAILED);
     assert_eq!(
-        ticks(&mut desk, 2, &gauged).remaining_pct.map(f32::round),
+        ticks(&mut desk, 2, &gauged)
+            .readings
+            .remaining_pct
+            .map(f32::round),
         Some(65.0)
     );
     ticks(&mut desk, 2, &counted);
     assert_eq!(result_of(&mut desk, &reset), ACCEPTED);
     let state = ticks(&mut desk, 2, &counted);
     assert_eq!(
-        (state.remaining_pct.map(f32::round), state.consumed_mah()),
+        (state.readings.remaining_pct.map(f32::round), state.consumed_mah()),
         (Some(100.0), Some(0.0)),
         "what was counted before the reset is not drawn from it"
     );
@@ -634,7 +650,7 @@ fn a_pack_that_has_drawn_more_than_its_capacity_is_empty_and_trips() {
     }
     let state = *desk.autopilot.battery(Pack::First);
     assert_eq!(
-        (state.remaining_pct, state.failsafe),
+        (state.readings.remaining_pct, state.failsafe),
         (Some(0.0), FailsafeLevel::Critical)
     );
 }
@@ -670,7 +686,7 @@ fn a_sum_follows_the_counts_of_its_packs() {
     }
     let state = *desk.autopilot.battery(Pack::First);
     assert_eq!(state.consumed_mah(), Some(6000.0));
-    assert_eq!(state.remaining_pct.map(f32::round), Some(0.0));
+    assert_eq!(state.readings.remaining_pct.map(f32::round), Some(0.0));
     // One of them is unknown.
     desk.set(BatteryParameter::Capacity.of(Pack::Second), 0.0);
     tick(&mut desk, &both(3000));
@@ -703,10 +719,13 @@ fn health_and_mode_of_a_pack_are_those_that_its_own_component_reports() {
         &[health_report(COMPANION, 0, 0xffff, 255), report.frame()],
     );
     assert_eq!(details(&state), (None, None), "not known any more");
-    assert_eq!(state.reported.modes, Modes::empty());
+    assert_eq!(state.readings.reported.modes, Modes::empty());
     for (mode, modes) in [(1, Modes::STORING), (2, Modes::empty())] {
         report.mode = mode;
-        assert_eq!(ticks(&mut desk, 3, &report.frame()).reported.modes, modes);
+        assert_eq!(
+            ticks(&mut desk, 3, &report.frame()).readings.reported.modes,
+            modes
+        );
     }
 }
 
@@ -753,7 +772,7 @@ fn with_a_key_only_signed_reports_count_and_each_once() {
     let mut owner = Signer::new(OWNER);
     let signed = owner.sign(&report);
     assert!(!is_unauthorized(&mut desk, &signed));
-    assert_eq!(tick(&mut desk, &[]).voltage_v, Some(12.0));
+    assert_eq!(tick(&mut desk, &[]).readings.voltage_v, Some(12.0));
     // A recording keeps no pack alive.
     assert!(is_unauthorized(&mut desk, &signed));
     assert_eq!(ticks(&mut desk, 30, &signed).status, PackStatus::Unhealthy);
@@ -832,12 +851,12 @@ proptest! {
         let mut desk = desk();
         for frames in steps {
             let state = tick(&mut desk, &frames);
-            let values = [state.voltage_v, state.current_a, state.temperature_c, state.consumed_mah(), state.consumed_wh];
+            let values = [state.readings.voltage_v, state.readings.current_a, state.temperature_c, state.consumed_mah(), state.consumed_wh];
             prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{state:?}");
-            prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{state:?}");
+            prop_assert!(state.readings.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{state:?}");
         }
         silence(&mut desk, TIMEOUT_TICKS);
         let state = ticks(&mut desk, 2, &of_voltage(12_000).frame());
-        prop_assert_eq!((state.status, state.voltage_v), (PackStatus::Healthy, Some(12.0)));
+        prop_assert_eq!((state.status, state.readings.voltage_v), (PackStatus::Healthy, Some(12.0)));
     }
 }

@@ -160,7 +160,7 @@ impl Rover {
     }
 
     fn remaining_pct(&self) -> f32 {
-        self.state().remaining_pct.expect("an estimate")
+        self.state().readings.remaining_pct.expect("an estimate")
     }
 
     fn error_pct(&self) -> f32 {
@@ -426,7 +426,7 @@ fn rover_with_unclear_cells() -> Rover {
 fn an_over_discharged_pack_is_not_taken_for_a_full_smaller_one() {
     let mut rover = rover_with_unclear_cells();
     assert_eq!(
-        (rover.state().cell_count, rover.state().remaining_pct),
+        (rover.state().cell_count, rover.state().readings.remaining_pct),
         (None, None)
     );
     let says = |rover: &Rover, start: &str| rover.texts.iter().any(|text| text.starts_with(start));
@@ -445,7 +445,7 @@ fn an_over_discharged_pack_is_not_taken_for_a_full_smaller_one() {
     let answers = rover.desk.ask(&command_long_2(BATTERY_RESET, 65535.0, 100.0));
     assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), FAILED);
     rover.rest_at(8.5, 1000);
-    assert_eq!(rover.state().remaining_pct, None);
+    assert_eq!(rover.state().readings.remaining_pct, None);
     assert_eq!(rover.writes, 1, "what is kept stays");
     rover.arm();
     assert_eq!(rover.desk.vehicle().arm_state(), ArmState::Armed, "forced");
@@ -463,7 +463,7 @@ fn unclear_cells_end_without_a_restart() {
         rover.rest_at(8.5, 2);
         assert_eq!(rover.state().cell_count, Some(cells), "{name}");
         rover.rest_at(8.5, 20);
-        assert!(rover.state().remaining_pct.is_some(), "{name}");
+        assert!(rover.state().readings.remaining_pct.is_some(), "{name}");
         let texts = texts_of(&rover.desk.ask(&arm()));
         assert!(!texts.iter().any(|text| text.contains("cells")), "{texts:?}");
     }
@@ -576,6 +576,7 @@ fn lithium_iron_phosphate_starts_known_after_a_power_cycle() {
     assert!(
         rover
             .state()
+            .readings
             .remaining_sigma_pct
             .is_none_or(|sigma_pct| sigma_pct > 8.0)
     );
@@ -587,7 +588,7 @@ fn lithium_iron_phosphate_starts_known_after_a_power_cycle() {
     hold(&mut rover, 3);
     rover.power_cycle();
     hold(&mut rover, 5);
-    let sigma_pct = rover.state().remaining_sigma_pct.expect("an estimate");
+    let sigma_pct = rover.state().readings.remaining_sigma_pct.expect("an estimate");
     assert!(
         (rover.remaining_pct() - 62.0).abs() < 2.0 && sigma_pct < 5.0,
         "{} ± {sigma_pct} %",
@@ -599,6 +600,7 @@ fn lithium_iron_phosphate_starts_known_after_a_power_cycle() {
     assert!(
         rover
             .state()
+            .readings
             .remaining_pct
             .is_none_or(|remaining_pct| remaining_pct > 80.0)
     );
@@ -623,12 +625,12 @@ fn voltage_only_believes_a_steady_voltage_within_half_a_minute_while_disarmed() 
 fn time_left_is_known_without_a_current_sensor() {
     let mut rover = Rover::new(&[("BATT_MONITOR", 3.0)], full());
     rover.wait(30.0, RESTING_A);
-    assert_eq!(rover.state().time_remaining_s, None, "nothing draws");
+    assert_eq!(rover.state().readings.time_remaining_s, None, "nothing draws");
     rover.arm();
     rover.drive_to(0.5);
     let mean_a = 0.5 * (LOW_A + HIGH_A);
     let left_s = rover.pack.charge() * 2.2 / mean_a * 3600.0;
-    let estimated_s = rover.state().time_remaining_s.expect("a load");
+    let estimated_s = rover.state().readings.time_remaining_s.expect("a load");
     assert!(
         (0.5..1.6).contains(&(estimated_s / left_s)),
         "{estimated_s} s of {left_s} s"
@@ -647,13 +649,14 @@ fn time_left_in_the_cold_ends_at_the_usable_charge() {
     rover.wait(5.0, RESTING_A);
     rover.drive_to(0.4);
     let state = *rover.state();
-    let (remaining_pct, usable_pct) = (state.remaining_pct.unwrap(), state.usable_pct.unwrap());
+    let readings = &state.readings;
+    let (remaining_pct, usable_pct) = (readings.remaining_pct.unwrap(), readings.usable_pct.unwrap());
     assert!(
         usable_pct < remaining_pct - 10.0,
         "{usable_pct} of {remaining_pct} %"
     );
-    let absolute_s = remaining_pct / 100.0 * 2.2 / state.average_current_a.unwrap() * 3600.0;
-    let left_s = state.time_remaining_s.unwrap();
+    let absolute_s = remaining_pct / 100.0 * 2.2 / state.readings.average_current_a.unwrap() * 3600.0;
+    let left_s = state.readings.time_remaining_s.unwrap();
     assert!(left_s < 0.9 * absolute_s, "{left_s} of {absolute_s} s");
     assert_eq!(rover.learnt_mah(), 0.0);
     rover.drive_to(0.3);

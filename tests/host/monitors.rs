@@ -405,7 +405,7 @@ impl Rig {
             _ => LOWER_V,
         };
         if measures_voltage(self.kind) {
-            let measured_v = state.voltage_v.expect("a voltage");
+            let measured_v = state.readings.voltage_v.expect("a voltage");
             assert!((measured_v - volts).abs() < 0.01, "kind {}: {state:?}", self.kind);
         }
     }
@@ -650,7 +650,7 @@ fn packs_that_are_not_on_the_boards_divider_are_announced_once_above_what_the_dr
         }
         let announced = texts.iter().filter(|text| *text == TOO_HIGH).count();
         let refused = texts_of(&rig.desk.ask(&arm())).contains(&format!("Arm: {TOO_HIGH}"));
-        let has_voltage = rig.state().voltage_v.is_some();
+        let has_voltage = rig.state().readings.voltage_v.is_some();
         assert!(has_voltage || !measures_voltage(kind), "{kind}");
         let is_on_divider = on_divider.contains(&kind) && pin == 26.0;
         assert_eq!(refused, is_on_divider, "{kind}, GP{pin}");

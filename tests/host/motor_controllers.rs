@@ -62,7 +62,10 @@ fn hot_motor_controllers_are_shown_and_keep_no_rover_from_arming() {
         ..reading(12.0, 3.0, None)
     };
     let [first, _] = ticks(&mut desk, 5 * SECOND_TICKS, &[(0, hot), (1, hot)]);
-    assert_eq!((first.temperature_c, first.faults), (Some(70.0), Faults::empty()));
+    assert_eq!(
+        (first.temperature_c, first.readings.faults),
+        (Some(70.0), Faults::empty())
+    );
     assert_eq!(first.consequences(), Consequences::empty());
     let answers = desk.ask(&arm());
     assert_eq!(texts_of(&answers), [""; 0]);
@@ -86,9 +89,10 @@ fn two_packs_have_different_controllers() {
         (first.status, second.status),
         (PackStatus::Healthy, PackStatus::Healthy)
     );
-    assert_eq!((first.voltage_v, first.current_a), (Some(11.5), Some(5.0)));
+    let readings = first.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(11.5), Some(5.0)));
     assert_eq!(first.temperature_c, Some(40.0));
-    assert_eq!(second.voltage_v, Some(24.0));
+    assert_eq!(second.readings.voltage_v, Some(24.0));
     // Counted by the controllers: 1.5 mAh with each of 200 reports.
     assert!((consumed_mah(&first) - 300.0).abs() < 2.0, "{first:?}");
     // Integrated here: 7.2 A for 10 s.
@@ -101,18 +105,21 @@ fn current_is_unknown_half_a_second_after_one_of_two_fell_silent() {
     let mut desk = desk([0, 0b10]);
     let both = [(0, reading(12.0, 3.0, None)), (1, reading(11.0, 2.0, None))];
     let [before, _] = ticks(&mut desk, SECOND_TICKS, &both);
-    assert_eq!((before.voltage_v, before.current_a), (Some(11.5), Some(5.0)));
+    let readings = before.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(11.5), Some(5.0)));
     ticks(&mut desk, 4, &both[..1]);
     let [after, alone] = ticks(&mut desk, 2, &both[..1]);
     assert_eq!(after.status, PackStatus::Healthy);
-    assert_eq!((after.voltage_v, after.current_a), (Some(12.0), None));
+    let readings = after.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(12.0), None));
     assert_eq!(
         alone.status,
         PackStatus::Unhealthy,
         "its only controller is silent"
     );
     let [back, alone] = ticks(&mut desk, 8 * SECOND_TICKS, &both);
-    assert_eq!((back.voltage_v, back.current_a), (Some(11.5), Some(5.0)));
+    let readings = back.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(11.5), Some(5.0)));
     assert_eq!(alone.status, PackStatus::Healthy);
 }
 
@@ -144,7 +151,7 @@ fn what_a_controller_counted_while_it_was_silent_lowers_the_charge() {
     // Its counter has gone on meanwhile: 990 of 3300 mAh, in two readings of a tick.
     ticks(&mut desk, 1, &both(11.45, 495.0));
     let [after, _] = ticks(&mut desk, SECOND_TICKS, &both(11.45, 0.0));
-    let drawn_pct = before.remaining_pct.unwrap() - after.remaining_pct.unwrap();
+    let drawn_pct = before.readings.remaining_pct.unwrap() - after.readings.remaining_pct.unwrap();
     assert!((drawn_pct - 30.0).abs() < 3.0, "{drawn_pct} %");
     assert!((consumed_mah(&after) - 990.0).abs() < 1.0, "{after:?}");
 }

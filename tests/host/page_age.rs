@@ -1,6 +1,6 @@
 //! Age of what the rover's own page sends: a connection that stalls delivers commands late.
 
-use rover_battmon::battery::{BatteryState, PackStatus};
+use rover_battmon::battery::{BatteryState, PackStatus, Readings};
 use rover_battmon::mavlink::{Access, Event, LinkKind};
 use rover_battmon::parameter::VehicleParameter;
 use rover_battmon::vehicle::{ArmState, Mode, SideDrives};
@@ -38,7 +38,10 @@ impl Page {
     fn new(kind: LinkKind, access: Access) -> Self {
         let mut desk = Desk::with_packs(&[BatteryState {
             status: PackStatus::Healthy,
-            voltage_v: Some(7.4),
+            readings: Readings {
+                voltage_v: Some(7.4),
+                ..Readings::NONE
+            },
             ..BatteryState::default()
         }]);
         desk.set(VehicleParameter::MotSlewrate, 0.0);

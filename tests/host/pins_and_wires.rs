@@ -193,11 +193,17 @@ fn what_flows_through_a_sensor_is_missing_from_the_tank() {
         (last.status, last.contents),
         (PackStatus::Healthy, Contents::Fuel)
     );
-    assert_eq!((last.consumed_ml(), last.current_a), (Some(50.0), Some(0.0)));
-    assert!((last.remaining_pct.unwrap() - 50.0).abs() < 0.01);
-    assert_eq!((last.voltage_v, last.consumed_wh), (None, None));
+    assert_eq!(
+        (last.consumed_ml(), last.readings.current_a),
+        (Some(50.0), Some(0.0))
+    );
+    assert!((last.readings.remaining_pct.unwrap() - 50.0).abs() < 0.01);
+    assert_eq!((last.readings.voltage_v, last.consumed_wh), (None, None));
     let flowing = &states[5];
-    assert!((flowing.current_a.unwrap() - 18.0).abs() < 0.01, "{flowing:?}");
+    assert!(
+        (flowing.readings.current_a.unwrap() - 18.0).abs() < 0.01,
+        "{flowing:?}"
+    );
 }
 
 #[test]
@@ -210,7 +216,7 @@ fn pulses_that_are_short_or_fast_are_counted() {
     };
     let states = states(5, &FLOW, Some(pin), None);
     assert_eq!(states[4].consumed_ml(), Some(1000.0));
-    assert_eq!(states[4].remaining_pct, Some(0.0));
+    assert_eq!(states[4].readings.remaining_pct, Some(0.0));
 }
 
 #[test]
@@ -237,12 +243,12 @@ fn the_width_of_pulses_is_the_level_and_silence_is_unhealthy() {
     let states = states(15, &settings, Some(pin), None);
     assert_eq!(states[1].status, PackStatus::Unhealthy, "nothing yet");
     assert_eq!(states[5].status, PackStatus::Healthy);
-    assert_eq!(states[5].remaining_pct, Some(25.0));
+    assert_eq!(states[5].readings.remaining_pct, Some(25.0));
     assert_eq!(states[5].consumed_ml(), Some(1500.0));
     // A quarter of a second until the level is not known, and half a second more until that counts.
     assert_eq!(states[9].status, PackStatus::Healthy);
     assert_eq!(states[10].status, PackStatus::Unhealthy);
-    assert_eq!(states[10].remaining_pct, Some(25.0), "the last good one");
+    assert_eq!(states[10].readings.remaining_pct, Some(25.0), "the last good one");
 }
 
 /// 25 °C, 16.80 V, 12.34 A, 300 mAh.
@@ -258,8 +264,8 @@ fn an_esc_reports_voltage_current_and_temperature_until_it_times_out() {
     let states = states(8, &[(MONITOR, 9.0)], None, Some(telemetry));
     let working = &states[3];
     assert_eq!(working.status, PackStatus::Healthy);
-    assert!((working.voltage_v.unwrap() - 16.8).abs() < 1e-3);
-    assert!((working.current_a.unwrap() - 12.34).abs() < 1e-3);
+    assert!((working.readings.voltage_v.unwrap() - 16.8).abs() < 1e-3);
+    assert!((working.readings.current_a.unwrap() - 12.34).abs() < 1e-3);
     assert_eq!(working.temperature_c, Some(25.0));
     assert_eq!(
         working.consumed_mah(),
@@ -279,7 +285,7 @@ fn a_motor_controller_that_was_never_heard_is_unhealthy() {
     };
     let states = states(3, &[(MONITOR, 9.0)], None, Some(telemetry));
     assert_eq!(states[1].status, PackStatus::Unhealthy);
-    assert_eq!(states[1].voltage_v, None);
+    assert_eq!(states[1].readings.voltage_v, None);
 }
 
 #[test]

@@ -193,11 +193,10 @@ fn joined(frames: &[Frame]) -> Vec<(u8, String)> {
 }
 
 fn at_voltage(voltage_v: f32) -> BatteryState {
-    BatteryState {
-        status: PackStatus::Healthy,
-        voltage_v: Some(voltage_v),
-        ..BatteryState::default()
-    }
+    let mut battery = BatteryState::UNKNOWN;
+    battery.status = PackStatus::Healthy;
+    battery.readings.voltage_v = Some(voltage_v);
+    battery
 }
 
 /// Outputs at these duties; 0 coasts.
@@ -290,7 +289,7 @@ fn an_attempt_to_arm_names_the_critical_threshold_before_the_low_one() {
         let mut rover = Rover::new().with(low.0, low.1).with(critical.0, critical.1);
         rover.0.change_battery(Pack::First, |battery| {
             battery.capacity = Some(Amount::Mah(1000.0));
-            battery.remaining_pct = Some(10.0);
+            battery.readings.remaining_pct = Some(10.0);
         });
         let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
         assert_eq!(texts, [(CRITICAL, expected.into())]);

@@ -90,10 +90,10 @@ fn a_current_is_measured_and_counted() {
     for file in ["analog-current.param", "ina226.param", "smart-battery.param"] {
         let [pack, ..] = packs_with(file, &[LOAD]);
         println!("{file}: {pack:?}");
-        assert_about(pack.voltage_v, 12.05, 0.55);
-        assert_about(pack.current_a, DRAWN_A, 0.1);
+        assert_about(pack.readings.voltage_v, 12.05, 0.55);
+        assert_about(pack.readings.current_a, DRAWN_A, 0.1);
         assert!(pack.consumed_mah().is_some_and(|mah| mah >= 0.0));
-        assert!(pack.remaining_pct.is_some_and(|percent| percent >= 95.0));
+        assert!(pack.readings.remaining_pct.is_some_and(|percent| percent >= 95.0));
         assert_eq!(pack.charge_state, ChargeState::Ok);
     }
 }
@@ -102,7 +102,7 @@ fn a_current_is_measured_and_counted() {
 #[test]
 fn a_synthetic_current_is_what_the_rover_takes_at_rest() {
     let [pack, ..] = packs_with("synthetic-current.param", &[LOAD]);
-    assert_about(pack.current_a, 0.2, 0.001);
+    assert_about(pack.readings.current_a, 0.2, 0.001);
 }
 
 #[test]
@@ -115,11 +115,11 @@ fn of_a_voltage_alone_no_current_is_made_up() {
     ] {
         let [pack, ..] = packs_with(file, &[("SIM_BATT_VOLTAGE", full_v)]);
         println!("{file}: {pack:?}");
-        assert_eq!((pack.current_a, pack.consumed_mah()), (None, None));
-        let percent = pack.remaining_pct.expect("it is known");
+        assert_eq!((pack.readings.current_a, pack.consumed_mah()), (None, None));
+        let percent = pack.readings.remaining_pct.expect("it is known");
         assert!((at_least_pct..=100.0).contains(&percent), "{percent}");
         assert_eq!((pack.charge_state, pack.chemistry), (ChargeState::Ok, chemistry));
-        assert!(pack.faults.is_empty());
+        assert!(pack.readings.faults.is_empty());
     }
 }
 
@@ -130,16 +130,17 @@ fn two_packs_and_their_sum() {
         assert_eq!(pack.charge_state, ChargeState::Ok);
     }
     let mean_v = divider
+        .readings
         .voltage_v
-        .zip(monitor.voltage_v)
+        .zip(monitor.readings.voltage_v)
         .map(|(one, other)| (one + other) / 2.0);
-    assert_about(both.voltage_v, mean_v.expect("both are measured"), 0.05);
+    assert_about(both.readings.voltage_v, mean_v.expect("both are measured"), 0.05);
     assert_eq!(
-        (divider.current_a, both.current_a),
+        (divider.readings.current_a, both.readings.current_a),
         (None, None),
         "of one of them it is not known"
     );
-    assert_about(monitor.current_a, DRAWN_A, 0.1);
+    assert_about(monitor.readings.current_a, DRAWN_A, 0.1);
 }
 
 /// The simulator has no tank. Its current sensor's pin has 0.25 V at 4.2 A: a level for other ends than the file's.
@@ -152,8 +153,8 @@ fn a_tank_is_measured_in_millilitres() {
         ("BATT2_FL_V_MULT", 2.0),
     ];
     let [_, tank, _] = packs_with("fuel-level.param", &other_ends);
-    assert_eq!((tank.voltage_v, tank.current_a), (None, None));
-    assert_about(tank.remaining_pct, 49.0, 3.0);
+    assert_eq!((tank.readings.voltage_v, tank.readings.current_a), (None, None));
+    assert_about(tank.readings.remaining_pct, 49.0, 3.0);
     assert_about(tank.consumed_ml(), 1500.0 * 0.51, 50.0);
 }
 
@@ -165,14 +166,14 @@ const WEAK_CELL: f32 = 4.0;
 fn a_converter_that_stalls_leaves_the_last_voltage() {
     let [pack, ..] = packs_after("3s-lipo.param", &[], &[("SIM_BATT_FAULT", STALLED)]);
     assert_eq!(pack.charge_state, ChargeState::Unhealthy);
-    assert_about(pack.voltage_v, 12.5, 0.1);
+    assert_about(pack.readings.voltage_v, 12.5, 0.1);
 }
 
 #[test]
 fn behind_a_wire_that_is_off_there_is_no_voltage() {
     let [pack, ..] = packs_after("3s-lipo.param", &[], &[("SIM_BATT_FAULT", WIRE_OFF)]);
     assert_eq!(
-        (pack.charge_state, pack.voltage_v),
+        (pack.charge_state, pack.readings.voltage_v),
         (ChargeState::Undefined, None)
     );
 }
@@ -181,5 +182,5 @@ fn behind_a_wire_that_is_off_there_is_no_voltage() {
 fn a_weak_cell_is_a_failed_pack() {
     let [pack, ..] = packs_after("smart-battery.param", &[], &[("SIM_BATT_FAULT", WEAK_CELL)]);
     assert_eq!(pack.charge_state, ChargeState::Failed);
-    assert!(pack.faults.contains(Faults::CELL_FAIL));
+    assert!(pack.readings.faults.contains(Faults::CELL_FAIL));
 }

@@ -101,7 +101,8 @@ fn a_battery_reset_within_the_last_second_before_a_restart_holds() {
 
         let mut desk = with_pack(&memory);
         sample(&mut desk, 1, &mut memory);
-        let remaining_pct = desk.autopilot.battery(Pack::First).remaining_pct.unwrap();
+        let readings = desk.autopilot.battery(Pack::First).readings;
+        let remaining_pct = readings.remaining_pct.unwrap();
         assert!((remaining_pct - 60.0).abs() < 1.0, "{ticks}: {remaining_pct}");
     }
 }

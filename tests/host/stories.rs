@@ -117,7 +117,7 @@ impl Stage {
         let state = self.desk.autopilot.battery(Pack::First);
         self.healths.push((time_s, state.state_of_health_pct));
         self.charges
-            .push((time_s, [state.remaining_pct, self.source.charge_pct()]));
+            .push((time_s, [state.readings.remaining_pct, self.source.charge_pct()]));
         self.desk.post_due(self.desk.now_us);
         let sent = self.desk.sent();
         let texts = sent.iter().filter(|frame| frame.message_id == STATUSTEXT);

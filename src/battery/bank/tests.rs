@@ -97,7 +97,7 @@ impl Bench {
     }
 
     fn remaining_pct(&self) -> f32 {
-        self.sum().remaining_pct.expect("known")
+        self.sum().readings.remaining_pct.expect("known")
     }
 }
 
@@ -130,7 +130,8 @@ const MAH_PER_SECOND: f32 = 10.0 / 3.6;
 fn parallel_packs_have_mean_voltage_and_summed_current() {
     let mut bench = Bench::new();
     let state = bench.run(36.0, &[Ok(at(12.0, 2.0)), Ok(at(11.0, 3.0))]);
-    assert_eq!((state.voltage_v, state.current_a), (Some(11.5), Some(5.0)));
+    let readings = state.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(11.5), Some(5.0)));
     let consumed_mah = state.consumed_mah().expect("counted");
     assert!((consumed_mah - 49.9).abs() < 0.1, "{consumed_mah}");
     let sum = |voltage| bench.bank.sum(SUM, 0b11, 0b111, voltage, ArmState::Armed);
@@ -144,7 +145,8 @@ fn a_member_whose_voltage_is_missing_is_lost_for_its_voltage_only() {
     let mut bench = Bench::reset_to(80.0, &[Ok(at(11.6, 5.0)), Ok(at(11.4, 5.0))]);
     let before_mah = bench.sum().consumed_mah().expect("counted");
     let state = bench.run(60.0, &[Ok(at(0.2, 5.0)), Ok(at(11.4, 5.0))]);
-    assert_eq!((state.voltage_v, state.current_a), (Some(11.4), Some(10.0)));
+    let readings = state.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(11.4), Some(10.0)));
     let drawn_mah = state.consumed_mah().expect("counted") - before_mah;
     assert!((drawn_mah - 60.0 * MAH_PER_SECOND).abs() < 1.0, "{drawn_mah}");
     let expected_pct = after_pct(60.0 * MAH_PER_SECOND);
@@ -163,7 +165,8 @@ fn sum_has_only_electric_packs_as_members() {
         ..at(3.0, 9.0)
     };
     let state = bench.run(1.0, &[Ok(at(12.0, 2.0)), Ok(tank)]);
-    assert_eq!((state.voltage_v, state.current_a), (Some(12.0), Some(2.0)));
+    let readings = state.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(12.0), Some(2.0)));
     assert_eq!(state.members, 0b1);
     let members = |own, mask| {
         let sum = bench
@@ -187,7 +190,7 @@ fn current_is_unknown_unless_known_of_every_member() {
     };
     let mut bench = Bench::new();
     let state = bench.run(1.0, &[Ok(at(12.0, 2.0)), Ok(voltage_only)]);
-    assert_eq!(state.current_a, None);
+    assert_eq!(state.readings.current_a, None);
 }
 
 #[test]
@@ -196,12 +199,13 @@ fn unhealthy_pack_counts_only_in_the_consumption() {
     let both = [Ok(at(11.0, 10.0)), Ok(at(11.2, 10.0))];
     let mut bench = Bench::reset_to(80.0, &both);
     let before = bench.run(10.0, &both);
-    assert_eq!(before.current_a, Some(20.0));
+    assert_eq!(before.readings.current_a, Some(20.0));
     let state = bench.run(10.0, &[both[0], SILENT]);
-    assert_eq!((state.voltage_v, state.current_a), (Some(11.0), None));
+    let readings = state.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(11.0), None));
     assert!(state.consumed_mah() > before.consumed_mah());
     assert_eq!(state.status, PackStatus::Healthy);
-    assert!(state.remaining_pct.is_some());
+    assert!(state.readings.remaining_pct.is_some());
     let sum = |mask| {
         bench
             .bank
@@ -218,16 +222,21 @@ fn charge_is_unknown_12_s_after_a_member_was_lost() {
     for lost in [SILENT, Ok(at(0.3, 0.0))] {
         let mut bench = Bench::reset_to(80.0, &both);
         let state = bench.run(TIMEOUT_S, &[both[0], lost]);
-        assert!(state.remaining_pct.is_some() && state.current_a.is_none());
+        assert!(state.readings.remaining_pct.is_some() && state.readings.current_a.is_none());
         let state = bench.run(2.0, &[both[0], lost]);
-        assert_eq!((state.remaining_pct, state.usable_pct), (None, None));
-        assert_eq!((state.remaining_sigma_pct, state.time_remaining_s), (None, None));
+        let readings = state.readings;
+        assert_eq!((readings.remaining_pct, readings.usable_pct), (None, None));
+        let readings = state.readings;
+        assert_eq!(
+            (readings.remaining_sigma_pct, readings.time_remaining_s),
+            (None, None)
+        );
         assert_eq!(state.charge_source, ChargeSource::Estimated);
         assert!(state.consumed_mah().is_some(), "it is kept");
         assert_eq!(state.status, PackStatus::Healthy, "no threshold needs it");
         let state = bench.run(1.0, &both);
-        assert_eq!(state.current_a, Some(20.0));
-        assert!(state.remaining_pct.is_some());
+        assert_eq!(state.readings.current_a, Some(20.0));
+        assert!(state.readings.remaining_pct.is_some());
         assert_eq!(bench.events, []);
     }
 }
@@ -255,7 +264,7 @@ fn a_sum_without_its_charge_is_unhealthy_while_a_threshold_needs_it() {
     // Its voltage is measured all the same.
     let state = bench.run(3.0, &[Ok(at(10.0, 10.0)), SILENT]);
     assert_eq!(
-        (state.failsafe, state.voltage_v),
+        (state.failsafe, state.readings.voltage_v),
         (FailsafeLevel::Critical, Some(10.0))
     );
     let state = bench.run(6.0, &both);
@@ -283,20 +292,20 @@ fn a_pack_unplugged_while_disarmed_leaves_the_sum_until_it_measures() {
     bench.run(5.0, &both);
     let state = bench.run(20.0, &unplugged);
     assert_eq!(bench.events, [PackEvent::MembersLeft(0b10)]);
-    assert_eq!((state.members, state.current_a), (0b1, Some(1.0)));
+    assert_eq!((state.members, state.readings.current_a), (0b1, Some(1.0)));
     assert_eq!(state.capacity_mah(), Some(2200.0));
-    assert!(state.remaining_pct.is_some());
+    assert!(state.readings.remaining_pct.is_some());
     // It is not lost.
     bench.arm_state = ArmState::Armed;
-    assert_eq!(bench.run(20.0, &unplugged).current_a, Some(1.0));
+    assert_eq!(bench.run(20.0, &unplugged).readings.current_a, Some(1.0));
     let state = bench.run(1.0, &both);
-    assert_eq!((state.members, state.current_a), (0b11, Some(2.0)));
+    assert_eq!((state.members, state.readings.current_a), (0b11, Some(2.0)));
     assert_eq!(state.capacity_mah(), Some(4400.0));
     // Unplugged while armed it is, and leaves when disarmed.
-    assert_eq!(bench.run(1.0, &unplugged).current_a, None);
+    assert_eq!(bench.run(1.0, &unplugged).readings.current_a, None);
     assert_eq!(bench.events.len(), 1);
     bench.arm_state = ArmState::Disarmed;
-    assert_eq!(bench.run(1.0, &unplugged).current_a, Some(1.0));
+    assert_eq!(bench.run(1.0, &unplugged).readings.current_a, Some(1.0));
     assert_eq!(bench.events[1..], [PackEvent::MembersLeft(0b10)]);
 }
 
@@ -304,7 +313,7 @@ fn a_pack_unplugged_while_disarmed_leaves_the_sum_until_it_measures() {
 fn a_pack_that_was_never_plugged_in_is_no_lost_member() {
     let mut bench = Bench::new();
     let state = bench.run(20.0, &[Ok(at(11.4, 1.0)), Ok(at(0.3, 0.0))]);
-    assert_eq!((state.members, state.current_a), (0b1, Some(1.0)));
+    assert_eq!((state.members, state.readings.current_a), (0b1, Some(1.0)));
     assert_eq!(bench.events, []);
 }
 
@@ -317,7 +326,7 @@ fn a_member_that_returns_is_counted_once() {
         bench.run(lost_s, &[both[0], SILENT]);
         let state = bench.run(20.0, &both);
         // The load of the other one alone was not taken for that of both.
-        let average_a = state.average_current_a.expect("known");
+        let average_a = state.readings.average_current_a.expect("known");
         assert!((average_a - 20.0).abs() < 0.1, "{lost_s} {average_a}");
         // The returning pack's gap is filled.
         let drawn_mah = 2.0 * MAH_PER_SECOND * (lost_s + 20.0);
@@ -422,7 +431,10 @@ fn a_sums_temperature_is_its_packs_unless_a_device_has_a_part_in_it() {
         (without, hot(Thermometer::Pack), Faults::OVER_TEMPERATURE),
     ] {
         let state = Bench::new().run(5.0, &[Ok(first), Ok(second)]);
-        assert_eq!((state.temperature_c, state.faults), (Some(70.0), expected));
+        assert_eq!(
+            (state.temperature_c, state.readings.faults),
+            (Some(70.0), expected)
+        );
     }
 }
 
@@ -467,18 +479,20 @@ fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
     };
     assert_eq!(run(&mut bank, 1), [Some(2), None, None]);
     let sum = *bank.monitor(Pack::Third).state();
-    assert!(sum.has_unclear_cells() && sum.remaining_pct.is_none(), "{sum:?}");
+    assert!(
+        sum.has_unclear_cells() && sum.readings.remaining_pct.is_none(),
+        "{sum:?}"
+    );
     bank.monitor(Pack::Second).forget_learnt();
     assert_eq!(run(&mut bank, 41), [Some(2); 3]);
 }
 
 #[test]
 fn a_sum_is_over_range_while_a_healthy_member_is() {
-    let mut members = [BatteryState {
-        status: PackStatus::Healthy,
-        voltage_v: Some(12.0),
-        ..BatteryState::default()
-    }; 2];
+    let mut member = BatteryState::UNKNOWN;
+    member.status = PackStatus::Healthy;
+    member.readings.voltage_v = Some(12.0);
+    let mut members = [member; 2];
     let range = |members: &[BatteryState]| sum(members.iter(), SumVoltage::Mean).unwrap().current_range;
     assert_eq!(range(&members), CurrentRange::Within);
     members[1].current_range = CurrentRange::Over;
@@ -526,17 +540,19 @@ impl Passing {
                 .zip(threshold)
                 .is_some_and(|(value, threshold)| value < threshold)
         };
-        let is_voltage_below = is_below(state.and_then(|state| state.voltage_v), thresholds.voltage_v);
+        let readings = state.map(|state| state.readings);
+        let voltage_v = readings.and_then(|readings| readings.voltage_v);
+        let is_voltage_below = is_below(voltage_v, thresholds.voltage_v);
         self.below_ticks = if is_voltage_below { self.below_ticks + 1 } else { 0 };
         let most_usable_pct =
-            state.and_then(|state| Some(state.usable_pct? + 2.0 * state.usable_sigma_pct.unwrap_or(0.0)));
+            readings.and_then(|now| Some(now.usable_pct? + 2.0 * now.usable_sigma_pct.unwrap_or(0.0)));
         let is_unusable = is_below(most_usable_pct, thresholds.usable_pct);
         self.unusable_ticks = if is_unusable { self.unusable_ticks + 1 } else { 0 };
         let has_lasted = timer_s
             .is_some_and(|timer_s| self.below_ticks.max(self.unusable_ticks) as f32 > timer_s * 10.0 + 2.0)
             || timer_s.is_none() && is_unusable;
         // Without a current it is an estimate with bounds.
-        let counted = state.filter(|state| state.current_a.is_some());
+        let counted = state.filter(|state| state.readings.current_a.is_some());
         let remaining_mah = counted.and_then(BatteryState::remaining);
         let is_passed = has_lasted || is_below(remaining_mah, thresholds.remaining_mah.map(|mah| mah - 1.0));
         is_passed && !mem::replace(&mut self.has_passed, true)

@@ -50,9 +50,9 @@ impl Evaluation {
     ) -> ReachedLevels {
         let Basis { tick, dt_s, .. } = *basis;
         if basis.is_fresh {
-            state.faults = self.diagnosis.update(dt_s, state, &basis.at_rest, settings);
+            state.readings.faults = self.diagnosis.update(dt_s, state, &basis.at_rest, settings);
             if basis.cells_are_doubtful {
-                state.faults |= Faults::CELLS_CONFIGURATION;
+                state.readings.faults |= Faults::CELLS_CONFIGURATION;
             }
         }
         let reached = self.update_failsafe(basis, state, settings, events);
@@ -60,14 +60,14 @@ impl Evaluation {
         state.failsafe_timers = self.failsafe.timers();
         let inputs = Inputs {
             status: state.status,
-            faults: state.faults,
-            reported: state.reported.charge_state,
+            faults: state.readings.faults,
+            reported: state.readings.reported.charge_state,
             failsafe: state.failsafe,
-            usable_pct: state.usable_pct,
-            remaining_pct: state.remaining_pct,
+            usable_pct: state.readings.usable_pct,
+            remaining_pct: state.readings.remaining_pct,
             limits: settings.charge_limits,
             arm_state: tick.arm_state,
-            current_a: state.current_a,
+            current_a: state.readings.current_a,
             capacity_mah: state.capacity_mah(),
         };
         state.charge_state = self.charge_state.update(dt_s, &inputs);

@@ -16,16 +16,16 @@ use super::charge::Comparison;
 use super::chemistry::SAME_VOLTAGE_V;
 use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
 use super::diagnosis;
-use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
+use super::estimator::{Estimator, EstimatorMemory, Findings, Reading, ReportedCharge};
 use super::event::push;
 use super::failsafe::ReachedLevels;
 use super::reporters::{GapReporter, HealthReporter, LessonReporter};
 use super::settings::PackSettings;
 use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
 use super::{
-    Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, Faults, LearntPack,
+    Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, LearntPack,
     LessonObstacle, Measurement, Measuring, PackEvent, PackEvents, PackMemory, PackSource, PackStatus,
-    ReadError, Reported, Tick,
+    ReadError, Readings, Tick,
 };
 use crate::time::Instant;
 
@@ -332,17 +332,7 @@ impl BatteryMonitor {
 
     /// Without a pack the voltage at the pin means nothing: the values become unknown, the pack is not empty.
     fn clear_readings(&mut self) {
-        self.state.voltage_v = None;
-        self.state.resting_voltage_v = None;
-        self.state.current_a = None;
-        self.state.average_current_a = None;
-        self.state.remaining_pct = None;
-        self.state.remaining_sigma_pct = None;
-        self.state.usable_pct = None;
-        self.state.usable_sigma_pct = None;
-        self.state.time_remaining_s = None;
-        self.state.faults = Faults::empty();
-        self.state.reported = Reported::NONE;
+        self.state.readings = Readings::NONE;
         self.evaluation.disconnect();
     }
 
@@ -467,26 +457,33 @@ impl BatteryMonitor {
             _ => current_a.is_some() || measurement.counted.is_some(),
         };
         let (remaining_pct, charge_source) = self.remaining_pct(now, measurement, settings);
+        self.state.charge_source = charge_source;
+        let charge = remaining_pct.and(self.estimated());
+        let before = self.state.readings;
+        self.state.readings = Readings {
+            voltage_v,
+            resting_voltage_v: voltage_v
+                .zip(current_a)
+                .and_then(|(voltage_v, current_a)| self.estimator.resting_voltage_v(voltage_v, current_a)),
+            current_a,
+            average_current_a: current_a.and(self.estimator.average_current_a()),
+            remaining_pct,
+            remaining_sigma_pct: charge.map(|charge| charge.sigma_pct),
+            usable_pct: charge.map(|charge| charge.usable_pct).or(remaining_pct),
+            usable_sigma_pct: charge.map(|charge| charge.usable_sigma_pct),
+            time_remaining_s: measurement
+                .time_remaining_s
+                .or(remaining_pct.and(before.time_remaining_s)),
+            faults: before.faults,
+            reported: measurement.reported,
+        };
         let state = &mut self.state;
-        state.voltage_v = voltage_v;
-        state.current_a = current_a;
-        state.resting_voltage_v = voltage_v
-            .zip(current_a)
-            .and_then(|(voltage_v, current_a)| self.estimator.resting_voltage_v(voltage_v, current_a));
-        state.average_current_a = current_a.and(self.estimator.average_current_a());
         state.resistance_ohm = self.estimator.resistance_ohm();
         state.consumed = is_counted.then(|| Amount::of(measurement.contents, self.counting.charge_mah()));
         state.consumed_wh = (is_counted && voltage_v.is_some() && measurement.contents == Contents::Charge)
             .then(|| self.counting.energy_wh());
-        state.remaining_pct = remaining_pct;
-        state.charge_source = charge_source;
         state.cell_count = self.estimator.cell_count(settings);
-        if state.remaining_pct.is_none() {
-            state.time_remaining_s = None;
-        }
-        state.time_remaining_s = measurement.time_remaining_s.or(state.time_remaining_s);
         self.update_learnt(settings);
-        self.update_usable();
     }
 
     /// State of charge, in percent, and where it is from.
@@ -529,31 +526,26 @@ impl BatteryMonitor {
             .or_else(|| learnt?.health_pct(settings.capacity_mah));
     }
 
-    /// Whether the charge is estimated here, and known.
+    /// Whether the charge is estimated here.
     fn is_estimated(&self) -> bool {
-        self.state.charge_source == ChargeSource::Estimated
-            && self.state.contents == Contents::Charge
-            && self.state.remaining_pct.is_some()
+        self.state.charge_source == ChargeSource::Estimated && self.state.contents == Contents::Charge
     }
 
-    /// Updates the usable charge.
-    fn update_usable(&mut self) {
-        let charge = self.estimator.reported().filter(|_| self.is_estimated());
-        let state = &mut self.state;
-        state.remaining_sigma_pct = charge.map(|charge| charge.sigma_pct);
-        state.usable_pct = charge.map(|charge| charge.usable_pct).or(state.remaining_pct);
-        state.usable_sigma_pct = charge.map(|charge| charge.usable_sigma_pct);
+    /// The charge as it is reported, where it is estimated here.
+    fn estimated(&self) -> Option<&ReportedCharge> {
+        self.estimator.reported().filter(|_| self.is_estimated())
     }
 
     /// Updates the time left: once a second, since it takes a division.
     fn update_time_remaining(&mut self) {
-        let charge = self.estimator.charge().filter(|_| self.is_estimated());
-        let state = &self.state;
+        let remaining_pct = self.state.readings.remaining_pct;
+        let charge = remaining_pct.and(self.estimator.charge());
+        let charge = charge.filter(|_| self.is_estimated());
         let share = charge.map(|charge| charge.available);
-        self.state.time_remaining_s = match state.current_a {
+        self.state.readings.time_remaining_s = match self.state.readings.current_a {
             Some(_) => share
-                .or(state.remaining_pct.map(|percent| percent / 100.0))
-                .zip(state.full_capacity())
+                .or(remaining_pct.map(|percent| percent / 100.0))
+                .zip(self.state.full_capacity())
                 .and_then(|(share, capacity)| self.estimator.time_to_draw_s(share, capacity)),
             None => charge.and(self.estimator.inferred_time_remaining_s()),
         };
@@ -570,7 +562,8 @@ impl BatteryMonitor {
             return None;
         }
         let time_out = self.reports.charge_time_out(now);
-        if settings.failsafe.needs_charge() && time_out.is_some() && self.state.remaining_pct.is_none() {
+        let is_unknown = self.state.readings.remaining_pct.is_none();
+        if settings.failsafe.needs_charge() && time_out.is_some() && is_unknown {
             self.state.status = PackStatus::Unhealthy;
             return time_out;
         }
@@ -588,12 +581,13 @@ impl BatteryMonitor {
 
     /// Inputs of a tick's evaluation. `is_fresh`: the state shows this tick's reading.
     fn basis(&self, tick: Tick, dt_us: u64, is_fresh: bool) -> Basis {
+        let remaining_pct = self.state.readings.remaining_pct;
         let remaining_at_most_pct = match self.state.charge_source {
             ChargeSource::Estimated => {
-                let estimated = self.estimator.reported().filter(|_| self.is_estimated());
-                estimated.map(|charge| charge.at_most_pct)
+                let charge = remaining_pct.and(self.estimated());
+                charge.map(|charge| charge.at_most_pct)
             }
-            ChargeSource::Gauge | ChargeSource::Reported => self.state.remaining_pct,
+            ChargeSource::Gauge | ChargeSource::Reported => remaining_pct,
         };
         Basis {
             tick,
@@ -718,7 +712,7 @@ impl BatteryMonitor {
         let charge_mah = (1.0 - share) * capacity_mah.unwrap_or(0.0);
         self.counting.restart(Consumed {
             charge_mah,
-            energy_wh: charge_mah / 1000.0 * self.state.voltage_v.unwrap_or(0.0),
+            energy_wh: charge_mah / 1000.0 * self.state.readings.voltage_v.unwrap_or(0.0),
         });
         self.estimator.set_state_of_charge(share);
     }

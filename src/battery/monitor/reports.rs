@@ -55,7 +55,6 @@ impl Reports {
         }
         self.supply = measurement.supply;
         state.contents = measurement.contents;
-        state.reported = measurement.reported;
         let left = state.members & !measurement.members;
         if left != 0 {
             push(events, PackEvent::MembersLeft(left));

@@ -101,12 +101,12 @@ fn fifth_failed_read_is_unhealthy_and_values_are_held() {
             PackStatus::Unhealthy
         };
         assert_eq!(bench.state().status, expected, "failure {failure}");
-        assert_eq!(bench.state().voltage_v, Some(11.1));
+        assert_eq!(bench.state().readings.voltage_v, Some(11.1));
     }
     assert_eq!(bench.state().charge_state, ChargeState::Unhealthy);
     assert_eq!(bench.tick(Ok(volts(10.9))), None);
     assert_eq!(bench.state().status, PackStatus::Healthy);
-    assert_eq!(bench.state().voltage_v, Some(10.9));
+    assert_eq!(bench.state().readings.voltage_v, Some(10.9));
 }
 
 #[test]
@@ -130,7 +130,7 @@ fn sensor_failed_since_boot_is_unknown_then_unhealthy() {
     }
     bench.tick(Err(ReadError::Timeout));
     assert_eq!(bench.state().status, PackStatus::Unhealthy);
-    assert_eq!(bench.state().voltage_v, None);
+    assert_eq!(bench.state().readings.voltage_v, None);
 }
 
 #[test]
@@ -138,8 +138,8 @@ fn usb_power_alone_is_not_connected() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(2.09));
     assert_eq!(bench.state().status, PackStatus::NotConnected);
-    assert_eq!(bench.state().voltage_v, None);
-    assert_eq!(bench.state().remaining_pct, None);
+    assert_eq!(bench.state().readings.voltage_v, None);
+    assert_eq!(bench.state().readings.remaining_pct, None);
     assert_eq!(bench.state().charge_state, ChargeState::Undefined);
     bench.tick(Ok(volts(11.1)));
     assert_eq!(bench.state().status, PackStatus::Healthy);
@@ -156,7 +156,7 @@ fn nan_and_infinity_count_as_failed_reads() {
         let mut bench = Bench::new();
         bench.tick(Ok(volts(11.1)));
         assert_eq!(bench.tick(Ok(measurement)), Some(ReadError::Implausible));
-        assert_eq!(bench.state().voltage_v, Some(11.1));
+        assert_eq!(bench.state().readings.voltage_v, Some(11.1));
         assert_eq!(bench.monitor.failed_reads(), 1);
     }
 }
@@ -165,7 +165,7 @@ fn nan_and_infinity_count_as_failed_reads() {
 fn charge_at_boot_is_initialised_from_the_voltage() {
     let mut bench = Bench::new();
     let state = bench.run(2.5, loaded(3.0 * 3.817, 0.1));
-    let remaining_pct = state.remaining_pct.expect("known");
+    let remaining_pct = state.readings.remaining_pct.expect("known");
     assert!((45.0..55.0).contains(&remaining_pct), "{remaining_pct}");
     assert!(
         state.consumed_mah().expect("counted") < 0.1,
@@ -187,8 +187,10 @@ fn remaining_charge_does_not_rise_when_a_load_ends() {
         let mut bench = Bench::new();
         bench.run(30.0, reading(0.2));
         bench.arm_state = ArmState::Armed;
-        let under_load = bench.run(20.0, reading(15.0)).remaining_pct.expect("known");
-        let after = bench.run(10.0, reading(0.2)).remaining_pct.expect("known");
+        let under_load = bench.run(20.0, reading(15.0)).readings;
+        let under_load = under_load.remaining_pct.expect("known");
+        let after = bench.run(10.0, reading(0.2)).readings;
+        let after = after.remaining_pct.expect("known");
         assert!(
             after <= under_load + 0.5,
             "{under_load} % under load, {after} % after"
@@ -200,19 +202,20 @@ fn remaining_charge_does_not_rise_when_a_load_ends() {
 fn armed_without_current_sensor_charge_takes_30_seconds() {
     let mut bench = Bench::new();
     bench.arm_state = ArmState::Armed;
-    assert_eq!(bench.run(29.0, volts(10.9)).remaining_pct, None);
-    assert!(bench.run(2.0, volts(11.3)).remaining_pct.is_some());
+    assert_eq!(bench.run(29.0, volts(10.9)).readings.remaining_pct, None);
+    assert!(bench.run(2.0, volts(11.3)).readings.remaining_pct.is_some());
 }
 
 #[test]
 fn charge_is_unknown_on_the_flat_part_of_a_curve() {
     let mut bench = Bench::new();
     bench.settings.chemistry = Chemistry::LiFe;
-    assert_eq!(bench.run(2.0, volts(3.0 * 3.295)).remaining_pct, None);
+    assert_eq!(bench.run(2.0, volts(3.0 * 3.295)).readings.remaining_pct, None);
     let mut bench = Bench::new();
     bench.settings.chemistry = Chemistry::LiFe;
     let nearly_empty_pct = bench
         .run(2.0, volts(3.0 * 3.05))
+        .readings
         .remaining_pct
         .expect("known at the steep end");
     assert!(nearly_empty_pct < 8.0, "{nearly_empty_pct}");
@@ -225,10 +228,11 @@ fn without_voltage_only_a_battery_reset_sets_the_charge() {
         ..Measurement::default()
     };
     let mut bench = Bench::new();
-    assert_eq!(bench.run(10.0, current_only).remaining_pct, None);
+    assert_eq!(bench.run(10.0, current_only).readings.remaining_pct, None);
     bench.monitor.reset(50.0, &bench.settings);
     // 36 s at 1 C are one percent.
-    let remaining_pct = bench.run(36.0, current_only).remaining_pct.expect("known");
+    let readings = bench.run(36.0, current_only).readings;
+    let remaining_pct = readings.remaining_pct.expect("known");
     assert!((remaining_pct - 49.0).abs() < 0.05, "{remaining_pct}");
 }
 
@@ -239,10 +243,10 @@ fn remaining_time_follows_the_average_load() {
     bench.run(1.0, loaded(12.6, 0.2));
     bench.monitor.reset(100.0, &bench.settings);
     let state = bench.run(600.0, loaded(11.9, 2.2));
-    let remaining_s = state.time_remaining_s.expect("known");
+    let remaining_s = state.readings.time_remaining_s.expect("known");
     // One hour at this load, less ten minutes and the reserve for a sag of a quarter of a volt a cell: a sixth.
     assert!((2300.0..2500.0).contains(&remaining_s), "{remaining_s}");
-    assert!((state.average_current_a.expect("known") - 2.2).abs() < 0.01);
+    assert!((state.readings.average_current_a.expect("known") - 2.2).abs() < 0.01);
 }
 
 #[test]
@@ -252,7 +256,7 @@ fn cell_count_is_detected_and_announced_once() {
     let state = bench.run(60.0, loaded(11.4, 0.2));
     assert_eq!(state.cell_count, Some(3));
     assert_eq!(bench.events, [PackEvent::CellsDetected { count: 3 }]);
-    assert!(state.remaining_pct.is_some());
+    assert!(state.readings.remaining_pct.is_some());
     // Latched: sag does not change the count.
     assert_eq!(bench.run(60.0, loaded(8.4, 0.2)).cell_count, Some(3));
 }
@@ -449,7 +453,7 @@ fn battery_reset_sets_charge_and_consumption() {
     bench.run(60.0, loaded(11.4, 5.0));
     bench.monitor.reset(56.0, &bench.settings);
     bench.tick(Ok(loaded(11.4, 0.0)));
-    assert!((bench.state().remaining_pct.unwrap() - 56.0).abs() < 0.01);
+    assert!((bench.state().readings.remaining_pct.unwrap() - 56.0).abs() < 0.01);
     assert!((bench.state().consumed_mah().unwrap() - 0.44 * 2200.0).abs() < 0.1);
     assert!((bench.state().consumed_wh.unwrap() - 0.44 * 2.2 * 11.4).abs() < 0.01);
 }
@@ -478,7 +482,7 @@ fn retained_data_continues_after_a_processor_reset() {
     after.tick(Ok(loaded(11.2, 5.0)));
     let state = after.state();
     assert!((state.consumed_mah().unwrap() - last.consumed_mah().unwrap()).abs() < 0.01);
-    assert!((state.remaining_pct.unwrap() - last.remaining_pct.unwrap()).abs() < 0.01);
+    assert!((state.readings.remaining_pct.unwrap() - last.readings.remaining_pct.unwrap()).abs() < 0.01);
     assert_eq!(state.cell_count, Some(3));
 }
 
@@ -536,10 +540,10 @@ fn faults_begin_and_end() {
     for (measurement, expected) in cases {
         let mut bench = Bench::new();
         bench.settings.overload_w = Some(200.0);
-        assert_eq!(bench.run(1.0, loaded(11.4, 1.0)).faults, Faults::empty());
-        assert_eq!(bench.run(3.5, measurement).faults, expected);
+        assert_eq!(bench.run(1.0, loaded(11.4, 1.0)).readings.faults, Faults::empty());
+        assert_eq!(bench.run(3.5, measurement).readings.faults, expected);
         assert_eq!(
-            bench.run(3.5, loaded(11.4, 1.0)).faults,
+            bench.run(3.5, loaded(11.4, 1.0)).readings.faults,
             Faults::empty(),
             "{expected:?} stays"
         );
@@ -554,15 +558,18 @@ fn cells_that_differ_at_rest_are_a_fault_until_the_next_rest_and_refuse_nothing(
         ..loaded(11.5, current_a)
     };
     assert_eq!(
-        bench.run(10.0, with(3650, 5.0)).faults,
+        bench.run(10.0, with(3650, 5.0)).readings.faults,
         Faults::empty(),
         "under load"
     );
     let at_rest = bench.run(10.0, with(3650, 0.0));
-    assert_eq!(at_rest.faults, Faults::CELL_DIFFERS);
+    assert_eq!(at_rest.readings.faults, Faults::CELL_DIFFERS);
     assert_eq!(at_rest.refusals().count(), 0);
-    assert_eq!(bench.run(10.0, with(3900, 5.0)).faults, Faults::CELL_DIFFERS);
-    assert_eq!(bench.run(10.0, with(3720, 0.0)).faults, Faults::empty());
+    assert_eq!(
+        bench.run(10.0, with(3900, 5.0)).readings.faults,
+        Faults::CELL_DIFFERS
+    );
+    assert_eq!(bench.run(10.0, with(3720, 0.0)).readings.faults, Faults::empty());
 }
 
 #[test]
@@ -580,7 +587,7 @@ fn the_temperature_of_a_device_is_no_fault_of_the_pack() {
         );
         assert_eq!(state.temperature_c, Some(temperature_c));
         assert_eq!(
-            (state.pack_temperature_c(), state.faults),
+            (state.pack_temperature_c(), state.readings.faults),
             (None, Faults::empty())
         );
     }
@@ -591,24 +598,25 @@ fn the_temperature_of_a_device_is_no_fault_of_the_pack() {
 fn single_spike_is_a_short_fault() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(12.0));
-    assert_eq!(bench.run(0.1, volts(14.0)).faults, Faults::SPIKES);
+    assert_eq!(bench.run(0.1, volts(14.0)).readings.faults, Faults::SPIKES);
     assert_eq!(bench.state().charge_state, ChargeState::Ok);
     assert_eq!(bench.state().consequences(), Consequences::empty());
-    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::empty());
+    assert_eq!(bench.run(2.0, volts(12.0)).readings.faults, Faults::empty());
 }
 
 #[test]
 fn retained_charge_is_not_that_of_other_cells_set_before_the_reset() {
     let mut before = Bench::new();
     before.run(10.0, loaded(9.6, 0.2));
-    assert!(before.state().remaining_pct.unwrap() < 10.0);
+    assert!(before.state().readings.remaining_pct.unwrap() < 10.0);
     for (cell_count, voltage_v, expected_pct) in [(Some(3), 9.6, 0.0..10.0), (Some(6), 24.6, 80.0..101.0)] {
         let mut after = Bench::new();
         after.settings.cell_count = cell_count;
         after
             .monitor
             .restore(&before.monitor.memory(PackSource::default()));
-        let remaining_pct = after.run(10.0, loaded(voltage_v, 0.2)).remaining_pct.unwrap();
+        let readings = after.run(10.0, loaded(voltage_v, 0.2)).readings;
+        let remaining_pct = readings.remaining_pct.unwrap();
         assert!(expected_pct.contains(&remaining_pct), "{remaining_pct} %");
     }
 }
@@ -622,7 +630,7 @@ fn retained_charge_is_not_that_of_a_pack_that_was_disconnected() {
     after
         .monitor
         .restore(&before.monitor.memory(PackSource::default()));
-    let remaining_pct = after.run(10.0, loaded(12.4, 0.2)).remaining_pct.unwrap();
+    let remaining_pct = after.run(10.0, loaded(12.4, 0.2)).readings.remaining_pct.unwrap();
     assert!(remaining_pct > 80.0, "{remaining_pct} %");
 }
 
@@ -631,19 +639,22 @@ fn wrong_cells_are_no_spike() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(12.0));
     bench.settings.cell_count = Some(2);
-    assert_eq!(bench.run(0.5, volts(12.0)).faults, Faults::empty());
-    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::CELLS_CONFIGURATION);
+    assert_eq!(bench.run(0.5, volts(12.0)).readings.faults, Faults::empty());
+    assert_eq!(
+        bench.run(2.0, volts(12.0)).readings.faults,
+        Faults::CELLS_CONFIGURATION
+    );
     bench.settings.cell_count = Some(3);
-    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::empty());
-    assert_eq!(bench.run(0.1, volts(14.0)).faults, Faults::SPIKES);
+    assert_eq!(bench.run(2.0, volts(12.0)).readings.faults, Faults::empty());
+    assert_eq!(bench.run(0.1, volts(14.0)).readings.faults, Faults::SPIKES);
 }
 
 #[test]
 fn changed_cell_count_reinitialises_the_estimate() {
     let mut bench = Bench::new();
-    let as_three_pct = bench.run(1.1, volts(8.2)).remaining_pct.expect("known");
+    let as_three_pct = bench.run(1.1, volts(8.2)).readings.remaining_pct.expect("known");
     bench.settings.cell_count = Some(2);
-    let as_two_pct = bench.run(1.1, volts(8.2)).remaining_pct.expect("known");
+    let as_two_pct = bench.run(1.1, volts(8.2)).readings.remaining_pct.expect("known");
     assert!(
         as_three_pct < 5.0 && as_two_pct > 80.0,
         "{as_three_pct} % and {as_two_pct} %"
@@ -701,7 +712,7 @@ fn smart_battery_overrides_charge_capacity_and_cells() {
     let state = *bench.state();
     assert_eq!(state.consumed_mah(), Some(600.0));
     assert_eq!(state.capacity_mah(), Some(2600.0));
-    assert!((state.remaining_pct.unwrap() - 76.92).abs() < 0.01);
+    assert!((state.readings.remaining_pct.unwrap() - 76.92).abs() < 0.01);
     assert_eq!(state.charge_source, ChargeSource::Gauge);
     assert_eq!((state.cell_count, state.serial_number), (Some(3), Some(4711)));
     assert_eq!(state.chemistry, Chemistry::LiIon);
@@ -709,7 +720,7 @@ fn smart_battery_overrides_charge_capacity_and_cells() {
     let wh = state.consumed_wh.unwrap();
     assert!((wh - 9.9 * 42.12 / 3600.0).abs() < 1e-4, "{wh}");
     // 2 Ah at 3.6 A.
-    assert!((state.time_remaining_s.unwrap() - 2000.0).abs() < 0.1);
+    assert!((state.readings.time_remaining_s.unwrap() - 2000.0).abs() < 0.1);
 }
 
 #[test]
@@ -723,14 +734,14 @@ fn reported_charge_is_used_without_a_capacity_and_its_count_without_energy() {
     };
     bench.run(10.0, reported);
     let state = *bench.state();
-    assert_eq!(state.remaining_pct, Some(42.0));
+    assert_eq!(state.readings.remaining_pct, Some(42.0));
     assert_eq!(state.charge_source, ChargeSource::Reported);
     assert_eq!((state.consumed_mah(), state.capacity), (Some(800.0), None));
     // 9.9 s of 39.96 W.
     let wh = state.consumed_wh.unwrap();
     assert!((wh - 9.9 * 39.96 / 3600.0).abs() < 1e-4, "{wh}");
     bench.monitor.reset(100.0, &bench.settings);
-    assert_eq!(bench.run(0.1, reported).remaining_pct, Some(42.0));
+    assert_eq!(bench.run(0.1, reported).readings.remaining_pct, Some(42.0));
     for out_of_range in [-0.01, 1.01, f32::NAN] {
         let measurement = Measurement {
             state_of_charge: Some(out_of_range),
@@ -753,7 +764,7 @@ fn a_solar_charger_at_dusk_does_not_ground_a_rover() {
         ..loaded(14.0, 0.0)
     };
     let state = bench.run(60.0, dusk);
-    assert_eq!(state.faults, Faults::empty());
+    assert_eq!(state.readings.faults, Faults::empty());
     assert_eq!(state.charge_state, ChargeState::Ok);
     assert_eq!(arming_failures(&state, &bench.settings, None).next(), None);
     assert_eq!(state.consequences(), Consequences::empty());
@@ -776,10 +787,10 @@ fn what_a_pack_reports_ends_with_the_pack() {
         time_remaining_s: Some(60.0),
         ..volts(11.7)
     };
-    assert_eq!(bench.run(2.0, hot).time_remaining_s, Some(60.0));
+    assert_eq!(bench.run(2.0, hot).readings.time_remaining_s, Some(60.0));
     let state = bench.run(1.0, volts(0.0));
-    assert_eq!(state.reported, Reported::NONE);
-    assert_eq!(state.time_remaining_s, None);
+    assert_eq!(state.readings.reported, Reported::NONE);
+    assert_eq!(state.readings.time_remaining_s, None);
 }
 
 #[test]
@@ -928,13 +939,13 @@ fn fuel_flow(volume_ml: f32, flow_l_h: f32) -> Measurement {
 fn tank_with_flow_sensor_starts_full() {
     let mut bench = Bench::new();
     bench.tick(Ok(fuel_flow(0.0, 0.0)));
-    assert_eq!(bench.state().remaining_pct, Some(100.0));
+    assert_eq!(bench.state().readings.remaining_pct, Some(100.0));
     // At 1 l/h a tick is 27.8 µl: 550 of 2200 ml take 1980 s.
     let state = bench.run(1980.0, fuel_flow(1.0 / 36.0, 1.0));
     assert!((state.consumed_ml().unwrap() - 550.0).abs() < 0.1);
-    assert!((state.remaining_pct.unwrap() - 75.0).abs() < 0.01);
-    assert!((state.time_remaining_s.unwrap() - 1.65 * 3600.0).abs() < 1.0);
-    assert_eq!((state.voltage_v, state.consumed_wh), (None, None));
+    assert!((state.readings.remaining_pct.unwrap() - 75.0).abs() < 0.01);
+    assert!((state.readings.time_remaining_s.unwrap() - 1.65 * 3600.0).abs() < 1.0);
+    assert_eq!((state.readings.voltage_v, state.consumed_wh), (None, None));
     assert_eq!(
         (state.contents, state.status),
         (Contents::Fuel, PackStatus::Healthy)
@@ -945,10 +956,10 @@ fn tank_with_flow_sensor_starts_full() {
 fn fill_level_is_clamped_at_zero_and_needs_a_capacity() {
     let mut bench = Bench::new();
     bench.tick(Ok(fuel_flow(2500.0, 1.0)));
-    assert_eq!(bench.state().remaining_pct, Some(0.0));
+    assert_eq!(bench.state().readings.remaining_pct, Some(0.0));
     bench.settings.capacity_mah = None;
     bench.tick(Ok(fuel_flow(0.0, 1.0)));
-    assert_eq!(bench.state().remaining_pct, None);
+    assert_eq!(bench.state().readings.remaining_pct, None);
     assert_eq!(bench.state().consumed_ml(), Some(2500.0));
 }
 
@@ -958,7 +969,7 @@ fn battery_reset_sets_the_fill_level() {
     bench.tick(Ok(fuel_flow(2000.0, 1.0)));
     bench.monitor.reset(50.0, &bench.settings);
     bench.tick(Ok(fuel_flow(110.0, 1.0)));
-    assert!((bench.state().remaining_pct.unwrap() - 45.0).abs() < 0.01);
+    assert!((bench.state().readings.remaining_pct.unwrap() - 45.0).abs() < 0.01);
     assert!((bench.state().consumed_ml().unwrap() - 1210.0).abs() < 0.01);
     assert_eq!(bench.state().consumed_wh, None);
 }
@@ -1073,18 +1084,18 @@ proptest! {
             }
             let state = *bench.state();
             let values = [
-                state.voltage_v, state.resting_voltage_v, state.current_a, state.average_current_a,
-                state.resistance_ohm, state.consumed.map(Amount::number), state.consumed_wh, state.remaining_pct,
-                state.time_remaining_s, state.temperature_c,
+                state.readings.voltage_v, state.readings.resting_voltage_v, state.readings.current_a, state.readings.average_current_a,
+                state.resistance_ohm, state.consumed.map(Amount::number), state.consumed_wh, state.readings.remaining_pct,
+                state.readings.time_remaining_s, state.temperature_c,
             ];
             for value in values.into_iter().flatten() {
                 prop_assert!(value.is_finite(), "{state:?}");
             }
-            prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{state:?}");
+            prop_assert!(state.readings.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{state:?}");
             prop_assert!(state.contents == Contents::Charge || state.consumed_wh.is_none(), "{state:?}");
             prop_assert!(state.resistance_ohm.is_none_or(|ohm| ohm > 0.0), "{state:?}");
-            prop_assert!(state.time_remaining_s.is_none_or(|seconds| seconds >= 0.0), "{state:?}");
-            prop_assert!(state.voltage_v.is_none_or(|v| v >= MIN_CONNECTED_VOLTAGE_V), "{state:?}");
+            prop_assert!(state.readings.time_remaining_s.is_none_or(|seconds| seconds >= 0.0), "{state:?}");
+            prop_assert!(state.readings.voltage_v.is_none_or(|v| v >= MIN_CONNECTED_VOLTAGE_V), "{state:?}");
         }
     }
 }

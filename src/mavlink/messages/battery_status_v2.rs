@@ -87,7 +87,7 @@ pub fn build_battery_status_v2(state: &SystemState<'_>, pack: Pack) -> BATTERY_S
                 .voltage_to_report_v()
                 .filter(|voltage_v| *voltage_v >= 0.0),
         ),
-        current: number(battery.current_a),
+        current: number(battery.readings.current_a),
         capacity_consumed: number(amp_hours(battery.consumed.map(Amount::number))),
         capacity_remaining: number(amp_hours(remaining(battery))),
         state_of_charge: number(state_of_charge_pct(battery)),
@@ -98,7 +98,7 @@ pub fn build_battery_status_v2(state: &SystemState<'_>, pack: Pack) -> BATTERY_S
 }
 
 fn state_of_charge_pct(battery: &BatteryState) -> Option<f32> {
-    finite(battery.remaining_pct).map(|percent| percent.clamp(0.0, 100.0))
+    finite(battery.readings.remaining_pct).map(|percent| percent.clamp(0.0, 100.0))
 }
 
 /// The charge that is left, in milliampere-hours; of fuel, in millilitres.
@@ -109,7 +109,7 @@ fn remaining(battery: &BatteryState) -> Option<f32> {
 
 fn status_flags(battery: &BatteryState) -> Flags {
     let modes = FLAGS_OF_MODES.iter();
-    let set = modes.filter(|(mode, _)| battery.reported.modes.contains(*mode));
+    let set = modes.filter(|(mode, _)| battery.readings.reported.modes.contains(*mode));
     let flags = fault_flags(battery.faults_to_show()) | readiness_flags(battery) | charge_flags(battery);
     set.fold(flags, |flags, (_, flag)| flags | *flag)
 }
@@ -140,7 +140,7 @@ fn charge_flags(battery: &BatteryState) -> Flags {
     flags.set(
         Flags::MAV_BATTERY_STATUS_FLAGS_CHARGING,
         battery.charge_state == ChargeState::Charging
-            || battery.reported.charge_state == Some(ChargeState::Charging),
+            || battery.readings.reported.charge_state == Some(ChargeState::Charging),
     );
     // A gauge counts from the full pack; what is estimated here is counted from boot.
     flags.set(

@@ -27,11 +27,11 @@ pub fn build_fuel_status(state: &SystemState<'_>, pack: Pack) -> FUEL_STATUS_DAT
         maximum_fuel: number(tank.capacity_ml()),
         consumed_fuel: number(tank.consumed_ml().filter(|_| !is_level_measured)),
         remaining_fuel: number(remaining_ml(tank).filter(|_| is_level_measured)),
-        flow_rate: number(tank.current_a.map(|flow_l_h| flow_l_h * ML_PER_S)),
+        flow_rate: number(tank.readings.current_a.map(|flow_l_h| flow_l_h * ML_PER_S)),
         temperature: number(tank.temperature_c.map(|celsius| celsius + KELVIN_AT_0_CELSIUS)),
         fuel_type: MavFuelType::MAV_FUEL_TYPE_LIQUID,
         id: pack.instance(),
-        percent_remaining: match finite(tank.remaining_pct) {
+        percent_remaining: match finite(tank.readings.remaining_pct) {
             Some(percent) => round_to_i32(percent).clamp(0, 100) as u8,
             None => LEVEL_UNKNOWN_PCT,
         },
@@ -39,6 +39,6 @@ pub fn build_fuel_status(state: &SystemState<'_>, pack: Pack) -> FUEL_STATUS_DAT
 }
 
 fn remaining_ml(tank: &BatteryState) -> Option<f32> {
-    let share = finite(tank.remaining_pct)?.clamp(0.0, 100.0) / 100.0;
+    let share = finite(tank.readings.remaining_pct)?.clamp(0.0, 100.0) / 100.0;
     Some(tank.capacity_ml()? * share)
 }

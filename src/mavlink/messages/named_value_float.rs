@@ -19,7 +19,8 @@ pub fn build_resistance(state: &SystemState<'_>, pack: Pack) -> NAMED_VALUE_FLOA
 
 /// The voltage of `pack` without its load, in volts: `BAT1_VREST` of the first one. NaN while it is unknown.
 pub fn build_resting_voltage(state: &SystemState<'_>, pack: Pack) -> NAMED_VALUE_FLOAT_DATA {
-    named_value(state, pack, *b"BAT#_VREST", state.battery(pack).resting_voltage_v)
+    let readings = &state.battery(pack).readings;
+    named_value(state, pack, *b"BAT#_VREST", readings.resting_voltage_v)
 }
 
 /// The standard deviation of the remaining charge of `pack`, in percent of a full pack: `BAT1_SIGMA` of the first one. NaN while
@@ -29,7 +30,7 @@ pub fn build_charge_deviation(state: &SystemState<'_>, pack: Pack) -> NAMED_VALU
         state,
         pack,
         *b"BAT#_SIGMA",
-        state.battery(pack).remaining_sigma_pct,
+        state.battery(pack).readings.remaining_sigma_pct,
     )
 }
 

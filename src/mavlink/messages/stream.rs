@@ -77,8 +77,8 @@ impl Stream {
                 Subject::Vehicle | Subject::EachPack => true,
                 Subject::EachTank => state.is_tank(pack),
                 Subject::EachKnownResistance => battery.resistance_ohm.is_some(),
-                Subject::EachKnownRestingVoltage => battery.resting_voltage_v.is_some(),
-                Subject::EachKnownDeviation => battery.remaining_sigma_pct.is_some(),
+                Subject::EachKnownRestingVoltage => battery.readings.resting_voltage_v.is_some(),
+                Subject::EachKnownDeviation => battery.readings.remaining_sigma_pct.is_some(),
             }
     }
 }

@@ -228,14 +228,14 @@ const STATE_OF_HEALTH_UNKNOWN_PCT: u8 = 0;
 fn encode_battery(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
     Packet::at(Kind::Battery, time_us)
         .u8(pack.instance())
-        .number(state.voltage_v)
-        .number(state.resting_voltage_v)
-        .number(state.current_a)
+        .number(state.readings.voltage_v)
+        .number(state.readings.resting_voltage_v)
+        .number(state.readings.current_a)
         .number(state.consumed.map(Amount::number))
         .number(state.consumed_wh)
         .bytes(&temperature_cdegc(state.temperature_c).to_le_bytes())
         .number(state.resistance_ohm)
-        .u8(finite(state.remaining_pct).map_or(REMAINING_UNKNOWN_PCT, whole_pct))
+        .u8(finite(state.readings.remaining_pct).map_or(REMAINING_UNKNOWN_PCT, whole_pct))
         .u8(u8::from(state.status == PackStatus::Healthy))
         .u8(state.state_of_health_pct.unwrap_or(STATE_OF_HEALTH_UNKNOWN_PCT))
         .finish()
@@ -259,15 +259,15 @@ const DEVIATIONS: f32 = 2.0;
 /// `SoC` with its bounds and `Use`, the usable share, in percent; `Cap`, the learnt capacity, in milliampere-hours; `State`
 /// and `Flt` by MAVLink's numbers and bits; `FS` by ArduPilot's; `Stat`, see [`status_number`].
 fn encode_estimate(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
-    let remaining_pct = finite(state.remaining_pct);
-    let deviation_pct = finite(state.remaining_sigma_pct).map(|sigma_pct| DEVIATIONS * sigma_pct);
+    let remaining_pct = finite(state.readings.remaining_pct);
+    let deviation_pct = finite(state.readings.remaining_sigma_pct).map(|sigma_pct| DEVIATIONS * sigma_pct);
     let bounds = remaining_pct.zip(deviation_pct);
     Packet::at(Kind::Estimate, time_us)
         .u8(pack.instance())
         .number(remaining_pct)
         .number(bounds.map(|(pct, deviation_pct)| (pct - deviation_pct).max(0.0)))
         .number(bounds.map(|(pct, deviation_pct)| (pct + deviation_pct).min(100.0)))
-        .number(state.usable_pct)
+        .number(state.readings.usable_pct)
         .number(state.learnt_capacity_mah)
         .u8(state.charge_state as u8)
         .u16(state.faults_to_show().bits())
@@ -307,7 +307,7 @@ const NO_CELL_MV: u16 = 0;
 
 fn encode_cells(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
     let mut packet = Packet::at(Kind::Cells, time_us);
-    packet.u8(pack.instance()).number(state.voltage_v);
+    packet.u8(pack.instance()).number(state.readings.voltage_v);
     with_cells(&mut packet, state, 0..FIRST_CELLS)
 }
 

@@ -6,7 +6,7 @@ use super::format::{FORMATS, Format, MULTIPLIERS, UNITS};
 use super::*;
 use crate::battery::{
     Amount, BatteryState, CellVoltages, ChargeState, Chemistry, FailsafeLevel, FailsafeTimer, Faults,
-    GaugeReport, LearntPack, MAX_CELLS, Modes, PackStatus, Reported,
+    GaugeReport, LearntPack, MAX_CELLS, Modes, PackStatus, Readings, Reported,
 };
 use crate::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use crate::memory::identity::BoardId;
@@ -32,18 +32,21 @@ fn opening() -> impl Iterator<Item = RecordBytes> {
 fn known() -> BatteryState {
     BatteryState {
         status: PackStatus::Healthy,
-        voltage_v: Some(11.5),
-        resting_voltage_v: Some(11.75),
-        current_a: Some(-2.5),
+        readings: Readings {
+            voltage_v: Some(11.5),
+            resting_voltage_v: Some(11.75),
+            current_a: Some(-2.5),
+            remaining_pct: Some(66.5),
+            remaining_sigma_pct: Some(1.0),
+            usable_pct: Some(60.25),
+            faults: Faults::OVER_TEMPERATURE | Faults::CELL_FAIL,
+            ..Readings::NONE
+        },
         resistance_ohm: Some(0.0625),
         consumed: Some(Amount::Mah(1250.0)),
         consumed_wh: Some(14.5),
-        remaining_pct: Some(66.5),
-        remaining_sigma_pct: Some(1.0),
-        usable_pct: Some(60.25),
         temperature_c: Some(-12.34),
         charge_state: ChargeState::Low,
-        faults: Faults::OVER_TEMPERATURE | Faults::CELL_FAIL,
         failsafe: FailsafeLevel::Low,
         learnt_capacity_mah: Some(4750.0),
         state_of_health_pct: Some(93),
@@ -119,7 +122,7 @@ fn one_of_each<'a>(
         Record::Pack(Pack::First, state, Some(learnt)),
         Record::Curve(Pack::First, learnt),
         Record::FailsafeTimer(Pack::First, FailsafeLevel::Low, FailsafeTimer::Running),
-        Record::Report(Pack::First, &state.reported),
+        Record::Report(Pack::First, &state.readings.reported),
     ]
 }
 
@@ -155,7 +158,10 @@ fn cells_beyond_the_twelfth_have_a_record_of_their_own() {
     let mut cells = [3750; 13];
     (cells[11], cells[12]) = (0, 3751);
     let state = BatteryState {
-        voltage_v: Some(52.5),
+        readings: Readings {
+            voltage_v: Some(52.5),
+            ..Readings::NONE
+        },
         cells: CellVoltages::from_millivolts(&cells),
         ..BatteryState::UNKNOWN
     };
@@ -441,7 +447,10 @@ fn units_and_multipliers_are_those_in_use() {
 fn temperature_and_remaining(temperature_c: f32, remaining_pct: f32) -> (i16, u8) {
     let state = BatteryState {
         temperature_c: Some(temperature_c),
-        remaining_pct: Some(remaining_pct),
+        readings: Readings {
+            remaining_pct: Some(remaining_pct),
+            ..Readings::NONE
+        },
         ..BatteryState::UNKNOWN
     };
     let bytes = Record::Battery(Pack::First, &state).encode(0);
@@ -464,20 +473,18 @@ proptest! {
         instance in 0u8..9,
     ) {
         let [a, b, c, d, e, f, g, h, i, j] = numbers.map(|bits| Some(f32::from_bits(bits)));
-        let state = BatteryState {
-            voltage_v: a,
-            resting_voltage_v: b,
-            current_a: c,
-            consumed: d.map(Amount::Mah),
-            consumed_wh: e,
-            temperature_c: f,
-            resistance_ohm: g,
-            remaining_pct: h,
-            remaining_sigma_pct: i,
-            usable_pct: j,
-            cells: CellVoltages::from_millivolts(&cells),
-            ..BatteryState::UNKNOWN
-        };
+        let mut state = BatteryState::UNKNOWN;
+        state.readings.voltage_v = a;
+        state.readings.resting_voltage_v = b;
+        state.readings.current_a = c;
+        state.consumed = d.map(Amount::Mah);
+        state.consumed_wh = e;
+        state.temperature_c = f;
+        state.resistance_ohm = g;
+        state.readings.remaining_pct = h;
+        state.readings.remaining_sigma_pct = i;
+        state.readings.usable_pct = j;
+        state.cells = CellVoltages::from_millivolts(&cells);
         let pack = Pack::from_instance(instance).unwrap();
         for record in Record::of_pack(pack, &state) {
             let bytes = record.encode(0);

@@ -234,15 +234,18 @@ fn sixteen_cells(last_mv: u16) -> BatteryState {
 // Requirement: AP-7
 fn the_last_of_sixteen_cells_is_one_of_them() {
     let sound = sixteen_cells(3300);
-    assert_eq!((sound.voltage_v, sound.cell_count), (Some(52.8), Some(16)));
-    assert_eq!(sound.faults, Faults::empty());
+    assert_eq!(
+        (sound.readings.voltage_v, sound.cell_count),
+        (Some(52.8), Some(16))
+    );
+    assert_eq!(sound.readings.faults, Faults::empty());
     // Half full: 14 cells would be full at this voltage.
     assert!(
-        sound.remaining_pct.is_none_or(|percent| percent < 80.0),
+        sound.readings.remaining_pct.is_none_or(|percent| percent < 80.0),
         "{sound:?}"
     );
     let broken = sixteen_cells(2000);
-    assert_eq!(broken.faults, Faults::CELL_FAIL | Faults::DEEP_DISCHARGE);
+    assert_eq!(broken.readings.faults, Faults::CELL_FAIL | Faults::DEEP_DISCHARGE);
 }
 
 /// A battery that follows version 1.1 of the specification, with these words instead of its own.
@@ -578,7 +581,7 @@ proptest! {
                 let tick = Tick { now, ..Tick::default() };
                 let _ = monitor.update(tick, reading, &PackSettings::default());
                 let state = monitor.state();
-                let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.remaining_pct];
+                let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.remaining_pct];
                 prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
             }
         }
@@ -600,8 +603,8 @@ proptest! {
                 let _ = monitor.update(tick, reading, &PackSettings::default());
             }
             let state = monitor.state();
-            prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);
-            let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.time_remaining_s];
+            prop_assert!(state.readings.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);
+            let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.time_remaining_s];
             prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
         }
     }
@@ -622,7 +625,7 @@ proptest! {
                 let _ = monitor.update(tick, reading, &PackSettings::default());
             }
             let state = monitor.state();
-            let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.remaining_pct];
+            let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.remaining_pct];
             prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
         }
     }

@@ -247,12 +247,12 @@ fn times_left(samples: &[Sample], settings: &PackSettings) -> Vec<(f64, f64)> {
         .t_s;
     let is_known: Vec<bool> = moments
         .iter()
-        .map(|moment| moment.state.time_remaining_s.is_some())
+        .map(|moment| moment.state.readings.time_remaining_s.is_some())
         .collect();
     let changes = is_known.windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert_eq!(changes, 1, "it flickers");
     let known = moments.iter().zip(&drawn).filter_map(|(moment, drawn_mah)| {
-        let left_s = f64::from(moment.state.time_remaining_s?);
+        let left_s = f64::from(moment.state.readings.time_remaining_s?);
         let since_s = moment.t_s - loaded_s;
         let true_s = (CAPACITY_MAH - drawn_mah) / drawn_mah * since_s;
         Some((since_s, left_s / true_s))

@@ -186,8 +186,9 @@ fn drive(drive: &Drive, settings: &PackSettings, learnt: &mut LearntPack) -> Sco
             continue;
         };
         let state = monitor.state();
-        let remaining_with_sigma = state.remaining_pct.zip(state.remaining_sigma_pct);
-        let usable_with_sigma = state.usable_pct.zip(state.usable_sigma_pct);
+        let readings = &state.readings;
+        let remaining_with_sigma = readings.remaining_pct.zip(readings.remaining_sigma_pct);
+        let usable_with_sigma = readings.usable_pct.zip(readings.usable_sigma_pct);
         let (Some((remaining_pct, sigma_pct)), Some((usable_pct, usable_sigma_pct))) =
             (remaining_with_sigma, usable_with_sigma)
         else {
@@ -205,6 +206,7 @@ fn drive(drive: &Drive, settings: &PackSettings, learnt: &mut LearntPack) -> Sco
         }
         if sample.t_s <= cut_off_s - 600.0 {
             ten_minutes_min = state
+                .readings
                 .time_remaining_s
                 .map_or(f64::NAN, |left_s| f64::from(left_s) / 60.0);
         }

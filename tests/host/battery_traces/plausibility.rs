@@ -73,21 +73,14 @@ prop_compose! {
 }
 
 fn check(state: &BatteryState) -> Result<(), TestCaseError> {
+    let readings = &state.readings;
     let is_percent = |percent: Option<f32>| percent.is_none_or(|percent| (0.0..=100.0).contains(&percent));
-    prop_assert!(is_percent(state.remaining_pct), "{:?}", state.remaining_pct);
-    prop_assert!(is_percent(state.usable_pct), "{:?}", state.usable_pct);
+    prop_assert!(is_percent(readings.remaining_pct), "{readings:?}");
+    prop_assert!(is_percent(readings.usable_pct), "{readings:?}");
     let is_sigma = |sigma: f32| sigma > 0.0 && sigma <= 50.0;
-    prop_assert!(
-        state.remaining_sigma_pct.is_none_or(is_sigma),
-        "{:?}",
-        state.remaining_sigma_pct
-    );
+    prop_assert!(readings.remaining_sigma_pct.is_none_or(is_sigma), "{readings:?}");
     let is_time = |time_s: f32| time_s >= 0.0 && time_s.is_finite();
-    prop_assert!(
-        state.time_remaining_s.is_none_or(is_time),
-        "{:?}",
-        state.time_remaining_s
-    );
+    prop_assert!(readings.time_remaining_s.is_none_or(is_time), "{readings:?}");
     prop_assert!(
         state.learnt_capacity_mah.is_none_or(|mah| mah >= 1.0),
         "{:?}",

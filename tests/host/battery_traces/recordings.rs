@@ -187,7 +187,7 @@ fn score_from(start: usize, recording: &Recording, settings: &PackSettings, lear
 fn score(samples: &[Sample], truth_pct: &[f64], settings: &PackSettings, learnt: &LearntPack) -> f64 {
     let mut estimates = Vec::with_capacity(samples.len());
     replay(samples, settings, learnt, |_, monitor| {
-        estimates.push(monitor.state().remaining_pct);
+        estimates.push(monitor.state().readings.remaining_pct);
     });
     rms_pct(samples, truth_pct, |number| estimates[number].map(f64::from))
 }
@@ -367,7 +367,8 @@ fn coverage_pct(samples: &[Sample], truth_pct: &[f64], learnt: &LearntPack) -> f
     let mut within = Vec::new();
     replay(samples, &settings(LABEL_MAH), learnt, |number, monitor| {
         let state = monitor.state();
-        let estimate = state.remaining_pct.zip(state.remaining_sigma_pct);
+        let readings = state.readings;
+        let estimate = readings.remaining_pct.zip(readings.remaining_sigma_pct);
         if let Some((remaining_pct, sigma_pct)) = estimate
             && samples[number].t_s - samples[0].t_s >= SCORED_FROM_S
         {
@@ -418,7 +419,12 @@ fn the_truth_is_within_two_standard_deviations() {
 
 /// When what is usable falls to 15 %, in seconds.
 fn warned_s(recording: &Recording) -> Option<f64> {
-    let is_low = |state: &BatteryState| state.usable_pct.is_some_and(|usable_pct| usable_pct <= 15.0);
+    let is_low = |state: &BatteryState| {
+        state
+            .readings
+            .usable_pct
+            .is_some_and(|usable_pct| usable_pct <= 15.0)
+    };
     let mut warned_s = None;
     replay(
         &recording.samples,
@@ -472,7 +478,8 @@ fn a_half_empty_pack_believed_full_is_found_out() {
                     monitor.reset(100.0, &settings);
                 }
                 if recording.samples[number].t_s >= settled {
-                    let remaining_pct = monitor.state().remaining_pct.map_or(f64::INFINITY, f64::from);
+                    let remaining_pct = monitor.state().readings.remaining_pct;
+                    let remaining_pct = remaining_pct.map_or(f64::INFINITY, f64::from);
                     let error_pct = remaining_pct - recording.truth_pct[number];
                     after_six_minutes_pct.get_or_insert(error_pct);
                     largest_pct = largest_pct.max(error_pct.abs());

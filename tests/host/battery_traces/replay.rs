@@ -27,7 +27,7 @@ pub struct Moment {
 
 impl Moment {
     pub fn remaining_pct(&self) -> Option<f64> {
-        self.state.remaining_pct.map(f64::from)
+        self.state.readings.remaining_pct.map(f64::from)
     }
 }
 

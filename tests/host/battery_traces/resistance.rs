@@ -34,9 +34,9 @@ fn resistance_is_known_within_15_seconds_of_steps() {
 /// Difference between resting and terminal voltage beyond the sag by the reported resistance, in volts.
 fn unexplained_v(moment: &Moment) -> Option<f32> {
     let state = &moment.state;
-    let terminal_v = state.voltage_v?;
-    let resting_v = state.resting_voltage_v.unwrap_or(terminal_v);
-    let explained_v = state.current_a? * state.resistance_ohm.unwrap_or(0.0);
+    let terminal_v = state.readings.voltage_v?;
+    let resting_v = state.readings.resting_voltage_v.unwrap_or(terminal_v);
+    let explained_v = state.readings.current_a? * state.resistance_ohm.unwrap_or(0.0);
     Some((resting_v - terminal_v - explained_v).abs())
 }
 
@@ -74,7 +74,8 @@ fn current_ripple_does_not_explain_a_falling_voltage() {
 fn resting_voltage_compensates_the_sag() {
     let moments = run(&trace("trace_sag.csv"), &PackSettings::default());
     for moment in moments.iter().filter(|moment| moment.t_s >= 15.0) {
-        let resting_v = moment.state.resting_voltage_v.expect("a resting voltage");
+        let resting_v = moment.state.readings.resting_voltage_v;
+        let resting_v = resting_v.expect("a resting voltage");
         assert!(
             (resting_v - 11.1).abs() < 0.02,
             "{resting_v} V at {} s",

@@ -120,7 +120,8 @@ fn reported(kind: &Kind, mut cell: Cell, peak_a: f64, unseen_s: f64, charging: b
             };
             let _ = monitor.update(tick(&sample), reading(&sample), &settings);
             let state = monitor.state();
-            reported.extend(state.remaining_pct.zip(state.remaining_sigma_pct));
+            let readings = &state.readings;
+            reported.extend(readings.remaining_pct.zip(readings.remaining_sigma_pct));
         }
         cell.draw(current_a, dt_s);
     }

@@ -216,7 +216,7 @@ mod tests {
 
     use super::*;
     use crate::sim::status::Comparison;
-    use rover_battmon::battery::{BatteryState, PackStatus};
+    use rover_battmon::battery::{BatteryState, PackStatus, Readings};
     use rover_battmon::vehicle::VehicleStatus;
 
     #[test]
@@ -268,7 +268,10 @@ mod tests {
         );
         let battery = |remaining_pct, failsafe| BatteryState {
             status: PackStatus::Healthy,
-            remaining_pct: Some(remaining_pct),
+            readings: Readings {
+                remaining_pct: Some(remaining_pct),
+                ..Readings::NONE
+            },
             failsafe,
             ..BatteryState::UNKNOWN
         };

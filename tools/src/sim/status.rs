@@ -37,7 +37,8 @@ impl Comparison {
             (true, Some(charge_pct)) => format!("{charge_pct:.0} % left"),
             (true, None) => "voltage set".into(),
         };
-        match (self.estimate.remaining_pct, self.estimate.remaining_sigma_pct) {
+        let readings = &self.estimate.readings;
+        match (readings.remaining_pct, readings.remaining_sigma_pct) {
             (Some(remaining_pct), Some(sigma_pct)) => {
                 format!("{left}, {remaining_pct:.0} ±{sigma_pct:.0} % estimated")
             }
@@ -47,7 +48,7 @@ impl Comparison {
 
     /// The remaining charge, in percent, by the monitor.
     pub fn remaining_pct(&self) -> Option<f32> {
-        self.estimate.remaining_pct
+        self.estimate.readings.remaining_pct
     }
 
     /// The failsafe level, by the monitor.
@@ -89,7 +90,8 @@ fn write_estimate(f: &mut fmt::Formatter<'_>, battery: &BatteryState) -> fmt::Re
         PackStatus::NotConnected => return f.write_str("not connected"),
         PackStatus::Healthy | PackStatus::Unhealthy => {}
     }
-    match (battery.remaining_pct, battery.remaining_sigma_pct) {
+    let readings = &battery.readings;
+    match (readings.remaining_pct, readings.remaining_sigma_pct) {
         (Some(remaining_pct), Some(sigma_pct)) => {
             write!(f, "estimated {remaining_pct:.0} ±{sigma_pct:.0} %")?;
         }
@@ -168,6 +170,7 @@ impl fmt::Display for Status {
 mod tests {
     use super::*;
     use crate::sim::PackModel;
+    use rover_battmon::battery::Readings;
 
     fn comparison(battery: BatteryState) -> Comparison {
         let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
@@ -178,8 +181,11 @@ mod tests {
     fn estimated(remaining_pct: f32, charge_state: ChargeState) -> BatteryState {
         BatteryState {
             status: PackStatus::Healthy,
-            remaining_pct: Some(remaining_pct),
-            remaining_sigma_pct: Some(3.2),
+            readings: Readings {
+                remaining_pct: Some(remaining_pct),
+                remaining_sigma_pct: Some(3.2),
+                ..Readings::NONE
+            },
             charge_state,
             ..BatteryState::UNKNOWN
         }

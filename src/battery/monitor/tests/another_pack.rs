@@ -157,7 +157,7 @@ fn on_a_flat_curve_another_pack_is_the_same_or_unknown() {
         rover.swap(Pack::rested(Chemistry::LiFe, other), 60.0);
         rover.run(65.0, IDLE_A);
         assert_eq!(rover.restarts(), restarts, "{other}");
-        match rover.bench.state().remaining_pct {
+        match rover.bench.state().readings.remaining_pct {
             Some(reported_pct) => assert!(
                 restarts == 0 && (reported_pct - before_pct).abs() < 1.0,
                 "{other}: {reported_pct}"
@@ -238,7 +238,7 @@ fn two_deviations_cover_the_charge_in_any_order_of_packs() {
                     }
                 }
                 rover.run(65.0, IDLE_A);
-                if let Some(sigma_pct) = rover.bench.state().remaining_sigma_pct {
+                if let Some(sigma_pct) = rover.bench.state().readings.remaining_sigma_pct {
                     known += 1;
                     covered += u32::from(rover.error_pct().abs() <= 2.0 * sigma_pct);
                 }

@@ -71,7 +71,7 @@ fn a_reversed_sensor_is_announced_and_the_charge_estimated_without_it() {
         rover.drive_to(0.6);
         assert_eq!(announced(&rover), expected);
         rover.run(60.0, IDLE_A);
-        let sigma_pct = rover.bench.state().remaining_sigma_pct.expect("known");
+        let sigma_pct = rover.bench.state().readings.remaining_sigma_pct.expect("known");
         let what = format!("{} ± {sigma_pct} %", rover.reported_pct());
         assert!(rover.error_pct().abs() <= 2.0 * sigma_pct, "{what}");
         // The sign is put right.

@@ -31,8 +31,8 @@ fn failures(bench: &Bench) -> Vec<ArmingFailure> {
 #[track_caller]
 fn assert_unclear(bench: &Bench) {
     let state = bench.state();
-    assert_eq!((state.cell_count, state.remaining_pct), (None, None));
-    assert_eq!(state.faults, Faults::CELLS_CONFIGURATION);
+    assert_eq!((state.cell_count, state.readings.remaining_pct), (None, None));
+    assert_eq!(state.readings.faults, Faults::CELLS_CONFIGURATION);
     assert_eq!(failures(bench), [ArmingFailure::UnclearCells]);
 }
 
@@ -85,9 +85,12 @@ fn set_cells_another_number_or_erasing_end_the_doubt_at_once() {
         assert_unclear(&bench);
         end(&mut bench);
         let state = bench.run(0.1, volts(8.5));
-        assert_eq!((state.cell_count, state.faults), (Some(count), Faults::empty()));
+        assert_eq!(
+            (state.cell_count, state.readings.faults),
+            (Some(count), Faults::empty())
+        );
         assert_eq!(failures(&bench), []);
-        let remaining_pct = bench.run(1.2, volts(8.5)).remaining_pct.expect("known");
+        let remaining_pct = bench.run(1.2, volts(8.5)).readings.remaining_pct.expect("known");
         assert!((remaining_pct > 90.0) == (count == 2), "{remaining_pct} %");
     }
 }
@@ -126,7 +129,7 @@ fn a_swapped_pack_is_compared_with_the_one_that_flash_holds() {
 fn doubt_comes_with_what_is_read_later_and_outlasts_a_reset() {
     let mut before = Bench::new();
     before.settings.cell_count = None;
-    assert!(before.run(10.0, volts(8.5)).remaining_pct.is_some());
+    assert!(before.run(10.0, volts(8.5)).readings.remaining_pct.is_some());
     before.monitor.restore_learnt(of_cells(3, None));
     before.run(0.1, volts(8.5));
     assert_unclear(&before);

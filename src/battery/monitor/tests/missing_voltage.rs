@@ -37,18 +37,21 @@ fn a_loose_wire_at_the_voltage_hides_no_charge() {
     let mut bench = driving();
     let before = *bench.state();
     let state = bench.run(300.0, voltage_missing(LOAD_A));
-    assert_eq!((state.status, state.voltage_v), (PackStatus::NotConnected, None));
-    assert_eq!(state.current_a, Some(LOAD_A));
+    assert_eq!(
+        (state.status, state.readings.voltage_v),
+        (PackStatus::NotConnected, None)
+    );
+    assert_eq!(state.readings.current_a, Some(LOAD_A));
     let drawn_mah = drawn_mah(300.0);
     assert_about(
         state.consumed_mah(),
         before.consumed_mah().expect("counted") + drawn_mah,
         1.0,
     );
-    let expected_pct = before.remaining_pct.expect("known") - drawn_mah / 22.0;
-    assert_about(state.remaining_pct, expected_pct, 1.0);
+    let expected_pct = before.readings.remaining_pct.expect("known") - drawn_mah / 22.0;
+    assert_about(state.readings.remaining_pct, expected_pct, 1.0);
     bench.run(5.0, loaded(11.6, LOAD_A));
-    assert_about(bench.state().remaining_pct, expected_pct, 3.0);
+    assert_about(bench.state().readings.remaining_pct, expected_pct, 3.0);
     let lost = |event: &PackEvent| {
         matches!(
             event,
@@ -92,7 +95,7 @@ fn without_an_estimate_no_threshold_in_mah_acts_while_the_voltage_is_missing() {
     bench.settings.failsafe.low.remaining_mah = Some(2100.0);
     bench.arm_state = ArmState::Armed;
     bench.run(400.0, voltage_missing(LOAD_A));
-    assert_eq!(bench.state().remaining_pct, None);
+    assert_eq!(bench.state().readings.remaining_pct, None);
     assert!(
         bench.state().failsafe <= FailsafeLevel::Unhealthy,
         "{:?}",
@@ -139,7 +142,8 @@ fn an_unpowered_sensor_draws_nothing() {
         let mut bench = driving();
         let before = *bench.state();
         let state = bench.run(30.0, voltage_missing(offset_a));
-        assert_eq!((state.current_a, state.remaining_pct), (None, None));
+        let readings = state.readings;
+        assert_eq!((readings.current_a, readings.remaining_pct), (None, None));
         assert_eq!(state.consumed, before.consumed);
         // A gap is the mean of the currents around it.
         bench.run(1.0, loaded(11.7, LOAD_A));
@@ -165,7 +169,10 @@ fn while_disarmed_a_voltage_that_is_missing_is_a_gap() {
     bench.run(10.0, loaded(12.1, 0.1));
     let before = *bench.state();
     let state = bench.run(100.0, voltage_missing(LOAD_A));
-    assert_eq!((state.current_a, state.consumed), (None, before.consumed));
+    assert_eq!(
+        (state.readings.current_a, state.consumed),
+        (None, before.consumed)
+    );
     bench.run(1.0, loaded(12.1, 0.1));
     let gap = bench.events.iter().find_map(|event| match event {
         PackEvent::Gap(gap) => Some(gap.counted_mah),
@@ -188,5 +195,5 @@ fn what_a_source_counts_is_counted_without_a_voltage() {
     let before_mah = bench.state().consumed_mah().expect("counted");
     bench.run(10.0, counts(0.2, 0.5));
     assert_about(bench.state().consumed_mah(), before_mah + 50.0, 0.1);
-    assert_eq!(bench.state().current_a, None, "its offset");
+    assert_eq!(bench.state().readings.current_a, None, "its offset");
 }

@@ -13,12 +13,8 @@ fn just_charged(chemistry: Chemistry, share: f32, surface_v: f32) -> Pack {
 
 /// The charge with its standard deviation, as reported.
 fn estimate_pct(rover: &Rover) -> Option<(f32, f32)> {
-    let BatteryState {
-        remaining_pct,
-        remaining_sigma_pct,
-        ..
-    } = *rover.bench.state();
-    remaining_pct.zip(remaining_sigma_pct)
+    let readings = rover.bench.state().readings;
+    readings.remaining_pct.zip(readings.remaining_sigma_pct)
 }
 
 /// The charge is within two stated standard deviations, or unknown.

@@ -196,7 +196,7 @@ impl Rover {
     }
 
     pub fn reported_pct(&self) -> f32 {
-        self.bench.state().remaining_pct.expect("known")
+        self.bench.state().readings.remaining_pct.expect("known")
     }
 
     pub fn error_pct(&self) -> f32 {

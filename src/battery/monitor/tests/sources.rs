@@ -40,7 +40,7 @@ fn readings_without_the_gauge_trip_no_threshold_in_mah() {
         let state = bench.run(0.1, missing);
         assert_eq!(state.charge_source, ChargeSource::Gauge);
         assert_eq!(
-            (state.remaining_pct, state.capacity_mah()),
+            (state.readings.remaining_pct, state.capacity_mah()),
             (Some(50.0), Some(20_000.0))
         );
         bench.run(60.0, missing);
@@ -59,7 +59,7 @@ fn before_the_first_report_of_a_gauge_its_capacity_is_unknown() {
         let mut bench = gauged_bench();
         let state = bench.run(GAUGE_TIMEOUT_S - 1.0, missing);
         assert_eq!(
-            (state.remaining_pct, state.capacity),
+            (state.readings.remaining_pct, state.capacity),
             (share.map(|share| share * 100.0), None)
         );
         assert_eq!(
@@ -78,7 +78,7 @@ fn a_source_that_never_reports_its_gauge_has_none() {
     let state = bench.run(GAUGE_TIMEOUT_S + 1.0, half_full(GaugeReading::Missing));
     assert_eq!(state.charge_source, ChargeSource::Estimated);
     assert_eq!(state.capacity_mah(), Some(2200.0));
-    assert!(state.remaining_pct.is_some());
+    assert!(state.readings.remaining_pct.is_some());
 }
 
 #[test]
@@ -88,23 +88,37 @@ fn after_its_time_out_the_charge_of_a_gauge_is_unknown_and_never_estimated() {
     bench.run(1.0, half_full(HALF_OF_20_AH));
     let state = bench.run(GAUGE_TIMEOUT_S - 1.0, half_full(GaugeReading::Missing));
     assert_eq!(
-        (state.remaining_pct, state.consumed_mah()),
+        (state.readings.remaining_pct, state.consumed_mah()),
         (Some(50.0), Some(10_000.0))
     );
     let state = bench.run(600.0, half_full(GaugeReading::Missing));
     assert_eq!(state.charge_source, ChargeSource::Gauge);
     assert_eq!(
-        (state.remaining_pct, state.usable_pct, state.consumed),
+        (
+            state.readings.remaining_pct,
+            state.readings.usable_pct,
+            state.consumed
+        ),
         (None, None, None)
     );
-    assert_eq!((state.time_remaining_s, state.remaining_sigma_pct), (None, None));
+    let readings = state.readings;
+    assert_eq!(
+        (readings.time_remaining_s, readings.remaining_sigma_pct),
+        (None, None)
+    );
     assert_eq!(state.status, PackStatus::Healthy, "no threshold needs it");
     bench.monitor.reset(100.0, &bench.settings);
     assert_eq!(
-        bench.run(1.0, half_full(GaugeReading::Missing)).remaining_pct,
+        bench
+            .run(1.0, half_full(GaugeReading::Missing))
+            .readings
+            .remaining_pct,
         None
     );
-    assert_eq!(bench.run(0.1, half_full(HALF_OF_20_AH)).remaining_pct, Some(50.0));
+    assert_eq!(
+        bench.run(0.1, half_full(HALF_OF_20_AH)).readings.remaining_pct,
+        Some(50.0)
+    );
 }
 
 #[test]
@@ -118,7 +132,7 @@ fn full_capacity_once_heard_stays_until_another_pack() {
     bench.run(5.0, at_rest(11.0, HALF_OF_20_AH));
     let state = bench.run(3600.0, at_rest(11.0, GaugeReading::Missing));
     assert_eq!(
-        (state.capacity_mah(), state.remaining_pct),
+        (state.capacity_mah(), state.readings.remaining_pct),
         (Some(20_000.0), Some(50.0))
     );
     bench.run(3.0, volts(0.3));
@@ -151,7 +165,7 @@ fn timed_out_gauge_is_unhealthy_and_announced_while_a_threshold_needs_it() {
     };
     let state = bench.run(3.0, low);
     assert_eq!(
-        (state.failsafe, state.voltage_v),
+        (state.failsafe, state.readings.voltage_v),
         (FailsafeLevel::Low, Some(10.0))
     );
     let state = bench.run(6.0, half_full(HALF_OF_20_AH));
@@ -200,12 +214,12 @@ fn a_count_beyond_the_capacity_leaves_nothing_whatever_the_voltage() {
         let mut bench = Bench::new();
         bench.settings.failsafe.critical.remaining_mah = Some(100.0);
         bench.run(60.0, companion(0.0, current_a));
-        assert!(bench.state().remaining_pct.expect("known") > 50.0);
+        assert!(bench.state().readings.remaining_pct.expect("known") > 50.0);
         bench.arm_state = ArmState::Armed;
         count(&mut bench, 3600.0, 0.0, 3.0, current_a);
         let state = *bench.state();
         assert!(state.consumed_mah().expect("counted") > 2900.0);
-        assert_eq!(state.remaining_pct, Some(0.0), "{current_a:?}");
+        assert_eq!(state.readings.remaining_pct, Some(0.0), "{current_a:?}");
         assert_eq!(state.failsafe, FailsafeLevel::Critical);
     }
 }
@@ -224,7 +238,7 @@ fn a_count_without_a_current_feeds_the_estimate() {
         bench.tick(Ok(at_full((220.0 * tick as f32 / 3600.0).floor())));
     }
     let state = *bench.state();
-    let remaining_pct = state.remaining_pct.expect("known");
+    let remaining_pct = state.readings.remaining_pct.expect("known");
     assert!((remaining_pct - 90.0).abs() < 1.0, "{remaining_pct} %");
     assert!((state.consumed_mah().expect("counted") - 220.0).abs() < 2.0);
 }
@@ -236,7 +250,7 @@ fn of_a_count_and_a_current_the_larger_counts() {
         bench.run(1.0, companion(0.0, Some(0.0)));
         bench.monitor.reset(100.0, &bench.settings);
         count(&mut bench, 360.0, 0.0, counted_a, Some(measured_a));
-        let remaining_pct = bench.state().remaining_pct.expect("known");
+        let remaining_pct = bench.state().readings.remaining_pct.expect("known");
         assert!(
             (remaining_pct - 90.0).abs() < 1.5,
             "{counted_a} {measured_a}: {remaining_pct} %"
@@ -261,6 +275,7 @@ fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
     bench.tick(Ok(reading(1100.0, Some(0.36))));
     let remaining_pct = bench
         .run(10.0, reading(0.01, Some(0.36)))
+        .readings
         .remaining_pct
         .expect("known");
     assert!((remaining_pct - 50.0).abs() < 1.0, "{remaining_pct} %");
@@ -278,7 +293,7 @@ fn a_count_that_falls_is_a_restart_of_its_source_and_no_charge() {
     bench.tick(Ok(companion(0.0, None)));
     let state = *bench.state();
     assert_eq!(state.consumed_mah(), before.consumed_mah());
-    assert!(state.remaining_pct <= before.remaining_pct);
+    assert!(state.readings.remaining_pct <= before.readings.remaining_pct);
     count(&mut bench, 360.0, 220.0, 2.2, None);
     let state = *bench.state();
     assert!(
@@ -286,7 +301,7 @@ fn a_count_that_falls_is_a_restart_of_its_source_and_no_charge() {
         "{state:?}"
     );
     assert!(
-        (state.remaining_pct.expect("known") - 80.0).abs() < 1.5,
+        (state.readings.remaining_pct.expect("known") - 80.0).abs() < 1.5,
         "{state:?}"
     );
 }
@@ -309,7 +324,10 @@ fn a_count_that_stands_still_does_not_replace_an_unknown_current() {
     }
     counted.run(300.0, companion(0.0, None));
     plain.run(300.0, volts(12.0));
-    assert_eq!(counted.state().remaining_pct, plain.state().remaining_pct);
+    assert_eq!(
+        counted.state().readings.remaining_pct,
+        plain.state().readings.remaining_pct
+    );
 }
 
 #[test]
@@ -320,12 +338,12 @@ fn a_swapped_pack_has_none_of_the_count_of_the_one_before() {
         ..companion(total_mah, Some(0.0))
     };
     bench.run(5.0, at(10.2, 2000.0));
-    assert!(bench.state().remaining_pct.expect("known") < 10.0);
+    assert!(bench.state().readings.remaining_pct.expect("known") < 10.0);
     bench.run(3.0, volts(0.3));
     let state = bench.run(10.0, at(12.5, 2000.0));
     assert!(bench.events.contains(&PackEvent::Swapped));
     assert_eq!(state.consumed_mah(), Some(0.0));
-    assert!(state.remaining_pct.expect("known") > 90.0);
+    assert!(state.readings.remaining_pct.expect("known") > 90.0);
 }
 
 #[test]
@@ -361,9 +379,17 @@ fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() 
         let cell_v = chemistry.cell().lowest_resting_v(0.84) - 0.01;
         let nearly_empty = reports(0.84, cell_v);
         bench.run(11.0, nearly_empty);
-        assert_eq!(bench.state().faults, Faults::empty(), "not for long enough");
+        assert_eq!(
+            bench.state().readings.faults,
+            Faults::empty(),
+            "not for long enough"
+        );
         let state = bench.run(2.0, nearly_empty);
-        assert_eq!(state.faults, Faults::CONTRADICTED_CHARGE, "{chemistry:?}");
+        assert_eq!(
+            state.readings.faults,
+            Faults::CONTRADICTED_CHARGE,
+            "{chemistry:?}"
+        );
         assert!(
             bench
                 .events
@@ -373,7 +399,7 @@ fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() 
         assert_eq!(failures, [crate::battery::ArmingFailure::ContradictedCharge]);
         // The charge that such cells have.
         let state = bench.run(13.0, reports(0.05, cell_v));
-        assert_eq!(state.faults, Faults::empty());
+        assert_eq!(state.readings.faults, Faults::empty());
     }
 }
 
@@ -385,7 +411,7 @@ fn a_contradicted_charge_acts_on_no_rover_that_drives() {
     bench.settings.failsafe.critical.remaining_mah = None;
     let state = bench.run(60.0, reports(0.84, 3.5));
     assert_eq!(
-        (state.faults, state.failsafe),
+        (state.readings.faults, state.failsafe),
         (Faults::empty(), FailsafeLevel::None)
     );
     bench.arm_state = ArmState::Disarmed;
@@ -404,7 +430,7 @@ fn one_cell_that_is_too_low_contradicts_the_charge() {
         ..reports(0.84, 3.8)
     };
     let expected = Faults::CONTRADICTED_CHARGE | Faults::CELL_DIFFERS;
-    assert_eq!(bench.run(15.0, uneven).faults, expected);
+    assert_eq!(bench.run(15.0, uneven).readings.faults, expected);
 }
 
 #[test]
@@ -417,7 +443,7 @@ fn no_sound_cell_contradicts_its_charge() {
             bench.settings.chemistry = chemistry;
             // Of the lowest make, with a gauge that is 5 % off.
             let cell_v = cell.curve.voltage_v((share - 0.05).max(0.0)) - cell.lowest_make_v;
-            let faults = bench.run(15.0, reports(share, cell_v)).faults;
+            let faults = bench.run(15.0, reports(share, cell_v)).readings.faults;
             assert!(
                 !faults.contains(Faults::CONTRADICTED_CHARGE),
                 "{chemistry:?} {percent} %"
@@ -436,9 +462,9 @@ fn packs_of_a_sum_that_rest_apart_are_a_fault_on_which_nothing_acts() {
     };
     let mut bench = Bench::new();
     bench.run(5.0, sum(Some(0.04)));
-    assert_eq!(bench.state().faults, Faults::empty());
+    assert_eq!(bench.state().readings.faults, Faults::empty());
     let state = bench.run(2.0, sum(Some(0.06)));
-    assert_eq!(state.faults, Faults::INCOMPATIBLE_VOLTAGE);
+    assert_eq!(state.readings.faults, Faults::INCOMPATIBLE_VOLTAGE);
     assert_eq!(bench.events, [PackEvent::Faults(Faults::INCOMPATIBLE_VOLTAGE)]);
     assert_eq!(state.charge_state, ChargeState::Ok);
     assert_eq!(
@@ -446,7 +472,10 @@ fn packs_of_a_sum_that_rest_apart_are_a_fault_on_which_nothing_acts() {
         0
     );
     // Under load the last rest counts.
-    assert_eq!(bench.run(5.0, sum(None)).faults, Faults::INCOMPATIBLE_VOLTAGE);
+    assert_eq!(
+        bench.run(5.0, sum(None)).readings.faults,
+        Faults::INCOMPATIBLE_VOLTAGE
+    );
 }
 
 #[test]
@@ -483,7 +512,7 @@ fn a_reset_and_the_time_left_are_of_what_the_pack_holds_now() {
     assert!((state.consumed_mah().expect("counted") - 901.0).abs() < 0.5);
     let remaining_mah = state.remaining().expect("known");
     assert!((remaining_mah - 899.0).abs() < 2.0, "{remaining_mah}");
-    let time_left_s = state.time_remaining_s.expect("known");
+    let time_left_s = state.readings.time_remaining_s.expect("known");
     assert!((time_left_s - 900.0).abs() < 10.0, "{time_left_s}");
 }
 

@@ -396,7 +396,7 @@ fn text(bytes: &[u8]) -> String {
 pub mod tests {
     use super::*;
     use proptest::prelude::*;
-    use rover_battmon::battery::BatteryState;
+    use rover_battmon::battery::{BatteryState, Readings};
     use rover_battmon::pack::Pack;
     use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded, opening_record};
     use rover_battmon::vehicle::ArmState;
@@ -466,7 +466,10 @@ pub mod tests {
     #[test]
     fn fields_of_every_type_in_use_are_read() {
         let state = BatteryState {
-            voltage_v: Some(11.5),
+            readings: Readings {
+                voltage_v: Some(11.5),
+                ..Readings::NONE
+            },
             temperature_c: Some(-12.34),
             ..BatteryState::UNKNOWN
         };

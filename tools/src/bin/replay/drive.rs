@@ -99,7 +99,7 @@ mod tests {
     use crate::dataflash::DataFlash;
     use crate::trace::Reported;
     use proptest::prelude::*;
-    use rover_battmon::battery::{Amount, BatteryState, CellVoltages, ChargeState, PackStatus};
+    use rover_battmon::battery::{Amount, BatteryState, CellVoltages, ChargeState, PackStatus, Readings};
     use rover_battmon::parameter::BatteryParameter;
     use rover_battmon::recorder::dataflash::Record as Recorded;
     use rover_battmon::time::Utc;
@@ -121,11 +121,14 @@ mod tests {
     fn healthy() -> BatteryState {
         BatteryState {
             status: PackStatus::Healthy,
-            voltage_v: Some(48.5),
-            current_a: Some(-2.5),
+            readings: Readings {
+                voltage_v: Some(48.5),
+                current_a: Some(-2.5),
+                remaining_pct: Some(66.25),
+                ..Readings::NONE
+            },
             temperature_c: Some(21.5),
             consumed: Some(Amount::Mah(125.0)),
-            remaining_pct: Some(66.25),
             charge_state: ChargeState::Low,
             cells: CellVoltages::from_millivolts(&[3700; 13]),
             ..BatteryState::UNKNOWN
@@ -159,11 +162,9 @@ mod tests {
     #[test]
     fn the_cells_of_a_log_are_all_or_none() {
         for (count, read) in [(13, 13), (14, 14), (16, 16), (22, 0)] {
-            let state = BatteryState {
-                voltage_v: Some(count as f32 * 3.3),
-                cells: CellVoltages::from_millivolts(&vec![3300; count]),
-                ..healthy()
-            };
+            let mut state = healthy();
+            state.readings.voltage_v = Some(count as f32 * 3.3);
+            state.cells = CellVoltages::from_millivolts(&vec![3300; count]);
             let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, &state).collect();
             let drive = drive_of(&log(&records), Pack::Second).expect("a drive");
             assert_eq!(drive.trace.samples[0].cells.count(), read, "{count} cells");

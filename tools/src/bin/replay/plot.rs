@@ -5,7 +5,7 @@ pub mod axis;
 pub mod panel;
 pub mod svg;
 
-use rover_battmon::battery::{BatteryState, ChargeState, FailsafeSettings};
+use rover_battmon::battery::{ChargeState, FailsafeSettings, Readings};
 
 use self::axis::Axis;
 use self::panel::{LEFT, PANEL_HEIGHT, Panel, Series, WIDTH};
@@ -61,18 +61,16 @@ fn series<'a>(
     rows: &[Row],
     name: &'a str,
     colour: &'a str,
-    value: impl Fn(&BatteryState) -> Option<f32>,
+    value: impl Fn(&Readings) -> Option<f32>,
 ) -> Series<'a> {
-    let points = rows
-        .iter()
-        .map(|row| (row.time_s, value(&row.state).map(f64::from)));
-    Series::new(name, colour, points.collect())
+    let point = |row: &Row| (row.time_s, value(&row.state.readings).map(f64::from));
+    Series::new(name, colour, rows.iter().map(point).collect())
 }
 
 fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSettings) {
     let lines = [
-        series(rows, "resting voltage", RESTING, |state| state.resting_voltage_v),
-        series(rows, "terminal voltage", VOLTAGE, |state| state.voltage_v),
+        series(rows, "resting voltage", RESTING, |now| now.resting_voltage_v),
+        series(rows, "terminal voltage", VOLTAGE, |now| now.voltage_v),
     ];
     let limits = [
         ("BATT_LOW_VOLT", failsafe.low.voltage_v),
@@ -92,7 +90,7 @@ fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSetting
 }
 
 fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
-    let lines = [series(rows, "current", CURRENT, |state| state.current_a)];
+    let lines = [series(rows, "current", CURRENT, |now| now.current_a)];
     let axis = Axis::over(lines.iter().flat_map(Series::values), 6);
     let panel = Panel::new("Current (A)", offset(1), time, axis);
     panel.draw(svg, &lines, &[]);
@@ -101,8 +99,8 @@ fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
 
 fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     let mut lines = vec![
-        series(rows, "remaining charge", REMAINING, |state| state.remaining_pct),
-        series(rows, "usable charge", USABLE, |state| state.usable_pct),
+        series(rows, "remaining charge", REMAINING, |now| now.remaining_pct),
+        series(rows, "usable charge", USABLE, |now| now.usable_pct),
     ];
     lines.extend(reported(rows));
     let panel = Panel::new(
@@ -120,8 +118,8 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
         }
     }
     let [lower, upper] = [-BAND_SIGMAS, BAND_SIGMAS].map(|sigmas| {
-        series(rows, BAND, BAND_COLOUR, move |state| {
-            let limit_pct = state.remaining_pct? + sigmas * state.remaining_sigma_pct?;
+        series(rows, BAND, BAND_COLOUR, move |now| {
+            let limit_pct = now.remaining_pct? + sigmas * now.remaining_sigma_pct?;
             Some(limit_pct.clamp(0.0, 100.0))
         })
     });
@@ -185,17 +183,20 @@ fn looks(state: ChargeState) -> (&'static str, &'static str) {
 mod tests {
     use super::*;
     use crate::trace::Reported;
-    use rover_battmon::battery::{ReachedLevels, Thresholds};
+    use rover_battmon::battery::{BatteryState, ReachedLevels, Thresholds};
 
     fn rows() -> Vec<Row> {
         let row = |sample: u32| Row {
             time_s: f64::from(sample) / 10.0,
             state: BatteryState {
-                voltage_v: Some(12.0 - sample as f32 / 1e4),
-                current_a: (sample % 50 != 7).then_some(sample as f32 % 5.0),
-                remaining_pct: Some(100.0 - sample as f32 / 100.0),
-                remaining_sigma_pct: (sample % 3000 >= 100).then_some(1.0 + sample as f32 / 1e3),
-                usable_pct: Some(90.0 - sample as f32 / 80.0),
+                readings: Readings {
+                    voltage_v: Some(12.0 - sample as f32 / 1e4),
+                    current_a: (sample % 50 != 7).then_some(sample as f32 % 5.0),
+                    remaining_pct: Some(100.0 - sample as f32 / 100.0),
+                    remaining_sigma_pct: (sample % 3000 >= 100).then_some(1.0 + sample as f32 / 1e3),
+                    usable_pct: Some(90.0 - sample as f32 / 80.0),
+                    ..Readings::NONE
+                },
                 charge_state: if sample < 3000 {
                     ChargeState::Ok
                 } else {

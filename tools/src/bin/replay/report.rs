@@ -71,16 +71,16 @@ fn line(row: &Row) -> String {
     let state = &row.state;
     let mut fields = vec![
         row.time_s.to_string(),
-        field(state.voltage_v),
-        field(state.current_a),
+        field(state.readings.voltage_v),
+        field(state.readings.current_a),
         field(state.consumed_mah()),
         field(state.consumed_wh),
         field(state.resistance_ohm),
         field(state.resting_or_terminal_voltage_v()),
-        state.remaining_pct.unwrap_or(-1.0).to_string(),
-        field(state.remaining_sigma_pct),
-        field(state.usable_pct),
-        field(state.time_remaining_s),
+        state.readings.remaining_pct.unwrap_or(-1.0).to_string(),
+        field(state.readings.remaining_sigma_pct),
+        field(state.readings.usable_pct),
+        field(state.readings.time_remaining_s),
         (state.charge_state as u8).to_string(),
         (state.failsafe as u8).to_string(),
     ];
@@ -105,7 +105,7 @@ fn field(value: Option<f32>) -> String {
 #[cfg(test)]
 pub mod tests {
     use super::*;
-    use rover_battmon::battery::{Amount, ChargeState, FailsafeLevel};
+    use rover_battmon::battery::{Amount, ChargeState, FailsafeLevel, Readings};
 
     /// A row of which this is known.
     pub fn row(time_s: f64, failsafe: FailsafeLevel) -> Row {
@@ -126,7 +126,10 @@ pub mod tests {
         let row = Row {
             time_s: 0.1,
             state: BatteryState {
-                voltage_v: Some(11.1),
+                readings: Readings {
+                    voltage_v: Some(11.1),
+                    ..Readings::NONE
+                },
                 ..BatteryState::default()
             },
             reached: ReachedLevels::new(),
@@ -144,16 +147,19 @@ pub mod tests {
         let row = Row {
             time_s: 2.0,
             state: BatteryState {
-                voltage_v: Some(11.0),
-                current_a: Some(2.0),
+                readings: Readings {
+                    voltage_v: Some(11.0),
+                    current_a: Some(2.0),
+                    resting_voltage_v: Some(12.0),
+                    remaining_pct: Some(6.0),
+                    remaining_sigma_pct: Some(1.5),
+                    usable_pct: Some(5.0),
+                    time_remaining_s: Some(7.0),
+                    ..Readings::NONE
+                },
                 consumed: Some(Amount::Mah(3.0)),
                 consumed_wh: Some(4.0),
                 resistance_ohm: Some(0.5),
-                resting_voltage_v: Some(12.0),
-                remaining_pct: Some(6.0),
-                remaining_sigma_pct: Some(1.5),
-                usable_pct: Some(5.0),
-                time_remaining_s: Some(7.0),
                 charge_state: ChargeState::Critical,
                 failsafe: FailsafeLevel::Low,
                 ..BatteryState::default()

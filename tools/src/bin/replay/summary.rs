@@ -85,7 +85,7 @@ fn length(trace: &Trace) -> String {
 fn healthy(rows: &[Row]) -> impl DoubleEndedIterator<Item = (&Row, f32)> {
     rows.iter()
         .filter(|row| row.state.status == PackStatus::Healthy)
-        .filter_map(|row| Some((row, row.state.voltage_v?)))
+        .filter_map(|row| Some((row, row.state.readings.voltage_v?)))
 }
 
 fn voltages(rows: &[Row]) -> String {
@@ -94,10 +94,8 @@ fn voltages(rows: &[Row]) -> String {
     let Some(((weakest, weakest_v), ((_, first_v), (_, last_v)))) = weakest.zip(ends) else {
         return "unknown".into();
     };
-    let load = weakest
-        .state
-        .current_a
-        .map_or(String::new(), |current_a| format!(" at {current_a:.1} A"));
+    let current_a = weakest.state.readings.current_a;
+    let load = current_a.map_or(String::new(), |current_a| format!(" at {current_a:.1} A"));
     format!(
         "{first_v:.2} V at the start, {last_v:.2} V at the end; weakest at {}: {weakest_v:.2} V{load}",
         clock(weakest.time_s)
@@ -117,16 +115,17 @@ fn remaining(rows: &[Row]) -> String {
         return "unknown".into();
     };
     let state = &last.state;
-    let mut text = quantity(state.remaining_pct, 0, "%");
+    let mut text = quantity(state.readings.remaining_pct, 0, "%");
     if state.cell_count.is_none() {
         text += ", as is the number of cells (BATT_CELLS)";
     }
-    if state.remaining_pct.is_some() {
+    if state.readings.remaining_pct.is_some() {
         text += &format!(" of {}", quantity(state.capacity_mah(), 0, "mAh"));
         let within = |sigma_pct: Option<f32>| quantity(sigma_pct.map(|sigma_pct| SIGMAS * sigma_pct), 0, "%");
-        text += &format!(" ± {} (19 times of 20)", within(state.remaining_sigma_pct));
-        let usable = quantity(state.usable_pct, 0, "%");
-        text += &format!(", usable {usable} ± {}", within(state.usable_sigma_pct));
+        let readings = &state.readings;
+        text += &format!(" ± {} (19 times of 20)", within(readings.remaining_sigma_pct));
+        let usable = quantity(readings.usable_pct, 0, "%");
+        text += &format!(", usable {usable} ± {}", within(readings.usable_sigma_pct));
     }
     let reported_pct = last.reported.and_then(|reported| reported.remaining_pct);
     if reported_pct.is_some() {
@@ -189,7 +188,7 @@ impl Summary<'_> {
         let Some(row) = reached(&self.outcome.rows, level) else {
             return Some(format!("{names} would not have acted"));
         };
-        let left = row.state.remaining_pct;
+        let left = row.state.readings.remaining_pct;
         let left = left.map_or(String::new(), |left_pct| format!(", {left_pct:.0} % left"));
         Some(format!("{names} would have acted at {}{left}", clock(row.time_s)))
     }

@@ -80,7 +80,7 @@ fn each_of_twenty_rovers_can_be_armed_and_has_a_pack_of_its_own() {
             (
                 autopilot.parameters().get_whole(VehicleParameter::SysidThismav),
                 state.identity.board_id.map(|id| id.number()),
-                (battery.capacity_mah(), battery.remaining_pct),
+                (battery.capacity_mah(), battery.readings.remaining_pct),
             )
         });
         assert_eq!(system_id, i32::from(number));

@@ -198,15 +198,18 @@ mod tests {
     use crate::dataflash::DataFlash;
     use crate::table::row::Remaining;
     use proptest::prelude::*;
-    use rover_battmon::battery::{BatteryState, FailsafeLevel, FailsafeTimer, Faults, PackStatus};
+    use rover_battmon::battery::{BatteryState, FailsafeLevel, FailsafeTimer, Faults, PackStatus, Readings};
     use rover_battmon::recorder::dataflash::{Record as Recorded, Subsystem};
     use rover_battmon::vehicle::ArmState;
 
     fn state(voltage_v: f32) -> BatteryState {
         BatteryState {
             status: PackStatus::Healthy,
-            voltage_v: Some(voltage_v),
-            current_a: Some(5.0),
+            readings: Readings {
+                voltage_v: Some(voltage_v),
+                current_a: Some(5.0),
+                ..Readings::NONE
+            },
             ..BatteryState::UNKNOWN
         }
     }
@@ -298,10 +301,8 @@ mod tests {
     #[test]
     fn a_log_without_a_drive_has_a_row_for_each_pack() {
         let state = state(11.0);
-        let faulty = BatteryState {
-            faults: Faults::DEEP_DISCHARGE | Faults::OVER_CURRENT,
-            ..state
-        };
+        let mut faulty = state;
+        faulty.readings.faults = Faults::DEEP_DISCHARGE | Faults::OVER_CURRENT;
         let rows = rows_of(
             &file(&[
                 Recorded::Battery(Pack::First, &state),
@@ -452,9 +453,10 @@ mod tests {
 
     #[test]
     fn remaining_charge_is_that_of_the_moment() {
-        let [before, after] = [(11.0, 60.0), (10.4, 20.0)].map(|(voltage_v, remaining_pct)| BatteryState {
-            remaining_pct: Some(remaining_pct),
-            ..state(voltage_v)
+        let [before, after] = [(11.0, 60.0), (10.4, 20.0)].map(|(voltage_v, remaining_pct)| {
+            let mut state = state(voltage_v);
+            state.readings.remaining_pct = Some(remaining_pct);
+            state
         });
         let mut records = vec![LOW_VOLTAGE, arming(ArmState::Armed)];
         records.extend([Recorded::Battery(Pack::First, &before); 5]);

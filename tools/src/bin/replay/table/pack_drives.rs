@@ -317,7 +317,7 @@ impl Drive {
         self.replayed_faults |= state.faults_to_show();
         let reported = sample.reported.unwrap_or_default();
         self.remaining = Remaining {
-            replayed_pct: state.remaining_pct.map(f64::from),
+            replayed_pct: state.readings.remaining_pct.map(f64::from),
             recorded_pct: reported.remaining_pct.map(f64::from),
         };
         let since_s = self.since_start_s(sample.time_s);
@@ -339,8 +339,8 @@ impl Drive {
         // The board has counted between the readings that are recorded.
         self.drawn_mah.add(reported.consumed_mah.or(state.consumed_mah()));
         self.drawn_wh.add(reported.consumed_wh.or(state.consumed_wh));
-        self.resting_v.add(state.resting_voltage_v);
-        let sag_v = state.resting_voltage_v.zip(state.voltage_v);
+        self.resting_v.add(state.readings.resting_voltage_v);
+        let sag_v = state.readings.resting_voltage_v.zip(state.readings.voltage_v);
         self.sag_v
             .add(sag_v.map(|(resting_v, voltage_v)| resting_v - voltage_v));
         self.temperature_c.add(state.temperature_c);
