@@ -92,6 +92,12 @@ impl Cell {
         self.curve.voltage_v(charge) - self.lowest_make_v - self.lasting_drop_v()
     }
 
+    /// The highest resting voltage at this state of charge, from 0 to 1, in volts, likewise: after a charge of 1 C.
+    pub fn highest_resting_v(&self, state_of_charge: f32) -> f32 {
+        let charge = (state_of_charge + GAUGE_ERROR).min(1.0);
+        self.curve.voltage_v(charge) + self.lowest_make_v + self.lasting_drop_v()
+    }
+
     /// Steady-state voltage drop at 1 C, in volts.
     pub fn lasting_drop_v(&self) -> f32 {
         self.ohmic_drop_v * (1.0 + self.slow_share)

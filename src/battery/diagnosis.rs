@@ -29,7 +29,7 @@ const MIN_TEMPERATURE_C: f32 = -20.0;
 const MAX_TEMPERATURE_C: f32 = 60.0;
 
 /// All faults.
-pub(super) const FAULTS: [Faults; 10] = [
+pub(super) const FAULTS: [Faults; 11] = [
     Faults::DEEP_DISCHARGE,
     Faults::SPIKES,
     Faults::CELL_FAIL,
@@ -40,6 +40,7 @@ pub(super) const FAULTS: [Faults; 10] = [
     Faults::INCOMPATIBLE_VOLTAGE,
     Faults::CELLS_CONFIGURATION,
     Faults::CONTRADICTED_CHARGE,
+    Faults::UNDERSTATED_CHARGE,
 ];
 
 /// Observations that need a pack at rest.
@@ -70,6 +71,7 @@ impl Diagnosis {
         settings: &PackSettings,
     ) -> Faults {
         let mut present = conditions(state, settings);
+        let contradiction = contradiction(state, at_rest, settings.chemistry.cell());
         for (fault, is_present) in [
             (
                 Faults::INCOMPATIBLE_VOLTAGE,
@@ -84,7 +86,11 @@ impl Diagnosis {
             ),
             (
                 Faults::CONTRADICTED_CHARGE,
-                is_contradicted(state, at_rest, settings.chemistry.cell()),
+                contradiction.map(|[overstated, _]| overstated),
+            ),
+            (
+                Faults::UNDERSTATED_CHARGE,
+                contradiction.map(|[_, understated]| understated),
             ),
         ] {
             // Until the next rest nothing is known.
@@ -109,7 +115,7 @@ impl Diagnosis {
             *changing_s += dt_s;
             // A spike is shorter than the debounce time.
             let debounce_s = match fault {
-                Faults::CONTRADICTED_CHARGE => CONTRADICTION_S,
+                Faults::CONTRADICTED_CHARGE | Faults::UNDERSTATED_CHARGE => CONTRADICTION_S,
                 Faults::OVER_CURRENT => OVERLOAD_S,
                 _ => DEBOUNCE_S,
             };
@@ -167,12 +173,17 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
     faults
 }
 
-/// Whether a resting cell is lower than any is at the charge that the pack reports; `None` while that is unknown.
-fn is_contradicted(state: &BatteryState, at_rest: &AtRest, cell: &Cell) -> Option<bool> {
+/// Whether a resting cell is lower than any is at the charge that the pack reports, and whether all are higher; `None` while
+/// that is unknown.
+fn contradiction(state: &BatteryState, at_rest: &AtRest, cell: &Cell) -> Option<[bool; 2]> {
     if state.charge_source == ChargeSource::Estimated {
-        return Some(false);
+        return Some([false; 2]);
     }
     let mean_v = at_rest.voltage_v? / f32::from(state.cell_count?);
     let lowest_v = state.cells.lowest_v().unwrap_or(mean_v);
-    Some(lowest_v < cell.lowest_resting_v(state.readings.remaining_pct? / 100.0))
+    let state_of_charge = state.readings.remaining_pct? / 100.0;
+    Some([
+        lowest_v < cell.lowest_resting_v(state_of_charge),
+        lowest_v > cell.highest_resting_v(state_of_charge),
+    ])
 }

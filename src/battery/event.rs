@@ -299,7 +299,7 @@ impl fmt::Display for PackEvent {
     }
 }
 
-const FAULT_NAMES: [(Faults, &str); 10] = [
+const FAULT_NAMES: [(Faults, &str); 11] = [
     (Faults::CELL_FAIL, "cell failed"),
     (Faults::CELL_DIFFERS, "cells differ at rest"),
     (Faults::DEEP_DISCHARGE, "deep discharge"),
@@ -308,6 +308,7 @@ const FAULT_NAMES: [(Faults, &str); 10] = [
     (Faults::OVER_CURRENT, "over current"),
     (Faults::CELLS_CONFIGURATION, "voltage does not fit cells"),
     (Faults::CONTRADICTED_CHARGE, "charge contradicts voltage"),
+    (Faults::UNDERSTATED_CHARGE, "charge below that of its cells"),
     (Faults::INCOMPATIBLE_VOLTAGE, "its packs differ in voltage"),
     (Faults::SPIKES, "voltage spikes"),
 ];

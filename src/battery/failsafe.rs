@@ -303,7 +303,8 @@ fn most_remaining(state: &BatteryState, at_most_pct: Option<f32>) -> Option<f32>
 /// The upper bound of the usable charge, in percent; `None` where cells at rest contradict it.
 pub(super) fn most_usable_pct(state: &BatteryState) -> Option<f32> {
     let readings = &state.readings;
-    let is_contradicted = readings.faults.contains(Faults::CONTRADICTED_CHARGE);
+    let contradictions = Faults::CONTRADICTED_CHARGE | Faults::UNDERSTATED_CHARGE;
+    let is_contradicted = readings.faults.intersects(contradictions);
     let usable_pct = readings.usable_pct.filter(|_| !is_contradicted)?;
     Some(usable_pct + SURE_SIGMAS * readings.usable_sigma_pct.unwrap_or(0.0))
 }
@@ -835,6 +836,8 @@ mod tests {
         let none: &[FailsafeLevel] = &[];
         let mut contradicted = usable(Some(3.0), None);
         contradicted.readings.faults = Faults::CONTRADICTED_CHARGE;
+        let mut understated = usable(Some(3.0), None);
+        understated.readings.faults = Faults::UNDERSTATED_CHARGE;
         for (state, expected) in [
             (usable(Some(14.9), None), &BOTH[..1]),
             (usable(Some(10.0), Some(2.4)), &BOTH[..1]),
@@ -842,6 +845,7 @@ mod tests {
             (usable(Some(3.0), Some(1.9)), &BOTH),
             (usable(None, None), none),
             (contradicted, none),
+            (understated, none),
         ] {
             for timer_s in [Some(10.0), None] {
                 let mut failsafe = Failsafe::default();

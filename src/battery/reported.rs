@@ -29,6 +29,8 @@ bitflags! {
         const SHORT_CIRCUIT = 1 << 9;
         /// The pack reports that its protection has switched it off.
         const SWITCHED_OFF = 1 << 10;
+        /// Each cell rests higher than any of its chemistry does at the charge that the pack reports. It refuses nothing.
+        const UNDERSTATED_CHARGE = 1 << 11;
         /// A cell differs from another at rest, without having failed yet.
         const CELL_DIFFERS = 1 << 12;
         /// The pack reports that it is bad: it must not be used.

@@ -729,6 +729,7 @@ fn every_fault_has_its_flag() {
         (Faults::SHORT_CIRCUIT, 16_384),
         (Faults::SWITCHED_OFF, 256),
         (Faults::CONTRADICTED_CHARGE, 0),
+        (Faults::UNDERSTATED_CHARGE, 0),
     ] {
         // NOT_READY_TO_USE with those that refuse arming: more of those that are found here.
         let found_here = Faults::CELL_FAIL

@@ -434,6 +434,38 @@ fn one_cell_that_is_too_low_contradicts_the_charge() {
 }
 
 #[test]
+// Requirement: S-9, AP-18
+fn a_percentage_below_the_charge_of_the_resting_cells_is_announced_and_does_not_act() {
+    let mut bench = gauged_bench();
+    bench.settings.failsafe.low = Thresholds {
+        usable_pct: Some(15.0),
+        ..Thresholds::default()
+    };
+    bench.settings.failsafe.critical = Thresholds::default();
+    bench.arm_state = ArmState::Disarmed;
+    let cell_v = bench.settings.chemistry.cell().highest_resting_v(0.05) + 0.01;
+    bench.run(15.0, reports(0.05, cell_v));
+    let faults = PackEvent::Faults(Faults::UNDERSTATED_CHARGE);
+    assert!(bench.events.contains(&faults), "{:?}", bench.events);
+    let failures = crate::battery::arming_failures(bench.state(), &bench.settings, None);
+    assert!(
+        !failures
+            .into_iter()
+            .any(|failure| failure == crate::battery::ArmingFailure::ContradictedCharge)
+    );
+    bench.arm_state = ArmState::Armed;
+    let state = bench.run(60.0, reports(0.05, cell_v));
+    assert_eq!(state.failsafe, FailsafeLevel::None);
+    // Cells that may have it.
+    let low_v = bench.settings.chemistry.cell().highest_resting_v(0.05) - 0.01;
+    bench.arm_state = ArmState::Disarmed;
+    bench.run(15.0, reports(0.05, low_v));
+    bench.arm_state = ArmState::Armed;
+    let state = bench.run(60.0, reports(0.05, low_v));
+    assert_eq!(state.failsafe, FailsafeLevel::Low);
+}
+
+#[test]
 fn no_sound_cell_contradicts_its_charge() {
     for chemistry in CHEMISTRIES {
         let cell = chemistry.cell();
@@ -441,13 +473,14 @@ fn no_sound_cell_contradicts_its_charge() {
             let share = percent as f32 / 100.0;
             let mut bench = Bench::new();
             bench.settings.chemistry = chemistry;
-            // Of the lowest make, with a gauge that is 5 % off.
-            let cell_v = cell.curve.voltage_v((share - 0.05).max(0.0)) - cell.lowest_make_v;
-            let faults = bench.run(15.0, reports(share, cell_v)).readings.faults;
-            assert!(
-                !faults.contains(Faults::CONTRADICTED_CHARGE),
-                "{chemistry:?} {percent} %"
-            );
+            // Of the lowest or highest make, with a gauge that is 5 % off.
+            for sign in [-1.0, 1.0] {
+                let charge = (share + 0.05 * sign).clamp(0.0, 1.0);
+                let cell_v = cell.curve.voltage_v(charge) + sign * cell.lowest_make_v;
+                let faults = bench.run(15.0, reports(share, cell_v)).readings.faults;
+                let contradictions = Faults::CONTRADICTED_CHARGE | Faults::UNDERSTATED_CHARGE;
+                assert!(!faults.intersects(contradictions), "{chemistry:?} {percent} %");
+            }
         }
     }
 }
