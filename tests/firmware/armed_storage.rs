@@ -198,8 +198,7 @@ fn power_lost_while_armed_brings_saved_values_back() {
         "{damaged:?}"
     );
     bench.set("BATT_CAPACITY", 888.0);
-    // The sector is full: its 680 records move, which takes a second.
-    bench.run_for(2 * SECOND);
+    bench.run_for(2 * SECOND); // A full sector moves for one of them.
     bench.run_until_silent();
     bench.power_cycle();
     bench.run_for(SECOND);
