@@ -26,8 +26,19 @@ const IP_SOURCE: usize = 26;
 /// Offset of the client's hardware address (`chaddr`) into a UDP datagram that carries a DHCP message.
 const DHCP_CLIENT_MAC: usize = 8 + 28;
 
-/// Minimum interval between log lines about refused frames.
+/// Minimum interval between log lines about refused frames or stations.
 const LOG_INTERVAL_US: u64 = 10_000_000;
+
+/// Limit of the lines about strangers of one kind.
+pub(super) type RefusalLog = Cell<RateLimit<LOG_INTERVAL_US>>;
+
+/// Whether a line is written now; then it counts.
+pub(super) fn may_log(limit: &RefusalLog) -> bool {
+    let mut rate = limit.get();
+    let is_allowed = rate.take(now());
+    limit.set(rate);
+    is_allowed
+}
 
 /// Lets frames in that mean something to the board.
 ///
@@ -38,7 +49,7 @@ pub(super) struct Door<'a> {
     /// Of the access point; `None` in another's network.
     leases: Option<&'a RefCell<Leases>>,
     refused: Cell<u32>,
-    log: Cell<RateLimit<LOG_INTERVAL_US>>,
+    log: RefusalLog,
 }
 
 impl<'a> Door<'a> {
@@ -85,9 +96,7 @@ impl<'a> Door<'a> {
     fn count(&self) {
         let refused = self.refused.get().saturating_add(1);
         self.refused.set(refused);
-        let mut limit = self.log.get();
-        if limit.take(now()) {
-            self.log.set(limit);
+        if may_log(&self.log) {
             info!("Wi-Fi: {} frames of unknown senders refused", refused);
         }
     }

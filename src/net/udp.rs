@@ -15,12 +15,12 @@ use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Write};
 
 use super::datagram::{DATAGRAM_BYTES, Datagram};
+use super::door::{RefusalLog, may_log};
 use super::greetings::Greetings;
 use super::sender::Sender;
 use super::service::Service;
 use super::socket::{PacketQueue, until};
 use super::stations::{Admission, SLOTS, Stations};
-use crate::announce::RateLimit;
 use crate::log::{info, warn};
 use crate::mavlink::{Access, LinkId, begins_with_frame};
 use crate::tasks::{ByteSource, Link, ReceiveError, now};
@@ -34,9 +34,6 @@ const QUEUE_BYTES: usize = 768;
 
 /// A station that was not heard for this long has left. Its time-outs have acted long before.
 const SILENCE: Duration = Duration::from_secs(10);
-
-/// Minimum interval between log lines about stations that are refused.
-const LOG_INTERVAL_US: u64 = 10_000_000;
 
 /// Buffers of the way to a station.
 pub(super) struct SlotMemory {
@@ -61,7 +58,7 @@ pub(super) struct UdpLinks {
     pub stations: RefCell<Stations>,
     slots: [Slot; SLOTS],
     pub greetings: Greetings,
-    refusal_log: Cell<RateLimit<LOG_INTERVAL_US>>,
+    refusal_log: RefusalLog,
 }
 
 /// Bytes that wait for a link.
@@ -78,7 +75,7 @@ impl UdpLinks {
             stations: RefCell::default(),
             slots: [const { Slot::new() }; SLOTS],
             greetings: Greetings::new(),
-            refusal_log: Cell::default(),
+            refusal_log: RefusalLog::default(),
         }
     }
 
@@ -125,9 +122,7 @@ impl UdpLinks {
     }
 
     fn log_refusal(&self, station: SocketAddrV4, count: u32) {
-        let mut limit = self.refusal_log.get();
-        if limit.take(now()) {
-            self.refusal_log.set(limit);
+        if may_log(&self.refusal_log) {
             let address = station.ip().octets();
             warn!(
                 "UDP: {:?} refused, no link is free: {} datagrams so far",
