@@ -72,6 +72,8 @@ impl Diagnosis {
     ) -> Faults {
         let mut present = conditions(state, settings);
         let contradiction = contradiction(state, at_rest, settings.chemistry.cell());
+        // As of the others below, until the next rest nothing is known.
+        present |= contradiction.unwrap_or(self.faults & Faults::CONTRADICTIONS);
         for (fault, is_present) in [
             (
                 Faults::INCOMPATIBLE_VOLTAGE,
@@ -83,14 +85,6 @@ impl Diagnosis {
                     .voltage_v
                     .and(state.cells.imbalance_v())
                     .map(|imbalance_v| imbalance_v > NOTED_IMBALANCE_V && imbalance_v <= MAX_IMBALANCE_V),
-            ),
-            (
-                Faults::CONTRADICTED_CHARGE,
-                contradiction.map(|[overstated, _]| overstated),
-            ),
-            (
-                Faults::UNDERSTATED_CHARGE,
-                contradiction.map(|[_, understated]| understated),
             ),
         ] {
             // Until the next rest nothing is known.
@@ -173,17 +167,20 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
     faults
 }
 
-/// Whether a resting cell is lower than any is at the charge that the pack reports, and whether all are higher; `None` while
-/// that is unknown.
-fn contradiction(state: &BatteryState, at_rest: &AtRest, cell: &Cell) -> Option<[bool; 2]> {
+/// The fault if a resting cell is lower than any is at the charge that the pack reports, or all are higher; `None` while that is
+/// unknown.
+fn contradiction(state: &BatteryState, at_rest: &AtRest, cell: &Cell) -> Option<Faults> {
     if state.charge_source == ChargeSource::Estimated {
-        return Some([false; 2]);
+        return Some(Faults::empty());
     }
     let mean_v = at_rest.voltage_v? / f32::from(state.cell_count?);
     let lowest_v = state.cells.lowest_v().unwrap_or(mean_v);
     let state_of_charge = state.readings.remaining_pct? / 100.0;
-    Some([
-        lowest_v < cell.lowest_resting_v(state_of_charge),
-        lowest_v > cell.highest_resting_v(state_of_charge),
-    ])
+    Some(if lowest_v < cell.lowest_resting_v(state_of_charge) {
+        Faults::CONTRADICTED_CHARGE
+    } else if lowest_v > cell.highest_resting_v(state_of_charge) {
+        Faults::UNDERSTATED_CHARGE
+    } else {
+        Faults::empty()
+    })
 }

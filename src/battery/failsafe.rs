@@ -303,8 +303,7 @@ fn most_remaining(state: &BatteryState, at_most_pct: Option<f32>) -> Option<f32>
 /// The upper bound of the usable charge, in percent; `None` where cells at rest contradict it.
 pub(super) fn most_usable_pct(state: &BatteryState) -> Option<f32> {
     let readings = &state.readings;
-    let contradictions = Faults::CONTRADICTED_CHARGE | Faults::UNDERSTATED_CHARGE;
-    let is_contradicted = readings.faults.intersects(contradictions);
+    let is_contradicted = readings.faults.intersects(Faults::CONTRADICTIONS);
     let usable_pct = readings.usable_pct.filter(|_| !is_contradicted)?;
     Some(usable_pct + SURE_SIGMAS * readings.usable_sigma_pct.unwrap_or(0.0))
 }

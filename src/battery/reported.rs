@@ -52,6 +52,9 @@ impl Faults {
     /// Faults that make a sufficiently charged pack UNHEALTHY.
     pub const UNFIT: Self = Self::CELLS_CONFIGURATION.union(Self::OVER_TEMPERATURE);
 
+    /// The charge that the pack reports does not fit its resting cells.
+    pub const CONTRADICTIONS: Self = Self::CONTRADICTED_CHARGE.union(Self::UNDERSTATED_CHARGE);
+
     /// The faults by a device's own flags; the table has the mask of those that mean each.
     pub(crate) fn of_flags(flags: u32, table: &[(u32, Self)]) -> Self {
         let set = table.iter().filter(|(mask, _)| flags & mask != 0);
@@ -150,11 +153,6 @@ pub struct Reported {
 }
 
 impl Reported {
-    /// Whether there is more than faults and a charge state.
-    pub fn has_details(&self) -> bool {
-        !self.modes.is_empty() || self.gauge != GaugeReport::NONE
-    }
-
     /// Nothing.
     pub const NONE: Self = Self {
         faults: Faults::empty(),
@@ -162,4 +160,9 @@ impl Reported {
         modes: Modes::empty(),
         gauge: GaugeReport::NONE,
     };
+
+    /// Whether there is more than faults and a charge state.
+    pub fn has_details(&self) -> bool {
+        !self.modes.is_empty() || self.gauge != GaugeReport::NONE
+    }
 }

@@ -108,17 +108,20 @@ fn remaining(battery: &BatteryState) -> Option<f32> {
 }
 
 fn status_flags(battery: &BatteryState) -> Flags {
-    let modes = FLAGS_OF_MODES.iter();
-    let set = modes.filter(|(mode, _)| battery.readings.reported.modes.contains(*mode));
-    let flags = fault_flags(battery.faults_to_show()) | readiness_flags(battery) | charge_flags(battery);
-    set.fold(flags, |flags, (_, flag)| flags | *flag)
+    fault_flags(battery.faults_to_show())
+        | flags_of(&FLAGS_OF_MODES, battery.readings.reported.modes)
+        | readiness_flags(battery)
+        | charge_flags(battery)
+}
+
+/// The flags that go with those of a table's bits that are in `present`.
+fn flags_of<B: bitflags::Flags + Copy>(table: &[(B, Flags)], present: B) -> Flags {
+    let set = table.iter().filter(|(bit, _)| present.contains(*bit));
+    set.fold(Flags::empty(), |flags, (_, flag)| flags | *flag)
 }
 
 fn fault_flags(faults: Faults) -> Flags {
-    let set = FLAGS_OF_FAULTS
-        .iter()
-        .filter(|(fault, _)| faults.contains(*fault));
-    let mut flags = set.fold(Flags::empty(), |flags, (_, flag)| flags | *flag);
+    let mut flags = flags_of(&FLAGS_OF_FAULTS, faults);
     if faults.intersects(FAULTS_TO_SERVICE) {
         flags |= Flags::MAV_BATTERY_STATUS_FLAGS_REQUIRES_SERVICE;
     }
