@@ -161,8 +161,8 @@ fn refuse(request: &Request<'_>, authenticity: Authenticity, unauthorized: &mut 
     Event::Unauthorized { count: *unauthorized }
 }
 
-/// Whether a BATTERY_STATUS or BATTERY_INFO is of a pack that another component of this vehicle measures, and by one: other packs and
-/// vehicles have theirs, which do not concern this one, signed or not.
+/// Whether a BATTERY_STATUS or BATTERY_INFO is of a pack that another component of this vehicle measures, and by one: other
+/// packs and vehicles have theirs, which do not concern this one, signed or not.
 fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, external_packs: u16) -> bool {
     let Request::PackReport(report) = &received.request else {
         return true;

@@ -18,8 +18,8 @@ const INDEX: &str = "{n}";
 /// The file `docs/parameters.json`.
 ///
 /// A pack's parameter has two rows: by the name that it has of the first pack, and by one with an index for all others. That of a
-/// thermometer has one for all. The index has more characters than the digit it stands for, so such a name may be longer than any on
-/// the wire.
+/// thermometer has one for all. The index has more characters than the digit it stands for, so such a name may be longer than
+/// any on the wire.
 pub fn parameters_json() -> String {
     let rows: Vec<String> = ParameterId::all()
         .filter_map(|id| Some(parameter_json(id, &name(id)?)))

@@ -349,7 +349,7 @@ fn a_milliampere_is_a_current_and_no_blank_word() {
     assert_eq!(read_battery(battery(&[(0x0a, 0xffff)])).current_a, Some(0.001));
 }
 
-/// What a smart battery reports once each of its slow words was read.
+/// Report of a smart battery once each of its slow words was read.
 fn reported_by(words: &[(u8, u16)]) -> Reported {
     let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
     let mut bus = battery(words);

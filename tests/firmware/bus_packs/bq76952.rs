@@ -161,7 +161,7 @@ fn what_its_protection_does_is_reported_and_does_not_refuse_arming() {
     // The first of two STATUSTEXT.
     let text = "Battery 2 reports: switched off by its protection,".to_owned();
     assert!(texts_of(&bench.frames()).contains(&text));
-    // A load that is switched off by a command is no fault.
+    // A discharge switched off by a command is not a fault.
     part.borrow_mut().set_protection(Protection {
         alarms: 1 << 5,
         ..enabled

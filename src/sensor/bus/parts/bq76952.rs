@@ -16,10 +16,10 @@ use crate::sensor::bus::registers::Registers;
 use crate::sensor::bus::{Address, SensorBus, Wiring};
 
 // Direct commands: words, the lowest byte first.
-/// Three words with an alert of its protection in the low byte, and its status in the high one. The others follow them.
+/// Safety A, B and C: an alert in the low byte, a status in the high one. Behind six other words follow the voltages of 16 cells,
+/// of the stack and of two pins, and the current.
 const SAFETY: u8 = 0x02;
 const BATTERY_STATUS: u8 = 0x12;
-/// The voltages of 16 cells, of the stack and of two pins, and the current follow each other.
 const ALARM_RAW_STATUS: u8 = 0x64;
 const INTERNAL_TEMPERATURE: u8 = 0x68;
 
@@ -56,6 +56,7 @@ const SAFETY_FAULTS: [(u32, Faults); 6] = [
     (0b1111 << 12, Faults::OVER_TEMPERATURE),
 ];
 
+// Places among the words from `SAFETY` on.
 const CELLS: usize = 16;
 const FIRST_CELL: usize = 9;
 const STACK: usize = FIRST_CELL + CELLS;
@@ -102,7 +103,7 @@ struct Setup {
     units: u8,
     /// Inputs that have a cell, the first in bit 0; 0 if that is not set up.
     cells: u16,
-    /// Whether it is protected.
+    /// `PROTECTED`, or nothing.
     protection: Modes,
 }
 
