@@ -19,7 +19,8 @@ mod firmware {
     use embassy_time::{Duration, Ticker, with_timeout};
     use panic_probe as _;
     use rover_battmon::battery::{
-        BatteryMonitor, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError, Thresholds, Tick,
+        BatteryMonitor, BatteryState, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError,
+        Thresholds, Tick,
     };
     use rover_battmon::board::{self, AnalogInputs, TelemetryUart};
     use rover_battmon::mavlink::LinkKind;
@@ -70,6 +71,7 @@ mod firmware {
             ..PackSettings::default()
         };
         let mut monitor = BatteryMonitor::new();
+        let mut battery = BatteryState::default();
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and BATTERY_STATUS twice.
         let parameters = Parameters::defaults();
         let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
@@ -89,12 +91,12 @@ mod firmware {
                 // Only then failsafes count, and nothing here can be disarmed.
                 arm_state: ArmState::Armed,
             };
-            let update = monitor.update(tick, reading, &settings);
+            let update = monitor.update(&mut battery, tick, reading, &settings);
             link.announce(Pack::First, &update.events);
-            led.set_level((monitor.state().charge_state == ChargeState::Ok).into());
+            led.set_level((battery.charge_state == ChargeState::Ok).into());
 
             // Report what is due.
-            let batteries = [*monitor.state()];
+            let batteries = [battery];
             let state = SystemState {
                 batteries: &batteries,
                 ..SystemState::default()

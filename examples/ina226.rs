@@ -17,7 +17,7 @@ mod firmware {
     use embassy_executor::Spawner;
     use embassy_time::{Duration, Ticker};
     use panic_probe as _;
-    use rover_battmon::battery::{BatteryMonitor, PackSettings, Tick};
+    use rover_battmon::battery::{BatteryMonitor, BatteryState, PackSettings, Tick};
     use rover_battmon::board::{self, SensorI2c, TelemetryUart};
     use rover_battmon::mavlink::LinkKind;
     use rover_battmon::pack::Pack;
@@ -66,6 +66,7 @@ mod firmware {
         let mut parts = BusDevices::from_parameters(&parameters, start);
         let settings = PackSettings::from_parameters(&parameters, Pack::First);
         let mut monitor = BatteryMonitor::new();
+        let mut battery = BatteryState::default();
         let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start);
         let mut ticker = Ticker::every(INTERVAL);
 
@@ -77,13 +78,13 @@ mod firmware {
                 arm_state: ArmState::Armed,
             };
             let judge = |_, reading| {
-                let update = monitor.update(tick, reading, &settings);
+                let update = monitor.update(&mut battery, tick, reading, &settings);
                 link.announce(Pack::First, &update.events);
             };
             parts.read_next(&mut bus, tick.now, tick.arm_state, judge).await;
 
             // Report what is due.
-            let batteries = [*monitor.state()];
+            let batteries = [battery];
             let state = SystemState {
                 batteries: &batteries,
                 ..SystemState::default()

@@ -231,6 +231,7 @@ mod firmware {
     /// A 3S pack whose load changes every second.
     struct PackInUse {
         monitor: BatteryMonitor,
+        state: BatteryState,
         settings: PackSettings,
         measures_current: bool,
         tick: Tick,
@@ -249,6 +250,7 @@ mod firmware {
         fn at_rest(measures_current: bool) -> Self {
             Self {
                 monitor: BatteryMonitor::new(),
+                state: BatteryState::default(),
                 settings: PackSettings {
                     cell_count: Some(3),
                     capacity_mah: Some(2200.0),
@@ -272,7 +274,9 @@ mod firmware {
                 ..Measurement::default()
             };
             let reading = black_box(Ok(measurement));
-            let update = self.monitor.update(self.tick, reading, &self.settings);
+            let update = self
+                .monitor
+                .update(&mut self.state, self.tick, reading, &self.settings);
             // Not by value, which would be copied.
             black_box(&update);
         }

@@ -63,6 +63,7 @@ mod firmware {
         // No pack is too low to drive with here.
         let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
         let mut monitor = BatteryMonitor::new();
+        let mut battery = BatteryState::default();
         let mut readings = Cadence::starting_at(now(), READING_INTERVAL_US);
         let mut vehicle = Vehicle::new();
         let mut wifi = WifiCredentials::absent();
@@ -80,7 +81,7 @@ mod firmware {
             let now = now();
             // 64 bytes at most, less than it has room for once everything before them was handled.
             link.endpoint.push(received);
-            let batteries = [*monitor.state()];
+            let batteries = [battery];
             let state = state_of(&vehicle, &batteries);
             while link
                 .endpoint
@@ -110,12 +111,12 @@ mod firmware {
                     arm_state: vehicle.arm_state(),
                 };
                 let settings = PackSettings::from_parameters(&parameters, Pack::First);
-                let update = monitor.update(tick, reading, &settings);
+                let update = monitor.update(&mut battery, tick, reading, &settings);
                 link.announce(Pack::First, &update.events);
             }
 
             // Report what is due: HEARTBEAT, SYS_STATUS, BATTERY_STATUS, acknowledgements, parameters.
-            let batteries = [*monitor.state()];
+            let batteries = [battery];
             let state = state_of(&vehicle, &batteries);
             let _ = link.send_due(now, &state, &parameters).await;
             watchdog.feed(vehicle.arm_state());

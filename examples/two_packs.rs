@@ -19,7 +19,8 @@ mod firmware {
     use embassy_time::{Duration, Ticker, with_timeout};
     use panic_probe as _;
     use rover_battmon::battery::{
-        BatteryMonitor, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError, Thresholds, Tick,
+        BatteryMonitor, BatteryState, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError,
+        Thresholds, Tick,
     };
     use rover_battmon::board::{self, AnalogInputs, TelemetryUart};
     use rover_battmon::mavlink::LinkKind;
@@ -43,6 +44,7 @@ mod firmware {
         current: Option<(AnalogPin, CurrentSensor)>,
         settings: PackSettings,
         monitor: BatteryMonitor,
+        state: BatteryState,
     }
 
     /// Three LiPo cells with a sensor of 20 A for each volt.
@@ -68,6 +70,7 @@ mod firmware {
                 ..PackSettings::default()
             },
             monitor: BatteryMonitor::new(),
+            state: BatteryState::default(),
         }
     }
 
@@ -87,6 +90,7 @@ mod firmware {
                 ..PackSettings::default()
             },
             monitor: BatteryMonitor::new(),
+            state: BatteryState::default(),
         }
     }
 
@@ -130,12 +134,14 @@ mod firmware {
                     // Only then failsafes count, and nothing here can be disarmed.
                     arm_state: ArmState::Armed,
                 };
-                let update = pack.monitor.update(tick, reading, &pack.settings);
+                let update = pack
+                    .monitor
+                    .update(&mut pack.state, tick, reading, &pack.settings);
                 link.announce(instance, &update.events);
             }
 
             // Report what is due: the instance of a BATTERY_STATUS is the pack's place here.
-            let batteries = packs.each_ref().map(|pack| *pack.monitor.state());
+            let batteries = packs.each_ref().map(|pack| pack.state);
             let state = SystemState {
                 batteries: &batteries,
                 ..SystemState::default()

@@ -19,7 +19,7 @@
 //! The tasks do this for each pack ten times a second, in one go. Nothing here waits, owns a peripheral or reads a clock:
 //!
 //! ```
-//! use rover_battmon::battery::{BatteryMonitor, ChargeState, Measurement, PackSettings, PackStatus, Tick};
+//! use rover_battmon::battery::{BatteryMonitor, BatteryState, ChargeState, Measurement, PackSettings, PackStatus, Tick};
 //! use rover_battmon::mavlink::{Framer, Stream};
 //! use rover_battmon::pack::Pack;
 //! use rover_battmon::sensor::{AdcCount, VoltageDivider};
@@ -38,13 +38,14 @@
 //! // A 3S pack. `Err(ReadError::...)` would be a reading that failed.
 //! let settings = PackSettings { cell_count: Some(3), ..PackSettings::default() };
 //! let mut monitor = BatteryMonitor::new();
+//! let mut battery = BatteryState::default();
 //! let tick = Tick { now: Instant::from_micros(100_000), ..Tick::default() };
-//! let _ = monitor.update(tick, Ok(reading), &settings);
-//! assert_eq!(monitor.state().status, PackStatus::Healthy);
-//! assert_eq!(monitor.state().charge_state, ChargeState::Ok);
+//! let _ = monitor.update(&mut battery, tick, Ok(reading), &settings);
+//! assert_eq!(battery.status, PackStatus::Healthy);
+//! assert_eq!(battery.charge_state, ChargeState::Ok);
 //!
 //! // A message is built when the wire takes it, numbered, and framed.
-//! let batteries = [*monitor.state()];
+//! let batteries = [battery];
 //! let state = SystemState { batteries: &batteries, ..SystemState::default() };
 //! let message = Stream::BatteryStatus(Pack::First).build(&state);
 //! let frame = Framer::new().frame(&message, 1).to_vec();

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use rover_battmon::battery::{BatteryMonitor, LearntPack, Measurement, PackSettings, Tick};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, Tick};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::recorder::dataflash::{ArmingMethod, Record, opening_record};
@@ -350,8 +350,8 @@ fn parameters_hold_from_when_they_were_set() {
         };
         bytes.extend(record.encode(last_us));
     }
-    let state = BatteryMonitor::new();
-    bytes.extend(Record::Battery(Pack::Second, state.state()).encode(last_us + 100_000));
+    let unread = BatteryState::default();
+    bytes.extend(Record::Battery(Pack::Second, &unread).encode(last_us + 100_000));
     fs::write(&log, bytes).expect("a file");
     let text = said_of(&["--pack", "2", log.to_str().expect("a path")]);
     let expected = "Set during the recording: BATT2_CELLS=6 at 23:20, BATT2_LOW_VOLT=21 at 23:20\n";
@@ -402,7 +402,7 @@ fn log_of_drive() -> Vec<u8> {
         bytes.extend(Record::Parameter { name, value, default }.encode(0));
     }
     let settings = PackSettings::from_parameters(&parameters, Pack::Second);
-    let mut monitor = BatteryMonitor::new();
+    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
     monitor.restore_learnt(LearntPack::of(None));
     let mut arm_state = ArmState::Disarmed;
     for line in drive_with_rests().lines().skip(1) {
@@ -432,11 +432,11 @@ fn log_of_drive() -> Vec<u8> {
             ..Measurement::default()
         };
         let now = Instant::from_micros(time_us);
-        let timers = monitor.state().failsafe_timers;
-        let _ = monitor.update(Tick { now, arm_state }, Ok(reading), &settings);
-        let changes = monitor.state().failsafe_timers.changes(timers);
+        let timers = battery.failsafe_timers;
+        let _ = monitor.update(&mut battery, Tick { now, arm_state }, Ok(reading), &settings);
+        let changes = battery.failsafe_timers.changes(timers);
         let timers = changes.map(|(level, timer)| Record::FailsafeTimer(Pack::Second, level, timer));
-        let records = timers.chain(Record::of_pack(Pack::Second, monitor.state()));
+        let records = timers.chain(Record::of_pack(Pack::Second, &battery));
         bytes.extend(records.flat_map(|record| record.encode(time_us)));
     }
     bytes

@@ -14,7 +14,7 @@ impl Autopilot {
     /// The next operation in flash. What is not saved comes before a read: the read may be of another pack in the same place.
     pub(super) fn next_learnt_job(&self) -> Option<FlashJob> {
         self.next_unsaved_learnt().or_else(|| {
-            let mut packs = self.packs.order.iter().map(|(pack, _)| self.identity(*pack));
+            let mut packs = self.packs.order.iter().map(|(pack, _)| self.pack_identity(*pack));
             packs
                 .find(|identity| !self.is_learnt_of(*identity))
                 .map(FlashJob::ReadLearnt)
@@ -28,7 +28,7 @@ impl Autopilot {
             warn!("battery {}: learnt data: {:?}", pack.number(), error);
         }
         // Meanwhile the serial number may have been set to another one, or the data erased.
-        if identity != self.identity(pack) || self.is_learnt_of(identity) {
+        if identity != self.pack_identity(pack) || self.is_learnt_of(identity) {
             return;
         }
         let learnt = stored
@@ -42,7 +42,7 @@ impl Autopilot {
             learnt.is_some()
         );
         let learnt = learnt.unwrap_or(LearntPack::of(serial_number));
-        self.packs.bank.monitor(pack).restore_learnt(learnt);
+        self.packs.bank.get_mut(pack).0.restore_learnt(learnt);
         // Another serial number follows with the next sample.
         if self.battery(pack).serial_number == serial_number {
             self.recording.describe(pack);
@@ -55,7 +55,7 @@ impl Autopilot {
         self.packs
             .order
             .iter()
-            .any(|(pack, _)| self.identity(*pack).key() == key)
+            .any(|(pack, _)| self.pack_identity(*pack).key() == key)
     }
 
     /// The next write of learnt data; `None` while a failed write waits for its retry.
@@ -83,9 +83,9 @@ impl Autopilot {
 
     /// Erases what is learnt of the pack, also if it was not read yet: what the instance has may be of another pack.
     pub(super) fn erase_learnt(&mut self, pack: Pack) {
-        let identity = self.identity(pack);
+        let identity = self.pack_identity(pack);
         let is_known = self.is_learnt_of(identity);
-        let monitor = self.packs.bank.monitor(pack);
+        let (monitor, _) = self.packs.bank.get_mut(pack);
         if !is_known {
             monitor.restore_learnt(LearntPack::of(identity.serial_number));
         }
@@ -95,14 +95,12 @@ impl Autopilot {
 
     /// Whether the instance has what is learnt of this pack.
     fn is_learnt_of(&self, identity: PackIdentity) -> bool {
-        let mut monitors = self.packs.bank.monitors();
-        let monitor = monitors.find(|(pack, _)| *pack == identity.pack);
-        let learnt = monitor.and_then(|(_, monitor)| monitor.learnt());
+        let learnt = self.packs.bank.monitor(identity.pack).learnt();
         learnt.is_some_and(|learnt| learnt.serial_number() == identity.serial_number)
     }
 
     /// The pack that the parameters say the instance monitors.
-    fn identity(&self, pack: Pack) -> PackIdentity {
+    fn pack_identity(&self, pack: Pack) -> PackIdentity {
         PackIdentity {
             pack,
             serial_number: PackSettings::serial_number(&self.parameters, pack),

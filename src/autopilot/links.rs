@@ -5,7 +5,7 @@ use super::broadcast::{Announced, Next};
 use super::recording::is_on;
 use super::start::ParameterLoad;
 use super::stores::FlashStore;
-use super::{Autopilot, Work, system_state};
+use super::{Autopilot, Work, complete};
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Severity, announced_text};
 use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
@@ -16,7 +16,6 @@ use crate::memory::flash_chip::RegisterWear;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
-use crate::system::SystemState;
 use crate::time::Instant;
 
 /// Sent to a ground station that reads all parameters.
@@ -71,7 +70,7 @@ impl Autopilot {
 
     /// The failsafe levels that were latched before the link was opened.
     fn send_levels(&self, endpoint: &mut Endpoint) {
-        for (pack, state) in Pack::ALL.into_iter().zip(&self.packs.states) {
+        for (pack, state) in Pack::ALL.into_iter().zip(self.packs.bank.states()) {
             if state.failsafe != FailsafeLevel::None {
                 let event = PackEvent::failsafe(state.failsafe, state.readings.voltage_v, state);
                 notify(endpoint, &PackNotice(pack, &event));
@@ -126,7 +125,7 @@ impl Autopilot {
         if let Some(changed) = self.changes.take(endpoint.number()) {
             endpoint.report_parameters(&changed, now);
         }
-        let state = self.system_state();
+        let state = self.system_state(now);
         let dropped = endpoint.post_due(now, &state, &self.parameters);
         if let Some(stream) = dropped
             && endpoint.drop_log.take(now)
@@ -170,21 +169,13 @@ impl Autopilot {
     ///
     /// [`Endpoint::next_read`]: crate::mavlink::Endpoint::next_read
     pub fn next_read(&self, endpoint: &mut Endpoint, now: Instant) -> Option<LogRead> {
-        let state = SystemState {
-            now,
-            ..self.system_state()
-        };
-        endpoint.next_read(&state, &self.parameters)
+        endpoint.next_read(&self.system_state(now), &self.parameters)
     }
 
     /// The message that leaves next.
     pub fn take(&self, endpoint: &mut Endpoint, now: Instant) -> Option<Outgoing> {
         self.post_urgent(endpoint);
-        let state = SystemState {
-            now,
-            ..self.system_state()
-        };
-        endpoint.take(&state, &self.parameters)
+        endpoint.take(&self.system_state(now), &self.parameters)
     }
 
     /// The frame of the message that leaves next, signed if there is a key.
@@ -206,7 +197,7 @@ impl Autopilot {
 
     /// The frame of a HEARTBEAT for stations that have no link yet, by which ground stations find the vehicle; signed if there is a key.
     pub fn heartbeat_frame<'a>(&mut self, framer: &'a mut Framer, kind: LinkKind, now: Instant) -> &'a [u8] {
-        let heartbeat = Stream::Heartbeat.build(&self.system_state());
+        let heartbeat = Stream::Heartbeat.build(&self.system_state(now));
         // The table's range is 1 to 255.
         let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
         framer.signed_frame(&heartbeat, system_id, &mut self.signing, kind, now)
@@ -221,18 +212,7 @@ impl Autopilot {
         now: Instant,
         received_at: Instant,
     ) -> Option<Event> {
-        // Borrows the packs alone: `vehicle` is mutated below.
-        let state = SystemState {
-            now,
-            ..system_state(
-                &self.packs,
-                &self.recording,
-                &self.vehicle,
-                self.identity,
-                self.readiness,
-                self.load_permille,
-            )
-        };
+        let state = complete(&self.own_state, &self.packs, &self.recording, &self.vehicle, now);
         let event = endpoint.handle_next(
             now,
             received_at,

@@ -43,9 +43,10 @@ use crate::memory::save_state::SaveState;
 use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{MonitorKind, Parameters};
+use crate::recorder::LogFile;
 use crate::recorder::dataflash::{ModeReason, Record};
 use crate::sensor::ChargerPower;
-use crate::system::{ArmingReadiness, SystemState};
+use crate::system::SystemState;
 use crate::time::Instant;
 use crate::vehicle::{ArmState, Vehicle, VehicleEvent, VehicleStatus};
 use announcement_limit::AnnouncementLimit;
@@ -65,10 +66,9 @@ pub struct Autopilot {
     was_reset: bool,
     vehicle: Vehicle,
     signing: Signing,
-    /// Whether the arming checks pass, checked once a second.
-    readiness: ArmingReadiness,
-    load_permille: u16,
-    identity: Identity,
+    /// What telemetry reports, but for what is borrowed: see [`system_state`](Self::system_state). The arming checks run once
+    /// a second.
+    own_state: SystemState<'static>,
     flash_wear: RegisterWear,
     /// To be known by every ground station that connects, unless loaded.
     parameter_load: ParameterLoad,
@@ -109,10 +109,11 @@ impl Autopilot {
             signing: in_place(|| start.signing.clone()),
             parameters: in_place(|| start.parameters.clone()),
             vehicle: in_place(Vehicle::new),
-            readiness: ArmingReadiness::default(),
-            load_permille: 0,
             was_reset: false,
-            identity: start.identity,
+            own_state: SystemState {
+                identity: start.identity,
+                ..SystemState::default()
+            },
             flash_wear: start.flash_wear,
             save_states: Default::default(),
             save_reports: SaveReports::default(),
@@ -151,7 +152,7 @@ impl Autopilot {
 
     /// The state of a pack.
     pub fn battery(&self, pack: Pack) -> &BatteryState {
-        &self.packs.states[pack as usize]
+        self.packs.bank.state(pack)
     }
 
     /// Sampling ticks so far, modulo 2^32.
@@ -161,29 +162,32 @@ impl Autopilot {
 
     /// Busy share of the processor over the last second, in tenths of a percent.
     pub fn load_permille(&self) -> u16 {
-        self.load_permille
+        self.own_state.load_permille
     }
 
     /// Sets the busy share of the processor over the last second, in tenths of a percent.
     pub fn set_load(&mut self, load_permille: u16) {
-        self.load_permille = load_permille;
+        self.own_state.load_permille = load_permille;
     }
 
     /// Sets the program's hash, which is known a moment after the start.
     pub fn set_firmware_hash(&mut self, hash: FirmwareHash) {
-        self.identity.firmware_hash = Some(hash);
+        self.own_state.identity.firmware_hash = Some(hash);
     }
 
-    /// Everything telemetry reports now, apart from a link's own counters.
-    pub fn system_state(&self) -> SystemState<'_> {
-        system_state(
-            &self.packs,
-            &self.recording,
-            &self.vehicle,
-            self.identity,
-            self.readiness,
-            self.load_permille,
-        )
+    /// The log files, oldest first.
+    pub fn logs(&self) -> &[LogFile] {
+        self.recording.files()
+    }
+
+    /// Identity of board and program.
+    pub fn identity(&self) -> &Identity {
+        &self.own_state.identity
+    }
+
+    /// Everything telemetry reports at `now`, apart from a link's own counters.
+    pub fn system_state(&self, now: Instant) -> SystemState<'_> {
+        complete(&self.own_state, &self.packs, &self.recording, &self.vehicle, now)
     }
 
     /// Announces an event to all connected ground stations at `now`, once. One that is repeated too often is left out.
@@ -250,28 +254,25 @@ impl Autopilot {
     }
 }
 
-/// Everything telemetry reports, from the parts it is read from: while a request is handled, others are changed.
-fn system_state<'a>(
+/// See [`Autopilot::system_state`]. While a request is handled, the vehicle changes, and so does what is not lent here.
+fn complete<'a>(
+    own_state: &SystemState<'a>,
     packs: &'a Packs,
     recording: &'a Recording,
     vehicle: &Vehicle,
-    identity: Identity,
-    readiness: ArmingReadiness,
-    load_permille: u16,
+    now: Instant,
 ) -> SystemState<'a> {
     SystemState {
-        batteries: &packs.states,
+        batteries: packs.bank.states(),
         external_packs: packs.mask_of(|kind| kind == MonitorKind::External),
         can_packs: packs.mask_of(|kind| kind == MonitorKind::Can),
         pin_packs: packs.mask_of(MonitorKind::reads_voltage_pin),
         vehicle: vehicle.status(),
-        identity,
-        readiness,
-        load_permille,
         logs: recording.files(),
         log: recording.health(),
         log_readers: recording.readers,
-        ..SystemState::default()
+        now,
+        ..*own_state
     }
 }
 

@@ -3,8 +3,8 @@
 use heapless::Vec;
 
 use crate::battery::{
-    BatteryBank, BatteryMonitor, BatteryState, Measurement, Measuring, PackSettings, PackSource, PackStatus,
-    ReadError, SumVoltage, Tick,
+    BatteryBank, BatteryMonitor, Measurement, Measuring, PackSettings, PackSource, ReadError, SumVoltage,
+    Tick,
 };
 use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
@@ -34,13 +34,12 @@ pub(super) struct Packs {
     /// Why a pack can't be read with the parameters at boot.
     set_up_errors: [Option<ReadError>; MAX_PACKS],
     samples: [Samples; MAX_PACKS],
-    silences: [Silence; MAX_PACKS],
+    pub silences: [Silence; MAX_PACKS],
     pub sources: [ExternalSource; MAX_PACKS],
     controllers: ControllerBank,
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub thermometers: Thermometers,
-    pub states: [BatteryState; MAX_PACKS],
     pub ticks: u32,
 }
 
@@ -49,7 +48,7 @@ impl Packs {
     #[inline(never)]
     pub fn new(parameters: &Parameters) -> Self {
         Self {
-            bank: in_place(BatteryBank::new),
+            bank: in_place(|| BatteryBank::new(|pack| parameters.is_monitored(pack))),
             order: in_place(|| sampling_order(parameters)),
             announced_too_high: 0,
             read_from: in_place(|| sources(parameters)),
@@ -61,7 +60,6 @@ impl Packs {
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
             thermometers: Thermometers::default(),
-            states: in_place(|| states_at_boot(parameters)),
             ticks: 0,
         }
     }
@@ -71,7 +69,8 @@ impl Packs {
         for (pack, _) in &self.order {
             if mask & pack.bit() != 0 {
                 let settings = PackSettings::from_parameters(parameters, *pack);
-                self.bank.monitor(*pack).reset(percent, &settings);
+                let (monitor, state) = self.bank.get_mut(*pack);
+                monitor.reset(state, percent, &settings);
             }
         }
     }
@@ -80,7 +79,8 @@ impl Packs {
     pub fn follow_scales(&mut self, parameters: &Parameters) {
         for (pack, _) in &self.order {
             if let Some(measuring) = Measuring::from_parameters(parameters, *pack) {
-                self.bank.monitor(*pack).follow(&measuring);
+                let (monitor, state) = self.bank.get_mut(*pack);
+                monitor.follow(&measuring, state.cell_count);
             }
         }
     }
@@ -161,11 +161,6 @@ impl Packs {
         }
     }
 
-    /// The pack's latest reading was valid.
-    pub fn confirm(&mut self, pack: Pack) {
-        self.silences[pack as usize].confirm();
-    }
-
     /// Reads what is read in each tick, and takes what was received since the last tick.
     fn read(
         &mut self,
@@ -190,8 +185,8 @@ impl Packs {
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
                 let voltage = SumVoltage::from_parameters(parameters, pack);
-                let monitored = self.order.iter().fold(0, |mask, (pack, _)| mask | pack.bit());
-                self.bank.sum(pack, mask, monitored, voltage, tick.arm_state)
+                self.bank
+                    .sum(pack, mask, self.mask_of(|_| true), voltage, tick.arm_state)
             }
             MonitorKind::Fuel(kind) => {
                 let readings = FuelReadings {
@@ -311,21 +306,9 @@ fn silences(parameters: &Parameters) -> [Silence; MAX_PACKS] {
     })
 }
 
-/// Before the first sample nothing is known of the packs, but which are monitored.
-fn states_at_boot(parameters: &Parameters) -> [BatteryState; MAX_PACKS] {
-    let mut states = [BatteryState::default(); MAX_PACKS];
-    for pack in Pack::ALL {
-        if !parameters.is_monitored(pack) {
-            // By a reference, they would be on the stack first.
-            states[pack as usize].status = PackStatus::Disabled;
-        }
-    }
-    states
-}
-
 /// For how long a pack has had no valid reading: whatever it is read from, its read fails after the time-out.
 #[derive(Clone, Copy, Debug)]
-struct Silence {
+pub(super) struct Silence {
     timeout_us: u64,
     /// When the latest reading was received, valid or not.
     heard_at: Instant,
@@ -354,7 +337,7 @@ impl Silence {
     }
 
     /// The latest reading was valid.
-    fn confirm(&mut self) {
+    pub fn confirm(&mut self) {
         self.valid_at = self.valid_at.max(self.heard_at);
     }
 

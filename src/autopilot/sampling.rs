@@ -114,7 +114,7 @@ impl Autopilot {
         if self.packs.ticks == 0 {
             // Staggers per-second work across packs.
             let delay_s = f32::from(pack.instance()) * SAMPLING_INTERVAL_US as f32 * 1e-6;
-            self.packs.bank.monitor(pack).delay(delay_s);
+            self.packs.bank.get_mut(pack).0.delay(delay_s);
         }
         let reading = self.packs.measure(
             pack,
@@ -145,7 +145,8 @@ impl Autopilot {
         if tick == CHECKING_TICK {
             self.packs.follow_scales(&self.parameters);
             self.record_health();
-            self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
+            let state = self.system_state(sampling.tick.now);
+            self.own_state.readiness = arming_readiness(&state, &self.parameters, &self.vehicle);
             self.announce_above_drivers(sampling.tick.now);
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
@@ -155,7 +156,7 @@ impl Autopilot {
     /// Announces packs that the motor drivers don't stand, once; one that is known to supply them does not arm instead. A sum
     /// is none of them: its members are.
     fn announce_above_drivers(&mut self, now: Instant) {
-        let state = self.system_state();
+        let state = self.system_state(now);
         let is_news = |pack: &Pack| {
             self.packs.announced_too_high & pack.bit() == 0
                 && above_drivers(&state, &self.parameters, *pack) == Some(MeasuredAt::Elsewhere)
@@ -175,7 +176,7 @@ impl Autopilot {
             let Some((pack, _)) = self.packs.order.get(turn) else {
                 return;
             };
-            let records = Record::of_pack(*pack, &self.packs.states[*pack as usize]);
+            let records = Record::of_pack(*pack, self.packs.bank.state(*pack));
             let count = match detail {
                 Detail::Readings => 1,
                 Detail::Everything => usize::MAX,
@@ -184,7 +185,7 @@ impl Autopilot {
                 let bytes = self.recording.add(&record);
                 self.recording.spend(bytes);
             }
-            let reported = &self.packs.states[*pack as usize].readings.reported;
+            let reported = &self.packs.bank.state(*pack).readings.reported;
             if reported.has_details() && self.recording.takes_report(*pack) {
                 let bytes = self.recording.add(&Record::Report(*pack, reported));
                 self.recording.spend(bytes);
@@ -195,7 +196,7 @@ impl Autopilot {
     fn record_health(&mut self) {
         if self.recording.records_health(&self.parameters) {
             self.recording.add(&Record::Health {
-                load_permille: self.load_permille,
+                load_permille: self.load_permille(),
                 dropped_records: self.recording.dropped(),
             });
         }
@@ -206,26 +207,26 @@ impl Autopilot {
         if !self.vehicle.has_exhausted_power_limit(pack) {
             settings.overload_w = None;
         }
-        let monitor = self.packs.bank.monitor(pack);
+        let bank = &mut self.packs.bank;
         if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated() {
-            monitor.release_unhealthy();
+            bank.get_mut(pack).0.release_unhealthy();
         }
+        let shown = |state: &BatteryState| (state.serial_number, state.revision);
+        let (status, before) = (bank.state(pack).status, shown(bank.state(pack)));
         let PackUpdate {
             events,
             error,
             failsafe,
-        } = monitor.update(tick, reading, &settings);
+        } = bank.update(pack, tick, reading, &settings);
         match error {
-            Some(error) => log_failure(pack, error, monitor.failed_reads()),
-            None => self.packs.confirm(pack),
+            Some(error) => log_failure(pack, error, bank.monitor(pack).failed_reads()),
+            None => self.packs.silences[pack as usize].confirm(),
         }
-        let state = self.packs.bank.monitor(pack).state();
-        let before = &mut self.packs.states[pack as usize];
-        log_change(pack, before.status, state.status);
-        if (before.serial_number, before.revision) != (state.serial_number, state.revision) {
+        let state = self.packs.bank.state(pack);
+        log_change(pack, status, state.status);
+        if before != shown(state) {
             self.recording.describe(pack);
         }
-        *before = *state;
         self.recording.add_timers(pack, state.failsafe_timers);
         if error.is_none() {
             self.limit_power(pack, tick.now);
@@ -250,7 +251,7 @@ impl Autopilot {
     /// Limits the motors by the power that a pack supplies.
     fn limit_power(&mut self, pack: Pack, now: Instant) {
         let limit = PowerLimit::from_parameters(&self.parameters, pack);
-        let power_w = self.packs.states[pack as usize].power_w();
+        let power_w = self.packs.bank.state(pack).power_w();
         let has_begun = self.vehicle.limit_power(pack, now, limit, power_w);
         if let Some(PowerLimit { max_w, .. }) = limit.filter(|_| has_begun) {
             self.announce_pack(pack, &PackEvent::PowerLimited(max_w), now);
@@ -352,7 +353,7 @@ impl Autopilot {
 
     /// Sets the state of a pack that is not monitored here.
     pub fn set_battery(&mut self, pack: Pack, state: BatteryState) {
-        self.packs.states[pack as usize] = state;
+        *self.packs.bank.get_mut(pack).1 = state;
     }
 }
 

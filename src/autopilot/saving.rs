@@ -59,7 +59,7 @@ impl Autopilot {
             FlashJob::WriteLearnt(PackIdentity { pack, .. }, learnt) => {
                 info!("battery {}: learnt data saved", pack.number());
                 self.save_states[FlashStore::Learnt as usize] = SaveState::Saved;
-                self.packs.bank.monitor(*pack).mark_learnt_saved(learnt);
+                self.packs.bank.get_mut(*pack).0.mark_learnt_saved(learnt);
             }
             FlashJob::Wifi(record) => {
                 info!("Wi-Fi settings saved");
@@ -242,7 +242,7 @@ impl Autopilot {
     pub fn next_log_step(&mut self, now: Instant) -> Option<LogStep> {
         let may_erase = self.may_erase();
         let subject = Subject {
-            board_id: self.identity.board_id,
+            board_id: self.identity().board_id,
             packs: &self.packs,
             parameters: &self.parameters,
         };

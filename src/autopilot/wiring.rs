@@ -39,7 +39,7 @@ impl Autopilot {
 
     /// Set-up of the node on the CAN bus; `None` while the bus is not in use.
     pub fn can_setup(&self) -> Option<CanSetup> {
-        CanSetup::from_parameters(&self.parameters, &self.identity)
+        CanSetup::from_parameters(&self.parameters, self.identity())
     }
 
     /// The node's settings that may change at any time, and what a ground station has switched since the last call.
@@ -47,7 +47,7 @@ impl Autopilot {
         let settings = CanSettings::new(
             self.packs.of_kind(MonitorKind::Can),
             &self.parameters,
-            &self.identity,
+            self.identity(),
             self.vehicle.arm_state(),
         );
         CanSettings {

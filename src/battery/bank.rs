@@ -2,33 +2,74 @@
 
 use super::{
     ArmState, BatteryMonitor, BatteryState, ChargeState, Consumed, Contents, Counted, FailsafeLevel,
-    Measurement, PackMemory, PackSource, PackStatus, ReadError,
+    Measurement, PackMemory, PackSettings, PackSource, PackStatus, PackUpdate, ReadError, Tick,
 };
+use crate::memory::in_place::in_place;
 use crate::numbers::mean;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::vehicle::BatteryAlert;
 
-/// The monitors of all packs.
+/// All packs: their states, and their monitors.
 #[derive(Clone, Debug, Default)]
 pub struct BatteryBank {
     monitors: [BatteryMonitor; MAX_PACKS],
+    states: [BatteryState; MAX_PACKS],
 }
 
 impl BatteryBank {
-    /// Monitors without any reading yet.
-    pub fn new() -> Self {
-        Self::default()
+    /// Without any reading yet. A pack that is not monitored is disabled.
+    pub fn new(is_monitored: impl Fn(Pack) -> bool) -> Self {
+        Self {
+            monitors: in_place(Default::default),
+            states: in_place(|| {
+                let mut states = [BatteryState::UNKNOWN; MAX_PACKS];
+                for pack in Pack::ALL {
+                    if !is_monitored(pack) {
+                        // By a reference, they would be on the stack first.
+                        states[pack as usize].status = PackStatus::Disabled;
+                    }
+                }
+                states
+            }),
+        }
+    }
+
+    /// The states of all packs, by their instance.
+    pub fn states(&self) -> &[BatteryState; MAX_PACKS] {
+        &self.states
+    }
+
+    /// The state of a pack.
+    pub fn state(&self, pack: Pack) -> &BatteryState {
+        &self.states[pack as usize]
     }
 
     /// The monitor of a pack.
-    pub fn monitor(&mut self, pack: Pack) -> &mut BatteryMonitor {
-        &mut self.monitors[pack as usize]
+    pub fn monitor(&self, pack: Pack) -> &BatteryMonitor {
+        &self.monitors[pack as usize]
+    }
+
+    /// The monitor of a pack, and the state that it updates.
+    pub fn get_mut(&mut self, pack: Pack) -> (&mut BatteryMonitor, &mut BatteryState) {
+        (&mut self.monitors[pack as usize], &mut self.states[pack as usize])
     }
 
     /// All monitors, with their packs.
     pub fn monitors(&self) -> impl Iterator<Item = (Pack, &BatteryMonitor)> {
         Pack::ALL.into_iter().zip(&self.monitors)
+    }
+
+    /// Processes one reading of a pack: see [`BatteryMonitor::update`].
+    pub fn update(
+        &mut self,
+        pack: Pack,
+        tick: Tick,
+        reading: Result<Measurement, ReadError>,
+        settings: &PackSettings,
+    ) -> PackUpdate {
+        let (monitor, state) = self.get_mut(pack);
+        monitor.update(state, tick, reading, settings)
     }
 
     /// The sum of the packs in `mask` (`BATT_SUM_MASK`) that are monitored, by their latest states. Bit 0 is the first; an
@@ -47,11 +88,10 @@ impl BatteryBank {
     ) -> Result<Measurement, ReadError> {
         let all_after = !(own.bit() - 1);
         let chosen = monitored & !own.bit() & if mask == 0 { all_after } else { mask };
-        let before = self.monitors[own as usize].state().members;
+        let before = self.state(own).members;
         let (mut members, mut lost_members) = (0, 0);
-        let mut summed = heapless::Vec::<&BatteryMonitor, MAX_PACKS>::new();
-        for (pack, monitor) in self.monitors() {
-            let state = monitor.state();
+        let mut summed = heapless::Vec::<Pack, MAX_PACKS>::new();
+        for (pack, state) in Pack::ALL.into_iter().zip(&self.states) {
             let is_present = match state.status {
                 PackStatus::Healthy | PackStatus::Unhealthy => true,
                 PackStatus::NotConnected => arm_state == ArmState::Armed && before & pack.bit() != 0,
@@ -65,14 +105,15 @@ impl BatteryBank {
                 lost_members |= pack.bit();
             }
             // There is room for all.
-            let _ = summed.push(monitor);
+            let _ = summed.push(pack);
         }
-        let of_members = || summed.iter().copied();
-        let measurement = sum(of_members().map(BatteryMonitor::state), voltage)?;
+        let states = || summed.iter().map(|pack| self.state(*pack));
+        let monitors = || summed.iter().map(|pack| self.monitor(*pack));
+        let measurement = sum(states(), voltage)?;
         let counted = measurement.counted.map(|counted| match counted {
             Counted::Members { consumed, .. } => Counted::Members {
                 consumed,
-                drawn_mah: of_members().map(drawn_mah).sum(),
+                drawn_mah: summed.iter().map(|pack| self.drawn_mah(*pack)).sum(),
             },
             other => other,
         });
@@ -80,30 +121,37 @@ impl BatteryBank {
             counted,
             members,
             lost_members,
-            members_capacity_mah: of_members().map(|monitor| monitor.state().full_capacity()).sum(),
-            members_spread: spread(of_members().map(BatteryMonitor::resting_v)),
-            doubtful_cells: of_members().filter_map(BatteryMonitor::doubtful_cells).max(),
+            members_capacity_mah: states().map(BatteryState::full_capacity).sum(),
+            members_spread: spread(monitors().map(BatteryMonitor::resting_v)),
+            doubtful_cells: monitors().filter_map(BatteryMonitor::doubtful_cells).max(),
             ..measurement
         })
     }
 
+    /// Charge drawn from a member, in milliampere-hours, if it is counted now.
+    fn drawn_mah(&self, member: Pack) -> Option<f32> {
+        let state = self.state(member);
+        let is_counted = supplies(state) && state.consumed.is_some();
+        is_counted.then(|| self.monitor(member).drawn_mah())
+    }
+
     /// The worst failsafe level of all packs.
     pub fn worst_failsafe(&self) -> FailsafeLevel {
-        let levels = self.monitors.iter().map(|monitor| monitor.state().failsafe);
+        let levels = self.states.iter().map(|state| state.failsafe);
         levels.max().unwrap_or_default()
     }
 
     /// The most urgent alert of all packs.
     pub fn most_urgent_alert(&self) -> BatteryAlert {
-        let alerts = self.monitors.iter().map(|monitor| alert_of(monitor.state()));
+        let alerts = self.states.iter().map(alert_of);
         alerts.max().unwrap_or_default()
     }
 
     /// The parts to retain over a reset of the processor, of packs that are read from these sources.
     pub fn memory(&self, sources: &[PackSource; MAX_PACKS]) -> [PackMemory; MAX_PACKS] {
         let mut memory = [PackMemory::default(); MAX_PACKS];
-        for ((pack, monitor), source) in memory.iter_mut().zip(&self.monitors).zip(sources) {
-            *pack = monitor.memory(*source);
+        for ((memory, (pack, monitor)), source) in memory.iter_mut().zip(self.monitors()).zip(sources) {
+            *memory = monitor.memory(self.state(pack).status, *source);
         }
         memory
     }
@@ -123,13 +171,6 @@ impl BatteryBank {
 fn supplies(state: &BatteryState) -> bool {
     let has_current = state.status == PackStatus::NotConnected && state.readings.current_a.is_some();
     state.status == PackStatus::Healthy || has_current
-}
-
-/// Charge drawn from a member, in milliampere-hours, if it is counted now.
-fn drawn_mah(monitor: &BatteryMonitor) -> Option<f32> {
-    let state = monitor.state();
-    let is_counted = supplies(state) && state.consumed.is_some();
-    is_counted.then(|| monitor.drawn_mah())
 }
 
 /// By how much the highest of these voltages exceeds the lowest, relative to it; `None` unless all are known.

@@ -249,6 +249,11 @@ impl BatteryState {
         self.cell_count.is_none() && self.readings.faults.contains(Faults::CELLS_CONFIGURATION)
     }
 
+    /// Whether the charge is estimated here.
+    pub fn has_estimated_charge(&self) -> bool {
+        self.charge_source == ChargeSource::Estimated && self.contents == Contents::Charge
+    }
+
     /// Power drawn from the pack, in watts; `None` also for a tank.
     pub fn power_w(&self) -> Option<f32> {
         let current_a = self

@@ -5,6 +5,7 @@ use embassy_time::{Duration, Ticker};
 use super::{CheckIn, Link, Shared, mark, now};
 use crate::battery::{BatteryState, PackStatus};
 use crate::log::info;
+use crate::pack::Pack;
 
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
@@ -57,8 +58,8 @@ impl Snapshot {
 
 fn log(shared: &Shared, link: &Link<'_>, now: &Snapshot, before: &Snapshot) {
     shared.with(|autopilot| {
-        let state = autopilot.system_state();
-        state.batteries.iter().zip(1u8..).for_each(log_pack);
+        let packs = Pack::ALL.into_iter();
+        packs.for_each(|pack| log_pack(pack, autopilot.battery(pack)));
     });
     info!(
         "{} samples/s; {}: {} frames/s, {} bytes/s, {} dropped; load {} permille",
@@ -71,11 +72,16 @@ fn log(shared: &Shared, link: &Link<'_>, now: &Snapshot, before: &Snapshot) {
     );
 }
 
-fn log_pack((battery, number): (&BatteryState, u8)) {
+fn log_pack(pack: Pack, battery: &BatteryState) {
     if battery.status == PackStatus::Disabled {
         return;
     }
     let voltage_v = battery.readings.voltage_v;
     let voltage_mv = voltage_v.map(|voltage_v| (voltage_v * 1000.0) as u32);
-    info!("battery {}: {:?} {:?} mV", number, battery.status, voltage_mv);
+    info!(
+        "battery {}: {:?} {:?} mV",
+        pack.number(),
+        battery.status,
+        voltage_mv
+    );
 }

@@ -14,6 +14,7 @@ use crate::memory::identity::BoardId;
 use crate::numbers::text;
 use crate::recorder::LogFile;
 use crate::time::{Day, Utc};
+use crate::vehicle::ArmState;
 
 /// An entry of the list of logs: the longest has 117 bytes.
 pub(super) type Entry = String<120>;
@@ -88,18 +89,21 @@ fn check_reader(request: &Request, autopilot: &Autopilot) -> Result<(), Refusal>
 
 fn log(number: u16, request: &Request, autopilot: &Autopilot) -> Result<LogPart, Refusal> {
     check_reader(request, autopilot)?;
-    let state = autopilot.system_state();
-    if state.is_armed() {
+    if autopilot.vehicle().arm_state() == ArmState::Armed {
         return Err(refusal(Status::Conflict, "Not while armed: disarm first."));
     }
-    let file = state.logs.iter().copied().find(|file| file.number == number);
+    let file = autopilot
+        .logs()
+        .iter()
+        .copied()
+        .find(|file| file.number == number);
     let file = file.ok_or(refusal(Status::NotFound, "There is no such log."))?;
     let whole = LogPart {
         file,
         first: 0,
         end: file.bytes,
         status: Status::Ok,
-        board_id: state.identity.board_id,
+        board_id: autopilot.identity().board_id,
     };
     let is_of_this_file = match &request.has {
         Some(tag) => *tag == whole.tag(),
@@ -144,9 +148,8 @@ fn log_name(file: &LogFile, board_id: Option<BoardId>) -> LogName {
 
 /// An entry of the list of logs, behind what separates it from the one before: the one at `place`, from the oldest one on.
 pub(super) fn list_entry(place: usize, autopilot: &Autopilot) -> Option<Entry> {
-    let state = autopilot.system_state();
     let separator = if place == 0 { "[" } else { "," };
-    let described = description(state.logs.get(place)?, state.identity.board_id);
+    let described = description(autopilot.logs().get(place)?, autopilot.identity().board_id);
     Some(text(format_args!("{separator}\n{described}")))
 }
 

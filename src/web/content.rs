@@ -5,6 +5,7 @@ use super::request::Method;
 use crate::autopilot::Autopilot;
 use crate::recorder::LogSource;
 use crate::tasks::{Shared, read_file};
+use crate::vehicle::ArmState;
 
 /// The part of an answer behind its head that is still to be sent.
 pub(super) enum Content {
@@ -48,7 +49,7 @@ impl Content {
                 }
             },
             Self::Log(part) => {
-                if shared.with(|autopilot| autopilot.system_state().is_armed()) {
+                if shared.with(|autopilot| autopilot.vehicle().arm_state() == ArmState::Armed) {
                     return 0;
                 }
                 let bytes = buffer.len().min(part.end.saturating_sub(part.first) as usize);

@@ -153,7 +153,7 @@ impl Owned {
         let parameters = self.parameters();
         let settings = PackSettings::from_parameters(&parameters, Pack::First);
         let mut pack = SimulatedPack::full(self.model());
-        let mut monitor = BatteryMonitor::new();
+        let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
         monitor.restore_learnt(self.known);
         let mut noise = fastrand::Rng::with_seed((self.number * DRIVES + self.driven) as u64);
         let mean_a = self.drawn_mah(self.driven) / 1e3 / DRIVE_H;
@@ -179,17 +179,17 @@ impl Owned {
                 ArmState::Disarmed
             };
             let now = Instant::from_micros(time_us);
-            let _ = monitor.update(Tick { now, arm_state }, Ok(reading), &settings);
+            let _ = monitor.update(&mut battery, Tick { now, arm_state }, Ok(reading), &settings);
             match tick {
                 ARMED => {
-                    log.extend(self.opening(time_us, &parameters, monitor.state()));
+                    log.extend(self.opening(time_us, &parameters, &battery));
                     log.extend(arming(ArmState::Armed, time_us));
                 }
                 DISARMED => log.extend(arming(ArmState::Disarmed, time_us)),
                 _ => {}
             }
             if (ARMED..LOG_END).contains(&tick) && tick.is_multiple_of(TICKS_OF_READING) {
-                log.extend(records(tick, monitor.state()));
+                log.extend(records(tick, &battery));
             }
         }
         if let Some(learnt) = monitor.unsaved_learnt() {

@@ -93,7 +93,7 @@ fn set(shared: &Shared, name: &str, value: f32) {
 }
 
 fn logged_bytes(shared: &Shared) -> u32 {
-    shared.with(|autopilot| autopilot.system_state().logs.iter().map(|file| file.bytes).sum())
+    shared.with(|autopilot| autopilot.logs().iter().map(|file| file.bytes).sum())
 }
 
 #[test]

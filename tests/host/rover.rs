@@ -158,7 +158,7 @@ impl Rover {
     /// Whether the next SYS_STATUS reports that the arming checks pass.
     fn is_ready(&mut self) -> bool {
         let mut framer = Framer::new();
-        let message = Stream::SysStatus.build(&self.0.autopilot.system_state());
+        let message = Stream::SysStatus.build(&self.0.autopilot.system_state(self.0.now()));
         let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
         SysStatus(&frames(&bytes)[0]).is_ready_to_arm()
     }
@@ -166,7 +166,7 @@ impl Rover {
     /// Mode, flags and `system_status` of the next HEARTBEAT.
     fn heartbeat(&mut self) -> (u32, u8, u8) {
         let mut framer = Framer::new();
-        let message = Stream::Heartbeat.build(&self.0.autopilot.system_state());
+        let message = Stream::Heartbeat.build(&self.0.autopilot.system_state(self.0.now()));
         let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
         let frames = frames(&bytes);
         let heartbeat = Heartbeat(&frames[0]);

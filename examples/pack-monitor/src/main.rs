@@ -12,7 +12,7 @@ use embassy_rp::{Peri, bind_interrupts};
 use embassy_time::{Duration, Ticker, with_timeout};
 use embedded_hal_async::i2c::{I2c as _, Operation};
 use panic_probe as _;
-use rover_battmon::battery::{BatteryMonitor, BusError, PackSettings, Tick};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, BusError, PackSettings, Tick};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
@@ -96,6 +96,7 @@ async fn main(_spawner: Spawner) {
     let mut parts = BusDevices::from_parameters(&parameters, start);
     let settings = PackSettings::from_parameters(&parameters, Pack::First);
     let mut monitor = BatteryMonitor::new();
+    let mut battery = BatteryState::default();
     let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start);
     let mut ticker = Ticker::every(INTERVAL);
 
@@ -107,13 +108,13 @@ async fn main(_spawner: Spawner) {
             arm_state: ArmState::Armed,
         };
         let mut update = |pack: Pack, reading| {
-            let update = monitor.update(tick, reading, &settings);
+            let update = monitor.update(&mut battery, tick, reading, &settings);
             link.announce(pack, &update.events);
         };
         parts.read_next(&mut bus, tick.now, tick.arm_state, &mut update).await;
 
         // Send what is due: HEARTBEAT once a second, SYS_STATUS and BATTERY_STATUS twice.
-        let batteries = [*monitor.state()];
+        let batteries = [battery];
         let state = SystemState {
             batteries: &batteries,
             ..SystemState::default()

@@ -145,8 +145,9 @@ impl Stream {
             return None;
         };
         self.packs &= !pack.bit();
-        let learnt = monitor.learnt_of_this();
-        let mut records = Record::Pack(pack, monitor.state(), learnt).encode(now.as_micros());
+        let state = subject.packs.bank.state(pack);
+        let learnt = monitor.learnt_of_this(state);
+        let mut records = Record::Pack(pack, state, learnt).encode(now.as_micros());
         if let Some(learnt) = learnt.filter(|learnt| learnt.has_curve()) {
             // Both are shorter than the longest record.
             let _ = records.extend_from_slice(&Record::Curve(pack, learnt).encode(now.as_micros()));

@@ -249,7 +249,7 @@ impl Bench {
         }
         bench.packs = Packs::new(&bench.parameters);
         for pack in Pack::ALL {
-            bench.packs.bank.monitor(pack).restore_learnt(learnt());
+            bench.packs.bank.get_mut(pack).0.restore_learnt(learnt());
         }
         bench
     }
@@ -300,8 +300,11 @@ fn what_was_learnt_of_another_pack_is_not_recorded() {
             voltage_v: Some(11.1),
             ..Measurement::default()
         };
-        let monitor = bench.packs.bank.monitor(pack);
-        let _ = monitor.update(Tick::default(), Ok(reading), &settings(capacity_mah));
+        let settings = settings(capacity_mah);
+        let _ = bench
+            .packs
+            .bank
+            .update(pack, Tick::default(), Ok(reading), &settings);
     }
     bench.run(1);
     bench.arm();

@@ -41,7 +41,7 @@ impl Bench {
             ..PackSettings::default()
         };
         Self {
-            bank: BatteryBank::new(),
+            bank: BatteryBank::default(),
             mask: 0b11,
             settings,
             sum_settings: PackSettings {
@@ -59,7 +59,8 @@ impl Bench {
         let mut bench = Self::new();
         bench.run(1.0, readings);
         for pack in [Pack::First, Pack::Second, SUM] {
-            bench.bank.monitor(pack).reset(remaining_pct, &bench.settings);
+            let (monitor, state) = bench.bank.get_mut(pack);
+            monitor.reset(state, remaining_pct, &bench.settings);
         }
         bench.run(1.0, readings);
         bench
@@ -74,13 +75,13 @@ impl Bench {
         };
         for (pack, reading) in [Pack::First, Pack::Second].into_iter().zip(readings) {
             if let Some(reading) = reading {
-                let _ = self.bank.monitor(pack).update(tick, *reading, &self.settings);
+                let _ = self.bank.update(pack, tick, *reading, &self.settings);
             }
         }
         let sum = self
             .bank
             .sum(SUM, self.mask, 0b111, SumVoltage::Mean, self.arm_state);
-        let update = self.bank.monitor(SUM).update(tick, sum, &self.sum_settings);
+        let update = self.bank.update(SUM, tick, sum, &self.sum_settings);
         self.events.extend(update.events);
     }
 
@@ -93,7 +94,7 @@ impl Bench {
     }
 
     fn sum(&self) -> BatteryState {
-        *self.bank.monitors[SUM as usize].state()
+        *self.bank.state(SUM)
     }
 
     fn remaining_pct(&self) -> f32 {
@@ -403,7 +404,7 @@ fn a_sum_holds_what_its_packs_hold_now() {
     let mut bench = Bench::new();
     let learnt = "cells 3\ndrives 1\ncapacity_mah_sigma 1800 0.03\nresistance_ohm_now_first 0.02 0.02\n";
     let learnt = learnt.parse().expect("a pack");
-    bench.bank.monitor(Pack::First).restore_learnt(learnt);
+    bench.bank.get_mut(Pack::First).0.restore_learnt(learnt);
     let gauge = Measurement {
         gauge: GaugeReading::Read(Gauge {
             remaining_mah: 2000.0,
@@ -455,9 +456,9 @@ fn a_live_change_of_the_members_draws_nothing() {
 
 #[test]
 fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
-    let mut bank = BatteryBank::new();
+    let mut bank = BatteryBank::default();
     let kept = "chemistry 1\ncells 3".parse().expect("a pack");
-    bank.monitor(Pack::Second).restore_learnt(kept);
+    bank.get_mut(Pack::Second).0.restore_learnt(kept);
     let settings = PackSettings::default();
     let run = |bank: &mut BatteryBank, from: u64| {
         for number in from..from + 40 {
@@ -469,21 +470,21 @@ fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
                 voltage_v: Some(8.5),
                 ..Measurement::default()
             };
-            let _ = bank.monitor(Pack::First).update(tick, Ok(reading), &settings);
-            let _ = bank.monitor(Pack::Second).update(tick, Ok(reading), &settings);
+            let _ = bank.update(Pack::First, tick, Ok(reading), &settings);
+            let _ = bank.update(Pack::Second, tick, Ok(reading), &settings);
             let sum = bank.sum(Pack::Third, 3, 7, SumVoltage::Mean, tick.arm_state);
-            let _ = bank.monitor(Pack::Third).update(tick, sum, &settings);
+            let _ = bank.update(Pack::Third, tick, sum, &settings);
         }
-        let states = bank.monitors().map(|(_, monitor)| monitor.state());
-        states.map(|state| state.cell_count).collect::<Vec<_>>()[..3].to_vec()
+        let [first, second, third, ..] = bank.states().map(|state| state.cell_count);
+        [first, second, third]
     };
     assert_eq!(run(&mut bank, 1), [Some(2), None, None]);
-    let sum = *bank.monitor(Pack::Third).state();
+    let sum = *bank.state(Pack::Third);
     assert!(
         sum.has_unclear_cells() && sum.readings.remaining_pct.is_none(),
         "{sum:?}"
     );
-    bank.monitor(Pack::Second).forget_learnt();
+    bank.get_mut(Pack::Second).0.forget_learnt();
     assert_eq!(run(&mut bank, 41), [Some(2); 3]);
 }
 
@@ -606,7 +607,7 @@ proptest! {
             failsafe,
             ..PackSettings::default()
         };
-        let mut bank = BatteryBank::new();
+        let mut bank = BatteryBank::default();
         let mut watched = vec![Watched::default(); 3];
         let mut now = Instant::EPOCH;
         for (ticks, [first, second]) in stretches {
@@ -619,8 +620,8 @@ proptest! {
                         Pack::Second => second,
                         _ => bank.sum(SUM, 0b11, 0b111, SumVoltage::Mean, ArmState::Armed),
                     };
-                    let update = bank.monitor(pack).update(tick, reading, &settings);
-                    let state = bank.monitor(pack).state();
+                    let update = bank.update(pack, tick, reading, &settings);
+                    let state = bank.state(pack);
                     let seen = (reading.is_ok() && state.status == PackStatus::Healthy).then_some(state);
                     watched.lost_ticks = if seen.is_some() { 0 } else { watched.lost_ticks + 1 };
                     if update.failsafe.contains(&FailsafeLevel::Unhealthy) {

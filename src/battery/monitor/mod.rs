@@ -48,13 +48,14 @@ pub struct PackUpdate {
     pub failsafe: ReachedLevels,
 }
 
-/// Monitors one pack.
+/// Monitors one pack, whose state is its owner's: that of a [`BatteryBank`](super::BatteryBank) has those of all packs
+/// side by side, as telemetry reads them.
 #[derive(Clone, Debug)]
 pub struct BatteryMonitor {
-    state: BatteryState,
     failed_reads: u32,
     last_tick: Option<Instant>,
-    last_reading: Option<LastReading>,
+    /// Time and current, in amperes, of the latest valid reading that was that of a pack.
+    last_reading: Option<(Instant, Option<f32>)>,
     last_healthy: Option<Instant>,
     /// The latest voltage while connected, in volts.
     last_voltage_v: Option<f32>,
@@ -75,11 +76,13 @@ pub struct BatteryMonitor {
     current_is_reversed: bool,
 }
 
-/// The latest valid reading that was that of a pack.
-#[derive(Clone, Copy, Debug)]
-struct LastReading {
-    time: Instant,
-    current_a: Option<f32>,
+/// One update of a pack.
+struct Turn<'a> {
+    tick: Tick,
+    /// The owner's, overridden by what the pack reports of itself.
+    settings: &'a PackSettings,
+    state: &'a mut BatteryState,
+    events: &'a mut PackEvents,
 }
 
 impl BatteryMonitor {
@@ -88,7 +91,6 @@ impl BatteryMonitor {
     #[inline(never)]
     pub fn new() -> Self {
         Self {
-            state: BatteryState::default(),
             failed_reads: 0,
             last_tick: None,
             last_reading: None,
@@ -114,19 +116,15 @@ impl BatteryMonitor {
         self.estimator.delay(delay_s);
     }
 
-    /// The present state.
-    pub fn state(&self) -> &BatteryState {
-        &self.state
-    }
-
     /// Failed reads since the last valid one (saturating).
     pub fn failed_reads(&self) -> u32 {
         self.failed_reads
     }
 
-    /// Processes one reading, valid or failed. [`state`](Self::state) is the result.
+    /// Processes one reading, valid or failed. The result is in `state`, which was by default before the first one.
     pub fn update(
         &mut self,
+        state: &mut BatteryState,
         tick: Tick,
         reading: Result<Measurement, ReadError>,
         settings: &PackSettings,
@@ -134,7 +132,7 @@ impl BatteryMonitor {
         let mut update = PackUpdate::default();
         let events = &mut update.events;
         let since = |time: Option<Instant>| time.map_or(0, |time| tick.now.us_since(time));
-        let dt_us = since(self.last_reading.map(|last| last.time));
+        let dt_us = since(self.last_reading.map(|(time, _)| time));
         let tick_us = since(self.last_tick.replace(tick.now));
         let dt_s = microseconds(tick_us) * 1e-6;
         let reading = reading
@@ -142,46 +140,50 @@ impl BatteryMonitor {
             .map_err(|error| *error)
             .and_then(Measurement::check_plausible);
         if let Ok(measurement) = reading {
-            self.follow_reports(tick, measurement, events);
+            self.follow_reports(tick, measurement, state, events);
         }
-        let reported = self.reports.settings(&self.state, settings);
+        let reported = self.reports.settings(state, settings);
         let settings = reported.as_ref().unwrap_or(settings);
+        let turn = &mut Turn {
+            tick,
+            settings,
+            state,
+            events,
+        };
         let mut is_fresh = false;
         let error = match reading {
             Ok(measurement) => {
                 self.failed_reads = 0;
-                self.state.temperature_c = measurement.temperature_c;
-                self.state.thermometer = measurement.thermometer;
-                is_fresh = self.take(tick, dt_us, measurement, settings, events);
-                self.judge_health(tick.now, settings)
+                is_fresh = self.take(turn, dt_us, measurement);
+                self.judge_health(turn)
             }
             Err(error) => {
-                self.reject();
+                self.reject(turn.state);
                 Some(error)
             }
         };
-        self.state.read_error = error;
-        let status = self.state.status;
+        turn.state.read_error = error;
+        let status = turn.state.status;
         if let Some(event) = self.health.sensor(dt_s, status, error) {
-            push(events, event);
+            push(turn.events, event);
         }
         if let Some(event) = self.health.contact(dt_s, status, error, tick.arm_state) {
-            push(events, event);
+            push(turn.events, event);
         }
         // A sum without healthy members has not lost a contact: it can't be swapped itself.
         if !is_fresh && error != Some(ReadError::NoHealthyMember) {
             self.swap_detector.lose_contact(dt_s, tick.arm_state);
         }
-        self.show_settings(settings);
-        let basis = self.basis(tick, tick_us, is_fresh);
-        update.failsafe = self.evaluation.update(&basis, &mut self.state, settings, events);
+        self.show_settings(turn);
+        let basis = self.basis(turn, tick_us, is_fresh);
+        update.failsafe = self.evaluation.update(&basis, turn.state, settings, turn.events);
         // A pack whose charge is unknown is read all the same.
         update.error = error.filter(|_| self.failed_reads > 0);
         update
     }
 
     /// Estimates and knowledge follow the scale of the measurements, at least once a second: before a voltage has rested.
-    pub fn follow(&mut self, now: &Measuring) {
+    pub fn follow(&mut self, now: &Measuring, cell_count: Option<u8>) {
         if let Some(learnt) = &mut self.learnt {
             learnt.follow_scale(&now.scale);
         }
@@ -196,7 +198,7 @@ impl BatteryMonitor {
                 self.estimator.forget_current();
             }
         }
-        let cells = f32::from(self.state.cell_count.unwrap_or(1));
+        let cells = f32::from(cell_count.unwrap_or(1));
         let change_v = now.scale.voltage_change_v(&before.scale, voltage_v) / cells;
         if before.voltage_pin != now.voltage_pin || change_v.abs() > SAME_VOLTAGE_V {
             self.measuring = Some(*now);
@@ -205,61 +207,57 @@ impl BatteryMonitor {
     }
 
     /// Takes over what the pack reports of itself, and notices another serial number.
-    fn follow_reports(&mut self, tick: Tick, measurement: &Measurement, events: &mut PackEvents) {
+    fn follow_reports(
+        &mut self,
+        tick: Tick,
+        measurement: &Measurement,
+        state: &mut BatteryState,
+        events: &mut PackEvents,
+    ) {
         if let Some(replacement) = self.reports.replacement(tick, measurement) {
             self.swap_detector.reset();
             self.evaluation.restart_charge_reports();
             if let Some(learnt) = &mut self.learnt {
                 learnt.replace_pack();
             }
-            self.replace_pack(replacement, events);
+            self.replace_pack(replacement, state, events);
         }
-        self.reports.update(tick, measurement, &mut self.state, events);
+        self.reports.update(tick, measurement, state, events);
     }
 
     fn remember(&mut self, now: Instant, measurement: &Measurement) {
-        let Measurement { current_a, .. } = *measurement;
-        self.last_reading = Some(LastReading { time: now, current_a });
-        self.counting.remember(now, current_a);
+        self.last_reading = Some((now, measurement.current_a));
+        self.counting.remember(now, measurement.current_a);
     }
 
     /// Takes a valid reading. Returns whether it is that of a pack.
-    fn take(
-        &mut self,
-        tick: Tick,
-        dt_us: u64,
-        measurement: &Measurement,
-        settings: &PackSettings,
-        events: &mut PackEvents,
-    ) -> bool {
+    fn take(&mut self, turn: &mut Turn<'_>, dt_us: u64, measurement: &Measurement) -> bool {
+        turn.state.temperature_c = measurement.temperature_c;
+        turn.state.thermometer = measurement.thermometer;
         let is_missing = |voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V;
         if !measurement.voltage_v.is_some_and(is_missing) {
-            self.state.status = PackStatus::Healthy;
-            self.accept(tick, dt_us, measurement, settings, events);
+            turn.state.status = PackStatus::Healthy;
+            self.accept(turn, dt_us, measurement);
             return true;
         }
         // While driving the wire that measures the voltage may be loose.
-        let is_armed = tick.arm_state == ArmState::Armed;
+        let is_armed = turn.tick.arm_state == ArmState::Armed;
         let drawn = measurement.without_voltage().filter(|_| is_armed);
         if let Some(drawn) = &drawn {
-            self.accept(tick, dt_us, drawn, settings, events);
+            self.accept(turn, dt_us, drawn);
         } else {
-            // Until a pack is read again it is a gap.
-            self.clear_readings();
+            // The voltage at the pin means nothing: the values become unknown, the pack is not empty. Until one is read
+            // again it is a gap.
+            turn.state.readings = Readings::NONE;
+            self.evaluation.disconnect();
         }
-        self.state.status = PackStatus::NotConnected;
+        turn.state.status = PackStatus::NotConnected;
         drawn.is_some()
     }
 
-    fn accept(
-        &mut self,
-        tick: Tick,
-        dt_us: u64,
-        measurement: &Measurement,
-        settings: &PackSettings,
-        events: &mut PackEvents,
-    ) {
-        let previous_a = self.last_reading.and_then(|last| last.current_a);
+    fn accept(&mut self, turn: &mut Turn<'_>, dt_us: u64, measurement: &Measurement) {
+        let Turn { tick, settings, .. } = *turn;
+        let previous_a = self.last_reading.and_then(|(_, current_a)| current_a);
         let mut reading = Reading {
             dt_s: microseconds(dt_us) * 1e-6,
             voltage_v: measurement.voltage_v,
@@ -278,10 +276,10 @@ impl BatteryMonitor {
             arm_state: tick.arm_state,
             doubt: Doubt::None,
         };
-        self.state.current_range = measurement.current_range;
+        turn.state.current_range = measurement.current_range;
         if measurement.current_range == CurrentRange::Over && !self.current_was_over_range {
             self.current_was_over_range = true;
-            push(events, PackEvent::CurrentOverRange);
+            push(turn.events, PackEvent::CurrentOverRange);
         }
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         match self.detect_swap(&reading) {
@@ -289,51 +287,45 @@ impl BatteryMonitor {
                 if let Some(learnt) = &mut self.learnt {
                     learnt.swap(settings.serial_number);
                 }
-                self.replace_pack(replacement, events);
+                self.replace_pack(replacement, turn.state, turn.events);
                 self.reports.gauge.update(tick.now, measurement.gauge);
             }
-            Some(at_rest) => self.resolve_doubt(&at_rest, &reading, settings, events),
+            Some(at_rest) => self.resolve_doubt(turn, &at_rest, &reading),
             None => {}
         }
         reading.doubt = self.swap_detector.doubt();
         let count = self.counting.update(tick.now, measurement, &self.reports.gauge);
         if let Some(gap) = self.gaps.update(reading.dt_s, count.gap) {
-            push(events, PackEvent::Gap(gap));
+            push(turn.events, PackEvent::Gap(gap));
         }
         if let Some(counted_mah) = count.at_source_mah {
             let is_measured = measurement.current_a.is_some() && dt_us <= MAX_INTERVAL_US;
             self.counting.correct(&mut reading, counted_mah, is_measured);
         }
-        let capacities_mah = [self.state.learnt_capacity_mah, settings.capacity_mah];
+        let capacities_mah = [turn.state.learnt_capacity_mah, settings.capacity_mah];
         reading.share_at_most = self.counting.share_at_most(capacities_mah);
         reading.known_cells = reading.known_cells.or(self.kept_cells());
-        let findings = self.update_estimates(&reading, settings);
-        self.update_state(tick.now, measurement, settings);
+        let findings = self.update_estimates(turn, &reading);
+        self.update_state(turn, measurement);
         if let Some(event) = findings.event {
-            self.state.revision = self.state.revision.wrapping_add(1);
-            push(events, event);
+            turn.state.revision = turn.state.revision.wrapping_add(1);
+            push(turn.events, event);
         }
         if let Some(kept) = findings.second {
-            self.notice_reversed_current(tick.arm_state, events);
+            self.notice_reversed_current(turn);
             self.lesson.follow(tick.arm_state);
             if kept.is_some()
-                && let Some(obstacle) = self.lesson_obstacle(settings)
+                && let Some(obstacle) = self.lesson_obstacle(turn.state, settings)
                 && let Some(event) = self.lesson.report(obstacle)
             {
-                push(events, event);
+                push(turn.events, event);
             }
-            self.keep(kept, settings, events);
+            self.keep(turn, kept);
             if measurement.time_remaining_s.is_none() {
-                self.update_time_remaining();
+                self.update_time_remaining(turn.state);
             }
         }
         self.remember(tick.now, measurement);
-    }
-
-    /// Without a pack the voltage at the pin means nothing: the values become unknown, the pack is not empty.
-    fn clear_readings(&mut self) {
-        self.state.readings = Readings::NONE;
-        self.evaluation.disconnect();
     }
 
     fn detect_swap(&mut self, reading: &Reading) -> Option<AtRest> {
@@ -347,59 +339,56 @@ impl BatteryMonitor {
 
     /// The pack was swapped: estimates and counts restart. The failsafe level stays latched until the new pack
     /// disproves it.
-    fn replace_pack(&mut self, replacement: Replacement, events: &mut PackEvents) {
+    fn replace_pack(&mut self, replacement: Replacement, state: &mut BatteryState, events: &mut PackEvents) {
         self.counting.replace_pack();
         self.reports.gauge = GaugeState::Absent;
         self.estimator = Estimator::new();
         self.evaluation.replace_pack(replacement);
         self.last_reading = None;
-        self.state.revision = self.state.revision.wrapping_add(1);
+        state.revision = state.revision.wrapping_add(1);
         push(events, PackEvent::Swapped);
     }
 
     /// A count that runs backwards is worse than none. Disarmed, a charger may be switched on and off.
-    fn notice_reversed_current(&mut self, arm_state: ArmState, events: &mut PackEvents) {
+    fn notice_reversed_current(&mut self, turn: &mut Turn<'_>) {
         if self.current_is_reversed
-            || arm_state == ArmState::Disarmed
+            || turn.tick.arm_state == ArmState::Disarmed
             || !self.estimator.is_current_reversed()
         {
             return;
         }
         self.current_is_reversed = true;
         self.estimator.restart_charge();
-        push(events, PackEvent::CurrentReversed);
+        push(turn.events, PackEvent::CurrentReversed);
     }
 
     /// A pack that rests near the voltage of the one before may still have another charge.
-    fn resolve_doubt(
-        &mut self,
-        at_rest: &AtRest,
-        reading: &Reading,
-        settings: &PackSettings,
-        events: &mut PackEvents,
-    ) {
+    fn resolve_doubt(&mut self, turn: &mut Turn<'_>, at_rest: &AtRest, reading: &Reading) {
+        let settings = turn.settings;
         let cell_count = self.estimator.cell_count(settings);
-        let learnt = self.learnt.as_ref().filter(|_| self.can_learn());
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn(turn.state));
         let learnt = Learnt::of(learnt, settings, cell_count);
         let comparison = self.estimator.resolve(at_rest, reading, settings, learnt);
         if comparison == Comparison::Another {
             if let Some(learnt) = &mut self.learnt {
                 learnt.forget_charge();
             }
-            push(events, PackEvent::EstimateRestarted);
+            push(turn.events, PackEvent::EstimateRestarted);
         }
     }
 
-    fn update_estimates(&mut self, reading: &Reading, settings: &PackSettings) -> Findings {
+    fn update_estimates(&mut self, turn: &Turn<'_>, reading: &Reading) -> Findings {
+        let settings = turn.settings;
         let cell_count = self.estimator.cell_count(settings);
-        let learnt = self.learnt.as_ref().filter(|_| self.can_learn());
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn(turn.state));
         let learnt = Learnt::of(learnt, settings, cell_count);
         self.estimator.update(reading, settings, learnt)
     }
 
     /// Keeps what was learnt of a pack, or of its rest.
-    fn keep(&mut self, kept: Option<LearntPack>, settings: &PackSettings, events: &mut PackEvents) {
-        let can_learn = self.can_learn();
+    fn keep(&mut self, turn: &mut Turn<'_>, kept: Option<LearntPack>) {
+        let settings = turn.settings;
+        let can_learn = self.can_learn(turn.state);
         let cell_count = self.estimator.cell_count(settings);
         let Some(learnt) = self.learnt.as_mut().filter(|_| can_learn) else {
             return;
@@ -408,20 +397,18 @@ impl BatteryMonitor {
             learnt.compare(cell_ohm);
         }
         if let Some(kept) = kept {
-            learnt.update(&kept, settings, cell_count, events);
+            learnt.update(&kept, settings, cell_count, turn.events);
         }
     }
 
     /// Whether the pack is learnt here: not one that knows itself, nor a sum of others, nor a tank.
-    fn can_learn(&self) -> bool {
-        self.reports.gauge.full_mah().is_none()
-            && self.state.members == 0
-            && self.state.contents == Contents::Charge
+    fn can_learn(&self, state: &BatteryState) -> bool {
+        self.reports.gauge.full_mah().is_none() && state.members == 0 && state.contents == Contents::Charge
     }
 
     /// Why the drive so far has taught nothing of the pack; `None` if it has, or if no such pack is learnt.
-    pub fn lesson_obstacle(&self, settings: &PackSettings) -> Option<LessonObstacle> {
-        let learnt = self.learnt.as_ref().filter(|_| self.can_learn())?;
+    pub fn lesson_obstacle(&self, state: &BatteryState, settings: &PackSettings) -> Option<LessonObstacle> {
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn(state))?;
         let learnt = Learnt::of(Some(learnt), settings, self.estimator.cell_count(settings));
         self.estimator.lesson_obstacle(settings, learnt)
     }
@@ -446,7 +433,9 @@ impl BatteryMonitor {
         self.swap_detector.resting_v()
     }
 
-    fn update_state(&mut self, now: Instant, measurement: &Measurement, settings: &PackSettings) {
+    fn update_state(&self, turn: &mut Turn<'_>, measurement: &Measurement) {
+        let Turn { tick, settings, .. } = *turn;
+        let state = &mut *turn.state;
         let Measurement {
             voltage_v, current_a, ..
         } = *measurement;
@@ -456,11 +445,11 @@ impl BatteryMonitor {
             GaugeState::Valid { .. } => true,
             _ => current_a.is_some() || measurement.counted.is_some(),
         };
-        let (remaining_pct, charge_source) = self.remaining_pct(now, measurement, settings);
-        self.state.charge_source = charge_source;
-        let charge = remaining_pct.and(self.estimated());
-        let before = self.state.readings;
-        self.state.readings = Readings {
+        let (remaining_pct, charge_source) = self.remaining_pct(tick.now, measurement, settings);
+        state.charge_source = charge_source;
+        let charge = remaining_pct.and(self.estimated(state));
+        let before = state.readings;
+        state.readings = Readings {
             voltage_v,
             resting_voltage_v: voltage_v
                 .zip(current_a)
@@ -477,13 +466,12 @@ impl BatteryMonitor {
             faults: before.faults,
             reported: measurement.reported,
         };
-        let state = &mut self.state;
         state.resistance_ohm = self.estimator.resistance_ohm();
         state.consumed = is_counted.then(|| Amount::of(measurement.contents, self.counting.charge_mah()));
         state.consumed_wh = (is_counted && voltage_v.is_some() && measurement.contents == Contents::Charge)
             .then(|| self.counting.energy_wh());
         state.cell_count = self.estimator.cell_count(settings);
-        self.update_learnt(settings);
+        self.show_learnt(state, settings);
     }
 
     /// State of charge, in percent, and where it is from.
@@ -514,11 +502,10 @@ impl BatteryMonitor {
         }
     }
 
-    fn update_learnt(&mut self, settings: &PackSettings) {
+    fn show_learnt(&self, state: &mut BatteryState, settings: &PackSettings) {
         let cell_count = self.estimator.cell_count(settings);
-        let learnt = self.learnt.as_ref().filter(|_| self.can_learn());
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn(state));
         let learnt = learnt.and_then(|learnt| learnt.known(settings, cell_count));
-        let state = &mut self.state;
         state.learnt_capacity_mah = learnt.and_then(LearntPack::capacity_mah);
         state.state_of_health_pct = state
             .details
@@ -526,26 +513,21 @@ impl BatteryMonitor {
             .or_else(|| learnt?.health_pct(settings.capacity_mah));
     }
 
-    /// Whether the charge is estimated here.
-    fn is_estimated(&self) -> bool {
-        self.state.charge_source == ChargeSource::Estimated && self.state.contents == Contents::Charge
-    }
-
     /// The charge as it is reported, where it is estimated here.
-    fn estimated(&self) -> Option<&ReportedCharge> {
-        self.estimator.reported().filter(|_| self.is_estimated())
+    fn estimated(&self, state: &BatteryState) -> Option<&ReportedCharge> {
+        self.estimator.reported().filter(|_| state.has_estimated_charge())
     }
 
     /// Updates the time left: once a second, since it takes a division.
-    fn update_time_remaining(&mut self) {
-        let remaining_pct = self.state.readings.remaining_pct;
+    fn update_time_remaining(&self, state: &mut BatteryState) {
+        let remaining_pct = state.readings.remaining_pct;
         let charge = remaining_pct.and(self.estimator.charge());
-        let charge = charge.filter(|_| self.is_estimated());
+        let charge = charge.filter(|_| state.has_estimated_charge());
         let share = charge.map(|charge| charge.available);
-        self.state.readings.time_remaining_s = match self.state.readings.current_a {
+        state.readings.time_remaining_s = match state.readings.current_a {
             Some(_) => share
                 .or(remaining_pct.map(|percent| percent / 100.0))
-                .zip(self.state.full_capacity())
+                .zip(state.full_capacity())
                 .and_then(|(share, capacity)| self.estimator.time_to_draw_s(share, capacity)),
             None => charge.and(self.estimator.inferred_time_remaining_s()),
         };
@@ -557,40 +539,41 @@ impl BatteryMonitor {
     }
 
     /// A pack whose charge has timed out is unhealthy while a threshold needs it.
-    fn judge_health(&mut self, now: Instant, settings: &PackSettings) -> Option<ReadError> {
-        if self.state.status != PackStatus::Healthy {
+    fn judge_health(&mut self, turn: &mut Turn<'_>) -> Option<ReadError> {
+        let Turn { tick, settings, .. } = *turn;
+        if turn.state.status != PackStatus::Healthy {
             return None;
         }
-        let time_out = self.reports.charge_time_out(now);
-        let is_unknown = self.state.readings.remaining_pct.is_none();
+        let time_out = self.reports.charge_time_out(tick.now);
+        let is_unknown = turn.state.readings.remaining_pct.is_none();
         if settings.failsafe.needs_charge() && time_out.is_some() && is_unknown {
-            self.state.status = PackStatus::Unhealthy;
+            turn.state.status = PackStatus::Unhealthy;
             return time_out;
         }
-        self.last_healthy = Some(now);
+        self.last_healthy = Some(tick.now);
         None
     }
 
-    fn reject(&mut self) {
+    fn reject(&mut self, state: &mut BatteryState) {
         self.reports.serial_number.read_failed();
         self.failed_reads = self.failed_reads.saturating_add(1);
         if self.failed_reads >= FAILED_READS_UNTIL_UNHEALTHY {
-            self.state.status = PackStatus::Unhealthy;
+            state.status = PackStatus::Unhealthy;
         }
     }
 
     /// Inputs of a tick's evaluation. `is_fresh`: the state shows this tick's reading.
-    fn basis(&self, tick: Tick, dt_us: u64, is_fresh: bool) -> Basis {
-        let remaining_pct = self.state.readings.remaining_pct;
-        let remaining_at_most_pct = match self.state.charge_source {
+    fn basis(&self, turn: &Turn<'_>, dt_us: u64, is_fresh: bool) -> Basis {
+        let remaining_pct = turn.state.readings.remaining_pct;
+        let remaining_at_most_pct = match turn.state.charge_source {
             ChargeSource::Estimated => {
-                let charge = remaining_pct.and(self.estimated());
+                let charge = remaining_pct.and(self.estimated(turn.state));
                 charge.map(|charge| charge.at_most_pct)
             }
             ChargeSource::Gauge | ChargeSource::Reported => remaining_pct,
         };
         Basis {
-            tick,
+            tick: turn.tick,
             dt_us,
             dt_s: microseconds(dt_us) * 1e-6,
             is_fresh,
@@ -606,8 +589,8 @@ impl BatteryMonitor {
     }
 
     /// The settings that are shown with the state.
-    fn show_settings(&mut self, settings: &PackSettings) {
-        let state = &mut self.state;
+    fn show_settings(&self, turn: &mut Turn<'_>) {
+        let Turn { settings, state, .. } = turn;
         state.chemistry = settings.chemistry;
         // The capacity that is set is not that of a gauge which has yet to report.
         state.capacity = match self.reports.gauge {
@@ -623,8 +606,8 @@ impl BatteryMonitor {
     }
 
     /// The part to retain over a reset of the processor, of a pack that is read from `source`.
-    pub fn memory(&self, source: PackSource) -> PackMemory {
-        let estimate = match self.state.status {
+    pub fn memory(&self, status: PackStatus, source: PackSource) -> PackMemory {
+        let estimate = match status {
             // After the reset another pack may be connected.
             PackStatus::NotConnected => EstimatorMemory::default(),
             _ => self.estimator.memory(),
@@ -653,14 +636,9 @@ impl BatteryMonitor {
     }
 
     /// The same, unless the pack's state says that it was learnt of another one.
-    pub fn learnt_of_this(&self) -> Option<&LearntPack> {
-        let BatteryState {
-            chemistry,
-            cell_count,
-            ..
-        } = self.state;
+    pub fn learnt_of_this(&self, state: &BatteryState) -> Option<&LearntPack> {
         self.shown_learnt()
-            .filter(|learnt| learnt.matches(chemistry, cell_count, self.state.capacity_mah()))
+            .filter(|learnt| learnt.matches(state.chemistry, state.cell_count, state.capacity_mah()))
     }
 
     /// Continues with what flash holds of the pack, at the start and after a change of its serial number.
@@ -699,20 +677,20 @@ impl BatteryMonitor {
 
     /// Battery reset: clears the failsafe level and sets the remaining charge, in percent (0 to 100), unless that is
     /// reported by the pack or its sensor. Ignored if it is not finite.
-    pub fn reset(&mut self, remaining_pct: f32, settings: &PackSettings) {
+    pub fn reset(&mut self, state: &BatteryState, remaining_pct: f32, settings: &PackSettings) {
         if !remaining_pct.is_finite() {
             return;
         }
         self.evaluation.reset();
-        if self.state.charge_source != ChargeSource::Estimated {
+        if state.charge_source != ChargeSource::Estimated {
             return;
         }
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
-        let capacity_mah = self.state.full_capacity().or(settings.capacity_mah);
+        let capacity_mah = state.full_capacity().or(settings.capacity_mah);
         let charge_mah = (1.0 - share) * capacity_mah.unwrap_or(0.0);
         self.counting.restart(Consumed {
             charge_mah,
-            energy_wh: charge_mah / 1000.0 * self.state.readings.voltage_v.unwrap_or(0.0),
+            energy_wh: charge_mah / 1000.0 * state.readings.voltage_v.unwrap_or(0.0),
         });
         self.estimator.set_state_of_charge(share);
     }

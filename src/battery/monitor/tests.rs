@@ -22,6 +22,7 @@ mod sources;
 /// A monitor with its settings and clock.
 struct Bench {
     monitor: BatteryMonitor,
+    state: BatteryState,
     settings: PackSettings,
     now: Instant,
     arm_state: ArmState,
@@ -33,6 +34,7 @@ impl Bench {
     fn new() -> Self {
         Self {
             monitor: BatteryMonitor::new(),
+            state: BatteryState::default(),
             settings: PackSettings {
                 cell_count: Some(3),
                 capacity_mah: Some(2200.0),
@@ -50,7 +52,9 @@ impl Bench {
             now: self.now,
             arm_state: self.arm_state,
         };
-        let update = self.monitor.update(tick, reading, &self.settings);
+        let update = self
+            .monitor
+            .update(&mut self.state, tick, reading, &self.settings);
         self.events.extend(update.events);
         update.error
     }
@@ -60,11 +64,18 @@ impl Bench {
         for _ in 0..(seconds * 10.0) as u32 {
             self.tick(Ok(measurement));
         }
-        *self.state()
+        self.state
     }
 
-    fn state(&self) -> &BatteryState {
-        self.monitor.state()
+    /// A battery reset.
+    fn reset(&mut self, remaining_pct: f32) {
+        self.monitor.reset(&self.state, remaining_pct, &self.settings);
+    }
+
+    /// The board restarts; nothing is retained.
+    fn restart(&mut self) {
+        self.monitor = BatteryMonitor::new();
+        self.state = BatteryState::default();
     }
 }
 
@@ -83,12 +94,6 @@ fn loaded(voltage_v: f32, current_a: f32) -> Measurement {
 }
 
 #[test]
-fn initial_state_is_unknown() {
-    assert_eq!(BatteryMonitor::new().state(), &BatteryState::default());
-    assert_eq!(BatteryMonitor::new().state().status, PackStatus::Unknown);
-}
-
-#[test]
 // Requirement: AP-14
 fn fifth_failed_read_is_unhealthy_and_values_are_held() {
     let mut bench = Bench::new();
@@ -100,13 +105,13 @@ fn fifth_failed_read_is_unhealthy_and_values_are_held() {
         } else {
             PackStatus::Unhealthy
         };
-        assert_eq!(bench.state().status, expected, "failure {failure}");
-        assert_eq!(bench.state().readings.voltage_v, Some(11.1));
+        assert_eq!(bench.state.status, expected, "failure {failure}");
+        assert_eq!(bench.state.readings.voltage_v, Some(11.1));
     }
-    assert_eq!(bench.state().charge_state, ChargeState::Unhealthy);
+    assert_eq!(bench.state.charge_state, ChargeState::Unhealthy);
     assert_eq!(bench.tick(Ok(volts(10.9))), None);
-    assert_eq!(bench.state().status, PackStatus::Healthy);
-    assert_eq!(bench.state().readings.voltage_v, Some(10.9));
+    assert_eq!(bench.state.status, PackStatus::Healthy);
+    assert_eq!(bench.state.readings.voltage_v, Some(10.9));
 }
 
 #[test]
@@ -116,7 +121,7 @@ fn four_failed_reads_in_a_row_stay_healthy() {
         bench.tick(Ok(volts(11.1)));
         for _ in 0..4 {
             bench.tick(Err(ReadError::Conversion));
-            assert_eq!(bench.state().status, PackStatus::Healthy);
+            assert_eq!(bench.state.status, PackStatus::Healthy);
         }
     }
 }
@@ -126,23 +131,23 @@ fn sensor_failed_since_boot_is_unknown_then_unhealthy() {
     let mut bench = Bench::new();
     for _ in 0..4 {
         bench.tick(Err(ReadError::Timeout));
-        assert_eq!(bench.state().status, PackStatus::Unknown);
+        assert_eq!(bench.state.status, PackStatus::Unknown);
     }
     bench.tick(Err(ReadError::Timeout));
-    assert_eq!(bench.state().status, PackStatus::Unhealthy);
-    assert_eq!(bench.state().readings.voltage_v, None);
+    assert_eq!(bench.state.status, PackStatus::Unhealthy);
+    assert_eq!(bench.state.readings.voltage_v, None);
 }
 
 #[test]
 fn usb_power_alone_is_not_connected() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(2.09));
-    assert_eq!(bench.state().status, PackStatus::NotConnected);
-    assert_eq!(bench.state().readings.voltage_v, None);
-    assert_eq!(bench.state().readings.remaining_pct, None);
-    assert_eq!(bench.state().charge_state, ChargeState::Undefined);
+    assert_eq!(bench.state.status, PackStatus::NotConnected);
+    assert_eq!(bench.state.readings.voltage_v, None);
+    assert_eq!(bench.state.readings.remaining_pct, None);
+    assert_eq!(bench.state.charge_state, ChargeState::Undefined);
     bench.tick(Ok(volts(11.1)));
-    assert_eq!(bench.state().status, PackStatus::Healthy);
+    assert_eq!(bench.state.status, PackStatus::Healthy);
     assert!(
         bench.events.is_empty(),
         "the first pack is not a swap: {:?}",
@@ -156,7 +161,7 @@ fn nan_and_infinity_count_as_failed_reads() {
         let mut bench = Bench::new();
         bench.tick(Ok(volts(11.1)));
         assert_eq!(bench.tick(Ok(measurement)), Some(ReadError::Implausible));
-        assert_eq!(bench.state().readings.voltage_v, Some(11.1));
+        assert_eq!(bench.state.readings.voltage_v, Some(11.1));
         assert_eq!(bench.monitor.failed_reads(), 1);
     }
 }
@@ -229,7 +234,7 @@ fn without_voltage_only_a_battery_reset_sets_the_charge() {
     };
     let mut bench = Bench::new();
     assert_eq!(bench.run(10.0, current_only).readings.remaining_pct, None);
-    bench.monitor.reset(50.0, &bench.settings);
+    bench.reset(50.0);
     // 36 s at 1 C are one percent.
     let readings = bench.run(36.0, current_only).readings;
     let remaining_pct = readings.remaining_pct.expect("known");
@@ -241,7 +246,7 @@ fn without_voltage_only_a_battery_reset_sets_the_charge() {
 fn remaining_time_follows_the_average_load() {
     let mut bench = Bench::new();
     bench.run(1.0, loaded(12.6, 0.2));
-    bench.monitor.reset(100.0, &bench.settings);
+    bench.reset(100.0);
     let state = bench.run(600.0, loaded(11.9, 2.2));
     let remaining_s = state.readings.time_remaining_s.expect("known");
     // One hour at this load, less ten minutes and the reserve for a sag of a quarter of a volt a cell: a sixth.
@@ -332,11 +337,11 @@ fn contact_loss_while_armed_is_no_swap_and_holds_failsafe() {
     bench.settings.failsafe.critical.voltage_v = Some(9.9);
     bench.arm_state = ArmState::Armed;
     bench.run(10.0, loaded(9.5, 5.0));
-    assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::Critical);
     bench.run(3.0, loaded(0.3, 0.0));
     bench.run(1.0, loaded(9.5, 5.0));
-    assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
-    assert!(bench.state().consumed_mah().expect("counted") > 13.0);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::Critical);
+    assert!(bench.state.consumed_mah().expect("counted") > 13.0);
     assert!(!bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
 }
 
@@ -347,9 +352,9 @@ fn pack_lost_while_armed_is_unhealthy_after_5_seconds() {
     bench.arm_state = ArmState::Armed;
     bench.run(10.0, loaded(11.5, 5.0));
     bench.run(4.9, loaded(0.4, 0.0));
-    assert_eq!(bench.state().failsafe, FailsafeLevel::None);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::None);
     bench.run(0.3, loaded(0.4, 0.0));
-    assert_eq!(bench.state().failsafe, FailsafeLevel::Unhealthy);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::Unhealthy);
     assert_eq!(bench.events[0], PackEvent::ContactLost);
     let text = bench.events[1].to_string();
     assert!(text.starts_with("is missing, last: 11.50V"), "{text}");
@@ -383,7 +388,7 @@ fn latched() -> Bench {
     };
     bench.arm_state = ArmState::Armed;
     bench.run(10.0, loaded(9.5, 5.0));
-    assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::Critical);
     bench.arm_state = ArmState::Disarmed;
     bench.run(10.0, loaded(10.0, 0.0));
     bench
@@ -401,7 +406,7 @@ fn failsafe_level_is_cleared_only_by_a_fuller_pack() {
         let mut bench = latched();
         bench.run(5.0, loaded(0.3, 0.0));
         bench.run(10.0, loaded(rests_at_v, 0.0));
-        assert_eq!(bench.state().failsafe, expected, "{rests_at_v}");
+        assert_eq!(bench.state.failsafe, expected, "{rests_at_v}");
     }
 }
 
@@ -413,7 +418,7 @@ fn low_reading_through_a_bad_wire_is_no_reference() {
         bench.run(3.0, loaded(0.3, 0.0));
         bench.run(10.0, loaded(rests_at_v, 0.0));
     }
-    assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::Critical);
 }
 
 #[test]
@@ -428,7 +433,7 @@ fn charge_level_is_cleared_by_a_pack_above_its_threshold() {
         bench.settings.failsafe.low.remaining_mah = Some(900.0);
         bench.run(5.0, loaded(0.3, 0.0));
         bench.run(10.0, loaded(11.5, 0.0));
-        assert_eq!(bench.state().failsafe, expected, "{capacity_mah:?}");
+        assert_eq!(bench.state.failsafe, expected, "{capacity_mah:?}");
     }
 }
 
@@ -438,34 +443,34 @@ fn one_reading_without_a_pack_does_not_trip_charge() {
     let mut bench = Bench::new();
     bench.settings.failsafe.critical.remaining_mah = Some(300.0);
     // Empty by its count, but not by its voltage: it was charged meanwhile.
-    bench.monitor.reset(0.0, &bench.settings);
+    bench.reset(0.0);
     bench.monitor.estimator = Estimator::new();
     bench.run(3.0, loaded(12.2, 0.1));
     bench.arm_state = ArmState::Armed;
     bench.run(1.0, loaded(12.2, 1.0));
     bench.tick(Ok(loaded(0.3, 0.0)));
-    assert_eq!(bench.state().failsafe, FailsafeLevel::None);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::None);
 }
 
 #[test]
 fn battery_reset_sets_charge_and_consumption() {
     let mut bench = Bench::new();
     bench.run(60.0, loaded(11.4, 5.0));
-    bench.monitor.reset(56.0, &bench.settings);
+    bench.reset(56.0);
     bench.tick(Ok(loaded(11.4, 0.0)));
-    assert!((bench.state().readings.remaining_pct.unwrap() - 56.0).abs() < 0.01);
-    assert!((bench.state().consumed_mah().unwrap() - 0.44 * 2200.0).abs() < 0.1);
-    assert!((bench.state().consumed_wh.unwrap() - 0.44 * 2.2 * 11.4).abs() < 0.01);
+    assert!((bench.state.readings.remaining_pct.unwrap() - 56.0).abs() < 0.01);
+    assert!((bench.state.consumed_mah().unwrap() - 0.44 * 2200.0).abs() < 0.1);
+    assert!((bench.state.consumed_wh.unwrap() - 0.44 * 2.2 * 11.4).abs() < 0.01);
 }
 
 #[test]
 fn critical_voltage_setting_is_in_the_state() {
     let mut bench = Bench::new();
     bench.tick(Ok(volts(11.4)));
-    assert_eq!(bench.state().critical_voltage_v, None);
+    assert_eq!(bench.state.critical_voltage_v, None);
     bench.settings.failsafe.critical.voltage_v = Some(9.9);
     bench.tick(Err(ReadError::Timeout));
-    assert_eq!(bench.state().critical_voltage_v, Some(9.9));
+    assert_eq!(bench.state.critical_voltage_v, Some(9.9));
 }
 
 #[test]
@@ -478,9 +483,9 @@ fn retained_data_continues_after_a_processor_reset() {
     after.settings.cell_count = None;
     after
         .monitor
-        .restore(&before.monitor.memory(PackSource::default()));
+        .restore(&before.monitor.memory(before.state.status, PackSource::default()));
     after.tick(Ok(loaded(11.2, 5.0)));
-    let state = after.state();
+    let state = after.state;
     assert!((state.consumed_mah().unwrap() - last.consumed_mah().unwrap()).abs() < 0.01);
     assert!((state.readings.remaining_pct.unwrap() - last.readings.remaining_pct.unwrap()).abs() < 0.01);
     assert_eq!(state.cell_count, Some(3));
@@ -490,12 +495,12 @@ fn retained_data_continues_after_a_processor_reset() {
 fn gap_in_readings_is_counted_and_announced() {
     let mut bench = Bench::new();
     bench.run(1.0, loaded(11.4, 3.6));
-    let before_mah = bench.state().consumed_mah().unwrap();
+    let before_mah = bench.state.consumed_mah().unwrap();
     for _ in 0..100 {
         bench.tick(Err(ReadError::Timeout));
     }
     bench.tick(Ok(loaded(11.4, 3.6)));
-    let counted_mah = bench.state().consumed_mah().unwrap() - before_mah;
+    let counted_mah = bench.state.consumed_mah().unwrap() - before_mah;
     assert!((counted_mah - 10.1).abs() < 0.01, "{counted_mah}");
     assert!(
         matches!(bench.events[..], [PackEvent::SensorFailed(_), PackEvent::Gap(_)]),
@@ -599,8 +604,8 @@ fn single_spike_is_a_short_fault() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(12.0));
     assert_eq!(bench.run(0.1, volts(14.0)).readings.faults, Faults::SPIKES);
-    assert_eq!(bench.state().charge_state, ChargeState::Ok);
-    assert_eq!(bench.state().consequences(), Consequences::empty());
+    assert_eq!(bench.state.charge_state, ChargeState::Ok);
+    assert_eq!(bench.state.consequences(), Consequences::empty());
     assert_eq!(bench.run(2.0, volts(12.0)).readings.faults, Faults::empty());
 }
 
@@ -608,13 +613,13 @@ fn single_spike_is_a_short_fault() {
 fn retained_charge_is_not_that_of_other_cells_set_before_the_reset() {
     let mut before = Bench::new();
     before.run(10.0, loaded(9.6, 0.2));
-    assert!(before.state().readings.remaining_pct.unwrap() < 10.0);
+    assert!(before.state.readings.remaining_pct.unwrap() < 10.0);
     for (cell_count, voltage_v, expected_pct) in [(Some(3), 9.6, 0.0..10.0), (Some(6), 24.6, 80.0..101.0)] {
         let mut after = Bench::new();
         after.settings.cell_count = cell_count;
         after
             .monitor
-            .restore(&before.monitor.memory(PackSource::default()));
+            .restore(&before.monitor.memory(before.state.status, PackSource::default()));
         let readings = after.run(10.0, loaded(voltage_v, 0.2)).readings;
         let remaining_pct = readings.remaining_pct.unwrap();
         assert!(expected_pct.contains(&remaining_pct), "{remaining_pct} %");
@@ -629,7 +634,7 @@ fn retained_charge_is_not_that_of_a_pack_that_was_disconnected() {
     let mut after = Bench::new();
     after
         .monitor
-        .restore(&before.monitor.memory(PackSource::default()));
+        .restore(&before.monitor.memory(before.state.status, PackSource::default()));
     let remaining_pct = after.run(10.0, loaded(12.4, 0.2)).readings.remaining_pct.unwrap();
     assert!(remaining_pct > 80.0, "{remaining_pct} %");
 }
@@ -681,7 +686,7 @@ fn failsafe_text_has_voltage_and_consumption() {
         panic!("{:?}", bench.events);
     };
     assert_eq!(event.to_string(), "is low 10.40V used 2 mAh");
-    assert_eq!(bench.state().charge_state, ChargeState::Low);
+    assert_eq!(bench.state.charge_state, ChargeState::Low);
 }
 
 /// A smart battery with 2000 of 2600 mAh left.
@@ -709,7 +714,7 @@ fn smart_battery_overrides_charge_capacity_and_cells() {
     for _ in 0..100 {
         assert_eq!(bench.tick(Ok(smart(11.7))), None);
     }
-    let state = *bench.state();
+    let state = bench.state;
     assert_eq!(state.consumed_mah(), Some(600.0));
     assert_eq!(state.capacity_mah(), Some(2600.0));
     assert!((state.readings.remaining_pct.unwrap() - 76.92).abs() < 0.01);
@@ -733,14 +738,14 @@ fn reported_charge_is_used_without_a_capacity_and_its_count_without_energy() {
         ..loaded(11.1, 3.6)
     };
     bench.run(10.0, reported);
-    let state = *bench.state();
+    let state = bench.state;
     assert_eq!(state.readings.remaining_pct, Some(42.0));
     assert_eq!(state.charge_source, ChargeSource::Reported);
     assert_eq!((state.consumed_mah(), state.capacity), (Some(800.0), None));
     // 9.9 s of 39.96 W.
     let wh = state.consumed_wh.unwrap();
     assert!((wh - 9.9 * 39.96 / 3600.0).abs() < 1e-4, "{wh}");
-    bench.monitor.reset(100.0, &bench.settings);
+    bench.reset(100.0);
     assert_eq!(bench.run(0.1, reported).readings.remaining_pct, Some(42.0));
     for out_of_range in [-0.01, 1.01, f32::NAN] {
         let measurement = Measurement {
@@ -797,9 +802,9 @@ fn what_a_pack_reports_ends_with_the_pack() {
 fn battery_reset_does_not_change_a_smart_battery() {
     let mut bench = Bench::new();
     bench.tick(Ok(smart(11.7)));
-    bench.monitor.reset(100.0, &bench.settings);
+    bench.reset(100.0);
     bench.tick(Ok(smart(11.7)));
-    assert_eq!(bench.state().consumed_mah(), Some(600.0));
+    assert_eq!(bench.state.consumed_mah(), Some(600.0));
 }
 
 fn with_serial_number(serial_number: i32, voltage_v: f32) -> Measurement {
@@ -818,10 +823,10 @@ fn new_serial_number_is_a_swap_after_five_readings() {
         bench.tick(Ok(other));
     }
     assert_eq!(bench.events, []);
-    assert_eq!(bench.state().serial_number, Some(4711));
+    assert_eq!(bench.state.serial_number, Some(4711));
     bench.tick(Ok(other));
     assert_eq!(bench.events, [PackEvent::Swapped]);
-    assert_eq!(bench.state().serial_number, Some(4712));
+    assert_eq!(bench.state.serial_number, Some(4712));
     bench.events.clear();
     for _ in 0..100 {
         bench.tick(Ok(other));
@@ -873,11 +878,11 @@ fn swapped_smart_battery_clears_a_level_at_rest() {
         };
         bench.tick(Ok(at_rest(4711)));
         bench.run(10.0, at_rest(4711));
-        assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
+        assert_eq!(bench.state.failsafe, FailsafeLevel::Critical);
         bench.run(1.0, at_rest(4712));
-        assert_eq!(bench.state().failsafe, FailsafeLevel::Critical, "not at rest yet");
+        assert_eq!(bench.state.failsafe, FailsafeLevel::Critical, "not at rest yet");
         bench.run(5.0, at_rest(4712));
-        assert_eq!(bench.state().failsafe, expected, "{voltage_v}");
+        assert_eq!(bench.state.failsafe, expected, "{voltage_v}");
     }
 }
 
@@ -899,8 +904,8 @@ fn counter_keeps_charge_drawn_during_failed_reads() {
     }
     bench.events.clear();
     bench.tick(Ok(counted(50.0)));
-    assert_eq!(bench.state().consumed_mah(), Some(50.0));
-    assert!((bench.state().consumed_wh.unwrap() - 0.585).abs() < 1e-6);
+    assert_eq!(bench.state.consumed_mah(), Some(50.0));
+    assert!((bench.state.consumed_wh.unwrap() - 0.585).abs() < 1e-6);
     assert_eq!(bench.events, [], "no gap");
 }
 
@@ -939,7 +944,7 @@ fn fuel_flow(volume_ml: f32, flow_l_h: f32) -> Measurement {
 fn tank_with_flow_sensor_starts_full() {
     let mut bench = Bench::new();
     bench.tick(Ok(fuel_flow(0.0, 0.0)));
-    assert_eq!(bench.state().readings.remaining_pct, Some(100.0));
+    assert_eq!(bench.state.readings.remaining_pct, Some(100.0));
     // At 1 l/h a tick is 27.8 µl: 550 of 2200 ml take 1980 s.
     let state = bench.run(1980.0, fuel_flow(1.0 / 36.0, 1.0));
     assert!((state.consumed_ml().unwrap() - 550.0).abs() < 0.1);
@@ -956,22 +961,22 @@ fn tank_with_flow_sensor_starts_full() {
 fn fill_level_is_clamped_at_zero_and_needs_a_capacity() {
     let mut bench = Bench::new();
     bench.tick(Ok(fuel_flow(2500.0, 1.0)));
-    assert_eq!(bench.state().readings.remaining_pct, Some(0.0));
+    assert_eq!(bench.state.readings.remaining_pct, Some(0.0));
     bench.settings.capacity_mah = None;
     bench.tick(Ok(fuel_flow(0.0, 1.0)));
-    assert_eq!(bench.state().readings.remaining_pct, None);
-    assert_eq!(bench.state().consumed_ml(), Some(2500.0));
+    assert_eq!(bench.state.readings.remaining_pct, None);
+    assert_eq!(bench.state.consumed_ml(), Some(2500.0));
 }
 
 #[test]
 fn battery_reset_sets_the_fill_level() {
     let mut bench = Bench::new();
     bench.tick(Ok(fuel_flow(2000.0, 1.0)));
-    bench.monitor.reset(50.0, &bench.settings);
+    bench.reset(50.0);
     bench.tick(Ok(fuel_flow(110.0, 1.0)));
-    assert!((bench.state().readings.remaining_pct.unwrap() - 45.0).abs() < 0.01);
-    assert!((bench.state().consumed_ml().unwrap() - 1210.0).abs() < 0.01);
-    assert_eq!(bench.state().consumed_wh, None);
+    assert!((bench.state.readings.remaining_pct.unwrap() - 45.0).abs() < 0.01);
+    assert!((bench.state.consumed_ml().unwrap() - 1210.0).abs() < 0.01);
+    assert_eq!(bench.state.consumed_wh, None);
 }
 
 #[test]
@@ -980,9 +985,9 @@ fn charge_failsafe_applies_to_a_tank() {
     bench.settings.failsafe.low.remaining_mah = Some(500.0);
     bench.arm_state = ArmState::Armed;
     bench.tick(Ok(fuel_flow(1700.0, 1.0)));
-    assert_eq!(bench.state().failsafe, FailsafeLevel::None);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::None);
     bench.tick(Ok(fuel_flow(1.0, 1.0)));
-    assert_eq!(bench.state().failsafe, FailsafeLevel::Low);
+    assert_eq!(bench.state.failsafe, FailsafeLevel::Low);
     assert_eq!(bench.events[0].to_string(), "is low, used 1701 ml");
 }
 
@@ -1080,9 +1085,9 @@ proptest! {
             bench.events.clear();
             bench.tick(reading.map(|measurement| Measurement { contents, ..measurement }));
             if number == 100 {
-                bench.monitor.reset(reset, &bench.settings);
+                bench.reset(reset);
             }
-            let state = *bench.state();
+            let state = bench.state;
             let values = [
                 state.readings.voltage_v, state.readings.resting_voltage_v, state.readings.current_a, state.readings.average_current_a,
                 state.resistance_ohm, state.consumed.map(Amount::number), state.consumed_wh, state.readings.remaining_pct,
@@ -1199,7 +1204,7 @@ proptest! {
         let mut evidence = Evidence { highest_v: 9.5, ..Evidence::default() };
         for (Stretch { ticks, arm_state, reading }, reset) in stretches {
             if reset {
-                bench.monitor.reset(50.0, &bench.settings);
+                bench.reset(50.0);
                 prop_assert_eq!(bench.monitor.evaluation.failsafe.level(), FailsafeLevel::None);
             }
             bench.arm_state = arm_state;
@@ -1208,9 +1213,9 @@ proptest! {
                 bench.events.clear();
                 bench.tick(reading);
                 evidence.update(arm_state, reading);
-                let is_cleared = bench.state().failsafe < before;
+                let is_cleared = bench.state.failsafe < before;
                 prop_assert!(!is_cleared || evidence.allows_clearing(arm_state, 10.5), "{evidence:?}");
-                let raises = bench.state().failsafe > before;
+                let raises = bench.state.failsafe > before;
                 prop_assert!(!raises || arm_state == ArmState::Armed);
             }
         }

@@ -213,7 +213,7 @@ fn sixteen_cells(last_mv: u16) -> BatteryState {
     // 25 °C.
     stack.commands[0x68..0x6a].copy_from_slice(&2981u16.to_le_bytes());
     let mut bus = Buses::i2c(stack);
-    let mut monitor = BatteryMonitor::new();
+    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
     let settings = PackSettings {
         chemistry: Chemistry::LiFe,
         ..PackSettings::default()
@@ -224,10 +224,10 @@ fn sixteen_cells(last_mv: u16) -> BatteryState {
                 now: at_us(number * 100_000),
                 ..Tick::default()
             };
-            let _ = monitor.update(tick, reading, &settings);
+            let _ = monitor.update(&mut battery, tick, reading, &settings);
         }
     }
-    *monitor.state()
+    battery
 }
 
 #[test]
@@ -571,7 +571,7 @@ proptest! {
     ) {
         let mut devices = BusDevices::from_parameters(&second_is(kind), Instant::EPOCH);
         let mut bus = Buses::i2c(Anything(bytes.into()));
-        let mut monitor = BatteryMonitor::new();
+        let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
         let mut now = Instant::EPOCH;
         // A part that is not on the I2C bus takes nothing from it.
         for _ in 0..200 {
@@ -579,8 +579,8 @@ proptest! {
                 prop_assert_eq!(pack, Pack::Second);
                 now = now.after_us(100_000);
                 let tick = Tick { now, ..Tick::default() };
-                let _ = monitor.update(tick, reading, &PackSettings::default());
-                let state = monitor.state();
+                let _ = monitor.update(&mut battery, tick, reading, &PackSettings::default());
+                let state = &battery;
                 let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.remaining_pct];
                 prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
             }
@@ -596,13 +596,13 @@ proptest! {
         let words: Vec<_> = words.into_iter().filter(|(command, _)| ![0x20, 0x21, 0x22].contains(command)).collect();
         let mut bus = battery(&words);
         let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
-        let mut monitor = BatteryMonitor::new();
+        let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
         for tick in 1..=ticks as u64 {
             for (_, reading) in read_next(&mut devices, &mut bus) {
                 let tick = Tick { now: at_us(tick * 100_000), ..Tick::default() };
-                let _ = monitor.update(tick, reading, &PackSettings::default());
+                let _ = monitor.update(&mut battery, tick, reading, &PackSettings::default());
             }
-            let state = monitor.state();
+            let state = &battery;
             prop_assert!(state.readings.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);
             let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.time_remaining_s];
             prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
@@ -616,15 +616,15 @@ proptest! {
         units in any::<[u8; 3]>(),
     ) {
         let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bq76952), Instant::EPOCH);
-        let mut monitor = BatteryMonitor::new();
+        let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
         for (number, (words, charge)) in (1..).zip(&readings) {
             let mut bus = Buses::i2c(Stack::new(words, *charge, units));
             for (_, reading) in read_next(&mut devices, &mut bus) {
                 prop_assert!(!matches!(reading, Err(ReadError::OtherPart | ReadError::Bus(_))), "{:?}", reading);
                 let tick = Tick { now: at_us(number * 100_000), ..Tick::default() };
-                let _ = monitor.update(tick, reading, &PackSettings::default());
+                let _ = monitor.update(&mut battery, tick, reading, &PackSettings::default());
             }
-            let state = monitor.state();
+            let state = &battery;
             let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.remaining_pct];
             prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
         }

@@ -11,7 +11,7 @@ use std::io::Read;
 use std::path::Path;
 
 use flate2::read::GzDecoder;
-use rover_battmon::battery::{BatteryMonitor, Chemistry, LearntPack, PackSettings, Thresholds};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, Chemistry, LearntPack, PackSettings, Thresholds};
 
 use super::replay::{Sample, reading, tick};
 
@@ -172,20 +172,20 @@ fn drive(drive: &Drive, settings: &PackSettings, learnt: &mut LearntPack) -> Sco
         .collect();
     let total = *charges.last().expect("a load");
     let cut_off_s = loaded[loaded.len() - 1].t_s;
-    let mut monitor = BatteryMonitor::new();
+    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
     monitor.restore_learnt(*learnt);
     let (mut usable, mut remaining) = (Vec::new(), Vec::new());
     let (mut within, mut usable_within) = (0, 0);
     let (mut low_s, mut ten_minutes_min, mut at_cut_off_pct) = (cut_off_s, f64::NAN, f64::NAN);
     for (number, sample) in drive.samples.iter().enumerate() {
-        let _ = monitor.update(tick(sample), reading(sample), settings);
+        let _ = monitor.update(&mut battery, tick(sample), reading(sample), settings);
         let Some(drawn) = number
             .checked_sub(drive.load.start + 1)
             .and_then(|index| charges.get(index))
         else {
             continue;
         };
-        let state = monitor.state();
+        let state = &battery;
         let readings = &state.readings;
         let remaining_with_sigma = readings.remaining_pct.zip(readings.remaining_sigma_pct);
         let usable_with_sigma = readings.usable_pct.zip(readings.usable_sigma_pct);

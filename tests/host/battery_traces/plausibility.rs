@@ -92,12 +92,12 @@ fn check(state: &BatteryState) -> Result<(), TestCaseError> {
 proptest! {
     #[test]
     fn estimates_stay_within_their_ranges(settings in settings(), learnt in learnt(), steps in steps()) {
-        let mut monitor = BatteryMonitor::new();
+        let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
         monitor.restore_learnt(learnt);
         let mut t_s = 0.0;
         for step in &steps {
             if let Some(percent) = step.reset_pct {
-                monitor.reset(percent, &settings);
+                monitor.reset(&battery, percent, &settings);
             }
             for _ in 0..step.repeated {
                 t_s += step.dt_s;
@@ -107,8 +107,8 @@ proptest! {
                     current_a: step.current_a,
                     ..Measurement::default()
                 };
-                let _ = monitor.update(tick, Ok(reading), &settings);
-                check(monitor.state())?;
+                let _ = monitor.update(&mut battery, tick, Ok(reading), &settings);
+                check(&battery)?;
                 let learnt = *monitor.learnt().expect("restored");
                 prop_assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
             }

@@ -150,13 +150,13 @@ fn replay(
     samples: &[Sample],
     settings: &PackSettings,
     learnt: &LearntPack,
-    mut see: impl FnMut(usize, &mut BatteryMonitor),
+    mut see: impl FnMut(usize, &mut BatteryMonitor, &BatteryState),
 ) -> LearntPack {
-    let mut monitor = BatteryMonitor::new();
+    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
     monitor.restore_learnt(*learnt);
     for (number, sample) in samples.iter().enumerate() {
-        let _ = monitor.update(tick(sample), reading(sample), settings);
-        see(number, &mut monitor);
+        let _ = monitor.update(&mut battery, tick(sample), reading(sample), settings);
+        see(number, &mut monitor, &battery);
     }
     monitor.unsaved_learnt().copied().unwrap_or(*learnt)
 }
@@ -186,8 +186,8 @@ fn score_from(start: usize, recording: &Recording, settings: &PackSettings, lear
 
 fn score(samples: &[Sample], truth_pct: &[f64], settings: &PackSettings, learnt: &LearntPack) -> f64 {
     let mut estimates = Vec::with_capacity(samples.len());
-    replay(samples, settings, learnt, |_, monitor| {
-        estimates.push(monitor.state().readings.remaining_pct);
+    replay(samples, settings, learnt, |_, _, battery| {
+        estimates.push(battery.readings.remaining_pct);
     });
     rms_pct(samples, truth_pct, |number| estimates[number].map(f64::from))
 }
@@ -220,7 +220,7 @@ fn lessons(label_mah: f32) -> Vec<LearntPack> {
             &recording.samples,
             &settings(label_mah),
             &LearntPack::UNKNOWN,
-            |_, _| {},
+            |_, _, _| {},
         )
     });
     taught.filter(|learnt| learnt.capacity_mah().is_some()).collect()
@@ -365,9 +365,8 @@ fn voltage_alone_suffices_for_an_estimate() {
 /// Share of the time, in percent, in which the truth lies within two of the stated standard deviations.
 fn coverage_pct(samples: &[Sample], truth_pct: &[f64], learnt: &LearntPack) -> f64 {
     let mut within = Vec::new();
-    replay(samples, &settings(LABEL_MAH), learnt, |number, monitor| {
-        let state = monitor.state();
-        let readings = state.readings;
+    replay(samples, &settings(LABEL_MAH), learnt, |number, _, battery| {
+        let readings = battery.readings;
         let estimate = readings.remaining_pct.zip(readings.remaining_sigma_pct);
         if let Some((remaining_pct, sigma_pct)) = estimate
             && samples[number].t_s - samples[0].t_s >= SCORED_FROM_S
@@ -430,8 +429,8 @@ fn warned_s(recording: &Recording) -> Option<f64> {
         &recording.samples,
         &settings(LABEL_MAH),
         &LearntPack::UNKNOWN,
-        |number, monitor| {
-            if warned_s.is_none() && is_low(monitor.state()) {
+        |number, _, battery| {
+            if warned_s.is_none() && is_low(battery) {
                 warned_s = Some(recording.samples[number].t_s);
             }
         },
@@ -473,12 +472,12 @@ fn a_half_empty_pack_believed_full_is_found_out() {
             &recording.samples,
             &settings,
             &LearntPack::UNKNOWN,
-            |number, monitor| {
+            |number, monitor, battery| {
                 if number == half {
-                    monitor.reset(100.0, &settings);
+                    monitor.reset(battery, 100.0, &settings);
                 }
                 if recording.samples[number].t_s >= settled {
-                    let remaining_pct = monitor.state().readings.remaining_pct;
+                    let remaining_pct = battery.readings.remaining_pct;
                     let remaining_pct = remaining_pct.map_or(f64::INFINITY, f64::from);
                     let error_pct = remaining_pct - recording.truth_pct[number];
                     after_six_minutes_pct.get_or_insert(error_pct);

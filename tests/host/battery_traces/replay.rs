@@ -73,13 +73,14 @@ pub fn run(samples: &[Sample], settings: &PackSettings) -> Vec<Moment> {
 
 /// Replays samples through `monitor`.
 pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &PackSettings) -> Vec<Moment> {
+    let mut battery = BatteryState::default();
     samples
         .iter()
         .map(|sample| {
-            let update = monitor.update(tick(sample), reading(sample), settings);
+            let update = monitor.update(&mut battery, tick(sample), reading(sample), settings);
             Moment {
                 t_s: sample.t_s,
-                state: *monitor.state(),
+                state: battery,
                 events: update.events.to_vec(),
             }
         })

@@ -1,6 +1,6 @@
 //! Estimates do not depend on the sample rate.
 
-use rover_battmon::battery::{BatteryMonitor, PackSettings};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, PackSettings};
 
 use super::pack::{Pack, samples};
 use super::replay::{Moment, run_from, without_current};
@@ -42,7 +42,7 @@ impl Start {
     fn monitor(self, settings: &PackSettings) -> BatteryMonitor {
         let mut monitor = BatteryMonitor::new();
         if let Self::WrongReset = self {
-            monitor.reset(100.0, settings);
+            monitor.reset(&BatteryState::default(), 100.0, settings);
         }
         monitor
     }

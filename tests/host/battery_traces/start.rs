@@ -1,7 +1,7 @@
 //! A pack is switched on under load: simulated cells whose sag develops as that of an 18650 does.
 
 use proptest::prelude::*;
-use rover_battmon::battery::{BatteryMonitor, Chemistry, PackSettings};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, Chemistry, PackSettings};
 
 use super::replay::{Sample, reading, tick};
 
@@ -105,7 +105,7 @@ fn reported(kind: &Kind, mut cell: Cell, peak_a: f64, unseen_s: f64, charging: b
     let dt_s = 1.0 / f64::from(RATE_HZ);
     let sign = if charging { -1.0 } else { 1.0 };
     let unseen = (unseen_s / dt_s) as u32;
-    let mut monitor = BatteryMonitor::new();
+    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
     let mut reported = Vec::new();
     for step in 0..unseen + 120 * RATE_HZ {
         let t_s = f64::from(step) * dt_s;
@@ -118,8 +118,8 @@ fn reported(kind: &Kind, mut cell: Cell, peak_a: f64, unseen_s: f64, charging: b
                 healthy: true,
                 armed: true,
             };
-            let _ = monitor.update(tick(&sample), reading(&sample), &settings);
-            let state = monitor.state();
+            let _ = monitor.update(&mut battery, tick(&sample), reading(&sample), &settings);
+            let state = &battery;
             let readings = &state.readings;
             reported.extend(readings.remaining_pct.zip(readings.remaining_sigma_pct));
         }

@@ -64,7 +64,7 @@ fn the_same_pack_goes_on() {
                 rover.run(1000.0, IDLE_A);
                 // A longer gap is too uncertain to learn from, and a flat curve teaches nothing.
                 let is_short = outages_s.iter().all(|outage_s| *outage_s < 100.0);
-                let is_learnt = rover.bench.state().learnt_capacity_mah.is_some();
+                let is_learnt = rover.bench.state.learnt_capacity_mah.is_some();
                 assert!(is_learnt || !is_short || chemistry == Chemistry::LiFe, "{what}");
             }
         }
@@ -79,7 +79,7 @@ fn a_pack_charged_elsewhere_keeps_what_was_learnt_once_its_resistance_fits() {
             let mut rover = Rover::parked(Pack::rested(chemistry, 1.0));
             rover.drive_to(0.2);
             rover.run(1000.0, IDLE_A);
-            let learnt_mah = |rover: &Rover| rover.bench.state().learnt_capacity_mah;
+            let learnt_mah = |rover: &Rover| rover.bench.state.learnt_capacity_mah;
             let kept_mah = learnt_mah(&rover).expect("learnt");
             let charged = Pack {
                 capacity_ah,
@@ -136,7 +136,7 @@ fn a_battery_reset_says_whose_charge_it_is() {
     rover.run(120.0, IDLE_A);
     rover.swap(Pack::rested(Chemistry::LiPo, 0.3), 20.0);
     rover.run(0.5, IDLE_A);
-    rover.bench.monitor.reset(40.0, &rover.bench.settings);
+    rover.bench.reset(40.0);
     rover.run(60.0, IDLE_A);
     assert_eq!(rover.restarts(), 0);
     assert!(
@@ -157,7 +157,7 @@ fn on_a_flat_curve_another_pack_is_the_same_or_unknown() {
         rover.swap(Pack::rested(Chemistry::LiFe, other), 60.0);
         rover.run(65.0, IDLE_A);
         assert_eq!(rover.restarts(), restarts, "{other}");
-        match rover.bench.state().readings.remaining_pct {
+        match rover.bench.state.readings.remaining_pct {
             Some(reported_pct) => assert!(
                 restarts == 0 && (reported_pct - before_pct).abs() < 1.0,
                 "{other}: {reported_pct}"
@@ -238,7 +238,7 @@ fn two_deviations_cover_the_charge_in_any_order_of_packs() {
                     }
                 }
                 rover.run(65.0, IDLE_A);
-                if let Some(sigma_pct) = rover.bench.state().readings.remaining_sigma_pct {
+                if let Some(sigma_pct) = rover.bench.state.readings.remaining_sigma_pct {
                     known += 1;
                     covered += u32::from(rover.error_pct().abs() <= 2.0 * sigma_pct);
                 }

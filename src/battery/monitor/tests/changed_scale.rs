@@ -102,7 +102,7 @@ fn on_a_flat_curve_a_count_is_doubted_and_goes_on() {
     rover.run(4.0 * 3600.0, 0.0);
     rover.drive_to(0.6);
     rover.run(60.0, IDLE_A);
-    let sigma_pct = |rover: &Rover| rover.bench.state().readings.remaining_sigma_pct.expect("known");
+    let sigma_pct = |rover: &Rover| rover.bench.state.readings.remaining_sigma_pct.expect("known");
     let (before_pct, before_sigma_pct) = (rover.reported_pct(), sigma_pct(&rover));
     rover.measuring.scale = TRUE_SCALE;
     rover.run(60.0, IDLE_A);

@@ -38,7 +38,7 @@ fn drive_to_the_end(rover: &mut Rover, lowest_share: f32) -> ToTheEnd {
             sum_v += rover.pack.voltage_v(current_a);
         }
         driven_s += 10.0;
-        let usable_pct = rover.bench.state().readings.usable_pct.expect("known");
+        let usable_pct = rover.bench.state.readings.usable_pct.expect("known");
         if usable_pct < 15.0 && warned_at_s.is_none() {
             warned_at_s = Some(driven_s);
         }

@@ -24,7 +24,7 @@ fn a_current_over_range_counts_as_full_scale_and_is_announced_once() {
     let said = bench.events.iter();
     let said = said.filter(|event| **event == PackEvent::CurrentOverRange);
     assert_eq!(said.count(), 1, "{:?}", bench.events);
-    let state = *bench.state();
+    let state = bench.state;
     assert_eq!(state.status, PackStatus::Healthy);
     let consumed_mah = state.consumed_mah().expect("counted");
     assert!((consumed_mah - 200.0).abs() < 3.0, "{consumed_mah} mAh");
@@ -50,7 +50,7 @@ fn the_resistance_is_not_measured_by_a_current_over_range() {
         bench.run(2.0, loaded(pack_v(5.0), 5.0));
         bench.run(2.0, stalled(pack_v(2.0 * FULL_SCALE_A)));
     }
-    let resistance_ohm = bench.state().resistance_ohm.expect("measured");
+    let resistance_ohm = bench.state.resistance_ohm.expect("measured");
     assert!((resistance_ohm - 0.05).abs() < 0.003, "{resistance_ohm}");
 }
 
@@ -71,7 +71,7 @@ fn a_reversed_sensor_is_announced_and_the_charge_estimated_without_it() {
         rover.drive_to(0.6);
         assert_eq!(announced(&rover), expected);
         rover.run(60.0, IDLE_A);
-        let sigma_pct = rover.bench.state().readings.remaining_sigma_pct.expect("known");
+        let sigma_pct = rover.bench.state.readings.remaining_sigma_pct.expect("known");
         let what = format!("{} ± {sigma_pct} %", rover.reported_pct());
         assert!(rover.error_pct().abs() <= 2.0 * sigma_pct, "{what}");
         // The sign is put right.
@@ -80,7 +80,7 @@ fn a_reversed_sensor_is_announced_and_the_charge_estimated_without_it() {
         }
         rover.drive_to(0.3);
         assert_eq!(announced(&rover), expected, "once");
-        assert!(rover.bench.state().resistance_ohm.is_some());
+        assert!(rover.bench.state.resistance_ohm.is_some());
         assert!(rover.error_pct().abs() < 10.0, "{} %", rover.reported_pct());
     }
 }

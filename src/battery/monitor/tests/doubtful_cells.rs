@@ -25,12 +25,12 @@ fn bench(kept: u8) -> Bench {
 }
 
 fn failures(bench: &Bench) -> Vec<ArmingFailure> {
-    arming_failures(bench.state(), &bench.settings, None).collect()
+    arming_failures(&bench.state, &bench.settings, None).collect()
 }
 
 #[track_caller]
 fn assert_unclear(bench: &Bench) {
-    let state = bench.state();
+    let state = bench.state;
     assert_eq!((state.cell_count, state.readings.remaining_pct), (None, None));
     assert_eq!(state.readings.faults, Faults::CELLS_CONFIGURATION);
     assert_eq!(failures(bench), [ArmingFailure::UnclearCells]);
@@ -136,7 +136,7 @@ fn doubt_comes_with_what_is_read_later_and_outlasts_a_reset() {
     let mut after = bench(3);
     after
         .monitor
-        .restore(&before.monitor.memory(PackSource::default()));
+        .restore(&before.monitor.memory(before.state.status, PackSource::default()));
     after.run(5.0, volts(8.5));
     assert_unclear(&after);
 }
@@ -145,7 +145,7 @@ fn doubt_comes_with_what_is_read_later_and_outlasts_a_reset() {
 fn a_battery_reset_does_not_say_how_full_unclear_cells_are() {
     let mut bench = bench(3);
     bench.run(5.0, loaded(8.5, 0.1));
-    bench.monitor.reset(100.0, &bench.settings);
+    bench.reset(100.0);
     bench.run(5.0, loaded(8.5, 0.1));
     assert_unclear(&bench);
 }

@@ -14,7 +14,7 @@ fn voltage_missing(current_a: f32) -> Measurement {
 fn driving() -> Bench {
     let mut bench = Bench::new();
     bench.run(30.0, loaded(12.4, 0.1));
-    bench.monitor.reset(100.0, &bench.settings);
+    bench.reset(100.0);
     bench.arm_state = ArmState::Armed;
     bench.run(60.0, loaded(11.9, LOAD_A));
     bench.events.clear();
@@ -35,7 +35,7 @@ fn assert_about(value: Option<f32>, expected: f32, tolerance: f32) {
 // Requirement: L-11
 fn a_loose_wire_at_the_voltage_hides_no_charge() {
     let mut bench = driving();
-    let before = *bench.state();
+    let before = bench.state;
     let state = bench.run(300.0, voltage_missing(LOAD_A));
     assert_eq!(
         (state.status, state.readings.voltage_v),
@@ -51,7 +51,7 @@ fn a_loose_wire_at_the_voltage_hides_no_charge() {
     let expected_pct = before.readings.remaining_pct.expect("known") - drawn_mah / 22.0;
     assert_about(state.readings.remaining_pct, expected_pct, 1.0);
     bench.run(5.0, loaded(11.6, LOAD_A));
-    assert_about(bench.state().readings.remaining_pct, expected_pct, 3.0);
+    assert_about(bench.state.readings.remaining_pct, expected_pct, 3.0);
     let lost = |event: &PackEvent| {
         matches!(
             event,
@@ -82,7 +82,7 @@ fn a_threshold_in_mah_acts_while_the_voltage_is_missing() {
     }) {
         bench.run(1.0, voltage_missing(LOAD_A));
         seconds += 1.0;
-        assert!(seconds < 300.0, "{:?}", bench.state());
+        assert!(seconds < 300.0, "{:?}", bench.state);
     }
     // 2200 mAh less those of the first minute and of these seconds.
     assert_about(Some(drawn_mah(60.0 + seconds)), 200.0, 10.0);
@@ -95,11 +95,11 @@ fn without_an_estimate_no_threshold_in_mah_acts_while_the_voltage_is_missing() {
     bench.settings.failsafe.low.remaining_mah = Some(2100.0);
     bench.arm_state = ArmState::Armed;
     bench.run(400.0, voltage_missing(LOAD_A));
-    assert_eq!(bench.state().readings.remaining_pct, None);
+    assert_eq!(bench.state.readings.remaining_pct, None);
     assert!(
-        bench.state().failsafe <= FailsafeLevel::Unhealthy,
+        bench.state.failsafe <= FailsafeLevel::Unhealthy,
         "{:?}",
-        bench.state()
+        bench.state
     );
 }
 
@@ -107,7 +107,7 @@ fn without_an_estimate_no_threshold_in_mah_acts_while_the_voltage_is_missing() {
 // Requirement: L-11
 fn dropouts_are_counted_and_their_gaps_announced_once_in_30_seconds() {
     let mut bench = driving();
-    let before_mah = bench.state().consumed_mah().expect("counted");
+    let before_mah = bench.state.consumed_mah().expect("counted");
     let mut seconds = 0.0;
     for dropout in 0..40u8 {
         let without_s = 0.2 + 0.07 * f32::from(dropout);
@@ -122,7 +122,7 @@ fn dropouts_are_counted_and_their_gaps_announced_once_in_30_seconds() {
             .sum::<f32>();
     }
     assert_about(
-        bench.state().consumed_mah(),
+        bench.state.consumed_mah(),
         before_mah + drawn_mah(seconds),
         0.03 * drawn_mah(seconds),
     );
@@ -140,7 +140,7 @@ fn dropouts_are_counted_and_their_gaps_announced_once_in_30_seconds() {
 fn an_unpowered_sensor_draws_nothing() {
     for offset_a in [-3.0, 0.0, 0.5] {
         let mut bench = driving();
-        let before = *bench.state();
+        let before = bench.state;
         let state = bench.run(30.0, voltage_missing(offset_a));
         let readings = state.readings;
         assert_eq!((readings.current_a, readings.remaining_pct), (None, None));
@@ -148,7 +148,7 @@ fn an_unpowered_sensor_draws_nothing() {
         // A gap is the mean of the currents around it.
         bench.run(1.0, loaded(11.7, LOAD_A));
         assert_about(
-            bench.state().consumed_mah(),
+            bench.state.consumed_mah(),
             before.consumed_mah().expect("counted") + drawn_mah(31.0),
             1.0,
         );
@@ -167,7 +167,7 @@ fn while_disarmed_a_voltage_that_is_missing_is_a_gap() {
     let mut bench = driving();
     bench.arm_state = ArmState::Disarmed;
     bench.run(10.0, loaded(12.1, 0.1));
-    let before = *bench.state();
+    let before = bench.state;
     let state = bench.run(100.0, voltage_missing(LOAD_A));
     assert_eq!(
         (state.readings.current_a, state.consumed),
@@ -192,8 +192,8 @@ fn what_a_source_counts_is_counted_without_a_voltage() {
         ..loaded(voltage_v, -1.0)
     };
     let mut bench = driving();
-    let before_mah = bench.state().consumed_mah().expect("counted");
+    let before_mah = bench.state.consumed_mah().expect("counted");
     bench.run(10.0, counts(0.2, 0.5));
-    assert_about(bench.state().consumed_mah(), before_mah + 50.0, 0.1);
-    assert_eq!(bench.state().readings.current_a, None, "its offset");
+    assert_about(bench.state.consumed_mah(), before_mah + 50.0, 0.1);
+    assert_eq!(bench.state.readings.current_a, None, "its offset");
 }

@@ -13,7 +13,7 @@ fn just_charged(chemistry: Chemistry, share: f32, surface_v: f32) -> Pack {
 
 /// The charge with its standard deviation, as reported.
 fn estimate_pct(rover: &Rover) -> Option<(f32, f32)> {
-    let readings = rover.bench.state().readings;
+    let readings = rover.bench.state.readings;
     readings.remaining_pct.zip(readings.remaining_sigma_pct)
 }
 
@@ -178,7 +178,7 @@ fn a_drive_that_taught_nothing_says_why() {
     );
     rover.run(200.0, IDLE_A);
     assert_eq!(obstacles(&rover).len(), 2, "learnt by this rest");
-    assert!(rover.bench.state().learnt_capacity_mah.is_some());
+    assert!(rover.bench.state.learnt_capacity_mah.is_some());
 
     for (obstacle, change) in [
         (
@@ -186,12 +186,12 @@ fn a_drive_that_taught_nothing_says_why() {
             (|rover| rover.bench.settings.capacity_mah = None) as fn(&mut Rover),
         ),
         (LessonObstacle::NoCurrent, |rover| {
-            rover.bench.monitor = BatteryMonitor::new();
+            rover.bench.restart();
             rover.bench.monitor.restore_learnt(LearntPack::UNKNOWN);
             rover.sensors = Sensors::Voltage;
         }),
         (LessonObstacle::UnknownStart, |rover| {
-            rover.bench.monitor.reset(100.0, &rover.bench.settings);
+            rover.bench.reset(100.0);
         }),
         (LessonObstacle::Implausible, |rover| {
             rover.bench.settings.capacity_mah = Some(1010.0)
@@ -222,10 +222,9 @@ fn a_capacity_that_no_such_pack_has_is_announced_once() {
         let is_announced = |event: &&PackEvent| **event == PackEvent::CapacityAboveLabel;
         let count = rover.bench.events.iter().filter(is_announced).count();
         assert_eq!(
-            count,
-            announced,
+            count, announced,
             "{label_mah}: {:?}",
-            rover.bench.state().learnt_capacity_mah
+            rover.bench.state.learnt_capacity_mah
         );
     }
 }
@@ -246,7 +245,7 @@ fn learnt_mah_next_day(rover: &mut Rover, share: f32) -> Option<f32> {
         ..Pack::rested(rover.pack.chemistry, share)
     };
     rover.run(60.0, IDLE_A);
-    rover.bench.state().learnt_capacity_mah
+    rover.bench.state.learnt_capacity_mah
 }
 
 #[test]
@@ -254,7 +253,7 @@ fn learnt_mah_next_day(rover: &mut Rover, share: f32) -> Option<f32> {
 fn the_next_start_ends_a_drive_that_did_not_rest() {
     for chemistry in STEEP {
         let mut rover = switched_off_at(chemistry, 0.35);
-        assert_eq!(rover.bench.state().learnt_capacity_mah, None);
+        assert_eq!(rover.bench.state.learnt_capacity_mah, None);
         let learnt_mah = learnt_mah_next_day(&mut rover, 0.35).expect("learnt");
         assert!(
             (learnt_mah / 2200.0 - 1.0).abs() < 0.05,
@@ -311,7 +310,7 @@ fn a_pack_with_a_board_that_draws_much_is_learnt() {
             rover.run(100.0, idle_a);
             rover.drive_to(0.3);
             rover.run(1000.0, idle_a);
-            let learnt_mah = rover.bench.state().learnt_capacity_mah.expect("learnt");
+            let learnt_mah = rover.bench.state.learnt_capacity_mah.expect("learnt");
             assert!(
                 (learnt_mah / 2200.0 - 1.0).abs() < 0.05,
                 "{chemistry:?}: {learnt_mah} mAh"

@@ -157,7 +157,9 @@ impl Rover {
     pub fn run(&mut self, seconds: f32, current_a: f32) {
         for tick in 0..(seconds / TICK_S).round() as u32 {
             if tick % 10 == 0 {
-                self.bench.monitor.follow(&self.measuring);
+                self.bench
+                    .monitor
+                    .follow(&self.measuring, self.bench.state.cell_count);
             }
             self.pack.draw(current_a, TICK_S);
             let reading = self.reading(current_a);
@@ -178,7 +180,7 @@ impl Rover {
     /// Board and pack are switched off and on: only flash is kept.
     pub fn power_cycle(&mut self) {
         let kept = *self.bench.monitor.learnt().expect("restored");
-        self.bench.monitor = BatteryMonitor::new();
+        self.bench.restart();
         self.bench.monitor.restore_learnt(kept);
     }
 
@@ -196,7 +198,7 @@ impl Rover {
     }
 
     pub fn reported_pct(&self) -> f32 {
-        self.bench.state().readings.remaining_pct.expect("known")
+        self.bench.state.readings.remaining_pct.expect("known")
     }
 
     pub fn error_pct(&self) -> f32 {
@@ -214,12 +216,9 @@ impl Rover {
     }
 
     pub fn retained_charge(&self) -> Option<f32> {
-        self.bench
-            .monitor
-            .memory(PackSource::default())
-            .estimate
-            .charge
-            .map(|charge| charge.share)
+        let Bench { monitor, state, .. } = &self.bench;
+        let memory = monitor.memory(state.status, PackSource::default());
+        memory.estimate.charge.map(|charge| charge.share)
     }
 }
 

@@ -45,7 +45,7 @@ fn readings_without_the_gauge_trip_no_threshold_in_mah() {
         );
         bench.run(60.0, missing);
         bench.run(1.0, half_full(HALF_OF_20_AH));
-        assert!(bench.state().failsafe <= FailsafeLevel::Unhealthy, "{share:?}");
+        assert!(bench.state.failsafe <= FailsafeLevel::Unhealthy, "{share:?}");
     }
 }
 
@@ -107,7 +107,7 @@ fn after_its_time_out_the_charge_of_a_gauge_is_unknown_and_never_estimated() {
         (None, None)
     );
     assert_eq!(state.status, PackStatus::Healthy, "no threshold needs it");
-    bench.monitor.reset(100.0, &bench.settings);
+    bench.reset(100.0);
     assert_eq!(
         bench
             .run(1.0, half_full(GaugeReading::Missing))
@@ -147,10 +147,7 @@ fn timed_out_gauge_is_unhealthy_and_announced_while_a_threshold_needs_it() {
     let mut bench = gauged_bench();
     bench.run(1.0, half_full(HALF_OF_20_AH));
     bench.run(GAUGE_TIMEOUT_S - 0.5, half_full(GaugeReading::Missing));
-    assert_eq!(
-        (bench.state().status, bench.events.len()),
-        (PackStatus::Healthy, 0)
-    );
+    assert_eq!((bench.state.status, bench.events.len()), (PackStatus::Healthy, 0));
     let state = bench.run(1.0, half_full(GaugeReading::Missing));
     assert_eq!(state.status, PackStatus::Unhealthy);
     assert_eq!(bench.events, [PackEvent::SensorFailed(ReadError::GaugeTimeout)]);
@@ -214,10 +211,10 @@ fn a_count_beyond_the_capacity_leaves_nothing_whatever_the_voltage() {
         let mut bench = Bench::new();
         bench.settings.failsafe.critical.remaining_mah = Some(100.0);
         bench.run(60.0, companion(0.0, current_a));
-        assert!(bench.state().readings.remaining_pct.expect("known") > 50.0);
+        assert!(bench.state.readings.remaining_pct.expect("known") > 50.0);
         bench.arm_state = ArmState::Armed;
         count(&mut bench, 3600.0, 0.0, 3.0, current_a);
-        let state = *bench.state();
+        let state = bench.state;
         assert!(state.consumed_mah().expect("counted") > 2900.0);
         assert_eq!(state.readings.remaining_pct, Some(0.0), "{current_a:?}");
         assert_eq!(state.failsafe, FailsafeLevel::Critical);
@@ -237,7 +234,7 @@ fn a_count_without_a_current_feeds_the_estimate() {
     for tick in 0..=3600 {
         bench.tick(Ok(at_full((220.0 * tick as f32 / 3600.0).floor())));
     }
-    let state = *bench.state();
+    let state = bench.state;
     let remaining_pct = state.readings.remaining_pct.expect("known");
     assert!((remaining_pct - 90.0).abs() < 1.0, "{remaining_pct} %");
     assert!((state.consumed_mah().expect("counted") - 220.0).abs() < 2.0);
@@ -248,9 +245,9 @@ fn of_a_count_and_a_current_the_larger_counts() {
     for (counted_a, measured_a) in [(2.2, 1.0), (1.0, 2.2)] {
         let mut bench = Bench::new();
         bench.run(1.0, companion(0.0, Some(0.0)));
-        bench.monitor.reset(100.0, &bench.settings);
+        bench.reset(100.0);
         count(&mut bench, 360.0, 0.0, counted_a, Some(measured_a));
-        let remaining_pct = bench.state().readings.remaining_pct.expect("known");
+        let remaining_pct = bench.state.readings.remaining_pct.expect("known");
         assert!(
             (remaining_pct - 90.0).abs() < 1.5,
             "{counted_a} {measured_a}: {remaining_pct} %"
@@ -270,7 +267,7 @@ fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
     };
     let mut bench = Bench::new();
     bench.run(1.0, reading(0.01, Some(0.36)));
-    bench.monitor.reset(100.0, &bench.settings);
+    bench.reset(100.0);
     bench.run(60.0, reading(0.0, None));
     bench.tick(Ok(reading(1100.0, Some(0.36))));
     let remaining_pct = bench
@@ -279,7 +276,7 @@ fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
         .remaining_pct
         .expect("known");
     assert!((remaining_pct - 50.0).abs() < 1.0, "{remaining_pct} %");
-    assert!((bench.state().consumed_mah().expect("counted") - 1101.0).abs() < 1.0);
+    assert!((bench.state.consumed_mah().expect("counted") - 1101.0).abs() < 1.0);
 }
 
 #[test]
@@ -287,15 +284,15 @@ fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
 fn a_count_that_falls_is_a_restart_of_its_source_and_no_charge() {
     let mut bench = Bench::new();
     bench.run(1.0, companion(0.0, Some(0.0)));
-    bench.monitor.reset(100.0, &bench.settings);
+    bench.reset(100.0);
     count(&mut bench, 360.0, 0.0, 2.2, None);
-    let before = *bench.state();
+    let before = bench.state;
     bench.tick(Ok(companion(0.0, None)));
-    let state = *bench.state();
+    let state = bench.state;
     assert_eq!(state.consumed_mah(), before.consumed_mah());
     assert!(state.readings.remaining_pct <= before.readings.remaining_pct);
     count(&mut bench, 360.0, 220.0, 2.2, None);
-    let state = *bench.state();
+    let state = bench.state;
     assert!(
         (state.consumed_mah().expect("counted") - 440.0).abs() < 3.0,
         "{state:?}"
@@ -313,7 +310,7 @@ fn a_count_that_flickers_is_no_draw() {
     for tick in 0..36_000 {
         bench.tick(Ok(companion(100.0 + (tick % 3) as f32, None)));
     }
-    assert_eq!(bench.state().consumed_mah(), Some(102.0));
+    assert_eq!(bench.state.consumed_mah(), Some(102.0));
 }
 
 #[test]
@@ -325,8 +322,8 @@ fn a_count_that_stands_still_does_not_replace_an_unknown_current() {
     counted.run(300.0, companion(0.0, None));
     plain.run(300.0, volts(12.0));
     assert_eq!(
-        counted.state().readings.remaining_pct,
-        plain.state().readings.remaining_pct
+        counted.state.readings.remaining_pct,
+        plain.state.readings.remaining_pct
     );
 }
 
@@ -338,7 +335,7 @@ fn a_swapped_pack_has_none_of_the_count_of_the_one_before() {
         ..companion(total_mah, Some(0.0))
     };
     bench.run(5.0, at(10.2, 2000.0));
-    assert!(bench.state().readings.remaining_pct.expect("known") < 10.0);
+    assert!(bench.state.readings.remaining_pct.expect("known") < 10.0);
     bench.run(3.0, volts(0.3));
     let state = bench.run(10.0, at(12.5, 2000.0));
     assert!(bench.events.contains(&PackEvent::Swapped));
@@ -356,9 +353,9 @@ fn after_a_processor_reset_a_count_goes_on() {
     let mut after = Bench::new();
     after
         .monitor
-        .restore(&before.monitor.memory(PackSource::default()));
+        .restore(&before.monitor.memory(before.state.status, PackSource::default()));
     after.run(1.0, companion(100.0, None));
-    let consumed_mah = after.state().consumed_mah().expect("counted");
+    let consumed_mah = after.state.consumed_mah().expect("counted");
     assert!((consumed_mah - 1099.0).abs() < 2.0, "{consumed_mah}");
 }
 
@@ -380,7 +377,7 @@ fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() 
         let nearly_empty = reports(0.84, cell_v);
         bench.run(11.0, nearly_empty);
         assert_eq!(
-            bench.state().readings.faults,
+            bench.state.readings.faults,
             Faults::empty(),
             "not for long enough"
         );
@@ -447,7 +444,7 @@ fn a_percentage_below_the_charge_of_the_resting_cells_is_announced_and_does_not_
     bench.run(15.0, reports(0.05, cell_v));
     let faults = PackEvent::Faults(Faults::UNDERSTATED_CHARGE);
     assert!(bench.events.contains(&faults), "{:?}", bench.events);
-    let failures = crate::battery::arming_failures(bench.state(), &bench.settings, None);
+    let failures = crate::battery::arming_failures(&bench.state, &bench.settings, None);
     assert!(
         !failures
             .into_iter()
@@ -497,7 +494,7 @@ fn packs_of_a_sum_that_rest_apart_are_a_fault_on_which_nothing_acts() {
     };
     let mut bench = Bench::new();
     bench.run(5.0, sum(Some(0.04)));
-    assert_eq!(bench.state().readings.faults, Faults::empty());
+    assert_eq!(bench.state.readings.faults, Faults::empty());
     let state = bench.run(2.0, sum(Some(0.06)));
     assert_eq!(state.readings.faults, Faults::INCOMPATIBLE_VOLTAGE);
     assert_eq!(bench.events, [PackEvent::Faults(Faults::INCOMPATIBLE_VOLTAGE)]);
@@ -528,11 +525,11 @@ fn a_sum_has_the_capacity_of_its_packs_unless_its_own_is_set() {
         let mut bench = Bench::new();
         bench.settings.capacity_mah = own_mah;
         bench.run(5.0, sum(members_mah));
-        assert_eq!(bench.state().capacity_mah(), expected_mah);
-        bench.monitor.reset(50.0, &bench.settings);
+        assert_eq!(bench.state.capacity_mah(), expected_mah);
+        bench.reset(50.0);
         bench.run(0.1, sum(members_mah));
         let half_mah = expected_mah.map_or(0.0, |capacity_mah| capacity_mah / 2.0);
-        assert_eq!(bench.state().consumed_mah(), Some(half_mah));
+        assert_eq!(bench.state.consumed_mah(), Some(half_mah));
     }
 }
 
@@ -542,7 +539,7 @@ fn a_reset_and_the_time_left_are_of_what_the_pack_holds_now() {
     let mut bench = Bench::new();
     bench.monitor.restore_learnt(learnt.parse().expect("a pack"));
     bench.run(5.0, loaded(11.5, 3.6));
-    bench.monitor.reset(50.0, &bench.settings);
+    bench.reset(50.0);
     let state = bench.run(1.0, loaded(11.5, 3.6));
     assert!((state.consumed_mah().expect("counted") - 901.0).abs() < 0.5);
     let remaining_mah = state.remaining().expect("known");
@@ -556,9 +553,9 @@ fn another_pack_and_detected_cells_are_another_revision() {
     let mut bench = Bench::new();
     bench.settings.cell_count = None;
     bench.run(5.0, loaded(10.2, 0.0));
-    assert_eq!(bench.state().revision, 1);
+    assert_eq!(bench.state.revision, 1);
     bench.run(3.0, loaded(0.3, 0.0));
     bench.run(2.2, loaded(12.4, 0.0));
     assert!(bench.events.contains(&PackEvent::Swapped));
-    assert!(bench.state().revision >= 2);
+    assert!(bench.state.revision >= 2);
 }

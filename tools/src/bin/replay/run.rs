@@ -83,6 +83,8 @@ impl Inputs {
 pub struct Replay {
     pack: Pack,
     monitor: BatteryMonitor,
+    /// After the latest reading.
+    pub state: BatteryState,
     parameters: Parameters,
     settings: PackSettings,
     inputs: Inputs,
@@ -107,6 +109,7 @@ impl Replay {
         Ok(Self {
             pack,
             monitor,
+            state: BatteryState::default(),
             settings: PackSettings::from_parameters(parameters, pack),
             inputs: Inputs::from_parameters(parameters, pack)?,
             parameters: parameters.clone(),
@@ -130,12 +133,8 @@ impl Replay {
     /// Takes the next reading.
     pub fn update(&mut self, sample: &Sample) -> PackUpdate {
         let reading = reading(sample, self.inputs);
-        self.monitor.update(tick(sample), reading, &self.settings)
-    }
-
-    /// The state after it.
-    pub fn state(&self) -> &BatteryState {
-        self.monitor.state()
+        self.monitor
+            .update(&mut self.state, tick(sample), reading, &self.settings)
     }
 
     /// The learnt data by now, as flash would have them.
@@ -145,7 +144,7 @@ impl Replay {
 
     /// Why the drive so far has taught nothing.
     fn lesson_obstacle(&self) -> Option<LessonObstacle> {
-        self.monitor.lesson_obstacle(&self.settings)
+        self.monitor.lesson_obstacle(&self.state, &self.settings)
     }
 }
 
@@ -201,7 +200,7 @@ pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
         }
         rows.push(Row {
             time_s: sample.time_s,
-            state: *replay.state(),
+            state: replay.state,
             events: announced(&update).map(ToString::to_string).collect(),
             reached: update.failsafe,
             reported: sample.reported,

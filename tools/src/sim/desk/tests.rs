@@ -74,7 +74,7 @@ fn each_of_twenty_rovers_can_be_armed_and_has_a_pack_of_its_own() {
     let mut seen = HashSet::new();
     for number in 1..=20 {
         let (system_id, board_id, pack) = after_ten_seconds(number, |autopilot| {
-            let state = autopilot.system_state();
+            let state = autopilot.system_state(rover_battmon::time::Instant::EPOCH);
             assert_eq!(state.readiness, ArmingReadiness::Ready, "{number}");
             let battery = autopilot.battery(Pack::First);
             (

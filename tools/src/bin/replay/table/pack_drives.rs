@@ -138,7 +138,7 @@ impl PackDrives {
 
     /// Takes the next reading.
     pub fn add(&mut self, sample: &Sample) {
-        let timers = self.own.state().failsafe_timers;
+        let timers = self.own.state.failsafe_timers;
         let reached = self.own.update(sample).failsafe;
         let what_if = self.what_if.as_mut();
         let reached_if = what_if.map(|(_, replay)| replay.update(sample).failsafe);
@@ -148,12 +148,12 @@ impl PackDrives {
             self.drive.get_or_insert_with(|| Drive::starting(sample.time_s));
         }
         if let Some(drive) = &mut self.drive {
-            drive.add(sample, self.own.state(), &reached);
+            drive.add(sample, &self.own.state, &reached);
             let since_s = drive.since_start_s(sample.time_s);
-            let changes = self.own.state().failsafe_timers.changes(timers);
+            let changes = self.own.state.failsafe_timers.changes(timers);
             changes.for_each(|change| drive.timers.add(since_s, change));
             if let Some(((_, replay), reached)) = self.what_if.as_ref().zip(reached_if) {
-                let level = replay.state().failsafe;
+                let level = replay.state.failsafe;
                 drive.reach(sample, &reached, level, |drive| &mut drive.what_if_levels);
             }
         }
