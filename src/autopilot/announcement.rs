@@ -201,8 +201,8 @@ mod tests {
         };
         let failsafe = |level, consumed| PackEvent::Failsafe {
             level,
-            voltage_v: 1000.0,
-            consumed,
+            voltage_v: Some(1000.0),
+            consumed: Some(consumed),
         };
         for (event, expected) in [
             (
@@ -255,7 +255,7 @@ mod tests {
             (
                 PackEvent::Found {
                     address: 0x0b,
-                    cells: 4,
+                    cells: Some(4),
                 },
                 "Battery 9 found at 0x0b, 4 cells",
             ),
@@ -322,6 +322,14 @@ mod tests {
                 "Battery 9 is missing, last: 1000.00V used -1000000000 mAh",
             ),
             (
+                PackEvent::Failsafe {
+                    level: FailsafeLevel::Unhealthy,
+                    voltage_v: None,
+                    consumed: None,
+                },
+                "Battery 9 is missing",
+            ),
+            (
                 failsafe(FailsafeLevel::Critical, Amount::Ml(-1e9)),
                 "Battery 9 is critical, used -1000000000 ml",
             ),
@@ -357,8 +365,8 @@ mod tests {
         };
         let failsafe = |level| PackEvent::Failsafe {
             level,
-            voltage_v: 10.0,
-            consumed: Amount::Mah(900.0),
+            voltage_v: Some(10.0),
+            consumed: Some(Amount::Mah(900.0)),
         };
         let gap = Gap {
             duration_s: 3.0,

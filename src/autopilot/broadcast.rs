@@ -223,8 +223,8 @@ mod tests {
         use crate::battery::{Amount, FailsafeLevel};
         let level = |level| PackEvent::Failsafe {
             level,
-            voltage_v: 10.0,
-            consumed: Amount::Mah(0.0),
+            voltage_v: Some(10.0),
+            consumed: Some(Amount::Mah(0.0)),
         };
         let mut broadcast = Broadcast::new();
         let mut position = broadcast.end();

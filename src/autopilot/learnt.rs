@@ -89,7 +89,7 @@ impl Autopilot {
         if !is_known {
             monitor.restore_learnt(LearntPack::of(identity.serial_number));
         }
-        monitor.forget_learnt();
+        monitor.erase_learnt();
         self.keep_learnt(pack);
     }
 

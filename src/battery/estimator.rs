@@ -47,7 +47,7 @@ pub(super) struct Reading {
     /// Charge that the source has counted beyond this current, in milliampere-hours.
     pub unmeasured_mah: f32,
     /// The most that can be left by the source's count, from 0 to 1.
-    pub share_at_most: f32,
+    pub soc_at_most: f32,
     /// Cells that the pack had before.
     pub known_cells: Option<u8>,
     pub arm_state: ArmState,
@@ -113,12 +113,12 @@ impl ReportedCharge {
             None => MAX_SIGMA_TO_START,
             Some(_) => MAX_SIGMA_TO_CONTINUE,
         };
-        let at_most = (estimate.share + BOUND_SIGMAS * estimate.sigma).min(1.0);
+        let at_most = (estimate.soc + BOUND_SIGMAS * estimate.sigma).min(1.0);
         (estimate.sigma <= max_sigma).then_some(Self {
-            remaining_pct: estimate.share * 100.0,
+            remaining_pct: estimate.soc * 100.0,
             sigma_pct: estimate.sigma * 100.0,
             at_most_pct: at_most * 100.0,
-            usable_pct: estimate.usable_share * 100.0,
+            usable_pct: estimate.usable_soc * 100.0,
             usable_sigma_pct: estimate.usable_sigma * 100.0,
         })
     }
@@ -190,13 +190,13 @@ impl Estimator {
         settings: &PackSettings,
         learnt: &LearntPack,
     ) -> Option<LearntPack> {
-        self.resistance.settle();
+        self.resistance.solve();
         if let Some(current_a) = second.current_a {
             self.average_current.update(second.duration_s, current_a);
             self.follow_drive(second.duration_s, current_a, reading.arm_state);
         }
         let model = CellModel {
-            share_at_most: reading.share_at_most,
+            soc_at_most: reading.soc_at_most,
             ..self.model(settings, learnt)
         };
         let kept = self
@@ -262,7 +262,7 @@ impl Estimator {
                 .map(|capacity_mah| capacity_mah * AH_PER_MAH),
             measured_ohm: self.cell_resistance_ohm(settings),
             end: EndVoltage::new(settings, cell_count),
-            share_at_most: 1.0,
+            soc_at_most: 1.0,
             learnt,
         }
     }
@@ -308,11 +308,11 @@ impl Estimator {
     }
 
     /// Seconds until the average load has drawn this share (0 to 1) of a pack with this capacity.
-    pub fn time_to_draw_s(&self, share: f32, capacity_mah: f32) -> Option<f32> {
+    pub fn time_to_draw_s(&self, soc: f32, capacity_mah: f32) -> Option<f32> {
         let average_a = self.average_current.value()?;
         let drive_a = self.drive_current.value();
         let load_a = drive_a.map_or(average_a, |drive_a| drive_a.max(average_a / MAX_TO_LAST_MINUTE));
-        (load_a > MIN_AVERAGE_LOAD_A).then(|| share * capacity_mah * AH_PER_MAH / load_a * SECONDS_PER_HOUR)
+        (load_a > MIN_AVERAGE_LOAD_A).then(|| soc * capacity_mah * AH_PER_MAH / load_a * SECONDS_PER_HOUR)
     }
 
     /// Seconds until the pack can't serve its load any more, where the current is not measured.
@@ -342,9 +342,9 @@ impl Estimator {
     }
 
     /// Sets the state of charge, from 0 to 1, on a battery reset; ignored while the cells are in doubt.
-    pub fn set_state_of_charge(&mut self, share: f32) {
+    pub fn set_state_of_charge(&mut self, soc: f32) {
         if !self.cells_are_doubtful {
-            self.set_known(KnownCharge::set(share));
+            self.set_known(KnownCharge::set(soc));
         }
     }
 
@@ -360,7 +360,7 @@ impl Estimator {
     }
 
     /// The current had another sign.
-    pub fn forget_current(&mut self) {
+    pub fn clear_current(&mut self) {
         self.resistance = ResistanceEstimator::new();
         self.average_current = MeanThenLowPass::new(AVERAGE_TIME_CONSTANT_S);
         self.drive_current = NOT_DRIVEN;

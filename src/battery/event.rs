@@ -53,8 +53,8 @@ pub enum PackEvent {
     Found {
         /// Its address.
         address: u8,
-        /// Its cells, 0 if unknown.
-        cells: u8,
+        /// Its cells, if known.
+        cells: Option<u8>,
     },
     /// Its sensor has failed repeatedly, with the latest error.
     SensorFailed(ReadError),
@@ -96,10 +96,10 @@ pub enum PackEvent {
     Failsafe {
         /// The level.
         level: FailsafeLevel,
-        /// The latest known terminal voltage, in volts; 0 if unknown.
-        voltage_v: f32,
-        /// Charge or fuel drawn; 0 if unknown.
-        consumed: Amount,
+        /// The latest known terminal voltage, in volts.
+        voltage_v: Option<f32>,
+        /// Charge or fuel drawn, if known.
+        consumed: Option<Amount>,
     },
 }
 
@@ -128,8 +128,8 @@ impl PackEvent {
     pub fn failsafe(level: FailsafeLevel, voltage_v: Option<f32>, state: &BatteryState) -> Self {
         Self::Failsafe {
             level,
-            voltage_v: voltage_v.unwrap_or(0.0),
-            consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
+            voltage_v,
+            consumed: state.consumed,
         }
     }
 }
@@ -225,8 +225,11 @@ impl fmt::Display for PackEvent {
                     _ => Ok(()),
                 }
             }
-            Self::Found { address, cells: 0 } => write!(f, "found at {address:#04x}"),
-            Self::Found { address, cells } => write!(f, "found at {address:#04x}, {cells} cells"),
+            Self::Found { address, cells: None } => write!(f, "found at {address:#04x}"),
+            Self::Found {
+                address,
+                cells: Some(cells),
+            } => write!(f, "found at {address:#04x}, {cells} cells"),
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
             Self::PoweringOff => f.write_str("is powering off"),
@@ -274,26 +277,22 @@ impl fmt::Display for PackEvent {
             Self::ReportedFaults(faults) => write_faults(f, "reports: ", *faults, &REPORTED_NAMES),
             Self::Failsafe {
                 level,
-                consumed: Amount::Ml(ml),
-                ..
-            } => write!(f, "is {}, used {} ml", name(*level), round_to_i32(*ml)),
-            Self::Failsafe {
-                level,
                 voltage_v,
-                consumed: Amount::Mah(mah),
+                consumed,
             } => {
-                let last = if *level == FailsafeLevel::Unhealthy {
-                    ", last:"
-                } else {
-                    ""
+                write!(f, "is {}", name(*level))?;
+                let mah = match consumed {
+                    Some(Amount::Ml(ml)) => return write!(f, ", used {} ml", round_to_i32(*ml)),
+                    None if voltage_v.is_none() => return Ok(()),
+                    Some(Amount::Mah(mah)) => *mah,
+                    None => 0.0,
                 };
-                write!(
-                    f,
-                    "is {}{last} {}V used {} mAh",
-                    name(*level),
-                    Hundredths(*voltage_v),
-                    round_to_i32(*mah)
-                )
+                if *level == FailsafeLevel::Unhealthy {
+                    f.write_str(", last:")?;
+                }
+                // As ArduPilot does, with 0 for an unknown one of the two.
+                let volts = Hundredths(voltage_v.unwrap_or(0.0));
+                write!(f, " {volts}V used {} mAh", round_to_i32(mah))
             }
         }
     }

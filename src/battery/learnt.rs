@@ -35,7 +35,7 @@ const MAX_TO_RATED: f32 = 2.0;
 pub(super) const WARM_TO_KEPT: f32 = 1.4;
 
 /// Changes of a charge that are not worth a write to flash: of the state of charge, and of a resting cell in volts.
-const LIKE_SHARE: f32 = 0.005;
+const LIKE_SOC: f32 = 0.005;
 const LIKE_VOLTAGE_V: f32 = 0.002;
 
 /// Loss of capacity, from 0 to 1, at which the life of a pack usually ends; twice its resistance makes it as old.
@@ -122,7 +122,7 @@ pub(crate) struct Offset {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LastCharge {
     /// From 0 to 1.
-    pub share: f32,
+    pub soc: f32,
     /// Standard deviation.
     pub sigma: f32,
     /// The voltage of a cell that has rested since then, in volts.
@@ -140,14 +140,14 @@ pub(crate) struct Collapse {
 
 impl Collapse {
     /// At this state of charge from 0 to 1 and resistance in ohms; `None` where they are beyond those of a rover's pack.
-    pub fn new(share: f32, ohm: f32) -> Option<Self> {
-        let numbers = [share * 1e4 + 0.5, ohm * 1e5 + 0.5];
-        let is_possible = share >= 0.0 && numbers.iter().all(|number| *number < f32::from(u16::MAX));
+    pub fn new(soc: f32, ohm: f32) -> Option<Self> {
+        let numbers = [soc * 1e4 + 0.5, ohm * 1e5 + 0.5];
+        let is_possible = soc >= 0.0 && numbers.iter().all(|number| *number < f32::from(u16::MAX));
         is_possible.then(|| Self::from_numbers(numbers.map(|number| number as u16)))?
     }
 
     /// State of charge, from 0 to 1.
-    pub fn share(&self) -> f32 {
+    pub fn soc(&self) -> f32 {
         f32::from(self.share_1e4) * 1e-4
     }
 
@@ -157,13 +157,13 @@ impl Collapse {
 
     /// The state of charge at which cells with this resistance, in ohms, collapse: the sag is proportional to it. A larger one
     /// than in that drive is no reason to expect it earlier: the reserve for the sag grows by itself.
-    pub fn share_at(&self, ohm: Option<f32>) -> f32 {
-        self.share() * ohm.map_or(1.0, |ohm| (ohm / self.ohm()).min(1.0))
+    pub fn soc_at(&self, ohm: Option<f32>) -> f32 {
+        self.soc() * ohm.map_or(1.0, |ohm| (ohm / self.ohm()).min(1.0))
     }
 
     /// The same at a state of charge that is higher by this difference.
     pub fn corrected(&self, difference: f32) -> Option<Self> {
-        Self::new(self.share() + difference, self.ohm())
+        Self::new(self.soc() + difference, self.ohm())
     }
 
     /// As two numbers: ten-thousandths, and ten microohms.
@@ -206,11 +206,11 @@ pub(crate) struct OpenLesson {
 
 impl OpenLesson {
     fn to_words(self) -> [u32; OPEN_LESSON_WORDS] {
-        let [share, sigma] = self.start;
+        let [soc, sigma] = self.start;
         let mut words = [0; OPEN_LESSON_WORDS];
         let (head, points) = words.split_at_mut(4);
         head.copy_from_slice(&[
-            pair(share, sigma),
+            pair(soc, sigma),
             self.drawn_ah.to_bits(),
             self.rested_h.to_bits(),
             self.ohm.to_bits(),
@@ -289,15 +289,14 @@ impl fmt::Display for LessonObstacle {
 
 impl LastCharge {
     fn is_like(&self, other: &Self) -> bool {
-        (self.share - other.share).abs() < LIKE_SHARE
-            && (self.resting_v - other.resting_v).abs() < LIKE_VOLTAGE_V
+        (self.soc - other.soc).abs() < LIKE_SOC && (self.resting_v - other.resting_v).abs() < LIKE_VOLTAGE_V
     }
 }
 
 impl Offset {
     /// The point below a state of charge from 0 to 1, and the weight of the point above.
-    pub fn position(share: f32) -> (usize, f32) {
-        let position = (share * OFFSET_POINTS as f32 - 0.5)
+    pub fn position(soc: f32) -> (usize, f32) {
+        let position = (soc * OFFSET_POINTS as f32 - 0.5)
             .max(0.0)
             .min((OFFSET_POINTS - 1) as f32);
         let point = (position as usize).min(OFFSET_POINTS - 2);
@@ -567,7 +566,7 @@ impl LearntPack {
         }
         rescaled.collapse = rescaled
             .collapse
-            .and_then(|collapse| Collapse::new(collapse.share(), collapse.ohm() * by_voltage / by_current));
+            .and_then(|collapse| Collapse::new(collapse.soc(), collapse.ohm() * by_voltage / by_current));
         // Without implausible values.
         Self::from_words(&rescaled.to_words())
     }
@@ -585,7 +584,7 @@ impl LearntPack {
             first_ohm: 0.0,
         });
         let charge = self.charge.unwrap_or(LastCharge {
-            share: -1.0,
+            soc: -1.0,
             sigma: 0.0,
             resting_v: 0.0,
         });
@@ -608,7 +607,7 @@ impl LearntPack {
             capacity.sigma.to_bits(),
             resistance.now_ohm.to_bits(),
             resistance.first_ohm.to_bits(),
-            charge.share.to_bits(),
+            charge.soc.to_bits(),
             charge.sigma.to_bits(),
             charge.resting_v.to_bits(),
             a,
@@ -626,8 +625,8 @@ impl LearntPack {
         ];
         let open = self.open.map_or([0; OPEN_LESSON_WORDS], OpenLesson::to_words);
         let collapse = self.collapse.map_or(0, |collapse| {
-            let [share, ohm] = collapse.to_numbers();
-            pair(share, ohm)
+            let [soc, ohm] = collapse.to_numbers();
+            pair(soc, ohm)
         });
         let mut words = [0; LEARNT_WORDS];
         let stored = known.into_iter().chain(open).chain([collapse]);
@@ -648,7 +647,7 @@ impl LearntPack {
             capacity_sigma,
             now_ohm,
             first_ohm,
-            share,
+            soc,
             sigma,
             resting_v,
             _,
@@ -689,9 +688,9 @@ impl LearntPack {
             resistance: (RESISTANCES_OHM.contains(&now_ohm) && RESISTANCES_OHM.contains(&first_ohm))
                 .then_some(LearntResistance { now_ohm, first_ohm }),
             offsets: [a, b, c, d, e].map(|word| Offset::from_word(*word).unwrap_or_default()),
-            charge: ((0.0..=1.0).contains(&share) && is_sigma(sigma) && CELL_VOLTAGES_V.contains(&resting_v))
+            charge: ((0.0..=1.0).contains(&soc) && is_sigma(sigma) && CELL_VOLTAGES_V.contains(&resting_v))
                 .then_some(LastCharge {
-                    share,
+                    soc,
                     sigma,
                     resting_v,
                 }),
@@ -741,7 +740,7 @@ mod tests {
                 sigma_100uv: 80,
             }),
             charge: Some(LastCharge {
-                share: 0.6,
+                soc: 0.6,
                 sigma: 0.03,
                 resting_v: 3.71,
             }),
@@ -780,7 +779,7 @@ mod tests {
             let Some(learnt) = LearntPack::from_words(&words) else { return Ok(()) };
             prop_assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
             prop_assert!(learnt.capacity_mah().is_none_or(|capacity_mah| capacity_mah >= 1.0));
-            prop_assert!(learnt.charge.is_none_or(|charge| (0.0..=1.0).contains(&charge.share)));
+            prop_assert!(learnt.charge.is_none_or(|charge| (0.0..=1.0).contains(&charge.soc)));
         }
     }
 }

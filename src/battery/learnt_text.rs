@@ -87,11 +87,7 @@ impl fmt::Display for LearntPack {
         }
         writeln!(f)?;
         if let Some(charge) = self.charge {
-            writeln!(
-                f,
-                "{CHARGE} {} {} {}",
-                charge.share, charge.sigma, charge.resting_v
-            )?;
+            writeln!(f, "{CHARGE} {} {} {}", charge.soc, charge.sigma, charge.resting_v)?;
         }
         if let Some(slow) = self.slow {
             writeln!(f, "{SLOW} {} {}", slow.share, slow.sigma)?;
@@ -105,7 +101,7 @@ impl fmt::Display for LearntPack {
             writeln!(f, "{SCALE} {volt_multiplier} {volt_offset_v} {amperes_per_volt}")?;
         }
         if let Some(OpenLesson {
-            start: [share, sigma],
+            start: [soc, sigma],
             drawn_ah,
             rested_h,
             ohm,
@@ -113,15 +109,15 @@ impl fmt::Display for LearntPack {
         }) = self.open
         {
             writeln!(f, "{OPEN} {drawn_ah} {rested_h} {ohm}")?;
-            write!(f, "{OPEN_POINTS} {share} {sigma}")?;
+            write!(f, "{OPEN_POINTS} {soc} {sigma}")?;
             for number in points.as_flattened() {
                 write!(f, " {number}")?;
             }
             writeln!(f)?;
         }
         if let Some(collapse) = self.collapse {
-            let [share, ohm] = collapse.to_numbers();
-            writeln!(f, "{COLLAPSE} {share} {ohm}")?;
+            let [soc, ohm] = collapse.to_numbers();
+            writeln!(f, "{COLLAPSE} {soc} {ohm}")?;
         }
         Ok(())
     }
@@ -187,9 +183,9 @@ impl LearntPack {
                 }
             }
             CHARGE => {
-                let [share, sigma, resting_v] = parse(numbers)?;
+                let [soc, sigma, resting_v] = parse(numbers)?;
                 self.charge = Some(LastCharge {
-                    share,
+                    soc,
                     sigma,
                     resting_v,
                 });

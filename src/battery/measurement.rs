@@ -48,6 +48,8 @@ pub struct Measurement {
     pub voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
+    /// Fuel drawn from a tank, in litres per hour.
+    pub fuel_l_h: Option<f32>,
     /// Whether the current is within its sensor's range.
     pub current_range: CurrentRange,
     /// Charge and energy, if the sensor counts them.
@@ -97,6 +99,11 @@ impl Measurement {
         })
     }
 
+    /// What is drawn: amperes from a pack, or litres per hour from a tank, which is counted as one.
+    pub(super) fn rate(&self) -> Option<f32> {
+        self.current_a.or(self.fuel_l_h)
+    }
+
     /// The reading, if each value is finite and possible.
     ///
     /// # Errors
@@ -114,7 +121,7 @@ impl Measurement {
                 Counted::Total(consumed) | Counted::Increment(consumed) => {
                     (consumed.charge_mah, Some(consumed.energy_wh), None)
                 }
-                Counted::TotalCharge(charge_mah) => (charge_mah, None, None),
+                Counted::TotalCharge(number) | Counted::Volume(number) => (number, None, None),
                 Counted::Members { consumed, drawn_mah } => {
                     (consumed.charge_mah, Some(consumed.energy_wh), drawn_mah)
                 }
@@ -124,12 +131,10 @@ impl Measurement {
                 && is_within(drawn_mah, HIGHEST_CHARGE_MAH)
         };
         if is_within(self.voltage_v, HIGHEST_VOLTAGE_V)
-            && is_within(self.current_a, HIGHEST_CURRENT_A)
+            && is_within(self.rate(), HIGHEST_CURRENT_A)
             && is_within(self.temperature_c, HIGHEST_TEMPERATURE_C)
             && self.gauge.read().is_none_or(is_gauge)
-            && self
-                .state_of_charge
-                .is_none_or(|share| (0.0..=1.0).contains(&share))
+            && self.state_of_charge.is_none_or(|soc| (0.0..=1.0).contains(&soc))
             && self.counted.is_none_or(is_count)
         {
             Ok(self)
@@ -168,6 +173,8 @@ pub enum Counted {
     Total(Consumed),
     /// Total charge drawn, in milliampere-hours; the sensor does not count energy.
     TotalCharge(f32),
+    /// Fuel used since the previous reading, in millilitres.
+    Volume(f32),
     /// Of a sum.
     Members {
         /// Consumption of its members together.
@@ -191,6 +198,14 @@ const COULOMBS_PER_MAH: f32 = 3.6;
 const JOULES_PER_WH: f32 = 3600.0;
 
 impl Consumed {
+    /// A charge, in milliampere-hours, without its energy.
+    pub fn charge(charge_mah: f32) -> Self {
+        Self {
+            charge_mah,
+            energy_wh: 0.0,
+        }
+    }
+
     /// From SI units, which sensors count in.
     pub fn from_si(charge_c: f32, energy_j: f32) -> Self {
         Self {
@@ -237,6 +252,15 @@ pub struct Gauge {
 }
 
 impl Gauge {
+    /// The count of a tank that holds `remaining_ml` of `full_ml`, in millilitres: a tank's are counted as a pack's
+    /// milliampere-hours.
+    pub fn of_tank(remaining_ml: f32, full_ml: f32) -> Self {
+        Self {
+            remaining_mah: remaining_ml,
+            full_mah: full_ml,
+        }
+    }
+
     /// State of charge, from 0 to 1.
     pub fn state_of_charge(&self) -> f32 {
         (self.remaining_mah / self.full_mah).clamp(0.0, 1.0)
@@ -443,6 +467,11 @@ impl CellVoltages {
     /// Number of measured cells.
     pub fn count(&self) -> usize {
         self.count.into()
+    }
+
+    /// The same, unless none is measured.
+    pub fn number(&self) -> Option<u8> {
+        (self.count > 0).then_some(self.count)
     }
 
     /// The measured cells up to the 16th, in millivolts.

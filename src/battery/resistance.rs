@@ -159,13 +159,13 @@ impl ResistanceEstimator {
     }
 
     /// Brings the resistance up to date: once a second is enough for what forgetting and a division take.
-    pub fn settle(&mut self) {
+    pub fn solve(&mut self) {
         let recent = core::mem::replace(&mut self.recent, Excitation::NONE);
         if recent.duration_s > 0.0 {
-            let share = 1.0 - self.forgetting.alpha(recent.duration_s);
+            let retained = 1.0 - self.forgetting.alpha(recent.duration_s);
             self.kept = Excitation {
-                voltage_by_current: self.kept.voltage_by_current * share + recent.voltage_by_current,
-                current_squared: self.kept.current_squared * share + recent.current_squared,
+                voltage_by_current: self.kept.voltage_by_current * retained + recent.voltage_by_current,
+                current_squared: self.kept.current_squared * retained + recent.current_squared,
                 duration_s: (self.kept.duration_s + recent.duration_s).min(MIN_EXCITATION_S),
             };
         }
@@ -201,10 +201,10 @@ mod tests {
             let (voltage_v, current_a) = at(sample as f32 / rate_hz);
             estimator.update(1.0 / rate_hz, voltage_v, current_a);
             if sample as f32 % rate_hz < 1.0 {
-                estimator.settle();
+                estimator.solve();
             }
         }
-        estimator.settle();
+        estimator.solve();
         estimator.resistance_ohm()
     }
 

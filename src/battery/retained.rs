@@ -116,7 +116,7 @@ impl PackMemory {
             estimated_for,
             detected_cells,
         } = self.estimate;
-        let [share, sigma] = charge.map_or([0; 2], KnownCharge::to_words);
+        let [soc, sigma] = charge.map_or([0; 2], KnownCharge::to_words);
         let has_charge = u8::from(charge.is_some());
         let [chemistry, cells] = estimated_for.map_or([0; 2], bytes_of);
         let [monitor, address, channel] = self.source.0;
@@ -125,7 +125,7 @@ impl PackMemory {
             charge_high,
             energy_low,
             energy_high,
-            share,
+            soc,
             sigma,
             u32::from_le_bytes([detected_cells.unwrap_or(0), has_charge, chemistry, cells]),
             u32::from_le_bytes([monitor, address, channel, 0]),
@@ -138,7 +138,7 @@ impl PackMemory {
             charge_high,
             energy_low,
             energy_high,
-            share,
+            soc,
             sigma,
             estimate,
             source,
@@ -150,7 +150,7 @@ impl PackMemory {
             consumption: Consumption::from_words([charge_low, charge_high, energy_low, energy_high]),
             estimate: EstimatorMemory {
                 charge: (has_charge != 0)
-                    .then(|| KnownCharge::from_words([share, sigma]))
+                    .then(|| KnownCharge::from_words([soc, sigma]))
                     .flatten(),
                 estimated_for: cells_of([chemistry, cells]),
                 detected_cells: (detected_cells > 0).then_some(detected_cells),

@@ -100,6 +100,8 @@ pub struct Readings {
     pub resting_voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
+    /// Fuel drawn from a tank, in litres per hour.
+    pub fuel_l_h: Option<f32>,
     /// Current averaged over about a minute, in amperes.
     pub average_current_a: Option<f32>,
     /// Remaining charge, in percent of a full pack (0 to 100).
@@ -125,6 +127,7 @@ impl Readings {
         voltage_v: None,
         resting_voltage_v: None,
         current_a: None,
+        fuel_l_h: None,
         average_current_a: None,
         remaining_pct: None,
         remaining_sigma_pct: None,
@@ -143,7 +146,7 @@ pub struct BatteryState {
     pub status: PackStatus,
     /// Error of the latest reading, also if that is not enough; `None` without one.
     pub read_error: Option<ReadError>,
-    /// Electric charge or fuel. The currents of fuel are in litres per hour instead of amperes.
+    /// Electric charge or fuel.
     pub contents: Contents,
     /// Latest readings, and what is estimated from them.
     pub readings: Readings,
@@ -256,11 +259,12 @@ impl BatteryState {
 
     /// Power drawn from the pack, in watts; `None` also for a tank.
     pub fn power_w(&self) -> Option<f32> {
-        let current_a = self
-            .readings
-            .current_a
-            .filter(|_| self.contents == Contents::Charge);
-        Some(self.readings.voltage_v? * current_a?)
+        Some(self.readings.voltage_v? * self.readings.current_a?)
+    }
+
+    /// What is drawn: amperes from a pack, or litres per hour from a tank. As in ArduPilot, either is reported as a current.
+    pub fn rate(&self) -> Option<f32> {
+        self.readings.current_a.or(self.readings.fuel_l_h)
     }
 
     /// Charge drawn since boot or the last battery reset, in milliampere-hours; `None` also for a tank.

@@ -84,7 +84,7 @@ impl SwapDetector {
                     _ => Doubt::ContactLoss,
                 };
             }
-            ArmState::Armed => self.forget_rest(),
+            ArmState::Armed => self.clear_rest(),
         }
     }
 
@@ -98,7 +98,7 @@ impl SwapDetector {
         arm_state: ArmState,
     ) -> Option<AtRest> {
         if arm_state == ArmState::Armed {
-            self.forget_rest();
+            self.clear_rest();
             self.highest_v = Some(voltage_v);
             return None;
         }
@@ -145,13 +145,13 @@ impl SwapDetector {
 
     /// Forgets the voltages of the previous pack.
     pub fn reset(&mut self) {
-        self.forget_rest();
+        self.clear_rest();
         self.doubt = Doubt::None;
         self.highest_v = None;
     }
 
     #[inline(never)]
-    fn forget_rest(&mut self) {
+    fn clear_rest(&mut self) {
         self.rest.reset();
         self.contact_loss_s = 0.0;
         if self.doubt == Doubt::ShortLoss {

@@ -4,7 +4,7 @@ use core::f32::consts::TAU;
 
 use super::AnalogReadings;
 use super::analog::level_pin;
-use crate::battery::{Consumed, Contents, Counted, Gauge, GaugeReading, Measurement, ReadError};
+use crate::battery::{Contents, Counted, Gauge, GaugeReading, Measurement, ReadError};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, FuelKind, Parameters, VehicleParameter};
 use crate::time::Instant;
@@ -150,11 +150,8 @@ impl FlowMeter {
         };
         Measurement {
             contents: Contents::Fuel,
-            current_a: Some(self.pulses_per_s * ml_per_pulse * L_H_PER_ML_S),
-            counted: Some(Counted::Increment(Consumed {
-                charge_mah: new * ml_per_pulse,
-                energy_wh: 0.0,
-            })),
+            fuel_l_h: Some(self.pulses_per_s * ml_per_pulse * L_H_PER_ML_S),
+            counted: Some(Counted::Volume(new * ml_per_pulse)),
             ..Measurement::default()
         }
     }
@@ -281,10 +278,7 @@ pub fn tank(fill_level: f32, capacity_ml: Option<f32>) -> Result<Measurement, Re
     let full_ml = capacity_ml.ok_or(ReadError::NoCapacity)?;
     Ok(Measurement {
         contents: Contents::Fuel,
-        gauge: GaugeReading::Read(Gauge {
-            remaining_mah: fill_level.clamp(0.0, 1.0) * full_ml,
-            full_mah: full_ml,
-        }),
+        gauge: GaugeReading::Read(Gauge::of_tank(fill_level.clamp(0.0, 1.0) * full_ml, full_ml)),
         ..Measurement::default()
     })
 }
@@ -326,7 +320,7 @@ impl EngineReading {
         };
         Ok(Measurement {
             contents: Contents::Fuel,
-            current_a: Some(cm3_per_minute * L_H_PER_CM3_MIN),
+            fuel_l_h: Some(cm3_per_minute * L_H_PER_CM3_MIN),
             ..Measurement::default()
         })
     }
@@ -391,11 +385,7 @@ mod tests {
         let wired = (BatteryParameter::CurrPin, 17.0);
         assert_eq!(remaining_ml(measure(FuelKind::LevelPwm, &[wired])), 2475.0);
         let flow = measure(FuelKind::Flow, &[wired, (BatteryParameter::AmpPervlt, 0.5)]).unwrap();
-        let counted = Consumed {
-            charge_mah: 1.5,
-            energy_wh: 0.0,
-        };
-        assert_eq!(flow.counted, Some(Counted::Increment(counted)));
+        assert_eq!(flow.counted, Some(Counted::Volume(1.5)));
         for kind in [FuelKind::Flow, FuelKind::LevelPwm] {
             for pin in [-1.0, 26.0] {
                 let elsewhere = measure(kind, &[(BatteryParameter::CurrPin, pin)]);
@@ -494,12 +484,11 @@ mod tests {
             let measurement = self.meter.measure(&self.pulses, 0.5, self.now);
             assert_eq!(measurement.contents, Contents::Fuel);
             assert_eq!(measurement.voltage_v, None);
-            let Some(Counted::Increment(consumed)) = measurement.counted else {
+            let Some(Counted::Volume(volume_ml)) = measurement.counted else {
                 panic!("{measurement:?}");
             };
-            assert_eq!(consumed.energy_wh, 0.0);
-            self.volume_ml += consumed.charge_mah;
-            self.flow_l_h = measurement.current_a.unwrap();
+            self.volume_ml += volume_ml;
+            self.flow_l_h = measurement.fuel_l_h.unwrap();
         }
     }
 
@@ -574,7 +563,7 @@ mod tests {
         );
         assert_eq!(gauge.full_mah, 2000.0);
         assert_eq!(measurement.contents, Contents::Fuel);
-        assert_eq!((measurement.voltage_v, measurement.current_a), (None, None));
+        assert_eq!((measurement.voltage_v, measurement.fuel_l_h), (None, None));
     }
 
     fn read(scale: &LevelScale, pin_v: f32) -> Result<Measurement, ReadError> {
@@ -690,7 +679,7 @@ mod tests {
         let measurement = reading.measure(&parameters)?;
         assert_eq!(measurement.contents, Contents::Fuel);
         assert_eq!(measurement.voltage_v, None);
-        Ok(measurement.current_a.expect("a flow"))
+        Ok(measurement.fuel_l_h.expect("a flow"))
     }
 
     #[test]

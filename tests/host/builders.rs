@@ -898,7 +898,7 @@ fn fuel_by_a_level_sensor_is_byte_exact() {
 #[test]
 fn fuel_by_a_flow_sensor_reports_consumption_and_rate() {
     let mut flow = tank();
-    flow.readings.current_a = Some(3.6);
+    (flow.readings.current_a, flow.readings.fuel_l_h) = (None, Some(3.6));
     flow.temperature_c = Some(20.0);
     let data = fuel_of(flow);
     assert_eq!((data.maximum_fuel, data.consumed_fuel), (2000.0, 1500.0));

@@ -422,8 +422,8 @@ const ARMING_FAILURES: [ArmingFailure; 17] = [
 fn pack_events() -> Vec<PackEvent> {
     let failsafe = |level, consumed| PackEvent::Failsafe {
         level,
-        voltage_v: 10.42,
-        consumed,
+        voltage_v: Some(10.42),
+        consumed: Some(consumed),
     };
     let gap = |counted_mah| {
         PackEvent::Gap(Gap {
@@ -448,7 +448,7 @@ fn pack_events() -> Vec<PackEvent> {
         },
         PackEvent::Found {
             address: 0x0b,
-            cells: 4,
+            cells: Some(4),
         },
         PackEvent::SensorRecovered,
         PackEvent::PoweringOff,

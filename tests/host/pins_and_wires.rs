@@ -194,14 +194,14 @@ fn what_flows_through_a_sensor_is_missing_from_the_tank() {
         (PackStatus::Healthy, Contents::Fuel)
     );
     assert_eq!(
-        (last.consumed_ml(), last.readings.current_a),
+        (last.consumed_ml(), last.readings.fuel_l_h),
         (Some(50.0), Some(0.0))
     );
     assert!((last.readings.remaining_pct.unwrap() - 50.0).abs() < 0.01);
     assert_eq!((last.readings.voltage_v, last.consumed_wh), (None, None));
     let flowing = &states[5];
     assert!(
-        (flowing.readings.current_a.unwrap() - 18.0).abs() < 0.01,
+        (flowing.readings.fuel_l_h.unwrap() - 18.0).abs() < 0.01,
         "{flowing:?}"
     );
 }

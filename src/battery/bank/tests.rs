@@ -484,7 +484,7 @@ fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
         sum.has_unclear_cells() && sum.readings.remaining_pct.is_none(),
         "{sum:?}"
     );
-    bank.get_mut(Pack::Second).0.forget_learnt();
+    bank.get_mut(Pack::Second).0.erase_learnt();
     assert_eq!(run(&mut bank, 41), [Some(2); 3]);
 }
 

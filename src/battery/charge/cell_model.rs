@@ -52,7 +52,7 @@ pub(in crate::battery) struct CellModel<'a> {
     /// The voltage at which a cell is empty.
     pub end: EndVoltage,
     /// The most that can be left by a count at the source, from 0 to 1.
-    pub share_at_most: f32,
+    pub soc_at_most: f32,
     /// Learnt properties of this pack.
     pub learnt: &'a LearntPack,
 }
@@ -101,29 +101,29 @@ pub(in crate::battery) struct Capacity {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::battery) struct KnownCharge {
     /// From 0 to 1.
-    pub share: f32,
+    pub soc: f32,
     /// Standard deviation.
     pub sigma: f32,
 }
 
 impl KnownCharge {
     /// As the owner says, from 0 to 1.
-    pub const fn set(share: f32) -> Self {
+    pub const fn set(soc: f32) -> Self {
         Self {
-            share,
+            soc,
             sigma: SET_SIGMA,
         }
     }
 
     pub fn to_words(self) -> [u32; 2] {
-        [self.share, self.sigma].map(f32::to_bits)
+        [self.soc, self.sigma].map(f32::to_bits)
     }
 
     /// `None` if no state of charge has these words.
     pub fn from_words(words: [u32; 2]) -> Option<Self> {
-        let [share, sigma] = words.map(f32::from_bits);
-        let is_possible = (0.0..=1.0).contains(&share) && (0.0..=1.0).contains(&sigma);
-        is_possible.then_some(Self { share, sigma })
+        let [soc, sigma] = words.map(f32::from_bits);
+        let is_possible = (0.0..=1.0).contains(&soc) && (0.0..=1.0).contains(&sigma);
+        is_possible.then_some(Self { soc, sigma })
     }
 }
 
@@ -192,12 +192,12 @@ impl CellModel<'_> {
     }
 
     /// Resting voltage at a state of charge from 0 to 1, in volts.
-    pub fn voltage_v(&self, share: f32) -> f32 {
-        self.cell.curve.voltage_v(share) + self.interpolate(share, Offset::mean_v)
+    pub fn voltage_v(&self, soc: f32) -> f32 {
+        self.cell.curve.voltage_v(soc) + self.interpolate(soc, Offset::mean_v)
     }
 
     /// The state of charge from 0 to 1 at a resting voltage.
-    pub fn share(&self, resting_v: f32) -> f32 {
+    pub fn soc(&self, resting_v: f32) -> f32 {
         // Curve and offsets are linear between the points of the curve.
         let at = |point: usize| self.voltage_v(point as f32 * POINT_WIDTH);
         let (mut low, mut high) = (0, POINTS - 1);
@@ -223,27 +223,27 @@ impl CellModel<'_> {
     }
 
     /// Slope of the curve, in volts per state of charge.
-    pub fn slope_v(&self, share: f32) -> f32 {
-        let low = (share - 0.5 * SLOPE_WIDTH).clamp(0.0, 1.0 - SLOPE_WIDTH);
+    pub fn slope_v(&self, soc: f32) -> f32 {
+        let low = (soc - 0.5 * SLOPE_WIDTH).clamp(0.0, 1.0 - SLOPE_WIDTH);
         let rise_v = self.voltage_v(low + SLOPE_WIDTH) - self.voltage_v(low);
         (rise_v / SLOPE_WIDTH).max(MIN_SLOPE_V)
     }
 
     /// Standard deviation of the curve, in volts.
-    pub fn curve_sigma_v(&self, share: f32, slope_v: f32) -> f32 {
+    pub fn curve_sigma_v(&self, soc: f32, slope_v: f32) -> f32 {
         let typical_v = self.cell.curve_sigma_v;
-        let sigma_v = self.interpolate(share, |offset| offset.sigma_v().unwrap_or(typical_v));
+        let sigma_v = self.interpolate(soc, |offset| offset.sigma_v().unwrap_or(typical_v));
         let steep_v = CURVE_SHARE_SIGMA * slope_v;
         root_of_squares(sigma_v, steep_v)
     }
 
     /// A property of the offsets between their points; constant beyond the first and last.
-    fn interpolate(&self, share: f32, property: impl Fn(&Offset) -> f32) -> f32 {
+    fn interpolate(&self, soc: f32, property: impl Fn(&Offset) -> f32) -> f32 {
         if self.learnt.capacity.is_none() {
             // Nothing is learnt: the offsets are alike.
             return property(&Offset::default());
         }
-        let (point, weight) = Offset::position(share);
+        let (point, weight) = Offset::position(soc);
         let at = |point: usize| self.learnt.offsets.get(point).map_or(0.0, &property);
         let (low, high) = (at(point), at(point + 1));
         low + (high - low) * weight
@@ -280,19 +280,16 @@ mod tests {
                         cell_v: 3.0,
                         source: VoltageSource::Terminal,
                     },
-                    share_at_most: 1.0,
+                    soc_at_most: 1.0,
                     learnt,
                 };
                 for percent in 0..=100 {
-                    let share = percent as f32 / 100.0;
-                    let back = model.share(model.voltage_v(share));
-                    assert!(
-                        (back - share).abs() < 2e-3,
-                        "{chemistry:?} at {percent} %: {back}"
-                    );
+                    let soc = percent as f32 / 100.0;
+                    let back = model.soc(model.voltage_v(soc));
+                    assert!((back - soc).abs() < 2e-3, "{chemistry:?} at {percent} %: {back}");
                 }
-                assert_eq!(model.share(10.0), 1.0);
-                assert_eq!(model.share(0.0), 0.0);
+                assert_eq!(model.soc(10.0), 1.0);
+                assert_eq!(model.soc(0.0), 0.0);
             }
         }
     }

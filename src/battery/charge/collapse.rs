@@ -38,7 +38,7 @@ impl LastCollapse {
     /// with this mean resistance of a cell, in ohms.
     pub fn update(
         &mut self,
-        share: f32,
+        soc: f32,
         cell_v: f32,
         sag_v: f32,
         drive_ohm: Option<f32>,
@@ -47,15 +47,15 @@ impl LastCollapse {
     ) {
         let end_v = model.terminal_end_v();
         if cell_v < end_v + COLLAPSED_V {
-            let continues = matches!(self, Self::Seen(seen) if seen.share() >= share);
+            let continues = matches!(self, Self::Seen(seen) if seen.soc() >= soc);
             if !continues
-                && share < HIGHEST
-                && let Some(collapse) = drive_ohm.and_then(|ohm| Collapse::new(share, ohm))
+                && soc < HIGHEST
+                && let Some(collapse) = drive_ohm.and_then(|ohm| Collapse::new(soc, ohm))
             {
                 *self = Self::Seen(collapse);
             }
         } else if let Some(expected) = self.expected(model.learnt.collapse)
-            && share < expected.share_at(model.known_ohm())
+            && soc < expected.soc_at(model.known_ohm())
             && cell_v >= end_v + PASSED_V
             && sag_v >= PASSING_SAG * reserve.peak_v()
         {

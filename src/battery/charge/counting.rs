@@ -58,10 +58,10 @@ impl Counting {
     }
 
     /// A charge with this standard deviation, in capacities, was drawn unseen.
-    pub fn doubt(&mut self, sigma: f32) {
-        self.filter.doubt(sigma);
+    pub fn inflate(&mut self, sigma: f32) {
+        self.filter.inflate(sigma);
         if let Some(drive) = &mut self.drive {
-            drive.doubt(sigma);
+            drive.inflate(sigma);
         }
     }
 
@@ -85,18 +85,18 @@ impl Counting {
         if let Some(block) = trace.block.add(load, cell_v) {
             self.compare(&block, trace, model, capacity);
             if let Some(cell_v) = block.cell_v {
-                let share = self.filter.share();
-                let sag_v = model.voltage_v(share) - cell_v;
+                let soc = self.filter.soc();
+                let sag_v = model.voltage_v(soc) - cell_v;
                 let reserve = &mut trace.reserve;
                 reserve.update(block.load.duration_s, sag_v);
                 if !is_resting(block.load.current_a, capacity) {
                     let ohm = self.mean_ohm();
-                    self.collapse.update(share, cell_v, sag_v, ohm, reserve, model);
+                    self.collapse.update(soc, cell_v, sag_v, ohm, reserve, model);
                 }
             }
             trace
                 .reserve
-                .settle(SagGrowth::NearEmpty, self.collapse(model), model);
+                .compute(SagGrowth::NearEmpty, self.collapse(model), model);
         }
     }
 
@@ -113,7 +113,7 @@ impl Counting {
         let is_provisional = self.is_provisional();
         let filter = &mut self.filter;
         if let Some(drive) = &mut self.drive {
-            drive.add(block, filter.share(), model, capacity);
+            drive.add(block, filter.soc(), model, capacity);
         }
         let compared = Block {
             cell_v: block.cell_v.filter(|_| !is_provisional),
@@ -123,22 +123,22 @@ impl Counting {
             let excess = (deviations.abs() - CONTRADICTION).min(MAX_EXCESS);
             self.contradicted_s = (self.contradicted_s + excess * block.load.duration_s).max(0.0);
         }
-        filter.settle(trace.polarisation.lasting_a(), model, capacity);
+        filter.update_voltage_variance(trace.polarisation.lasting_a(), model, capacity);
         if self.contradicted_s >= MAX_CONTRADICTION_S
             && let Some(cell_v) = block.cell_v
         {
             self.contradicted_s = 0.0;
             self.relaxation = Relaxation::Unknown;
-            let estimated = filter.share();
+            let estimated = filter.soc();
             *filter = provisional(Filter::from_voltage(&block.load, cell_v, model, capacity));
-            self.collapse.correct(filter.share() - estimated);
+            self.collapse.correct(filter.soc() - estimated);
             trace.reserve.restart();
         }
         if let Some(charged) = charged(block, model, capacity) {
             *filter = charged;
             trace.reserve.restart();
         }
-        if block.load.current_a < 0.0 && filter.share() >= 1.0 {
+        if block.load.current_a < 0.0 && filter.soc() >= 1.0 {
             self.drive = Some(Drive::new(filter));
         }
     }
@@ -162,9 +162,9 @@ impl Counting {
         }
         let is_provisional = self.is_provisional();
         let filter = &mut self.filter;
-        filter.doubt(Drive::rest_drift(rest.duration_s));
+        filter.inflate(Drive::rest_drift(rest.duration_s));
         if is_provisional && may_have_surface_charge(&by_voltage) {
-            if by_voltage.share() < filter.share() {
+            if by_voltage.soc() < filter.soc() {
                 *filter = by_voltage;
             }
         } else {
@@ -189,9 +189,9 @@ impl Counting {
             ..*model
         };
         if let Some(capacity) = model.capacity() {
-            let (share, sigma) = drive.share(&capacity);
-            self.collapse.correct(share - self.filter.share());
-            self.filter = Filter::counted_to(share, sigma, &model, &capacity);
+            let (soc, sigma) = drive.soc(&capacity);
+            self.collapse.correct(soc - self.filter.soc());
+            self.filter = Filter::counted_to(soc, sigma, &model, &capacity);
         }
         Some(learnt)
     }

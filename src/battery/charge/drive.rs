@@ -128,11 +128,11 @@ impl Drive {
 
     /// One that goes on at a start.
     pub fn reopened(lesson: &OpenLesson) -> Self {
-        let [share, sigma] = lesson.start.map(|part| f32::from(part) * 1e-4);
+        let [soc, sigma] = lesson.start.map(|part| f32::from(part) * 1e-4);
         let mut ohm = Sum::NEW;
         ohm.add(MIN_DURATION_S, lesson.ohm);
         Self {
-            start: KnownCharge { share, sigma },
+            start: KnownCharge { soc, sigma },
             drawn_ah: lesson.drawn_ah,
             rested_h: lesson.rested_h,
             ohm,
@@ -144,7 +144,7 @@ impl Drive {
     /// The lesson that a later rest may end.
     pub fn open(&self) -> Option<OpenLesson> {
         Some(OpenLesson {
-            start: [self.start.share, self.start.sigma].map(|part| (part * 1e4) as u16),
+            start: [self.start.soc, self.start.sigma].map(|part| (part * 1e4) as u16),
             drawn_ah: self.drawn_ah,
             rested_h: self.rested_h,
             ohm: self.mean_ohm()?,
@@ -155,16 +155,16 @@ impl Drive {
     /// Whether the pack that rests with this estimate may be the one that was driven, and not charged since: not above what is
     /// left by the count, nor, unless a serial number says that it is the same, below it by more than its capacity may be less.
     pub fn may_end_at(&self, rest: &Filter, learnt: &LearntPack, capacity: &Capacity) -> bool {
-        let (left, _) = self.share(capacity);
+        let (left, _) = self.soc(capacity);
         let lowest = match learnt.serial_number {
             Some(_) => 0.0,
-            None => left - MAX_LESS * (self.start.share - left),
+            None => left - MAX_LESS * (self.start.soc - left),
         };
-        (lowest..=left + rest.sigma()).contains(&rest.share())
+        (lowest..=left + rest.sigma()).contains(&rest.soc())
     }
 
     /// A charge with this standard deviation, in capacities, was drawn unseen.
-    pub fn doubt(&mut self, sigma: f32) {
+    pub fn inflate(&mut self, sigma: f32) {
         self.start.sigma = root_of_squares(self.start.sigma, sigma);
     }
 
@@ -186,7 +186,7 @@ impl Drive {
     }
 
     /// Takes a block, near this state of charge.
-    pub fn add(&mut self, block: &Block, share: f32, model: &CellModel, capacity: &Capacity) {
+    pub fn add(&mut self, block: &Block, soc: f32, model: &CellModel, capacity: &Capacity) {
         let Load {
             duration_s,
             current_a,
@@ -201,7 +201,7 @@ impl Drive {
             return;
         };
         self.ohm.add(duration_s, ohm);
-        let (point, weight) = Offset::position(share);
+        let (point, weight) = Offset::position(soc);
         let nearest = if weight < 0.5 { point } else { point + 1 };
         if let Some(part) = self.parts.get_mut(nearest) {
             let seen = SeenPoint {
@@ -219,10 +219,10 @@ impl Drive {
     }
 
     /// State of charge with this capacity, and its standard deviation.
-    pub fn share(&self, capacity: &Capacity) -> (f32, f32) {
+    pub fn soc(&self, capacity: &Capacity) -> (f32, f32) {
         let used = self.drawn_ah / capacity.ah;
         let sigma = root_of_squares(self.start.sigma, used * capacity.sigma);
-        (self.start.share - used, sigma)
+        (self.start.soc - used, sigma)
     }
 
     /// Why nothing can be learnt from it, whatever its rest shows.
@@ -325,7 +325,7 @@ impl Drive {
     /// The capacity by the charge between two rests.
     fn capacity(&self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<Capacity> {
         let end = Filter::from_voltage(rest, cell_v, model, &model.capacity()?);
-        let used = self.start.share - end.share();
+        let used = self.start.soc - end.soc();
         let rests_sigma = root_of_squares(self.start.sigma, end.sigma());
         let sigma = root_of_squares(rests_sigma, REST_DRIFT_PER_H * self.rested_h);
         // Less is nothing that a curve shows.
@@ -356,7 +356,7 @@ fn known<'a>(model: &CellModel, learnt: &'a LearntPack, ohm: f32) -> CellModel<'
         cell_count: model.cell_count,
         rated_ah: model.rated_ah,
         end: model.end,
-        share_at_most: model.share_at_most,
+        soc_at_most: model.soc_at_most,
     }
 }
 

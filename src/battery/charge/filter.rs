@@ -32,7 +32,7 @@ const CORRELATED_STEPS: f32 = 50.0;
 const COUNTED_SIGMA: f32 = 0.035;
 
 /// Limits of the states.
-const MIN_SHARE: f32 = -0.02;
+const MIN_SOC: f32 = -0.02;
 const MAX_OFFSET: f32 = 2.0;
 const MAX_SLOW_SHARE: f32 = 4.0;
 const MAX_CAPACITY_ERROR: f32 = 0.6;
@@ -54,11 +54,11 @@ pub(super) struct Filter {
 
 impl Filter {
     /// With this state of charge and standard deviation.
-    pub fn from_share(share: f32, sigma: f32, model: &CellModel, capacity: &Capacity) -> Self {
+    pub fn from_soc(soc: f32, sigma: f32, model: &CellModel, capacity: &Capacity) -> Self {
         let mut covariance = typical_covariance(model, capacity);
         covariance[0][0] = square(sigma);
         Self {
-            state: [share, 0.0, 0.0, model.slow_share()],
+            state: [soc, 0.0, 0.0, model.slow_share()],
             covariance,
             voltage_variance: if sigma < COUNTED_SIGMA { None } else { Some(0.0) },
         }
@@ -66,19 +66,19 @@ impl Filter {
 
     /// With this state of charge and standard deviation, counted from a charge that was certain, however little of the drawn one
     /// is.
-    pub fn counted_to(share: f32, sigma: f32, model: &CellModel, capacity: &Capacity) -> Self {
+    pub fn counted_to(soc: f32, sigma: f32, model: &CellModel, capacity: &Capacity) -> Self {
         Self {
             voltage_variance: None,
-            ..Self::from_share(share, sigma, model, capacity)
+            ..Self::from_soc(soc, sigma, model, capacity)
         }
     }
 
     /// From the voltage of a cell under this load: what is unknown of curve and sag is unknown of the charge.
     pub fn from_voltage(load: &Load, cell_v: f32, model: &CellModel, capacity: &Capacity) -> Self {
         let sag = Sag::new(load, model.resistance_ohm(capacity));
-        let share = model.share(cell_v + sag.at(model.slow_share()));
-        let mut filter = Self::from_share(share, 0.0, model, capacity);
-        let error = VoltageError::new(share, &sag, model);
+        let soc = model.soc(cell_v + sag.at(model.slow_share()));
+        let mut filter = Self::from_soc(soc, 0.0, model, capacity);
+        let error = VoltageError::new(soc, &sag, model);
         let variance = error.variance();
         filter.covariance[0][0] = variance;
         filter.voltage_variance = Some(variance);
@@ -95,7 +95,7 @@ impl Filter {
     }
 
     /// State of charge.
-    pub fn share(&self) -> f32 {
+    pub fn soc(&self) -> f32 {
         self.state[0]
     }
 
@@ -107,7 +107,7 @@ impl Filter {
     /// State of charge with its standard deviation.
     pub fn charge(&self) -> KnownCharge {
         KnownCharge {
-            share: self.share(),
+            soc: self.soc(),
             sigma: self.sigma(),
         }
     }
@@ -118,7 +118,7 @@ impl Filter {
     }
 
     /// A charge with this standard deviation, in capacities, was drawn unseen.
-    pub fn doubt(&mut self, sigma: f32) {
+    pub fn inflate(&mut self, sigma: f32) {
         self.covariance[0][0] = (self.covariance[0][0] + square(sigma)).min(MAX_VARIANCE);
     }
 
@@ -141,8 +141,8 @@ impl Filter {
     }
 
     /// Takes the current averaged over the longest time, on which the error of a voltage depends.
-    pub fn settle(&mut self, lasting_a: f32, model: &CellModel, capacity: &Capacity) {
-        let share = self.share();
+    pub fn update_voltage_variance(&mut self, lasting_a: f32, model: &CellModel, capacity: &Capacity) {
+        let soc = self.soc();
         if let Some(variance) = &mut self.voltage_variance {
             let load = Load {
                 current_a: lasting_a,
@@ -150,7 +150,7 @@ impl Filter {
                 ..Load::NONE
             };
             let sag = Sag::new(&load, model.resistance_ohm(capacity));
-            *variance = VoltageError::new(share, &sag, model).variance();
+            *variance = VoltageError::new(soc, &sag, model).variance();
         }
     }
 
@@ -163,7 +163,7 @@ impl Filter {
     /// voltage of this rest averages out. An estimate that it corrects by more than half is one from a voltage.
     pub fn rest(&mut self, by_voltage: &Self) {
         let (variance, voltage_variance) = (square(self.sigma()), square(by_voltage.sigma()));
-        let innovation = by_voltage.share() - self.share();
+        let innovation = by_voltage.soc() - self.soc();
         let total = variance + voltage_variance;
         let weight = if variance < voltage_variance {
             self.weight(innovation / libm::sqrtf(total))
@@ -192,8 +192,8 @@ impl Filter {
         for row in &mut self.covariance {
             row[0] -= drawn * row[1];
         }
-        self.forget(2, 1.0 - (drawn.abs() / OFFSET_SPAN).min(1.0), 0.0, 1.0);
-        self.forget(
+        self.decay(2, 1.0 - (drawn.abs() / OFFSET_SPAN).min(1.0), 0.0, 1.0);
+        self.decay(
             3,
             1.0 - (dt_s / SLOW_SHARE_TIME_CONSTANT_S).min(1.0),
             model.slow_share(),
@@ -201,26 +201,26 @@ impl Filter {
         );
     }
 
-    /// State `index` returns to its mean; `kept` is what is left of the deviation.
-    fn forget(&mut self, index: usize, kept: f32, mean: f32, variance: f32) {
-        self.state[index] = mean + (self.state[index] - mean) * kept;
+    /// State `index` returns to its mean; `retained` is what is left of the deviation.
+    fn decay(&mut self, index: usize, retained: f32, mean: f32, variance: f32) {
+        self.state[index] = mean + (self.state[index] - mean) * retained;
         for covariance in &mut self.covariance[index] {
-            *covariance *= kept;
+            *covariance *= retained;
         }
         for row in &mut self.covariance {
-            row[index] *= kept;
+            row[index] *= retained;
         }
-        self.covariance[index][index] += (1.0 - square(kept)) * variance;
+        self.covariance[index][index] += (1.0 - square(retained)) * variance;
     }
 
     /// Corrects by the voltage of a cell, when `since` of its charge had not been drawn yet. Returns by how many standard
     /// deviations it exceeds the expected one.
     fn correct(&mut self, cell_v: f32, sag: &Sag, since: f32, model: &CellModel) -> f32 {
-        let [share, _, offset, slow_share] = self.state;
-        let share = share + since;
-        let slope_v = model.slope_v(share);
-        let curve_sigma_v = model.curve_sigma_v(share, slope_v);
-        let resting_v = model.voltage_v(share);
+        let [soc, _, offset, slow_share] = self.state;
+        let soc = soc + since;
+        let slope_v = model.slope_v(soc);
+        let curve_sigma_v = model.curve_sigma_v(soc, slope_v);
+        let resting_v = model.voltage_v(soc);
         let noise = noise_variance(sag.at(slow_share));
         let typical_variance = square(slope_v) * self.covariance[0][0]
             + square(curve_sigma_v)
@@ -259,8 +259,8 @@ impl Filter {
     }
 
     fn limit(&mut self) {
-        let [share, capacity_error, offset, slow_share] = &mut self.state;
-        *share = share.clamp(MIN_SHARE, 1.0);
+        let [soc, capacity_error, offset, slow_share] = &mut self.state;
+        *soc = soc.clamp(MIN_SOC, 1.0);
         *capacity_error = capacity_error.clamp(-MAX_CAPACITY_ERROR, MAX_CAPACITY_ERROR);
         *offset = offset.clamp(-MAX_OFFSET, MAX_OFFSET);
         *slow_share = slow_share.clamp(0.0, MAX_SLOW_SHARE);
@@ -312,11 +312,11 @@ struct VoltageError {
 }
 
 impl VoltageError {
-    fn new(share: f32, sag: &Sag, model: &CellModel) -> Self {
-        let slope_v = model.slope_v(share);
-        let sigma_v = model.curve_sigma_v(share, slope_v);
+    fn new(soc: f32, sag: &Sag, model: &CellModel) -> Self {
+        let slope_v = model.slope_v(soc);
+        let sigma_v = model.curve_sigma_v(soc, slope_v);
         // Right above a plateau a voltage that is a little too high is that of any charge there.
-        let lower = share - model.share(model.voltage_v(share) - sigma_v);
+        let lower = soc - model.soc(model.voltage_v(soc) - sigma_v);
         Self {
             by_offset: -lower.max(sigma_v / slope_v),
             by_slow_share: sag.slow_v / slope_v,

@@ -204,23 +204,23 @@ impl CurveLesson<'_> {
     fn compare(&self, before: &Offset, seen: &SeenPoint) -> ComparedPoint {
         let Self { capacity, model, .. } = self;
         let drawn = seen.drawn_ah / capacity.ah;
-        let share = self.start.share - drawn;
+        let soc = self.start.soc - drawn;
         let (before_v, before_sigma_v) = match before.sigma_v() {
             Some(sigma_v) => (before.mean_v(), sigma_v + OFFSET_DRIFT_V),
             None => (0.0, model.cell.curve_sigma_v),
         };
-        let by_start_v = model.slope_v(share) * self.start.sigma;
+        let by_start_v = model.slope_v(soc) * self.start.sigma;
         let by_sag_v = match self.slow_sag {
             SlowSag::Known => SAG_SIGMA * seen.slow_v * (1.0 + model.slow_share()),
             SlowSag::Learnt => {
-                let by_capacity_v = model.slope_v(share) * capacity.sigma * drawn;
+                let by_capacity_v = model.slope_v(soc) * capacity.sigma * drawn;
                 root_of_squares(LEARNT_SAG_SIGMA * seen.slow_v, by_capacity_v)
             }
         };
         ComparedPoint {
             before_v,
             before_sigma_v,
-            above_v: seen.without_fast_v - model.cell.curve.voltage_v(share) - before_v,
+            above_v: seen.without_fast_v - model.cell.curve.voltage_v(soc) - before_v,
             slow_v: seen.slow_v,
             noise_v: root_of_squares(root_of_squares(OFFSET_SIGMA_V, by_start_v), by_sag_v),
         }

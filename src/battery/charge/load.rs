@@ -344,7 +344,7 @@ pub(super) enum SagGrowth {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reserve {
     peak_v: f32,
-    share: f32,
+    soc: f32,
     /// Standard deviation of the share.
     sigma: f32,
 }
@@ -353,7 +353,7 @@ impl Reserve {
     /// No load was seen.
     pub const NEW: Self = Self {
         peak_v: 0.0,
-        share: 0.0,
+        soc: 0.0,
         sigma: 0.0,
     };
 
@@ -374,30 +374,30 @@ impl Reserve {
     }
 
     /// Computes the charge at which such a sag ends the drive: not below that of a collapse that is expected.
-    pub fn settle(&mut self, growth: SagGrowth, collapse: Option<Collapse>, model: &CellModel) {
+    pub fn compute(&mut self, growth: SagGrowth, collapse: Option<Collapse>, model: &CellModel) {
         let by_sag = self.reserve(model.terminal_end_v(), growth, model);
         let sigma_v = RESERVE_SAG_SIGMA * self.sag_v(by_sag, growth, model);
-        (self.share, self.sigma) = (by_sag, sigma_v / model.slope_v(by_sag));
+        (self.soc, self.sigma) = (by_sag, sigma_v / model.slope_v(by_sag));
         if model.end.source == VoltageSource::Resting {
-            let by_resting = model.share(model.end.cell_v);
+            let by_resting = model.soc(model.end.cell_v);
             if by_resting >= by_sag {
-                (self.share, self.sigma) = (by_resting, 0.0);
+                (self.soc, self.sigma) = (by_resting, 0.0);
             }
         }
         if let Some(collapse) = collapse {
-            let share = collapse.share_at(model.known_ohm()).min(model.cell.max_reserve);
-            if share > self.share {
-                (self.share, self.sigma) = (share, RESERVE_SAG_SIGMA * share);
+            let soc = collapse.soc_at(model.known_ohm()).min(model.cell.max_reserve);
+            if soc > self.soc {
+                (self.soc, self.sigma) = (soc, RESERVE_SAG_SIGMA * soc);
             }
         }
     }
 
     /// The sag of the same load at this state of charge, in volts.
-    fn sag_v(&self, share: f32, growth: SagGrowth, model: &CellModel) -> f32 {
+    fn sag_v(&self, soc: f32, growth: SagGrowth, model: &CellModel) -> f32 {
         match growth {
             SagGrowth::Inferred => self.peak_v * (1.0 + INFERRED_GROWTH),
             SagGrowth::NearEmpty => {
-                let growth = GROWTH_NEAR_EMPTY * (1.0 - share / GROWS_BELOW).max(0.0);
+                let growth = GROWTH_NEAR_EMPTY * (1.0 - soc / GROWS_BELOW).max(0.0);
                 self.peak_v + (growth * self.peak_v).min(model.cell.max_growth_v)
             }
         }
@@ -418,22 +418,22 @@ impl Reserve {
     }
 
     /// Usable charge at this state of charge, relative to the capacity, from 0 to 1.
-    pub fn available(&self, share: f32) -> f32 {
-        (share - self.share).max(0.0)
+    pub fn available(&self, soc: f32) -> f32 {
+        (soc - self.soc).max(0.0)
     }
 
     /// The same relative to what the load can draw from a full pack.
-    pub fn usable(&self, share: f32) -> f32 {
-        (self.available(share) / self.span()).min(1.0)
+    pub fn usable(&self, soc: f32) -> f32 {
+        (self.available(soc) / self.span()).min(1.0)
     }
 
     /// Standard deviation of that, with this one of the state of charge.
-    pub fn usable_sigma(&self, share: f32, sigma: f32) -> f32 {
-        let by_reserve = (1.0 - share) / self.span() * self.sigma;
+    pub fn usable_sigma(&self, soc: f32, sigma: f32) -> f32 {
+        let by_reserve = (1.0 - soc) / self.span() * self.sigma;
         (root_of_squares(sigma, by_reserve) / self.span()).min(1.0)
     }
 
     fn span(&self) -> f32 {
-        (1.0 - self.share).max(MIN_SPAN)
+        (1.0 - self.soc).max(MIN_SPAN)
     }
 }

@@ -76,13 +76,13 @@ pub(super) enum Comparison {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ChargeEstimate {
     /// State of charge, from 0 to 1.
-    pub share: f32,
+    pub soc: f32,
     /// Its standard deviation.
     pub sigma: f32,
     /// Usable charge: how much such a load can still draw, relative to the capacity, from 0 to 1.
     pub available: f32,
     /// The same relative to what it can draw from a full pack.
-    pub usable_share: f32,
+    pub usable_soc: f32,
     /// Its standard deviation.
     pub usable_sigma: f32,
     /// Charge drawn, in capacities per hour, where the current is not measured.
@@ -103,10 +103,10 @@ impl ChargeEstimator {
     pub const fn from_known(charge: KnownCharge) -> Self {
         let mut known = Self::in_phase(Phase::Known(charge));
         known.estimate = Some(ChargeEstimate {
-            share: charge.share,
+            soc: charge.soc,
             sigma: charge.sigma,
-            available: charge.share,
-            usable_share: charge.share,
+            available: charge.soc,
+            usable_soc: charge.soc,
             usable_sigma: charge.sigma,
             rate_per_h: None,
         });
@@ -141,8 +141,8 @@ impl ChargeEstimator {
         if self.is_of_pack_before() {
             return None;
         }
-        let ChargeEstimate { share, sigma, .. } = self.estimate?;
-        Some(KnownCharge { share, sigma })
+        let ChargeEstimate { soc, sigma, .. } = self.estimate?;
+        Some(KnownCharge { soc, sigma })
     }
 
     /// The owner says that this is another pack. Under load, counting goes on: a start there is worse.
@@ -160,7 +160,7 @@ impl ChargeEstimator {
             return Comparison::Same;
         };
         let now = Reference {
-            share: counting.filter.share(),
+            soc: counting.filter.soc(),
             cell_v,
             load: Load {
                 duration_s: 0.0,
@@ -189,11 +189,11 @@ impl ChargeEstimator {
                     slow_a: self.trace.polarisation.current_a(),
                     ..Load::NONE
                 };
-                let counted_v = model.voltage_v(counting.filter.share());
+                let counted_v = model.voltage_v(counting.filter.soc());
                 let is_flat_at =
                     |load: &Load, cell_v: f32| is_flat(&Filter::from_voltage(load, cell_v, model, &capacity));
                 if is_flat_at(&load, cell_v) || is_flat_at(&Load::NONE, counted_v) {
-                    counting.doubt(STEEP_SIGMA);
+                    counting.inflate(STEEP_SIGMA);
                     return Comparison::Same;
                 }
             }
@@ -230,7 +230,7 @@ impl ChargeEstimator {
             && let (Phase::Counting(counting), Some(before_a)) =
                 (&mut self.phase, self.trace.polarisation.mean_a())
         {
-            counting.doubt(GAP_RATE_PER_H * HOURS_PER_SECOND * dt_s);
+            counting.inflate(GAP_RATE_PER_H * HOURS_PER_SECOND * dt_s);
             return self
                 .gathering
                 .add(dt_s, None, Some(current_a.unwrap_or(before_a)));
@@ -282,8 +282,8 @@ impl ChargeEstimator {
         if doubt == Doubt::None
             && let (Phase::Counting(counting), Some(cell_v)) = (&self.phase, cell_v)
         {
-            let share = counting.filter.share();
-            self.reference = Some(Reference { share, cell_v, load });
+            let soc = counting.filter.soc();
+            self.reference = Some(Reference { soc, cell_v, load });
         }
         if !rests {
             self.rest = RestTimer::new();
@@ -301,9 +301,9 @@ impl ChargeEstimator {
             match rest {
                 Some(rest) => {
                     let learnt = self.evaluate(&rest, &load, cell_v, model);
-                    self.keep(&load, cell_v, learnt, model)
+                    self.record(&load, cell_v, learnt, model)
                 }
-                None if was_disarmed => self.keep(&load, cell_v, None, model),
+                None if was_disarmed => self.record(&load, cell_v, None, model),
                 None if has_open_lesson && arm_state == ArmState::Armed => {
                     Some(model.learnt.without_open_lesson())
                 }
@@ -346,14 +346,14 @@ impl ChargeEstimator {
         let is_the_same = drive.may_end_at(&by_voltage, model.learnt, &capacity);
         let learnt = is_the_same.then(|| drive.learn(rest, cell_v, model)).flatten();
         let mut ended = learnt.unwrap_or(*model.learnt).without_open_lesson();
-        let (counted, _) = drive.share(&capacity);
-        if let Some(collapse) = ended.collapse.filter(|collapse| counted <= collapse.share()) {
+        let (counted, _) = drive.soc(&capacity);
+        if let Some(collapse) = ended.collapse.filter(|collapse| counted <= collapse.soc()) {
             let learnt_capacity = CellModel {
                 learnt: &ended,
                 ..*model
             }
             .capacity();
-            let (corrected, _) = drive.share(&learnt_capacity.unwrap_or(capacity));
+            let (corrected, _) = drive.soc(&learnt_capacity.unwrap_or(capacity));
             ended.collapse = collapse.corrected(corrected - counted);
         }
         Some(ended)
@@ -389,7 +389,7 @@ impl ChargeEstimator {
     }
 
     /// The record of a pack that rests, for flash.
-    fn keep(
+    fn record(
         &self,
         rest: &Load,
         cell_v: f32,
@@ -410,7 +410,7 @@ impl ChargeEstimator {
             ..*model
         })?;
         kept.charge = Some(LastCharge {
-            share: estimate.share,
+            soc: estimate.soc,
             sigma: estimate.sigma,
             resting_v: cell_v + rest.sag_v(ohm, model.slow_share()),
         });
@@ -419,15 +419,15 @@ impl ChargeEstimator {
     }
 
     fn estimate_now(&self, model: CellModel) -> Option<ChargeEstimate> {
-        let KnownCharge { share, sigma } = self.phase.charge(&self.trace, &model)?;
-        let share = share.min(model.share_at_most).max(0.0);
-        let sigma = sigma.min(model.share_at_most);
+        let KnownCharge { soc, sigma } = self.phase.charge(&self.trace, &model)?;
+        let soc = soc.min(model.soc_at_most).max(0.0);
+        let sigma = sigma.min(model.soc_at_most);
         Some(ChargeEstimate {
-            share,
+            soc,
             sigma,
-            available: self.trace.reserve.available(share),
-            usable_share: self.trace.reserve.usable(share),
-            usable_sigma: self.trace.reserve.usable_sigma(share, sigma),
+            available: self.trace.reserve.available(soc),
+            usable_soc: self.trace.reserve.usable(soc),
+            usable_sigma: self.trace.reserve.usable_sigma(soc, sigma),
             rate_per_h: match &self.phase {
                 Phase::VoltageOnly(estimate) => estimate.rate_per_h(),
                 Phase::Starting(_) | Phase::Known(_) | Phase::Counting(_) => None,
@@ -469,7 +469,7 @@ impl Phase {
     }
 
     fn counting_from(charge: KnownCharge, model: &CellModel, capacity: &Capacity) -> Self {
-        let filter = Filter::from_share(charge.share, charge.sigma, model, capacity);
+        let filter = Filter::from_soc(charge.soc, charge.sigma, model, capacity);
         Self::Counting(Counting::from_known(filter))
     }
 
@@ -488,7 +488,7 @@ impl Phase {
             // Readings without a current between others.
             Self::Counting(_) => return false,
             Self::Starting(_) => VoltageOnly::from_voltage(cell_v, arm_state, model),
-            Self::Known(charge) => VoltageOnly::from_share(charge.share, charge.sigma),
+            Self::Known(charge) => VoltageOnly::from_soc(charge.soc, charge.sigma),
         };
         trace.polarisation = Polarisation::at_rest();
         *self = Self::VoltageOnly(estimate);
@@ -502,7 +502,7 @@ impl Phase {
         }
         match self {
             Self::Starting(_) => {}
-            Self::Known(charge) => charge.share = (charge.share - charge_ah / capacity.ah).max(0.0),
+            Self::Known(charge) => charge.soc = (charge.soc - charge_ah / capacity.ah).max(0.0),
             Self::Counting(counting) => counting.draw(charge_ah, capacity),
             Self::VoltageOnly(estimate) => estimate.draw(charge_ah / capacity.ah),
         }
@@ -516,7 +516,7 @@ impl Phase {
             Self::Counting(Counting { filter, .. }) => {
                 let drawn = trace.block.drawn_ah() / model.capacity()?.ah;
                 Some(KnownCharge {
-                    share: filter.share() - drawn * filter.counted(),
+                    soc: filter.soc() - drawn * filter.counted(),
                     sigma: filter.sigma(),
                 })
             }

@@ -8,7 +8,7 @@ use crate::battery::chemistry::SAME_VOLTAGE_V;
 /// A state of charge with the voltage and load under which a cell had it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reference {
-    pub share: f32,
+    pub soc: f32,
     pub cell_v: f32,
     pub load: Load,
 }
@@ -20,12 +20,12 @@ impl Reference {
         let recovered_a = self.load.current_a - now.load.current_a;
         let relaxed_a = self.load.slow_a - now.load.slow_a;
         let relaxation_v = ohm * (recovered_a + model.slow_share() * relaxed_a);
-        let counted_v = model.voltage_v(now.share) - model.voltage_v(self.share);
+        let counted_v = model.voltage_v(now.soc) - model.voltage_v(self.soc);
         let expected_v = self.cell_v + relaxation_v + counted_v;
         // Each is known as well as the filter knows it.
         let relaxation_sigma_v =
             ohm * (SAG_NOISE * recovered_a.abs() + model.slow_share_sigma() * relaxed_a.abs());
-        let counted = (now.share - self.share).abs() / OFFSET_SPAN;
+        let counted = (now.soc - self.soc).abs() / OFFSET_SPAN;
         let counted_sigma_v = model.cell.curve_sigma_v * counted.min(1.0);
         let tolerance_v = SAME_VOLTAGE_V + relaxation_sigma_v + counted_sigma_v;
         (now.cell_v - expected_v).abs() <= tolerance_v

@@ -37,13 +37,13 @@ const CONFIRMED_S: f32 = 1.5;
 
 /// At rest from here on the pack was charged and not used since: chargers end within 1 % of 4.2 V a cell, which then
 /// relaxes by some 30 mV.
-const FULL_SHARE: f32 = 0.95;
+const FULL_SOC: f32 = 0.95;
 
 const CERTAIN_SIGMA: f32 = 0.01;
 
 /// From here on, and the more so within this width, a voltage may be that of a cell that was charged a moment ago and has not relaxed. Two standard deviations are
 /// what a LiFe cell that was taken off its charger early showed too much; LiPo and Li-ion cells showed 11 and 17 %.
-const SURFACE_SHARE: f32 = 0.80;
+const SURFACE_SOC: f32 = 0.80;
 const SURFACE_WIDTH: f32 = 0.1;
 const SURFACE_SIGMA: f32 = 0.15;
 
@@ -164,7 +164,7 @@ impl Start {
         if self.rested_s >= known.map_or(RESTED_S, |_| CONFIRMED_S) {
             return Some(found);
         }
-        let is_higher = |before: &Filter| found.share() > before.share();
+        let is_higher = |before: &Filter| found.soc() > before.soc();
         if self.at_rest.as_ref().is_none_or(is_higher) {
             self.at_rest = Some(found);
         }
@@ -180,7 +180,7 @@ impl Start {
 
     fn found_under_load(&mut self, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
         if self.first.is_full(model, capacity) {
-            let full = Filter::from_share(1.0, CERTAIN_SIGMA, model, capacity);
+            let full = Filter::from_soc(1.0, CERTAIN_SIGMA, model, capacity);
             return Some(self.drawn_since(full, capacity));
         }
         let highest = self.highest(model, capacity)?;
@@ -212,20 +212,20 @@ impl Start {
         let mut averaged = Filter::from_voltage(&load, cell_v, model, capacity);
         // If the load has only begun, its slow sag has not developed; a typical resistance may be too large.
         let immediate_v = load.sag_v(model.own_ohm().unwrap_or(0.0), 0.0);
-        averaged.doubt(UNIFORM_SIGMA * (averaged.share() - model.share(cell_v + immediate_v)));
+        averaged.inflate(UNIFORM_SIGMA * (averaged.soc() - model.soc(cell_v + immediate_v)));
         averaged.draw(0.5 * drawn);
         let first = self.first.estimate(model, capacity);
         let first = first.map(|first| self.drawn_since(first, capacity));
         let others = first.into_iter().chain(self.at_rest);
         let mut highest = others.fold(averaged, |highest, other| {
-            if other.share() > highest.share() {
+            if other.soc() > highest.soc() {
                 other
             } else {
                 highest
             }
         });
         // No pack is above full: nearer to it than half a deviation, an estimate is too high.
-        highest.draw((highest.share() + 0.5 * highest.sigma() - 1.0).max(0.0));
+        highest.draw((highest.soc() + 0.5 * highest.sigma() - 1.0).max(0.0));
         Some(highest)
     }
 }
@@ -270,7 +270,7 @@ impl First {
         let resting_v = self.least_resting_v(model, capacity)?;
         let mut estimate = Filter::from_voltage(&Load::NONE, resting_v, model, capacity);
         let slow_v = model.slow_share() * model.resistance_ohm(capacity) * self.current_a.unwrap_or(0.0);
-        estimate.doubt(slow_v / model.slope_v(estimate.share()));
+        estimate.inflate(slow_v / model.slope_v(estimate.soc()));
         Some(estimate)
     }
 }
@@ -292,7 +292,7 @@ fn least_sag_v(current_a: f32, model: &CellModel, capacity: &Capacity) -> f32 {
 fn remembered(cell_v: f32, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
     let last = model.last_charge(cell_v)?;
     let sigma = root_of_squares(last.sigma, PAUSE_SIGMA);
-    let mut filter = Filter::from_share(last.share, sigma, model, capacity);
+    let mut filter = Filter::from_soc(last.soc, sigma, model, capacity);
     filter.rest(&Filter::from_voltage(&Load::NONE, cell_v, model, capacity));
     Some(filter)
 }
@@ -329,7 +329,7 @@ pub(super) fn charged(block: &Block, model: &CellModel, capacity: &Capacity) -> 
     }
     let cell_v = block.cell_v?;
     if cell_v >= model.voltage_v(1.0) {
-        return Some(Filter::from_share(1.0, CERTAIN_SIGMA, model, capacity));
+        return Some(Filter::from_soc(1.0, CERTAIN_SIGMA, model, capacity));
     }
     let by_voltage = Filter::from_voltage(&block.load, cell_v, model, capacity);
     full(&by_voltage, Relaxation::Unknown, model, capacity)
@@ -354,21 +354,21 @@ pub(super) fn full(
     model: &CellModel,
     capacity: &Capacity,
 ) -> Option<Filter> {
-    let is_full = by_voltage.share() >= FULL_SHARE
+    let is_full = by_voltage.soc() >= FULL_SOC
         && !is_flat(by_voltage)
         && (relaxation == Relaxation::Relaxed || !has_plateau(model, capacity));
-    is_full.then(|| Filter::from_share(1.0, CERTAIN_SIGMA, model, capacity))
+    is_full.then(|| Filter::from_soc(1.0, CERTAIN_SIGMA, model, capacity))
 }
 
 /// Whether such a cell may have been charged a moment ago.
 pub(super) fn may_have_surface_charge(estimate: &Filter) -> bool {
-    estimate.share() >= SURFACE_SHARE
+    estimate.soc() >= SURFACE_SOC
 }
 
 /// The estimate by the voltage of a cell that may not have relaxed.
 pub(super) fn provisional(mut by_voltage: Filter) -> Filter {
-    let beyond = (by_voltage.share() - SURFACE_SHARE) / SURFACE_WIDTH;
-    by_voltage.doubt(SURFACE_SIGMA * beyond.clamp(0.0, 1.0));
+    let beyond = (by_voltage.soc() - SURFACE_SOC) / SURFACE_WIDTH;
+    by_voltage.inflate(SURFACE_SIGMA * beyond.clamp(0.0, 1.0));
     by_voltage
 }
 
@@ -396,7 +396,7 @@ mod tests {
             rated_ah: Some(CAPACITY.ah),
             measured_ohm,
             end: EndVoltage::new(&PackSettings::default(), None),
-            share_at_most: 1.0,
+            soc_at_most: 1.0,
             learnt,
         }
     }
@@ -414,7 +414,7 @@ mod tests {
     }
 
     fn is_full(found: Option<Found>) -> bool {
-        matches!(found, Some(Found { filter, has_rested: false }) if filter.share() > 0.99 && filter.sigma() < 0.02)
+        matches!(found, Some(Found { filter, has_rested: false }) if filter.soc() > 0.99 && filter.sigma() < 0.02)
     }
 
     fn kept(serial_number: Option<i32>) -> LearntPack {

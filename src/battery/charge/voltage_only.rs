@@ -51,7 +51,7 @@ const NO_LOAD: MeanThenLowPass = MeanThenLowPass::new(RATE_TIME_CONSTANT_S);
 /// the cells and their temperature; it is inferred from how much the changes of the load vary the voltage.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct VoltageOnly {
-    share: f32,
+    soc: f32,
     sigma: f32,
     sag_v: f32,
     /// Sag relative to that of a typical cell.
@@ -105,8 +105,8 @@ impl Rest {
 impl VoltageOnly {
     /// From the first voltage of a cell.
     pub fn from_voltage(cell_v: f32, arm_state: ArmState, model: &CellModel) -> Self {
-        let kept = model.last_charge(cell_v).map(|last| last.share);
-        let mut estimate = Self::from_share(kept.unwrap_or_else(|| model.share(cell_v)), 0.0);
+        let kept = model.last_charge(cell_v).map(|last| last.soc);
+        let mut estimate = Self::from_soc(kept.unwrap_or_else(|| model.soc(cell_v)), 0.0);
         if arm_state == ArmState::Armed {
             estimate.unsettled_s = SETTLING_S;
         }
@@ -115,9 +115,9 @@ impl VoltageOnly {
     }
 
     /// From a state of charge that is known to this standard deviation.
-    pub const fn from_share(share: f32, sigma: f32) -> Self {
+    pub const fn from_soc(soc: f32, sigma: f32) -> Self {
         Self {
-            share,
+            soc,
             sigma,
             sag_v: 0.0,
             scale: MIN_SCALE,
@@ -133,7 +133,7 @@ impl VoltageOnly {
     /// The charge; `None` while the pack was found under load a short time ago.
     pub fn charge(&self) -> Option<KnownCharge> {
         self.is_known().then_some(KnownCharge {
-            share: self.share,
+            soc: self.soc,
             sigma: self.sigma,
         })
     }
@@ -144,7 +144,7 @@ impl VoltageOnly {
 
     /// A charge was drawn, in capacities.
     pub fn draw(&mut self, drawn: f32) {
-        self.share = (self.share - drawn).max(0.0);
+        self.soc = (self.soc - drawn).max(0.0);
     }
 
     /// Charge drawn, in capacities per hour, averaged over two minutes, once there was a load for as long.
@@ -154,8 +154,8 @@ impl VoltageOnly {
 
     /// Brings the standard deviation up to date.
     fn assess(&mut self, model: &CellModel) {
-        let slope_v = model.slope_v(self.share);
-        let curve_v = model.curve_sigma_v(self.share, slope_v);
+        let slope_v = model.slope_v(self.soc);
+        let curve_v = model.curve_sigma_v(self.soc, slope_v);
         let sag_v = SAG_SIGMA * self.sag_by_variation_v(model);
         self.sigma = root_of_squares(curve_v, sag_v) / slope_v;
     }
@@ -179,7 +179,7 @@ impl VoltageOnly {
         trace.reserve.update(dt_s, self.sag_v);
         if trace.block.add(&Load::none_for(dt_s), None).is_some() {
             self.assess(model);
-            trace.reserve.settle(SagGrowth::Inferred, None, model);
+            trace.reserve.compute(SagGrowth::Inferred, None, model);
         }
         rests
     }
@@ -201,14 +201,14 @@ impl VoltageOnly {
             self.rest(dt_s, cell_v, slow_v, model);
             return true;
         }
-        let sag_v = model.voltage_v(self.share) - cell_v;
+        let sag_v = model.voltage_v(self.soc) - cell_v;
         self.adapt_scale(dt_s, cell_v, sag_v, model);
-        self.settle(dt_s, cell_v, model);
+        self.correct_start(dt_s, cell_v, model);
         self.sag_v = sag_v.clamp(-MAX_SAG_V, MAX_SAG_V);
         let speedup = if sag_v < 0.0 { RISE_SPEEDUP } else { 1.0 };
         let rate_per_h = speedup * self.load_per_h(model);
         self.average_rate(dt_s, rate_per_h, model);
-        self.share = (self.share - rate_per_h * dt_s * HOURS_PER_SECOND).clamp(0.0, 1.0);
+        self.soc = (self.soc - rate_per_h * dt_s * HOURS_PER_SECOND).clamp(0.0, 1.0);
         false
     }
 
@@ -230,16 +230,16 @@ impl VoltageOnly {
 
     /// A pack at rest is as its voltage says, unless that is still as it was kept.
     fn rest(&mut self, dt_s: f32, cell_v: f32, slow_v: f32, model: &CellModel) {
-        let kept = model.last_charge(cell_v).map(|last| last.share);
-        let target = kept.unwrap_or_else(|| model.share(cell_v + slow_v));
-        self.share += (target - self.share) * (dt_s / REST_TIME_CONSTANT_S).min(1.0);
+        let kept = model.last_charge(cell_v).map(|last| last.soc);
+        let target = kept.unwrap_or_else(|| model.soc(cell_v + slow_v));
+        self.soc += (target - self.soc) * (dt_s / REST_TIME_CONSTANT_S).min(1.0);
         self.unsettled_s = 0.0;
         self.sag_v = 0.0;
         self.rate_per_h = NO_LOAD;
     }
 
     /// A pack that was found under load is at least as full as its highest voltage, and its sag, say.
-    fn settle(&mut self, dt_s: f32, cell_v: f32, model: &CellModel) {
+    fn correct_start(&mut self, dt_s: f32, cell_v: f32, model: &CellModel) {
         if self.unsettled_s <= 0.0 {
             return;
         }
@@ -250,7 +250,7 @@ impl VoltageOnly {
         if is_known_now || self.unsettled_s <= 0.0 {
             let mean_v = self.mean_v.value().unwrap_or(cell_v);
             let resting_v = (mean_v + self.sag_by_variation_v(model)).max(self.highest_v);
-            self.share = self.share.max(model.share(resting_v));
+            self.soc = self.soc.max(model.soc(resting_v));
         }
     }
 

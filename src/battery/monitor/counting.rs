@@ -38,6 +38,8 @@ impl Counting {
     pub fn update(&mut self, now: Instant, measurement: &Measurement, gauge: &GaugeState) -> Count {
         match measurement.counted {
             Some(Counted::Increment(consumed)) => self.add_counted(consumed),
+            // A tank's millilitres are counted as a pack's milliampere-hours.
+            Some(Counted::Volume(volume_ml)) => self.add_counted(Consumed::charge(volume_ml)),
             Some(Counted::Total(total)) => match self.counter.total(total) {
                 None => {
                     self.consumption.restart(total);
@@ -47,11 +49,7 @@ impl Counting {
             },
             Some(Counted::TotalCharge(total_mah)) => {
                 self.integrate_energy(now, measurement);
-                let total = Consumed {
-                    charge_mah: total_mah,
-                    energy_wh: 0.0,
-                };
-                match self.counter.total(total) {
+                match self.counter.total(Consumed::charge(total_mah)) {
                     None => {
                         self.consumption.set_charge_mah(total_mah);
                         Count::at_source(0.0)
@@ -64,10 +62,7 @@ impl Counting {
                 let Some(charge_mah) = self.counter.members(measurement, drawn_mah) else {
                     return Count::default();
                 };
-                self.drawn.add_counted(Consumed {
-                    charge_mah,
-                    energy_wh: 0.0,
-                });
+                self.drawn.add_counted(Consumed::charge(charge_mah));
                 Count::at_source(charge_mah)
             }
             None => self.count_here(now, measurement, gauge),
@@ -88,11 +83,7 @@ impl Counting {
             if let Some(gauge) = gauge.valid() {
                 let charge_mah = gauge.consumed_mah();
                 self.consumption.set_charge_mah(charge_mah);
-                let total = Consumed {
-                    charge_mah,
-                    energy_wh: 0.0,
-                };
-                if let Some(increase) = self.counter.total(total) {
+                if let Some(increase) = self.counter.total(Consumed::charge(charge_mah)) {
                     self.drawn.add_counted(increase);
                 }
             }
@@ -116,7 +107,7 @@ impl Counting {
 
     /// Integrates the current since it was known last, also over readings without one.
     fn integrate(&mut self, now: Instant, measurement: &Measurement) -> Option<Gap> {
-        let current_a = measurement.current_a?;
+        let current_a = measurement.rate()?;
         let (last, last_a) = self.last_current?;
         let dt_us = now.us_since(last);
         self.consumption
@@ -135,16 +126,16 @@ impl Counting {
     }
 
     /// The most that a count at the source leaves of the larger of these capacities, from 0 to 1.
-    pub fn share_at_most(&self, capacities_mah: [Option<f32>; 2]) -> f32 {
+    pub fn soc_at_most(&self, capacities_mah: [Option<f32>; 2]) -> f32 {
         if !self.counter.has_counted() {
             return 1.0;
         }
         let largest = capacities_mah.into_iter().flatten().reduce(f32::max);
-        largest.map_or(1.0, |capacity_mah| self.share_left(capacity_mah))
+        largest.map_or(1.0, |capacity_mah| self.soc_left(capacity_mah))
     }
 
     /// Share of this capacity that is left, from 0 to 1.
-    pub fn share_left(&self, capacity_mah: f32) -> f32 {
+    pub fn soc_left(&self, capacity_mah: f32) -> f32 {
         (1.0 - self.charge_mah() / capacity_mah).clamp(0.0, 1.0)
     }
 

@@ -53,14 +53,14 @@ impl Learnt {
     }
 
     /// Erases it.
-    pub fn forget(&mut self) {
+    pub fn erase(&mut self) {
         self.pack = LearntPack::of(self.pack.serial_number);
         self.standing = Standing::Unsaved;
     }
 
     /// The pack was swapped. A serial number that is set says which one it is: what was learnt of it stays.
     pub fn swap(&mut self, set_serial_number: Option<i32>) {
-        self.forget_charge();
+        self.clear_charge();
         if set_serial_number.is_none() && self.pack.learnt().is_some() {
             self.standing = Standing::Swapped;
         }
@@ -68,7 +68,7 @@ impl Learnt {
 
     /// The pack reports another serial number.
     pub fn replace_pack(&mut self) {
-        self.forget_charge();
+        self.clear_charge();
         self.standing = Standing::Replaced;
     }
 
@@ -80,7 +80,7 @@ impl Learnt {
     }
 
     /// The kept charge is that of another pack, or of this one before it was charged.
-    pub fn forget_charge(&mut self) {
+    pub fn clear_charge(&mut self) {
         self.pack = self.pack.without_charge().without_open_lesson();
     }
 
@@ -128,7 +128,7 @@ impl Learnt {
     ) {
         let known = self.known(settings, cell_count).map(LearntPack::learnt);
         match known {
-            Some(_) => self.keep(kept),
+            Some(_) => self.persist(kept),
             None => self.replace(kept),
         }
         let known = known.flatten();
@@ -150,7 +150,7 @@ impl Learnt {
     }
 
     /// Takes over what was learnt in addition. Flash is spared what it holds already.
-    fn keep(&mut self, kept: &LearntPack) {
+    fn persist(&mut self, kept: &LearntPack) {
         let kept = LearntPack {
             serial_number: self.pack.serial_number,
             scale: self.pack.scale,
@@ -167,7 +167,7 @@ impl Learnt {
     /// is known of the one before stays.
     fn replace(&mut self, kept: &LearntPack) {
         if kept.learnt().is_some() || self.pack.learnt().is_none() {
-            self.keep(kept);
+            self.persist(kept);
         }
     }
 }

@@ -54,7 +54,7 @@ pub struct PackUpdate {
 pub struct BatteryMonitor {
     failed_reads: u32,
     last_tick: Option<Instant>,
-    /// Time and current, in amperes, of the latest valid reading that was that of a pack.
+    /// Time, and what was drawn, of the latest valid reading that was that of a pack.
     last_reading: Option<(Instant, Option<f32>)>,
     last_healthy: Option<Instant>,
     /// The latest voltage while connected, in volts.
@@ -195,7 +195,7 @@ impl BatteryMonitor {
             before.scale.amperes_per_volt = now.scale.amperes_per_volt;
             self.estimator.restart_drive();
             if mem::take(&mut self.current_is_reversed) {
-                self.estimator.forget_current();
+                self.estimator.clear_current();
             }
         }
         let cells = f32::from(cell_count.unwrap_or(1));
@@ -226,8 +226,8 @@ impl BatteryMonitor {
     }
 
     fn remember(&mut self, now: Instant, measurement: &Measurement) {
-        self.last_reading = Some((now, measurement.current_a));
-        self.counting.remember(now, measurement.current_a);
+        self.last_reading = Some((now, measurement.rate()));
+        self.counting.remember(now, measurement.rate());
     }
 
     /// Takes a valid reading. Returns whether it is that of a pack.
@@ -257,21 +257,21 @@ impl BatteryMonitor {
 
     fn accept(&mut self, turn: &mut Turn<'_>, dt_us: u64, measurement: &Measurement) {
         let Turn { tick, settings, .. } = *turn;
-        let previous_a = self.last_reading.and_then(|(_, current_a)| current_a);
+        let previous_a = self.last_reading.and_then(|(_, rate)| rate);
         let mut reading = Reading {
             dt_s: microseconds(dt_us) * 1e-6,
             voltage_v: measurement.voltage_v,
-            current_a: measurement.current_a,
+            current_a: measurement.rate(),
             current_range: measurement.current_range,
             mean_current_a: measurement
-                .current_a
+                .rate()
                 .filter(|_| !self.current_is_reversed)
                 .and_then(|current_a| {
                     let parked_a = (tick.arm_state == ArmState::Disarmed).then_some(current_a);
                     mean_current_a(dt_us, previous_a, current_a).or(parked_a)
                 }),
             unmeasured_mah: 0.0,
-            share_at_most: 1.0,
+            soc_at_most: 1.0,
             known_cells: measurement.doubtful_cells,
             arm_state: tick.arm_state,
             doubt: Doubt::None,
@@ -299,11 +299,11 @@ impl BatteryMonitor {
             push(turn.events, PackEvent::Gap(gap));
         }
         if let Some(counted_mah) = count.at_source_mah {
-            let is_measured = measurement.current_a.is_some() && dt_us <= MAX_INTERVAL_US;
+            let is_measured = measurement.rate().is_some() && dt_us <= MAX_INTERVAL_US;
             self.counting.correct(&mut reading, counted_mah, is_measured);
         }
         let capacities_mah = [turn.state.learnt_capacity_mah, settings.capacity_mah];
-        reading.share_at_most = self.counting.share_at_most(capacities_mah);
+        reading.soc_at_most = self.counting.soc_at_most(capacities_mah);
         reading.known_cells = reading.known_cells.or(self.kept_cells());
         let findings = self.update_estimates(turn, &reading);
         self.update_state(turn, measurement);
@@ -320,7 +320,7 @@ impl BatteryMonitor {
             {
                 push(turn.events, event);
             }
-            self.keep(turn, kept);
+            self.persist(turn, kept);
             if measurement.time_remaining_s.is_none() {
                 self.update_time_remaining(turn.state);
             }
@@ -371,7 +371,7 @@ impl BatteryMonitor {
         let comparison = self.estimator.resolve(at_rest, reading, settings, learnt);
         if comparison == Comparison::Another {
             if let Some(learnt) = &mut self.learnt {
-                learnt.forget_charge();
+                learnt.clear_charge();
             }
             push(turn.events, PackEvent::EstimateRestarted);
         }
@@ -386,7 +386,7 @@ impl BatteryMonitor {
     }
 
     /// Keeps what was learnt of a pack, or of its rest.
-    fn keep(&mut self, turn: &mut Turn<'_>, kept: Option<LearntPack>) {
+    fn persist(&mut self, turn: &mut Turn<'_>, kept: Option<LearntPack>) {
         let settings = turn.settings;
         let can_learn = self.can_learn(turn.state);
         let cell_count = self.estimator.cell_count(settings);
@@ -443,7 +443,7 @@ impl BatteryMonitor {
             // Consumed and remaining charge are equally unknown.
             GaugeState::TimedOut { .. } => false,
             GaugeState::Valid { .. } => true,
-            _ => current_a.is_some() || measurement.counted.is_some(),
+            _ => measurement.rate().is_some() || measurement.counted.is_some(),
         };
         let (remaining_pct, charge_source) = self.remaining_pct(tick.now, measurement, settings);
         state.charge_source = charge_source;
@@ -455,6 +455,7 @@ impl BatteryMonitor {
                 .zip(current_a)
                 .and_then(|(voltage_v, current_a)| self.estimator.resting_voltage_v(voltage_v, current_a)),
             current_a,
+            fuel_l_h: measurement.fuel_l_h,
             average_current_a: current_a.and(self.estimator.average_current_a()),
             remaining_pct,
             remaining_sigma_pct: charge.map(|charge| charge.sigma_pct),
@@ -481,7 +482,7 @@ impl BatteryMonitor {
         measurement: &Measurement,
         settings: &PackSettings,
     ) -> (Option<f32>, ChargeSource) {
-        let percent = |share: f32| share * 100.0;
+        let percent = |soc: f32| soc * 100.0;
         let reported = measurement.state_of_charge;
         if self.reports.charge_time_out(now) == Some(ReadError::LostMember) {
             return (None, ChargeSource::Estimated);
@@ -491,7 +492,7 @@ impl BatteryMonitor {
                 (Some(percent(gauge.state_of_charge())), ChargeSource::Gauge)
             }
             (GaugeState::TimedOut { .. }, ..) => (reported.map(percent), ChargeSource::Gauge),
-            (_, Some(share), _) => (Some(percent(share)), ChargeSource::Reported),
+            (_, Some(soc), _) => (Some(percent(soc)), ChargeSource::Reported),
             (GaugeState::Awaited { .. }, ..) => (None, ChargeSource::Gauge),
             (_, _, Contents::Charge) => {
                 let estimated = self.estimator.reported();
@@ -523,19 +524,19 @@ impl BatteryMonitor {
         let remaining_pct = state.readings.remaining_pct;
         let charge = remaining_pct.and(self.estimator.charge());
         let charge = charge.filter(|_| state.has_estimated_charge());
-        let share = charge.map(|charge| charge.available);
-        state.readings.time_remaining_s = match state.readings.current_a {
-            Some(_) => share
+        let soc = charge.map(|charge| charge.available);
+        state.readings.time_remaining_s = match state.rate() {
+            Some(_) => soc
                 .or(remaining_pct.map(|percent| percent / 100.0))
                 .zip(state.full_capacity())
-                .and_then(|(share, capacity)| self.estimator.time_to_draw_s(share, capacity)),
+                .and_then(|(soc, capacity)| self.estimator.time_to_draw_s(soc, capacity)),
             None => charge.and(self.estimator.inferred_time_remaining_s()),
         };
     }
 
     /// Fill level of a tank whose flow is counted: it starts full, or at the level of the last battery reset.
     fn fill_level(&self, settings: &PackSettings) -> Option<f32> {
-        Some(self.counting.share_left(settings.capacity_mah?))
+        Some(self.counting.soc_left(settings.capacity_mah?))
     }
 
     /// A pack whose charge has timed out is unhealthy while a threshold needs it.
@@ -662,9 +663,9 @@ impl BatteryMonitor {
     }
 
     /// Erases what is learnt of the pack.
-    pub fn forget_learnt(&mut self) {
+    pub fn erase_learnt(&mut self) {
         if let Some(learnt) = &mut self.learnt {
-            learnt.forget();
+            learnt.erase();
             self.estimator.restart_drive();
         }
     }
@@ -685,14 +686,14 @@ impl BatteryMonitor {
         if state.charge_source != ChargeSource::Estimated {
             return;
         }
-        let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
+        let soc = (remaining_pct / 100.0).clamp(0.0, 1.0);
         let capacity_mah = state.full_capacity().or(settings.capacity_mah);
-        let charge_mah = (1.0 - share) * capacity_mah.unwrap_or(0.0);
+        let charge_mah = (1.0 - soc) * capacity_mah.unwrap_or(0.0);
         self.counting.restart(Consumed {
             charge_mah,
             energy_wh: charge_mah / 1000.0 * state.readings.voltage_v.unwrap_or(0.0),
         });
-        self.estimator.set_state_of_charge(share);
+        self.estimator.set_state_of_charge(soc);
     }
 }
 

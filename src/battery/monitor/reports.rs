@@ -83,18 +83,18 @@ impl Reports {
     /// and so does the capacity of a sum.
     pub fn settings(&self, state: &BatteryState, settings: &PackSettings) -> Option<PackSettings> {
         let details = &state.details;
-        let cells = state.cells.count() as u8;
+        let cells = state.cells.number();
         if details.chemistry.is_none()
             && details.serial_number.is_none()
             && self.gauge.full_mah().is_none()
             && self.members_capacity_mah.is_none()
-            && cells == 0
+            && cells.is_none()
         {
             return None;
         }
         Some(PackSettings {
             chemistry: details.chemistry.unwrap_or(settings.chemistry),
-            cell_count: settings.cell_count.or((cells > 0).then_some(cells)),
+            cell_count: settings.cell_count.or(cells),
             capacity_mah: self
                 .gauge
                 .full_mah()

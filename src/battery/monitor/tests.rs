@@ -931,11 +931,8 @@ fn sensor_failure_and_recovery_are_announced_once() {
 fn fuel_flow(volume_ml: f32, flow_l_h: f32) -> Measurement {
     Measurement {
         contents: Contents::Fuel,
-        current_a: Some(flow_l_h),
-        counted: Some(Counted::Increment(Consumed {
-            charge_mah: volume_ml,
-            energy_wh: 0.0,
-        })),
+        fuel_l_h: Some(flow_l_h),
+        counted: Some(Counted::Volume(volume_ml)),
         ..Measurement::default()
     }
 }

@@ -47,7 +47,7 @@ pub fn build_battery_status(state: &SystemState<'_>, pack: Pack) -> BATTERY_STAT
         mavtype: battery_type(battery),
         temperature: temperature_cdegc(battery.temperature_c),
         voltages: voltages(battery),
-        current_battery: current_ca(battery.readings.current_a),
+        current_battery: current_ca(battery.rate()),
         current_consumed: consumed(battery.consumed.map(Amount::number)),
         energy_consumed: consumed(battery.consumed_wh.map(|wh| wh * HECTOJOULES_PER_WH)),
         battery_remaining: remaining_pct(battery.readings.remaining_pct),

@@ -87,7 +87,7 @@ pub fn build_battery_status_v2(state: &SystemState<'_>, pack: Pack) -> BATTERY_S
                 .voltage_to_report_v()
                 .filter(|voltage_v| *voltage_v >= 0.0),
         ),
-        current: number(battery.readings.current_a),
+        current: number(battery.rate()),
         capacity_consumed: number(amp_hours(battery.consumed.map(Amount::number))),
         capacity_remaining: number(amp_hours(remaining(battery))),
         state_of_charge: number(state_of_charge_pct(battery)),

@@ -27,7 +27,7 @@ pub fn build_fuel_status(state: &SystemState<'_>, pack: Pack) -> FUEL_STATUS_DAT
         maximum_fuel: number(tank.capacity_ml()),
         consumed_fuel: number(tank.consumed_ml().filter(|_| !is_level_measured)),
         remaining_fuel: number(remaining_ml(tank).filter(|_| is_level_measured)),
-        flow_rate: number(tank.readings.current_a.map(|flow_l_h| flow_l_h * ML_PER_S)),
+        flow_rate: number(tank.readings.fuel_l_h.map(|flow_l_h| flow_l_h * ML_PER_S)),
         temperature: number(tank.temperature_c.map(|celsius| celsius + KELVIN_AT_0_CELSIUS)),
         fuel_type: MavFuelType::MAV_FUEL_TYPE_LIQUID,
         id: pack.instance(),

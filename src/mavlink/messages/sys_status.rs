@@ -22,7 +22,7 @@ pub fn build_sys_status(state: &SystemState<'_>) -> SYS_STATUS_DATA {
         onboard_control_sensors_health: healthy_sensors(state),
         load: state.load_permille.min(1000),
         voltage_battery: pack_voltage_mv(battery),
-        current_battery: current_ca(battery.readings.current_a),
+        current_battery: current_ca(battery.rate()),
         drop_rate_comm: drop_rate_percent_hundredths(&state.link.received),
         errors_comm: saturate(state.link.received.errors()),
         // ArduPilot's mask of internal errors: Mission Planner shows anything else as an internal error, for ever.

@@ -224,13 +224,13 @@ const ERROR_UNKNOWN_PCT: u8 = u8::MAX;
 /// A state of health that is unknown, as in ArduPilot.
 const STATE_OF_HEALTH_UNKNOWN_PCT: u8 = 0;
 
-/// `Volt` is the terminal voltage, whichever is reported to ground stations. The charge of a tank is in millilitres.
+/// `Volt` is the terminal voltage, whichever is reported to ground stations. Of a tank there is fuel in place of charge and current, in millilitres and litres per hour.
 fn encode_battery(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
     Packet::at(Kind::Battery, time_us)
         .u8(pack.instance())
         .number(state.readings.voltage_v)
         .number(state.readings.resting_voltage_v)
-        .number(state.readings.current_a)
+        .number(state.rate())
         .number(state.consumed.map(Amount::number))
         .number(state.consumed_wh)
         .bytes(&temperature_cdegc(state.temperature_c).to_le_bytes())
@@ -411,7 +411,7 @@ fn encode_pack(time_us: u64, pack: Pack, state: &BatteryState, learnt: Option<&L
         .number(capacity.map(|capacity| capacity.sigma))
         .number(resistance.map(|resistance| resistance.now_ohm))
         .number(resistance.map(|resistance| resistance.first_ohm))
-        .number(charge.map(|charge| charge.share))
+        .number(charge.map(|charge| charge.soc))
         .number(charge.map(|charge| charge.sigma))
         .number(charge.map(|charge| charge.resting_v))
         .finish()

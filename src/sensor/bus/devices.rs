@@ -155,11 +155,11 @@ impl BusDevices {
         if !device.cadence.take(now) {
             return None;
         }
-        let mut cells = 0;
+        let mut cells = None;
         let packs = self.packs.iter().filter(|pack| pack.device == number);
         let is_new = device.part.is_none();
         let mut noted = |pack, reading: Result<Measurement, ReadError>| {
-            cells = reading.map_or(0, |measurement| measurement.cells.count() as u8);
+            cells = reading.ok().and_then(|measurement| measurement.cells.number());
             deliver(pack, reading);
         };
         let result = device.read(bus, packs.clone(), &taken, &mut noted).await;
@@ -241,7 +241,7 @@ impl BusDevice {
     }
 
     /// A smart battery answers for the first time: which one it is can't be seen otherwise.
-    fn met(&mut self, cells: u8) -> Option<PackEvent> {
+    fn met(&mut self, cells: Option<u8>) -> Option<PackEvent> {
         let address = self.place.number().filter(|_| self.kind.refuses_commands())?;
         let is_first = !mem::replace(&mut self.was_announced, true);
         is_first.then_some(PackEvent::Found { address, cells })

@@ -123,7 +123,7 @@ fn the_charge_of_the_pack_before_is_not_kept_for_one_that_has_not_rested() {
         );
         for kept in [rover.retained_charge(), rover.kept_charge()] {
             let kept = kept.expect("kept once it has rested");
-            assert!((kept - rover.pack.share).abs() < 0.05, "{chemistry:?}: {kept}");
+            assert!((kept - rover.pack.soc).abs() < 0.05, "{chemistry:?}: {kept}");
         }
     }
 }
@@ -182,7 +182,7 @@ enum Step {
 }
 
 /// Full, or charged to less than what counts as full with a curve of any make.
-fn any_charged_share() -> impl Strategy<Value = f32> {
+fn any_charged_soc() -> impl Strategy<Value = f32> {
     prop_oneof![Just(1.0), 0.4_f32..0.92]
 }
 
@@ -192,7 +192,7 @@ fn any_step() -> impl Strategy<Value = Step> {
         2 => (1.0_f32..900.0).prop_map(Step::Park),
         2 => (2.0_f32..300.0).prop_map(Step::Swap),
         1 => (0.2_f32..300.0).prop_map(Step::PutBack),
-        1 => any_charged_share().prop_map(Step::Charge),
+        1 => any_charged_soc().prop_map(Step::Charge),
     ]
 }
 
@@ -201,10 +201,10 @@ fn any_pack(chemistry: Chemistry) -> impl Strategy<Value = Pack> {
     let cell = chemistry.cell();
     let sigma_v = cell.curve_sigma_v;
     let normal = || prop::array::uniform12(-0.5_f32..0.5).prop_map(|parts| parts.iter().sum::<f32>());
-    (any_charged_share(), normal(), normal(), normal()).prop_map(move |(share, empty, full, slow)| Pack {
+    (any_charged_soc(), normal(), normal(), normal()).prop_map(move |(soc, empty, full, slow)| Pack {
         offsets_v: [empty * sigma_v, full * sigma_v],
         slow_share: (cell.slow_share + slow * cell.slow_share_sigma).max(0.0),
-        ..Pack::rested(chemistry, share)
+        ..Pack::rested(chemistry, soc)
     })
 }
 
@@ -224,16 +224,16 @@ fn two_deviations_cover_the_charge_in_any_order_of_packs() {
             let mut rover = Rover::parked(pack);
             for step in &steps {
                 match *step {
-                    Step::Drive(share) => rover.drive_to(share),
+                    Step::Drive(soc) => rover.drive_to(soc),
                     Step::Park(seconds) => rover.run(seconds, IDLE_A),
                     Step::Swap(seconds) => {
                         let before = rover.pack.clone();
                         rover.swap(core::mem::replace(&mut other, before), seconds);
                     }
                     Step::PutBack(seconds) => rover.unplug(seconds),
-                    Step::Charge(share) => {
+                    Step::Charge(soc) => {
                         rover.unplug(600.0);
-                        rover.pack.share = rover.pack.share.max(share);
+                        rover.pack.soc = rover.pack.soc.max(soc);
                         rover.pack.slow_a = [0.0; 3];
                     }
                 }

@@ -13,8 +13,8 @@ fn multiplied(volt_multiplier: f32) -> MeasuringScale {
 }
 
 /// A rover that has found its pack by a wrong multiplier.
-fn uncalibrated(chemistry: Chemistry, share: f32, volt_multiplier: f32, sensors: Sensors) -> Rover {
-    let mut rover = Rover::with(Pack::rested(chemistry, share));
+fn uncalibrated(chemistry: Chemistry, soc: f32, volt_multiplier: f32, sensors: Sensors) -> Rover {
+    let mut rover = Rover::with(Pack::rested(chemistry, soc));
     rover.sensors = sensors;
     rover.measuring.scale = multiplied(volt_multiplier);
     rover.run(200.0, IDLE_A);
@@ -26,9 +26,9 @@ fn uncalibrated(chemistry: Chemistry, share: f32, volt_multiplier: f32, sensors:
 fn a_calibration_at_rest_restarts_the_estimate() {
     for chemistry in STEEP {
         for sensors in [Sensors::VoltageAndCurrent, Sensors::Voltage] {
-            for (volt_multiplier, share) in [(4.1, 0.6), (4.1, 0.3), (3.8, 0.6), (3.8, 0.9)] {
-                let mut rover = uncalibrated(chemistry, share, volt_multiplier, sensors);
-                let what = format!("{chemistry:?} {sensors:?} {share} by {volt_multiplier}");
+            for (volt_multiplier, soc) in [(4.1, 0.6), (4.1, 0.3), (3.8, 0.6), (3.8, 0.9)] {
+                let mut rover = uncalibrated(chemistry, soc, volt_multiplier, sensors);
+                let what = format!("{chemistry:?} {sensors:?} {soc} by {volt_multiplier}");
                 assert!(
                     rover.error_pct().abs() > 8.0,
                     "{what}: {} %",
@@ -43,7 +43,7 @@ fn a_calibration_at_rest_restarts_the_estimate() {
                 );
                 assert_eq!(rover.restarts(), 1, "{what}");
                 let kept = rover.kept_charge().expect("kept at the rest");
-                assert!((kept - rover.pack.share).abs() < 0.05, "{what}: {kept} kept");
+                assert!((kept - rover.pack.soc).abs() < 0.05, "{what}: {kept} kept");
             }
         }
     }

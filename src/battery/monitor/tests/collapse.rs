@@ -27,7 +27,7 @@ fn weak(weak_below: f32, resistance: f32) -> Pack {
 
 /// Drives until the mean of ten seconds is below the end, or this charge is left; then the pack is parked, charged elsewhere and
 /// the board switched on again.
-fn drive_to_the_end(rover: &mut Rover, lowest_share: f32) -> ToTheEnd {
+fn drive_to_the_end(rover: &mut Rover, lowest_soc: f32) -> ToTheEnd {
     rover.run(40.0, 0.1);
     rover.bench.arm_state = ArmState::Armed;
     let (mut driven_s, mut warned_at_s, mut halfway_pct) = (0.0, None, 0.0);
@@ -42,15 +42,15 @@ fn drive_to_the_end(rover: &mut Rover, lowest_share: f32) -> ToTheEnd {
         if usable_pct < 15.0 && warned_at_s.is_none() {
             warned_at_s = Some(driven_s);
         }
-        if rover.pack.share > 0.5 {
+        if rover.pack.soc > 0.5 {
             halfway_pct = usable_pct;
         }
-        if sum_v / 6.0 < END_V || rover.pack.share <= lowest_share {
+        if sum_v / 6.0 < END_V || rover.pack.soc <= lowest_soc {
             break;
         }
     }
     let drive = ToTheEnd {
-        left_pct: rover.pack.share * 100.0,
+        left_pct: rover.pack.soc * 100.0,
         warned_s: warned_at_s.map_or(0.0, |warned_at_s| driven_s - warned_at_s),
         halfway_pct,
     };

@@ -77,7 +77,7 @@ fn set_cells_another_number_or_erasing_end_the_doubt_at_once() {
     let ends: [(End, u8); 3] = [
         (|bench| bench.settings.cell_count = Some(3), 3),
         (|bench| bench.monitor.restore_learnt(of_cells(2, Some(7))), 2),
-        (|bench| bench.monitor.forget_learnt(), 2),
+        (|bench| bench.monitor.erase_learnt(), 2),
     ];
     for (end, count) in ends {
         let mut bench = bench(3);

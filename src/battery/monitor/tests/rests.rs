@@ -4,10 +4,10 @@ use super::rover::{IDLE_A, Pack, Rover, STEEP, Sensors};
 use super::*;
 
 /// A pack that was taken off its charger at this charge, and reads too full by this much, in volts of a cell.
-fn just_charged(chemistry: Chemistry, share: f32, surface_v: f32) -> Pack {
+fn just_charged(chemistry: Chemistry, soc: f32, surface_v: f32) -> Pack {
     Pack {
         surface_v,
-        ..Pack::rested(chemistry, share)
+        ..Pack::rested(chemistry, soc)
     }
 }
 
@@ -21,22 +21,22 @@ fn estimate_pct(rover: &Rover) -> Option<(f32, f32)> {
 #[track_caller]
 fn assert_honest(rover: &Rover, what: &str) {
     let is_within = |(remaining_pct, sigma_pct): (f32, f32)| {
-        (remaining_pct - 100.0 * rover.pack.share).abs() <= 2.0 * sigma_pct
+        (remaining_pct - 100.0 * rover.pack.soc).abs() <= 2.0 * sigma_pct
     };
     let estimate = estimate_pct(rover);
-    println!("{what}: {estimate:?} instead of {}", 100.0 * rover.pack.share);
+    println!("{what}: {estimate:?} instead of {}", 100.0 * rover.pack.soc);
     assert!(
         estimate.is_none_or(is_within),
         "{what}: {estimate:?} instead of {}",
-        100.0 * rover.pack.share
+        100.0 * rover.pack.soc
     );
 }
 
 #[test]
 // Requirement: PX-6, L-11
 fn a_pack_taken_off_its_charger_early_is_found_out_as_it_relaxes() {
-    for (chemistry, share, surface_v) in [(Chemistry::LiPo, 0.80, 0.10), (Chemistry::LiIon, 0.75, 0.13)] {
-        let mut rover = Rover::with(just_charged(chemistry, share, surface_v));
+    for (chemistry, soc, surface_v) in [(Chemistry::LiPo, 0.80, 0.10), (Chemistry::LiIon, 0.75, 0.13)] {
+        let mut rover = Rover::with(just_charged(chemistry, soc, surface_v));
         for minute in 1..=60 {
             rover.run(60.0, 0.02);
             assert_honest(&rover, &format!("{chemistry:?} after {minute} minutes"));
@@ -97,12 +97,12 @@ fn a_charger_at_its_voltage_makes_a_pack_of_any_lithium_chemistry_full() {
             * chemistry
                 .charged_cell_voltage_v()
                 .expect("chargers end by voltage");
-        while rover.pack.voltage_v(-1.1) < charged_v && rover.pack.share < 1.0 {
+        while rover.pack.voltage_v(-1.1) < charged_v && rover.pack.soc < 1.0 {
             rover.run(5.0, -1.1);
         }
         assert_honest(&rover, &format!("{chemistry:?} charged"));
         rover.bench.run(60.0, loaded(charged_v, -0.15));
-        rover.pack.share = 1.0;
+        rover.pack.soc = 1.0;
         assert!(
             rover.error_pct().abs() <= 1.0,
             "{chemistry:?}: {} %",
@@ -212,7 +212,7 @@ fn a_capacity_that_no_such_pack_has_is_announced_once() {
         let mut rover = Rover::parked(Pack::rested(Chemistry::LiPo, 1.0));
         rover.bench.settings.capacity_mah = Some(label_mah);
         for _ in 0..3 {
-            rover.pack.share = 1.0;
+            rover.pack.soc = 1.0;
             rover.pack.slow_a = [0.0; 3];
             rover.power_cycle();
             rover.run(40.0, IDLE_A);
@@ -230,19 +230,19 @@ fn a_capacity_that_no_such_pack_has_is_announced_once() {
 }
 
 /// A full pack that was driven to this charge and switched off at once.
-fn switched_off_at(chemistry: Chemistry, share: f32) -> Rover {
+fn switched_off_at(chemistry: Chemistry, soc: f32) -> Rover {
     let mut rover = Rover::parked(Pack::rested(chemistry, 1.0));
-    rover.drive_to(share);
+    rover.drive_to(soc);
     rover.run(3.0, IDLE_A);
     rover
 }
 
 /// The capacity that a start finds after a night with this charge.
-fn learnt_mah_next_day(rover: &mut Rover, share: f32) -> Option<f32> {
+fn learnt_mah_next_day(rover: &mut Rover, soc: f32) -> Option<f32> {
     rover.power_cycle();
     rover.pack = Pack {
-        share,
-        ..Pack::rested(rover.pack.chemistry, share)
+        soc,
+        ..Pack::rested(rover.pack.chemistry, soc)
     };
     rover.run(60.0, IDLE_A);
     rover.bench.state.learnt_capacity_mah
@@ -272,19 +272,11 @@ fn the_next_start_ends_a_drive_that_did_not_rest() {
 // Requirement: PX-6
 fn a_pack_that_was_charged_or_is_another_one_ends_no_drive() {
     for chemistry in STEEP {
-        for share in [1.0, 0.75, 0.2] {
+        for soc in [1.0, 0.75, 0.2] {
             let mut rover = switched_off_at(chemistry, 0.5);
-            assert_eq!(
-                learnt_mah_next_day(&mut rover, share),
-                None,
-                "{chemistry:?} {share}"
-            );
+            assert_eq!(learnt_mah_next_day(&mut rover, soc), None, "{chemistry:?} {soc}");
             // Nor does it later.
-            assert_eq!(
-                learnt_mah_next_day(&mut rover, 0.5),
-                None,
-                "{chemistry:?} {share}"
-            );
+            assert_eq!(learnt_mah_next_day(&mut rover, 0.5), None, "{chemistry:?} {soc}");
         }
     }
 }
@@ -296,8 +288,8 @@ fn a_drive_that_goes_on_before_a_power_cut_is_not_ended_by_the_next_start() {
         let mut rover = switched_off_at(chemistry, 0.5);
         rover.bench.arm_state = ArmState::Armed;
         rover.run(600.0, 2.2);
-        let share = rover.pack.share;
-        assert_eq!(learnt_mah_next_day(&mut rover, share), None, "{chemistry:?}");
+        let soc = rover.pack.soc;
+        assert_eq!(learnt_mah_next_day(&mut rover, soc), None, "{chemistry:?}");
     }
 }
 

@@ -16,7 +16,7 @@ const SLOW: [(f32, f32); 3] = [(10.0, 0.25), (100.0, 0.25), (1000.0, 0.5)];
 pub struct Pack {
     pub chemistry: Chemistry,
     pub capacity_ah: f32,
-    pub share: f32,
+    pub soc: f32,
     pub slow_a: [f32; 3],
     pub slow_share: f32,
     /// How far the curve is above that of its chemistry when empty and full, in volts.
@@ -34,14 +34,14 @@ const WEAKNESS: f32 = 40.0;
 
 /// Time in which a surface charge relaxes, in seconds, and charge whose drawing takes it away.
 const SURFACE_S: f32 = 600.0;
-const SURFACE_SHARE: f32 = 0.03;
+const SURFACE_SOC: f32 = 0.03;
 
 impl Pack {
-    pub fn rested(chemistry: Chemistry, share: f32) -> Self {
+    pub fn rested(chemistry: Chemistry, soc: f32) -> Self {
         Self {
             chemistry,
             capacity_ah: 2.2,
-            share,
+            soc,
             slow_a: [0.0; 3],
             slow_share: chemistry.cell().slow_share,
             offsets_v: [0.0; 2],
@@ -61,9 +61,9 @@ impl Pack {
     }
 
     pub fn draw(&mut self, current_a: f32, dt_s: f32) {
-        self.share = (self.share - current_a * dt_s / 3600.0 / self.capacity_ah).clamp(0.0, 1.0);
+        self.soc = (self.soc - current_a * dt_s / 3600.0 / self.capacity_ah).clamp(0.0, 1.0);
         let drawn = (current_a * dt_s / 3600.0 / self.capacity_ah).max(0.0);
-        self.surface_v *= (-dt_s / SURFACE_S - drawn / SURFACE_SHARE).exp();
+        self.surface_v *= (-dt_s / SURFACE_S - drawn / SURFACE_SOC).exp();
         for (slow_a, (time_constant_s, _)) in self.slow_a.iter_mut().zip(SLOW) {
             *slow_a += (current_a - *slow_a) * (1.0 - (-dt_s / time_constant_s).exp());
         }
@@ -77,12 +77,12 @@ impl Pack {
             .zip(SLOW)
             .map(|(slow_a, (_, share))| slow_a * share)
             .sum();
-        let weakness = WEAKNESS * (self.weak_below - self.share).max(0.0);
+        let weakness = WEAKNESS * (self.weak_below - self.soc).max(0.0);
         let ohm = self.resistance * (1.0 + weakness) * cell.ohmic_drop_v / self.capacity_ah;
         let sag_v = ohm * (current_a + self.slow_share * slow_a);
         let [empty_v, full_v] = self.offsets_v;
-        let offset_v = empty_v + (full_v - empty_v) * self.share;
-        3.0 * (cell.curve.voltage_v(self.share) + offset_v + self.surface_v - sag_v)
+        let offset_v = empty_v + (full_v - empty_v) * self.soc;
+        3.0 * (cell.curve.voltage_v(self.soc) + offset_v + self.surface_v - sag_v)
     }
 }
 
@@ -168,9 +168,9 @@ impl Rover {
     }
 
     /// Drives by fits and starts until this charge is left, and parks.
-    pub fn drive_to(&mut self, share: f32) {
+    pub fn drive_to(&mut self, soc: f32) {
         self.bench.arm_state = ArmState::Armed;
-        while self.pack.share > share {
+        while self.pack.soc > soc {
             self.run(5.0, 4.4);
             self.run(5.0, 1.1);
         }
@@ -202,7 +202,7 @@ impl Rover {
     }
 
     pub fn error_pct(&self) -> f32 {
-        self.reported_pct() - 100.0 * self.pack.share
+        self.reported_pct() - 100.0 * self.pack.soc
     }
 
     pub fn restarts(&self) -> usize {
@@ -212,13 +212,13 @@ impl Rover {
 
     pub fn kept_charge(&self) -> Option<f32> {
         let learnt = self.bench.monitor.learnt()?;
-        learnt.last_charge().map(|charge| charge.share)
+        learnt.last_charge().map(|charge| charge.soc)
     }
 
     pub fn retained_charge(&self) -> Option<f32> {
         let Bench { monitor, state, .. } = &self.bench;
         let memory = monitor.memory(state.status, PackSource::default());
-        memory.estimate.charge.map(|charge| charge.share)
+        memory.estimate.charge.map(|charge| charge.soc)
     }
 }
 

@@ -30,9 +30,9 @@ const HALF_OF_20_AH: GaugeReading = GaugeReading::Read(Gauge {
 #[test]
 // Requirement: L-12
 fn readings_without_the_gauge_trip_no_threshold_in_mah() {
-    for share in [None, Some(0.5)] {
+    for soc in [None, Some(0.5)] {
         let missing = Measurement {
-            state_of_charge: share,
+            state_of_charge: soc,
             ..half_full(GaugeReading::Missing)
         };
         let mut bench = gauged_bench();
@@ -45,22 +45,22 @@ fn readings_without_the_gauge_trip_no_threshold_in_mah() {
         );
         bench.run(60.0, missing);
         bench.run(1.0, half_full(HALF_OF_20_AH));
-        assert!(bench.state.failsafe <= FailsafeLevel::Unhealthy, "{share:?}");
+        assert!(bench.state.failsafe <= FailsafeLevel::Unhealthy, "{soc:?}");
     }
 }
 
 #[test]
 fn before_the_first_report_of_a_gauge_its_capacity_is_unknown() {
-    for share in [None, Some(0.5)] {
+    for soc in [None, Some(0.5)] {
         let missing = Measurement {
-            state_of_charge: share,
+            state_of_charge: soc,
             ..half_full(GaugeReading::Missing)
         };
         let mut bench = gauged_bench();
         let state = bench.run(GAUGE_TIMEOUT_S - 1.0, missing);
         assert_eq!(
             (state.readings.remaining_pct, state.capacity),
-            (share.map(|share| share * 100.0), None)
+            (soc.map(|soc| soc * 100.0), None)
         );
         assert_eq!(
             (state.failsafe, state.status),
@@ -195,8 +195,8 @@ fn count(bench: &mut Bench, seconds: f32, drawn_mah: f32, load_a: f32, current_a
         let total_mah = load_a * tick as f32 * 0.1 / 3.6;
         let true_a = load_a.max(current_a.unwrap_or(0.0));
         let true_mah = drawn_mah + true_a * tick as f32 * 0.1 / 3.6;
-        let share = (1.0 - true_mah / 2200.0).max(0.5);
-        let voltage_v = 3.0 * Chemistry::LiPo.cell().curve.voltage_v(share);
+        let soc = (1.0 - true_mah / 2200.0).max(0.5);
+        let voltage_v = 3.0 * Chemistry::LiPo.cell().curve.voltage_v(soc);
         bench.tick(Ok(Measurement {
             voltage_v: Some(voltage_v),
             ..companion(total_mah.floor(), current_a)
@@ -360,9 +360,9 @@ fn after_a_processor_reset_a_count_goes_on() {
 }
 
 /// A pack at rest that reports its charge.
-fn reports(share: f32, cell_v: f32) -> Measurement {
+fn reports(soc: f32, cell_v: f32) -> Measurement {
     Measurement {
-        state_of_charge: Some(share),
+        state_of_charge: Some(soc),
         ..loaded(3.0 * cell_v, 0.0)
     }
 }
@@ -467,14 +467,14 @@ fn no_sound_cell_contradicts_its_charge() {
     for chemistry in CHEMISTRIES {
         let cell = chemistry.cell();
         for percent in 0..=100 {
-            let share = percent as f32 / 100.0;
+            let soc = percent as f32 / 100.0;
             let mut bench = Bench::new();
             bench.settings.chemistry = chemistry;
             // Of the lowest or highest make, with a gauge that is 5 % off.
             for sign in [-1.0, 1.0] {
-                let charge = (share + 0.05 * sign).clamp(0.0, 1.0);
+                let charge = (soc + 0.05 * sign).clamp(0.0, 1.0);
                 let cell_v = cell.curve.voltage_v(charge) + sign * cell.lowest_make_v;
-                let faults = bench.run(15.0, reports(share, cell_v)).readings.faults;
+                let faults = bench.run(15.0, reports(soc, cell_v)).readings.faults;
                 assert!(
                     !faults.intersects(Faults::CONTRADICTIONS),
                     "{chemistry:?} {percent} %"
