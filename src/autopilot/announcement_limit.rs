@@ -13,7 +13,7 @@ const KINDS: usize = 8;
 
 /// Allows several announcements of a kind at once, as many as the kind says, and then one per [`INTERVAL_US`].
 #[derive(Debug, Default)]
-pub(super) struct AnnouncementLimit {
+pub struct AnnouncementLimit {
     used: Vec<Used, KINDS>,
 }
 

@@ -14,7 +14,7 @@ const KEPT: usize = MAX_PACKS + 3;
 
 /// An announcement that waits to be sent.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Announced {
+pub enum Announced {
     /// As a text.
     Text(Severity, AnnouncementText),
     /// As a command.
@@ -26,7 +26,7 @@ pub(super) enum Announced {
 /// The latest failsafe level of each pack and the latest change of the mode have a place each, which nothing else can
 /// take, and leave first. All others share a queue.
 #[derive(Debug, Default)]
-pub(super) struct Broadcast {
+pub struct Broadcast {
     levels: [Slot<PackEvent>; MAX_PACKS],
     mode: Slot<VehicleEvent>,
     latest: Deque<Announced, KEPT>,
@@ -68,7 +68,7 @@ impl<T> Slot<T> {
 
 /// The next item after a position in the broadcast.
 #[derive(Debug, PartialEq)]
-pub(super) enum Next<'a> {
+pub enum Next<'a> {
     /// An announcement.
     Announced(&'a Announced),
     /// The number of those that are not kept any more.
@@ -140,7 +140,7 @@ impl Broadcast {
 
 /// Changed parameters not yet taken, for each open link with its number.
 #[derive(Debug, Default)]
-pub(super) struct Changes([Option<(u16, ParameterIdSet)>; MAX_LINKS]);
+pub struct Changes([Option<(u16, ParameterIdSet)>; MAX_LINKS]);
 
 impl Changes {
     /// Keeps changes for the link `number` from now on, if there are not too many links.

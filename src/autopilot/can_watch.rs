@@ -12,7 +12,7 @@ const WORKING_US: u64 = 2_000_000;
 
 /// Announced state of the controller.
 #[derive(Debug)]
-pub(super) struct CanWatch {
+pub struct CanWatch {
     /// Why the bus is not in use.
     pub impossible: Option<CanReport>,
     announced: CanStatus,

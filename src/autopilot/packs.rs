@@ -23,7 +23,7 @@ const PIN_COUNT: usize = AnalogPin::ALL.len();
 
 /// All packs and their latest readings.
 #[derive(Debug)]
-pub(super) struct Packs {
+pub struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
@@ -308,7 +308,7 @@ fn silences(parameters: &Parameters) -> [Silence; MAX_PACKS] {
 
 /// For how long a pack has had no valid reading: whatever it is read from, its read fails after the time-out.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Silence {
+pub struct Silence {
     timeout_us: u64,
     /// When the latest reading was received, valid or not.
     heard_at: Instant,

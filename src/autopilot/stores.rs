@@ -76,7 +76,7 @@ impl PackIdentity {
 
 /// Failures to save parameters that have to be announced.
 #[derive(Debug, Default)]
-pub(super) struct SaveReports {
+pub struct SaveReports {
     /// The latest error that was not reported.
     pending: Option<StorageError>,
     muted_until: Instant,

@@ -15,11 +15,11 @@ use crate::wifi::{
 const REPORTS: usize = 14;
 
 /// A ground station that was not heard by Wi-Fi for this long is absent.
-pub(super) const PRESENCE_US: u64 = 10_000_000;
+pub const PRESENCE_US: u64 = 10_000_000;
 
 /// The state of Wi-Fi.
 #[derive(Debug)]
-pub(super) struct WifiState {
+pub struct WifiState {
     pub credentials: WifiCredentials,
     /// The choice by the parameters when the vehicle was last disarmed.
     choice: WifiChoice,

@@ -21,7 +21,7 @@ const CHARGING_HYSTERESIS: f32 = 0.5;
 
 /// The inputs of the charge state.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Inputs {
+pub struct Inputs {
     pub status: PackStatus,
     pub faults: Faults,
     /// State as reported by the pack.
@@ -37,7 +37,7 @@ pub(super) struct Inputs {
 
 /// The charge state of one pack.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct ChargeStateMachine {
+pub struct ChargeStateMachine {
     state: ChargeState,
     /// The states by the usable charge alone, and, where they are bad, by the remaining one, with their hysteresis.
     by_charge: ChargeState,
@@ -145,7 +145,7 @@ fn by_deep_discharge(faults: Faults) -> ChargeState {
 }
 
 /// The minimum charge state at a failsafe level.
-pub(super) fn by_failsafe(level: FailsafeLevel) -> ChargeState {
+pub fn by_failsafe(level: FailsafeLevel) -> ChargeState {
     match level {
         FailsafeLevel::None | FailsafeLevel::Unhealthy => ChargeState::Ok,
         FailsafeLevel::Low => ChargeState::Low,

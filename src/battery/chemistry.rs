@@ -1,14 +1,14 @@
 //! Cells: chemistries, their limits and their discharge curves.
 
 /// A cell that rests within this of its last rest was neither charged nor used, in volts: some percent of its charge.
-pub(super) const SAME_VOLTAGE_V: f32 = 0.015;
+pub const SAME_VOLTAGE_V: f32 = 0.015;
 
 /// Points of a curve: 0 %, 5 %, …, 100 %.
-pub(super) const POINTS: usize = 21;
+pub const POINTS: usize = 21;
 
 /// Open-circuit voltage of a cell, in volts, in steps of 5 %; strictly increasing.
 #[derive(Debug)]
-pub(super) struct Curve(pub [f32; POINTS]);
+pub struct Curve(pub [f32; POINTS]);
 
 const SEGMENTS: usize = POINTS - 1;
 
@@ -46,7 +46,7 @@ pub enum Chemistry {
 /// Typical parameters of a cell, fresh, at about 25 °C. Curves are from machine-readable copies of the papers; in brackets their
 /// names in PyBaMM. Voltage limits are the usual ones of data sheets.
 #[derive(Debug)]
-pub(super) struct Cell {
+pub struct Cell {
     /// Resting voltage against state of charge.
     pub curve: Curve,
     /// Standard deviation of curves of different makes, with half the hysteresis, in volts.
@@ -238,7 +238,7 @@ static NIMH: Cell = Cell {
 
 /// All of them.
 #[cfg(test)]
-pub(super) const CHEMISTRIES: [Chemistry; 4] = [
+pub const CHEMISTRIES: [Chemistry; 4] = [
     Chemistry::LiPo,
     Chemistry::LiFe,
     Chemistry::LiIon,

@@ -3,7 +3,7 @@
 use super::Consumed;
 
 /// Up to this interval the latest reading is integrated over all of it, as in ArduPilot and PX4.
-pub(super) const MAX_INTERVAL_US: u64 = 2_000_000;
+pub const MAX_INTERVAL_US: u64 = 2_000_000;
 
 /// Up to this gap the mean of the readings before and after is integrated; a longer one is not counted.
 const MAX_INTERPOLATED_GAP_US: u64 = 60_000_000;
@@ -29,7 +29,7 @@ impl Gap {
 
 /// Integrators of charge and energy, in integers: a float would lose small steps in a large sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Consumption {
+pub struct Consumption {
     /// In nanocoulombs: 2.5 million ampere-hours fit.
     charge_nc: i64,
     /// In nanojoules.
@@ -125,7 +125,7 @@ impl Consumption {
 }
 
 /// Mean current in the `dt_us` since the previous reading; `None` in a gap that is not interpolated.
-pub(super) fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32) -> Option<f32> {
+pub fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32) -> Option<f32> {
     if dt_us <= MAX_INTERVAL_US {
         return Some(current_a);
     }
@@ -135,7 +135,7 @@ pub(super) fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32
 }
 
 /// A duration as a float, up to 71 minutes (saturating): of 32 bits the conversion takes fewer instructions.
-pub(super) fn microseconds(dt_us: u64) -> f32 {
+pub fn microseconds(dt_us: u64) -> f32 {
     u32::try_from(dt_us).unwrap_or(u32::MAX) as f32
 }
 

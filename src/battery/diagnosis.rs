@@ -29,7 +29,7 @@ const MIN_TEMPERATURE_C: f32 = -20.0;
 const MAX_TEMPERATURE_C: f32 = 60.0;
 
 /// All faults.
-pub(super) const FAULTS: [Faults; 11] = [
+pub const FAULTS: [Faults; 11] = [
     Faults::DEEP_DISCHARGE,
     Faults::SPIKES,
     Faults::CELL_FAIL,
@@ -45,7 +45,7 @@ pub(super) const FAULTS: [Faults; 11] = [
 
 /// Observations that need a pack at rest.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct AtRest {
+pub struct AtRest {
     /// Its voltage, in volts.
     pub voltage_v: Option<f32>,
     /// By how much the highest voltage of a sum's packs exceeds the lowest, relative to it.
@@ -54,7 +54,7 @@ pub(super) struct AtRest {
 
 /// The faults of one pack, debounced.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Diagnosis {
+pub struct Diagnosis {
     faults: Faults,
     changing_s: [f32; FAULTS.len()],
     /// Kind and number of the cells that the voltage was within the limit of.

@@ -36,7 +36,7 @@ const SECONDS_PER_HOUR: f32 = 3600.0;
 
 /// A reading of a connected pack.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reading {
+pub struct Reading {
     /// Seconds since the previous reading.
     pub dt_s: f32,
     pub voltage_v: Option<f32>,
@@ -56,7 +56,7 @@ pub(super) struct Reading {
 
 /// Outcome of an update of the estimators.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Findings {
+pub struct Findings {
     /// Cell detection ended.
     pub event: Option<PackEvent>,
     /// A second is complete, with what is to be kept of the pack, if it was learnt or rests.
@@ -64,11 +64,11 @@ pub(super) struct Findings {
 }
 
 /// Chemistry and number of cells by the settings.
-pub(super) type SetCells = (Chemistry, Option<u8>);
+pub type SetCells = (Chemistry, Option<u8>);
 
 /// Part of the estimates that is retained over a reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct EstimatorMemory {
+pub struct EstimatorMemory {
     pub charge: Option<KnownCharge>,
     pub estimated_for: Option<SetCells>,
     pub detected_cells: Option<u8>,
@@ -76,7 +76,7 @@ pub(super) struct EstimatorMemory {
 
 /// The estimators of one pack.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Estimator {
+pub struct Estimator {
     resistance: ResistanceEstimator,
     cells: CellCount,
     /// Whether the cells are detected, and in doubt: nothing is estimated.
@@ -93,7 +93,7 @@ pub(super) struct Estimator {
 
 /// A state of charge as it is reported: the conversions are made once a second.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ReportedCharge {
+pub struct ReportedCharge {
     /// In percent of a full pack, from 0 to 100.
     pub remaining_pct: f32,
     /// Its standard deviation.

@@ -119,7 +119,7 @@ const WORTH_SAYING_PCT: f32 = 3.0;
 pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
 
 /// Never full: there is room for one event of every kind.
-pub(super) fn push(events: &mut PackEvents, event: PackEvent) {
+pub fn push(events: &mut PackEvents, event: PackEvent) {
     let _ = events.push(event);
 }
 

@@ -18,7 +18,7 @@ pub type ReachedLevels = heapless::Vec<FailsafeLevel, 2>;
 
 /// The inputs of one tick.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Observation<'a> {
+pub struct Observation<'a> {
     pub tick: Tick,
     /// Since the tick before, in microseconds (saturating).
     pub dt_us: u32,
@@ -34,7 +34,7 @@ pub(super) struct Observation<'a> {
 /// The failsafe level of a pack. It latches: it only rises until a battery reset, or until another pack disproves it.
 /// *Unhealthy* alone is released once readings are good again.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Failsafe {
+pub struct Failsafe {
     level: FailsafeLevel,
     /// The previous pack reached the level; the present one has neither been armed nor lost contact since the swap.
     is_of_pack_before: bool,
@@ -262,7 +262,7 @@ impl Failsafe {
 }
 
 /// Whether both are known and the value is below the threshold.
-pub(super) fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
+pub fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
     value
         .zip(threshold)
         .is_some_and(|(value, threshold)| value < threshold)
@@ -274,7 +274,7 @@ fn is_known_above(value: Option<f32>, threshold: Option<f32>) -> bool {
 }
 
 /// The voltage the thresholds are compared with.
-pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
+pub fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
     match settings.voltage_source {
         VoltageSource::Terminal => state.readings.voltage_v,
         VoltageSource::Resting => state.resting_or_terminal_voltage_v(),
@@ -283,7 +283,7 @@ pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Op
 
 /// Remaining charge or fuel by the state of charge; while that is unknown, capacity minus consumption. In mAh or ml, as
 /// the thresholds.
-pub(super) fn remaining(state: &BatteryState) -> Option<f32> {
+pub fn remaining(state: &BatteryState) -> Option<f32> {
     // A sum with a lost member has counted only a part, and a pack that is not connected may be another one.
     let is_unsure = matches!(state.status, PackStatus::Unhealthy | PackStatus::NotConnected);
     let counted = state.consumed.filter(|_| !is_unsure);
@@ -301,7 +301,7 @@ fn most_remaining(state: &BatteryState, at_most_pct: Option<f32>) -> Option<f32>
 }
 
 /// The upper bound of the usable charge, in percent; `None` where cells at rest contradict it.
-pub(super) fn most_usable_pct(state: &BatteryState) -> Option<f32> {
+pub fn most_usable_pct(state: &BatteryState) -> Option<f32> {
     let readings = &state.readings;
     let is_contradicted = readings.faults.intersects(Faults::CONTRADICTIONS);
     let usable_pct = readings.usable_pct.filter(|_| !is_contradicted)?;

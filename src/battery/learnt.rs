@@ -8,7 +8,7 @@ use super::chemistry::SAME_VOLTAGE_V;
 use super::{Chemistry, MeasuringScale};
 
 /// Points of the charge at which the curve's offset is learnt.
-pub(super) const OFFSET_POINTS: usize = 5;
+pub const OFFSET_POINTS: usize = 5;
 
 /// Words of a [`LearntPack`] in flash.
 pub const LEARNT_WORDS: usize = 34;
@@ -32,7 +32,7 @@ const MAX_RESTED_H: f32 = 1000.0;
 const MAX_TO_RATED: f32 = 2.0;
 
 /// Resistance relative to what is kept, up to which the pack was warm.
-pub(super) const WARM_TO_KEPT: f32 = 1.4;
+pub const WARM_TO_KEPT: f32 = 1.4;
 
 /// Changes of a charge that are not worth a write to flash: of the state of charge, and of a resting cell in volts.
 const LIKE_SOC: f32 = 0.005;

@@ -2,7 +2,7 @@
 
 /// First-order low-pass filter, initialised with its first input.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LowPass {
+pub struct LowPass {
     gain: FilterGain,
     value: Option<f32>,
 }
@@ -35,7 +35,7 @@ impl LowPass {
 
 /// Low-pass filter that is the running mean of its inputs until these span its time constant.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MeanThenLowPass {
+pub struct MeanThenLowPass {
     filter: LowPass,
     time_constant_s: f32,
     age_s: f32,
@@ -91,7 +91,7 @@ const SAME_INTERVAL: u32 = 1 << 15;
 ///
 /// The gain is cached, since intervals are nearly equal: without an FPU a division takes as long as the rest of the filter.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FilterGain {
+pub struct FilterGain {
     time_constant_s: f32,
     dt_s: f32,
     alpha: f32,

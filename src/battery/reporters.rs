@@ -71,7 +71,7 @@ const CONTACT_RECOVERY_S: f32 = 30.0;
 
 /// The reported faults of one pack.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct HealthReporter {
+pub struct HealthReporter {
     sensor: Condition,
     contact: Condition,
 }
@@ -123,7 +123,7 @@ const SETTLING_S: f32 = 3.0;
 
 /// The gaps in the readings of one pack: those that follow one another, as with a loose wire, are reported as one.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct GapReporter {
+pub struct GapReporter {
     pending: Option<Gap>,
     /// For how long none has been reported, in seconds, unless that is long.
     silent_s: Option<f32>,
@@ -152,7 +152,7 @@ impl GapReporter {
 
 /// Reports why a drive has taught nothing of its pack.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) enum LessonReporter {
+pub enum LessonReporter {
     #[default]
     NotDriven,
     Driven,
@@ -182,7 +182,7 @@ impl LessonReporter {
 
 /// The reported charge state and faults of one pack.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct ChargeReporter {
+pub struct ChargeReporter {
     /// The worst charge state, UNDEFINED to EMERGENCY, that has not been better since for [`RECOVERY_S`].
     worst: ChargeState,
     better: Lasting,

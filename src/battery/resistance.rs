@@ -39,7 +39,7 @@ const MAX_INTERVAL_S: f32 = 15.0;
 /// filtered current. The estimate is held while the current does not change: a voltage that falls under constant load
 /// is not a resistance.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ResistanceEstimator {
+pub struct ResistanceEstimator {
     fast: FilterGain,
     slow: FilterGain,
     /// Of voltage and current, from the first reading on.

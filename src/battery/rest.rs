@@ -13,11 +13,11 @@ const REST_BAND_V: f32 = 0.02;
 const TIME_CONSTANT_S: f32 = 0.3;
 
 /// Maximum current at rest, in amperes: the offset of an analog sensor and the board's own consumption.
-pub(super) const RESTING_CURRENT_A: f32 = 0.5;
+pub const RESTING_CURRENT_A: f32 = 0.5;
 
 /// Detects rest by the duration of a stable voltage.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rest {
+pub struct Rest {
     voltage: LowPass,
     reference_v: f32,
     duration_s: f32,
@@ -66,7 +66,7 @@ const DETECTABLE: [(u8, f32, f32); 3] = [(1, 2.5, 4.35), (2, 5.0, 8.7), (3, 9.0,
 
 /// Detects the number of cells once, from the voltage at rest.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct CellCount {
+pub struct CellCount {
     detected: Detected,
     /// The voltage at which they were detected, in volts.
     voltage_v: f32,

@@ -15,7 +15,7 @@ const CONFIRMING_READINGS: u8 = 5;
 
 /// Certainty of a swap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Replacement {
+pub enum Replacement {
     /// The pack rests at more than the previous one can recover to, or has another serial number.
     Certain,
     /// The pack rests at another voltage. A poor contact looks the same, so a failsafe stays latched.
@@ -24,7 +24,7 @@ pub(super) enum Replacement {
 
 /// Whether the charge may be that of another pack, or read from another voltage, until the pack rests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Doubt {
+pub enum Doubt {
     #[default]
     None,
     /// The contact was lost, for too short a time to put another pack in.
@@ -37,7 +37,7 @@ pub(super) enum Doubt {
 
 /// A rest that ends a doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum AtRest {
+pub enum AtRest {
     Replaced(Replacement),
     /// By this resting voltage, in volts, the same, or another one at a similar voltage.
     Similar(f32),
@@ -48,7 +48,7 @@ pub(super) enum AtRest {
 /// Detects a swap by the resting voltage after a loss of contact, while disarmed. Without a loss of contact a rising
 /// voltage is recovery from load.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SwapDetector {
+pub struct SwapDetector {
     rest: Rest,
     doubt: Doubt,
     /// Duration without contact since the pack was last at rest, in seconds.
@@ -163,7 +163,7 @@ impl SwapDetector {
 
 /// Serial number of a smart battery, debounced against misreadings.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct SerialNumber {
+pub struct SerialNumber {
     known: Option<i32>,
     /// A different one, and its consecutive readings while disarmed.
     candidate: Option<(i32, u8)>,

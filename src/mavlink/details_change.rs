@@ -11,7 +11,7 @@ use crate::pack::{MAX_PACKS, Pack};
 /// The details of each pack that were reported last on one link, by their hash: each link has one of these, and the details
 /// themselves would take twenty times as much.
 #[derive(Debug, Default)]
-pub(super) struct DetailsChangeDetector {
+pub struct DetailsChangeDetector {
     reported: [LastAnnounced<Option<u32>>; MAX_PACKS],
     /// Packs of which a BATTERY_INFO was sent, a bit each.
     described: u16,

@@ -60,17 +60,13 @@ fn effect(request: &Request<'_>) -> Effect {
 
 /// The services of a link that go on sending after a request.
 #[derive(Debug, Default)]
-pub(super) struct Services {
+pub struct Services {
     pub list: ParameterList,
     pub downloads: Downloads,
 }
 
 /// Handles one frame, and answers it.
-pub(super) fn dispatch(
-    frame: &ReceivedFrame<'_>,
-    services: &mut Services,
-    context: &mut Context<'_>,
-) -> Event {
+pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mut Context<'_>) -> Event {
     // The table's range is 1 to 255.
     let system_id = context.changeable.parameters.get(VehicleParameter::SysidThismav) as u8;
     let Some(received) = ReceivedRequest::decode(frame) else {

@@ -13,10 +13,10 @@ const HEADER_V2_BYTES: usize = 10;
 const CRC_BYTES: usize = 2;
 
 /// The only incompatibility flag a frame may carry here: it is signed.
-pub(super) const FLAG_SIGNED: u8 = 0x01;
+pub const FLAG_SIGNED: u8 = 0x01;
 
 /// Bytes of a signed frame behind its checksum: the link's number, the timestamp and the signature.
-pub(super) const TRAILER_BYTES: usize = 13;
+pub const TRAILER_BYTES: usize = 13;
 
 /// The longest frame: MAVLink 2 with a full payload and a signature.
 const MAX_FRAME_BYTES: usize = HEADER_V2_BYTES + u8::MAX as usize + CRC_BYTES + TRAILER_BYTES;

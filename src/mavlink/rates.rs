@@ -54,7 +54,7 @@ impl StreamRequest {
 
 /// The rates of one link.
 #[derive(Debug)]
-pub(super) struct Rates {
+pub struct Rates {
     pub scheduler: StreamScheduler,
     /// `SR0_EXTRA1` when it was followed last; `None` if it is to be followed again.
     followed_hz: Option<f32>,
@@ -146,6 +146,6 @@ impl Rates {
 }
 
 /// Whether a component can be the radio on a link of this kind: there is none on a cable.
-pub(super) fn is_radio(component_id: u8, link: LinkKind) -> bool {
+pub fn is_radio(component_id: u8, link: LinkKind) -> bool {
     link == LinkKind::Radio && RADIO_COMPONENTS.contains(&component_id)
 }

@@ -59,7 +59,7 @@ impl SenderClock {
 
 /// The clocks of those who send on one link.
 #[derive(Debug, Default)]
-pub(super) struct SenderClocks {
+pub struct SenderClocks {
     clocks: Vec<SenderClock, SENDERS>,
 }
 

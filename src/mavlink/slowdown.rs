@@ -15,7 +15,7 @@ const REPORT_STALE_US: u64 = 5_000_000;
 ///
 /// Radios can't sign, so a report may be forged. That is why the delay is bounded, and ends when the reports do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Slowdown {
+pub struct Slowdown {
     delay_ms: u16,
     reported_at: Instant,
 }

@@ -28,7 +28,7 @@ impl Heard {
 
 /// The ground stations that were heard on one link.
 #[derive(Debug, Default)]
-pub(super) struct Stations {
+pub struct Stations {
     heard: [Option<Heard>; MAX_STATIONS],
     /// When the next introduction may be at the earliest.
     earliest: Instant,

@@ -22,7 +22,7 @@ pub struct LogFile {
 
 /// Place of a part of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct FileSpan {
+pub struct FileSpan {
     /// Its sector.
     pub sequence: u32,
     /// Its offset in the payload of the sector.
@@ -33,7 +33,7 @@ pub(super) struct FileSpan {
 
 /// The files, oldest first.
 #[derive(Debug, Default)]
-pub(super) struct Directory {
+pub struct Directory {
     files: Vec<LogFile, MAX_FILES>,
     /// The first sector of each.
     first: Vec<u32, MAX_FILES>,

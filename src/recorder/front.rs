@@ -7,25 +7,25 @@ use super::geometry::SECTOR_BYTES;
 use crate::memory::checksum::crc32;
 
 /// Bytes before the payload: header, mark, date.
-pub(super) const FRONT_BYTES: u32 = 32;
+pub const FRONT_BYTES: u32 = 32;
 
 /// Bytes of a log file that a sector holds.
 pub const PAYLOAD_BYTES: u32 = SECTOR_BYTES - FRONT_BYTES;
 
 /// Bytes of a header.
-pub(super) const HEADER_BYTES: usize = 16;
+pub const HEADER_BYTES: usize = 16;
 
 /// Bytes of a mark.
-pub(super) const MARK_BYTES: usize = 8;
+pub const MARK_BYTES: usize = 8;
 
 /// Offset of the mark in its sector.
-pub(super) const MARK_AT: u32 = HEADER_BYTES as u32;
+pub const MARK_AT: u32 = HEADER_BYTES as u32;
 
 /// Bytes of a date.
-pub(super) const DATE_BYTES: usize = 8;
+pub const DATE_BYTES: usize = 8;
 
 /// Offset of the date in the first sector of a file.
-pub(super) const DATE_AT: u32 = MARK_AT + MARK_BYTES as u32;
+pub const DATE_AT: u32 = MARK_AT + MARK_BYTES as u32;
 
 /// Identifies a header, and the layout of its sector.
 const HEADER_MAGIC: u32 = u32::from_le_bytes(*b"LOG1");
@@ -41,7 +41,7 @@ const SEQUENCE_END: u32 = 1 << 31;
 
 /// Use of a sector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Header {
+pub struct Header {
     /// Which sector it is, of all that were ever used.
     pub sequence: u32,
     /// The number of the file, from 1.
@@ -52,7 +52,7 @@ pub(super) struct Header {
 
 /// The proof that the front of a sector gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Front {
+pub struct Front {
     pub header: HeaderSlot,
     /// The sector was erased completely, to be used as this one. Stays when the sector is used.
     pub erased_for: Option<u32>,
@@ -62,7 +62,7 @@ pub(super) struct Front {
 
 /// Content of the place of a header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum HeaderSlot {
+pub enum HeaderSlot {
     /// Erased.
     Blank,
     Header(Header),
@@ -102,7 +102,7 @@ impl Header {
 /// The mark of a sector that was erased completely, to be used as the one with `sequence`.
 ///
 /// An interrupted erase may leave the mark of the lap before, which has another sequence number.
-pub(super) fn mark(sequence: u32, sectors: u32) -> [u8; MARK_BYTES] {
+pub fn mark(sequence: u32, sectors: u32) -> [u8; MARK_BYTES] {
     to_bytes([sequence, crc32([MARK_MAGIC, sequence, sectors])])
 }
 
@@ -110,7 +110,7 @@ pub(super) fn mark(sequence: u32, sectors: u32) -> [u8; MARK_BYTES] {
 ///
 /// It is programmed into a sector that was erased completely, so that none of an earlier lap can be left. If that is
 /// interrupted the checksum is wrong, and the moment unknown.
-pub(super) fn date(began_utc_s: NonZeroU32, sectors: u32) -> [u8; DATE_BYTES] {
+pub fn date(began_utc_s: NonZeroU32, sectors: u32) -> [u8; DATE_BYTES] {
     let seconds = began_utc_s.get();
     to_bytes([seconds, crc32([DATE_MAGIC, seconds, sectors])])
 }

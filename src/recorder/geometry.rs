@@ -14,7 +14,7 @@ pub const MAX_SECTORS: u32 = 310;
 /// the remainder of its division by the number of sectors. The first lap begins at the number of sectors, so that the
 /// number of a lap before exists.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Geometry {
+pub struct Geometry {
     start: u32,
     sectors: u32,
 }
@@ -55,7 +55,7 @@ const WORDS: usize = MAX_SECTORS.div_ceil(u32::BITS) as usize;
 
 /// A set of positions in a ring.
 #[derive(Clone, Debug, Default)]
-pub(super) struct SectorSet([u32; WORDS]);
+pub struct SectorSet([u32; WORDS]);
 
 impl SectorSet {
     /// Adds a position below [`MAX_SECTORS`].

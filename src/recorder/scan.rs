@@ -21,7 +21,7 @@ impl Chunk {
 }
 
 /// Content of a ring besides files.
-pub(super) struct Scan {
+pub struct Scan {
     /// The sector after all that were ever begun.
     pub next: u32,
     /// The sector after all that were erased for their next use.
@@ -34,11 +34,7 @@ pub(super) struct Scan {
 
 /// Reads the front of every sector, the whole of those that are erased, and the last one of every file from its end. Adds the
 /// files to `directory`, which is empty. Yields to other tasks after each sector.
-pub(super) async fn scan<F: ReadNorFlash>(
-    flash: &mut F,
-    geometry: Geometry,
-    directory: &mut Directory,
-) -> Scan {
+pub async fn scan<F: ReadNorFlash>(flash: &mut F, geometry: Geometry, directory: &mut Directory) -> Scan {
     let mut reader = Reader { flash, geometry };
     let newest = reader.newest().await;
     let sectors = geometry.sectors();

@@ -20,7 +20,7 @@ pub fn timer_at(due: Instant) -> Timer {
 ///
 /// # Errors
 /// It was not ready by then.
-pub(super) async fn with_deadline<F: Future>(due: Instant, future: F) -> Result<F::Output, TimeoutError> {
+pub async fn with_deadline<F: Future>(due: Instant, future: F) -> Result<F::Output, TimeoutError> {
     embassy_time::with_deadline(by_embassy(due), future).await
 }
 
@@ -29,7 +29,7 @@ fn by_embassy(time: Instant) -> embassy_time::Instant {
 }
 
 /// Microseconds by the same clock, modulo 2^32: liveness counts so on purpose.
-pub(super) fn now_us() -> u32 {
+pub fn now_us() -> u32 {
     now().as_micros() as u32
 }
 

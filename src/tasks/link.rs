@@ -162,7 +162,7 @@ pub fn read_file(
 
 /// Result of looking for something to read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum LogReading {
+pub enum LogReading {
     /// No download needs anything.
     NothingToRead,
     /// A piece was read; there may be another one.

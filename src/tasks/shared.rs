@@ -21,7 +21,7 @@ const PROGRAMMING_US: u64 = 4_000;
 const SAMPLING_US: u64 = 4_000;
 
 /// Wakes up a link when something was announced.
-pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LINKS>;
+pub type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LINKS>;
 
 /// The core, and wake-ups for the tasks that have to act on what other tasks made of it.
 ///

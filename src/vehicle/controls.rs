@@ -72,7 +72,7 @@ fn is_neutral(position: i16) -> bool {
 
 /// The driver's sticks. Each times out separately: a message about one does not refresh the other.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Controls {
+pub struct Controls {
     throttle: StickState,
     steering: StickState,
 }

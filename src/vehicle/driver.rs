@@ -103,14 +103,14 @@ struct Other {
 /// The driver. Another station takes over once the driver has been neutral or silent for a second, with sticks that were neutral
 /// since: those of one that is held deflected would make the rover jump.
 #[derive(Clone, Debug, Default)]
-pub(super) struct DriverSeat {
+pub struct DriverSeat {
     driver: Option<Driver>,
     others: [Other; OTHERS],
 }
 
 /// A message of the driver.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Admitted {
+pub enum Admitted {
     /// It drives on.
     Driver,
     /// It has taken over; these are its sticks as they were heard before.

@@ -44,7 +44,7 @@ pub enum FailsafeAction {
 
 /// Effect of an action without a position, in increasing severity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Effect {
+pub enum Effect {
     /// Nothing: it is announced only.
     #[default]
     None,

@@ -110,7 +110,7 @@ pub trait Motors {
 
 /// Slew rate limiter.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Ramp {
+pub struct Ramp {
     value: f32,
     last: Option<Instant>,
 }
@@ -145,7 +145,7 @@ const REVERSAL_S: f32 = 0.25;
 
 /// Limits of both sides.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Reversals {
+pub struct Reversals {
     left: Reversal,
     right: Reversal,
 }

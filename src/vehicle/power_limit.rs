@@ -40,7 +40,7 @@ impl PowerLimit {
 
 /// Shares of the motors' duties by the power limits of all packs. The least counts.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PowerLimiter {
+pub struct PowerLimiter {
     /// Of each pack, from [`LEAST_SHARE`] to 1.
     shares: [f32; MAX_PACKS],
     updated_at: [Instant; MAX_PACKS],

@@ -5,7 +5,7 @@ use crate::time::Instant;
 
 /// Latest value of an input, which expires after a time-out. Monitoring starts with the first value.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct TimedInput<T> {
+pub struct TimedInput<T> {
     latest: Option<T>,
     /// Of the latest value.
     received_at: Instant,

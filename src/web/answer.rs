@@ -17,14 +17,14 @@ use crate::time::{Day, Utc};
 use crate::vehicle::ArmState;
 
 /// An entry of the list of logs: the longest has 117 bytes.
-pub(super) type Entry = String<120>;
+pub type Entry = String<120>;
 
 /// A log's name: the longest has 46 bytes.
 type LogName = String<48>;
 
 /// Body of an answer.
 #[derive(Clone, Debug)]
-pub(super) enum Answer {
+pub enum Answer {
     Refused(Refusal),
     /// The sender has this file already.
     NotModified(File),
@@ -37,7 +37,7 @@ pub(super) enum Answer {
 
 /// A part of a log, or the whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct LogPart {
+pub struct LogPart {
     pub file: LogFile,
     /// The place of the first byte.
     pub first: u32,
@@ -50,7 +50,7 @@ pub(super) struct LogPart {
 }
 
 /// The answer to a request.
-pub(super) fn answer(request: &Request, autopilot: &Autopilot) -> Answer {
+pub fn answer(request: &Request, autopilot: &Autopilot) -> Answer {
     match request.target {
         Target::Page => file(PAGE, request),
         Target::Parameters => file(PARAMETERS, request),
@@ -147,14 +147,14 @@ fn log_name(file: &LogFile, board_id: Option<BoardId>) -> LogName {
 }
 
 /// An entry of the list of logs, behind what separates it from the one before: the one at `place`, from the oldest one on.
-pub(super) fn list_entry(place: usize, autopilot: &Autopilot) -> Option<Entry> {
+pub fn list_entry(place: usize, autopilot: &Autopilot) -> Option<Entry> {
     let separator = if place == 0 { "[" } else { "," };
     let described = description(autopilot.logs().get(place)?, autopilot.identity().board_id);
     Some(text(format_args!("{separator}\n{described}")))
 }
 
 /// A log as JSON.
-pub(super) fn description(file: &LogFile, board_id: Option<BoardId>) -> Entry {
+pub fn description(file: &LogFile, board_id: Option<BoardId>) -> Entry {
     let LogFile { number, bytes, .. } = file;
     let time_utc = match file.began_utc_s {
         Some(began_utc_s) => text::<10>(format_args!("{began_utc_s}")),

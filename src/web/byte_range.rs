@@ -2,7 +2,7 @@
 
 /// One range of bytes (RFC 9110, 14.1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ByteRange {
+pub enum ByteRange {
     /// From a place on, to the place `last` or the end.
     From { first: u32, last: Option<u32> },
     /// The last bytes, as many as this.

@@ -8,7 +8,7 @@ use crate::tasks::{Shared, read_file};
 use crate::vehicle::ArmState;
 
 /// The part of an answer behind its head that is still to be sent.
-pub(super) enum Content {
+pub enum Content {
     Bytes(&'static [u8]),
     /// The list of logs as JSON, from this entry on. Its length is not announced, since logs grow, come and go meanwhile: the
     /// closing bracket shows that it is complete, and HTTP 1.0 knows no chunks.

@@ -19,7 +19,7 @@ const FINAL: u8 = 0x80;
 
 /// Why a WebSocket ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum End {
+pub enum End {
     /// The other side has closed it.
     Closed,
     /// The place is wanted by another page.
@@ -64,7 +64,7 @@ enum Message {
 
 /// Takes the payload out of the frames of a client. The binary messages are pieces of a stream: where they end means nothing.
 #[derive(Debug, Default)]
-pub(super) struct FrameDecoder {
+pub struct FrameDecoder {
     header: Vec<u8, HEADER_BYTES>,
     payload: Option<Payload>,
     message: Message,
@@ -219,7 +219,7 @@ impl FrameDecoder {
 }
 
 /// The header of a frame of ours with this many bytes.
-pub(super) fn header(kind: FrameType, bytes: usize) -> Vec<u8, HEADER_BYTES> {
+pub fn header(kind: FrameType, bytes: usize) -> Vec<u8, HEADER_BYTES> {
     let header = FrameHeader {
         frame_type: kind,
         payload_len: bytes as u64,

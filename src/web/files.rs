@@ -4,7 +4,7 @@ use core::fmt;
 
 /// A file that is part of the program, compressed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct File {
+pub struct File {
     pub content: &'static [u8],
     pub kind: &'static str,
     pub tag: FileTag,
@@ -12,7 +12,7 @@ pub(super) struct File {
 
 /// Version of a file: the CRC-32 of its content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct FileTag(u32);
+pub struct FileTag(u32);
 
 impl fmt::Display for FileTag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -37,13 +37,13 @@ const fn gzip_checksum(content: &[u8]) -> u32 {
 }
 
 /// The page.
-pub(super) const PAGE: File = file(
+pub const PAGE: File = file(
     include_bytes!("../../web/page.html.gz"),
     "text/html; charset=utf-8",
 );
 
 /// The descriptions of the parameters.
-pub(super) const PARAMETERS: File = file(
+pub const PARAMETERS: File = file(
     include_bytes!("../../docs/parameters.json.gz"),
     "application/json",
 );

@@ -21,7 +21,7 @@ Cross-Origin-Resource-Policy: same-origin\r\n\
 X-Content-Type-Options: nosniff\r\n";
 
 /// Writes the head of an answer. What does not fit is left out: all heads fit.
-pub(super) struct HeadWriter<'a> {
+pub struct HeadWriter<'a> {
     buffer: &'a mut [u8],
     length: usize,
 }
@@ -66,7 +66,7 @@ impl Write for HeadWriter<'_> {
 }
 
 /// Accepts a WebSocket with this key: it shows that the request was understood.
-pub(super) fn accept_key(key: &str) -> [u8; 28] {
+pub fn accept_key(key: &str) -> [u8; 28] {
     let hash = Sha1::new()
         .chain_update(key)
         .chain_update(WEB_SOCKET_ID)

@@ -34,7 +34,7 @@ pub struct Places {
 
 /// Purpose of a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Purpose {
+pub enum Purpose {
     WebSocket,
     /// A page or a file.
     File,

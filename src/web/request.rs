@@ -11,7 +11,7 @@ use super::status::{Refusal, Status, refusal};
 const MAX_HEADERS: usize = 32;
 
 /// More than our own tags have.
-pub(super) const TAG_BYTES: usize = 24;
+pub const TAG_BYTES: usize = 24;
 
 /// The base64 of 16 bytes.
 const KEY_BYTES: usize = 24;
@@ -34,7 +34,7 @@ pub enum Sender {
 
 /// Wanted part of the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Method {
+pub enum Method {
     Get,
     /// The head alone.
     Head,
@@ -42,7 +42,7 @@ pub(super) enum Method {
 
 /// Subject of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Target {
+pub enum Target {
     Page,
     Parameters,
     LogList,
@@ -53,11 +53,11 @@ pub(super) enum Target {
 }
 
 /// The tag of a file that the sender has already.
-pub(super) type Tag = String<TAG_BYTES>;
+pub type Tag = String<TAG_BYTES>;
 
 /// A request that is understood.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Request {
+pub struct Request {
     pub method: Method,
     pub sender: Sender,
     pub target: Target,

@@ -2,7 +2,7 @@
 
 /// A status of HTTP (RFC 9110).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Status {
+pub enum Status {
     SwitchingProtocols,
     Ok,
     PartialContent,
@@ -43,12 +43,12 @@ impl Status {
 
 /// Why a request is refused: a status, and a sentence for who reads it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Refusal {
+pub struct Refusal {
     pub status: Status,
     pub reason: &'static str,
 }
 
 /// A refusal with this status, for this reason.
-pub(super) const fn refusal(status: Status, reason: &'static str) -> Refusal {
+pub const fn refusal(status: Status, reason: &'static str) -> Refusal {
     Refusal { status, reason }
 }

@@ -8,7 +8,7 @@ use crate::time::{Instant, Utc};
 
 /// The known part of a date.
 #[derive(Debug, Default)]
-pub(super) struct Date {
+pub struct Date {
     /// When the board started.
     started: Option<Utc>,
     /// When the open file began, in seconds since 1970, once that is recorded in it.

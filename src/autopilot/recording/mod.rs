@@ -10,10 +10,10 @@ use core::mem;
 use heapless::Vec;
 
 use date::Date;
-pub(super) use share::Detail;
+pub use share::Detail;
 use share::Share;
 pub use step::LogStep;
-pub(super) use stream::Subject;
+pub use stream::Subject;
 use stream::{Stream, parameter_record};
 
 use crate::announce::LastAnnounced;
@@ -71,7 +71,7 @@ pub enum LogFailure {
 
 /// Records on their way to flash.
 #[derive(Debug)]
-pub(super) struct Recording {
+pub struct Recording {
     /// The files in flash; `None` until they were looked for.
     ring: Option<Ring>,
     pub(super) readers: LogReaders,

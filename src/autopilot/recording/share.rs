@@ -31,7 +31,7 @@ pub enum Detail {
 /// Divides the log between packs: they take turns, so that more packs are recorded less often each, and a drive's record is
 /// no shorter.
 #[derive(Debug, Default)]
-pub(super) struct Share {
+pub struct Share {
     /// Negative once a record took more than was left.
     credit_bytes: i16,
     /// Position of the next pack in the order of sampling.
@@ -86,7 +86,7 @@ impl Share {
 }
 
 /// Number of sectors to erase while disarmed.
-pub(super) fn erase_target(ring: &Ring) -> u32 {
+pub fn erase_target(ring: &Ring) -> u32 {
     let free = ring.free_sectors();
     let half = ring.sectors() / 2;
     let is_long_drive = ring.files().first().is_some_and(|oldest| sectors(oldest) > half);
@@ -98,13 +98,13 @@ pub(super) fn erase_target(ring: &Ring) -> u32 {
 }
 
 /// Whether the open file ends here while armed. What it is to end with still has room.
-pub(super) fn is_full(ring: &Ring) -> bool {
+pub fn is_full(ring: &Ring) -> bool {
     let most = ring.sectors().saturating_sub(least_free(ring) + 1);
     ring.room() < SECTOR_BYTES || ring.open_file().is_some_and(|file| sectors(&file) >= most)
 }
 
 /// Whether the open file is long enough for the next drive to have more room in a new one.
-pub(super) fn is_long(ring: &Ring) -> bool {
+pub fn is_long(ring: &Ring) -> bool {
     ring.open_file()
         .is_some_and(|file| sectors(&file) > least_free(ring))
 }

@@ -25,7 +25,7 @@ pub struct Subject<'a> {
 
 /// Records of a log file: formats, board and packs first, then events, and in between all parameters.
 #[derive(Debug, Default)]
-pub(super) struct Stream {
+pub struct Stream {
     queue: Queue,
     opening: Opening,
     /// Packs to describe, a bit each.
@@ -169,7 +169,7 @@ impl Stream {
 }
 
 /// The record of a parameter's value.
-pub(super) fn parameter_record(id: ParameterId, parameters: &Parameters, now: Instant) -> RecordBytes {
+pub fn parameter_record(id: ParameterId, parameters: &Parameters, now: Instant) -> RecordBytes {
     let record = Record::Parameter {
         name: &id.name(),
         value: parameters.get(id),

@@ -12,7 +12,7 @@ const INFERRED_SIGMA: f32 = 0.5;
 
 /// A learnt capacity counts, and a curve is learnt, once the capacity is known to this standard deviation: before, the
 /// label is better.
-pub(super) const MAX_LEARNT_SIGMA: f32 = 0.08;
+pub const MAX_LEARNT_SIGMA: f32 = 0.08;
 
 /// Uncertainty of the charge that belongs to a point of a curve: where the curve is steep, it outweighs that of the
 /// voltage.
@@ -38,7 +38,7 @@ const POINT_WIDTH: f32 = 1.0 / (POINTS - 1) as f32;
 
 /// A cell as far as known.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::battery) struct CellModel<'a> {
+pub struct CellModel<'a> {
     /// Cell chemistry.
     pub chemistry: Chemistry,
     /// Typical parameters of the chemistry.
@@ -59,7 +59,7 @@ pub(in crate::battery) struct CellModel<'a> {
 
 /// The voltage of a cell at which a drive ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::battery) struct EndVoltage {
+pub struct EndVoltage {
     pub cell_v: f32,
     /// The voltage that is compared with it.
     pub source: VoltageSource,
@@ -91,7 +91,7 @@ impl EndVoltage {
 
 /// A capacity with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::battery) struct Capacity {
+pub struct Capacity {
     pub ah: f32,
     /// Standard deviation, relative to the capacity.
     pub sigma: f32,
@@ -99,7 +99,7 @@ pub(in crate::battery) struct Capacity {
 
 /// A state of charge that is kept over a reset, set by the owner, or provisional.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::battery) struct KnownCharge {
+pub struct KnownCharge {
     /// From 0 to 1.
     pub soc: f32,
     /// Standard deviation.
@@ -251,7 +251,7 @@ impl CellModel<'_> {
 }
 
 /// Standard deviation of the sum of two that are independent.
-pub(super) fn root_of_squares(a: f32, b: f32) -> f32 {
+pub fn root_of_squares(a: f32, b: f32) -> f32 {
     libm::sqrtf(a * a + b * b)
 }
 

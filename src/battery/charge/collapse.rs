@@ -16,7 +16,7 @@ const PASSING_SAG: f32 = 0.75;
 
 /// The latest collapse of a pack, as this drive has shown it.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum LastCollapse {
+pub enum LastCollapse {
     /// The drive adds nothing to what is learnt.
     Learnt,
     Seen(Collapse),

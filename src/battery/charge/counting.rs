@@ -21,7 +21,7 @@ const MAX_CONTRADICTION_S: f32 = 25.0;
 
 /// An estimate by the current, and what is seen of the pack meanwhile.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Counting {
+pub struct Counting {
     pub filter: Filter,
     /// Since the charge was certain.
     drive: Option<Drive>,

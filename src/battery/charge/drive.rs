@@ -45,7 +45,7 @@ const BEGUN: f32 = 0.05;
 
 /// Observations of a pack since its charge was last certain.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Drive {
+pub struct Drive {
     start: KnownCharge,
     drawn_ah: f32,
     /// Time at rest, in hours.
@@ -362,7 +362,7 @@ fn known<'a>(model: &CellModel, learnt: &'a LearntPack, ohm: f32) -> CellModel<'
 
 /// Measures a rest. It is evaluated after half a minute, and again whenever it has lasted twice as long, or half an hour more.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct RestTimer {
+pub struct RestTimer {
     rested_s: f32,
     /// The latest evaluation, in seconds of this rest, and the voltage of a cell then.
     evaluated_s: f32,
@@ -371,7 +371,7 @@ pub(super) struct RestTimer {
 
 /// An evaluation of a rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Rest {
+pub struct Rest {
     /// Since the evaluation before, in seconds.
     pub duration_s: f32,
     pub relaxation: Relaxation,

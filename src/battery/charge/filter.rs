@@ -10,14 +10,14 @@ type Vector = [f32; STATES];
 type Matrix = [Vector; STATES];
 
 /// Charge over which the offset of a curve changes: that of neighbouring parts is alike.
-pub(super) const OFFSET_SPAN: f32 = 0.3;
+pub const OFFSET_SPAN: f32 = 0.3;
 
 /// Time in which the slow share returns to what is typical, in seconds: it was seen at another load.
 const SLOW_SHARE_TIME_CONSTANT_S: f32 = 3000.0;
 
 /// Standard deviation of a voltage, in volts: noise of the board, and of a sag relative to it.
 const NOISE_V: f32 = 0.008;
-pub(super) const SAG_NOISE: f32 = 0.1;
+pub const SAG_NOISE: f32 = 0.1;
 /// A sag above this, in volts, is predicted much worse: the cell is nearly empty or cold.
 const LARGE_SAG_V: f32 = 0.3;
 
@@ -43,7 +43,7 @@ const MAX_VARIANCE: f32 = MAX_SIGMA * MAX_SIGMA;
 
 /// The estimate with its covariance.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Filter {
+pub struct Filter {
     state: Vector,
     covariance: Matrix,
     /// Lower limit of the variance of an estimate that started from a voltage, whose errors, those of curve and sag, do not

@@ -47,7 +47,7 @@ const LEARNT_SAG_SIGMA: f32 = 0.05;
 /// Lessons as good as one another have their errors in common, those of the curve and of the slow sag at the rest: many of them
 /// are no better than one, and what counts is how they differ. A lesson that is better is weighed against what is known, the
 /// first one against the label: the further that is off, the less it counts.
-pub(super) fn learn_capacity(
+pub fn learn_capacity(
     before: Option<LearntCapacity>,
     lesson: &Capacity,
     rated_ah: f32,
@@ -86,12 +86,12 @@ pub(super) fn learn_capacity(
 }
 
 /// Whether a pack with this resistance of a cell was warm. A first one is: nothing lower is known of it.
-pub(super) fn is_warm(kept: Option<LearntResistance>, ohm: f32) -> bool {
+pub fn is_warm(kept: Option<LearntResistance>, ohm: f32) -> bool {
     kept.is_none_or(|kept| ohm <= WARM_TO_KEPT * kept.now_ohm)
 }
 
 /// Takes the resistance of a warm drive.
-pub(super) fn learn_resistance(before: Option<LearntResistance>, ohm: f32) -> LearntResistance {
+pub fn learn_resistance(before: Option<LearntResistance>, ohm: f32) -> LearntResistance {
     match before {
         None => LearntResistance {
             now_ohm: ohm,
@@ -114,7 +114,7 @@ pub(super) fn learn_resistance(before: Option<LearntResistance>, ohm: f32) -> Le
 
 /// Means of a drive near one point of the curve.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SeenPoint {
+pub struct SeenPoint {
     /// The voltage of a cell without the fast part of the sag, in volts.
     pub without_fast_v: f32,
     /// The fast part of the sag whose multiple the slow part is, in volts.
@@ -125,7 +125,7 @@ pub(super) struct SeenPoint {
 
 /// Origin of the slow part of the sag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SlowSag {
+pub enum SlowSag {
     /// As known before.
     Known,
     /// With the curve: wires and contacts raise the resistance, and have no slow sag.
@@ -149,7 +149,7 @@ impl ComparedPoint {
 }
 
 /// A curve that is learnt from a drive.
-pub(super) struct CurveLesson<'a> {
+pub struct CurveLesson<'a> {
     /// State of charge at the start of the drive.
     pub start: KnownCharge,
     pub capacity: Capacity,

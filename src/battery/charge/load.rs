@@ -15,7 +15,7 @@ const FIRST_SECOND_S: f32 = 0.249;
 
 /// Sums up to a second.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Gathering {
+pub struct Gathering {
     complete_s: f32,
     duration_s: f32,
     voltage: MeasuredSum,
@@ -32,14 +32,14 @@ struct MeasuredSum {
 
 /// A weighted sum of what was measured.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sum {
+pub struct Sum {
     value_s: f32,
     duration_s: f32,
 }
 
 /// Means over a second, or over the sampling interval if that is longer. `None` is not measured.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::battery) struct Second {
+pub struct Second {
     /// In seconds.
     pub duration_s: f32,
     /// Of the whole pack, in volts.
@@ -139,11 +139,11 @@ impl Gathering {
 /// Duration of a block, less what a second may vary, in seconds.
 const BLOCK_S: f32 = 9.99;
 
-pub(super) const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
+pub const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
 
 /// A load of a cell over some time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Load {
+pub struct Load {
     /// In seconds.
     pub duration_s: f32,
     /// Mean, in amperes.
@@ -155,7 +155,7 @@ pub(super) struct Load {
 
 /// Means over a block.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Block {
+pub struct Block {
     pub load: Load,
     /// Of a cell, in volts, if measured.
     pub cell_v: Option<f32>,
@@ -163,7 +163,7 @@ pub(super) struct Block {
 
 /// Sums up to a block.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct BlockSum {
+pub struct BlockSum {
     cell_v: Sum,
     current_a: Sum,
     slow_a: Sum,
@@ -237,7 +237,7 @@ const PARTS: [(f32, f32); 3] = [(10.0, 0.25), (100.0, 0.25), (1000.0, 0.5)];
 
 /// Weighted low-passes of the current.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Polarisation([MeanThenLowPass; 3]);
+pub struct Polarisation([MeanThenLowPass; 3]);
 
 impl Polarisation {
     /// Unknown: until it is as old as its time constant, each part is the mean of the current so far.
@@ -295,7 +295,7 @@ impl Polarisation {
 
 /// State that outlives a change of the method.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Trace {
+pub struct Trace {
     /// Of the current in amperes; of the load in capacities per hour where it is inferred from the voltage.
     pub polarisation: Polarisation,
     pub block: BlockSum,
@@ -333,7 +333,7 @@ const SEARCH_STEPS: u8 = 8;
 
 /// Growth of a sag towards the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SagGrowth {
+pub enum SagGrowth {
     /// It was taken from the resting voltage of a charge that is counted.
     NearEmpty,
     /// The charge was inferred from it.
@@ -342,7 +342,7 @@ pub(super) enum SagGrowth {
 
 /// The largest recent sag, and the charge at which it ends the drive.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reserve {
+pub struct Reserve {
     peak_v: f32,
     soc: f32,
     /// Standard deviation of the share.

@@ -13,8 +13,8 @@ mod reference;
 mod start;
 mod voltage_only;
 
-pub(super) use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
-pub(super) use load::Second;
+pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
+pub use load::Second;
 
 use super::learnt::{LastCharge, LessonObstacle, OpenLesson};
 use super::swap::Doubt;
@@ -39,7 +39,7 @@ const GAP_RATE_PER_H: f32 = 1.0;
 
 /// Estimates the charge of one pack, and learns the pack.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ChargeEstimator {
+pub struct ChargeEstimator {
     gathering: Gathering,
     phase: Phase,
     trace: Trace,
@@ -66,7 +66,7 @@ enum Phase {
 
 /// Whether a pack is the one that was counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Comparison {
+pub enum Comparison {
     Same,
     /// Or the same after charging.
     Another,
@@ -74,7 +74,7 @@ pub(super) enum Comparison {
 
 /// The estimate of a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ChargeEstimate {
+pub struct ChargeEstimate {
     /// State of charge, from 0 to 1.
     pub soc: f32,
     /// Its standard deviation.

@@ -7,7 +7,7 @@ use crate::battery::chemistry::SAME_VOLTAGE_V;
 
 /// A state of charge with the voltage and load under which a cell had it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reference {
+pub struct Reference {
     pub soc: f32,
     pub cell_v: f32,
     pub load: Load,

@@ -51,7 +51,7 @@ const SURFACE_SIGMA: f32 = 0.15;
 const PAUSE_SIGMA: f32 = 0.03;
 
 /// A curve on which a voltage gives the charge to this standard deviation is steep.
-pub(super) const STEEP_SIGMA: f32 = 0.12;
+pub const STEEP_SIGMA: f32 = 0.12;
 
 /// Standard deviation of a measured resistance, relative to it: the noise of the sensors, and its change with load and
 /// charge. The model of the sag has the same.
@@ -62,7 +62,7 @@ const UNIFORM_SIGMA: f32 = 0.29;
 
 /// Gathers what the first estimate is made from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Start {
+pub struct Start {
     elapsed_s: f32,
     first: First,
     averaged_s: f32,
@@ -88,7 +88,7 @@ struct First {
 
 /// A first estimate.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
+pub struct Found {
     pub filter: Filter,
     /// Whether the cells have rested; else the load before is unknown.
     pub has_rested: bool,
@@ -298,12 +298,7 @@ fn remembered(cell_v: f32, model: &CellModel, capacity: &Capacity) -> Option<Fil
 }
 
 /// Whether a disarmed rover draws a small steady current: a rest with a sag that is known.
-pub(super) fn is_idle(
-    load: &Load,
-    polarisation: &Polarisation,
-    model: &CellModel,
-    capacity: &Capacity,
-) -> bool {
+pub fn is_idle(load: &Load, polarisation: &Polarisation, model: &CellModel, capacity: &Capacity) -> bool {
     let is_steady = polarisation
         .recent_a()
         .is_some_and(|recent_a| (load.current_a - recent_a).abs() < STEADY_RATE_PER_H * capacity.ah);
@@ -312,18 +307,18 @@ pub(super) fn is_idle(
 }
 
 /// Whether a current is that of a pack at rest.
-pub(super) fn is_resting(current_a: f32, capacity: &Capacity) -> bool {
+pub fn is_resting(current_a: f32, capacity: &Capacity) -> bool {
     current_a.abs() < RESTING_RATE_PER_H * capacity.ah
 }
 
 /// Whether a pack was charged in the last minutes.
-pub(super) fn was_charged(load: &Load, capacity: &Capacity) -> bool {
+pub fn was_charged(load: &Load, capacity: &Capacity) -> bool {
     load.slow_a < -CHARGED_RATE_PER_H * capacity.ah
 }
 
 /// The estimate at the end of charging: the current has fallen at the voltage of a full pack. On a curve with a plateau that is
 /// the voltage of the charger: lower ones are reached long before.
-pub(super) fn charged(block: &Block, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
+pub fn charged(block: &Block, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
     if !was_charged(&block.load, capacity) || !is_resting(block.load.current_a, capacity) {
         return None;
     }
@@ -336,19 +331,19 @@ pub(super) fn charged(block: &Block, model: &CellModel, capacity: &Capacity) -> 
 }
 
 /// Whether a voltage says little of the charge.
-pub(super) fn is_flat(by_voltage: &Filter) -> bool {
+pub fn is_flat(by_voltage: &Filter) -> bool {
     by_voltage.sigma() > STEEP_SIGMA
 }
 
 /// Whether a cell has had the time to relax.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Relaxation {
+pub enum Relaxation {
     Unknown,
     Relaxed,
 }
 
 /// The estimate for a voltage that only a full cell has. On a curve with a plateau it is that of a cell that has relaxed.
-pub(super) fn full(
+pub fn full(
     by_voltage: &Filter,
     relaxation: Relaxation,
     model: &CellModel,
@@ -361,19 +356,19 @@ pub(super) fn full(
 }
 
 /// Whether such a cell may have been charged a moment ago.
-pub(super) fn may_have_surface_charge(estimate: &Filter) -> bool {
+pub fn may_have_surface_charge(estimate: &Filter) -> bool {
     estimate.soc() >= SURFACE_SOC
 }
 
 /// The estimate by the voltage of a cell that may not have relaxed.
-pub(super) fn provisional(mut by_voltage: Filter) -> Filter {
+pub fn provisional(mut by_voltage: Filter) -> Filter {
     let beyond = (by_voltage.soc() - SURFACE_SOC) / SURFACE_WIDTH;
     by_voltage.inflate(SURFACE_SIGMA * beyond.clamp(0.0, 1.0));
     by_voltage
 }
 
 /// Whether the curve is flat at half charge.
-pub(super) fn has_plateau(model: &CellModel, capacity: &Capacity) -> bool {
+pub fn has_plateau(model: &CellModel, capacity: &Capacity) -> bool {
     let half_v = model.cell.curve.voltage_v(0.5);
     is_flat(&Filter::from_voltage(&Load::NONE, half_v, model, capacity))
 }

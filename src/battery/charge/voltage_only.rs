@@ -50,7 +50,7 @@ const NO_LOAD: MeanThenLowPass = MeanThenLowPass::new(RATE_TIME_CONSTANT_S);
 /// One that is too high sees too large a sag, and falls faster: it converges. How large the sag is for a load depends on
 /// the cells and their temperature; it is inferred from how much the changes of the load vary the voltage.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct VoltageOnly {
+pub struct VoltageOnly {
     soc: f32,
     sigma: f32,
     sag_v: f32,

@@ -7,7 +7,7 @@ use crate::time::Instant;
 
 /// Counts what is drawn from one pack.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Counting {
+pub struct Counting {
     consumption: Consumption,
     counter: SourceCounter,
     /// Drawn since the start: neither a battery reset nor another pack changes it.
@@ -18,7 +18,7 @@ pub(super) struct Counting {
 
 /// Contribution of a reading to the consumption.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Count {
+pub struct Count {
     pub gap: Option<Gap>,
     /// Counted by the source since the reading before, in milliampere-hours.
     pub at_source_mah: Option<f32>,
@@ -322,13 +322,13 @@ impl SourceCounter {
 const TIMEOUT_US: u64 = 12_000_000;
 
 /// Whether what counts the charge, and has been silent `since` then, has timed out.
-pub(super) fn has_timed_out(since: Instant, now: Instant) -> bool {
+pub fn has_timed_out(since: Instant, now: Instant) -> bool {
     now.us_since(since) > TIMEOUT_US
 }
 
 /// Knowledge of the gauge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) enum GaugeState {
+pub enum GaugeState {
     /// There is none, or it is not to be used.
     #[default]
     Absent,

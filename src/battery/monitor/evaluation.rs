@@ -12,7 +12,7 @@ use crate::time::Instant;
 
 /// Evaluates the state of one pack after every tick.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Evaluation {
+pub struct Evaluation {
     diagnosis: Diagnosis,
     pub(super) failsafe: Failsafe,
     charge_state: ChargeStateMachine,
@@ -21,7 +21,7 @@ pub(super) struct Evaluation {
 
 /// Inputs of a tick's evaluation, beside the state.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Basis {
+pub struct Basis {
     pub tick: Tick,
     /// Since the tick before, in microseconds.
     pub dt_us: u64,

@@ -9,7 +9,7 @@ const MAX_ABOVE_LABEL: f32 = 1.1;
 
 /// Learnt properties of the pack, once flash was read.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Learnt {
+pub struct Learnt {
     pack: LearntPack,
     standing: Standing,
 }

@@ -9,7 +9,7 @@ use crate::time::Instant;
 
 /// The reports of one pack.
 #[derive(Clone, Debug)]
-pub(super) struct Reports {
+pub struct Reports {
     /// The pack's own fuel gauge.
     pub gauge: GaugeState,
     pub serial_number: SerialNumber,

@@ -16,7 +16,7 @@ const CYCLE_COUNT_UNKNOWN: u16 = u16::MAX;
 const CELLS_UNKNOWN: u8 = 0;
 
 /// MAVLink's value for a weight that is not known.
-pub(super) const WEIGHT_UNKNOWN_G: u16 = 0;
+pub const WEIGHT_UNKNOWN_G: u16 = 0;
 
 /// Between the maker's name and the product's.
 const NAME_SEPARATOR: u8 = b'_';
@@ -28,7 +28,7 @@ const NUMBER_BYTES: usize = 11;
 const DATE_BYTES: usize = 10;
 
 /// Chemistry of the cells, as set or as the pack reports; that is known even while nothing is measured. A tank has none.
-pub(super) fn battery_type(battery: &BatteryState) -> MavBatteryType {
+pub fn battery_type(battery: &BatteryState) -> MavBatteryType {
     if battery.contents == Contents::Fuel {
         return MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN;
     }
@@ -41,7 +41,7 @@ pub(super) fn battery_type(battery: &BatteryState) -> MavBatteryType {
 }
 
 /// The voltage of a charged cell, in volts; a tank has no cells.
-pub(super) fn charged_cell_voltage_v(battery: &BatteryState) -> Option<f32> {
+pub fn charged_cell_voltage_v(battery: &BatteryState) -> Option<f32> {
     match battery.contents {
         Contents::Charge => battery.chemistry.charged_cell_voltage_v(),
         Contents::Fuel => None,
@@ -49,13 +49,13 @@ pub(super) fn charged_cell_voltage_v(battery: &BatteryState) -> Option<f32> {
 }
 
 /// Lowest voltage of a cell: the owner's critical threshold, since no pack reports it.
-pub(super) fn lowest_cell_voltage_v(battery: &BatteryState) -> Option<f32> {
+pub fn lowest_cell_voltage_v(battery: &BatteryState) -> Option<f32> {
     let cells = battery.cell_count.filter(|cells| *cells > 0)?;
     Some(battery.critical_voltage_v? / f32::from(cells))
 }
 
 /// The pack's nominal voltage, in volts: its own, else that of its cells.
-pub(super) fn nominal_voltage_v(battery: &BatteryState) -> Option<f32> {
+pub fn nominal_voltage_v(battery: &BatteryState) -> Option<f32> {
     let of_cells = |cells| battery.chemistry.nominal_cell_voltage_v() * f32::from(cells);
     battery
         .details
@@ -65,7 +65,7 @@ pub(super) fn nominal_voltage_v(battery: &BatteryState) -> Option<f32> {
 
 /// The charge of the pack when it was new, in milliampere-hours: its own, else what the owner has set. Of a tank, its volume
 /// in millilitres.
-pub(super) fn design_capacity(battery: &BatteryState) -> Option<f32> {
+pub fn design_capacity(battery: &BatteryState) -> Option<f32> {
     battery
         .details
         .design_capacity_mah
@@ -77,30 +77,30 @@ pub(super) fn design_capacity(battery: &BatteryState) -> Option<f32> {
 
 /// The charge of the full pack at its present age, in milliampere-hours: by its gauge, else as learnt. Of a tank, its volume in
 /// millilitres.
-pub(super) fn full_capacity(battery: &BatteryState) -> Option<f32> {
+pub fn full_capacity(battery: &BatteryState) -> Option<f32> {
     match battery.charge_source {
         ChargeSource::Gauge => battery.capacity.map(Amount::number),
         ChargeSource::Estimated | ChargeSource::Reported => battery.learnt_capacity_mah,
     }
 }
 
-pub(super) fn cycle_count(details: &PackDetails) -> u16 {
+pub fn cycle_count(details: &PackDetails) -> u16 {
     details.cycle_count.unwrap_or(CYCLE_COUNT_UNKNOWN)
 }
 
-pub(super) fn cells_in_series(battery: &BatteryState) -> u8 {
+pub fn cells_in_series(battery: &BatteryState) -> u8 {
     battery.cell_count.unwrap_or(CELLS_UNKNOWN)
 }
 
 /// The serial number in decimal.
-pub(super) fn serial_number<const N: usize>(battery: &BatteryState) -> CharArray<N> {
+pub fn serial_number<const N: usize>(battery: &BatteryState) -> CharArray<N> {
     let digits: Option<String<NUMBER_BYTES>> =
         battery.serial_number.map(|number| text(format_args!("{number}")));
     characters(digits.unwrap_or_default().bytes())
 }
 
 /// The maker's name and the product's, or the one that is known.
-pub(super) fn name<const N: usize>(details: &PackDetails) -> CharArray<N> {
+pub fn name<const N: usize>(details: &PackDetails) -> CharArray<N> {
     let (maker, product) = (&details.manufacturer, &details.device);
     let are_both_known = !maker.is_empty() && !product.is_empty();
     let separator = iter::once(NAME_SEPARATOR).filter(|_| are_both_known);
@@ -109,7 +109,7 @@ pub(super) fn name<const N: usize>(details: &PackDetails) -> CharArray<N> {
 }
 
 /// The day the pack was made, with `separator` between day, month and year.
-pub(super) fn manufacture_date<const N: usize>(details: &PackDetails, separator: &str) -> CharArray<N> {
+pub fn manufacture_date<const N: usize>(details: &PackDetails, separator: &str) -> CharArray<N> {
     let digits =
         |Date { year, month, day }| text(format_args!("{day:02}{separator}{month:02}{separator}{year:04}"));
     let digits: Option<String<DATE_BYTES>> = details.manufactured.filter(is_day).map(digits);

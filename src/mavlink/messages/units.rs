@@ -6,23 +6,23 @@ use crate::time::Instant;
 const MICROSECONDS_PER_MILLISECOND: u64 = 1000;
 
 /// Time since the start, in ms. As every autopilot's, it starts again after 49 days.
-pub(super) fn time_boot_ms(now: Instant) -> u32 {
+pub fn time_boot_ms(now: Instant) -> u32 {
     (now.as_micros() / MICROSECONDS_PER_MILLISECOND) as u32
 }
 
 /// A number that is neither NaN nor infinite.
-pub(super) fn finite(value: Option<f32>) -> Option<f32> {
+pub fn finite(value: Option<f32>) -> Option<f32> {
     value.filter(|value| value.is_finite())
 }
 
 /// MAVLink's value for a voltage that is not known, `UINT16_MAX`.
-pub(super) const VOLTAGE_UNKNOWN_MV: u16 = u16::MAX;
+pub const VOLTAGE_UNKNOWN_MV: u16 = u16::MAX;
 
 /// The largest voltage one field can carry, in mV; one more would read as unknown.
-pub(super) const MAX_VOLTAGE_MV: u16 = u16::MAX - 1;
+pub const MAX_VOLTAGE_MV: u16 = u16::MAX - 1;
 
 /// A pack's voltage in mV. Nothing a pack can't have (NaN, infinite, negative) passes for a voltage.
-pub(super) fn voltage_mv(voltage_v: Option<f32>) -> Option<u32> {
+pub fn voltage_mv(voltage_v: Option<f32>) -> Option<u32> {
     finite(voltage_v)
         .filter(|voltage_v| *voltage_v >= 0.0)
         .map(|voltage_v| round_to_i32(voltage_v * 1000.0).unsigned_abs())
@@ -32,7 +32,7 @@ pub(super) fn voltage_mv(voltage_v: Option<f32>) -> Option<u32> {
 const CURRENT_UNKNOWN_CA: i16 = -1;
 
 /// A current in cA (10 mA), saturating at ±327.67 A. A true −10 mA would read as unknown and is sent as 0.
-pub(super) fn current_ca(current_a: Option<f32>) -> i16 {
+pub fn current_ca(current_a: Option<f32>) -> i16 {
     let Some(current_a) = finite(current_a) else {
         return CURRENT_UNKNOWN_CA;
     };
@@ -47,7 +47,7 @@ pub(super) fn current_ca(current_a: Option<f32>) -> i16 {
 const TEMPERATURE_UNKNOWN_CDEGC: i16 = i16::MAX;
 
 /// A temperature in hundredths of a degree, saturating at −327.68 and 327.66 °C.
-pub(super) fn temperature_cdegc(temperature_c: Option<f32>) -> i16 {
+pub fn temperature_cdegc(temperature_c: Option<f32>) -> i16 {
     match finite(temperature_c) {
         Some(temperature_c) => {
             let highest = i32::from(TEMPERATURE_UNKNOWN_CDEGC - 1);
@@ -61,20 +61,20 @@ pub(super) fn temperature_cdegc(temperature_c: Option<f32>) -> i16 {
 const UNKNOWN_NUMBER: f32 = f32::from_bits(0x7fc0_0000);
 
 /// A number as it is.
-pub(super) fn number(value: Option<f32>) -> f32 {
+pub fn number(value: Option<f32>) -> f32 {
     finite(value).unwrap_or(UNKNOWN_NUMBER)
 }
 
 /// MAVLink's value for a number with a fraction that is not known, where a true 0 makes no sense.
-pub(super) const NOT_GIVEN: f32 = 0.0;
+pub const NOT_GIVEN: f32 = 0.0;
 
 /// A number above 0; what can't be one is not given.
-pub(super) fn number_above_zero(value: Option<f32>) -> f32 {
+pub fn number_above_zero(value: Option<f32>) -> f32 {
     finite(value).filter(|value| *value > 0.0).unwrap_or(NOT_GIVEN)
 }
 
 /// A charge in Ah, from one in mAh.
-pub(super) fn amp_hours(charge_mah: Option<f32>) -> Option<f32> {
+pub fn amp_hours(charge_mah: Option<f32>) -> Option<f32> {
     charge_mah.map(|charge_mah| charge_mah / 1000.0)
 }
 
@@ -82,7 +82,7 @@ pub(super) fn amp_hours(charge_mah: Option<f32>) -> Option<f32> {
 const REMAINING_UNKNOWN_PCT: i8 = -1;
 
 /// A remaining charge in whole percent, 0 to 100.
-pub(super) fn remaining_pct(remaining_pct: Option<f32>) -> i8 {
+pub fn remaining_pct(remaining_pct: Option<f32>) -> i8 {
     match finite(remaining_pct) {
         Some(remaining_pct) => round_to_i32(remaining_pct).clamp(0, 100) as i8,
         None => REMAINING_UNKNOWN_PCT,

@@ -42,7 +42,7 @@ const HECTOJOULES_PER_WATT_HOUR: f32 = 36.0;
 type CellFields = [u16; CELLS + EXT_CELLS];
 
 /// `None` if there is no such pack, or if its voltage is unknown: a component whose sensor has failed is not a source.
-pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
+pub fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
     let pack = Pack::from_instance(payload.u8(ID))?;
     let fields = cell_fields(payload);
     let known = known_fields(&fields)?;

@@ -46,7 +46,7 @@ pub struct Peer {
 
 /// The system or component that a message is addressed to. Id 0 stands for all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Target {
+pub enum Target {
     /// The message has no target.
     Everyone,
     System(u8),
@@ -78,7 +78,7 @@ impl Target {
 
 /// The request of a message.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Request<'a> {
+pub enum Request<'a> {
     ParameterList,
     /// PARAM_REQUEST_READ.
     ParameterRead {
@@ -157,7 +157,7 @@ pub(super) enum Request<'a> {
 
 /// COMMAND_LONG or COMMAND_INT, any number. Ground stations fill parameters they don't use with NaN.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Command {
+pub struct Command {
     pub number: u16,
     pub param1: f32,
     pub param2: f32,
@@ -167,7 +167,7 @@ pub(super) struct Command {
 
 /// FILE_TRANSFER_PROTOCOL.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct FileTransfer<'a> {
+pub struct FileTransfer<'a> {
     pub sequence: u16,
     pub session: u8,
     pub opcode: u8,
@@ -187,14 +187,14 @@ impl FileTransfer<'_> {
 
 /// LOG_REQUEST_LIST.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct LogListRequest {
+pub struct LogListRequest {
     pub start: u16,
     pub end: u16,
 }
 
 /// LOG_REQUEST_DATA.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct LogDataRequest {
+pub struct LogDataRequest {
     pub id: u16,
     pub offset: u32,
     pub bytes: u32,
@@ -202,7 +202,7 @@ pub(super) struct LogDataRequest {
 
 /// SETUP_SIGNING.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct SetUpSigning {
+pub struct SetUpSigning {
     /// `None` to remove the key.
     pub key: Option<SigningKey>,
     /// `None` if it leaves less than a year of what 48 bits hold.
@@ -211,7 +211,7 @@ pub(super) struct SetUpSigning {
 
 /// WIFI_CONFIG_AP.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct WifiConfig<'a> {
+pub struct WifiConfig<'a> {
     /// A number of `WIFI_CONFIG_AP_MODE`, or any other.
     pub mode: u8,
     pub payload: Payload<'a>,
@@ -231,7 +231,7 @@ impl WifiConfig<'_> {
 
 /// A message of the mission protocol.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Mission {
+pub struct Mission {
     /// Mission, fence, rally points, or all of them.
     pub list: MavMissionType,
     pub request: MissionRequest,
@@ -239,7 +239,7 @@ pub(super) struct Mission {
 
 /// A request for a list.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum MissionRequest {
+pub enum MissionRequest {
     /// MISSION_REQUEST_LIST.
     List,
     /// MISSION_CLEAR_ALL.
@@ -252,7 +252,7 @@ pub(super) enum MissionRequest {
 
 /// A message that asks for something.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct ReceivedRequest<'a> {
+pub struct ReceivedRequest<'a> {
     pub from: Peer,
     pub target: Target,
     pub request: Request<'a>,

@@ -74,7 +74,7 @@ impl Action {
 
 /// The answer that a command asked for.
 #[derive(Debug, PartialEq)]
-pub(in crate::mavlink) enum Answer {
+pub enum Answer {
     Message(Message),
     /// Messages with this id that are streamed, once: of this pack, `None` if there is no such pack, which does not matter to
     /// messages of the vehicle.
@@ -84,7 +84,7 @@ pub(in crate::mavlink) enum Answer {
 }
 
 /// The streams of [`Answer::Streams`] that have something to report: of NAMED_VALUE_FLOAT one for each name.
-pub(in crate::mavlink) fn requested_streams(
+pub fn requested_streams(
     message_id: u32,
     pack: Option<Pack>,
     state: &SystemState<'_>,
@@ -97,7 +97,7 @@ pub(in crate::mavlink) fn requested_streams(
 
 /// Result of a command.
 #[derive(Debug, PartialEq)]
-pub(in crate::mavlink) struct CommandOutcome {
+pub struct CommandOutcome {
     pub result: MavResult,
     /// The answer, to be sent after the acknowledgement.
     pub answer: Option<Answer>,

@@ -11,7 +11,7 @@ const SHARE: u8 = 24;
 
 /// The downloads of one link, and the one message of theirs that waits for the wire.
 #[derive(Debug, Default)]
-pub(in crate::mavlink) struct Downloads {
+pub struct Downloads {
     pub logs: LogDownload,
     pub files: FileTransfers,
     /// Whether MAVLink FTP is next if the log protocol sends, too.

@@ -50,7 +50,7 @@ pub struct LogRead {
     clippy::large_enum_variant,
     reason = "there is no heap, and one of it exists at a time"
 )]
-pub(in crate::mavlink) enum Step {
+pub enum Step {
     /// Nothing, there is none.
     Idle,
     /// Send a message.
@@ -61,7 +61,7 @@ pub(in crate::mavlink) enum Step {
 
 /// Why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::mavlink) enum Refusal {
+pub enum Refusal {
     Armed,
     /// Another ground station is downloading.
     InUse,
@@ -79,7 +79,7 @@ impl Refusal {
 
 /// The list and the file that are being sent on one link, at most one of each.
 #[derive(Debug, Default)]
-pub(in crate::mavlink) struct LogDownload {
+pub struct LogDownload {
     /// Number of the file with id 1.
     first: Option<u16>,
     list: Option<Listing>,

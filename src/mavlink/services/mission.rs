@@ -6,7 +6,7 @@ use crate::mavlink::requests::{Mission, MissionRequest};
 use crate::mavlink::{Message, Peer};
 
 /// Answers a request for a list, or a change of one.
-pub(in crate::mavlink) fn answer(request: &Mission, from: Peer) -> Message {
+pub fn answer(request: &Mission, from: Peer) -> Message {
     let list = request.list;
     let is_one_list = list != MavMissionType::MAV_MISSION_TYPE_ALL;
     let acknowledge = |result| {

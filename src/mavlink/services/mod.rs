@@ -1,15 +1,15 @@
 //! Services for ground stations, one file each.
 
-pub(super) mod commands;
-pub(super) mod downloads;
-pub(super) mod file_transfer;
+pub mod commands;
+pub mod downloads;
+pub mod file_transfer;
 pub(super) mod log_download;
-pub(super) mod mission;
-pub(super) mod parameters;
+pub mod mission;
+pub mod parameters;
 pub(super) mod signing;
-pub(super) mod time;
-pub(super) mod vehicle;
-pub(super) mod wifi;
+pub mod time;
+pub mod vehicle;
+pub mod wifi;
 
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::rates::Rates;
@@ -23,10 +23,10 @@ use crate::vehicle::{Delivery, Vehicle};
 use crate::wifi::WifiCredentials;
 
 /// Why a restart, a reset of the parameters, a signing key or a download is refused.
-pub(super) const DISARM_FIRST: &str = "Not while armed: disarm first";
+pub const DISARM_FIRST: &str = "Not while armed: disarm first";
 
 /// Why a request that could set the rover in motion, or change it for good, was refused.
-pub(super) const TOO_LATE: &str = "Command waited for too long: refused";
+pub const TOO_LATE: &str = "Command waited for too long: refused";
 
 /// State that requests may change, apart from their link.
 #[derive(Debug)]
@@ -42,7 +42,7 @@ pub struct Changeable<'a> {
 }
 
 /// State that a request may use and change.
-pub(in crate::mavlink) struct Context<'a> {
+pub struct Context<'a> {
     pub now: Instant,
     /// The frame can't have been received earlier.
     pub received_at: Instant,

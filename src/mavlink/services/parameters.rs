@@ -26,7 +26,7 @@ const BY_NAME: i16 = -1;
 const NO_INDEX: u16 = u16::MAX;
 
 /// The PARAM_VALUE of a parameter.
-pub(in crate::mavlink) fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
+pub fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
     param_value_of(id.into(), parameters.get(id), parameters)
 }
 
@@ -67,7 +67,7 @@ fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Messag
 }
 
 /// Answers PARAM_REQUEST_READ.
-pub(in crate::mavlink) fn read(index: i16, name: Name, from: Peer, context: &mut Context<'_>) -> Event {
+pub fn read(index: i16, name: Name, from: Peer, context: &mut Context<'_>) -> Event {
     let parameters = &*context.changeable.parameters;
     let named = if index == BY_NAME {
         NamedParameter::from_name(name.as_bytes())
@@ -89,7 +89,7 @@ pub(in crate::mavlink) fn read(index: i16, name: Name, from: Peer, context: &mut
 
 /// Answers PARAM_SET: the value that is now live, after an error if that is not the one asked for. A trigger's value is
 /// acknowledged first, since ground stations repeat what they do not see, and then it reads 0 again.
-pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut Context<'_>) -> Event {
+pub fn set(name: Name, value: f32, from: Peer, context: &mut Context<'_>) -> Event {
     let (parameters, outbox) = (&mut *context.changeable.parameters, &mut *context.outbox);
     let error = |error| param_error(name, BY_NAME, error, from);
     let Some(named) = NamedParameter::from_name(name.as_bytes()) else {
@@ -131,7 +131,7 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
 ///
 /// Each is sent once, whatever is shown or hidden meanwhile, and the list ends when all that are shown have been sent.
 #[derive(Debug, Default)]
-pub(in crate::mavlink) struct ParameterList {
+pub struct ParameterList {
     /// The parameters of the list that were sent; `None` if none is being sent.
     sent: Option<ParameterIdSet>,
     changed: ParameterIdSet,

@@ -36,7 +36,7 @@ impl SetupRefused {
 }
 
 /// Does what SETUP_SIGNING asks for. MAVLink has no acknowledgement of it, so a text says why it was refused.
-pub(in crate::mavlink) fn set_up(request: &SetUpSigning, context: &mut Context<'_>) -> Event {
+pub fn set_up(request: &SetUpSigning, context: &mut Context<'_>) -> Event {
     match change(request, context) {
         Ok(change) => Event::SigningSetUp(change),
         Err(refused) => {

@@ -19,13 +19,7 @@ const NOT_ADDRESSED: Peer = Peer {
 };
 
 /// Answers a PING: the same back to its sender. One that has a target is an answer itself.
-pub(in crate::mavlink) fn ping(
-    time_us: u64,
-    sequence: u32,
-    target: Peer,
-    from: Peer,
-    context: &mut Context<'_>,
-) -> Event {
+pub fn ping(time_us: u64, sequence: u32, target: Peer, from: Peer, context: &mut Context<'_>) -> Event {
     if target == NOT_ADDRESSED {
         context.outbox.answer(Message::Ping(PING_DATA {
             time_usec: time_us,
@@ -38,12 +32,7 @@ pub(in crate::mavlink) fn ping(
 }
 
 /// Answers a TIMESYNC with the time since boot. One that has a time of its own is an answer itself.
-pub(in crate::mavlink) fn timesync(
-    answered_ns: i64,
-    asked_ns: i64,
-    from: Peer,
-    context: &mut Context<'_>,
-) -> Event {
+pub fn timesync(answered_ns: i64, asked_ns: i64, from: Peer, context: &mut Context<'_>) -> Event {
     if answered_ns == 0 {
         context.outbox.answer(Message::Timesync(TIMESYNC_DATA {
             tc1: (context.now.as_micros() as i64).saturating_mul(NANOSECONDS_PER_MICROSECOND),
@@ -57,12 +46,7 @@ pub(in crate::mavlink) fn timesync(
 
 /// Takes the time of a ground station. Vehicles and cameras near by say theirs to everyone, too. The time since its start is
 /// by what the age of the page's own commands is known.
-pub(in crate::mavlink) fn system_time(
-    unix_us: u64,
-    boot_ms: u32,
-    from: Peer,
-    context: &mut Context<'_>,
-) -> Event {
+pub fn system_time(unix_us: u64, boot_ms: u32, from: Peer, context: &mut Context<'_>) -> Event {
     if context.access == Access::Page {
         context.clocks.state(from, boot_ms, context.now);
     }

@@ -43,7 +43,7 @@ const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
 const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
 /// Whether all that a request can do is stop the rover: then it is obeyed however old it is.
-pub(in crate::mavlink) fn only_stops(request: &Request<'_>, vehicle: &Vehicle) -> bool {
+pub fn only_stops(request: &Request<'_>, vehicle: &Vehicle) -> bool {
     let hold = Mode::Hold.number();
     let (throttle, steering) = match request {
         Request::Command(Command {
@@ -65,7 +65,7 @@ pub(in crate::mavlink) fn only_stops(request: &Request<'_>, vehicle: &Vehicle) -
 }
 
 /// Handles one request for the vehicle: executes it, or refuses it and says why.
-pub(in crate::mavlink) struct VehicleService<'a> {
+pub struct VehicleService<'a> {
     pub now: Instant,
     /// The request can't have been received earlier.
     pub received_at: Instant,

@@ -35,7 +35,7 @@ enum Setup {
 }
 
 /// Does what WIFI_CONFIG_AP asks for, and answers it. Ground stations are sent the parameter that it has set.
-pub(in crate::mavlink) fn set_up(request: &WifiConfig<'_>, context: &mut Context<'_>) -> Event {
+pub fn set_up(request: &WifiConfig<'_>, context: &mut Context<'_>) -> Event {
     let arm_state = context.changeable.vehicle.arm_state();
     let (credentials, parameters) = (&mut *context.changeable.wifi, &mut *context.changeable.parameters);
     let result = set(request, arm_state, credentials, parameters);
@@ -120,7 +120,7 @@ fn station(request: &WifiConfig<'_>, known: Option<&Network>) -> Result<Setup, W
 }
 
 /// Answers a `command` that requests WIFI_CONFIG_AP. A board without a radio has none.
-pub(in crate::mavlink) fn report(command: u16, from: Peer, context: &mut Context<'_>) -> Event {
+pub fn report(command: u16, from: Peer, context: &mut Context<'_>) -> Event {
     let report = current(context.changeable.wifi, context.changeable.parameters);
     let (result, event) = match report {
         Some(_) => (MavResult::MAV_RESULT_ACCEPTED, Event::Answered),

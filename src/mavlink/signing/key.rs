@@ -5,10 +5,10 @@ use core::fmt;
 use sha2::{Digest, Sha256};
 
 const KEY_BYTES: usize = 32;
-pub(super) const KEY_WORDS: usize = KEY_BYTES / size_of::<u32>();
+pub const KEY_WORDS: usize = KEY_BYTES / size_of::<u32>();
 
 /// The part of the hash that is sent.
-pub(super) const SIGNATURE_BYTES: usize = 6;
+pub const SIGNATURE_BYTES: usize = 6;
 
 /// The secret that both ends of a link know. It never leaves the board again.
 #[derive(Clone, PartialEq, Eq)]

@@ -16,7 +16,7 @@ const MAX_AGE: u64 = 60 * Timestamp::PER_SECOND;
 
 /// One sender on one of its links: their timestamps only grow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct StreamId(NonZeroU32);
+pub struct StreamId(NonZeroU32);
 
 impl StreamId {
     pub fn new(system_id: u8, component_id: u8, link: u8) -> Self {
@@ -44,7 +44,7 @@ pub(in crate::mavlink) enum Role {
 
 /// The latest timestamp of each sender.
 #[derive(Clone, Debug)]
-pub(super) struct Streams {
+pub struct Streams {
     known: Vec<Stream, STREAMS>,
     /// Latest time of any sender that is not known any more.
     forgotten: Timestamp,

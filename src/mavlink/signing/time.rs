@@ -2,7 +2,7 @@
 
 use crate::time::Instant;
 
-pub(super) const BYTES: usize = 6;
+pub const BYTES: usize = 6;
 
 /// The time in a signature: tens of microseconds since the start of 2015, UTC, in 48 bits.
 ///
@@ -50,11 +50,11 @@ impl Timestamp {
     }
 }
 
-pub(super) const US_PER_TICK: u64 = 10;
+pub const US_PER_TICK: u64 = 10;
 
 /// A clock that never goes back and follows the latest sender.
 #[derive(Clone, Debug)]
-pub(super) struct SigningClock {
+pub struct SigningClock {
     at_boot: Timestamp,
     /// No two frames have the same.
     last_given: Timestamp,
@@ -125,14 +125,14 @@ impl Mark {
 
 /// The mark that has to replace `stored` when our time is `now`, if it has to be replaced. The vehicle has been armed for
 /// `armed_us`, 0 if it is not.
-pub(super) fn next_mark(stored: Mark, now: Timestamp, armed_us: u64) -> Option<Mark> {
+pub fn next_mark(stored: Mark, now: Timestamp, armed_us: u64) -> Option<Mark> {
     let is_near = now.later(MARK_LEFT) > stored.time();
     let next = Mark::ahead_of(now, armed_us);
     (is_near && next != stored).then_some(next)
 }
 
 /// The mark that replaces one near the end of time, if the time was taken back from there.
-pub(super) fn lower_mark(stored: Mark, now: Timestamp, armed_us: u64) -> Option<Mark> {
+pub fn lower_mark(stored: Mark, now: Timestamp, armed_us: u64) -> Option<Mark> {
     let next = Mark::ahead_of(now, armed_us);
     (next.time().leaves_a_year() && !stored.time().leaves_a_year()).then_some(next)
 }

@@ -1,12 +1,12 @@
 //! The formats, a row each, with the units in use: everything that a file says about its records derives from them.
 
 /// Length of what precedes the fields, in bytes: two of synchronisation and the format's number.
-pub(super) const HEADER_BYTES: usize = 3;
+pub const HEADER_BYTES: usize = 3;
 
 /// Identifies a format. The numbers are free but for FMT's, since a file states them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub(super) enum Kind {
+pub enum Kind {
     Format = 128,
     Unit = 129,
     Multiplier = 130,
@@ -33,7 +33,7 @@ pub(super) enum Kind {
 
 /// A format, as its FMT and FMTU records say it: a character and a name for each field.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Format {
+pub struct Format {
     pub kind: Kind,
     /// Up to 4 characters.
     pub name: &'static str,
@@ -73,7 +73,7 @@ fn field_bytes(field_type: u8) -> usize {
 }
 
 /// All formats, FMT first, since a reader needs it to read the others.
-pub(super) const FORMATS: [Format; 22] = [
+pub const FORMATS: [Format; 22] = [
     Format {
         kind: Kind::Format,
         name: "FMT",
@@ -254,7 +254,7 @@ pub(super) const FORMATS: [Format; 22] = [
 ];
 
 /// Units that the formats use, by ArduPilot's characters, with their names.
-pub(super) const UNITS: [(u8, &str); 11] = [
+pub const UNITS: [(u8, &str); 11] = [
     (b'-', ""),
     (b'#', "instance"),
     (b's', "s"),
@@ -270,7 +270,7 @@ pub(super) const UNITS: [(u8, &str); 11] = [
 
 /// Multipliers that the formats use, by ArduPilot's characters, with their values. `-` is for what is not a number; `?` is ArduPilot's for hundredths of a degree, which the type
 /// of the field divides already.
-pub(super) const MULTIPLIERS: [(u8, f64); 7] = [
+pub const MULTIPLIERS: [(u8, f64); 7] = [
     (b'-', 0.0),
     (b'?', 1.0),
     (b'0', 1.0),

@@ -20,7 +20,7 @@ const SYNCHRONISATION: [u8; 2] = [0xa3, 0x95];
 const UNKNOWN: f32 = f32::from_bits(0x7fc0_0000);
 
 /// A record in the making; its fields follow in their order.
-pub(super) struct Packet(RecordBytes);
+pub struct Packet(RecordBytes);
 
 impl Packet {
     pub fn of(kind: Kind) -> Self {
@@ -94,12 +94,12 @@ impl Packet {
 }
 
 /// A number that is neither NaN nor infinite.
-pub(super) fn finite(value: Option<f32>) -> Option<f32> {
+pub fn finite(value: Option<f32>) -> Option<f32> {
     value.filter(|value| value.is_finite())
 }
 
 /// A share in whole percent, 0 to 100.
-pub(super) fn whole_pct(pct: f32) -> u8 {
+pub fn whole_pct(pct: f32) -> u8 {
     round_to_i32(pct).clamp(0, 100) as u8
 }
 
