@@ -5,9 +5,8 @@ use core::fmt;
 use heapless::String;
 
 use super::files::{File, PAGE, PARAMETERS};
-use super::head::HeadWriter;
+use super::head::{HeadWriter, Refusal, Status, refusal};
 use super::request::{Request, Sender, TAG_BYTES, Tag, Target};
-use super::status::{Refusal, Status, refusal};
 use crate::autopilot::Autopilot;
 use crate::mavlink::LinkKind;
 use crate::memory::identity::BoardId;

@@ -8,9 +8,9 @@ use embedded_io_async::Write;
 
 use super::answer::{Answer, answer};
 use super::content::Content;
+use super::head::{Refusal, Status, refusal};
 use super::places::{Place, Places, Purpose};
 use super::request::{Method, Request};
-use super::status::{Refusal, Status, refusal};
 use crate::recorder::LogSource;
 use crate::tasks::{ByteSource, Shared};
 

@@ -12,7 +12,6 @@ mod files;
 mod head;
 mod places;
 mod request;
-mod status;
 mod web_socket;
 
 pub use attend::{Attended, BUFFER_BYTES, Site, attend, refuse};

@@ -4,8 +4,7 @@ use heapless::String;
 use httparse::{EMPTY_HEADER, Header};
 
 use super::byte_range::ByteRange;
-use super::head::accept_key;
-use super::status::{Refusal, Status, refusal};
+use super::head::{Refusal, Status, accept_key, refusal};
 
 /// Browsers send up to 17.
 const MAX_HEADERS: usize = 32;

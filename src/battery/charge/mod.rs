@@ -3,7 +3,6 @@
 //! Sums are kept at every reading; everything else runs once a second, and the comparison with the model once in ten.
 
 mod cell_model;
-mod collapse;
 mod counting;
 mod drive;
 mod filter;
