@@ -99,7 +99,7 @@ impl Measurement {
         })
     }
 
-    /// What is drawn: amperes from a pack, or litres per hour from a tank, which is counted as one.
+    /// Amperes drawn from a pack, or litres per hour from a tank, which is counted as one.
     pub(super) fn rate(&self) -> Option<f32> {
         self.current_a.or(self.fuel_l_h)
     }

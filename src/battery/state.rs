@@ -262,7 +262,7 @@ impl BatteryState {
         Some(self.readings.voltage_v? * self.readings.current_a?)
     }
 
-    /// What is drawn: amperes from a pack, or litres per hour from a tank. As in ArduPilot, either is reported as a current.
+    /// Amperes drawn from a pack, or litres per hour from a tank. As in ArduPilot, either is reported as a current.
     pub fn rate(&self) -> Option<f32> {
         self.readings.current_a.or(self.readings.fuel_l_h)
     }

@@ -26,7 +26,7 @@ const BOARD_ID: BoardId = BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2
 type Flash = FlashModel<4096, 256, SECTORS>;
 
 /// The core's part of the log, and the flash.
-struct Bench {
+struct RecordingBench {
     recording: Recording,
     flash: Flash,
     vehicle: Vehicle,
@@ -38,7 +38,7 @@ struct Bench {
     is_chatty: bool,
 }
 
-impl Bench {
+impl RecordingBench {
     fn new() -> Self {
         Self::with(Flash::blank(), Ring::new(Flash::REGION), None)
     }
@@ -207,7 +207,7 @@ fn count(file: &[u8], text: &str) -> usize {
 
 #[test]
 fn a_file_begins_with_arming_and_has_formats_and_parameters_first() {
-    let mut bench = Bench::new();
+    let mut bench = RecordingBench::new();
     bench.run(2);
     assert!(bench.recording.files().is_empty());
     bench.arm();
@@ -239,7 +239,7 @@ fn packs_in(file: &[u8]) -> Vec<u8> {
         .collect()
 }
 
-impl Bench {
+impl RecordingBench {
     /// All packs are monitored, and everything is learnt of each.
     fn with_nine_packs() -> Self {
         let mut bench = Self::new();
@@ -262,7 +262,7 @@ fn learnt() -> LearntPack {
 
 #[test]
 fn a_file_begins_with_the_board_and_its_packs() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     let file = bench.file(1);
     let (board, pack) = (places(&file, BOARD)[0], places(&file, PACK)[0]);
@@ -276,7 +276,7 @@ fn a_file_begins_with_the_board_and_its_packs() {
 
 #[test]
 fn nine_packs_at_the_beginning_take_no_room_from_what_happens() {
-    let mut bench = Bench::with_nine_packs();
+    let mut bench = RecordingBench::with_nine_packs();
     bench.run(1);
     bench.arm();
     bench.tick();
@@ -290,7 +290,7 @@ fn nine_packs_at_the_beginning_take_no_room_from_what_happens() {
 
 #[test]
 fn what_was_learnt_of_another_pack_is_not_recorded() {
-    let mut bench = Bench::with_nine_packs();
+    let mut bench = RecordingBench::with_nine_packs();
     let settings = |capacity_mah| PackSettings {
         capacity_mah: Some(capacity_mah),
         ..PackSettings::default()
@@ -323,7 +323,7 @@ fn what_was_learnt_of_another_pack_is_not_recorded() {
 
 #[test]
 fn another_pack_is_recorded_also_in_a_pause() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.recording.describe(Pack::First);
     bench.run(1);
@@ -337,7 +337,7 @@ fn another_pack_is_recorded_also_in_a_pause() {
 
 #[test]
 fn a_file_begins_when_the_flash_was_read_after_arming() {
-    let mut bench = Bench::armed().restarted();
+    let mut bench = RecordingBench::armed().restarted();
     bench.recording = Recording::new(None);
     bench.arm();
     bench.run(1);
@@ -349,7 +349,7 @@ fn a_file_begins_when_the_flash_was_read_after_arming() {
 
 #[test]
 fn a_file_pauses_15_s_after_disarming_and_goes_on_at_arming() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.vehicle.disarm();
     bench.run(14);
@@ -368,7 +368,7 @@ fn a_file_pauses_15_s_after_disarming_and_goes_on_at_arming() {
 
 #[test]
 fn a_parameter_set_in_a_pause_is_recorded() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.vehicle.disarm();
     bench.run(20);
@@ -383,7 +383,7 @@ fn a_parameter_set_in_a_pause_is_recorded() {
 #[test]
 // Requirement: AP-22
 fn another_file_begins_after_disarming_with_dsrmrot() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
     bench.run(2);
     bench.vehicle.disarm();
@@ -397,7 +397,7 @@ fn another_file_begins_after_disarming_with_dsrmrot() {
 #[test]
 // Requirement: AP-22
 fn the_log_ends_and_begins_with_the_bitmask() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.say("the last");
     bench.set(VehicleParameter::LogBitmask, 0.0);
@@ -415,7 +415,7 @@ fn the_log_ends_and_begins_with_the_bitmask() {
 #[test]
 fn a_power_cut_costs_the_last_second_at_most() {
     for operations in 0..150 {
-        let mut bench = Bench::armed();
+        let mut bench = RecordingBench::armed();
         bench.is_chatty = true;
         bench.run(3);
         bench.flash.cut_power_after(operations, operations);
@@ -439,7 +439,7 @@ fn a_power_cut_costs_the_last_second_at_most() {
 
 #[test]
 fn what_waits_is_written_before_a_sector_is_erased() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.vehicle.disarm();
     bench.run(1);
@@ -457,7 +457,7 @@ fn what_waits_is_written_before_a_sector_is_erased() {
 
 #[test]
 fn a_full_log_is_announced_and_goes_on_after_disarming() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.fill_up();
     bench.run(30);
     assert_eq!(bench.announced, [LogFailure::Full]);
@@ -475,7 +475,7 @@ fn a_full_log_is_announced_and_goes_on_after_disarming() {
 
 #[test]
 fn a_drive_longer_than_half_the_ring_is_kept_for_the_next_drive() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.fill(10);
     bench.vehicle.disarm();
     bench.run(30);
@@ -494,7 +494,7 @@ fn a_drive_longer_than_half_the_ring_is_kept_for_the_next_drive() {
 
 #[test]
 fn a_second_long_drive_has_a_file_of_its_own() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.fill(7);
     bench.vehicle.disarm();
     bench.run(30);
@@ -506,7 +506,7 @@ fn a_second_long_drive_has_a_file_of_its_own() {
 #[test]
 // Requirement: AP-22
 fn while_disarmed_the_log_goes_on_in_further_files() {
-    let mut bench = Bench::new();
+    let mut bench = RecordingBench::new();
     bench.set(VehicleParameter::LogDisarmed, 1.0);
     bench.run(1);
     (0..500).for_each(|_| bench.record_much());
@@ -517,7 +517,7 @@ fn while_disarmed_the_log_goes_on_in_further_files() {
 
 #[test]
 fn another_file_begins_when_all_are_erased() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.vehicle.disarm();
     bench.set(VehicleParameter::LogDisarmed, 1.0);
@@ -532,7 +532,7 @@ fn another_file_begins_when_all_are_erased() {
 
 #[test]
 fn without_a_log_an_erase_of_all_files_is_done_and_nothing_is_erased_ahead() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.vehicle.disarm();
     bench.run(20);
@@ -550,7 +550,7 @@ fn without_a_log_an_erase_of_all_files_is_done_and_nothing_is_erased_ahead() {
 
 #[test]
 fn a_failing_flash_is_announced_once_until_it_works() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.is_chatty = true;
     bench.flash.cut_power_after(0, 1);
@@ -570,7 +570,7 @@ const CRASH: CrashRecord = CrashRecord {
     cause: CrashCause::Hung,
 };
 
-impl Bench {
+impl RecordingBench {
     /// At a start after a crash.
     fn crashed() -> Self {
         Self::with(Flash::blank(), Ring::new(Flash::REGION), Some(CRASH))
@@ -591,7 +591,7 @@ impl Bench {
 #[test]
 // Requirement: W-1
 fn a_crash_is_recorded_once_without_arming() {
-    let mut bench = Bench::crashed();
+    let mut bench = RecordingBench::crashed();
     bench.run(3);
     assert_eq!(bench.numbers(), [1]);
     assert_eq!(bench.crashes_in(1), 1);
@@ -608,9 +608,9 @@ fn a_crash_is_recorded_once_without_arming() {
 #[test]
 // Requirement: W-1
 fn a_crash_begins_no_file_with_log_bitmask_0_or_unread_parameters() {
-    let mut off = Bench::crashed();
+    let mut off = RecordingBench::crashed();
     off.set(VehicleParameter::LogBitmask, 0.0);
-    let mut unread = Bench::crashed();
+    let mut unread = RecordingBench::crashed();
     unread.parameters.mark_not_read();
     for mut bench in [off, unread] {
         bench.run(20);
@@ -621,7 +621,7 @@ fn a_crash_begins_no_file_with_log_bitmask_0_or_unread_parameters() {
 #[test]
 fn a_crash_is_recorded_until_a_file_has_it() {
     for operations in 0..60 {
-        let mut bench = Bench::crashed();
+        let mut bench = RecordingBench::crashed();
         bench.flash.refuse_after(operations);
         bench.run(15);
         let numbers = bench.numbers();
@@ -632,7 +632,7 @@ fn a_crash_is_recorded_until_a_file_has_it() {
 
 #[test]
 fn a_restart_has_everything_written_first() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.vehicle.disarm();
     bench.say("the last second");
@@ -646,7 +646,7 @@ fn a_restart_has_everything_written_first() {
 
 #[test]
 fn parameters_are_repeated_after_a_reset() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     let before = count(&bench.file(1), "LOG_DISARMED");
     bench.recording.add_all_parameters();
@@ -656,7 +656,7 @@ fn parameters_are_repeated_after_a_reset() {
 
 #[test]
 fn sectors_that_cannot_be_erased_are_announced_once() {
-    let mut bench = Bench::new();
+    let mut bench = RecordingBench::new();
     bench.flash.cut_power_after(0, 1);
     bench.run(30);
     assert_eq!(bench.announced, [LogFailure::NotWritten]);
@@ -664,7 +664,7 @@ fn sectors_that_cannot_be_erased_are_announced_once() {
 
 #[test]
 fn a_file_that_begins_after_arming_has_mode_and_arming() {
-    let mut bench = Bench::armed().restarted();
+    let mut bench = RecordingBench::armed().restarted();
     let mut autopilot = Autopilot::new(&Start::default());
     autopilot.vehicle.arm(at_us(1), Fitness::Forced).unwrap();
     autopilot.drive(at_us(20_000));
@@ -700,7 +700,7 @@ fn a_file_that_begins_after_arming_has_mode_and_arming() {
 /// 2026-11-25 20:43:16.25.
 const UTC: Utc = Utc::from_micros(1_795_639_396_250_000);
 
-impl Bench {
+impl RecordingBench {
     /// A ground station says what time it is; it has not said so before.
     fn hear_time(&mut self) {
         self.recording.set_time(UTC, self.now);
@@ -754,7 +754,7 @@ fn utc_s(more_s: f32) -> u32 {
 
 #[test]
 fn a_file_gets_the_date_of_its_beginning_when_the_time_is_heard() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(60);
     assert_eq!(bench.dates(), [None]);
     bench.hear_time();
@@ -768,7 +768,7 @@ fn a_file_gets_the_date_of_its_beginning_when_the_time_is_heard() {
 
 #[test]
 fn files_that_begin_later_have_their_dates_at_once() {
-    let mut bench = Bench::new();
+    let mut bench = RecordingBench::new();
     bench.run(1);
     bench.hear_time();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
@@ -784,7 +784,7 @@ fn files_that_begin_later_have_their_dates_at_once() {
 
 #[test]
 fn a_file_that_waits_for_the_next_arming_gets_its_date() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.vehicle.disarm();
     bench.run(58);
@@ -797,7 +797,7 @@ fn a_file_that_waits_for_the_next_arming_gets_its_date() {
 #[test]
 // Requirement: L-16
 fn another_time_counts_for_the_next_file() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
     bench.hear_time();
     bench.run(2);
@@ -817,7 +817,7 @@ fn another_time_counts_for_the_next_file() {
 
 #[test]
 fn a_file_without_room_for_the_time_gets_its_date_when_there_is_some() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     (0..100).for_each(|_| bench.say("a text that fills the queue"));
     bench.hear_time();
@@ -829,7 +829,7 @@ fn a_file_without_room_for_the_time_gets_its_date_when_there_is_some() {
 
 #[test]
 fn an_erase_of_all_files_leaves_no_date_to_the_next_one() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.hear_time();
     bench.tick();
@@ -842,7 +842,7 @@ fn an_erase_of_all_files_leaves_no_date_to_the_next_one() {
 fn a_power_cut_while_the_date_is_programmed_leaves_the_file_with_it_or_without() {
     let mut known = 0;
     for seed in 0..300 {
-        let mut bench = Bench::armed();
+        let mut bench = RecordingBench::armed();
         bench.run(2);
         bench.say("before");
         bench.run(1);
@@ -868,7 +868,7 @@ fn a_power_cut_while_the_date_is_programmed_leaves_the_file_with_it_or_without()
 
 #[test]
 fn a_date_that_can_not_be_programmed_ends_the_file_and_the_next_one_has_its_own() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     bench.hear_time();
     let (_, date) = bench.run_until_program_of(8);
@@ -892,7 +892,7 @@ fn timers(low: FailsafeTimer) -> FailsafeTimers {
 #[test]
 // Requirement: AP-21
 fn timers_that_change_all_the_time_take_no_more_than_the_share() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.run(2);
     for tick in 0..600 {
         let low = [FailsafeTimer::Running, FailsafeTimer::Stopped][tick % 2];
@@ -920,7 +920,7 @@ fn timers_that_change_all_the_time_take_no_more_than_the_share() {
 #[test]
 // Requirement: AP-21
 fn a_packs_reports_are_recorded_once_in_ten_seconds_and_in_each_file() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
     for _ in 0..2 {
         bench.run(1);
@@ -941,7 +941,7 @@ fn a_packs_reports_are_recorded_once_in_ten_seconds_and_in_each_file() {
 
 #[test]
 fn another_file_begins_with_the_timers_that_run() {
-    let mut bench = Bench::armed();
+    let mut bench = RecordingBench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
     for file in [1, 2] {
         bench.run(2);

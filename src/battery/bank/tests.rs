@@ -11,7 +11,7 @@ use crate::time::{Instant, at_us};
 use crate::vehicle::FailsafeAction;
 
 /// Two packs in parallel, and a third that is their sum.
-struct Bench {
+struct BankBench {
     bank: BatteryBank,
     /// `BATT_SUM_MASK`.
     mask: u16,
@@ -32,7 +32,7 @@ type Readings = [Result<Measurement, ReadError>; 2];
 
 const SILENT: Result<Measurement, ReadError> = Err(ReadError::Bus(BusError::NoAnswer));
 
-impl Bench {
+impl BankBench {
     /// Of 3S packs with 2200 mAh each.
     fn new() -> Self {
         let settings = PackSettings {
@@ -129,7 +129,7 @@ const MAH_PER_SECOND: f32 = 10.0 / 3.6;
 #[test]
 // Requirement: AP-4
 fn parallel_packs_have_mean_voltage_and_summed_current() {
-    let mut bench = Bench::new();
+    let mut bench = BankBench::new();
     let state = bench.run(36.0, &[Ok(at(12.0, 2.0)), Ok(at(11.0, 3.0))]);
     let readings = state.readings;
     assert_eq!((readings.voltage_v, readings.current_a), (Some(11.5), Some(5.0)));
@@ -143,7 +143,7 @@ fn parallel_packs_have_mean_voltage_and_summed_current() {
 #[test]
 // Requirement: L-12
 fn a_member_whose_voltage_is_missing_is_lost_for_its_voltage_only() {
-    let mut bench = Bench::reset_to(80.0, &[Ok(at(11.6, 5.0)), Ok(at(11.4, 5.0))]);
+    let mut bench = BankBench::reset_to(80.0, &[Ok(at(11.6, 5.0)), Ok(at(11.4, 5.0))]);
     let before_mah = bench.sum().consumed_mah().expect("counted");
     let state = bench.run(60.0, &[Ok(at(0.2, 5.0)), Ok(at(11.4, 5.0))]);
     let readings = state.readings;
@@ -160,7 +160,7 @@ fn a_member_whose_voltage_is_missing_is_lost_for_its_voltage_only() {
 
 #[test]
 fn sum_has_only_electric_packs_as_members() {
-    let mut bench = Bench::new();
+    let mut bench = BankBench::new();
     let tank = Measurement {
         contents: Contents::Fuel,
         ..at(3.0, 9.0)
@@ -189,7 +189,7 @@ fn current_is_unknown_unless_known_of_every_member() {
         current_a: None,
         ..at(11.0, 0.0)
     };
-    let mut bench = Bench::new();
+    let mut bench = BankBench::new();
     let state = bench.run(1.0, &[Ok(at(12.0, 2.0)), Ok(voltage_only)]);
     assert_eq!(state.readings.current_a, None);
 }
@@ -198,7 +198,7 @@ fn current_is_unknown_unless_known_of_every_member() {
 // Requirement: AP-14
 fn unhealthy_pack_counts_only_in_the_consumption() {
     let both = [Ok(at(11.0, 10.0)), Ok(at(11.2, 10.0))];
-    let mut bench = Bench::reset_to(80.0, &both);
+    let mut bench = BankBench::reset_to(80.0, &both);
     let before = bench.run(10.0, &both);
     assert_eq!(before.readings.current_a, Some(20.0));
     let state = bench.run(10.0, &[both[0], SILENT]);
@@ -221,7 +221,7 @@ fn charge_is_unknown_12_s_after_a_member_was_lost() {
     let both = [Ok(at(11.4, 10.0)), Ok(at(11.4, 10.0))];
     // Unhealthy, and gone while armed.
     for lost in [SILENT, Ok(at(0.3, 0.0))] {
-        let mut bench = Bench::reset_to(80.0, &both);
+        let mut bench = BankBench::reset_to(80.0, &both);
         let state = bench.run(TIMEOUT_S, &[both[0], lost]);
         assert!(state.readings.remaining_pct.is_some() && state.readings.current_a.is_none());
         let state = bench.run(2.0, &[both[0], lost]);
@@ -246,7 +246,7 @@ fn charge_is_unknown_12_s_after_a_member_was_lost() {
 // Requirement: S-8
 fn a_sum_without_its_charge_is_unhealthy_while_a_threshold_needs_it() {
     let both = [Ok(at(11.4, 10.0)), Ok(at(11.4, 10.0))];
-    let mut bench = Bench::new();
+    let mut bench = BankBench::new();
     // Far above what half of the packs' charge would be.
     bench.sum_settings.failsafe = FailsafeSettings {
         timer_s: Some(1.0),
@@ -276,7 +276,7 @@ fn a_sum_without_its_charge_is_unhealthy_while_a_threshold_needs_it() {
 #[test]
 fn what_is_counted_of_a_sum_with_a_lost_member_trips_no_threshold() {
     let both = [Ok(counted(10.0)), Ok(counted(10.0))];
-    let mut bench = Bench::reset_to(25.0, &both);
+    let mut bench = BankBench::reset_to(25.0, &both);
     bench.sum_settings.failsafe.low.remaining_mah = Some(1000.0);
     // What the other one has counted by then leaves less.
     let state = bench.run(60.0, &[both[0], SILENT]);
@@ -288,7 +288,7 @@ fn what_is_counted_of_a_sum_with_a_lost_member_trips_no_threshold() {
 fn a_pack_unplugged_while_disarmed_leaves_the_sum_until_it_measures() {
     let both = [Ok(at(11.4, 1.0)), Ok(at(11.4, 1.0))];
     let unplugged = [both[0], Ok(at(0.3, 0.0))];
-    let mut bench = Bench::new();
+    let mut bench = BankBench::new();
     bench.arm_state = ArmState::Disarmed;
     bench.run(5.0, &both);
     let state = bench.run(20.0, &unplugged);
@@ -312,7 +312,7 @@ fn a_pack_unplugged_while_disarmed_leaves_the_sum_until_it_measures() {
 
 #[test]
 fn a_pack_that_was_never_plugged_in_is_no_lost_member() {
-    let mut bench = Bench::new();
+    let mut bench = BankBench::new();
     let state = bench.run(20.0, &[Ok(at(11.4, 1.0)), Ok(at(0.3, 0.0))]);
     assert_eq!((state.members, state.readings.current_a), (0b1, Some(1.0)));
     assert_eq!(bench.events, []);
@@ -322,7 +322,7 @@ fn a_pack_that_was_never_plugged_in_is_no_lost_member() {
 fn a_member_that_returns_is_counted_once() {
     let both = [Ok(counted(10.0)), Ok(counted(10.0))];
     for lost_s in [5.0, 40.0] {
-        let mut bench = Bench::reset_to(80.0, &both);
+        let mut bench = BankBench::reset_to(80.0, &both);
         let before_pct = bench.remaining_pct();
         bench.run(lost_s, &[both[0], SILENT]);
         let state = bench.run(20.0, &both);
@@ -359,7 +359,7 @@ fn what_a_silent_gauge_counts_meanwhile_is_counted_once() {
         ..counted(1.0)
     };
     for silent in [Ok(without_gauge), SILENT] {
-        let mut bench = Bench::reset_to(80.0, &[Ok(counted(1.0)), Ok(gauged(0.0, 1.0))]);
+        let mut bench = BankBench::reset_to(80.0, &[Ok(counted(1.0)), Ok(gauged(0.0, 1.0))]);
         bench.run(600.0, &[Ok(counted(1.0)), silent]);
         let drawn_mah = 600.0 / 3.6;
         bench.run(1.0, &[Ok(counted(1.0)), Ok(gauged(drawn_mah, 1.0))]);
@@ -384,7 +384,7 @@ fn packs_that_report_seldom_are_counted_once() {
                 counted(10.0)
             }
         };
-        let mut bench = Bench::reset_to(80.0, &[Ok(reading(0)); 2]);
+        let mut bench = BankBench::reset_to(80.0, &[Ok(reading(0)); 2]);
         let before_pct = bench.remaining_pct();
         for tick in 1..=600 {
             let is_due = tick % interval == 0;
@@ -401,7 +401,7 @@ fn packs_that_report_seldom_are_counted_once() {
 
 #[test]
 fn a_sum_holds_what_its_packs_hold_now() {
-    let mut bench = Bench::new();
+    let mut bench = BankBench::new();
     let learnt = "cells 3\ndrives 1\ncapacity_mah_sigma 1800 0.03\nresistance_ohm_now_first 0.02 0.02\n";
     let learnt = learnt.parse().expect("a pack");
     bench.bank.get_mut(Pack::First).0.restore_learnt(learnt);
@@ -431,7 +431,7 @@ fn a_sums_temperature_is_its_packs_unless_a_device_has_a_part_in_it() {
         (hot(Thermometer::Device), hot(Thermometer::Pack), Faults::empty()),
         (without, hot(Thermometer::Pack), Faults::OVER_TEMPERATURE),
     ] {
-        let state = Bench::new().run(5.0, &[Ok(first), Ok(second)]);
+        let state = BankBench::new().run(5.0, &[Ok(first), Ok(second)]);
         assert_eq!(
             (state.temperature_c, state.readings.faults),
             (Some(70.0), expected)
@@ -442,7 +442,7 @@ fn a_sums_temperature_is_its_packs_unless_a_device_has_a_part_in_it() {
 #[test]
 fn a_live_change_of_the_members_draws_nothing() {
     let both = [Ok(counted(10.0)), Ok(counted(10.0))];
-    let mut bench = Bench::reset_to(80.0, &both);
+    let mut bench = BankBench::reset_to(80.0, &both);
     bench.mask = 0b1;
     bench.run(120.0, &both);
     let before_pct = bench.remaining_pct();

@@ -7,7 +7,7 @@ use crate::time::Instant;
 
 /// Counts what is drawn from one pack.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Counting {
+pub struct ChargeCounter {
     consumption: Consumption,
     counter: SourceCounter,
     /// Drawn since the start: neither a battery reset nor another pack changes it.
@@ -33,7 +33,7 @@ impl Count {
     }
 }
 
-impl Counting {
+impl ChargeCounter {
     /// Takes a reading, with what is known of the pack's gauge.
     pub fn update(&mut self, now: Instant, measurement: &Measurement, gauge: &GaugeState) -> Count {
         match measurement.counted {

@@ -7,7 +7,7 @@ mod reports;
 
 use core::mem;
 
-use counting::{Counting, GaugeState};
+use counting::{ChargeCounter, GaugeState};
 use evaluation::{Basis, Evaluation};
 use learning::Learnt;
 use reports::Reports;
@@ -63,7 +63,7 @@ pub struct BatteryMonitor {
     health: HealthReporter,
     gaps: GapReporter,
     lesson: LessonReporter,
-    counting: Counting,
+    counting: ChargeCounter,
     estimator: Estimator,
     swap_detector: SwapDetector,
     evaluation: Evaluation,
@@ -100,7 +100,7 @@ impl BatteryMonitor {
             health: HealthReporter::default(),
             gaps: GapReporter::default(),
             lesson: LessonReporter::default(),
-            counting: Counting::default(),
+            counting: ChargeCounter::default(),
             estimator: Estimator::new(),
             swap_detector: SwapDetector::new(),
             evaluation: Evaluation::default(),

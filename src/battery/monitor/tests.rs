@@ -20,7 +20,7 @@ mod rover;
 mod sources;
 
 /// A monitor with its settings and clock.
-struct Bench {
+struct MonitorBench {
     monitor: BatteryMonitor,
     state: BatteryState,
     settings: PackSettings,
@@ -29,7 +29,7 @@ struct Bench {
     events: Vec<PackEvent>,
 }
 
-impl Bench {
+impl MonitorBench {
     /// A 3S LiPo pack of 2200 mAh.
     fn new() -> Self {
         Self {
@@ -96,7 +96,7 @@ fn loaded(voltage_v: f32, current_a: f32) -> Measurement {
 #[test]
 // Requirement: AP-14
 fn fifth_failed_read_is_unhealthy_and_values_are_held() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(volts(11.1)));
     for failure in 1..=7 {
         assert_eq!(bench.tick(Err(ReadError::Timeout)), Some(ReadError::Timeout));
@@ -116,7 +116,7 @@ fn fifth_failed_read_is_unhealthy_and_values_are_held() {
 
 #[test]
 fn four_failed_reads_in_a_row_stay_healthy() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     for _ in 0..10 {
         bench.tick(Ok(volts(11.1)));
         for _ in 0..4 {
@@ -128,7 +128,7 @@ fn four_failed_reads_in_a_row_stay_healthy() {
 
 #[test]
 fn sensor_failed_since_boot_is_unknown_then_unhealthy() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     for _ in 0..4 {
         bench.tick(Err(ReadError::Timeout));
         assert_eq!(bench.state.status, PackStatus::Unknown);
@@ -140,7 +140,7 @@ fn sensor_failed_since_boot_is_unknown_then_unhealthy() {
 
 #[test]
 fn usb_power_alone_is_not_connected() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, volts(2.09));
     assert_eq!(bench.state.status, PackStatus::NotConnected);
     assert_eq!(bench.state.readings.voltage_v, None);
@@ -158,7 +158,7 @@ fn usb_power_alone_is_not_connected() {
 #[test]
 fn nan_and_infinity_count_as_failed_reads() {
     for measurement in [volts(f32::NAN), loaded(11.1, f32::INFINITY)] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.tick(Ok(volts(11.1)));
         assert_eq!(bench.tick(Ok(measurement)), Some(ReadError::Implausible));
         assert_eq!(bench.state.readings.voltage_v, Some(11.1));
@@ -168,7 +168,7 @@ fn nan_and_infinity_count_as_failed_reads() {
 
 #[test]
 fn charge_at_boot_is_initialised_from_the_voltage() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let state = bench.run(2.5, loaded(3.0 * 3.817, 0.1));
     let remaining_pct = state.readings.remaining_pct.expect("known");
     assert!((45.0..55.0).contains(&remaining_pct), "{remaining_pct}");
@@ -189,7 +189,7 @@ fn remaining_charge_does_not_rise_when_a_load_ends() {
                 volts(voltage_v)
             }
         };
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.run(30.0, reading(0.2));
         bench.arm_state = ArmState::Armed;
         let under_load = bench.run(20.0, reading(15.0)).readings;
@@ -205,7 +205,7 @@ fn remaining_charge_does_not_rise_when_a_load_ends() {
 
 #[test]
 fn armed_without_current_sensor_charge_takes_30_seconds() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.arm_state = ArmState::Armed;
     assert_eq!(bench.run(29.0, volts(10.9)).readings.remaining_pct, None);
     assert!(bench.run(2.0, volts(11.3)).readings.remaining_pct.is_some());
@@ -213,10 +213,10 @@ fn armed_without_current_sensor_charge_takes_30_seconds() {
 
 #[test]
 fn charge_is_unknown_on_the_flat_part_of_a_curve() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.chemistry = Chemistry::LiFe;
     assert_eq!(bench.run(2.0, volts(3.0 * 3.295)).readings.remaining_pct, None);
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.chemistry = Chemistry::LiFe;
     let nearly_empty_pct = bench
         .run(2.0, volts(3.0 * 3.05))
@@ -232,7 +232,7 @@ fn without_voltage_only_a_battery_reset_sets_the_charge() {
         current_a: Some(2.2),
         ..Measurement::default()
     };
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     assert_eq!(bench.run(10.0, current_only).readings.remaining_pct, None);
     bench.reset(50.0);
     // 36 s at 1 C are one percent.
@@ -244,7 +244,7 @@ fn without_voltage_only_a_battery_reset_sets_the_charge() {
 #[test]
 // Requirement: AP-15
 fn remaining_time_follows_the_average_load() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, loaded(12.6, 0.2));
     bench.reset(100.0);
     let state = bench.run(600.0, loaded(11.9, 2.2));
@@ -256,7 +256,7 @@ fn remaining_time_follows_the_average_load() {
 
 #[test]
 fn cell_count_is_detected_and_announced_once() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.cell_count = None;
     let state = bench.run(60.0, loaded(11.4, 0.2));
     assert_eq!(state.cell_count, Some(3));
@@ -271,7 +271,7 @@ fn cell_count_is_detected_and_announced_once() {
 fn other_resting_voltage_after_contact_loss_is_a_swap() {
     // 9 % higher and 9 % lower.
     for rests_at_v in [12.2, 10.2] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.run(60.0, loaded(11.1, 5.0));
         bench.run(5.0, loaded(11.2, 0.0));
         bench.run(2.0, loaded(0.3, 0.0));
@@ -297,7 +297,7 @@ fn other_resting_voltage_after_contact_loss_is_a_swap() {
 fn similar_resting_voltage_after_contact_loss_is_no_swap() {
     // It may have recovered from its load meanwhile. A failed sensor is a loss of contact, too.
     for contact_loss in [Ok(loaded(0.3, 0.0)), Err(ReadError::Bus(BusError::NoAnswer))] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.run(60.0, loaded(11.1, 5.0));
         bench.run(5.0, loaded(11.2, 0.0));
         for _ in 0..100 {
@@ -311,7 +311,7 @@ fn similar_resting_voltage_after_contact_loss_is_no_swap() {
 
 #[test]
 fn swap_is_detected_after_a_sensor_failure() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(5.0, loaded(10.2, 0.0));
     for _ in 0..20 {
         bench.tick(Err(ReadError::Bus(BusError::NoAnswer)));
@@ -322,7 +322,7 @@ fn swap_is_detected_after_a_sensor_failure() {
 
 #[test]
 fn short_contact_loss_is_no_swap() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(60.0, loaded(11.1, 5.0));
     bench.run(0.8, loaded(0.3, 0.0));
     let state = bench.run(1.0, loaded(11.1, 5.0));
@@ -332,7 +332,7 @@ fn short_contact_loss_is_no_swap() {
 
 #[test]
 fn contact_loss_while_armed_is_no_swap_and_holds_failsafe() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.failsafe.timer_s = Some(1.0);
     bench.settings.failsafe.critical.voltage_v = Some(9.9);
     bench.arm_state = ArmState::Armed;
@@ -348,7 +348,7 @@ fn contact_loss_while_armed_is_no_swap_and_holds_failsafe() {
 #[test]
 // Requirement: PX-7, S-7, L-8
 fn pack_lost_while_armed_is_unhealthy_after_5_seconds() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.arm_state = ArmState::Armed;
     bench.run(10.0, loaded(11.5, 5.0));
     bench.run(4.9, loaded(0.4, 0.0));
@@ -363,7 +363,7 @@ fn pack_lost_while_armed_is_unhealthy_after_5_seconds() {
 #[test]
 fn rising_voltage_without_contact_loss_is_no_swap() {
     for arm_state in [ArmState::Disarmed, ArmState::Armed] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.run(10.0, volts(9.0));
         bench.arm_state = arm_state;
         bench.run(5.0, volts(12.6));
@@ -372,8 +372,8 @@ fn rising_voltage_without_contact_loss_is_no_swap() {
 }
 
 /// A bench with a latched critical level, disarmed and at rest.
-fn latched() -> Bench {
-    let mut bench = Bench::new();
+fn latched() -> MonitorBench {
+    let mut bench = MonitorBench::new();
     bench.settings.failsafe = FailsafeSettings {
         timer_s: Some(1.0),
         low: Thresholds {
@@ -440,7 +440,7 @@ fn charge_level_is_cleared_by_a_pack_above_its_threshold() {
 #[test]
 // Requirement: L-7
 fn one_reading_without_a_pack_does_not_trip_charge() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.failsafe.critical.remaining_mah = Some(300.0);
     // Empty by its count, but not by its voltage: it was charged meanwhile.
     bench.reset(0.0);
@@ -454,7 +454,7 @@ fn one_reading_without_a_pack_does_not_trip_charge() {
 
 #[test]
 fn battery_reset_sets_charge_and_consumption() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(60.0, loaded(11.4, 5.0));
     bench.reset(56.0);
     bench.tick(Ok(loaded(11.4, 0.0)));
@@ -465,7 +465,7 @@ fn battery_reset_sets_charge_and_consumption() {
 
 #[test]
 fn critical_voltage_setting_is_in_the_state() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(volts(11.4)));
     assert_eq!(bench.state.critical_voltage_v, None);
     bench.settings.failsafe.critical.voltage_v = Some(9.9);
@@ -475,11 +475,11 @@ fn critical_voltage_setting_is_in_the_state() {
 
 #[test]
 fn retained_data_continues_after_a_processor_reset() {
-    let mut before = Bench::new();
+    let mut before = MonitorBench::new();
     before.settings.cell_count = None;
     before.run(10.0, loaded(11.4, 0.2));
     let last = before.run(60.0, loaded(11.2, 5.0));
-    let mut after = Bench::new();
+    let mut after = MonitorBench::new();
     after.settings.cell_count = None;
     after
         .monitor
@@ -493,7 +493,7 @@ fn retained_data_continues_after_a_processor_reset() {
 
 #[test]
 fn gap_in_readings_is_counted_and_announced() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, loaded(11.4, 3.6));
     let before_mah = bench.state.consumed_mah().unwrap();
     for _ in 0..100 {
@@ -543,7 +543,7 @@ fn faults_begin_and_end() {
         ),
     ];
     for (measurement, expected) in cases {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.settings.overload_w = Some(200.0);
         assert_eq!(bench.run(1.0, loaded(11.4, 1.0)).readings.faults, Faults::empty());
         assert_eq!(bench.run(3.5, measurement).readings.faults, expected);
@@ -557,7 +557,7 @@ fn faults_begin_and_end() {
 
 #[test]
 fn cells_that_differ_at_rest_are_a_fault_until_the_next_rest_and_refuse_nothing() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let with = |lowest_mv, current_a| Measurement {
         cells: CellVoltages::from_millivolts(&[3900, 3900, lowest_mv]),
         ..loaded(11.5, current_a)
@@ -581,7 +581,7 @@ fn cells_that_differ_at_rest_are_a_fault_until_the_next_rest_and_refuse_nothing(
 // Requirement: AP-10
 fn the_temperature_of_a_device_is_no_fault_of_the_pack() {
     for temperature_c in [90.0, -30.0] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         let state = bench.run(
             5.0,
             Measurement {
@@ -601,7 +601,7 @@ fn the_temperature_of_a_device_is_no_fault_of_the_pack() {
 #[test]
 // Requirement: PX-8
 fn single_spike_is_a_short_fault() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, volts(12.0));
     assert_eq!(bench.run(0.1, volts(14.0)).readings.faults, Faults::SPIKES);
     assert_eq!(bench.state.charge_state, ChargeState::Ok);
@@ -611,11 +611,11 @@ fn single_spike_is_a_short_fault() {
 
 #[test]
 fn retained_charge_is_not_that_of_other_cells_set_before_the_reset() {
-    let mut before = Bench::new();
+    let mut before = MonitorBench::new();
     before.run(10.0, loaded(9.6, 0.2));
     assert!(before.state.readings.remaining_pct.unwrap() < 10.0);
     for (cell_count, voltage_v, expected_pct) in [(Some(3), 9.6, 0.0..10.0), (Some(6), 24.6, 80.0..101.0)] {
-        let mut after = Bench::new();
+        let mut after = MonitorBench::new();
         after.settings.cell_count = cell_count;
         after
             .monitor
@@ -628,10 +628,10 @@ fn retained_charge_is_not_that_of_other_cells_set_before_the_reset() {
 
 #[test]
 fn retained_charge_is_not_that_of_a_pack_that_was_disconnected() {
-    let mut before = Bench::new();
+    let mut before = MonitorBench::new();
     before.run(10.0, loaded(9.6, 0.2));
     before.run(2.0, volts(0.3));
-    let mut after = Bench::new();
+    let mut after = MonitorBench::new();
     after
         .monitor
         .restore(&before.monitor.memory(before.state.status, PackSource::default()));
@@ -641,7 +641,7 @@ fn retained_charge_is_not_that_of_a_pack_that_was_disconnected() {
 
 #[test]
 fn wrong_cells_are_no_spike() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, volts(12.0));
     bench.settings.cell_count = Some(2);
     assert_eq!(bench.run(0.5, volts(12.0)).readings.faults, Faults::empty());
@@ -656,7 +656,7 @@ fn wrong_cells_are_no_spike() {
 
 #[test]
 fn changed_cell_count_reinitialises_the_estimate() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let as_three_pct = bench.run(1.1, volts(8.2)).readings.remaining_pct.expect("known");
     bench.settings.cell_count = Some(2);
     let as_two_pct = bench.run(1.1, volts(8.2)).readings.remaining_pct.expect("known");
@@ -668,7 +668,7 @@ fn changed_cell_count_reinitialises_the_estimate() {
 
 #[test]
 fn failsafe_text_has_voltage_and_consumption() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.failsafe = FailsafeSettings {
         timer_s: Some(1.0),
         voltage_source: VoltageSource::Terminal,
@@ -710,7 +710,7 @@ fn smart(voltage_v: f32) -> Measurement {
 
 #[test]
 fn smart_battery_overrides_charge_capacity_and_cells() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     for _ in 0..100 {
         assert_eq!(bench.tick(Ok(smart(11.7))), None);
     }
@@ -730,7 +730,7 @@ fn smart_battery_overrides_charge_capacity_and_cells() {
 
 #[test]
 fn reported_charge_is_used_without_a_capacity_and_its_count_without_energy() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.capacity_mah = None;
     let reported = Measurement {
         counted: Some(Counted::TotalCharge(800.0)),
@@ -758,7 +758,7 @@ fn reported_charge_is_used_without_a_capacity_and_its_count_without_energy() {
 
 #[test]
 fn a_solar_charger_at_dusk_does_not_ground_a_rover() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.cell_count = None;
     // Too little voltage, as DroneCAN chargers report it.
     let dusk = Measurement {
@@ -783,7 +783,7 @@ fn a_solar_charger_at_dusk_does_not_ground_a_rover() {
 
 #[test]
 fn what_a_pack_reports_ends_with_the_pack() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let hot = Measurement {
         reported: Reported {
             faults: Faults::OVER_TEMPERATURE,
@@ -800,7 +800,7 @@ fn what_a_pack_reports_ends_with_the_pack() {
 
 #[test]
 fn battery_reset_does_not_change_a_smart_battery() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(smart(11.7)));
     bench.reset(100.0);
     bench.tick(Ok(smart(11.7)));
@@ -815,7 +815,7 @@ fn with_serial_number(serial_number: i32, voltage_v: f32) -> Measurement {
 
 #[test]
 fn new_serial_number_is_a_swap_after_five_readings() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(smart(11.7)));
     bench.events.clear();
     let other = with_serial_number(4712, 11.7);
@@ -843,7 +843,7 @@ fn serial_number_misread_or_read_while_armed_is_no_swap() {
         Ok(with_serial_number(4713, 11.7)),
         Err(ReadError::Bus(BusError::Checksum)),
     ] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.tick(Ok(smart(11.7)));
         bench.events.clear();
         for _ in 0..10 {
@@ -854,7 +854,7 @@ fn serial_number_misread_or_read_while_armed_is_no_swap() {
         }
         assert_eq!(bench.events, [], "{between:?}");
     }
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(smart(11.7)));
     bench.arm_state = ArmState::Armed;
     for _ in 0..100 {
@@ -888,7 +888,7 @@ fn swapped_smart_battery_clears_a_level_at_rest() {
 
 #[test]
 fn counter_keeps_charge_drawn_during_failed_reads() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let counted = |charge_mah| Measurement {
         voltage_v: Some(11.7),
         current_a: Some(1.0),
@@ -911,7 +911,7 @@ fn counter_keeps_charge_drawn_during_failed_reads() {
 
 #[test]
 fn sensor_failure_and_recovery_are_announced_once() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(smart(11.7)));
     bench.events.clear();
     for _ in 0..100 {
@@ -939,7 +939,7 @@ fn fuel_flow(volume_ml: f32, flow_l_h: f32) -> Measurement {
 
 #[test]
 fn tank_with_flow_sensor_starts_full() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(fuel_flow(0.0, 0.0)));
     assert_eq!(bench.state.readings.remaining_pct, Some(100.0));
     // At 1 l/h a tick is 27.8 µl: 550 of 2200 ml take 1980 s.
@@ -956,7 +956,7 @@ fn tank_with_flow_sensor_starts_full() {
 
 #[test]
 fn fill_level_is_clamped_at_zero_and_needs_a_capacity() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(fuel_flow(2500.0, 1.0)));
     assert_eq!(bench.state.readings.remaining_pct, Some(0.0));
     bench.settings.capacity_mah = None;
@@ -967,7 +967,7 @@ fn fill_level_is_clamped_at_zero_and_needs_a_capacity() {
 
 #[test]
 fn battery_reset_sets_the_fill_level() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.tick(Ok(fuel_flow(2000.0, 1.0)));
     bench.reset(50.0);
     bench.tick(Ok(fuel_flow(110.0, 1.0)));
@@ -978,7 +978,7 @@ fn battery_reset_sets_the_fill_level() {
 
 #[test]
 fn charge_failsafe_applies_to_a_tank() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.failsafe.low.remaining_mah = Some(500.0);
     bench.arm_state = ArmState::Armed;
     bench.tick(Ok(fuel_flow(1700.0, 1.0)));
@@ -1074,7 +1074,7 @@ proptest! {
         steps in prop::collection::vec((any_step_us(), any_reading(), any::<bool>()), 1..300),
         reset in any_number(),
     ) {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.settings = settings;
         for (number, (step_us, reading, armed)) in steps.into_iter().enumerate() {
             bench.now = bench.now.after_us(step_us).min(at_us(u64::MAX / 2));

@@ -66,7 +66,7 @@ pub struct Text {
 
 /// Messages of the board.
 #[derive(Clone, Debug, Default)]
-pub struct Record {
+pub struct Recording {
     /// Its messages.
     pub received: Vec<Received>,
     /// System and component ids of other autopilots on the link.
@@ -81,7 +81,7 @@ pub struct Record {
     pub port_losses: Vec<Instant>,
 }
 
-impl Record {
+impl Recording {
     /// Its texts; those sent in parts are put together.
     pub fn texts(&self) -> Vec<Text> {
         let mut texts: Vec<Text> = Vec::new();
@@ -307,7 +307,7 @@ pub enum StepResult {
 #[derive(Clone, Debug, Default)]
 pub struct Evidence {
     /// The messages.
-    pub record: Record,
+    pub record: Recording,
     /// The board's system and component id; `None` if none was heard.
     pub board: Option<(u8, u8)>,
     /// Why the check ended early.

@@ -8,7 +8,7 @@ use rover_battmon::mavlink::dialect::{
 };
 use rover_battmon::time::Instant;
 
-use super::evidence::{BoardStart, Gap, Interruption, Received, Record, Restarted, RoundTrip};
+use super::evidence::{BoardStart, Gap, Interruption, Received, Recording, Restarted, RoundTrip};
 use super::port::{Owner, Port};
 use crate::frames::{self, AUTOPILOT, Frame, FrameReader, frame};
 
@@ -47,7 +47,7 @@ pub struct Session<'a> {
     is_restarting: bool,
     last_sequence: Option<u8>,
     is_damaged: bool,
-    record: Record,
+    record: Recording,
 }
 
 impl<'a> Session<'a> {
@@ -67,17 +67,17 @@ impl<'a> Session<'a> {
             is_restarting: false,
             last_sequence: None,
             is_damaged: false,
-            record: Record::default(),
+            record: Recording::default(),
         }
     }
 
     /// Messages so far.
-    pub fn record(&self) -> &Record {
+    pub fn record(&self) -> &Recording {
         &self.record
     }
 
     /// Ends the talk.
-    pub fn into_record(self) -> Record {
+    pub fn into_record(self) -> Recording {
         self.record
     }
 

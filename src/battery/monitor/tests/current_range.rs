@@ -15,7 +15,7 @@ fn stalled(voltage_v: f32) -> Measurement {
 
 #[test]
 fn a_current_over_range_counts_as_full_scale_and_is_announced_once() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, loaded(11.0, 0.0));
     for _ in 0..2 {
         bench.run(12.0, stalled(10.5));
@@ -32,7 +32,7 @@ fn a_current_over_range_counts_as_full_scale_and_is_announced_once() {
 
 #[test]
 fn a_voltage_failsafe_acts_while_the_current_is_over_range() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.failsafe.timer_s = Some(1.0);
     bench.settings.failsafe.low.voltage_v = Some(10.5);
     bench.arm_state = ArmState::Armed;
@@ -44,7 +44,7 @@ fn a_voltage_failsafe_acts_while_the_current_is_over_range() {
 fn the_resistance_is_not_measured_by_a_current_over_range() {
     // 50 mOhm; a stall draws twice what the sensor shows.
     let pack_v = |current_a: f32| 12.0 - 0.05 * current_a;
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     for _ in 0..20 {
         bench.run(2.0, loaded(pack_v(0.0), 0.0));
         bench.run(2.0, loaded(pack_v(5.0), 5.0));
@@ -87,7 +87,7 @@ fn a_reversed_sensor_is_announced_and_the_charge_estimated_without_it() {
 
 #[test]
 fn braking_and_charging_reverse_no_sensor() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(30.0, loaded(12.0, 0.2));
     bench.arm_state = ArmState::Armed;
     for _ in 0..50 {

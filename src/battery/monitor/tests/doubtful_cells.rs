@@ -17,19 +17,19 @@ fn of_cells(cell_count: u8, serial_number: Option<i32>) -> LearntPack {
 }
 
 /// Cells are detected, and flash holds a pack with so many.
-fn bench(kept: u8) -> Bench {
-    let mut bench = Bench::new();
+fn bench(kept: u8) -> MonitorBench {
+    let mut bench = MonitorBench::new();
     bench.settings.cell_count = None;
     bench.monitor.restore_learnt(of_cells(kept, None));
     bench
 }
 
-fn failures(bench: &Bench) -> Vec<ArmingFailure> {
+fn failures(bench: &MonitorBench) -> Vec<ArmingFailure> {
     arming_failures(&bench.state, &bench.settings, None).collect()
 }
 
 #[track_caller]
-fn assert_unclear(bench: &Bench) {
+fn assert_unclear(bench: &MonitorBench) {
     let state = bench.state;
     assert_eq!((state.cell_count, state.readings.remaining_pct), (None, None));
     assert_eq!(state.readings.faults, Faults::CELLS_CONFIGURATION);
@@ -73,7 +73,7 @@ fn what_no_empty_cells_explain_is_another_pack() {
 
 #[test]
 fn set_cells_another_number_or_erasing_end_the_doubt_at_once() {
-    type End = fn(&mut Bench);
+    type End = fn(&mut MonitorBench);
     let ends: [(End, u8); 3] = [
         (|bench| bench.settings.cell_count = Some(3), 3),
         (|bench| bench.monitor.restore_learnt(of_cells(2, Some(7))), 2),
@@ -127,7 +127,7 @@ fn a_swapped_pack_is_compared_with_the_one_that_flash_holds() {
 
 #[test]
 fn doubt_comes_with_what_is_read_later_and_outlasts_a_reset() {
-    let mut before = Bench::new();
+    let mut before = MonitorBench::new();
     before.settings.cell_count = None;
     assert!(before.run(10.0, volts(8.5)).readings.remaining_pct.is_some());
     before.monitor.restore_learnt(of_cells(3, None));

@@ -11,8 +11,8 @@ fn voltage_missing(current_a: f32) -> Measurement {
 }
 
 /// A pack of 2200 mAh that is full by a battery reset, driven for a minute.
-fn driving() -> Bench {
-    let mut bench = Bench::new();
+fn driving() -> MonitorBench {
+    let mut bench = MonitorBench::new();
     bench.run(30.0, loaded(12.4, 0.1));
     bench.reset(100.0);
     bench.arm_state = ArmState::Armed;
@@ -91,7 +91,7 @@ fn a_threshold_in_mah_acts_while_the_voltage_is_missing() {
 #[test]
 // Requirement: L-7
 fn without_an_estimate_no_threshold_in_mah_acts_while_the_voltage_is_missing() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.failsafe.low.remaining_mah = Some(2100.0);
     bench.arm_state = ArmState::Armed;
     bench.run(400.0, voltage_missing(LOAD_A));

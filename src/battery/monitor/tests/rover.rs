@@ -95,7 +95,7 @@ pub const TRUE_SCALE: MeasuringScale = MeasuringScale {
 
 /// A rover that stays on by USB, with a pack that may be taken out.
 pub struct Rover {
-    pub bench: Bench,
+    pub bench: MonitorBench,
     pub pack: Pack,
     pub sensors: Sensors,
     pub measuring: Measuring,
@@ -112,7 +112,7 @@ pub enum Sensors {
 
 impl Rover {
     pub fn with(pack: Pack) -> Self {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.settings.chemistry = pack.chemistry;
         bench.monitor.restore_learnt(LearntPack::UNKNOWN);
         Self {
@@ -216,7 +216,7 @@ impl Rover {
     }
 
     pub fn retained_charge(&self) -> Option<f32> {
-        let Bench { monitor, state, .. } = &self.bench;
+        let MonitorBench { monitor, state, .. } = &self.bench;
         let memory = monitor.memory(state.status, PackSource::default());
         memory.estimate.charge.map(|charge| charge.soc)
     }

@@ -7,8 +7,8 @@ use crate::battery::chemistry::CHEMISTRIES;
 const GAUGE_TIMEOUT_S: f32 = 12.0;
 
 /// A pack of 20 Ah whose gauge says that half is left, read with thresholds far above half of `BATT_CAPACITY`.
-fn gauged_bench() -> Bench {
-    let mut bench = Bench::new();
+fn gauged_bench() -> MonitorBench {
+    let mut bench = MonitorBench::new();
     bench.settings.failsafe.low.remaining_mah = Some(4000.0);
     bench.settings.failsafe.critical.remaining_mah = Some(2000.0);
     bench.arm_state = ArmState::Armed;
@@ -74,7 +74,7 @@ fn before_the_first_report_of_a_gauge_its_capacity_is_unknown() {
 
 #[test]
 fn a_source_that_never_reports_its_gauge_has_none() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let state = bench.run(GAUGE_TIMEOUT_S + 1.0, half_full(GaugeReading::Missing));
     assert_eq!(state.charge_source, ChargeSource::Estimated);
     assert_eq!(state.capacity_mah(), Some(2200.0));
@@ -84,7 +84,7 @@ fn a_source_that_never_reports_its_gauge_has_none() {
 #[test]
 // Requirement: S-8
 fn after_its_time_out_the_charge_of_a_gauge_is_unknown_and_never_estimated() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, half_full(HALF_OF_20_AH));
     let state = bench.run(GAUGE_TIMEOUT_S - 1.0, half_full(GaugeReading::Missing));
     assert_eq!(
@@ -123,7 +123,7 @@ fn after_its_time_out_the_charge_of_a_gauge_is_unknown_and_never_estimated() {
 
 #[test]
 fn full_capacity_once_heard_stays_until_another_pack() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let at_rest = |voltage_v, gauge| Measurement {
         gauge,
         state_of_charge: Some(0.5),
@@ -172,7 +172,7 @@ fn timed_out_gauge_is_unhealthy_and_announced_while_a_threshold_needs_it() {
 
 #[test]
 fn gauge_that_is_not_to_be_used_is_estimated_at_once() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(5.0, half_full(HALF_OF_20_AH));
     let state = bench.run(0.1, half_full(GaugeReading::Absent));
     assert_eq!(state.charge_source, ChargeSource::Estimated);
@@ -190,7 +190,7 @@ fn companion(total_mah: f32, current_a: Option<f32>) -> Measurement {
 
 /// Lets a companion's count rise at this current from 0, in whole milliampere-hours, while the voltage is that of a pack of
 /// 2200 mAh of which `drawn_mah` was drawn before.
-fn count(bench: &mut Bench, seconds: f32, drawn_mah: f32, load_a: f32, current_a: Option<f32>) {
+fn count(bench: &mut MonitorBench, seconds: f32, drawn_mah: f32, load_a: f32, current_a: Option<f32>) {
     for tick in 0..(seconds * 10.0) as u32 {
         let total_mah = load_a * tick as f32 * 0.1 / 3.6;
         let true_a = load_a.max(current_a.unwrap_or(0.0));
@@ -208,7 +208,7 @@ fn count(bench: &mut Bench, seconds: f32, drawn_mah: f32, load_a: f32, current_a
 // Requirement: S-10
 fn a_count_beyond_the_capacity_leaves_nothing_whatever_the_voltage() {
     for current_a in [None, Some(0.0), Some(5.0)] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.settings.failsafe.critical.remaining_mah = Some(100.0);
         bench.run(60.0, companion(0.0, current_a));
         assert!(bench.state.readings.remaining_pct.expect("known") > 50.0);
@@ -223,7 +223,7 @@ fn a_count_beyond_the_capacity_leaves_nothing_whatever_the_voltage() {
 
 #[test]
 fn a_count_without_a_current_feeds_the_estimate() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let at_full = |total_mah| Measurement {
         voltage_v: Some(12.6),
         ..companion(total_mah, None)
@@ -243,7 +243,7 @@ fn a_count_without_a_current_feeds_the_estimate() {
 #[test]
 fn of_a_count_and_a_current_the_larger_counts() {
     for (counted_a, measured_a) in [(2.2, 1.0), (1.0, 2.2)] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.run(1.0, companion(0.0, Some(0.0)));
         bench.reset(100.0);
         count(&mut bench, 360.0, 0.0, counted_a, Some(measured_a));
@@ -265,7 +265,7 @@ fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
         current_a,
         ..volts(12.6)
     };
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, reading(0.01, Some(0.36)));
     bench.reset(100.0);
     bench.run(60.0, reading(0.0, None));
@@ -282,7 +282,7 @@ fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
 #[test]
 // Requirement: S-10, L-12
 fn a_count_that_falls_is_a_restart_of_its_source_and_no_charge() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(1.0, companion(0.0, Some(0.0)));
     bench.reset(100.0);
     count(&mut bench, 360.0, 0.0, 2.2, None);
@@ -306,7 +306,7 @@ fn a_count_that_falls_is_a_restart_of_its_source_and_no_charge() {
 #[test]
 // Requirement: L-12
 fn a_count_that_flickers_is_no_draw() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     for tick in 0..36_000 {
         bench.tick(Ok(companion(100.0 + (tick % 3) as f32, None)));
     }
@@ -315,7 +315,7 @@ fn a_count_that_flickers_is_no_draw() {
 
 #[test]
 fn a_count_that_stands_still_does_not_replace_an_unknown_current() {
-    let (mut counted, mut plain) = (Bench::new(), Bench::new());
+    let (mut counted, mut plain) = (MonitorBench::new(), MonitorBench::new());
     for bench in [&mut counted, &mut plain] {
         bench.arm_state = ArmState::Armed;
     }
@@ -329,7 +329,7 @@ fn a_count_that_stands_still_does_not_replace_an_unknown_current() {
 
 #[test]
 fn a_swapped_pack_has_none_of_the_count_of_the_one_before() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let at = |voltage_v, total_mah| Measurement {
         voltage_v: Some(voltage_v),
         ..companion(total_mah, Some(0.0))
@@ -345,12 +345,12 @@ fn a_swapped_pack_has_none_of_the_count_of_the_one_before() {
 
 #[test]
 fn after_a_processor_reset_a_count_goes_on() {
-    let mut before = Bench::new();
+    let mut before = MonitorBench::new();
     before.run(1.0, companion(1000.0, Some(0.0)));
     // The companion has restarted.
     before.run(1.0, companion(0.0, Some(0.0)));
     count(&mut before, 60.0, 0.0, 6.0, None);
-    let mut after = Bench::new();
+    let mut after = MonitorBench::new();
     after
         .monitor
         .restore(&before.monitor.memory(before.state.status, PackSource::default()));
@@ -371,7 +371,7 @@ fn reports(soc: f32, cell_v: f32) -> Measurement {
 // Requirement: S-9
 fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() {
     for chemistry in CHEMISTRIES {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.settings.chemistry = chemistry;
         let cell_v = chemistry.cell().lowest_resting_v(0.84) - 0.01;
         let nearly_empty = reports(0.84, cell_v);
@@ -421,7 +421,7 @@ fn a_contradicted_charge_acts_on_no_rover_that_drives() {
 
 #[test]
 fn one_cell_that_is_too_low_contradicts_the_charge() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     let uneven = Measurement {
         cells: CellVoltages::from_millivolts(&[3900, 3900, 3610]),
         ..reports(0.84, 3.8)
@@ -468,7 +468,7 @@ fn no_sound_cell_contradicts_its_charge() {
         let cell = chemistry.cell();
         for percent in 0..=100 {
             let soc = percent as f32 / 100.0;
-            let mut bench = Bench::new();
+            let mut bench = MonitorBench::new();
             bench.settings.chemistry = chemistry;
             // Of the lowest or highest make, with a gauge that is 5 % off.
             for sign in [-1.0, 1.0] {
@@ -492,7 +492,7 @@ fn packs_of_a_sum_that_rest_apart_are_a_fault_on_which_nothing_acts() {
         members_spread: spread,
         ..loaded(11.5, 0.0)
     };
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.run(5.0, sum(Some(0.04)));
     assert_eq!(bench.state.readings.faults, Faults::empty());
     let state = bench.run(2.0, sum(Some(0.06)));
@@ -522,7 +522,7 @@ fn a_sum_has_the_capacity_of_its_packs_unless_its_own_is_set() {
         (None, None, None),
         (Some(4000.0), Some(5000.0), Some(4000.0)),
     ] {
-        let mut bench = Bench::new();
+        let mut bench = MonitorBench::new();
         bench.settings.capacity_mah = own_mah;
         bench.run(5.0, sum(members_mah));
         assert_eq!(bench.state.capacity_mah(), expected_mah);
@@ -536,7 +536,7 @@ fn a_sum_has_the_capacity_of_its_packs_unless_its_own_is_set() {
 #[test]
 fn a_reset_and_the_time_left_are_of_what_the_pack_holds_now() {
     let learnt = "cells 3\ndrives 1\ncapacity_mah_sigma 1800 0.03\nresistance_ohm_now_first 0.02 0.02\n";
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.monitor.restore_learnt(learnt.parse().expect("a pack"));
     bench.run(5.0, loaded(11.5, 3.6));
     bench.reset(50.0);
@@ -550,7 +550,7 @@ fn a_reset_and_the_time_left_are_of_what_the_pack_holds_now() {
 
 #[test]
 fn another_pack_and_detected_cells_are_another_revision() {
-    let mut bench = Bench::new();
+    let mut bench = MonitorBench::new();
     bench.settings.cell_count = None;
     bench.run(5.0, loaded(10.2, 0.0));
     assert_eq!(bench.state.revision, 1);

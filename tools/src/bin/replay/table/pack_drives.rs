@@ -41,13 +41,13 @@ pub struct PackDrives {
     announces_failsafes: bool,
     refusals: Vec<String>,
     /// The present drive; before the first one the log so far.
-    drive: Option<Drive>,
+    drive: Option<Trip>,
     rows: Vec<Row>,
 }
 
 /// A drive so far.
 #[derive(Default)]
-struct Drive {
+struct Trip {
     is_armed: bool,
     start_s: f64,
     end_s: f64,
@@ -145,7 +145,7 @@ impl PackDrives {
         let reported_pct = sample.reported.and_then(|reported| reported.health_pct);
         self.reported_health_pct = reported_pct.or(self.reported_health_pct);
         if self.rows.is_empty() {
-            self.drive.get_or_insert_with(|| Drive::starting(sample.time_s));
+            self.drive.get_or_insert_with(|| Trip::starting(sample.time_s));
         }
         if let Some(drive) = &mut self.drive {
             drive.add(sample, &self.own.state, &reached);
@@ -162,9 +162,9 @@ impl PackDrives {
     /// The rover is armed.
     pub fn arm(&mut self, time_s: f64) {
         self.settle();
-        self.drive = Some(Drive {
+        self.drive = Some(Trip {
             is_armed: true,
-            ..Drive::starting(time_s)
+            ..Trip::starting(time_s)
         });
     }
 
@@ -215,7 +215,7 @@ impl PackDrives {
 
     /// The log has a failsafe of a pack; one with a text is known already.
     pub fn unnamed_failsafe(&mut self, time_s: f64) {
-        let is_named = |drive: &Drive| drive.recorded != Levels::default();
+        let is_named = |drive: &Trip| drive.recorded != Levels::default();
         if !self.drive.as_ref().is_some_and(is_named) {
             self.failsafe("battery", time_s);
         }
@@ -238,7 +238,7 @@ impl PackDrives {
         self.rows.len()
     }
 
-    fn close(&mut self, drive: Drive, end_s: f64, end: End) {
+    fn close(&mut self, drive: Trip, end_s: f64, end: End) {
         let what_if = self.what_if.as_ref().map(|(parameters, _)| WhatIf {
             parameters: parameters.clone(),
             levels: drive.what_if_levels,
@@ -285,7 +285,7 @@ impl PackDrives {
     }
 }
 
-impl Drive {
+impl Trip {
     fn starting(start_s: f64) -> Self {
         Self {
             start_s,
