@@ -7,20 +7,16 @@ use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::learnt;
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
 use emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
+use support::commands::{ACCEPTED, FAILED, PREFLIGHT_STORAGE};
 use support::frames::{
-    COMMAND_ACK, HEARTBEAT, Heartbeat, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of,
+    ARMED, HEARTBEAT, Heartbeat, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of,
 };
 use support::motor_poles::LEFT;
-use support::requests::{arm, command_long, disarm, manual_control, param_read_by_name, param_set, set_mode};
+use support::requests::{arm, command_long, disarm, manual_control, param_set, set_mode};
 use workbench::bench::{
-    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, value_of,
+    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET,
 };
 use workbench::{parameter_flash, signing_key};
-
-const PREFLIGHT_STORAGE: u16 = 245;
-const ACCEPTED: u8 = 0;
-const FAILED: u8 = 4;
-const ARMED: u8 = 128;
 
 /// Records that a sector takes: of parameters, and of signing.
 const SLOTS: u16 = 680;
@@ -82,19 +78,10 @@ fn rover_with_room(free: u16) -> Bench {
 
 fn arm_and_drive(bench: &mut Bench) {
     drive_for(bench, 200 * MILLISECOND, 0);
-    let answers = bench.ask(&arm());
-    assert_eq!(
-        of_message(&answers, COMMAND_ACK)[0].u8(2),
-        ACCEPTED,
-        "{answers:?}"
-    );
+    assert_eq!(bench.result_of(&arm()), ACCEPTED);
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.take_flash_operations();
-}
-
-fn read(bench: &mut Bench, name: &str) -> Option<f32> {
-    value_of(&bench.ask(&param_read_by_name(name)), name)
 }
 
 fn erases(operations: &[FlashOperation]) -> usize {
@@ -146,8 +133,7 @@ fn nothing_is_erased_while_armed_and_what_has_no_space_is_saved_after_disarming(
         bench.uart_send(0, now_us, &request);
         bench.run_for(40 * MILLISECOND);
     }
-    let refused = bench.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
-    assert_eq!(of_message(&refused, COMMAND_ACK)[0].u8(2), FAILED);
+    assert_eq!(bench.result_of(&command_long(PREFLIGHT_STORAGE, 2.0)), FAILED);
     drive_for(&mut bench, 7 * SECOND, 500);
 
     let operations = bench.take_flash_operations();
@@ -157,7 +143,7 @@ fn nothing_is_erased_while_armed_and_what_has_no_space_is_saved_after_disarming(
     let last = texts.last().expect("a report");
     assert_eq!(last, "Parameters: 11 not saved until disarmed", "{texts:?}");
     for name in ["BATT_CAPACITY", "BATT9_CAPACITY"] {
-        assert_eq!(read(&mut bench, name), Some(1234.0), "live");
+        assert_eq!(bench.read_parameter(name), Some(1234.0), "live");
     }
 
     let disarmed_us = bench.time_us();
@@ -171,9 +157,9 @@ fn nothing_is_erased_while_armed_and_what_has_no_space_is_saved_after_disarming(
     bench.power_cycle();
     bench.run_for(SECOND);
     for name in ["BATT_CAPACITY", "BATT9_CAPACITY"] {
-        assert_eq!(read(&mut bench, name), Some(1234.0), "saved");
+        assert_eq!(bench.read_parameter(name), Some(1234.0), "saved");
     }
-    assert_eq!(read(&mut bench, "BATT_CRT_VOLT"), Some(6.59));
+    assert_eq!(bench.read_parameter("BATT_CRT_VOLT"), Some(6.59));
 }
 
 #[test]
@@ -187,11 +173,11 @@ fn power_lost_while_armed_brings_saved_values_back() {
     }
     bench.set("BATT_CAPACITY", 1234.0);
     bench.run_for(SECOND);
-    assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(1234.0), "live");
+    assert_eq!(bench.read_parameter("BATT_CAPACITY"), Some(1234.0), "live");
     bench.run_until_silent();
     bench.power_cycle();
     bench.run_for(SECOND);
-    assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(777.0));
+    assert_eq!(bench.read_parameter("BATT_CAPACITY"), Some(777.0));
     let damaged = texts_of(&bench.frames());
     assert!(
         !damaged.iter().any(|text| text.contains("damaged")),
@@ -202,7 +188,7 @@ fn power_lost_while_armed_brings_saved_values_back() {
     bench.run_until_silent();
     bench.power_cycle();
     bench.run_for(SECOND);
-    assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(888.0));
+    assert_eq!(bench.read_parameter("BATT_CAPACITY"), Some(888.0));
 }
 
 #[test]

@@ -6,19 +6,11 @@ use crate::rover::{GOOD_3S, is_coasting};
 use crate::signing::station;
 use crate::wheels::pins;
 use emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
-use support::frames::{COMMAND_ACK, Frame, of_message, texts_of};
-use support::requests::{
-    PREFLIGHT_REBOOT_SHUTDOWN, heartbeat, param_read_by_name, reboot, reboot_to_boot_loader,
-};
-use workbench::bench::{Bench, SECOND, value_of};
+use support::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
+use support::frames::{acknowledged, texts_of};
+use support::requests::{heartbeat, reboot, reboot_to_boot_loader};
+use workbench::bench::{Bench, SECOND};
 use workbench::signing_key::protected;
-
-const ACCEPTED: u8 = 0;
-
-fn acknowledged(answers: &[Frame]) -> Vec<(u16, u8)> {
-    let acks = of_message(answers, COMMAND_ACK);
-    acks.iter().map(|ack| (ack.u16(0), ack.u8(2))).collect()
-}
 
 /// Waits until the board is in its boot loader, by the one reset of it.
 fn run_into_boot_loader(bench: &mut Bench) {
@@ -65,8 +57,7 @@ fn it_restarts_into_the_boot_loader_with_everything_off_and_saved() {
     bench.forget_sent();
     bench.finish_boot_loader();
     bench.run_for(2 * SECOND);
-    let answers = bench.ask(&param_read_by_name("BATT_VOLT_MULT"));
-    assert_eq!(value_of(&answers, "BATT_VOLT_MULT"), Some(4.1));
+    assert_eq!(bench.parameter("BATT_VOLT_MULT"), 4.1);
     bench.ask(&heartbeat(6));
     bench.run_for(3 * SECOND);
     assert!(!bench.logged(LogLevel::Info, "started by PowerOn").is_empty());

@@ -1,15 +1,13 @@
 //! Crashes that follow each other quickly: the parameters may be their reason.
 
 use emulator::LogLevel;
-use support::frames::{COMMAND_ACK, Frame, HEARTBEAT, STATUSTEXT, of_message, texts_of};
-use support::requests::{arm, command_long_2, disarm, param_read_by_name};
-use workbench::bench::{Bench, MILLISECOND, SECOND, value_of};
+use support::frames::{ARMED, CRITICAL, Frame, HEARTBEAT, STATUSTEXT, of_message, result_of, texts_of};
+use support::requests::{arm, arm_by_force, disarm};
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 const PACK_CODE: u16 = 2482;
 
 const NOTICE: &str = "5 quick resets: started with default parameters";
-const CRITICAL: u8 = 2;
-const ARMED: u8 = 128;
 
 const CHANGED: &str = "BATT_LOW_VOLT";
 const VALUE: f32 = 6.5;
@@ -46,10 +44,6 @@ fn reports_cause(frames: &[Frame]) -> bool {
         .any(|frame| frame.text(1, 50) == NOTICE && frame.u8(0) == CRITICAL)
 }
 
-fn value(bench: &mut Bench) -> Option<f32> {
-    value_of(&bench.ask(&param_read_by_name(CHANGED)), CHANGED)
-}
-
 #[test]
 // Requirement: OWN-6
 fn five_quick_resets_start_with_defaults_and_leave_flash_alone() {
@@ -58,20 +52,18 @@ fn five_quick_resets_start_with_defaults_and_leave_flash_alone() {
     let frames = crash_quickly(&mut bench, 5);
     assert!(reports_cause(&frames), "{frames:?}");
     assert_eq!(bench.logged(LogLevel::Warn, NOTICE).len(), 1);
-    assert_eq!(value(&mut bench), Some(DEFAULT));
+    assert_eq!(bench.read_parameter(CHANGED), Some(DEFAULT));
     let heartbeats = of_message(&frames, HEARTBEAT);
     assert!(!heartbeats.is_empty() && heartbeats.iter().all(|frame| frame.u8(6) & ARMED == 0));
 
     bench.reboot();
-    assert_eq!(value(&mut bench), Some(VALUE), "flash still has it");
+    assert_eq!(bench.read_parameter(CHANGED), Some(VALUE), "flash still has it");
 }
 
 #[test]
 fn five_quick_resets_refuse_arming_until_a_start_reads_the_stored_values() {
-    const ARM_DISARM: u16 = 400;
-    const FORCED: f32 = 21196.0;
     const REFUSED: &str = "Arm: Stored parameters not read: restart";
-    let is_accepted = |answers: &[Frame]| of_message(answers, COMMAND_ACK)[0].u8(2) == 0;
+    let is_accepted = |answers: &[Frame]| result_of(answers) == 0;
     let mut bench = configured();
     crash_quickly(&mut bench, 5);
     bench.run_for(40 * SECOND);
@@ -82,12 +74,12 @@ fn five_quick_resets_refuse_arming_until_a_start_reads_the_stored_values() {
     };
     let answers = ask(&mut bench, &arm());
     assert!(texts_of(&answers).contains(&REFUSED.into()), "{answers:?}");
-    let answers = ask(&mut bench, &command_long_2(ARM_DISARM, 1.0, FORCED));
+    let answers = ask(&mut bench, &arm_by_force());
     assert!(is_accepted(&answers));
     ask(&mut bench, &disarm());
     bench.reboot();
     assert!(is_accepted(&ask(&mut bench, &arm())));
-    assert_eq!(value(&mut bench), Some(VALUE));
+    assert_eq!(bench.read_parameter(CHANGED), Some(VALUE));
 }
 
 #[test]
@@ -97,7 +89,7 @@ fn one_more_crash_stays_with_defaults_and_one_after_half_a_minute_does_not() {
     assert!(reports_cause(&frames));
     let frames = crash_after(&mut bench, 31 * SECOND);
     assert!(!reports_cause(&frames));
-    assert_eq!(value(&mut bench), Some(VALUE));
+    assert_eq!(bench.read_parameter(CHANGED), Some(VALUE));
 }
 
 #[test]
@@ -106,7 +98,7 @@ fn a_default_that_is_set_then_is_saved() {
     crash_quickly(&mut bench, 5);
     bench.set(CHANGED, DEFAULT);
     bench.reboot();
-    assert_eq!(value(&mut bench), Some(DEFAULT));
+    assert_eq!(bench.read_parameter(CHANGED), Some(DEFAULT));
 }
 
 #[test]
@@ -119,7 +111,7 @@ fn restarts_that_were_asked_for_do_not_count() {
     for _ in 0..5 {
         bench.reboot();
     }
-    assert_eq!(value(&mut bench), Some(VALUE));
+    assert_eq!(bench.read_parameter(CHANGED), Some(VALUE));
     bench.press_run();
     let frames = crash_quickly(&mut bench, 4);
     assert!(!reports_cause(&frames));

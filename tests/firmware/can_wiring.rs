@@ -6,12 +6,11 @@ use std::rc::Rc;
 use emulator::LogLevel;
 use emulator::spi_devices::Ina239;
 use support::frames::{last_of, texts_of};
+use support::monitor_types::{DRONECAN, FUEL_FLOW};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use workbench::can::{CanRig, transfers};
 
-const DRONECAN: f32 = 8.0;
 const INA239: f32 = 26.0;
-const FUEL_FLOW: f32 = 11.0;
 const INA239_SELECT: usize = 22;
 
 /// As often as a battery reports.
@@ -21,12 +20,8 @@ const INTERVAL_US: u64 = 100 * MILLISECOND;
 fn with_can(crystal_hz: u64, bits_per_second: u64, parameters: &[(&str, f32)]) -> (Bench, CanRig) {
     let mut bench = Bench::running(DIVIDER_CODE);
     let rig = CanRig::new(&mut bench, crystal_hz, bits_per_second);
-    for (name, value) in [("CAN_P1_DRIVER", 1.0), ("SR0_EXTRA1", 10.0)] {
-        bench.set(name, value);
-    }
-    for (name, value) in parameters {
-        bench.set(name, *value);
-    }
+    bench.set_all(&[("CAN_P1_DRIVER", 1.0), ("SR0_EXTRA1", 10.0)]);
+    bench.set_all(parameters);
     bench.forget_sent();
     bench.reboot();
     (bench, rig)

@@ -1,22 +1,18 @@
 //! Intervals and requests, through the telemetry port.
 
+use support::commands::{
+    ACCEPTED, DENIED, GET_MESSAGE_INTERVAL, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, UNSUPPORTED,
+};
 use support::frames::{
-    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, MESSAGE_INTERVAL, PROTOCOL_VERSION,
-    SYS_STATUS, of_message,
+    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, MESSAGE_INTERVAL, PROTOCOL_VERSION,
+    SYS_STATUS, of_message, result_of,
 };
 use support::requests::{command_int, command_long, command_long_2, param_set, radio_status};
 use workbench::bench::{Bench, SECOND};
 use workbench::runs::rates_asked_for::{self, assert_rates};
 
-const SET_MESSAGE_INTERVAL: u16 = 511;
-const GET_MESSAGE_INTERVAL: u16 = 510;
-const REQUEST_MESSAGE: u16 = 512;
 const REQUEST_PROTOCOL_VERSION: u16 = 519;
 const REQUEST_AUTOPILOT_CAPABILITIES: u16 = 520;
-
-const ACCEPTED: u8 = 0;
-const DENIED: u8 = 2;
-const UNSUPPORTED: u8 = 3;
 
 /// So long rates are counted; longer ones are in `tests/endurance`.
 const RATE_US: u64 = 20 * SECOND;
@@ -25,10 +21,6 @@ fn running() -> Bench {
     let mut bench = Bench::power_up(2482);
     bench.run_for(SECOND);
     bench
-}
-
-fn result(answers: &[Frame]) -> u8 {
-    of_message(answers, COMMAND_ACK)[0].u8(2)
 }
 
 #[test]
@@ -42,20 +34,20 @@ fn bad_intervals_are_denied_and_unknown_messages_unsupported() {
     let mut bench = running();
     for interval_us in [-2.0, 100.0, f32::NAN] {
         assert_eq!(
-            result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, interval_us))),
+            bench.result_of(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, interval_us)),
             DENIED
         );
     }
     assert_eq!(
-        result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 30.0, 100_000.0))),
+        bench.result_of(&command_long_2(SET_MESSAGE_INTERVAL, 30.0, 100_000.0)),
         UNSUPPORTED
     );
     assert_eq!(
-        result(&bench.ask(&command_long(REQUEST_MESSAGE, 242.0))),
+        bench.result_of(&command_long(REQUEST_MESSAGE, 242.0)),
         UNSUPPORTED
     );
     assert_eq!(
-        result(&bench.ask(&command_long_2(REQUEST_MESSAGE, 147.0, 5.0))),
+        bench.result_of(&command_long_2(REQUEST_MESSAGE, 147.0, 5.0)),
         DENIED
     );
     assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 2.0)]);
@@ -65,7 +57,7 @@ fn bad_intervals_are_denied_and_unknown_messages_unsupported() {
 fn intervals_and_messages_are_sent_on_request() {
     let mut bench = running();
     let answers = bench.ask(&command_long(GET_MESSAGE_INTERVAL, 147.0));
-    assert_eq!(result(&answers), ACCEPTED);
+    assert_eq!(result_of(&answers), ACCEPTED);
     let interval = of_message(&answers, MESSAGE_INTERVAL)[0];
     assert_eq!((interval.i32(0), interval.u16(4)), (500_000, 147));
 
@@ -80,7 +72,7 @@ fn intervals_and_messages_are_sent_on_request() {
         (command_long(REQUEST_PROTOCOL_VERSION, 1.0), PROTOCOL_VERSION),
     ] {
         let answers = bench.ask(&request);
-        assert_eq!(result(&answers), ACCEPTED);
+        assert_eq!(result_of(&answers), ACCEPTED);
         assert_eq!(of_message(&answers, message).len(), 1, "message {message}");
     }
     let answers = bench.ask(&command_long(REQUEST_MESSAGE, 148.0));
@@ -97,7 +89,7 @@ fn a_streamed_message_comes_on_request_while_it_is_off() {
     for message in [SYS_STATUS, BATTERY_STATUS] {
         let from_us = bench.time_us();
         assert_eq!(
-            result(&bench.ask(&command_long_2(REQUEST_MESSAGE, message as f32, 0.0))),
+            bench.result_of(&command_long_2(REQUEST_MESSAGE, message as f32, 0.0)),
             ACCEPTED
         );
         let frames = bench.frames();

@@ -1,18 +1,13 @@
 //! Crash records, and to which systems they are reported after the restart.
 
 use emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
-use support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
-use support::requests::{heartbeat, param_read_by_name, ping, provoke_fault};
+use support::frames::{CRITICAL, HEARTBEAT, STATUSTEXT, of_message};
+use support::requests::{GCS, ONBOARD_CONTROLLER, heartbeat, ping, provoke_fault};
 use workbench::bench::{
-    Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER, value_of,
+    Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER,
 };
 use workbench::downloads::{download, list};
 use workbench::log_records::{named, records};
-
-const GROUND_STATION: u8 = 6;
-const ONBOARD_CONTROLLER: u8 = 18;
-
-const CRITICAL: u8 = 2;
 
 /// A 2S pack at 7.9 V.
 const PACK_CODE: u16 = 2482;
@@ -92,13 +87,10 @@ fn reported_once(bench: &mut Bench) -> Vec<String> {
         "reported before a ground station was heard"
     );
     assert!(said_to(bench, ONBOARD_CONTROLLER).is_empty());
-    let reported = said_to(bench, GROUND_STATION);
-    assert!(said_to(bench, GROUND_STATION).is_empty(), "reported twice");
+    let reported = said_to(bench, GCS);
+    assert!(said_to(bench, GCS).is_empty(), "reported twice");
     bench.reboot();
-    assert!(
-        said_to(bench, GROUND_STATION).is_empty(),
-        "reported again after a restart"
-    );
+    assert!(said_to(bench, GCS).is_empty(), "reported again after a restart");
     println!("{reported:?}");
     reported
 }
@@ -126,16 +118,14 @@ fn an_undefined_instruction_is_reported_with_its_address_and_task() {
 fn a_fault_is_provoked_by_command_once_everything_is_saved() {
     let mut bench = between_ticks();
     bench.set("BATT_VOLT_MULT", 4.1);
-    let answers = bench.ask(&provoke_fault());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0);
+    assert_eq!(bench.result_of(&provoke_fault()), 0);
     assert_reset(&mut bench, ResetCause::WatchdogForce, 4 * SECOND);
     let reported = reported_once(&mut bench);
     assert!(
         reported[0].starts_with("Crash: hard fault in reboot, PC 0x100"),
         "{reported:?}"
     );
-    let answers = bench.ask(&param_read_by_name("BATT_VOLT_MULT"));
-    assert_eq!(value_of(&answers, "BATT_VOLT_MULT"), Some(4.1));
+    assert_eq!(bench.parameter("BATT_VOLT_MULT"), 4.1);
 }
 
 #[test]
@@ -338,7 +328,7 @@ fn intended_resets_are_not_reported_as_crashes() {
     bench.reset_processor();
     bench.run_for(500 * MILLISECOND);
     assert_eq!(bench.logged(LogLevel::Info, "started by Processor").len(), 1);
-    assert!(said_to(&mut bench, GROUND_STATION).is_empty());
+    assert!(said_to(&mut bench, GCS).is_empty());
 
     // The boot ROM has flashed a UF2 file: the RUN pin has cleared the notes, and the watchdog is the boot ROM's.
     bench.write_register(RUNNING, 0);
@@ -348,7 +338,7 @@ fn intended_resets_are_not_reported_as_crashes() {
     bench.restore_interrupt(0);
     bench.run_for(500 * MILLISECOND);
     assert_eq!(bench.logged(LogLevel::Info, "started by PowerOn").len(), 2);
-    assert!(said_to(&mut bench, GROUND_STATION).is_empty());
+    assert!(said_to(&mut bench, GCS).is_empty());
 }
 
 #[test]
@@ -357,7 +347,7 @@ fn telemetry_continues_while_a_crash_is_reported() {
     bench.run_undefined_instruction();
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
     let from_us = bench.time_us();
-    let said = said_to(&mut bench, GROUND_STATION);
+    let said = said_to(&mut bench, GCS);
     assert!(said[0].starts_with("Crash: hard fault in drive"), "{said:?}");
     assert_eq!(of_message(&bench.frames_since(from_us), HEARTBEAT).len(), 3);
 }

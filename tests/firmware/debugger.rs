@@ -2,8 +2,8 @@
 
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_coasting};
 use emulator::ResetCause;
-use support::frames::{HEARTBEAT, STATUSTEXT, of_message};
-use support::requests::{arm, heartbeat, set_mode};
+use support::frames::{HEARTBEAT, of_message, texts_of};
+use support::requests::{GCS, arm, heartbeat, set_mode};
 use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 const CORE_0: u32 = 0b01;
@@ -12,8 +12,6 @@ const NONE: u32 = 0;
 
 /// Its watchdog's second and a little more.
 const RESET_WITHIN_US: u64 = 1_050 * MILLISECOND;
-
-const GROUND_STATION: u8 = 6;
 
 fn driving() -> Bench {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
@@ -37,14 +35,11 @@ fn a_rover_whose_processor_is_halted_stands_within_a_second() {
     // The crash says so to the next ground station that is heard.
     bench.run_for(SECOND);
     let from_us = bench.time_us();
-    bench.uart_send(0, from_us, &heartbeat(GROUND_STATION));
+    bench.uart_send(0, from_us, &heartbeat(GCS));
     bench.run_for(SECOND);
     assert!(is_coasting(&bench));
     let frames = bench.frames_since(from_us);
-    let texts: Vec<String> = of_message(&frames, STATUSTEXT)
-        .iter()
-        .map(|frame| frame.text(1, 50))
-        .collect();
+    let texts: Vec<String> = texts_of(&frames);
     assert!(texts.iter().any(|text| text.contains("hung")), "{texts:?}");
 }
 

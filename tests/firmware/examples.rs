@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use emulator::AdcInput;
 use emulator::i2c_devices::Ina226;
+use support::charge_states::OK;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, last_of,
     of_message, texts_of,
@@ -23,7 +24,6 @@ const LION: u8 = 3;
 const UNKNOWN_MV: u16 = u16::MAX;
 const UNKNOWN_CA: i16 = -1;
 const UNDEFINED: u8 = 0;
-const OK: u8 = 1;
 const LOW: u8 = 2;
 
 /// A step of the converter is 3.3 V / 4095.

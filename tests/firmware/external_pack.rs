@@ -1,6 +1,7 @@
 //! A pack that a companion computer on the telemetry port measures.
 
 use emulator::LogLevel;
+use support::charge_states::UNHEALTHY;
 use support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
 use support::pack_report::{EXTERNAL, OTHER_COMPANION, PackReport};
 use support::requests::arm;
@@ -8,7 +9,6 @@ use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 
 /// LOW and UNHEALTHY of MAV_BATTERY_CHARGE_STATE.
 const LOW: u8 = 2;
-const UNHEALTHY: u8 = 6;
 
 const TICK: u64 = 100 * MILLISECOND;
 

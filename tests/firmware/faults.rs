@@ -1,11 +1,9 @@
 //! What faults do, all of them put in from outside.
 
 use emulator::{AdcFault, AdcInput, LogLevel, ResetCause};
+use support::charge_states::{OK, UNHEALTHY};
 use support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, of_message};
 use workbench::bench::{Bench, DMA_IRQ, MILLISECOND, PACK, SECOND, STACK_POINTER};
-
-const OK: u8 = 1;
-const UNHEALTHY: u8 = 6;
 
 /// Sampling ticks fall on whole tenths of a second after boot; this is between two of them.
 const BETWEEN_TICKS_US: u64 = 5_050 * MILLISECOND;

@@ -6,12 +6,11 @@ use object::LittleEndian;
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 
 use emulator::LogLevel;
+use support::commands::REQUEST_MESSAGE;
 use support::frames::{AUTOPILOT_VERSION, of_message};
 use support::requests::command_long;
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND};
 use workbench::elf::{Artifact, build};
-
-const REQUEST_MESSAGE: u16 = 512;
 
 const FLASH_BASE: u32 = 0x1000_0000;
 

@@ -1,17 +1,10 @@
 //! Tanks: from the sensors' signals to the messages.
 
 use emulator::AdcInput;
-use support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, FUEL_STATUS, Frame, STATUSTEXT, of_message,
-};
+use support::commands::{ACCEPTED, BATTERY_RESET, DENIED, FAILED, REQUEST_MESSAGE};
+use support::frames::{BATTERY_STATUS, BatteryStatus, FUEL_STATUS, Frame, STATUSTEXT, of_message, result_of};
 use support::requests::command_long_2;
 use workbench::bench::{Bench, SECOND};
-
-const REQUEST_MESSAGE: u16 = 512;
-const BATTERY_RESET: u16 = 42651;
-const ACCEPTED: u8 = 0;
-const DENIED: u8 = 2;
-const FAILED: u8 = 4;
 
 /// MAV_BATTERY_TYPE_UNKNOWN
 const NO_CHEMISTRY: u8 = 0;
@@ -51,7 +44,7 @@ fn last_of_tank(bench: &mut Bench) -> Frame {
 /// The answer to a request for FUEL_STATUS of a pack, and the message if there is one.
 fn ask_for_fuel(bench: &mut Bench, instance: f32) -> (u8, Option<Frame>) {
     let answers = bench.ask(&command_long_2(REQUEST_MESSAGE, FUEL_STATUS as f32, instance));
-    let result = of_message(&answers, COMMAND_ACK)[0].u8(2);
+    let result = result_of(&answers);
     (result, of_message(&answers, FUEL_STATUS).pop().cloned())
 }
 
@@ -86,8 +79,7 @@ fn the_level_falls_from_full_to_empty() {
 #[test]
 fn a_tank_with_a_level_sensor_is_not_reset() {
     let mut bench = with_tank(&[]);
-    let answers = bench.ask(&command_long_2(BATTERY_RESET, 2.0, 50.0));
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), FAILED);
+    assert_eq!(bench.result_of(&command_long_2(BATTERY_RESET, 2.0, 50.0)), FAILED);
     bench.run_for(SECOND);
     assert_eq!(BatteryStatus(&last_of_tank(&mut bench)).remaining_pct(), 100);
 }

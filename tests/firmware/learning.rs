@@ -7,30 +7,25 @@ use rover_battmon::battery::LEARNT_WORDS;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::Storage;
 use rover_battmon_tools::sim::{PackModel, SimulatedFlash, SimulatedPack};
+use support::desk::DIVIDER;
 
 use crate::learnt::{FIRST, FIRST_7, flash_with, full_sector};
 use emulator::{AdcInput, FlashCut, LogLevel};
+use support::commands::{BATTERY_RESET, REQUEST_MESSAGE};
 use support::frames::{BATTERY_INFO, SMART_BATTERY_INFO, last_of, of_message, texts_of};
-use support::requests::{VEHICLE_ID, command_long, command_long_2, manual_control, param_read_by_name};
+use support::requests::{
+    VEHICLE_ID, arm_by_force, command_long, command_long_2, disarm_by_force, manual_control,
+};
 use workbench::bench::{
-    Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, PACK, SAVED_US, SECOND, value_of,
+    Bench, CURRENT, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, PACK, SAVED_US, SECOND,
 };
 use workbench::runs::flash_cuts::Leader;
 
-/// The current sensor is on GP27.
-const CURRENT: usize = 1;
-
-const DIVIDER: f32 = 3.95;
 const AMPERES_PER_VOLT: f32 = 1.0;
 const COUNTS_PER_VOLT: f32 = 4095.0 / 3.3;
 
 const TICK_US: u64 = 100 * MILLISECOND;
 const TICK_S: f32 = 0.1;
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
-const REQUEST_MESSAGE: u16 = 512;
-const BATTERY_RESET: u16 = 42651;
 
 /// Two cells of 48 mAh; the label says 60.
 const SMALL: PackModel = PackModel {
@@ -112,8 +107,7 @@ impl Stand {
     }
 
     fn parameter(&mut self, name: &str) -> f32 {
-        let answers = self.bench.ask(&param_read_by_name(name));
-        value_of(&answers, name).expect("an answer")
+        self.bench.parameter(name)
     }
 
     /// Rated and full capacity in mAh and the state of health, as BATTERY_INFO has them.
@@ -216,9 +210,9 @@ fn starts_known(chemistry: f32, cell_v: f32) {
     stand.bench.run_for(3 * SECOND);
     stand.bench.ask(&command_long_2(BATTERY_RESET, 65535.0, 62.0));
     stand.bench.ask(&manual_control(VEHICLE_ID, 0, 0));
-    stand.bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    stand.bench.ask(&arm_by_force());
     stand.bench.run_for(3 * SECOND);
-    stand.bench.ask(&command_long_2(ARM_DISARM, 0.0, FORCED));
+    stand.bench.ask(&disarm_by_force());
     stand.bench.run_for(3 * SECOND);
     stand.bench.forget_sent();
     stand.bench.power_cycle();
@@ -261,12 +255,12 @@ fn a_power_cut_in_any_flash_operation_keeps_what_was_learnt() {
     // The cells are detected.
     bench.run_for(3 * SECOND);
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
-    bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    bench.ask(&arm_by_force());
     bench.run_for(SECOND);
     for cut in [FlashCut::Prefix, FlashCut::ScatteredBits] {
         let disarm_and_keep_the_charge = |bench: &mut Bench| {
             let now_us = bench.time_us();
-            bench.uart_send(0, now_us, &command_long_2(ARM_DISARM, 0.0, FORCED));
+            bench.uart_send(0, now_us, &disarm_by_force());
             bench.run_for(1500 * MILLISECOND);
         };
         let after_cut = |mut bench: Bench, operation| {

@@ -9,14 +9,13 @@ use rover_battmon::pack::Pack;
 use rover_battmon_tools::sim::SimulatedFlash;
 
 use emulator::LogLevel;
+use support::commands::PREFLIGHT_STORAGE;
 use support::frames::{STATUSTEXT, last_of, of_message, texts_of};
 use support::learnt_record::learnt_words;
-use support::requests::{arm, command_long, param_read_by_name, param_set, reboot};
+use support::requests::{arm, command_long, param_set, reboot};
 use workbench::bench::{
-    Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES, value_of,
+    Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES,
 };
-
-const PREFLIGHT_STORAGE: u16 = 245;
 
 /// What the converter makes of 4.2 V: of two cells that are over-discharged, or of one that is full.
 const CODE_OF_4_2_V: u16 = 1320;
@@ -65,13 +64,8 @@ fn board_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Bench {
     bench
 }
 
-fn read(bench: &mut Bench, name: &str) -> f32 {
-    let answers = bench.ask(&param_read_by_name(name));
-    value_of(&answers, name).expect("an answer")
-}
-
 fn capacity_mah(bench: &mut Bench) -> f32 {
-    read(bench, "BATT_LRN_CAP")
+    bench.parameter("BATT_LRN_CAP")
 }
 
 #[test]
@@ -94,7 +88,7 @@ fn it_is_read_by_the_second_sampling_tick_and_survives_power_cycles_and_a_parame
     println!("read at {} us, first tick at {} us", loaded[0].0, ticks[0]);
 
     assert_eq!(capacity_mah(&mut bench), 2950.0);
-    assert_eq!(read(&mut bench, "BATT_LRN_RES"), 40.0);
+    assert_eq!(bench.parameter("BATT_LRN_RES"), 40.0);
     bench.assert_untroubled();
     bench.power_cycle();
     bench.run_for(SECOND);
@@ -161,7 +155,7 @@ fn worn_out_region_is_announced_once_and_nothing_else_suffers() {
     assert!(bench.resets().is_empty());
     bench.power_cycle();
     bench.run_for(SECOND);
-    assert_eq!(read(&mut bench, "BATT_LOW_VOLT"), 6.5);
+    assert_eq!(bench.parameter("BATT_LOW_VOLT"), 6.5);
     assert_eq!(capacity_mah(&mut bench), 2950.0, "it was not erased");
 }
 

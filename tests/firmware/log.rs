@@ -6,6 +6,7 @@ mod ring;
 mod timing;
 
 use emulator::FlashCut;
+use support::commands::REQUEST_MESSAGE;
 use support::frames::{AUTOPILOT_VERSION, of_message};
 use support::requests::command_long_2;
 use workbench::bench::{Bench, MINUTE, Wire};
@@ -60,7 +61,6 @@ fn assert_drive(drive: &mut Drive, content: &[u8]) -> usize {
 
 /// What the board says its id is: `uid` of AUTOPILOT_VERSION.
 pub fn board_id(bench: &mut Bench) -> String {
-    const REQUEST_MESSAGE: u16 = 512;
     let answers = bench.ask(&command_long_2(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32, 0.0));
     let version = of_message(&answers, AUTOPILOT_VERSION)[0];
     format!("{:08X}{:08X}", version.u32(12), version.u32(8))

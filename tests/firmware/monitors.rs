@@ -11,12 +11,14 @@ use emulator::i2c_devices::{
 use emulator::spi_devices::Ina239;
 use emulator::{AdcFault, AdcInput, PinWire, UartPins};
 use rover_battmon::parameter::{BatteryParameter, Range};
+use support::charge_states::UNHEALTHY;
+use support::commands::ACCEPTED;
 use support::frames::{BATTERY_STATUS, BatteryStatus, COMMAND_ACK, last_of, of_message, texts_of};
 use support::pack_report::PackReport;
-use support::requests::{arm, command_long_2, do_set_mode, manual_control, param_set};
+use support::requests::{arm, arm_by_force, do_set_mode, manual_control, param_set};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, value_of};
 use workbench::can::transfers::{A, ESC_0};
-use workbench::can::{CanRig, Peer as CanPeer};
+use workbench::can::{BITS_PER_SECOND, CRYSTAL_HZ, CanRig, Peer as CanPeer};
 use workbench::i2c_bus::BUS;
 
 const TICK: u64 = 100 * MILLISECOND;
@@ -32,14 +34,10 @@ const SELECT: usize = 22;
 const PULSES: usize = 17;
 
 const SHUNT_OHM: f64 = 0.0005;
-const CRYSTAL_HZ: u64 = 16_000_000;
-const BITS_PER_SECOND: u64 = 1_000_000;
 
 /// The longest time-out of all kinds, and a second.
 const SILENCE: u64 = 6 * SECOND;
 
-const UNHEALTHY: u8 = 6;
-const ACCEPTED: u8 = 0;
 const MANUAL: f32 = 0.0;
 
 /// A flow without pulses is zero: a value that stands still.
@@ -75,9 +73,7 @@ impl Rig {
         for (kind, number) in kinds.iter().zip(1..) {
             bench.set(&name(number, "MONITOR"), f32::from(*kind));
         }
-        for (name, value) in parameters {
-            bench.set(name, *value);
-        }
+        bench.set_all(parameters);
         bench.reboot();
         bench.uart(UART).take_sent();
         bench.forget_sent();
@@ -187,7 +183,7 @@ impl Rig {
         self.run_for(3 * SECOND);
         if drives {
             // Some of these packs fail arming checks.
-            assert_eq!(self.ask(&command_long_2(400, 1.0, 21196.0)), ACCEPTED, "{case}");
+            assert_eq!(self.ask(&arm_by_force()), ACCEPTED, "{case}");
             self.ask(&do_set_mode(MANUAL));
             self.bench.ask(&manual_control(1, 0, 0));
             self.drives = true;

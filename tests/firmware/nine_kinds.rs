@@ -14,7 +14,7 @@ use support::frames::{
 use support::pack_report::PackReport;
 use workbench::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK};
 use workbench::can::transfers::{A, A_LATER, STATUS_A};
-use workbench::can::{CanRig, Peer, Transfer};
+use workbench::can::{BITS_PER_SECOND, CRYSTAL_HZ, CanRig, Peer, Transfer};
 use workbench::i2c_bus::{BUS, shared};
 use workbench::runs::exact_rates::assert_sampled_at_every_tick;
 
@@ -22,8 +22,6 @@ const TICK: u64 = 100 * MILLISECOND;
 const TICKS_PER_SECOND: usize = 10;
 const HALF_MINUTE: usize = 30;
 
-const CRYSTAL_HZ: u64 = 16_000_000;
-const BITS_PER_SECOND: u64 = 1_000_000;
 const SERIAL_PORT: usize = 1;
 const SERIAL_BAUD: u32 = 9_600;
 /// Chip select of the INA239.

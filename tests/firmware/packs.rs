@@ -1,19 +1,13 @@
 //! Up to nine packs: how they are measured, counted and reported.
 
 use emulator::{AdcInput, LogLevel};
+use support::commands::{ACCEPTED, BATTERY_RESET, REQUEST_MESSAGE};
 use support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, NAMED_VALUE_FLOAT, SYS_STATUS, SysStatus,
-    last_of, of_message, texts_of,
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, NAMED_VALUE_FLOAT, SYS_STATUS, SysStatus, acknowledged,
+    last_of, of_message, result_of, texts_of,
 };
 use support::requests::command_long_2;
-use workbench::bench::{Bench, MILLISECOND, PACK, SECOND};
-
-/// A current sensor on GP27, and another pin that is free.
-const CURRENT: usize = 1;
-
-const BATTERY_RESET: u16 = 42651;
-const REQUEST_MESSAGE: u16 = 512;
-const ACCEPTED: u8 = 0;
+use workbench::bench::{Bench, CURRENT, MILLISECOND, PACK, SECOND};
 
 /// 1241 counts are 1.0 V at a pin: 17 A by ArduPilot's default sensor.
 const ONE_VOLT: u16 = 1241;
@@ -42,8 +36,10 @@ fn a_battery_reset_just_before_a_restart_holds() {
         let from_us = bench.time_us().next_multiple_of(SECOND) + SECOND;
         bench.run_until_time(from_us + after_ms * MILLISECOND);
         let percent = 90.0 - after_ms as f32 / 10.0;
-        let answers = bench.ask(&command_long_2(BATTERY_RESET, 65535.0, percent));
-        assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+        assert_eq!(
+            bench.result_of(&command_long_2(BATTERY_RESET, 65535.0, percent)),
+            ACCEPTED
+        );
         bench.reboot();
         let frames = bench.frames();
         let remaining_pct = last_of(&frames, 0).remaining_pct();
@@ -191,8 +187,7 @@ fn a_battery_reset_is_read_back_exactly() {
     let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
     for percent in [56, 97, 0, 100] {
         let answers = bench.ask(&command_long_2(BATTERY_RESET, 65535.0, percent as f32));
-        let answer = of_message(&answers, COMMAND_ACK)[0];
-        assert_eq!((answer.u16(0), answer.u8(2)), (BATTERY_RESET, ACCEPTED));
+        assert_eq!(acknowledged(&answers)[0], (BATTERY_RESET, ACCEPTED));
         bench.run_for(SECOND);
         let frames = bench.frames();
         let status = last_of(&frames, 0);
@@ -213,8 +208,7 @@ fn a_reset_of_a_sum_reaches_its_packs() {
     let mut bench = Bench::configured(HALF_FULL_3S, &parameters);
     for percent in [56, 97, 0, 100] {
         let answers = bench.ask(&command_long_2(BATTERY_RESET, 2.0, percent as f32));
-        let answer = of_message(&answers, COMMAND_ACK)[0];
-        assert_eq!((answer.u16(0), answer.u8(2)), (BATTERY_RESET, ACCEPTED));
+        assert_eq!(acknowledged(&answers)[0], (BATTERY_RESET, ACCEPTED));
         bench.run_for(SECOND);
         let frames = bench.frames();
         for instance in [0, 1] {
@@ -290,7 +284,7 @@ fn the_resting_voltage_is_sent_when_that_is_asked_for() {
     );
 
     let answers = bench.ask(&estimates);
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+    assert_eq!(result_of(&answers), ACCEPTED);
     let values = of_message(&answers, NAMED_VALUE_FLOAT);
     assert_eq!(names(&answers), ["BAT1_RES", "BAT1_VREST", "BAT1_SIGMA"]);
     let (resistance_mohm, resting_v) = (values[0].f32(4), values[1].f32(4));

@@ -2,13 +2,13 @@
 
 use emulator::i2c_devices::Bq76952;
 use emulator::{AdcInput, UartPins};
+use support::charge_states::OK;
 use support::frames::{last_of, texts_of};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
 use workbench::can::CanRig;
 use workbench::can::transfers::A;
 use workbench::i2c_bus::{BUS, shared};
 
-const OK: u8 = 1;
 const SERIAL_PORT: usize = 1;
 
 /// A board that was given a file and restarted, with what `plug_in` connects.

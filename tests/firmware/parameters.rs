@@ -5,24 +5,17 @@ use std::collections::BTreeMap;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::GroundStationParameter;
 
+use support::commands::{ACCEPTED, PREFLIGHT_STORAGE};
 use support::firmware_version;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, HEARTBEAT, PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS,
     of_message, texts_of,
 };
-use support::requests::{VEHICLE, arm, command_long, param_read_by_name, param_request_list};
+use support::requests::{VEHICLE, arm, command_long, param_request_list};
 use workbench::bench::{
-    Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, LISTED_OF_VEHICLE, MILLISECOND, SAVED_US, SECOND, value_of,
+    Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, LISTED_OF_VEHICLE, MILLISECOND, SAVED_US, SECOND,
 };
 use workbench::runs::rates_asked_for;
-
-const PREFLIGHT_STORAGE: u16 = 245;
-const ACCEPTED: u8 = 0;
-
-pub fn read(bench: &mut Bench, name: &str) -> f32 {
-    let answers = bench.ask(&param_read_by_name(name));
-    value_of(&answers, name).unwrap_or_else(|| panic!("{name} was not answered: {answers:?}"))
-}
 
 /// All parameters, by a list.
 pub fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
@@ -75,13 +68,13 @@ fn what_was_set_is_there_after_a_restart_and_after_a_power_cycle() {
     bench.set("BATT_VOLT_MULT", 4.1);
     bench.set("SR0_EXTRA1", 5.0);
     bench.reboot();
-    assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), 4.1);
-    assert_eq!(read(&mut bench, "SR0_EXTRA1"), 5.0);
+    assert_eq!(bench.parameter("BATT_VOLT_MULT"), 4.1);
+    assert_eq!(bench.parameter("SR0_EXTRA1"), 5.0);
     bench.power_cycle();
     bench.run_for(SECOND);
-    assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), 4.1);
-    assert_eq!(read(&mut bench, "SR0_EXTRA1"), 5.0);
-    assert_eq!(read(&mut bench, "SYSID_THISMAV"), 1.0);
+    assert_eq!(bench.parameter("BATT_VOLT_MULT"), 4.1);
+    assert_eq!(bench.parameter("SR0_EXTRA1"), 5.0);
+    assert_eq!(bench.parameter("SYSID_THISMAV"), 1.0);
 }
 
 #[test]
@@ -135,9 +128,9 @@ fn a_reset_to_defaults_is_live_and_stays() {
     let answers = bench.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
     assert_eq!((answers[0].message_id, answers[0].u8(2)), (COMMAND_ACK, ACCEPTED));
     bench.run_for(SAVED_US);
-    assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
+    assert_eq!(bench.parameter("SR0_EXTRA1"), 2.0);
     bench.reboot();
-    assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
+    assert_eq!(bench.parameter("SR0_EXTRA1"), 2.0);
 }
 
 #[test]
@@ -150,17 +143,12 @@ fn channels_that_do_not_fit_refuse_arming_over_a_restart_and_are_kept() {
     assert!(texts_of(&bench.ask(&arm())).contains(&expected.into()));
     bench.reboot();
     assert!(texts_of(&bench.ask(&arm())).contains(&expected.into()));
-    assert_eq!(read(&mut bench, "RCMAP_ROLL"), 3.0);
+    assert_eq!(bench.parameter("RCMAP_ROLL"), 3.0);
     bench.set("RCMAP_THROTTLE", 1.0);
     bench.reboot();
-    let answers = bench.ask(&arm());
-    assert_eq!(
-        of_message(&answers, COMMAND_ACK)[0].u8(2),
-        ACCEPTED,
-        "{answers:?}"
-    );
+    assert_eq!(bench.result_of(&arm()), ACCEPTED);
     for (name, value) in [("RCMAP_ROLL", 3.0), ("RCMAP_THROTTLE", 1.0), ("RC4_MIN", 1900.0)] {
-        assert_eq!(read(&mut bench, name), value, "{name}");
+        assert_eq!(bench.parameter(name), value, "{name}");
     }
 }
 

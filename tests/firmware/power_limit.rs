@@ -7,12 +7,12 @@ use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::wheels::duties;
 use emulator::i2c_devices::{Ina226, RegisterMap};
 use support::frames::texts_of;
+use support::monitor_types::INA2XX;
 use support::motor_poles::motors;
 use support::requests::{arm, manual_control, set_mode};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use workbench::i2c_bus::{BUS, shared};
 
-const INA2XX: f32 = 21.0;
 const MONITOR_AT: u8 = 0x40;
 
 const PACK_V: f64 = 11.4;
@@ -31,13 +31,11 @@ impl Limited {
         let monitor = shared(Ina226::new(0.0005));
         let mut bench = Bench::running(DIVIDER_CODE);
         bench.i2c(BUS).attach(MONITOR_AT, Box::new(Rc::clone(&monitor)));
-        for (name, value) in [
+        bench.set_all(&[
             ("BATT_MONITOR", INA2XX),
             ("BATT_CELLS", 3.0),
             ("BATT_WATT_MAX", LIMIT_W as f32),
-        ] {
-            bench.set(name, value);
-        }
+        ]);
         monitor.borrow_mut().set(PACK_V, 0.0);
         bench.reboot();
         bench.run_for(2 * SECOND);

@@ -1,22 +1,19 @@
 //! What comes in as pulses on GP17, and as a motor controller's telemetry on GP5.
 
 use emulator::{LogLevel, PinWire, UartPins};
+use support::charge_states::UNHEALTHY;
+use support::commands::REQUEST_MESSAGE;
 use support::frames::{BatteryStatus, FUEL_STATUS, last_of, of_message, texts_of};
+use support::monitor_types::{ESC, FUEL_FLOW};
 use support::requests::command_long_2;
 use workbench::bench::{Bench, MILLISECOND, SECOND};
 
-const ESC: f32 = 9.0;
-const FUEL_FLOW: f32 = 11.0;
 const FUEL_LEVEL_PWM: f32 = 12.0;
 
-const REQUEST_MESSAGE: u16 = 512;
 const SECOND_PACK: f32 = 1.0;
 
 const PULSES: usize = 17;
 const ESC_BAUD: u32 = 115_200;
-
-/// UNHEALTHY of MAV_BATTERY_CHARGE_STATE.
-const UNHEALTHY: u8 = 6;
 
 fn status<R>(bench: &mut Bench, look: impl FnOnce(BatteryStatus<'_>) -> R) -> R {
     bench.run_for(SECOND);

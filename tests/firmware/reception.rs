@@ -5,14 +5,11 @@ use emulator::{FlashOperationKind, FlashTiming, LogLevel, UartPins};
 use support::frames::{
     COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, TIMESYNC, of_message,
 };
-use support::requests::{command_long_2, disarm, param_set, param_set_to, timesync};
+use support::requests::{arm_by_force, disarm, param_set, param_set_to, timesync};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, MINUTE, SAVED_US, SECOND};
 
 /// Of another system: what is addressed to it fills the line, and is checked and dropped.
 const ELSEWHERE: [u8; 2] = [77, 1];
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
 
 const TELEMETRY: usize = 0;
 const ESC: usize = 1;
@@ -166,7 +163,7 @@ fn no_byte_is_lost_at_921600_baud_both_ways_with_lamps_changing() {
     bench.run_until_silent();
     let from_us = bench.time_us();
     let (mut asked, mut commands, mut free_at_us) = (0, 0, 0);
-    let armed_by_force = command_long_2(ARM_DISARM, 1.0, FORCED);
+    let armed_by_force = arm_by_force();
     while bench.time_us() < from_us + FULL_RATE_US {
         let mut bytes = if commands % 2 == 0 {
             armed_by_force.clone()

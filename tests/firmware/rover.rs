@@ -2,14 +2,14 @@
 
 use crate::wheels::{duties, pins};
 use emulator::{AdcInput, Board, LogLevel, ResetCause};
-use support::frames::{BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, STATUSTEXT, SYS_STATUS, last_of, of_message};
+use support::commands::{ACCEPTED, FAILED};
+use support::frames::{
+    BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, STATUSTEXT, SYS_STATUS, last_of, of_message, result_of, texts_of,
+};
 use support::motor_poles::{LEFT, motors};
 pub use support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use support::requests::{arm, disarm, manual_control, set_mode};
 use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, RUNNING, SECOND, STACK_POINTER};
-
-const ACCEPTED: u8 = 0;
-const FAILED: u8 = 4;
 
 /// The number of the exception.
 const HARD_FAULT: u32 = 3;
@@ -71,8 +71,7 @@ fn driving(parameters: &[(&str, f32)]) -> Bench {
     let mut all = vec![("BATT_CELLS", 3.0)];
     all.extend(parameters);
     let mut bench = Bench::configured(GOOD_3S, &all);
-    let answers = bench.ask(&arm());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+    assert_eq!(bench.result_of(&arm()), ACCEPTED);
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     drive_for(&mut bench, 2 * SECOND, 500);
@@ -211,8 +210,7 @@ fn a_hang_lets_the_motors_coast_after_the_watchdogs_time() {
 fn a_hang_right_after_arming_is_as_short() {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
     bench.run_for(SECOND);
-    let answers = bench.ask(&arm());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
+    assert_eq!(bench.result_of(&arm()), 0);
     bench.hang_program();
     assert!(bench.run_until(HANG_US, |board| !board.resets().is_empty()));
 }
@@ -272,10 +270,7 @@ fn a_driver_who_falls_silent_stops_it() {
     bench.run_for(300 * MILLISECOND);
     assert!(is_braking(&bench), "it holds");
     let frames = bench.frames();
-    let texts: Vec<_> = of_message(&frames, STATUSTEXT)
-        .iter()
-        .map(|frame| frame.text(1, 50))
-        .collect();
+    let texts: Vec<_> = texts_of(&frames);
     assert!(
         texts.iter().any(|text| text == "Radio Failsafe: Hold"),
         "{texts:?}"
@@ -309,7 +304,7 @@ fn a_threshold_raised_while_driving_stops_it_until_set_back_and_restarted() {
 fn a_pack_below_its_arming_voltage_is_not_armed_and_says_why() {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_ARM_VOLT", 11.5)]);
     let answers = bench.ask(&arm());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), FAILED);
+    assert_eq!(result_of(&answers), FAILED);
     let texts = of_message(&answers, STATUSTEXT);
     assert_eq!(
         texts[0].text(1, 50),
@@ -317,8 +312,7 @@ fn a_pack_below_its_arming_voltage_is_not_armed_and_says_why() {
     );
     assert!(is_coasting(&bench));
     bench.set("BATT_ARM_VOLT", 11.0);
-    let answers = bench.ask(&arm());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+    assert_eq!(bench.result_of(&arm()), ACCEPTED);
 }
 
 #[test]

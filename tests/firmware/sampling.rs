@@ -3,10 +3,7 @@
 use emulator::{AdcFault, AdcInput, LogLevel};
 use support::frames::{BATTERY_STATUS, BatteryStatus, SYS_STATUS, SysStatus, last_of, of_message, texts_of};
 use support::requests::arm;
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
-
-/// The converter's input of GP27.
-const CURRENT: usize = 1;
+use workbench::bench::{Bench, CURRENT, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
 
 /// The converter's last code.
 const FULL_SCALE: u16 = 4095;

@@ -1,23 +1,18 @@
 //! One session of a ground station, the same over every wire.
 
-use crate::parameters::{list, read};
+use crate::parameters::list;
 use crate::rover::GOOD_3S;
 use emulator::LogLevel;
+use support::commands::{ACCEPTED, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, UNSUPPORTED};
 use support::frames::{
-    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, Heartbeat, PING, SYS_STATUS, TIMESYNC,
+    ARMED, AUTOPILOT_VERSION, BATTERY_STATUS, HEARTBEAT, Heartbeat, PING, SYS_STATUS, TIMESYNC, acknowledged,
     assert_no_sequence_gap, last_of, of_message,
 };
 use support::requests::{arm, command_long, command_long_2, disarm, ping, timesync};
 use workbench::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, Wire};
 use workbench::runs::rates_asked_for::assert_rates;
 
-const SET_MESSAGE_INTERVAL: u16 = 511;
-const REQUEST_MESSAGE: u16 = 512;
 const UNKNOWN_COMMAND: u16 = 410;
-const ACCEPTED: u8 = 0;
-const UNSUPPORTED: u8 = 3;
-/// Of HEARTBEAT's base mode.
-const ARMED: u8 = 128;
 
 #[test]
 fn a_session_over_the_uart() {
@@ -58,7 +53,7 @@ fn receive_telemetry(bench: &mut Bench) {
 fn list_and_set_parameters(bench: &mut Bench) {
     assert_eq!(list(bench).len(), LISTED_BY_DEFAULT);
     bench.set("BATT_CAPACITY", 2200.0);
-    assert_eq!(read(bench, "BATT_CAPACITY"), 2200.0);
+    assert_eq!(bench.parameter("BATT_CAPACITY"), 2200.0);
     bench.run_for(SAVED_US);
 }
 
@@ -69,8 +64,7 @@ fn command(bench: &mut Bench) {
         (UNKNOWN_COMMAND, 0, 0.0, UNSUPPORTED),
     ] {
         let answers = bench.ask(&command_long_2(number, message as f32, interval_us));
-        let acknowledgement = of_message(&answers, COMMAND_ACK)[0];
-        assert_eq!((acknowledgement.u16(0), acknowledgement.u8(2)), (number, result));
+        assert_eq!(acknowledged(&answers)[0], (number, result));
     }
     assert_rates(bench, 5 * SECOND, &[(BATTERY_STATUS, 10.0), (HEARTBEAT, 1.0)]);
     let answers = bench.ask(&command_long(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32));
@@ -94,8 +88,7 @@ fn ask_for_the_time(bench: &mut Bench) {
 
 fn arm_and_disarm(bench: &mut Bench) {
     for (request, armed) in [(arm(), ARMED), (disarm(), 0)] {
-        let answers = bench.ask(&request);
-        assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+        assert_eq!(bench.result_of(&request), ACCEPTED);
         bench.run_for(SECOND);
         let frames = bench.frames();
         let heartbeat = *of_message(&frames, HEARTBEAT).last().expect("it beats");
@@ -108,6 +101,6 @@ fn restart(bench: &mut Bench) {
     bench.reboot();
     bench.forget_sent();
     bench.run_for(SECOND);
-    assert_eq!(read(bench, "BATT_CAPACITY"), 2200.0);
+    assert_eq!(bench.parameter("BATT_CAPACITY"), 2200.0);
     assert!(!of_message(&bench.frames(), BATTERY_STATUS).is_empty());
 }

@@ -6,20 +6,17 @@ use std::path::Path;
 
 use emulator::i2c_devices::{Pec, SmartBattery};
 use emulator::{AdcFault, AdcInput};
+use support::charge_states::{FAILED, OK, UNHEALTHY};
+use support::commands::{BATTERY_RESET, RUN_PREARM_CHECKS, SET_MESSAGE_INTERVAL};
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, Frame, SYS_STATUS, SysStatus, last_of, of_message,
     texts_of, tlog,
 };
 use support::requests::{VEHICLE, arm, command_long, command_long_2, param_read_by_name, param_request_list};
-use workbench::bench::{Bench, PACK, SAVED_US, SECOND};
+use workbench::bench::{Bench, CURRENT, PACK, SAVED_US, SECOND};
 use workbench::i2c_bus::BUS;
 use workbench::signing_key::protected;
 
-const SET_MESSAGE_INTERVAL: u16 = 511;
-const RUN_PREARM_CHECKS: u16 = 401;
-const BATTERY_RESET: u16 = 42651;
-
-const CURRENT: usize = 1;
 const AMPERES_PER_VOLT: f64 = 17.0;
 
 const CURRENT_SENSOR: [(&str, f32); 4] = [
@@ -35,10 +32,7 @@ const SMART_BATTERY_ADDRESS: u8 = 0x0b;
 
 /// MAV_BATTERY_CHARGE_STATE
 const UNDEFINED: u8 = 0;
-const OK: u8 = 1;
 const EMERGENCY: u8 = 4;
-const FAILED: u8 = 5;
-const UNHEALTHY: u8 = 6;
 
 /// Who is connected.
 #[derive(Clone, Copy, PartialEq)]

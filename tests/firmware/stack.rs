@@ -4,11 +4,12 @@ use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::signing;
 use crate::wheels::duties;
 use emulator::{AdcFault, LogLevel, ResetCause};
-use support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
+use support::commands::{ACCEPTED, BATTERY_RESET, REQUEST_MESSAGE};
+use support::frames::{PARAM_VALUE, of_message};
 use support::motor_poles::LEFT;
 use support::requests::{
-    VEHICLE, command_int, command_long, command_long_2, ftp_open, manual_control, param_request_list,
-    param_set, ping, set_mode, timesync,
+    VEHICLE, arm_by_force, command_int, command_long, command_long_2, ftp_open, manual_control,
+    param_request_list, param_set, ping, set_mode, timesync,
 };
 use workbench::bench::{Bench, MILLISECOND, SECOND};
 use workbench::i2c_bus::BUS;
@@ -17,12 +18,7 @@ use workbench::runs::mixed_packs;
 /// Of the stack's room, this much has to be free at the worst.
 const FREE_PERCENT: u32 = 30;
 
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21_196.0;
-const REQUEST_MESSAGE: u16 = 512;
 const AUTOPILOT_VERSION: f32 = 148.0;
-const BATTERY_RESET: u16 = 42_651;
-const ACCEPTED: u8 = 0;
 
 /// Nine packs, each with a message of its own 50 times a second, on the fastest line there is, all signed.
 fn busiest_board() -> Bench {
@@ -43,12 +39,7 @@ fn busiest_board() -> Bench {
 }
 
 fn arm(bench: &mut Bench) {
-    let answers = bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
-    assert_eq!(
-        of_message(&answers, COMMAND_ACK)[0].u8(2),
-        ACCEPTED,
-        "{answers:?}"
-    );
+    assert_eq!(bench.result_of(&arm_by_force()), ACCEPTED);
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
 }
 

@@ -1,7 +1,8 @@
 //! Flash that is damaged, worn or slow.
 
 use emulator::{FlashOperationKind, FlashTiming};
-use support::frames::{PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
+use support::commands::PREFLIGHT_STORAGE;
+use support::frames::{CRITICAL, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
 use support::requests::{VEHICLE, arm, command_long, param_read_by_name, param_request_list, param_set};
 use workbench::bench::{
     Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES,
@@ -21,11 +22,7 @@ fn read(bench: &mut Bench, name: &str) -> Option<f32> {
     values.first().map(|frame| ParamValue(frame).value())
 }
 
-const CRITICAL: u8 = 2;
-
 const DAMAGED: &str = "Parameters damaged: check them, then set PARAM_CHECKED 1";
-
-const PREFLIGHT_STORAGE: u16 = 245;
 
 /// The firmware retries what it could not write once a minute.
 const RETRIED_US: u64 = 65 * SECOND;

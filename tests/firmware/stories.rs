@@ -3,6 +3,7 @@
 
 use crate::wheels::duties;
 use emulator::{AdcFault, AdcInput};
+use support::commands::REQUEST_MESSAGE;
 use support::frames::{BATTERY_INFO, STATUSTEXT, last_of, of_message};
 use support::motor_poles::LEFT;
 use support::requests::{VEHICLE_ID, command_long, manual_control};
@@ -16,8 +17,6 @@ const CURRENT_SENSOR: usize = 1;
 const DIVIDER: f64 = 3.95;
 const AMPERES_PER_VOLT: f64 = 17.0;
 const COUNTS_PER_VOLT: f64 = 4095.0 / 3.3;
-
-const REQUEST_MESSAGE: u16 = 512;
 
 /// Half throttle, so that the motors would turn if they may.
 const THROTTLE: i16 = 500;

@@ -37,16 +37,14 @@ fn a_thermistor_is_read_and_an_open_or_shorted_lead_is_unknown() {
     // 25 degrees, by its resistance with the pull-up of the pad; but no coefficient is set.
     let warm = 2205;
     assert_eq!(temperature_cdegc(&mut bench, warm), UNKNOWN);
-    for (name, value) in [
+    bench.set_all(&[
         ("TEMP1_A0", 129.22),
         ("TEMP1_A1", -162.20),
         ("TEMP1_A2", 136.51),
         ("TEMP1_A3", -72.08),
         ("TEMP1_A4", 19.73),
         ("TEMP1_A5", -2.222),
-    ] {
-        bench.set(name, value);
-    }
+    ]);
     let at_25 = temperature_cdegc(&mut bench, warm);
     assert!((2400..2600).contains(&at_25), "{at_25}");
     let at_60 = temperature_cdegc(&mut bench, 921);

@@ -13,14 +13,12 @@ use workbench::runs::time_wrap::{self, Old, WRAPS_US};
 /// An armed rover with a pack of three cells, ready to be driven.
 fn armed(wrap_us: u64, before_us: u64) -> Old {
     let mut old = Old::power_up(GOOD_3S, wrap_us, before_us);
-    for (name, value) in [
+    old.bench.set_all(&[
         ("BATT_CELLS", 3.0),
         ("BATT_LOW_VOLT", 10.2),
         ("BATT_LOW_TIMER", 10.0),
         ("BATT_FS_LOW_ACT", 2.0),
-    ] {
-        old.bench.set(name, value);
-    }
+    ]);
     old.bench.ask(&arm());
     old.bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     drive_for(&mut old.bench, SECOND / 10, 0);

@@ -1,11 +1,10 @@
 //! The board at a USB host: what hosts do, and what they do to it.
 
 use emulator::{AbortPoint, ControlRequest, FlashTiming, HostEvent, LogLevel, Random, Reading};
+use support::commands::PREFLIGHT_STORAGE;
 use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message};
-use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire, value_of};
-
-const PREFLIGHT_STORAGE: u16 = 245;
+use support::requests::{VEHICLE, command_long, param_request_list};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire};
 
 /// How long a program on the host has to do without its link, at most.
 const BACK_WITHIN_US: u64 = 2 * SECOND;
@@ -51,8 +50,7 @@ fn assert_back(bench: &mut Bench, trouble: &str) -> u64 {
     }
     let took_us = bench.time_us() - from_us;
     assert!(bench.usb().is_open(), "{trouble}");
-    let answers = bench.ask(&param_read_by_name("BATT_LOW_VOLT"));
-    assert!(value_of(&answers, "BATT_LOW_VOLT").is_some(), "{trouble}");
+    assert!(bench.read_parameter("BATT_LOW_VOLT").is_some(), "{trouble}");
     took_us
 }
 

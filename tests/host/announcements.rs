@@ -7,9 +7,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings, CanEvent, CanNotice, NodeId};
 
-use support::desk::{Desk, adc_count};
+use support::desk::{DIVIDER, Desk, adc_count};
 use support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT};
-use support::requests::{arm, command_long_2, do_set_mode};
+use support::requests::{arm, arm_by_force, do_set_mode};
 
 const TICK_US: u64 = 100_000;
 const TICKS_PER_SECOND: u64 = 10;
@@ -20,7 +20,6 @@ const BYTES_PER_SECOND: i64 = 120;
 /// Of a MAVLink 2 frame, beside its payload.
 const FRAME_BYTES: usize = 12;
 
-const DIVIDER: f32 = 3.95;
 const FULL_V: f32 = 12.4;
 const LOW_V: f32 = 10.2;
 
@@ -231,7 +230,7 @@ fn other_packs_keep_their_places() {
         .desk
         .connect_slowly(LinkKind::Radio, BYTES_PER_SECOND as u32);
     rover.run(100);
-    rover.receive(&command_long_2(400, 1.0, 21196.0));
+    rover.receive(&arm_by_force());
     rover.pack_v = LOW_V;
     rover.run(20);
     let from_tick = rover.tick;

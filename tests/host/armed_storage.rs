@@ -1,6 +1,7 @@
 //! An armed rover erases no flash, whatever is requested: what has no space is live, reported, and saved after disarming.
 
 use std::cell::RefCell;
+use support::signer::OWNER;
 
 use embassy_futures::block_on;
 use embassy_futures::select::select;
@@ -16,18 +17,13 @@ use rover_battmon::parameter::{BatteryParameter, ParameterId};
 use rover_battmon::tasks::{Shared, now};
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::clock;
+use support::commands::{PREFLIGHT_STORAGE, RESET};
 use support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
 use support::requests::{
-    VEHICLE, command_long, command_long_2, disarm, param_request_list, param_set, setup_signing,
+    VEHICLE, arm_by_force, command_long, disarm, param_request_list, param_set, setup_signing,
 };
 
 use crate::regions::{Regions, keep};
-
-const ARM_DISARM: u16 = 400;
-const PREFLIGHT_STORAGE: u16 = 245;
-const FORCED: f32 = 21196.0;
-const RESET: f32 = 2.0;
-const OWNER: u8 = 7;
 
 const NOT_WHILE_ARMED: &str = "Not while armed: disarm first";
 
@@ -100,7 +96,7 @@ impl Station<'_> {
 
     /// What the ground station does with an armed vehicle, in which nothing is erased meanwhile.
     async fn armed<T>(&self, script: impl AsyncFnOnce() -> T) -> T {
-        self.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        self.ask(&arm_by_force());
         let before = erases(self.regions);
         let result = script().await;
         assert_eq!(erases(self.regions), before, "erased while armed");

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::io;
 use std::rc::Rc;
+use support::time::SECOND;
 
 use proptest::prelude::*;
 use rover_battmon::autopilot::{CrashLine, ParameterLoad, Start, Work};
@@ -17,15 +18,13 @@ use rover_battmon_tools::board_check::{
     CHECKS, Divider, Multimeter, Plan, Port, Report, Verdict, hash_of_elf, run,
 };
 use support::checked::{Checked, Turned, Watcher, failed, not_measured};
-use support::desk::{Desk, adc_count};
+use support::desk::{DIVIDER, Desk, adc_count};
 use support::frames::{
     AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_LONG, GROUND_STATION, HEARTBEAT, PARAM_VALUE, SYS_STATUS,
     TIMESYNC, encode_v2, encode_v2_from, resealed,
 };
 use support::page::assert_part;
 use support::requests::request_data_stream;
-
-const SECOND: u64 = 1_000_000;
 
 /// Of the stepped time.
 const STEP_US: u64 = 5_000;
@@ -38,7 +37,6 @@ const BOOT_US: u64 = 200_000;
 
 /// A 2S pack behind the divider.
 const PACK_V: f32 = 7.93;
-const DIVIDER: f32 = 3.95;
 
 /// When the check listens.
 const LISTENING_US: u64 = 15 * SECOND;

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::future::pending;
+use support::time::SECOND;
 
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
@@ -16,12 +17,7 @@ use rover_battmon::tasks::{
 use rover_battmon_tools::sim::clock;
 use support::frames::{STATUSTEXT, frames, of_message};
 use support::line::{BYTE_US, Line, Sent};
-use support::requests::heartbeat;
-
-const SECOND: u64 = 1_000_000;
-
-const GROUND_STATION: u8 = 6;
-const ONBOARD_CONTROLLER: u8 = 18;
+use support::requests::{GCS, ONBOARD_CONTROLLER, heartbeat};
 
 /// A system that sends a heartbeat every second from some time on.
 struct System {
@@ -105,7 +101,7 @@ fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
 #[test]
 fn each_link_reports_a_crash_once_and_the_record_is_cleared() {
     let memory = Memory::default();
-    for texts in run(GROUND_STATION, 3 * SECOND, &memory) {
+    for texts in run(GCS, 3 * SECOND, &memory) {
         let said: Vec<_> = texts.iter().map(|(_, text)| text.as_str()).collect();
         // The first chunk of each.
         assert_eq!(

@@ -1,29 +1,28 @@
 //! Files over a link: frames in, frames out, and a log of bytes.
 
 use std::{fs, iter};
+use support::desk::EXTRA1;
+use support::time::SECOND;
 
 use proptest::prelude::*;
 use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Signing};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::recorder::LogFile;
 use rover_battmon::system::SystemState;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{Fitness, Vehicle};
 use rover_battmon::wifi::WifiCredentials;
+use support::commands::REQUEST_MESSAGE;
 use support::frames::{
     COMPONENT_METADATA, FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY,
     LOG_ERASE, LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from,
-    frames, of_message,
+    frames, of_message, texts_of,
 };
 use support::repository;
 use support::requests::{VEHICLE, command_long};
 
 const OTHER_STATION: [u8; 2] = [254, 190];
-
-const SECOND: u64 = 1_000_000;
-
-const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 
 /// Our end of a link, and what it reads.
 struct Bench {
@@ -154,10 +153,7 @@ impl Bench {
 
     fn texts(&mut self, request: &[u8]) -> Vec<String> {
         let sent = self.ask(request);
-        of_message(&sent, STATUSTEXT)
-            .iter()
-            .map(|frame| frame.text(1, 50))
-            .collect()
+        texts_of(&sent)
     }
 }
 
@@ -557,7 +553,6 @@ fn json_value<'a>(json: &'a str, key: &str, ends: [char; 2]) -> &'a str {
 
 /// As QGroundControl reads them: the address of the first file by COMPONENT_METADATA, in it that of the second.
 fn read_descriptions(bench: &mut Bench) -> Vec<u8> {
-    const REQUEST_MESSAGE: u16 = 512;
     let mut client = Client::new(GROUND_STATION);
     let sent = bench.ask(&command_long(REQUEST_MESSAGE, COMPONENT_METADATA as f32));
     let [metadata] = of_message(&sent, COMPONENT_METADATA)[..] else {

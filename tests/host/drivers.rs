@@ -8,7 +8,7 @@ use rover_battmon::vehicle::{ArmState, Mode, MotorDrive, SideDrives};
 use support::desk::Desk;
 use support::frames::{Frame, frames, resealed, texts_of};
 use support::requests::{
-    VEHICLE, VEHICLE_ID, command_long_2, disarm, do_set_mode, manual_control, rc_override,
+    VEHICLE, VEHICLE_ID, arm_by_force, disarm, do_set_mode, manual_control, rc_override,
 };
 
 const TICK_US: u64 = 20_000;
@@ -151,7 +151,7 @@ impl Room {
     }
 
     fn arm(&mut self, number: usize) {
-        self.send(number, &command_long_2(400, 1.0, 21196.0));
+        self.send(number, &arm_by_force());
         assert_eq!(self.desk.vehicle().arm_state(), ArmState::Armed);
     }
 
@@ -436,7 +436,7 @@ proptest! {
                     room.send(at[place], &ways[place].release());
                     heard[place] = Heard::default();
                 }
-                Step::Arm(place) => room.send(at[place], &command_long_2(400, 1.0, 21196.0)),
+                Step::Arm(place) => room.send(at[place], &arm_by_force()),
                 Step::Disarm(place) => room.send(at[place], &disarm()),
                 Step::Mode(place, mode) => room.send(at[place], &do_set_mode(mode)),
                 Step::Reload(place) => {

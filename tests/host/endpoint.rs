@@ -18,7 +18,11 @@ use rover_battmon::sensor::ChargerPower;
 use rover_battmon::system::SystemState;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::Restart;
-use support::desk::Desk;
+use support::commands::{
+    ACCEPTED, BATTERY_RESET, DENIED, FAILED, GET_MESSAGE_INTERVAL, PREFLIGHT_REBOOT_SHUTDOWN,
+    PREFLIGHT_STORAGE, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, UNSUPPORTED,
+};
+use support::desk::{Desk, EXTRA1};
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
     FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR,
@@ -26,13 +30,12 @@ use support::frames::{
     encode_v1, encode_v2, of_message,
 };
 use support::requests::{
-    EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
+    EVERYONE, GCS, ONBOARD_CONTROLLER, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
     command_long_2, ftp_open, heartbeat_from, param_read_by_index, param_read_by_name, param_request_list,
     param_set, param_set_payload, param_set_to, ping, provoke_fault, radio_status_from, reboot,
     reboot_to_boot_loader, request_data_stream, timesync,
 };
 
-const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
 /// The parameters of the vehicle that are listed by default: ten more set up what is not in use then.
@@ -53,10 +56,6 @@ const NOT_LISTED: u16 = u16::MAX;
 
 const DOES_NOT_EXIST: u8 = 1;
 const VALUE_OUT_OF_RANGE: u8 = 2;
-const ACCEPTED: u8 = 0;
-const DENIED: u8 = 2;
-const UNSUPPORTED: u8 = 3;
-const FAILED: u8 = 4;
 
 fn assert_ack(frame: &Frame, command: u16, result: u8) {
     assert_eq!(frame.message_id, COMMAND_ACK);
@@ -328,7 +327,6 @@ fn ping_and_timesync_are_answered_and_answers_to_them_are_not() {
 
 #[test]
 fn commands_are_executed_denied_or_unsupported() {
-    const PREFLIGHT_STORAGE: u16 = 245;
     // Without a percentage BATTERY_RESET is denied; 65535 is a command of no dialect.
     for (number, param1, result) in [
         (PREFLIGHT_STORAGE, 2.0, ACCEPTED),
@@ -352,11 +350,6 @@ fn commands_are_executed_denied_or_unsupported() {
         assert_eq!(events, [Event::Command(Action::Restart(restart))]);
     }
 }
-
-const BATTERY_RESET: u16 = 42651;
-const REQUEST_MESSAGE: u16 = 512;
-const GET_MESSAGE_INTERVAL: u16 = 510;
-const SET_MESSAGE_INTERVAL: u16 = 511;
 
 fn healthy() -> BatteryState {
     let mut battery = BatteryState::UNKNOWN;
@@ -725,9 +718,6 @@ fn news_of_a_pack_that_is_streamed_anyway_is_no_drop() {
     assert_eq!(desk.statistics().dropped, 0);
 }
 
-const TYPE_GROUND_STATION: u8 = 6;
-const TYPE_ONBOARD_CONTROLLER: u8 = 18;
-
 /// The instances of BATTERY_INFO, after asserting that SMART_BATTERY_INFO was sent of the same.
 fn described(sent: &[Frame]) -> Vec<u8> {
     let instances = |message, at| -> Vec<_> {
@@ -760,22 +750,16 @@ fn smart_batteries_are_described_to_each_new_ground_station_once() {
     };
     let mut desk = Desk::with_packs(&[with_cycles(1), internal, with_cycles(2), healthy()]);
     let mut described_to = |kind, senders: &[_], seconds| described_to(&mut desk, kind, senders, seconds);
-    assert_eq!(described_to(TYPE_GROUND_STATION, &[], 10), [0, 2], "on change");
-    assert_eq!(described_to(TYPE_ONBOARD_CONTROLLER, &[[1, 191]], 20), [0_u8; 0]);
-    assert_eq!(described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 1), [0, 2]);
-    assert_eq!(
-        described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 100),
-        [0_u8; 0]
-    );
-    assert_eq!(
-        described_to(TYPE_GROUND_STATION, &[GROUND_STATION, OTHER_STATION], 100),
-        [0, 2]
-    );
-    assert_eq!(described_to(TYPE_GROUND_STATION, &[], 31), [0_u8; 0]);
-    assert_eq!(described_to(TYPE_GROUND_STATION, &[OTHER_STATION], 100), [0, 2]);
+    assert_eq!(described_to(GCS, &[], 10), [0, 2], "on change");
+    assert_eq!(described_to(ONBOARD_CONTROLLER, &[[1, 191]], 20), [0_u8; 0]);
+    assert_eq!(described_to(GCS, &[GROUND_STATION], 1), [0, 2]);
+    assert_eq!(described_to(GCS, &[GROUND_STATION], 100), [0_u8; 0]);
+    assert_eq!(described_to(GCS, &[GROUND_STATION, OTHER_STATION], 100), [0, 2]);
+    assert_eq!(described_to(GCS, &[], 31), [0_u8; 0]);
+    assert_eq!(described_to(GCS, &[OTHER_STATION], 100), [0, 2]);
     desk.connect(LinkKind::Radio);
     assert_eq!(described(&sent_for(&mut desk, 10)), [0, 2], "on change");
-    let again = self::described_to(&mut desk, TYPE_GROUND_STATION, &[OTHER_STATION], 100);
+    let again = self::described_to(&mut desk, GCS, &[OTHER_STATION], 100);
     assert_eq!(again, [0, 2], "it is new on another link");
     assert_eq!(desk.statistics().dropped, 0);
 }
@@ -786,7 +770,7 @@ fn strangers_with_changing_ids_have_batteries_described_every_ten_seconds_at_mos
     let mut desk = Desk::with_packs(&[with_cycles(1); MAX_PACKS]);
     assert_eq!(described(&sent_for(&mut desk, 1)).len(), MAX_PACKS, "on change");
     let strangers: Vec<_> = (0..=u8::MAX).map(|id| [id, id.wrapping_mul(7)]).collect();
-    let sent = described_to(&mut desk, TYPE_GROUND_STATION, &strangers, 60);
+    let sent = described_to(&mut desk, GCS, &strangers, 60);
     assert_eq!(sent, [0, 1, 2, 3, 4, 5, 6, 7, 8].repeat(6));
     assert_eq!(desk.statistics().dropped, 0);
 }

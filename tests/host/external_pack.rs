@@ -9,11 +9,13 @@ use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
+use support::charge_states::{OK, UNHEALTHY};
+use support::commands::{ACCEPTED, BATTERY_RESET, FAILED};
 use support::desk::Desk;
-use support::frames::{COMMAND_ACK, last_of, of_message, texts_of};
+use support::frames::{last_of, texts_of};
 use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, UNKNOWN_MV, health_report};
-use support::requests::{arm, command_long_2, setup_signing};
-use support::signer::{NEW_YEAR, Signer};
+use support::requests::{arm, arm_by_force, command_long_2, disarm, setup_signing};
+use support::signer::{NEW_YEAR, OWNER, STRANGER, Signer};
 
 const TICK_US: u64 = 100_000;
 
@@ -22,14 +24,6 @@ const TIMEOUT_TICKS: usize = 20;
 
 /// `BATT_MONITOR` of a sum.
 const SUM: f32 = 10.0;
-
-const BATTERY_RESET: u16 = 42651;
-const COMPONENT_ARM_DISARM: u16 = 400;
-const ACCEPTED: u8 = 0;
-const FAILED: u8 = 4;
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
 
 /// The first pack, of 3 cells and 2000 mAh, is measured by a companion computer.
 fn desk() -> Desk {
@@ -89,16 +83,7 @@ fn announced(desk: &mut Desk) -> Vec<String> {
 
 /// Arms whatever the checks say.
 fn arm_forced(desk: &mut Desk) {
-    assert_eq!(
-        result_of(desk, &command_long_2(ARM_DISARM, 1.0, FORCED)),
-        ACCEPTED
-    );
-}
-
-/// The result of the only command.
-fn result_of(desk: &mut Desk, command: &[u8]) -> u8 {
-    let answers = desk.ask(command);
-    of_message(&answers, COMMAND_ACK)[0].u8(2)
+    assert_eq!(desk.result_of(&arm_by_force()), ACCEPTED);
 }
 
 #[test]
@@ -138,7 +123,6 @@ fn status(desk: &mut Desk) -> (u8, u32, i32) {
     )
 }
 
-const OK: u8 = 1;
 const FAULT_BITS: u32 = 9;
 
 #[test]
@@ -176,14 +160,13 @@ fn of_the_faults_that_a_component_reports_a_failed_cell_refuses_arming() {
         let (charge_state, faults, _) = status(&mut desk);
         assert_eq!((charge_state, faults), (OK, shown), "bit {bit}");
         let result = if bit == FAILED_CELL { FAILED } else { ACCEPTED };
-        assert_eq!(result_of(&mut desk, &arm()), result, "bit {bit}");
+        assert_eq!(desk.result_of(&arm()), result, "bit {bit}");
     }
 }
 
 const CRITICAL_STATE: u8 = 3;
 const EMERGENCY_STATE: u8 = 4;
 const FAILED_STATE: u8 = 5;
-const UNHEALTHY_STATE: u8 = 6;
 
 #[test]
 // Requirement: AP-17, V2-2
@@ -193,7 +176,7 @@ fn states_that_a_component_reports_refuse_arming_at_any_charge() {
         (CRITICAL_STATE, None),
         (EMERGENCY_STATE, Some("Arm: Battery 1 is nearly empty")),
         (FAILED_STATE, Some("Arm: Battery 1 has failed")),
-        (UNHEALTHY_STATE, Some("Arm: Battery 1 unhealthy: its own report")),
+        (UNHEALTHY, Some("Arm: Battery 1 unhealthy: its own report")),
     ] {
         // LOW is shown at 14 %, whatever else is wrong.
         for remaining_pct in [90, 14] {
@@ -235,7 +218,7 @@ fn faults_that_a_component_reports_are_announced_once() {
 #[test]
 // Requirement: S-1
 fn failed_and_unhealthy_without_a_known_cause_have_no_fault_bit() {
-    for charge_state in [FAILED_STATE, UNHEALTHY_STATE] {
+    for charge_state in [FAILED_STATE, UNHEALTHY] {
         let mut desk = desk();
         let mut report = of_voltage(12_000);
         report.remaining_pct = 90;
@@ -246,7 +229,7 @@ fn failed_and_unhealthy_without_a_known_cause_have_no_fault_bit() {
         // Nor has a lost sensor.
         silence(&mut desk, 80);
         let (shown, faults, _) = status(&mut desk);
-        assert_eq!((shown, faults), (UNHEALTHY_STATE, 0));
+        assert_eq!((shown, faults), (UNHEALTHY, 0));
     }
 }
 
@@ -275,7 +258,7 @@ fn silent_component_is_announced_and_may_return() {
         (PackStatus::Unhealthy, Some(12.0))
     );
     assert_eq!(announced(&mut desk), ["Battery 1 unhealthy: no reading in time"]);
-    assert_eq!(result_of(&mut desk, &arm()), FAILED);
+    assert_eq!(desk.result_of(&arm()), FAILED);
     assert_eq!(announced(&mut desk), [] as [&str; 0]);
     let state = ticks(&mut desk, 1, &of_voltage(11_900).frame());
     assert_eq!(
@@ -329,10 +312,10 @@ fn failsafe_and_arming_checks_work_as_for_any_pack() {
     ]);
     let low = half_full(10_400);
     ticks(&mut desk, 10, &low);
-    assert_eq!(result_of(&mut desk, &arm()), FAILED);
+    assert_eq!(desk.result_of(&arm()), FAILED);
     // The threshold itself is not below it.
     ticks(&mut desk, 10, &half_full(10_500));
-    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
     announced(&mut desk);
     assert_eq!(ticks(&mut desk, 11, &low).failsafe, FailsafeLevel::None);
     assert_eq!(ticks(&mut desk, 1, &low).failsafe, FailsafeLevel::Low);
@@ -347,7 +330,7 @@ fn failsafe_and_arming_checks_work_as_for_any_pack() {
 fn pack_whose_component_is_silent_while_driving_is_missing_after_five_seconds() {
     let mut desk = desk();
     ticks(&mut desk, 10, &of_voltage(12_000).frame());
-    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
     announced(&mut desk);
     assert_eq!(silence(&mut desk, 50).failsafe, FailsafeLevel::None);
     assert_eq!(silence(&mut desk, 1).failsafe, FailsafeLevel::Unhealthy);
@@ -372,9 +355,9 @@ fn half_full(voltage_mv: u16) -> Vec<u8> {
 fn after_silence_while_armed(action: f32) -> Desk {
     let mut desk = desk_with(&[(BatteryParameter::FsUnhAct, action)]);
     ticks(&mut desk, 10, &half_full(12_000));
-    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
     assert_eq!(silence(&mut desk, 80).failsafe, FailsafeLevel::Unhealthy);
-    desk.ask(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0));
+    desk.ask(&disarm());
     announced(&mut desk);
     desk
 }
@@ -383,9 +366,9 @@ fn after_silence_while_armed(action: f32) -> Desk {
 fn pack_that_was_lost_while_armed_can_be_armed_with_after_five_seconds_of_good_readings() {
     let mut desk = after_silence_while_armed(0.0);
     ticks(&mut desk, 45, &half_full(12_000));
-    assert_eq!(result_of(&mut desk, &arm()), FAILED);
+    assert_eq!(desk.result_of(&arm()), FAILED);
     ticks(&mut desk, 10, &half_full(12_000));
-    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
     // The next loss counts again.
     assert_eq!(silence(&mut desk, 51).failsafe, FailsafeLevel::Unhealthy);
 }
@@ -394,7 +377,7 @@ fn pack_that_was_lost_while_armed_can_be_armed_with_after_five_seconds_of_good_r
 fn level_unhealthy_is_not_released_while_armed() {
     let mut desk = desk();
     ticks(&mut desk, 10, &half_full(12_000));
-    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
     silence(&mut desk, 80);
     let state = ticks(&mut desk, 600, &half_full(12_000));
     assert_eq!(state.failsafe, FailsafeLevel::Unhealthy);
@@ -408,21 +391,15 @@ fn termination_by_a_lost_pack_outlasts_good_readings_until_a_battery_reset() {
     // Nor does another action that is set now end it.
     desk.set(BatteryParameter::FsUnhAct.of(Pack::First), 0.0);
     ticks(&mut desk, 100, &half_full(12_000));
-    assert_eq!(
-        result_of(&mut desk, &command_long_2(COMPONENT_ARM_DISARM, 1.0, 21196.0)),
-        FAILED
-    );
+    assert_eq!(desk.result_of(&arm_by_force()), FAILED);
     // The charge can't be set, so the command fails; the level ends.
-    assert_eq!(
-        result_of(&mut desk, &command_long_2(BATTERY_RESET, 1.0, 100.0)),
-        FAILED
-    );
+    assert_eq!(desk.result_of(&command_long_2(BATTERY_RESET, 1.0, 100.0)), FAILED);
     let state = ticks(&mut desk, 2, &half_full(12_000));
     assert_eq!(
         (state.failsafe, state.readings.remaining_pct),
         (FailsafeLevel::None, Some(50.0))
     );
-    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
 }
 
 #[test]
@@ -432,27 +409,27 @@ fn battery_reset_ends_the_level_of_a_pack_that_reports_its_charge() {
         (BatteryParameter::LowTimer, 1.0),
     ]);
     ticks(&mut desk, 10, &half_full(12_000));
-    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
     assert_eq!(
         ticks(&mut desk, 20, &half_full(10_400)).failsafe,
         FailsafeLevel::Low
     );
-    desk.ask(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0));
+    desk.ask(&disarm());
     // Low stays latched, whatever the readings are now.
     assert_eq!(
         ticks(&mut desk, 600, &half_full(12_000)).failsafe,
         FailsafeLevel::Low
     );
-    assert_eq!(result_of(&mut desk, &arm()), FAILED);
+    assert_eq!(desk.result_of(&arm()), FAILED);
     assert_eq!(
-        result_of(&mut desk, &command_long_2(BATTERY_RESET, -1.0, 100.0)),
+        desk.result_of(&command_long_2(BATTERY_RESET, -1.0, 100.0)),
         FAILED
     );
     assert_eq!(
         ticks(&mut desk, 1, &half_full(12_000)).failsafe,
         FailsafeLevel::None
     );
-    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
 }
 
 #[test]
@@ -619,7 +596,7 @@ fn reported_charge_is_not_reset() {
     let gauged = report.frame();
     let reset = command_long_2(BATTERY_RESET, 1.0, 100.0);
     ticks(&mut desk, 2, &gauged);
-    assert_eq!(result_of(&mut desk, &reset), FAILED);
+    assert_eq!(desk.result_of(&reset), FAILED);
     assert_eq!(
         ticks(&mut desk, 2, &gauged)
             .readings
@@ -628,7 +605,7 @@ fn reported_charge_is_not_reset() {
         Some(65.0)
     );
     ticks(&mut desk, 2, &counted);
-    assert_eq!(result_of(&mut desk, &reset), ACCEPTED);
+    assert_eq!(desk.result_of(&reset), ACCEPTED);
     let state = ticks(&mut desk, 2, &counted);
     assert_eq!(
         (state.readings.remaining_pct.map(f32::round), state.consumed_mah()),
@@ -741,9 +718,6 @@ fn another_component_that_takes_over_has_not_reported_a_health_yet() {
     assert_eq!(state.status, PackStatus::Healthy);
     assert_eq!(state.details.state_of_health_pct, None);
 }
-
-const OWNER: u8 = 7;
-const STRANGER: u8 = 8;
 
 /// A desk with a key, at a link of this kind.
 fn protected(kind: LinkKind) -> Desk {

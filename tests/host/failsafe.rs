@@ -1,6 +1,7 @@
 //! Failsafes end to end in stepped time: from the ADC to the motors and the link.
 
 use std::cell::RefCell;
+use support::time::SECOND;
 
 use embassy_futures::join::join4;
 use embassy_futures::select::select;
@@ -16,12 +17,12 @@ use rover_battmon::tasks::{
 };
 use rover_battmon::vehicle::{Colour, Indication, Indicators, MotorDrive, Motors, SideDrives, Tone};
 use rover_battmon_tools::sim::{clock, sample_batteries};
-use support::frames::{Frame, HEARTBEAT, Heartbeat, STATUSTEXT, SYS_STATUS, SysStatus, frames, of_message};
+use support::commands::BATTERY_RESET;
+use support::frames::{Frame, HEARTBEAT, Heartbeat, SYS_STATUS, SysStatus, frames, of_message, texts_of};
 use support::line::{BYTE_US, Line};
-use support::requests::{arm, command_long_2, do_set_mode, manual_control};
+use support::requests::{arm, arm_by_force, command_long_2, do_set_mode, manual_control};
 
 const MILLISECOND: u64 = 1_000;
-const SECOND: u64 = 1_000_000;
 
 /// A full 2S pack, 7.9 V, and an empty one, 6.4 V.
 const FULL: AdcCount = AdcCount(2482);
@@ -70,10 +71,7 @@ impl Outcome {
     }
 
     fn texts(&self) -> Vec<String> {
-        of_message(&self.frames, STATUSTEXT)
-            .iter()
-            .map(|frame| frame.text(1, 50))
-            .collect()
+        texts_of(&self.frames)
     }
 
     /// `system_status` of the last HEARTBEAT.
@@ -312,13 +310,12 @@ fn action_that_needs_a_position_holds_and_announces_it() {
 #[test]
 // Requirement: AP-19
 fn termination_coasts_until_a_battery_reset() {
-    const BATTERY_RESET: u16 = 42651;
     let mut parameters = HOLD_WHEN_CRITICAL;
     parameters[2].1 = 5.0;
     let mut scenario = Scenario {
         parameters: &parameters,
         empty_at_us: 5 * SECOND,
-        request: (8 * SECOND, command_long_2(400, 1.0, 21196.0)),
+        request: (8 * SECOND, arm_by_force()),
         ..Scenario::default()
     };
     let outcome = run(10, &scenario);

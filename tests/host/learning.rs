@@ -9,12 +9,13 @@ use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::{PackModel, SimulatedPack};
-use support::desk::{Desk, adc_count};
-use support::frames::{COMMAND_ACK, STATUSTEXT, of_message, texts_of};
-use support::requests::{VEHICLE_ID, arm, command_long_2, manual_control, param_set};
+use support::commands::{BATTERY_RESET, FAILED};
+use support::desk::{DIVIDER, Desk, adc_count};
+use support::frames::{STATUSTEXT, of_message, texts_of};
+use support::requests::{
+    VEHICLE_ID, arm, arm_by_force, command_long_2, disarm_by_force, manual_control, param_set,
+};
 
-/// Scales of the divider and the current sensor: those of the board, and one that resolves milliamperes.
-const DIVIDER: f32 = 3.95;
 const AMPERES_PER_VOLT: f32 = 2.0;
 
 const TICK_S: f32 = 0.1;
@@ -23,13 +24,6 @@ const TICK_S: f32 = 0.1;
 const LOW_A: f32 = 1.5;
 const HIGH_A: f32 = 5.5;
 const RESTING_A: f32 = 0.1;
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
-const BATTERY_RESET: u16 = 42651;
-
-/// MAV_RESULT_FAILED.
-const FAILED: u8 = 4;
 
 /// A pack of three cells at rest.
 fn pack_of(capacity_ah: f32, charge: f32) -> SimulatedPack {
@@ -178,11 +172,11 @@ impl Rover {
 
     fn arm(&mut self) {
         self.desk.ask(&manual_control(VEHICLE_ID, 0, 0));
-        self.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        self.desk.ask(&arm_by_force());
     }
 
     fn disarm(&mut self) {
-        self.desk.ask(&command_long_2(ARM_DISARM, 0.0, FORCED));
+        self.desk.ask(&disarm_by_force());
     }
 
     fn announced(&self) -> Vec<&str> {
@@ -442,8 +436,12 @@ fn an_over_discharged_pack_is_not_taken_for_a_full_smaller_one() {
         texts_of(&answers),
         ["Arm: Battery 1 cells unclear: set BATT_CELLS"]
     );
-    let answers = rover.desk.ask(&command_long_2(BATTERY_RESET, 65535.0, 100.0));
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), FAILED);
+    assert_eq!(
+        rover
+            .desk
+            .result_of(&command_long_2(BATTERY_RESET, 65535.0, 100.0)),
+        FAILED
+    );
     rover.rest_at(8.5, 1000);
     assert_eq!(rover.state().readings.remaining_pct, None);
     assert_eq!(rover.writes, 1, "what is kept stays");

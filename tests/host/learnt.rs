@@ -13,19 +13,19 @@ use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::tasks::{Shared, reboot_requested};
 use rover_battmon_tools::sim::clock;
+use support::commands::PREFLIGHT_STORAGE;
 use support::desk::Desk;
 use support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, of_message, texts_of};
 use support::learnt_record::learnt_words;
 use support::requests::{command_long, param_read_by_name, param_set, reboot};
+use support::time::MINUTE_US;
 
 use crate::regions::{Regions, keep};
 
 type Words = [u32; LEARNT_WORDS];
 
-const PREFLIGHT_STORAGE: u16 = 245;
 const READ_ONLY: u8 = 5;
 const NOT_SAVED: &str = "Learnt battery data not saved: flash worn out?";
-const MINUTE_US: u64 = 60_000_000;
 
 const FAILED: Result<(), StorageError> = Err(StorageError::Flash(FlashFault::NotVerified));
 

@@ -8,15 +8,11 @@ use rover_battmon::autopilot::Start;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::SideDrives;
-use support::desk::{Desk, adc_count};
+use support::desk::{DIVIDER, Desk, adc_count};
 use support::frames::{STATUSTEXT, of_message};
-use support::requests::command_long_2;
+use support::requests::arm_by_force;
 
 use crate::logged_rover::Rover;
-
-const DIVIDER: f32 = 3.95;
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
 
 /// A start with these parameters.
 fn start(parameters: &[(&str, f32)]) -> Start {
@@ -56,7 +52,7 @@ fn a_level_that_is_skipped_is_logged_and_not_announced() {
     ]);
     let mut rover = Rover::with(Desk::starting(start), FlashModel::blank());
     rover.sample_for(3, at_voltage(11.4));
-    rover.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    rover.desk.ask(&arm_by_force());
     rover.sample_for(3, at_voltage(11.4));
     rover.sample_for(5, at_voltage(10.0));
     assert_eq!(rover.desk.drive(), SideDrives::BRAKE);

@@ -3,17 +3,13 @@
 use rover_battmon::mavlink::Event;
 use rover_battmon::time::Utc;
 use support::frames::{GROUND_STATION, LOG_ENTRY, of_message};
-use support::requests::{heartbeat, heartbeat_from, log_list, system_time, system_time_from};
+use support::requests::{GCS, heartbeat, heartbeat_from, log_list, system_time, system_time_from};
+use support::time::SECOND;
 
 use crate::logged_rover::Rover;
 
-const SECOND: u64 = 1_000_000;
-
 /// 2026-11-25 20:43:16.75.
 const UNIX_US: u64 = 1_795_639_396_750_000;
-
-/// The type in the HEARTBEAT of a ground station.
-const GCS: u8 = 6;
 
 impl Rover {
     fn hear(&mut self, frames: &[Vec<u8>]) -> Vec<Event> {

@@ -13,22 +13,19 @@ use rover_battmon::sensor::AnalogReadings;
 use support::desk::Desk;
 use support::frames::texts_of;
 use support::learnt_record::learnt_words;
-use support::requests::{command_long_2, disarm};
+use support::monitor_types::SMART_BATTERY;
+use support::requests::{arm_by_force, disarm};
 
 use crate::logged_rover::Rover;
 
-/// A smart battery.
-const MONITOR: f32 = 7.0;
 const BOARD_ID: BoardId = BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c]);
 const UNKNOWN: i64 = -1;
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
 
 /// A board with a smart battery that was not read yet.
 fn rover(board_id: Option<BoardId>) -> Rover {
     let mut parameters = Parameters::defaults();
     let monitor = BatteryParameter::Monitor.of(Pack::First);
-    parameters.set(monitor, MONITOR).expect("in range");
+    parameters.set(monitor, SMART_BATTERY).expect("in range");
     let mut start = Start::with_parameters(parameters);
     start.identity.board_id = board_id;
     Rover::with(Desk::starting(start), FlashModel::blank())
@@ -161,7 +158,7 @@ fn why_a_drive_taught_nothing_is_in_the_log_and_not_on_the_wire() {
         }
         rover.desk.sent()
     };
-    let mut sent = arm(&mut rover, &command_long_2(ARM_DISARM, 1.0, FORCED));
+    let mut sent = arm(&mut rover, &arm_by_force());
     sent.extend(arm(&mut rover, &disarm()));
     let expected = "Battery 1 not learnt: no current sensor";
     let records = rover.records();
@@ -191,7 +188,7 @@ fn a_log_has_each_start_reset_and_trip_of_a_failsafes_timer() {
     let mut rover = rover(None);
     rover.desk.set(BatteryParameter::LowVolt.of(Pack::First), 10.5);
     rover.desk.set(BatteryParameter::CrtVolt.of(Pack::First), 9.9);
-    rover.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    rover.desk.ask(&arm_by_force());
     let start_s = rover.desk.now_us as f64 * 1e-6;
     // The timer is 10 s; a reading below the threshold after it has expired changes nothing.
     for (voltage_v, seconds) in [(11.0, 5), (10.4, 4), (11.0, 2), (10.4, 12), (11.0, 2), (10.4, 2)] {

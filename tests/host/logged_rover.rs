@@ -7,9 +7,8 @@ use rover_battmon::autopilot::LogStep;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::recorder::{FlashOutcome, Ring};
 use support::desk::Desk;
-use support::requests::{command_long_2, disarm};
-
-const SECOND: u64 = 1_000_000;
+use support::requests::{arm_by_force, disarm};
+use support::time::SECOND;
 
 pub type Flash = FlashModel<4096, 256, 16>;
 
@@ -73,9 +72,7 @@ impl Rover {
 
     /// A drive of this long, in a file that goes on with the next one.
     pub fn drive(&mut self, seconds: u64) {
-        const ARM_DISARM: u16 = 400;
-        const FORCED: f32 = 21196.0;
-        self.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        self.desk.ask(&arm_by_force());
         self.run(seconds);
         self.desk.ask(&disarm());
     }

@@ -13,8 +13,9 @@ use rover_battmon::sensor::{
 };
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::SideDrives;
+use support::commands::{ACCEPTED, PREFLIGHT_STORAGE, RESET};
 use support::desk::{Desk, adc_count};
-use support::frames::{COMMAND_ACK, of_message, texts_of};
+use support::frames::{result_of, texts_of};
 use support::pack_report::{PackReport, UNKNOWN_MV};
 use support::requests::{arm, command_long, do_set_mode, manual_control, param_set};
 use workbench::can::Transfer;
@@ -26,9 +27,6 @@ const SECOND_US: u64 = 1_000_000;
 /// How much later than after its time-out a pack may become unhealthy.
 const MARGIN_US: u64 = SECOND_US;
 
-const PREFLIGHT_STORAGE: u16 = 245;
-const RESET: f32 = 2.0;
-const ACCEPTED: u8 = 0;
 const MANUAL: f32 = 0.0;
 const HOLD: f32 = 2.0;
 
@@ -388,7 +386,7 @@ impl Rig {
 
     fn ask(&mut self, request: &[u8]) -> u8 {
         let answers = self.desk.ask(request);
-        of_message(&answers, COMMAND_ACK)[0].u8(2)
+        result_of(&answers)
     }
 
     fn announced(&mut self) -> Vec<String> {

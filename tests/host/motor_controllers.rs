@@ -8,12 +8,11 @@ use rover_battmon::sensor::{AnalogReadings, ControllerReading};
 use rover_battmon::vehicle::ArmState;
 use support::desk::Desk;
 use support::frames::texts_of;
+use support::monitor_types::ESC;
 use support::requests::arm;
 
 const TICK_US: u64 = 100_000;
 const SECOND_TICKS: usize = 10;
-
-const ESC: f32 = 9.0;
 
 /// The first two packs are measured by the controllers of these masks.
 fn desk(masks: [u16; 2]) -> Desk {

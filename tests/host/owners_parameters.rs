@@ -10,27 +10,20 @@ use rover_battmon::parameter::{
     Access, BatteryParameter, Bearing, ParameterId, Parameters, Unsaved, VehicleParameter,
 };
 use rover_battmon::vehicle::ArmState;
-use support::desk::Desk;
+use support::commands::{PREFLIGHT_STORAGE, RESET, RUN_PREARM_CHECKS};
+use support::desk::{Desk, EXTRA1, LOW_VOLT};
 use support::frames::texts_of;
-use support::requests::{arm, command_long, command_long_2, disarm, ftp, param_request_list, param_set};
+use support::requests::{arm, arm_by_force, command_long, disarm, ftp, param_request_list, param_set};
 
 use crate::regions::Regions;
 
 const DAMAGED: &str = "Parameters damaged: check them, then set PARAM_CHECKED 1";
 const HALF_LOADED: &str = "Parameters half loaded: check them, then set PARAM_CHECKED 1";
 
-const PREFLIGHT_STORAGE: u16 = 245;
-const RESET: f32 = 2.0;
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
-const RUN_PREARM_CHECKS: u16 = 401;
-
 const CREATE: u8 = 6;
 const WRITE: u8 = 7;
 const TERMINATE: u8 = 1;
 
-const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
-const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
 const LOW_ACTION: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::FsLowAct);
 
 /// Nothing else keeps this rover from arming: it checks nothing.
@@ -211,7 +204,7 @@ fn lost_parameters_are_said_and_refuse_arming_whatever_is_checked_unless_forced(
         assert_eq!(said.concat(), format!("PreArm: {DAMAGED}"));
         let said = texts_of(&rover.desk.ask(&param_request_list(support::requests::VEHICLE)));
         assert!(said.concat().contains(DAMAGED), "{said:?}");
-        rover.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        rover.desk.ask(&arm_by_force());
         assert_eq!(rover.desk.vehicle().arm_state(), ArmState::Armed);
     }
     let mut blank = rover.chip.bytes();

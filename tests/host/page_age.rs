@@ -4,19 +4,15 @@ use rover_battmon::battery::{BatteryState, PackStatus, Readings};
 use rover_battmon::mavlink::{Access, Event, LinkKind};
 use rover_battmon::parameter::VehicleParameter;
 use rover_battmon::vehicle::{ArmState, Mode, SideDrives};
+use support::commands::{BATTERY_RESET, FAILED, PREFLIGHT_STORAGE};
 use support::desk::Desk;
 use support::frames::{COMMAND_ACK, LOG_ERASE, encode_v2, of_message, texts_of};
 use support::requests::{
-    VEHICLE, VEHICLE_ID, command_int, command_long, command_long_2, disarm, do_set_mode, ftp, manual_control,
-    param_set, reboot, set_mode, stated_time, system_time,
+    VEHICLE, VEHICLE_ID, arm_by_force, command_int, command_long, command_long_2, disarm, do_set_mode, ftp,
+    manual_control, param_set, reboot, set_mode, stated_time, system_time,
 };
 
 const TOO_LATE: &str = "Command waited for too long: refused";
-
-const FAILED: u8 = 4;
-
-const BATTERY_RESET: u16 = 42651;
-const PREFLIGHT_STORAGE: u16 = 245;
 
 /// FTP: create a file.
 const CREATE_FILE: u8 = 6;
@@ -61,7 +57,7 @@ impl Page {
 
     fn armed_in(mode: f32) -> Self {
         let mut page = Self::own();
-        page.send(LEAST_DELAY_MS, &arm());
+        page.send(LEAST_DELAY_MS, &arm_by_force());
         page.send(LEAST_DELAY_MS, &do_set_mode(mode));
         page.send(LEAST_DELAY_MS, &manual_control(VEHICLE_ID, 0, 0));
         page
@@ -87,16 +83,12 @@ impl Page {
     }
 }
 
-fn arm() -> Vec<u8> {
-    command_long_2(400, 1.0, 21196.0)
-}
-
 #[test]
 fn old_commands_of_the_page_are_refused_with_a_text() {
     let erase_logs = encode_v2(LOG_ERASE, &VEHICLE);
     let create_file = ftp(1, CREATE_FILE, 16, 0, b"@PARAM/param.pck");
     for (request, longest_ms) in [
-        (arm(), MOTION_MS),
+        (arm_by_force(), MOTION_MS),
         (command_int(400, 1.0), MOTION_MS),
         (do_set_mode(0.0), MOTION_MS),
         (set_mode(1, 1, 0), MOTION_MS),
@@ -177,7 +169,11 @@ fn only_the_pages_own_link_is_judged_by_what_it_states() {
         (LinkKind::Radio, Access::Full),
     ] {
         let mut page = Page::new(kind, access);
-        assert_eq!(page.send(12_000, &arm()), (Event::Driven, vec![]), "{kind:?}");
+        assert_eq!(
+            page.send(12_000, &arm_by_force()),
+            (Event::Driven, vec![]),
+            "{kind:?}"
+        );
     }
 }
 
@@ -191,18 +187,18 @@ fn a_station_that_states_no_time_is_obeyed() {
         desk.ask(&system_time(1_790_000_000_000_000));
     }
     desk.now_us = 60_000_000;
-    assert_eq!(desk.receive_in_chunks(&arm(), 64), [Event::Driven]);
+    assert_eq!(desk.receive_in_chunks(&arm_by_force(), 64), [Event::Driven]);
 }
 
 #[test]
 fn what_was_sent_long_after_the_last_statement_may_be_old() {
     let mut page = Page::own();
     page.desk.now_us += 1_400_000;
-    assert_eq!(page.desk.receive_in_chunks(&arm(), 64), [Event::Driven]);
+    assert_eq!(page.desk.receive_in_chunks(&arm_by_force(), 64), [Event::Driven]);
     page.desk.ask(&disarm());
     page.desk.now_us += 200_000;
     assert_eq!(
-        page.desk.receive_in_chunks(&arm(), 64),
+        page.desk.receive_in_chunks(&arm_by_force(), 64),
         [Event::CommandRefused(400)]
     );
 }
@@ -210,9 +206,9 @@ fn what_was_sent_long_after_the_last_statement_may_be_old() {
 #[test]
 fn a_link_that_stays_slow_counts_as_no_delay_after_half_a_minute() {
     let mut page = Page::own();
-    assert_eq!(page.send(5_000, &arm()).1, [TOO_LATE]);
+    assert_eq!(page.send(5_000, &arm_by_force()).1, [TOO_LATE]);
     for _ in 0..30 {
         page.send(5_000, &[]);
     }
-    assert_eq!(page.send(5_000, &arm()), (Event::Driven, vec![]));
+    assert_eq!(page.send(5_000, &arm_by_force()), (Event::Driven, vec![]));
 }

@@ -4,19 +4,16 @@ use proptest::prelude::*;
 use rover_battmon::mavlink::{Endpoint, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{Access, BatteryParameter, ParameterId, VehicleParameter};
-use support::desk::Desk;
+use support::commands::{PREFLIGHT_STORAGE, RESET};
+use support::desk::{Desk, LOW_VOLT};
 use support::frames::{PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
 use support::requests::{VEHICLE, command_long, param_request_list, param_set};
+use support::time::SECOND;
 
-const PREFLIGHT_STORAGE: u16 = 245;
-const RESET: f32 = 2.0;
 const NO_INDEX: u16 = u16::MAX;
-const SECOND: u64 = 1_000_000;
 const FAST: u32 = 100_000;
 /// A PARAM_VALUE on the wire.
 const FRAME_BYTES: usize = 37;
-
-const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
 
 /// A rover with several stations, each on a link of its own.
 struct Room {

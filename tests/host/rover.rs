@@ -8,30 +8,26 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, StickParameter, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::{MotorDrive, SideDrives};
-use support::desk::{Desk, adc_count};
+use support::commands::{
+    ACCEPTED, ARM_DISARM, BATTERY_RESET, DENIED, FAILED, FORCED, RUN_PREARM_CHECKS, TEMPORARILY_REJECTED,
+};
+use support::desk::{Desk, LOW_VOLT, adc_count};
 use support::frames::{
-    COMMAND_ACK, Frame, Heartbeat, PARAM_ERROR, ParamValue, STATUSTEXT, SysStatus, frames, of_message,
+    COMMAND_ACK, CRITICAL, Frame, Heartbeat, PARAM_ERROR, ParamValue, STATUSTEXT, SysStatus, frames,
+    of_message,
 };
 use support::requests::{
-    EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
-    heartbeat, manual_control, param_request_list, param_set, provoke_fault, rc_override, reboot,
-    reboot_to_boot_loader, set_mode,
+    EVERYONE, GCS, ONBOARD_CONTROLLER, VEHICLE, arm, arm_by_force, command_int, command_int_2, command_long,
+    command_long_2, disarm, do_set_mode, heartbeat, manual_control, param_request_list, param_set,
+    provoke_fault, rc_override, reboot, reboot_to_boot_loader, set_mode,
 };
 
-const ARM_DISARM: u16 = 400;
-const RUN_PREARM_CHECKS: u16 = 401;
 const DO_SET_MODE: u16 = 176;
 const SET_MODE: u16 = 11;
-
-const ACCEPTED: u8 = 0;
-const TEMPORARILY_REJECTED: u8 = 1;
-const DENIED: u8 = 2;
-const FAILED: u8 = 4;
 
 /// MAV_PARAM_ERROR_PERMISSION_DENIED
 const PERMISSION_DENIED: u8 = 3;
 
-const CRITICAL: u8 = 2;
 const WARNING: u8 = 4;
 
 const MANUAL: u32 = 0;
@@ -42,13 +38,6 @@ const ACTIVE_STATE: u8 = 4;
 const CRITICAL_STATE: u8 = 5;
 const EMERGENCY_STATE: u8 = 6;
 
-/// Arms without checks.
-const FORCED: f32 = 21196.0;
-
-const GROUND_STATION: u8 = 6;
-const ONBOARD_CONTROLLER: u8 = 18;
-
-const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
 const CRT_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::CrtVolt);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 const ARM_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::ArmVolt);
@@ -445,7 +434,7 @@ fn what_the_drivers_stand_is_checked_with_the_batteries() {
     rover.sample(12.6, 1);
     rover.assert_too_high_for_its_drivers();
     // As any check: forced arming is the owner's decision.
-    rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, FORCED), ARM_DISARM, ACCEPTED);
+    rover.assert_ack(&arm_by_force(), ARM_DISARM, ACCEPTED);
 }
 
 /// Low below 10.5 V, critical below 9.5 V, each after a second.
@@ -466,7 +455,6 @@ fn with_thresholds() -> Rover {
 #[test]
 // Requirement: AP-18
 fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
-    const BATTERY_RESET: u16 = 42651;
     let open = |rover: &mut Rover, link| {
         rover.0.connect(link);
         rover.0.autopilot.open(&mut rover.0.endpoint);
@@ -518,7 +506,7 @@ fn a_station_that_was_away_when_a_level_was_latched_learns_of_it_once() {
     let mut rover = with_thresholds();
     rover.0.autopilot.open(&mut rover.0.endpoint);
     rover.sample(11.1, 2);
-    rover.deliver(&heartbeat(GROUND_STATION));
+    rover.deliver(&heartbeat(GCS));
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
     let levels = |rover: &mut Rover| {
         let texts = rover.wait(20_000);
@@ -530,13 +518,13 @@ fn a_station_that_was_away_when_a_level_was_latched_learns_of_it_once() {
     rover.sample(10.0, 29);
     assert_eq!(levels(&mut rover), 1, "when it was latched");
     // It was heard 29 s ago.
-    rover.deliver(&heartbeat(GROUND_STATION));
+    rover.deliver(&heartbeat(GCS));
     assert_eq!(levels(&mut rover), 0);
     rover.sample(10.0, 31);
-    rover.deliver(&heartbeat(GROUND_STATION));
+    rover.deliver(&heartbeat(GCS));
     assert_eq!(levels(&mut rover), 1, "it was away");
     rover.sample(10.0, 1);
-    rover.deliver(&heartbeat(GROUND_STATION));
+    rover.deliver(&heartbeat(GCS));
     assert_eq!(levels(&mut rover), 0, "once");
 }
 
@@ -815,7 +803,7 @@ fn stick_moved_only_before_arming_does_not_drive() {
         let mut rover = Rover::new();
         rover.deliver(&manual_control(1, 1000, 1000));
         rover.wait(silence_us);
-        rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, FORCED), ARM_DISARM, ACCEPTED);
+        rover.assert_ack(&arm_by_force(), ARM_DISARM, ACCEPTED);
         rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
         rover.deliver(&rc_override(VEHICLE, 65535, 1500));
         assert_eq!(rover.drives(), SideDrives::COAST, "{silence_us}");
@@ -988,7 +976,7 @@ fn arming_is_refused_before_a_restart() {
 // Requirement: L-2
 fn overrides_of_other_channels_are_no_heartbeat() {
     let mut rover = Rover::armed_in(0.0);
-    rover.deliver(&heartbeat(GROUND_STATION));
+    rover.deliver(&heartbeat(GCS));
     let mut texts = Vec::new();
     for _ in 0..60 {
         rover.deliver(&rc_override(VEHICLE, 65535, 65535));
@@ -1042,21 +1030,20 @@ fn only_ground_station_heartbeats_time_out() {
         .into_iter()
         .chain([Event::GroundStationHeard; 4])
     {
-        assert_eq!(rover.deliver(&heartbeat(GROUND_STATION)), expected);
+        assert_eq!(rover.deliver(&heartbeat(GCS)), expected);
         // Also after a few lost ones.
         assert_eq!(rover.wait(4_000_000), [""; 0]);
     }
     rover.deliver(&heartbeat(ONBOARD_CONTROLLER));
     assert_eq!(rover.wait(1_200_000), ["GCS Failsafe: Hold"]);
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
-    rover.deliver(&heartbeat(GROUND_STATION));
+    rover.deliver(&heartbeat(GCS));
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, STANDBY_STATE));
 }
 
 #[test]
 // Requirement: L-3
 fn battery_hold_can_be_left_and_termination_can_not() {
-    const BATTERY_RESET: u16 = 42651;
     let mut parameters = Parameters::defaults();
     for (parameter, value) in [
         (BatteryParameter::LowTimer, 1.0),

@@ -16,13 +16,15 @@ use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, read
 use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives};
 use rover_battmon_tools::sim::clock;
+use support::commands::{ACCEPTED, FAILED};
 use support::desk::Desk;
 use support::frames::{COMMAND_ACK, STATUSTEXT, frames, of_message};
 use support::line::{BYTE_US, Line};
 use support::requests::{
-    arm, command_long_2, disarm, do_set_mode, heartbeat, manual_control, rc_override, set_mode, setup_signing,
+    GCS, arm, arm_by_force, disarm, do_set_mode, heartbeat, manual_control, rc_override, set_mode,
+    setup_signing,
 };
-use support::signer::{NEW_YEAR, Signer};
+use support::signer::{NEW_YEAR, OWNER, STRANGER, Signer};
 
 const TIMEOUT_US: u64 = 1_500_000;
 /// Update interval of the vehicle.
@@ -30,15 +32,6 @@ const TICK_US: u64 = 20_000;
 const NEUTRAL: f32 = 0.05;
 /// Signatures count tens of microseconds.
 const US_PER_TIMESTAMP: u64 = 10;
-const OWNER: u8 = 7;
-const STRANGER: u8 = 8;
-
-const ACCEPTED: u8 = 0;
-const FAILED: u8 = 4;
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
-const GROUND_STATION: u8 = 6;
 
 /// What a message says about a stick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,11 +101,11 @@ impl Request {
                 Sticks::ChannelOverride => rc_override(target.ids(), pulse_us(steering), pulse_us(throttle)),
             },
             Self::Arm { forced: false } => arm(),
-            Self::Arm { forced: true } => command_long_2(ARM_DISARM, 1.0, FORCED),
+            Self::Arm { forced: true } => arm_by_force(),
             Self::Disarm => disarm(),
             Self::CommandMode(mode) => do_set_mode(f32::from(mode)),
             Self::SetMode(mode) => set_mode(1, 1, mode.into()),
-            Self::Heartbeat => heartbeat(GROUND_STATION),
+            Self::Heartbeat => heartbeat(GCS),
         }
     }
 
@@ -461,7 +454,7 @@ fn what_a_source_holds_when_its_link_opens_arms_nothing() {
         let link = Link::new("line", LinkKind::Direct, 11_520);
         Timer::after_secs(2).await;
         let found_empty = Vec::new();
-        let arm = command_long_2(ARM_DISARM, 1.0, FORCED);
+        let arm = arm_by_force();
         let source = Held(VecDeque::from([arm.clone(), found_empty, arm]));
         let line = Line {
             byte_us: BYTE_US,

@@ -7,41 +7,30 @@ use rover_battmon::mavlink::{
     Event, LinkKind, SetupRefused, SigningChange, SigningKey, SigningTrouble, StoredSigning, ToStore,
 };
 use rover_battmon::memory::storage::Condition;
-use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::parameter::{Parameters, VehicleParameter};
 use rover_battmon::time::Utc;
 use rover_battmon::vehicle::{ArmState, Mode};
-use support::desk::Desk;
-
+use support::commands::{ARM_DISARM, REQUEST_MESSAGE};
+use support::desk::{Desk, LOW_VOLT};
 use support::frames::{
     BATTERY_INFO, COMMAND_ACK, HEARTBEAT, PARAM_SET, PARAM_VALUE, SYS_STATUS, SysStatus, encode_v1,
     of_message, texts_of,
 };
 use support::requests::{
-    EVERYONE, VEHICLE, arm, command_int, command_long, command_long_2, disarm, do_set_mode, heartbeat,
+    EVERYONE, GCS, VEHICLE, arm, arm_by_force, command_int, command_long, disarm, do_set_mode, heartbeat,
     manual_control, param_read_by_name, param_request_list, param_set, param_set_payload, ping,
     provoke_fault, radio_status, rc_override, reboot, reboot_to_boot_loader, set_mode, setup_signing,
     setup_signing_of, system_time,
 };
-use support::signer::{NEW_YEAR, Signer};
+use support::signer::{NEW_YEAR, OWNER, STRANGER, Signer};
+use support::time::MINUTE_US;
 
-const ARM_DISARM: u16 = 400;
-/// Arms without checks.
-const FORCED: f32 = 21196.0;
-const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
-
-/// What their keys are made of.
-const OWNER: u8 = 7;
-const STRANGER: u8 = 8;
-
-const MINUTE_US: u64 = 60_000_000;
 const MINUTE_TICKS: u64 = 60 * 100_000;
 
 /// The last time that 48 bits hold, and the last one that leaves a year.
 const END: u64 = (1 << 48) - 1;
 const LATEST: u64 = END - 365 * 24 * 60 * MINUTE_TICKS;
 
-const GCS: u8 = 6;
 const HOLD: u8 = 4;
 /// In pulses of a channel: the middle, let go, and not meant.
 const NEUTRAL_US: u16 = 1500;
@@ -50,8 +39,6 @@ const UNCHANGED_US: u16 = 65535;
 
 /// The first message of it.
 const TOO_OLD: &str = "desk: signed frames too old: does the station hear";
-
-const REQUEST_MESSAGE: u16 = 512;
 
 const NOTHING: f32 = 0.0;
 const REQUESTS: f32 = 1.0;
@@ -176,7 +163,7 @@ fn requests_alone_can_be_allowed_without_the_key() {
 fn no_key_is_set_up_or_removed_while_armed() {
     for (mut cable, key) in [(protected(), [0; 32]), (desk(LinkKind::Direct), [STRANGER; 32])] {
         cable.connect(LinkKind::Direct);
-        cable.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        cable.ask(&arm_by_force());
         let events = cable.receive_in_chunks(&setup_signing(key, NEW_YEAR), 64);
         assert_eq!(events, [Event::SigningRefused(SetupRefused::Armed)]);
         assert!(texts_of(&cable.sent()).contains(&"Not while armed: disarm first".to_owned()));

@@ -24,14 +24,13 @@ use support::desk::Desk;
 use support::frames::{Frame, frames, texts_of};
 use support::line::{BYTE_US, Line};
 use support::requests::{param_set, reboot, setup_signing};
-use support::signer::{NEW_YEAR, Signer};
+use support::signer::{NEW_YEAR, OWNER, Signer};
 
 use crate::regions::{Regions, keep};
 
 /// What keys are made of; 0 is none.
 const NONE: u8 = 0;
 const OLD: u8 = 6;
-const OWNER: u8 = 7;
 
 const KEY_SET: &str = "Signing key set";
 const KEY_REMOVED: &str = "Signing key removed: commands are accepted from anyone";

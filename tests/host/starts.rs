@@ -10,17 +10,12 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
+use support::commands::{BATTERY_RESET, PREFLIGHT_STORAGE, RESET};
 use support::desk::{Desk, adc_count};
 use support::frames::texts_of;
-use support::requests::{arm, command_long, command_long_2, disarm, param_set};
+use support::requests::{arm, arm_by_force, command_long, command_long_2, disarm, param_set};
 
 use crate::regions::Regions;
-
-const ARM_DISARM: u16 = 400;
-const PREFLIGHT_STORAGE: u16 = 245;
-const RESET: f32 = 2.0;
-const FORCED: f32 = 21196.0;
-const BATTERY_RESET: u16 = 42651;
 
 const MONITOR: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Monitor);
 const TIMEOUT: ParameterId = ParameterId::Vehicle(VehicleParameter::FsTimeout);
@@ -51,7 +46,7 @@ fn defaults_after_quick_crashes_refuse_arming_until_a_start_reads_the_stored_val
         desk.ask(&request);
     }
     assert_eq!(texts_of(&desk.ask(&arm())), [refused]);
-    desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    desk.ask(&arm_by_force());
     assert_eq!(desk.vehicle().arm_state(), ArmState::Armed);
     desk.ask(&disarm());
 

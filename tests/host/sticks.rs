@@ -4,14 +4,11 @@
 use rover_battmon::autopilot::Start;
 use rover_battmon::parameter::{ParameterId, Parameters, StickParameter, VehicleParameter};
 use rover_battmon::vehicle::{ArmState, MotorDrive, SideDrives};
+use support::commands::{PREFLIGHT_STORAGE, RESET};
 use support::desk::Desk;
-use support::frames::{PARAM_ERROR, RC_CHANNELS_OVERRIDE, STATUSTEXT, encode_v2, of_message};
-use support::requests::{arm, command_long, command_long_2, disarm, do_set_mode, param_set};
+use support::frames::{PARAM_ERROR, RC_CHANNELS_OVERRIDE, encode_v2, of_message, texts_of};
+use support::requests::{arm, arm_by_force, command_long, disarm, do_set_mode, param_set};
 
-const ARM_DISARM: u16 = 400;
-const PREFLIGHT_STORAGE: u16 = 245;
-const RESET: f32 = 2.0;
-const FORCED: f32 = 21196.0;
 const NEUTRAL_US: u16 = 1500;
 
 /// A rover without packs and without a slew rate limit, after a start with these stored values.
@@ -59,8 +56,7 @@ fn orders<T: Copy>(of: [T; 4]) -> Vec<[T; 4]> {
 
 fn texts(desk: &mut Desk, request: &[u8]) -> Vec<String> {
     let answers = desk.ask(request);
-    let texts = of_message(&answers, STATUSTEXT);
-    texts.iter().map(|frame| frame.text(1, 50)).collect()
+    texts_of(&answers)
 }
 
 /// Pushes a channel, with the others neutral.
@@ -75,7 +71,7 @@ fn push(desk: &mut Desk, channel: usize, pulse_us: u16) {
 /// Arms by force, drives each channel to its end in turns, and returns what the motors do then.
 fn driven(desk: &mut Desk) -> Vec<(usize, SideDrives)> {
     push(desk, 8, NEUTRAL_US);
-    desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    desk.ask(&arm_by_force());
     desk.ask(&do_set_mode(0.0));
     assert_eq!(desk.vehicle().arm_state(), ArmState::Armed);
     let mut driven = Vec::new();

@@ -7,7 +7,7 @@ use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::MotorDrive;
-use support::desk::{Desk, adc_count};
+use support::desk::{DIVIDER, Desk, adc_count};
 use support::frames::{Frame, STATUSTEXT};
 use support::requests::{VEHICLE_ID, manual_control};
 use support::story::{Drive, Input, Source, Story, Supplied};
@@ -16,7 +16,6 @@ use support::story::{Drive, Input, Source, Story, Supplied};
 const DIVIDERS: [AnalogPin; 2] = [AnalogPin::Gp26, AnalogPin::Gp28];
 const CURRENT_SENSOR: AnalogPin = AnalogPin::Gp27;
 
-const DIVIDER: f32 = 3.95;
 const AMPERES_PER_VOLT: f32 = 17.0;
 
 const TICK_US: u64 = 100_000;

@@ -21,16 +21,18 @@ use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
 };
 use rover_battmon_tools::sim::clock;
+use support::commands::{PREFLIGHT_STORAGE, REQUEST_MESSAGE};
 use support::desk::{Desk, adc_count};
 use support::frames::{
     COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, WIFI_CONFIG_AP, encode_v2, of_message, texts_of,
 };
 use support::requests::{
-    command_long, command_long_2, disarm, param_set, setup_signing, wifi_config, wifi_config_payload,
+    arm_by_force, command_long, disarm, param_set, setup_signing, wifi_config, wifi_config_payload,
 };
+use support::signer::{NEW_YEAR, Signer};
+use support::time::MINUTE_US;
 
 use crate::regions::{Regions, keep};
-use support::signer::{NEW_YEAR, Signer};
 
 const ACCESS_POINT: u8 = 1;
 const STATION: u8 = 2;
@@ -42,11 +44,6 @@ const MODE_ERROR: i8 = 3;
 const SSID_ERROR: i8 = 4;
 const PASSWORD_ERROR: i8 = 5;
 
-const REQUEST_MESSAGE: u16 = 512;
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21196.0;
-
-const MINUTE_US: u64 = 60_000_000;
 const OWN_PASSWORD: &str = "own password";
 
 fn password(text: &str) -> Password {
@@ -172,7 +169,7 @@ fn what_is_not_valid_is_answered_with_its_error_and_changes_nothing() {
 // Requirement: L-19
 fn an_armed_rover_keeps_its_setup_until_it_is_disarmed() {
     let mut cable = desk(LinkKind::Direct);
-    cable.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    cable.ask(&arm_by_force());
     let before = cable.autopilot.wifi_setup();
     let sent = cable.ask(&wifi_config("home", "at home 1", STATION));
     assert_eq!(answer(&sent), ("rover-0A2C".into(), ACCESS_POINT, REJECTED));
@@ -200,7 +197,6 @@ fn an_armed_rover_keeps_its_setup_until_it_is_disarmed() {
 
 #[test]
 fn a_reset_of_the_parameters_keeps_passwords() {
-    const PREFLIGHT_STORAGE: u16 = 245;
     let mut cable = desk(LinkKind::Direct);
     cable.ask(&wifi_config("home", "at home 1", STATION));
     cable.ask(&command_long(PREFLIGHT_STORAGE, 2.0));

@@ -12,8 +12,14 @@ use rover_battmon::system::LinkStatistics;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{SideDrives, Vehicle};
 
-use crate::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message};
+use crate::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, result_of};
 use crate::requests::{VEHICLE, param_request_list, param_set};
+
+/// The board's divider at the pack: its voltage by that at the pin.
+pub const DIVIDER: f32 = 3.95;
+
+pub const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
+pub const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 
 const FAST: u32 = 100_000;
 
@@ -213,6 +219,11 @@ impl Desk {
         let answers = self.ask(request);
         assert_eq!(answers.len(), 1, "{answers:?}");
         answers[0].clone()
+    }
+
+    /// Delivers a command and returns its result.
+    pub fn result_of(&mut self, command: &[u8]) -> u8 {
+        result_of(&self.ask(command))
     }
 
     /// The parameters of a list, by name, while `meanwhile` happens after each that is sent.

@@ -42,6 +42,9 @@ pub const BATTERY_INFO: u32 = 372;
 pub const COMPONENT_METADATA: u32 = 397;
 pub const NAMED_VALUE_FLOAT: u32 = 251;
 
+/// MAV_SEVERITY.
+pub const CRITICAL: u8 = 2;
+
 const START_OF_FRAME: u8 = 0xfd;
 const HEADER_BYTES: usize = 10;
 const CRC_BYTES: usize = 2;
@@ -320,6 +323,17 @@ pub fn texts_of(frames: &[Frame]) -> Vec<String> {
     texts.map(|frame| frame.text(1, 50)).collect()
 }
 
+/// The result of the first command that was answered.
+pub fn result_of(frames: &[Frame]) -> u8 {
+    of_message(frames, COMMAND_ACK)[0].u8(2)
+}
+
+/// The commands that were answered, with their results.
+pub fn acknowledged(frames: &[Frame]) -> Vec<(u16, u8)> {
+    let acks = of_message(frames, COMMAND_ACK);
+    acks.iter().map(|ack| (ack.u16(0), ack.u8(2))).collect()
+}
+
 /// The frames of one message.
 pub fn of_message(frames: &[Frame], message_id: u32) -> Vec<&Frame> {
     frames.iter().filter(|f| f.message_id == message_id).collect()
@@ -418,6 +432,9 @@ impl SysStatus<'_> {
         self.0.u16(26)
     }
 }
+
+/// The flag of `base_mode`.
+pub const ARMED: u8 = 128;
 
 /// Fields of HEARTBEAT, at their places on the wire.
 pub struct Heartbeat<'a>(pub &'a Frame);

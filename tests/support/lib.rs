@@ -1,17 +1,21 @@
 //! What test programs share that needs no emulated board: ground stations, frames, the autopilot on a desk, stories.
 
+pub mod charge_states;
 pub mod checked;
+pub mod commands;
 pub mod desk;
 pub mod frames;
 pub mod fuzz;
 pub mod learnt_record;
 pub mod line;
+pub mod monitor_types;
 pub mod motor_poles;
 pub mod pack_report;
 pub mod page;
 pub mod requests;
 pub mod signer;
 pub mod story;
+pub mod time;
 
 use std::path::Path;
 

@@ -1,5 +1,6 @@
 //! What a ground station sends, as frames.
 
+use super::commands::{ARM_DISARM, FORCED, PREFLIGHT_REBOOT_SHUTDOWN};
 use super::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_REQUEST_DATA,
     LOG_REQUEST_LIST, MANUAL_CONTROL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS,
@@ -18,10 +19,12 @@ pub const VEHICLE_ID: u8 = VEHICLE[0];
 pub const CUSTOM_MODE_ENABLED: u8 = 1;
 pub const MANUAL: u32 = 0;
 
+/// Kinds of systems, in heartbeats.
+pub const GCS: u8 = 6;
+pub const ONBOARD_CONTROLLER: u8 = 18;
+
 /// System and component id of a SiK radio: "3D", the component being `MAV_COMP_ID_TELEMETRY_RADIO`.
 pub const SIK_RADIO: [u8; 2] = [51, 68];
-
-pub const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
 
 const REAL32: u8 = 9;
 
@@ -203,11 +206,20 @@ pub fn reboot_to_boot_loader() -> Vec<u8> {
 
 /// Arms, with all checks.
 pub fn arm() -> Vec<u8> {
-    command_long(400, 1.0)
+    command_long(ARM_DISARM, 1.0)
+}
+
+/// Arms, without checks.
+pub fn arm_by_force() -> Vec<u8> {
+    command_long_2(ARM_DISARM, 1.0, FORCED)
 }
 
 pub fn disarm() -> Vec<u8> {
-    command_long(400, 0.0)
+    command_long(ARM_DISARM, 0.0)
+}
+
+pub fn disarm_by_force() -> Vec<u8> {
+    command_long_2(ARM_DISARM, 0.0, FORCED)
 }
 
 /// MAV_CMD_DO_SET_MODE, in ArduPilot's own numbers.
@@ -234,7 +246,7 @@ pub fn rc_override(target: [u8; 2], steering_us: u16, throttle_us: u16) -> Vec<u
     encode_v2(RC_CHANNELS_OVERRIDE, &[&channels.concat()[..], &target].concat())
 }
 
-/// The heartbeat of a ground station (6), or of another kind of system.
+/// The heartbeat of a ground station, or of another kind of system.
 pub fn heartbeat(kind: u8) -> Vec<u8> {
     heartbeat_from(GROUND_STATION, kind)
 }

@@ -4,6 +4,10 @@ use sha2::{Digest, Sha256};
 
 use crate::frames::{Frame, SIGNATURE_BYTES, declare_signed};
 
+/// Of these bytes the keys are made.
+pub const OWNER: u8 = 7;
+pub const STRANGER: u8 = 8;
+
 /// 2026-01-01 00:00 UTC, in tens of microseconds since 2015.
 pub const NEW_YEAR: u64 = 4018 * 86_400 * 100_000;
 

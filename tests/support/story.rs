@@ -21,6 +21,8 @@
 //!
 //! Below 2.1 V no pack is connected: `voltage 0.3` is a lost contact.
 
+use crate::commands::{ARM_DISARM, BATTERY_RESET};
+use crate::requests::arm_by_force;
 use std::fs::{self, DirEntry};
 use std::io;
 
@@ -163,10 +165,6 @@ const HEALTH_TOLERANCE_PCT: u8 = 3;
 /// Tolerance of a state of charge, in percent.
 const CHARGE_TOLERANCE_PCT: f32 = 5.0;
 
-const COMPONENT_ARM_DISARM: u16 = 400;
-const FORCE: f32 = 21196.0;
-const BATTERY_RESET: u16 = 42651;
-
 impl Request {
     /// The frames of the request.
     pub fn frames(self) -> Vec<u8> {
@@ -176,10 +174,10 @@ impl Request {
             Self::Arm => [
                 manual_control(VEHICLE_ID, 0, 0),
                 set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL),
-                command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE),
+                arm_by_force(),
             ]
             .concat(),
-            Self::Disarm => command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0),
+            Self::Disarm => command_long_2(ARM_DISARM, 0.0, 0.0),
             Self::Reset { percent } => command_long_2(BATTERY_RESET, 65535.0, percent),
         }
     }

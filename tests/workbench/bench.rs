@@ -14,11 +14,14 @@ use rover_battmon::parameter::{
 use crate::elf::{Artifact, build};
 use crate::parameter_flash;
 use emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
+use support::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
 use support::frames::{
-    BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
+    BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, acknowledged, frames, of_message,
+    result_of,
 };
-use support::requests::{PREFLIGHT_REBOOT_SHUTDOWN, param_set, reboot};
+use support::requests::{param_read_by_name, param_set, reboot};
 use support::signer::Signer;
+pub use support::time::SECOND;
 
 /// DMA_IRQ_0, which signals the end of each frame at the telemetry port (RP2040 datasheet 2.3.2).
 pub const DMA_IRQ: u32 = 11;
@@ -26,11 +29,13 @@ pub const DMA_IRQ: u32 = 11;
 /// The pack's divider is on GP26.
 pub const PACK: usize = 0;
 
+/// Its current sensor's input is GP27.
+pub const CURRENT: usize = 1;
+
 /// What the converter makes of 7.9 V there.
 pub const DIVIDER_CODE: u16 = 2482;
 
 pub const MINUTE: u64 = 60 * SECOND;
-pub const SECOND: u64 = 1_000_000;
 pub const MILLISECOND: u64 = 1_000;
 
 pub const PARAMETER_OFFSET: u32 = flash_map::PARAMETERS.start;
@@ -65,8 +70,6 @@ pub const SAVED_US: u64 = SECOND;
 
 /// Where the firmware notes who runs: the watchdog's scratch register 0.
 pub const RUNNING: u32 = 0x4005_800c;
-
-const ACCEPTED: u8 = 0;
 
 /// Numbers of core registers.
 pub const STACK_POINTER: usize = 13;
@@ -194,9 +197,7 @@ impl Bench {
         let start = Start::Configured(code, named.collect());
         start.shared(|| {
             let mut bench = Self::running(code);
-            for (name, value) in parameters {
-                bench.set(name, *value);
-            }
+            bench.set_all(parameters);
             bench.reboot();
             bench
         })
@@ -223,15 +224,33 @@ impl Bench {
         assert_eq!(value_of(&answers, name), Some(value), "{name}: {answers:?}");
     }
 
+    pub fn set_all(&mut self, parameters: &[(&str, f32)]) {
+        for (name, value) in parameters {
+            self.set(name, *value);
+        }
+    }
+
+    /// A parameter's value, if it is answered.
+    pub fn read_parameter(&mut self, name: &str) -> Option<f32> {
+        value_of(&self.ask(&param_read_by_name(name)), name)
+    }
+
+    /// The value of a parameter there is.
+    pub fn parameter(&mut self, name: &str) -> f32 {
+        let value = self.read_parameter(name);
+        value.unwrap_or_else(|| panic!("{name} was not answered"))
+    }
+
+    /// Sends a command and returns its result.
+    pub fn result_of(&mut self, command: &[u8]) -> u8 {
+        result_of(&self.ask(command))
+    }
+
     /// Restarts the board as a ground station does.
     pub fn reboot(&mut self) {
         let resets = self.resets().len();
         let answers = self.ask(&reboot());
-        let acknowledgement = of_message(&answers, COMMAND_ACK)[0];
-        assert_eq!(
-            (acknowledgement.u16(0), acknowledgement.u8(2)),
-            (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED)
-        );
+        assert_eq!(acknowledged(&answers)[0], (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED));
         assert!(
             self.run_until(4 * SECOND, |board| board.resets().len() > resets),
             "no restart"

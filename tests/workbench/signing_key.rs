@@ -11,9 +11,7 @@ use rover_battmon_tools::sim::SimulatedFlash;
 
 use crate::bench::{Bench, DIVIDER_CODE, SECOND, SIGNING_BYTES, SIGNING_OFFSET};
 
-/// What their keys are made of.
-pub const OWNER: u8 = 7;
-pub const STRANGER: u8 = 8;
+pub use support::signer::{OWNER, STRANGER};
 
 /// The words that signing stores for the owner's key.
 pub fn words_of_key() -> Vec<(u16, u32)> {

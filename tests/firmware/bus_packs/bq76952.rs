@@ -7,16 +7,16 @@ use super::values::assert_measures;
 use super::{BUS, DIVIDER_CODE, Second, after_a_second, shared, with_second_pack};
 use emulator::Random;
 use emulator::i2c_devices::{Access, Bq76952, Garbled, Ina226, Pec, Protection, Reads, SmartBattery};
-use support::frames::{BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, of_message, texts_of};
+use support::commands::REQUEST_MESSAGE;
+use support::frames::{BATTERY_STATUS_V2, BatteryStatus, of_message, texts_of};
+use support::monitor_types::SMART_BATTERY;
 use support::requests::{arm, command_long_2};
 use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 
 const BQ76952: f32 = 32.0;
-const SMART_BATTERY: f32 = 7.0;
 
 const ADDRESS: u8 = 0x08;
 
-const REQUEST_MESSAGE: u16 = 512;
 const SECOND_PACK: f32 = 1.0;
 
 const DEEP_DISCHARGE: u32 = 1;
@@ -168,8 +168,7 @@ fn what_its_protection_does_is_reported_and_does_not_refuse_arming() {
     });
     bench.run_for(5 * SECOND);
     assert_eq!(status_flags(&mut bench), 128);
-    let answers = bench.ask(&arm());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "accepted");
+    assert_eq!(bench.result_of(&arm()), 0, "accepted");
 }
 
 type Stack = Garbled<Bq76952>;

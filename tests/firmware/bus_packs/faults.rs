@@ -6,20 +6,16 @@ use std::rc::Rc;
 use super::{BUS, DIVIDER_CODE, Second, shared};
 use emulator::i2c_devices::{Garbled, Ina226, Ina3221, Pec, Reads, RegisterMap, SmartBattery};
 use emulator::{LogLevel, Random};
-use support::frames::{BATTERY_STATUS, BatteryStatus, COMMAND_ACK, last_of, of_message, texts_of};
-use support::requests::command_long_2;
+use support::charge_states::UNHEALTHY;
+use support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
+use support::monitor_types::{INA2XX, SMART_BATTERY};
+use support::requests::{arm_by_force, command_long_2};
 use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
-
-const SMART_BATTERY: f32 = 7.0;
-const INA2XX: f32 = 21.0;
 
 const MONITOR_AT: u8 = 0x40;
 const BATTERY_AT: u8 = 0x0b;
 
 const CYCLES_PER_MS: u64 = MILLISECOND * CYCLES_PER_US;
-
-/// MAV_BATTERY_CHARGE_STATE_UNHEALTHY
-const UNHEALTHY: u8 = 6;
 
 /// The third pack is a smart battery, which is fine, and the first one is on the divider.
 pub struct Faulty<D> {
@@ -357,8 +353,7 @@ fn a_battery_that_is_swapped_for_another_is_introduced_again() {
 fn a_serial_number_that_is_misread_while_armed_is_no_swap() {
     const SERIAL_NUMBER: u8 = 0x1c;
     let mut faulty = with_battery(Pec::Right);
-    let armed = faulty.bench.ask(&command_long_2(400, 1.0, 21196.0));
-    assert_eq!(of_message(&armed, COMMAND_ACK)[0].u8(2), 0);
+    assert_eq!(faulty.bench.result_of(&arm_by_force()), 0);
     faulty.part.borrow_mut().set_word(SERIAL_NUMBER, 815);
     faulty.bench.run_for(3 * SECOND);
     let texts = texts_of(&faulty.bench.frames());

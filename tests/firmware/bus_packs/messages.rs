@@ -2,19 +2,16 @@
 
 use super::{BUS, shared, with_second_pack};
 use emulator::i2c_devices::{Pec, SmartBattery};
+use support::commands::{BATTERY_RESET, FAILED, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL};
 use support::frames::{
-    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, Frame, GROUND_STATION,
-    SMART_BATTERY_INFO, of_message, texts_of,
+    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, Frame, GROUND_STATION,
+    SMART_BATTERY_INFO, acknowledged, of_message, texts_of,
 };
-use support::requests::{command_long_2, heartbeat_from};
+use support::monitor_types::SMART_BATTERY;
+use support::requests::{GCS, command_long_2, heartbeat_from};
 use workbench::bench::{Bench, SECOND};
 
-const SMART_BATTERY: f32 = 7.0;
-const SET_MESSAGE_INTERVAL: u16 = 511;
-const REQUEST_MESSAGE: u16 = 512;
-const BATTERY_RESET: u16 = 42651;
 const SECOND_PACK: f32 = 1.0;
-const FAILED: u8 = 4;
 
 const CYCLE_COUNT: u8 = 0x17;
 
@@ -76,11 +73,10 @@ fn a_smart_battery_is_introduced_once_and_again_when_it_changes() {
 
 #[test]
 fn a_smart_battery_is_described_to_each_new_ground_station() {
-    const TYPE_GROUND_STATION: u8 = 6;
     let (mut bench, _) = with_battery();
     bench.run_for(2 * SECOND);
     let from_us = bench.time_us();
-    bench.ask(&heartbeat_from(GROUND_STATION, TYPE_GROUND_STATION));
+    bench.ask(&heartbeat_from(GROUND_STATION, GCS));
     // With the next message of a stream at the latest.
     bench.run_for(SECOND);
     let frames = bench.frames_since(from_us);
@@ -94,8 +90,8 @@ fn a_smart_battery_is_described_to_each_new_ground_station() {
     // The same one, and strangers, for some five seconds.
     let from_us = bench.time_us();
     for stranger in 0..8 {
-        bench.ask(&heartbeat_from(GROUND_STATION, TYPE_GROUND_STATION));
-        bench.ask(&heartbeat_from([stranger, 190], TYPE_GROUND_STATION));
+        bench.ask(&heartbeat_from(GROUND_STATION, GCS));
+        bench.ask(&heartbeat_from([stranger, 190], GCS));
         bench.run_for(SECOND / 4);
     }
     assert_eq!(count(&bench.frames_since(from_us), BATTERY_INFO), 0);
@@ -156,11 +152,7 @@ fn a_battery_reset_fails_for_a_battery_with_a_gauge() {
     let (mut bench, _) = with_battery();
     bench.run_for(SECOND);
     let answers = bench.ask(&command_long_2(BATTERY_RESET, 2.0, 100.0));
-    let acknowledgement = of_message(&answers, COMMAND_ACK)[0];
-    assert_eq!(
-        (acknowledgement.u16(0), acknowledgement.u8(2)),
-        (BATTERY_RESET, FAILED)
-    );
+    assert_eq!(acknowledged(&answers)[0], (BATTERY_RESET, FAILED));
     bench.run_for(SECOND);
     let frames = bench.frames();
     let status = of_message(&frames, BATTERY_STATUS)

@@ -34,9 +34,7 @@ impl Second {
         bench.i2c(BUS).attach(self.address, Box::new(Rc::clone(device)));
         bench.set("BATT2_MONITOR", self.kind);
         bench.set("SR0_EXTRA1", 10.0);
-        for (name, value) in parameters {
-            bench.set(name, *value);
-        }
+        bench.set_all(parameters);
         bench.reboot();
     }
 }

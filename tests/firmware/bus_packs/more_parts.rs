@@ -11,10 +11,10 @@ use emulator::LogLevel;
 use emulator::i2c_devices::{Ad7091r5, Bebop, Garbled, Ina231, Ina238, Ltc2946, Reads, Reference};
 use emulator::spi_devices::Ina239;
 use support::frames::{last_of, texts_of};
+use support::monitor_types::INA2XX;
 use workbench::bench::{Bench, SECOND};
 
 const BEBOP: f32 = 6.0;
-const INA2XX: f32 = 21.0;
 const LTC2946: f32 = 22.0;
 const INA239: f32 = 26.0;
 const AD7091R5: f32 = 28.0;

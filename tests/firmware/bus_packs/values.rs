@@ -3,10 +3,9 @@
 use super::{Second, after_a_second, shared, with_second_pack};
 use emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
 use support::frames::{BatteryStatus, last_of, texts_of};
+use support::monitor_types::{INA2XX, SMART_BATTERY};
 use workbench::bench::{Bench, SECOND};
 
-const SMART_BATTERY: f32 = 7.0;
-const INA2XX: f32 = 21.0;
 const INA3221: f32 = 30.0;
 
 /// A step of 1.25 mV may round to either side.

@@ -4,7 +4,7 @@ use super::{BITS_PER_SECOND, CRYSTAL_HZ, run_with, with_battery, with_can};
 use emulator::AdcInput;
 use emulator::can::{CanWires, ErrorState};
 use support::frames::{STATUSTEXT, last_of, of_message, texts_of};
-use support::requests::command_long_2;
+use support::requests::arm_by_force;
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
 use workbench::can::transfers::{A, A_LATER};
 use workbench::can::{CanRig, Peer, SELECT, Transfer};
@@ -13,10 +13,6 @@ const OTHER_MV: u16 = 12_250;
 
 /// 6.37 V.
 const LOW_CODE: u16 = 2000;
-
-const ARM_DISARM: u16 = 400;
-/// Arms without checks.
-const FORCED: f32 = 21196.0;
 
 /// The texts about the bus and about the second pack.
 fn texts(bench: &mut Bench) -> Vec<String> {
@@ -169,7 +165,7 @@ fn a_node_that_restarts_again_and_again_displaces_no_failsafe_level_on_a_slow_li
     let mut run = |bench: &mut Bench, duration_us| {
         rig.run_with(bench, duration_us, 20 * MILLISECOND, &mut [(&mut node, &RESTART)]);
     };
-    bench.send(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    bench.send(&arm_by_force());
     run(&mut bench, 5 * SECOND);
     bench.adc_input(PACK, AdcInput::Code(LOW_CODE));
     let from_us = bench.time_us();

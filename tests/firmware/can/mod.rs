@@ -4,15 +4,9 @@ mod faults;
 mod load;
 mod peers;
 
+use support::monitor_types::DRONECAN;
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND};
-use workbench::can::{CanRig, Peer, Transfer};
-
-/// Both by default.
-pub const CRYSTAL_HZ: u64 = 16_000_000;
-pub const BITS_PER_SECOND: u64 = 1_000_000;
-
-/// `BATT_MONITOR` of packs on the bus.
-pub const DRONECAN: f32 = 8.0;
+use workbench::can::{BITS_PER_SECOND, CRYSTAL_HZ, CanRig, Peer, Transfer};
 
 /// How often a battery reports.
 pub const INTERVAL_US: u64 = 100 * MILLISECOND;
@@ -29,9 +23,7 @@ pub fn with_can_at(bits_per_second: u64, parameters: &[(&str, f32)]) -> (Bench, 
     bench.set("CAN_P1_DRIVER", 1.0);
     bench.set("CAN_P1_BITRATE", bits_per_second as f32);
     bench.set("SR0_EXTRA1", 10.0);
-    for (name, value) in parameters {
-        bench.set(name, *value);
-    }
+    bench.set_all(parameters);
     bench.reboot();
     bench.forget_sent();
     (bench, rig)

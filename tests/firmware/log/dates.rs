@@ -1,15 +1,9 @@
 //! Dates of logs.
 
-use support::requests::{command_long_2, disarm, heartbeat, system_time};
+use support::requests::{GCS, arm_by_force, disarm, heartbeat, system_time};
 use workbench::bench::{Bench, DIVIDER_CODE, SECOND};
 use workbench::downloads::{dates, download, list};
 use workbench::log_records::{named, records_of_torn};
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21_196.0;
-
-/// The type in the HEARTBEAT of a ground station.
-const GCS: u8 = 6;
 
 /// 2026-11-25 20:43:16.5.
 const UNIX_US: u64 = 1_795_639_396_500_000;
@@ -17,7 +11,7 @@ const UNIX_US: u64 = 1_795_639_396_500_000;
 #[test]
 fn a_log_has_the_date_that_is_given_while_it_is_recorded_also_after_a_power_cycle() {
     let mut bench = Bench::running(DIVIDER_CODE);
-    bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    bench.ask(&arm_by_force());
     let armed_us = bench.time_us();
     bench.run_for(3 * SECOND);
     bench.request(&[heartbeat(GCS), system_time(UNIX_US)].concat());

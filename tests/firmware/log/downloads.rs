@@ -8,13 +8,10 @@ use rover_battmon::recorder::PAYLOAD_BYTES;
 use super::running_with;
 use emulator::Random;
 use support::frames::{Frame, HEARTBEAT, LOG_DATA, PARAM_VALUE, of_message, texts_of};
-use support::requests::{command_long_2, log_data, param_read_by_name};
+use support::requests::{arm_by_force, log_data, param_read_by_name};
 use workbench::bench::{Bench, SECOND, Wire};
 use workbench::downloads::{Download, content, download, get, list};
 use workbench::log_flash::{LogFlash, files_in, noise};
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21_196.0;
 
 const UART_BYTES_PER_S: u64 = 11_520;
 
@@ -111,7 +108,7 @@ fn arming_ends_a_download_and_refuses_others() {
     Download::begin(&mut bench, id, bytes);
     bench.run_for(SECOND);
     let position = bench.sent().len();
-    bench.request(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    bench.request(&arm_by_force());
     bench.run_for(SECOND);
     let sent_before = bench.sent()[..position].len();
     assert!(sent_before > 5_000, "{sent_before}");

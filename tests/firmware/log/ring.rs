@@ -5,13 +5,10 @@ use rover_battmon::memory::flash_map;
 use crate::rover::GOOD_3S;
 use emulator::{FlashOperation, FlashOperationKind, FlashTiming};
 use support::frames::{HEARTBEAT, of_message, texts_of};
-use support::requests::{command_long_2, disarm};
+use support::requests::{arm_by_force, disarm};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use workbench::downloads::list;
 use workbench::log_flash::{LogFlash, files_in};
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21_196.0;
 
 fn erases(operations: &[FlashOperation]) -> Vec<&FlashOperation> {
     let is_erase = |operation: &&FlashOperation| operation.kind == FlashOperationKind::SectorErase;
@@ -38,7 +35,7 @@ fn the_oldest_file_goes_whole_nothing_is_erased_while_armed_and_a_full_log_is_an
     let expected: Vec<_> = before[1..].iter().map(|(_, content)| content.len()).collect();
     assert_eq!(listed, expected, "the oldest file is not listed in part");
 
-    bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    bench.ask(&arm_by_force());
     bench.take_flash_operations();
     let armed_us = bench.time_us();
     let is_full = (0..400).any(|_| {

@@ -3,13 +3,8 @@
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
 use emulator::AdcInput;
 use support::motor_poles::LEFT;
-use support::requests::{command_long_2, manual_control, set_mode};
-use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21_196.0;
-
-const CURRENT: usize = 1;
+use support::requests::{arm_by_force, manual_control, set_mode};
+use workbench::bench::{Bench, CURRENT, CYCLES_PER_US, MILLISECOND, SECOND};
 
 const TICK_US: u64 = 100 * MILLISECOND;
 
@@ -60,7 +55,7 @@ fn armed(log_bitmask: f32) -> Bench {
     let mut bench = Bench::configured(GOOD_3S, &parameters);
     bench.adc_input(CURRENT, AdcInput::Code(300));
     bench.run_for(2 * SECOND);
-    bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    bench.ask(&arm_by_force());
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     // The opening of the file is written.

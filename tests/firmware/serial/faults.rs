@@ -5,10 +5,9 @@ use super::{
     BAUD, LARGE_FUEL_CELL, PORT, RICHEN_POWER, protocol_4, report, richen_power, send, with_generator,
 };
 use emulator::{LogLevel, Random};
+use support::charge_states::UNHEALTHY;
 use support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
 use workbench::bench::{Bench, MILLISECOND, SECOND};
-
-const UNHEALTHY: u8 = 6;
 
 /// A generator and what it reports.
 struct Faulty {

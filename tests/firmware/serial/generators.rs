@@ -3,10 +3,9 @@
 use super::{
     LARGE_FUEL_CELL, RICHEN_POWER, SMALL_FUEL_CELL, protocol_4, report, richen_power, send, with_generator,
 };
+use support::charge_states::UNHEALTHY;
 use support::frames::{BatteryStatus, last_of, texts_of};
 use workbench::bench::{Bench, SECOND};
-
-const UNHEALTHY: u8 = 6;
 
 fn of_pack<R>(bench: &mut Bench, instance: u8, look: impl FnOnce(BatteryStatus<'_>) -> R) -> R {
     let frames = bench.frames();

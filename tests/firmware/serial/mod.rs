@@ -25,16 +25,14 @@ const RICHEN_POWER: f32 = 3.0;
 fn with_generator(kind: f32) -> Bench {
     let mut bench = Bench::running(DIVIDER_CODE);
     bench.wire_uart(PORT, UartPins { tx: 4, rx: 5 });
-    for (name, value) in [
+    bench.set_all(&[
         ("BATT2_MONITOR", ELECTRICAL),
         ("BATT3_MONITOR", FUEL),
         ("BATT3_CAPACITY", 100.0),
         ("SERIAL1_PROTOCOL", PROTOCOL),
         ("GEN_TYPE", kind),
         ("SR0_EXTRA1", 10.0),
-    ] {
-        bench.set(name, value);
-    }
+    ]);
     bench.reboot();
     bench
 }

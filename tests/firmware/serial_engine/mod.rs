@@ -4,13 +4,11 @@ pub mod mega_squirt;
 pub mod torqeedo;
 
 use emulator::{LogLevel, SentByte, UartPins};
+use support::charge_states::UNHEALTHY;
 use support::frames::{BatteryStatus, last_of, texts_of};
 use workbench::bench::{Bench, DIVIDER_CODE, SECOND};
 
 const PORT: usize = 1;
-
-/// UNHEALTHY of MAV_BATTERY_CHARGE_STATE.
-const UNHEALTHY: u8 = 6;
 
 /// A board whose second pack is of this kind, measured at the port.
 fn with_second_pack(kind: f32, parameters: &[(&str, f32)]) -> Bench {
@@ -18,9 +16,7 @@ fn with_second_pack(kind: f32, parameters: &[(&str, f32)]) -> Bench {
     bench.wire_uart(PORT, UartPins { tx: 4, rx: 5 });
     bench.set("BATT2_MONITOR", kind);
     bench.set("SR0_EXTRA1", 10.0);
-    for (name, value) in parameters {
-        bench.set(name, *value);
-    }
+    bench.set_all(parameters);
     bench.reboot();
     // What was sent before belongs to no request.
     bench.uart(PORT).take_sent();

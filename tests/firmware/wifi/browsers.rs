@@ -5,9 +5,7 @@ use super::ground::{Ground, Station, web_socket_frame};
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID};
 use crate::stack;
 use rover_battmon::memory::flash_map;
-use support::frames::{
-    BATTERY_STATUS, COMMAND_ACK, LOG_DATA, PARAM_VALUE, assert_no_sequence_gap, of_message,
-};
+use support::frames::{BATTERY_STATUS, LOG_DATA, PARAM_VALUE, assert_no_sequence_gap, of_message, result_of};
 use support::requests::{
     VEHICLE, arm, heartbeat, log_data, log_list, manual_control, param_request_list, param_set, set_mode,
 };
@@ -206,7 +204,7 @@ fn hostile_requests_disturb_neither_the_driver_nor_the_measurement() {
     ground.bench.set("MOT_SLEWRATE", 0.0);
     let mut driver = ground.found_station();
     let answers = ground.ask(&mut driver, &arm());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
+    assert_eq!(result_of(&answers), 0, "{answers:?}");
     ground.ask(&mut driver, &set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     ground.send(&mut driver, &manual_control(VEHICLE_ID, 0, 0));
     let others = [ground.laptop(), ground.laptop()];

@@ -4,7 +4,7 @@ use super::ground::{Ground, Station};
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, is_braking};
 use crate::wheels::duties;
 use emulator::Board;
-use support::frames::{COMMAND_ACK, of_message};
+use support::frames::result_of;
 use support::motor_poles::motors;
 use support::requests::{arm, manual_control, set_mode};
 use workbench::bench::{Bench, MILLISECOND, SECOND};
@@ -14,7 +14,7 @@ const STOPPED_WITHIN_US: u64 = 1_600 * MILLISECOND;
 
 fn armed(ground: &mut Ground, station: &mut Station) {
     let answers = ground.ask(station, &arm());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
+    assert_eq!(result_of(&answers), 0, "{answers:?}");
     ground.ask(station, &set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     // A stick drives once it was centred.
     ground.send(station, &manual_control(VEHICLE_ID, 0, 0));

@@ -3,8 +3,7 @@
 use super::ground::Ground;
 use emulator::{ChipPart, RadioFault};
 use support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message, texts_of};
-use support::requests::param_read_by_name;
-use workbench::bench::{Bench, DIVIDER_CODE, SECOND, value_of};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND};
 use workbench::runs::radio_restarts;
 
 const NO_ANSWER: &str = "Wi-Fi radio does not answer";
@@ -29,8 +28,7 @@ fn assert_telemetry_undisturbed(bench: &mut Bench, seconds: usize) {
     assert_no_sequence_gap(&frames);
     let packs = of_message(&frames, BATTERY_STATUS).len();
     assert!(packs >= 2 * seconds - 1, "{packs} in {seconds} s");
-    let answers = bench.ask(&param_read_by_name("BATT_LOW_VOLT"));
-    assert!(value_of(&answers, "BATT_LOW_VOLT").is_some());
+    assert!(bench.read_parameter("BATT_LOW_VOLT").is_some());
 }
 
 fn times_announced(bench: &mut Bench, text: &str) -> usize {

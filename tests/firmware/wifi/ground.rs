@@ -7,12 +7,9 @@ use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
 use emulator::air::space::Air;
 use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
-use support::requests::heartbeat;
+use support::requests::{GCS, heartbeat};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use workbench::starts::Start;
-
-/// MAV_TYPE_GCS.
-const GROUND_STATION: u8 = 6;
 
 pub const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 pub const UDP_PORT: u16 = 14550;
@@ -142,7 +139,7 @@ impl Ground {
     fn wait_to_be_found(&mut self, station: &mut Station) {
         let heard = self.hear_until(station, 3 * SECOND, |bytes| !bytes.is_empty());
         assert!(heard, "no heartbeat: {:?}", self.bench.log_lines());
-        self.send(station, &heartbeat(GROUND_STATION));
+        self.send(station, &heartbeat(GCS));
         self.run_for(ANSWER_TIME_US);
     }
 

@@ -5,11 +5,9 @@ use support::frames::{
     BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, assert_no_sequence_gap, of_message,
 };
 use support::requests::{
-    VEHICLE, heartbeat, param_read_by_name, param_request_list, param_set, request_data_stream,
+    GCS, VEHICLE, heartbeat, param_read_by_name, param_request_list, param_set, request_data_stream,
 };
 use workbench::bench::{SECOND, value_of};
-
-const GROUND_STATION: u8 = 6;
 
 /// Where PARAM_VALUE has the number of parameters.
 const COUNT: usize = 4;
@@ -73,7 +71,7 @@ fn stations_are_found_and_served_by_udp() {
     assert_eq!(count(&frames, BATTERY_STATUS), 4);
     assert_lists_all(&mut ground, &mut first);
 
-    ground.send(&mut first, &heartbeat(GROUND_STATION));
+    ground.send(&mut first, &heartbeat(GCS));
     // A second one is found while the first is served; what it asks for is its own.
     let mut second = ground.found_station();
     ground.ask(&mut second, &request_data_stream(12, 10, 1));
@@ -87,23 +85,23 @@ fn stations_are_found_and_served_by_udp() {
     assert_eq!(count(&of_first, BATTERY_STATUS), 4);
     assert_no_sequence_gap(&of_first);
 
-    ground.send(&mut first, &heartbeat(GROUND_STATION));
+    ground.send(&mut first, &heartbeat(GCS));
     // The third one is not served, and the others do not notice it.
     let laptop = ground.laptop();
     let mut third = ground.listen(laptop);
     assert!(ground.hear_for(&mut third, 2 * SECOND).is_empty());
-    ground.send(&mut first, &heartbeat(GROUND_STATION));
-    ground.send(&mut second, &heartbeat(GROUND_STATION));
+    ground.send(&mut first, &heartbeat(GCS));
+    ground.send(&mut second, &heartbeat(GCS));
     assert!(can_ask(&mut ground, &mut first) && can_ask(&mut ground, &mut second));
 
     // A place is free once a station was silent for ten seconds.
     for _ in 0..12 {
-        ground.send(&mut first, &heartbeat(GROUND_STATION));
+        ground.send(&mut first, &heartbeat(GCS));
         ground.run_for(SECOND);
     }
     let heard = ground.hear_for(&mut third, 2 * SECOND);
     assert_eq!(count(&heard, HEARTBEAT), 2, "{heard:?}");
-    ground.send(&mut third, &heartbeat(GROUND_STATION));
+    ground.send(&mut third, &heartbeat(GCS));
     ground.run_for(SECOND / 2);
     assert!(can_ask(&mut ground, &mut third));
     ground.assert_not_reset();

@@ -6,12 +6,11 @@ use smoltcp::iface::SocketHandle;
 
 use super::phone::{BOARD, Phone};
 use super::room::{Room, play};
+use support::commands::SET_MESSAGE_INTERVAL;
 use support::frames::{Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, SysStatus, of_message};
 use support::requests;
 
 const PORT: u16 = 14550;
-
-const SET_MESSAGE_INTERVAL: u16 = 511;
 
 /// A datagram that fits into the memory for what is received, and into the queue of its link.
 const FLOOD_BYTES: usize = 700;

@@ -1,5 +1,6 @@
 //! Signing: only the key opens, and each frame once, whatever is recorded, changed and sent again, over restarts too.
 
+use crate::signer::OWNER;
 use std::collections::BTreeMap;
 
 use rover_battmon::autopilot::{FlashJob, FlashStore, Start};
@@ -12,8 +13,6 @@ use super::Input;
 use crate::desk::Desk;
 use crate::requests::{param_set, setup_signing};
 use crate::signer::Signer;
-
-const OWNER: u8 = 7;
 
 /// A protected radio link, what its flash holds, and what a stranger has recorded.
 struct Scene {

@@ -10,10 +10,7 @@ use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND
 use crate::log_flash::{LogFlash, files_in};
 use crate::log_records::{named, records_of_torn};
 use emulator::FlashCut;
-use support::requests::{command_long_2, disarm};
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21_196.0;
+use support::requests::{arm_by_force, disarm};
 
 /// Three cells at 3.8 V.
 const CODE: u16 = 3582;
@@ -93,7 +90,7 @@ impl<I: Iterator<Item = u64>> Rotation<I> {
     fn arm(&mut self) {
         let bench = &mut self.leader.bench;
         let now_us = bench.time_us();
-        bench.uart_send(0, now_us, &command_long_2(ARM_DISARM, 1.0, FORCED));
+        bench.uart_send(0, now_us, &arm_by_force());
         self.armed_us = Some(board_us(bench));
     }
 

@@ -11,18 +11,14 @@ use crate::i2c_bus::{BUS, shared};
 use crate::log_records::named;
 use emulator::AdcInput;
 use emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
+use support::commands::ACCEPTED;
 use support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, of_message,
-    texts_of,
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, of_message, texts_of,
 };
 use support::requests::{
-    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, command_long_2, disarm, manual_control,
+    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, arm_by_force, disarm, manual_control,
     param_request_list, set_mode,
 };
-
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21_196.0;
-const ACCEPTED: u8 = 0;
 
 /// The converter's channels of the first two packs.
 const DIVIDERS: [usize; 2] = [0, 2];
@@ -134,8 +130,7 @@ impl Drive {
     }
 
     pub fn arm(&mut self) {
-        let answers = self.bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
-        assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+        assert_eq!(self.bench.result_of(&arm_by_force()), ACCEPTED);
         self.bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
         self.bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     }

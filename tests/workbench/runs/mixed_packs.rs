@@ -34,9 +34,7 @@ pub fn run(parameters: &[(&str, f32)], voltages_mv: &[u32], length_us: u64) {
     let mut bench = Bench::running(DIVIDER_CODE);
     bench.adc_input(CURRENT_PIN, AdcInput::Code(100));
     plug_in(&mut bench);
-    for (name, value) in parameters {
-        bench.set(name, *value);
-    }
+    bench.set_all(parameters);
     bench.set("SR0_EXTRA1", 10.0);
     bench.reboot();
     bench.run_for(SECOND);

@@ -1,11 +1,9 @@
 //! Rates that a ground station has asked for.
 
 use crate::bench::{Bench, DIVIDER_CODE, SAVED_US, SECOND};
-use support::frames::{BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, SYS_STATUS, of_message};
+use support::commands::{ACCEPTED, SET_MESSAGE_INTERVAL};
+use support::frames::{BATTERY_STATUS, HEARTBEAT, SYS_STATUS, of_message};
 use support::requests::command_long_2;
-
-const SET_MESSAGE_INTERVAL: u16 = 511;
-const ACCEPTED: u8 = 0;
 
 /// Panics unless each message leaves at its rate for this time, within 1 % or one frame.
 pub fn assert_rates(bench: &mut Bench, length_us: u64, expected_hz: &[(u32, f64)]) {
@@ -34,8 +32,7 @@ pub fn by_interval(length_us: u64) {
     ] {
         let mut bench = Bench::running(DIVIDER_CODE);
         let request = command_long_2(SET_MESSAGE_INTERVAL, BATTERY_STATUS as f32, interval_us);
-        let answers = bench.ask(&request);
-        assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+        assert_eq!(bench.result_of(&request), ACCEPTED);
         let expected = [(BATTERY_STATUS, rate_hz), (SYS_STATUS, 2.0), (HEARTBEAT, 1.0)];
         assert_rates(&mut bench, length_us, &expected);
     }

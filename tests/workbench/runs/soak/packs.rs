@@ -6,10 +6,11 @@ use std::rc::Rc;
 
 use crate::bench::Bench;
 use crate::can::transfers::{A, A_LATER, B, B_LATER};
-use crate::can::{CanRig, Peer, Transfer};
+use crate::can::{BITS_PER_SECOND, CRYSTAL_HZ, CanRig, Peer, Transfer};
 use crate::i2c_bus::{BUS, shared};
 use emulator::i2c_devices::{Garbled, Ina226, Pec, Reads, RegisterMap, SmartBattery};
 use emulator::{AdcInput, Random};
+use support::charge_states::UNHEALTHY;
 use support::frames::{BatteryStatus, Frame};
 
 const MONITOR_AT: u8 = 0x40;
@@ -17,9 +18,6 @@ const BATTERY_AT: u8 = 0x0b;
 
 /// The converter's channels of the first two packs.
 const DIVIDERS: [usize; 2] = [0, 2];
-
-const CRYSTAL_HZ: u64 = 16_000_000;
-const BITS_PER_SECOND: u64 = 1_000_000;
 
 /// A battery that can't send keeps no more frames than these: two reports.
 const WAITING_FRAMES: usize = 12;
@@ -49,8 +47,6 @@ pub const BUT_BUS: &[u8] = &[0, 1, 4, 5];
 pub const BUT_CAN: &[u8] = &[0, 1, 2, 3];
 pub const ALL: &[u8] = &[0, 1, 2, 3, 4, 5];
 const COUNT: usize = ALL.len();
-
-const UNHEALTHY: u8 = 6;
 
 /// A count of the converter is 3.2 mV, and what is on the wire is whole millivolts.
 const TOLERANCE_MV: u32 = 4;

@@ -4,20 +4,17 @@ use super::ledger::Ledger;
 use super::motors::{Orders, Says};
 use crate::bench::{MILLISECOND, SECOND};
 use emulator::Random;
+use support::commands::REQUEST_MESSAGE;
 use support::requests::{
-    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, arm, command_long, command_long_2, disarm, heartbeat,
-    manual_control, param_read_by_name, param_request_list, param_set, ping, set_mode, timesync,
+    CUSTOM_MODE_ENABLED, GCS, MANUAL, VEHICLE, VEHICLE_ID, arm, arm_by_force, command_long, disarm,
+    heartbeat, manual_control, param_read_by_name, param_request_list, param_set, ping, set_mode, timesync,
 };
 
-const GROUND_STATION: u8 = 6;
-const REQUEST_MESSAGE: u16 = 512;
 const AUTOPILOT_VERSION: f32 = 148.0;
-const ARM_DISARM: u16 = 400;
-const FORCED: f32 = 21_196.0;
 
 /// Arms whatever the packs say.
 pub fn force_arm() -> Vec<u8> {
-    command_long_2(ARM_DISARM, 1.0, FORCED)
+    arm_by_force()
 }
 
 /// Orders are sent again until they are seen to be obeyed.
@@ -86,7 +83,7 @@ impl Station {
         let mut messages = Vec::new();
         if self.heartbeat_due_us <= now_us {
             self.heartbeat_due_us += SECOND;
-            messages.push(heartbeat(GROUND_STATION));
+            messages.push(heartbeat(GCS));
         }
         match self.doing {
             Doing::WaitingUntil(until_us) if now_us < until_us => {}

@@ -8,7 +8,7 @@ use super::station::Driver;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, is_learnt};
 use crate::i2c_bus::BUS;
 use emulator::{FlashOperationKind, ResetCause};
-use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
+use support::frames::{ARMED, BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
 
 /// HEARTBEAT comes once a second. What else may lie between two of them, or between a start and the first one: a slice of
 /// the list of parameters, an erase of the flash, a step of this.
@@ -19,8 +19,6 @@ const PROMPT_US: u64 = 250 * MILLISECOND;
 
 /// Flash is written only this long after a parameter was set, or after a start.
 const WRITING_US: u64 = 2 * SECOND;
-
-const ARMED: u8 = 128;
 
 /// In the log of a board that hung in the radio's task before.
 const OFF_AFTER_CRASH: &str = "Wi-Fi: OffAfterCrash";

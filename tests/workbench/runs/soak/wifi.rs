@@ -9,9 +9,8 @@ use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
 use emulator::air::space::Air;
 use support::frames::{Frame, HEARTBEAT, frames};
-use support::requests::heartbeat;
+use support::requests::{GCS, heartbeat};
 
-const GROUND_STATION: u8 = 6;
 const UDP_PORT: u16 = 14550;
 const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 const LAPTOP_MAC: [u8; 6] = [2, 0, 0, 0, 0, 9];
@@ -67,7 +66,7 @@ impl Wifi {
             self.heartbeat_due_us = now_us + SECOND;
             if let Some(board) = self.board {
                 let laptop = self.air.laptop(self.laptop);
-                laptop.send_to(self.port, &heartbeat(GROUND_STATION), board);
+                laptop.send_to(self.port, &heartbeat(GCS), board);
             }
         }
     }
