@@ -76,7 +76,7 @@ pub struct Autopilot {
     broadcast: Broadcast,
     changes: Changes,
     /// Failures to write to each [`FlashStore`].
-    save_states: [SaveState<Instant>; FlashStore::ALL.len()],
+    save_states: [SaveState; FlashStore::ALL.len()],
     save_reports: SaveReports,
     /// To announce once it is in flash.
     signing_change: Option<SigningChange>,

@@ -1,4 +1,4 @@
-//! Progress of saving a value, or one kind of data.
+//! Progress of saving one kind of data.
 
 use super::storage::StorageError;
 use crate::time::Instant;
@@ -6,33 +6,21 @@ use crate::time::Instant;
 /// Interval between automatic retries: a worn sector won't recover, and each attempt blocks for the time of an erase.
 const RETRY_INTERVAL_US: u64 = 60_000_000;
 
-/// Progress of saving a value, or one kind of data. `When` is when a failed write is tried again, if that is known.
+/// Progress of saving one kind of data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum SaveState<When = ()> {
-    /// Nothing has failed, and of a value: nothing has to be written.
+pub enum SaveState {
+    /// Nothing has failed.
     #[default]
     Saved,
     /// To be written.
     New,
-    /// Writing failed: waits for a retry.
-    Failed(StorageError, When),
+    /// Writing failed: waits for a retry at this time.
+    Failed(StorageError, Instant),
     /// Failed before; to be written again.
     Retried(StorageError),
-    /// The stored value does not fit, and stays until another value is to be written.
-    Misfit,
 }
 
-impl<When> SaveState<When> {
-    /// Whether a value has to be written now.
-    pub fn is_due(&self) -> bool {
-        matches!(self, Self::New | Self::Retried(_))
-    }
-
-    /// Whether it is not written yet.
-    pub fn is_unsaved(&self) -> bool {
-        !matches!(self, Self::Saved | Self::Misfit)
-    }
-
+impl SaveState {
     /// Whether it waits for a retry.
     pub fn is_waiting(&self) -> bool {
         matches!(self, Self::Failed(..))
@@ -42,16 +30,8 @@ impl<When> SaveState<When> {
     pub fn failure(&self) -> Option<StorageError> {
         match self {
             Self::Failed(error, _) | Self::Retried(error) => Some(*error),
-            Self::Saved | Self::New | Self::Misfit => None,
+            Self::Saved | Self::New => None,
         }
-    }
-
-    /// Writing failed, to be tried again at `when`. Returns the error if it has to be announced: unless the last one was like
-    /// it.
-    pub fn fail_until(&mut self, when: When, error: StorageError) -> Option<StorageError> {
-        let is_known = self.failure().is_some_and(|before| before.is_like(error));
-        *self = Self::Failed(error, when);
-        (!is_known).then_some(error)
     }
 
     /// Tries again after a failure.
@@ -60,17 +40,17 @@ impl<When> SaveState<When> {
             *self = Self::Retried(*error);
         }
     }
-}
 
-impl SaveState<Instant> {
     /// Writing failed at `now`, to be tried again after a minute; a later failure does not postpone that. Returns the error
-    /// if it has to be announced.
+    /// if it has to be announced: unless the last one was like it.
     pub fn fail(&mut self, error: StorageError, now: Instant) -> Option<StorageError> {
         let when = match self {
             Self::Failed(_, when) => *when,
             _ => now.after_us(RETRY_INTERVAL_US),
         };
-        self.fail_until(when, error)
+        let is_known = self.failure().is_some_and(|before| before.is_like(error));
+        *self = Self::Failed(error, when);
+        (!is_known).then_some(error)
     }
 
     /// Tries again what has failed if that is due at `now`, and returns whether it is; true once.
@@ -100,7 +80,7 @@ mod tests {
         state.fail(FLASH, at_us(10 * SECOND_US));
         state.fail(FLASH, at_us(60 * SECOND_US));
         assert!(!state.take_retry(at_us(70 * SECOND_US - 1)) && state.is_waiting());
-        assert!(state.take_retry(at_us(70 * SECOND_US)) && state.is_due());
+        assert!(state.take_retry(at_us(70 * SECOND_US)) && !state.is_waiting());
         assert!(!state.take_retry(Instant::MAX));
         state.fail(FLASH, at_us(70 * SECOND_US));
         assert!(!state.take_retry(at_us(130 * SECOND_US - 1)));

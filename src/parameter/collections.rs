@@ -110,16 +110,6 @@ impl<T: Copy + Default> ForEachParameter<T> {
         }
     }
 
-    /// Updates each.
-    pub fn update_all(&mut self, update: impl FnMut(&mut T)) {
-        self.0.iter_mut().for_each(update);
-    }
-
-    /// All values: much faster than by their ids.
-    pub fn values(&self) -> impl Iterator<Item = T> {
-        self.0.iter().copied()
-    }
-
     /// The value of `id`, of a constant the default.
     pub fn get(&self, id: ParameterId) -> T {
         self.0.get(id.number()).copied().unwrap_or_default()

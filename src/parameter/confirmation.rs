@@ -4,8 +4,7 @@
 //! back after all of them. What does not fit needs none: the value stays stored under its key until the parameter is set.
 
 use super::trouble::{CHECKED, Doubts};
-use super::{ParameterId, ParameterTrouble, Parameters};
-use crate::memory::save_state::SaveState;
+use super::{ParameterId, ParameterIdSet, ParameterTrouble, Parameters};
 
 impl Parameters {
     /// Marks the values in flash as not read, until the next start: every value that is set has to be saved, even one that equals
@@ -22,7 +21,7 @@ impl Parameters {
     /// A file has set a parameter that bears on the drive: if that has changed it, the file counts as half loaded until
     /// [`end_file`](Self::end_file).
     pub fn set_by_file(&mut self, id: ParameterId) {
-        if self.save_states.get(id) != SaveState::Saved {
+        if self.unsaved.contains(id) {
             self.set_doubts((self.doubts - Doubts::ENDED) | Doubts::HALF_LOADED);
         }
     }
@@ -37,11 +36,8 @@ impl Parameters {
         if self.doubts.contains(Doubts::NOT_READ) {
             return;
         }
-        self.save_states.update_all(|state| {
-            if *state == SaveState::Misfit {
-                *state = SaveState::New;
-            }
-        });
+        self.unsaved.insert_all(&self.misfits);
+        self.misfits = ParameterIdSet::default();
         self.end(self.doubts);
     }
 
@@ -59,11 +55,10 @@ impl Parameters {
                 ParameterTrouble::HalfLoaded
             });
         }
-        let is_misfit = |state| state == SaveState::Misfit;
-        // All states are read in a tenth of the time of all ids.
-        self.save_states.values().find(|state| is_misfit(*state))?;
-        let first =
-            ParameterId::all().find(|id| is_misfit(self.save_states.get(*id)) && self.listed.contains(*id));
+        if self.misfits.is_empty() {
+            return None;
+        }
+        let first = ParameterId::all().find(|id| self.misfits.contains(*id) && self.listed.contains(*id));
         first.map(ParameterTrouble::DoesNotFit)
     }
 
@@ -103,7 +98,7 @@ impl Parameters {
     fn set_doubts(&mut self, doubts: Doubts) {
         if doubts != self.doubts {
             self.doubts = doubts;
-            self.save_states.set(CHECKED, SaveState::New);
+            self.mark_unsaved(CHECKED);
         }
     }
 }

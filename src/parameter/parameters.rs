@@ -9,7 +9,7 @@ use super::{
     Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, MonitorInput, MonitorKind,
     ParameterId, ParameterIdSet, ThermometerParameter, VehicleParameter,
 };
-use crate::memory::save_state::SaveState;
+use crate::memory::storage::StorageError;
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
 
@@ -26,9 +26,20 @@ const CAN_DISABLED: f32 = 0.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     values: ForEachParameter<f32>,
-    pub(super) save_states: ForEachParameter<SaveState>,
-    /// That of the last reset.
-    pub(super) reset: SaveState,
+    /// Parameters whose values have to be written.
+    pub(super) unsaved: ParameterIdSet,
+    /// Those of them that have failed and wait for a retry.
+    pub(super) waiting: ParameterIdSet,
+    /// Parameters whose stored values do not fit, and stay until others are to be written.
+    pub(super) misfits: ParameterIdSet,
+    /// The last reset has to be written.
+    pub(super) reset: bool,
+    /// It has failed and waits for a retry.
+    pub(super) reset_waits: bool,
+    /// The latest failure to write, until a write succeeds.
+    pub(super) failure: Option<StorageError>,
+    /// It has been reported since the latest change.
+    pub(super) is_reported: bool,
     pub(super) doubts: Doubts,
     /// The listed parameters.
     pub(super) listed: ParameterIdSet,
@@ -57,8 +68,13 @@ impl Parameters {
     pub fn defaults() -> Self {
         let mut parameters = Self {
             values: ForEachParameter::from_fn(ParameterId::default_value),
-            save_states: ForEachParameter::default(),
-            reset: SaveState::Saved,
+            unsaved: ParameterIdSet::default(),
+            waiting: ParameterIdSet::default(),
+            misfits: ParameterIdSet::default(),
+            reset: false,
+            reset_waits: false,
+            failure: None,
+            is_reported: false,
             doubts: Doubts::empty(),
             listed: ParameterIdSet::default(),
             changed: ParameterIdSet::default(),
@@ -165,14 +181,13 @@ impl Parameters {
     }
 
     /// Writes a live value, which nothing else does, and updates what follows from it.
-    pub(super) fn write(&mut self, id: ParameterId, value: f32, state: SaveState) {
+    pub(super) fn write(&mut self, id: ParameterId, value: f32) {
         if value.to_bits() != self.values.get(id).to_bits() {
             self.changed.insert(id);
         }
         self.values.set(id, value);
-        self.save_states.set(id, state);
         match id {
-            ParameterId::Stick(id) => self.follow_sticks(id, state),
+            ParameterId::Stick(id) => self.follow_sticks(id),
             // Whether others are in use depends on these; all of them would take a millisecond.
             ParameterId::Battery(pack, BatteryParameter::Monitor) => {
                 self.update_listed(BatteryParameter::ALL.iter().map(|parameter| parameter.of(pack)));
@@ -204,10 +219,12 @@ impl Parameters {
             Access::Trigger => return checked(id, value).map(drop),
         };
         let is_saved = !self.doubts.contains(Doubts::NOT_READ)
-            && self.save_states.get(id) == SaveState::Saved
+            && !self.unsaved.contains(id)
+            && !self.misfits.contains(id)
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
-            self.write(id, value, SaveState::New);
+            self.mark_unsaved(id);
+            self.write(id, value);
         }
         Ok(())
     }
@@ -231,7 +248,7 @@ impl Parameters {
     pub fn show(&mut self, id: ParameterId, value: f32) -> bool {
         match checked(id, value) {
             Ok(value) if id.row().access == Access::ReadOnly && value != self.get(id) => {
-                self.write(id, value, SaveState::Saved);
+                self.write(id, value);
                 true
             }
             _ => false,
@@ -254,11 +271,11 @@ impl Parameters {
         let checked = checked(id, value);
         match checked {
             Ok(value) => {
-                self.write(id, value, SaveState::Saved);
+                self.write(id, value);
                 // A loaded value is no change.
                 self.changed.remove(id);
             }
-            Err(_) if bearing == Bearing::Drive => self.save_states.set(id, SaveState::Misfit),
+            Err(_) if bearing == Bearing::Drive => self.misfits.insert(id),
             Err(_) => {}
         }
         checked.map(drop)

@@ -3,7 +3,6 @@
 use super::stick_channel::StickChannels;
 use super::table::sticks::LEAST_TRAVEL_US;
 use super::{Parameters, StickParameter};
-use crate::memory::save_state::SaveState;
 use StickParameter::*;
 
 /// Parameters that have to fit each other.
@@ -48,13 +47,13 @@ impl Parameters {
     }
 
     /// Brings the group of a parameter into force that was set, or loaded from flash.
-    pub(super) fn follow_sticks(&mut self, written: StickParameter, state: SaveState) {
+    pub(super) fn follow_sticks(&mut self, written: StickParameter) {
         let mut groups = (0..).zip(GROUPS);
         let Some((number, group)) = groups.find(|(_, group)| group.contains(&written)) else {
             return;
         };
         let fits = self.misfit(group).is_none();
-        if !fits && state != SaveState::Saved {
+        if !fits && self.unsaved.contains(written.into()) {
             return;
         }
         let values = group.map(|id| if fits { self.get(id) } else { id.row().default } as u16);

@@ -185,7 +185,7 @@ fn failure_is_reported_again_after_a_set_or_a_new_error() {
     assert_eq!(reports_of(Some((PARAMS, 7.0)), FLASH), [FLASH]);
     assert_eq!(reports_of(Some((EXTRA1, 6.0)), FLASH), [FLASH]);
     assert_eq!(reports_of(Some((EXTRA1, 6.0)), FLASH), [FLASH], "the same value");
-    assert_eq!(reports_of(None, Full), [Full, Full], "one for each");
+    assert_eq!(reports_of(None, Full), [Full], "one for both");
     assert_eq!(reports_of(None, Full), []);
 }
 
