@@ -125,6 +125,8 @@ fn value_without_space_does_not_block_the_others() {
     parameters.set(PARAMS, 8.0).unwrap();
     let (written, reports) = save(&mut parameters, no_room_for_extra1);
     assert_eq!((written, reports), (vec![Value(PARAMS, 8.0)], vec![]));
+    parameters.set(EXTRA1, 6.0).unwrap();
+    assert_eq!(parameters.next_unsaved(), Some(Value(EXTRA1, 6.0)), "set again");
 }
 
 #[test]
