@@ -347,7 +347,7 @@ impl<F: NorFlash> Records<F> {
         };
         let mut log = match self.log.take() {
             Some(log) => log,
-            None => self.start_empty(None, may_erase).await?,
+            None => self.start_sector(None, None, 0, &|_| false, may_erase).await?,
         };
         // Of a damaged sector even an equal value is written: to the next one.
         if log.is_trusted && is_equal {
@@ -361,7 +361,7 @@ impl<F: NorFlash> Records<F> {
             // Before the erase, so that repeated attempts to store another key do not wear the flash.
             let left_out = self.find_place(record.key(), &log, is_dispensable).await?;
             let started = self
-                .move_on(&log, &record, left_out, is_dispensable, may_erase)
+                .start_sector(Some(&log), Some(&record), left_out, is_dispensable, may_erase)
                 .await;
             if started.is_err_and(|error| error == StorageError::NoErasedSpace) {
                 // Nothing has changed, and more attempts may follow.
@@ -412,55 +412,21 @@ impl<F: NorFlash> Records<F> {
             }
             self.region.retire(log.sector).await?;
         }
-        self.log = Some(self.start_empty(log.as_ref(), may_erase).await?);
+        let started = self.start_sector(log.as_ref(), None, 0, &|_| false, may_erase);
+        self.log = Some(started.await?);
         Ok(())
     }
 
-    /// Activates the next sector, without records.
-    async fn start_empty(&mut self, old: Option<&Log>, may_erase: MayErase<'_>) -> Result<Log, StorageError> {
-        let new = self.erase_next(old, may_erase).await?;
-        self.activate(old, &new).await?;
-        Ok(new)
-    }
-
     /// Activates the next sector, with `newest` and the latest record of every other key in `old` but for the first
-    /// `left_out` that are dispensable.
-    async fn move_on(
+    /// `left_out` that are dispensable; empty without `newest`.
+    async fn start_sector(
         &mut self,
-        old: &Log,
-        newest: &Record,
+        old: Option<&Log>,
+        newest: Option<&Record>,
         mut left_out: u32,
         is_dispensable: &dyn Fn(u32) -> bool,
         may_erase: MayErase<'_>,
     ) -> Result<Log, StorageError> {
-        let mut new = self.erase_next(Some(old), may_erase).await?;
-        let old_words = self.region.words();
-        let mut record = Record::erased();
-        let mut next = 0;
-        while let Some(slot) = self.next(old, next, &mut record).await? {
-            next = slot + 1;
-            if record.key() == newest.key() {
-                continue;
-            }
-            if left_out > 0 && is_dispensable(record.key()) {
-                left_out -= 1;
-                continue;
-            }
-            record.widen(self.words.into());
-            self.region.set_words(self.words);
-            self.region.write_record(new.sector, new.used, &record).await?;
-            self.region.set_words(old_words);
-            new.used += 1;
-        }
-        self.region.set_words(self.words);
-        self.region.write_record(new.sector, new.used, newest).await?;
-        new.used += 1;
-        self.activate(Some(old), &new).await?;
-        Ok(new)
-    }
-
-    /// The sector after `old`, erased.
-    async fn erase_next(&mut self, old: Option<&Log>, may_erase: MayErase<'_>) -> Result<Log, StorageError> {
         if !self.region.can_move() {
             return Err(StorageError::Full);
         }
@@ -485,25 +451,46 @@ impl<F: NorFlash> Records<F> {
             self.region.erase(sector, may_erase).await?;
         }
         self.preparation = Preparation::Due { erased: 0 };
+        let mut used = 0;
+        let old_words = self.region.words();
+        if let (Some(old), Some(newest)) = (old, newest) {
+            let mut record = Record::erased();
+            let mut next = 0;
+            while let Some(slot) = self.next(old, next, &mut record).await? {
+                next = slot + 1;
+                if record.key() == newest.key() {
+                    continue;
+                }
+                if left_out > 0 && is_dispensable(record.key()) {
+                    left_out -= 1;
+                    continue;
+                }
+                record.widen(self.words.into());
+                self.region.set_words(self.words);
+                self.region.write_record(sector, used, &record).await?;
+                self.region.set_words(old_words);
+                used += 1;
+            }
+        }
+        self.region.set_words(self.words);
+        if let Some(newest) = newest {
+            self.region.write_record(sector, used, newest).await?;
+            used += 1;
+        }
+        // Commit: a power cut before this leaves the old sector active, one after it the new sector.
+        self.region.write_sequence(sector, sequence).await?;
+        if let Some(old) = old {
+            // Marks the old sector as outdated, in case the new one is lost.
+            self.region.retire(old.sector).await?;
+        }
         Ok(Log {
             sector,
             sequence,
-            used: 0,
+            used,
             is_intact: true,
             is_trusted: true,
             condition: Condition::Intact,
         })
-    }
-
-    /// Commits a sector: a power cut before this leaves the old one active, one after it the new one.
-    async fn activate(&mut self, old: Option<&Log>, new: &Log) -> Result<(), StorageError> {
-        self.region.set_words(self.words);
-        self.region.write_sequence(new.sector, new.sequence).await?;
-        match old {
-            // Marks the old sector as outdated, in case the new one is lost.
-            Some(old) => self.region.retire(old.sector).await,
-            None => Ok(()),
-        }
     }
 
     /// Number of dispensable records that make room for `key` when `log` moves to the next sector.

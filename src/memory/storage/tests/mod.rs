@@ -200,7 +200,7 @@ fn unknown_keys_are_kept_when_the_ring_wraps() {
 fn record_with_a_wider_key_is_skipped_and_kept() {
     let mut flash = SmallFlash::blank();
     let mut storage = flash.storage();
-    let log = block_on(storage.start_empty(None, &Erase::always)).unwrap();
+    let log = block_on(storage.start_sector(None, None, 0, &|_| false, &Erase::always)).unwrap();
     let foreign = Record::new(0x1_0002, &[9]);
     block_on(storage.region.write_record(log.sector, 0, &foreign)).unwrap();
     for round in 0..50_u16 {
