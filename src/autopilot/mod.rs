@@ -66,8 +66,7 @@ pub struct Autopilot {
     was_reset: bool,
     vehicle: Vehicle,
     signing: Signing,
-    /// What telemetry reports, but for what is borrowed: see [`system_state`](Self::system_state). The arming checks run once
-    /// a second.
+    /// The part of the [`system_state`](Self::system_state) that is not borrowed. The arming checks run once a second.
     own_state: SystemState<'static>,
     flash_wear: RegisterWear,
     /// To be known by every ground station that connects, unless loaded.

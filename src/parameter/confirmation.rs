@@ -4,7 +4,7 @@
 //! back after all of them. What does not fit needs none: the value stays stored under its key until the parameter is set.
 
 use super::trouble::{CHECKED, Doubts};
-use super::{ParameterId, ParameterIdSet, ParameterTrouble, Parameters};
+use super::{ParameterId, ParameterTrouble, Parameters};
 
 impl Parameters {
     /// Marks the values in flash as not read, until the next start: every value that is set has to be saved, even one that equals
@@ -36,8 +36,9 @@ impl Parameters {
         if self.doubts.contains(Doubts::NOT_READ) {
             return;
         }
-        self.unsaved.insert_all(&self.misfits);
-        self.misfits = ParameterIdSet::default();
+        let misfits = self.misfits.clone();
+        let misfits = ParameterId::all().filter(|id| misfits.contains(*id));
+        misfits.for_each(|id| self.mark_unsaved(id));
         self.end(self.doubts);
     }
 

@@ -28,7 +28,7 @@ pub struct Parameters {
     values: ForEachParameter<f32>,
     /// Parameters whose values have to be written.
     pub(super) unsaved: ParameterIdSet,
-    /// Those of them that have failed and wait for a retry.
+    /// The failed ones among them, until a retry.
     pub(super) waiting: ParameterIdSet,
     /// Parameters whose stored values do not fit, and stay until others are to be written.
     pub(super) misfits: ParameterIdSet,
@@ -271,6 +271,7 @@ impl Parameters {
         let checked = checked(id, value);
         match checked {
             Ok(value) => {
+                self.mark_as_stored(id);
                 self.write(id, value);
                 // A loaded value is no change.
                 self.changed.remove(id);

@@ -62,10 +62,16 @@ impl Parameters {
 
     /// The value has to be written, whatever has failed before.
     pub(super) fn mark_unsaved(&mut self, id: ParameterId) {
+        self.mark_as_stored(id);
         self.unsaved.insert(id);
-        self.waiting.remove(id);
-        self.misfits.remove(id);
         self.is_reported = false;
+    }
+
+    /// Flash holds the live value.
+    pub(super) fn mark_as_stored(&mut self, id: ParameterId) {
+        for changes in [&mut self.unsaved, &mut self.waiting, &mut self.misfits] {
+            changes.remove(id);
+        }
     }
 
     fn is_due(&self, id: ParameterId) -> bool {
@@ -95,8 +101,7 @@ impl Parameters {
             Unsaved::Reset => (self.reset, self.reset_waits) = (false, false),
             Unsaved::Value(id, value) => {
                 if value.to_bits() == self.to_store(id).to_bits() {
-                    self.unsaved.remove(id);
-                    self.waiting.remove(id);
+                    self.mark_as_stored(id);
                 }
             }
         }
