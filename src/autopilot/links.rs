@@ -188,8 +188,7 @@ impl Autopilot {
         let message = self.take(endpoint, now);
         // By reference: a message is large, and each move copies it.
         let message = message.as_ref()?;
-        // The table's range is 1 to 255.
-        let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
+        let system_id = self.parameters.system_id();
         let frame = framer.signed_frame(message, system_id, &mut self.signing, endpoint.kind(), now);
         endpoint.count_bytes(frame);
         Some(frame)
@@ -198,8 +197,7 @@ impl Autopilot {
     /// The frame of a HEARTBEAT for stations that have no link yet, by which ground stations find the vehicle; signed if there is a key.
     pub fn heartbeat_frame<'a>(&mut self, framer: &'a mut Framer, kind: LinkKind, now: Instant) -> &'a [u8] {
         let heartbeat = Stream::Heartbeat.build(&self.system_state(now));
-        // The table's range is 1 to 255.
-        let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
+        let system_id = self.parameters.system_id();
         framer.signed_frame(&heartbeat, system_id, &mut self.signing, kind, now)
     }
 

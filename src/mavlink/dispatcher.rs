@@ -6,7 +6,7 @@ use super::dialect::{MavResult, MavType, WIFI_CONFIG_AP_DATA};
 use super::event::{Action, Event};
 use super::parser::ReceivedFrame;
 use super::rates::is_radio;
-use super::requests::{Command, Peer, ReceivedRequest, Request};
+use super::requests::{self, Command, Peer, Request};
 use super::services::commands::{Answer, requested_streams};
 use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
@@ -18,7 +18,6 @@ use super::services::{
 use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, Role, is_permitted};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::announce::Severity;
-use crate::parameter::VehicleParameter;
 use crate::vehicle::{ArmState, ControlMessage, Delivery, Mode};
 
 /// The type in the HEARTBEAT of a ground station.
@@ -67,29 +66,31 @@ pub struct Services {
 
 /// Handles one frame, and answers it.
 pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mut Context<'_>) -> Event {
-    // The table's range is 1 to 255.
-    let system_id = context.changeable.parameters.get(VehicleParameter::SysidThismav) as u8;
-    let Some(received) = ReceivedRequest::decode(frame) else {
+    let system_id = context.changeable.parameters.system_id();
+    let Some((target, request)) = requests::decode(frame.message_id, &frame.payload) else {
         return Event::Ignored;
     };
-    if !received.target.is_ours(system_id) || !is_expected(&received, system_id, context.state.external_packs)
-    {
+    let from = Peer {
+        system_id: frame.system_id,
+        component_id: frame.component_id,
+    };
+    if !target.is_ours(system_id) || !is_expected(&request, from, system_id, context.state.external_packs) {
         return Event::Ignored;
     }
     let authenticity = context.changeable.signing.check(frame, context.now);
     context.delivery = match authenticity {
-        _ if permits(&received.request, authenticity, context) => Delivery::Prompt,
-        Authenticity::Late if only_stops(&received.request, context.changeable.vehicle) => Delivery::Late,
-        _ => return refuse(&received.request, authenticity, context.unauthorized),
+        _ if permits(&request, authenticity, context) => Delivery::Prompt,
+        Authenticity::Late if only_stops(&request, context.changeable.vehicle) => Delivery::Late,
+        _ => return refuse(&request, authenticity, context.unauthorized),
     };
-    context.age_ms = context.clocks.age_ms(received.from, context.now);
-    if changes_for_good(&received.request) && context.age_ms.is_some_and(|age_ms| age_ms > MAX_AGE_MS) {
-        return refuse_late(&received.request, received.from, context);
+    context.age_ms = context.clocks.age_ms(from, context.now);
+    if changes_for_good(&request) && context.age_ms.is_some_and(|age_ms| age_ms > MAX_AGE_MS) {
+        return refuse_late(&request, from, context);
     }
     let before = context.changeable.vehicle.arm_state();
-    let event = serve(&received.request, received.from, services, context);
+    let event = serve(&request, from, services, context);
     if matches!(event, Event::Driven) {
-        keep_sender(&received.request, before, context);
+        keep_sender(&request, before, context);
     }
     event
 }
@@ -159,12 +160,12 @@ fn refuse(request: &Request<'_>, authenticity: Authenticity, unauthorized: &mut 
 
 /// Whether a BATTERY_STATUS or BATTERY_INFO is of a pack that another component of this vehicle measures, and by one: other
 /// packs and vehicles have theirs, which do not concern this one, signed or not.
-fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, external_packs: u16) -> bool {
-    let Request::PackReport(report) = &received.request else {
+fn is_expected(request: &Request<'_>, from: Peer, system_id: u8, external_packs: u16) -> bool {
+    let Request::PackReport(report) = request else {
         return true;
     };
-    received.from.system_id == system_id
-        && received.from.component_id != COMPONENT_ID
+    from.system_id == system_id
+        && from.component_id != COMPONENT_ID
         && external_packs & report.pack().bit() != 0
 }
 

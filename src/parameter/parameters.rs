@@ -97,6 +97,12 @@ impl Parameters {
         self.whole(id.into())
     }
 
+    /// System id of the vehicle in MAVLink (`SYSID_THISMAV`).
+    pub fn system_id(&self) -> u8 {
+        // The table's range is 1 to 255.
+        self.get_whole(VehicleParameter::SysidThismav) as u8
+    }
+
     #[inline(never)]
     fn whole(&self, id: ParameterId) -> i32 {
         round_to_i32(self.get(id))

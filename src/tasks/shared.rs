@@ -75,8 +75,22 @@ impl Shared {
     #[inline(never)]
     fn release(&self, mut autopilot: RefMut<'_, Autopilot>) {
         let work = autopilot.take_work();
-        if !work.is_empty() {
-            self.wake(work);
+        drop(autopilot);
+        let signals = [
+            (Work::DRIVE, &self.to_drive),
+            (Work::SAVE, &self.to_save),
+            (Work::RESTART, &self.to_reboot),
+            (Work::WIFI, &self.to_set_up_wifi),
+            (Work::GROUND_STATION_HEARD, &self.ground_station_heard),
+            (Work::WATCHDOG, &self.to_feed_watchdog),
+        ];
+        for (kind, signal) in signals {
+            if work.contains(kind) {
+                signal.signal(());
+            }
+        }
+        if work.contains(Work::ANNOUNCED) {
+            self.announced.sender().send(());
         }
     }
 
@@ -115,24 +129,5 @@ impl Shared {
     /// Wakes up a link when something is announced; `None` for too many links.
     pub(super) fn announcements(&self) -> Option<AnnouncementReceiver<'_>> {
         self.announced.receiver()
-    }
-
-    fn wake(&self, work: Work) {
-        let signals = [
-            (Work::DRIVE, &self.to_drive),
-            (Work::SAVE, &self.to_save),
-            (Work::RESTART, &self.to_reboot),
-            (Work::WIFI, &self.to_set_up_wifi),
-            (Work::GROUND_STATION_HEARD, &self.ground_station_heard),
-            (Work::WATCHDOG, &self.to_feed_watchdog),
-        ];
-        for (kind, signal) in signals {
-            if work.contains(kind) {
-                signal.signal(());
-            }
-        }
-        if work.contains(Work::ANNOUNCED) {
-            self.announced.sender().send(());
-        }
     }
 }

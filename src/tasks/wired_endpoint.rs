@@ -6,7 +6,7 @@ use crate::announce::Announce;
 use crate::battery::{PackEvent, PackNotice};
 use crate::mavlink::{Endpoint, Framer, LinkKind};
 use crate::pack::Pack;
-use crate::parameter::{Parameters, VehicleParameter};
+use crate::parameter::Parameters;
 use crate::system::SystemState;
 use crate::time::Instant;
 
@@ -47,8 +47,7 @@ impl<W: Write> WiredEndpoint<W> {
         parameters: &Parameters,
     ) -> Result<(), W::Error> {
         self.endpoint.post_due(now, state, parameters);
-        // The table's range is 1 to 255.
-        let system_id = parameters.get_whole(VehicleParameter::SysidThismav) as u8;
+        let system_id = parameters.system_id();
         while let Some(message) = self.endpoint.take(state, parameters) {
             self.wire
                 .write_all(self.framer.frame(&message, system_id))

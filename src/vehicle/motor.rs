@@ -52,13 +52,6 @@ impl MotorDrive {
         }
     }
 
-    fn scaled(self, share: f32) -> Self {
-        match self {
-            Self::Turn(duty) => Self::turn(duty * share),
-            Self::Coast | Self::Brake => self,
-        }
-    }
-
     /// Share of its full power, from 0 to 1.
     fn effort(self) -> f32 {
         match self {
@@ -70,21 +63,13 @@ impl MotorDrive {
 
 impl SideDrives {
     /// Skid-steering mixer; both inputs from −1 to 1. Saturation of one side scales both, which preserves the
-    /// curvature.
-    pub(super) fn mixed(throttle: f32, steering: f32) -> Self {
+    /// curvature. Duties are scaled by `share`, from 0 to 1.
+    pub(super) fn mixed(throttle: f32, steering: f32, share: f32) -> Self {
         let (left, right) = (throttle + steering, throttle - steering);
-        let scale = left.abs().max(right.abs()).max(1.0);
+        let scale = share / left.abs().max(right.abs()).max(1.0);
         Self {
-            left: MotorDrive::turn(left / scale),
-            right: MotorDrive::turn(right / scale),
-        }
-    }
-
-    /// The same at this share of the duties, from 0 to 1.
-    pub(super) fn scaled(self, share: f32) -> Self {
-        Self {
-            left: self.left.scaled(share),
-            right: self.right.scaled(share),
+            left: MotorDrive::turn(left * scale),
+            right: MotorDrive::turn(right * scale),
         }
     }
 
@@ -213,7 +198,7 @@ mod tests {
             (0.009, 0.0, Coast, Coast),
         ] {
             assert_eq!(
-                SideDrives::mixed(throttle, steering),
+                SideDrives::mixed(throttle, steering, 1.0),
                 SideDrives { left, right },
                 "{throttle} {steering}"
             );
@@ -222,18 +207,20 @@ mod tests {
 
     #[test]
     fn effort_is_the_mean_of_both_sides() {
-        assert_eq!(SideDrives::mixed(0.0, 1.0).effort(), 1.0);
-        assert_eq!(SideDrives::mixed(1.0, 1.0).effort(), 0.5);
+        assert_eq!(SideDrives::mixed(0.0, 1.0, 1.0).effort(), 1.0);
+        assert_eq!(SideDrives::mixed(1.0, 1.0, 1.0).effort(), 0.5);
         assert_eq!(SideDrives::BRAKE.effort(), 0.0);
     }
 
     #[test]
-    fn a_share_scales_what_turns_and_nothing_else() {
-        let scaled = SideDrives::mixed(0.4, 0.6).scaled(0.05);
-        assert_eq!((scaled.left, scaled.right), (Turn(0.05), Turn(-0.2 * 0.05)));
-        let slow = SideDrives::mixed(0.1, 0.0).scaled(0.05);
+    fn a_share_scales_the_duties_of_both_sides() {
+        let scaled = SideDrives::mixed(0.4, 0.6, 0.05);
+        assert_eq!(
+            (scaled.left, scaled.right),
+            (Turn(0.05), Turn((0.4 - 0.6) * 0.05))
+        );
+        let slow = SideDrives::mixed(0.1, 0.0, 0.05);
         assert_eq!(slow, SideDrives::COAST, "below the least duty");
-        assert_eq!(SideDrives::BRAKE.scaled(0.05), SideDrives::BRAKE);
     }
 
     #[test]

@@ -6,11 +6,11 @@ use workbench::downloads::{download, list};
 use workbench::log_records::{named, records};
 use workbench::runs::budget::Budget;
 use workbench::runs::log_cuts;
-use workbench::runs::logged_drive::Drive;
+use workbench::runs::logged_drive::LoggedDrive;
 
 /// A drive on four packs. An hour takes nearly the four fifths of the ring that a file may have.
 pub fn drive(duration_us: u64) {
-    let mut drive = Drive::on_packs(4);
+    let mut drive = LoggedDrive::on_packs(4);
     drive.arm();
     drive.drive_for(duration_us);
     drive.end();

@@ -13,11 +13,11 @@ use workbench::bench::{Bench, MINUTE, Wire};
 use workbench::downloads::{download, get, list};
 use workbench::log_records::{named, records};
 use workbench::runs::log_cuts;
-use workbench::runs::logged_drive::Drive;
+use workbench::runs::logged_drive::LoggedDrive;
 
 #[test]
 fn a_minute_on_two_packs_is_downloaded_alike_over_uart_and_usb_and_has_what_was_on_the_wire() {
-    let mut drive = Drive::on_packs(2);
+    let mut drive = LoggedDrive::on_packs(2);
     drive.arm();
     drive.drive_for(MINUTE);
     drive.end();
@@ -37,7 +37,7 @@ fn a_minute_on_two_packs_is_downloaded_alike_over_uart_and_usb_and_has_what_was_
 }
 
 /// Panics unless the log has what belongs into it. Returns how many voltages were compared with the wire's.
-fn assert_drive(drive: &mut Drive, content: &[u8]) -> usize {
+fn assert_drive(drive: &mut LoggedDrive, content: &[u8]) -> usize {
     let records = records(content);
     drive.assert_complete(&records);
     let numbers = |name, field| -> Vec<_> {

@@ -129,7 +129,7 @@ impl Bench {
             self.endpoint.supply(read, &bytes);
         }
         let message = self.endpoint.take(&state, &self.parameters)?;
-        let system_id = self.parameters.get(VehicleParameter::SysidThismav) as u8;
+        let system_id = self.parameters.system_id();
         Some(self.framer.frame(&message, system_id).to_vec())
     }
 

@@ -20,7 +20,6 @@ use super::dialect::{
     PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA,
     SET_MODE_DATA, SETUP_SIGNING_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
-use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
 use crate::pack::Pack;
@@ -250,30 +249,8 @@ pub enum MissionRequest {
     Item,
 }
 
-/// A message that asks for something.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ReceivedRequest<'a> {
-    pub from: Peer,
-    pub target: Target,
-    pub request: Request<'a>,
-}
-
-impl<'a> ReceivedRequest<'a> {
-    /// The request of a frame; `None` if it is of a message that has no effect here.
-    pub fn decode(frame: &ReceivedFrame<'a>) -> Option<Self> {
-        let (target, request) = decode(frame.message_id, &frame.payload)?;
-        Some(Self {
-            from: Peer {
-                system_id: frame.system_id,
-                component_id: frame.component_id,
-            },
-            target,
-            request,
-        })
-    }
-}
-
-fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Request<'a>)> {
+/// Target and request of a message; `None` if it has no effect here.
+pub fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Request<'a>)> {
     Some(match message_id {
         HEARTBEAT_DATA::ID => heartbeat(payload),
         PING_DATA::ID => ping(payload),

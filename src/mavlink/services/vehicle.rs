@@ -218,19 +218,15 @@ impl<'a> VehicleService<'a> {
         if self.has_waited() || (is_deflected && self.is_late()) {
             return Event::ControlTooLate;
         }
-        let from = self.driver(from, message);
-        let (at, delivery) = (self.received_at, self.delivery);
-        let result = self.vehicle.control(from, at, delivery, throttle, steering);
-        self.driven(from, result)
-    }
-
-    fn driver(&self, from: Peer, message: ControlMessage) -> DriverId {
-        DriverId {
+        let from = DriverId {
             link: self.link_number,
             system_id: from.system_id,
             component_id: from.component_id,
             message,
-        }
+        };
+        let (at, delivery) = (self.received_at, self.delivery);
+        let result = self.vehicle.control(from, at, delivery, throttle, steering);
+        self.driven(from, result)
     }
 
     /// Result of a control message, and a text for its sender if a stick has no effect.

@@ -43,7 +43,7 @@ mod region;
 mod value;
 
 pub use error::{Erase, FlashFault, MayErase, StorageError};
-use record::{MAX_WORDS, Record, Slot};
+use record::{MAX_WORDS, Slot, StoredRecord};
 use region::{Layout, Region, Sector, Unused};
 pub use value::Value;
 
@@ -139,6 +139,31 @@ enum IfInterrupted {
     LeaveDamage,
 }
 
+/// Content of the sector that becomes the active one.
+#[derive(Clone, Copy)]
+enum NextSector<'a> {
+    /// Empty; there is none before it.
+    First,
+    /// Empty, instead of this one.
+    Cleared(&'a Log),
+    /// `newest`, and the latest record of every other key in `old` but for the first `left_out` that are dispensable.
+    Moved {
+        old: &'a Log,
+        newest: &'a StoredRecord,
+        left_out: u32,
+        is_dispensable: &'a dyn Fn(u32) -> bool,
+    },
+}
+
+impl<'a> NextSector<'a> {
+    fn old(self) -> Option<&'a Log> {
+        match self {
+            Self::First => None,
+            Self::Cleared(old) | Self::Moved { old, .. } => Some(old),
+        }
+    }
+}
+
 impl<F: NorFlash, V: Value> Storage<F, V> {
     /// Storage in the complete sectors of `range`, an address range of `flash`. With fewer than two sectors, every
     /// store is [`StorageError::Full`]. Does not access the flash.
@@ -177,7 +202,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     /// # Errors
     /// [`StorageError::Corrupt`]: some values may be outdated or missing. [`StorageError::Flash`]: a read failed.
     pub async fn load(&mut self, found: &mut dyn FnMut(u16, V)) -> Result<(), StorageError> {
-        let mut found = |key, record: &Record| found(key, V::from_words(record.value()));
+        let mut found = |key, record: &StoredRecord| found(key, V::from_words(record.value()));
         self.records.load_records(&mut found).await
     }
 
@@ -186,7 +211,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     /// # Errors
     /// [`StorageError::Flash`]: a read failed.
     pub async fn read(&mut self, key: u32) -> Result<Option<V>, StorageError> {
-        let mut record = Record::new(key, &[]);
+        let mut record = StoredRecord::new(key, &[]);
         let is_found = self.records.read_record(&mut record).await?;
         Ok(is_found.then(|| V::from_words(record.value())))
     }
@@ -216,7 +241,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         is_dispensable: &dyn Fn(u32) -> bool,
         may_erase: MayErase<'_>,
     ) -> impl Future<Output = Result<Stored, StorageError>> {
-        let record = Record::new(key, value.words());
+        let record = StoredRecord::new(key, value.words());
         self.records.store_record(record, is_dispensable, may_erase)
     }
 }
@@ -242,7 +267,7 @@ impl<F: NorFlash> Records<F> {
     }
 
     /// Calls `found` with the latest record of every key of 16 bits: see [`Storage::load`].
-    async fn load_records(&mut self, found: &mut dyn FnMut(u16, &Record)) -> Result<(), StorageError> {
+    async fn load_records(&mut self, found: &mut dyn FnMut(u16, &StoredRecord)) -> Result<(), StorageError> {
         self.condition = Condition::Damaged;
         let Some(log) = self.find_log().await? else {
             return match self.region.unused().await? {
@@ -254,7 +279,7 @@ impl<F: NorFlash> Records<F> {
                 None => Err(StorageError::Corrupt),
             };
         };
-        let mut record = Record::erased();
+        let mut record = StoredRecord::erased();
         let mut next = 0;
         while let Some(slot) = self.next(&log, next, &mut record).await? {
             next = slot + 1;
@@ -274,7 +299,7 @@ impl<F: NorFlash> Records<F> {
     }
 
     /// Replaces `record` by the latest readable one of its key; returns whether there is one.
-    async fn read_record(&mut self, record: &mut Record) -> Result<bool, StorageError> {
+    async fn read_record(&mut self, record: &mut StoredRecord) -> Result<bool, StorageError> {
         let Some(log) = self.known_log().await? else {
             return Ok(false);
         };
@@ -337,7 +362,7 @@ impl<F: NorFlash> Records<F> {
     /// Stores `record`, and verifies it: see [`Storage::store_replacing`].
     async fn store_record(
         &mut self,
-        record: Record,
+        record: StoredRecord,
         is_dispensable: &dyn Fn(u32) -> bool,
         may_erase: MayErase<'_>,
     ) -> Result<Stored, StorageError> {
@@ -347,7 +372,7 @@ impl<F: NorFlash> Records<F> {
         };
         let mut log = match self.log.take() {
             Some(log) => log,
-            None => self.start_sector(None, None, 0, &|_| false, may_erase).await?,
+            None => self.start_sector(NextSector::First, may_erase).await?,
         };
         // Of a damaged sector even an equal value is written: to the next one.
         if log.is_trusted && is_equal {
@@ -360,9 +385,13 @@ impl<F: NorFlash> Records<F> {
         } else {
             // Before the erase, so that repeated attempts to store another key do not wear the flash.
             let left_out = self.find_place(record.key(), &log, is_dispensable).await?;
-            let started = self
-                .start_sector(Some(&log), Some(&record), left_out, is_dispensable, may_erase)
-                .await;
+            let next = NextSector::Moved {
+                old: &log,
+                newest: &record,
+                left_out,
+                is_dispensable,
+            };
+            let started = self.start_sector(next, may_erase).await;
             if started.is_err_and(|error| error == StorageError::NoErasedSpace) {
                 // Nothing has changed, and more attempts may follow.
                 self.log = Some(log);
@@ -412,19 +441,15 @@ impl<F: NorFlash> Records<F> {
             }
             self.region.retire(log.sector).await?;
         }
-        let started = self.start_sector(log.as_ref(), None, 0, &|_| false, may_erase);
-        self.log = Some(started.await?);
+        let next = log.as_ref().map_or(NextSector::First, NextSector::Cleared);
+        self.log = Some(self.start_sector(next, may_erase).await?);
         Ok(())
     }
 
-    /// Activates the next sector, with `newest` and the latest record of every other key in `old` but for the first
-    /// `left_out` that are dispensable; empty without `newest`.
+    /// Activates the next sector.
     async fn start_sector(
         &mut self,
-        old: Option<&Log>,
-        newest: Option<&Record>,
-        mut left_out: u32,
-        is_dispensable: &dyn Fn(u32) -> bool,
+        next: NextSector<'_>,
         may_erase: MayErase<'_>,
     ) -> Result<Log, StorageError> {
         if !self.region.can_move() {
@@ -436,11 +461,11 @@ impl<F: NorFlash> Records<F> {
         }
         // After an interrupted erase a sector may read as blank without retaining data, so to be blank is not enough. A
         // region that was never used needs no erase.
-        let (sector, sequence, is_erased) = match old {
+        let (sector, sequence, is_erased) = match next.old() {
             Some(old) => {
                 let sequence = old.sequence.checked_add(1).ok_or(StorageError::Corrupt)?;
-                let next = self.region.after(old.sector);
-                (next, sequence, self.region.is_erased_ahead(next).await?)
+                let after = self.region.after(old.sector);
+                (after, sequence, self.region.is_erased_ahead(after).await?)
             }
             None => {
                 let blank = self.region.find_blank_sector().await?;
@@ -453,11 +478,17 @@ impl<F: NorFlash> Records<F> {
         self.preparation = Preparation::Due { erased: 0 };
         let mut used = 0;
         let old_words = self.region.words();
-        if let (Some(old), Some(newest)) = (old, newest) {
-            let mut record = Record::erased();
-            let mut next = 0;
-            while let Some(slot) = self.next(old, next, &mut record).await? {
-                next = slot + 1;
+        if let NextSector::Moved {
+            old,
+            newest,
+            mut left_out,
+            is_dispensable,
+        } = next
+        {
+            let mut record = StoredRecord::erased();
+            let mut from = 0;
+            while let Some(slot) = self.next(old, from, &mut record).await? {
+                from = slot + 1;
                 if record.key() == newest.key() {
                     continue;
                 }
@@ -471,15 +502,14 @@ impl<F: NorFlash> Records<F> {
                 self.region.set_words(old_words);
                 used += 1;
             }
-        }
-        self.region.set_words(self.words);
-        if let Some(newest) = newest {
+            self.region.set_words(self.words);
             self.region.write_record(sector, used, newest).await?;
             used += 1;
         }
+        self.region.set_words(self.words);
         // Commit: a power cut before this leaves the old sector active, one after it the new sector.
         self.region.write_sequence(sector, sequence).await?;
-        if let Some(old) = old {
+        if let Some(old) = next.old() {
             // Marks the old sector as outdated, in case the new one is lost.
             self.region.retire(old.sector).await?;
         }
@@ -505,7 +535,7 @@ impl<F: NorFlash> Records<F> {
             return Ok(0);
         }
         let (mut others, mut dispensable) = (0_u32, 0);
-        let mut record = Record::erased();
+        let mut record = StoredRecord::erased();
         let mut next = 0;
         while let Some(slot) = self.next(log, next, &mut record).await? {
             next = slot + 1;
@@ -553,7 +583,7 @@ impl<F: NorFlash> Records<F> {
     async fn scan(&mut self, sector: Sector, sequence: u32) -> Result<Log, StorageError> {
         let mut used = 0;
         let mut records = 0;
-        let mut record = Record::erased();
+        let mut record = StoredRecord::erased();
         let mut ends_damaged = false;
         // Damaged slots, as far as they can be recognised.
         let mut damaged = 0;
@@ -563,7 +593,7 @@ impl<F: NorFlash> Records<F> {
             }
             match self.region.read_slot(sector, slot, &mut record).await? {
                 Slot::Blank => continue,
-                Slot::Record => {
+                Slot::StoredRecord => {
                     // Blank slots before a record are damaged ones.
                     damaged = slot - records;
                     records += 1;
@@ -595,12 +625,17 @@ impl<F: NorFlash> Records<F> {
     }
 
     /// Reads the next record into `record`, from `slot` on, that is not superseded by a later one; returns its slot.
-    async fn next(&mut self, log: &Log, slot: u32, record: &mut Record) -> Result<Option<u32>, StorageError> {
+    async fn next(
+        &mut self,
+        log: &Log,
+        slot: u32,
+        record: &mut StoredRecord,
+    ) -> Result<Option<u32>, StorageError> {
         for slot in slot..log.used {
             yield_now().await;
             let content = self.region.read_slot(log.sector, slot, record).await?;
             let later = slot + 1..log.used;
-            if content == Slot::Record && !self.region.read_last(log.sector, later, record).await? {
+            if content == Slot::StoredRecord && !self.region.read_last(log.sector, later, record).await? {
                 return Ok(Some(slot));
             }
         }

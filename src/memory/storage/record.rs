@@ -9,7 +9,7 @@ pub(super) const MAX_WORDS: usize = 34;
 
 /// A stored value as in flash: key, value and CRC-32. It is read into: copies made a move to the next sector an eighth longer.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Record {
+pub(super) struct StoredRecord {
     bytes: [u8; Self::size(MAX_WORDS)],
     size: usize,
 }
@@ -19,12 +19,12 @@ pub(super) struct Record {
 pub(super) enum Slot {
     /// Erased.
     Blank,
-    Record,
+    StoredRecord,
     /// An interrupted write, or flipped bits.
     Damaged,
 }
 
-impl Record {
+impl StoredRecord {
     /// Bytes of a record with a value of so many words.
     pub const fn size(words: usize) -> usize {
         (words + 2) * size_of::<u32>()
@@ -83,7 +83,7 @@ impl Record {
 
     /// Takes these bytes if their CRC is right, and returns whether it is.
     pub fn replace(&mut self, bytes: &[u8]) -> bool {
-        let is_record = Slot::of(bytes) == Slot::Record;
+        let is_record = Slot::of(bytes) == Slot::StoredRecord;
         if is_record {
             let places = self.bytes_mut(bytes.len()).iter_mut();
             places.zip(bytes).for_each(|(place, byte)| *place = *byte);
@@ -93,7 +93,7 @@ impl Record {
 
     /// The number of a header, which increases with every sector, if `magic` identifies its layout.
     pub fn sequence(&self, magic: u32) -> Option<u32> {
-        let is_header = Slot::of(self.bytes()) == Slot::Record && self.key() == magic;
+        let is_header = Slot::of(self.bytes()) == Slot::StoredRecord && self.key() == magic;
         self.value().next().filter(|_| is_header)
     }
 }
@@ -103,7 +103,9 @@ impl Slot {
     pub fn of(bytes: &[u8]) -> Self {
         match bytes.split_last_chunk() {
             _ if bytes.iter().all(|byte| *byte == 0xFF) => Self::Blank,
-            Some((content, crc)) if u32::from_le_bytes(*crc) == crc32(words_of(content)) => Self::Record,
+            Some((content, crc)) if u32::from_le_bytes(*crc) == crc32(words_of(content)) => {
+                Self::StoredRecord
+            }
             _ => Self::Damaged,
         }
     }
@@ -118,7 +120,7 @@ mod tests {
     use super::super::region::Layout;
     use super::*;
 
-    const SIZE: usize = Record::size(1);
+    const SIZE: usize = StoredRecord::size(1);
     const MAGIC: u32 = Layout::Single.magic(1);
 
     fn slot(bytes: [u8; SIZE]) -> Slot {
@@ -126,7 +128,7 @@ mod tests {
     }
 
     fn sequence(bytes: &[u8], magic: u32) -> Option<u32> {
-        let mut header = Record::erased();
+        let mut header = StoredRecord::erased();
         header.replace(bytes);
         header.sequence(magic)
     }
@@ -145,15 +147,15 @@ mod tests {
     fn bytes_are_as_documented() {
         // CRCs by `zlib.crc32`.
         assert_eq!(
-            Record::new(66, &[4.1_f32.to_bits()]).bytes(),
+            StoredRecord::new(66, &[4.1_f32.to_bits()]).bytes(),
             [0x42, 0, 0, 0, 0x33, 0x33, 0x83, 0x40, 0x67, 0x9c, 0x5b, 0xac]
         );
         assert_eq!(
-            Record::new(MAGIC, &[7]).bytes(),
+            StoredRecord::new(MAGIC, &[7]).bytes(),
             [b'P', b'A', b'R', b'1', 7, 0, 0, 0, 0x11, 0x52, 0xa8, 0x92]
         );
         assert_eq!(
-            Record::new(Layout::Double.magic(1), &[7]).bytes(),
+            StoredRecord::new(Layout::Double.magic(1), &[7]).bytes(),
             [b'P', b'A', b'D', b'1', 7, 0, 0, 0, 0x97, 0xb3, 0x27, 0x47]
         );
     }
@@ -163,7 +165,7 @@ mod tests {
         let other_width = Layout::Single.magic(14);
         let other_layout = Layout::Double.magic(1);
         for magic in [other_width, other_layout] {
-            let header = Record::new(magic, &[7]);
+            let header = StoredRecord::new(magic, &[7]);
             assert_eq!(sequence(header.bytes(), MAGIC), None);
             assert_eq!(sequence(header.bytes(), magic), Some(7));
         }
@@ -171,7 +173,7 @@ mod tests {
 
     #[test]
     fn up_to_three_flipped_bits_are_detected() {
-        let record = Record::new(7, &[1.5_f32.to_bits()]);
+        let record = StoredRecord::new(7, &[1.5_f32.to_bits()]);
         let bytes = *record.bytes().as_array().unwrap();
         let flip = |mut bytes: [u8; SIZE], bit: usize| {
             bytes[bit / 8] ^= 1 << (bit % 8);
@@ -190,14 +192,14 @@ mod tests {
 
     #[test]
     fn two_flipped_bits_of_a_wide_record_are_detected() {
-        let record = Record::new(7, &core::array::from_fn::<u32, 14, _>(|word| word as u32));
+        let record = StoredRecord::new(7, &core::array::from_fn::<u32, 14, _>(|word| word as u32));
         let flip = |mut bytes: [u8; 64], bit: usize| {
             bytes[bit / 8] ^= 1 << (bit % 8);
             bytes
         };
         let bytes = *record.bytes().as_array().unwrap();
         assert_eq!(bytes[60..], [0x3e, 0x6e, 0xde, 0x4b]);
-        assert_eq!(Slot::of(&bytes), Slot::Record);
+        assert_eq!(Slot::of(&bytes), Slot::StoredRecord);
         for a in 0..64 * 8 {
             assert_eq!(Slot::of(&flip(bytes, a)), Slot::Damaged);
             for b in 0..a {

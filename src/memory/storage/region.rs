@@ -5,7 +5,7 @@ use core::ops::Range;
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::record::{Record, Slot};
+use super::record::{Slot, StoredRecord};
 use super::{Erase, FlashFault, MayErase, StorageError};
 
 /// A sector of a region, counted from its start.
@@ -54,7 +54,7 @@ const BLANK_BYTES_A_TURN: u32 = 256;
 /// Bytes at either end of a sector for headers.
 const MARGIN: u32 = 16;
 /// Offset of the retired mark: a word that is blank until the next sector is active.
-const RETIRED: u32 = Record::size(1) as u32;
+const RETIRED: u32 = StoredRecord::size(1) as u32;
 /// The last word of a sector that was erased ahead of its use, written once the erase was complete.
 const ERASED_AHEAD: [u8; WORD] = *b"ERSD";
 /// The end of such a sector.
@@ -96,16 +96,16 @@ impl<F: NorFlash> Region<F> {
     pub fn set_words(&mut self, words: u8) {
         self.words = words;
         self.slots = Self::slots_in(self.layout, words);
-        self.slots_of_a_read = (READ_BYTES / Record::size(words.into())) as u8;
+        self.slots_of_a_read = (READ_BYTES / StoredRecord::size(words.into())) as u8;
     }
 
     /// Slots of a sector for values of so many words.
     pub const fn slots_in(layout: Layout, words: u8) -> u32 {
-        (layout.blocks() * Self::BLOCK - 2 * MARGIN) / Record::size(words as usize) as u32
+        (layout.blocks() * Self::BLOCK - 2 * MARGIN) / StoredRecord::size(words as usize) as u32
     }
 
     fn record_size(&self) -> usize {
-        Record::size(self.words.into())
+        StoredRecord::size(self.words.into())
     }
 
     /// Whether there is a sector for a move.
@@ -125,8 +125,9 @@ impl<F: NorFlash> Region<F> {
     /// Sequence number of a committed sector, from either of its headers.
     pub async fn read_sequence(&mut self, sector: Sector) -> Result<Option<u32>, StorageError> {
         for address in self.header_addresses(sector) {
-            let mut header = Record::erased();
-            self.read(address, header.bytes_mut(Record::size(1))).await?;
+            let mut header = StoredRecord::erased();
+            self.read(address, header.bytes_mut(StoredRecord::size(1)))
+                .await?;
             if let Some(sequence) = header.sequence(self.layout.magic(self.words)) {
                 return Ok(Some(sequence));
             }
@@ -136,7 +137,7 @@ impl<F: NorFlash> Region<F> {
 
     /// Commits a sector.
     pub async fn write_sequence(&mut self, sector: Sector, sequence: u32) -> Result<(), StorageError> {
-        let header = Record::new(self.layout.magic(self.words), &[sequence]);
+        let header = StoredRecord::new(self.layout.magic(self.words), &[sequence]);
         for address in self.header_addresses(sector) {
             self.write(address, header.bytes()).await?;
         }
@@ -160,7 +161,7 @@ impl<F: NorFlash> Region<F> {
         &mut self,
         sector: Sector,
         slot: u32,
-        record: &mut Record,
+        record: &mut StoredRecord,
     ) -> Result<Slot, StorageError> {
         let bytes = record.bytes_mut(self.record_size());
         self.read(self.slot_address(sector, slot), bytes).await?;
@@ -172,7 +173,7 @@ impl<F: NorFlash> Region<F> {
         &mut self,
         sector: Sector,
         slots: Range<u32>,
-        record: &mut Record,
+        record: &mut StoredRecord,
     ) -> Result<bool, StorageError> {
         let key = record.key().to_le_bytes();
         let mut buffer = [0; READ_BYTES];
@@ -196,7 +197,7 @@ impl<F: NorFlash> Region<F> {
         &mut self,
         sector: Sector,
         slot: u32,
-        record: &Record,
+        record: &StoredRecord,
     ) -> Result<(), StorageError> {
         if slot >= self.slots {
             return Err(StorageError::Full);
@@ -296,7 +297,7 @@ impl<F: NorFlash> Region<F> {
 
     /// Whether these bytes, of a record at most, are read from `address` on.
     async fn holds(&mut self, address: u32, bytes: &[u8]) -> Result<bool, StorageError> {
-        let mut record = Record::erased();
+        let mut record = StoredRecord::erased();
         let found = record.bytes_mut(bytes.len());
         self.read(address, found).await?;
         Ok(found == bytes)

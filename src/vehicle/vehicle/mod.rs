@@ -283,7 +283,11 @@ impl Vehicle {
 
     /// The drives of both sides that the sticks ask for, within the power limits.
     fn mixed(&self) -> SideDrives {
-        SideDrives::mixed(self.throttle.value(), self.controls.steering()).scaled(self.power.share())
+        SideDrives::mixed(
+            self.throttle.value(),
+            self.controls.steering(),
+            self.power.share(),
+        )
     }
 
     /// Share of the motors' full power, from 0 to 1, for the synthetic current sensor.

@@ -2,7 +2,7 @@
 //! and the next question is answered.
 
 use rover_battmon::battery::BatteryState;
-use rover_battmon::parameter::{ParameterId, Refused, VehicleParameter};
+use rover_battmon::parameter::{ParameterId, Refused};
 use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::SideDrives;
 
@@ -95,7 +95,7 @@ fn assert_sound(desk: &mut Desk) {
             break;
         }
     }
-    let system_id = desk.parameters().get_whole(VehicleParameter::SysidThismav) as u8;
+    let system_id = desk.parameters().system_id();
     let answers = desk.ask(&param_read_from([system_id, 1], "BATT_MONITOR"));
     assert_eq!(of_message(&answers, PARAM_VALUE).len(), 1, "{answers:?}");
 }

@@ -76,7 +76,7 @@ impl Heard {
 }
 
 /// A rover that drives on two packs on the converter, or on those, a power monitor and a smart battery.
-pub struct Drive {
+pub struct LoggedDrive {
     pub bench: Bench,
     pub heard: Heard,
     monitor: Rc<RefCell<RegisterMap<Ina226>>>,
@@ -84,7 +84,7 @@ pub struct Drive {
     steps: u32,
 }
 
-impl Drive {
+impl LoggedDrive {
     /// A board that runs, disarmed, with two or four packs.
     pub fn on_packs(packs: usize) -> Self {
         let settings: [&[(&str, f32)]; 4] = [

@@ -31,7 +31,7 @@ use crate::mavlink::messages::{Burst, FileAnswer, FileAnswerHeader, FileError, F
 use crate::mavlink::rates::Rates;
 use crate::mavlink::requests::FileTransfer;
 use crate::mavlink::{Message, Peer};
-use crate::parameter::{Parameters, VehicleParameter};
+use crate::parameter::Parameters;
 use crate::recorder::LogFile;
 use crate::system::SystemState;
 use crate::time::Instant;
@@ -103,10 +103,7 @@ impl FileTransfers {
         }
         let header = FileAnswerHeader {
             to: from,
-            sender_system: context
-                .changeable
-                .parameters
-                .get_whole(VehicleParameter::SysidThismav) as u8,
+            sender_system: context.changeable.parameters.system_id(),
             sequence: request.sequence.wrapping_add(1),
             session: request.session,
             request_opcode: request.opcode,

@@ -14,7 +14,7 @@ use crate::parameter::{MAX_NAME_LENGTH, ParameterId, Parameters};
 /// A record with a default, and what is put before it.
 const RECORD_BYTES: usize = 2 * MAX_VALUE_BYTES + MAX_HEAD_BYTES + 2 * MAX_VALUE_BYTES;
 
-type Record = Vec<u8, RECORD_BYTES>;
+type EncodedParameter = Vec<u8, RECORD_BYTES>;
 
 /// An open file of parameters.
 ///
@@ -153,7 +153,7 @@ impl ParameterFile {
         name: &str,
         name_before: &String<MAX_NAME_LENGTH>,
         parameters: &Parameters,
-    ) -> Record {
+    ) -> EncodedParameter {
         let packed_type = PackedType(id.row().kind);
         let common = common_bytes(name, name_before);
         let own = name.as_bytes().get(common..).unwrap_or(&[]);

@@ -200,8 +200,8 @@ fn unknown_keys_are_kept_when_the_ring_wraps() {
 fn record_with_a_wider_key_is_skipped_and_kept() {
     let mut flash = SmallFlash::blank();
     let mut storage = flash.storage();
-    let log = block_on(storage.start_sector(None, None, 0, &|_| false, &Erase::always)).unwrap();
-    let foreign = Record::new(0x1_0002, &[9]);
+    let log = block_on(storage.start_sector(NextSector::First, &Erase::always)).unwrap();
+    let foreign = StoredRecord::new(0x1_0002, &[9]);
     block_on(storage.region.write_record(log.sector, 0, &foreign)).unwrap();
     for round in 0..50_u16 {
         flash.store(2, u32::from(round)).unwrap();

@@ -217,12 +217,12 @@ const INA238: Model = Model {
 pub(in crate::sensor::bus) struct Ina2xx {
     address: Address,
     model: &'static Model,
-    counting: Option<Counting>,
+    counting: Option<Accumulators>,
 }
 
 /// Set-up and last reading of the counters of a part.
 #[derive(Debug)]
-struct Counting {
+struct Accumulators {
     counters: &'static Counters,
     calibration: u16,
     /// Unit of the current, in amperes.
@@ -359,10 +359,10 @@ impl Quantity {
 
 impl Counters {
     /// The calibration is a whole number; what a step is worth follows from it.
-    fn count(&'static self, wiring: &Wiring) -> Counting {
+    fn count(&'static self, wiring: &Wiring) -> Accumulators {
         let wanted_a = wiring.max_current_a / self.steps;
         let calibration = (self.calibration * wanted_a * wiring.shunt_ohm + 0.5).clamp(1.0, 32_767.0) as u16;
-        Counting {
+        Accumulators {
             counters: self,
             calibration,
             step_a: f32::from(calibration) / (self.calibration * wiring.shunt_ohm),
@@ -371,7 +371,7 @@ impl Counters {
     }
 }
 
-impl Counting {
+impl Accumulators {
     /// Counts since the last reading; `None` the first time.
     async fn read<B: SensorBus>(
         &mut self,

@@ -38,7 +38,7 @@ pub enum Driver {
 
 /// A drive that has ended.
 #[derive(Clone, Copy, Debug)]
-pub struct Drive {
+pub struct FinishedDrive {
     pub began_us: u64,
     pub driver: Driver,
 }
@@ -56,7 +56,7 @@ pub struct Station {
     /// No value is set twice.
     next_value: f32,
     began_us: u64,
-    finished_drive: Option<Drive>,
+    finished_drive: Option<FinishedDrive>,
     pub settings: u64,
 }
 
@@ -91,7 +91,7 @@ impl Station {
             Doing::DrivingUntil(until_us) if now_us < until_us => self.drive(now_us, orders, &mut messages),
             Doing::DrivingUntil(_) => {
                 self.doing = Doing::Stopping;
-                self.finished_drive = Some(Drive {
+                self.finished_drive = Some(FinishedDrive {
                     began_us: self.began_us,
                     driver: self.driver,
                 });
@@ -115,7 +115,7 @@ impl Station {
     }
 
     /// The drive that has ended since this was asked last.
-    pub fn take_finished_drive(&mut self) -> Option<Drive> {
+    pub fn take_finished_drive(&mut self) -> Option<FinishedDrive> {
         self.finished_drive.take()
     }
 
