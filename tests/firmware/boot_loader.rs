@@ -8,7 +8,7 @@ use crate::wheels::pins;
 use emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
 use support::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
 use support::frames::{acknowledged, texts_of};
-use support::requests::{heartbeat, reboot, reboot_to_boot_loader};
+use support::requests::{GCS, heartbeat, reboot, reboot_to_boot_loader};
 use workbench::bench::{Bench, SECOND};
 use workbench::signing_key::protected;
 
@@ -58,7 +58,7 @@ fn it_restarts_into_the_boot_loader_with_everything_off_and_saved() {
     bench.finish_boot_loader();
     bench.run_for(2 * SECOND);
     assert_eq!(bench.parameter("BATT_VOLT_MULT"), 4.1);
-    bench.ask(&heartbeat(6));
+    bench.ask(&heartbeat(GCS));
     bench.run_for(3 * SECOND);
     assert!(!bench.logged(LogLevel::Info, "started by PowerOn").is_empty());
     assert!(bench.logged(LogLevel::Warn, "").is_empty(), "no crash");

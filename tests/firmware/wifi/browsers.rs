@@ -7,7 +7,7 @@ use crate::stack;
 use rover_battmon::memory::flash_map;
 use support::frames::{BATTERY_STATUS, LOG_DATA, PARAM_VALUE, assert_no_sequence_gap, of_message, result_of};
 use support::requests::{
-    VEHICLE, arm, heartbeat, log_data, log_list, manual_control, param_request_list, param_set, set_mode,
+    GCS, VEHICLE, arm, heartbeat, log_data, log_list, manual_control, param_request_list, param_set, set_mode,
 };
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, value_of};
 use workbench::log_flash::{LogFlash, noise};
@@ -68,7 +68,7 @@ fn two_browsers_are_served_beside_two_by_udp_and_two_by_tcp() {
         assert_no_sequence_gap(&frames);
     }
     for browser in &mut stations[4..] {
-        ground.send(browser, &heartbeat(6));
+        ground.send(browser, &heartbeat(GCS));
     }
     let upgrade = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\
         Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
@@ -91,7 +91,7 @@ fn two_browsers_are_served_beside_two_by_udp_and_two_by_tcp() {
     let (page, _) = ground.fetch(browsers[1], &get("/", ""), SECOND);
     assert!(split(&page).0.starts_with("HTTP/1.1 200 "));
     // A browser that has been silent for 3 s gives way.
-    ground.send(&mut stations[5], &heartbeat(6));
+    ground.send(&mut stations[5], &heartbeat(GCS));
     let mut third = ground.open_web_socket(browsers[0]);
     assert!(!ground.is_connected(&stations[4]) && ground.is_connected(&stations[5]));
     ground.send(&mut third, &param_request_list(VEHICLE));

@@ -103,7 +103,7 @@ fn a_browser_that_has_vanished_gives_its_place_after_three_seconds() {
         // From now on the other phone is out of reach.
         for (port, expected) in [(50_001, "503"), (50_002, "101")] {
             for _ in 0..2 {
-                let beat = masked(0x82, &requests::heartbeat(6));
+                let beat = masked(0x82, &requests::heartbeat(requests::GCS));
                 owner.tcp(kept).send_slice(&beat).expect("it is connected");
                 room.pass(900, &mut [&mut owner]).await;
             }
@@ -185,7 +185,7 @@ fn ten_thousand_hostile_requests_cost_a_station_by_udp_nothing() {
         let mut hostile = room.phone(3).await;
         let socket = station.listen(14550);
         room.pass(2_100, &mut [&mut station]).await;
-        station.send(socket, &requests::heartbeat(6));
+        station.send(socket, &requests::heartbeat(requests::GCS));
         room.pass(100, &mut [&mut station]).await;
         let _ = station.received_frames(socket);
         let began_ms = embassy_time::Instant::now().as_millis();
@@ -203,7 +203,7 @@ fn ten_thousand_hostile_requests_cost_a_station_by_udp_nothing() {
             }
             hostile.sockets.remove(connection);
             if round % 100 == 0 {
-                station.send(socket, &requests::heartbeat(6));
+                station.send(socket, &requests::heartbeat(requests::GCS));
             }
             frames.extend(station.received_frames(socket));
         }

@@ -32,7 +32,7 @@ fn phones_get_an_address_and_are_found_one_after_the_other() {
         let stations = phones.each_mut().map(|phone| phone.listen(14550));
         let [one, two] = &mut phones;
         room.pass(2_000, &mut [one, two]).await;
-        one.send(stations[0], &requests::heartbeat(6));
+        one.send(stations[0], &requests::heartbeat(requests::GCS));
         room.pass(100, &mut [one, two]).await;
         let _ = two.received_frames(stations[1]);
         room.pass(3_000, &mut [one, two]).await;
@@ -47,7 +47,7 @@ fn phones_get_an_address_and_are_found_one_after_the_other() {
                 "it hears its own link only"
             );
         }
-        two.send(stations[1], &requests::heartbeat(6));
+        two.send(stations[1], &requests::heartbeat(requests::GCS));
         room.pass(2_000, &mut [one, two]).await;
         assert!(two.received_frames(stations[1]).len() > 10);
         assert_eq!(
@@ -87,13 +87,13 @@ fn a_guest_does_not_release_the_address_of_the_driver() {
     play(Role::AccessPoint, async |room| {
         let (mut driver, mut guest) = (room.phone(2).await, room.phone(3).await);
         let station = driver.listen(14550);
-        driver.send(station, &requests::heartbeat(6));
+        driver.send(station, &requests::heartbeat(requests::GCS));
         room.pass(500, &mut [&mut driver]).await;
         let released = message_of(driver.mac, RELEASE, Ipv4Addr::new(192, 168, 4, 2));
         send_to_server(room, &mut guest, [released]).await;
         for second in 0..30 {
             let _ = driver.received_frames(station);
-            driver.send(station, &requests::heartbeat(6));
+            driver.send(station, &requests::heartbeat(requests::GCS));
             room.pass(1_000, &mut [&mut driver, &mut guest]).await;
             // HEARTBEAT, and SYS_STATUS twice.
             assert!(driver.received_frames(station).len() >= 3, "second {second}");

@@ -66,7 +66,7 @@ async fn is_served(room: &Room<'_>, phone: &mut Phone) -> bool {
 
 async fn is_station_served(room: &Room<'_>, phone: &mut Phone, station: SocketHandle) -> bool {
     let _ = phone.received(station);
-    phone.send(station, &requests::heartbeat(6));
+    phone.send(station, &requests::heartbeat(requests::GCS));
     room.pass(500, &mut [&mut *phone]).await;
     let received = phone.received_frames(station);
     // Others get a HEARTBEAT each second at most.

@@ -65,7 +65,7 @@ fn a_phone_with_an_address_gets_an_answer_to_its_ping() {
         let mut phone = room.phone(2).await;
         let socket = phone.listen(9_000);
         // The board knows its hardware address then.
-        phone.send(socket, &requests::heartbeat(6));
+        phone.send(socket, &requests::heartbeat(requests::GCS));
         room.pass(1_000, &mut [&mut phone]).await;
         room.air.borrow_mut().send_to_board(echo_request(&phone));
         room.pass(100, &mut []).await;

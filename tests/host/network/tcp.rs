@@ -88,7 +88,7 @@ fn a_client_that_does_not_read_stops_only_itself() {
         let (first, second) = (reader.connect(50_000), other.connect(50_001));
         let station = reader.listen(14550);
         room.pass(100, &mut [&mut reader, &mut other]).await;
-        reader.send(station, &requests::heartbeat(6));
+        reader.send(station, &requests::heartbeat(requests::GCS));
         let _ = reader.tcp_frames(first);
         // The other one takes 2048 bytes, and then nothing any more.
         for _ in 0..5 {

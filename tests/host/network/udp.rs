@@ -16,20 +16,14 @@ const PORT: u16 = 14550;
 const FLOOD_BYTES: usize = 700;
 
 /// Two phones that have a link each, and nothing unread yet.
-struct TwoStations {
-    one: Phone,
-    two: Phone,
-    sockets: [SocketHandle; 2],
-}
-
-async fn two_stations(room: &Room<'_>) -> TwoStations {
+async fn two_stations(room: &Room<'_>) -> ([Phone; 2], [SocketHandle; 2]) {
     let (mut one, mut two) = (room.phone(2).await, room.phone(3).await);
     let sockets = [one.listen(PORT), two.listen(PORT)];
-    one.send(sockets[0], &requests::heartbeat(6));
-    two.send(sockets[1], &requests::heartbeat(6));
+    one.send(sockets[0], &requests::heartbeat(requests::GCS));
+    two.send(sockets[1], &requests::heartbeat(requests::GCS));
     room.pass(1_000, &mut [&mut one, &mut two]).await;
     let _ = (one.received(sockets[0]), two.received(sockets[1]));
-    TwoStations { one, two, sockets }
+    ([one, two], sockets)
 }
 
 #[test]
@@ -42,7 +36,7 @@ fn a_ground_station_is_found_by_broadcast_and_then_gets_everything_by_unicast() 
         assert_eq!(found.len(), 3);
         assert!(found.iter().all(|frame| frame.message_id == HEARTBEAT));
 
-        phone.send(station, &requests::heartbeat(6));
+        phone.send(station, &requests::heartbeat(requests::GCS));
         room.pass(5_000, &mut [&mut phone]).await;
         let datagrams = phone.received(station);
         assert!(
@@ -76,7 +70,7 @@ fn a_phone_that_takes_no_broadcasts_is_found_by_its_address() {
         room.pass(8_000, &mut [&mut phone]).await;
         let found = phone.received_frames(station);
         assert!(found.len() >= 2, "{}", found.len());
-        phone.send(station, &requests::heartbeat(6));
+        phone.send(station, &requests::heartbeat(requests::GCS));
         room.pass(1_000, &mut [&mut phone]).await;
         assert!(phone.received_frames(station).len() > 4);
     });
@@ -90,12 +84,12 @@ fn two_stations_have_a_link_each_and_a_third_gets_nothing_until_one_is_silent() 
         let sockets = [one.listen(PORT), two.listen(40_000), three.listen(PORT)];
         let mut third_since = None;
         for second in 0..35 {
-            one.send(sockets[0], &requests::heartbeat(6));
+            one.send(sockets[0], &requests::heartbeat(requests::GCS));
             if second < 10 {
-                two.send(sockets[1], &requests::heartbeat(6));
+                two.send(sockets[1], &requests::heartbeat(requests::GCS));
             }
             if second >= 3 {
-                three.send(sockets[2], &requests::heartbeat(6));
+                three.send(sockets[2], &requests::heartbeat(requests::GCS));
             }
             room.pass(1_000, &mut [&mut one, &mut two, &mut three]).await;
             assert!(one.received_frames(sockets[0]).len() > 4, "second {second}");
@@ -133,11 +127,7 @@ fn each_request_is_answered_wherever_it_lies_in_the_queue() {
 #[test]
 fn each_station_has_its_own_rates() {
     play(Role::AccessPoint, async |room| {
-        let TwoStations {
-            mut one,
-            mut two,
-            sockets,
-        } = two_stations(room).await;
+        let ([mut one, mut two], sockets) = two_stations(room).await;
         one.send(
             sockets[0],
             &requests::command_long_2(SET_MESSAGE_INTERVAL, SYS_STATUS as f32, 20_000.0),
@@ -176,13 +166,13 @@ fn what_is_no_mavlink_gets_no_slot() {
             }
             room.pass(2, &mut noisy.iter_mut().collect::<Vec<_>>()).await;
         }
-        let mut damaged = requests::heartbeat(6);
+        let mut damaged = requests::heartbeat(requests::GCS);
         damaged[12] ^= 1;
         noisy[0].send(sockets[0], &damaged);
 
         let mut phone = room.phone(10).await;
         let station = phone.listen(PORT);
-        phone.send(station, &requests::heartbeat(6));
+        phone.send(station, &requests::heartbeat(requests::GCS));
         let _ = noisy[0].received(sockets[0]);
         room.pass(3_000, &mut [&mut phone, &mut noisy[0]]).await;
         assert!(phone.received_frames(station).len() > 10);
@@ -195,12 +185,8 @@ fn what_is_no_mavlink_gets_no_slot() {
 #[test]
 fn a_flood_of_one_station_leaves_the_other_its_link() {
     play(Role::AccessPoint, async |room| {
-        let TwoStations {
-            mut one,
-            mut two,
-            sockets,
-        } = two_stations(room).await;
-        let mut flood = requests::heartbeat(6);
+        let ([mut one, mut two], sockets) = two_stations(room).await;
+        let mut flood = requests::heartbeat(requests::GCS);
         flood.resize(FLOOD_BYTES, 0xfd);
         for ms in 0..3_000 {
             // As many as the radio takes.
@@ -233,17 +219,13 @@ fn a_flood_of_one_station_leaves_the_other_its_link() {
 #[test]
 fn a_station_that_does_not_answer_for_its_address_stops_only_itself() {
     play(Role::AccessPoint, async |room| {
-        let TwoStations {
-            mut one,
-            mut two,
-            sockets,
-        } = two_stations(room).await;
+        let ([mut one, mut two], sockets) = two_stations(room).await;
         room.air.borrow_mut().leave(two.mac);
         // The board forgets a hardware address after a minute.
         for second in 0..120 {
-            one.send(sockets[0], &requests::heartbeat(6));
+            one.send(sockets[0], &requests::heartbeat(requests::GCS));
             // It can send, and does not hear.
-            two.send(sockets[1], &requests::heartbeat(6));
+            two.send(sockets[1], &requests::heartbeat(requests::GCS));
             room.pass(1_000, &mut [&mut one, &mut two]).await;
             assert!(one.received_frames(sockets[0]).len() > 4, "second {second}");
         }
