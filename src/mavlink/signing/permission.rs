@@ -110,3 +110,32 @@ pub(in crate::mavlink) fn is_permitted(
         },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unproven_messages_have_the_effects_that_the_link_accepts_and_proven_ones_all() {
+        let of_each = |authenticity, accepted| {
+            [Effect::RadioReport, Effect::Reads, Effect::Changes]
+                .map(|effect| is_permitted(effect, authenticity, accepted))
+        };
+        for (accepted, permitted) in [
+            (AcceptUnsigned::Everything, [true; 3]),
+            (AcceptUnsigned::Requests, [true, true, false]),
+            (AcceptUnsigned::Nothing, [true, false, false]),
+        ] {
+            for authenticity in [Authenticity::Late, Authenticity::TooOld, Authenticity::Unproven] {
+                assert_eq!(
+                    of_each(authenticity, accepted),
+                    permitted,
+                    "{authenticity:?} {accepted:?}"
+                );
+            }
+            for authenticity in [Authenticity::Unprotected, Authenticity::Proven] {
+                assert_eq!(of_each(authenticity, accepted), [true; 3], "{authenticity:?}");
+            }
+        }
+    }
+}
