@@ -447,7 +447,7 @@ mod tests {
     const TICK_US: u64 = 100_000;
 
     /// A sensor of 0.5 ml per pulse with its meter.
-    struct Bench {
+    struct TankBench {
         meter: FlowMeter,
         pulses: Pulses,
         now: Instant,
@@ -455,7 +455,7 @@ mod tests {
         flow_l_h: f32,
     }
 
-    impl Bench {
+    impl TankBench {
         fn new() -> Self {
             Self {
                 meter: FlowMeter::default(),
@@ -496,7 +496,7 @@ mod tests {
     fn steady_flow_is_exact_at_any_pulse_rate() {
         // 8.3 pulses per tick, one in most ticks, and one in every 25th.
         for period_us in [12_000, 150_000, 2_500_000] {
-            let mut bench = Bench::new();
+            let mut bench = TankBench::new();
             bench.run(60, Some(period_us));
             let flow_l_h = 0.5 * 3.6e6 / period_us as f32;
             assert!(
@@ -515,7 +515,7 @@ mod tests {
 
     #[test]
     fn stopped_flow_decays_to_zero_in_ten_seconds() {
-        let mut bench = Bench::new();
+        let mut bench = TankBench::new();
         bench.run(10, Some(100_000));
         assert!((bench.flow_l_h - 18.0).abs() < 0.1);
         bench.run(4, None);
@@ -527,7 +527,7 @@ mod tests {
 
     #[test]
     fn flow_rate_needs_two_pulses() {
-        let mut bench = Bench::new();
+        let mut bench = TankBench::new();
         bench.run(5, None);
         assert_eq!((bench.flow_l_h, bench.volume_ml), (0.0, 0.0));
         bench.pulses.rise(bench.now);
@@ -537,7 +537,7 @@ mod tests {
 
     #[test]
     fn pulse_counter_may_wrap() {
-        let mut bench = Bench::new();
+        let mut bench = TankBench::new();
         bench.pulses.count = u32::MAX;
         bench.meter.previous = bench.pulses;
         bench.run(1, Some(100_000));

@@ -707,9 +707,9 @@ impl<F: Fn(usize) -> bool> I2cBus for Contacts<F> {
     }
 }
 
-type Bench<F> = (BusDevices, Buses<Contacts<F>, NoSpi>);
+type BusBench<F> = (BusDevices, Buses<Contacts<F>, NoSpi>);
 
-fn bench<F: Fn(usize) -> bool>(kind: PartKind, are_closed: F) -> Bench<F> {
+fn bench<F: Fn(usize) -> bool>(kind: PartKind, are_closed: F) -> BusBench<F> {
     let bus = Contacts {
         battery: answers(kind),
         transfers: 0,
@@ -721,12 +721,12 @@ fn bench<F: Fn(usize) -> bool>(kind: PartKind, are_closed: F) -> Bench<F> {
     )
 }
 
-fn read<F: Fn(usize) -> bool>((devices, bus): &mut Bench<F>) -> Result<Measurement, ReadError> {
+fn read<F: Fn(usize) -> bool>((devices, bus): &mut BusBench<F>) -> Result<Measurement, ReadError> {
     read_next(devices, bus)[0].1
 }
 
 /// What is known when everything has been read.
-fn settled<F: Fn(usize) -> bool>(bench: &mut Bench<F>) -> Measurement {
+fn settled<F: Fn(usize) -> bool>(bench: &mut BusBench<F>) -> Measurement {
     let readings: Vec<_> = (0..12).map(|_| read(bench)).collect();
     readings[readings.len() - 1].expect("it answers")
 }

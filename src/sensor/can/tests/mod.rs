@@ -40,14 +40,14 @@ pub fn pack(pack: Pack) -> CanPack {
 }
 
 /// The node under test, and what it has delivered.
-pub struct Bench {
+pub struct CanBench {
     pub can: DroneCan,
     pub settings: CanSettings,
     pub now: Instant,
     pub events: Vec<CanEvent>,
 }
 
-impl Bench {
+impl CanBench {
     pub fn with_packs(packs: &[CanPack]) -> Self {
         Self::new(setup(Some(OWN_ID)), packs)
     }

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::golden::{self, frames};
-use super::{Bench, OWN_ID, message, node, setup, status};
+use super::{CanBench, OWN_ID, message, node, setup, status};
 use crate::announce::{Announce, Severity};
 use crate::memory::identity::FirmwareHash;
 use crate::sensor::can::MAX_NODES;
@@ -44,7 +44,7 @@ fn requests(unique_id: [u8; 16], wanted: u8) -> Vec<CanFrame> {
     std::iter::from_fn(|| outgoing.next()).collect()
 }
 
-fn assigned(bench: &mut Bench) -> Vec<u8> {
+fn assigned(bench: &mut CanBench) -> Vec<u8> {
     let id = |notice: CanNotice| match notice {
         CanNotice::Assigned(id) => Some(id.number()),
         _ => None,
@@ -52,8 +52,8 @@ fn assigned(bench: &mut Bench) -> Vec<u8> {
     bench.take_notices().into_iter().filter_map(id).collect()
 }
 
-fn listening(packs_at: u64) -> Bench {
-    let mut bench = Bench::with_packs(&[]);
+fn listening(packs_at: u64) -> CanBench {
+    let mut bench = CanBench::with_packs(&[]);
     bench.run_ms(packs_at);
     bench.sent();
     bench.take_notices();
@@ -62,7 +62,7 @@ fn listening(packs_at: u64) -> Bench {
 
 #[test]
 fn node_is_given_an_id_by_the_reference() {
-    let mut bench = Bench::new(setup(None), &[]);
+    let mut bench = CanBench::new(setup(None), &[]);
     for (request, answer) in golden::ID_REQUESTS.iter().zip(golden::ID_ANSWERS) {
         let started = bench.now;
         let sent = loop {
@@ -92,7 +92,7 @@ fn node_is_given_an_id_by_the_reference() {
 
 #[test]
 fn node_without_an_id_sends_nothing_but_requests_for_one() {
-    let mut bench = Bench::new(setup(None), &[]);
+    let mut bench = CanBench::new(setup(None), &[]);
     let mut sent = Vec::new();
     for _ in 0..600 {
         bench.run_ms(100);
@@ -106,7 +106,7 @@ fn node_without_an_id_sends_nothing_but_requests_for_one() {
 
 #[test]
 fn node_without_an_id_gives_way_to_others_and_ignores_their_answers() {
-    let mut bench = Bench::new(setup(None), &[]);
+    let mut bench = CanBench::new(setup(None), &[]);
     for round in 0..50 {
         // Another node is being given an id.
         bench.receive(&requests([round; 16], 0)[..1]);
@@ -231,8 +231,8 @@ fn ids_run_out() {
 
 #[test]
 fn two_nodes_of_this_kind_find_each_other() {
-    let mut server = Bench::with_packs(&[]);
-    let mut client = Bench::new(setup(None), &[]);
+    let mut server = CanBench::with_packs(&[]);
+    let mut client = CanBench::new(setup(None), &[]);
     for _ in 0..100 {
         client.run_ms(100);
         server.run_ms(100);
@@ -282,7 +282,7 @@ const OWN_STATUS: u32 = 0x0001_5500 | OWN_ID as u32;
 
 #[test]
 fn own_status_is_sent_each_second_as_by_the_reference() {
-    let mut bench = Bench::with_packs(&[]);
+    let mut bench = CanBench::with_packs(&[]);
     bench.run_ms(10_000);
     assert_eq!(bench.sent_of(OWN_STATUS).len(), 11);
     for _ in 0..365 {
@@ -302,7 +302,7 @@ fn own_status_is_sent_each_second_as_by_the_reference() {
 #[test]
 fn node_info_is_answered_as_by_the_reference() {
     let hash = FirmwareHash::of([1, 2, 3]);
-    let mut bench = Bench::with_packs(&[]);
+    let mut bench = CanBench::with_packs(&[]);
     bench.run_ms(1000);
     // It takes a moment to compute.
     bench.settings.firmware_hash = Some(hash);
@@ -333,7 +333,7 @@ fn node_info_is_answered_as_by_the_reference() {
 
 #[test]
 fn requests_to_others_are_not_answered() {
-    let mut bench = Bench::new(setup(Some(11)), &[]);
+    let mut bench = CanBench::new(setup(Some(11)), &[]);
     bench.sent();
     bench.receive(&frames(golden::NODE_INFO_REQUEST));
     assert_eq!(bench.sent(), []);
@@ -341,7 +341,7 @@ fn requests_to_others_are_not_answered() {
 
 #[test]
 fn nodes_appear_restart_and_are_lost() {
-    let mut bench = Bench::with_packs(&[]);
+    let mut bench = CanBench::with_packs(&[]);
     bench.receive(&frames(golden::NODE_STATUS));
     assert_eq!(bench.take_notices(), [CanNotice::Appeared(node(42))]);
     bench.run_ms(3000);
@@ -364,7 +364,7 @@ fn nodes_appear_restart_and_are_lost() {
 
 #[test]
 fn many_nodes_are_served_though_not_all_are_watched() {
-    let mut bench = Bench::with_packs(&[]);
+    let mut bench = CanBench::with_packs(&[]);
     for id in (1..=127).filter(|id| *id != OWN_ID) {
         bench.receive(&status(id, 1, 0));
     }
@@ -373,7 +373,7 @@ fn many_nodes_are_served_though_not_all_are_watched() {
 
 #[test]
 fn another_node_with_the_own_id_is_announced_once() {
-    let mut bench = Bench::with_packs(&[]);
+    let mut bench = CanBench::with_packs(&[]);
     for _ in 0..3 {
         bench.receive(&status(OWN_ID, 1, 0));
     }

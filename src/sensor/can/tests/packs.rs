@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::golden::{self, frames};
-use super::{Battery, Bench, charger, message, node, pack};
+use super::{Battery, CanBench, charger, message, node, pack};
 use crate::battery::{
     ChargeState, Faults, Gauge, GaugeReading, GaugeReport, Measurement, Modes, Supply, Thermometer,
 };
@@ -33,7 +33,7 @@ fn of_battery(number: Pack, battery_id: i32) -> CanPack {
 }
 
 /// The only reading.
-fn reading(bench: &mut Bench) -> Measurement {
+fn reading(bench: &mut CanBench) -> Measurement {
     let readings = bench.take_readings();
     assert_eq!(readings.len(), 1, "{readings:?}");
     readings[0].1
@@ -45,7 +45,7 @@ fn is_close(value: Option<f32>, expected: f32) -> bool {
 
 #[test]
 fn battery_of_the_reference_is_read() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     bench.receive(&frames(golden::BATTERY_INFO));
     assert_eq!(
         bench.events[0],
@@ -87,7 +87,7 @@ fn battery_of_the_reference_is_read() {
 
 #[test]
 fn motor_controller_of_the_reference_is_read() {
-    let mut bench = Bench::with_packs(&[]);
+    let mut bench = CanBench::with_packs(&[]);
     bench.receive(&frames(golden::CONTROLLER));
     let [CanEvent::Controller(19, reading)] = bench.events[..] else {
         panic!("{:?}", bench.events);
@@ -102,14 +102,14 @@ fn current_is_multiplied() {
         current_multiplier: 2.5,
         ..pack(Pack::First)
     };
-    let mut bench = Bench::with_packs(&[settings]);
+    let mut bench = CanBench::with_packs(&[settings]);
     bench.receive(&Battery::new(42, 0).frames(0));
     assert_eq!(reading(&mut bench).current_a, Some(5.0));
 }
 
 #[test]
 fn what_the_battery_does_not_know_is_unknown() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let battery = Battery {
         temperature_k: 0.0,
         current_a: f32::NAN,
@@ -129,7 +129,7 @@ fn what_the_battery_does_not_know_is_unknown() {
 #[test]
 fn voltage_that_is_unknown_or_negative_is_unknown() {
     for voltage_v in [f32::NAN, -40.0] {
-        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         let battery = Battery {
             voltage_v,
             ..Battery::new(42, 0)
@@ -141,7 +141,7 @@ fn voltage_that_is_unknown_or_negative_is_unknown() {
 
 #[test]
 fn percentage_above_100_is_full() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let battery = Battery {
         charge_pct: 126,
         ..Battery::new(42, 0)
@@ -152,7 +152,7 @@ fn percentage_above_100_is_full() {
 
 #[test]
 fn charge_is_ignored_by_option() {
-    let mut bench = Bench::with_packs(&[with(CanOptions::IGNORE_CHARGE)]);
+    let mut bench = CanBench::with_packs(&[with(CanOptions::IGNORE_CHARGE)]);
     let battery = Battery::new(42, 0);
     bench.receive(&battery.frames(0));
     assert_eq!(reading(&mut bench).state_of_charge, None);
@@ -222,7 +222,7 @@ fn energies_are_a_gauge_if_they_make_sense() {
             missing,
         ),
     ] {
-        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         bench.receive(&battery.frames(0));
         bench.take_readings();
         bench.receive(&battery.aux(&[], nominal_v));
@@ -235,7 +235,7 @@ fn energies_are_a_gauge_if_they_make_sense() {
 fn flags_of_a_battery_are_in_its_readings() {
     // In use, charging, hot, bad and charged.
     let flags = 1 | 1 << 1 | 1 << 3 | 1 << 6 | 1 << 9;
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     bench.receive(
         &Battery {
             flags,
@@ -251,7 +251,7 @@ fn flags_of_a_battery_are_in_its_readings() {
 
 #[test]
 fn gauge_outlasts_the_silence_of_what_reports_the_nominal_voltage() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let battery = Battery::new(42, 0);
     bench.receive(&battery.frames(0));
     bench.receive(&battery.aux(&[], 12.0));
@@ -276,7 +276,7 @@ fn all_cells_count_or_none() {
         (vec![4.0, f32::NAN, 4.0], 0, None),
         (vec![4.0, -1.0], 0, None),
     ] {
-        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         let battery = Battery::new(42, 0);
         bench.receive(&battery.frames(0));
         bench.receive(&battery.aux(&cells_v, 0.0));
@@ -294,7 +294,7 @@ fn all_cells_count_or_none() {
 #[test]
 // Requirement: L-20
 fn cells_are_dropped_when_they_are_old() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let battery = Battery::new(42, 0);
     bench.receive(&battery.frames(0));
     bench.receive(&battery.aux(&[4.0, 4.0], 0.0));
@@ -309,7 +309,7 @@ fn cells_are_dropped_when_they_are_old() {
 
 #[test]
 fn batteries_go_to_the_packs_with_their_ids() {
-    let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7), of_battery(Pack::Second, 3)]);
+    let mut bench = CanBench::with_packs(&[of_battery(Pack::First, 7), of_battery(Pack::Second, 3)]);
     for battery in [
         Battery {
             voltage_v: 13.0,
@@ -336,7 +336,7 @@ fn batteries_go_to_the_packs_with_their_ids() {
 
 #[test]
 fn batteries_take_the_packs_in_order_if_these_take_any() {
-    let mut bench = Bench::with_packs(&[pack(Pack::Second), pack(Pack::Fourth)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::Second), pack(Pack::Fourth)]);
     // Two of one node, and one too many.
     let batteries = [Battery::new(40, 1), Battery::new(40, 0), Battery::new(41, 0)];
     for battery in batteries.iter().chain(&batteries) {
@@ -353,7 +353,7 @@ fn another_node_takes_a_lost_ones_place_by_option_only() {
         (CanOptions::default(), None),
         (CanOptions::DYNAMIC_NODE, Some((Pack::First, 13.0))),
     ] {
-        let mut bench = Bench::with_packs(&[with(options)]);
+        let mut bench = CanBench::with_packs(&[with(options)]);
         let other = Battery {
             voltage_v: 13.0,
             ..Battery::new(41, 0)
@@ -373,7 +373,7 @@ fn another_node_takes_a_lost_ones_place_by_option_only() {
 #[test]
 // Requirement: S-5, L-20
 fn changed_id_releases_the_battery() {
-    let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7)]);
+    let mut bench = CanBench::with_packs(&[of_battery(Pack::First, 7)]);
     bench.receive(&Battery::new(40, 7).frames(0));
     bench.settings.packs[0].battery_id = Some(300);
     bench.run_ms(100);
@@ -388,7 +388,7 @@ fn changed_id_releases_the_battery() {
 #[test]
 // Requirement: L-20
 fn changed_id_releases_a_silent_battery_and_keeps_one_that_reports() {
-    let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7)]);
+    let mut bench = CanBench::with_packs(&[of_battery(Pack::First, 7)]);
     bench.receive(&Battery::new(40, 7).frames(0));
     bench.settings.packs[0].battery_id = None;
     bench.run_ms(100);
@@ -411,7 +411,7 @@ fn aux_of_another_node_counts_by_option_only() {
             options,
             ..of_battery(Pack::First, 7)
         };
-        let mut bench = Bench::with_packs(&[settings]);
+        let mut bench = CanBench::with_packs(&[settings]);
         let aux = Battery::new(50, 7).aux(&[4.0, 4.0], 0.0);
         bench.receive(&aux);
         bench.receive(&Battery::new(40, 7).frames(0));
@@ -466,7 +466,7 @@ proptest! {
         steps in prop::collection::vec((40u8..44, 0u8..3, 0u64..3_000), 1..60),
         options in prop_oneof![Just(CanOptions::default()), Just(CanOptions::DYNAMIC_NODE)],
     ) {
-        let mut bench = Bench::with_packs(&[with(options), pack(Pack::Second), of_battery(Pack::Third, 1)]);
+        let mut bench = CanBench::with_packs(&[with(options), pack(Pack::Second), of_battery(Pack::Third, 1)]);
         let mut last = std::collections::HashMap::new();
         for (node, battery_id, pause_ms) in steps {
             bench.run_ms(pause_ms / 100 * 100);
@@ -495,8 +495,8 @@ fn a_temperature_is_that_of_its_device_and_passes_the_filters_when_it_is_wanted(
         0,
         &[0xd2, 0x04, 0x95, 0x5c, 0],
     );
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
-    let passes = |bench: &Bench| bench.can.acceptance().second.pass(thermometer[0].id());
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
+    let passes = |bench: &CanBench| bench.can.acceptance().second.pass(thermometer[0].id());
     assert!(!passes(&bench));
     bench.settings.temperatures = TemperatureMessages::Wanted;
     bench.run_ms(100);
@@ -511,16 +511,16 @@ fn a_temperature_is_that_of_its_device_and_passes_the_filters_when_it_is_wanted(
 /// Requests of node 10 to the charger, node 33.
 const SWITCH: u32 = 0x00f0_a18a;
 
-fn charger_with(options: &[i32]) -> Bench {
+fn charger_with(options: &[i32]) -> CanBench {
     let bits = options.iter().map(|bit| 1 << bit).sum();
-    Bench::with_packs(&[CanPack {
+    CanBench::with_packs(&[CanPack {
         options: CanOptions::from_bits(bits),
         ..pack(Pack::First)
     }])
 }
 
 /// What the charger is switched to, in order.
-fn switched(bench: &mut Bench) -> Vec<u8> {
+fn switched(bench: &mut CanBench) -> Vec<u8> {
     bench
         .sent_of(SWITCH)
         .iter()

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 
 use super::golden::{self, frames};
-use super::{Battery, Bench, controller, message, pack, setup};
+use super::{Battery, CanBench, controller, message, pack, setup};
 use crate::pack::Pack;
 use crate::parameter::MAX_CONTROLLERS;
 use crate::sensor::can::MAX_NODES;
@@ -12,12 +12,12 @@ use crate::sensor::can::messages::{BATTERY_INFO, DataType};
 use crate::sensor::{CanEvent, CanFrame, CanPack};
 
 /// Three packs, and batteries of three nodes for them.
-fn three_packs() -> Bench {
+fn three_packs() -> CanBench {
     let of = |(number, battery_id)| CanPack {
         battery_id: Some(battery_id),
         ..pack(number)
     };
-    Bench::with_packs(&[(Pack::First, 0), (Pack::Second, 1), (Pack::Third, 2)].map(of))
+    CanBench::with_packs(&[(Pack::First, 0), (Pack::Second, 1), (Pack::Third, 2)].map(of))
 }
 
 const BATTERIES: [Battery; 3] = [
@@ -59,7 +59,7 @@ fn a_frame_of_another_priority_belongs_to_its_transfer() {
         let frame = received[changed];
         received[changed] = CanFrame::new(frame.id() & !PRIORITY, frame.data()).unwrap();
         assert_ne!(received[changed].id(), frame.id());
-        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         bench.receive(&received);
         assert_eq!(bench.take_voltages().len(), 1, "{changed}");
     }
@@ -69,7 +69,7 @@ fn a_frame_of_another_priority_belongs_to_its_transfer() {
 fn whatever_frames_are_lost_the_transfer_is_whole_or_gone() {
     let whole = frames(golden::BATTERY_INFO);
     for taken in 0..1 << whole.len() {
-        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         bench.receive(&some_of(&whole, taken));
         let is_whole = taken == (1 << whole.len()) - 1;
         assert_eq!(bench.take_voltages().len(), usize::from(is_whole), "{taken:#b}");
@@ -90,7 +90,7 @@ fn whatever_frames_are_lost_the_transfer_is_whole_or_gone() {
 fn repeated_frames_do_no_harm() {
     let whole = frames(golden::BATTERY_INFO);
     for repeated in 0..whole.len() {
-        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         for (index, frame) in whole.iter().enumerate() {
             let times = if index == repeated { 3 } else { 1 };
             bench.receive(&vec![*frame; times]);
@@ -101,7 +101,7 @@ fn repeated_frames_do_no_harm() {
 
 #[test]
 fn frame_of_another_transfer_ends_the_one_before() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let (before, after) = (BATTERIES[0].frames(1), BATTERIES[0].frames(2));
     bench.receive(&before[..2]);
     // The start of the next one is lost.
@@ -114,7 +114,7 @@ fn frame_of_another_transfer_ends_the_one_before() {
 #[test]
 fn transfer_times_out() {
     for (pause_ms, count) in [(2_000, 1), (2_100, 0)] {
-        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         let whole = frames(golden::BATTERY_INFO);
         bench.receive(&whole[..3]);
         bench.run_ms(pause_ms);
@@ -128,7 +128,7 @@ fn damaged_transfer_is_dropped() {
     let whole = frames(golden::BATTERY_INFO);
     for (index, frame) in whole.iter().enumerate() {
         for bit in 0..8 * (frame.data().len() - 1) {
-            let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+            let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
             let mut damaged = whole.clone();
             let mut data = frame.data().to_vec();
             data[bit / 8] ^= 1 << (bit % 8);
@@ -142,7 +142,7 @@ fn damaged_transfer_is_dropped() {
 #[test]
 fn transfer_that_is_too_short_is_dropped() {
     for bytes in [0, 7, 8, 22, 23, 60] {
-        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         let payload = vec![0x40; bytes];
         bench.receive(&message(42, BATTERY_INFO, DataType::BatteryInfo, 0, &payload));
         assert_eq!(bench.take_readings().len(), usize::from(bytes > 22), "{bytes}");
@@ -151,7 +151,7 @@ fn transfer_that_is_too_short_is_dropped() {
 
 #[test]
 fn endless_transfer_fills_nothing() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let frame = |tail| CanFrame::new(0x1004_442a, &[1, 2, 3, 4, 5, 6, 7, tail]).unwrap();
     bench.receive(&[frame(0x80)]);
     for index in 1..200u8 {
@@ -165,7 +165,7 @@ fn endless_transfer_fills_nothing() {
 }
 
 /// The first frame of each transfer, then the second of each, and so on.
-fn receive_interleaved(bench: &mut Bench, all: &[Vec<CanFrame>]) {
+fn receive_interleaved(bench: &mut CanBench, all: &[Vec<CanFrame>]) {
     let longest = all.iter().map(Vec::len).max().unwrap_or_default();
     for place in 0..longest {
         for frame in all.iter().filter_map(|transfer| transfer.get(place)) {
@@ -180,7 +180,7 @@ fn all_motor_controllers_and_packs_are_heard_at_a_time() {
         battery_id: Some(of.number().into()),
         ..pack(of)
     });
-    let mut bench = Bench::with_packs(&packs);
+    let mut bench = CanBench::with_packs(&packs);
     for round in 0..10 {
         let controllers = (0..MAX_CONTROLLERS as u8).map(|index| controller(20 + index, index, round));
         let batteries = packs.iter().map(|pack| {
@@ -208,7 +208,7 @@ fn all_motor_controllers_and_packs_are_heard_at_a_time() {
 #[test]
 fn more_transfers_at_a_time_than_there_is_room_for_lose_some_and_no_more() {
     const TOO_MANY: u8 = 10;
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let nodes = 20..20 + MAX_NODES as u8 + TOO_MANY;
     let all: Vec<Vec<CanFrame>> = nodes.map(|node| Battery::new(node, 0).frames(0)).collect();
     receive_interleaved(&mut bench, &all);
@@ -220,7 +220,7 @@ fn more_transfers_at_a_time_than_there_is_room_for_lose_some_and_no_more() {
 
 #[test]
 fn frames_of_cyphal_are_left_out() {
-    let mut bench = Bench::with_packs(&[]);
+    let mut bench = CanBench::with_packs(&[]);
     // Its transfers start with a set toggle bit (Cyphal specification 1.0, 4.2.2.2).
     bench.receive(&[CanFrame::new(0x1801_552a, &[0, 0, 0, 0, 0, 0, 0, 0xe1]).unwrap()]);
     assert_eq!(bench.events, []);
@@ -230,7 +230,7 @@ fn frames_of_cyphal_are_left_out() {
 // Requirement: R-10
 fn hardware_lets_everything_through_that_is_used() {
     for own_id in [Some(10), None] {
-        let bench = Bench::new(setup(own_id), &[]);
+        let bench = CanBench::new(setup(own_id), &[]);
         let accepted = bench.can.acceptance();
         let has_both_buffers = |frame: &CanFrame| accepted.first.pass(frame.id());
         let is_let_through = |frame: &CanFrame| has_both_buffers(frame) || accepted.second.pass(frame.id());
@@ -325,7 +325,7 @@ proptest! {
         own_id in prop_oneof![Just(None), Just(Some(10))],
         place: Index,
     ) {
-        let mut bench = Bench::new(setup(own_id), &[pack(Pack::First), pack(Pack::Second)]);
+        let mut bench = CanBench::new(setup(own_id), &[pack(Pack::First), pack(Pack::Second)]);
         let last = place.index(all.len() + 1);
         for (frame, pause_ms) in &all[..last] {
             bench.receive(&[*frame]);
@@ -344,7 +344,7 @@ proptest! {
     /// What waits to be sent is bounded, and whole transfers are dropped.
     #[test]
     fn flood_of_requests_is_bounded(count in 1usize..40) {
-        let mut bench = Bench::with_packs(&[]);
+        let mut bench = CanBench::with_packs(&[]);
         bench.sent();
         for _ in 0..count {
             bench.receive(&frames(golden::NODE_INFO_REQUEST));
