@@ -593,7 +593,7 @@ impl<F: NorFlash> Records<F> {
             }
             match self.region.read_slot(sector, slot, &mut record).await? {
                 Slot::Blank => continue,
-                Slot::StoredRecord => {
+                Slot::Record => {
                     // Blank slots before a record are damaged ones.
                     damaged = slot - records;
                     records += 1;
@@ -635,7 +635,7 @@ impl<F: NorFlash> Records<F> {
             yield_now().await;
             let content = self.region.read_slot(log.sector, slot, record).await?;
             let later = slot + 1..log.used;
-            if content == Slot::StoredRecord && !self.region.read_last(log.sector, later, record).await? {
+            if content == Slot::Record && !self.region.read_last(log.sector, later, record).await? {
                 return Ok(Some(slot));
             }
         }

@@ -19,7 +19,7 @@ pub(super) struct StoredRecord {
 pub(super) enum Slot {
     /// Erased.
     Blank,
-    StoredRecord,
+    Record,
     /// An interrupted write, or flipped bits.
     Damaged,
 }
@@ -83,7 +83,7 @@ impl StoredRecord {
 
     /// Takes these bytes if their CRC is right, and returns whether it is.
     pub fn replace(&mut self, bytes: &[u8]) -> bool {
-        let is_record = Slot::of(bytes) == Slot::StoredRecord;
+        let is_record = Slot::of(bytes) == Slot::Record;
         if is_record {
             let places = self.bytes_mut(bytes.len()).iter_mut();
             places.zip(bytes).for_each(|(place, byte)| *place = *byte);
@@ -93,7 +93,7 @@ impl StoredRecord {
 
     /// The number of a header, which increases with every sector, if `magic` identifies its layout.
     pub fn sequence(&self, magic: u32) -> Option<u32> {
-        let is_header = Slot::of(self.bytes()) == Slot::StoredRecord && self.key() == magic;
+        let is_header = Slot::of(self.bytes()) == Slot::Record && self.key() == magic;
         self.value().next().filter(|_| is_header)
     }
 }
@@ -103,9 +103,7 @@ impl Slot {
     pub fn of(bytes: &[u8]) -> Self {
         match bytes.split_last_chunk() {
             _ if bytes.iter().all(|byte| *byte == 0xFF) => Self::Blank,
-            Some((content, crc)) if u32::from_le_bytes(*crc) == crc32(words_of(content)) => {
-                Self::StoredRecord
-            }
+            Some((content, crc)) if u32::from_le_bytes(*crc) == crc32(words_of(content)) => Self::Record,
             _ => Self::Damaged,
         }
     }
@@ -199,7 +197,7 @@ mod tests {
         };
         let bytes = *record.bytes().as_array().unwrap();
         assert_eq!(bytes[60..], [0x3e, 0x6e, 0xde, 0x4b]);
-        assert_eq!(Slot::of(&bytes), Slot::StoredRecord);
+        assert_eq!(Slot::of(&bytes), Slot::Record);
         for a in 0..64 * 8 {
             assert_eq!(Slot::of(&flip(bytes, a)), Slot::Damaged);
             for b in 0..a {
