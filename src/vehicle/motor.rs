@@ -66,10 +66,10 @@ impl SideDrives {
     /// curvature. Duties are scaled by `share`, from 0 to 1.
     pub(super) fn mixed(throttle: f32, steering: f32, share: f32) -> Self {
         let (left, right) = (throttle + steering, throttle - steering);
-        let scale = share / left.abs().max(right.abs()).max(1.0);
+        let scale = left.abs().max(right.abs()).max(1.0);
         Self {
-            left: MotorDrive::turn(left * scale),
-            right: MotorDrive::turn(right * scale),
+            left: MotorDrive::turn(left / scale * share),
+            right: MotorDrive::turn(right / scale * share),
         }
     }
 
@@ -215,10 +215,7 @@ mod tests {
     #[test]
     fn a_share_scales_the_duties_of_both_sides() {
         let scaled = SideDrives::mixed(0.4, 0.6, 0.05);
-        assert_eq!(
-            (scaled.left, scaled.right),
-            (Turn(0.05), Turn((0.4 - 0.6) * 0.05))
-        );
+        assert_eq!((scaled.left, scaled.right), (Turn(0.05), Turn(-0.2 * 0.05)));
         let slow = SideDrives::mixed(0.1, 0.0, 0.05);
         assert_eq!(slow, SideDrives::COAST, "below the least duty");
     }
