@@ -4,8 +4,8 @@ use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 
+use support::parameter_flash;
 use workbench::bench::PARAMETER_OFFSET;
-use workbench::parameter_flash;
 
 const CHIP_BYTES: usize = 2 * 1024 * 1024;
 

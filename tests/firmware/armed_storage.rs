@@ -12,11 +12,12 @@ use support::frames::{
     ARMED, HEARTBEAT, Heartbeat, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of,
 };
 use support::motor_poles::LEFT;
+use support::parameter_flash;
 use support::requests::{arm, command_long, disarm, manual_control, param_set, set_mode};
 use workbench::bench::{
     Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET,
 };
-use workbench::{parameter_flash, signing_key};
+use workbench::signing_key;
 
 /// Records that a sector takes: of parameters, and of signing.
 const SLOTS: u16 = 680;

@@ -1,7 +1,6 @@
 //! What is learnt of a pack, in the board's flash.
 
 use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::autopilot::PackIdentity;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
@@ -34,9 +33,8 @@ pub const FIRST_7: PackIdentity = PackIdentity {
 
 /// The flash after these capacities were learnt, one after the other.
 pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<u8> {
-    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+    let flash = SimulatedFlash::blank();
     let mut storage = Storage::new(flash.clone(), flash_map::LEARNT);
-    let mut content = vec![0; LEARNT_BYTES];
     block_on(async {
         for (identity, capacity_mah) in learnt {
             let value = learnt_words(identity.serial_number, capacity_mah);
@@ -46,10 +44,8 @@ pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<
             stored.expect("a sound flash");
         }
         storage.prepare(&Erase::always).await.expect("a sound flash");
-        let start = flash_map::LEARNT.start;
-        flash.read(start, &mut content).await.expect("a sound flash");
     });
-    content
+    flash.content(flash_map::LEARNT)
 }
 
 /// A full sector of records of two packs: the next write moves both to the next sector.

@@ -1,6 +1,6 @@
 //! A NOR flash for code that runs on the host and uses the traits of `embedded-storage-async`, with operation counters,
-//! injected failures and power cuts. A crate of its own for the unit tests of the library, which can depend on none that
-//! depends on it. The chip of an emulated board is part of the emulator.
+//! injected failures and power cuts: the chip of unit tests and of the simulator. A crate of its own, since the library's unit
+//! tests can depend on none that depends on the library. The chip of an emulated board is part of the emulator.
 
 use std::cell::{RefCell, RefMut};
 use std::ops::Range;
@@ -15,14 +15,14 @@ use fastrand::Rng;
 const MARGIN_BYTE: u8 = 0x5A;
 
 /// A NOR flash of `SECTORS` sectors of `SECTOR` bytes with program pages of `PAGE` bytes, and a sector on either side
-/// outside the region.
+/// outside the region. The region begins with the chip's sector number `FIRST`.
 ///
 /// Panics on misuse: a byte programmed twice between erases, or an unaligned address.
-#[derive(Clone)]
-pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> {
+#[derive(Clone, Debug)]
+pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize = 1> {
     bytes: Vec<u8>,
     fault: Fault,
-    /// Bits stuck at 0, as address and mask.
+    /// Bits stuck at 0, as the distance from the start of the margin, and mask.
     pub stuck: Option<(usize, u8)>,
     pub reads: u64,
     pub programs: u64,
@@ -33,7 +33,7 @@ pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usi
     half_erased: [bool; SECTORS],
 }
 
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 enum Fault {
     None,
     /// Power fails in the operation after `operations` more; what it has done by then is random.
@@ -73,9 +73,14 @@ impl NorFlashError for FlashFailed {
     }
 }
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SECTOR, PAGE, SECTORS> {
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize>
+    FlashModel<SECTOR, PAGE, SECTORS, FIRST>
+{
     /// The region that may be used.
-    pub const REGION: Range<u32> = SECTOR as u32..(SECTOR * (SECTORS + 1)) as u32;
+    pub const REGION: Range<u32> = (SECTOR * FIRST) as u32..(SECTOR * (FIRST + SECTORS)) as u32;
+
+    /// The address of the margin in front of the region.
+    const START: usize = SECTOR * (FIRST - 1);
 
     /// Erased, as from the factory.
     pub fn blank() -> Self {
@@ -134,7 +139,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
 
     /// Whether the last erase of the sector with `address` was cut short.
     pub fn is_half_erased(&self, address: u32) -> bool {
-        self.half_erased[address as usize / SECTOR - 1]
+        self.half_erased[address as usize / SECTOR - FIRST]
     }
 
     pub fn assert_margins_are_untouched(&self) {
@@ -189,7 +194,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
             return Err(FlashFailed);
         }
         self.reads += 1;
-        let offset = offset as usize;
+        let offset = offset as usize - Self::START;
         assert!(
             offset.is_multiple_of(4) && bytes.len().is_multiple_of(4),
             "unaligned read"
@@ -199,7 +204,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
     }
 
     fn erase_now(&mut self, from: u32, to: u32) -> Result<(), FlashFailed> {
-        let (from, to) = (from as usize, to as usize);
+        let (from, to) = (from as usize - Self::START, to as usize - Self::START);
         assert!(
             from.is_multiple_of(SECTOR) && to.is_multiple_of(SECTOR),
             "unaligned erase"
@@ -210,7 +215,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
     }
 
     fn write_now(&mut self, offset: u32, mut bytes: &[u8]) -> Result<(), FlashFailed> {
-        let mut address = offset as usize;
+        let mut address = offset as usize - Self::START;
         while !bytes.is_empty() {
             let (page, rest) = bytes.split_at(bytes.len().min(PAGE - address % PAGE));
             self.program_page(address, page)?;
@@ -284,14 +289,14 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
     }
 }
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ErrorType
-    for FlashModel<SECTOR, PAGE, SECTORS>
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize> ErrorType
+    for FlashModel<SECTOR, PAGE, SECTORS, FIRST>
 {
     type Error = FlashFailed;
 }
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ReadNorFlash
-    for FlashModel<SECTOR, PAGE, SECTORS>
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize> ReadNorFlash
+    for FlashModel<SECTOR, PAGE, SECTORS, FIRST>
 {
     // As embassy-rp's asynchronous flash; writes have any length.
     const READ_SIZE: usize = 4;
@@ -301,12 +306,12 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ReadNorFlash
     }
 
     fn capacity(&self) -> usize {
-        self.bytes.len()
+        Self::START + self.bytes.len()
     }
 }
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> NorFlash
-    for FlashModel<SECTOR, PAGE, SECTORS>
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize> NorFlash
+    for FlashModel<SECTOR, PAGE, SECTORS, FIRST>
 {
     const WRITE_SIZE: usize = 1;
     const ERASE_SIZE: usize = SECTOR;
@@ -324,14 +329,16 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> NorFlash
 pub type SmallFlash = SharedFlash<512, 256, 2>;
 
 /// A [`FlashModel`] that outlasts restarts of what uses it: a clone is the same chip.
-#[derive(Clone)]
-pub struct SharedFlash<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
-    Rc<RefCell<FlashModel<SECTOR, PAGE, SECTORS>>>,
+#[derive(Clone, Debug)]
+pub struct SharedFlash<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize = 1>(
+    Rc<RefCell<FlashModel<SECTOR, PAGE, SECTORS, FIRST>>>,
 );
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> SharedFlash<SECTOR, PAGE, SECTORS> {
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize>
+    SharedFlash<SECTOR, PAGE, SECTORS, FIRST>
+{
     /// The region that may be used.
-    pub const REGION: Range<u32> = FlashModel::<SECTOR, PAGE, SECTORS>::REGION;
+    pub const REGION: Range<u32> = FlashModel::<SECTOR, PAGE, SECTORS, FIRST>::REGION;
     pub const REGION_BYTES: usize = SECTOR * SECTORS;
 
     pub fn blank() -> Self {
@@ -345,7 +352,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> SharedFlash<S
         flash
     }
 
-    pub fn chip(&self) -> RefMut<'_, FlashModel<SECTOR, PAGE, SECTORS>> {
+    pub fn chip(&self) -> RefMut<'_, FlashModel<SECTOR, PAGE, SECTORS, FIRST>> {
         self.0.borrow_mut()
     }
 
@@ -367,16 +374,16 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> SharedFlash<S
     }
 }
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ErrorType
-    for SharedFlash<SECTOR, PAGE, SECTORS>
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize> ErrorType
+    for SharedFlash<SECTOR, PAGE, SECTORS, FIRST>
 {
     type Error = FlashFailed;
 }
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ReadNorFlash
-    for SharedFlash<SECTOR, PAGE, SECTORS>
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize> ReadNorFlash
+    for SharedFlash<SECTOR, PAGE, SECTORS, FIRST>
 {
-    const READ_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS>::READ_SIZE;
+    const READ_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS, FIRST>::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashFailed> {
         self.0.borrow_mut().read_now(offset, bytes)
@@ -387,11 +394,11 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ReadNorFlash
     }
 }
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> NorFlash
-    for SharedFlash<SECTOR, PAGE, SECTORS>
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize> NorFlash
+    for SharedFlash<SECTOR, PAGE, SECTORS, FIRST>
 {
-    const WRITE_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS>::WRITE_SIZE;
-    const ERASE_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS>::ERASE_SIZE;
+    const WRITE_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS, FIRST>::WRITE_SIZE;
+    const ERASE_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS, FIRST>::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashFailed> {
         self.0.borrow_mut().erase_now(from, to)

@@ -6,5 +6,5 @@ param BATT_CRT_PCT 40
 param BATT_EMR_PCT 0
  0.0  voltage 11.1 current 36 arm
  1.0  reset 45
-expect  9.1 says Battery 1 critical: 11.1
+expect  9.1 says~0.5 Battery 1 critical: 11.1
 end 15

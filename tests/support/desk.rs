@@ -7,10 +7,11 @@ use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
 use rover_battmon::mavlink::{Endpoint, Event, Framer, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
-use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogReadings};
+use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::system::LinkStatistics;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{SideDrives, Vehicle};
+pub use rover_battmon_tools::sim::stepped::adc_count;
 
 use crate::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, result_of};
 use crate::requests::{VEHICLE, param_request_list, param_set};
@@ -29,11 +30,6 @@ const NOT_LISTED: u16 = u16::MAX;
 const DRIVER_LIMIT: ParameterId = ParameterId::Vehicle(VehicleParameter::MotDrvVolt);
 
 const MONITOR: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Monitor);
-
-/// What the converter makes of this voltage at a pin.
-pub fn adc_count(pin_v: f32) -> AdcCount {
-    AdcCount((pin_v / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE)).round() as u16)
-}
 
 /// The autopilot, and our end of a link.
 pub struct Desk {

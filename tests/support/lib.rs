@@ -12,10 +12,12 @@ pub mod monitor_types;
 pub mod motor_poles;
 pub mod pack_report;
 pub mod page;
+pub mod parameter_flash;
 pub mod requests;
 pub mod signer;
 pub mod story;
 pub mod time;
+pub mod vehicle;
 
 use std::path::Path;
 

@@ -21,15 +21,23 @@
 //!
 //! Below 2.1 V no pack is connected: `voltage 0.3` is a lost contact.
 
-use crate::commands::{ARM_DISARM, BATTERY_RESET};
-use crate::requests::arm_by_force;
 use std::fs::{self, DirEntry};
 use std::io;
 
+use rover_battmon::sensor::AnalogPin;
+use rover_battmon::vehicle::MotorDrive;
+use rover_battmon_tools::sim::stepped::Converter;
 use rover_battmon_tools::sim::{PackModel, SimulatedPack};
 
+use crate::commands::{ARM_DISARM, BATTERY_RESET, REQUEST_MESSAGE};
+use crate::desk::DIVIDER;
+use crate::frames::{BATTERY_INFO, STATUSTEXT, last_of, of_message};
 use crate::repository;
-use crate::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode};
+use crate::requests::{
+    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, arm_by_force, command_long, command_long_2, manual_control,
+    set_mode,
+};
+use crate::vehicle::TestedVehicle;
 
 /// A parsed story.
 #[derive(Debug, Default)]
@@ -260,35 +268,15 @@ impl Story {
         stories
     }
 
-    /// What the motors are expected to do, with the time at which that is checked.
-    pub fn motors(&self) -> impl Iterator<Item = (f64, Drive)> {
-        self.expectations
-            .iter()
-            .filter_map(|(at_s, outcome)| match outcome {
-                Outcome::Motors(drive) => Some((*at_s, *drive)),
-                Outcome::Level { .. } | Outcome::Says { .. } | Outcome::Health(_) | Outcome::Charge => None,
-            })
-    }
-
-    /// The expected states of health, with the time at which they are checked.
-    pub fn healths(&self) -> impl Iterator<Item = (f64, Option<u8>)> {
-        self.expectations
-            .iter()
-            .filter_map(|(at_s, outcome)| match outcome {
-                Outcome::Health(health_pct) => Some((*at_s, *health_pct)),
-                Outcome::Level { .. } | Outcome::Says { .. } | Outcome::Motors(_) | Outcome::Charge => None,
-            })
-    }
-
-    /// When the state of charge is compared with that of the simulated pack.
-    pub fn charges(&self) -> impl Iterator<Item = f64> {
-        self.expectations
-            .iter()
-            .filter_map(|(at_s, outcome)| (*outcome == Outcome::Charge).then_some(*at_s))
+    /// The story of this name.
+    pub fn named(name: &str) -> Self {
+        let mut stories = Self::all().into_iter();
+        let story = stories.find(|story| story.name == name);
+        story.unwrap_or_else(|| panic!("no story {name}"))
     }
 
     /// Asserts a state of charge, in percent.
-    pub fn check_charge(&self, at_s: f64, reported_pct: Option<f32>, true_pct: Option<f32>) {
+    fn check_charge(&self, at_s: f64, reported_pct: Option<f32>, true_pct: Option<f32>) {
         let error_pct = reported_pct
             .zip(true_pct)
             .map(|(reported_pct, true_pct)| reported_pct - true_pct);
@@ -301,7 +289,7 @@ impl Story {
     }
 
     /// Asserts a state of health.
-    pub fn check_health(&self, at_s: f64, found_pct: Option<u8>, expected_pct: Option<u8>) {
+    fn check_health(&self, at_s: f64, found_pct: Option<u8>, expected_pct: Option<u8>) {
         let is_expected = match (found_pct, expected_pct) {
             (Some(found), Some(expected)) => found.abs_diff(expected) <= HEALTH_TOLERANCE_PCT,
             (found, expected) => found == expected,
@@ -310,7 +298,7 @@ impl Story {
     }
 
     /// Asserts that these texts were sent, each with its time, and no level or text that has to be expected beside them.
-    pub fn check_texts(&self, texts: &[(f64, String)], tolerance_s: f64) {
+    fn check_texts(&self, texts: &[(f64, String)], tolerance_s: f64) {
         let name = &self.name;
         let mut levels: Vec<_> = texts
             .iter()
@@ -472,4 +460,143 @@ fn outcome(words: &[&str]) -> Option<Outcome> {
         },
         _ => return None,
     })
+}
+
+/// Dividers of both packs, and the first one's current sensor.
+const DIVIDERS: [AnalogPin; 2] = [AnalogPin::Gp26, AnalogPin::Gp28];
+const CURRENT_SENSOR: AnalogPin = AnalogPin::Gp27;
+
+const AMPERES_PER_VOLT: f32 = 17.0;
+
+/// Half throttle, so that the motors turn when allowed.
+const THROTTLE: i16 = 500;
+
+/// Interval of the stick input.
+const STEP_US: u64 = 100_000;
+
+/// Up to a tick until it is measured, and until a text has left behind other messages; a count more of the current is
+/// earlier by as much.
+const LATENCY_S: f64 = 0.25;
+
+/// A vehicle that plays a story, from voltages at its pins and frames to texts and motors.
+struct Stage<V> {
+    vehicle: V,
+    start_us: u64,
+    source: Source,
+}
+
+impl<V: TestedVehicle> Stage<V> {
+    /// A vehicle with the story's parameters, and no pack yet: its story begins when it is plugged in.
+    fn new(story: &Story) -> Self {
+        let mut parameters = vec![("BATT_MONITOR", 4.0), ("BATT_CURR_PIN", 27.0)];
+        let of_story = story.parameters.iter();
+        parameters.extend(of_story.map(|(name, value)| (name.as_str(), *value)));
+        let vehicle = V::configured(&parameters);
+        Self {
+            start_us: vehicle.time_us(),
+            vehicle,
+            source: Source::default(),
+        }
+    }
+
+    fn time_s(&self) -> f64 {
+        (self.vehicle.time_us() - self.start_us) as f64 * 1e-6
+    }
+
+    fn take(&mut self, input: Input) {
+        self.source.take(input);
+        match input {
+            Input::Pack { .. } | Input::Unplug | Input::Plug | Input::Wire(_) | Input::Load { .. } => {}
+            Input::Voltage { pack, volts } => self.vehicle.set_pin_v(DIVIDERS[pack], volts / DIVIDER),
+            Input::Current { pack, amperes } => {
+                assert_eq!(pack, 0, "only the first pack has a current sensor");
+                self.vehicle.set_pin_v(CURRENT_SENSOR, amperes / AMPERES_PER_VOLT);
+            }
+            Input::SensorFails => self.vehicle.set_converter(Converter::Stalled),
+            Input::SensorWorks => self.vehicle.set_converter(Converter::Working),
+            Input::Request(request) => self.vehicle.send(&request.frames()),
+        }
+    }
+
+    fn step(&mut self) {
+        if let Some(Supplied { volts, amperes }) = self.source.supply(STEP_US as f32 * 1e-6) {
+            self.vehicle.set_pin_v(DIVIDERS[0], volts / DIVIDER);
+            self.vehicle.set_pin_v(CURRENT_SENSOR, amperes / AMPERES_PER_VOLT);
+        }
+        self.vehicle.send(&manual_control(VEHICLE_ID, 0, THROTTLE));
+        self.vehicle.run_for(STEP_US);
+    }
+
+    /// What the motors on the left do.
+    fn motors(&self) -> Drive {
+        match self.vehicle.left_drive() {
+            MotorDrive::Coast => Drive::Coast,
+            MotorDrive::Brake => Drive::Brake,
+            MotorDrive::Turn(_) => Drive::Turn,
+        }
+    }
+
+    /// The first pack's state of health, in percent, by BATTERY_INFO.
+    fn health_pct(&mut self) -> Option<u8> {
+        const UNKNOWN_PCT: u8 = 255;
+        let answers = self
+            .vehicle
+            .ask(&command_long(REQUEST_MESSAGE, BATTERY_INFO as f32));
+        let info = of_message(&answers, BATTERY_INFO)[0];
+        Some(info.u8(47)).filter(|percent| *percent != UNKNOWN_PCT)
+    }
+
+    /// The first pack's state of charge, in percent, by the latest BATTERY_STATUS.
+    fn reported_pct(&mut self) -> Option<f32> {
+        let frames = self.vehicle.frames_since(self.start_us);
+        let percent = last_of(&frames, 0).remaining_pct();
+        (percent >= 0).then_some(f32::from(percent))
+    }
+
+    /// Checks what is due of these expectations.
+    fn check_due(&mut self, story: &Story, due: &mut Vec<(f64, Outcome)>) {
+        let now_s = self.time_s();
+        for (at_s, outcome) in due.extract_if(.., |(at_s, _)| *at_s + LATENCY_S <= now_s) {
+            match outcome {
+                Outcome::Motors(drive) => assert_eq!(self.motors(), drive, "{} at {at_s} s", story.name),
+                Outcome::Health(percent) => story.check_health(at_s, self.health_pct(), percent),
+                Outcome::Charge => {
+                    story.check_charge(at_s, self.reported_pct(), self.source.charge_pct());
+                }
+                Outcome::Level { .. } | Outcome::Says { .. } => {}
+            }
+        }
+    }
+
+    /// The texts since the start, with the time at which they had left.
+    fn texts(&mut self) -> Vec<(f64, String)> {
+        let start_us = self.start_us;
+        let frames = self.vehicle.frames_since(start_us);
+        let texts = of_message(&frames, STATUSTEXT).into_iter();
+        texts
+            .map(|frame| ((frame.at_us - start_us) as f64 * 1e-6, frame.text(1, 50)))
+            .collect()
+    }
+}
+
+/// Plays a story on a vehicle.
+///
+/// # Panics
+/// An outcome is not the expected one.
+pub fn play<V: TestedVehicle>(story: &Story) {
+    let mut stage = Stage::<V>::new(story);
+    let mut inputs = story.inputs.iter().peekable();
+    let mut due = story.expectations.clone();
+    while stage.time_s() < story.end_s {
+        let now_s = stage.time_s();
+        while let Some((_, input)) = inputs.next_if(|(at_s, _)| *at_s <= now_s + 1e-6) {
+            stage.take(*input);
+        }
+        stage.check_due(story, &mut due);
+        stage.step();
+    }
+    let is_of_text = |outcome: &Outcome| matches!(outcome, Outcome::Level { .. } | Outcome::Says { .. });
+    let unchecked = due.iter().find(|(_, outcome)| !is_of_text(outcome));
+    assert_eq!(unchecked, None, "{} ends too soon", story.name);
+    story.check_texts(&stage.texts(), LATENCY_S);
 }

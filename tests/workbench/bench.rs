@@ -10,18 +10,26 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{
     BatteryParameter, GroundStationParameter, StickParameter, THERMOMETER_COUNT, VehicleParameter,
 };
+use rover_battmon::sensor::{AdcCount, AnalogPin};
+use rover_battmon::vehicle::MotorDrive;
+use rover_battmon_tools::sim::stepped::{Converter, adc_count};
 
 use crate::elf::{Artifact, build};
-use crate::parameter_flash;
-use emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
+use emulator::{
+    AdcFault, AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte,
+};
 use support::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
 use support::frames::{
     BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, acknowledged, frames, of_message,
     result_of,
 };
+use support::motor_poles::LEFT;
+use support::parameter_flash;
 use support::requests::{param_read_by_name, param_set, reboot};
 use support::signer::Signer;
 pub use support::time::SECOND;
+use support::vehicle::TestedVehicle;
+pub use support::vehicle::Wire;
 
 /// DMA_IRQ_0, which signals the end of each frame at the telemetry port (RP2040 datasheet 2.3.2).
 pub const DMA_IRQ: u32 = 11;
@@ -109,14 +117,6 @@ pub fn running_task(board: &mut Board) -> Option<u32> {
     // The address of a task is larger than what is noted otherwise.
     const MAIN: u32 = 2;
     Some(board.read_register(RUNNING)).filter(|noted| *noted > MAIN)
-}
-
-/// The wire over which a ground station talks to the board.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Wire {
-    #[default]
-    Uart,
-    Usb,
 }
 
 /// The bytes with the time of each one's end in µs.
@@ -434,5 +434,70 @@ impl DerefMut for Bench {
     fn deref_mut(&mut self) -> &mut Board {
         self.start = None;
         &mut self.board
+    }
+}
+
+impl TestedVehicle for Bench {
+    fn power_up() -> Self {
+        Self::power_up(0)
+    }
+
+    fn power_cycle(&mut self) {
+        self.run_until_silent();
+        self.board.power_cycle();
+    }
+
+    fn time_us(&self) -> u64 {
+        self.board.time_us()
+    }
+
+    fn run_for(&mut self, duration_us: u64) {
+        self.run_for(duration_us);
+    }
+
+    fn set_pin_v(&mut self, pin: AnalogPin, pin_v: f32) {
+        let channel = AnalogPin::ALL.iter().position(|each| *each == pin);
+        let AdcCount(code) = adc_count(pin_v);
+        self.adc_input(channel.expect("one of all"), AdcInput::Code(code));
+    }
+
+    fn set_converter(&mut self, converter: Converter) {
+        self.adc_fault(match converter {
+            Converter::Working => AdcFault::None,
+            Converter::Stalled => AdcFault::Stalled,
+        });
+    }
+
+    fn use_wire(&mut self, wire: Wire) {
+        self.use_wire(wire);
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        self.send(bytes);
+    }
+
+    fn sent(&mut self) -> Vec<(u64, u8)> {
+        self.sent().to_vec()
+    }
+
+    fn left_drive(&self) -> MotorDrive {
+        let duty = |pin| {
+            self.board
+                .pwm_output(pin)
+                .map_or(0.0, |output| output.duty as f32)
+        };
+        match (duty(LEFT[0].positive), duty(LEFT[0].negative)) {
+            (0.0, 0.0) => MotorDrive::Coast,
+            (1.0, 1.0) => MotorDrive::Brake,
+            (ahead, back) => MotorDrive::Turn(ahead - back),
+        }
+    }
+
+    fn restarts(&self) -> usize {
+        self.board.resets().len()
+    }
+
+    fn configured(parameters: &[(&str, f32)]) -> Self {
+        Self::configured(0, parameters)
     }
 }

@@ -7,7 +7,6 @@ pub mod elf;
 pub mod i2c_bus;
 pub mod log_flash;
 pub mod log_records;
-pub mod parameter_flash;
 pub mod program;
 pub mod runs;
 pub mod signing_key;

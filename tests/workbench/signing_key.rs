@@ -3,13 +3,12 @@
 use std::sync::OnceLock;
 
 use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon_tools::sim::SimulatedFlash;
 
-use crate::bench::{Bench, DIVIDER_CODE, SECOND, SIGNING_BYTES, SIGNING_OFFSET};
+use crate::bench::{Bench, DIVIDER_CODE, SECOND, SIGNING_OFFSET};
 
 pub use support::signer::{OWNER, STRANGER};
 
@@ -24,9 +23,8 @@ pub fn words_of_key() -> Vec<(u16, u32)> {
 
 /// The flash of signing after these words were stored.
 pub fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
-    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+    let flash = SimulatedFlash::blank();
     let mut storage = Storage::new(flash.clone(), flash_map::SIGNING);
-    let mut content = vec![0; SIGNING_BYTES];
     block_on(async {
         for (key, word) in words {
             storage
@@ -35,12 +33,8 @@ pub fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
                 .expect("a sound flash");
         }
         storage.prepare(&Erase::always).await.expect("a sound flash");
-        flash
-            .read(flash_map::SIGNING.start, &mut content)
-            .await
-            .expect("a sound flash");
     });
-    content
+    flash.content(flash_map::SIGNING)
 }
 
 /// The flash of a board whose owner has set up a key.

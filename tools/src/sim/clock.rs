@@ -5,7 +5,7 @@
 
 use std::cell::RefCell;
 use std::future::Future;
-use std::pin::pin;
+use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, OnceLock};
 use std::task::{Context, Poll, Wake, Waker};
@@ -37,29 +37,51 @@ pub fn set_speedup(speedup: f64) -> Result<(), ClockIsRunning> {
 pub struct ClockIsRunning;
 
 /// Runs `future` for `duration` of stepped time, from time 0, and returns its output if it ended.
-///
-/// Time stands still while the future is ready and then jumps to its next timer: no waiting, and every run is the same.
 pub fn run_for<F: Future>(duration: Duration, future: F) -> Option<F::Output> {
-    STEPPED.with(|stepped| *stepped.borrow_mut() = Some(SteppedClock::default()));
-    let output = run_stepped(duration.as_micros(), future);
-    STEPPED.with(|stepped| *stepped.borrow_mut() = None);
-    output
+    Stepped::new(future).run_until(duration.as_micros())
 }
 
-fn run_stepped<F: Future>(end_us: u64, future: F) -> Option<F::Output> {
-    let mut future = pin!(future);
-    let flag = Arc::new(WakeFlag(AtomicBool::new(true)));
-    let waker = Waker::from(flag.clone());
-    let mut context = Context::from_waker(&waker);
-    loop {
-        while flag.0.swap(false, Ordering::Relaxed) {
-            if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
-                return Some(output);
-            }
+/// A future with a stepped clock of its own, which begins at 0 and stands still between runs.
+///
+/// Time stands still while the future is ready and then jumps to its next timer: no waiting, and every run is the same.
+pub struct Stepped<F> {
+    future: Pin<Box<F>>,
+    clock: SteppedClock,
+    woken: Arc<WakeFlag>,
+}
+
+impl<F: Future> Stepped<F> {
+    /// A future that has not begun.
+    pub fn new(future: F) -> Self {
+        Self {
+            future: Box::pin(future),
+            clock: SteppedClock::default(),
+            woken: Arc::new(WakeFlag(AtomicBool::new(true))),
         }
-        let due = with_stepped(|clock| clock.jump_to_next_timer(end_us))?;
-        for waker in due? {
-            waker.wake();
+    }
+
+    /// Runs the future until this time, in µs, and returns its output if it ended before.
+    pub fn run_until(&mut self, end_us: u64) -> Option<F::Output> {
+        let own = std::mem::take(&mut self.clock);
+        let outer = STEPPED.replace(Some(own));
+        let output = self.poll_until(end_us);
+        self.clock = STEPPED.replace(outer).unwrap_or_default();
+        output
+    }
+
+    fn poll_until(&mut self, end_us: u64) -> Option<F::Output> {
+        let waker = Waker::from(self.woken.clone());
+        let mut context = Context::from_waker(&waker);
+        loop {
+            while self.woken.0.swap(false, Ordering::Relaxed) {
+                if let Poll::Ready(output) = self.future.as_mut().poll(&mut context) {
+                    return Some(output);
+                }
+            }
+            let due = with_stepped(|clock| clock.jump_to_next_timer(end_us))?;
+            for waker in due? {
+                waker.wake();
+            }
         }
     }
 }
@@ -84,9 +106,13 @@ struct SteppedClock {
 }
 
 impl SteppedClock {
-    /// Jumps to the next timer and returns its wakers; `None` if there is none before `end_us`.
+    /// Jumps to the next timer and returns its wakers; `None`, at `end_us`, if there is none before.
     fn jump_to_next_timer(&mut self, end_us: u64) -> Option<Vec<Waker>> {
-        let next_us = self.timers.next_us().filter(|next_us| *next_us < end_us)?;
+        let next_us = self.timers.next_us().filter(|next_us| *next_us < end_us);
+        let Some(next_us) = next_us else {
+            self.now_us = self.now_us.max(end_us);
+            return None;
+        };
         self.now_us = self.now_us.max(next_us);
         Some(self.timers.take_due(self.now_us))
     }

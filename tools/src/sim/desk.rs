@@ -1,7 +1,6 @@
 //! The simulated vehicle and its links to ground stations.
 
 use std::cell::{Cell, RefCell};
-use std::future::pending;
 use std::rc::Rc;
 
 use embassy_futures::join::{join, join_array, join3};
@@ -9,16 +8,11 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::RetainedRecord;
-use rover_battmon::crash::ParameterSource;
 use rover_battmon::mavlink::{LinkKind, SIMULATED_LINKS};
-use rover_battmon::memory::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::Buses;
-use rover_battmon::tasks::{
-    ByteSource, Link, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus,
-    reboot_requested, refuse_link, serve_link, serve_serial,
-};
-use rover_battmon::vehicle::{Indication, Indicators, Restart};
+use rover_battmon::tasks::{Link, Shared, Storages, reboot_requested, refuse_link, serve_link};
+use rover_battmon::vehicle::Restart;
 
 use super::browsers::Browsers;
 use super::console::{Level, print_line};
@@ -27,9 +21,10 @@ use super::links::{LINK_BYTES_PER_SECOND, POLL_MS, UNWATCHED};
 use super::scenario::{Player, Scenario};
 use super::station::Station;
 use super::status::{Comparison, Status};
+use super::tasks::{Hardware, NotSimulated, boot};
 use super::{
     Client, Clients, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack, SimulatedPackInput,
-    SimulatedRover, UdpWire, sample_batteries,
+    SimulatedRover, UdpWire,
 };
 
 /// Maximum number of TCP clients; UDP and two browsers have links, too.
@@ -118,8 +113,7 @@ async fn start<'a>(
 ) -> (Desk<'a>, Storages<SimulatedFlash>) {
     let mut start = Start::default();
     role.set_up(&mut start);
-    let mut storages = Storages::of_board(flash.clone(), start.radio);
-    storages.boot(ParameterSource::Stored, &mut start).await;
+    let storages = boot(flash, &mut start).await;
     if let Some(scenario) = scenario {
         scenario.set_up(&mut start.parameters);
     }
@@ -143,23 +137,6 @@ struct Desk<'a> {
     udp_silence: Cell<u32>,
 }
 
-/// What is not simulated: a device on the serial line, so a pack that is measured by it is unhealthy; lamps and a buzzer.
-struct NotSimulated;
-
-impl ByteSource for NotSimulated {
-    async fn receive(&mut self, _: &mut [u8]) -> Result<usize, ReceiveError> {
-        pending().await
-    }
-}
-
-impl SerialLine for NotSimulated {
-    async fn send(&mut self, _: &[u8]) {}
-}
-
-impl Indicators for NotSimulated {
-    fn show(&mut self, _: Indication) {}
-}
-
 impl<'a> Desk<'a> {
     fn new(start: &Start, pack: &'a RefCell<SimulatedPack>, flash: &'a SimulatedFlash) -> Self {
         Self {
@@ -178,30 +155,16 @@ impl<'a> Desk<'a> {
     async fn run_vehicle(&self, storages: Storages<SimulatedFlash>, rover: &SimulatedRover) {
         let mut memory = [RetainedRecord::BLANK; 2];
         let pack = PackSimulation::new(self.pack, rover, &self.shared);
-        let sensors = join3(
-            sample_batteries(
-                SimulatedPackInput::new(&pack),
-                &mut memory,
-                &self.shared,
-                &UNWATCHED,
-            ),
-            read_bus(Buses::i2c(SimulatedBus::new(&pack)), &self.shared, &UNWATCHED),
-            serve_serial(Some(NotSimulated), &self.shared, &UNWATCHED),
-        );
-        let flash = keep_flash(
-            storages,
-            self.flash.clone(),
-            flash_map::LOG,
-            async || None,
-            &self.shared,
-            &UNWATCHED,
-        );
-        join3(
-            sensors,
-            drive(rover, NotSimulated, &self.shared, &UNWATCHED),
-            flash,
-        )
-        .await;
+        let hardware = Hardware {
+            pins: SimulatedPackInput::new(&pack),
+            bus: Buses::i2c(SimulatedBus::new(&pack)),
+            line: NotSimulated,
+            wheels: rover,
+            entropy: None,
+        };
+        hardware
+            .run(storages, self.flash.clone(), &mut memory, &self.shared)
+            .await;
     }
 
     /// Serves who connects to `clients`, and refuses who is too many.

@@ -1,6 +1,6 @@
 //! Simulated flash chip from the log on ([`flash_map`]), in memory and optionally in a file.
 
-use std::cell::RefCell;
+use std::cell::RefMut;
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
@@ -11,6 +11,7 @@ use std::rc::Rc;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
+use nor_flash::{FlashModel, SharedFlash};
 use rover_battmon::memory::flash_map;
 use rover_battmon::recorder::{LogSource, ReadFailed};
 
@@ -18,32 +19,40 @@ use rover_battmon::recorder::{LogSource, ReadFailed};
 const IMAGE: Range<u32> = flash_map::LOG.start..flash_map::CHIP_BYTES;
 const IMAGE_BYTES: usize = (IMAGE.end - IMAGE.start) as usize;
 
-const ERASED: u8 = 0xff;
+const SECTOR_BYTES: usize = flash_map::SECTOR_BYTES as usize;
+const PAGE_BYTES: usize = 256;
+const SECTORS: usize = IMAGE_BYTES / SECTOR_BYTES;
+const FIRST_SECTOR: usize = IMAGE.start as usize / SECTOR_BYTES;
 
-/// NOR flash: programming clears bits, erasing a sector sets them.
-///
-/// A clone is the same chip.
+/// The part of a board's chip that is simulated.
+pub type ChipModel = FlashModel<SECTOR_BYTES, PAGE_BYTES, SECTORS, FIRST_SECTOR>;
+
+/// A board's flash chip. A clone is the same chip.
 #[derive(Clone, Debug)]
-pub struct SimulatedFlash(Rc<RefCell<Chip>>);
-
-#[derive(Debug)]
-struct Chip {
-    /// Content of the range [`IMAGE`].
-    content: Vec<u8>,
-    file: Option<ImageFile>,
+pub struct SimulatedFlash {
+    chip: SharedFlash<SECTOR_BYTES, PAGE_BYTES, SECTORS, FIRST_SECTOR>,
+    file: Option<Rc<ImageFile>>,
 }
 
-/// The image file can't be written.
+/// The chip has failed, or the image file can't be written.
 #[derive(Debug)]
-pub struct FileError(pub io::Error);
+pub struct FlashError(pub io::Error);
 
-impl NorFlashError for FileError {
+impl NorFlashError for FlashError {
     fn kind(&self) -> NorFlashErrorKind {
         NorFlashErrorKind::Other
     }
 }
 
 impl SimulatedFlash {
+    /// An erased chip, in memory only.
+    pub fn blank() -> Self {
+        Self {
+            chip: SharedFlash::blank(),
+            file: None,
+        }
+    }
+
     /// A chip whose content is kept in `file`, if given; a missing file is an erased chip.
     ///
     /// The file is locked until the last clone is dropped.
@@ -51,131 +60,111 @@ impl SimulatedFlash {
     /// # Errors
     /// The file can't be read or written, is not a flash image, or is locked by another chip.
     pub fn open(file: Option<PathBuf>) -> io::Result<Self> {
-        let chip = match file {
-            Some(path) => Chip::in_file(ImageFile::lock(&path)?)?,
-            None => Chip {
-                content: blank(),
-                file: None,
-            },
+        let mut flash = Self::blank();
+        let Some(path) = file else {
+            return Ok(flash);
         };
-        Ok(Self(Rc::new(RefCell::new(chip))))
+        let file = ImageFile::lock(&path)?;
+        match file.read()? {
+            Some(content) if content.len() == IMAGE_BYTES => flash.chip().region().copy_from_slice(&content),
+            Some(_) => return Err(io::Error::new(ErrorKind::InvalidData, "it is not a flash image")),
+            None => file.replace(flash.chip().region())?,
+        }
+        flash.file = Some(Rc::new(file));
+        Ok(flash)
     }
-}
 
-fn blank() -> Vec<u8> {
-    vec![ERASED; IMAGE_BYTES]
-}
+    /// The chip itself: its counters, and faults to inject.
+    pub fn chip(&self) -> RefMut<'_, ChipModel> {
+        self.chip.chip()
+    }
 
-/// Place of a range of the chip in the image; `None` outside it.
-fn place(range: Range<u32>) -> Option<Range<usize>> {
-    let start = range.start.checked_sub(IMAGE.start)? as usize;
-    let end = range.end.checked_sub(IMAGE.start)? as usize;
-    (start <= end && end <= IMAGE_BYTES).then_some(start..end)
-}
-
-impl Chip {
-    /// The chip of an image file, which is written if there is none yet.
-    fn in_file(file: ImageFile) -> io::Result<Self> {
-        let content = match file.read()? {
-            Some(content) if content.len() == IMAGE_BYTES => content,
-            Some(_) => return Err(no_image()),
-            None => {
-                let content = blank();
-                file.replace(&content)?;
-                content
-            }
-        };
-        Ok(Self {
-            content,
-            file: Some(file),
-        })
+    /// The content of a range of the chip.
+    ///
+    /// # Panics
+    /// The range is not simulated.
+    pub fn content(&self, range: Range<u32>) -> Vec<u8> {
+        self.part(range).expect("it is simulated")
     }
 
     /// The content of a range.
-    fn part(&self, from: u32, to: u32) -> Result<&[u8], FileError> {
-        let part = place(from..to).and_then(|place| self.content.get(place));
-        part.ok_or_else(outside)
+    fn part(&self, range: Range<u32>) -> Result<Vec<u8>, FlashError> {
+        let place = place(range)?;
+        Ok(self.chip().region()[place].to_vec())
     }
 
-    /// Changes a range; if the file can't be written, nothing changes.
-    fn change(&mut self, from: u32, to: u32, change: impl FnOnce(&mut [u8])) -> Result<(), FileError> {
-        let place = place(from..to).ok_or_else(outside)?;
-        let part = self.content.get_mut(place.clone()).ok_or_else(outside)?;
-        let before = part.to_vec();
-        change(part);
-        let kept = self.keep(from, place.clone());
-        if kept.is_err() {
-            self.content[place].copy_from_slice(&before);
-        }
-        kept
-    }
-
-    /// Writes a range that has changed to the file.
-    fn keep(&self, from: u32, place: Range<usize>) -> Result<(), FileError> {
+    /// Writes a range that has changed to the file. If that fails, the chip has what it had `before`.
+    fn keep(&self, from: u32, before: &[u8]) -> Result<(), FlashError> {
         let Some(file) = &self.file else {
             return Ok(());
         };
+        let place = place(from..from + before.len() as u32)?;
+        let mut chip = self.chip();
+        let content = chip.region();
         let written = if flash_map::LOG.contains(&from) {
             // The log is written often, and may lose its end.
-            file.overwrite(place.start as u64, &self.content[place])
+            file.overwrite(place.start as u64, &content[place.clone()])
         } else {
-            file.replace(&self.content)
+            file.replace(content)
         };
-        written.map_err(FileError)
+        if written.is_err() {
+            content[place].copy_from_slice(before);
+        }
+        written.map_err(FlashError)
     }
 }
 
-fn no_image() -> io::Error {
-    io::Error::new(ErrorKind::InvalidData, "it is not a flash image")
+/// Place of a range of the chip in the image.
+fn place(range: Range<u32>) -> Result<Range<usize>, FlashError> {
+    if range.start < IMAGE.start || range.end > IMAGE.end {
+        return Err(FlashError(ErrorKind::InvalidInput.into()));
+    }
+    Ok((range.start - IMAGE.start) as usize..(range.end - IMAGE.start) as usize)
+}
+
+fn failed(error: impl NorFlashError) -> FlashError {
+    FlashError(io::Error::other(format!("{error:?}")))
 }
 
 impl LogSource for SimulatedFlash {
     fn read_log(&self, address: u32, bytes: &mut [u8]) -> Result<(), ReadFailed> {
-        let chip = self.0.borrow();
-        let part = chip.part(address, address.saturating_add(bytes.len() as u32));
-        bytes.copy_from_slice(part.map_err(|_| ReadFailed)?);
+        let part = self.part(address..address.saturating_add(bytes.len() as u32));
+        bytes.copy_from_slice(&part.map_err(|_| ReadFailed)?);
         Ok(())
     }
-}
-
-fn outside() -> FileError {
-    FileError(ErrorKind::InvalidInput.into())
 }
 
 impl ErrorType for SimulatedFlash {
-    type Error = FileError;
+    type Error = FlashError;
 }
 
 impl ReadNorFlash for SimulatedFlash {
-    const READ_SIZE: usize = 1;
+    const READ_SIZE: usize = 4;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FileError> {
-        let chip = self.0.borrow();
-        bytes.copy_from_slice(chip.part(offset, offset + bytes.len() as u32)?);
-        Ok(())
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        place(offset..offset + bytes.len() as u32)?;
+        self.chip.read(offset, bytes).await.map_err(failed)
     }
 
     fn capacity(&self) -> usize {
-        flash_map::CHIP_BYTES as usize
+        IMAGE.end as usize
     }
 }
 
 impl NorFlash for SimulatedFlash {
     const WRITE_SIZE: usize = 1;
-    const ERASE_SIZE: usize = flash_map::SECTOR_BYTES as usize;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
 
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FileError> {
-        let mut chip = self.0.borrow_mut();
-        chip.change(from, to, |part| part.fill(ERASED))
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        let before = self.part(from..to)?;
+        let erased = self.chip.erase(from, to).await.map_err(failed);
+        erased.and(self.keep(from, &before))
     }
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FileError> {
-        let mut chip = self.0.borrow_mut();
-        chip.change(offset, offset + bytes.len() as u32, |part| {
-            for (cell, byte) in part.iter_mut().zip(bytes) {
-                *cell &= byte;
-            }
-        })
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        let before = self.part(offset..offset + bytes.len() as u32)?;
+        let written = self.chip.write(offset, bytes).await.map_err(failed);
+        written.and(self.keep(offset, &before))
     }
 }
 
@@ -282,10 +271,10 @@ mod tests {
         }
     }
 
-    fn byte_at(flash: &mut SimulatedFlash, offset: u32) -> u8 {
-        let mut byte = [0];
-        block_on(flash.read(offset, &mut byte)).expect("in range");
-        byte[0]
+    const ERASED: u8 = 0xff;
+
+    fn byte_at(flash: &SimulatedFlash, address: u32) -> u8 {
+        flash.content(address..address + 1)[0]
     }
 
     /// The first parameter's place, and the first of the log.
@@ -304,8 +293,8 @@ mod tests {
             let mut flash = folder.open().unwrap();
             block_on(flash.write(address, &[1])).unwrap();
             drop(flash);
-            let mut flash = folder.open().unwrap();
-            let found = [address, address + 1].map(|address| byte_at(&mut flash, address));
+            let flash = folder.open().unwrap();
+            let found = [address, address + 1].map(|address| byte_at(&flash, address));
             assert_eq!(found, [1, ERASED], "{address}");
         }
     }
@@ -314,7 +303,7 @@ mod tests {
     fn program_and_what_is_beyond_the_chip_are_outside() {
         let mut flash = SimulatedFlash::open(None).unwrap();
         for address in [0, LOG - 1, flash_map::CHIP_BYTES] {
-            assert!(block_on(flash.read(address, &mut [0])).is_err());
+            assert!(block_on(flash.read(address, &mut [0; 4])).is_err());
             assert!(block_on(flash.write(address, &[0])).is_err());
         }
     }
@@ -343,7 +332,7 @@ mod tests {
         let mut flash = folder.open().unwrap();
         fs::remove_file(folder.image()).unwrap();
         assert!(block_on(flash.write(LOG, &[0x30])).is_err());
-        assert_eq!(byte_at(&mut flash, LOG), ERASED);
+        assert_eq!(byte_at(&flash, LOG), ERASED);
     }
 
     #[test]
@@ -352,12 +341,12 @@ mod tests {
         let mut flash = folder.open().unwrap();
         block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
         let mut before = File::open(folder.image()).unwrap();
-        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
+        block_on(flash.write(PARAMETER + 1, &[0x30])).unwrap();
         let mut image = Vec::new();
         before.read_to_end(&mut image).unwrap();
-        let parameter = image[place(PARAMETER..PARAMETER + 1).unwrap().start];
-        assert_eq!((image.len(), parameter), (IMAGE_BYTES, 0xf0));
-        assert_eq!(in_image(&folder, PARAMETER), 0x30);
+        let parameter = image[place(PARAMETER + 1..PARAMETER + 2).unwrap().start];
+        assert_eq!((image.len(), parameter), (IMAGE_BYTES, ERASED));
+        assert_eq!(in_image(&folder, PARAMETER + 1), 0x30);
     }
 
     #[test]
@@ -368,8 +357,8 @@ mod tests {
         drop(flash);
         fs::write(beside(&folder.image(), ".next"), [0; 100]).unwrap();
         let mut flash = folder.open().unwrap();
-        assert_eq!(byte_at(&mut flash, PARAMETER), 0xf0);
-        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
+        assert_eq!(byte_at(&flash, PARAMETER), 0xf0);
+        block_on(flash.write(PARAMETER + 1, &[0x30])).unwrap();
     }
 
     #[test]
@@ -380,14 +369,15 @@ mod tests {
         // A folder with the temporary file's name makes the write fail.
         let obstacle = beside(&folder.image(), ".next");
         fs::create_dir(&obstacle).unwrap();
-        assert!(block_on(flash.write(PARAMETER, &[0x30])).is_err());
+        assert!(block_on(flash.write(PARAMETER + 1, &[0x30])).is_err());
         assert!(block_on(flash.erase(PARAMETER, PARAMETER + flash_map::SECTOR_BYTES)).is_err());
-        assert_eq!(byte_at(&mut flash, PARAMETER), 0xf0);
+        assert_eq!(byte_at(&flash, PARAMETER), 0xf0);
         assert_eq!(in_image(&folder, PARAMETER), 0xf0);
 
         fs::remove_dir(&obstacle).unwrap();
-        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
-        assert_eq!(byte_at(&mut flash, PARAMETER), 0x30);
+        assert_eq!(byte_at(&flash, PARAMETER + 1), ERASED);
+        block_on(flash.write(PARAMETER + 1, &[0x30])).unwrap();
+        assert_eq!(byte_at(&flash, PARAMETER + 1), 0x30);
     }
 
     #[test]
@@ -443,7 +433,7 @@ mod tests {
 
         let folder = Folder::new();
         drop(folder.open().unwrap());
-        fs::write(folder.image(), blank()).unwrap();
+        fs::write(folder.image(), [ERASED; IMAGE_BYTES]).unwrap();
         fs::set_permissions(folder.image(), fs::Permissions::from_mode(0o600)).unwrap();
         let link = folder.0.join("link");
         symlink(folder.image(), &link).unwrap();

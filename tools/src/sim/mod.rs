@@ -19,6 +19,8 @@ mod sampling;
 mod scenario;
 mod station;
 mod status;
+pub mod stepped;
+mod tasks;
 #[cfg(test)]
 mod test_folder;
 

@@ -6,9 +6,10 @@ use std::future::pending;
 use embassy_time::{Duration, Instant};
 use rover_battmon::battery::ReadError;
 use rover_battmon::parameter::SimulationParameter;
-use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin};
+use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::tasks::Shared;
 
+use super::stepped::adc_count;
 use super::{SimulatedPack, SimulatedRover};
 
 /// Longer steps are divided, for the accuracy of the slow voltage at high speedups.
@@ -152,10 +153,7 @@ impl AnalogIn for SimulatedPackInput<'_> {
         if fault == Fault::Stalled {
             pending::<()>().await;
         }
-        let count = self.pin_voltage_v(&pack, pin, fault) / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE);
-        Ok(AdcCount(
-            (count + 0.5).clamp(0.0, f32::from(ADC_FULL_SCALE)) as u16
-        ))
+        Ok(adc_count(self.pin_voltage_v(&pack, pin, fault)))
     }
 }
 

@@ -1,22 +1,17 @@
 //! The flash of parameters of a board that is not new.
 
 use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::parameter::{ParameterId, VehicleParameter};
 use rover_battmon_tools::sim::SimulatedFlash;
 
-use crate::bench::PARAMETER_BYTES;
-
 /// The motor drivers stand any pack: many tests arm with a 3S pack.
 const NO_DRIVER_LIMIT: (ParameterId, f32) = (ParameterId::Vehicle(VehicleParameter::MotDrvVolt), 0.0);
 
-/// The flash after these values were stored under their keys, and behind them what every bench has.
-pub fn flash_with(values: impl IntoIterator<Item = (u16, f32)>) -> Vec<u8> {
-    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+/// Stores these values under their keys, and behind them what every vehicle under test has.
+pub fn fill(flash: &SimulatedFlash, values: impl IntoIterator<Item = (u16, f32)>) {
     let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
-    let mut image = vec![0; PARAMETER_BYTES];
     let (drivers, limit_v) = NO_DRIVER_LIMIT;
     block_on(async {
         for (key, value) in values.into_iter().chain([(drivers.key(), limit_v)]) {
@@ -27,8 +22,12 @@ pub fn flash_with(values: impl IntoIterator<Item = (u16, f32)>) -> Vec<u8> {
         while !storage.is_prepared() {
             storage.prepare(&Erase::always).await.expect("it works");
         }
-        let start = flash_map::PARAMETERS.start;
-        flash.read(start, &mut image).await.expect("it is inside");
     });
-    image
+}
+
+/// The region after that.
+pub fn flash_with(values: impl IntoIterator<Item = (u16, f32)>) -> Vec<u8> {
+    let flash = SimulatedFlash::blank();
+    fill(&flash, values);
+    flash.content(flash_map::PARAMETERS)
 }

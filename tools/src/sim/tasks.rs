@@ -1,0 +1,81 @@
+//! The firmware's tasks on simulated hardware, as the simulator runs them in real time and tests in stepped time.
+
+use std::future::pending;
+
+use embassy_futures::join::join3;
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::RetainedMemory;
+use rover_battmon::crash::ParameterSource;
+use rover_battmon::memory::flash_map;
+use rover_battmon::sensor::{AnalogIn, SensorBus};
+use rover_battmon::tasks::{
+    ByteSource, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus, serve_serial,
+};
+use rover_battmon::vehicle::{Indication, Indicators, Motors};
+
+use super::links::UNWATCHED;
+use super::{SimulatedFlash, sample_batteries};
+
+/// The hardware below the tasks, but for flash and the wires of links.
+pub struct Hardware<Pins, Bus, Line, Wheels> {
+    /// The analog inputs.
+    pub pins: Pins,
+    /// I2C.
+    pub bus: Bus,
+    /// The second serial port.
+    pub line: Line,
+    /// The motors.
+    pub wheels: Wheels,
+    /// Random bytes for a password.
+    pub entropy: Option<[u8; 32]>,
+}
+
+impl<Pins: AnalogIn, Bus: SensorBus, Line: SerialLine, Wheels: Motors> Hardware<Pins, Bus, Line, Wheels> {
+    /// Runs the vehicle's tasks, all but those of its links and of CAN.
+    pub async fn run(
+        self,
+        storages: Storages<SimulatedFlash>,
+        log: SimulatedFlash,
+        memory: &mut RetainedMemory,
+        shared: &Shared,
+    ) -> ! {
+        let sensors = join3(
+            sample_batteries(self.pins, memory, shared, &UNWATCHED),
+            read_bus(self.bus, shared, &UNWATCHED),
+            serve_serial(Some(self.line), shared, &UNWATCHED),
+        );
+        let entropy = async || self.entropy;
+        let flash = keep_flash(storages, log, flash_map::LOG, entropy, shared, &UNWATCHED);
+        join3(
+            sensors,
+            drive(self.wheels, NotSimulated, shared, &UNWATCHED),
+            flash,
+        )
+        .await
+        .1
+    }
+}
+
+/// Reads what `flash` has of `start`.
+pub async fn boot(flash: &SimulatedFlash, start: &mut Start) -> Storages<SimulatedFlash> {
+    let mut storages = Storages::of_board(flash.clone(), start.radio);
+    storages.boot(ParameterSource::Stored, start).await;
+    storages
+}
+
+/// Stands for a device on the serial line, so a pack that is measured by it is unhealthy, and for lamps and a buzzer.
+pub struct NotSimulated;
+
+impl ByteSource for NotSimulated {
+    async fn receive(&mut self, _: &mut [u8]) -> Result<usize, ReceiveError> {
+        pending().await
+    }
+}
+
+impl SerialLine for NotSimulated {
+    async fn send(&mut self, _: &[u8]) {}
+}
+
+impl Indicators for NotSimulated {
+    fn show(&mut self, _: Indication) {}
+}
