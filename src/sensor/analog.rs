@@ -254,6 +254,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: FR-11
     fn mean_of_a_burst_is_rounded() {
         let mut low = [1000; 16];
         low[..7].fill(1001);

@@ -139,6 +139,7 @@ fn sensor_failed_since_boot_is_unknown_then_unhealthy() {
 }
 
 #[test]
+// Requirement: PX-5
 fn usb_power_alone_is_not_connected() {
     let mut bench = MonitorBench::new();
     bench.run(1.0, volts(2.09));

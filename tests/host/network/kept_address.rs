@@ -93,6 +93,7 @@ fn over_a_reset_a_phone_keeps_its_address_and_is_heard_at_once() {
 }
 
 #[test]
+// Requirement: R-8
 fn after_power_up_a_phone_keeps_its_address_and_is_heard_at_once() {
     play(Role::AccessPoint, async |room| {
         let mut phone = Phone::new(&room.air, 3);

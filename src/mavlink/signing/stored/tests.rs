@@ -282,6 +282,7 @@ fn what_could_not_be_written_is_unsaved_until_it_is_written_from_the_start() {
 }
 
 #[test]
+// Requirement: W-2
 fn the_mark_is_ahead_of_everything_signed_and_moves_once_a_minute() {
     let mut mark = Mark::default();
     let mut moved = 0;
