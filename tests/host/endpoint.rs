@@ -24,10 +24,10 @@ use support::commands::{
 };
 use support::desk::{Desk, EXTRA1};
 use support::frames::{
-    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
-    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR,
-    PARAM_VALUE, PING, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, TIMESYNC,
-    encode_v1, encode_v2, of_message,
+    AUTOPILOT_VERSION, AVAILABLE_MODES, BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus,
+    COMMAND_ACK, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT,
+    MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR, PARAM_VALUE, PING, PROTOCOL_VERSION, ParamValue,
+    SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, TIMESYNC, encode_v1, encode_v2, of_message,
 };
 use support::requests::{
     EVERYONE, GCS, ONBOARD_CONTROLLER, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
@@ -56,6 +56,7 @@ const NOT_LISTED: u16 = u16::MAX;
 
 const DOES_NOT_EXIST: u8 = 1;
 const VALUE_OUT_OF_RANGE: u8 = 2;
+const READ_ONLY: u8 = 5;
 
 fn assert_ack(frame: &Frame, command: u16, result: u8) {
     assert_eq!(frame.message_id, COMMAND_ACK);
@@ -166,6 +167,21 @@ fn a_value_out_of_range_is_refused_and_the_old_one_shown() {
         desk.assert_param_value(&answers[1], EXTRA1, 2.0);
     }
     assert_eq!(desk.parameters().next_unsaved(), None);
+}
+
+#[test]
+fn what_ground_stations_alone_ask_for_is_constant() {
+    let mut desk = Desk::without_packs();
+    let constants = ParameterId::all().filter(|id| matches!(id, ParameterId::GroundStation(_)));
+    for id in constants {
+        let answers = desk.ask(&param_set(&id.name(), id.default_value() + 1.0));
+        assert_eq!(
+            (answers[0].message_id, answers[0].u8(20)),
+            (PARAM_ERROR, READ_ONLY)
+        );
+        desk.assert_param_value(&answers[1], id, id.default_value());
+        assert_eq!(answers.len(), 2);
+    }
 }
 
 #[test]
@@ -351,6 +367,57 @@ fn commands_are_executed_denied_or_unsupported() {
     }
 }
 
+#[test]
+fn versions_are_reported_by_whatever_command_asks_for_them() {
+    const REQUEST_PROTOCOL_VERSION: u16 = 519;
+    const REQUEST_CAPABILITIES: u16 = 520;
+    let mut desk = Desk::without_packs();
+    for (number, param1, message) in [
+        (REQUEST_MESSAGE, 148.0, AUTOPILOT_VERSION),
+        (REQUEST_CAPABILITIES, 1.0, AUTOPILOT_VERSION),
+        (REQUEST_MESSAGE, 300.0, PROTOCOL_VERSION),
+        (REQUEST_PROTOCOL_VERSION, 1.0, PROTOCOL_VERSION),
+    ] {
+        let number_bytes = number.to_le_bytes();
+        let to_everyone = [&f32::to_le_bytes(param1)[..], &[0; 24], &number_bytes, &EVERYONE].concat();
+        for request in [
+            command_long(number, param1),
+            command_int(number, param1),
+            encode_v2(COMMAND_LONG, &to_everyone),
+        ] {
+            let answers = desk.ask(&request);
+            assert_ack(&answers[0], number, ACCEPTED);
+            assert_eq!((answers.len(), answers[1].message_id), (2, message));
+            match message {
+                // PARAM_FLOAT, COMMAND_INT, FTP, MAVLINK2, PARAM_ENCODE_C_CAST.
+                AUTOPILOT_VERSION => assert_eq!(answers[1].u32(0), 2 | 8 | 32 | 8192 | 131_072),
+                _ => assert_eq!([0, 2, 4].map(|at| answers[1].u16(at)), [200, 100, 200]),
+            }
+        }
+    }
+}
+
+#[test]
+fn modes_are_listed_by_index_or_together() {
+    let mut desk = Desk::without_packs();
+    let (manual, hold) = ((1, 0, "Manual".to_owned()), (2, 4, "Hold".to_owned()));
+    for (index, expected) in [
+        (1.0, vec![manual.clone()]),
+        (2.0, vec![hold.clone()]),
+        (0.0, vec![manual, hold]),
+        (3.0, vec![]),
+    ] {
+        let answers = desk.ask(&command_long_2(REQUEST_MESSAGE, AVAILABLE_MODES as f32, index));
+        let result = if expected.is_empty() { DENIED } else { ACCEPTED };
+        assert_ack(&answers[0], REQUEST_MESSAGE, result);
+        let modes = answers[1..].iter().map(|mode| {
+            assert_eq!((mode.message_id, mode.u8(8)), (AVAILABLE_MODES, 2));
+            (mode.u8(9), mode.u32(0), mode.text(11, 35))
+        });
+        assert_eq!(modes.collect::<Vec<_>>(), expected, "{index}");
+    }
+}
+
 fn healthy() -> BatteryState {
     let mut battery = BatteryState::UNKNOWN;
     battery.status = PackStatus::Healthy;
@@ -396,6 +463,7 @@ fn a_ground_station_switches_solar_chargers_by_their_function_alone() {
 }
 
 #[test]
+// Requirement: AP-16
 fn a_battery_reset_reaches_the_packs_that_exist() {
     for (mask, result, reset) in [
         (1.0, ACCEPTED, Some(1)),

@@ -4,12 +4,14 @@ use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{Amount, BatteryState, FailsafeLevel, PackStatus, ReadError};
 use rover_battmon::mavlink::{Event, Framer, LinkKind, Stream};
+use rover_battmon::memory::flash_chip::RegisterWear;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, StickParameter, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::commands::{
     ACCEPTED, ARM_DISARM, BATTERY_RESET, DENIED, FAILED, FORCED, RUN_PREARM_CHECKS, TEMPORARILY_REJECTED,
+    UNSUPPORTED,
 };
 use support::desk::{Desk, LOW_VOLT, adc_count};
 use support::frames::{
@@ -259,6 +261,27 @@ fn failsafes_that_are_off_name_the_parameter_that_is_missing() {
 }
 
 #[test]
+// Requirement: R-15
+fn a_link_that_opens_announces_that_logging_wears_the_flash_unless_the_log_is_off() {
+    const WEARS: &str = "Logging wears out this flash chip: set LOG_BITMASK 0";
+    for (flash_wear, bitmask, is_announced) in [
+        (RegisterWear::EachPage, 520.0, true),
+        (RegisterWear::EachPage, 0.0, false),
+        (RegisterWear::None, 520.0, false),
+    ] {
+        let start = Start {
+            flash_wear,
+            ..Start::default()
+        };
+        let mut rover = Rover(Desk::starting(start)).with(VehicleParameter::LogBitmask, bitmask);
+        rover.0.autopilot.open(&mut rover.0.endpoint);
+        let texts = joined(&rover.0.sent());
+        let announced = texts.iter().any(|(_, text)| text == WEARS);
+        assert_eq!(announced, is_announced, "{flash_wear:?} {bitmask}: {texts:?}");
+    }
+}
+
+#[test]
 // Requirement: AP-17
 fn an_attempt_to_arm_names_the_critical_threshold_before_the_low_one() {
     let low_mah = BatteryParameter::LowMah.of(Pack::First);
@@ -417,7 +440,7 @@ fn a_divider_at_full_scale_is_above_what_the_drivers_stand_at_once() {
         rover.sample_pin(full_scale, 2);
         let refused = rover.ask(&arm(), ARM_DISARM, FAILED);
         assert!(
-            refused[0].1.starts_with("Arm: Battery 1 unhealthy: "),
+            refused[0].1.starts_with("Arm: Battery 1 unhealthy: over range"),
             "{refused:?}"
         );
     }
@@ -702,6 +725,13 @@ fn modes_are_set_by_number_and_unknown_ones_fail() {
     }
     assert_eq!(rover.deliver(&set_mode(2, 1, HOLD)), Event::Ignored);
     assert_eq!(rover.heartbeat().0, MANUAL);
+}
+
+#[test]
+fn a_motor_test_is_refused_with_what_to_use_instead() {
+    const DO_MOTOR_TEST: u16 = 209;
+    let refused = Rover::new().ask(&command_long(DO_MOTOR_TEST, 1.0), DO_MOTOR_TEST, UNSUPPORTED);
+    assert_eq!(refused, [(WARNING, "No motor test: use board-check".into())]);
 }
 
 #[test]

@@ -41,6 +41,7 @@ pub const FUEL_STATUS: u32 = 371;
 pub const BATTERY_INFO: u32 = 372;
 pub const COMPONENT_METADATA: u32 = 397;
 pub const NAMED_VALUE_FLOAT: u32 = 251;
+pub const AVAILABLE_MODES: u32 = 435;
 
 /// MAV_SEVERITY.
 pub const CRITICAL: u8 = 2;
@@ -160,6 +161,7 @@ fn crc_extra(message_id: u32) -> u8 {
         BATTERY_INFO => 26,
         COMPONENT_METADATA => 182,
         NAMED_VALUE_FLOAT => 170,
+        AVAILABLE_MODES => 134,
         other => panic!("message {other} is not one of the tests'"),
     }
 }
