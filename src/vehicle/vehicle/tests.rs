@@ -171,6 +171,7 @@ fn control_time_out_holds_until_inputs_resume() {
     assert_eq!(events, [(1_520_000, VehicleEvent::ControlsTimedOut)]);
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
     assert_eq!(vehicle.status().alert, Alert::TimedOut);
+    assert_eq!(vehicle.indication(at_us(10_000_000)).colour, Colour::Yellow);
     assert_eq!(vehicle.set_mode(Mode::Manual), Err(ModeRefused));
     assert_eq!(vehicle.set_mode(Mode::Hold), Ok(()));
     steer(

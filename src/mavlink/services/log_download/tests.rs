@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::system::LogReaders;
 use crate::time::at_us;
 use crate::vehicle::ArmState;
 use crate::vehicle::VehicleStatus;
@@ -301,6 +302,26 @@ fn the_second_station_waits_until_the_first_ends_or_is_silent() {
     assert_eq!(ask(&mut download, STATION, 105 * SECOND), Err(Refusal::InUse));
     download.end(OTHER);
     assert_eq!(ask(&mut download, STATION, 105 * SECOND), Ok(()));
+}
+
+#[test]
+fn what_was_read_on_another_link_is_not_erased_for_five_seconds() {
+    let logs = files(1, &[200]);
+    let mut log_readers = LogReaders::default();
+    log_readers.note(Some(LINK + 1), at_us(0));
+    for (link, us, expected) in [
+        (LINK, 5 * SECOND - 1, Err(Refusal::InUse)),
+        (LINK, 5 * SECOND, Ok(())),
+        (LINK + 1, 1, Ok(())),
+    ] {
+        let state = SystemState {
+            now: at_us(us),
+            log_readers,
+            ..state(&logs)
+        };
+        let erased = LogDownload::default().erase(STATION, link, &state);
+        assert_eq!(erased, expected, "link {link} after {us} us");
+    }
 }
 
 #[test]
