@@ -15,7 +15,7 @@ use rover_battmon::tasks::{
     write_frames,
 };
 use rover_battmon_tools::sim::clock;
-use support::frames::{STATUSTEXT, frames, of_message};
+use support::frames::{Frame, HEARTBEAT, STATUSTEXT, frames, of_message};
 use support::line::{BYTE_US, Line, Sent};
 use support::requests::{GCS, ONBOARD_CONTROLLER, heartbeat};
 
@@ -36,9 +36,8 @@ impl ByteSource for System {
 }
 
 /// What was said of crashes, and when.
-fn texts(sent: &Sent) -> Vec<(u64, String)> {
-    let sent = frames(&sent.borrow());
-    let texts = of_message(&sent, STATUSTEXT);
+fn texts(sent: &[Frame]) -> Vec<(u64, String)> {
+    let texts = of_message(sent, STATUSTEXT);
     texts
         .iter()
         .map(|frame| (frame.at_us, frame.text(1, 50)))
@@ -62,7 +61,7 @@ fn crash() -> CrashRecord {
 }
 
 /// Ten seconds with a system of this kind on the first of two links from `from_us` on.
-fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
+fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<Frame>; 2] {
     let check_in = CheckIn::new("", u32::MAX);
     let (near, far) = (Sent::default(), Sent::default());
     let system = System {
@@ -95,13 +94,15 @@ fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
         )
         .await
     });
-    [&near, &far].map(texts)
+    [&near, &far].map(|sent| frames(&sent.borrow()))
 }
 
 #[test]
 fn each_link_reports_a_crash_once_and_the_record_is_cleared() {
     let memory = Memory::default();
-    for texts in run(GCS, 3 * SECOND, &memory) {
+    for sent in run(GCS, 3 * SECOND, &memory) {
+        assert_eq!(of_message(&sent, HEARTBEAT).len(), 10, "meanwhile");
+        let texts = texts(&sent);
         let said: Vec<_> = texts.iter().map(|(_, text)| text.as_str()).collect();
         // The first chunk of each.
         assert_eq!(
@@ -124,6 +125,7 @@ fn each_link_reports_a_crash_once_and_the_record_is_cleared() {
 #[test]
 fn other_systems_get_no_crash_report_and_the_record_is_kept() {
     let memory = Memory::default();
-    assert_eq!(run(ONBOARD_CONTROLLER, SECOND, &memory), [vec![], vec![]]);
+    let sent = run(ONBOARD_CONTROLLER, SECOND, &memory);
+    assert_eq!(sent.map(|sent| texts(&sent)), [vec![], vec![]]);
     assert_eq!(memory.get(), None);
 }
