@@ -9,7 +9,7 @@ use rover_battmon::autopilot::{CrashLine, Start};
 use rover_battmon::battery::{Gap, PackEvent, PackNotice, ReadError, RetainedRecord};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::tasks::{CheckIn, Link, Shared, Watchdog, schedule_telemetry, supervise, write_frames};
 use rover_battmon::vehicle::ArmState;
@@ -57,6 +57,10 @@ fn byte_us(baud: u64) -> u64 {
 }
 
 fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
+    run_with(with_threshold(), seconds, baud, input)
+}
+
+fn run_with(parameters: Parameters, seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
     let check_ins = [0; 3].map(|_| CheckIn::new("", u32::MAX));
     let sent = RefCell::new(Vec::new());
     let line = Line {
@@ -66,7 +70,7 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
-            Shared::new(&Start::with_parameters(with_threshold())),
+            Shared::new(&Start::with_parameters(parameters)),
             Link::new("line", LinkKind::Radio, baud as u32 / 10),
         );
         join3(
@@ -134,25 +138,59 @@ fn one_bad_conversion_costs_one_reading_and_no_more() {
 }
 
 #[test]
+fn a_voltage_step_reaches_the_wire_within_620_ms() {
+    for phase in 0..20 {
+        let step_us = 3_000_000 + phase * 29_917;
+        let count = |at: Instant| if at.as_micros() < step_us { 2482 } else { 3000 };
+        let frames = run(5, 115_200, Converter(|at| Ok(AdcCount(count(at)))));
+        let battery = of_message(&frames, BATTERY_STATUS);
+        let shows_it = |frame: &&&Frame| BatteryStatus(frame).voltage_mv(0) > 9000;
+        let arrived_us = battery.iter().find(shows_it).expect("it arrives").at_us;
+        assert!(
+            (step_us..step_us + 620_000).contains(&arrived_us),
+            "{step_us}: {arrived_us}"
+        );
+    }
+}
+
+#[test]
+// Requirement: AP-25
 fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it_but_no_heartbeat() {
-    // 21 + 2 × (43 + 53) bytes a second are wanted; 600 baud carry 60.
-    let frames = run(600, 600, Converter(|_| Ok(AdcCount(2482))));
-    assert_no_sequence_gap(&frames);
-    // The last one may still be on its way.
-    assert!([599, 600].contains(&of_message(&frames, HEARTBEAT).len()));
-    let counts = [SYS_STATUS, BATTERY_STATUS].map(|message| of_message(&frames, message).len());
-    assert!(
-        counts[0] > 200 && counts[0].abs_diff(counts[1]) <= 1,
-        "uneven: {counts:?}"
-    );
-    let sys_status = of_message(&frames, SYS_STATUS);
-    let dropped = SysStatus(sys_status[sys_status.len() - 1]).dropped();
-    let posted = 2 * 2 * 600;
-    let left = counts[0] + counts[1];
-    assert!(
-        usize::from(dropped).abs_diff(posted - left) <= 20,
-        "{dropped} drops counted"
-    );
+    // 21 + rate × (43 + 53) bytes a second are wanted; a tenth of the baud rate is carried. A heartbeat waits for one frame.
+    for (baud, rate_hz, least_of_each, frame_us) in [(600, 2, 200, 900_000), (9_600, 50, 5_000, 60_000)] {
+        let mut parameters = with_threshold();
+        parameters
+            .set(VehicleParameter::Sr0Extra1, rate_hz as f32)
+            .unwrap();
+        let frames = run_with(parameters, 600, baud, Converter(|_| Ok(AdcCount(2482))));
+        assert_no_sequence_gap(&frames);
+        let heartbeats = of_message(&frames, HEARTBEAT);
+        // The last one may still be on its way.
+        assert!([599, 600].contains(&heartbeats.len()));
+        for pair in heartbeats.windows(2) {
+            let interval_us = pair[1].at_us - pair[0].at_us;
+            assert!(
+                interval_us.abs_diff(1_000_000) <= frame_us,
+                "{baud}: {interval_us}"
+            );
+        }
+        let counts = [SYS_STATUS, BATTERY_STATUS].map(|message| of_message(&frames, message).len());
+        assert!(
+            counts[0] > least_of_each && counts[0].abs_diff(counts[1]) <= 1,
+            "uneven: {counts:?}"
+        );
+        let sys_status = of_message(&frames, SYS_STATUS);
+        let dropped = SysStatus(sys_status[sys_status.len() - 1]).dropped();
+        let posted = 2 * rate_hz * 600;
+        let left = counts[0] + counts[1];
+        assert!(
+            usize::from(dropped).abs_diff(posted - left) <= 20 * rate_hz,
+            "{dropped} drops counted"
+        );
+        let texts = texts(&frames).into_iter().map(|(_, text)| text);
+        let announced: Vec<_> = texts.filter(|text| text.starts_with("Link")).collect();
+        assert_eq!(announced, ["Link too slow for its rates: telemetry reduced"]);
+    }
 }
 
 /// What two links send in 20 s, of `baud` and of 115200, while `script` runs.
