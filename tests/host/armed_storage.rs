@@ -14,17 +14,19 @@ use rover_battmon::mavlink::{Endpoint, Framer, LinkKind};
 use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
-use rover_battmon::tasks::{Shared, now};
+use rover_battmon::tasks::{Shared, now, reboot_requested};
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::clock;
 use support::commands::{PREFLIGHT_STORAGE, RESET};
+use support::desk::LOW_VOLT;
 use support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
 use support::requests::{
-    VEHICLE, arm_by_force, command_long, disarm, param_request_list, param_set, setup_signing,
+    VEHICLE, arm_by_force, command_long, disarm, param_request_list, param_set, reboot, setup_signing,
 };
 
 use crate::regions::{Regions, keep};
 
+const NOT_SAVED: &str = "Parameters can't be saved: flash worn out?";
 const NOT_WHILE_ARMED: &str = "Not while armed: disarm first";
 
 /// A capacity that is lost if power is lost before disarming.
@@ -266,6 +268,45 @@ fn reset_that_needs_space_twice_is_saved_after_disarming() {
         station.wait(2).await;
     });
     assert_eq!(stored(&regions, CAPACITY), 888.0);
+}
+
+#[test]
+// Requirement: L-18
+fn what_flash_refused_is_saved_before_a_restart() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        station.set("BATT_CAPACITY", 777.0);
+        station.wait(2).await;
+        regions.parameters.chip().refuse_all_after(0);
+        station.ask(&command_long(PREFLIGHT_STORAGE, RESET));
+        station.set("BATT_LOW_VOLT", 10.5);
+        assert_eq!(station.wait(8).await, [NOT_SAVED]);
+        regions.parameters.chip().power_up();
+        station.ask(&reboot());
+        reboot_requested(station.shared, || true).await;
+    });
+    assert_eq!(stored(&regions, CAPACITY), CAPACITY.default_value());
+    assert_eq!(stored(&regions, LOW_VOLT), 10.5);
+}
+
+#[test]
+fn a_list_is_preceded_by_a_failure_to_save_while_it_lasts() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        let failures_in_a_list = || {
+            let texts = texts_of(&station.ask(&param_request_list(VEHICLE)));
+            texts.iter().filter(|text| *text == NOT_SAVED).count()
+        };
+        assert_eq!(failures_in_a_list(), 0);
+        regions.parameters.chip().refuse_all_after(0);
+        station.set("BATT_CAPACITY", 777.0);
+        station.wait(8).await;
+        assert_eq!(failures_in_a_list(), 1);
+        regions.parameters.chip().power_up();
+        station.wait(65).await;
+        assert_eq!(failures_in_a_list(), 0);
+    });
+    assert_eq!(stored(&regions, CAPACITY), 777.0);
 }
 
 #[test]
