@@ -77,6 +77,13 @@ impl Rover {
         self.desk.ask(&disarm());
     }
 
+    /// The content of the chip, up to the end of the log.
+    pub fn chip(&mut self) -> Vec<u8> {
+        let mut chip = vec![0; Flash::REGION.end as usize];
+        block_on(self.flash.read(0, &mut chip)).expect("it works");
+        chip
+    }
+
     /// The content of a file.
     pub fn file(&mut self, number: u16) -> Vec<u8> {
         let mut content = Vec::new();
@@ -85,9 +92,7 @@ impl Rover {
                 .autopilot
                 .locate_log(number, content.len() as u32, None, self.desk.now())
         {
-            let mut chip = vec![0; Flash::REGION.end as usize];
-            block_on(self.flash.read(0, &mut chip)).expect("it works");
-            content.extend_from_slice(&chip[piece.address as usize..][..piece.bytes as usize]);
+            content.extend_from_slice(&self.chip()[piece.address as usize..][..piece.bytes as usize]);
         }
         content
     }

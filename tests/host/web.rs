@@ -6,22 +6,29 @@ use std::convert::Infallible;
 use std::fs;
 use std::future::pending;
 
+use embassy_futures::block_on;
 use embassy_futures::join::join_array;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
-use rover_battmon::autopilot::Start;
-use rover_battmon::mavlink::LinkKind;
+use rover_battmon::autopilot::{Autopilot, Start};
 use rover_battmon::mavlink::dialect::{MavMessage, PARAM_REQUEST_READ_DATA};
-use rover_battmon::recorder::{LogSource, ReadFailed};
-use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared};
+use rover_battmon::mavlink::{Endpoint, LinkKind};
+use rover_battmon::parameter::VehicleParameter;
+use rover_battmon::recorder::{LogSource, ReadFailed, Ring};
+use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, now};
 use rover_battmon::web::{
     Attended, BUFFER_BYTES, Place, Places, Sender, Site, attend, refuse, serve_web_socket,
 };
 use rover_battmon_tools::frames::{FrameReader, frame};
 use rover_battmon_tools::sim::clock::run_for;
+use support::desk::LOW_VOLT;
 use support::repository;
+use support::requests::{arm_by_force, param_set, setup_signing};
+use support::signer::{NEW_YEAR, OWNER, Signer};
+
+use crate::logged_rover;
 
 static CHECK_IN: CheckIn = CheckIn::new("", u32::MAX);
 
@@ -30,11 +37,17 @@ const OURS: &str = "Host: 192.168.4.1\r\n";
 const UPGRADE: &str = "Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
     Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
 
-struct NoLogs;
+/// The content of a chip with logs; none, if it is empty.
+struct Chip(Vec<u8>);
 
-impl LogSource for NoLogs {
-    fn read_log(&self, _: u32, _: &mut [u8]) -> Result<(), ReadFailed> {
-        Err(ReadFailed)
+impl LogSource for Chip {
+    fn read_log(&self, address: u32, bytes: &mut [u8]) -> Result<(), ReadFailed> {
+        let part = self
+            .0
+            .get(address as usize..)
+            .and_then(|rest| rest.get(..bytes.len()));
+        bytes.copy_from_slice(part.ok_or(ReadFailed)?);
+        Ok(())
     }
 }
 
@@ -112,12 +125,16 @@ impl ByteSource for Gone {
 
 /// Plays a scene with a server.
 fn play<R>(scene: impl AsyncFnOnce(Site<'_>) -> R) -> R {
+    play_with(&Chip(Vec::new()), scene)
+}
+
+fn play_with<R>(logs: &Chip, scene: impl AsyncFnOnce(Site<'_>) -> R) -> R {
     let played = run_for(Duration::from_secs(600), async {
         let shared = Shared::new(&Start::default());
         let places = Places::new();
         let site = Site {
             shared: &shared,
-            logs: &NoLogs,
+            logs,
             places: &places,
         };
         scene(site).await
@@ -337,6 +354,103 @@ fn a_slow_request_is_not_waited_for() {
         let gone = Wire::default();
         attend(&gone, Gone, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
         assert_eq!(gone.text(), "");
+    });
+}
+
+/// Delivers a request by cable, as the owner.
+fn ask_by_cable(site: Site<'_>, request: &[u8]) {
+    let mut cable = Endpoint::new("cable", LinkKind::Direct, 100_000, now());
+    cable.push(request);
+    let handled = |autopilot: &mut Autopilot| autopilot.handle_next(&mut cable, now(), now());
+    assert!(site.shared.with(handled).is_some());
+}
+
+/// Plays a scene with a log of this content.
+fn play_with_a_log(scene: impl AsyncFnOnce(Site<'_>, &[u8])) {
+    let mut rover = logged_rover::Rover::new();
+    rover.drive(3);
+    rover.run(20);
+    let content = rover.file(1);
+    let ring = block_on(Ring::scan(&mut rover.flash, logged_rover::Flash::REGION));
+    play_with(&Chip(rover.chip()), async |site| {
+        site.shared.with(|autopilot| autopilot.logs_found(ring));
+        scene(site, &content).await;
+    });
+}
+
+/// Head and content of what is answered to a request without a body.
+async fn fetched(site: Site<'_>, path: &str, headers: &str) -> (String, Vec<u8>) {
+    let wire = Wire::default();
+    wire.send(get(path, headers).as_bytes());
+    serve(&wire, site).await;
+    let mut head = wire.sent();
+    let end = head.windows(4).position(|bytes| bytes == b"\r\n\r\n");
+    let content = head.split_off(end.expect("a head") + 4);
+    (String::from_utf8(head).expect("text"), content)
+}
+
+#[test]
+fn a_log_is_listed_and_sent_whole_or_in_part_unless_armed() {
+    play_with_a_log(async |site, whole| {
+        let bytes = whole.len();
+        let list = format!(
+            "[\n{{\"number\":1,\"bytes\":{bytes},\"time_utc\":null,\"name\":\"rover-00000001.BIN\"}}\n]\n"
+        );
+        assert_eq!(fetched(site, "/logs/", "").await.1, list.as_bytes());
+        let if_range = |tag: &str| format!("Range: bytes=100-\r\nIf-Range: \"{tag}\"\r\n");
+        for (headers, expected, part) in [
+            (String::new(), "200", whole),
+            ("Range: bytes=100-299\r\n".into(), "206", &whole[100..300]),
+            ("Range: bytes=100-\r\n".into(), "206", &whole[100..]),
+            ("Range: bytes=-50\r\n".into(), "206", &whole[bytes - 50..]),
+            (if_range(&format!("1-{bytes}")), "206", &whole[100..]),
+            (if_range("another"), "200", whole),
+            (
+                "Range: bytes=99999999-\r\n".into(),
+                "416",
+                b"The log has no such bytes.",
+            ),
+        ] {
+            let (head, content) = fetched(site, "/logs/1.BIN", &headers).await;
+            assert_eq!(status(&head), expected, "{headers}");
+            assert!(content == part, "{headers}");
+            assert!(
+                head.contains(&format!("\r\nContent-Length: {}\r\n", part.len())),
+                "{head}"
+            );
+            let is_log = expected != "416";
+            assert_eq!(head.contains("filename=\"rover-00000001.BIN\""), is_log, "{head}");
+            assert_eq!(
+                head.contains(&format!("/{bytes}\r\n")),
+                expected == "206",
+                "{head}"
+            );
+        }
+        ask_by_cable(site, &arm_by_force());
+        assert_eq!(status(&fetched(site, "/logs/1.BIN", "").await.0), "409");
+        assert_eq!(status(&fetched(site, "/logs/", "").await.0), "200");
+    });
+}
+
+#[test]
+fn with_a_key_logs_are_read_as_sign_wifi_allow_says() {
+    play_with_a_log(async |site, _| {
+        ask_by_cable(site, &setup_signing([OWNER; 32], NEW_YEAR));
+        for (allowed, expected) in [(0.0, "403"), (1.0, "200")] {
+            let set = |autopilot: &mut Autopilot| {
+                autopilot
+                    .parameters_mut()
+                    .set(VehicleParameter::SignWifiAllow, allowed)
+            };
+            site.shared.with(set).expect("in range");
+            for path in ["/logs/", "/logs/1.BIN"] {
+                assert_eq!(
+                    status(&fetched(site, path, "").await.0),
+                    expected,
+                    "{path} {allowed}"
+                );
+            }
+        }
     });
 }
 
@@ -583,15 +697,22 @@ fn read_parameter(name: &str) -> Vec<u8> {
 
 /// Serves a WebSocket with what comes for so long, and returns what was sent: the payloads by kind of frame, and whether it has ended.
 fn served(sender: &str, coming: &[Vec<u8>], seconds: u64) -> (Vec<(u8, Vec<u8>)>, bool) {
-    play(async |site| {
-        let place = open(site, sender).await.expect("it is the first");
-        let wire = Wire::default();
-        coming.iter().for_each(|bytes| wire.send(bytes));
-        let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(place.sender.access());
-        let serving = serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN);
-        let end = select(serving, Timer::after_secs(seconds)).await;
-        (sent_frames(&wire.sent()), matches!(end, Either::First(())))
-    })
+    play(async |site| served_at(site, sender, coming, seconds).await)
+}
+
+async fn served_at(
+    site: Site<'_>,
+    sender: &str,
+    coming: &[Vec<u8>],
+    seconds: u64,
+) -> (Vec<(u8, Vec<u8>)>, bool) {
+    let place = open(site, sender).await.expect("there is one");
+    let wire = Wire::default();
+    coming.iter().for_each(|bytes| wire.send(bytes));
+    let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(place.sender.access());
+    let serving = serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN);
+    let end = select(serving, Timer::after_secs(seconds)).await;
+    (sent_frames(&wire.sent()), matches!(end, Either::First(())))
 }
 
 fn sent_frames(mut bytes: &[u8]) -> Vec<(u8, Vec<u8>)> {
@@ -773,4 +894,24 @@ fn a_foreign_page_hears_and_gets_no_answer() {
     assert!(!has_ended);
     assert!(sent.len() > 10, "telemetry comes: {}", sent.len());
     assert_eq!(values(&sent), [""; 0]);
+}
+
+#[test]
+fn a_foreign_page_is_obeyed_only_if_it_signs() {
+    let request = param_set("BATT_LOW_VOLT", 10.5);
+    let signed = Signer::new(OWNER).sign(&request);
+    for (has_key, request, expected) in [
+        (false, &request, 0.0),
+        (true, &request, 0.0),
+        (true, &signed, 10.5),
+    ] {
+        play(async |site| {
+            if has_key {
+                ask_by_cable(site, &setup_signing([OWNER; 32], NEW_YEAR));
+            }
+            served_at(site, FOREIGN, &[masked(BINARY, request)], 1).await;
+            let value = site.shared.with(|autopilot| autopilot.parameters().get(LOW_VOLT));
+            assert_eq!(value, expected, "has a key: {has_key}");
+        });
+    }
 }
