@@ -1,5 +1,7 @@
 //! Parameters, the log and everything else take turns at a flash that takes its time.
 
+use std::ops::Range;
+
 use embassy_futures::block_on;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
@@ -13,7 +15,7 @@ use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::tasks::{CheckIn, Shared, Storages, keep_flash, now};
 use rover_battmon::wifi::Radio;
 use rover_battmon_tools::sim::{SimulatedFlash, clock};
-use support::requests::param_set;
+use support::requests::{arm_by_force, disarm, param_set};
 
 /// A page takes as long as on the slowest chip.
 #[derive(Clone)]
@@ -52,10 +54,15 @@ impl NorFlash for SlowFlash {
 
 /// Lets a vehicle that logs while disarmed run beside `script`.
 fn run(flash: &SlowFlash, script: impl AsyncFnOnce(&Shared)) {
+    let mut parameters = Parameters::defaults();
+    parameters.set(VehicleParameter::LogDisarmed, 1.0).unwrap();
+    run_with(parameters, flash, script);
+}
+
+/// Lets a vehicle run beside `script`, for ten minutes at most.
+fn run_with(parameters: Parameters, flash: &(impl NorFlash + Clone), script: impl AsyncFnOnce(&Shared)) {
     let check_in = CheckIn::new("", u32::MAX);
-    clock::run_for(Duration::from_secs(60), async {
-        let mut parameters = Parameters::defaults();
-        parameters.set(VehicleParameter::LogDisarmed, 1.0).unwrap();
+    clock::run_for(Duration::from_secs(600), async {
         let shared = Shared::new(&Start::with_parameters(parameters));
         let storages = Storages::of_board(flash.clone(), Radio::Absent);
         let task = keep_flash(
@@ -85,8 +92,12 @@ async fn sample(shared: &Shared) {
 }
 
 fn set(shared: &Shared, name: &str, value: f32) {
+    request(shared, &param_set(name, value));
+}
+
+fn request(shared: &Shared, request: &[u8]) {
     let mut endpoint = Endpoint::new("desk", LinkKind::Direct, 100_000, now());
-    endpoint.push(&param_set(name, value));
+    endpoint.push(request);
     let handle =
         |endpoint: &mut Endpoint| shared.with(|autopilot| autopilot.handle_next(endpoint, now(), now()));
     while handle(&mut endpoint).is_some() {}
@@ -126,4 +137,65 @@ fn a_parameter_is_saved_at_once_while_the_log_erases_ahead() {
             assert_eq!(unsaved, None, "{number}");
         }
     });
+}
+
+/// Erases of the sectors of a range.
+fn erases(flash: &SimulatedFlash, range: Range<u32>) -> Vec<u32> {
+    let sectors = [range.start, range.end].map(|at| (at - flash_map::LOG.start) / flash_map::SECTOR_BYTES);
+    flash.chip().erases[sectors[0] as usize..sectors[1] as usize].to_vec()
+}
+
+#[test]
+fn sectors_of_the_log_are_prepared_once_and_blank_ones_are_not_erased() {
+    for (byte, expected) in [(0xff, 0), (0, 309)] {
+        let flash = SimulatedFlash::blank();
+        flash.chip().region()[..flash_map::LOG.len()].fill(byte);
+        for (erased, marked) in [(expected, 309), (0, 0)] {
+            let before = flash.chip().operations();
+            let a_minute = async |_: &Shared| Timer::after_secs(60).await;
+            run_with(Parameters::defaults(), &flash, a_minute);
+            let operations = flash.chip().operations() - before;
+            assert_eq!(operations, erased + marked, "{byte:#x}");
+        }
+        let erased: u32 = erases(&flash, flash_map::LOG).iter().sum();
+        assert_eq!(u64::from(erased), expected, "{byte:#x}");
+    }
+}
+
+#[test]
+fn the_log_of_an_armed_rover_is_not_erased() {
+    let flash = SimulatedFlash::blank();
+    flash.chip().region()[..flash_map::LOG.len()].fill(0);
+    run_with(Parameters::defaults(), &flash, async |shared| {
+        Timer::after_secs(1).await;
+        request(shared, &arm_by_force());
+        let before = erases(&flash, flash_map::LOG);
+        Timer::after_secs(10).await;
+        assert_eq!(erases(&flash, flash_map::LOG), before);
+        request(shared, &disarm());
+        Timer::after_secs(10).await;
+        assert_ne!(erases(&flash, flash_map::LOG), before);
+    });
+}
+
+#[test]
+// Requirement: W-1
+fn a_thousand_parameters_that_are_set_cost_a_page_each_and_four_erases_in_turn() {
+    let flash = SimulatedFlash::blank();
+    run_with(Parameters::defaults(), &flash, async |shared| {
+        set(shared, "LOG_BITMASK", 0.0);
+        Timer::after_secs(60).await;
+        let before = flash.chip().programs;
+        for number in 0..1_000 {
+            set(shared, "BATT_SERIAL_NUM", number as f32);
+            Timer::after_millis(100).await;
+        }
+        let programs = flash.chip().programs - before;
+        assert!((1_000..=1_100).contains(&programs), "{programs}");
+    });
+    let erases = erases(&flash, flash_map::PARAMETERS);
+    let total: u32 = erases.iter().sum();
+    assert!((1..=4).contains(&total), "{erases:?}");
+    let most = total.div_ceil(erases.len() as u32);
+    assert!(erases.iter().all(|sector| *sector <= most), "in turn: {erases:?}");
 }
