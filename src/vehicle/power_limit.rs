@@ -152,6 +152,7 @@ mod tests {
     }
 
     #[test]
+    // Requirement: AP-28
     fn a_load_by_the_square_of_the_duty_settles_at_the_limit() {
         for full_w in [21.0, 52.0, 200.0] {
             let mut rig = Rig::new();

@@ -32,6 +32,7 @@ mod page_messages;
 mod parameter_changes;
 mod parameter_docs;
 mod pins_and_wires;
+mod power_limit;
 mod regions;
 mod rover;
 mod safe_driving;
