@@ -19,6 +19,8 @@ use support::frames::{
     assert_no_sequence_gap, frames, of_message,
 };
 use support::line::Line;
+use support::time::SECOND;
+use support::vehicle::{OnHost, TestedVehicle};
 
 /// A converter whose answers depend on the time.
 struct Converter<F>(F);
@@ -97,6 +99,27 @@ fn a_pack_appears_on_the_wire_at_the_default_rates() {
         assert_eq!(BatteryStatus(frame).voltage_mv(0), 7901);
         assert_eq!(BatteryStatus(frame).charge_state(), 1);
         assert_eq!((frame.system_id, frame.component_id), (1, 1));
+    }
+}
+
+#[test]
+// Requirement: AP-2
+fn a_scale_an_offset_and_a_pin_count_in_the_next_frame() {
+    let mut vehicle = OnHost::configured(&[]);
+    vehicle.set_pin_v(AnalogPin::Gp26, 2.0);
+    vehicle.set_pin_v(AnalogPin::Gp27, 2.4176);
+    // 2482 and 3000 counts: 2.0001 V and 2.4176 V.
+    for (name, value, expected_mv) in [
+        ("BATT_VOLT_MULT", 7.9, 15_801),
+        ("BATT_VLT_OFFSET", 0.1, 15_011),
+        ("BATT_VOLT_PIN", 27.0, 18_309),
+    ] {
+        vehicle.set(name, value);
+        let set_us = vehicle.time_us();
+        vehicle.run_for(SECOND);
+        let frames = vehicle.frames_since(set_us);
+        let next = BatteryStatus(of_message(&frames, BATTERY_STATUS)[0]);
+        assert_eq!(next.voltage_mv(0), expected_mv, "{name}");
     }
 }
 
