@@ -9,17 +9,24 @@ use embassy_futures::join::join;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
-use rover_battmon::autopilot::Start;
+use rover_battmon::autopilot::{Autopilot, Start, Wiring};
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, Parameters};
-use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
+use rover_battmon::sensor::{
+    AdcCount, AnalogIn, AnalogPin, AnalogReadings, BitTiming, DriverEnable, SerialSetup, Wires,
+};
 use rover_battmon::tasks::{
     ByteSource, CheckIn, ReceiveError, SeenPulses, SerialLine, Shared, hand_over_pulses, serve_serial,
     watch_pulses,
 };
 use rover_battmon::vehicle::ArmState;
-use rover_battmon_tools::sim::{clock, sample_batteries};
+use rover_battmon_tools::sim::stepped::SteppedVehicle;
+use rover_battmon_tools::sim::{SimulatedFlash, clock, sample_batteries};
+use support::desk::Desk;
+use support::frames::{frames, last_of, texts_of};
+use support::parameter_flash;
+use support::time::SECOND;
 
 const MONITOR: BatteryParameter = BatteryParameter::Monitor;
 const CURR_PIN: BatteryParameter = BatteryParameter::CurrPin;
@@ -91,8 +98,10 @@ impl Wait for PulsedPin {
     }
 }
 
-/// Sends `bytes` every `interval_us` until `until_us`.
+/// Sends `bytes` every `interval_us` until `until_us`, after these errors.
+#[derive(Default)]
 struct Telemetry {
+    errors: Vec<ReceiveError>,
     bytes: Vec<u8>,
     interval_us: u64,
     until_us: u64,
@@ -103,6 +112,9 @@ impl ByteSource for Telemetry {
         Timer::after_micros(self.interval_us).await;
         if Instant::now().as_micros() > self.until_us {
             pending::<()>().await;
+        }
+        if let Some(error) = self.errors.pop() {
+            return Err(error);
         }
         buffer[..self.bytes.len()].copy_from_slice(&self.bytes);
         Ok(self.bytes.len())
@@ -260,6 +272,7 @@ fn an_esc_reports_voltage_current_and_temperature_until_it_times_out() {
         bytes: FRAME.to_vec(),
         interval_us: 32_000,
         until_us: 5_000_000,
+        ..Telemetry::default()
     };
     let states = states(8, &[(MONITOR, 9.0)], None, Some(telemetry));
     let working = &states[3];
@@ -282,6 +295,7 @@ fn a_motor_controller_that_was_never_heard_is_unhealthy() {
         bytes: vec![0x55; 10],
         interval_us: 32_000,
         until_us: u64::MAX,
+        ..Telemetry::default()
     };
     let states = states(3, &[(MONITOR, 9.0)], None, Some(telemetry));
     assert_eq!(states[1].status, PackStatus::Unhealthy);
@@ -294,9 +308,212 @@ fn with_neither_pulses_nor_telemetry_only_the_packs_are_unhealthy() {
         bytes: FRAME.to_vec(),
         interval_us: 32_000,
         until_us: 0,
+        ..Telemetry::default()
     };
     for settings in [&[(MONITOR, 12.0), (CURR_PIN, 17.0)][..], &[(MONITOR, 9.0)]] {
         let states = states(5, settings, None, Some(silent()));
         assert_eq!(states[4].status, PackStatus::Unhealthy);
     }
+}
+
+#[test]
+fn errors_on_the_line_do_not_end_its_reading() {
+    let telemetry = Telemetry {
+        // For 3.2 s.
+        errors: [ReceiveError::LineError, ReceiveError::BytesLost(3)].repeat(50),
+        bytes: FRAME.to_vec(),
+        interval_us: 32_000,
+        until_us: u64::MAX,
+    };
+    let states = states(5, &[(MONITOR, 9.0)], None, Some(telemetry));
+    let statuses = [2, 4].map(|second: usize| states[second - 1].status);
+    assert_eq!(statuses, [PackStatus::Unhealthy, PackStatus::Healthy]);
+}
+
+#[test]
+fn what_is_wired_follows_the_parameters() {
+    const NOT_SET_UP: &str = "port not set up";
+    const PIN_TAKEN: &str = "pin already in use";
+    const SILENT: &str = "no reading in time";
+    let (nothing, none) = (Autopilot::new(&Start::default()).wiring(), &[][..]);
+    let bus = |crystal_mhz, bit_rate| Wiring {
+        can: Some(BitTiming::new(crystal_mhz, bit_rate).expect("a timing")),
+        ..nothing
+    };
+    let port = |baud, wires, driver_enable| Wiring {
+        serial: Some(SerialSetup {
+            baud,
+            wires,
+            driver_enable,
+        }),
+        ..nothing
+    };
+    let pulses = Wiring {
+        uses_pulses: true,
+        ..nothing
+    };
+    let part = Wiring {
+        uses_spi_part: true,
+        ..nothing
+    };
+    let part_and_motor = Wiring {
+        serial: port(19_200, Wires::OneWire, DriverEnable::Gp22).serial,
+        ..part
+    };
+    let esc = port(115_200, Wires::ReceiveOnly, DriverEnable::None);
+    let engine = port(115_200, Wires::BothWays, DriverEnable::None);
+    let generator = port(9_600, Wires::ReceiveOnly, DriverEnable::None);
+    let protocol = |number: f32| ("SERIAL1_PROTOCOL", number);
+    let (can, slow_crystal) = (("CAN_P1_DRIVER", 1.0), ("CAN_P1_CRYSTAL", 8.0));
+    let half_rate = ("CAN_P1_BITRATE", 500_000.0);
+    let (fuel_cell, richen_power) = (("GEN_TYPE", 2.0), ("GEN_TYPE", 3.0));
+    let (motor, its_driver) = (("TRQD1_TYPE", 1.0), ("TRQD1_DE_PIN", 22.0));
+    let third = |kind: f32| ("BATT3_MONITOR", kind);
+    for (kind, more, wiring, reason) in [
+        (8.0, none, nothing, NOT_SET_UP),
+        (8.0, &[can], bus(16, 1_000_000), SILENT),
+        (8.0, &[can, slow_crystal], nothing, NOT_SET_UP),
+        (8.0, &[can, slow_crystal, half_rate], bus(8, 500_000), SILENT),
+        (9.0, &[protocol(30.0)], nothing, NOT_SET_UP),
+        (9.0, &[protocol(30.0), can], bus(16, 1_000_000), SILENT),
+        (9.0, &[protocol(16.0)], esc, SILENT),
+        (12.0, none, pulses, SILENT),
+        (12.0, &[can], bus(16, 1_000_000), PIN_TAKEN),
+        (11.0, &[can], bus(16, 1_000_000), PIN_TAKEN),
+        (17.0, none, nothing, NOT_SET_UP),
+        (17.0, &[protocol(30.0)], nothing, NOT_SET_UP),
+        (18.0, &[protocol(30.0)], nothing, NOT_SET_UP),
+        (17.0, &[protocol(30.0), fuel_cell], generator, SILENT),
+        (18.0, &[protocol(30.0), fuel_cell], generator, SILENT),
+        // RichenPower's generator has no tank.
+        (
+            18.0,
+            &[protocol(30.0), richen_power, third(17.0)],
+            generator,
+            NOT_SET_UP,
+        ),
+        (23.0, none, nothing, NOT_SET_UP),
+        (26.0, none, part, SILENT),
+        (
+            26.0,
+            &[protocol(39.0), motor, its_driver, third(23.0)],
+            part_and_motor,
+            PIN_TAKEN,
+        ),
+        (27.0, none, nothing, NOT_SET_UP),
+        (27.0, &[protocol(24.0), ("EFI_TYPE", 1.0)], engine, SILENT),
+    ] {
+        let mut parameters = Parameters::defaults();
+        let own = [
+            ("BATT2_MONITOR", kind),
+            ("BATT2_CURR_PIN", 17.0),
+            ("BATT2_CAPACITY", 100.0),
+        ];
+        for (name, value) in own.iter().chain(more) {
+            let id = ParameterId::from_name(name.as_bytes()).expect(name);
+            parameters.set(id, *value).expect(name);
+        }
+        let mut desk = Desk::starting(Start::with_parameters(parameters));
+        assert_eq!(desk.autopilot.wiring(), wiring, "{kind} {more:?}");
+        desk.autopilot.open(&mut desk.endpoint);
+        for _ in 0..60 {
+            desk.now_us += 100_000;
+            desk.sample(AnalogReadings::NONE);
+        }
+        desk.post_due(desk.now_us);
+        let texts = texts_of(&desk.sent());
+        let announced = |text: &str| texts.iter().any(|other| other == text);
+        assert!(
+            announced(&format!("Battery 2 unhealthy: {reason}")),
+            "{kind} {more:?}: {texts:?}"
+        );
+        let is_too_slow = more == [can, slow_crystal];
+        assert_eq!(
+            announced("CAN off: 1 Mbit/s needs a 16 MHz crystal"),
+            is_too_slow,
+            "{texts:?}"
+        );
+    }
+}
+
+/// A vehicle with these parameters and a device at its second serial port.
+fn with_device(parameters: &[(&str, f32)]) -> SteppedVehicle {
+    let flash = SimulatedFlash::blank();
+    let id = |name: &str| ParameterId::from_name(name.as_bytes()).expect(name);
+    let values = parameters.iter().map(|(name, value)| (id(name).key(), *value));
+    parameter_flash::fill(&flash, values);
+    SteppedVehicle::power_up(flash)
+}
+
+#[test]
+// Requirement: AP-9
+fn a_generator_and_its_tank_are_measured_and_it_says_that_it_runs() {
+    let mut vehicle = with_device(&[
+        ("BATT2_MONITOR", 17.0),
+        ("BATT3_MONITOR", 18.0),
+        ("BATT3_CAPACITY", 100.0),
+        ("SERIAL1_PROTOCOL", 30.0),
+        ("GEN_TYPE", 2.0),
+    ]);
+    for _ in 0..8 {
+        // The figures of the maker's manual of the FCPM, section 7.4, with an emptier tank: 100 W into the battery.
+        vehicle.board.serial.send(b"<152.5,48.7,1600,1700,100,2,0>\n");
+        vehicle.run_for(SECOND / 2);
+    }
+    let frames = frames(&vehicle.board.uart.sent());
+    let output = last_of(&frames, 1);
+    assert_eq!((output.voltage_mv(0), output.current_ca()), (48_700, -205));
+    let tank = last_of(&frames, 2);
+    assert_eq!((tank.remaining_pct(), tank.consumed_mah()), (50, 50));
+    assert_eq!(tank.voltage_mv(0), u16::MAX, "a tank has none");
+    let mut running = texts_of(&frames);
+    running.retain(|text| text.starts_with("Fuel cell"));
+    assert_eq!(running, ["Fuel cell running"]);
+}
+
+#[test]
+// Requirement: AP-9
+fn an_engine_takes_what_its_injectors_let_through() {
+    const REQUEST_BYTES: usize = 13;
+    let mut vehicle = with_device(&[
+        ("BATT2_MONITOR", 27.0),
+        ("BATT2_CAPACITY", 2000.0),
+        ("SERIAL1_PROTOCOL", 24.0),
+        ("EFI_TYPE", 1.0),
+        // cm³ a minute for each percent of duty cycle, and less this.
+        ("EFI_COEF1", 0.8),
+        ("EFI_COEF2", 2.0),
+    ]);
+    let mut answered = 0;
+    let mut run_at = |speed_rpm: u16, seconds: u64| {
+        // 24 ms of injection.
+        let [high, low] = speed_rpm.to_be_bytes();
+        let content = [0, 0x5d, 0xc0, 0x5a, 0x5a, high, low];
+        let mut crc = flate2::Crc::new();
+        crc.update(&content);
+        let answer = [&[0, 7][..], &content, &crc.sum().to_be_bytes()].concat();
+        for _ in 0..1_000 * seconds {
+            vehicle.run_for(1_000);
+            let requests = vehicle.board.serial.sent().len() / REQUEST_BYTES;
+            if requests > answered {
+                answered = requests;
+                vehicle.board.serial.send(&answer);
+            }
+        }
+        (answered, frames(&vehicle.board.uart.sent()))
+    };
+    // In each 20 ms: 120 %, so 94 cm³ a minute.
+    let (requests, frames) = run_at(3000, 20);
+    assert!(requests.abs_diff(200) <= 3, "{requests} requests");
+    let tank = last_of(&frames, 1);
+    // 5.64 l/h, 31.3 ml in 20 s.
+    assert!(tank.current_ca().abs_diff(564) <= 1, "{} cl/h", tank.current_ca());
+    assert!(
+        (30..=32).contains(&tank.consumed_mah()),
+        "{} ml",
+        tank.consumed_mah()
+    );
+    assert_eq!((tank.remaining_pct(), tank.voltage_mv(0)), (98, u16::MAX));
+    let (_, frames) = run_at(90, 2);
+    assert_eq!(last_of(&frames, 1).current_ca(), 0);
 }
