@@ -140,6 +140,9 @@ fn a_name_of_ardupilot_4_7_sets_and_reads_its_parameter_and_is_in_no_list() {
     // The last one: the board has another address then.
     let set = desk.one_answer(&param_set("MAV_SYSID", 9.0));
     assert_eq!(shown(&set), ("MAV_SYSID".into(), 9.0));
+    desk.post_due(desk.next_due_us());
+    let streams = desk.sent();
+    assert!(!streams.is_empty() && streams.iter().all(|frame| frame.system_id == 9));
 }
 
 #[test]
@@ -526,6 +529,29 @@ fn battery_status_is_requested_by_instance() {
             assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
         }
     }
+}
+
+#[test]
+// Requirement: AP-25
+fn a_stream_that_is_off_is_sent_on_request() {
+    let mut desk = Desk::with_packs(&packs_with_a_gap());
+    desk.set(EXTRA1, 0.0);
+    for message in [SYS_STATUS, BATTERY_STATUS] {
+        assert_eq!(counts(&sent_for(&mut desk, 2), [message]), [0]);
+        let answers = desk.ask(&command_long(REQUEST_MESSAGE, message as f32));
+        assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+        assert_eq!((answers[1].message_id, answers.len()), (message, 2));
+    }
+}
+
+#[test]
+fn an_interval_is_sent_on_request() {
+    let mut desk = Desk::with_packs(&packs_with_a_gap());
+    sent_for(&mut desk, 1);
+    let answers = desk.ask(&command_long(GET_MESSAGE_INTERVAL, BATTERY_STATUS as f32));
+    assert_ack(&answers[0], GET_MESSAGE_INTERVAL, ACCEPTED);
+    assert_eq!((answers[1].message_id, answers.len()), (MESSAGE_INTERVAL, 2));
+    assert_eq!((answers[1].i32(0), answers[1].u16(4)), (500_000, 147));
 }
 
 /// What is sent at due times from `desk.now_us` on, for this many seconds.
