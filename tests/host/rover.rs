@@ -14,6 +14,7 @@ use support::commands::{
     UNSUPPORTED,
 };
 use support::desk::{Desk, LOW_VOLT, adc_count};
+use support::firmware_version;
 use support::frames::{
     COMMAND_ACK, CRITICAL, Frame, Heartbeat, PARAM_ERROR, ParamValue, STATUSTEXT, SysStatus, frames,
     of_message,
@@ -209,8 +210,10 @@ fn a_ground_station_is_given_thresholds_to_copy_while_none_is_set() {
         rover.deliver(&param_request_list(VEHICLE));
         let mut sent = rover.0.sent();
         sent.retain(|frame| frame.message_id == STATUSTEXT);
-        let texts = joined(&sent).into_iter().map(|(_, text)| text);
-        texts.skip(1).collect::<Vec<_>>()
+        let mut texts = joined(&sent).into_iter().map(|(_, text)| text);
+        let banner = format!("rover-battmon {}", firmware_version());
+        assert_eq!(texts.next(), Some(banner));
+        texts.collect::<Vec<_>>()
     };
     let mut rover = Rover::new();
     rover.0.set_batteries(&[pack(None)]);
@@ -226,6 +229,19 @@ fn a_ground_station_is_given_thresholds_to_copy_while_none_is_set() {
     }
     rover.0.sent();
     assert_eq!(texts(&mut rover), [""; 0]);
+}
+
+#[test]
+fn cells_that_were_counted_come_with_thresholds_to_copy() {
+    let mut rover = Rover(Desk::starting(Start::default()));
+    rover.sample(11.1, 4);
+    assert_eq!(
+        rover.wait(0),
+        [
+            "Battery 1 has 3 cells (set BATT_CELLS to be sure)",
+            "Set BATT_LOW_VOLT 10.50, BATT_CRT_VOLT 10.20"
+        ]
+    );
 }
 
 #[test]
