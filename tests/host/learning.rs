@@ -566,9 +566,18 @@ fn charged_in_place_it_learns_the_next_drive() {
 
 #[test]
 fn lithium_iron_phosphate_starts_known_after_a_power_cycle() {
-    // Two cells in the flat middle of the curve: a voltage fits any charge from 30 to 70 %.
-    let flat_v = 2.0 * 3.297;
-    let mut rover = Rover::new(&[("BATT_CHEM", 2.0), ("BATT_CELLS", 2.0)], full());
+    starts_known(2.0, 3.297, 3.36);
+}
+
+#[test]
+fn nickel_metal_hydride_starts_known_after_a_power_cycle() {
+    starts_known(4.0, 1.325, 1.42);
+}
+
+/// Two cells in the flat middle of the curve, where a voltage fits any charge from 30 to 70 %, and charged at last.
+fn starts_known(chemistry: f32, flat_cell_v: f32, charged_cell_v: f32) {
+    let flat_v = 2.0 * flat_cell_v;
+    let mut rover = Rover::new(&[("BATT_CHEM", chemistry), ("BATT_CELLS", 2.0)], full());
     let hold = |rover: &mut Rover, seconds: u32| (0..seconds * 10).for_each(|_| rover.measure(flat_v, 0.0));
     hold(&mut rover, 60);
     assert!(
@@ -594,7 +603,7 @@ fn lithium_iron_phosphate_starts_known_after_a_power_cycle() {
     );
     // Charged meanwhile: the voltage says so.
     rover.power_cycle();
-    (0..600).for_each(|_| rover.measure(2.0 * 3.36, 0.0));
+    (0..600).for_each(|_| rover.measure(2.0 * charged_cell_v, 0.0));
     assert!(
         rover
             .state()
