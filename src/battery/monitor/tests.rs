@@ -3,8 +3,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     Amount, BusError, CellVoltages, ChargeState, Chemistry, Consequences, Contents, Counted, FailsafeLevel,
-    FailsafeSettings, Faults, Gauge, GaugeReading, LessonObstacle, PackDetails, Reported, Thermometer,
-    Thresholds, VoltageSource, arming_failures,
+    FailsafeSettings, Faults, Gauge, GaugeReading, LessonObstacle, PackDetails, Reported, Supply,
+    Thermometer, Thresholds, VoltageSource, arming_failures,
 };
 use crate::time::{Instant, at_us};
 use crate::vehicle::ArmState;
@@ -833,6 +833,27 @@ fn new_serial_number_is_a_swap_after_five_readings() {
         bench.tick(Ok(other));
     }
     assert_eq!(bench.events, []);
+}
+
+#[test]
+// Requirement: AP-20
+fn a_pack_that_powers_off_is_announced_once_each_time() {
+    let mut bench = MonitorBench::new();
+    for supply in [Supply::On, Supply::PoweringOff, Supply::On, Supply::PoweringOff] {
+        bench.events.clear();
+        bench.run(
+            1.0,
+            Measurement {
+                supply,
+                ..smart(11.7)
+            },
+        );
+        let announced = bench
+            .events
+            .iter()
+            .filter(|event| **event == PackEvent::PoweringOff);
+        assert_eq!(announced.count(), usize::from(supply == Supply::PoweringOff));
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     BatteryMonitor, BatteryState, CellVoltages, Chemistry, Date, Faults, GaugeReading, Measurement, Modes,
-    PackEvent, PackSettings, ReadError, Reported, Tick,
+    PackEvent, PackSettings, ReadError, Reported, Supply, Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
@@ -195,6 +195,36 @@ fn a_part_that_is_not_found_is_looked_for_once_while_disarmed() {
     assert_eq!(findings(&mut devices, &mut bus, ArmState::Disarmed), []);
 }
 
+#[test]
+fn a_smart_battery_is_announced_once() {
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let (address, cells) = (ADDRESS, Some(2));
+    let found = findings(&mut devices, &mut battery(&[]), ArmState::Armed);
+    assert_eq!(found, [(Pack::Second, PackEvent::Found { address, cells })]);
+}
+
+#[test]
+fn an_address_that_is_set_twice_is_the_first_packs() {
+    let [second, third] = [Pack::Second, Pack::Third].map(|pack| {
+        [
+            (pack, BatteryParameter::Monitor, 21.0),
+            (pack, BatteryParameter::I2cAddr, 64.0),
+        ]
+    });
+    let mut devices = BusDevices::from_parameters(&parameters(&[second, third].concat()), Instant::EPOCH);
+    let mut bus = wires(Tables::default());
+    counters(&mut bus, 0, 0);
+    for _ in 0..5 {
+        for (pack, reading) in read_next(&mut devices, &mut bus) {
+            let voltage_v = reading.map(|measurement| measurement.voltage_v);
+            match pack {
+                Pack::Second => assert_eq!(voltage_v, Ok(Some(12.0))),
+                _ => assert_eq!((pack, voltage_v), (Pack::Third, Err(ReadError::AddressTaken))),
+            }
+        }
+    }
+}
+
 fn read_one(devices: &mut BusDevices, bus: &mut Wires) -> Result<Measurement, ReadError> {
     let readings = read_next(devices, bus);
     assert_eq!(readings.len(), 1, "{readings:?}");
@@ -246,6 +276,91 @@ fn the_last_of_sixteen_cells_is_one_of_them() {
     );
     let broken = sixteen_cells(2000);
     assert_eq!(broken.readings.faults, Faults::CELL_FAIL | Faults::DEEP_DISCHARGE);
+}
+
+/// The second pack is this stack.
+fn on_stack(stack: Stack) -> (BusDevices, Buses<Stack, NoSpi>) {
+    let devices = BusDevices::from_parameters(&second_is(PartKind::Bq76952), Instant::EPOCH);
+    (devices, Buses::i2c(stack))
+}
+
+/// Its words from the first cell to the current, in its units.
+fn stack_words(cells_mv: [u16; 16], stack: u16, current: i16) -> [u16; 20] {
+    let mut words = [0; 20];
+    words[..16].copy_from_slice(&cells_mv);
+    (words[16], words[19]) = (stack, current as u16);
+    words
+}
+
+/// The first three, and the last.
+const INPUTS_MV: [u16; 16] = [3900, 3800, 3700, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 3600];
+
+fn assert_stack(reading: Result<Measurement, ReadError>, voltage_v: f32, current_a: f32, cells_mv: &[u16]) {
+    let reading = reading.expect("it answers");
+    assert_near(reading.voltage_v, voltage_v);
+    assert_near(reading.current_a, current_a);
+    assert_eq!(reading.cells.millivolts(), cells_mv);
+}
+
+#[test]
+// Requirement: AP-7
+fn a_stack_is_read_in_the_units_and_at_the_inputs_it_is_set_up_for() {
+    // Units of 10 mV and 10 mA.
+    let words = stack_words(INPUTS_MV, 1500, -12_000);
+    let (mut devices, mut bus) = on_stack(Stack::new(&words, [0; 12], [0x06, 0x07, 0x80]));
+    let reading = read_next(&mut devices, &mut bus)[0].1;
+    assert_stack(reading, 15.0, 120.0, &[3900, 3800, 3700, 3600]);
+    // It is set up for 1 mV, 1 mA and the first two cells.
+    bus.i2c = Stack::new(&stack_words(INPUTS_MV, 15_000, -20_000), [0; 12], [0x01, 0x03, 0]);
+    assert_eq!(read_next(&mut devices, &mut bus)[0].1, Err(ReadError::OtherPart));
+    let reading = read_next(&mut devices, &mut bus)[0].1;
+    assert_stack(reading, 15.0, 20.0, &[3900, 3800]);
+}
+
+#[test]
+fn a_sealed_stack_is_read_in_the_units_it_has_by_default() {
+    let mut stack = Stack::new(&stack_words(INPUTS_MV, 1500, -5000), [0; 12], [0; 3]);
+    stack.commands[0x13] = 3;
+    stack.answers.remove(&0x9303);
+    let (mut devices, mut bus) = on_stack(stack);
+    let reading = read_next(&mut devices, &mut bus)[0].1;
+    assert_stack(reading, 15.0, 5.0, &[3900, 3800, 3700, 3600]);
+}
+
+#[test]
+fn a_stack_reports_what_its_protection_does() {
+    let enabled = 1 << 4;
+    let no_discharge = 1 << 5;
+    for (safety, alarms, manufacturing, faults, modes) in [
+        (0, 0, 0, Faults::empty(), Modes::empty()),
+        (
+            0,
+            1 << 2,
+            enabled,
+            Faults::empty(),
+            Modes::PROTECTED | Modes::BALANCING,
+        ),
+        (
+            1 << 7,
+            1 << 14 | no_discharge,
+            enabled,
+            Faults::SHORT_CIRCUIT | Faults::SWITCHED_OFF,
+            Modes::PROTECTED,
+        ),
+        // By a command.
+        (0, no_discharge, enabled, Faults::empty(), Modes::PROTECTED),
+    ] {
+        let mut stack = Stack::new(&stack_words(INPUTS_MV, 1500, 0), [0; 12], [5, 0, 0]);
+        stack.commands[0x03] = safety;
+        stack.commands[0x64..0x66].copy_from_slice(&u16::to_le_bytes(alarms));
+        stack.answers.insert(0x0057, vec![manufacturing, 0]);
+        let (mut devices, mut bus) = on_stack(stack);
+        let reported = read_next(&mut devices, &mut bus)[0]
+            .1
+            .expect("it answers")
+            .reported;
+        assert_eq!((reported.faults, reported.modes), (faults, modes));
+    }
 }
 
 /// A battery that follows version 1.1 of the specification, with these words instead of its own.
@@ -396,6 +511,22 @@ fn word_that_a_battery_refuses_later_stays_as_it_was() {
     bus.i2c.0.remove(&(0x0b, 0x0f));
     let reading = read_one(&mut devices, &mut bus).expect("it answers again");
     assert_eq!(reading.gauge, GaugeReading::Missing);
+}
+
+#[test]
+fn cycles_are_counted_on_and_another_serial_number_is_another_battery() {
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    read_one(&mut devices, &mut battery(&[])).expect("it answers");
+    let mut older = battery(&[(0x17, 13)]);
+    let readings = [0; 5].map(|_| read_one(&mut devices, &mut older).expect("it answers"));
+    assert_eq!(readings[4].details.cycle_count, Some(13));
+    let mut other = battery(&[(0x1c, 815), (0x17, 7), (0x0f, 1000), (0x10, 2000)]);
+    assert_eq!(read_one(&mut devices, &mut other), Err(ReadError::OtherPart));
+    let reading = read_one(&mut devices, &mut other).expect("it is set up");
+    let details = reading.details;
+    assert_eq!((details.serial_number, details.cycle_count), (Some(815), Some(7)));
+    let gauge = reading.gauge.read().unwrap();
+    assert_eq!((gauge.remaining_mah, gauge.full_mah), (1000.0, 2000.0));
 }
 
 #[test]
@@ -653,6 +784,14 @@ proptest! {
     }
 }
 
+#[test]
+fn a_motor_board_of_another_number_of_motors_is_no_bebops() {
+    let mut bus = wires(Tables::default());
+    bus.i2c.set(0x08, 0xa0, &[1, 5, 2, 1]);
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bebop), Instant::EPOCH);
+    assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::OtherPart));
+}
+
 /// Where smart batteries are, which are plugged in after the start below.
 const ADDRESS: u8 = 0x0b;
 
@@ -671,7 +810,6 @@ fn answers(kind: PartKind) -> Tables {
     let mut tables = battery(&[(0x1a, 0x0031)]).i2c;
     let cells = [3700u16; 4].map(u16::to_le_bytes).concat();
     let current = (-1500i32).to_le_bytes();
-    let block = |bytes: &[u8]| [&[bytes.len() as u8], bytes].concat();
     tables.set(ADDRESS, 0x28, &block(&cells));
     match kind {
         PartKind::Solo => tables.set(ADDRESS, 0x2a, &block(&current)),
@@ -682,12 +820,138 @@ fn answers(kind: PartKind) -> Tables {
     for cell in [0x30, 0x31] {
         tables.set(ADDRESS, cell, &3700u16.to_le_bytes());
     }
-    for ((_, command), bytes) in &mut tables.0 {
-        let header = [ADDRESS << 1, *command, ADDRESS << 1 | 1];
-        let code = smbus_pec::pec(&[&header[..], bytes].concat());
-        bytes.push(code);
-    }
+    add_codes(&mut tables);
     tables
+}
+
+fn add_codes(tables: &mut Tables) {
+    for ((_, command), bytes) in &mut tables.0 {
+        *bytes = with_code(*command, bytes);
+    }
+}
+
+/// An answer with its packet error code.
+fn with_code(command: u8, answer: &[u8]) -> Vec<u8> {
+    let header = [ADDRESS << 1, command, ADDRESS << 1 | 1];
+    let code = smbus_pec::pec(&[&header[..], answer].concat());
+    [answer, &[code]].concat()
+}
+
+fn word(value: i16) -> Vec<u8> {
+    value.to_le_bytes().into()
+}
+
+fn block(bytes: &[u8]) -> Vec<u8> {
+    [&[bytes.len() as u8], bytes].concat()
+}
+
+/// Answers of a battery that says it has a packet error code.
+type Answers = Vec<(u8, Vec<u8>)>;
+
+/// A battery with these answers instead of others, and with packet error codes if its kind has them.
+fn dialect(kind: PartKind, answers: &Answers) -> (BusDevices, Wires) {
+    let mut bus = battery(&[(0x1a, 0x0031)]);
+    if [PartKind::Sui3Cells, PartKind::Solo].contains(&kind) {
+        bus.i2c.0.remove(&(ADDRESS, 0x09));
+    }
+    for (command, bytes) in answers {
+        bus.i2c.set(ADDRESS, *command, bytes);
+    }
+    if ![PartKind::Maxell, PartKind::Sui3Cells, PartKind::Sui6Cells].contains(&kind) {
+        add_codes(&mut bus.i2c);
+    }
+    let devices = BusDevices::from_parameters(&second_is(kind), Instant::EPOCH);
+    (devices, bus)
+}
+
+#[test]
+// Requirement: AP-5
+fn each_dialect_is_read_as_its_maker_has_it() {
+    let discharge = (-2500i32).to_le_bytes();
+    let four_cells = || block(&[4100u16, 4101, 4102, 4103].map(u16::to_le_bytes).concat());
+    // A thermistor at 45 °C, and none at the other place.
+    let thermistors = [(0x48, word(3182)), (0x49, word(0))];
+    let rotoye = |tenths_a| [&thermistors[..], &[(0x41, word(tenths_a))]].concat();
+    let ten_cells = (0x30..0x3a).map(|command| (command, word(3700)));
+    let neo = [(0x09, word(37_000u16 as i16)), (0x5c, word(10))];
+    let sui = || vec![(0x28, four_cells()), (0x2a, discharge.into())];
+    let solo = vec![
+        (0x28, four_cells()),
+        (0x2a, block(&discharge)),
+        (0x23, block(&[0; 6])),
+    ];
+    let maxell = vec![(0x20, block(b"Hitachi maxell")), (0x10, word(2500))];
+    // Volts, amperes, cells, capacity and temperature.
+    let table: [(PartKind, Answers, (f32, f32, &[u16], f32, f32)); 7] = [
+        (PartKind::Maxell, maxell, (7.4, 1.5, &[3690, 3710], 5000.0, 24.95)),
+        (
+            PartKind::Rotoye,
+            rotoye(-1),
+            (7.4, 1.5, &[3690, 3710], 2600.0, 45.05),
+        ),
+        // The word does not hold this many milliamperes.
+        (
+            PartKind::Rotoye,
+            rotoye(-800),
+            (7.4, 80.0, &[3690, 3710], 2600.0, 45.05),
+        ),
+        (
+            PartKind::Sui3Cells,
+            sui(),
+            (12.303, 2.5, &[4100, 4101, 4102], 2600.0, 24.95),
+        ),
+        (
+            PartKind::Sui6Cells,
+            [&sui()[..], &[(0x09, word(24_600))]].concat(),
+            (24.6, 2.5, &[], 2600.0, 24.95),
+        ),
+        (
+            PartKind::NeoDesign,
+            neo.into_iter().chain(ten_cells).collect(),
+            (37.0, 1.5, &[3700; 10], 2600.0, 24.95),
+        ),
+        (
+            PartKind::Solo,
+            solo,
+            (16.406, 2.5, &[4100, 4101, 4102, 4103], 2600.0, 24.95),
+        ),
+    ];
+    for (kind, answers, (voltage_v, current_a, cells_mv, full_mah, temperature_c)) in table {
+        println!("{kind:?}");
+        let (mut devices, mut bus) = dialect(kind, &answers);
+        let reading = read_one(&mut devices, &mut bus).expect("it answers");
+        assert_near(reading.voltage_v, voltage_v);
+        assert_near(reading.current_a, current_a);
+        assert_near(reading.temperature_c, temperature_c);
+        assert_eq!(reading.cells.millivolts(), cells_mv);
+        let gauge = reading.gauge.read().expect("it has one");
+        let factor = if kind == PartKind::Maxell { 2.0 } else { 1.0 };
+        assert_eq!((gauge.remaining_mah, gauge.full_mah), (1300.0 * factor, full_mah));
+    }
+}
+
+#[test]
+// Requirement: AP-20
+fn a_solo_powers_off_while_its_button_is_held_for_seven_readings() {
+    let (mut devices, mut bus) = bench(PartKind::Solo, |_| true);
+    let mut press = |buttons: u8, readings: usize| {
+        let answer = with_code(0x23, &block(&[0, buttons, 0, 0, 0, 0]));
+        bus.i2c.battery.set(ADDRESS, 0x23, &answer);
+        let supplies = (0..readings).map(|_| read_next(&mut devices, &mut bus)[0].1.unwrap().supply);
+        supplies.collect::<Vec<_>>()
+    };
+    assert_eq!(press(8, 6), [Supply::On; 6]);
+    assert_eq!(press(0, 1), [Supply::On]);
+    assert_eq!(
+        press(8, 9)[5..],
+        [
+            Supply::On,
+            Supply::PoweringOff,
+            Supply::PoweringOff,
+            Supply::PoweringOff
+        ]
+    );
+    assert_eq!(press(0, 1), [Supply::On]);
 }
 
 /// A battery whose contacts close and open: by the number of each transfer.
