@@ -6,6 +6,7 @@ mod armed_storage;
 mod battery_traces;
 mod board_check;
 mod builders;
+mod bus_parts;
 mod crash;
 mod dataflash;
 mod documentation;

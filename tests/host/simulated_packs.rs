@@ -25,7 +25,7 @@ const SETTLED: Duration = Duration::from_secs(4);
 const LOAD: (&str, f32) = ("SIM_BATT_CURRENT", 4.0);
 const DRAWN_A: f32 = 4.2;
 
-fn set(parameters: &mut Parameters, name: &str, value: f32) {
+pub fn set(parameters: &mut Parameters, name: &str, value: f32) {
     let id = ParameterId::from_name(name.as_bytes()).unwrap_or_else(|| panic!("no {name}"));
     assert_eq!(parameters.set(id, value), Ok(()), "{name} {value}");
 }
@@ -80,7 +80,7 @@ fn packs_after(file: &str, more: &[(&str, f32)], then: &[(&str, f32)]) -> [Batte
 }
 
 #[track_caller]
-fn assert_about(found: Option<f32>, expected: f32, tolerance: f32) {
+pub fn assert_about(found: Option<f32>, expected: f32, tolerance: f32) {
     let is_about = found.is_some_and(|found| (found - expected).abs() <= tolerance);
     assert!(is_about, "{found:?} instead of {expected}");
 }

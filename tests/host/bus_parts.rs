@@ -1,0 +1,600 @@
+//! Parts on the bus, as the emulator has them, read by the firmware's tasks in stepped time: their values and their faults.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::pin::Pin;
+use std::rc::Rc;
+
+use embassy_futures::join::join3;
+use embassy_time::{Instant, Timer};
+use embedded_hal_async::i2c::Operation;
+use embedded_hal_async::spi::{ErrorType, Operation as SpiOperation, SpiDevice};
+use emulator::i2c_devices::{
+    Ad7091r5, Bq76952, Garbled, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec, Reads,
+    Reference, SmartBattery,
+};
+use emulator::spi_devices::Ina239;
+use emulator::{Ack, I2cDevice, I2cDirection, Random, SpiClock, SpiDevice as _, SpiMode};
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::{BatteryState, BusError, PackStatus, RetainedRecord};
+use rover_battmon::mavlink::LinkId;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::Parameters;
+use rover_battmon::sensor::{Buses, I2cBus};
+use rover_battmon::tasks::{CheckIn, Link, Shared, read_bus, serve_link};
+use rover_battmon_tools::sim::clock::Stepped;
+use rover_battmon_tools::sim::sample_batteries;
+use rover_battmon_tools::sim::stepped::{BYTE_US, Pins, Port};
+use support::frames::{frames, texts_of};
+use support::monitor_types::{INA2XX, SMART_BATTERY};
+use support::time::SECOND;
+
+use crate::simulated_packs::{assert_about, set};
+
+const LTC2946: f32 = 22.0;
+const INA239: f32 = 26.0;
+const AD7091R5: f32 = 28.0;
+const INA3221: f32 = 30.0;
+const BQ76952: f32 = 32.0;
+
+const STACK_AT: u8 = 0x08;
+const BATTERY_AT: u8 = 0x0b;
+const CONVERTER_AT: u8 = 0x2f;
+const MONITOR_AT: u8 = 0x40;
+
+/// The shunt of a pack unless it is set.
+const SHUNT_OHM: f64 = 0.0005;
+
+/// A byte with its acknowledge bit at 400 kHz.
+const BUS_BYTE_US: u64 = 23;
+
+/// The time of the emulator.
+const CYCLES_PER_US: u64 = 125;
+
+const SPI_CLOCK: SpiClock = SpiClock {
+    mode: SpiMode::Mode1,
+    hz: 1_000_000,
+};
+
+type Device = Rc<RefCell<dyn I2cDevice>>;
+
+/// The devices on both buses.
+#[derive(Clone, Default)]
+struct Wires {
+    devices: Rc<RefCell<BTreeMap<u8, Device>>>,
+    behind_select: Rc<RefCell<Option<Ina239>>>,
+    /// Addresses of the transfers on the I2C bus.
+    transfers: Rc<RefCell<Vec<u8>>>,
+}
+
+impl Wires {
+    fn with(devices: impl IntoIterator<Item = (u8, Device)>) -> Self {
+        let wires = Self::default();
+        wires.devices.borrow_mut().extend(devices);
+        wires
+    }
+
+    fn attach(&self, address: u8, device: Device) {
+        self.devices.borrow_mut().insert(address, device);
+    }
+
+    fn detach(&self, address: u8) {
+        self.devices.borrow_mut().remove(&address);
+    }
+}
+
+impl I2cBus for Wires {
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
+        self.transfers.borrow_mut().push(address);
+        for operation in operations {
+            let now = Instant::now().as_micros() * CYCLES_PER_US;
+            let bytes = match operation {
+                Operation::Write(bytes) => bytes.len(),
+                Operation::Read(buffer) => buffer.len(),
+            };
+            Timer::after_micros((1 + bytes as u64) * BUS_BYTE_US).await;
+            let mut devices = self.devices.borrow_mut();
+            let device = devices.get_mut(&address).ok_or(BusError::NoAnswer)?;
+            let mut device = device.borrow_mut();
+            let is_refused = match operation {
+                Operation::Write(bytes) => {
+                    device.start(I2cDirection::Write, now);
+                    bytes.iter().any(|byte| device.write(*byte) == Ack::Nack)
+                }
+                Operation::Read(buffer) => {
+                    device.start(I2cDirection::Read, now);
+                    buffer.fill_with(|| device.read());
+                    false
+                }
+            };
+            if is_refused {
+                return Err(BusError::NoAnswer);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl ErrorType for Wires {
+    type Error = Infallible;
+}
+
+impl SpiDevice for Wires {
+    async fn transaction(&mut self, operations: &mut [SpiOperation<'_, u8>]) -> Result<(), Infallible> {
+        let mut device = self.behind_select.borrow_mut();
+        device.iter_mut().for_each(|device| device.select());
+        // Nothing else drives the line.
+        let mut exchange = |byte| {
+            let answer = device.as_mut().map(|device| device.exchange(byte, SPI_CLOCK));
+            answer.flatten().unwrap_or(0xff)
+        };
+        for operation in operations {
+            match operation {
+                SpiOperation::Write(bytes) => {
+                    let _: Vec<u8> = bytes.iter().map(|byte| exchange(*byte)).collect();
+                }
+                SpiOperation::Read(buffer) => buffer.fill_with(|| exchange(0)),
+                other => unimplemented!("{other:?}"),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A rover with these devices, and a ground station.
+struct Rover {
+    wires: Wires,
+    shared: Rc<Shared>,
+    port: Rc<Port>,
+    run: Stepped<Pin<Box<dyn Future<Output = ()>>>>,
+    now_us: u64,
+}
+
+/// The tasks.
+async fn run(wires: Wires, shared: Rc<Shared>, port: Rc<Port>) {
+    let check_in = CheckIn::new("", u32::MAX);
+    let link = Link::of_board(LinkId::Uart0, &shared);
+    let pins = Pins::default();
+    let mut memory = [RetainedRecord::BLANK; 2];
+    let buses = Buses {
+        i2c: wires.clone(),
+        spi: wires,
+    };
+    join3(
+        sample_batteries(&pins, &mut memory, &shared, &check_in),
+        read_bus(buses, &shared, &check_in),
+        serve_link(&*port, &*port, &shared, &link, &check_in),
+    )
+    .await;
+}
+
+impl Rover {
+    /// After a second.
+    fn with(wires: &Wires, settings: &[(&str, f32)]) -> Self {
+        let mut parameters = Parameters::defaults();
+        for (name, value) in settings {
+            set(&mut parameters, name, *value);
+        }
+        let shared = Rc::new(Shared::new(&Start::with_parameters(parameters)));
+        let port = Rc::new(Port::new(BYTE_US));
+        let run = run(wires.clone(), Rc::clone(&shared), Rc::clone(&port));
+        let mut rover = Self {
+            wires: wires.clone(),
+            shared,
+            port,
+            run: Stepped::new(Box::pin(run)),
+            now_us: 0,
+        };
+        rover.run_for(SECOND);
+        rover
+    }
+
+    fn run_for(&mut self, duration_us: u64) {
+        self.now_us += duration_us;
+        self.run.run_until(self.now_us);
+    }
+
+    fn state(&self, pack: Pack) -> BatteryState {
+        self.shared.with(|autopilot| *autopilot.battery(pack))
+    }
+
+    /// What was announced of a pack's health.
+    fn health(&self, number: u8) -> Vec<String> {
+        let mut texts = texts_of(&frames(&self.port.sent()));
+        let beginning = format!("Battery {number} ");
+        texts.retain(|text| text.starts_with(&beginning) && text.contains("healthy"));
+        texts
+    }
+
+    /// How many transfers there are with this address in a while.
+    fn transfers_in(&mut self, duration_us: u64, address: u8) -> usize {
+        self.wires.transfers.take();
+        self.run_for(duration_us);
+        let transfers = self.wires.transfers.take();
+        transfers.iter().filter(|other| **other == address).count()
+    }
+
+    /// With the tolerance of each, in volts and amperes.
+    #[track_caller]
+    fn assert_measures(&self, pack: Pack, (volts, step_v): (f32, f32), (amperes, step_a): (f32, f32)) {
+        let readings = self.state(pack).readings;
+        assert_about(readings.voltage_v, volts, step_v);
+        assert_about(readings.current_a, amperes, step_a);
+    }
+}
+
+/// A device that is set like this.
+fn device<D: I2cDevice + 'static>(mut device: D, set: impl FnOnce(&mut D)) -> Rc<RefCell<D>> {
+    set(&mut device);
+    Rc::new(RefCell::new(device))
+}
+
+fn ina226(volts: f64, amperes: f64) -> Device {
+    device(Ina226::new(SHUNT_OHM), |part| part.set(volts, amperes))
+}
+
+#[test]
+// Requirement: AP-6
+fn each_part_measures_voltage_and_current_within_a_step() {
+    let shunt = |ohm| ("BATT2_SHUNT", ohm);
+    // The datasheet's example: 10 A through 2 mOhm at 11.98 V. In 2.5 uV over 2 mOhm there are 1.25 mA.
+    let example = device(Ina226::new(0.002), |part| part.set(11.98, 10.0));
+    let charging = device(Ina226::new(0.002), |part| part.set(7.3, -2.5));
+    let ina260 = device(Ina260::new(), |part| part.set(12.345, 4.2));
+    let ina228 = device(Ina228::new(SHUNT_OHM), |part| part.set(12.0, 36.0, 60.0));
+    let ina238 = device(Ina238::new(SHUNT_OHM), |part| part.set(12.5, 30.0, 60.0));
+    let ltc2946 = device(Ltc2946::new(SHUNT_OHM), |part| part.set(12.0, 36.0));
+    let at_74 = [("BATT2_I2C_ADDR", 74.0), ("BATT2_MAX_AMPS", 100.0)];
+    let table: [(f32, u8, Device, &[(&str, f32)], (f32, f32), (f32, f32)); 6] = [
+        (
+            INA2XX,
+            0x40,
+            example,
+            &[shunt(0.002)],
+            (11.98, 1.25e-3),
+            (10.0, 1.25e-3),
+        ),
+        (
+            INA2XX,
+            0x41,
+            charging,
+            &[shunt(0.002)],
+            (7.3, 1.25e-3),
+            (-2.5, 1.25e-3),
+        ),
+        // Its shunt is inside.
+        (
+            INA2XX,
+            0x45,
+            ina260,
+            &[shunt(0.5)],
+            (12.345, 1.25e-3),
+            (4.2, 1.25e-3),
+        ),
+        (
+            INA2XX,
+            74,
+            ina228.clone(),
+            &at_74,
+            (12.0, 195.4e-6),
+            (36.0, 0.625e-3),
+        ),
+        (INA2XX, 0x44, ina238, &[], (12.5, 3.125e-3), (30.0, 10e-3)),
+        (LTC2946, 0x6f, ltc2946, &[], (12.0, 25e-3), (36.0, 50e-3)),
+    ];
+    for (kind, address, part, settings, voltage, current) in table {
+        let wires = Wires::with([(address, part)]);
+        let settings = [&[("BATT2_MONITOR", kind)], settings].concat();
+        let rover = Rover::with(&wires, &settings);
+        rover.assert_measures(Pack::Second, voltage, current);
+        let temperature_c = rover.state(Pack::Second).temperature_c;
+        assert_eq!(temperature_c, None, "the chip's is not the pack's");
+    }
+    // 13107.2e6 x 100 A / 2^19 x 0.5 mOhm
+    assert_eq!(ina228.borrow().shunt_calibration(), 1250);
+}
+
+#[test]
+// Requirement: AP-6
+fn an_ina231_measures_the_pack_and_is_known_by_its_set_up_when_the_board_restarts() {
+    let part = device(Ina231::new(0.002), |part| part.set(11.1, 4.0));
+    let wires = Wires::with([(MONITOR_AT, part as Device)]);
+    for _ in 0..2 {
+        let rover = Rover::with(&wires, &[("BATT2_MONITOR", INA2XX), ("BATT2_SHUNT", 0.002)]);
+        rover.assert_measures(Pack::Second, (11.1, 1.25e-3), (4.0, 1.25e-3));
+    }
+}
+
+fn ina239() -> Ina239 {
+    let mut part = Ina239::new(0.0002);
+    part.set(24.0, -12.0, 25.0);
+    part
+}
+
+#[test]
+// Requirement: AP-6
+fn an_ina239_is_read_by_spi_and_recovers_after_it_was_unplugged() {
+    let wires = Wires::default();
+    wires.behind_select.replace(Some(ina239()));
+    let mut rover = Rover::with(&wires, &[("BATT2_MONITOR", INA239), ("BATT2_SHUNT", 0.0002)]);
+    // 5 uV over 0.2 mOhm.
+    rover.assert_measures(Pack::Second, (24.0, 3.125e-3), (-12.0, 25e-3));
+    wires.behind_select.replace(None);
+    rover.run_for(5 * SECOND);
+    assert_eq!(rover.health(2), ["Battery 2 unhealthy: unknown part"]);
+    // It has lost what was set.
+    wires.behind_select.replace(Some(ina239()));
+    rover.run_for(8 * SECOND);
+    assert_eq!(rover.health(2)[1..], ["Battery 2 healthy again"]);
+    rover.assert_measures(Pack::Second, (24.0, 3.125e-3), (-12.0, 25e-3));
+}
+
+#[test]
+// Requirement: AP-6
+fn an_ina3221_measures_three_packs_with_one_set_of_transfers() {
+    let channels = [
+        (Pack::Second, 12.6, 1.2),
+        (Pack::Third, 7.4, -0.4),
+        (Pack::Fourth, 5.0, 10.0),
+    ];
+    let part = device(Ina3221::new(SHUNT_OHM), |part| {
+        for (channel, (_, volts, amperes)) in (1..).zip(channels) {
+            part.set(channel, volts, amperes);
+        }
+    });
+    let settings = [
+        ("BATT2_MONITOR", INA3221),
+        ("BATT3_MONITOR", INA3221),
+        ("BATT3_CHANNEL", 2.0),
+        ("BATT4_MONITOR", INA3221),
+        ("BATT4_CHANNEL", 3.0),
+    ];
+    let mut rover = Rover::with(&Wires::with([(0x42, part as Device)]), &settings);
+    for (pack, volts, amperes) in channels {
+        rover.assert_measures(pack, (volts as f32, 8e-3), (amperes as f32, 80e-3));
+    }
+    // Two for each channel, and a check.
+    assert_eq!(rover.transfers_in(SECOND, 0x42), 10 * 7);
+}
+
+#[test]
+fn several_power_monitors_are_found_one_after_the_other() {
+    let parts = [(0x45, 12.0), (0x40, 10.0), (0x41, 11.0)];
+    let wires = Wires::with(parts.map(|(address, volts)| (address, ina226(volts, 1.0))));
+    let settings = ["BATT2_MONITOR", "BATT3_MONITOR", "BATT4_MONITOR"].map(|name| (name, INA2XX));
+    let rover = Rover::with(&wires, &settings);
+    for (pack, volts) in [(Pack::Second, 10.0), (Pack::Third, 11.0), (Pack::Fourth, 12.0)] {
+        rover.assert_measures(pack, (volts, 1.25e-3), (1.0, 5e-3));
+    }
+}
+
+fn stack() -> Bq76952 {
+    let mut stack = Bq76952::new();
+    stack.set(&[4000, 4010, 3990], 7.2, 31.0);
+    stack
+}
+
+/// Charge and energy drawn from the second pack.
+fn drawn(rover: &Rover) -> (f32, f32) {
+    let state = rover.state(Pack::Second);
+    let drawn = state.consumed_mah().zip(state.consumed_wh);
+    drawn.expect("it is counted")
+}
+
+#[test]
+// Requirement: AP-7
+fn a_stack_counts_its_charge_while_it_is_not_read_and_back_while_it_charges() {
+    let part = device(stack(), |_| ());
+    let wires = Wires::with([(STACK_AT, part.clone() as Device)]);
+    let mut rover = Rover::with(&wires, &[("BATT2_MONITOR", BQ76952)]);
+    let state = rover.state(Pack::Second);
+    assert_eq!(state.cells.millivolts(), [4000, 4010, 3990]);
+    assert_about(state.temperature_c, 31.0, 0.05);
+    rover.assert_measures(Pack::Second, (12.0, 1e-3), (7.2, 1e-3));
+    let (before_mah, _) = drawn(&rover);
+    wires.detach(STACK_AT);
+    rover.run_for(10 * SECOND);
+    wires.attach(STACK_AT, part.clone());
+    rover.run_for(SECOND);
+    // 7.2 A are 2 mAh a second.
+    let (after_mah, _) = drawn(&rover);
+    assert_about(Some(after_mah - before_mah), 22.0, 1.0);
+    part.borrow_mut().set(&[4000; 3], -7.2, 31.0);
+    rover.run_for(10 * SECOND);
+    assert_about(Some(drawn(&rover).0 - after_mah), -20.0, 1.0);
+}
+
+#[test]
+// Requirement: AP-6
+fn an_ltc2946_counts_charge_and_energy_while_it_is_not_read_and_a_restart_loses_nothing() {
+    let part = device(Ltc2946::new(SHUNT_OHM), |part| part.set(12.0, 36.0));
+    let wires = Wires::with([(0x6f, part.clone() as Device)]);
+    let mut rover = Rover::with(&wires, &[("BATT2_MONITOR", LTC2946)]);
+    let (before_mah, before_wh) = drawn(&rover);
+    wires.detach(0x6f);
+    rover.run_for(10 * SECOND);
+    wires.attach(0x6f, part.clone());
+    rover.run_for(10 * SECOND);
+    // 10 mAh and 0.12 Wh a second.
+    let (after_mah, after_wh) = drawn(&rover);
+    assert_about(Some(after_mah - before_mah), 200.0, 2.0);
+    assert_about(Some(after_wh - before_wh), 2.4, 0.024);
+    part.borrow_mut().power_cycle();
+    rover.run_for(SECOND);
+    assert_about(Some(drawn(&rover).0 - after_mah), 10.0, 1.0);
+}
+
+fn converter(volts: [f64; 4]) -> Rc<RefCell<Ad7091r5>> {
+    device(Ad7091r5::new(Reference::External(3.3)), |part| {
+        (0..)
+            .zip(volts)
+            .for_each(|(channel, volts)| part.set(channel, volts));
+    })
+}
+
+/// The second pack at the first two pins of the converter.
+const AT_50_AND_51: [(&str, f32); 5] = [
+    ("BATT2_MONITOR", AD7091R5),
+    ("BATT2_VOLT_PIN", 50.0),
+    ("BATT2_CURR_PIN", 51.0),
+    ("BATT2_VOLT_MULT", 6.0),
+    ("BATT2_AMP_PERVLT", 10.0),
+];
+
+#[test]
+// Requirement: AP-6
+fn a_converter_on_the_bus_is_four_more_analog_pins() {
+    let third = [
+        ("BATT3_MONITOR", AD7091R5),
+        ("BATT3_VOLT_PIN", 52.0),
+        ("BATT3_CURR_PIN", 53.0),
+        ("BATT3_VOLT_MULT", 4.0),
+    ];
+    let wires = Wires::with([(CONVERTER_AT, converter([2.0, 1.0, 3.0, 0.5]) as Device)]);
+    let mut rover = Rover::with(&wires, &[&AT_50_AND_51[..], &third].concat());
+    rover.assert_measures(Pack::Second, (12.0, 4.9e-3), (10.0, 8.1e-3));
+    rover.assert_measures(Pack::Third, (12.0, 3.3e-3), (8.5, 14e-3));
+    // One set of transfers for both: a check, and all four results.
+    assert_eq!(rover.transfers_in(SECOND, CONVERTER_AT), 20);
+}
+
+#[test]
+fn a_pin_of_the_converter_at_full_scale_is_no_voltage_and_a_current_over_range() {
+    let part = converter([2.0, 3.4, 0.0, 0.0]);
+    let wires = Wires::with([(CONVERTER_AT, part.clone() as Device)]);
+    let mut rover = Rover::with(&wires, &AT_50_AND_51);
+    rover.run_for(SECOND);
+    let over_range = "Battery 2 current over range: consumption too low";
+    assert!(texts_of(&frames(&rover.port.sent())).contains(&over_range.into()));
+    assert_eq!(rover.health(2), [""; 0]);
+    part.borrow_mut().set(0, 3.4);
+    rover.run_for(2 * SECOND);
+    assert_eq!(rover.health(2), ["Battery 2 unhealthy: over range"]);
+}
+
+#[test]
+fn a_pack_without_a_pin_of_the_converter_does_not_take_the_next_one_along() {
+    let wires = Wires::with([(CONVERTER_AT, converter([2.0, 0.5, 0.0, 0.0]) as Device)]);
+    let settings = [
+        ("BATT2_MONITOR", AD7091R5),
+        ("BATT3_MONITOR", AD7091R5),
+        ("BATT3_VOLT_PIN", 50.0),
+        ("BATT3_CURR_PIN", 51.0),
+        ("BATT3_VOLT_MULT", 6.0),
+    ];
+    let mut rover = Rover::with(&wires, &settings);
+    rover.run_for(SECOND);
+    assert_eq!(rover.health(2), ["Battery 2 unhealthy: no pin set"]);
+    assert_eq!(rover.health(3), [""; 0]);
+    rover.assert_measures(Pack::Third, (12.0, 4.9e-3), (8.5, 14e-3));
+}
+
+/// A part that can fail.
+struct Faulty {
+    kind: f32,
+    address: u8,
+    device: Device,
+    garble: Box<dyn Fn(Reads)>,
+    power_cycle: Box<dyn Fn()>,
+}
+
+fn faulty<D: I2cDevice + 'static>(kind: f32, address: u8, part: D, power_cycle: fn(&mut D)) -> Faulty {
+    let part = device(Garbled::new(part, Reads::Own), |_| ());
+    let (garbled, cycled) = (Rc::clone(&part), Rc::clone(&part));
+    Faulty {
+        kind,
+        address,
+        device: part,
+        garble: Box::new(move |reads| garbled.borrow_mut().set_reads(reads)),
+        power_cycle: Box::new(move || power_cycle(&mut cycled.borrow_mut())),
+    }
+}
+
+fn faulty_monitor() -> Faulty {
+    let mut part = Ina226::new(SHUNT_OHM);
+    part.set(12.0, 7.2);
+    faulty(INA2XX, MONITOR_AT, part, |part| part.power_cycle())
+}
+
+fn faulty_stack() -> Faulty {
+    faulty(BQ76952, STACK_AT, stack(), Bq76952::power_cycle)
+}
+
+#[derive(Debug)]
+enum Fault {
+    Answers(Reads),
+    Replaced(fn() -> Device),
+    Unplugged,
+}
+
+impl Faulty {
+    /// It is announced once, the third pack is read as before, and so is this one in the end.
+    fn assert_survives(&self, fault: Fault, reason: &str) {
+        let neighbour = device(SmartBattery::new(Pec::Right), |_| ());
+        let wires = Wires::with([(self.address, Rc::clone(&self.device)), (BATTERY_AT, neighbour)]);
+        let monitors = [("BATT2_MONITOR", self.kind), ("BATT3_MONITOR", SMART_BATTERY)];
+        let mut rover = Rover::with(&wires, &monitors);
+        let usual = rover.transfers_in(5 * SECOND, BATTERY_AT);
+        println!("{fault:?} of {}", self.kind);
+        match fault {
+            Fault::Answers(reads) => (self.garble)(reads),
+            Fault::Replaced(other) => wires.attach(self.address, other()),
+            Fault::Unplugged => wires.detach(self.address),
+        }
+        assert_eq!(rover.transfers_in(5 * SECOND, BATTERY_AT), usual);
+        assert_eq!(rover.health(2), [format!("Battery 2 unhealthy: {reason}")]);
+        assert_eq!(rover.state(Pack::Second).status, PackStatus::Unhealthy);
+        (self.garble)(Reads::Own);
+        (self.power_cycle)();
+        wires.attach(self.address, Rc::clone(&self.device));
+        rover.run_for(8 * SECOND);
+        assert_eq!(rover.health(2)[1..], ["Battery 2 healthy again"]);
+        assert_eq!(rover.health(3), [""; 0]);
+        rover.assert_measures(Pack::Second, (12.0, 1.25e-3), (7.2, 5e-3));
+    }
+}
+
+#[test]
+// Requirement: AP-12
+fn a_part_that_fails_is_announced_once_holds_up_no_other_and_recovers() {
+    for part in [faulty_monitor, faulty_stack] {
+        part().assert_survives(Fault::Answers(Reads::Fixed(0xff)), "unknown part");
+        part().assert_survives(Fault::Answers(Reads::Fixed(0)), "unknown part");
+        part().assert_survives(Fault::Answers(Reads::Noise(Random::new(7))), "unknown part");
+        part().assert_survives(Fault::Unplugged, "no answer");
+    }
+    let other = || device(Ina3221::new(SHUNT_OHM), |_| ()) as Device;
+    faulty_monitor().assert_survives(Fault::Replaced(other), "unknown part");
+    faulty_stack().assert_survives(Fault::Replaced(|| ina226(12.0, 1.0)), "unknown part");
+}
+
+#[test]
+fn a_part_that_lost_its_supply_for_a_moment_is_set_up_again() {
+    let part = device(Ina226::new(SHUNT_OHM), |part| part.set(12.0, 1.0));
+    let wires = Wires::with([(MONITOR_AT, part.clone() as Device)]);
+    let mut rover = Rover::with(&wires, &[("BATT2_MONITOR", INA2XX)]);
+    part.borrow_mut().power_cycle();
+    assert_ne!(part.borrow().configuration(), 0x44df);
+    rover.run_for(SECOND);
+    assert_eq!(part.borrow().configuration(), 0x44df);
+    assert_eq!(rover.health(2), [""; 0]);
+}
+
+#[test]
+// Requirement: S-11
+fn a_kind_that_is_set_while_the_board_runs_freezes_no_pack() {
+    for kind in [3.0, SMART_BATTERY, BQ76952] {
+        let part = device(Ina226::new(SHUNT_OHM), |part| part.set(12.0, 1.0));
+        let wires = Wires::with([(MONITOR_AT, part.clone() as Device)]);
+        let mut rover = Rover::with(&wires, &[("BATT2_MONITOR", INA2XX)]);
+        let change = |parameters: &mut Parameters| set(parameters, "BATT2_MONITOR", kind);
+        rover.shared.with(|autopilot| change(autopilot.parameters_mut()));
+        part.borrow_mut().set(11.0, 2.0);
+        rover.run_for(SECOND);
+        rover.assert_measures(Pack::Second, (11.0, 1.25e-3), (2.0, 5e-3));
+        wires.detach(MONITOR_AT);
+        rover.run_for(SECOND);
+        assert_eq!(rover.health(2), ["Battery 2 unhealthy: no answer"]);
+    }
+}
