@@ -46,6 +46,9 @@ const MONITOR_AT: u8 = 0x40;
 /// The shunt of a pack unless it is set.
 const SHUNT_OHM: f64 = 0.0005;
 
+/// An INA226's of a volt, and of an ampere through 2 mOhm.
+const STEP: f32 = 1.25e-3;
+
 /// A byte with its acknowledge bit at 400 kHz.
 const BUS_BYTE_US: u64 = 23;
 
@@ -237,7 +240,6 @@ fn ina226(volts: f64, amperes: f64) -> Device {
 #[test]
 // Requirement: AP-6
 fn each_part_measures_voltage_and_current_within_a_step() {
-    let shunt = |ohm| ("BATT2_SHUNT", ohm);
     // The datasheet's example: 10 A through 2 mOhm at 11.98 V. In 2.5 uV over 2 mOhm there are 1.25 mA.
     let example = device(Ina226::new(0.002), |part| part.set(11.98, 10.0));
     let charging = device(Ina226::new(0.002), |part| part.set(7.3, -2.5));
@@ -245,41 +247,15 @@ fn each_part_measures_voltage_and_current_within_a_step() {
     let ina228 = device(Ina228::new(SHUNT_OHM), |part| part.set(12.0, 36.0, 60.0));
     let ina238 = device(Ina238::new(SHUNT_OHM), |part| part.set(12.5, 30.0, 60.0));
     let ltc2946 = device(Ltc2946::new(SHUNT_OHM), |part| part.set(12.0, 36.0));
+    let counter = ina228.clone();
+    let shunt = [("BATT2_SHUNT", 0.002)];
     let at_74 = [("BATT2_I2C_ADDR", 74.0), ("BATT2_MAX_AMPS", 100.0)];
     let table: [(f32, u8, Device, &[(&str, f32)], (f32, f32), (f32, f32)); 6] = [
-        (
-            INA2XX,
-            0x40,
-            example,
-            &[shunt(0.002)],
-            (11.98, 1.25e-3),
-            (10.0, 1.25e-3),
-        ),
-        (
-            INA2XX,
-            0x41,
-            charging,
-            &[shunt(0.002)],
-            (7.3, 1.25e-3),
-            (-2.5, 1.25e-3),
-        ),
+        (INA2XX, 0x40, example, &shunt, (11.98, STEP), (10.0, STEP)),
+        (INA2XX, 0x41, charging, &shunt, (7.3, STEP), (-2.5, STEP)),
         // Its shunt is inside.
-        (
-            INA2XX,
-            0x45,
-            ina260,
-            &[shunt(0.5)],
-            (12.345, 1.25e-3),
-            (4.2, 1.25e-3),
-        ),
-        (
-            INA2XX,
-            74,
-            ina228.clone(),
-            &at_74,
-            (12.0, 195.4e-6),
-            (36.0, 0.625e-3),
-        ),
+        (INA2XX, 0x45, ina260, &shunt, (12.345, STEP), (4.2, STEP)),
+        (INA2XX, 74, counter, &at_74, (12.0, 2e-4), (36.0, 7e-4)),
         (INA2XX, 0x44, ina238, &[], (12.5, 3.125e-3), (30.0, 10e-3)),
         (LTC2946, 0x6f, ltc2946, &[], (12.0, 25e-3), (36.0, 50e-3)),
     ];
@@ -302,7 +278,7 @@ fn an_ina231_measures_the_pack_and_is_known_by_its_set_up_when_the_board_restart
     let wires = Wires::with([(MONITOR_AT, part as Device)]);
     for _ in 0..2 {
         let rover = Rover::with(&wires, &[("BATT2_MONITOR", INA2XX), ("BATT2_SHUNT", 0.002)]);
-        rover.assert_measures(Pack::Second, (11.1, 1.25e-3), (4.0, 1.25e-3));
+        rover.assert_measures(Pack::Second, (11.1, STEP), (4.0, STEP));
     }
 }
 
@@ -365,7 +341,7 @@ fn several_power_monitors_are_found_one_after_the_other() {
     let settings = ["BATT2_MONITOR", "BATT3_MONITOR", "BATT4_MONITOR"].map(|name| (name, INA2XX));
     let rover = Rover::with(&wires, &settings);
     for (pack, volts) in [(Pack::Second, 10.0), (Pack::Third, 11.0), (Pack::Fourth, 12.0)] {
-        rover.assert_measures(pack, (volts, 1.25e-3), (1.0, 5e-3));
+        rover.assert_measures(pack, (volts, STEP), (1.0, 5e-3));
     }
 }
 
@@ -551,7 +527,7 @@ impl Faulty {
         rover.run_for(8 * SECOND);
         assert_eq!(rover.health(2)[1..], ["Battery 2 healthy again"]);
         assert_eq!(rover.health(3), [""; 0]);
-        rover.assert_measures(Pack::Second, (12.0, 1.25e-3), (7.2, 5e-3));
+        rover.assert_measures(Pack::Second, (12.0, STEP), (7.2, 5e-3));
     }
 }
 
@@ -592,7 +568,7 @@ fn a_kind_that_is_set_while_the_board_runs_freezes_no_pack() {
         rover.shared.with(|autopilot| change(autopilot.parameters_mut()));
         part.borrow_mut().set(11.0, 2.0);
         rover.run_for(SECOND);
-        rover.assert_measures(Pack::Second, (11.0, 1.25e-3), (2.0, 5e-3));
+        rover.assert_measures(Pack::Second, (11.0, STEP), (2.0, 5e-3));
         wires.detach(MONITOR_AT);
         rover.run_for(SECOND);
         assert_eq!(rover.health(2), ["Battery 2 unhealthy: no answer"]);
