@@ -6,14 +6,12 @@ use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 
 use crate::learnt;
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
-use emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
-use support::commands::{ACCEPTED, FAILED, PREFLIGHT_STORAGE};
-use support::frames::{
-    ARMED, HEARTBEAT, Heartbeat, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of,
-};
+use emulator::{FlashOperation, FlashOperationKind, FlashTiming};
+use support::commands::ACCEPTED;
+use support::frames::{PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of};
 use support::motor_poles::LEFT;
 use support::parameter_flash;
-use support::requests::{arm, command_long, disarm, manual_control, param_set, set_mode};
+use support::requests::{arm, disarm, manual_control, param_set, set_mode};
 use workbench::bench::{
     Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET,
 };
@@ -90,142 +88,10 @@ fn erases(operations: &[FlashOperation]) -> usize {
     operations.iter().filter(is_erase).count()
 }
 
-/// Without restarts and warnings, but for parameters of another firmware and a command that is refused.
-fn assert_untroubled(bench: &Bench) {
-    assert!(bench.resets().is_empty(), "{:?}", bench.resets());
-    let warnings = bench.logged(LogLevel::Warn, "");
-    let expected = ["stored parameter ", "UART0: refused: CommandRefused"];
-    let is_expected = |text: &str| expected.iter().any(|start| text.starts_with(start));
-    let other = warnings.iter().find(|(_, text)| !is_expected(text));
-    assert_eq!(other, None);
-}
-
 fn texts_since(bench: &mut Bench, from_us: u64) -> Vec<String> {
     let texts = texts_of(&bench.frames_since(from_us));
     let is_of_storage = |text: &String| text.contains("aved");
     texts.into_iter().filter(is_of_storage).collect()
-}
-
-#[test]
-// Requirement: L-18, R-5
-fn nothing_is_erased_while_armed_and_what_has_no_space_is_saved_after_disarming() {
-    let mut bench = rover_with_room(15);
-    bench.set("BATT_CAPACITY", 777.0);
-    bench.run_for(SECOND);
-    arm_and_drive(&mut bench);
-    bench.run_until_silent();
-    let from_us = bench.time_us();
-    // Twice what there is room for, and some of each parameter once.
-    let filling = (0..60).map(|number| {
-        let name = ["BATT_LOW_VOLT", "BATT_CRT_VOLT"][number % 2];
-        (name.to_owned(), 6.0 + number as f32 / 100.0)
-    });
-    let more = (1..=9).map(|pack| {
-        let number = if pack == 1 {
-            String::new()
-        } else {
-            pack.to_string()
-        };
-        (format!("BATT{number}_CAPACITY"), 1234.0)
-    });
-    for (name, value) in filling.chain(more) {
-        let now_us = bench.time_us();
-        let request = [param_set(&name, value), manual_control(VEHICLE_ID, 0, 500)].concat();
-        bench.uart_send(0, now_us, &request);
-        bench.run_for(40 * MILLISECOND);
-    }
-    assert_eq!(bench.result_of(&command_long(PREFLIGHT_STORAGE, 2.0)), FAILED);
-    drive_for(&mut bench, 7 * SECOND, 500);
-
-    let operations = bench.take_flash_operations();
-    assert_eq!(erases(&operations), 0, "{operations:?}");
-    assert!(operations.len() > 15, "there was room for some");
-    let texts = texts_since(&mut bench, from_us);
-    let last = texts.last().expect("a report");
-    assert_eq!(last, "Parameters: 11 not saved until disarmed", "{texts:?}");
-    for name in ["BATT_CAPACITY", "BATT9_CAPACITY"] {
-        assert_eq!(bench.read_parameter(name), Some(1234.0), "live");
-    }
-
-    let disarmed_us = bench.time_us();
-    bench.ask(&disarm());
-    bench.run_for(2 * SECOND);
-    assert_eq!(texts_since(&mut bench, disarmed_us), ["Parameters saved"]);
-    assert!(erases(&bench.take_flash_operations()) >= 1);
-    assert_untroubled(&bench);
-
-    bench.run_until_silent();
-    bench.power_cycle();
-    bench.run_for(SECOND);
-    for name in ["BATT_CAPACITY", "BATT9_CAPACITY"] {
-        assert_eq!(bench.read_parameter(name), Some(1234.0), "saved");
-    }
-    assert_eq!(bench.read_parameter("BATT_CRT_VOLT"), Some(6.59));
-}
-
-#[test]
-fn power_lost_while_armed_brings_saved_values_back() {
-    let mut bench = rover_with_room(5);
-    bench.set("BATT_CAPACITY", 777.0);
-    bench.run_for(SECOND);
-    arm_and_drive(&mut bench);
-    for number in 0..30 {
-        bench.set("BATT_LOW_VOLT", 6.0 + number as f32);
-    }
-    bench.set("BATT_CAPACITY", 1234.0);
-    bench.run_for(SECOND);
-    assert_eq!(bench.read_parameter("BATT_CAPACITY"), Some(1234.0), "live");
-    bench.run_until_silent();
-    bench.power_cycle();
-    bench.run_for(SECOND);
-    assert_eq!(bench.read_parameter("BATT_CAPACITY"), Some(777.0));
-    let damaged = texts_of(&bench.frames());
-    assert!(
-        !damaged.iter().any(|text| text.contains("damaged")),
-        "{damaged:?}"
-    );
-    bench.set("BATT_CAPACITY", 888.0);
-    bench.run_for(2 * SECOND); // A full sector moves for one of them.
-    bench.run_until_silent();
-    bench.power_cycle();
-    bench.run_for(SECOND);
-    assert_eq!(bench.read_parameter("BATT_CAPACITY"), Some(888.0));
-}
-
-#[test]
-fn full_sectors_of_time_and_learnt_data_move_without_an_erase() {
-    let mut bench = rover_with(&learnt_data(), &signing(3), &parameters(0));
-    bench.flash_timing(FlashTiming::MAXIMUM);
-    arm_and_drive(&mut bench);
-    let from_us = bench.time_us();
-    for number in 0..7 {
-        bench.ask(&param_set("BATT_SERIAL_NUM", number as f32));
-        bench.ask(&param_set("BATT_LRN_ERASE", 1.0));
-        drive_for(&mut bench, 10 * SECOND, 500);
-    }
-    let heartbeats = bench.frames_since(from_us);
-    let heartbeats = of_message(&heartbeats, HEARTBEAT);
-    assert!(
-        heartbeats
-            .iter()
-            .all(|frame| Heartbeat(frame).base_mode() & ARMED != 0)
-    );
-    let operations = bench.take_flash_operations();
-    assert_eq!(erases(&operations), 0, "{operations:?}");
-    let pages_in = |from: u32, to: u32| {
-        let is_there = |operation: &&FlashOperation| (from..to).contains(&operation.offset);
-        operations.iter().filter(is_there).count()
-    };
-    assert!(pages_in(LEARNT_OFFSET, SIGNING_OFFSET) > 40, "it has moved");
-    assert!(pages_in(SIGNING_OFFSET, PARAMETER_OFFSET) > 12, "it has moved");
-    assert_eq!(
-        texts_since(&mut bench, from_us),
-        ["Learnt battery data not saved until disarmed"]
-    );
-    bench.ask(&disarm());
-    bench.run_for(4 * SECOND);
-    assert!(erases(&bench.take_flash_operations()) >= 2, "prepared again");
-    assert_untroubled(&bench);
 }
 
 /// An erase of 400 ms under the watchdog of an armed rover would restart the board in the middle of it.

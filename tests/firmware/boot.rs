@@ -178,16 +178,6 @@ fn the_slowest_flash_takes_less_than_half_of_the_watchdogs_second_at_the_start()
     assert!(slack_us > SECOND / 2, "{slack_us} us");
 }
 
-/// What keeps the program in one place with interrupts off, as a flash chip that stays busy does.
-#[test]
-// Requirement: R-5
-fn a_start_that_hangs_is_reset() {
-    let mut bench = Bench::power_up(DIVIDER_CODE);
-    assert!(bench.run_until(SECOND, |board| board.watchdog_is_enabled()));
-    bench.hang_program();
-    assert!(bench.run_until(SECOND + 50 * MILLISECOND, |board| !board.resets().is_empty()));
-}
-
 /// What distinguishes two boards.
 fn traces(bench: &mut Bench) -> impl PartialEq + use<> {
     let log: Vec<_> = bench.log_lines().to_vec();

@@ -8,7 +8,7 @@ use crate::wheels::pins;
 use emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
 use support::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
 use support::frames::{acknowledged, texts_of};
-use support::requests::{GCS, heartbeat, reboot, reboot_to_boot_loader};
+use support::requests::{GCS, heartbeat, reboot_to_boot_loader};
 use workbench::bench::{Bench, SECOND};
 use workbench::signing_key::protected;
 
@@ -64,21 +64,6 @@ fn it_restarts_into_the_boot_loader_with_everything_off_and_saved() {
     assert!(bench.logged(LogLevel::Warn, "").is_empty(), "no crash");
     let texts = texts_of(&bench.frames());
     assert!(texts.iter().all(|text| !text.contains("rash")), "{texts:?}");
-}
-
-/// Mission Planner's "Force Bootloader" sends each of the two requests twice.
-#[test]
-fn a_restart_requested_after_the_boot_loader_does_not_revoke_it() {
-    let mut bench = Bench::running(GOOD_3S);
-    let requests = [
-        reboot_to_boot_loader(),
-        reboot_to_boot_loader(),
-        reboot(),
-        reboot(),
-    ];
-    let answers = bench.ask(&requests.concat());
-    assert_eq!(acknowledged(&answers), [(PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED); 4]);
-    run_into_boot_loader(&mut bench);
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_coasting};
 use emulator::ResetCause;
-use support::frames::{HEARTBEAT, of_message, texts_of};
-use support::requests::{GCS, arm, heartbeat, set_mode};
+use support::frames::{HEARTBEAT, of_message};
+use support::requests::{arm, set_mode};
 use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 const CORE_0: u32 = 0b01;
@@ -32,15 +32,6 @@ fn a_rover_whose_processor_is_halted_stands_within_a_second() {
     assert!(bench.run_until(RESET_WITHIN_US, |board| board.resets().len() > resets));
     assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogTimer);
     assert!(is_coasting(&bench));
-    // The crash says so to the next ground station that is heard.
-    bench.run_for(SECOND);
-    let from_us = bench.time_us();
-    bench.uart_send(0, from_us, &heartbeat(GCS));
-    bench.run_for(SECOND);
-    assert!(is_coasting(&bench));
-    let frames = bench.frames_since(from_us);
-    let texts: Vec<String> = texts_of(&frames);
-    assert!(texts.iter().any(|text| text.contains("hung")), "{texts:?}");
 }
 
 #[test]

@@ -64,16 +64,6 @@ fn reported(mut bench: Bench) -> String {
 }
 
 #[test]
-fn it_is_that_of_the_file() {
-    assert_eq!(
-        crc32(b"123456789".iter().copied()),
-        0xCBF4_3926,
-        "check value of CRC-32"
-    );
-    assert_eq!(reported(Bench::power_up(DIVIDER_CODE)), hash_of(parts()));
-}
-
-#[test]
 fn it_is_logged_soon_and_does_not_delay_the_start() {
     let mut bench = Bench::power_up(DIVIDER_CODE);
     bench.run_for(500 * MILLISECOND);

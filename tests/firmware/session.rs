@@ -1,14 +1,17 @@
 //! One session of a ground station, the same over every wire.
 
-use crate::parameters::list;
+use std::collections::BTreeMap;
+
 use crate::rover::GOOD_3S;
 use emulator::LogLevel;
 use support::commands::{ACCEPTED, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, UNSUPPORTED};
 use support::frames::{
-    ARMED, AUTOPILOT_VERSION, BATTERY_STATUS, HEARTBEAT, Heartbeat, PING, SYS_STATUS, TIMESYNC, acknowledged,
-    assert_no_sequence_gap, last_of, of_message,
+    ARMED, AUTOPILOT_VERSION, BATTERY_STATUS, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue,
+    SYS_STATUS, TIMESYNC, acknowledged, assert_no_sequence_gap, last_of, of_message,
 };
-use support::requests::{arm, command_long, command_long_2, disarm, ping, timesync};
+use support::requests::{
+    VEHICLE, arm, command_long, command_long_2, disarm, param_request_list, ping, timesync,
+};
 use workbench::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, Wire};
 use workbench::runs::rates_asked_for::assert_rates;
 
@@ -103,4 +106,19 @@ fn restart(bench: &mut Bench) {
     bench.run_for(SECOND);
     assert_eq!(bench.parameter("BATT_CAPACITY"), 2200.0);
     assert!(!of_message(&bench.frames(), BATTERY_STATUS).is_empty());
+}
+
+/// All parameters, by a list.
+fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
+    let mut answers = bench.ask(&param_request_list(VEHICLE));
+    let from_us = answers.last().map_or(0, |frame| frame.at_us);
+    bench.run_for(2 * SECOND);
+    answers.extend(bench.frames().into_iter().filter(|frame| frame.at_us > from_us));
+    let values = of_message(&answers, PARAM_VALUE);
+    let count = usize::from(ParamValue(values[0]).count());
+    assert_eq!(values.len(), count, "each once");
+    values
+        .iter()
+        .map(|frame| (ParamValue(frame).name(), ParamValue(frame).value()))
+        .collect()
 }

@@ -1,6 +1,6 @@
 //! The board at a USB host: what hosts do, and what they do to it.
 
-use emulator::{AbortPoint, ControlRequest, FlashTiming, HostEvent, LogLevel, Random, Reading};
+use emulator::{AbortPoint, ControlRequest, FlashTiming, LogLevel, Random, Reading};
 use support::commands::PREFLIGHT_STORAGE;
 use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message};
 use support::requests::{VEHICLE, command_long, param_request_list};
@@ -100,43 +100,6 @@ fn a_host_enumerates_the_board_and_gets_its_serial_number() {
     }
     assert_ne!(seen[0], seen[1], "two boards");
     assert_eq!(seen[0], seen[2], "the same board");
-}
-
-#[test]
-// Requirement: R-3
-fn after_a_transfer_that_the_host_drops_the_link_is_back_in_two_seconds() {
-    for (request, point) in ABORTS {
-        let mut bench = opened();
-        bench.run_for(SECOND);
-        bench.usb().close_with_abort(request, point);
-        bench.run_for(50 * MILLISECOND);
-        bench.usb().open();
-        let took_us = assert_back(&mut bench, &format!("{request:?} dropped {point:?}"));
-        println!("{request:?} dropped {point:?}: back after {took_us} us");
-        assert_eq!(rebuilds(&bench), 1, "{request:?} {point:?}");
-        bench.run_for(5 * SECOND);
-        assert_eq!(rebuilds(&bench), 1, "{request:?} {point:?}");
-        assert_uart_undisturbed(&bench.uart_frames());
-        assert_nothing_else(&bench);
-    }
-}
-
-#[test]
-// Requirement: R-3
-fn after_a_bus_error_the_link_is_back_in_two_seconds() {
-    let mut bench = opened();
-    bench.run_for(SECOND);
-    bench.usb().corrupt_next_packet();
-    let hit = bench.run_until(SECOND, |board| {
-        let events = board.usb().take_events();
-        events.iter().any(|(_, event)| *event == HostEvent::BusError)
-    });
-    assert!(hit);
-    let took_us = assert_back(&mut bench, "a bus error");
-    println!("back after {took_us} us");
-    assert_eq!(rebuilds(&bench), 1);
-    assert_uart_undisturbed(&bench.uart_frames());
-    assert_nothing_else(&bench);
 }
 
 /// Not all of an enumeration: each time the next packet is hit.

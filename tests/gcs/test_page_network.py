@@ -143,18 +143,6 @@ def enter_in_list(page, value):
     page.run("const input = document.querySelector('#list input'); input.value = arguments[0]; input.onchange()", value)
 
 
-@pytest.mark.long
-def test_a_parameter_is_not_set_after_a_stall(rover, page):
-    search_low_volt(page)
-    before = parameter(rover, "BATT_LOW_VOLT")
-    rover.network.deafen()
-    enter_in_list(page, 9.5)
-    time.sleep(7)
-    rover.network.mend()
-    page.wait_for("Command waited for too long: refused")
-    assert parameter(rover, "BATT_LOW_VOLT") == before
-
-
 def test_a_slow_link_is_said_and_then_takes_the_stick(rover, page):
     drive(page)
     rover.network.up.delay_s = rover.network.down.delay_s = 0.6

@@ -1,9 +1,7 @@
 """The parameter services, with pymavlink as the ground station."""
 
-import math
 import re
 import time
-from contextlib import closing
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -62,19 +60,6 @@ def test_read_by_index_and_unknown_names(vehicle):
     assert error.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
 
 
-def test_set_and_refuse(vehicle):
-    assert set_to(vehicle, "BATT_VOLT_MULT", 7.9).param_value == pytest.approx(7.9)
-    time.sleep(0.3)
-    while vehicle.recv_match(blocking=False):
-        pass
-    assert receive(vehicle, ["BATTERY_STATUS"]).voltages[0] > 24_000
-
-    error = set_to(vehicle, "BATT_VOLT_MULT", math.nan)
-    assert error.get_type() == "PARAM_ERROR"
-    assert error.error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
-    assert receive(vehicle, ["PARAM_VALUE"]).param_value == pytest.approx(7.9)
-
-
 @pytest.mark.board
 # Requirement: AP-29
 def test_names_of_ardupilot_4_7(vehicle):
@@ -92,25 +77,6 @@ def test_names_of_ardupilot_4_7(vehicle):
         assert read(vehicle, own).param_value == own_value
         assert read(vehicle, newer).param_value == value
     assert read_list(vehicle).keys() == listed.keys()
-
-
-def test_what_one_station_sets_reaches_the_others(start_simulator):
-    url = start_simulator().url
-    with closing(connect(url)) as one, closing(connect(url)) as other:
-        listed = read_list(other)
-        assert set_to(one, "BATT_LOW_VOLT", 10.5).param_value == 10.5
-        reported = receive(other, ["PARAM_VALUE"])
-        assert (reported.param_id, reported.param_value) == ("BATT_LOW_VOLT", 10.5)
-        assert (reported.param_index, reported.param_count) == (65535, len(listed))
-        # The station that has set it gets nothing else.
-        assert one.recv_match(type="PARAM_VALUE", blocking=True, timeout=1) is None
-        command(one, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2)
-        for link in (one, other):
-            assert receive(link, ["STATUSTEXT"]).text == "All parameters reset to their defaults"
-            # And what the simulator had set.
-            while (reported := receive(link, ["PARAM_VALUE"])).param_id != "BATT_LOW_VOLT":
-                pass
-            assert (reported.param_value, reported.param_index) == (0, 65535)
 
 
 @pytest.mark.board

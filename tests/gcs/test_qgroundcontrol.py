@@ -13,12 +13,8 @@ import pytest
 from conftest import REPOSITORY, EmulatedBoard, Simulator
 from oracle import FLY_VIEW, PAGES, described_kinds, description_of, missing_on_page
 from qgroundcontrol import (
-    COMPONENT,
     FILE_NOT_FOUND,
-    HOME_POSITION,
     REQUEST_MESSAGE,
-    SET_MESSAGE_INTERVAL,
-    SYSTEM,
     VEHICLE,
     Station,
     is_named,
@@ -34,7 +30,6 @@ ARM_DISARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 HOLD, MANUAL, AUTO = 4, 0, 10
 
 TYPED_HZ = 1
-MISSION_TYPES = [mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_TYPE_RALLY]
 
 
 class Session:
@@ -185,42 +180,6 @@ def test_rates_are_as_typed_after_a_minute_of_its_requests(session, name):
     assert is_about(session.rate_hz(name), TYPED_HZ)
 
 
-def test_there_is_no_position_to_give(session):
-    assert session.station.since(0, "HOME_POSITION") == []
-    assert session.station.command(SET_MESSAGE_INTERVAL, HOME_POSITION, 1e6) == UNSUPPORTED
-
-
-# ---------------------------------------------------------------- missions
-
-
-@pytest.mark.parametrize("kind", MISSION_TYPES)
-def test_each_list_is_empty(session, kind):
-    count = session.station.answer(
-        lambda mav: mav.mission_request_list_send(*VEHICLE, kind), is_named("MISSION_COUNT")
-    )
-    assert (count.count, count.mission_type) == (0, kind)
-    assert (count.target_system, count.target_component) == (SYSTEM, COMPONENT)
-
-
-@pytest.mark.parametrize("kind", [*MISSION_TYPES, mavlink.MAV_MISSION_TYPE_ALL])
-def test_an_empty_list_can_be_cleared(session, kind):
-    ack = session.station.answer(lambda mav: mav.mission_clear_all_send(*VEHICLE, kind), is_named("MISSION_ACK"))
-    assert (ack.type, ack.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, kind)
-
-
-@pytest.mark.parametrize(
-    "send",
-    [
-        lambda mav: mav.mission_count_send(*VEHICLE, 3, 0),
-        lambda mav: mav.mission_request_int_send(*VEHICLE, 0, 0),
-        lambda mav: mav.mission_request_send(*VEHICLE, 0, 0),
-    ],
-    ids=["upload", "item", "older item"],
-)
-def test_an_upload_and_a_request_for_an_item_are_refused(session, send):
-    assert session.station.answer(send, is_named("MISSION_ACK")).type == mavlink.MAV_MISSION_UNSUPPORTED
-
-
 # ---------------------------------------------------------------- parameters
 
 
@@ -257,37 +216,12 @@ def refused_is_unchanged(session, name, value):
     assert (again.param_id, again.param_value) == (name, pytest.approx(session.parameters[name]))
 
 
-@pytest.mark.parametrize(("name", "value"), [("RC1_MIN", 799), ("RC1_MAX", 2201)])
-def test_pulses_out_of_range_are_refused(session, name, value):
-    refused_is_unchanged(session, name, value)
-
-
-@pytest.mark.parametrize(("name", "value"), [("RCMAP_THROTTLE", 1), ("RC1_MIN", 1401), ("RC1_MAX", 1599), ("RC1_TRIM", 1099)])
-def test_channels_that_could_not_be_driven_with_are_taken_and_not_armed_with(session, name, value):
-    before = session.parameters[name]
-    assert session.station.set(name, value).param_value == value
-    assert session.station.command(ARM_DISARM, 1) == mavlink.MAV_RESULT_FAILED
-    assert session.station.set(name, before).param_value == before
-
-
 def test_a_refused_parameter_is_explained_with_its_range(session):
     assert session.refusal.get_type() == "PARAM_ERROR"
     assert session.refusal_is_explained
 
 
 # ---------------------------------------------------------------- calibration, motors, modes
-
-
-def test_a_calibration_is_refused_and_what_is_read_after_it_is_answered(session):
-    assert session.station.command(mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, 1) == UNSUPPORTED
-    # read: APMSensorsComponentController.cc: it reads these again, and opens a dialog for each that is not answered.
-    names = [name for name in session.parameters if name.startswith(("COMPASS_", "INS_"))]
-    assert names
-    for name in names:
-        session.station.answer(
-            lambda mav: mav.param_request_read_send(*VEHICLE, name.encode(), -1),
-            lambda message: message.get_type() == "PARAM_VALUE" and message.param_id == name,
-        )
 
 
 def test_motors_are_tested_by_board_check(session):
@@ -308,15 +242,6 @@ def test_its_modes_are_listed(session):
         assert mode.number_modes == 2
         modes[mode.custom_mode] = mode.mode_name.upper()
     assert modes == {MANUAL: "MANUAL", HOLD: "HOLD"}
-
-
-def test_a_mode_that_does_not_exist_is_refused_with_the_names_of_those_that_do(session):
-    custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    result, is_explained = session.station.hears(
-        lambda: session.station.command(mavlink.MAV_CMD_DO_SET_MODE, custom, AUTO),
-        "hold.*manual|manual.*hold",
-    )
-    assert result != ACCEPTED and is_explained
 
 
 # ---------------------------------------------------------------- a battery failsafe

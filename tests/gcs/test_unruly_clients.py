@@ -2,7 +2,6 @@
 
 import contextlib
 import random
-import select
 import socket
 import struct
 import time
@@ -145,50 +144,6 @@ def test_one_too_many_is_refused_with_a_reason_and_never_obeyed(simulator):
     states = [message.base_mode for message in messages_of(watcher, 2) if message.get_type() == "HEARTBEAT"]
     assert states and not any(state & ARMED for state in states), states
     assert read(watcher, "SR0_EXTRA1").get_type() == "PARAM_VALUE"
-
-
-def flood(simulator, next_bytes):
-    """Sends as fast as it goes, and reads what is answered."""
-    client = open_socket(simulator)
-    client.setblocking(False)
-    sent = [0]
-    left = [b""]
-
-    def send_and_read():
-        readable, writable, _ = select.select([client], [client], [], 0.1)
-        if readable:
-            client.recv(1 << 16)
-        if writable:
-            left[0] = left[0] or next_bytes()
-            written = client.send(left[0])
-            left[0] = left[0][written:]
-            sent[0] += written
-
-    return send_and_read, sent
-
-
-def test_one_that_floods_with_requests(simulator):
-    watcher = well_served(simulator)
-    block = b"".join(some_requests()) * 4
-    act, sent = flood(simulator, lambda: block)
-    with Background(act):
-        assert_well_served(watcher)
-    assert sent[0] > 20_000 * WATCHED_SECONDS, "more than a serial port could carry"
-
-
-def test_one_that_floods_with_damaged_requests(simulator):
-    watcher = well_served(simulator)
-    dice = random.Random(1)
-
-    def damaged():
-        block = bytearray(b"".join(some_requests()) * 4)
-        for _ in range(40):
-            block[dice.randrange(len(block))] ^= 1 << dice.randrange(8)
-        return bytes(block)
-
-    act, _ = flood(simulator, damaged)
-    with Background(act):
-        assert_well_served(watcher)
 
 
 @pytest.mark.parametrize("abruptly", [False, True])

@@ -5,8 +5,7 @@ import re
 import signal
 import socket
 import time
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, closing
+from contextlib import closing
 
 import pytest
 from mavsdk.plugins.action import Action
@@ -22,12 +21,10 @@ from station import (
     Background,
     command,
     connect,
-    count,
     fresh,
     is_about,
     mavlink,
     messages_of,
-    read,
     read_list,
     restarted,
     set_to,
@@ -160,33 +157,7 @@ def drive_again(watcher):
     assert state(watcher) == (MANUAL, True)
 
 
-# By TCP a ground station connects.
-@by_udp
-def test_a_ground_station_is_found_that_sends_nothing(wifi):
-    datagram, seconds = wifi.found
-    print(f"found after {seconds:.1f} s")
-    parsed = mavlink.MAVLink(None).parse_buffer(datagram)
-    assert [message.get_type() for message in parsed] == ["HEARTBEAT"]
-
-
-def test_parameters_are_those_over_uart(wifi):
-    with closing(connect(wifi.board.uart_url)) as uart:
-        over_uart = read_list(uart)
-    assert wifi.parameters == over_uart
-    assert wifi.parameters["BATT4_MONITOR"] == 3
-
-
 # pymavlink
-
-
-def test_every_request_of_pymavlink_is_answered(wifi):
-    with closing(connect(wifi.url)) as link:
-        for _ in range(100):
-            assert read(link, "BATT_MONITOR").param_value == 3
-
-
-def assert_each_pack_at_the_highest_rate(messages):
-    assert_reports([message.id for message in messages if message.get_type() == "BATTERY_STATUS"])
 
 
 def assert_reports(reports):
@@ -314,21 +285,3 @@ def test_mavsdk_reads_parameters_and_the_log(wifi, tmp_path):
 
 
 # All of them
-
-
-def test_four_stations_at_once(wifi, tmp_path):
-    """All links of the board are taken: each has its rate, and then all download."""
-    if wifi.link == "udp":
-        pytest.skip("the same on both boards")
-    urls = [*wifi.board.udp_urls, wifi.board.tcp_url, wifi.board.tcp_url]
-    with ExitStack() as stack, ThreadPoolExecutor() as executor:
-        links = [stack.enter_context(closing(connect(url))) for url in urls]
-        for link in links:
-            assert command(link, SET_INTERVAL, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, FASTEST_US) == ACCEPTED
-        for messages in executor.map(lambda link: messages_of(link, RATE_SECONDS), links):
-            assert_each_pack_at_the_highest_rate(messages)
-        for link in links:
-            assert command(link, SET_INTERVAL, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, BY_DEFAULT) == ACCEPTED
-        paths = [tmp_path / f"{number}.BIN" for number in range(len(links))]
-        assert list(executor.map(lambda link, path: ftp_get(link, FILE, path), links, paths)) == [LOG] * len(links)
-        assert [link.mav_loss for link in links] == [0] * len(links)

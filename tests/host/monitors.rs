@@ -472,7 +472,7 @@ impl Change {
 }
 
 #[test]
-// Requirement: S-4
+// Requirement: S-4, S-11
 fn changed_settings_never_freeze_a_pack() {
     for kind in kinds() {
         for change in CHANGES {

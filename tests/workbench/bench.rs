@@ -49,9 +49,7 @@ pub const MILLISECOND: u64 = 1_000;
 pub const PARAMETER_OFFSET: u32 = flash_map::PARAMETERS.start;
 pub const PARAMETER_BYTES: usize = bytes(flash_map::PARAMETERS);
 pub const SIGNING_OFFSET: u32 = flash_map::SIGNING.start;
-pub const SIGNING_BYTES: usize = bytes(flash_map::SIGNING);
 pub const LEARNT_OFFSET: u32 = flash_map::LEARNT.start;
-pub const LEARNT_BYTES: usize = bytes(flash_map::LEARNT);
 pub const SECTOR_BYTES: usize = flash_map::SECTOR_BYTES as usize;
 
 const fn bytes(range: Range<u32>) -> usize {

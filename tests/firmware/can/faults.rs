@@ -1,18 +1,13 @@
 //! A bus, a controller and wires that fail: what is announced, and that everything works afterwards.
 
 use super::{BITS_PER_SECOND, CRYSTAL_HZ, run_with, with_battery, with_can};
-use emulator::AdcInput;
 use emulator::can::{CanWires, ErrorState};
-use support::frames::{STATUSTEXT, last_of, of_message, texts_of};
-use support::requests::arm_by_force;
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
+use support::frames::{last_of, texts_of};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use workbench::can::transfers::{A, A_LATER};
-use workbench::can::{CanRig, Peer, SELECT, Transfer};
+use workbench::can::{CanRig, Peer, SELECT};
 
 const OTHER_MV: u16 = 12_250;
-
-/// 6.37 V.
-const LOW_CODE: u16 = 2000;
 
 /// The texts about the bus and about the second pack.
 fn texts(bench: &mut Bench) -> Vec<String> {
@@ -48,18 +43,6 @@ fn assert_announced(bench: &mut Bench, expected: &str) {
 }
 
 #[test]
-fn noise_that_corrupts_a_frame_in_ten_loses_no_reading() {
-    let (mut bench, rig, mut battery) = measuring();
-    rig.bus(&mut bench).set_noise(0.1);
-    run_with(&mut bench, &rig, 10 * SECOND, &mut battery, &[A, A_LATER]);
-    assert!(battery.station.borrow().waiting() < 20, "the bus keeps up");
-    // The board itself sends little: each frame of it that is destroyed counts as much as eight that are not.
-    let lost = |text: &String| text != "CAN bus has errors: check wires and bit rate";
-    assert!(!texts(&mut bench).iter().any(lost));
-    assert_works_again(&mut bench, &rig, &mut battery);
-}
-
-#[test]
 fn shorted_wires_switch_the_controller_off_until_they_are_repaired() {
     let (mut bench, rig, mut battery) = measuring();
     rig.set_wires(&mut bench, CanWires::Shorted);
@@ -77,17 +60,6 @@ fn shorted_wires_switch_the_controller_off_until_they_are_repaired() {
 }
 
 #[test]
-fn a_wire_that_is_stuck_is_announced() {
-    let (mut bench, rig, mut battery) = measuring();
-    rig.set_wires(&mut bench, CanWires::StuckDominant);
-    bench.run_for(8 * SECOND);
-    assert_announced(&mut bench, "CAN bus has errors");
-    assert_announced(&mut bench, "Battery 2 unhealthy");
-    rig.set_wires(&mut bench, CanWires::Sound);
-    assert_works_again(&mut bench, &rig, &mut battery);
-}
-
-#[test]
 fn alone_on_the_bus_the_board_says_so_and_tries_on() {
     let (mut bench, rig, mut battery) = measuring();
     rig.set_wires(&mut bench, CanWires::Open);
@@ -96,16 +68,6 @@ fn alone_on_the_bus_the_board_says_so_and_tries_on() {
     rig.set_wires(&mut bench, CanWires::Sound);
     assert_works_again(&mut bench, &rig, &mut battery);
     assert_announced(&mut bench, "CAN bus works");
-}
-
-#[test]
-fn a_controller_that_is_unplugged_is_announced_and_found_again() {
-    let (mut bench, rig, mut battery) = measuring();
-    rig.unplug(&mut bench);
-    bench.run_for(8 * SECOND);
-    assert_announced(&mut bench, "CAN controller does not answer");
-    rig.plug(&mut bench);
-    assert_works_again(&mut bench, &rig, &mut battery);
 }
 
 #[test]
@@ -137,53 +99,10 @@ fn a_controller_that_resets_itself_is_set_up_anew() {
 fn an_open_interrupt_line_is_announced_and_readings_go_on() {
     let (mut bench, rig, mut battery) = measuring();
     bench.spi1().attach(SELECT, Box::new(rig.chip.clone()));
-    run_with(&mut bench, &rig, 3 * SECOND, &mut battery, &[A]);
+    run_with(&mut bench, &rig, 2 * SECOND, &mut battery, &[A]);
     assert_announced(&mut bench, "CAN interrupt line GP17");
-    assert_works_again(&mut bench, &rig, &mut battery);
-    rig.plug(&mut bench);
-    assert_works_again(&mut bench, &rig, &mut battery);
-}
-
-/// NodeStatus of battery A that was up for 1000 s, and for one.
-const RESTART: [Transfer; 2] = [
-    Transfer(&[(0x1801_552a, &[0xe8, 0x03, 0, 0, 0, 0, 0, 0xc0])]),
-    Transfer(&[(0x1801_552a, &[0x01, 0, 0, 0, 0, 0, 0, 0xc0])]),
-];
-
-#[test]
-fn a_node_that_restarts_again_and_again_displaces_no_failsafe_level_on_a_slow_link() {
-    let (mut bench, rig) = with_can(&[
-        ("BATT_LOW_VOLT", 7.0),
-        ("BATT_LOW_TIMER", 1.0),
-        ("SERIAL0_BAUD", 9.0),
-        ("SR0_EXTRA1", 2.0),
-    ]);
-    bench.run_until_silent();
-    bench.forget_sent();
-    let mut node = rig.peer();
-    // Fifty texts a second, twice what the link carries.
-    let mut run = |bench: &mut Bench, duration_us| {
-        rig.run_with(bench, duration_us, 20 * MILLISECOND, &mut [(&mut node, &RESTART)]);
-    };
-    bench.send(&arm_by_force());
-    run(&mut bench, 5 * SECOND);
-    bench.adc_input(PACK, AdcInput::Code(LOW_CODE));
-    let from_us = bench.time_us();
-    run(&mut bench, 4 * SECOND);
-    let frames = bench.frames();
-    let restarts = texts_of(&frames);
-    assert!(
-        restarts.iter().any(|text| text == "CAN node 42 restarted"),
-        "{restarts:?}"
-    );
-    let texts = of_message(&frames, STATUSTEXT);
-    let low = texts
-        .iter()
-        .find(|frame| frame.text(1, 50).starts_with("Battery 1 is low 6."));
-    let delay_us = low.expect("the level arrives").at_us - from_us;
-    println!("the level arrived {delay_us} us after the voltage fell");
-    // A second of the timer, what is on its way, HEARTBEAT, and the text.
-    assert!(delay_us < 1_500 * MILLISECOND, "{delay_us}");
+    run_with(&mut bench, &rig, SECOND, &mut battery, &[A_LATER]);
+    assert_eq!(last_of(&bench.frames(), 1).voltage_mv(0), OTHER_MV);
 }
 
 #[test]

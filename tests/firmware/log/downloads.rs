@@ -2,16 +2,12 @@
 
 use std::cell::Cell;
 
-use rover_battmon::memory::flash_map;
-use rover_battmon::recorder::PAYLOAD_BYTES;
-
 use super::running_with;
-use emulator::Random;
-use support::frames::{Frame, HEARTBEAT, LOG_DATA, PARAM_VALUE, of_message, texts_of};
-use support::requests::{arm_by_force, log_data, param_read_by_name};
+use support::frames::{Frame, HEARTBEAT, LOG_DATA, PARAM_VALUE, of_message};
+use support::requests::param_read_by_name;
 use workbench::bench::{Bench, SECOND, Wire};
-use workbench::downloads::{Download, content, download, get, list};
-use workbench::log_flash::{LogFlash, files_in, noise};
+use workbench::downloads::{Download, content, get, list};
+use workbench::log_flash::{LogFlash, noise};
 
 const UART_BYTES_PER_S: u64 = 11_520;
 
@@ -96,60 +92,5 @@ fn a_download_takes_85_percent_of_a_slow_line_and_150_kb_a_second_of_usb() {
     let took_us = bench.time_us() - began_us;
     let bytes_per_s = long.len() as u64 * SECOND / took_us;
     println!("by MAVLink FTP in {took_us} us: {bytes_per_s} a second");
-    bench.assert_untroubled();
-}
-
-#[test]
-fn arming_ends_a_download_and_refuses_others() {
-    let mut log = LogFlash::erased_ahead();
-    log.add(&noise(1, 15));
-    let mut bench = running_with(log.bytes());
-    let (id, bytes) = list(&mut bench)[0];
-    Download::begin(&mut bench, id, bytes);
-    bench.run_for(SECOND);
-    let position = bench.sent().len();
-    bench.request(&arm_by_force());
-    bench.run_for(SECOND);
-    let sent_before = bench.sent()[..position].len();
-    assert!(sent_before > 5_000, "{sent_before}");
-    let armed_us = bench.time_us();
-    bench.run_until_silent();
-    let answers = bench.ask(&log_data(id, 0, bytes));
-    assert_eq!(texts_of(&answers), ["Not while armed: disarm first"]);
-    bench.run_for(3 * SECOND);
-    let frames = bench.frames_since(armed_us);
-    assert_eq!(of_message(&frames, LOG_DATA), Vec::<&Frame>::new());
-}
-
-#[test]
-fn garbage_in_the_ring_leaves_the_rest_readable() {
-    let mut random = Random::new(15);
-    let mut garbage = vec![0; flash_map::LOG.len()];
-    random.fill(&mut garbage);
-    let mut bench = running_with(&garbage);
-    assert_eq!(list(&mut bench), []);
-    bench.assert_untroubled();
-
-    // A bit of every hundredth byte is flipped, in headers too.
-    let mut log = LogFlash::erased_ahead();
-    for seed in 1..6 {
-        log.add(&noise(seed, 3));
-    }
-    let mut flash = log.bytes().to_vec();
-    for byte in flash.iter_mut().take(15 * 4096).skip(4096) {
-        if random.below(100) == 0 {
-            *byte ^= 1 << random.below(8);
-        }
-    }
-    let expected = files_in(&flash);
-    let mut bench = running_with(&flash);
-    let listed = list(&mut bench);
-    assert!(!listed.is_empty());
-    let lengths = listed.iter().map(|(_, bytes)| *bytes as usize);
-    assert!(lengths.eq(expected.iter().map(|(_, content)| content.len())));
-    for (file, (number, content)) in listed.into_iter().zip(expected) {
-        assert!(content.len() <= 3 * PAYLOAD_BYTES as usize);
-        assert!(download(&mut bench, file) == content, "file {number}");
-    }
     bench.assert_untroubled();
 }

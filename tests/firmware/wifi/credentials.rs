@@ -3,13 +3,9 @@
 use super::ground::Ground;
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
-use support::frames::{of_message, texts_of};
-use support::requests::{param_set, wifi_config};
+use support::frames::of_message;
+use support::requests::wifi_config;
 use workbench::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
-
-const SHOW: &str = "WIFI_SHOW";
-const REFUSED: &str = "Wi-Fi password: by USB only";
-
 /// WIFI_CONFIG_AP_MODE.
 const ACCESS_POINT: u8 = 1;
 
@@ -17,14 +13,6 @@ const WIFI_CONFIG_AP: u32 = 299;
 /// Where its response is: 0 none, 1 accepted.
 const RESPONSE: usize = 97;
 const ACCEPTED: u8 = 1;
-
-/// Whether bytes that have left the board hold the password.
-fn contains(sent: &[(u64, u8)], password: &str) -> bool {
-    let bytes: Vec<u8> = sent.iter().map(|(_, byte)| *byte).collect();
-    bytes
-        .windows(password.len())
-        .any(|window| window == password.as_bytes())
-}
 
 #[test]
 fn the_password_is_the_boards_own_and_survives_a_restart() {
@@ -38,27 +26,6 @@ fn the_password_is_the_boards_own_and_survives_a_restart() {
     let other = Ground::of(Bench::power_up_seeded(DIVIDER_CODE, 2)).credentials();
     assert_ne!(other.ssid, first.ssid);
     assert_ne!(other.passphrase, first.passphrase);
-}
-
-#[test]
-fn the_password_is_shown_by_usb_only() {
-    let mut ground = Ground::up();
-    let password = ground
-        .credentials()
-        .passphrase
-        .expect("it is not an open network");
-    let shown = format!("Wi-Fi password: {password}");
-    let ask = param_set(SHOW, 1.0);
-
-    assert!(texts_of(&ground.bench.ask(&ask)).contains(&REFUSED.into()));
-    let mut station = ground.connected_station();
-    let answers = ground.ask(&mut station, &ask);
-    assert!(texts_of(&answers).contains(&REFUSED.into()), "{answers:?}");
-    assert!(!contains(ground.bench.sent(), &password));
-
-    ground.bench.use_wire(Wire::Usb);
-    let answers = ground.bench.ask(&ask);
-    assert!(texts_of(&answers).contains(&shown), "{answers:?}");
 }
 
 #[test]

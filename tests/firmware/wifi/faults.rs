@@ -115,18 +115,3 @@ fn a_chip_that_answers_and_never_gets_ready_does_not_restart_the_board() {
 fn a_radio_that_is_restarted_in_the_middle_of_transfers_comes_up_each_time() {
     radio_restarts::run(6, 1);
 }
-
-#[test]
-// Requirement: R-7
-fn a_download_with_flipped_bits_is_no_program() {
-    let mut bench = with_fault(RadioFault::FlippedBits { one_in: 1_000 });
-    bench.run_for(8 * SECOND);
-    assert!(bench.wifi().access_point().is_none());
-    assert_telemetry_undisturbed(&mut bench, 8);
-    assert_eq!(
-        times_announced(&mut bench, NOT_TAKEN),
-        1,
-        "{:?}",
-        bench.log_lines()
-    );
-}

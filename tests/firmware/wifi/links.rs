@@ -1,31 +1,10 @@
 //! Ground stations by UDP and TCP: found, served each on a link of its own, and let go.
 
-use super::ground::{Ground, Station};
-use support::frames::{
-    BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, assert_no_sequence_gap, of_message,
-};
-use support::requests::{
-    GCS, VEHICLE, heartbeat, param_read_by_name, param_request_list, param_set, request_data_stream,
-};
+use super::ground::Ground;
+use crate::stack;
+use support::frames::{BATTERY_STATUS, Frame, SYS_STATUS, assert_no_sequence_gap, of_message};
+use support::requests::{param_read_by_name, param_set};
 use workbench::bench::{SECOND, value_of};
-
-/// Where PARAM_VALUE has the number of parameters.
-const COUNT: usize = 4;
-
-fn can_ask(ground: &mut Ground, station: &mut Station) -> bool {
-    let answers = ground.ask(station, &param_read_by_name("BATT_LOW_VOLT"));
-    value_of(&answers, "BATT_LOW_VOLT").is_some()
-}
-
-/// Panics unless every parameter comes.
-fn assert_lists_all(ground: &mut Ground, station: &mut Station) {
-    ground.send(station, &param_request_list(VEHICLE));
-    let frames = ground.hear_for(station, 6 * SECOND);
-    let values = of_message(&frames, PARAM_VALUE);
-    let count = usize::from(values[0].u16(COUNT));
-    assert!(values.len() >= count, "{} of {count}", values.len());
-    assert_no_sequence_gap(&frames);
-}
 
 fn count(frames: &[Frame], message: u32) -> usize {
     of_message(frames, message).len()
@@ -61,68 +40,6 @@ fn hold_up_while_it_comes(ground: &mut Ground) {
 }
 
 #[test]
-// Requirement: OWN-7
-fn stations_are_found_and_served_by_udp() {
-    let mut ground = Ground::up();
-    let mut first = ground.found_station();
-    let frames = ground.hear_for(&mut first, 2 * SECOND);
-    assert_no_sequence_gap(&frames);
-    assert_eq!(count(&frames, HEARTBEAT), 2);
-    assert_eq!(count(&frames, BATTERY_STATUS), 4);
-    assert_lists_all(&mut ground, &mut first);
-
-    ground.send(&mut first, &heartbeat(GCS));
-    // A second one is found while the first is served; what it asks for is its own.
-    let mut second = ground.found_station();
-    ground.ask(&mut second, &request_data_stream(12, 10, 1));
-    let of_second = ground.hear_for(&mut second, SECOND);
-    assert!(
-        count(&of_second, BATTERY_STATUS) >= 9,
-        "{}",
-        count(&of_second, BATTERY_STATUS)
-    );
-    let of_first = ground.hear_for(&mut first, 2 * SECOND);
-    assert_eq!(count(&of_first, BATTERY_STATUS), 4);
-    assert_no_sequence_gap(&of_first);
-
-    ground.send(&mut first, &heartbeat(GCS));
-    // The third one is not served, and the others do not notice it.
-    let laptop = ground.laptop();
-    let mut third = ground.listen(laptop);
-    assert!(ground.hear_for(&mut third, 2 * SECOND).is_empty());
-    ground.send(&mut first, &heartbeat(GCS));
-    ground.send(&mut second, &heartbeat(GCS));
-    assert!(can_ask(&mut ground, &mut first) && can_ask(&mut ground, &mut second));
-
-    // A place is free once a station was silent for ten seconds.
-    for _ in 0..12 {
-        ground.send(&mut first, &heartbeat(GCS));
-        ground.run_for(SECOND);
-    }
-    let heard = ground.hear_for(&mut third, 2 * SECOND);
-    assert_eq!(count(&heard, HEARTBEAT), 2, "{heard:?}");
-    ground.send(&mut third, &heartbeat(GCS));
-    ground.run_for(SECOND / 2);
-    assert!(can_ask(&mut ground, &mut third));
-    ground.assert_not_reset();
-}
-
-#[test]
-fn stations_are_served_by_tcp() {
-    let mut ground = Ground::up();
-    let mut first = ground.connected_station();
-    assert_lists_all(&mut ground, &mut first);
-    let mut second = ground.connected_station();
-    assert!(can_ask(&mut ground, &mut first) && can_ask(&mut ground, &mut second));
-    let third = ground.connected_station();
-    assert!(!ground.is_connected(&third), "there is room for two");
-    let frames = ground.hear_for(&mut second, 2 * SECOND);
-    assert_no_sequence_gap(&frames);
-    assert_eq!(count(&frames, SYS_STATUS), 4);
-    ground.assert_not_reset();
-}
-
-#[test]
 fn four_packs_come_fifty_times_a_second_over_every_wire() {
     let mut ground = Ground::up();
     for pack in ["BATT2_MONITOR", "BATT3_MONITOR", "BATT4_MONITOR"] {
@@ -132,11 +49,13 @@ fn four_packs_come_fifty_times_a_second_over_every_wire() {
     ground.wait_for_network(2 * SECOND);
     let mut by_udp = ground.found_station();
     let mut by_tcp = ground.connected_station();
-    for station in [&mut by_udp, &mut by_tcp] {
+    let mut in_browser = ground.web_station();
+    ground.bench.forget_stack_use();
+    for station in [&mut by_udp, &mut by_tcp, &mut in_browser] {
         let answers = ground.ask(station, &param_set("SR0_EXTRA1", 50.0));
         assert_eq!(value_of(&answers, "SR0_EXTRA1"), Some(50.0));
     }
-    for station in [&mut by_udp, &mut by_tcp] {
+    for station in [&mut by_udp, &mut by_tcp, &mut in_browser] {
         let frames = ground.hear_for(station, SECOND);
         assert_no_sequence_gap(&frames);
         let packs = count(&frames, BATTERY_STATUS);
@@ -146,5 +65,6 @@ fn four_packs_come_fifty_times_a_second_over_every_wire() {
         );
         assert!((196..=204).contains(&packs), "{packs}");
     }
+    stack::assert_free(&mut ground.bench, "a browser and two stations");
     assert_eq!(ground.bench.resets().len(), 1, "the one that was asked for");
 }

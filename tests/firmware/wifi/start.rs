@@ -119,20 +119,3 @@ fn a_radio_that_wakes_up_late_is_found() {
     ground.wait_for_network(15 * SECOND);
     ground.assert_not_reset();
 }
-
-#[test]
-fn the_regulator_does_not_save_power_while_the_radio_is_on() {
-    const REGULATOR_GPIO: u32 = 1;
-    let mut ground = Ground::up();
-    assert!(ground.bench.wifi().is_gpio_high(REGULATOR_GPIO));
-}
-
-#[test]
-fn gp29_is_no_input_on_a_pico_w() {
-    let mut ground = Ground::of(Bench::power_up_seeded(DIVIDER_CODE, 3));
-    ground.bench.set("BATT_VOLT_PIN", 29.0);
-    ground.run_for(2 * SECOND);
-    let announced = ground.bench.logged(LogLevel::Info, "GP29 is the Wi-Fi radio's");
-    assert!(!announced.is_empty(), "{:?}", ground.bench.log_lines());
-    ground.assert_not_reset();
-}

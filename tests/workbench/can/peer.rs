@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use super::Transfer;
-use emulator::can::{CanFrame, CanId, Station, bit_time};
+use emulator::can::{CanFrame, CanId, Station};
 
 /// Of the tail byte: the transfer id, and the start of a transfer (DroneCAN specification, 4.1.4.1).
 const TRANSFER_ID: u8 = 0x1f;
@@ -39,11 +39,6 @@ impl Peer {
     pub fn send_frame(&mut self, at_us: u64, id: u32, data: &[u8]) {
         let frame = CanFrame::extended(id, data);
         self.station.borrow_mut().send(at_us * CYCLES_PER_US, frame);
-    }
-
-    /// Takes it off the bus, or puts it back.
-    pub fn set_bit_rate(&mut self, bits_per_second: Option<u64>) {
-        self.station.borrow_mut().set_bit(bits_per_second.map(bit_time));
     }
 
     /// The frames with extended identifiers that it has heard since this was asked last: time in us, identifier, data.

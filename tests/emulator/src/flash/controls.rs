@@ -79,11 +79,6 @@ impl Board {
         self.flash_mut().worn_sectors.insert(sector_of(offset));
     }
 
-    /// Undo [`Self::wear_out_sector`].
-    pub fn restore_sector(&mut self, offset: u32) {
-        self.flash_mut().worn_sectors.remove(&sector_of(offset));
-    }
-
     fn flash_mut(&mut self) -> &mut FlashChip {
         &mut self.bus.memory.flash
     }
