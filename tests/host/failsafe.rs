@@ -1,32 +1,21 @@
 //! Failsafes end to end in stepped time: from the ADC to the motors and the link.
 
-use std::cell::RefCell;
-use support::time::SECOND;
-
-use embassy_futures::join::join4;
-use embassy_futures::select::select;
-use embassy_time::{Duration, Instant, Timer};
-use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{ReadError, RetainedRecord};
-use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
-use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
-use rover_battmon::tasks::{
-    ByteSource, CheckIn, Link, ReceiveError, Shared, drive, read_frames, schedule_telemetry, write_frames,
-};
-use rover_battmon::vehicle::{Colour, Indication, Indicators, MotorDrive, Motors, SideDrives, Tone};
-use rover_battmon_tools::sim::{clock, sample_batteries};
+use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
+use rover_battmon::sensor::AnalogPin;
+use rover_battmon::vehicle::{Colour, Indication, MotorDrive, SideDrives, Tone};
 use support::commands::BATTERY_RESET;
-use support::frames::{Frame, HEARTBEAT, Heartbeat, SYS_STATUS, SysStatus, frames, of_message, texts_of};
-use support::line::{BYTE_US, Line};
+use support::desk::DIVIDER;
+use support::frames::{Frame, HEARTBEAT, Heartbeat, SYS_STATUS, SysStatus, of_message, texts_of};
 use support::requests::{arm, arm_by_force, command_long_2, do_set_mode, manual_control};
+use support::time::SECOND;
+use support::vehicle::{OnHost, TestedVehicle, Wire};
 
 const MILLISECOND: u64 = 1_000;
 
-/// A full 2S pack, 7.9 V, and an empty one, 6.4 V.
-const FULL: AdcCount = AdcCount(2482);
-const EMPTY: AdcCount = AdcCount(2000);
+/// A full 2S pack, and an empty one.
+const FULL_V: f32 = 7.9;
+const EMPTY_V: f32 = 6.366;
 
 /// When the driver arms and starts driving.
 const ARMED_AT_US: u64 = SECOND;
@@ -50,6 +39,25 @@ impl Default for Scenario<'_> {
             stops_sending_at_us: u64::MAX,
             request: (u64::MAX, Vec::new()),
         }
+    }
+}
+
+impl Scenario<'_> {
+    /// The driver arms, enters MANUAL, and sends full throttle ten times a second.
+    fn sent_at(&self, now_us: u64) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        if now_us == ARMED_AT_US {
+            bytes.extend([arm(), do_set_mode(0.0), manual_control(1, 0, 0)].concat());
+        }
+        let is_time = now_us >= ARMED_AT_US && now_us.is_multiple_of(100 * MILLISECOND);
+        if is_time && now_us < self.stops_sending_at_us {
+            bytes.extend(manual_control(1, 0, 1000));
+        }
+        let (at_us, request) = &self.request;
+        if now_us == *at_us {
+            bytes.extend(request);
+        }
+        bytes
     }
 }
 
@@ -81,123 +89,26 @@ impl Outcome {
     }
 }
 
-struct SimulatedAdc {
-    empty_at_us: u64,
-}
-
-impl AnalogIn for SimulatedAdc {
-    async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
-        let is_empty = Instant::now().as_micros() >= self.empty_at_us;
-        Ok(if is_empty { EMPTY } else { FULL })
-    }
-}
-
-/// Arms, enters MANUAL, and sends full throttle ten times a second.
-struct Driver<'a> {
-    scenario: &'a Scenario<'a>,
-    pending: Vec<u8>,
-    next_at_us: u64,
-    has_requested: bool,
-}
-
-impl Driver<'_> {
-    /// The bytes sent at `now_us`.
-    fn bytes_at(&mut self, now_us: u64) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        if now_us == ARMED_AT_US {
-            bytes.extend([arm(), do_set_mode(0.0), manual_control(1, 0, 0)].concat());
-        }
-        if now_us < self.scenario.stops_sending_at_us {
-            let throttle = if now_us < ARMED_AT_US { 0 } else { 1000 };
-            bytes.extend(manual_control(1, 0, throttle));
-        }
-        let (at_us, request) = &self.scenario.request;
-        if now_us >= *at_us && !self.has_requested {
-            self.has_requested = true;
-            bytes.extend(request);
-        }
-        bytes
-    }
-}
-
-impl ByteSource for Driver<'_> {
-    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        while self.pending.is_empty() {
-            Timer::at(Instant::from_micros(self.next_at_us)).await;
-            self.pending = self.bytes_at(self.next_at_us);
-            self.next_at_us += 100 * MILLISECOND;
-        }
-        let taken = buffer.len().min(self.pending.len());
-        buffer[..taken].copy_from_slice(&self.pending[..taken]);
-        self.pending.drain(..taken);
-        Ok(taken)
-    }
-}
-
-struct Wheels<'a>(&'a RefCell<Vec<(u64, SideDrives)>>);
-
-impl Motors for Wheels<'_> {
-    fn drive(&mut self, drives: SideDrives) {
-        self.0.borrow_mut().push((Instant::now().as_micros(), drives));
-    }
-}
-
-struct Lamps<'a>(&'a RefCell<Vec<(u64, Indication)>>);
-
-impl Indicators for Lamps<'_> {
-    fn show(&mut self, indication: Indication) {
-        self.0.borrow_mut().push((Instant::now().as_micros(), indication));
-    }
-}
-
 fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
-    let check_in = CheckIn::new("", u32::MAX);
-    let mut parameters = Parameters::defaults();
-    // No slew rate limit.
-    parameters.set(VehicleParameter::MotSlewrate, 0.0).unwrap();
-    for (parameter, value) in [(BatteryParameter::Cells, 2.0)].iter().chain(scenario.parameters) {
-        let id: ParameterId = parameter.of(Pack::First);
-        parameters.set(id, *value).unwrap();
+    let of_pack = [(BatteryParameter::Cells, 2.0)];
+    let of_pack = of_pack.iter().chain(scenario.parameters);
+    let of_pack = of_pack.map(|(parameter, value)| (parameter.of(Pack::First), *value));
+    let no_slew_rate: (ParameterId, f32) = (VehicleParameter::MotSlewrate.into(), 0.0);
+    let mut vehicle = OnHost::with_stored(of_pack.chain([no_slew_rate]));
+    vehicle.use_wire(Wire::Usb);
+    vehicle.set_pin_v(AnalogPin::Gp26, FULL_V / DIVIDER);
+    while vehicle.time_us() < seconds * SECOND {
+        let now_us = vehicle.time_us();
+        if now_us == scenario.empty_at_us {
+            vehicle.set_pin_v(AnalogPin::Gp26, EMPTY_V / DIVIDER);
+        }
+        vehicle.send(&scenario.sent_at(now_us));
+        vehicle.run_for(MILLISECOND);
     }
-    let (drives, shown, sent) = (RefCell::default(), RefCell::default(), RefCell::default());
-    let mut memory = [RetainedRecord::BLANK; 2];
-    let driver = Driver {
-        scenario,
-        pending: Vec::new(),
-        next_at_us: ARMED_AT_US,
-        has_requested: false,
-    };
-    let pack = SimulatedAdc {
-        empty_at_us: scenario.empty_at_us,
-    };
-    clock::run_for(Duration::from_secs(seconds), async {
-        let (shared, link) = (
-            Shared::new(&Start::with_parameters(parameters)),
-            Link::new("line", LinkKind::Radio, 11_520),
-        );
-        join4(
-            sample_batteries(pack, &mut memory, &shared, &check_in),
-            drive(Wheels(&drives), Lamps(&shown), &shared, &check_in),
-            schedule_telemetry(&shared, &link, &check_in),
-            select(
-                read_frames(driver, &shared, &link, &check_in),
-                write_frames(
-                    Line {
-                        byte_us: BYTE_US,
-                        sent: &sent,
-                    },
-                    &shared,
-                    &link,
-                    &check_in,
-                ),
-            ),
-        )
-        .await
-    });
     Outcome {
-        drives: drives.into_inner(),
-        shown: shown.into_inner(),
-        frames: frames(&sent.into_inner()),
+        drives: vehicle.board().drives.all(),
+        shown: vehicle.board().indications.all(),
+        frames: vehicle.frames_since(0),
     }
 }
 

@@ -1,9 +1,10 @@
 //! A vehicle under test, whatever runs it: the tasks in stepped time, or the release firmware on an emulated board.
 
+use rover_battmon::parameter::ParameterId;
 use rover_battmon::sensor::AnalogPin;
 use rover_battmon::vehicle::MotorDrive;
 use rover_battmon_tools::sim::SimulatedFlash;
-use rover_battmon_tools::sim::stepped::{Converter, Port, SteppedVehicle};
+use rover_battmon_tools::sim::stepped::{Converter, Port, SteppedBoard, SteppedVehicle};
 
 use crate::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
 use crate::frames::{
@@ -143,12 +144,7 @@ pub struct OnHost {
 
 impl TestedVehicle for OnHost {
     fn power_up() -> Self {
-        let flash = SimulatedFlash::blank();
-        parameter_flash::fill(&flash, []);
-        Self {
-            vehicle: SteppedVehicle::power_up(flash),
-            wire: Wire::default(),
-        }
+        Self::with_stored([])
     }
 
     fn power_cycle(&mut self) {
@@ -184,7 +180,7 @@ impl TestedVehicle for OnHost {
     }
 
     fn left_drive(&self) -> MotorDrive {
-        self.vehicle.board.drives().left
+        self.vehicle.board.drives.latest().left
     }
 
     fn restarts(&self) -> usize {
@@ -193,6 +189,27 @@ impl TestedVehicle for OnHost {
 }
 
 impl OnHost {
+    /// Switches on a vehicle that has stored these parameters.
+    pub fn with_stored(parameters: impl IntoIterator<Item = (ParameterId, f32)>) -> Self {
+        let flash = SimulatedFlash::blank();
+        let stored = parameters.into_iter().map(|(id, value)| (id.key(), value));
+        parameter_flash::fill(&flash, stored);
+        Self::with_flash(flash)
+    }
+
+    /// Switches on a vehicle with this flash.
+    pub fn with_flash(flash: SimulatedFlash) -> Self {
+        Self {
+            vehicle: SteppedVehicle::power_up(flash),
+            wire: Wire::default(),
+        }
+    }
+
+    /// What the vehicle runs on.
+    pub fn board(&self) -> &SteppedBoard {
+        &self.vehicle.board
+    }
+
     fn port(&self) -> &Port {
         match self.wire {
             Wire::Uart => &self.vehicle.board.uart,

@@ -160,6 +160,7 @@ impl<'a> Desk<'a> {
             bus: Buses::i2c(SimulatedBus::new(&pack)),
             line: NotSimulated,
             wheels: rover,
+            lamps: NotSimulated,
             entropy: None,
         };
         hardware

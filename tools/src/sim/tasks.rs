@@ -17,7 +17,7 @@ use super::links::UNWATCHED;
 use super::{SimulatedFlash, sample_batteries};
 
 /// The hardware below the tasks, but for flash and the wires of links.
-pub struct Hardware<Pins, Bus, Line, Wheels> {
+pub struct Hardware<Pins, Bus, Line, Wheels, Lamps> {
     /// The analog inputs.
     pub pins: Pins,
     /// I2C.
@@ -26,11 +26,20 @@ pub struct Hardware<Pins, Bus, Line, Wheels> {
     pub line: Line,
     /// The motors.
     pub wheels: Wheels,
+    /// Lamps and buzzer.
+    pub lamps: Lamps,
     /// Random bytes for a password.
     pub entropy: Option<[u8; 32]>,
 }
 
-impl<Pins: AnalogIn, Bus: SensorBus, Line: SerialLine, Wheels: Motors> Hardware<Pins, Bus, Line, Wheels> {
+impl<Pins, Bus, Line, Wheels, Lamps> Hardware<Pins, Bus, Line, Wheels, Lamps>
+where
+    Pins: AnalogIn,
+    Bus: SensorBus,
+    Line: SerialLine,
+    Wheels: Motors,
+    Lamps: Indicators,
+{
     /// Runs the vehicle's tasks, all but those of its links and of CAN.
     pub async fn run(
         self,
@@ -46,13 +55,8 @@ impl<Pins: AnalogIn, Bus: SensorBus, Line: SerialLine, Wheels: Motors> Hardware<
         );
         let entropy = async || self.entropy;
         let flash = keep_flash(storages, log, flash_map::LOG, entropy, shared, &UNWATCHED);
-        join3(
-            sensors,
-            drive(self.wheels, NotSimulated, shared, &UNWATCHED),
-            flash,
-        )
-        .await
-        .1
+        let drive = drive(self.wheels, self.lamps, shared, &UNWATCHED);
+        join3(sensors, drive, flash).await.1
     }
 }
 

@@ -1,5 +1,6 @@
 //! The vehicle in stepped time: the firmware's tasks, with pins, wires and a flash that tests drive.
 
+mod history;
 mod pins;
 mod port;
 
@@ -16,13 +17,14 @@ use rover_battmon::battery::{RetainedMemory, RetainedRecord};
 use rover_battmon::mavlink::LinkId;
 use rover_battmon::sensor::Buses;
 use rover_battmon::tasks::{Link, Shared, reboot_requested, serve_link};
-use rover_battmon::vehicle::{Restart, SideDrives};
+use rover_battmon::vehicle::{Indication, Restart, SideDrives};
 
+use super::SimulatedFlash;
 use super::clock::Stepped;
 use super::links::UNWATCHED;
 use super::tasks::{Hardware, boot};
-use super::{SimulatedFlash, SimulatedRover};
 
+pub use self::history::History;
 pub use self::pins::{Converter, Pins, adc_count};
 pub use self::port::{BYTE_US, Port};
 
@@ -53,7 +55,10 @@ pub struct SteppedBoard {
     pub serial: Port,
     /// The flash chip.
     pub flash: SimulatedFlash,
-    wheels: SimulatedRover,
+    /// What the motors were set to.
+    pub drives: History<SideDrives>,
+    /// What lamps and buzzer were set to.
+    pub indications: History<Indication>,
     /// Restarts since power-up.
     restarts: Cell<usize>,
 }
@@ -67,7 +72,8 @@ impl SteppedVehicle {
             usb: Port::new(USB_BYTE_US),
             serial: Port::new(BYTE_US),
             flash,
-            wheels: SimulatedRover::default(),
+            drives: History::default(),
+            indications: History::default(),
             restarts: Cell::new(0),
         });
         Self {
@@ -102,11 +108,6 @@ impl SteppedVehicle {
 }
 
 impl SteppedBoard {
-    /// The motors' outputs.
-    pub fn drives(&self) -> SideDrives {
-        self.wheels.drives()
-    }
-
     /// Restarts by the software since power-up.
     pub fn restarts(&self) -> usize {
         self.restarts.get()
@@ -137,7 +138,8 @@ impl SteppedBoard {
             pins: &self.pins,
             bus: Buses::i2c(NoDevices),
             line: &self.serial,
-            wheels: &self.wheels,
+            wheels: &self.drives,
+            lamps: &self.indications,
             entropy: Some(ENTROPY),
         };
         let vehicle = join(hardware.run(storages, self.flash.clone(), memory, &shared), links);
