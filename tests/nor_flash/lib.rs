@@ -22,6 +22,8 @@ const MARGIN_BYTE: u8 = 0x5A;
 pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize = 1> {
     bytes: Vec<u8>,
     fault: Fault,
+    /// What programming a byte that is not erased does.
+    pub reprogramming: Reprogramming,
     /// Bits stuck at 0, as the distance from the start of the margin, and mask.
     pub stuck: Option<(usize, u8)>,
     pub reads: u64,
@@ -31,6 +33,15 @@ pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usi
     worn: [bool; SECTORS],
     /// Sectors of which the last erase was cut short, which may read as blank without retaining data.
     half_erased: [bool; SECTORS],
+}
+
+/// What programming a byte that is not erased does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reprogramming {
+    /// It panics.
+    Misuse,
+    /// It clears more bits, as a chip does.
+    ClearsBits,
 }
 
 #[derive(Clone, Debug)]
@@ -89,6 +100,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: 
         Self {
             bytes,
             fault: Fault::None,
+            reprogramming: Reprogramming::Misuse,
             stuck: None,
             reads: 0,
             programs: 0,
@@ -230,13 +242,13 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: 
         self.programs += 1;
         let cells = &mut self.bytes[address..address + data.len()];
         assert!(
-            cells.iter().all(|&cell| cell == 0xFF),
+            self.reprogramming == Reprogramming::ClearsBits || cells.iter().all(|&cell| cell == 0xFF),
             "a byte at {address:#x} is programmed twice"
         );
         let mut random = match outcome {
             OperationOutcome::Torn(random) => random,
             OperationOutcome::Done => {
-                cells.copy_from_slice(data);
+                cells.iter_mut().zip(data).for_each(|(cell, byte)| *cell &= byte);
                 return Ok(());
             }
             OperationOutcome::Slipped => {

@@ -11,7 +11,7 @@ use std::rc::Rc;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use nor_flash::{FlashModel, SharedFlash};
+use nor_flash::{FlashModel, Reprogramming, SharedFlash};
 use rover_battmon::memory::flash_map;
 use rover_battmon::recorder::{LogSource, ReadFailed};
 
@@ -47,10 +47,10 @@ impl NorFlashError for FlashError {
 impl SimulatedFlash {
     /// An erased chip, in memory only.
     pub fn blank() -> Self {
-        Self {
-            chip: SharedFlash::blank(),
-            file: None,
-        }
+        let chip = SharedFlash::blank();
+        // An image may have anything where nothing is expected.
+        chip.chip().reprogramming = Reprogramming::ClearsBits;
+        Self { chip, file: None }
     }
 
     /// A chip whose content is kept in `file`, if given; a missing file is an erased chip.
