@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
-use embassy_futures::join::{join, join3};
+use embassy_futures::join::join3;
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::{CrashLine, Start};
 use rover_battmon::battery::{Gap, PackEvent, PackNotice, ReadError, RetainedRecord};
@@ -11,14 +11,16 @@ use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
-use rover_battmon::tasks::{CheckIn, Link, Shared, Watchdog, schedule_telemetry, supervise, write_frames};
+use rover_battmon::tasks::{
+    CheckIn, Link, Shared, Watchdog, schedule_telemetry, serve_link, supervise, write_frames,
+};
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::sim::stepped::Port;
 use rover_battmon_tools::sim::{clock, sample_batteries};
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
     assert_no_sequence_gap, frames, of_message,
 };
-use support::line::Line;
 use support::time::SECOND;
 use support::vehicle::{OnHost, TestedVehicle};
 
@@ -64,11 +66,7 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
 
 fn run_with(parameters: Parameters, seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
     let check_ins = [0; 3].map(|_| CheckIn::new("", u32::MAX));
-    let sent = RefCell::new(Vec::new());
-    let line = Line {
-        byte_us: byte_us(baud),
-        sent: &sent,
-    };
+    let port = Port::new(byte_us(baud));
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
@@ -78,12 +76,11 @@ fn run_with(parameters: Parameters, seconds: u64, baud: u64, input: impl AnalogI
         join3(
             sample_batteries(input, &mut memory, &shared, &check_ins[0]),
             schedule_telemetry(&shared, &link, &check_ins[1]),
-            write_frames(line, &shared, &link, &check_ins[2]),
+            write_frames(&port, &shared, &link, &check_ins[2]),
         )
         .await
     });
-    let sent = sent.take();
-    frames(&sent)
+    frames(&port.sent())
 }
 
 #[test]
@@ -219,23 +216,19 @@ fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it_but_no_heart
 /// What two links send in 20 s, of `baud` and of 115200, while `script` runs.
 fn sent_while(baud: u64, script: impl AsyncFn(&Shared)) -> [Vec<Frame>; 2] {
     let check_in = CheckIn::new("", u32::MAX);
-    let sent = [const { RefCell::new(Vec::new()) }; 2];
-    let [slow, fast] = [(baud, &sent[0]), (115_200, &sent[1])].map(|(baud, sent)| {
-        let line = Line {
-            byte_us: byte_us(baud),
-            sent,
-        };
-        (Link::new("line", LinkKind::Radio, baud as u32 / 10), line)
-    });
+    let bauds = [baud, 115_200];
+    let ports = bauds.map(|baud| Port::new(byte_us(baud)));
+    let [slow, fast] = bauds.map(|baud| Link::new("line", LinkKind::Radio, baud as u32 / 10));
     clock::run_for(Duration::from_secs(20), async {
         let shared = Shared::new(&Start::with_parameters(with_threshold()));
-        let serve = async |(link, line): (Link, Line<'_>)| {
-            let telemetry = schedule_telemetry(&shared, &link, &check_in);
-            join(telemetry, write_frames(line, &shared, &link, &check_in)).await
-        };
-        join3(serve(slow), serve(fast), script(&shared)).await
+        join3(
+            serve_link(&ports[0], &ports[0], &shared, &slow, &check_in),
+            serve_link(&ports[1], &ports[1], &shared, &fast, &check_in),
+            script(&shared),
+        )
+        .await
     });
-    sent.map(|sent| frames(&sent.take()))
+    ports.map(|port| frames(&port.sent()))
 }
 
 /// The texts of one frame each, with the time at which they had arrived.
@@ -341,21 +334,16 @@ fn a_link_that_is_too_slow_loses_the_oldest_and_no_other_link_does() {
 #[test]
 fn a_notice_about_the_start_is_sent_to_a_link_that_opens_later() {
     let check_in = CheckIn::new("", u32::MAX);
-    let sent = RefCell::new(Vec::new());
-    let line = Line {
-        byte_us: byte_us(57_600),
-        sent: &sent,
-    };
+    let port = Port::new(byte_us(57_600));
     clock::run_for(Duration::from_secs(5), async {
         let (shared, link) = (
             Shared::new(&Start::with_parameters(Parameters::defaults())),
             Link::new("late", LinkKind::Radio, 5_760),
         );
         shared.announce(&CrashLine("before there was a link"));
-        let telemetry = schedule_telemetry(&shared, &link, &check_in);
-        join(telemetry, write_frames(line, &shared, &link, &check_in)).await
+        serve_link(&port, &port, &shared, &link, &check_in).await
     });
-    let late = texts(&support::frames::frames(&sent.take()));
+    let late = texts(&frames(&port.sent()));
     assert_eq!(late.len(), 1, "{late:?}");
     assert_eq!(late[0].1, "Battery failsafes are off: set BATT_LOW_VOLT");
 }

@@ -4,36 +4,17 @@ use std::cell::Cell;
 use std::future::pending;
 use support::time::SECOND;
 
-use embassy_futures::join::{join, join3};
+use embassy_futures::join::join4;
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::Parameters;
-use rover_battmon::tasks::{
-    ByteSource, CheckIn, Link, ReceiveError, Shared, read_frames, report_crash, schedule_telemetry,
-    write_frames,
-};
+use rover_battmon::tasks::{CheckIn, Link, Shared, report_crash, serve_link};
 use rover_battmon_tools::sim::clock;
+use rover_battmon_tools::sim::stepped::{BYTE_US, Port};
 use support::frames::{Frame, HEARTBEAT, STATUSTEXT, frames, of_message};
-use support::line::{BYTE_US, Line, Sent};
 use support::requests::{GCS, ONBOARD_CONTROLLER, heartbeat};
-
-/// A system that sends a heartbeat every second from some time on.
-struct System {
-    kind: u8,
-    next_at_us: u64,
-}
-
-impl ByteSource for System {
-    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        Timer::at(Instant::from_micros(self.next_at_us)).await;
-        self.next_at_us += SECOND;
-        let bytes = heartbeat(self.kind);
-        buffer[..bytes.len()].copy_from_slice(&bytes);
-        Ok(bytes.len())
-    }
-}
 
 /// What was said of crashes, and when.
 fn texts(sent: &[Frame]) -> Vec<(u64, String)> {
@@ -63,38 +44,31 @@ fn crash() -> CrashRecord {
 /// Ten seconds with a system of this kind on the first of two links from `from_us` on.
 fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<Frame>; 2] {
     let check_in = CheckIn::new("", u32::MAX);
-    let (near, far) = (Sent::default(), Sent::default());
-    let system = System {
-        kind,
-        next_at_us: from_us,
-    };
+    let (near, far) = (Port::new(BYTE_US), Port::new(BYTE_US));
     clock::run_for(Duration::from_secs(10), async {
         let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
         let [first, second] = ["first", "second"].map(|name| Link::new(name, LinkKind::Radio, 11_520));
-        let serve = async |link, sent| {
-            let line = Line {
-                byte_us: BYTE_US,
-                sent,
-            };
-            join(
-                schedule_telemetry(&shared, link, &check_in),
-                write_frames(line, &shared, link, &check_in),
-            )
-            .await
+        let system = async {
+            Timer::at(Instant::from_micros(from_us)).await;
+            loop {
+                near.send(&heartbeat(kind));
+                Timer::after_secs(1).await;
+            }
         };
         let report = async {
             let forget = || memory.set(Some(Instant::now().as_micros()));
             report_crash(&crash(), 0x1000_0000..0x1001_0000, forget, &shared).await;
             pending::<()>().await
         };
-        join3(
-            join(serve(&first, &near), serve(&second, &far)),
-            read_frames(system, &shared, &first, &check_in),
+        join4(
+            serve_link(&near, &near, &shared, &first, &check_in),
+            serve_link(&far, &far, &shared, &second, &check_in),
+            system,
             report,
         )
         .await
     });
-    [&near, &far].map(|sent| frames(&sent.borrow()))
+    [near, far].map(|port| frames(&port.sent()))
 }
 
 #[test]

@@ -2,7 +2,6 @@
 //! `FS_TIMEOUT`, has a permitted sender, and was received after arming and after MANUAL was entered; a stick that was not
 //! neutral then has to be neutral first. The expected outputs are computed from the log of all messages by these rules alone.
 
-use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::future::pending;
 
@@ -16,10 +15,10 @@ use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, read
 use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives};
 use rover_battmon_tools::sim::clock;
+use rover_battmon_tools::sim::stepped::{BYTE_US, Port};
 use support::commands::{ACCEPTED, FAILED};
 use support::desk::Desk;
 use support::frames::{COMMAND_ACK, STATUSTEXT, frames, of_message};
-use support::line::{BYTE_US, Line};
 use support::requests::{
     GCS, arm, arm_by_force, disarm, do_set_mode, heartbeat, manual_control, rc_override, set_mode,
     setup_signing,
@@ -448,7 +447,7 @@ impl ByteSource for Held {
 // Requirement: L-1
 fn what_a_source_holds_when_its_link_opens_arms_nothing() {
     let check_in = CheckIn::new("", u32::MAX);
-    let sent = RefCell::default();
+    let port = Port::new(BYTE_US);
     clock::run_for(Duration::from_secs(5), async {
         let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
         let link = Link::new("line", LinkKind::Direct, 11_520);
@@ -456,17 +455,13 @@ fn what_a_source_holds_when_its_link_opens_arms_nothing() {
         let found_empty = Vec::new();
         let arm = arm_by_force();
         let source = Held(VecDeque::from([arm.clone(), found_empty, arm]));
-        let line = Line {
-            byte_us: BYTE_US,
-            sent: &sent,
-        };
         join(
             read_frames(source, &shared, &link, &check_in),
-            write_frames(line, &shared, &link, &check_in),
+            write_frames(&port, &shared, &link, &check_in),
         )
         .await
     });
-    let answers = frames(&sent.take());
+    let answers = frames(&port.sent());
     let acks: Vec<_> = of_message(&answers, COMMAND_ACK)
         .iter()
         .map(|ack| ack.u8(2))

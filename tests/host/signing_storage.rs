@@ -1,7 +1,5 @@
 //! What of signing outlasts restarts, damage, power cuts and flash that fails, from set-up by cable to who is obeyed by radio.
 
-use std::cell::RefCell;
-use std::collections::VecDeque;
 use std::future::pending;
 use std::sync::LazyLock;
 
@@ -16,13 +14,11 @@ use rover_battmon::crash::ParameterSource;
 use rover_battmon::mavlink::{Event, LinkKind, Signing};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
-use rover_battmon::tasks::{
-    ByteSource, CheckIn, Link, ReceiveError, Shared, Storages, reboot_requested, serve_link,
-};
+use rover_battmon::tasks::{CheckIn, Link, Shared, Storages, reboot_requested, serve_link};
 use rover_battmon_tools::sim::clock;
+use rover_battmon_tools::sim::stepped::{BYTE_US, Port};
 use support::desk::Desk;
 use support::frames::{Frame, frames, texts_of};
-use support::line::{BYTE_US, Line};
 use support::requests::{param_set, reboot, setup_signing};
 use support::signer::{NEW_YEAR, OWNER, Signer};
 
@@ -38,22 +34,6 @@ const KEY_LOST: &str = "Signing key lost: set up by USB (used Pico: erase)";
 const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";
 
 const TICKS_PER_SECOND: u64 = 100_000;
-
-/// Bytes that come at given seconds.
-struct Script(VecDeque<(u64, Vec<u8>)>);
-
-impl ByteSource for Script {
-    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        let Some((second, bytes)) = self.0.front() else {
-            return pending().await;
-        };
-        Timer::at(Instant::from_secs(*second)).await;
-        buffer[..bytes.len()].copy_from_slice(bytes);
-        let length = bytes.len();
-        self.0.pop_front();
-        Ok(length)
-    }
-}
 
 /// What one start of a vehicle has sent.
 struct Run {
@@ -93,38 +73,33 @@ fn run_while(
     script: impl Future<Output = ()>,
 ) -> Run {
     let check_in = CheckIn::new("", u32::MAX);
-    let sent = [const { RefCell::new(Vec::new()) }; 3];
-    let requests = requests.iter().cloned().collect();
+    let ports = [(); 3].map(|()| Port::new(BYTE_US));
     clock::run_for(Duration::from_secs(seconds), async {
         let mut storages = storages(flash);
         let mut start = Start::with_parameters(without_packs());
         storages.boot(ParameterSource::Stored, &mut start).await;
         let shared = Shared::new(&start);
-        let serve = async |kind, sent, requests| {
+        let serve = async |kind, port| {
             let link = Link::new("link", kind, 11_520);
-            let byte_us = BYTE_US;
-            serve_link(
-                Line { byte_us, sent },
-                Script(requests),
-                &shared,
-                &link,
-                &check_in,
-            )
-            .await;
+            serve_link(port, port, &shared, &link, &check_in).await;
         };
-        let late = async {
-            Timer::after_secs(seconds / 2).await;
-            serve(LinkKind::Direct, &sent[2], VecDeque::new()).await;
+        let asked = async {
+            for (second, bytes) in requests {
+                Timer::at(Instant::from_secs(*second)).await;
+                ports[0].send(bytes);
+            }
+            Timer::after_secs((seconds / 2).saturating_sub(Instant::now().as_secs())).await;
+            serve(LinkKind::Direct, &ports[2]).await;
         };
         let links = join3(
-            serve(LinkKind::Direct, &sent[0], requests),
-            serve(LinkKind::Radio, &sent[1], VecDeque::new()),
-            late,
+            serve(LinkKind::Direct, &ports[0]),
+            serve(LinkKind::Radio, &ports[1]),
+            asked,
         );
         let vehicle = join3(keep(storages, &shared), links, script);
         select(vehicle, reboot_requested(&shared, || true)).await;
     });
-    let [cable, radio, late_cable] = sent.map(|sent| frames(&sent.take()));
+    let [cable, radio, late_cable] = ports.map(|port| frames(&port.sent()));
     Run {
         cable,
         radio,

@@ -7,7 +7,6 @@ pub mod desk;
 pub mod frames;
 pub mod fuzz;
 pub mod learnt_record;
-pub mod line;
 pub mod monitor_types;
 pub mod motor_poles;
 pub mod pack_report;
