@@ -136,7 +136,11 @@ fn parallel_packs_have_mean_voltage_and_summed_current() {
     let consumed_mah = state.consumed_mah().expect("counted");
     assert!((consumed_mah - 49.9).abs() < 0.1, "{consumed_mah}");
     let sum = |voltage| bench.bank.sum(SUM, 0b11, 0b111, voltage, ArmState::Armed);
-    let lowest_v = sum(SumVoltage::Lowest).map(|sum| sum.voltage_v);
+    let mut parameters = Parameters::defaults();
+    assert_eq!(SumVoltage::from_parameters(&parameters, SUM), SumVoltage::Mean);
+    parameters.set(BatteryParameter::Options.of(SUM), 512.0).unwrap();
+    let lowest = SumVoltage::from_parameters(&parameters, SUM);
+    let lowest_v = sum(lowest).map(|sum| sum.voltage_v);
     assert_eq!(lowest_v, Ok(Some(11.0)));
 }
 
