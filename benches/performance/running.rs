@@ -3,7 +3,7 @@
 use crate::figures::{Figure, Table};
 use emulator::{AdcInput, Conversion, CpuState};
 use support::requests::{command_long, manual_control, param_read_by_name, ping, timesync};
-use workbench::bench::{Bench, CYCLES_PER_US, SECOND, running_task};
+use workbench::bench::{Bench, CYCLES_PER_US, SECOND, TestedVehicle, running_task};
 
 /// Of one pack, of some, of as many as there can be.
 const PACKS: [u8; 3] = [1, 4, 9];

@@ -13,7 +13,7 @@ use support::motor_poles::LEFT;
 use support::parameter_flash;
 use support::requests::{arm, disarm, manual_control, param_set, set_mode};
 use workbench::bench::{
-    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET,
+    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, TestedVehicle,
 };
 use workbench::signing_key;
 

@@ -9,7 +9,9 @@ use rover_battmon_tools::sim::SimulatedFlash;
 use emulator::{AdcInput, Board, FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
 use support::firmware_version;
 use support::requests::param_set;
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET, Wire};
+use workbench::bench::{
+    Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET, TestedVehicle, Wire,
+};
 use workbench::signing_key::{flash_with, words_of_key};
 
 #[test]

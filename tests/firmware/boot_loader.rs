@@ -9,7 +9,7 @@ use emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
 use support::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
 use support::frames::{acknowledged, texts_of};
 use support::requests::{GCS, heartbeat, reboot_to_boot_loader};
-use workbench::bench::{Bench, SECOND};
+use workbench::bench::{Bench, SECOND, TestedVehicle};
 use workbench::signing_key::protected;
 
 /// Waits until the board is in its boot loader, by the one reset of it.

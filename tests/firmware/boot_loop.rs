@@ -3,7 +3,7 @@
 use emulator::LogLevel;
 use support::frames::{ARMED, CRITICAL, Frame, HEARTBEAT, STATUSTEXT, of_message};
 use support::requests::arm;
-use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 
 const PACK_CODE: u16 = 2482;
 

@@ -4,7 +4,7 @@ use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, 
 use emulator::ResetCause;
 use support::frames::{HEARTBEAT, of_message};
 use support::requests::{arm, set_mode};
-use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 
 const CORE_0: u32 = 0b01;
 const CORE_1: u32 = 0b10;

@@ -9,7 +9,7 @@ use emulator::LogLevel;
 use support::commands::REQUEST_MESSAGE;
 use support::frames::{AUTOPILOT_VERSION, of_message};
 use support::requests::command_long;
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, TestedVehicle};
 use workbench::elf::{Artifact, build};
 
 const FLASH_BASE: u32 = 0x1000_0000;

@@ -4,7 +4,7 @@ use emulator::{FlashMake, FlashOperationKind, LogLevel};
 use rover_battmon::memory::flash_map;
 use support::frames::texts_of;
 use support::requests::arm;
-use workbench::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle, Wire};
 
 use super::log::board_id;
 

@@ -3,7 +3,7 @@
 use crate::rover::GOOD_3S;
 use emulator::Board;
 use support::requests::{arm, param_set};
-use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 
 pub const LAMPS: usize = 16;
 

@@ -10,7 +10,7 @@ use rover_battmon_tools::sim::SimulatedFlash;
 use emulator::LogLevel;
 use support::learnt_record::learnt_words;
 use support::requests::param_set;
-use workbench::bench::{Bench, DIVIDER_CODE, LEARNT_OFFSET, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, LEARNT_OFFSET, SECOND, TestedVehicle};
 
 /// Records that a sector takes.
 pub const SLOTS: u32 = 28;

@@ -7,7 +7,7 @@ mod timing;
 use support::commands::REQUEST_MESSAGE;
 use support::frames::{AUTOPILOT_VERSION, of_message};
 use support::requests::command_long_2;
-use workbench::bench::{Bench, MINUTE};
+use workbench::bench::{Bench, MINUTE, TestedVehicle};
 use workbench::downloads::{download, list};
 use workbench::log_records::{named, records};
 use workbench::runs::logged_drive::LoggedDrive;

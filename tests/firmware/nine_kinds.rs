@@ -11,7 +11,7 @@ use support::frames::{
     of_message, texts_of,
 };
 use support::pack_report::PackReport;
-use workbench::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK};
+use workbench::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK, TestedVehicle};
 use workbench::can::transfers::{A, A_LATER, STATUS_A};
 use workbench::can::{BITS_PER_SECOND, CRYSTAL_HZ, CanRig, Peer, Transfer};
 use workbench::i2c_bus::{BUS, shared};

@@ -4,7 +4,7 @@ use emulator::i2c_devices::Bq76952;
 use emulator::{AdcInput, UartPins};
 use support::charge_states::OK;
 use support::frames::{last_of, texts_of};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND, TestedVehicle};
 use workbench::can::CanRig;
 use workbench::can::transfers::A;
 use workbench::i2c_bus::{BUS, shared};

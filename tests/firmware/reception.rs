@@ -7,7 +7,7 @@ use support::frames::{
     COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, TIMESYNC, last_of, of_message,
 };
 use support::requests::{arm_by_force, disarm, param_set, param_set_to, timesync};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SAVED_US, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SAVED_US, SECOND, TestedVehicle};
 
 /// Of another system: what is addressed to it fills the line, and is checked and dropped.
 const ELSEWHERE: [u8; 2] = [77, 1];

@@ -7,7 +7,7 @@ use support::frames::{BATTERY_STATUS, SYS_STATUS, last_of, of_message};
 use support::motor_poles::{LEFT, motors};
 pub use support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use support::requests::{arm, disarm, manual_control, set_mode};
-use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, RUNNING, SECOND};
+use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, RUNNING, SECOND, TestedVehicle};
 
 /// The number of the exception.
 const HARD_FAULT: u32 = 3;

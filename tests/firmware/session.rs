@@ -12,7 +12,7 @@ use support::frames::{
 use support::requests::{
     VEHICLE, arm, command_long, command_long_2, disarm, param_request_list, ping, timesync,
 };
-use workbench::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, Wire};
+use workbench::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, TestedVehicle, Wire};
 use workbench::runs::rates_asked_for::assert_rates;
 
 const UNKNOWN_COMMAND: u16 = 410;

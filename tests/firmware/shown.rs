@@ -13,7 +13,7 @@ use support::frames::{
     texts_of, tlog,
 };
 use support::requests::{VEHICLE, arm, command_long, command_long_2, param_read_by_name, param_request_list};
-use workbench::bench::{Bench, CURRENT, PACK, SAVED_US, SECOND};
+use workbench::bench::{Bench, CURRENT, PACK, SAVED_US, SECOND, TestedVehicle};
 use workbench::i2c_bus::BUS;
 use workbench::signing_key::protected;
 

@@ -4,7 +4,7 @@ use emulator::Board;
 use support::frames::{Frame, HEARTBEAT, of_message};
 use support::requests::{param_read_by_name, param_set};
 use support::signer::Signer;
-use workbench::bench::{Bench, SAVED_US, SECOND, value_of};
+use workbench::bench::{Bench, SAVED_US, SECOND, TestedVehicle, value_of};
 use workbench::signing_key::{OWNER, protected};
 /// A board that signs and takes everything all the same.
 pub fn open_with_key() -> Bench {

@@ -4,7 +4,7 @@ use support::frames::{
     BATTERY_STATUS, HEARTBEAT, PARAM_VALUE, SYS_STATUS, SysStatus, assert_no_sequence_gap, of_message,
 };
 use support::requests::{VEHICLE, param_request_list, param_set, reboot};
-use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 
 /// At 9600 baud and with `SR0_EXTRA1` at 50 Hz: ten times as much as the line carries is asked for.
 fn overloaded() -> Bench {

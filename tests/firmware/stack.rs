@@ -11,7 +11,7 @@ use support::requests::{
     VEHICLE, arm_by_force, command_int, command_long, command_long_2, ftp_open, manual_control,
     param_request_list, param_set, ping, set_mode, timesync,
 };
-use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 use workbench::i2c_bus::BUS;
 use workbench::runs::mixed_packs;
 

@@ -4,7 +4,9 @@ use emulator::{FlashOperationKind, FlashTiming};
 use support::commands::PREFLIGHT_STORAGE;
 use support::frames::{CRITICAL, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
 use support::requests::{arm, command_long, param_read_by_name, param_set};
-use workbench::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES};
+use workbench::bench::{
+    Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES, TestedVehicle,
+};
 
 fn texts(bench: &mut Bench) -> Vec<(u8, String)> {
     let frames = bench.frames();

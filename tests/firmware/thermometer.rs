@@ -2,7 +2,7 @@
 
 use emulator::AdcInput;
 use support::frames::{BatteryStatus, last_of};
-use workbench::bench::{Bench, DIVIDER_CODE, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle};
 
 /// GP28.
 const CHANNEL: usize = 2;

@@ -4,7 +4,7 @@ use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, 
 use crate::wheels::duties;
 use support::motor_poles::motors;
 use support::requests::{arm, set_mode};
-use workbench::bench::{MILLISECOND, MINUTE, SECOND};
+use workbench::bench::{MILLISECOND, MINUTE, SECOND, TestedVehicle};
 use workbench::runs::time_wrap::{self, Old, WRAPS_US};
 
 /// An armed rover with a pack of three cells, ready to be driven.

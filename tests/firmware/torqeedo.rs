@@ -3,7 +3,7 @@
 
 use emulator::{LogLevel, SentByte, UartPins};
 use support::frames::last_of;
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
 
 const TORQEEDO: f32 = 23.0;
 const TILLER: f32 = 1.0;

@@ -4,7 +4,7 @@ use emulator::{AbortPoint, ControlRequest, FlashTiming, LogLevel, Random, Readin
 use support::commands::PREFLIGHT_STORAGE;
 use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message};
 use support::requests::{VEHICLE, command_long, param_request_list};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, TestedVehicle, Wire};
 
 /// How long a program on the host has to do without its link, at most.
 const BACK_WITHIN_US: u64 = 2 * SECOND;

@@ -4,7 +4,7 @@ use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, steer_for};
 use emulator::Board;
 use support::motor_poles::{LEFT, Motor, RIGHT, motors};
 use support::requests::{arm, set_mode};
-use workbench::bench::{Bench, SECOND};
+use workbench::bench::{Bench, SECOND, TestedVehicle};
 
 /// The share of time in which the PWM drives the positive and the negative pole.
 pub fn duties(motor: Motor, board: &Board) -> (f64, f64) {

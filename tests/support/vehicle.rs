@@ -55,6 +55,11 @@ pub trait TestedVehicle: Sized {
     /// Sends bytes to the vehicle.
     fn send(&mut self, bytes: &[u8]);
 
+    /// Sends a request.
+    fn request(&mut self, request: &[u8]) {
+        self.send(request);
+    }
+
     /// The bytes that have left since power-up at the present wire, each with the time of its end in µs.
     fn sent(&mut self) -> Vec<(u64, u8)>;
 
@@ -83,7 +88,7 @@ pub trait TestedVehicle: Sized {
     /// Sends a request and waits for what is answered in the next 200 ms: the frames of other messages than telemetry.
     fn ask(&mut self, request: &[u8]) -> Vec<Frame> {
         let asked_us = self.time_us();
-        self.send(request);
+        self.request(request);
         self.run_for(ANSWER_TIME_US);
         let telemetry = [HEARTBEAT, SYS_STATUS, BATTERY_STATUS];
         let mut answers = frames(&self.sent());
@@ -112,6 +117,12 @@ pub trait TestedVehicle: Sized {
     /// A parameter's value, if it is answered.
     fn read_parameter(&mut self, name: &str) -> Option<f32> {
         value_of(&self.ask(&param_read_by_name(name)), name)
+    }
+
+    /// The value of a parameter there is.
+    fn parameter(&mut self, name: &str) -> f32 {
+        let value = self.read_parameter(name);
+        value.unwrap_or_else(|| panic!("{name} was not answered"))
     }
 
     /// Restarts the vehicle as a ground station does.

@@ -19,17 +19,14 @@ use emulator::{
     AdcFault, AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte,
 };
 use support::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
-use support::frames::{
-    BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, acknowledged, frames, of_message,
-    result_of,
-};
+use support::frames::{Frame, acknowledged, frames};
 use support::motor_poles::LEFT;
 use support::parameter_flash;
-use support::requests::{param_read_by_name, param_set, reboot};
+use support::requests::reboot;
 use support::signer::Signer;
 pub use support::time::SECOND;
-use support::vehicle::TestedVehicle;
 pub use support::vehicle::Wire;
+pub use support::vehicle::{TestedVehicle, value_of};
 
 /// DMA_IRQ_0, which signals the end of each frame at the telemetry port (RP2040 datasheet 2.3.2).
 pub const DMA_IRQ: u32 = 11;
@@ -85,9 +82,6 @@ pub const PROGRAM_COUNTER: usize = 15;
 /// Of the processor's clock, by which the emulator counts time.
 pub const CYCLES_PER_US: u64 = 125;
 
-/// A ground station would wait longer.
-const ANSWER_TIME_US: u64 = 200 * MILLISECOND;
-
 /// The release firmware, built once per run, in a flash that has what every bench's parameters are, and is erased ahead of
 /// the log: a new board erases a sector after the other in its first seconds.
 fn firmware() -> &'static Firmware {
@@ -98,16 +92,6 @@ fn firmware() -> &'static Firmware {
             .with_flash(flash_map::LOG.start, LogFlash::erased_ahead().bytes())
             .with_flash(PARAMETER_OFFSET, &parameter_flash::flash_with([]))
     })
-}
-
-/// A parameter's value by the answers.
-pub fn value_of(answers: &[Frame], name: &str) -> Option<f32> {
-    let values = of_message(answers, PARAM_VALUE);
-    values
-        .iter()
-        .map(|frame| ParamValue(frame))
-        .find(|answer| answer.name() == name)
-        .map(|answer| answer.value())
 }
 
 /// The task that runs, by its id; `None` between tasks and in `main`.
@@ -216,34 +200,6 @@ impl Bench {
         self.board.run_for(duration_us - SECOND);
     }
 
-    /// Sets a parameter as a ground station does.
-    pub fn set(&mut self, name: &str, value: f32) {
-        let answers = self.ask(&param_set(name, value));
-        assert_eq!(value_of(&answers, name), Some(value), "{name}: {answers:?}");
-    }
-
-    pub fn set_all(&mut self, parameters: &[(&str, f32)]) {
-        for (name, value) in parameters {
-            self.set(name, *value);
-        }
-    }
-
-    /// A parameter's value, if it is answered.
-    pub fn read_parameter(&mut self, name: &str) -> Option<f32> {
-        value_of(&self.ask(&param_read_by_name(name)), name)
-    }
-
-    /// The value of a parameter there is.
-    pub fn parameter(&mut self, name: &str) -> f32 {
-        let value = self.read_parameter(name);
-        value.unwrap_or_else(|| panic!("{name} was not answered"))
-    }
-
-    /// Sends a command and returns its result.
-    pub fn result_of(&mut self, command: &[u8]) -> u8 {
-        result_of(&self.ask(command))
-    }
-
     /// Restarts the board as a ground station does.
     pub fn reboot(&mut self) {
         let resets = self.resets().len();
@@ -316,12 +272,6 @@ impl Bench {
         self.signer = Some(signer);
     }
 
-    /// Sends a request, signed if requests are.
-    pub fn request(&mut self, request: &[u8]) {
-        let request = self.sign(request);
-        self.send(&request);
-    }
-
     fn sign(&mut self, request: &[u8]) -> Vec<u8> {
         let Some(mut signer) = self.signer.take() else {
             return request.to_vec();
@@ -354,19 +304,6 @@ impl Bench {
     /// The frames among it.
     pub fn frames(&mut self) -> Vec<Frame> {
         frames(self.sent())
-    }
-
-    /// Sends a request from a ground station and waits for what is answered in the next 200 ms: the frames of other
-    /// messages than telemetry.
-    pub fn ask(&mut self, request: &[u8]) -> Vec<Frame> {
-        let asked_us = self.time_us();
-        self.request(request);
-        self.board.run_for(ANSWER_TIME_US);
-        let telemetry = [HEARTBEAT, SYS_STATUS, BATTERY_STATUS];
-        self.frames()
-            .into_iter()
-            .filter(|frame| frame.at_us > asked_us && !telemetry.contains(&frame.message_id))
-            .collect()
     }
 
     /// Waits until nothing is being sent: what is sent next begins a frame.
@@ -474,8 +411,22 @@ impl TestedVehicle for Bench {
         self.send(bytes);
     }
 
+    /// Signed, if requests are.
+    fn request(&mut self, request: &[u8]) {
+        let request = self.sign(request);
+        self.send(&request);
+    }
+
     fn sent(&mut self) -> Vec<(u64, u8)> {
         self.sent().to_vec()
+    }
+
+    fn frames_since(&mut self, time_us: u64) -> Vec<Frame> {
+        self.frames_since(time_us)
+    }
+
+    fn reboot(&mut self) {
+        self.reboot();
     }
 
     fn left_drive(&self) -> MotorDrive {

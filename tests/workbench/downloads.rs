@@ -1,6 +1,6 @@
 //! Downloads of logs, as ground stations do them.
 
-use crate::bench::{Bench, MILLISECOND};
+use crate::bench::{Bench, MILLISECOND, TestedVehicle};
 use support::frames::{FILE_TRANSFER_PROTOCOL, Frame, LOG_DATA, LOG_ENTRY, of_message};
 use support::requests::{ftp, ftp_open, log_data, log_list};
 

@@ -10,7 +10,7 @@ use emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
 use support::charge_states::UNHEALTHY;
 use support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
 use support::monitor_types::{INA2XX, SMART_BATTERY};
-use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
+use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND, TestedVehicle};
 
 const MONITOR_AT: u8 = 0x40;
 const BATTERY_AT: u8 = 0x0b;

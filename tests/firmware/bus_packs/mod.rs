@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use emulator::I2cDevice;
-use workbench::bench::{Bench, DIVIDER_CODE};
+use workbench::bench::{Bench, DIVIDER_CODE, TestedVehicle};
 use workbench::i2c_bus::{BUS, shared};
 
 /// How the second pack is measured, and where.

@@ -3,7 +3,7 @@
 use super::{BITS_PER_SECOND, CRYSTAL_HZ, run_with, with_battery, with_can};
 use emulator::can::{CanWires, ErrorState};
 use support::frames::{last_of, texts_of};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
 use workbench::can::transfers::{A, A_LATER};
 use workbench::can::{CanRig, Peer, SELECT};
 

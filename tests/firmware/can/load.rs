@@ -4,7 +4,7 @@ use super::{DRONECAN, with_battery_at, with_can_at};
 use emulator::{FlashOperationKind, LogLevel};
 use support::frames::{BATTERY_STATUS, BatteryStatus, of_message, texts_of};
 use support::requests::param_set;
-use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 use workbench::can::transfers::{A, A_CELLS, A_LATER, ESC_0, STATUS_A};
 use workbench::can::{Peer, Transfer};
 

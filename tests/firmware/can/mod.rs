@@ -5,7 +5,7 @@ mod load;
 mod peers;
 
 use support::monitor_types::DRONECAN;
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, TestedVehicle};
 use workbench::can::{BITS_PER_SECOND, CRYSTAL_HZ, CanRig, Peer, Transfer};
 
 /// How often a battery reports.

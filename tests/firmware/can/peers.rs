@@ -2,7 +2,7 @@
 
 use super::{run_with, with_battery};
 use support::frames::{last_of, texts_of};
-use workbench::bench::{Bench, DIVIDER_CODE, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle};
 use workbench::can::CanRig;
 use workbench::can::transfers::{A, A_LATER, GET_NODE_INFO, STATUS_A};
 

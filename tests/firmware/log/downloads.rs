@@ -5,7 +5,7 @@ use std::cell::Cell;
 use super::running_with;
 use support::frames::{Frame, HEARTBEAT, LOG_DATA, PARAM_VALUE, of_message};
 use support::requests::param_read_by_name;
-use workbench::bench::{Bench, SECOND, Wire};
+use workbench::bench::{Bench, SECOND, TestedVehicle, Wire};
 use workbench::downloads::{Download, content, get, list};
 use workbench::log_flash::{LogFlash, noise};
 

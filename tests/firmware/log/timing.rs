@@ -4,7 +4,7 @@ use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
 use emulator::AdcInput;
 use support::motor_poles::LEFT;
 use support::requests::{arm_by_force, manual_control, set_mode};
-use workbench::bench::{Bench, CURRENT, CYCLES_PER_US, MILLISECOND, SECOND};
+use workbench::bench::{Bench, CURRENT, CYCLES_PER_US, MILLISECOND, SECOND, TestedVehicle};
 
 const TICK_US: u64 = 100 * MILLISECOND;
 

@@ -1,6 +1,6 @@
 //! How often the flash is written and erased.
 
-use workbench::bench::{Bench, SECOND};
+use workbench::bench::{Bench, SECOND, TestedVehicle};
 
 #[test]
 // Requirement: W-1

@@ -7,7 +7,7 @@ use crate::stack;
 use rover_battmon::memory::flash_map;
 use support::frames::{BATTERY_STATUS, LOG_DATA, PARAM_VALUE, assert_no_sequence_gap, of_message, result_of};
 use support::requests::{VEHICLE, arm, log_data, log_list, manual_control, param_request_list, set_mode};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
 use workbench::log_flash::{LogFlash, noise};
 
 fn get(path: &str, headers: &str) -> Vec<u8> {

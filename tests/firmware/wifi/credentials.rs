@@ -5,7 +5,7 @@ use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
 use support::frames::of_message;
 use support::requests::wifi_config;
-use workbench::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle, Wire};
 /// WIFI_CONFIG_AP_MODE.
 const ACCESS_POINT: u8 = 1;
 

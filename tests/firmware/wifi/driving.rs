@@ -7,7 +7,7 @@ use emulator::Board;
 use support::frames::result_of;
 use support::motor_poles::motors;
 use support::requests::{arm, manual_control, set_mode};
-use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 
 /// `FS_TIMEOUT` is 1.5 s; the rover looks every 20 ms, and a packet takes some.
 const STOPPED_WITHIN_US: u64 = 1_600 * MILLISECOND;

@@ -3,7 +3,7 @@
 use super::ground::Ground;
 use emulator::{ChipPart, RadioFault};
 use support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message, texts_of};
-use workbench::bench::{Bench, DIVIDER_CODE, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle};
 use workbench::runs::radio_restarts;
 
 const NO_ANSWER: &str = "Wi-Fi radio does not answer";

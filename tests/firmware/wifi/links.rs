@@ -4,7 +4,7 @@ use super::ground::Ground;
 use crate::stack;
 use support::frames::{BATTERY_STATUS, Frame, SYS_STATUS, assert_no_sequence_gap, of_message};
 use support::requests::{param_read_by_name, param_set};
-use workbench::bench::{SECOND, value_of};
+use workbench::bench::{SECOND, TestedVehicle, value_of};
 
 fn count(frames: &[Frame], message: u32) -> usize {
     of_message(frames, message).len()

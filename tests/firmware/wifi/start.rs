@@ -3,7 +3,7 @@
 use super::ground::Ground;
 use emulator::{AdcInput, LogLevel, RadioFault};
 use support::frames::{HEARTBEAT, of_message, texts_of};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
 
 /// Everything that a Pico W has its radio at, and a plain Pico something else.
 const RADIO_PINS: [usize; 4] = [23, 24, 25, 29];

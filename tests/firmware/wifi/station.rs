@@ -8,7 +8,7 @@ use emulator::air::radio::Credentials;
 use emulator::air::router::Router;
 use support::frames::{HEARTBEAT, of_message, texts_of};
 use support::requests::wifi_config;
-use workbench::bench::{SECOND, Wire};
+use workbench::bench::{SECOND, TestedVehicle, Wire};
 
 const STATION: u8 = 2;
 

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use ardupilot_binlog::Entry;
 
-use crate::bench::{Bench, MILLISECOND, SECOND};
+use crate::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 use crate::i2c_bus::{BUS, shared};
 use crate::log_records::named;
 use emulator::AdcInput;

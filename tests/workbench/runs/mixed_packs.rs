@@ -1,6 +1,6 @@
 //! Packs of all kinds at once, each reported ten times a second.
 
-use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, SECOND};
+use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, SECOND, TestedVehicle};
 use crate::i2c_bus::{BUS, shared};
 use emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
 use emulator::{AdcInput, LogLevel};

@@ -1,6 +1,6 @@
 //! Rates that a ground station has asked for.
 
-use crate::bench::{Bench, DIVIDER_CODE, SAVED_US, SECOND};
+use crate::bench::{Bench, DIVIDER_CODE, SAVED_US, SECOND, TestedVehicle};
 use support::commands::{ACCEPTED, SET_MESSAGE_INTERVAL};
 use support::frames::{BATTERY_STATUS, HEARTBEAT, SYS_STATUS, of_message};
 use support::requests::command_long_2;

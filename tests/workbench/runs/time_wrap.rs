@@ -2,7 +2,7 @@
 
 use super::exact_rates::{assert_exact_rates, assert_sampled_at_every_tick};
 use super::progress::Progress;
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, is_learnt};
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle, is_learnt};
 use emulator::LogLevel;
 use support::frames::{TIMESYNC, assert_no_sequence_gap, of_message};
 use support::requests::timesync;

@@ -14,7 +14,7 @@ use super::receiver::Receiver;
 use super::station::Station;
 use super::tally::Tally;
 use super::wifi::Wifi;
-use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, value_of};
+use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, TestedVehicle, value_of};
 use crate::downloads::{download, list};
 use crate::log_flash::files_in;
 use crate::log_records::records_of_torn;
