@@ -1,5 +1,5 @@
-//! The tasks that follow pulses and a motor controller's telemetry, in stepped time: from a pin or a wire to the state of a
-//! pack.
+//! The wiring that parameters call for, and the tasks that follow pulses and the second serial port, in stepped time: from a
+//! pin or a wire to the state of a pack.
 
 use std::cell::RefCell;
 use std::convert::Infallible;
