@@ -1,30 +1,25 @@
 //! An armed rover erases no flash, whatever is requested: what has no space is live, reported, and saved after disarming.
 
-use std::cell::RefCell;
 use support::signer::OWNER;
 
 use embassy_futures::block_on;
-use embassy_futures::select::select;
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Timer};
+use embassy_time::Timer;
 use nor_flash::SmallFlash;
 use rover_battmon::autopilot::Start;
 use rover_battmon::crash::ParameterSource;
-use rover_battmon::mavlink::{Endpoint, Framer, LinkKind};
 use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
-use rover_battmon::tasks::{Shared, now, reboot_requested};
 use rover_battmon::vehicle::ArmState;
-use rover_battmon_tools::sim::clock;
 use support::commands::{PREFLIGHT_STORAGE, RESET};
 use support::desk::LOW_VOLT;
-use support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
+use support::frames::texts_of;
 use support::requests::{
     VEHICLE, arm_by_force, command_long, disarm, param_request_list, param_set, reboot, setup_signing,
 };
 
-use crate::regions::{Regions, keep};
+use crate::regions::{Regions, Vehicle};
 
 const NOT_SAVED: &str = "Parameters can't be saved: flash worn out?";
 const NOT_WHILE_ARMED: &str = "Not while armed: disarm first";
@@ -37,96 +32,20 @@ fn erases(regions: &Regions) -> [u32; 3] {
     [&regions.parameters, &regions.signing, &regions.learnt].map(|flash| flash.chip().erases.iter().sum())
 }
 
-/// The vehicle, and a ground station by cable.
-struct Station<'a> {
-    shared: &'a Shared,
-    endpoint: RefCell<Endpoint>,
-    regions: &'a Regions,
-}
-
-impl Station<'_> {
-    /// Everything that is sent now.
-    fn sent(&self) -> Vec<Frame> {
-        let mut endpoint = self.endpoint.borrow_mut();
-        let mut framer = Framer::new();
-        let mut bytes = Vec::new();
-        self.shared.with(|autopilot| {
-            autopilot.post_due(&mut endpoint, now());
-            while let Some(frame) = autopilot.next_frame(&mut endpoint, &mut framer, now()) {
-                bytes.extend(frame.iter().map(|byte| (0, *byte)));
-            }
-        });
-        frames(&bytes)
-    }
-
-    /// Delivers a request and returns the answers.
-    fn ask(&self, request: &[u8]) -> Vec<Frame> {
-        self.endpoint.borrow_mut().push(request);
-        let handle = || {
-            let mut endpoint = self.endpoint.borrow_mut();
-            self.shared
-                .with(|autopilot| autopilot.handle_next(&mut endpoint, now(), now()))
-        };
-        while handle().is_some() {}
-        self.shared.with(|autopilot| autopilot.drive(now()));
-        self.sent()
-    }
-
-    /// Sets a parameter, which is acknowledged at once.
-    fn set(&self, name: &str, value: f32) -> Vec<String> {
-        let answers = self.ask(&param_set(name, value));
-        let acknowledged = of_message(&answers, PARAM_VALUE);
-        let acknowledged = acknowledged.iter().map(|frame| ParamValue(frame));
-        assert!(
-            acknowledged
-                .map(|answer| (answer.name(), answer.value()))
-                .any(|answer| answer == (name.into(), value)),
-            "{name}"
-        );
-        texts_of(&answers)
-    }
-
-    /// Lets time pass, and returns the texts.
-    async fn wait(&self, seconds: u64) -> Vec<String> {
-        let mut texts = Vec::new();
-        for _ in 0..seconds {
-            Timer::after_secs(1).await;
-            texts.extend(texts_of(&self.sent()));
-        }
-        texts
-    }
-
-    /// What the ground station does with an armed vehicle, in which nothing is erased meanwhile.
-    async fn armed<T>(&self, script: impl AsyncFnOnce() -> T) -> T {
-        self.ask(&arm_by_force());
-        let before = erases(self.regions);
-        let result = script().await;
-        assert_eq!(erases(self.regions), before, "erased while armed");
-        result
-    }
-
-    fn disarm(&self) {
-        self.ask(&disarm());
-    }
+/// What the ground station does with an armed vehicle, in which nothing is erased meanwhile.
+async fn armed<T>(vehicle: &Vehicle, regions: &Regions, script: impl AsyncFnOnce() -> T) -> T {
+    vehicle.ask(&arm_by_force());
+    let before = erases(regions);
+    let result = script().await;
+    assert_eq!(erases(regions), before, "erased while armed");
+    result
 }
 
 /// Starts a vehicle with this flash, and switches it off after the script.
-fn run(regions: &Regions, script: impl AsyncFnOnce(&Station<'_>)) {
-    clock::run_for(Duration::from_secs(24 * 3600), async {
-        let mut start = Start::default();
-        let mut storages = regions.storages();
-        storages.boot(ParameterSource::Stored, &mut start).await;
-        let shared = Shared::new(&start);
-        let station = Station {
-            shared: &shared,
-            endpoint: RefCell::new(Endpoint::new("cable", LinkKind::Direct, 100_000, now())),
-            regions,
-        };
-        let script = async {
-            station.wait(2).await;
-            script(&station).await;
-        };
-        select(keep(storages, &shared), script).await;
+fn run(regions: &Regions, script: impl AsyncFnOnce(&Vehicle)) {
+    regions.run(Start::default(), async |vehicle| {
+        vehicle.wait(2).await;
+        script(vehicle).await;
     });
 }
 
@@ -146,7 +65,7 @@ fn stored(regions: &Regions, id: ParameterId) -> f32 {
 }
 
 /// Sets two parameters in turn until each sector that was erased is full, and then `further` ones.
-async fn fill(station: &Station<'_>, further: usize) -> Vec<String> {
+async fn fill(station: &Vehicle, further: usize) -> Vec<String> {
     let mut texts = Vec::new();
     for number in 0..100 {
         let name = ["BATT_LOW_VOLT", "BATT_CRT_VOLT"][number % 2];
@@ -167,11 +86,11 @@ fn parameters_without_space_are_live_reported_and_saved_after_disarming() {
     run(&regions, async |station| {
         station.set("BATT_LOW_VOLT", 5.0);
         station.wait(2).await;
-        let texts = station.armed(async || fill(station, 3).await).await;
+        let texts = armed(station, &regions, async || fill(station, 3).await).await;
         assert_eq!(texts, ["Parameters: 5 not saved until disarmed"], "once for all");
         let listed = station.ask(&param_request_list(VEHICLE));
         assert!(texts_of(&listed).contains(&texts[0]));
-        station.disarm();
+        station.ask(&disarm());
         assert_eq!(station.wait(2).await, ["Parameters saved"]);
         assert_eq!(station.wait(70).await, [""; 0]);
     });
@@ -188,14 +107,14 @@ fn after_disarming_flash_waits_for_the_longer_watchdog_and_nothing_is_reported()
         let watched = |state| station.shared.with(|autopilot| autopilot.watched(state));
         station.set("BATT_LOW_VOLT", 5.0);
         station.wait(2).await;
-        let armed = async || {
+        let texts = armed(station, &regions, async || {
             watched(ArmState::Armed);
             fill(station, 3).await
-        };
-        let texts = station.armed(armed).await;
+        })
+        .await;
         assert_eq!(texts, ["Parameters: 5 not saved until disarmed"]);
         let before = erases(&regions);
-        station.disarm();
+        station.ask(&disarm());
         assert_eq!(
             station.shared.with(|autopilot| autopilot.may_erase()),
             Erase::Forbidden
@@ -218,14 +137,15 @@ fn after_disarming_flash_waits_for_the_longer_watchdog_and_nothing_is_reported()
 
 #[test]
 fn a_failure_that_is_over_before_its_announcement_is_not_announced_as_over() {
-    run(&Regions::blank(), async |station| {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
         station.set("BATT_LOW_VOLT", 5.0);
         station.wait(2).await;
-        station.armed(async || drop(fill(station, 0).await)).await;
+        armed(station, &regions, async || drop(fill(station, 0).await)).await;
         let texts = station.set("BATT_CAPACITY", 1234.0);
         assert_eq!(texts, [""; 0]);
         Timer::after_millis(200).await;
-        station.disarm();
+        station.ask(&disarm());
         assert_eq!(
             station.wait(70).await,
             ["Parameters saved"],
@@ -240,7 +160,7 @@ fn power_lost_while_armed_brings_the_saved_values_back() {
     run(&regions, async |station| {
         station.set("BATT_CAPACITY", 777.0);
         station.wait(2).await;
-        station.armed(async || fill(station, 1).await).await;
+        armed(station, &regions, async || fill(station, 1).await).await;
     });
     assert_eq!(stored(&regions, CAPACITY), 777.0);
     run(&regions, async |station| {
@@ -260,10 +180,10 @@ fn reset_that_needs_space_twice_is_saved_after_disarming() {
             station.ask(&command_long(PREFLIGHT_STORAGE, RESET));
             station.set("BATT_CAPACITY", 888.0);
             // At once, before anything could be prepared.
-            station.armed(async || drop(fill(station, 0).await)).await;
+            armed(station, &regions, async || drop(fill(station, 0).await)).await;
             let refused = station.ask(&command_long(PREFLIGHT_STORAGE, RESET));
             assert_eq!(texts_of(&refused), [NOT_WHILE_ARMED]);
-            station.disarm();
+            station.ask(&disarm());
         }
         station.wait(2).await;
     });
@@ -283,7 +203,7 @@ fn what_flash_refused_is_saved_before_a_restart() {
         assert_eq!(station.wait(8).await, [NOT_SAVED]);
         regions.parameters.chip().power_up();
         station.ask(&reboot());
-        reboot_requested(station.shared, || true).await;
+        station.wait(10).await;
     });
     assert_eq!(stored(&regions, CAPACITY), CAPACITY.default_value());
     assert_eq!(stored(&regions, LOW_VOLT), 10.5);
@@ -316,22 +236,21 @@ fn marks_of_the_signing_time_and_learnt_data_erase_nothing() {
         let texts = |request: &[u8]| texts_of(&station.ask(request));
         assert_eq!(texts(&setup_signing([OWNER; 32], 1 << 40)), [""; 0]);
         assert_eq!(station.wait(2).await, ["Signing key set"]);
-        let armed = station
-            .armed(async || {
-                let mut armed = Vec::new();
-                for minute in 0..20 {
-                    station.set("BATT_SERIAL_NUM", minute as f32);
-                    station.ask(&param_set("BATT_LRN_ERASE", 1.0));
-                    armed.extend(station.wait(60).await);
-                }
-                for key in [OWNER + 1, 0] {
-                    assert_eq!(texts(&setup_signing([key; 32], 1 << 41)), [NOT_WHILE_ARMED]);
-                }
-                armed
-            })
-            .await;
+        let armed = armed(station, &regions, async || {
+            let mut armed = Vec::new();
+            for minute in 0..20 {
+                station.set("BATT_SERIAL_NUM", minute as f32);
+                station.ask(&param_set("BATT_LRN_ERASE", 1.0));
+                armed.extend(station.wait(60).await);
+            }
+            for key in [OWNER + 1, 0] {
+                assert_eq!(texts(&setup_signing([key; 32], 1 << 41)), [NOT_WHILE_ARMED]);
+            }
+            armed
+        })
+        .await;
         assert_eq!(armed, ["Learnt battery data not saved until disarmed"]);
-        station.disarm();
+        station.ask(&disarm());
         station.wait(2).await;
         assert!(!station.shared.with(|autopilot| autopilot.has_unsaved()));
     });

@@ -4,18 +4,19 @@ use std::ops::Range;
 
 use embassy_futures::block_on;
 use embassy_futures::select::select;
-use embassy_time::{Duration, Timer};
+use embassy_time::Timer;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rover_battmon::autopilot::{SamplingProgress, Start};
 use rover_battmon::battery::RetainedRecord;
-use rover_battmon::mavlink::{Endpoint, LinkKind};
 use rover_battmon::memory::flash_map;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
-use rover_battmon::tasks::{CheckIn, Shared, Storages, keep_flash, now};
+use rover_battmon::tasks::{Shared, Storages, now};
 use rover_battmon::wifi::Radio;
-use rover_battmon_tools::sim::{SimulatedFlash, clock};
-use support::requests::{arm_by_force, disarm, param_set};
+use rover_battmon_tools::sim::SimulatedFlash;
+use support::requests::{arm_by_force, disarm};
+
+use crate::regions::{self, Vehicle};
 
 /// A page takes as long as on the slowest chip.
 #[derive(Clone)]
@@ -53,28 +54,24 @@ impl NorFlash for SlowFlash {
 }
 
 /// Lets a vehicle that logs while disarmed run beside `script`.
-fn run(flash: &SlowFlash, script: impl AsyncFnOnce(&Shared)) {
+fn run(flash: &SlowFlash, script: impl AsyncFnOnce(&Vehicle)) {
     let mut parameters = Parameters::defaults();
     parameters.set(VehicleParameter::LogDisarmed, 1.0).unwrap();
     run_with(parameters, flash, script);
 }
 
-/// Lets a vehicle run beside `script`, for ten minutes at most.
-fn run_with(parameters: Parameters, flash: &(impl NorFlash + Clone), script: impl AsyncFnOnce(&Shared)) {
-    let check_in = CheckIn::new("", u32::MAX);
-    clock::run_for(Duration::from_secs(600), async {
-        let shared = Shared::new(&Start::with_parameters(parameters));
-        let storages = Storages::of_board(flash.clone(), Radio::Absent);
-        let task = keep_flash(
-            storages,
-            flash.clone(),
-            flash_map::LOG,
-            async || None,
-            &shared,
-            &check_in,
-        );
-        select(select(task, sample(&shared)), script(&shared)).await;
-    });
+/// Lets a vehicle run beside `script`.
+fn run_with(parameters: Parameters, flash: &(impl NorFlash + Clone), script: impl AsyncFnOnce(&Vehicle)) {
+    let storages = Storages::of_board(flash.clone(), Radio::Absent);
+    let log = (flash.clone(), flash_map::LOG);
+    regions::run(
+        &Start::with_parameters(parameters),
+        storages,
+        log,
+        async |vehicle| {
+            select(sample(&vehicle.shared), script(vehicle)).await;
+        },
+    );
 }
 
 /// Samples, which fills the log, and drives, which begins it.
@@ -91,31 +88,21 @@ async fn sample(shared: &Shared) {
     }
 }
 
-fn set(shared: &Shared, name: &str, value: f32) {
-    request(shared, &param_set(name, value));
-}
-
-fn request(shared: &Shared, request: &[u8]) {
-    let mut endpoint = Endpoint::new("desk", LinkKind::Direct, 100_000, now());
-    endpoint.push(request);
-    let handle =
-        |endpoint: &mut Endpoint| shared.with(|autopilot| autopilot.handle_next(endpoint, now(), now()));
-    while handle(&mut endpoint).is_some() {}
-}
-
-fn logged_bytes(shared: &Shared) -> u32 {
-    shared.with(|autopilot| autopilot.logs().iter().map(|file| file.bytes).sum())
+fn logged_bytes(vehicle: &Vehicle) -> u32 {
+    vehicle
+        .shared
+        .with(|autopilot| autopilot.logs().iter().map(|file| file.bytes).sum())
 }
 
 #[test]
 fn parameters_that_are_set_without_a_pause_leave_the_log_its_turns() {
-    let flash = SlowFlash(SimulatedFlash::open(None).expect("it needs no file"));
-    run(&flash, async |shared| {
+    let flash = SlowFlash(SimulatedFlash::blank());
+    run(&flash, async |vehicle| {
         for number in 0..5_000 {
-            set(shared, "BATT_CAPACITY", 1000.0 + number as f32);
+            vehicle.set("BATT_CAPACITY", 1000.0 + number as f32);
             Timer::after_millis(2).await;
         }
-        let bytes = logged_bytes(shared);
+        let bytes = logged_bytes(vehicle);
         // All parameters, and whatever happened.
         assert!(bytes > 10_000, "{bytes} bytes in ten seconds");
     });
@@ -123,17 +110,19 @@ fn parameters_that_are_set_without_a_pause_leave_the_log_its_turns() {
 
 #[test]
 fn a_parameter_is_saved_at_once_while_the_log_erases_ahead() {
-    let flash = SlowFlash(SimulatedFlash::open(None).expect("it needs no file"));
+    let flash = SlowFlash(SimulatedFlash::blank());
     // Something else was in every sector, so each has to be erased.
     for sector in flash_map::LOG.step_by(SlowFlash::ERASE_SIZE) {
         block_on(flash.0.clone().write(sector, &[0; 64])).expect("it is inside");
     }
-    run(&flash, async |shared| {
+    run(&flash, async |vehicle| {
         Timer::after_secs(5).await;
         for number in 0..20 {
-            set(shared, "BATT_CAPACITY", 1000.0 + number as f32);
+            vehicle.set("BATT_CAPACITY", 1000.0 + number as f32);
             Timer::after_millis(450).await;
-            let unsaved = shared.with(|autopilot| autopilot.parameters().next_unsaved());
+            let unsaved = vehicle
+                .shared
+                .with(|autopilot| autopilot.parameters().next_unsaved());
             assert_eq!(unsaved, None, "{number}");
         }
     });
@@ -152,7 +141,7 @@ fn sectors_of_the_log_are_prepared_once_and_blank_ones_are_not_erased() {
         flash.chip().region()[..flash_map::LOG.len()].fill(byte);
         for (erased, marked) in [(expected, 309), (0, 0)] {
             let before = flash.chip().operations();
-            let a_minute = async |_: &Shared| Timer::after_secs(60).await;
+            let a_minute = async |_: &Vehicle| Timer::after_secs(60).await;
             run_with(Parameters::defaults(), &flash, a_minute);
             let operations = flash.chip().operations() - before;
             assert_eq!(operations, erased + marked, "{byte:#x}");
@@ -166,13 +155,13 @@ fn sectors_of_the_log_are_prepared_once_and_blank_ones_are_not_erased() {
 fn the_log_of_an_armed_rover_is_not_erased() {
     let flash = SimulatedFlash::blank();
     flash.chip().region()[..flash_map::LOG.len()].fill(0);
-    run_with(Parameters::defaults(), &flash, async |shared| {
+    run_with(Parameters::defaults(), &flash, async |vehicle| {
         Timer::after_secs(1).await;
-        request(shared, &arm_by_force());
+        vehicle.ask(&arm_by_force());
         let before = erases(&flash, flash_map::LOG);
         Timer::after_secs(10).await;
         assert_eq!(erases(&flash, flash_map::LOG), before);
-        request(shared, &disarm());
+        vehicle.ask(&disarm());
         Timer::after_secs(10).await;
         assert_ne!(erases(&flash, flash_map::LOG), before);
     });
@@ -182,12 +171,12 @@ fn the_log_of_an_armed_rover_is_not_erased() {
 // Requirement: W-1
 fn a_thousand_parameters_that_are_set_cost_a_page_each_and_four_erases_in_turn() {
     let flash = SimulatedFlash::blank();
-    run_with(Parameters::defaults(), &flash, async |shared| {
-        set(shared, "LOG_BITMASK", 0.0);
+    run_with(Parameters::defaults(), &flash, async |vehicle| {
+        vehicle.set("LOG_BITMASK", 0.0);
         Timer::after_secs(60).await;
         let before = flash.chip().programs;
         for number in 0..1_000 {
-            set(shared, "BATT_SERIAL_NUM", number as f32);
+            vehicle.set("BATT_SERIAL_NUM", number as f32);
             Timer::after_millis(100).await;
         }
         let programs = flash.chip().programs - before;

@@ -1,8 +1,7 @@
 //! What is learnt of a pack outlasts restarts, power cuts and damage, belongs to one pack, and is erased when asked for.
 
 use embassy_futures::block_on;
-use embassy_futures::select::select;
-use embassy_time::{Duration, Timer};
+use embassy_time::Timer;
 use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{FlashJob, FlashStore, PackIdentity, Start, Work};
@@ -11,8 +10,6 @@ use rover_battmon::memory::storage::{Erase, FlashFault, Storage, StorageError};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
-use rover_battmon::tasks::{Shared, reboot_requested};
-use rover_battmon_tools::sim::clock;
 use support::commands::PREFLIGHT_STORAGE;
 use support::desk::Desk;
 use support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, of_message, texts_of};
@@ -20,7 +17,7 @@ use support::learnt_record::learnt_words;
 use support::requests::{command_long, param_read_by_name, param_set, reboot};
 use support::time::MINUTE_US;
 
-use crate::regions::{Regions, keep};
+use crate::regions::{Regions, Vehicle};
 
 type Words = [u32; LEARNT_WORDS];
 
@@ -404,77 +401,54 @@ fn stored(flash: &SmallFlash, identity: PackIdentity) -> Option<Words> {
     block_on(storage(flash).read(identity.key())).expect("a sound flash")
 }
 
-/// Runs the task with this flash for `duration` while `script` changes things; returns the capacity shown at the end.
-fn run_task(flash: &SmallFlash, duration: Duration, script: impl AsyncFnOnce(&Shared)) -> f32 {
+/// Runs the task with this flash while `script` changes things; returns the capacity shown at the end.
+fn run_task(flash: &SmallFlash, script: impl AsyncFnOnce(&Vehicle)) -> f32 {
     let regions = Regions {
         learnt: flash.clone(),
         ..Regions::blank()
     };
-    let mut shown = 0.0;
-    clock::run_for(duration, async {
-        let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
-        let all = async {
-            script(&shared).await;
-            Timer::after_millis(500).await;
-        };
-        let task = keep(regions.storages(), &shared);
-        select(select(task, reboot_requested(&shared, || true)), all).await;
-        let capacity = BatteryParameter::LrnCap.of(Pack::First);
-        shown = shared.with(|autopilot| autopilot.parameters().get(capacity));
+    let vehicle = regions.run(Start::default(), async |vehicle| {
+        script(vehicle).await;
+        Timer::after_millis(500).await;
     });
-    shown
+    let capacity = BatteryParameter::LrnCap.of(Pack::First);
+    vehicle
+        .shared
+        .with(|autopilot| autopilot.parameters().get(capacity))
 }
-
-/// A request by a link to this vehicle.
-fn request(shared: &Shared, request: &[u8]) {
-    let now = rover_battmon::tasks::now();
-    let mut endpoint =
-        rover_battmon::mavlink::Endpoint::new("test", rover_battmon::mavlink::LinkKind::Direct, 100_000, now);
-    endpoint.push(request);
-    while shared
-        .with(|autopilot| autopilot.handle_next(&mut endpoint, now, now))
-        .is_some()
-    {}
-}
-
-const TEN_SECONDS: Duration = Duration::from_secs(10);
 
 #[test]
 fn the_task_reads_at_once_and_erases_before_a_restart() {
     let flash = SmallFlash::blank();
     store(&flash, of(Pack::First, None), 2950.0);
     store(&flash, of(Pack::First, Some(7)), 1000.0);
-    assert_eq!(run_task(&flash, TEN_SECONDS, async |_| {}), 2950.0);
-    let set_serial_number = async |shared: &Shared| request(shared, &param_set("BATT_SERIAL_NUM", 7.0));
-    assert_eq!(run_task(&flash, TEN_SECONDS, set_serial_number), 1000.0);
+    assert_eq!(run_task(&flash, async |_| {}), 2950.0);
+    let set_serial_number = async |vehicle: &Vehicle| drop(vehicle.set("BATT_SERIAL_NUM", 7.0));
+    assert_eq!(run_task(&flash, set_serial_number), 1000.0);
 
-    let erase_and_restart = async |shared: &Shared| {
+    let erase_and_restart = async |vehicle: &Vehicle| {
         Timer::after_millis(100).await;
-        request(shared, &param_set("BATT_LRN_ERASE", 1.0));
-        request(shared, &reboot());
+        vehicle.ask(&param_set("BATT_LRN_ERASE", 1.0));
+        vehicle.ask(&reboot());
         Timer::after_secs(5).await;
     };
-    assert_eq!(run_task(&flash, TEN_SECONDS, erase_and_restart), 0.0);
+    assert_eq!(run_task(&flash, erase_and_restart), 0.0);
     assert_eq!(
         stored(&flash, of(Pack::First, None)),
         Some(LearntPack::of(None).to_words())
     );
-    assert_eq!(run_task(&flash, TEN_SECONDS, async |_| {}), 0.0);
-    assert_eq!(
-        run_task(&flash, TEN_SECONDS, set_serial_number),
-        1000.0,
-        "another pack"
-    );
+    assert_eq!(run_task(&flash, async |_| {}), 0.0);
+    assert_eq!(run_task(&flash, set_serial_number), 1000.0, "another pack");
 }
 
 #[test]
 fn the_task_writes_again_a_minute_after_a_failure() {
     let flash = SmallFlash::blank();
     store(&flash, of(Pack::First, None), 2950.0);
-    let erase = async |shared: &Shared, until_s| {
+    let erase = async |vehicle: &Vehicle, until_s| {
         Timer::after_millis(100).await;
         flash.chip().refuse_all_after(0);
-        request(shared, &param_set("BATT_LRN_ERASE", 1.0));
+        vehicle.ask(&param_set("BATT_LRN_ERASE", 1.0));
         Timer::after_secs(1).await;
         flash.chip().power_up();
         Timer::after_secs(until_s).await;
@@ -483,8 +457,7 @@ fn the_task_writes_again_a_minute_after_a_failure() {
         (58, learnt_words(None, 2950.0)),
         (62, LearntPack::of(None).to_words()),
     ] {
-        let duration = Duration::from_secs(100);
-        run_task(&flash, duration, async |shared| erase(shared, until_s).await);
+        run_task(&flash, async |vehicle| erase(vehicle, until_s).await);
         assert_eq!(stored(&flash, of(Pack::First, None)), Some(expected));
     }
 }
@@ -506,9 +479,9 @@ fn power_cut_in_any_operation_of_a_write_loses_no_pack() {
             for seed in 0..8 {
                 let flash = prepared.repaired();
                 flash.chip().cut_power_after(after, seed);
-                run_task(&flash, Duration::from_secs(2), async |shared| {
+                run_task(&flash, async |vehicle| {
                     Timer::after_millis(100).await;
-                    request(shared, &param_set("BATT_LRN_ERASE", 1.0));
+                    vehicle.ask(&param_set("BATT_LRN_ERASE", 1.0));
                 });
                 was_cut |= flash.chip().is_powered_off();
                 let flash = flash.repaired();

@@ -1,8 +1,7 @@
 //! Wi-Fi without its radio: who may set it up, what is answered, announced, shown and stored.
 
 use embassy_futures::block_on;
-use embassy_futures::select::select;
-use embassy_time::{Duration, Timer};
+use embassy_time::Timer;
 use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{FlashJob, FlashResult, FlashStore, Start, Work};
@@ -15,12 +14,10 @@ use rover_battmon::memory::storage::{FlashFault, Storage, StorageError};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
-use rover_battmon::tasks::Shared;
 use rover_battmon::time::Instant;
 use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
 };
-use rover_battmon_tools::sim::clock;
 use support::commands::{PREFLIGHT_STORAGE, REQUEST_MESSAGE};
 use support::desk::{Desk, adc_count};
 use support::frames::{
@@ -32,7 +29,7 @@ use support::requests::{
 use support::signer::{NEW_YEAR, Signer};
 use support::time::MINUTE_US;
 
-use crate::regions::{Regions, keep};
+use crate::regions::Regions;
 
 const ACCESS_POINT: u8 = 1;
 const STATION: u8 = 2;
@@ -547,21 +544,11 @@ fn run_task(flash: &SmallFlash, requests: &[Vec<u8>]) {
         wifi: Some(flash.clone()),
         ..Regions::blank()
     };
-    clock::run_for(Duration::from_secs(10), async {
-        let shared = Shared::new(&start(Radio::Present));
-        let all = async {
-            for request in requests {
-                let now = rover_battmon::tasks::now();
-                let mut desk = rover_battmon::mavlink::Endpoint::new("desk", LinkKind::Direct, 100_000, now);
-                desk.push(request);
-                while shared
-                    .with(|autopilot| autopilot.handle_next(&mut desk, now, now))
-                    .is_some()
-                {}
-                Timer::after_millis(100).await;
-            }
-        };
-        select(keep(regions.storages(), &shared), all).await;
+    regions.run(start(Radio::Present), async |vehicle| {
+        for request in requests {
+            vehicle.ask(request);
+            Timer::after_millis(100).await;
+        }
     });
 }
 
