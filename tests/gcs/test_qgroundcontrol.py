@@ -14,7 +14,6 @@ from conftest import REPOSITORY, EmulatedBoard, Simulator
 from oracle import FLY_VIEW, PAGES, described_kinds, description_of, missing_on_page
 from qgroundcontrol import (
     FILE_NOT_FOUND,
-    REQUEST_MESSAGE,
     VEHICLE,
     Station,
     is_named,
@@ -24,10 +23,9 @@ from station import Background, is_about
 from test_oracle_qgroundcontrol import RECORDED_PARAMETERS, RELAYED_PARAMETERS
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
-UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
 ARM_DISARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 
-HOLD, MANUAL, AUTO = 4, 0, 10
+HOLD, MANUAL = 4, 0
 
 TYPED_HZ = 1
 
@@ -193,55 +191,9 @@ def test_what_the_pages_ask_for_has_the_values_with_which_they_were_tried(sessio
     assert {session.parameters[name] for name in modes - {"MODE_CH"}} <= {MANUAL, HOLD}
 
 
-@pytest.mark.parametrize(("name", "value"), [("FS_GCS_ENABLE", 1), ("FS_THR_ENABLE", 1), ("FS_ACTION", 2)])
-def test_no_file_switches_off_what_stops_the_rover(session, name, value):
-    assert session.parameters[name] == value
-    refused_is_unchanged(session, name, 0)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("COMPASS_DEC", 0.1), ("INS_ACCOFFS_X", 0), ("MODE1", AUTO), ("MODE_CH", 5), ("RC6_OPTION", 41)]
-)
-def test_what_is_there_for_ground_stations_only_is_constant(session, name, value):
-    refused_is_unchanged(session, name, value)
-
-
-def refused_is_unchanged(session, name, value):
-    assert session.station.set(name, value).get_type() == "PARAM_ERROR"
-    # The value that it keeps follows, and answers nothing later.
-    session.station.run_for(0.3)
-    again = session.station.answer(
-        lambda mav: mav.param_request_read_send(*VEHICLE, name.encode(), -1), is_named("PARAM_VALUE")
-    )
-    assert (again.param_id, again.param_value) == (name, pytest.approx(session.parameters[name]))
-
-
 def test_a_refused_parameter_is_explained_with_its_range(session):
     assert session.refusal.get_type() == "PARAM_ERROR"
     assert session.refusal_is_explained
-
-
-# ---------------------------------------------------------------- calibration, motors, modes
-
-
-def test_motors_are_tested_by_board_check(session):
-    motor_test = mavlink.MAV_CMD_DO_MOTOR_TEST
-    heard = session.station.hears(lambda: session.station.command(motor_test, 1, 0, 10, 1), "board-check")
-    assert heard == (UNSUPPORTED, True)
-
-
-def test_its_modes_are_listed(session):
-    modes = {}
-    for index in (1, 2):
-        mode = session.station.answer(
-            lambda mav: mav.command_long_send(
-                *VEHICLE, REQUEST_MESSAGE, 0, mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES, index, 0, 0, 0, 0, 0
-            ),
-            lambda message: message.get_type() == "AVAILABLE_MODES" and message.mode_index == index,
-        )
-        assert mode.number_modes == 2
-        modes[mode.custom_mode] = mode.mode_name.upper()
-    assert modes == {MANUAL: "MANUAL", HOLD: "HOLD"}
 
 
 # ---------------------------------------------------------------- a battery failsafe
