@@ -172,7 +172,8 @@ fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
 mod tests {
     use super::*;
     use crate::battery::{
-        Amount, ChargeSource, ChargeState, FailsafeLevel, FailsafeSettings, Faults, Readings, VoltageSource,
+        Amount, ChargeSource, ChargeState, Consequences, FailsafeLevel, FailsafeSettings, Faults, Readings,
+        VoltageSource,
     };
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
@@ -250,17 +251,19 @@ mod tests {
             (ChargeState::Ok, None),
             (ChargeState::Low, None),
             (ChargeState::Critical, None),
-            (ChargeState::Emergency, Some(ArmingFailure::Emergency)),
-            (ChargeState::Failed, Some(ArmingFailure::Failed)),
-            (ChargeState::Unhealthy, Some(ArmingFailure::ReportsUnhealthy)),
+            (ChargeState::Emergency, Some("is nearly empty")),
+            (ChargeState::Failed, Some("has failed")),
+            (ChargeState::Unhealthy, Some("unhealthy: its own report")),
             (ChargeState::Charging, None),
         ] {
             for charge_state in [ChargeState::Ok, ChargeState::Low, ChargeState::Charging] {
                 let mut state = BatteryState::UNKNOWN;
                 state.charge_state = charge_state;
                 state.readings.reported.charge_state = Some(reported);
-                let failures = failures_of(state);
-                assert_eq!(failures, Vec::from_iter(expected), "{reported:?}");
+                let is_not_ready = state.consequences().contains(Consequences::NOT_READY);
+                assert_eq!(is_not_ready, expected.is_some(), "{reported:?}");
+                let failures = failures_of(state).into_iter().map(|failure| failure.to_string());
+                assert!(failures.eq(expected), "{reported:?}");
             }
         }
     }

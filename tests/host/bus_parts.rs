@@ -250,7 +250,9 @@ fn each_part_measures_voltage_and_current_within_a_step() {
     let counter = ina228.clone();
     let shunt = [("BATT2_SHUNT", 0.002)];
     let at_74 = [("BATT2_I2C_ADDR", 74.0), ("BATT2_MAX_AMPS", 100.0)];
-    let table: [(f32, u8, Device, &[(&str, f32)], (f32, f32), (f32, f32)); 6] = [
+    /// Kind, address, part, settings; voltage and current, each with its step.
+    type Row<'a> = (f32, u8, Device, &'a [(&'a str, f32)], (f32, f32), (f32, f32));
+    let table: [Row<'_>; 6] = [
         (INA2XX, 0x40, example, &shunt, (11.98, STEP), (10.0, STEP)),
         (INA2XX, 0x41, charging, &shunt, (7.3, STEP), (-2.5, STEP)),
         // Its shunt is inside.

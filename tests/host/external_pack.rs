@@ -2,18 +2,16 @@
 
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{
-    BatteryState, ChargeSource, ChargeState, Consequences, FailsafeLevel, Modes, PackStatus,
-};
+use rover_battmon::battery::{BatteryState, ChargeSource, ChargeState, FailsafeLevel, Modes, PackStatus};
 use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
-use support::charge_states::{OK, UNHEALTHY};
+use support::charge_states::OK;
 use support::commands::{ACCEPTED, BATTERY_RESET, FAILED};
 use support::desk::Desk;
 use support::frames::{last_of, texts_of};
-use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, UNKNOWN_MV, health_report};
+use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, health_report};
 use support::requests::{arm, arm_by_force, command_long_2, disarm, setup_signing};
 use support::signer::{NEW_YEAR, OWNER, STRANGER, Signer};
 
@@ -81,11 +79,6 @@ fn announced(desk: &mut Desk) -> Vec<String> {
     texts_of(&desk.sent())
 }
 
-/// Arms whatever the checks say.
-fn arm_forced(desk: &mut Desk) {
-    assert_eq!(desk.result_of(&arm_by_force()), ACCEPTED);
-}
-
 #[test]
 // Requirement: AP-11
 fn report_of_a_companion_computer_is_the_state_of_its_pack() {
@@ -123,8 +116,6 @@ fn status(desk: &mut Desk) -> (u8, u32, i32) {
     )
 }
 
-const FAULT_BITS: u32 = 9;
-
 #[test]
 fn faults_charge_state_and_time_left_of_a_component_are_shown() {
     let mut desk = desk();
@@ -145,142 +136,6 @@ fn faults_charge_state_and_time_left_of_a_component_are_shown() {
     assert_eq!((charge_state, faults), (OK, 0));
     assert_ne!(time_remaining_s, 1234);
 }
-
-#[test]
-// Requirement: AP-17
-fn of_the_faults_that_a_component_reports_a_failed_cell_refuses_arming() {
-    const FAILED_CELL: u32 = 2;
-    for bit in 0..32 {
-        let mut desk = desk();
-        let mut report = of_voltage(12_000);
-        report.remaining_pct = 90;
-        report.fault_bitmask = 1 << bit;
-        ticks(&mut desk, 40, &report.frame());
-        let shown = if bit < FAULT_BITS { 1 << bit } else { 0 };
-        let (charge_state, faults, _) = status(&mut desk);
-        assert_eq!((charge_state, faults), (OK, shown), "bit {bit}");
-        let result = if bit == FAILED_CELL { FAILED } else { ACCEPTED };
-        assert_eq!(desk.result_of(&arm()), result, "bit {bit}");
-    }
-}
-
-const CRITICAL_STATE: u8 = 3;
-const EMERGENCY_STATE: u8 = 4;
-const FAILED_STATE: u8 = 5;
-
-#[test]
-// Requirement: AP-17, V2-2
-fn states_that_a_component_reports_refuse_arming_at_any_charge() {
-    for (charge_state, refusal) in [
-        (OK, None),
-        (CRITICAL_STATE, None),
-        (EMERGENCY_STATE, Some("Arm: Battery 1 is nearly empty")),
-        (FAILED_STATE, Some("Arm: Battery 1 has failed")),
-        (UNHEALTHY, Some("Arm: Battery 1 unhealthy: its own report")),
-    ] {
-        // LOW is shown at 14 %, whatever else is wrong.
-        for remaining_pct in [90, 14] {
-            let mut desk = desk();
-            let mut report = of_voltage(12_000);
-            report.remaining_pct = remaining_pct;
-            report.charge_state = charge_state;
-            ticks(&mut desk, 40, &report.frame());
-            announced(&mut desk);
-            let answers = desk.ask(&arm());
-            let texts = texts_of(&answers);
-            assert_eq!(
-                texts.first().map(String::as_str),
-                refusal,
-                "{charge_state} {remaining_pct} %"
-            );
-            let state = *desk.autopilot.battery(Pack::First);
-            let is_flagged = state.consequences().contains(Consequences::NOT_READY);
-            assert_eq!(is_flagged, charge_state >= CRITICAL_STATE, "{charge_state}");
-        }
-    }
-}
-
-#[test]
-fn faults_that_a_component_reports_are_announced_once() {
-    let mut desk = desk();
-    ticks(&mut desk, 10, &half_full(12_000));
-    announced(&mut desk);
-    let mut report = of_voltage(12_000);
-    report.remaining_pct = 50;
-    report.fault_bitmask = 8 | 16;
-    ticks(&mut desk, 100, &report.frame());
-    assert_eq!(
-        announced(&mut desk),
-        ["Battery 1 reports: over temperature, over current"]
-    );
-}
-
-#[test]
-// Requirement: S-1
-fn failed_and_unhealthy_without_a_known_cause_have_no_fault_bit() {
-    for charge_state in [FAILED_STATE, UNHEALTHY] {
-        let mut desk = desk();
-        let mut report = of_voltage(12_000);
-        report.remaining_pct = 90;
-        report.charge_state = charge_state;
-        ticks(&mut desk, 40, &report.frame());
-        let (shown, faults, _) = status(&mut desk);
-        assert_eq!((shown, faults), (charge_state, 0));
-        // Nor has a lost sensor.
-        silence(&mut desk, 80);
-        let (shown, faults, _) = status(&mut desk);
-        assert_eq!((shown, faults), (UNHEALTHY, 0));
-    }
-}
-
-#[test]
-fn what_is_not_reported_is_estimated() {
-    let mut desk = desk();
-    let mut report = of_voltage(11_700);
-    report.current_ca = 720;
-    let state = ticks(&mut desk, 101, &report.frame());
-    // 10 s of 7.2 A.
-    assert!((state.consumed_mah().unwrap() - 20.0).abs() < 0.01);
-    assert_eq!(state.charge_source, ChargeSource::Estimated);
-    assert!(state.readings.remaining_pct.is_some());
-}
-
-#[test]
-fn silent_component_is_announced_and_may_return() {
-    let mut desk = desk();
-    let full = of_voltage(12_000).frame();
-    ticks(&mut desk, 10, &full);
-    announced(&mut desk);
-    assert_eq!(silence(&mut desk, TIMEOUT_TICKS + 3).status, PackStatus::Healthy);
-    let state = silence(&mut desk, 1);
-    assert_eq!(
-        (state.status, state.readings.voltage_v),
-        (PackStatus::Unhealthy, Some(12.0))
-    );
-    assert_eq!(announced(&mut desk), ["Battery 1 unhealthy: no reading in time"]);
-    assert_eq!(desk.result_of(&arm()), FAILED);
-    assert_eq!(announced(&mut desk), [] as [&str; 0]);
-    let state = ticks(&mut desk, 1, &of_voltage(11_900).frame());
-    assert_eq!(
-        (state.status, state.readings.voltage_v),
-        (PackStatus::Healthy, Some(11.9))
-    );
-    ticks(&mut desk, 55, &full);
-    assert_eq!(announced(&mut desk), ["Battery 1 healthy again"]);
-}
-
-#[test]
-fn component_that_was_never_heard_is_announced() {
-    let mut desk = desk();
-    assert_eq!(silence(&mut desk, TIMEOUT_TICKS).status, PackStatus::Unknown);
-    assert_eq!(silence(&mut desk, 5).status, PackStatus::Unhealthy);
-    let texts = announced(&mut desk);
-    assert!(
-        texts.contains(&"Battery 1 unhealthy: no reading in time".into()),
-        "{texts:?}"
-    );
-}
-
 #[test]
 fn one_report_a_second_is_enough() {
     let mut desk = desk();
@@ -300,47 +155,6 @@ fn one_report_a_second_is_enough() {
             .iter()
             .any(|text| text.contains("unhealthy") || text.contains("not measured")),
         "{texts:?}"
-    );
-}
-
-#[test]
-fn failsafe_and_arming_checks_work_as_for_any_pack() {
-    let mut desk = desk_with(&[
-        (BatteryParameter::LowVolt, 10.5),
-        (BatteryParameter::LowTimer, 1.0),
-        (BatteryParameter::FsLowAct, 2.0),
-    ]);
-    let low = half_full(10_400);
-    ticks(&mut desk, 10, &low);
-    assert_eq!(desk.result_of(&arm()), FAILED);
-    // The threshold itself is not below it.
-    ticks(&mut desk, 10, &half_full(10_500));
-    assert_eq!(desk.result_of(&arm()), ACCEPTED);
-    announced(&mut desk);
-    assert_eq!(ticks(&mut desk, 11, &low).failsafe, FailsafeLevel::None);
-    assert_eq!(ticks(&mut desk, 1, &low).failsafe, FailsafeLevel::Low);
-    let texts = announced(&mut desk);
-    assert!(
-        texts.contains(&"Battery 1 is low 10.40V used 0 mAh".into()),
-        "{texts:?}"
-    );
-}
-
-#[test]
-fn pack_whose_component_is_silent_while_driving_is_missing_after_five_seconds() {
-    let mut desk = desk();
-    ticks(&mut desk, 10, &of_voltage(12_000).frame());
-    assert_eq!(desk.result_of(&arm()), ACCEPTED);
-    announced(&mut desk);
-    assert_eq!(silence(&mut desk, 50).failsafe, FailsafeLevel::None);
-    assert_eq!(silence(&mut desk, 1).failsafe, FailsafeLevel::Unhealthy);
-    assert_eq!(
-        announced(&mut desk),
-        [
-            // A level leaves first.
-            "Battery 1 is missing, last: 12.00V used 0 mAh",
-            "Battery 1 unhealthy: no reading in time"
-        ]
     );
 }
 
@@ -400,56 +214,6 @@ fn termination_by_a_lost_pack_outlasts_good_readings_until_a_battery_reset() {
         (FailsafeLevel::None, Some(50.0))
     );
     assert_eq!(desk.result_of(&arm()), ACCEPTED);
-}
-
-#[test]
-fn battery_reset_ends_the_level_of_a_pack_that_reports_its_charge() {
-    let mut desk = desk_with(&[
-        (BatteryParameter::LowVolt, 10.5),
-        (BatteryParameter::LowTimer, 1.0),
-    ]);
-    ticks(&mut desk, 10, &half_full(12_000));
-    assert_eq!(desk.result_of(&arm()), ACCEPTED);
-    assert_eq!(
-        ticks(&mut desk, 20, &half_full(10_400)).failsafe,
-        FailsafeLevel::Low
-    );
-    desk.ask(&disarm());
-    // Low stays latched, whatever the readings are now.
-    assert_eq!(
-        ticks(&mut desk, 600, &half_full(12_000)).failsafe,
-        FailsafeLevel::Low
-    );
-    assert_eq!(desk.result_of(&arm()), FAILED);
-    assert_eq!(
-        desk.result_of(&command_long_2(BATTERY_RESET, -1.0, 100.0)),
-        FAILED
-    );
-    assert_eq!(
-        ticks(&mut desk, 1, &half_full(12_000)).failsafe,
-        FailsafeLevel::None
-    );
-    assert_eq!(desk.result_of(&arm()), ACCEPTED);
-}
-
-#[test]
-// Requirement: S-2
-fn no_voltage_is_no_reading_and_zero_volts_no_pack() {
-    let mut desk = desk();
-    ticks(&mut desk, 10, &of_voltage(12_000).frame());
-    let mut blind = of_voltage(UNKNOWN_MV);
-    blind.consumed_mah = 700;
-    blind.current_ca = 0;
-    let state = ticks(&mut desk, TIMEOUT_TICKS + 5, &blind.frame());
-    assert_eq!(
-        (state.status, state.readings.voltage_v),
-        (PackStatus::Unhealthy, Some(12.0))
-    );
-    let state = ticks(&mut desk, 1, &of_voltage(0).frame());
-    assert_eq!(
-        (state.status, state.readings.voltage_v),
-        (PackStatus::NotConnected, None)
-    );
 }
 
 #[test]
@@ -611,24 +375,6 @@ fn reported_charge_is_not_reset() {
         (state.readings.remaining_pct.map(f32::round), state.consumed_mah()),
         (Some(100.0), Some(0.0)),
         "what was counted before the reset is not drawn from it"
-    );
-}
-
-#[test]
-fn a_pack_that_has_drawn_more_than_its_capacity_is_empty_and_trips() {
-    let mut desk = desk_with(&[(BatteryParameter::CrtMah, 200.0)]);
-    let mut report = of_voltage(12_000);
-    report.consumed_mah = 0;
-    ticks(&mut desk, 20, &report.frame());
-    arm_forced(&mut desk);
-    for consumed_mah in 0..5000 {
-        report.consumed_mah = consumed_mah;
-        tick(&mut desk, &[report.frame()]);
-    }
-    let state = *desk.autopilot.battery(Pack::First);
-    assert_eq!(
-        (state.readings.remaining_pct, state.failsafe),
-        (Some(0.0), FailsafeLevel::Critical)
     );
 }
 

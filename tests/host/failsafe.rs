@@ -4,10 +4,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use rover_battmon::sensor::AnalogPin;
 use rover_battmon::vehicle::{Colour, Indication, MotorDrive, SideDrives, Tone};
-use support::commands::BATTERY_RESET;
 use support::desk::DIVIDER;
 use support::frames::{Frame, HEARTBEAT, Heartbeat, SYS_STATUS, SysStatus, of_message, texts_of};
-use support::requests::{arm, arm_by_force, command_long_2, do_set_mode, manual_control};
+use support::requests::{arm, do_set_mode, manual_control};
 use support::time::SECOND;
 use support::vehicle::{OnHost, TestedVehicle, Wire};
 
@@ -20,45 +19,16 @@ const EMPTY_V: f32 = 6.366;
 /// When the driver arms and starts driving.
 const ARMED_AT_US: u64 = SECOND;
 
-/// Configuration of a run.
-struct Scenario<'a> {
-    parameters: &'a [(BatteryParameter, f32)],
-    /// When the pack's voltage drops.
-    empty_at_us: u64,
-    /// When the driver stops sending.
-    stops_sending_at_us: u64,
-    /// Another request with its time.
-    request: (u64, Vec<u8>),
-}
-
-impl Default for Scenario<'_> {
-    fn default() -> Self {
-        Self {
-            parameters: &[],
-            empty_at_us: u64::MAX,
-            stops_sending_at_us: u64::MAX,
-            request: (u64::MAX, Vec::new()),
-        }
+/// The driver arms, enters MANUAL, and sends full throttle ten times a second.
+fn sent_at(now_us: u64) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    if now_us == ARMED_AT_US {
+        bytes.extend([arm(), do_set_mode(0.0), manual_control(1, 0, 0)].concat());
     }
-}
-
-impl Scenario<'_> {
-    /// The driver arms, enters MANUAL, and sends full throttle ten times a second.
-    fn sent_at(&self, now_us: u64) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        if now_us == ARMED_AT_US {
-            bytes.extend([arm(), do_set_mode(0.0), manual_control(1, 0, 0)].concat());
-        }
-        let is_time = now_us >= ARMED_AT_US && now_us.is_multiple_of(100 * MILLISECOND);
-        if is_time && now_us < self.stops_sending_at_us {
-            bytes.extend(manual_control(1, 0, 1000));
-        }
-        let (at_us, request) = &self.request;
-        if now_us == *at_us {
-            bytes.extend(request);
-        }
-        bytes
+    if now_us >= ARMED_AT_US && now_us.is_multiple_of(100 * MILLISECOND) {
+        bytes.extend(manual_control(1, 0, 1000));
     }
+    bytes
 }
 
 /// Result of a run: outputs to motors and lamps with their times, and all frames sent.
@@ -89,20 +59,21 @@ impl Outcome {
     }
 }
 
-fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
+/// Ten seconds with these parameters of the pack, which is empty from a time on.
+fn run(parameters: &[(BatteryParameter, f32)], empty_at_us: u64) -> Outcome {
     let of_pack = [(BatteryParameter::Cells, 2.0)];
-    let of_pack = of_pack.iter().chain(scenario.parameters);
+    let of_pack = of_pack.iter().chain(parameters);
     let of_pack = of_pack.map(|(parameter, value)| (parameter.of(Pack::First), *value));
     let no_slew_rate: (ParameterId, f32) = (VehicleParameter::MotSlewrate.into(), 0.0);
     let mut vehicle = OnHost::with_stored(of_pack.chain([no_slew_rate]));
     vehicle.use_wire(Wire::Usb);
     vehicle.set_pin_v(AnalogPin::Gp26, FULL_V / DIVIDER);
-    while vehicle.time_us() < seconds * SECOND {
+    while vehicle.time_us() < 10 * SECOND {
         let now_us = vehicle.time_us();
-        if now_us == scenario.empty_at_us {
+        if now_us == empty_at_us {
             vehicle.set_pin_v(AnalogPin::Gp26, EMPTY_V / DIVIDER);
         }
-        vehicle.send(&scenario.sent_at(now_us));
+        vehicle.send(&sent_at(now_us));
         vehicle.run_for(MILLISECOND);
     }
     Outcome {
@@ -119,9 +90,6 @@ const AHEAD: SideDrives = SideDrives {
 
 const STANDBY_STATE: u8 = 3;
 const ACTIVE_STATE: u8 = 4;
-const CRITICAL_STATE: u8 = 5;
-const EMERGENCY_STATE: u8 = 6;
-
 const HOLD_WHEN_CRITICAL: [(BatteryParameter, f32); 3] = [
     (BatteryParameter::CrtVolt, 7.0),
     (BatteryParameter::LowTimer, 1.0),
@@ -130,7 +98,7 @@ const HOLD_WHEN_CRITICAL: [(BatteryParameter, f32); 3] = [
 
 #[test]
 fn driver_drives_at_once_with_a_healthy_battery() {
-    let outcome = run(10, &Scenario::default());
+    let outcome = run(&[], u64::MAX);
     let driving_at_us = outcome.driven_at(0, AHEAD);
     assert!(driving_at_us - ARMED_AT_US <= 5 * MILLISECOND, "{driving_at_us}");
     assert!(
@@ -156,14 +124,7 @@ fn critical_battery_holds_within_the_deciding_tick() {
     // At any offset between two battery ticks.
     for offset_us in (0..100).step_by(7).map(|offset| offset * MILLISECOND) {
         let empty_at_us = 5 * SECOND + offset_us;
-        let outcome = run(
-            10,
-            &Scenario {
-                parameters: &HOLD_WHEN_CRITICAL,
-                empty_at_us,
-                ..Scenario::default()
-            },
-        );
+        let outcome = run(&HOLD_WHEN_CRITICAL, empty_at_us);
         let held_at_us = outcome.driven_at(empty_at_us, SideDrives::BRAKE);
         // Measured in the next tick; a timer of 1 s expires in the first tick after more than 1 s.
         let seen_at_us = empty_at_us.next_multiple_of(100 * MILLISECOND);
@@ -193,74 +154,4 @@ fn critical_battery_holds_within_the_deciding_tick() {
                 .any(|(at_us, shown)| *at_us > held_at_us && shown.tone == Tone::Sounding)
         );
     }
-}
-
-#[test]
-// Requirement: AP-19
-fn action_that_needs_a_position_holds_and_announces_it() {
-    let mut parameters = HOLD_WHEN_CRITICAL;
-    parameters[2].1 = 1.0;
-    let outcome = run(
-        10,
-        &Scenario {
-            parameters: &parameters,
-            empty_at_us: 5 * SECOND,
-            ..Scenario::default()
-        },
-    );
-    outcome.driven_at(5 * SECOND, SideDrives::BRAKE);
-    assert_eq!(
-        outcome.texts(),
-        [
-            "Battery 1 is critical 6.37V used 0 mAh",
-            "RTL needs a position: Hold"
-        ]
-    );
-}
-
-#[test]
-// Requirement: AP-19
-fn termination_coasts_until_a_battery_reset() {
-    let mut parameters = HOLD_WHEN_CRITICAL;
-    parameters[2].1 = 5.0;
-    let mut scenario = Scenario {
-        parameters: &parameters,
-        empty_at_us: 5 * SECOND,
-        request: (8 * SECOND, arm_by_force()),
-        ..Scenario::default()
-    };
-    let outcome = run(10, &scenario);
-    let (_, last) = outcome.drives[outcome.drives.len() - 1];
-    assert_eq!(last, SideDrives::COAST);
-    assert_eq!(outcome.last_state(), EMERGENCY_STATE);
-    assert_eq!(
-        outcome.texts()[1..],
-        [
-            "Terminated by battery failsafe",
-            "Arm: Terminated: reset the battery or restart"
-        ]
-    );
-    scenario.request.1 = command_long_2(BATTERY_RESET, 1.0, 100.0);
-    let outcome = run(10, &scenario);
-    assert_eq!(outcome.last_state(), STANDBY_STATE);
-}
-
-#[test]
-fn control_time_out_stops_the_rover() {
-    let outcome = run(
-        10,
-        &Scenario {
-            parameters: &[(BatteryParameter::LowVolt, 7.0)],
-            stops_sending_at_us: 5 * SECOND,
-            ..Scenario::default()
-        },
-    );
-    // The last message is at 4.9 s, the time-out 1.5 s, checked every 20 ms.
-    let held_at_us = outcome.driven_at(5 * SECOND, SideDrives::BRAKE);
-    assert!(
-        (6_400 * MILLISECOND..=6_420 * MILLISECOND).contains(&held_at_us),
-        "{held_at_us}"
-    );
-    assert_eq!(outcome.texts(), ["Radio Failsafe: Hold"]);
-    assert_eq!(outcome.last_state(), CRITICAL_STATE);
 }

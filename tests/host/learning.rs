@@ -450,24 +450,6 @@ fn an_over_discharged_pack_is_not_taken_for_a_full_smaller_one() {
 }
 
 #[test]
-fn unclear_cells_end_without_a_restart() {
-    for (name, value, cells) in [
-        ("BATT_CELLS", 3.0, 3),
-        ("BATT_SERIAL_NUM", 7.0, 2),
-        ("BATT_LRN_ERASE", 1.0, 2),
-    ] {
-        let mut rover = rover_with_unclear_cells();
-        rover.desk.ask(&param_set(name, value));
-        rover.rest_at(8.5, 2);
-        assert_eq!(rover.state().cell_count, Some(cells), "{name}");
-        rover.rest_at(8.5, 20);
-        assert!(rover.state().readings.remaining_pct.is_some(), "{name}");
-        let texts = texts_of(&rover.desk.ask(&arm()));
-        assert!(!texts.iter().any(|text| text.contains("cells")), "{texts:?}");
-    }
-}
-
-#[test]
 fn every_pack_learns_but_a_sum_does_not() {
     let mut rover = Rover::new(
         &[
@@ -629,22 +611,6 @@ fn voltage_only_believes_a_steady_voltage_within_half_a_minute_while_disarmed() 
 }
 
 #[test]
-fn time_left_is_known_without_a_current_sensor() {
-    let mut rover = Rover::new(&[("BATT_MONITOR", 3.0)], full());
-    rover.wait(30.0, RESTING_A);
-    assert_eq!(rover.state().readings.time_remaining_s, None, "nothing draws");
-    rover.arm();
-    rover.drive_to(0.5);
-    let mean_a = 0.5 * (LOW_A + HIGH_A);
-    let left_s = rover.pack.charge() * 2.2 / mean_a * 3600.0;
-    let estimated_s = rover.state().readings.time_remaining_s.expect("a load");
-    assert!(
-        (0.5..1.6).contains(&(estimated_s / left_s)),
-        "{estimated_s} s of {left_s} s"
-    );
-}
-
-#[test]
 fn time_left_in_the_cold_ends_at_the_usable_charge() {
     // Ten times the resistance.
     let cold = PackModel {
@@ -669,15 +635,6 @@ fn time_left_in_the_cold_ends_at_the_usable_charge() {
     rover.drive_to(0.3);
     rover.wait(60.0, RESTING_A);
     assert_eq!(rover.learnt_mah(), 0.0, "a cold pack is not learnt");
-}
-
-#[test]
-fn a_start_under_load_is_estimated_within_five_seconds() {
-    let mut rover = Rover::new(&[], pack_of(2.2, 0.6));
-    rover.wait(5.0, 3.0);
-    assert!(rover.error_pct().abs() < 15.0, "{} %", rover.error_pct());
-    rover.drive_to(0.5);
-    assert!(rover.error_pct().abs() < 10.0, "{} %", rover.error_pct());
 }
 
 #[test]

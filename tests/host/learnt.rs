@@ -144,15 +144,6 @@ fn what_does_not_fit_is_not_used() {
 }
 
 #[test]
-fn implausible_values_are_shown_as_not_learnt() {
-    for capacity_mah in [f32::NAN, f32::INFINITY, -5.0, 1e9] {
-        let mut desk = desk_after_reading(Some(learnt_words(None, capacity_mah)));
-        assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
-        assert_eq!(value(&mut desk, "BATT_LRN_RES"), 40.0);
-    }
-}
-
-#[test]
 fn another_serial_number_is_another_pack() {
     let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     desk.autopilot.take_work();
@@ -459,65 +450,6 @@ fn the_task_writes_again_a_minute_after_a_failure() {
     ] {
         run_task(&flash, async |vehicle| erase(vehicle, until_s).await);
         assert_eq!(stored(&flash, of(Pack::First, None)), Some(expected));
-    }
-}
-
-/// Erases what is learnt, as the task does, while power is cut in a flash operation: afterwards there is the old value or
-/// none, and the other packs are untouched.
-#[test]
-fn power_cut_in_any_operation_of_a_write_loses_no_pack() {
-    // Eight records of two sectors: it moves to the next sector early or late.
-    for stored_before in 0..9 {
-        let prepared = SmallFlash::blank();
-        store(&prepared, of(Pack::Second, Some(3)), 500.0);
-        store(&prepared, of(Pack::First, None), 2950.0);
-        for number in 0..stored_before {
-            store(&prepared, of(Pack::Third, None), 100.0 + number as f32);
-        }
-        for after in 0.. {
-            let mut was_cut = false;
-            for seed in 0..8 {
-                let flash = prepared.repaired();
-                flash.chip().cut_power_after(after, seed);
-                run_task(&flash, async |vehicle| {
-                    Timer::after_millis(100).await;
-                    vehicle.ask(&param_set("BATT_LRN_ERASE", 1.0));
-                });
-                was_cut |= flash.chip().is_powered_off();
-                let flash = flash.repaired();
-                let found = stored(&flash, of(Pack::First, None));
-                let erased = LearntPack::of(None).to_words();
-                assert!(
-                    found == Some(learnt_words(None, 2950.0)) || found == Some(erased),
-                    "{stored_before} stored, operation {after}, seed {seed}: {found:?}"
-                );
-                assert_eq!(
-                    stored(&flash, of(Pack::Second, Some(3))),
-                    Some(learnt_words(Some(3), 500.0))
-                );
-            }
-            if !was_cut {
-                assert!(after > 0);
-                break;
-            }
-        }
-    }
-}
-
-#[test]
-fn flipped_bit_never_gives_another_value() {
-    let flash = SmallFlash::blank();
-    for capacity_mah in [2800.0, 2950.0] {
-        store(&flash, of(Pack::First, None), capacity_mah);
-    }
-    // The first sector has the records.
-    for bit in 0..SmallFlash::REGION_BYTES / 2 * 8 {
-        let spoiled = flash.with_flipped_bit(bit);
-        let mut desk = desk_with(&[Pack::First]);
-        let identity = of(Pack::First, None);
-        desk.learnt_read(identity, Ok(stored(&spoiled, identity)));
-        let shown = value(&mut desk, "BATT_LRN_CAP");
-        assert!([0.0, 2800.0, 2950.0].contains(&shown), "bit {bit}: {shown}");
     }
 }
 

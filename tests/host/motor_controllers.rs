@@ -99,30 +99,6 @@ fn two_packs_have_different_controllers() {
 }
 
 #[test]
-// Requirement: L-20
-fn current_is_unknown_half_a_second_after_one_of_two_fell_silent() {
-    let mut desk = desk([0, 0b10]);
-    let both = [(0, reading(12.0, 3.0, None)), (1, reading(11.0, 2.0, None))];
-    let [before, _] = ticks(&mut desk, SECOND_TICKS, &both);
-    let readings = before.readings;
-    assert_eq!((readings.voltage_v, readings.current_a), (Some(11.5), Some(5.0)));
-    ticks(&mut desk, 4, &both[..1]);
-    let [after, alone] = ticks(&mut desk, 2, &both[..1]);
-    assert_eq!(after.status, PackStatus::Healthy);
-    let readings = after.readings;
-    assert_eq!((readings.voltage_v, readings.current_a), (Some(12.0), None));
-    assert_eq!(
-        alone.status,
-        PackStatus::Unhealthy,
-        "its only controller is silent"
-    );
-    let [back, alone] = ticks(&mut desk, 8 * SECOND_TICKS, &both);
-    let readings = back.readings;
-    assert_eq!((readings.voltage_v, readings.current_a), (Some(11.5), Some(5.0)));
-    assert_eq!(alone.status, PackStatus::Healthy);
-}
-
-#[test]
 fn consumption_catches_up_after_a_controller_was_silent() {
     let mut desk = desk([0, 0b10]);
     let both = [(0, reading(12.0, 7.2, None)), (1, reading(12.0, 7.2, None))];
@@ -133,32 +109,4 @@ fn consumption_catches_up_after_a_controller_was_silent() {
     assert_eq!(silent.consumed_mah(), None, "unknown with the current");
     // 14.4 A for 21 s: the gap is interpolated.
     assert!((consumed_mah(&after) - 84.0).abs() < 1.0, "{after:?}");
-}
-
-#[test]
-fn what_a_controller_counted_while_it_was_silent_lowers_the_charge() {
-    let mut desk = desk([0, 0b1000]);
-    desk.set(BatteryParameter::Cells.of(Pack::First), 3.0);
-    let both = |voltage_v, second_mah| {
-        [
-            (0, reading(voltage_v, 0.0, Some(0.0))),
-            (1, reading(voltage_v, 0.0, Some(second_mah))),
-        ]
-    };
-    let [before, _] = ticks(&mut desk, 60 * SECOND_TICKS, &both(12.0, 0.0));
-    ticks(&mut desk, 60 * SECOND_TICKS, &both(11.45, 0.0)[..1]);
-    // Its counter has gone on meanwhile: 990 of 3300 mAh, in two readings of a tick.
-    ticks(&mut desk, 1, &both(11.45, 495.0));
-    let [after, _] = ticks(&mut desk, SECOND_TICKS, &both(11.45, 0.0));
-    let drawn_pct = before.readings.remaining_pct.unwrap() - after.readings.remaining_pct.unwrap();
-    assert!((drawn_pct - 30.0).abs() < 3.0, "{drawn_pct} %");
-    assert!((consumed_mah(&after) - 990.0).abs() < 1.0, "{after:?}");
-}
-
-#[test]
-fn without_any_controller_a_pack_is_unhealthy() {
-    let mut desk = desk([0, 0b1]);
-    // The time-out begins with the first tick.
-    let states = ticks(&mut desk, 6, &[]);
-    assert!(states.iter().all(|state| state.status == PackStatus::Unhealthy));
 }

@@ -1,8 +1,7 @@
 //! Requests of a ground station to the rover: frames in, frames and motor outputs out.
 
-use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{Amount, BatteryState, FailsafeLevel, PackStatus, ReadError};
+use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus, ReadError};
 use rover_battmon::mavlink::{Event, Framer, LinkKind, Stream};
 use rover_battmon::memory::flash_chip::RegisterWear;
 use rover_battmon::pack::Pack;
@@ -20,7 +19,7 @@ use support::frames::{
     of_message,
 };
 use support::requests::{
-    EVERYONE, GCS, ONBOARD_CONTROLLER, VEHICLE, arm, arm_by_force, command_int, command_int_2, command_long,
+    GCS, ONBOARD_CONTROLLER, VEHICLE, arm, arm_by_force, command_int, command_int_2, command_long,
     command_long_2, disarm, do_set_mode, heartbeat, manual_control, param_request_list, param_set,
     provoke_fault, rc_override, reboot, reboot_to_boot_loader, set_mode,
 };
@@ -67,13 +66,6 @@ impl Rover {
     fn driven() -> Self {
         let mut rover = Self::armed_in(0.0);
         rover.deliver(&manual_control(1, 0, 0));
-        rover
-    }
-
-    /// The same by RC_CHANNELS_OVERRIDE.
-    fn driven_by_channels() -> Self {
-        let mut rover = Self::armed_in(0.0);
-        rover.deliver(&rc_override(VEHICLE, 1500, 1500));
         rover
     }
 
@@ -299,33 +291,6 @@ fn a_link_that_opens_announces_that_logging_wears_the_flash_unless_the_log_is_of
 
 #[test]
 // Requirement: AP-17
-fn an_attempt_to_arm_names_the_critical_threshold_before_the_low_one() {
-    let low_mah = BatteryParameter::LowMah.of(Pack::First);
-    let critical_mah = BatteryParameter::CrtMah.of(Pack::First);
-    for (low, critical, expected) in [
-        (
-            (LOW_VOLT, 11.4),
-            (CRT_VOLT, 11.3),
-            "Arm: Battery 1 critical voltage failsafe",
-        ),
-        (
-            (low_mah, 500.0),
-            (critical_mah, 400.0),
-            "Arm: Battery 1 critical capacity failsafe",
-        ),
-    ] {
-        let mut rover = Rover::new().with(low.0, low.1).with(critical.0, critical.1);
-        rover.0.change_battery(Pack::First, |battery| {
-            battery.capacity = Some(Amount::Mah(1000.0));
-            battery.readings.remaining_pct = Some(10.0);
-        });
-        let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
-        assert_eq!(texts, [(CRITICAL, expected.into())]);
-    }
-}
-
-#[test]
-// Requirement: AP-17
 fn every_station_that_asks_learns_why_a_pack_is_unhealthy() {
     let volt_pin = BatteryParameter::VoltPin.of(Pack::First);
     let failures = |rover: &mut Rover| {
@@ -410,13 +375,6 @@ fn a_pack_above_what_the_motor_drivers_stand_does_not_arm() {
         rover.sample(10.5, 2);
         rover.assert_arms();
     }
-}
-
-#[test]
-fn a_full_3s_life_pack_arms_on_the_drivers_default() {
-    let mut rover = with_drivers(3.0);
-    rover.sample(10.8, 2);
-    rover.assert_arms();
 }
 
 #[test]
@@ -751,112 +709,6 @@ fn a_motor_test_is_refused_with_what_to_use_instead() {
 }
 
 #[test]
-fn manual_control_steers_by_y_and_throttles_by_z() {
-    for (steering, throttle, expected) in [
-        (0, 500, turn(0.5, 0.5)),
-        (500, 0, turn(0.5, -0.5)),
-        (-250, -500, turn(-0.75, -0.25)),
-        (1000, 1000, turn(1.0, 0.0)),
-        (0, i16::MIN, turn(-1.0, -1.0)),
-        (i16::MAX, 500, turn(0.5, 0.5)),
-        (0, 0, SideDrives::COAST),
-    ] {
-        let mut rover = Rover::driven();
-        let event = rover.deliver(&manual_control(1, steering, throttle));
-        assert_eq!(event, Event::Driven);
-        assert_eq!(rover.drives(), expected, "{steering} {throttle}");
-        assert_eq!(rover.0.sent(), [], "not acknowledged");
-    }
-}
-
-#[test]
-fn manual_control_of_other_systems_is_ignored() {
-    for target in [0, 2, 255] {
-        let mut rover = Rover::armed_in(0.0);
-        let event = rover.deliver(&manual_control(target, 0, 1000));
-        assert_eq!((event, rover.drives()), (Event::Ignored, SideDrives::COAST));
-    }
-}
-
-#[test]
-fn overrides_drive_until_released() {
-    let mut rover = Rover::driven_by_channels();
-    for (steering_us, throttle_us, expected) in [
-        (1500, 1750, turn(0.5, 0.5)),
-        // The throttle is kept.
-        (1250, 65535, turn(0.0, 1.0)),
-        (0, 65535, turn(0.5, 0.5)),
-        (1500, 900, turn(-1.0, -1.0)),
-        (65535, 2100, turn(1.0, 1.0)),
-        (0, 0, SideDrives::COAST),
-    ] {
-        let event = rover.deliver(&rc_override(VEHICLE, steering_us, throttle_us));
-        assert_eq!(event, Event::Driven);
-        // A side that reverses takes a quarter of a second.
-        assert_eq!(rover.wait(260_000), [""; 0]);
-        assert_eq!(rover.outputs(), expected, "{steering_us} {throttle_us}");
-    }
-    // Released channels do not time out.
-    assert_eq!(rover.wait(5_000_000), [""; 0]);
-}
-
-#[test]
-fn override_drives_only_its_target() {
-    for target in [[1, 1], [1, 0]] {
-        let mut rover = Rover::driven_by_channels();
-        let event = rover.deliver(&rc_override(target, 1500, 2000));
-        assert_eq!((event, rover.drives()), (Event::Driven, turn(1.0, 1.0)));
-    }
-    for target in [EVERYONE, [0, 1], [2, 1], [1, 154]] {
-        let mut rover = Rover::driven_by_channels();
-        let event = rover.deliver(&rc_override(target, 1500, 2000));
-        assert_eq!((event, rover.drives()), (Event::Ignored, SideDrives::COAST));
-    }
-}
-
-#[test]
-// Requirement: L-1
-fn steering_override_does_not_resume_an_old_throttle() {
-    let mut rover = Rover::driven_by_channels();
-    rover.deliver(&rc_override(VEHICLE, 1500, 2000));
-    assert_eq!(rover.wait(1_520_000), ["Radio Failsafe: Hold"]);
-    rover.deliver(&rc_override(VEHICLE, 1500, 65535));
-    // No throttle message since.
-    rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
-    rover.deliver(&rc_override(VEHICLE, 1500, 0));
-    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
-    rover.deliver(&rc_override(VEHICLE, 1500, 65535));
-    assert_eq!(rover.drives(), SideDrives::COAST);
-}
-
-#[test]
-// Requirement: L-2
-fn throttle_times_out_while_steering_continues() {
-    let mut rover = Rover::driven_by_channels();
-    rover.deliver(&rc_override(VEHICLE, 1500, 2000));
-    let mut texts = Vec::new();
-    for _ in 0..20 {
-        rover.deliver(&rc_override(VEHICLE, 1600, 65535));
-        texts.extend(rover.wait(100_000));
-    }
-    assert_eq!(texts, ["Radio Failsafe: Hold"]);
-    assert_eq!(rover.outputs(), SideDrives::BRAKE);
-}
-
-#[test]
-fn stick_moved_only_before_arming_does_not_drive() {
-    for silence_us in [0, 1_000_000, 60_000_000] {
-        let mut rover = Rover::new();
-        rover.deliver(&manual_control(1, 1000, 1000));
-        rover.wait(silence_us);
-        rover.assert_ack(&arm_by_force(), ARM_DISARM, ACCEPTED);
-        rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
-        rover.deliver(&rc_override(VEHICLE, 65535, 1500));
-        assert_eq!(rover.drives(), SideDrives::COAST, "{silence_us}");
-    }
-}
-
-#[test]
 fn deflected_stick_prevents_arming() {
     for (steering, throttle, text) in [
         (0, 1000, "Arm: Throttle (RC3) is not neutral"),
@@ -923,28 +775,6 @@ fn long_time_outs_are_announced_at_each_arming() {
 }
 
 #[test]
-// Requirement: L-1
-fn stick_deflected_on_forced_arming_must_be_neutral_first() {
-    for (checks, force) in [(1.0, FORCED), (0.0, 0.0), (256.0, 0.0)] {
-        let mut rover = Rover::new().with(VehicleParameter::ArmingCheck, checks);
-        rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
-        rover.deliver(&manual_control(1, 0, 1000));
-        rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, ACCEPTED);
-        let mut texts = Vec::new();
-        for _ in 0..100 {
-            rover.deliver(&manual_control(1, 0, 1000));
-            texts.extend(rover.wait(60_000));
-            assert_eq!(rover.outputs(), SideDrives::COAST, "{checks}");
-        }
-        // Once in five seconds.
-        assert_eq!(texts, ["Centre the throttle (RC3) first"; 2]);
-        rover.deliver(&manual_control(1, 0, 0));
-        rover.deliver(&manual_control(1, 0, 1000));
-        assert_eq!(rover.drives(), turn(1.0, 1.0), "{checks}");
-    }
-}
-
-#[test]
 // Requirement: L-3
 fn requests_delayed_beyond_the_timeout_are_refused() {
     let mut rover = Rover::armed_in(0.0);
@@ -962,16 +792,6 @@ fn requests_delayed_beyond_the_timeout_are_refused() {
     assert_eq!(rover.ask(&arm(), ARM_DISARM, FAILED), refused);
     rover.0.waited_us = 1_500_000;
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
-}
-
-#[test]
-fn stick_time_out_counts_from_the_earliest_reception() {
-    let mut rover = Rover::driven();
-    rover.wait(2_000_000);
-    rover.0.waited_us = 1_000_000;
-    rover.deliver(&manual_control(1, 0, 1000));
-    assert_eq!(rover.wait(500_000), [""; 0]);
-    assert_eq!(rover.wait(20_000), ["Radio Failsafe: Hold"]);
 }
 
 #[test]
@@ -1029,17 +849,6 @@ fn overrides_of_other_channels_are_no_heartbeat() {
         texts.extend(rover.wait(100_000));
     }
     assert_eq!(texts, ["GCS Failsafe: Hold"]);
-}
-
-#[test]
-fn sticks_are_ignored_in_hold_and_disarmed() {
-    let mut rover = Rover::armed_in(4.0);
-    rover.deliver(&manual_control(1, 0, 1000));
-    assert_eq!(rover.drives(), SideDrives::BRAKE);
-    rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
-    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
-    rover.deliver(&manual_control(1, 0, 1000));
-    assert_eq!(rover.drives(), SideDrives::COAST);
 }
 
 #[test]
@@ -1130,44 +939,4 @@ fn battery_hold_can_be_left_and_termination_can_not() {
     );
     rover.sample(11.1, 1);
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
-}
-
-/// Any request to the rover.
-fn request() -> impl Strategy<Value = Vec<u8>> {
-    prop_oneof![
-        Just(arm()),
-        Just(disarm()),
-        (0u8..6).prop_map(|mode| do_set_mode(f32::from(mode))),
-        any::<(u8, u32)>().prop_map(|(base_mode, mode)| set_mode(1, base_mode, mode)),
-        any::<(i16, i16)>().prop_map(|(steering, throttle)| manual_control(1, steering, throttle)),
-        any::<(u16, u16)>().prop_map(|(steering, throttle)| rc_override(VEHICLE, steering, throttle)),
-        (0u8..20).prop_map(heartbeat),
-        any::<(f32, f32)>().prop_map(|(param1, param2)| command_long_2(ARM_DISARM, param1, param2)),
-    ]
-}
-
-proptest! {
-    #[test]
-    // Requirement: OWN-2
-    fn motors_turn_only_when_armed_in_manual(
-        requests in prop::collection::vec((request(), 0u64..2_000_000), 0..60),
-    ) {
-        let mut rover = Rover::new();
-        for (request, pause_us) in requests {
-            rover.deliver(&request);
-            rover.0.sent();
-            rover.wait(pause_us);
-            let (mode, flags, _) = rover.heartbeat();
-            let drives = rover.outputs();
-            match (flags & 128 != 0, mode) {
-                (false, _) => prop_assert_eq!(drives, SideDrives::COAST),
-                (true, HOLD) => prop_assert_eq!(drives, SideDrives::BRAKE),
-                (true, _) => for side in [drives.left, drives.right] {
-                    if let MotorDrive::Turn(share) = side {
-                        prop_assert!(share.abs() <= 1.0, "{share}");
-                    }
-                },
-            }
-        }
-    }
 }

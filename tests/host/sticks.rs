@@ -112,23 +112,6 @@ fn a_reset_of_parameters_puts_the_sticks_back_at_once() {
 }
 
 #[test]
-fn a_file_with_swapped_axes_loads_in_any_order() {
-    let file = [
-        ("RCMAP_ROLL", 4.0),
-        ("RCMAP_PITCH", 3.0),
-        ("RCMAP_THROTTLE", 2.0),
-        ("RCMAP_YAW", 1.0),
-    ];
-    for order in orders(file) {
-        let mut desk = started_with(&[]);
-        load(&mut desk, &order);
-        assert_eq!(texts(&mut desk, &arm()), [""; 0], "{order:?}");
-        desk.ask(&disarm());
-        assert_eq!(driven(&mut desk), by(4, 2), "{order:?}");
-    }
-}
-
-#[test]
 fn a_file_with_moved_pulses_loads_in_any_order() {
     let file = [
         ("RC3_MIN", 1700.0),
@@ -198,55 +181,4 @@ fn what_does_not_fit_refuses_arming_by_name_and_the_last_that_did_drives() {
         load(&mut desk, &[("ARMING_CHECK", 64.0)]);
         assert_eq!(texts(&mut desk, &arm()), [text], "{values:?}");
     }
-}
-
-#[test]
-fn channels_without_a_function_refuse_nothing_until_they_get_one() {
-    let mut desk = started_with(&[]);
-    load(
-        &mut desk,
-        &[("RCMAP_PITCH", 4.0), ("RC2_MIN", 1900.0), ("RC4_MAX", 1000.0)],
-    );
-    assert_eq!(texts(&mut desk, &arm()), [""; 0]);
-    desk.ask(&disarm());
-    assert_eq!(driven(&mut desk), by(1, 3));
-    load(&mut desk, &[("RCMAP_ROLL", 2.0)]);
-    assert_eq!(texts(&mut desk, &arm()), ["Arm: RC2_MIN does not fit RC2_TRIM"]);
-}
-
-#[test]
-fn a_stored_group_that_does_not_fit_drives_by_its_defaults_and_is_kept() {
-    use StickParameter::*;
-    let half = &[(RcmapYaw, 7.0), (RcmapThrottle, 5.0), (RcmapRoll, 5.0)];
-    let pulses = &[
-        (Rc3Max, 1800.0),
-        (RcmapThrottle, 5.0),
-        (Rc1Trim, 1200.0),
-        (Rc1Min, 1150.0),
-    ];
-    for (stored, text, driving) in [
-        (&half[..], "Arm: RCMAP_THROTTLE does not fit RCMAP_ROLL", by(1, 3)),
-        (pulses, "Arm: RC1_MIN does not fit RC1_TRIM", by(1, 5)),
-    ] {
-        let mut desk = started_with(stored);
-        assert_eq!(texts(&mut desk, &arm()), [text]);
-        assert_eq!(driven(&mut desk), driving);
-        for (id, value) in stored {
-            assert_eq!(desk.parameters().get(*id), *value, "{id:?}");
-        }
-        assert_eq!(desk.parameters().next_unsaved(), None);
-    }
-}
-
-#[test]
-fn channels_that_change_while_armed_take_effect_at_disarming() {
-    let mut desk = started_with(&[]);
-    desk.ask(&arm());
-    load(
-        &mut desk,
-        &[("RCMAP_ROLL", 3.0), ("RCMAP_THROTTLE", 1.0), ("RC2_MIN", 1900.0)],
-    );
-    assert_eq!(driven(&mut desk), by(1, 3));
-    wait(&mut desk);
-    assert_eq!(driven(&mut desk), by(3, 1));
 }

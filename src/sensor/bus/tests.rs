@@ -881,8 +881,9 @@ fn each_dialect_is_read_as_its_maker_has_it() {
         (0x23, block(&[0; 6])),
     ];
     let maxell = vec![(0x20, block(b"Hitachi maxell")), (0x10, word(2500))];
-    // Volts, amperes, cells, capacity and temperature.
-    let table: [(PartKind, Answers, (f32, f32, &[u16], f32, f32)); 7] = [
+    /// Volts, amperes, cells, capacity and temperature.
+    type Values = (f32, f32, &'static [u16], f32, f32);
+    let table: [(PartKind, Answers, Values); 7] = [
         (PartKind::Maxell, maxell, (7.4, 1.5, &[3690, 3710], 5000.0, 24.95)),
         (
             PartKind::Rotoye,

@@ -290,6 +290,7 @@ fn inputs_never_received_do_not_time_out() {
 }
 
 #[test]
+// Requirement: AP-19
 fn every_action_but_warn_holds_or_disarms() {
     for (number, mode, arm_state, event) in [
         (0, Mode::Manual, ArmState::Armed, None),
