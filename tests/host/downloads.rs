@@ -220,25 +220,6 @@ fn a_whole_log_is_listed_and_downloaded_as_it_is() {
 }
 
 #[test]
-fn gaps_are_requested_again_until_the_log_is_whole() {
-    let mut bench = Bench::new(&[9_000]);
-    let mut whole = vec![0xaa; 9_000];
-    let sent = bench.ask(&log_data(1, 0, u32::MAX));
-    let arrived: Vec<_> = sent
-        .into_iter()
-        .filter(|frame| frame.u32(0) / 90 % 7 != 3)
-        .collect();
-    put(&mut whole, &arrived);
-    assert_ne!(whole, bench.files[0].1);
-    for place in (3..100).step_by(7) {
-        let sent = bench.ask(&log_data(1, place * 90, 90));
-        assert_eq!(sent.len(), 1);
-        put(&mut whole, &sent);
-    }
-    assert_eq!(whole, bench.files[0].1);
-}
-
-#[test]
 fn streams_share_the_link_with_a_download_and_none_is_dropped() {
     let mut bench = Bench::new(&[900_000]);
     bench.handle(&log_data(1, 0, u32::MAX));

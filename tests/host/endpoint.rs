@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use rover_battmon::announce::Severity;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{
-    Amount, BatteryState, ChargeSource, ChargeState, Contents, PackDetails, PackStatus, Visibility,
+    Amount, BatteryState, ChargeState, Contents, PackDetails, PackStatus, Visibility,
 };
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind};
 use rover_battmon::pack::{MAX_PACKS, Pack};
@@ -185,14 +185,6 @@ fn what_ground_stations_alone_ask_for_is_constant() {
         desk.assert_param_value(&answers[1], id, id.default_value());
         assert_eq!(answers.len(), 2);
     }
-}
-
-#[test]
-fn a_list_has_everything_that_is_visible_in_order() {
-    let mut desk = Desk::without_packs();
-    let listed = desk.list(|_, _| {});
-    assert_eq!(listed.len(), LISTED_BY_DEFAULT);
-    assert_eq!(listed, desk.listed());
 }
 
 #[test]
@@ -946,21 +938,6 @@ fn estimates_are_sent_on_request_while_they_are_known() {
     set_interval(&mut desk, 0.0);
     assert_eq!(named_values(&sent_for(&mut desk, 60)), []);
     assert_eq!(desk.statistics().dropped, 0);
-}
-
-#[test]
-fn a_battery_reset_fails_for_a_pack_that_reports_its_charge_and_ends_its_level() {
-    let gauged = BatteryState {
-        charge_source: ChargeSource::Gauge,
-        ..healthy()
-    };
-    for (asked, result, mask) in [(1.0, ACCEPTED, 1), (2.0, FAILED, 2), (-1.0, FAILED, 7)] {
-        let mut desk = Desk::with_packs(&[healthy(), gauged, healthy()]);
-        let events = desk.receive_in_chunks(&command_long_2(BATTERY_RESET, asked, 56.0), 64);
-        let reset = Action::ResetBatteries { mask, percent: 56.0 };
-        assert_eq!(events, [Event::Command(reset)], "{asked}");
-        assert_ack(&desk.sent()[0], BATTERY_RESET, result);
-    }
 }
 
 /// How many BATTERY_STATUS each instance has, and how many SYS_STATUS there are.

@@ -5,12 +5,11 @@ use std::collections::HashMap;
 use rover_battmon::autopilot::{FlashJob, FlashStore, Start};
 use rover_battmon::battery::{BatteryState, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::{PackModel, SimulatedPack};
 use support::commands::{BATTERY_RESET, FAILED};
-use support::desk::{DIVIDER, Desk, adc_count};
+use support::desk::{DIVIDER, Desk, adc_count, id_of, start_with};
 use support::frames::{STATUSTEXT, of_message, texts_of};
 use support::requests::{
     VEHICLE_ID, arm, arm_by_force, command_long_2, disarm_by_force, manual_control, param_set,
@@ -54,7 +53,6 @@ struct Rover {
 
 impl Rover {
     fn new(parameters: &[(&str, f32)], pack: SimulatedPack) -> Self {
-        let mut all = Parameters::defaults();
         let basis = [
             ("BATT_MONITOR", 4.0),
             ("BATT_CURR_PIN", 27.0),
@@ -62,12 +60,8 @@ impl Rover {
             ("BATT_CELLS", 3.0),
             ("BATT_CAPACITY", 2200.0),
         ];
-        for (name, value) in basis.iter().chain(parameters) {
-            let id = ParameterId::from_name(name.as_bytes()).expect("a parameter");
-            assert_eq!(all.set(id, *value), Ok(()), "{name}");
-        }
         Self {
-            desk: Desk::starting(Start::with_parameters(all)),
+            desk: Desk::starting(start_with(&[&basis[..], parameters].concat())),
             pack,
             flash: HashMap::new(),
             writes: 0,
@@ -194,8 +188,7 @@ impl Rover {
     }
 
     fn parameter(&self, name: &str) -> f32 {
-        let id = ParameterId::from_name(name.as_bytes()).expect("a parameter");
-        self.desk.parameters().get(id)
+        self.desk.parameters().get(id_of(name))
     }
 }
 

@@ -4,25 +4,13 @@ use std::io::Cursor;
 
 use ardupilot_binlog::Reader;
 use nor_flash::FlashModel;
-use rover_battmon::autopilot::Start;
-use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::SideDrives;
-use support::desk::{DIVIDER, Desk, adc_count};
+use support::desk::{DIVIDER, Desk, adc_count, start_with};
 use support::frames::{STATUSTEXT, of_message};
 use support::requests::arm_by_force;
 
 use crate::logged_rover::Rover;
-
-/// A start with these parameters.
-fn start(parameters: &[(&str, f32)]) -> Start {
-    let mut start = Parameters::defaults();
-    for (name, value) in parameters {
-        let id = ParameterId::from_name(name.as_bytes()).expect("a parameter");
-        assert_eq!(start.set(id, *value), Ok(()), "{name} {value}");
-    }
-    Start::with_parameters(start)
-}
 
 /// What the pins read of a pack with this voltage.
 fn at_voltage(voltage_v: f32) -> AnalogReadings {
@@ -44,7 +32,7 @@ impl Rover {
 #[test]
 // Requirement: AP-18
 fn a_level_that_is_skipped_is_logged_and_not_announced() {
-    let start = start(&[
+    let start = start_with(&[
         ("BATT_LOW_TIMER", 1.0),
         ("BATT_LOW_VOLT", 10.5),
         ("BATT_CRT_VOLT", 10.2),

@@ -14,7 +14,7 @@ use rover_battmon::sensor::{
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::SideDrives;
 use support::commands::{ACCEPTED, PREFLIGHT_STORAGE, RESET};
-use support::desk::{Desk, adc_count};
+use support::desk::{Desk, adc_count, id_of};
 use support::frames::{result_of, texts_of};
 use support::pack_report::{PackReport, UNKNOWN_MV};
 use support::requests::{arm, command_long, do_set_mode, manual_control, param_set};
@@ -150,8 +150,7 @@ impl Rig {
             _ => vec![],
         });
         for (name, value) in named {
-            let id = rover_battmon::parameter::ParameterId::from_name(name.as_bytes()).expect(name);
-            parameters.set(id, value).expect("in range");
+            parameters.set(id_of(name), value).expect("in range");
         }
         let desk = Desk::starting(Start::with_parameters(parameters));
         let bus = desk

@@ -3,9 +3,9 @@
 use proptest::prelude::*;
 use rover_battmon::mavlink::{Endpoint, LinkKind};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{Access, BatteryParameter, ParameterId, VehicleParameter};
+use rover_battmon::parameter::{Access, BatteryParameter, VehicleParameter};
 use support::commands::{PREFLIGHT_STORAGE, RESET};
-use support::desk::{Desk, LOW_VOLT};
+use support::desk::{Desk, LOW_VOLT, id_of};
 use support::frames::{PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
 use support::requests::{VEHICLE, command_long, param_request_list, param_set};
 use support::time::SECOND;
@@ -215,8 +215,7 @@ proptest! {
         const NAMES: [&str; 4] = ["BATT_LOW_VOLT", "BATT_CRT_VOLT", "BATT_CAPACITY", "SR0_EXTRA1"];
         let mut room = Room::with_links(&[FAST; 3]);
         let mut known = [0; 3].map(|_| NAMES.map(|name| {
-            let id = ParameterId::from_name(name.as_bytes()).expect("a parameter");
-            room.desk.parameters().get(id)
+            room.desk.parameters().get(id_of(name))
         }));
         let note = |known: &mut [f32; 4], values: Vec<(String, f32, u16)>| {
             for (name, value, _) in values {
@@ -236,8 +235,7 @@ proptest! {
             let reported = room.reported(link, 1);
             note(known, reported);
             for (name, known) in NAMES.iter().zip(known) {
-                let id = ParameterId::from_name(name.as_bytes()).expect("a parameter");
-                prop_assert_eq!(*known, room.desk.parameters().get(id), "{} on link {}", name, link);
+                prop_assert_eq!(*known, room.desk.parameters().get(id_of(name)), "{} on link {}", name, link);
             }
         }
     }

@@ -12,7 +12,7 @@ use embedded_hal_async::digital::Wait;
 use rover_battmon::autopilot::{Autopilot, Start, Wiring};
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
+use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{
     AdcCount, AnalogIn, AnalogPin, AnalogReadings, BitTiming, DriverEnable, SerialSetup, Wires,
 };
@@ -23,7 +23,7 @@ use rover_battmon::tasks::{
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::stepped::SteppedVehicle;
 use rover_battmon_tools::sim::{SimulatedFlash, clock, sample_batteries};
-use support::desk::Desk;
+use support::desk::{Desk, id_of, start_with};
 use support::frames::{frames, last_of, texts_of};
 use support::parameter_flash;
 use support::time::SECOND;
@@ -403,17 +403,12 @@ fn what_is_wired_follows_the_parameters() {
         (27.0, none, nothing, NOT_SET_UP),
         (27.0, &[protocol(24.0), ("EFI_TYPE", 1.0)], engine, SILENT),
     ] {
-        let mut parameters = Parameters::defaults();
         let own = [
             ("BATT2_MONITOR", kind),
             ("BATT2_CURR_PIN", 17.0),
             ("BATT2_CAPACITY", 100.0),
         ];
-        for (name, value) in own.iter().chain(more) {
-            let id = ParameterId::from_name(name.as_bytes()).expect(name);
-            parameters.set(id, *value).expect(name);
-        }
-        let mut desk = Desk::starting(Start::with_parameters(parameters));
+        let mut desk = Desk::starting(start_with(&[&own[..], more].concat()));
         assert_eq!(desk.autopilot.wiring(), wiring, "{kind} {more:?}");
         desk.autopilot.open(&mut desk.endpoint);
         for _ in 0..60 {
@@ -439,8 +434,7 @@ fn what_is_wired_follows_the_parameters() {
 /// A vehicle with these parameters and a device at its second serial port.
 fn with_device(parameters: &[(&str, f32)]) -> SteppedVehicle {
     let flash = SimulatedFlash::blank();
-    let id = |name: &str| ParameterId::from_name(name.as_bytes()).expect(name);
-    let values = parameters.iter().map(|(name, value)| (id(name).key(), *value));
+    let values = parameters.iter().map(|(name, value)| (id_of(name).key(), *value));
     parameter_flash::fill(&flash, values);
     SteppedVehicle::power_up(flash)
 }

@@ -1,13 +1,11 @@
 //! The power limit of a pack, which supplies the motors by the square of their duties.
 
-use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BusError, Measurement};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::vehicle::MotorDrive;
 use support::commands::ACCEPTED;
-use support::desk::Desk;
+use support::desk::{Desk, start_with};
 use support::frames::texts_of;
 use support::monitor_types::INA2XX;
 use support::requests::{VEHICLE_ID, arm, do_set_mode, manual_control};
@@ -29,17 +27,13 @@ struct Limited {
 impl Limited {
     /// Armed in MANUAL.
     fn new() -> Self {
-        let mut parameters = Parameters::defaults();
-        for (name, value) in [
+        let start = start_with(&[
             ("BATT_MONITOR", INA2XX),
             ("BATT_CELLS", 3.0),
             ("BATT_WATT_MAX", LIMIT_W),
-        ] {
-            let id = ParameterId::from_name(name.as_bytes()).expect(name);
-            parameters.set(id, value).expect("in range");
-        }
+        ]);
         let mut rover = Self {
-            desk: Desk::starting(Start::with_parameters(parameters)),
+            desk: Desk::starting(start),
             full_w: 52.0,
             is_connected: true,
             texts: Vec::new(),

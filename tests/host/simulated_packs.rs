@@ -9,13 +9,14 @@ use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, ChargeState, Chemistry, Faults, RetainedRecord};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{ParameterId, Parameters};
+use rover_battmon::parameter::Parameters;
 use rover_battmon::sensor::Buses;
 use rover_battmon::tasks::{CheckIn, Shared, read_bus};
 use rover_battmon_tools::sim::{
     PackModel, PackSimulation, SimulatedBus, SimulatedPack, SimulatedPackInput, SimulatedRover, clock,
     sample_batteries,
 };
+use support::desk::id_of;
 use support::repository;
 
 /// The cells are counted, and the charge is known.
@@ -26,8 +27,7 @@ const LOAD: (&str, f32) = ("SIM_BATT_CURRENT", 4.0);
 const DRAWN_A: f32 = 4.2;
 
 pub fn set(parameters: &mut Parameters, name: &str, value: f32) {
-    let id = ParameterId::from_name(name.as_bytes()).unwrap_or_else(|| panic!("no {name}"));
-    assert_eq!(parameters.set(id, value), Ok(()), "{name} {value}");
+    assert_eq!(parameters.set(id_of(name), value), Ok(()), "{name} {value}");
 }
 
 /// Of a ready file.

@@ -5,7 +5,7 @@ use rover_battmon::autopilot::Start;
 use rover_battmon::parameter::{ParameterId, Parameters, StickParameter, VehicleParameter};
 use rover_battmon::vehicle::{ArmState, MotorDrive, SideDrives};
 use support::commands::{PREFLIGHT_STORAGE, RESET};
-use support::desk::Desk;
+use support::desk::{Desk, id_of};
 use support::frames::{PARAM_ERROR, RC_CHANNELS_OVERRIDE, encode_v2, of_message, texts_of};
 use support::requests::{arm, arm_by_force, command_long, disarm, do_set_mode, param_set};
 
@@ -35,8 +35,7 @@ fn load(desk: &mut Desk, values: &[(&str, f32)]) {
     for (name, value) in values {
         let answers = desk.ask(&param_set(name, *value));
         assert!(of_message(&answers, PARAM_ERROR).is_empty(), "{name} {value}");
-        let id = ParameterId::from_name(name.as_bytes()).unwrap();
-        assert_eq!(desk.parameters().get(id), *value, "{name}");
+        assert_eq!(desk.parameters().get(id_of(name)), *value, "{name}");
         wait(desk);
     }
 }

@@ -31,6 +31,20 @@ const DRIVER_LIMIT: ParameterId = ParameterId::Vehicle(VehicleParameter::MotDrvV
 
 const MONITOR: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Monitor);
 
+/// The parameter of this name.
+pub fn id_of(name: &str) -> ParameterId {
+    ParameterId::from_name(name.as_bytes()).unwrap_or_else(|| panic!("no {name}"))
+}
+
+/// A start with these parameters.
+pub fn start_with(named: &[(&str, f32)]) -> Start {
+    let mut parameters = Parameters::defaults();
+    for (name, value) in named {
+        assert_eq!(parameters.set(id_of(name), *value), Ok(()), "{name} {value}");
+    }
+    Start::with_parameters(parameters)
+}
+
 /// The autopilot, and our end of a link.
 pub struct Desk {
     pub autopilot: Autopilot,
