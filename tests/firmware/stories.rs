@@ -1,6 +1,7 @@
 //! Two of the stories of `tests/stories/` on the release firmware: a converter that stalls and works again, and a pack that is
 //! learnt, kept in flash, and forgotten with the next. `tests/host/stories.rs` has all of them in stepped time.
 
+use support::scenarios;
 use support::story::{Story, play};
 use workbench::bench::Bench;
 
@@ -12,4 +13,10 @@ fn sensor_lost_while_driving() {
 #[test]
 fn aged_pack_is_swapped() {
     play::<Bench>(&Story::named("aged_pack_is_swapped"));
+}
+
+#[test]
+// Requirement: FR-16
+fn parameters_are_kept() {
+    scenarios::parameters_are_kept::<Bench>();
 }

@@ -13,6 +13,7 @@ pub mod pack_report;
 pub mod page;
 pub mod parameter_flash;
 pub mod requests;
+pub mod scenarios;
 pub mod signer;
 pub mod story;
 pub mod time;
