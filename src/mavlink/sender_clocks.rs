@@ -16,6 +16,9 @@ const SENDERS: usize = 2;
 const INTERVALS: u32 = 4;
 const INTERVAL_MS: u32 = 8_192;
 
+/// The numbers of intervals begin again with the clock, as its range is a multiple of an interval.
+const INTERVAL_NUMBERS: u32 = (u32::MAX / INTERVAL_MS) + 1;
+
 /// A sender's clock.
 #[derive(Clone, Copy, Debug)]
 struct SenderClock {
@@ -32,7 +35,8 @@ impl SenderClock {
     fn state(&mut self, stated_ms: u32, now_ms: u32) {
         self.stated_ms = stated_ms;
         let interval = now_ms / INTERVAL_MS;
-        let passed = interval.wrapping_sub(self.interval).min(INTERVALS);
+        let passed = interval.wrapping_sub(self.interval) % INTERVAL_NUMBERS;
+        let passed = passed.min(INTERVALS);
         self.interval = interval;
         let difference_ms = now_ms.wrapping_sub(stated_ms);
         for back in 0..passed {
@@ -139,6 +143,15 @@ mod tests {
     }
 
     #[test]
+    fn delays_are_seen_across_the_wrap_of_our_clock() {
+        const WRAP_MS: u64 = 1 << 32;
+        let mut clocks = SenderClocks::default();
+        clocks.state(PAGE, 1_000, at_ms(WRAP_MS - 1_000));
+        clocks.state(PAGE, 2_000, at_ms(WRAP_MS + 3_000));
+        assert_eq!(clocks.age_ms(PAGE, at_ms(WRAP_MS + 3_000)), Some(3_000));
+    }
+
+    #[test]
     fn zero_is_no_statement() {
         let mut clocks = SenderClocks::default();
         clocks.state(PAGE, 0, at_ms(1_000));
@@ -161,7 +174,7 @@ mod tests {
         /// Whatever both clocks read, also where they wrap: the age is the delay, less the least one of the last half minute.
         #[test]
         fn age_follows_the_delays(
-            start_ms in any::<u32>(),
+            start_ms in prop_oneof![any::<u32>(), u32::MAX - 40_000..=u32::MAX],
             sender_ms in any::<u32>(),
             delays_ms in prop::collection::vec(0u32..20_000, 1..40),
         ) {
