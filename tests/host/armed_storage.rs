@@ -292,3 +292,16 @@ fn each_region_is_prepared_once_and_stays_so_over_restarts() {
         block_on(parameters.store(999, value, &|| Erase::Forbidden)).expect("two sectors have room");
     }
 }
+
+#[test]
+fn learnt_data_alone_are_unsaved_until_they_are_written() {
+    run(&Regions::blank(), async |station| {
+        let has_unsaved = || station.shared.with(|autopilot| autopilot.has_unsaved());
+        station.wait(2).await;
+        assert!(!has_unsaved());
+        station.ask(&param_set("BATT_LRN_ERASE", 1.0));
+        assert!(has_unsaved());
+        station.wait(2).await;
+        assert!(!has_unsaved());
+    });
+}

@@ -420,7 +420,7 @@ mod tests {
         for interval_us in [-2.0, 1.0, 19_999.0, 1.9e9, f32::NAN, f32::INFINITY] {
             assert_eq!(execute(511, 147.0, interval_us), DENIED.into(), "{interval_us}");
         }
-        for message_id in [-1.0, 0.5, 1e9, f32::NAN] {
+        for message_id in [-1.0, 0.5, 16_777_216.0, 1e9, f32::NAN] {
             assert_eq!(execute(511, message_id, 0.0), DENIED.into(), "{message_id}");
             assert_eq!(execute(510, message_id, 0.0), DENIED.into(), "{message_id}");
             assert_eq!(execute(512, message_id, 0.0), DENIED.into(), "{message_id}");

@@ -618,6 +618,7 @@ fn a_part_that_is_refused_three_times_is_given_time() {
         .windows(2)
         .map(|pair| pair[1].us_since(pair[0]) / 1000)
         .collect();
+    assert_eq!(due[0].us_since(Instant::EPOCH), 12_500, "between two ticks");
     assert_eq!(waits_ms, [25, 25, 225, 225]);
 }
 
@@ -1045,5 +1046,13 @@ fn contacts_that_bounce_leave_nothing_unknown() {
                 assert_eq!(settled(&mut bench), expected, "{kind:?}, {gap:?}");
             }
         }
+    }
+}
+
+#[test]
+fn a_date_needs_a_month_and_a_day() {
+    for word in [44 << 9 | 5 << 5, 44 << 9 | 17] {
+        let details = read_battery(battery(&[(0x1b, word)])).details;
+        assert_eq!(details.manufactured, None, "{word:#x}");
     }
 }
