@@ -105,12 +105,16 @@ class Page:
         return self.run("return document.getElementById(arguments[0]).innerText", element_id)
 
     def wait(self, condition, seconds=10):
-        """What the condition gives once that is something."""
+        """What the condition gives once that is something. An element may be replaced between two looks at it."""
+        from selenium.common.exceptions import StaleElementReferenceException
+
         end = time.monotonic() + seconds
-        while not (found := condition()):
+        while True:
+            with contextlib.suppress(StaleElementReferenceException):
+                if found := condition():
+                    return found
             assert time.monotonic() < end, f"not within {seconds} s:\n{self.text()}"
             time.sleep(0.05)
-        return found
 
     def wait_for(self, text, seconds=10):
         self.wait(lambda: text in self.text(), seconds)
