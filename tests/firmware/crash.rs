@@ -3,7 +3,9 @@
 use emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
 use support::frames::{CRITICAL, STATUSTEXT, of_message};
 use support::requests::{GCS, ONBOARD_CONTROLLER, heartbeat};
-use workbench::bench::{Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND};
+use workbench::bench::{
+    Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, TestedVehicle,
+};
 use workbench::downloads::{download, list};
 use workbench::log_records::{named, records};
 

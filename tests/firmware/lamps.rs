@@ -18,6 +18,7 @@ const INTERRUPT_LINES: u32 = 26;
 
 const GREEN: [u8; 3] = [16, 0, 0];
 const BLUE: [u8; 3] = [0, 0, 16];
+
 /// When the line goes up and down, in nanoseconds.
 type Pulse = (u64, u64);
 

@@ -12,6 +12,7 @@ use workbench::elf::{Artifact, build};
 pub const BUZZER: usize = 2;
 
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
+
 fn firmware() -> &'static Firmware {
     static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
     FIRMWARE.get_or_init(|| Firmware::load(build(Artifact::Example("motor_bench"))))

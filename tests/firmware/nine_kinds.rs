@@ -63,7 +63,7 @@ const fn terminals(volts: f64, amperes: f64) -> Terminals {
     }
 }
 
-/// What all packs have during half of the time.
+/// The packs' terminals, and their sources, during half of the time.
 struct Half {
     divider_code: u16,
     battery: Transfer,

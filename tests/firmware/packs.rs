@@ -6,6 +6,7 @@ use workbench::bench::{Bench, CURRENT, SECOND};
 
 /// 1241 counts are 1.0 V at a pin: 17 A by ArduPilot's default sensor.
 const ONE_VOLT: u16 = 1241;
+
 /// Three LiPo cells at 3.8 V: some 50 %.
 const HALF_FULL_3S: u16 = 3582;
 

@@ -8,6 +8,7 @@ use workbench::bench::{Bench, MILLISECOND, SECOND};
 const FUEL_LEVEL_PWM: f32 = 12.0;
 
 const PULSES: usize = 17;
+
 fn status<R>(bench: &mut Bench, look: impl FnOnce(BatteryStatus<'_>) -> R) -> R {
     bench.run_for(SECOND);
     let frames = bench.frames();

@@ -1,5 +1,6 @@
-//! Torqeedo's TQ bus at the second serial port, UART1 at GP4 (out) and GP5 (in): its battery as the master, built from the messages of ArduPilot's
-//! libraries/AP_Torqeedo/AP_Torqeedo_TQBus.h and .cpp. The bus is RS-485, so what the board sends may come back as an echo.
+//! Torqeedo's TQ bus at the second serial port, UART1 at GP4 (out) and GP5 (in): its battery as the master, built from the
+//! messages of ArduPilot's libraries/AP_Torqeedo/AP_Torqeedo_TQBus.h and .cpp. The bus is RS-485, so bytes of the board come
+//! back as an echo.
 
 use emulator::{LogLevel, SentByte, UartPins};
 use support::frames::last_of;
@@ -7,6 +8,7 @@ use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
 
 const TORQEEDO: f32 = 23.0;
 const TILLER: f32 = 1.0;
+
 /// The pin that switches the transceiver to sending.
 const DRIVER_ENABLE: usize = 22;
 
@@ -42,7 +44,7 @@ fn content(frame: &[u8]) -> Vec<u8> {
     content.to_vec()
 }
 
-/// What the board sends, up to the end of each frame.
+/// Bytes of the board, up to the end of each frame.
 #[derive(Default)]
 struct Receiver(Vec<u8>);
 
@@ -97,9 +99,7 @@ impl Battery {
         self.latest_answer_us = self.latest_answer_us.max(now_us - asked_us);
         self.answers += 1;
     }
-}
 
-impl Battery {
     /// Takes what the board has sent, and returns what is put on the wire at `now_us`.
     fn turn(&mut self, sent: &[u8], now_us: u64) -> Vec<u8> {
         if let Some(answer) = self.receiver.take(sent) {
@@ -131,7 +131,7 @@ fn with_second_pack(kind: f32, parameters: &[(&str, f32)]) -> Bench {
     bench.set("SR0_EXTRA1", 10.0);
     bench.set_all(parameters);
     bench.reboot();
-    // What was sent before belongs to no request.
+    // Bytes from before belong to no request.
     bench.uart(PORT).take_sent();
     bench
 }

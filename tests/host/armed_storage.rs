@@ -32,7 +32,7 @@ fn erases(regions: &Regions) -> [u32; 3] {
     [&regions.parameters, &regions.signing, &regions.learnt].map(|flash| flash.chip().erases.iter().sum())
 }
 
-/// What the ground station does with an armed vehicle, in which nothing is erased meanwhile.
+/// Runs a script with an armed vehicle, in which nothing is erased meanwhile.
 async fn armed<T>(vehicle: &Vehicle, regions: &Regions, script: impl AsyncFnOnce() -> T) -> T {
     vehicle.ask(&arm_by_force());
     let before = erases(regions);

@@ -16,21 +16,21 @@ use emulator::i2c_devices::{
 };
 use emulator::spi_devices::Ina239;
 use emulator::{Ack, I2cDevice, I2cDirection, Random, SpiClock, SpiDevice as _, SpiMode};
-use rover_battmon::autopilot::Start;
+use rover_battmon::autopilot::Autopilot;
 use rover_battmon::battery::{BatteryState, BusError, PackStatus, RetainedRecord};
 use rover_battmon::mavlink::LinkId;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::Parameters;
 use rover_battmon::sensor::{Buses, I2cBus};
 use rover_battmon::tasks::{CheckIn, Link, Shared, read_bus, serve_link};
 use rover_battmon_tools::sim::clock::Stepped;
 use rover_battmon_tools::sim::sample_batteries;
 use rover_battmon_tools::sim::stepped::{BYTE_US, Pins, Port};
+use support::desk::{id_of, start_with};
 use support::frames::{frames, texts_of};
 use support::monitor_types::{INA2XX, SMART_BATTERY};
 use support::time::SECOND;
 
-use crate::simulated_packs::{assert_about, set};
+use crate::simulated_packs::assert_about;
 
 const LTC2946: f32 = 22.0;
 const INA239: f32 = 26.0;
@@ -175,11 +175,7 @@ async fn run(wires: Wires, shared: Rc<Shared>, port: Rc<Port>) {
 impl Rover {
     /// After a second.
     fn with(wires: &Wires, settings: &[(&str, f32)]) -> Self {
-        let mut parameters = Parameters::defaults();
-        for (name, value) in settings {
-            set(&mut parameters, name, *value);
-        }
-        let shared = Rc::new(Shared::new(&Start::with_parameters(parameters)));
+        let shared = Rc::new(Shared::new(&start_with(settings)));
         let port = Rc::new(Port::new(BYTE_US));
         let run = run(wires.clone(), Rc::clone(&shared), Rc::clone(&port));
         let mut rover = Self {
@@ -202,7 +198,7 @@ impl Rover {
         self.shared.with(|autopilot| *autopilot.battery(pack))
     }
 
-    /// What was announced of a pack's health.
+    /// Announcements of a pack's health.
     fn health(&self, number: u8) -> Vec<String> {
         let mut texts = texts_of(&frames(&self.port.sent()));
         let beginning = format!("Battery {number} ");
@@ -210,7 +206,7 @@ impl Rover {
         texts
     }
 
-    /// How many transfers there are with this address in a while.
+    /// The number of transfers with this address in a while.
     fn transfers_in(&mut self, duration_us: u64, address: u8) -> usize {
         self.wires.transfers.take();
         self.run_for(duration_us);
@@ -566,8 +562,8 @@ fn a_kind_that_is_set_while_the_board_runs_freezes_no_pack() {
         let part = device(Ina226::new(SHUNT_OHM), |part| part.set(12.0, 1.0));
         let wires = Wires::with([(MONITOR_AT, part.clone() as Device)]);
         let mut rover = Rover::with(&wires, &[("BATT2_MONITOR", INA2XX)]);
-        let change = |parameters: &mut Parameters| set(parameters, "BATT2_MONITOR", kind);
-        rover.shared.with(|autopilot| change(autopilot.parameters_mut()));
+        let set = |autopilot: &mut Autopilot| autopilot.parameters_mut().set(id_of("BATT2_MONITOR"), kind);
+        assert_eq!(rover.shared.with(set), Ok(()));
         part.borrow_mut().set(11.0, 2.0);
         rover.run_for(SECOND);
         rover.assert_measures(Pack::Second, (11.0, STEP), (2.0, 5e-3));

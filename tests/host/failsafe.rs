@@ -90,6 +90,7 @@ const AHEAD: SideDrives = SideDrives {
 
 const STANDBY_STATE: u8 = 3;
 const ACTIVE_STATE: u8 = 4;
+
 const HOLD_WHEN_CRITICAL: [(BatteryParameter, f32); 3] = [
     (BatteryParameter::CrtVolt, 7.0),
     (BatteryParameter::LowTimer, 1.0),

@@ -21,12 +21,11 @@ use rover_battmon::tasks::{
     watch_pulses,
 };
 use rover_battmon::vehicle::ArmState;
-use rover_battmon_tools::sim::stepped::SteppedVehicle;
-use rover_battmon_tools::sim::{SimulatedFlash, clock, sample_batteries};
+use rover_battmon_tools::sim::{clock, sample_batteries};
 use support::desk::{Desk, id_of, start_with};
-use support::frames::{frames, last_of, texts_of};
-use support::parameter_flash;
+use support::frames::{last_of, texts_of};
 use support::time::SECOND;
+use support::vehicle::{OnHost, TestedVehicle};
 
 const MONITOR: BatteryParameter = BatteryParameter::Monitor;
 const CURR_PIN: BatteryParameter = BatteryParameter::CurrPin;
@@ -432,11 +431,8 @@ fn what_is_wired_follows_the_parameters() {
 }
 
 /// A vehicle with these parameters and a device at its second serial port.
-fn with_device(parameters: &[(&str, f32)]) -> SteppedVehicle {
-    let flash = SimulatedFlash::blank();
-    let values = parameters.iter().map(|(name, value)| (id_of(name).key(), *value));
-    parameter_flash::fill(&flash, values);
-    SteppedVehicle::power_up(flash)
+fn with_device(parameters: &[(&str, f32)]) -> OnHost {
+    OnHost::with_stored(parameters.iter().map(|(name, value)| (id_of(name), *value)))
 }
 
 #[test]
@@ -451,10 +447,10 @@ fn a_generator_and_its_tank_are_measured_and_it_says_that_it_runs() {
     ]);
     for _ in 0..8 {
         // The figures of the maker's manual of the FCPM, section 7.4, with an emptier tank: 100 W into the battery.
-        vehicle.board.serial.send(b"<152.5,48.7,1600,1700,100,2,0>\n");
+        vehicle.board().serial.send(b"<152.5,48.7,1600,1700,100,2,0>\n");
         vehicle.run_for(SECOND / 2);
     }
-    let frames = frames(&vehicle.board.uart.sent());
+    let frames = vehicle.frames_since(0);
     let output = last_of(&frames, 1);
     assert_eq!((output.voltage_mv(0), output.current_ca()), (48_700, -205));
     let tank = last_of(&frames, 2);
@@ -488,13 +484,13 @@ fn an_engine_takes_what_its_injectors_let_through() {
         let answer = [&[0, 7][..], &content, &crc.sum().to_be_bytes()].concat();
         for _ in 0..1_000 * seconds {
             vehicle.run_for(1_000);
-            let requests = vehicle.board.serial.sent().len() / REQUEST_BYTES;
+            let requests = vehicle.board().serial.sent().len() / REQUEST_BYTES;
             if requests > answered {
                 answered = requests;
-                vehicle.board.serial.send(&answer);
+                vehicle.board().serial.send(&answer);
             }
         }
-        (answered, frames(&vehicle.board.uart.sent()))
+        (answered, vehicle.frames_since(0))
     };
     // In each 20 ms: 120 %, so 94 cm³ a minute.
     let (requests, frames) = run_at(3000, 20);

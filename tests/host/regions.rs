@@ -15,7 +15,8 @@ use rover_battmon::memory::storage::Storage;
 use rover_battmon::tasks::{CheckIn, Shared, Storages, keep_flash, now, reboot_requested};
 use rover_battmon::time::Instant;
 use rover_battmon_tools::sim::clock;
-use support::frames::{Frame, frames, texts_of};
+use support::desk::frames_of;
+use support::frames::{Frame, texts_of};
 use support::requests::param_set;
 use support::vehicle::value_of;
 
@@ -84,15 +85,10 @@ impl Vehicle {
     /// Everything that is sent now.
     fn sent(&self) -> Vec<Frame> {
         let mut endpoint = self.endpoint.borrow_mut();
-        let mut framer = Framer::new();
-        let mut bytes = Vec::new();
         self.shared.with(|autopilot| {
             autopilot.post_due(&mut endpoint, now());
-            while let Some(frame) = autopilot.next_frame(&mut endpoint, &mut framer, now()) {
-                bytes.extend(frame.iter().map(|byte| (0, *byte)));
-            }
-        });
-        frames(&bytes)
+            frames_of(autopilot, &mut endpoint, &mut Framer::new(), now(), usize::MAX)
+        })
     }
 
     /// Delivers a request and returns the answers.

@@ -26,7 +26,7 @@ const SETTLED: Duration = Duration::from_secs(4);
 const LOAD: (&str, f32) = ("SIM_BATT_CURRENT", 4.0);
 const DRAWN_A: f32 = 4.2;
 
-pub fn set(parameters: &mut Parameters, name: &str, value: f32) {
+fn set(parameters: &mut Parameters, name: &str, value: f32) {
     assert_eq!(parameters.set(id_of(name), value), Ok(()), "{name} {value}");
 }
 

@@ -22,7 +22,7 @@ const MARGIN_BYTE: u8 = 0x5A;
 pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize = 1> {
     bytes: Vec<u8>,
     fault: Fault,
-    /// What programming a byte that is not erased does.
+    /// The effect of programming a byte that is not erased.
     pub reprogramming: Reprogramming,
     /// Bits stuck at 0, as the distance from the start of the margin, and mask.
     pub stuck: Option<(usize, u8)>,
@@ -35,7 +35,7 @@ pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usi
     half_erased: [bool; SECTORS],
 }
 
-/// What programming a byte that is not erased does.
+/// The effect of programming a byte that is not erased.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reprogramming {
     /// It panics.

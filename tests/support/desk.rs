@@ -45,6 +45,24 @@ pub fn start_with(named: &[(&str, f32)]) -> Start {
     Start::with_parameters(parameters)
 }
 
+/// The messages that leave by a link while the wire takes this many.
+pub fn frames_of(
+    autopilot: &mut Autopilot,
+    endpoint: &mut Endpoint,
+    framer: &mut Framer,
+    now: Instant,
+    messages: usize,
+) -> Vec<Frame> {
+    let mut bytes = Vec::new();
+    for _ in 0..messages {
+        let Some(frame) = autopilot.next_frame(endpoint, framer, now) else {
+            break;
+        };
+        bytes.extend(frame.iter().map(|byte| (0, *byte)));
+    }
+    frames(&bytes)
+}
+
 /// The autopilot, and our end of a link.
 pub struct Desk {
     pub autopilot: Autopilot,
@@ -210,18 +228,14 @@ impl Desk {
 
     /// The messages that leave while the wire takes this many.
     pub fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
-        let mut bytes = Vec::new();
-        for _ in 0..messages {
-            let now = self.now();
-            let frame = self
-                .autopilot
-                .next_frame(&mut self.endpoint, &mut self.framer, now);
-            let Some(frame) = frame else {
-                break;
-            };
-            bytes.extend(frame.iter().map(|byte| (0, *byte)));
-        }
-        frames(&bytes)
+        let now = self.now();
+        frames_of(
+            &mut self.autopilot,
+            &mut self.endpoint,
+            &mut self.framer,
+            now,
+            messages,
+        )
     }
 
     /// Delivers a request and returns its only answer.

@@ -527,7 +527,7 @@ impl<V: TestedVehicle> Stage<V> {
         self.vehicle.run_for(STEP_US);
     }
 
-    /// What the motors on the left do.
+    /// The motors on the left.
     fn motors(&self) -> Drive {
         match self.vehicle.left_drive() {
             MotorDrive::Coast => Drive::Coast,

@@ -205,18 +205,13 @@ impl OnHost {
         let flash = SimulatedFlash::blank();
         let stored = parameters.into_iter().map(|(id, value)| (id.key(), value));
         parameter_flash::fill(&flash, stored);
-        Self::with_flash(flash)
-    }
-
-    /// Switches on a vehicle with this flash.
-    pub fn with_flash(flash: SimulatedFlash) -> Self {
         Self {
             vehicle: SteppedVehicle::power_up(flash),
             wire: Wire::default(),
         }
     }
 
-    /// What the vehicle runs on.
+    /// The vehicle's hardware.
     pub fn board(&self) -> &SteppedBoard {
         &self.vehicle.board
     }

@@ -200,20 +200,6 @@ impl Bench {
         self.board.run_for(duration_us - SECOND);
     }
 
-    /// Restarts the board as a ground station does.
-    pub fn reboot(&mut self) {
-        let resets = self.resets().len();
-        let answers = self.ask(&reboot());
-        assert_eq!(acknowledged(&answers)[0], (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED));
-        assert!(
-            self.run_until(4 * SECOND, |board| board.resets().len() > resets),
-            "no restart"
-        );
-        assert_eq!(self.resets()[resets].cause, ResetCause::WatchdogForce);
-        self.run_for(SECOND);
-        assert!(!self.logged(LogLevel::Info, "started by Software").is_empty());
-    }
-
     /// Waits until a task runs, on its own and not in an interrupt. The next is drive, unless something else is due.
     pub fn run_into_task(&mut self) {
         let is_in_a_task = |board: &mut Board| {
@@ -232,15 +218,6 @@ impl Bench {
         self.set_register(PROGRAM_COUNTER, entry);
     }
 
-    /// The ground station connects this wire and talks over it from now on.
-    pub fn use_wire(&mut self, wire: Wire) {
-        self.forget_sent();
-        self.wire = wire;
-        if wire == Wire::Usb {
-            self.plug_usb();
-        }
-    }
-
     /// A host is plugged in, and a program opens the port.
     pub fn plug_usb(&mut self) {
         self.usb().plug();
@@ -253,17 +230,6 @@ impl Bench {
         match self.wire {
             Wire::Uart => self.board.uart(0).take_sent(),
             Wire::Usb => self.board.usb().take_received(),
-        }
-    }
-
-    /// Sends bytes to the board.
-    pub fn send(&mut self, bytes: &[u8]) {
-        match self.wire {
-            Wire::Uart => {
-                let now_us = self.time_us();
-                self.board.uart_send(0, now_us, bytes);
-            }
-            Wire::Usb => self.board.usb().send(bytes),
         }
     }
 
@@ -313,17 +279,6 @@ impl Bench {
             before = self.sent().len();
             self.board.run_for(MILLISECOND);
         }
-    }
-
-    /// The frames that ended after `time_us`; sending has to have been whole at that time.
-    pub fn frames_since(&mut self, time_us: u64) -> Vec<Frame> {
-        let later: Vec<_> = self
-            .sent()
-            .iter()
-            .copied()
-            .filter(|(at_us, _)| *at_us > time_us)
-            .collect();
-        frames(&later)
     }
 
     /// The frames among what was sent after the first `position` bytes, which end with a frame.
@@ -404,11 +359,21 @@ impl TestedVehicle for Bench {
     }
 
     fn use_wire(&mut self, wire: Wire) {
-        self.use_wire(wire);
+        self.forget_sent();
+        self.wire = wire;
+        if wire == Wire::Usb {
+            self.plug_usb();
+        }
     }
 
     fn send(&mut self, bytes: &[u8]) {
-        self.send(bytes);
+        match self.wire {
+            Wire::Uart => {
+                let now_us = self.time_us();
+                self.board.uart_send(0, now_us, bytes);
+            }
+            Wire::Usb => self.board.usb().send(bytes),
+        }
     }
 
     /// Signed, if requests are.
@@ -421,12 +386,17 @@ impl TestedVehicle for Bench {
         self.sent().to_vec()
     }
 
-    fn frames_since(&mut self, time_us: u64) -> Vec<Frame> {
-        self.frames_since(time_us)
-    }
-
     fn reboot(&mut self) {
-        self.reboot();
+        let resets = self.resets().len();
+        let answers = self.ask(&reboot());
+        assert_eq!(acknowledged(&answers)[0], (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED));
+        assert!(
+            self.run_until(4 * SECOND, |board| board.resets().len() > resets),
+            "no restart"
+        );
+        assert_eq!(self.resets()[resets].cause, ResetCause::WatchdogForce);
+        self.run_for(SECOND);
+        assert!(!self.logged(LogLevel::Info, "started by Software").is_empty());
     }
 
     fn left_drive(&self) -> MotorDrive {

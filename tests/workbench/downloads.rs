@@ -18,11 +18,6 @@ pub fn list(bench: &mut Bench) -> Vec<(u16, u32)> {
     entries.map(|entry| (entry.u16(8), entry.u32(4))).collect()
 }
 
-/// When each log file on the board began, in seconds since 1970; 0 is unknown.
-pub fn dates(bench: &mut Bench) -> Vec<u32> {
-    entries(bench).iter().map(|entry| entry.u32(0)).collect()
-}
-
 /// LOG_ENTRY of each file.
 fn entries(bench: &mut Bench) -> Vec<Frame> {
     bench.run_until_silent();

@@ -23,10 +23,8 @@ pub struct Faulty<D> {
     pub part: Rc<RefCell<D>>,
 }
 
-type Monitor = RegisterMap<Ina226>;
-
 /// The second pack is a power monitor.
-fn with_monitor() -> Faulty<Monitor> {
+fn with_monitor() -> Faulty<RegisterMap<Ina226>> {
     let part = shared(Ina226::new(0.0005));
     part.borrow_mut().set(12.0, 1.0);
     let mut bench = Bench::running(DIVIDER_CODE);

@@ -5,7 +5,7 @@ use emulator::LogLevel;
 use super::ground::{Ground, Station};
 use support::frames::{PARAM_VALUE, of_message};
 use support::requests::param_read_by_name;
-use workbench::bench::SECOND;
+use workbench::bench::{SECOND, TestedVehicle};
 
 fn is_heard(ground: &mut Ground, phone: &mut Station) -> bool {
     let answers = ground.ask(phone, &param_read_by_name("BATT_CAPACITY"));

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use super::flash_cuts::Leader;
 use crate::bench::{
     Bench, DIVIDER_CODE, LISTED_BY_DEFAULT, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
+    TestedVehicle,
 };
 use emulator::FlashCut;
 use support::frames::{PARAM_VALUE, ParamValue, of_message};

@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use super::progress::Progress;
-use crate::bench::{Bench, DIVIDER_CODE, SECOND};
+use crate::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle};
 use emulator::air::hostile::{Hostile, Hostility, Target};
 use emulator::air::space::Air;
 use emulator::{RadioFault, Random};

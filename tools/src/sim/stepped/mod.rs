@@ -55,9 +55,9 @@ pub struct SteppedBoard {
     pub serial: Port,
     /// The flash chip.
     pub flash: SimulatedFlash,
-    /// What the motors were set to.
+    /// Outputs to the motors.
     pub drives: History<SideDrives>,
-    /// What lamps and buzzer were set to.
+    /// Outputs to lamps and buzzer.
     pub indications: History<Indication>,
     /// Restarts since power-up.
     restarts: Cell<usize>,
