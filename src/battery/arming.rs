@@ -270,17 +270,10 @@ mod tests {
 
     #[test]
     fn a_failed_cell_of_a_low_pack_fails() {
-        let state = BatteryState {
-            status: PackStatus::Healthy,
-            charge_state: ChargeState::Low,
-            readings: Readings {
-                faults: Faults::CELL_FAIL,
-                ..Readings::NONE
-            },
-            ..BatteryState::default()
-        };
-        let failures: Vec<_> = arming_failures(&state, &PackSettings::default(), None).collect();
-        assert_eq!(failures, [ArmingFailure::Failed]);
+        let mut state = BatteryState::UNKNOWN;
+        state.charge_state = ChargeState::Low;
+        state.readings.faults = Faults::CELL_FAIL;
+        assert_eq!(failures_of(state), [ArmingFailure::Failed]);
     }
 
     #[test]
@@ -290,13 +283,9 @@ mod tests {
             (ChargeState::Emergency, Some(ArmingFailure::Emergency)),
             (ChargeState::Failed, Some(ArmingFailure::Failed)),
         ] {
-            let state = BatteryState {
-                status: PackStatus::Healthy,
-                charge_state,
-                ..BatteryState::default()
-            };
-            let failures: Vec<_> = arming_failures(&state, &PackSettings::default(), None).collect();
-            assert_eq!(failures, Vec::from_iter(expected), "{charge_state:?}");
+            let mut state = BatteryState::UNKNOWN;
+            state.charge_state = charge_state;
+            assert_eq!(failures_of(state), Vec::from_iter(expected), "{charge_state:?}");
         }
     }
 
@@ -332,6 +321,8 @@ mod tests {
             .map(|failure| failure.to_string())
             .collect()
     }
+
+    const OF_LITTLE_CHARGE: [&str; 2] = ["below minimum arming capacity", "low capacity failsafe"];
 
     #[test]
     fn full_pack_passes() {
@@ -381,10 +372,7 @@ mod tests {
             consumed: None,
             ..pack(12.0, 30.0)
         };
-        assert_eq!(
-            failures(&state, &settings()),
-            ["below minimum arming capacity", "low capacity failsafe"]
-        );
+        assert_eq!(failures(&state, &settings()), OF_LITTLE_CHARGE);
     }
 
     #[test]
@@ -393,10 +381,7 @@ mod tests {
             learnt_capacity_mah: Some(700.0),
             ..pack(12.0, 55.0)
         };
-        assert_eq!(
-            failures(&learnt, &settings()),
-            ["below minimum arming capacity", "low capacity failsafe"]
-        );
+        assert_eq!(failures(&learnt, &settings()), OF_LITTLE_CHARGE);
         let gauged = BatteryState {
             charge_source: ChargeSource::Gauge,
             ..learnt
@@ -432,9 +417,6 @@ mod tests {
             failsafe: FailsafeLevel::Low,
             ..pack(12.6, 30.0)
         };
-        assert_eq!(
-            failures(&by_charge, &settings()),
-            ["below minimum arming capacity", "low capacity failsafe"]
-        );
+        assert_eq!(failures(&by_charge, &settings()), OF_LITTLE_CHARGE);
     }
 }

@@ -359,6 +359,14 @@ mod tests {
         }
     }
 
+    /// An armed rover whose pack was healthy at the start only.
+    fn silent(now: Instant) -> Observation<'static> {
+        Observation {
+            last_healthy: Some(Instant::EPOCH),
+            ..seen(now, ArmState::Armed, None)
+        }
+    }
+
     /// Runs `seconds` of ticks and returns the levels reached, with their times in seconds.
     fn run(
         failsafe: &mut Failsafe,
@@ -384,18 +392,6 @@ mod tests {
         assert_eq!(run(&mut failsafe, 10, 1, ArmState::Armed, &at_voltage(11.0)), []);
         let raised = run(&mut failsafe, 11, 30, ArmState::Armed, &at_voltage(10.4));
         assert_eq!(raised, [(10, FailsafeLevel::Low)]);
-    }
-
-    #[test]
-    // Requirement: AP-18
-    fn level_latches_until_a_battery_reset() {
-        let mut failsafe = Failsafe::default();
-        run(&mut failsafe, 0, 20, ArmState::Armed, &at_voltage(9.0));
-        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
-        assert_eq!(run(&mut failsafe, 20, 60, ArmState::Armed, &at_voltage(12.0)), []);
-        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
-        failsafe.clear();
-        assert_eq!(failsafe.level(), FailsafeLevel::None);
     }
 
     #[test]
@@ -446,13 +442,7 @@ mod tests {
     #[test]
     fn no_healthy_reading_for_five_seconds_is_unhealthy() {
         let mut failsafe = Failsafe::default();
-        let mut at = |us| {
-            let silent = Observation {
-                last_healthy: Some(Instant::EPOCH),
-                ..seen(at_us(us), ArmState::Armed, None)
-            };
-            failsafe.update(&silent, &settings())
-        };
+        let mut at = |us| failsafe.update(&silent(at_us(us)), &settings());
         assert_eq!(at(5_000_000), []);
         assert_eq!(at(5_100_000), [FailsafeLevel::Unhealthy]);
     }
@@ -475,39 +465,25 @@ mod tests {
 
     fn lost() -> Failsafe {
         let mut failsafe = Failsafe::default();
-        let silent = Observation {
-            last_healthy: Some(Instant::EPOCH),
-            ..seen(at_us(6_000_000), ArmState::Armed, None)
-        };
-        failsafe.update(&silent, &settings());
+        failsafe.update(&silent(at_us(6_000_000)), &settings());
         assert_eq!(failsafe.level(), FailsafeLevel::Unhealthy);
         failsafe
     }
 
     #[test]
     fn unhealthy_is_released_after_five_seconds_of_good_readings() {
-        assert_eq!(
-            level_after_a_loss(&mut lost(), |_| true, 49),
-            FailsafeLevel::Unhealthy
-        );
-        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 51), FailsafeLevel::None);
+        use FailsafeLevel::{None, Unhealthy};
+        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 49), Unhealthy);
+        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 51), None);
         let flickers = |tick| tick % 45 != 44;
-        assert_eq!(
-            level_after_a_loss(&mut lost(), flickers, 600),
-            FailsafeLevel::Unhealthy
-        );
-        assert_eq!(
-            level_after_a_loss(&mut lost(), |_| false, 600),
-            FailsafeLevel::Unhealthy
-        );
+        assert_eq!(level_after_a_loss(&mut lost(), flickers, 600), Unhealthy);
+        assert_eq!(level_after_a_loss(&mut lost(), |_| false, 600), Unhealthy);
     }
 
     #[test]
     fn low_and_critical_are_not_released() {
-        assert_eq!(
-            level_after_a_loss(&mut critical(), |_| true, 600),
-            FailsafeLevel::Critical
-        );
+        let level = level_after_a_loss(&mut critical(), |_| true, 600);
+        assert_eq!(level, FailsafeLevel::Critical);
         let mut low = Failsafe::default();
         run(&mut low, 0, 12, ArmState::Armed, &at_voltage(10.4));
         assert_eq!(level_after_a_loss(&mut low, |_| true, 600), FailsafeLevel::Low);
@@ -521,12 +497,7 @@ mod tests {
             voltage_source: VoltageSource::Resting,
             ..settings()
         };
-        let mut failsafe = Failsafe::default();
-        for tick in 0..300 {
-            let now = at_us(tick * u64::from(TICK_US));
-            let observation = seen(now, ArmState::Armed, Some(&sagging));
-            assert_eq!(failsafe.update(&observation, &resting), []);
-        }
+        assert_eq!(reached(&mut Failsafe::default(), &resting, &sagging), []);
     }
 
     /// Runs `ticks` ticks at the voltages of `at`, and returns the levels reached, with their ticks.
@@ -654,31 +625,20 @@ mod tests {
     #[test]
     // Requirement: AP-18
     fn critical_carries_low_where_it_skips_it() {
+        let below = |voltage_v| Thresholds {
+            voltage_v,
+            ..Thresholds::default()
+        };
         let of_voltage = |low_v, critical_v| FailsafeSettings {
-            low: Thresholds {
-                voltage_v: low_v,
-                ..Thresholds::default()
-            },
-            critical: Thresholds {
-                voltage_v: critical_v,
-                ..Thresholds::default()
-            },
+            low: below(low_v),
+            critical: below(critical_v),
             ..settings()
         };
-        let only_charge_is_low = FailsafeSettings {
-            low: Thresholds {
-                voltage_v: None,
-                remaining_mah: Some(400.0),
-                usable_pct: None,
-            },
-            ..settings()
-        };
+        let mut only_charge_is_low = settings();
+        only_charge_is_low.low.voltage_v = None;
         let low_needs_the_timer = FailsafeSettings {
             timer_s: None,
-            low: Thresholds {
-                voltage_v: Some(10.5),
-                ..Thresholds::default()
-            },
+            low: below(Some(10.5)),
             ..settings()
         };
         for (settings, state, expected) in [
@@ -692,17 +652,15 @@ mod tests {
             (low_needs_the_timer, at_charge(19.9), &BOTH[1..]),
         ] {
             let mut failsafe = Failsafe::default();
-            assert_eq!(
-                reached(&mut failsafe, &settings, &state),
-                expected,
-                "{settings:?}"
-            );
+            let reached = reached(&mut failsafe, &settings, &state);
+            assert_eq!(reached, expected, "{settings:?}");
             assert_eq!(failsafe.level(), FailsafeLevel::Critical);
         }
     }
 
     #[test]
-    fn a_level_counts_once_until_a_reset_or_another_pack() {
+    // Requirement: AP-18
+    fn a_level_latches_and_counts_once_until_a_reset_or_another_pack() {
         let mut failsafe = Failsafe::default();
         let reached =
             |failsafe: &mut Failsafe, voltage_v| reached(failsafe, &settings(), &at_voltage(voltage_v));
@@ -710,7 +668,10 @@ mod tests {
         assert_eq!(reached(&mut failsafe, 12.0), []);
         assert_eq!(reached(&mut failsafe, 9.0), BOTH[1..]);
         assert_eq!(reached(&mut failsafe, 10.4), []);
+        assert_eq!(reached(&mut failsafe, 12.0), []);
+        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
         failsafe.clear();
+        assert_eq!(failsafe.level(), FailsafeLevel::None);
         assert_eq!(reached(&mut failsafe, 9.0), BOTH);
         failsafe.replace_pack(Replacement::Likely);
         assert_eq!(reached(&mut failsafe, 10.4), BOTH[..1]);
@@ -737,10 +698,7 @@ mod tests {
         let mut failsafe = lost();
         let reached = reached(&mut failsafe, &settings(), &at_voltage(9.0));
         assert_eq!(reached, BOTH);
-        let silent = Observation {
-            last_healthy: Some(Instant::EPOCH),
-            ..seen(at_us(60_000_000), ArmState::Armed, None)
-        };
+        let silent = silent(at_us(60_000_000));
         assert_eq!(failsafe.update(&silent, &settings()), [FailsafeLevel::Unhealthy]);
     }
 
@@ -800,11 +758,8 @@ mod tests {
             let mut failsafe = critical();
             failsafe.replace_pack(Replacement::Certain);
             failsafe.update(&seen(Instant::EPOCH, arm_state, state.as_ref()), &settings());
-            assert_eq!(
-                rest(&mut failsafe, &full),
-                FailsafeLevel::Critical,
-                "{arm_state:?}"
-            );
+            let level = rest(&mut failsafe, &full);
+            assert_eq!(level, FailsafeLevel::Critical, "{arm_state:?}");
         }
     }
 
@@ -848,11 +803,8 @@ mod tests {
         ] {
             for timer_s in [Some(10.0), None] {
                 let mut failsafe = Failsafe::default();
-                assert_eq!(
-                    reached(&mut failsafe, &by_percent(timer_s), &state),
-                    expected,
-                    "{timer_s:?}: {state:?}"
-                );
+                let reached = reached(&mut failsafe, &by_percent(timer_s), &state);
+                assert_eq!(reached, expected, "{timer_s:?}: {state:?}");
             }
         }
         let mut failsafe = Failsafe::default();

@@ -319,10 +319,8 @@ mod tests {
     fn failure_is_reported_once_and_recovery_debounced() {
         let mut reporter = HealthReporter::default();
         assert_eq!(sensor(&mut reporter, WORKS, 100), []);
-        assert_eq!(
-            sensor(&mut reporter, FAILED, 100),
-            [PackEvent::SensorFailed(ReadError::Bus(BusError::NoAnswer))]
-        );
+        let failed = [PackEvent::SensorFailed(ReadError::Bus(BusError::NoAnswer))];
+        assert_eq!(sensor(&mut reporter, FAILED, 100), failed);
         assert_eq!(sensor(&mut reporter, WORKS, 45), []);
         assert_eq!(sensor(&mut reporter, FAILED, 1), [], "a loose contact");
         assert_eq!(sensor(&mut reporter, WORKS, 100), [PackEvent::SensorRecovered]);
@@ -342,13 +340,9 @@ mod tests {
         let mut reporter = HealthReporter::default();
         let mut reports = Vec::new();
         for _ in 0..60 {
-            reports.extend(contact(
-                &mut reporter,
-                PackStatus::NotConnected,
-                ArmState::Armed,
-                1,
-            ));
-            reports.extend(contact(&mut reporter, PackStatus::Healthy, ArmState::Armed, 89));
+            for (status, ticks) in [(PackStatus::NotConnected, 1), (PackStatus::Healthy, 89)] {
+                reports.extend(contact(&mut reporter, status, ArmState::Armed, ticks));
+            }
         }
         assert_eq!(reports, [PackEvent::ContactLost]);
         let after = contact(&mut reporter, PackStatus::Healthy, ArmState::Disarmed, 301);
@@ -368,15 +362,11 @@ mod tests {
     fn failed_read_does_not_restore_a_contact() {
         let mut reporter = HealthReporter::default();
         contact(&mut reporter, PackStatus::NotConnected, ArmState::Armed, 1);
-        let failed = (0..1000).filter_map(|_| {
-            reporter.contact(
-                0.1,
-                PackStatus::Healthy,
-                Some(ReadError::Timeout),
-                ArmState::Armed,
-            )
-        });
-        assert_eq!(failed.count(), 0);
+        let error = Some(ReadError::Timeout);
+        for _ in 0..1000 {
+            let event = reporter.contact(0.1, PackStatus::Healthy, error, ArmState::Armed);
+            assert_eq!(event, None);
+        }
     }
 
     fn state(charge_state: ChargeState) -> BatteryState {
@@ -424,11 +414,8 @@ mod tests {
             (ChargeState::Emergency, None),
         ] {
             let expected: Vec<_> = expected.map(charge).into_iter().collect();
-            assert_eq!(
-                reported(&mut reporter, 60, &state(present)),
-                expected,
-                "{present:?}"
-            );
+            let events = reported(&mut reporter, 60, &state(present));
+            assert_eq!(events, expected, "{present:?}");
         }
     }
 
@@ -464,10 +451,8 @@ mod tests {
         let low = tripped(ChargeState::Low, FailsafeLevel::Low);
         assert_eq!(reported(&mut reporter, 10, &low), []);
         let nearly_empty = tripped(ChargeState::Emergency, FailsafeLevel::Low);
-        assert_eq!(
-            reported(&mut reporter, 10, &nearly_empty),
-            [charge(ChargeState::Emergency)]
-        );
+        let events = reported(&mut reporter, 10, &nearly_empty);
+        assert_eq!(events, [charge(ChargeState::Emergency)]);
     }
 
     #[test]
@@ -541,22 +526,17 @@ mod tests {
         };
         let two = Faults::OVER_CURRENT | Faults::DEEP_DISCHARGE;
         let mut events = Vec::new();
+        let sound = with(Faults::empty(), PackStatus::Healthy);
         for _ in 0..20 {
             events.extend(reported(&mut reporter, 2, &with(two, PackStatus::Healthy)));
-            events.extend(reported(
-                &mut reporter,
-                9,
-                &with(Faults::empty(), PackStatus::Healthy),
-            ));
+            events.extend(reported(&mut reporter, 9, &sound));
         }
         assert_eq!(events, [PackEvent::Faults(two)]);
         // A sensor that fails does not end a fault.
         reported(&mut reporter, 60, &with(Faults::empty(), PackStatus::Unhealthy));
         assert_eq!(reported(&mut reporter, 2, &with(two, PackStatus::Healthy)), []);
         let three = two | Faults::CELL_FAIL;
-        assert_eq!(
-            reported(&mut reporter, 2, &with(three, PackStatus::Healthy)),
-            [PackEvent::Faults(Faults::CELL_FAIL)]
-        );
+        let events = reported(&mut reporter, 2, &with(three, PackStatus::Healthy));
+        assert_eq!(events, [PackEvent::Faults(Faults::CELL_FAIL)]);
     }
 }

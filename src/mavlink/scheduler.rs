@@ -261,6 +261,16 @@ mod tests {
         }
     }
 
+    fn with_rate(rate_hz: f32) -> StreamScheduler {
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+        scheduler.set_extra1_rate(rate_hz, Instant::EPOCH);
+        scheduler
+    }
+
+    fn set(scheduler: &mut StreamScheduler, message_id: u32, interval: Interval, us: u64) {
+        scheduler.set_interval(message_id, interval, at_us(us)).unwrap();
+    }
+
     fn count(sent: &[(Instant, StreamKind)], message: StreamKind) -> usize {
         sent.iter().filter(|(_, m)| *m == message).count()
     }
@@ -269,8 +279,7 @@ mod tests {
     // Requirement: FR-2
     fn rates_are_exact_over_ten_minutes_of_late_service() {
         for rate_hz in [1.0, 2.0, 10.0, 50.0] {
-            let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-            scheduler.set_extra1_rate(rate_hz, Instant::EPOCH);
+            let mut scheduler = with_rate(rate_hz);
             let mut k = 0;
             let sent = run(&mut scheduler, 600_000_000, || {
                 k = (k * 31 + 7) % 1000;
@@ -285,8 +294,7 @@ mod tests {
 
     #[test]
     fn a_rate_of_zero_sends_heartbeats_only() {
-        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-        scheduler.set_extra1_rate(2.0, Instant::EPOCH);
+        let mut scheduler = with_rate(2.0);
         scheduler.set_extra1_rate(0.0, Instant::EPOCH);
         let sent = run(&mut scheduler, 10_000_000, || 0);
         assert_eq!(sent.len(), 10);
@@ -295,16 +303,9 @@ mod tests {
 
     #[test]
     fn one_message_can_be_turned_off_sped_up_and_put_back() {
-        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-        scheduler.set_extra1_rate(2.0, Instant::EPOCH);
-        assert_eq!(
-            scheduler.set_interval(BATTERY_STATUS, Interval::Every(100_000), Instant::EPOCH),
-            Ok(())
-        );
-        assert_eq!(
-            scheduler.set_interval(SYS_STATUS, Interval::Off, Instant::EPOCH),
-            Ok(())
-        );
+        let mut scheduler = with_rate(2.0);
+        set(&mut scheduler, BATTERY_STATUS, Interval::Every(100_000), 0);
+        set(&mut scheduler, SYS_STATUS, Interval::Off, 0);
         assert_eq!(scheduler.interval_us(BATTERY_STATUS), Ok(Some(100_000)));
         assert_eq!(scheduler.interval_us(SYS_STATUS), Ok(None));
         // The rate of the others does not matter to them.
@@ -314,14 +315,10 @@ mod tests {
         assert_eq!(count(&sent, StreamKind::SysStatus), 0);
 
         scheduler.set_extra1_rate(2.0, at_us(10_000_000));
-        scheduler
-            .set_interval(BATTERY_STATUS, Interval::Default, at_us(10_000_000))
-            .unwrap();
+        set(&mut scheduler, BATTERY_STATUS, Interval::Default, 10_000_000);
         assert_eq!(scheduler.interval_us(BATTERY_STATUS), Ok(Some(500_000)));
-        assert_eq!(
-            scheduler.set_interval(30, Interval::Off, Instant::EPOCH),
-            Err(IntervalRefused::NotStreamed)
-        );
+        let answer = scheduler.set_interval(30, Interval::Off, Instant::EPOCH);
+        assert_eq!(answer, Err(IntervalRefused::NotStreamed));
     }
 
     #[test]
@@ -332,23 +329,16 @@ mod tests {
             (371, StreamKind::FuelStatus, None),
             (372, StreamKind::BatteryInfo, Some(10_000_000)),
         ] {
-            let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-            scheduler.set_extra1_rate(2.0, Instant::EPOCH);
+            let mut scheduler = with_rate(2.0);
             assert_eq!(scheduler.interval_us(message_id), Ok(None));
             assert_eq!(count(&run(&mut scheduler, 10_000_000, || 0), message), 0);
-            scheduler
-                .set_interval(message_id, Interval::Every(100_000), at_us(10_000_000))
-                .unwrap();
+            set(&mut scheduler, message_id, Interval::Every(100_000), 10_000_000);
             assert_eq!(count(&run(&mut scheduler, 20_000_000, || 0), message), 100);
-            scheduler
-                .set_interval(message_id, Interval::Default, at_us(20_000_000))
-                .unwrap();
+            set(&mut scheduler, message_id, Interval::Default, 20_000_000);
             assert_eq!(scheduler.interval_us(message_id), Ok(by_default_us));
             let sent = count(&run(&mut scheduler, 120_000_000, || 0), message);
             assert_eq!(sent, by_default_us.map_or(0, |_| 10));
-            scheduler
-                .set_interval(message_id, Interval::Off, at_us(120_000_000))
-                .unwrap();
+            set(&mut scheduler, message_id, Interval::Off, 120_000_000);
             assert_eq!(count(&run(&mut scheduler, 150_000_000, || 0), message), 0);
         }
     }
@@ -361,10 +351,9 @@ mod tests {
             Interval::Every(100_000),
             Interval::Every(2_000_000),
         ] {
-            assert_eq!(
-                scheduler.set_interval(0, interval, Instant::EPOCH),
-                Err(IntervalRefused::OutOfRange)
-            );
+            let answer = scheduler.set_interval(0, interval, Instant::EPOCH);
+            assert_eq!(answer, Err(IntervalRefused::OutOfRange));
+            assert_eq!(scheduler.interval_us(0), Ok(Some(1_000_000)));
         }
         for interval in [Interval::Default, Interval::Every(1_000_000)] {
             assert_eq!(scheduler.set_interval(0, interval, Instant::EPOCH), Ok(()));
@@ -376,8 +365,7 @@ mod tests {
 
     #[test]
     fn a_radio_whose_buffer_fills_slows_the_streams_until_it_is_empty_again() {
-        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-        scheduler.set_extra1_rate(10.0, Instant::EPOCH);
+        let mut scheduler = with_rate(10.0);
         for _ in 0..5 {
             scheduler.radio_buffer_free(10, Instant::EPOCH);
         }
@@ -392,8 +380,7 @@ mod tests {
 
     #[test]
     fn a_radio_that_falls_silent_slows_nothing_after_five_seconds() {
-        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-        scheduler.set_extra1_rate(10.0, Instant::EPOCH);
+        let mut scheduler = with_rate(10.0);
         for second in 0..60 {
             scheduler.radio_buffer_free(0, at_us(second * 1_000_000));
             run(&mut scheduler, (second + 1) * 1_000_000, || 0);
@@ -456,18 +443,15 @@ mod tests {
             (u64::MAX, Err(IntervalRefused::OutOfRange)),
         ] {
             let interval = Interval::Every(interval_us);
-            assert_eq!(
-                scheduler.set_interval(SYS_STATUS, interval, Instant::EPOCH),
-                result
-            );
+            let answer = scheduler.set_interval(SYS_STATUS, interval, Instant::EPOCH);
+            assert_eq!(answer, result);
         }
         assert_eq!(scheduler.interval_us(SYS_STATUS), Ok(Some(1_800_000_000)));
     }
 
     #[test]
     fn a_late_tick_is_not_made_up_for_by_a_burst() {
-        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-        scheduler.set_extra1_rate(50.0, Instant::EPOCH);
+        let mut scheduler = with_rate(50.0);
         while scheduler.poll(Instant::EPOCH).is_some() {}
         let mut after_a_stall = Vec::new();
         while let Some(message) = scheduler.poll(at_us(3_400_001)) {
@@ -486,8 +470,7 @@ mod tests {
 
     #[test]
     fn repeating_the_rate_changes_nothing() {
-        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-        scheduler.set_extra1_rate(2.0, Instant::EPOCH);
+        let mut scheduler = with_rate(2.0);
         while scheduler.poll(Instant::EPOCH).is_some() {}
         let before = scheduler.next_due();
         scheduler.set_extra1_rate(2.0, at_us(499_999));

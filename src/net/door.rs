@@ -213,9 +213,12 @@ mod tests {
     #[test]
     fn arp_on_behalf_of_another_stays_outside() {
         let leases = leased();
-        let mut frame = arp(PHONE, ADDRESS);
-        frame[SOURCE_MAC..12].copy_from_slice(&STRANGER);
-        assert!(!admits(Some(&leases), &frame));
+        // The other address would be lent to the stranger.
+        for address in [ADDRESS, [192, 168, 4, 3]] {
+            let mut frame = arp(PHONE, address);
+            frame[SOURCE_MAC..12].copy_from_slice(&STRANGER);
+            assert!(!admits(Some(&leases), &frame), "{address:?}");
+        }
     }
 
     #[test]

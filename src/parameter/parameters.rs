@@ -401,14 +401,9 @@ mod tests {
         let mut parameters = Parameters::defaults();
         for monitored in [0b0_0000_0000, 0b1_1111_1111, 0b0_0000_0001, 0b1_0100_1010] {
             for pack in Pack::ALL {
-                let monitor = if monitored & 1 << pack.instance() != 0 {
-                    4.0
-                } else {
-                    0.0
-                };
-                parameters
-                    .set(BatteryParameter::Monitor.of(pack), monitor)
-                    .unwrap();
+                let is_monitored = monitored & 1 << pack.instance() != 0;
+                let value = if is_monitored { 4.0 } else { 0.0 };
+                parameters.set(BatteryParameter::Monitor.of(pack), value).unwrap();
             }
             assert_eq!(parameters.listed_count(), parameters.listed().count());
             for id in ParameterId::all() {
@@ -438,20 +433,15 @@ mod tests {
         let bitrate = ParameterId::from(VehicleParameter::CanP1Bitrate);
         let multiplier = BatteryParameter::CurrMult.of(Pack::Second);
         let count = parameters.listed_count();
-        assert_eq!(
-            [bitrate, multiplier].map(|id| parameters.listed_index(id)),
-            [None, None]
-        );
+        let indices = [bitrate, multiplier].map(|id| parameters.listed_index(id));
+        assert_eq!(indices, [None, None]);
         parameters.set(VehicleParameter::CanP1Driver, 1.0).unwrap();
         let of_bus = parameters.listed_count() - count;
         assert_eq!(of_bus, 3);
-        parameters
-            .set(BatteryParameter::Monitor.of(Pack::Second), 9.0)
-            .unwrap();
+        let monitor = BatteryParameter::Monitor.of(Pack::Second);
+        parameters.set(monitor, 9.0).unwrap();
         assert_eq!(parameters.listed_index(multiplier), None);
-        parameters
-            .set(BatteryParameter::Monitor.of(Pack::Second), 8.0)
-            .unwrap();
+        parameters.set(monitor, 8.0).unwrap();
         for (index, id) in parameters.listed().enumerate() {
             assert_eq!(parameters.listed_index(id), Some(index), "{}", id.name());
         }
@@ -478,10 +468,8 @@ mod tests {
             assert_eq!(parameters.set(EXTRA1, value), Err(Refused::OutOfRange), "{value}");
             assert_eq!(parameters.get(EXTRA1), 2.0);
         }
-        assert_eq!(
-            parameters.set(BatteryParameter::Monitor.of(Pack::First), 1.0),
-            Err(Refused::OutOfRange)
-        );
+        let set = parameters.set(BatteryParameter::Monitor.of(Pack::First), 1.0);
+        assert_eq!(set, Err(Refused::OutOfRange));
         assert_eq!(parameters.next_unsaved(), None);
     }
 

@@ -89,10 +89,9 @@ mod tests {
         );
         let positions = [0, 1000, 1250, 1500, 1900, 2000, 2200].map(|us| steering.position(us));
         assert_eq!(positions, [-1000, -1000, -500, 0, 800, 1000, 1000]);
-        for (id, value) in [(RcmapThrottle, 5.0), (RcmapRoll, 3.0)] {
-            parameters.set(id, value).unwrap();
-        }
         for (id, value) in [
+            (RcmapThrottle, 5.0),
+            (RcmapRoll, 3.0),
             (Rc3Min, 1100.0),
             (Rc3Max, 1900.0),
             (Rc3Trim, 1600.0),
@@ -152,11 +151,8 @@ mod tests {
             (Rc1Trim, 899.0),
             (Rc1Max, 2201.0),
         ] {
-            assert_eq!(
-                Parameters::defaults().set(id, value),
-                Err(Refused::OutOfRange),
-                "{value}"
-            );
+            let set = Parameters::defaults().set(id, value);
+            assert_eq!(set, Err(Refused::OutOfRange), "{value}");
         }
     }
 
@@ -190,10 +186,8 @@ mod tests {
             assert_eq!(parameters.stick_channels().steering.index, 4);
             parameters.set(RcmapRoll, 6.0).unwrap();
             parameters.set(RcmapThrottle, 2.0).unwrap();
-            assert_eq!(
-                misfits(&parameters),
-                [(RcmapThrottle, RcmapYaw), (Rc2Min, Rc2Trim)]
-            );
+            let expected = [(RcmapThrottle, RcmapYaw), (Rc2Min, Rc2Trim)];
+            assert_eq!(misfits(&parameters), expected);
         }
     }
 

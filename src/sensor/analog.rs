@@ -248,41 +248,31 @@ mod tests {
         }
     }
 
-    fn recorded(counts: &[u16]) -> Recorded {
-        let results: Vec<_> = counts.iter().map(|&count| Ok(AdcCount(count))).collect();
-        Recorded(results.into_iter())
+    fn mean_of(results: [Result<AdcCount, ReadError>; 16]) -> Result<AdcCount, ReadError> {
+        let mut input = Recorded(Vec::from(results).into_iter());
+        block_on(read_mean(&mut input, AnalogPin::Gp26))
     }
 
     #[test]
     // Requirement: FR-11
     fn mean_of_a_burst_is_rounded() {
-        let mut low = [1000; 16];
-        low[..7].fill(1001);
-        assert_eq!(
-            block_on(read_mean(&mut recorded(&low), AnalogPin::Gp26)),
-            Ok(AdcCount(1000))
-        );
-        low[..8].fill(1001);
-        assert_eq!(
-            block_on(read_mean(&mut recorded(&low), AnalogPin::Gp26)),
-            Ok(AdcCount(1001))
-        );
+        let mut burst = [Ok(AdcCount(1000)); 16];
+        burst[..7].fill(Ok(AdcCount(1001)));
+        assert_eq!(mean_of(burst), Ok(AdcCount(1000)));
+        burst[..8].fill(Ok(AdcCount(1001)));
+        assert_eq!(mean_of(burst), Ok(AdcCount(1001)));
     }
 
     #[test]
     fn mean_of_full_scale_does_not_overflow() {
-        let mean = block_on(read_mean(&mut recorded(&[ADC_FULL_SCALE; 16]), AnalogPin::Gp26));
-        assert_eq!(mean, Ok(AdcCount(ADC_FULL_SCALE)));
+        let full_scale = Ok(AdcCount(ADC_FULL_SCALE));
+        assert_eq!(mean_of([full_scale; 16]), full_scale);
     }
 
     #[test]
     fn one_failed_conversion_fails_the_burst() {
-        let mut results = vec![Ok(AdcCount(2000)); 16];
-        results[9] = Err(ReadError::Conversion);
-        let mut input = Recorded(results.into_iter());
-        assert_eq!(
-            block_on(read_mean(&mut input, AnalogPin::Gp26)),
-            Err(ReadError::Conversion)
-        );
+        let mut burst = [Ok(AdcCount(2000)); 16];
+        burst[9] = Err(ReadError::Conversion);
+        assert_eq!(mean_of(burst), Err(ReadError::Conversion));
     }
 }

@@ -332,6 +332,14 @@ mod tests {
     use crate::sensor::{AdcCount, AnalogPin};
     use crate::time::at_us;
 
+    fn changed(changes: &[(BatteryParameter, f32)], pack: Pack) -> Parameters {
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in changes {
+            parameters.set(parameter.of(pack), *value).unwrap();
+        }
+        parameters
+    }
+
     fn measure(kind: FuelKind, changes: &[(BatteryParameter, f32)]) -> Result<Measurement, ReadError> {
         // 1.5 V.
         measure_level(kind, changes, AdcCount(1861))
@@ -342,20 +350,12 @@ mod tests {
         changes: &[(BatteryParameter, f32)],
         level: AdcCount,
     ) -> Result<Measurement, ReadError> {
-        let mut parameters = Parameters::defaults();
-        for (parameter, value) in changes {
-            parameters.set(parameter.of(Pack::First), *value).unwrap();
-        }
+        let parameters = changed(changes, Pack::First);
         let mut pins = AnalogReadings::NONE;
         pins.set(AnalogPin::Gp28, Ok(level));
-        let mut pulses = Pulses::NONE;
-        for start_us in [0, 20_000, 40_000] {
-            pulses.rise(at_us(start_us));
-            pulses.fall(at_us(start_us + 1700));
-        }
         let readings = FuelReadings {
             pins: &pins,
-            pulses: &pulses,
+            pulses: &of_widths(&[1700; 3]),
             now: at_us(100_000),
         };
         FuelMeter::default().measure(kind, &parameters, Pack::First, &readings)
@@ -498,18 +498,11 @@ mod tests {
         for period_us in [12_000, 150_000, 2_500_000] {
             let mut bench = TankBench::new();
             bench.run(60, Some(period_us));
-            let flow_l_h = 0.5 * 3.6e6 / period_us as f32;
-            assert!(
-                (bench.flow_l_h - flow_l_h).abs() < 0.001 * flow_l_h,
-                "{} instead of {flow_l_h}",
-                bench.flow_l_h
-            );
-            let volume_ml = 0.5 * 60e6 / period_us as f32;
-            assert!(
-                (bench.volume_ml - volume_ml).abs() <= 0.5,
-                "{} instead of {volume_ml}",
-                bench.volume_ml
-            );
+            let (flow_l_h, volume_ml) = (bench.flow_l_h, bench.volume_ml);
+            let expected = [0.5 * 3.6e6, 0.5 * 60e6].map(|ratio| ratio / period_us as f32);
+            let what = format!("{flow_l_h} and {volume_ml} instead of {expected:?}");
+            assert!((flow_l_h - expected[0]).abs() < 0.001 * expected[0], "{what}");
+            assert!((volume_ml - expected[1]).abs() <= 0.5, "{what}");
         }
     }
 
@@ -545,11 +538,7 @@ mod tests {
     }
 
     fn scale(changes: &[(BatteryParameter, f32)]) -> LevelScale {
-        let mut parameters = Parameters::defaults();
-        for (parameter, value) in changes {
-            parameters.set(parameter.of(Pack::Second), *value).unwrap();
-        }
-        LevelScale::from_parameters(&parameters, Pack::Second)
+        LevelScale::from_parameters(&changed(changes, Pack::Second), Pack::Second)
     }
 
     #[track_caller]
@@ -598,20 +587,13 @@ mod tests {
         let mut meter = LevelMeter::default();
         assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), Instant::EPOCH), 2000.0);
         // The time constant is 1 / (2 π 0.3 Hz) = 0.53 s: 1/e of a step remains, less the effect of the tick.
-        let mut remaining_ml = 0.0;
-        for tick in 1..=5 {
-            let measurement = meter
-                .measure(&scale, 0.5, Some(2000.0), at_us(tick * TICK_US))
-                .unwrap();
-            remaining_ml = measurement.gauge.read().unwrap().remaining_mah;
-        }
+        let at = |tick: u64| at_us(tick * TICK_US);
+        let measured: Vec<_> = (1..=61)
+            .map(|tick| meter.measure(&scale, 0.5, Some(2000.0), at(tick)).unwrap())
+            .collect();
+        let remaining_ml = measured[4].gauge.read().unwrap().remaining_mah;
         assert!((800.0..900.0).contains(&remaining_ml), "{remaining_ml} ml");
-        for tick in 6..=60 {
-            meter
-                .measure(&scale, 0.5, Some(2000.0), at_us(tick * TICK_US))
-                .unwrap();
-        }
-        assert_remaining(meter.measure(&scale, 0.5, Some(2000.0), at_us(61 * TICK_US)), 0.0);
+        assert_remaining(Ok(measured[60]), 0.0);
     }
 
     #[test]
@@ -628,13 +610,9 @@ mod tests {
         assert_eq!(measured, Err(ReadError::NoCapacity));
     }
 
-    fn of_width(width_us: u64) -> Pulses {
-        let mut pulses = Pulses::NONE;
-        for start_us in [0, 20_000, 40_000] {
-            pulses.rise(at_us(start_us));
-            pulses.fall(at_us(start_us + width_us));
-        }
-        pulses
+    /// The level of a tank of 2000 ml at a moment in microseconds, by three pulses from the start.
+    fn level_of_width(width_us: u64, us: u64) -> Result<Measurement, ReadError> {
+        level_by_pulses(&of_widths(&[width_us; 3]), Some(2000.0), at_us(us))
     }
 
     #[test]
@@ -647,22 +625,18 @@ mod tests {
             (1900, 2000.0),
             (1919, 2000.0),
         ] {
-            assert_remaining(
-                level_by_pulses(&of_width(width_us), Some(2000.0), at_us(100_000)),
-                remaining_ml,
-            );
+            assert_remaining(level_of_width(width_us, 100_000), remaining_ml);
         }
         for width_us in [1, 1080, 1920, 20_000] {
-            let measured = level_by_pulses(&of_width(width_us), Some(2000.0), at_us(100_000));
+            let measured = level_of_width(width_us, 100_000);
             assert_eq!(measured, Err(ReadError::Implausible), "{width_us}");
         }
     }
 
     #[test]
     fn pulses_time_out_after_250_ms() {
-        let read = |us| level_by_pulses(&of_width(1500), Some(2000.0), at_us(us));
-        assert_remaining(read(41_500 + 250_000), 1000.0);
-        assert_eq!(read(41_500 + 250_001), Err(ReadError::Timeout));
+        assert_remaining(level_of_width(1500, 41_500 + 250_000), 1000.0);
+        assert_eq!(level_of_width(1500, 41_500 + 250_001), Err(ReadError::Timeout));
         let never = level_by_pulses(&Pulses::NONE, Some(2000.0), at_us(100_000));
         assert_eq!(never, Err(ReadError::Timeout));
     }

@@ -242,6 +242,7 @@ impl StickState {
 mod tests {
     use super::*;
     use crate::time::at_us;
+    use StickInput::{Position, Released, Unchanged};
 
     const TIMEOUT_US: u64 = 1_500_000;
 
@@ -249,7 +250,7 @@ mod tests {
         (controls.throttle(), controls.steering())
     }
 
-    const NEUTRAL: StickInput = StickInput::Position(0);
+    const NEUTRAL: StickInput = Position(0);
 
     /// Sticks that were neutral at the start.
     fn centred() -> Controls {
@@ -262,15 +263,11 @@ mod tests {
     fn stick_keeps_its_position_until_the_next_message() {
         let mut controls = centred();
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.receive(
-            Instant::EPOCH,
-            StickInput::Position(500),
-            StickInput::Position(i16::MIN),
-        );
+        controls.receive(Instant::EPOCH, Position(500), Position(i16::MIN));
         assert_eq!(positions(&controls), (0.5, -1.0));
-        controls.receive(Instant::EPOCH, StickInput::Unchanged, StickInput::Released);
+        controls.receive(Instant::EPOCH, Unchanged, Released);
         assert_eq!(positions(&controls), (0.5, 0.0));
-        controls.receive(Instant::EPOCH, StickInput::Released, StickInput::Unchanged);
+        controls.receive(Instant::EPOCH, Released, Unchanged);
         assert_eq!(positions(&controls), (0.0, 0.0));
         assert!(!controls.times_out(Instant::MAX, TIMEOUT_US, ArmState::Armed));
     }
@@ -279,19 +276,15 @@ mod tests {
     fn sticks_time_out_separately_and_stay_neutral() {
         for arm_state in [ArmState::Disarmed, ArmState::Armed] {
             let mut controls = centred();
-            controls.receive(
-                Instant::EPOCH,
-                StickInput::Position(1000),
-                StickInput::Position(1000),
-            );
-            controls.receive(at_us(1_000_000), StickInput::Unchanged, StickInput::Position(500));
+            controls.receive(Instant::EPOCH, Position(1000), Position(1000));
+            controls.receive(at_us(1_000_000), Unchanged, Position(500));
             let is_failure = controls.times_out(at_us(1_500_001), TIMEOUT_US, arm_state);
             assert_eq!(is_failure, arm_state == ArmState::Armed);
             assert_eq!(positions(&controls), (0.0, 0.5));
-            controls.receive(at_us(1_600_000), StickInput::Unchanged, StickInput::Position(250));
+            controls.receive(at_us(1_600_000), Unchanged, Position(250));
             assert_eq!(positions(&controls), (0.0, 0.25));
             assert_eq!(controls.have_timed_out(), is_failure, "no throttle message since");
-            controls.receive(at_us(1_700_000), StickInput::Released, StickInput::Unchanged);
+            controls.receive(at_us(1_700_000), Released, Unchanged);
             assert!(!controls.have_timed_out());
         }
     }
@@ -299,12 +292,8 @@ mod tests {
     #[test]
     fn message_about_other_channels_refreshes_nothing() {
         let mut controls = Controls::default();
-        assert!(controls.receive(
-            Instant::EPOCH,
-            StickInput::Position(1000),
-            StickInput::Position(1000)
-        ));
-        assert!(!controls.receive(at_us(2_000_000), StickInput::Unchanged, StickInput::Unchanged));
+        assert!(controls.receive(Instant::EPOCH, Position(1000), Position(1000)));
+        assert!(!controls.receive(at_us(2_000_000), Unchanged, Unchanged));
         assert!(controls.times_out(at_us(2_000_000), TIMEOUT_US, ArmState::Armed));
         assert_eq!(positions(&controls), (0.0, 0.0));
     }
@@ -312,20 +301,16 @@ mod tests {
     #[test]
     fn a_stick_drives_from_its_first_neutral_position_on() {
         let mut controls = Controls::default();
-        controls.receive(Instant::EPOCH, StickInput::Position(900), NEUTRAL);
+        controls.receive(Instant::EPOCH, Position(900), NEUTRAL);
         assert_eq!(positions(&controls), (0.0, 0.0));
         assert_eq!(controls.waiting(), Some(Stick::Throttle));
-        controls.receive(
-            Instant::EPOCH,
-            StickInput::Position(900),
-            StickInput::Position(60),
-        );
+        controls.receive(Instant::EPOCH, Position(900), Position(60));
         assert_eq!(positions(&controls), (0.0, 0.06), "each by itself");
-        controls.receive(Instant::EPOCH, StickInput::Position(50), StickInput::Unchanged);
+        controls.receive(Instant::EPOCH, Position(50), Unchanged);
         assert_eq!((positions(&controls), controls.waiting()), ((0.05, 0.06), None));
-        controls.receive(Instant::EPOCH, StickInput::Position(900), StickInput::Released);
+        controls.receive(Instant::EPOCH, Position(900), Released);
         assert_eq!(positions(&controls), (0.9, 0.0));
-        controls.receive(Instant::EPOCH, StickInput::Unchanged, StickInput::Position(900));
+        controls.receive(Instant::EPOCH, Unchanged, Position(900));
         assert_eq!(positions(&controls), (0.9, 0.0), "after a release");
         assert_eq!(controls.waiting(), Some(Stick::Steering));
     }
@@ -333,55 +318,43 @@ mod tests {
     #[test]
     fn a_neutral_stick_drives_with_the_next_message_after_the_gate_was_closed() {
         let mut controls = Controls::default();
-        controls.receive(
-            Instant::EPOCH,
-            StickInput::Position(50),
-            StickInput::Position(-50),
-        );
+        controls.receive(Instant::EPOCH, Position(50), Position(-50));
         controls.close();
         controls.close();
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.receive(Instant::EPOCH, StickInput::Position(800), StickInput::Unchanged);
+        controls.receive(Instant::EPOCH, Position(800), Unchanged);
         assert_eq!(positions(&controls), (0.8, 0.0));
     }
 
     #[test]
     fn a_stick_that_was_deflected_or_silent_when_the_gate_was_closed_has_to_be_centred() {
-        let deflected = StickInput::Position(-1000);
+        let deflected = Position(-1000);
         let mut controls = centred();
-        controls.receive(Instant::EPOCH, deflected, StickInput::Position(50));
+        controls.receive(Instant::EPOCH, deflected, Position(50));
         assert_eq!(controls.deflected(), Some(Stick::Throttle));
         controls.close();
-        controls.receive(Instant::EPOCH, deflected, StickInput::Position(60));
+        controls.receive(Instant::EPOCH, deflected, Position(60));
         assert_eq!(positions(&controls), (0.0, 0.06));
         // Closed again, after a time-out.
         controls.disarm();
         controls.times_out(at_us(2_000_000), TIMEOUT_US, ArmState::Disarmed);
         controls.close();
-        controls.receive(at_us(2_000_000), deflected, StickInput::Position(60));
+        controls.receive(at_us(2_000_000), deflected, Position(60));
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.receive(at_us(2_000_000), NEUTRAL, StickInput::Unchanged);
-        controls.receive(at_us(2_000_000), deflected, StickInput::Unchanged);
+        controls.receive(at_us(2_000_000), NEUTRAL, Unchanged);
+        controls.receive(at_us(2_000_000), deflected, Unchanged);
         assert_eq!(positions(&controls), (-1.0, 0.0));
     }
 
     #[test]
     fn another_driver_brings_what_was_heard_of_its_own_sticks() {
         let mut heard = Controls::default();
-        heard.receive(Instant::EPOCH, NEUTRAL, StickInput::Unchanged);
+        heard.receive(Instant::EPOCH, NEUTRAL, Unchanged);
         let mut controls = centred();
-        controls.receive(
-            Instant::EPOCH,
-            StickInput::Position(700),
-            StickInput::Position(700),
-        );
+        controls.receive(Instant::EPOCH, Position(700), Position(700));
         controls.hand_over(heard);
         assert_eq!((positions(&controls), controls.deflected()), ((0.0, 0.0), None));
-        controls.receive(
-            Instant::EPOCH,
-            StickInput::Position(800),
-            StickInput::Position(800),
-        );
+        controls.receive(Instant::EPOCH, Position(800), Position(800));
         assert_eq!(positions(&controls), (0.8, 0.0));
         // The sticks of its predecessor time out.
         let mut controls = centred();
@@ -392,7 +365,7 @@ mod tests {
     #[test]
     fn sticks_of_a_driver_that_has_left_are_neutral_and_time_out() {
         let mut controls = centred();
-        controls.receive(Instant::EPOCH, StickInput::Position(700), StickInput::Released);
+        controls.receive(Instant::EPOCH, Position(700), Released);
         controls.centre();
         assert_eq!(positions(&controls), (0.0, 0.0));
         assert!(!controls.times_out(at_us(1_500_000), TIMEOUT_US, ArmState::Armed));

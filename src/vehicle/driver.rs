@@ -311,7 +311,15 @@ mod tests {
         assert_eq!(send(&mut seat, TWO, 1_060, 500), reported(ONE));
         assert_eq!(send(&mut seat, TWO, 1_070, 0), IGNORED, "the driver is there");
         assert_eq!(send(&mut seat, ONE, 1_080, 0), Ok(()));
-        assert_eq!(send(&mut seat, TWO, 1_090, 500), Ok(()));
+        let [throttle, steering] = [500, 0].map(StickInput::Position);
+        let admitted = seat.admit(TWO, at_us(1_090_000), throttle, steering);
+        let Ok(Admitted::NewDriver(heard)) = admitted else {
+            panic!("{admitted:?}");
+        };
+        let mut controls = Controls::default();
+        controls.hand_over(heard);
+        controls.receive(at_us(1_090_000), throttle, steering);
+        assert_eq!(controls.throttle(), 0.5, "with this very message");
         assert_eq!(
             send(&mut seat, ONE, 1_100, 400),
             reported(TWO),

@@ -161,19 +161,9 @@ mod tests {
     #[test]
     // Requirement: AP-19
     fn actions_have_ardupilots_numbers() {
-        for (number, text) in [
-            "Warning",
-            "RTL",
-            "Hold",
-            "SmartRTL",
-            "SmartRTL",
-            "Terminate",
-            "Loiter",
-        ]
-        .into_iter()
-        .enumerate()
-        {
-            let action = FailsafeAction::from_number(number as i32).expect("an action");
+        let texts = "Warning RTL Hold SmartRTL SmartRTL Terminate Loiter".split(' ');
+        for (number, text) in (0..).zip(texts) {
+            let action = FailsafeAction::from_number(number).expect("an action");
             assert_eq!(action.to_string(), text);
         }
         for number in [-1, 7, i32::MAX] {
@@ -181,28 +171,28 @@ mod tests {
         }
     }
 
+    fn set(parameters: &mut Parameters, pack: Pack, low: f32, critical: f32) {
+        for (parameter, number) in [
+            (BatteryParameter::FsLowAct, low),
+            (BatteryParameter::FsCrtAct, critical),
+        ] {
+            parameters.set(parameter.of(pack), number).expect("in range");
+        }
+    }
+
     #[test]
     fn each_level_of_each_pack_has_its_action() {
         let mut parameters = Parameters::defaults();
-        for (parameter, number) in [
-            (BatteryParameter::FsLowAct, 2.0),
-            (BatteryParameter::FsCrtAct, 5.0),
-        ] {
-            parameters
-                .set(parameter.of(Pack::Second), number)
-                .expect("in range");
-        }
+        set(&mut parameters, Pack::Second, 2.0, 5.0);
         let action = |pack, level| FailsafeAction::from_parameters(&parameters, pack, &[level]);
-        assert_eq!(action(Pack::Second, FailsafeLevel::Low), FailsafeAction::Hold);
-        assert_eq!(
-            action(Pack::Second, FailsafeLevel::Critical),
-            FailsafeAction::Terminate
-        );
-        assert_eq!(
-            action(Pack::Second, FailsafeLevel::Unhealthy),
-            FailsafeAction::Warn
-        );
-        assert_eq!(action(Pack::First, FailsafeLevel::Critical), FailsafeAction::Warn);
+        for (pack, level, expected) in [
+            (Pack::Second, FailsafeLevel::Low, FailsafeAction::Hold),
+            (Pack::Second, FailsafeLevel::Critical, FailsafeAction::Terminate),
+            (Pack::Second, FailsafeLevel::Unhealthy, FailsafeAction::Warn),
+            (Pack::First, FailsafeLevel::Critical, FailsafeAction::Warn),
+        ] {
+            assert_eq!(action(pack, level), expected, "{pack:?} {level:?}");
+        }
     }
 
     #[test]
@@ -217,14 +207,7 @@ mod tests {
             (1.0, 2.0, FailsafeAction::Hold),
         ] {
             let mut parameters = Parameters::defaults();
-            for (parameter, number) in [
-                (BatteryParameter::FsLowAct, low),
-                (BatteryParameter::FsCrtAct, critical),
-            ] {
-                parameters
-                    .set(parameter.of(Pack::Ninth), number)
-                    .expect("in range");
-            }
+            set(&mut parameters, Pack::Ninth, low, critical);
             let levels = [FailsafeLevel::Low, FailsafeLevel::Critical];
             let action = FailsafeAction::from_parameters(&parameters, Pack::Ninth, &levels);
             assert_eq!(action, expected, "{low} {critical}");

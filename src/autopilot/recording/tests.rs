@@ -73,8 +73,20 @@ impl RecordingBench {
         bench
     }
 
+    /// The same two seconds later.
+    fn under_way() -> Self {
+        let mut bench = Self::armed();
+        bench.run(2);
+        bench
+    }
+
     fn arm(&mut self) {
         self.vehicle.arm(self.now, Fitness::Checked).unwrap();
+    }
+
+    fn disarm_for(&mut self, seconds: u64) {
+        self.vehicle.disarm();
+        self.run(seconds);
     }
 
     fn set(&mut self, parameter: VehicleParameter, value: f32) {
@@ -195,14 +207,13 @@ fn outcome(is_done: bool) -> FlashOutcome {
     }
 }
 
-fn contains(file: &[u8], text: &str) -> bool {
-    file.windows(text.len()).any(|window| window == text.as_bytes())
+fn contains(file: &[u8], part: impl AsRef<[u8]>) -> bool {
+    count(file, part) > 0
 }
 
-fn count(file: &[u8], text: &str) -> usize {
-    file.windows(text.len())
-        .filter(|window| *window == text.as_bytes())
-        .count()
+fn count(file: &[u8], part: impl AsRef<[u8]>) -> usize {
+    let part = part.as_ref();
+    file.windows(part.len()).filter(|window| *window == part).count()
 }
 
 #[test]
@@ -262,8 +273,7 @@ fn learnt() -> LearntPack {
 
 #[test]
 fn a_file_begins_with_the_board_and_its_packs() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     let file = bench.file(1);
     let (board, pack) = (places(&file, BOARD)[0], places(&file, PACK)[0]);
     let greeting = file
@@ -291,20 +301,17 @@ fn nine_packs_at_the_beginning_take_no_room_from_what_happens() {
 #[test]
 fn what_was_learnt_of_another_pack_is_not_recorded() {
     let mut bench = RecordingBench::with_nine_packs();
-    let settings = |capacity_mah| PackSettings {
-        capacity_mah: Some(capacity_mah),
-        ..PackSettings::default()
+    let reading = Measurement {
+        voltage_v: Some(11.1),
+        ..Measurement::default()
     };
     for (pack, capacity_mah) in [(Pack::First, 2950.0), (Pack::Second, 10_000.0)] {
-        let reading = Measurement {
-            voltage_v: Some(11.1),
-            ..Measurement::default()
+        let settings = PackSettings {
+            capacity_mah: Some(capacity_mah),
+            ..PackSettings::default()
         };
-        let settings = settings(capacity_mah);
-        let _ = bench
-            .packs
-            .bank
-            .update(pack, Tick::default(), Ok(reading), &settings);
+        let bank = &mut bench.packs.bank;
+        let _ = bank.update(pack, Tick::default(), Ok(reading), &settings);
     }
     bench.run(1);
     bench.arm();
@@ -323,13 +330,11 @@ fn what_was_learnt_of_another_pack_is_not_recorded() {
 
 #[test]
 fn another_pack_is_recorded_also_in_a_pause() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     bench.recording.describe(Pack::First);
     bench.run(1);
     assert_eq!(packs_in(&bench.file(1)), [0, 0]);
-    bench.vehicle.disarm();
-    bench.run(20);
+    bench.disarm_for(20);
     bench.recording.describe(Pack::First);
     bench.run(1);
     assert_eq!(packs_in(&bench.file(1)), [0, 0, 0]);
@@ -349,10 +354,8 @@ fn a_file_begins_when_the_flash_was_read_after_arming() {
 
 #[test]
 fn a_file_pauses_15_s_after_disarming_and_goes_on_at_arming() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
-    bench.vehicle.disarm();
-    bench.run(14);
+    let mut bench = RecordingBench::under_way();
+    bench.disarm_for(14);
     bench.say("within");
     bench.run(6);
     bench.say("after");
@@ -368,10 +371,8 @@ fn a_file_pauses_15_s_after_disarming_and_goes_on_at_arming() {
 
 #[test]
 fn a_parameter_set_in_a_pause_is_recorded() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
-    bench.vehicle.disarm();
-    bench.run(20);
+    let mut bench = RecordingBench::under_way();
+    bench.disarm_for(20);
     let before = count(&bench.file(1), "LOG_BITMASK");
     bench
         .recording
@@ -386,8 +387,7 @@ fn another_file_begins_after_disarming_with_dsrmrot() {
     let mut bench = RecordingBench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
     bench.run(2);
-    bench.vehicle.disarm();
-    bench.run(20);
+    bench.disarm_for(20);
     bench.arm();
     bench.run(2);
     assert_eq!(bench.numbers(), [1, 2]);
@@ -397,8 +397,7 @@ fn another_file_begins_after_disarming_with_dsrmrot() {
 #[test]
 // Requirement: AP-22
 fn the_log_ends_and_begins_with_the_bitmask() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     bench.say("the last");
     bench.set(VehicleParameter::LogBitmask, 0.0);
     bench.run(1);
@@ -429,20 +428,15 @@ fn a_power_cut_costs_the_last_second_at_most() {
         let mut bench = bench.restarted();
         let file = bench.file(1);
         for tick in [20, lost_from - 1, lost_from] {
-            assert!(
-                contains(&file, &format!("tick {tick:06}")),
-                "{operations}: {tick}"
-            );
+            assert!(contains(&file, format!("tick {tick:06}")), "{operations}: {tick}");
         }
     }
 }
 
 #[test]
 fn what_waits_is_written_before_a_sector_is_erased() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
-    bench.vehicle.disarm();
-    bench.run(1);
+    let mut bench = RecordingBench::under_way();
+    bench.disarm_for(1);
     bench.set(VehicleParameter::LogDisarmed, 1.0);
     bench.recording.erase_all();
     bench.tick();
@@ -463,8 +457,7 @@ fn a_full_log_is_announced_and_goes_on_after_disarming() {
     assert_eq!(bench.announced, [LogFailure::Full]);
     let file = bench.file(1);
     assert!(contains(&file, "announced Full"));
-    bench.vehicle.disarm();
-    bench.run(1);
+    bench.disarm_for(1);
     bench.arm();
     bench.run(2);
     assert_eq!(bench.numbers(), [1, 2]);
@@ -477,8 +470,7 @@ fn a_full_log_is_announced_and_goes_on_after_disarming() {
 fn a_drive_longer_than_half_the_ring_is_kept_for_the_next_drive() {
     let mut bench = RecordingBench::armed();
     bench.fill(10);
-    bench.vehicle.disarm();
-    bench.run(30);
+    bench.disarm_for(30);
     let file = bench.file(1);
     assert!(file.len() > SECTORS / 2 * PAYLOAD_BYTES as usize);
     let mut bench = bench.restarted();
@@ -487,8 +479,7 @@ fn a_drive_longer_than_half_the_ring_is_kept_for_the_next_drive() {
     bench.arm();
     bench.fill(4);
     assert!(bench.announced.is_empty());
-    bench.vehicle.disarm();
-    bench.run(30);
+    bench.disarm_for(30);
     assert_eq!(bench.numbers(), [2], "the drive before has gone for another");
 }
 
@@ -496,8 +487,7 @@ fn a_drive_longer_than_half_the_ring_is_kept_for_the_next_drive() {
 fn a_second_long_drive_has_a_file_of_its_own() {
     let mut bench = RecordingBench::armed();
     bench.fill(7);
-    bench.vehicle.disarm();
-    bench.run(30);
+    bench.disarm_for(30);
     bench.arm();
     bench.fill(8);
     assert_eq!((bench.numbers(), bench.announced), (vec![1, 2], vec![]));
@@ -517,8 +507,7 @@ fn while_disarmed_the_log_goes_on_in_further_files() {
 
 #[test]
 fn another_file_begins_when_all_are_erased() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     bench.vehicle.disarm();
     bench.set(VehicleParameter::LogDisarmed, 1.0);
     bench.say("erased");
@@ -532,10 +521,8 @@ fn another_file_begins_when_all_are_erased() {
 
 #[test]
 fn without_a_log_an_erase_of_all_files_is_done_and_nothing_is_erased_ahead() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
-    bench.vehicle.disarm();
-    bench.run(20);
+    let mut bench = RecordingBench::under_way();
+    bench.disarm_for(20);
     assert_eq!(bench.numbers(), [1]);
     bench.set(VehicleParameter::LogBitmask, 0.0);
     bench.recording.erase_all();
@@ -550,8 +537,7 @@ fn without_a_log_an_erase_of_all_files_is_done_and_nothing_is_erased_ahead() {
 
 #[test]
 fn a_failing_flash_is_announced_once_until_it_works() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     bench.is_chatty = true;
     bench.flash.cut_power_after(0, 1);
     bench.run(60);
@@ -580,11 +566,7 @@ impl RecordingBench {
     fn crashes_in(&mut self, number: u16) -> usize {
         let record = Record::Crash(&CRASH).encode(0);
         // Behind the time.
-        let record = &record[11..];
-        let file = self.file(number);
-        file.windows(record.len())
-            .filter(|window| *window == record)
-            .count()
+        count(&self.file(number), &record[11..])
     }
 }
 
@@ -632,8 +614,7 @@ fn a_crash_is_recorded_until_a_file_has_it() {
 
 #[test]
 fn a_restart_has_everything_written_first() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     bench.vehicle.disarm();
     bench.say("the last second");
     assert!(!bench.recording.is_written());
@@ -646,8 +627,7 @@ fn a_restart_has_everything_written_first() {
 
 #[test]
 fn parameters_are_repeated_after_a_reset() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     let before = count(&bench.file(1), "LOG_DISARMED");
     bench.recording.add_all_parameters();
     bench.run(2);
@@ -689,11 +669,7 @@ fn a_file_that_begins_after_arming_has_mode_and_arming() {
         reason: ModeReason::Unknown,
     };
     for record in [arming, mode] {
-        let bytes = record.encode(40_000);
-        assert!(
-            file.windows(bytes.len()).any(|window| window == &bytes[..]),
-            "{record:?}"
-        );
+        assert!(contains(&file, &record.encode(40_000)[..]), "{record:?}");
     }
 }
 
@@ -775,8 +751,7 @@ fn files_that_begin_later_have_their_dates_at_once() {
     for _ in 0..2 {
         bench.arm();
         bench.run(2);
-        bench.vehicle.disarm();
-        bench.run(28);
+        bench.disarm_for(28);
     }
     assert_eq!(bench.dates(), [Some(utc_s(0.1)), Some(utc_s(30.1))]);
     assert_eq!((bench.times(1).len(), bench.times(2).len()), (1, 1));
@@ -784,10 +759,8 @@ fn files_that_begin_later_have_their_dates_at_once() {
 
 #[test]
 fn a_file_that_waits_for_the_next_arming_gets_its_date() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
-    bench.vehicle.disarm();
-    bench.run(58);
+    let mut bench = RecordingBench::under_way();
+    bench.disarm_for(58);
     bench.hear_time();
     bench.run(1);
     assert_eq!(bench.dates(), [Some(utc_s(-59.9))]);
@@ -807,8 +780,7 @@ fn another_time_counts_for_the_next_file() {
         bench.run(2);
     }
     assert_eq!(bench.times(1).len(), 1);
-    bench.vehicle.disarm();
-    bench.run(20);
+    bench.disarm_for(20);
     bench.recording.set_time(later, bench.now);
     bench.arm();
     bench.run(2);
@@ -817,8 +789,7 @@ fn another_time_counts_for_the_next_file() {
 
 #[test]
 fn a_file_without_room_for_the_time_gets_its_date_when_there_is_some() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     (0..100).for_each(|_| bench.say("a text that fills the queue"));
     bench.hear_time();
     bench.tick();
@@ -829,8 +800,7 @@ fn a_file_without_room_for_the_time_gets_its_date_when_there_is_some() {
 
 #[test]
 fn an_erase_of_all_files_leaves_no_date_to_the_next_one() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     bench.hear_time();
     bench.tick();
     bench.recording.erase_all();
@@ -842,8 +812,7 @@ fn an_erase_of_all_files_leaves_no_date_to_the_next_one() {
 fn a_power_cut_while_the_date_is_programmed_leaves_the_file_with_it_or_without() {
     let mut known = 0;
     for seed in 0..300 {
-        let mut bench = RecordingBench::armed();
-        bench.run(2);
+        let mut bench = RecordingBench::under_way();
         bench.say("before");
         bench.run(1);
         bench.hear_time();
@@ -868,8 +837,7 @@ fn a_power_cut_while_the_date_is_programmed_leaves_the_file_with_it_or_without()
 
 #[test]
 fn a_date_that_can_not_be_programmed_ends_the_file_and_the_next_one_has_its_own() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     bench.hear_time();
     let (_, date) = bench.run_until_program_of(8);
     assert_eq!(date.len(), 8);
@@ -892,8 +860,7 @@ fn timers(low: FailsafeTimer) -> FailsafeTimers {
 #[test]
 // Requirement: AP-21
 fn timers_that_change_all_the_time_take_no_more_than_the_share() {
-    let mut bench = RecordingBench::armed();
-    bench.run(2);
+    let mut bench = RecordingBench::under_way();
     for tick in 0..600 {
         let low = [FailsafeTimer::Running, FailsafeTimer::Stopped][tick % 2];
         for pack in Pack::ALL {
@@ -933,8 +900,7 @@ fn a_packs_reports_are_recorded_once_in_ten_seconds_and_in_each_file() {
         }
         assert_eq!(recorded_at, [0, 100, 200, 300]);
         assert!(bench.recording.takes_report(Pack::First), "each pack by itself");
-        bench.vehicle.disarm();
-        bench.run(20);
+        bench.disarm_for(20);
         bench.arm();
     }
 }
@@ -946,14 +912,12 @@ fn another_file_begins_with_the_timers_that_run() {
     for file in [1, 2] {
         bench.run(2);
         for _ in 0..3 {
-            bench
-                .recording
-                .add_timers(Pack::Second, timers(FailsafeTimer::Running));
+            let running = timers(FailsafeTimer::Running);
+            bench.recording.add_timers(Pack::Second, running);
         }
         bench.run(1);
         assert_eq!(places(&bench.file(file), FAILSAFE_TIMER).len(), 1);
-        bench.vehicle.disarm();
-        bench.run(20);
+        bench.disarm_for(20);
         bench.arm();
     }
 }

@@ -15,15 +15,11 @@ const VEHICLE: Peer = Peer {
 };
 
 /// What is decoded of a message.
-fn decoded(message: &impl MessageData) -> (Target, Request<'static>) {
+fn decoded<T: MessageData>(message: &T) -> (Target, Request<'static>) {
     let mut bytes = [0; 255];
     let length = message.ser(MavlinkVersion::V2, &mut bytes);
     let payload = Payload(bytes[..length].to_vec().leak());
-    decode(message_id(message), &payload).expect("it is a request")
-}
-
-fn message_id<T: MessageData>(_: &T) -> u32 {
-    T::ID
+    decode(T::ID, &payload).expect("it is a request")
 }
 
 #[test]

@@ -356,6 +356,16 @@ mod tests {
         packs
     }
 
+    fn command(number: u16, param1: f32, param2: f32) -> Command {
+        Command {
+            number,
+            param1,
+            param2,
+            param3: f32::NAN,
+            param4: f32::NAN,
+        }
+    }
+
     fn execute(number: u16, param1: f32, param2: f32) -> CommandOutcome {
         execute_with(&packs(), number, param1, param2)
     }
@@ -367,14 +377,7 @@ mod tests {
         };
         let mut scheduler = StreamScheduler::new(Instant::EPOCH);
         scheduler.set_extra1_rate(2.0, Instant::EPOCH);
-        Command {
-            number,
-            param1,
-            param2,
-            param3: f32::NAN,
-            param4: f32::NAN,
-        }
-        .execute(&mut scheduler, &state, Instant::EPOCH)
+        command(number, param1, param2).execute(&mut scheduler, &state, Instant::EPOCH)
     }
 
     #[test]
@@ -514,19 +517,7 @@ mod tests {
 
     #[test]
     fn without_a_pack_there_is_nothing_to_reset() {
-        let command = Command {
-            number: 42651,
-            param1: -1.0,
-            param2: 50.0,
-            param3: f32::NAN,
-            param4: f32::NAN,
-        };
-        let outcome = command.execute(
-            &mut StreamScheduler::new(Instant::EPOCH),
-            &SystemState::default(),
-            Instant::EPOCH,
-        );
-        assert_eq!(outcome, FAILED.into());
+        assert_eq!(execute_with(&[], 42651, -1.0, 50.0), FAILED.into());
     }
 
     #[test]
@@ -540,29 +531,10 @@ mod tests {
         assert_eq!(reported(execute(510, 0.0, 0.0)), (0, 1_000_000));
         assert_eq!(reported(execute(510, 30.0, 0.0)), (30, 0));
         let mut scheduler = StreamScheduler::new(Instant::EPOCH);
-        let off = Command {
-            number: 511,
-            param1: 1.0,
-            param2: -1.0,
-            param3: f32::NAN,
-            param4: f32::NAN,
-        };
-        assert_eq!(
-            off.execute(&mut scheduler, &SystemState::default(), Instant::EPOCH)
-                .result,
-            MavResult::MAV_RESULT_ACCEPTED
-        );
-        let get = Command {
-            number: 510,
-            param1: 1.0,
-            param2: f32::NAN,
-            param3: f32::NAN,
-            param4: f32::NAN,
-        };
-        assert_eq!(
-            reported(get.execute(&mut scheduler, &SystemState::default(), Instant::EPOCH)),
-            (1, -1)
-        );
+        let mut execute =
+            |command: Command| command.execute(&mut scheduler, &SystemState::default(), Instant::EPOCH);
+        assert_eq!(execute(command(511, 1.0, -1.0)).result, ACCEPTED);
+        assert_eq!(reported(execute(command(510, 1.0, f32::NAN))), (1, -1));
     }
 
     proptest! {

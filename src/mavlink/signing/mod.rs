@@ -358,7 +358,11 @@ mod tests {
         assert_eq!(bytes[..21], HEARTBEAT[..21]);
         assert_eq!(bytes[21], 0);
         assert_eq!(bytes[22..28], HEARTBEAT[22..28]);
-        assert_eq!(check(&mut with_key(), &bytes), Authenticity::Proven);
+        let mut receiver = with_key();
+        assert_eq!(check(&mut receiver, &bytes), Authenticity::Proven);
+        // The next frame has a later time, even if it leaves at once.
+        signing.sign(&mut bytes, LinkKind::Radio, at_us(10));
+        assert_eq!(check(&mut receiver, &bytes), Authenticity::Proven);
     }
 
     #[test]
@@ -437,10 +441,15 @@ mod tests {
         ] {
             let mut signing = Signing::new(before, InFlash::Current, Mark::default());
             signing.clock = SigningClock::starting_at(time(ticks));
+            signing.streams = Streams::after(time(ticks));
             signing.set_up(set_up.clone(), time(5_000), at_us(20));
             let shown = signing.clock.time_at(at_us(20)).ticks();
             let expected = if goes_back { 5_000 } else { ticks + 2 };
             assert_eq!(shown, expected, "{set_up:?} at {ticks}");
+            if let Some(key) = set_up {
+                let authenticity = check(&mut signing, &signed(&key, 0, 5_001));
+                assert_eq!(authenticity == Authenticity::Proven, goes_back, "at {ticks}");
+            }
         }
     }
 
@@ -478,11 +487,13 @@ mod tests {
             let now = at_us(u64::from(link) << 16);
             streams.hear(sender(link), time(1100 - u64::from(link)), ours, now);
         }
-        streams.hear(sender(16), time(2000), ours, at_us(16 << 16));
+        // The first one is heard again.
+        streams.hear(sender(0), time(1101), ours, at_us(16 << 16));
+        streams.hear(sender(16), time(2000), ours, at_us(17 << 16));
         let much_later = time(100_000_000);
         for link in 0..17 {
-            let authenticity = streams.hear(sender(link), time(3000), much_later, at_us(17 << 16));
-            let expected = if link == 0 {
+            let authenticity = streams.hear(sender(link), time(3000), much_later, at_us(18 << 16));
+            let expected = if link == 1 {
                 Authenticity::TooOld
             } else {
                 Authenticity::Late

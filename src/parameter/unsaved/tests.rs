@@ -43,13 +43,26 @@ fn save(
     (written, reports)
 }
 
+/// The same with a flash that works; returns the writes.
+fn save_all(parameters: &mut Parameters) -> Vec<Unsaved> {
+    save(parameters, |_| Ok(())).0
+}
+
+/// A flash that is too full for one parameter.
+fn without_room_for(full: ParameterId) -> impl Fn(Unsaved) -> Result<(), StorageError> {
+    move |unsaved| match unsaved {
+        Value(id, _) if id == full => Err(Full),
+        _ => Ok(()),
+    }
+}
+
 #[test]
 fn only_changed_values_are_saved_once() {
     let mut parameters = changed(&[(EXTRA1, 2.0)]);
     assert_eq!(parameters.next_unsaved(), None);
     parameters.set(EXTRA1, 5.0).unwrap();
     parameters.set(VOLT_MULT, 4.0).unwrap();
-    let (written, _) = save(&mut parameters, |_| Ok(()));
+    let written = save_all(&mut parameters);
     assert_eq!(written, [Value(EXTRA1, 5.0), Value(VOLT_MULT, 4.0)]);
     assert_eq!(parameters.next_unsaved(), None);
 }
@@ -79,8 +92,7 @@ fn reset_is_live_at_once_and_erases_before_storing() {
     parameters.reset();
     assert_eq!(parameters.get(EXTRA1), 2.0);
     parameters.set(VOLT_MULT, 4.1).unwrap();
-    let (written, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(written, [Reset, Value(VOLT_MULT, 4.1)]);
+    assert_eq!(save_all(&mut parameters), [Reset, Value(VOLT_MULT, 4.1)]);
     assert_eq!(parameters.get(VOLT_MULT), 4.1);
 }
 
@@ -99,20 +111,15 @@ fn value_set_after_a_failed_reset_waits_for_the_reset() {
     assert_eq!(parameters.get(VOLT_MULT), 4.1);
 
     parameters.retry_failed();
-    let (written, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(written, [Reset, Value(VOLT_MULT, 4.1)]);
+    assert_eq!(save_all(&mut parameters), [Reset, Value(VOLT_MULT, 4.1)]);
     assert_eq!(parameters.save_failure(), None);
 }
 
 #[test]
 // Requirement: L-18
 fn value_without_space_does_not_block_the_others() {
-    let no_room_for_extra1 = |unsaved| match unsaved {
-        Value(EXTRA1, _) => Err(Full),
-        _ => Ok(()),
-    };
     let mut parameters = changed(&[(EXTRA1, 5.0), (PARAMS, 7.0), (VOLT_MULT, 4.0)]);
-    let (written, reports) = save(&mut parameters, no_room_for_extra1);
+    let (written, reports) = save(&mut parameters, without_room_for(EXTRA1));
     assert_eq!(
         written,
         [Value(EXTRA1, 5.0), Value(PARAMS, 7.0), Value(VOLT_MULT, 4.0)]
@@ -123,7 +130,7 @@ fn value_without_space_does_not_block_the_others() {
     );
 
     parameters.set(PARAMS, 8.0).unwrap();
-    let (written, reports) = save(&mut parameters, no_room_for_extra1);
+    let (written, reports) = save(&mut parameters, without_room_for(EXTRA1));
     assert_eq!((written, reports), (vec![Value(PARAMS, 8.0)], vec![]));
     parameters.set(EXTRA1, 6.0).unwrap();
     assert_eq!(parameters.next_unsaved(), Some(Value(EXTRA1, 6.0)), "set again");
@@ -136,7 +143,7 @@ fn failed_flash_is_tried_once_and_all_changes_wait() {
         let (written, reports) = save(&mut parameters, |_| Err(error));
         assert_eq!((written, reports), (vec![Value(EXTRA1, 5.0)], vec![error]));
         parameters.retry_failed();
-        let (written, _) = save(&mut parameters, |_| Ok(()));
+        let written = save_all(&mut parameters);
         assert_eq!(written, [Value(EXTRA1, 5.0), Value(PARAMS, 7.0)]);
     }
 }
@@ -159,7 +166,7 @@ fn changes_without_erased_space_are_counted_and_wait_together() {
         })
     );
     parameters.retry_failed();
-    let (written, _) = save(&mut parameters, |_| Ok(()));
+    let written = save_all(&mut parameters);
     assert_eq!(
         written,
         [Value(EXTRA1, 5.0), Value(PARAMS, 8.0), Value(VOLT_MULT, 4.0)]
@@ -196,7 +203,7 @@ fn reset_clears_failed_changes() {
     let mut parameters = changed(&[(EXTRA1, 5.0)]);
     save(&mut parameters, |_| Err(Full));
     parameters.reset();
-    assert_eq!(save(&mut parameters, |_| Ok(())).0, [Reset]);
+    assert_eq!(save_all(&mut parameters), [Reset]);
     assert_eq!(parameters.save_failure(), None);
 }
 
@@ -248,13 +255,12 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 /// Six parameters that take 1, 2 and 3.
 fn numbered(number: usize) -> ParameterId {
     let packs = [Pack::First, Pack::Second, Pack::Third];
-    let capacity = |number: usize| BatteryParameter::Capacity.of(packs[number % packs.len()]);
-    let multiplier = |number: usize| BatteryParameter::VoltMult.of(packs[number % packs.len()]);
-    if number < packs.len() {
-        capacity(number)
+    let parameter = if number < packs.len() {
+        BatteryParameter::Capacity
     } else {
-        multiplier(number)
-    }
+        BatteryParameter::VoltMult
+    };
+    parameter.of(packs[number % packs.len()])
 }
 
 /// The parameters, their expected values, and the flash.
@@ -370,51 +376,40 @@ fn the_mark_of_a_trouble_is_saved_before_all_and_taken_back_after_all() {
     parameters.set_by_file(VOLT_MULT);
     parameters.end_file();
     assert_eq!(parameters.trouble(), None);
-    let (written, _) = save(&mut parameters, |_| Ok(()));
+    let written = save_all(&mut parameters);
     assert_eq!(written, [HALF_LOADED, Value(VOLT_MULT, 4.0), NO_MARK]);
 
     parameters.mark_damaged();
     parameters.set(EXTRA1, 5.0).unwrap();
-    let (written, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(written, [DAMAGED, Value(EXTRA1, 5.0)]);
+    assert_eq!(save_all(&mut parameters), [DAMAGED, Value(EXTRA1, 5.0)]);
     parameters.confirm();
-    let (written, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(written, [NO_MARK]);
+    assert_eq!(save_all(&mut parameters), [NO_MARK]);
 }
 
 #[test]
 // Requirement: L-18
 fn nothing_is_saved_before_a_mark_that_could_not_be() {
-    let no_room_for_a_mark = |unsaved| match unsaved {
-        Value(CHECKED, _) => Err(Full),
-        _ => Ok(()),
-    };
     let mut parameters = changed(&[(VOLT_MULT, 4.0)]);
     parameters.set_by_file(VOLT_MULT);
-    let (written, reports) = save(&mut parameters, no_room_for_a_mark);
+    let (written, reports) = save(&mut parameters, without_room_for(CHECKED));
     assert_eq!((written, reports), (vec![HALF_LOADED], vec![Full]));
     parameters.set(EXTRA1, 5.0).unwrap();
     assert_eq!(parameters.next_unsaved(), None);
     parameters.retry_failed();
-    let (written, _) = save(&mut parameters, |_| Ok(()));
+    let written = save_all(&mut parameters);
     assert_eq!(written, [HALF_LOADED, Value(EXTRA1, 5.0), Value(VOLT_MULT, 4.0)]);
 }
 
 #[test]
 fn a_mark_stays_while_a_value_of_its_file_is_not_saved() {
-    let no_room_for_extra1 = |unsaved| match unsaved {
-        Value(EXTRA1, _) => Err(Full),
-        _ => Ok(()),
-    };
     let mut parameters = changed(&[(EXTRA1, 5.0), (VOLT_MULT, 4.0)]);
     parameters.set_by_file(VOLT_MULT);
     parameters.end_file();
-    let (written, _) = save(&mut parameters, no_room_for_extra1);
+    let (written, _) = save(&mut parameters, without_room_for(EXTRA1));
     assert_eq!(written, [HALF_LOADED, Value(EXTRA1, 5.0), Value(VOLT_MULT, 4.0)]);
     assert_eq!(parameters.trouble(), None);
     parameters.retry_failed();
-    let (written, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(written, [Value(EXTRA1, 5.0), NO_MARK]);
+    assert_eq!(save_all(&mut parameters), [Value(EXTRA1, 5.0), NO_MARK]);
 }
 
 #[test]
@@ -424,6 +419,5 @@ fn a_reset_takes_every_mark_with_it() {
     parameters.set_by_file(VOLT_MULT);
     parameters.reset();
     assert_eq!(parameters.trouble(), None);
-    let (written, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(written, [Reset]);
+    assert_eq!(save_all(&mut parameters), [Reset]);
 }

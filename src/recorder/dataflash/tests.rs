@@ -130,27 +130,22 @@ fn one_of_each<'a>(
 // Requirement: AP-21
 fn battery_has_each_field_in_its_place() {
     let state = known();
-    assert_eq!(
-        encoded(Record::Battery(Pack::Second, &state)),
-        "a3958a0807060504030201010000384100003c41000020c000409c44000068412efb0000803d43015d"
-    );
+    let expected = "a3958a0807060504030201010000384100003c41000020c000409c44000068412efb0000803d43015d";
+    assert_eq!(encoded(Record::Battery(Pack::Second, &state)), expected);
 }
 
 #[test]
 fn unknown_values_are_ardupilots() {
-    assert_eq!(
-        encoded(Record::Battery(Pack::First, &BatteryState::UNKNOWN)),
-        "a3958a0807060504030201000000c07f0000c07f0000c07f0000c07f0000c07f00000000c07fff0000"
-    );
+    let expected = "a3958a0807060504030201000000c07f0000c07f0000c07f0000c07f0000c07f00000000c07fff0000";
+    let unknown = Record::Battery(Pack::First, &BatteryState::UNKNOWN);
+    assert_eq!(encoded(unknown), expected);
 }
 
 #[test]
 fn estimate_has_its_bounds() {
     let state = known();
-    assert_eq!(
-        encoded(Record::Estimate(Pack::Ninth, &state)),
-        "a3958d08070605040302010800008542000081420000894200007142007094450214000203"
-    );
+    let expected = "a3958d08070605040302010800008542000081420000894200007142007094450214000203";
+    assert_eq!(encoded(Record::Estimate(Pack::Ninth, &state)), expected);
 }
 
 #[test]
@@ -165,22 +160,16 @@ fn cells_beyond_the_twelfth_have_a_record_of_their_own() {
         cells: CellVoltages::from_millivolts(&cells),
         ..BatteryState::UNKNOWN
     };
-    assert_eq!(
-        encoded(Record::Cells(Pack::Third, &state)),
-        "a3958b08070605040302010200005242a60ea60ea60ea60ea60ea60ea60ea60ea60ea60ea60e0100"
-    );
-    assert_eq!(
-        encoded(Record::MoreCells(Pack::Third, &state)),
-        "a3958c080706050403020102a70e000000000000"
-    );
+    let twelve = "a3958b08070605040302010200005242a60ea60ea60ea60ea60ea60ea60ea60ea60ea60ea60e0100";
+    assert_eq!(encoded(Record::Cells(Pack::Third, &state)), twelve);
+    let thirteenth = "a3958c080706050403020102a70e000000000000";
+    assert_eq!(encoded(Record::MoreCells(Pack::Third, &state)), thirteenth);
     let all = BatteryState {
         cells: CellVoltages::from_millivolts(&[3750; 16]),
         ..state
     };
-    assert_eq!(
-        encoded(Record::MoreCells(Pack::Third, &all)),
-        "a3958c080706050403020102a60ea60ea60ea60e"
-    );
+    let four = "a3958c080706050403020102a60ea60ea60ea60e";
+    assert_eq!(encoded(Record::MoreCells(Pack::Third, &all)), four);
 }
 
 #[test]
@@ -190,20 +179,15 @@ fn cells_are_recorded_where_they_are_measured() {
             cells: CellVoltages::from_millivolts(&vec![3750; cells]),
             ..BatteryState::UNKNOWN
         };
-        assert_eq!(
-            Record::of_pack(Pack::First, &state).count(),
-            records,
-            "{cells} cells"
-        );
+        let count = Record::of_pack(Pack::First, &state).count();
+        assert_eq!(count, records, "{cells} cells");
     }
 }
 
 #[test]
 fn a_board_is_known_by_its_serial_number() {
-    assert_eq!(
-        encoded(Record::Board(BOARD_ID)),
-        "a39591080706050403020145363630353833383833343530413243"
-    );
+    let expected = "a39591080706050403020145363630353833383833343530413243";
+    assert_eq!(encoded(Record::Board(BOARD_ID)), expected);
 }
 
 #[test]
@@ -214,14 +198,11 @@ fn a_pack_has_its_serial_number_and_what_was_learnt_of_it() {
         chemistry: Chemistry::LiIon,
         ..BatteryState::UNKNOWN
     };
-    assert_eq!(
-        encoded(Record::Pack(Pack::Second, &state, Some(&learnt()))),
-        "a39592080706050403020101efbeadde03040201006038450000803c0000003d0000803c0000203f0000803d00007040"
-    );
-    assert_eq!(
-        encoded(Record::Curve(Pack::Second, &learnt())),
-        "a3959308070605040302010170fe38ff000064005e0150005100520053005400"
-    );
+    let pack =
+        "a39592080706050403020101efbeadde03040201006038450000803c0000003d0000803c0000203f0000803d00007040";
+    assert_eq!(encoded(Record::Pack(Pack::Second, &state, Some(&learnt()))), pack);
+    let curve = "a3959308070605040302010170fe38ff000064005e0150005100520053005400";
+    assert_eq!(encoded(Record::Curve(Pack::Second, &learnt())), curve);
 }
 
 #[test]

@@ -36,8 +36,7 @@ fn damaged_header_within_a_file_does_not_split_it() {
         for position in positions {
             recorder.front(*position)[5] ^= 1;
         }
-        recorder.restart();
-        recorder.assert_files();
+        recorder.assert_files_after_restart();
         assert_goes_on(recorder.flash);
     }
 }
@@ -61,8 +60,7 @@ fn sector_at_the_end_of_a_file_is_lost_with_its_header() {
 fn damaged_mark_only_costs_an_erase() {
     let mut recorder = recorded();
     recorder.front(7)[17] ^= 1;
-    recorder.restart();
-    recorder.assert_files();
+    recorder.assert_files_after_restart();
     assert_eq!(recorder.ring.room(), 0);
     recorder.erase(1);
     assert_eq!(recorder.ring.files().len(), 3);
@@ -94,8 +92,7 @@ fn file_whose_first_sector_may_be_half_erased_is_not_listed() {
     recorder.record(&bytes(1, 5000));
     recorder.front(0)[5] ^= 1;
     recorder.restart();
-    let numbers: Vec<_> = recorder.ring.files().iter().map(|file| file.number).collect();
-    assert_eq!(numbers, [2]);
+    assert_eq!(recorder.numbers(), [2]);
 }
 
 #[test]

@@ -66,6 +66,15 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         self.ring = block_on(Ring::scan(&mut self.flash, Flash::<SECTORS>::REGION));
     }
 
+    fn assert_files_after_restart(&mut self) {
+        self.restart();
+        self.assert_files();
+    }
+
+    fn numbers(&self) -> Vec<u16> {
+        self.ring.files().iter().map(|file| file.number).collect()
+    }
+
     /// What is listed, read piece by piece.
     fn listed(&mut self) -> Vec<(u16, Content)> {
         let files = self.ring.files().to_vec();
@@ -121,6 +130,13 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         self.history.insert(number, Content::new());
         self.dated.remove(&number);
         Ok(number)
+    }
+
+    /// Opens a file with so many [`bytes`] of this seed.
+    fn begin(&mut self, seed: u64, length: usize) -> u16 {
+        let number = self.open().unwrap();
+        assert_eq!(self.append(&bytes(seed, length)), Ok(Ok(())));
+        number
     }
 
     fn close(&mut self) {
@@ -312,11 +328,9 @@ fn files_are_listed_and_read_back_whole() {
     for (seed, length) in [1, 200, 4064, 4065, 12_345].into_iter().enumerate() {
         recorder.record(&bytes(seed as u64, length));
     }
-    let numbers: Vec<_> = recorder.ring.files().iter().map(|file| file.number).collect();
-    assert_eq!(numbers, [1, 2, 3, 4, 5]);
+    assert_eq!(recorder.numbers(), [1, 2, 3, 4, 5]);
     recorder.assert_files();
-    recorder.restart();
-    recorder.assert_files();
+    recorder.assert_files_after_restart();
 }
 
 #[test]
@@ -344,17 +358,13 @@ fn nothing_is_located_beyond_the_end() {
 #[test]
 fn first_file_after_a_start_begins_in_a_fresh_sector() {
     let mut recorder = Recorder::<4>::with_erased(3);
-    recorder.open().unwrap();
-    assert_eq!(recorder.append(&bytes(0, 10)), Ok(Ok(())));
+    recorder.begin(0, 10);
     recorder.restart();
     assert_eq!(recorder.record(&bytes(1, 10)), 2);
     recorder.assert_files();
-    let sectors: Vec<_> = recorder
-        .sectors()
-        .iter()
-        .map(|address| address / SECTOR_BYTES)
-        .collect();
-    assert_eq!(sectors, [1, 2]);
+    let sectors = recorder.sectors();
+    let numbers = sectors.iter().map(|address| address / SECTOR_BYTES);
+    assert!(numbers.eq([1, 2]), "{sectors:?}");
 }
 
 #[test]
@@ -389,15 +399,12 @@ fn failed_program_ends_the_file() {
         let mut recorder = Recorder::<8>::with_erased(6);
         recorder.flash.refuse_after(operation);
         recorder.open().unwrap();
-        assert_eq!(
-            recorder.append(&bytes(operation, 6000)),
-            Ok(Err(AppendError::Closed))
-        );
+        let appended = recorder.append(&bytes(operation, 6000));
+        assert_eq!(appended, Ok(Err(AppendError::Closed)));
         recorder.assert_files();
         recorder.record(&bytes(99, 5000));
         recorder.assert_files();
-        recorder.restart();
-        recorder.assert_files();
+        recorder.assert_files_after_restart();
     }
 }
 
@@ -405,8 +412,7 @@ fn failed_program_ends_the_file() {
 fn program_without_an_outcome_ends_the_file() {
     let mut recorder = Recorder::<8>::with_erased(6);
     for prepared in [0, 10] {
-        recorder.open().unwrap();
-        assert_eq!(recorder.append(&bytes(0, prepared)), Ok(Ok(())));
+        recorder.begin(0, prepared);
         // As if the future was dropped in the middle.
         let program = recorder.ring.next_program(&[1; 20]).unwrap();
         block_on(recorder.flash.write(program.address(), program.bytes())).unwrap();
@@ -420,8 +426,7 @@ fn program_without_an_outcome_ends_the_file() {
 fn outcome_for_a_file_that_was_closed_meanwhile_is_ignored() {
     let mut recorder = Recorder::<8>::with_erased(6);
     for prepared in [0, 10] {
-        recorder.open().unwrap();
-        assert_eq!(recorder.append(&bytes(0, prepared)), Ok(Ok(())));
+        recorder.begin(0, prepared);
         let program = recorder.ring.next_program(&[1; 20]).unwrap();
         block_on(recorder.flash.write(program.address(), program.bytes())).unwrap();
         recorder.erase_all();
@@ -438,15 +443,13 @@ fn files_have_their_dates_after_a_restart_and_others_have_none() {
     let mut recorder = Recorder::<4>::with_erased(3);
     for is_dated in [true, false, true, true, false, true] {
         recorder.erase(2);
-        recorder.open().unwrap();
-        assert_eq!(recorder.append(&bytes(1, 100)), Ok(Ok(())));
+        recorder.begin(1, 100);
         if is_dated {
             assert_eq!(recorder.date(), Ok(()));
         }
         assert_eq!(recorder.append(&bytes(2, 300)), Ok(Ok(())));
         recorder.assert_files();
-        recorder.restart();
-        recorder.assert_files();
+        recorder.assert_files_after_restart();
         let is_now_dated = recorder.ring.files().last().unwrap().began_utc_s.is_some();
         assert_eq!(is_now_dated, is_dated);
     }
@@ -472,24 +475,20 @@ fn a_date_is_programmed_once_and_not_before_the_file_is_begun() {
 fn a_file_has_its_date_with_a_damaged_header_too() {
     let mut recorder = Recorder::<8>::with_erased(8);
     recorder.record(&bytes(0, 100));
-    recorder.open().unwrap();
-    assert_eq!(recorder.append(&bytes(1, 5000)), Ok(Ok(())));
+    recorder.begin(1, 5000);
     assert_eq!(recorder.date(), Ok(()));
     recorder.front(1)[5] ^= 1;
-    recorder.restart();
-    recorder.assert_files();
+    recorder.assert_files_after_restart();
 }
 
 #[test]
 fn a_damaged_date_is_unknown_and_the_file_is_not_harmed() {
     let mut recorder = Recorder::<4>::with_erased(3);
-    recorder.open().unwrap();
-    assert_eq!(recorder.append(&bytes(1, 100)), Ok(Ok(())));
+    recorder.begin(1, 100);
     assert_eq!(recorder.date(), Ok(()));
     recorder.front(0)[25] ^= 4;
     recorder.dated.clear();
-    recorder.restart();
-    recorder.assert_files();
+    recorder.assert_files_after_restart();
     assert_eq!(recorder.ring.files(), [undated(1, 100)]);
 }
 
@@ -508,8 +507,7 @@ fn numbers_continue_from_the_newest_file_and_wrap_to_one() {
     let numbers = [1, 2, 3].map(|seed| recorder.record(&bytes(seed, 10)));
     assert_eq!(numbers, [u16::MAX, 1, 2]);
     recorder.assert_files();
-    recorder.restart();
-    recorder.assert_files();
+    recorder.assert_files_after_restart();
 }
 
 #[test]

@@ -43,21 +43,15 @@ fn oldest_file_goes_whole_when_the_ring_is_full() {
     let [_, second, third] = [0, 1, 2].map(|index| recorder.record(&bytes(index as u64, lengths[index])));
     assert_eq!(recorder.ring.files().len(), 3);
     recorder.erase(1);
-    let numbers = |recorder: &Recorder<8>| -> Vec<u16> {
-        recorder.ring.files().iter().map(|file| file.number).collect()
-    };
-    assert_eq!(numbers(&recorder), [second, third]);
+    assert_eq!(recorder.numbers(), [second, third]);
     recorder.restart();
-    assert_eq!(
-        numbers(&recorder),
-        [second, third],
-        "not even what was not erased yet"
-    );
+    // Not even what was not erased yet.
+    assert_eq!(recorder.numbers(), [second, third]);
     recorder.assert_files();
     recorder.erase(3);
-    assert_eq!(numbers(&recorder), [second, third]);
+    assert_eq!(recorder.numbers(), [second, third]);
     recorder.erase(4);
-    assert_eq!(numbers(&recorder), [third]);
+    assert_eq!(recorder.numbers(), [third]);
     recorder.assert_files();
 }
 
@@ -65,8 +59,7 @@ fn oldest_file_goes_whole_when_the_ring_is_full() {
 fn open_file_is_never_erased() {
     let mut recorder = Recorder::<8>::with_erased(8);
     recorder.record(&bytes(0, 5000));
-    let open = recorder.open().unwrap();
-    assert_eq!(recorder.append(&bytes(1, 5000)), Ok(Ok(())));
+    let open = recorder.begin(1, 5000);
     recorder.erase(8);
     assert_eq!(recorder.ring.files(), [undated(open, 5000)]);
     recorder.close();
@@ -120,8 +113,7 @@ fn all_files_are_erased_on_request() {
     assert!(!region.windows(16).any(|window| window == &bytes(0, 9000)[..16]));
     assert!(!region.windows(16).any(|window| window == &bytes(1, 3000)[..16]));
     recorder.assert_files();
-    recorder.restart();
-    recorder.assert_files();
+    recorder.assert_files_after_restart();
 }
 
 #[test]
@@ -154,8 +146,7 @@ fn sector_that_cannot_be_erased_is_left_out_for_a_lap() {
         recorder.assert_files();
         assert_eq!(recorder.ring.files()[0].bytes, 2 * PAYLOAD_BYTES);
         recorder.record(&bytes(1, 9000));
-        recorder.restart();
-        recorder.assert_files();
+        recorder.assert_files_after_restart();
         recorder.erase(6);
         recorder.record(&bytes(2, 5 * 4064));
         recorder.assert_files();
@@ -165,8 +156,7 @@ fn sector_that_cannot_be_erased_is_left_out_for_a_lap() {
 #[test]
 fn flash_that_fails_always_is_left_after_as_many_attempts_as_the_caller_makes() {
     let mut recorder = Recorder::<4>::with_erased(4);
-    let number = recorder.open().unwrap();
-    assert_eq!(recorder.append(&bytes(0, 5000)), Ok(Ok(())));
+    let number = recorder.begin(0, 5000);
     for _ in 0..100 {
         recorder.flash.refuse_after(0);
         recorder.erase_one(4).unwrap();
@@ -190,15 +180,9 @@ fn ring_goes_round_for_many_laps_and_wears_evenly() {
         }
         recorder.assert_files();
     }
-    let (least, most) = (
-        recorder.flash.erases.iter().min(),
-        recorder.flash.erases.iter().max(),
-    );
-    assert!(
-        *least.unwrap() > 50 && most.unwrap() - least.unwrap() <= 1,
-        "{:?}",
-        recorder.flash.erases
-    );
+    let erases = &recorder.flash.erases;
+    let (least, most) = (erases.iter().min().unwrap(), erases.iter().max().unwrap());
+    assert!(*least > 50 && most - least <= 1, "{erases:?}");
 }
 
 #[test]
@@ -209,6 +193,5 @@ fn boards_ring_lists_its_newest_files() {
     }
     assert_eq!(recorder.ring.files().len(), MAX_FILES);
     recorder.assert_files();
-    recorder.restart();
-    recorder.assert_files();
+    recorder.assert_files_after_restart();
 }

@@ -13,7 +13,7 @@ use crate::battery::{
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
-use crate::time::{Instant, at_us};
+use crate::time::Instant;
 use crate::vehicle::ArmState;
 
 /// Devices as tables: by address and register, the bytes that are read. What is written is not kept.
@@ -144,6 +144,44 @@ fn second_is(kind: PartKind) -> Parameters {
     )])
 }
 
+/// The second pack is a part of this kind.
+fn devices_of(kind: PartKind) -> BusDevices {
+    BusDevices::from_parameters(&second_is(kind), Instant::EPOCH)
+}
+
+/// A pack, sampled ten times a second.
+#[derive(Default)]
+struct Sampled {
+    monitor: BatteryMonitor,
+    state: BatteryState,
+    now: Instant,
+}
+
+impl Sampled {
+    fn take(&mut self, reading: Result<Measurement, ReadError>, settings: &PackSettings) {
+        self.now = self.now.after_us(100_000);
+        let tick = Tick {
+            now: self.now,
+            ..Tick::default()
+        };
+        let _ = self.monitor.update(&mut self.state, tick, reading, settings);
+    }
+
+    fn assert_is_sound(&self) {
+        let state = &self.state;
+        let readings = state.readings;
+        let is_charge = |pct: f32| (0.0..=100.0).contains(&pct);
+        assert!(readings.remaining_pct.is_none_or(is_charge), "{state:?}");
+        let values = [
+            readings.voltage_v,
+            readings.current_a,
+            readings.time_remaining_s,
+            state.consumed_mah(),
+        ];
+        assert!(values.into_iter().flatten().all(f32::is_finite), "{state:?}");
+    }
+}
+
 /// Reads the part that is due next, and collects its readings.
 fn read_next(
     devices: &mut BusDevices,
@@ -197,7 +235,7 @@ fn a_part_that_is_not_found_is_looked_for_once_while_disarmed() {
 
 #[test]
 fn a_smart_battery_is_announced_once() {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::SmartBattery);
     let (address, cells) = (ADDRESS, Some(2));
     let found = findings(&mut devices, &mut battery(&[]), ArmState::Armed);
     assert_eq!(found, [(Pack::Second, PackEvent::Found { address, cells })]);
@@ -238,26 +276,22 @@ fn sixteen_cells(last_mv: u16) -> BatteryState {
     // The stack in units of 10 mV, two pins and the current.
     words[16] = ((15 * 3300 + u32::from(last_mv)) / 10) as u16;
     words[17..].fill(0);
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bq76952), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::Bq76952);
     let mut stack = Stack::new(&words, [0; 12], [5, 0, 0]);
     // 25 °C.
     stack.commands[0x68..0x6a].copy_from_slice(&2981u16.to_le_bytes());
     let mut bus = Buses::i2c(stack);
-    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
+    let mut pack = Sampled::default();
     let settings = PackSettings {
         chemistry: Chemistry::LiFe,
         ..PackSettings::default()
     };
-    for number in 1..30 {
+    for _ in 1..30 {
         for (_, reading) in read_next(&mut devices, &mut bus) {
-            let tick = Tick {
-                now: at_us(number * 100_000),
-                ..Tick::default()
-            };
-            let _ = monitor.update(&mut battery, tick, reading, &settings);
+            pack.take(reading, &settings);
         }
     }
-    battery
+    pack.state
 }
 
 #[test]
@@ -280,8 +314,7 @@ fn the_last_of_sixteen_cells_is_one_of_them() {
 
 /// The second pack is this stack.
 fn on_stack(stack: Stack) -> (BusDevices, Buses<Stack, NoSpi>) {
-    let devices = BusDevices::from_parameters(&second_is(PartKind::Bq76952), Instant::EPOCH);
-    (devices, Buses::i2c(stack))
+    (devices_of(PartKind::Bq76952), Buses::i2c(stack))
 }
 
 /// Its words from the first cell to the current, in its units.
@@ -355,10 +388,8 @@ fn a_stack_reports_what_its_protection_does() {
         stack.commands[0x64..0x66].copy_from_slice(&u16::to_le_bytes(alarms));
         stack.answers.insert(0x0057, vec![manufacturing, 0]);
         let (mut devices, mut bus) = on_stack(stack);
-        let reported = read_next(&mut devices, &mut bus)[0]
-            .1
-            .expect("it answers")
-            .reported;
+        let (_, reading) = read_next(&mut devices, &mut bus)[0];
+        let reported = reading.expect("it answers").reported;
         assert_eq!((reported.faults, reported.modes), (faults, modes));
     }
 }
@@ -405,7 +436,7 @@ fn assert_near(value: Option<f32>, expected: f32) {
 }
 
 fn read_battery(mut bus: Wires) -> Measurement {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::SmartBattery);
     read_one(&mut devices, &mut bus).expect("it answers");
     read_one(&mut devices, &mut bus).expect("it answers again")
 }
@@ -424,10 +455,8 @@ fn a_smart_battery_introduces_itself() {
         (details.manufacturer.as_bytes(), details.device.as_bytes()),
         (&b"Acme"[..], &b"2S"[..])
     );
-    assert_eq!(
-        (details.serial_number, details.cycle_count),
-        (Some(4711), Some(12))
-    );
+    let numbers = (Some(4711), Some(12));
+    assert_eq!((details.serial_number, details.cycle_count), numbers);
     assert_eq!(details.design_capacity_mah, Some(3250.0));
     assert_near(details.design_voltage_v, 7.2);
     assert_eq!(details.state_of_health_pct, Some(80));
@@ -444,10 +473,8 @@ fn a_smart_battery_introduces_itself() {
 fn a_battery_that_counts_energy_has_its_charge_at_its_design_voltage() {
     // 1.3 × 10 Wh at 7.2 V.
     let reading = read_battery(battery(&[(0x03, 1 << 15)]));
-    assert_near(
-        reading.gauge.read().map(|gauge| gauge.remaining_mah),
-        13_000.0 / 7.2,
-    );
+    let gauge = reading.gauge.read().expect("it has one");
+    assert_near(Some(gauge.remaining_mah), 13_000.0 / 7.2);
 }
 
 #[test]
@@ -466,7 +493,7 @@ fn a_milliampere_is_a_current_and_no_blank_word() {
 
 /// Report of a smart battery once each of its slow words was read.
 fn reported_by(words: &[(u8, u16)]) -> Reported {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::SmartBattery);
     let mut bus = battery(words);
     let readings = (0..4).map(|_| read_one(&mut devices, &mut bus).expect("it answers"));
     readings.last().expect("four").reported
@@ -476,11 +503,8 @@ fn reported_by(words: &[(u8, u16)]) -> Reported {
 // Requirement: AP-5
 fn status_and_error_of_a_smart_battery_are_reported() {
     assert_eq!(reported_by(&[]), Reported::NONE, "it refuses both");
-    assert_eq!(
-        reported_by(&[(0x16, 0xffff), (0x0c, 0xffff)]),
-        Reported::NONE,
-        "blank"
-    );
+    let blank = reported_by(&[(0x16, 0xffff), (0x0c, 0xffff)]);
+    assert_eq!(blank, Reported::NONE);
     let full = reported_by(&[(0x16, 0x00e0), (0x0c, 4)]);
     assert_eq!((full.faults, full.modes), (Faults::empty(), Modes::FULL));
     assert_eq!(full.gauge.error_pct, Some(4));
@@ -494,7 +518,7 @@ fn status_and_error_of_a_smart_battery_are_reported() {
 
 #[test]
 fn word_that_a_battery_refuses_later_stays_as_it_was() {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::SmartBattery);
     let mut bus = battery(&[]);
     for _ in 0..2 {
         read_one(&mut devices, &mut bus).expect("it answers");
@@ -515,7 +539,7 @@ fn word_that_a_battery_refuses_later_stays_as_it_was() {
 
 #[test]
 fn cycles_are_counted_on_and_another_serial_number_is_another_battery() {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::SmartBattery);
     read_one(&mut devices, &mut battery(&[])).expect("it answers");
     let mut older = battery(&[(0x17, 13)]);
     let readings = [0; 5].map(|_| read_one(&mut devices, &mut older).expect("it answers"));
@@ -558,7 +582,7 @@ fn commands_a_maker_uses_for_something_else_are_no_cells() {
 
 #[test]
 fn a_battery_of_an_unknown_scale_is_refused() {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::SmartBattery);
     let mut bus = battery(&[(0x1a, 0x4021)]);
     assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::OtherPart));
 }
@@ -586,14 +610,11 @@ fn counters_go_on_over_their_end_and_their_sign() {
     let energy_steps = (1296.0 / (171.661_38e-6 * 51.2)) as u64;
     for (from, to, sign) in [(top, top.wrapping_add(steps), 1.0), (-100, -100 - steps, -1.0)] {
         let mut bus = wires(Tables::default());
-        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), Instant::EPOCH);
+        let mut devices = devices_of(PartKind::Ina2xx);
         let energy = (1u64 << 40) - 5;
         counters(&mut bus, from, energy);
-        assert_eq!(
-            read_one(&mut devices, &mut bus).unwrap().counted,
-            None,
-            "the first time"
-        );
+        let first = read_one(&mut devices, &mut bus).unwrap().counted;
+        assert_eq!(first, None);
         counters(&mut bus, to, energy + energy_steps);
         let reading = read_one(&mut devices, &mut bus).unwrap();
         assert_eq!(reading.voltage_v, Some(12.0));
@@ -607,7 +628,7 @@ fn counters_go_on_over_their_end_and_their_sign() {
 
 #[test]
 fn a_part_that_is_refused_three_times_is_given_time() {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::Ina2xx);
     let mut bus = wires(Tables::default());
     let mut due = Vec::new();
     for _ in 0..5 {
@@ -667,25 +688,17 @@ impl I2c for Refusing {
 
 #[test]
 fn the_error_of_a_foreign_bus_is_diagnosed_by_its_kind() {
+    use NoAcknowledgeSource::{Address, Data, Unknown};
     for (kind, diagnosis) in [
-        (
-            ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address),
-            BusError::NoAnswer,
-        ),
-        (
-            ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data),
-            BusError::NoAnswer,
-        ),
-        (
-            ErrorKind::NoAcknowledge(NoAcknowledgeSource::Unknown),
-            BusError::NoAnswer,
-        ),
+        (ErrorKind::NoAcknowledge(Address), BusError::NoAnswer),
+        (ErrorKind::NoAcknowledge(Data), BusError::NoAnswer),
+        (ErrorKind::NoAcknowledge(Unknown), BusError::NoAnswer),
         (ErrorKind::ArbitrationLoss, BusError::Transfer),
         (ErrorKind::Bus, BusError::Transfer),
         (ErrorKind::Overrun, BusError::Transfer),
         (ErrorKind::Other, BusError::Transfer),
     ] {
-        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), Instant::EPOCH);
+        let mut devices = devices_of(PartKind::Ina2xx);
         let reading = read_next(&mut devices, &mut Buses::i2c(Refusing(kind)));
         assert_eq!(reading, [(Pack::Second, Err(diagnosis.into()))], "{kind:?}");
     }
@@ -701,20 +714,15 @@ proptest! {
         ], 0..2000),
         kind in prop::sample::select(part_kinds()),
     ) {
-        let mut devices = BusDevices::from_parameters(&second_is(kind), Instant::EPOCH);
+        let mut devices = devices_of(kind);
         let mut bus = Buses::i2c(Anything(bytes.into()));
-        let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
-        let mut now = Instant::EPOCH;
+        let mut sampled = Sampled::default();
         // A part that is not on the I2C bus takes nothing from it.
         for _ in 0..200 {
             for (pack, reading) in read_next(&mut devices, &mut bus) {
                 prop_assert_eq!(pack, Pack::Second);
-                now = now.after_us(100_000);
-                let tick = Tick { now, ..Tick::default() };
-                let _ = monitor.update(&mut battery, tick, reading, &PackSettings::default());
-                let state = &battery;
-                let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.remaining_pct];
-                prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
+                sampled.take(reading, &PackSettings::default());
+                sampled.assert_is_sound();
             }
         }
     }
@@ -727,17 +735,13 @@ proptest! {
     ) {
         let words: Vec<_> = words.into_iter().filter(|(command, _)| ![0x20, 0x21, 0x22].contains(command)).collect();
         let mut bus = battery(&words);
-        let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
-        let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
-        for tick in 1..=ticks as u64 {
+        let mut devices = devices_of(PartKind::SmartBattery);
+        let mut sampled = Sampled::default();
+        for _ in 0..ticks {
             for (_, reading) in read_next(&mut devices, &mut bus) {
-                let tick = Tick { now: at_us(tick * 100_000), ..Tick::default() };
-                let _ = monitor.update(&mut battery, tick, reading, &PackSettings::default());
+                sampled.take(reading, &PackSettings::default());
             }
-            let state = &battery;
-            prop_assert!(state.readings.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);
-            let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.time_remaining_s];
-            prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
+            sampled.assert_is_sound();
         }
     }
 
@@ -747,18 +751,15 @@ proptest! {
         readings in prop::collection::vec((any::<[u16; 20]>(), any::<[u8; 12]>()), 1..20),
         units in any::<[u8; 3]>(),
     ) {
-        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bq76952), Instant::EPOCH);
-        let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
-        for (number, (words, charge)) in (1..).zip(&readings) {
+        let mut devices = devices_of(PartKind::Bq76952);
+        let mut sampled = Sampled::default();
+        for (words, charge) in &readings {
             let mut bus = Buses::i2c(Stack::new(words, *charge, units));
             for (_, reading) in read_next(&mut devices, &mut bus) {
                 prop_assert!(!matches!(reading, Err(ReadError::OtherPart | ReadError::Bus(_))), "{:?}", reading);
-                let tick = Tick { now: at_us(number * 100_000), ..Tick::default() };
-                let _ = monitor.update(&mut battery, tick, reading, &PackSettings::default());
+                sampled.take(reading, &PackSettings::default());
             }
-            let state = &battery;
-            let values = [state.readings.voltage_v, state.readings.current_a, state.consumed_mah(), state.readings.remaining_pct];
-            prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
+            sampled.assert_is_sound();
         }
     }
 
@@ -775,7 +776,7 @@ proptest! {
         let mut observed = [&body[..], &[sum]].concat();
         observed[place] ^= damage;
         bus.i2c.set(0x08, 0x20, &observed);
-        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bebop), Instant::EPOCH);
+        let mut devices = devices_of(PartKind::Bebop);
         let millivolts = u16::from_be_bytes([body[8], body[9]]);
         match (read_one(&mut devices, &mut bus), damage) {
             (Ok(reading), 0) => assert_near(reading.voltage_v, f32::from(millivolts) * 1e-3),
@@ -789,7 +790,7 @@ proptest! {
 fn a_motor_board_of_another_number_of_motors_is_no_bebops() {
     let mut bus = wires(Tables::default());
     bus.i2c.set(0x08, 0xa0, &[1, 5, 2, 1]);
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bebop), Instant::EPOCH);
+    let mut devices = devices_of(PartKind::Bebop);
     assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::OtherPart));
 }
 
@@ -861,8 +862,7 @@ fn dialect(kind: PartKind, answers: &Answers) -> (BusDevices, Wires) {
     if ![PartKind::Maxell, PartKind::Sui3Cells, PartKind::Sui6Cells].contains(&kind) {
         add_codes(&mut bus.i2c);
     }
-    let devices = BusDevices::from_parameters(&second_is(kind), Instant::EPOCH);
-    (devices, bus)
+    (devices_of(kind), bus)
 }
 
 #[test]
@@ -944,15 +944,8 @@ fn a_solo_powers_off_while_its_button_is_held_for_seven_readings() {
     };
     assert_eq!(press(8, 6), [Supply::On; 6]);
     assert_eq!(press(0, 1), [Supply::On]);
-    assert_eq!(
-        press(8, 9)[5..],
-        [
-            Supply::On,
-            Supply::PoweringOff,
-            Supply::PoweringOff,
-            Supply::PoweringOff
-        ]
-    );
+    let held = press(8, 9);
+    assert_eq!((held[5], &held[6..]), (Supply::On, &[Supply::PoweringOff; 3][..]));
     assert_eq!(press(0, 1), [Supply::On]);
 }
 
@@ -981,10 +974,7 @@ fn bench<F: Fn(usize) -> bool>(kind: PartKind, are_closed: F) -> BusBench<F> {
         transfers: 0,
         are_closed,
     };
-    (
-        BusDevices::from_parameters(&second_is(kind), Instant::EPOCH),
-        Buses::i2c(bus),
-    )
+    (devices_of(kind), Buses::i2c(bus))
 }
 
 fn read<F: Fn(usize) -> bool>((devices, bus): &mut BusBench<F>) -> Result<Measurement, ReadError> {

@@ -295,23 +295,15 @@ mod tests {
 
     #[test]
     fn a_slow_crystal_is_refused_with_the_reason() {
+        let timing = BitTiming::from_parameters;
         let mut parameters = Parameters::defaults();
-        assert_eq!(BitTiming::from_parameters(&parameters), Ok(None));
+        assert_eq!(timing(&parameters), Ok(None));
         parameters.set(VehicleParameter::CanP1Driver, 1.0).unwrap();
-        assert_eq!(
-            BitTiming::from_parameters(&parameters),
-            Ok(BitTiming::new(16, 1_000_000))
-        );
+        assert_eq!(timing(&parameters), Ok(BitTiming::new(16, 1_000_000)));
         parameters.set(VehicleParameter::CanP1Crystal, 8.0).unwrap();
-        assert_eq!(
-            BitTiming::from_parameters(&parameters),
-            Err(CanReport::ImpossibleBitRate)
-        );
+        assert_eq!(timing(&parameters), Err(CanReport::ImpossibleBitRate));
         parameters.set(VehicleParameter::CanP1Bitrate, 500_000.0).unwrap();
-        assert_eq!(
-            BitTiming::from_parameters(&parameters),
-            Ok(BitTiming::new(8, 500_000))
-        );
+        assert_eq!(timing(&parameters), Ok(BitTiming::new(8, 500_000)));
     }
 
     proptest! {

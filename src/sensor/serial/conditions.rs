@@ -332,20 +332,13 @@ mod tests {
 
     #[test]
     fn text_has_what_is_wrong() {
-        let text = |condition: TorqeedoCondition| condition.to_string();
-        assert_eq!(text(TorqeedoCondition::of_motor(0x0100)), "Torqeedo: no error");
-        assert_eq!(
-            text(TorqeedoCondition::of_motor(0x0042)),
-            "Torqeedo: motor blocked, too hot"
-        );
-        assert_eq!(
-            text(TorqeedoCondition::of_system(0x0503, 43)),
-            "Torqeedo: error 43, battery empty, temperature warning, battery nearly empty"
-        );
-        assert_eq!(text(TorqeedoCondition::of_system(0, 99)), "Torqeedo: error 99");
-        assert_eq!(
-            text(TorqeedoCondition::of_system(0xFAFF, 0)),
-            "Torqeedo: no error"
-        );
+        let motor = |errors| TorqeedoCondition::of_motor(errors).to_string();
+        assert_eq!(motor(0x0100), "Torqeedo: no error");
+        assert_eq!(motor(0x0042), "Torqeedo: motor blocked, too hot");
+        let system = |flags, code| TorqeedoCondition::of_system(flags, code).to_string();
+        let several = "Torqeedo: error 43, battery empty, temperature warning, battery nearly empty";
+        assert_eq!(system(0x0503, 43), several);
+        assert_eq!(system(0, 99), "Torqeedo: error 99");
+        assert_eq!(system(0xFAFF, 0), "Torqeedo: no error");
     }
 }

@@ -35,7 +35,7 @@ fn armed_in(mode: Mode) -> Vehicle {
 /// A vehicle that its driver is about to drive, with centred sticks.
 fn driven_in(mode: Mode) -> Vehicle {
     let mut vehicle = armed_in(mode);
-    centre(&mut vehicle, Instant::EPOCH);
+    drive(&mut vehicle, Instant::EPOCH, 0);
     vehicle
 }
 
@@ -52,8 +52,10 @@ fn steer(vehicle: &mut Vehicle, at: Instant, throttle: StickInput, steering: Sti
     result.expect("no other one drives");
 }
 
-fn centre(vehicle: &mut Vehicle, at: Instant) {
-    steer(vehicle, at, StickInput::Position(0), StickInput::Position(0));
+/// Moves the throttle, with the steering centred.
+fn drive(vehicle: &mut Vehicle, at: Instant, throttle: i16) {
+    let throttle = StickInput::Position(throttle);
+    steer(vehicle, at, throttle, StickInput::Position(0));
 }
 
 fn steer_by_channels(vehicle: &mut Vehicle, at: Instant, pulses_us: &[u16]) {
@@ -63,25 +65,21 @@ fn steer_by_channels(vehicle: &mut Vehicle, at: Instant, pulses_us: &[u16]) {
 
 #[test]
 fn sticks_of_a_station_that_does_not_drive_do_nothing() {
-    let driver = |system_id| DriverId {
-        system_id,
-        ..DriverId::default()
+    let control = |vehicle: &mut Vehicle, at, system_id, throttle| {
+        let driver = DriverId {
+            system_id,
+            ..DriverId::default()
+        };
+        let (throttle, steering) = (StickInput::Position(throttle), StickInput::Position(0));
+        vehicle.control(driver, at, Delivery::Prompt, throttle, steering)
     };
-    let ahead = |throttle| (StickInput::Position(throttle), StickInput::Position(0));
     let mut vehicle = armed_in(Mode::Manual);
     for ms in (0..4_000).step_by(50) {
         let at = at_us(ms * 1_000);
-        let (throttle, steering) = ahead(if ms == 0 { 0 } else { 500 });
-        assert_eq!(
-            vehicle.control(driver(1), at, Delivery::Prompt, throttle, steering),
-            Ok(None)
-        );
-        let (throttle, steering) = ahead(if ms % 100 == 0 { -1000 } else { 0 });
-        assert!(
-            vehicle
-                .control(driver(2), at, Delivery::Prompt, throttle, steering)
-                .is_err()
-        );
+        let throttle = if ms == 0 { 0 } else { 500 };
+        assert_eq!(control(&mut vehicle, at, 1, throttle), Ok(None));
+        let throttle = if ms % 100 == 0 { -1000 } else { 0 };
+        assert!(control(&mut vehicle, at, 2, throttle).is_err());
         vehicle.update(at, &SETTINGS);
     }
     assert_eq!(vehicle.drives(), both(0.5));
@@ -90,12 +88,7 @@ fn sticks_of_a_station_that_does_not_drive_do_nothing() {
         .step_by(50)
         .filter_map(|ms| {
             let at = at_us(ms * 1_000);
-            let (throttle, steering) = ahead(300);
-            assert!(
-                vehicle
-                    .control(driver(2), at, Delivery::Prompt, throttle, steering)
-                    .is_err()
-            );
+            assert!(control(&mut vehicle, at, 2, 300).is_err());
             vehicle.update(at, &SETTINGS)
         })
         .collect();
@@ -103,11 +96,7 @@ fn sticks_of_a_station_that_does_not_drive_do_nothing() {
     // Everyone may stop it and disarm, and after that everyone may drive.
     vehicle.set_mode(Mode::Hold).unwrap();
     vehicle.disarm();
-    let (throttle, steering) = ahead(300);
-    assert_eq!(
-        vehicle.control(driver(2), at_us(6_000_000), Delivery::Prompt, throttle, steering),
-        Ok(None)
-    );
+    assert_eq!(control(&mut vehicle, at_us(6_000_000), 2, 300), Ok(None));
 }
 
 #[test]
@@ -121,15 +110,10 @@ fn starts_disarmed_in_hold_and_coasts() {
 fn hold_brakes_and_manual_follows_the_sticks() {
     let mut vehicle = armed_in(Mode::Hold);
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
-    centre(&mut vehicle, Instant::EPOCH);
+    drive(&mut vehicle, Instant::EPOCH, 0);
     vehicle.set_mode(Mode::Manual).unwrap();
     assert_eq!(vehicle.drives(), SideDrives::COAST);
-    steer(
-        &mut vehicle,
-        Instant::EPOCH,
-        StickInput::Position(1000),
-        StickInput::Position(0),
-    );
+    drive(&mut vehicle, Instant::EPOCH, 1000);
     vehicle.update(Instant::EPOCH, &SETTINGS);
     vehicle.update(at_us(500_000), &SETTINGS);
     assert_eq!(vehicle.drives(), both(0.5));
@@ -145,12 +129,8 @@ fn hold_brakes_and_manual_follows_the_sticks() {
 #[test]
 fn sticks_timed_out_before_arming_do_not_drive() {
     let mut vehicle = Vehicle::new();
-    steer(
-        &mut vehicle,
-        Instant::EPOCH,
-        StickInput::Position(1000),
-        StickInput::Position(1000),
-    );
+    let full = StickInput::Position(1000);
+    steer(&mut vehicle, Instant::EPOCH, full, full);
     run(&mut vehicle, 0, 3_000_000);
     vehicle.arm(at_us(3_000_000), Fitness::Checked).unwrap();
     vehicle.set_mode(Mode::Manual).unwrap();
@@ -161,12 +141,7 @@ fn sticks_timed_out_before_arming_do_not_drive() {
 #[test]
 fn control_time_out_holds_until_inputs_resume() {
     let mut vehicle = driven_in(Mode::Manual);
-    steer(
-        &mut vehicle,
-        Instant::EPOCH,
-        StickInput::Position(1000),
-        StickInput::Position(0),
-    );
+    drive(&mut vehicle, Instant::EPOCH, 1000);
     let events = run(&mut vehicle, 0, 10_000_000);
     assert_eq!(events, [(1_520_000, VehicleEvent::ControlsTimedOut)]);
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
@@ -174,12 +149,7 @@ fn control_time_out_holds_until_inputs_resume() {
     assert_eq!(vehicle.indication(at_us(10_000_000)).colour, Colour::Yellow);
     assert_eq!(vehicle.set_mode(Mode::Manual), Err(ModeRefused));
     assert_eq!(vehicle.set_mode(Mode::Hold), Ok(()));
-    steer(
-        &mut vehicle,
-        at_us(10_000_000),
-        StickInput::Position(0),
-        StickInput::Position(0),
-    );
+    drive(&mut vehicle, at_us(10_000_000), 0);
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.status().mode, Mode::Hold);
     assert_eq!(vehicle.set_mode(Mode::Manual), Ok(()));
@@ -190,27 +160,18 @@ fn heartbeat_time_out_holds_and_control_counts_as_one() {
     let mut vehicle = armed_in(Mode::Manual);
     vehicle.ground_station_seen(Instant::EPOCH);
     for second in 0..5 {
-        steer(
-            &mut vehicle,
-            at_us(second * 1_000_000),
-            StickInput::Position(100),
-            StickInput::Position(0),
-        );
-        assert_eq!(
-            run(&mut vehicle, second * 1_000_000, (second + 1) * 1_000_000),
-            []
-        );
+        let from_us = second * 1_000_000;
+        drive(&mut vehicle, at_us(from_us), 100);
+        assert_eq!(run(&mut vehicle, from_us, from_us + 1_000_000), []);
     }
-    steer(
-        &mut vehicle,
-        at_us(5_000_000),
-        StickInput::Released,
-        StickInput::Released,
-    );
-    assert_eq!(
-        run(&mut vehicle, 5_000_000, 9_000_000),
-        [(6_520_000, VehicleEvent::GroundStationsTimedOut)]
-    );
+    let released = StickInput::Released;
+    steer(&mut vehicle, at_us(5_000_000), released, released);
+    assert_eq!(run(&mut vehicle, 5_000_000, 6_000_000), []);
+    // Other channels do not.
+    let unchanged = StickInput::Unchanged;
+    steer(&mut vehicle, at_us(6_000_000), unchanged, unchanged);
+    let events = run(&mut vehicle, 6_020_000, 9_000_000);
+    assert_eq!(events, [(6_520_000, VehicleEvent::GroundStationsTimedOut)]);
     vehicle.disarm();
     assert_eq!(vehicle.status().alert, Alert::None);
 }
@@ -269,13 +230,7 @@ fn sticks_that_are_not_in_use_do_not_prevent_arming_after_a_change_but_must_be_n
 
 #[test]
 fn disarming_ends_a_time_out_of_the_sticks() {
-    let mut vehicle = armed_in(Mode::Manual);
-    steer(
-        &mut vehicle,
-        Instant::EPOCH,
-        StickInput::Position(0),
-        StickInput::Position(0),
-    );
+    let mut vehicle = driven_in(Mode::Manual);
     let events = run(&mut vehicle, 0, 2_000_000);
     assert_eq!(events, [(1_520_000, VehicleEvent::ControlsTimedOut)]);
     vehicle.disarm();
@@ -292,34 +247,16 @@ fn inputs_never_received_do_not_time_out() {
 #[test]
 // Requirement: AP-19
 fn every_action_but_warn_holds_or_disarms() {
+    use ArmState::{Armed, Disarmed};
+    use Mode::{Hold, Manual};
     for (number, mode, arm_state, event) in [
-        (0, Mode::Manual, ArmState::Armed, None),
-        (1, Mode::Hold, ArmState::Armed, Some("RTL needs a position: Hold")),
-        (2, Mode::Hold, ArmState::Armed, None),
-        (
-            3,
-            Mode::Hold,
-            ArmState::Armed,
-            Some("SmartRTL needs a position: Hold"),
-        ),
-        (
-            4,
-            Mode::Hold,
-            ArmState::Armed,
-            Some("SmartRTL needs a position: Hold"),
-        ),
-        (
-            5,
-            Mode::Manual,
-            ArmState::Disarmed,
-            Some("Terminated by battery failsafe"),
-        ),
-        (
-            6,
-            Mode::Hold,
-            ArmState::Armed,
-            Some("Loiter needs a position: Hold"),
-        ),
+        (0, Manual, Armed, None),
+        (1, Hold, Armed, Some("RTL needs a position: Hold")),
+        (2, Hold, Armed, None),
+        (3, Hold, Armed, Some("SmartRTL needs a position: Hold")),
+        (4, Hold, Armed, Some("SmartRTL needs a position: Hold")),
+        (5, Manual, Disarmed, Some("Terminated by battery failsafe")),
+        (6, Hold, Armed, Some("Loiter needs a position: Hold")),
     ] {
         let mut vehicle = armed_in(Mode::Manual);
         // ArduPilot never executes 6 after a warning.
@@ -357,10 +294,8 @@ fn battery_reset_ends_termination() {
     vehicle.battery_failsafe(FailsafeAction::Terminate);
     vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
     assert_eq!(vehicle.status().alert, Alert::Terminated);
-    assert_eq!(
-        vehicle.arm(Instant::EPOCH, Fitness::Checked),
-        Err(ArmingRefused::Terminated)
-    );
+    let armed = vehicle.arm(Instant::EPOCH, Fitness::Checked);
+    assert_eq!(armed, Err(ArmingRefused::Terminated));
     vehicle.update_batteries(FailsafeLevel::None, BatteryAlert::None);
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
@@ -384,19 +319,15 @@ fn lamps_and_buzzer_indicate_the_state() {
     let colour = |vehicle: &Vehicle| vehicle.indication(Instant::EPOCH).colour;
     assert_eq!(colour(&vehicle), Colour::Green);
     assert_eq!(tones(&vehicle, 0, 40), "........................................");
-    assert_eq!(
-        vehicle.arm(at_us(1_000_000), Fitness::Unfit),
-        Err(ArmingRefused::Unfit)
-    );
+    let armed = vehicle.arm(at_us(1_000_000), Fitness::Unfit);
+    assert_eq!(armed, Err(ArmingRefused::Unfit));
     assert_eq!(tones(&vehicle, 1_000_000, 10), "xxxxx.....");
     vehicle.arm(at_us(3_000_000), Fitness::Checked).unwrap();
     assert_eq!(colour(&vehicle), Colour::Blue);
     vehicle.update_batteries(FailsafeLevel::Low, BatteryAlert::Warning);
     assert_eq!(colour(&vehicle), Colour::Yellow);
-    assert_eq!(
-        tones(&vehicle, 4_000_000, 40),
-        "x...................x..................."
-    );
+    let expected = "x...................x...................";
+    assert_eq!(tones(&vehicle, 4_000_000, 40), expected);
     vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
     assert_eq!(colour(&vehicle), Colour::Red);
     assert_eq!(tones(&vehicle, 4_000_000, 20), "x.x.x.....x.x.x.....");

@@ -13,11 +13,7 @@ fn another_pack_is_estimated_by_its_own_voltage() {
             let mut rover = Rover::parked(Pack::rested(chemistry, 1.0));
             rover.drive_to(before);
             rover.run(120.0, IDLE_A);
-            assert!(
-                rover.error_pct().abs() < 5.0,
-                "{chemistry:?} {}",
-                rover.reported_pct()
-            );
+            rover.assert_error_below(5.0, &format!("{chemistry:?} at {before}"));
             rover.swap(Pack::rested(chemistry, other), 60.0);
             rover.run(65.0, IDLE_A);
             let what = format!(
@@ -25,13 +21,8 @@ fn another_pack_is_estimated_by_its_own_voltage() {
                 rover.reported_pct()
             );
             println!("{what}");
-            assert!(rover.error_pct().abs() < 5.0, "{what}");
-            let swaps = rover
-                .bench
-                .events
-                .iter()
-                .filter(|event| **event == PackEvent::Swapped)
-                .count();
+            rover.assert_error_below(5.0, &what);
+            let swaps = rover.bench.count_of(PackEvent::Swapped);
             assert_eq!(rover.restarts() + swaps, 1, "{what}");
             // Of a pack that was swapped for certain nothing is kept until it is known.
             let is_its_own = |kept: f32| (kept - other).abs() < 0.05;
@@ -116,11 +107,7 @@ fn the_charge_of_the_pack_before_is_not_kept_for_one_that_has_not_rested() {
         assert_eq!(rover.retained_charge(), None, "{chemistry:?}");
         assert_eq!(rover.kept_charge(), Some(before), "{chemistry:?}");
         rover.run(100.0, IDLE_A);
-        assert!(
-            rover.error_pct().abs() < 5.0,
-            "{chemistry:?}: {} %",
-            rover.reported_pct()
-        );
+        rover.assert_error_below(5.0, &format!("{chemistry:?}"));
         for kept in [rover.retained_charge(), rover.kept_charge()] {
             let kept = kept.expect("kept once it has rested");
             assert!((kept - rover.pack.soc).abs() < 0.05, "{chemistry:?}: {kept}");
@@ -139,11 +126,7 @@ fn a_battery_reset_says_whose_charge_it_is() {
     rover.bench.reset(40.0);
     rover.run(60.0, IDLE_A);
     assert_eq!(rover.restarts(), 0);
-    assert!(
-        (rover.reported_pct() - 40.0).abs() < 1.0,
-        "{}",
-        rover.reported_pct()
-    );
+    assert_about(Some(rover.reported_pct()), 40.0, 1.0);
 }
 
 #[test]

@@ -29,18 +29,11 @@ fn a_calibration_at_rest_restarts_the_estimate() {
             for (volt_multiplier, soc) in [(4.1, 0.6), (4.1, 0.3), (3.8, 0.6), (3.8, 0.9)] {
                 let mut rover = uncalibrated(chemistry, soc, volt_multiplier, sensors);
                 let what = format!("{chemistry:?} {sensors:?} {soc} by {volt_multiplier}");
-                assert!(
-                    rover.error_pct().abs() > 8.0,
-                    "{what}: {} %",
-                    rover.reported_pct()
-                );
+                let error_pct = rover.error_pct();
+                assert!(error_pct.abs() > 8.0, "{what}: off by {error_pct} %");
                 rover.measuring.scale = TRUE_SCALE;
                 rover.run(65.0, IDLE_A);
-                assert!(
-                    rover.error_pct().abs() < 5.0,
-                    "{what}: {} %",
-                    rover.reported_pct()
-                );
+                rover.assert_error_below(5.0, &what);
                 assert_eq!(rover.restarts(), 1, "{what}");
                 let kept = rover.kept_charge().expect("kept at the rest");
                 assert!((kept - rover.pack.soc).abs() < 0.05, "{what}: {kept} kept");
@@ -65,7 +58,7 @@ fn a_calibration_under_way_waits_for_a_rest() {
     assert_eq!(rover.kept_charge(), None, "a rest of another scale");
     rover.run(100.0, IDLE_A);
     assert_eq!(rover.restarts(), 1);
-    assert!(rover.error_pct().abs() < 5.0, "{} %", rover.reported_pct());
+    rover.assert_error_below(5.0, "after the rest");
 }
 
 #[test]

@@ -21,13 +21,11 @@ fn a_current_over_range_counts_as_full_scale_and_is_announced_once() {
         bench.run(12.0, stalled(10.5));
         bench.run(1.0, loaded(11.0, 0.0));
     }
-    let said = bench.events.iter();
-    let said = said.filter(|event| **event == PackEvent::CurrentOverRange);
-    assert_eq!(said.count(), 1, "{:?}", bench.events);
+    let said = bench.count_of(PackEvent::CurrentOverRange);
+    assert_eq!(said, 1, "{:?}", bench.events);
     let state = bench.state;
     assert_eq!(state.status, PackStatus::Healthy);
-    let consumed_mah = state.consumed_mah().expect("counted");
-    assert!((consumed_mah - 200.0).abs() < 3.0, "{consumed_mah} mAh");
+    assert_about(state.consumed_mah(), 200.0, 3.0);
 }
 
 #[test]
@@ -50,18 +48,12 @@ fn the_resistance_is_not_measured_by_a_current_over_range() {
         bench.run(2.0, loaded(pack_v(5.0), 5.0));
         bench.run(2.0, stalled(pack_v(2.0 * FULL_SCALE_A)));
     }
-    let resistance_ohm = bench.state.resistance_ohm.expect("measured");
-    assert!((resistance_ohm - 0.05).abs() < 0.003, "{resistance_ohm}");
+    assert_about(bench.state.resistance_ohm, 0.05, 0.003);
 }
 
 #[test]
 fn a_reversed_sensor_is_announced_and_the_charge_estimated_without_it() {
-    let announced = |rover: &Rover| {
-        let events = rover.bench.events.iter();
-        events
-            .filter(|event| **event == PackEvent::CurrentReversed)
-            .count()
-    };
+    let announced = |rover: &Rover| rover.bench.count_of(PackEvent::CurrentReversed);
     for (sensors, expected) in [
         (Sensors::VoltageAndReversedCurrent, 1),
         (Sensors::VoltageAndCurrent, 0),
@@ -81,7 +73,7 @@ fn a_reversed_sensor_is_announced_and_the_charge_estimated_without_it() {
         rover.drive_to(0.3);
         assert_eq!(announced(&rover), expected, "once");
         assert!(rover.bench.state.resistance_ohm.is_some());
-        assert!(rover.error_pct().abs() < 10.0, "{} %", rover.reported_pct());
+        rover.assert_error_below(10.0, "driven further");
     }
 }
 

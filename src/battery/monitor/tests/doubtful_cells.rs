@@ -98,14 +98,8 @@ fn set_cells_another_number_or_erasing_end_the_doubt_at_once() {
 #[test]
 fn a_voltage_failsafe_acts_on_a_pack_with_unclear_cells() {
     let mut bench = bench(3);
-    bench.settings.failsafe = FailsafeSettings {
-        timer_s: Some(1.0),
-        low: Thresholds {
-            voltage_v: Some(9.0),
-            ..Thresholds::default()
-        },
-        ..FailsafeSettings::default()
-    };
+    bench.settings.failsafe.timer_s = Some(1.0);
+    bench.settings.failsafe.low.voltage_v = Some(9.0);
     bench.run(5.0, volts(8.5));
     bench.arm_state = ArmState::Armed;
     assert_eq!(bench.run(3.0, volts(8.5)).failsafe, FailsafeLevel::Low);

@@ -24,7 +24,6 @@ fn assert_honest(rover: &Rover, what: &str) {
         (remaining_pct - 100.0 * rover.pack.soc).abs() <= 2.0 * sigma_pct
     };
     let estimate = estimate_pct(rover);
-    println!("{what}: {estimate:?} instead of {}", 100.0 * rover.pack.soc);
     assert!(
         estimate.is_none_or(is_within),
         "{what}: {estimate:?} instead of {}",
@@ -41,11 +40,7 @@ fn a_pack_taken_off_its_charger_early_is_found_out_as_it_relaxes() {
             rover.run(60.0, 0.02);
             assert_honest(&rover, &format!("{chemistry:?} after {minute} minutes"));
         }
-        assert!(
-            rover.error_pct().abs() <= 3.0,
-            "{chemistry:?}: {} %",
-            rover.reported_pct()
-        );
+        rover.assert_error_below(3.0, &format!("{chemistry:?}"));
     }
 }
 
@@ -74,18 +69,12 @@ fn a_full_pack_with_a_plateau_is_certain_once_it_has_relaxed() {
     let mut rover = Rover::with(just_charged(Chemistry::LiFe, 1.0, 0.05));
     rover.run(60.0, 0.0);
     let is_full = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 97.0 && sigma_pct > 10.0;
-    assert!(
-        estimate_pct(&rover).is_some_and(is_full),
-        "{:?}",
-        estimate_pct(&rover)
-    );
+    let estimate = estimate_pct(&rover);
+    assert!(estimate.is_some_and(is_full), "{estimate:?}");
     rover.run(4.0 * 3600.0, 0.0);
     let is_certain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 99.0 && sigma_pct < 2.0;
-    assert!(
-        estimate_pct(&rover).is_some_and(is_certain),
-        "{:?}",
-        estimate_pct(&rover)
-    );
+    let estimate = estimate_pct(&rover);
+    assert!(estimate.is_some_and(is_certain), "{estimate:?}");
 }
 
 #[test]
@@ -103,11 +92,7 @@ fn a_charger_at_its_voltage_makes_a_pack_of_any_lithium_chemistry_full() {
         assert_honest(&rover, &format!("{chemistry:?} charged"));
         rover.bench.run(60.0, loaded(charged_v, -0.15));
         rover.pack.soc = 1.0;
-        assert!(
-            rover.error_pct().abs() <= 1.0,
-            "{chemistry:?}: {} %",
-            rover.reported_pct()
-        );
+        rover.assert_error_below(1.0, &format!("{chemistry:?}"));
     }
 }
 
@@ -142,12 +127,8 @@ fn parking_with_a_good_sensor_costs_a_certain_count_little() {
             rover.run(60.0, 1.1);
             rover.run(300.0, IDLE_A);
         }
-        println!("{chemistry:?}: off by {driven_pct}, then {} %", rover.error_pct());
-        assert!(
-            (rover.error_pct() - driven_pct).abs() <= 2.0,
-            "{chemistry:?}: {} %",
-            rover.error_pct()
-        );
+        let what = format!("{chemistry:?}: off by {driven_pct}, then {} %", rover.error_pct());
+        assert!((rover.error_pct() - driven_pct).abs() <= 2.0, "{what}");
     }
 }
 
@@ -219,10 +200,9 @@ fn a_capacity_that_no_such_pack_has_is_announced_once() {
             rover.drive_to(0.2);
             rover.run(1000.0, IDLE_A);
         }
-        let is_announced = |event: &&PackEvent| **event == PackEvent::CapacityAboveLabel;
-        let count = rover.bench.events.iter().filter(is_announced).count();
         assert_eq!(
-            count, announced,
+            rover.bench.count_of(PackEvent::CapacityAboveLabel),
+            announced,
             "{label_mah}: {:?}",
             rover.bench.state.learnt_capacity_mah
         );
@@ -240,10 +220,7 @@ fn switched_off_at(chemistry: Chemistry, soc: f32) -> Rover {
 /// The capacity that a start finds after a night with this charge.
 fn learnt_mah_next_day(rover: &mut Rover, soc: f32) -> Option<f32> {
     rover.power_cycle();
-    rover.pack = Pack {
-        soc,
-        ..Pack::rested(rover.pack.chemistry, soc)
-    };
+    rover.pack = Pack::rested(rover.pack.chemistry, soc);
     rover.run(60.0, IDLE_A);
     rover.bench.state.learnt_capacity_mah
 }

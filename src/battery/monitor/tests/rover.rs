@@ -205,9 +205,14 @@ impl Rover {
         self.reported_pct() - 100.0 * self.pack.soc
     }
 
+    #[track_caller]
+    pub fn assert_error_below(&self, limit_pct: f32, what: &str) {
+        let error_pct = self.error_pct();
+        assert!(error_pct.abs() < limit_pct, "{what}: off by {error_pct} %");
+    }
+
     pub fn restarts(&self) -> usize {
-        let is_restart = |event: &&PackEvent| **event == PackEvent::EstimateRestarted;
-        self.bench.events.iter().filter(is_restart).count()
+        self.bench.count_of(PackEvent::EstimateRestarted)
     }
 
     pub fn kept_charge(&self) -> Option<f32> {

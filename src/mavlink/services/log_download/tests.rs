@@ -20,6 +20,11 @@ const OTHER: Peer = Peer {
 
 const SECOND: u64 = 1_000_000;
 
+const EVERYTHING: LogListRequest = LogListRequest {
+    start: 0,
+    end: u16::MAX,
+};
+
 fn files(first: u16, sizes: &[u32]) -> Vec<LogFile> {
     let numbers = (0..).map(|place| (u32::from(first) - 1 + place) % NUMBERS + 1);
     let with_sizes = numbers.zip(sizes);
@@ -91,10 +96,8 @@ fn data(messages: &[Message]) -> Vec<(u16, u32, Vec<u8>)> {
 
 fn list(download: &mut LogDownload, logs: &[LogFile], start: u16, end: u16) -> Vec<(u16, u32, u16)> {
     let state = state(logs);
-    assert_eq!(
-        download.list(&LogListRequest { start, end }, STATION, &state),
-        Ok(())
-    );
+    let listed = download.list(&LogListRequest { start, end }, STATION, &state);
+    assert_eq!(listed, Ok(()));
     entries(&sent(download, &state))
 }
 
@@ -120,12 +123,8 @@ fn an_entry_has_the_date_of_its_file_or_0() {
     let mut logs = files(7, &[100, 200]);
     logs[1].began_utc_s = NonZeroU32::new(1_800_000_000);
     let mut download = LogDownload::default();
-    let everything = LogListRequest {
-        start: 0,
-        end: u16::MAX,
-    };
     let state = state(&logs);
-    assert_eq!(download.list(&everything, STATION, &state), Ok(()));
+    assert_eq!(download.list(&EVERYTHING, STATION, &state), Ok(()));
     let sent = sent(&mut download, &state);
     let times = sent.iter().map(|message| match message {
         Message::LogEntry(entry) => entry.time_utc,
@@ -145,11 +144,8 @@ fn a_list_has_an_entry_for_each_file_of_the_range() {
     assert_eq!(list(&mut download, &logs, 2, 2), all[1..2]);
     assert_eq!(list(&mut download, &logs, 2, 9), all[1..]);
     for (start, end) in [(4, 9), (3, 2), (u16::MAX, u16::MAX)] {
-        assert_eq!(
-            list(&mut download, &logs, start, end),
-            [(0, 0, 3)],
-            "{start} {end}"
-        );
+        let listed = list(&mut download, &logs, start, end);
+        assert_eq!(listed, [(0, 0, 3)], "{start} {end}");
     }
 }
 
@@ -167,16 +163,11 @@ fn ids_stay_while_the_oldest_file_is_dropped_until_everything_is_listed_again() 
     assert_eq!(ids(list(&mut download, &before, 0, u16::MAX)), [1, 2, 3, 4]);
     let after = &before[1..];
     assert_eq!(list(&mut download, after, 1, 3), [(2, 200, 4), (3, 300, 4)]);
-    assert_eq!(
-        read(&mut download, after, 3, 0, 10),
-        [(3, 0, content(1, 0, 10))],
-        "the number after 65535 is 1"
-    );
-    assert_eq!(
-        read(&mut download, after, 1, 0, 10),
-        [(1, 0, vec![])],
-        "the one that was dropped"
-    );
+    // The number after 65535 is 1.
+    let third = read(&mut download, after, 3, 0, 10);
+    assert_eq!(third, [(3, 0, content(1, 0, 10))]);
+    let dropped = read(&mut download, after, 1, 0, 10);
+    assert_eq!(dropped, [(1, 0, vec![])], "the one that was dropped");
     assert_eq!(ids(list(&mut download, after, 0, u16::MAX)), [1, 2, 3]);
 }
 
@@ -223,10 +214,8 @@ fn beyond_the_end_and_of_an_unknown_file_one_empty_message_is_sent() {
     let mut download = LogDownload::default();
     for (id, offset) in [(1, 1000), (1, 1001), (1, u32::MAX), (2, 0), (0, 0), (u16::MAX, 5)] {
         for bytes in [1, 90, u32::MAX] {
-            assert_eq!(
-                read(&mut download, &logs, id, offset, bytes),
-                [(id, offset, vec![])]
-            );
+            let messages = read(&mut download, &logs, id, offset, bytes);
+            assert_eq!(messages, [(id, offset, vec![])]);
         }
     }
 }
@@ -236,22 +225,16 @@ fn another_request_replaces_what_is_being_sent() {
     let logs = files(1, &[1000, 500]);
     let state = state(&logs);
     let mut download = LogDownload::default();
-    assert_eq!(
-        download.request_data(&request(1, 0, u32::MAX), STATION, &state),
-        Ok(())
-    );
+    let requested = download.request_data(&request(1, 0, u32::MAX), STATION, &state);
+    assert_eq!(requested, Ok(()));
     let Step::Read(late) = download.step(&state) else {
         panic!("nothing to read");
     };
-    assert_eq!(
-        download.request_data(&request(2, 450, 50), STATION, &state),
-        Ok(())
-    );
+    let requested = download.request_data(&request(2, 450, 50), STATION, &state);
+    assert_eq!(requested, Ok(()));
     assert_eq!(download.supply(late, &[1; 90]), None, "not wanted any more");
-    assert_eq!(
-        data(&sent(&mut download, &state)),
-        [(2, 450, content(2, 450, 50))]
-    );
+    let sent = data(&sent(&mut download, &state));
+    assert_eq!(sent, [(2, 450, content(2, 450, 50))]);
     assert_eq!(download.supply(late, &[1; 90]), None, "nothing is wanted");
 }
 
@@ -260,10 +243,8 @@ fn what_can_not_be_read_ends_the_file() {
     let logs = files(1, &[1000]);
     let state = state(&logs);
     let mut download = LogDownload::default();
-    assert_eq!(
-        download.request_data(&request(1, 0, u32::MAX), STATION, &state),
-        Ok(())
-    );
+    let requested = download.request_data(&request(1, 0, u32::MAX), STATION, &state);
+    assert_eq!(requested, Ok(()));
     let Step::Read(read) = download.step(&state) else {
         panic!("nothing to read");
     };
@@ -279,21 +260,15 @@ fn the_second_station_waits_until_the_first_ends_or_is_silent() {
         now: at_us(us),
         ..state(&logs)
     };
-    let all = LogListRequest {
-        start: 0,
-        end: u16::MAX,
-    };
     let mut download = LogDownload::default();
     let ask =
         |download: &mut LogDownload, from, us| download.request_data(&request(1, 0, u32::MAX), from, &at(us));
     assert_eq!(ask(&mut download, STATION, 0), Ok(()));
     // For as long as something is sent.
     assert_eq!(ask(&mut download, OTHER, 100 * SECOND), Err(Refusal::InUse));
-    assert_eq!(download.list(&all, OTHER, &at(100 * SECOND)), Err(Refusal::InUse));
-    assert_eq!(
-        download.erase(OTHER, LINK, &at(100 * SECOND)),
-        Err(Refusal::InUse)
-    );
+    let during = at(100 * SECOND);
+    assert_eq!(download.list(&EVERYTHING, OTHER, &during), Err(Refusal::InUse));
+    assert_eq!(download.erase(OTHER, LINK, &during), Err(Refusal::InUse));
     download.end(OTHER);
     assert_eq!(sent(&mut download, &at(100 * SECOND)).len(), 3);
     // And for five seconds after that, in which gaps are requested again.
@@ -336,11 +311,7 @@ fn while_armed_files_are_listed_and_not_sent_or_erased() {
     assert_eq!(requested, Err(Refusal::Armed));
     assert_eq!(download.erase(STATION, LINK, &state), Err(Refusal::Armed));
     assert_eq!(download.step(&state), Step::Idle);
-    let all = LogListRequest {
-        start: 0,
-        end: u16::MAX,
-    };
-    assert_eq!(download.list(&all, STATION, &state), Ok(()));
+    assert_eq!(download.list(&EVERYTHING, STATION, &state), Ok(()));
     assert_eq!(entries(&sent(&mut download, &state)), [(1, 200, 1)]);
 }
 

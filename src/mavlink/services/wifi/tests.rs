@@ -48,6 +48,11 @@ fn set(
     super::set(&request(&bytes), ArmState::Disarmed, credentials, parameters)
 }
 
+/// Asks to join this network.
+fn join(credentials: &mut WifiCredentials, fields: [&[u8]; 2]) -> Result<WifiMode, WifiRefused> {
+    set(credentials, &mut Parameters::defaults(), fields, MODE_STATION)
+}
+
 #[test]
 fn each_mode_sets_what_it_is_for() {
     let mut credentials = credentials();
@@ -90,13 +95,7 @@ fn each_mode_sets_what_it_is_for() {
 fn names_and_passwords_of_full_length_end_with_their_fields() {
     let mut credentials = credentials();
     let (ssid, password) = ([b'n'; 32], [b'p'; 63]);
-    set(
-        &mut credentials,
-        &mut Parameters::defaults(),
-        [&ssid, &password],
-        MODE_STATION,
-    )
-    .unwrap();
+    join(&mut credentials, [&ssid, &password]).unwrap();
     let joined = credentials.network().expect("it is set");
     assert_eq!(joined.ssid.as_str(), "n".repeat(32));
     assert_eq!(
@@ -104,15 +103,8 @@ fn names_and_passwords_of_full_length_end_with_their_fields() {
         Some("p".repeat(63).as_str())
     );
     let too_long = [b'p'; 64];
-    assert_eq!(
-        set(
-            &mut credentials,
-            &mut Parameters::defaults(),
-            [&ssid, &too_long],
-            MODE_STATION
-        ),
-        Err(WifiRefused::Password)
-    );
+    let refused = join(&mut credentials, [&ssid, &too_long]);
+    assert_eq!(refused, Err(WifiRefused::Password));
 }
 
 #[test]
@@ -131,11 +123,8 @@ fn what_is_not_valid_changes_nothing() {
     for (fields, mode, refused) in cases {
         let mut credentials = credentials();
         let mut parameters = Parameters::defaults();
-        assert_eq!(
-            set(&mut credentials, &mut parameters, fields, mode),
-            Err(refused),
-            "{fields:?} {mode}"
-        );
+        let result = set(&mut credentials, &mut parameters, fields, mode);
+        assert_eq!(result, Err(refused), "{fields:?} {mode}");
         assert_eq!(credentials.next_unsaved(), None);
         assert_eq!(parameters, Parameters::defaults());
     }
@@ -144,13 +133,8 @@ fn what_is_not_valid_changes_nothing() {
 #[test]
 fn without_a_known_network_a_blank_name_is_none() {
     let mut credentials = WifiCredentials::new(Radio::Present, None, StoredWifi::default());
-    let result = set(
-        &mut credentials,
-        &mut Parameters::defaults(),
-        [b"", b"12345678"],
-        MODE_STATION,
-    );
-    assert_eq!(result, Err(WifiRefused::Ssid));
+    let refused = join(&mut credentials, [b"", b"12345678"]);
+    assert_eq!(refused, Err(WifiRefused::Ssid));
 }
 
 #[test]
@@ -197,13 +181,14 @@ fn an_answer_has_the_name_and_no_password() {
 proptest! {
     #[test]
     fn any_bytes_are_set_up_whole_or_not_at_all(bytes in prop::collection::vec(any::<u8>(), 0..=98), mode in 0u8..6) {
-        let mut bytes = bytes;
-        if let Some(place) = bytes.get_mut(96) {
-            *place = mode;
-        }
+        // Any mode comes with a payload of any length.
+        let request = WifiConfig {
+            mode,
+            payload: Payload(&bytes),
+        };
         let mut credentials = credentials();
         let mut parameters = Parameters::defaults();
-        let result = super::set(&request(&bytes), ArmState::Disarmed, &mut credentials, &mut parameters);
+        let result = super::set(&request, ArmState::Disarmed, &mut credentials, &mut parameters);
         match result {
             Ok(WifiMode::Off) => prop_assert_eq!(credentials.next_unsaved(), None),
             Ok(_) => prop_assert!(credentials.next_unsaved().is_some()),

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 
 use super::*;
+use crate::memory::flash_map;
 
 type Words = [u32; 14];
 
@@ -55,6 +56,8 @@ fn board_sector_holds_63_wide_records() {
 
 #[test]
 fn name_and_password_of_a_network_are_read_after_a_reboot() {
+    let sectors = flash_map::WIFI.len() / flash_map::SECTOR_BYTES as usize;
+    assert_eq!(sectors, 2, "one takes what moves from the other");
     let credentials: [u32; 25] = core::array::from_fn(|word| word as u32 + 1);
     let mut flash = BoardFlash::blank();
     block_on(network_of(&mut flash).store(3, credentials, &Erase::always)).unwrap();
@@ -307,7 +310,7 @@ fn of_more_values_than_wider_ones_fit_the_first_dispensable_ones_give_way() {
     for key in SLOTS - kept..SLOTS {
         assert_eq!(read_later(&mut flash, key), Some(widened(key)), "the latest");
     }
-    // Where none may give way nothing changes.
+    // Nothing changes if none may give way.
     let mut flash = WideFlash::blank();
     for key in 0..SLOTS {
         store(&mut flash, key, key);

@@ -218,15 +218,10 @@ fn ids_run_out() {
     }
     let notices = bench.take_notices();
     let count = |wanted: fn(&CanNotice) -> bool| notices.iter().filter(|notice| wanted(notice)).count();
-    assert_eq!(
-        count(|notice| matches!(notice, CanNotice::Assigned(_))),
-        MAX_NODES
-    );
-    assert_eq!(
-        count(|notice| *notice == CanNotice::NoIdLeft),
-        1,
-        "announced once"
-    );
+    let assigned = count(|notice| matches!(notice, CanNotice::Assigned(_)));
+    assert_eq!(assigned, MAX_NODES);
+    let refused = count(|notice| *notice == CanNotice::NoIdLeft);
+    assert_eq!(refused, 1, "announced once");
 }
 
 #[test]

@@ -39,6 +39,13 @@ fn reading(bench: &mut CanBench) -> Measurement {
     readings[0].1
 }
 
+/// The reading of a pack of which only this is known.
+fn reading_of(battery: Battery) -> Measurement {
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
+    bench.receive(&battery.frames(0));
+    reading(&mut bench)
+}
+
 fn is_close(value: Option<f32>, expected: f32) -> bool {
     value.is_some_and(|value| (value - expected).abs() < 2e-3 * expected.abs())
 }
@@ -47,10 +54,8 @@ fn is_close(value: Option<f32>, expected: f32) -> bool {
 fn battery_of_the_reference_is_read() {
     let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     bench.receive(&frames(golden::BATTERY_INFO));
-    assert_eq!(
-        bench.events[0],
-        CanEvent::Announce(CanNotice::Source(Pack::First, node(42)))
-    );
+    let source = CanEvent::Announce(CanNotice::Source(Pack::First, node(42)));
+    assert_eq!(bench.events[0], source);
     let alone = reading(&mut bench);
     assert!(is_close(alone.voltage_v, 12.6), "{alone:?}");
     assert_eq!(alone.current_a, Some(-3.5));
@@ -109,7 +114,6 @@ fn current_is_multiplied() {
 
 #[test]
 fn what_the_battery_does_not_know_is_unknown() {
-    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let battery = Battery {
         temperature_k: 0.0,
         current_a: f32::NAN,
@@ -117,37 +121,32 @@ fn what_the_battery_does_not_know_is_unknown() {
         full_wh: 0.0,
         ..Battery::new(42, 0)
     };
-    bench.receive(&battery.frames(0));
     let expected = Measurement {
         voltage_v: Some(12.0),
         gauge: GaugeReading::Missing,
         ..Measurement::default()
     };
-    assert_eq!(reading(&mut bench), expected);
+    assert_eq!(reading_of(battery), expected);
 }
 
 #[test]
 fn voltage_that_is_unknown_or_negative_is_unknown() {
     for voltage_v in [f32::NAN, -40.0] {
-        let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         let battery = Battery {
             voltage_v,
             ..Battery::new(42, 0)
         };
-        bench.receive(&battery.frames(0));
-        assert_eq!(reading(&mut bench).voltage_v, None, "{voltage_v} V");
+        assert_eq!(reading_of(battery).voltage_v, None, "{voltage_v} V");
     }
 }
 
 #[test]
 fn percentage_above_100_is_full() {
-    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     let battery = Battery {
         charge_pct: 126,
         ..Battery::new(42, 0)
     };
-    bench.receive(&battery.frames(0));
-    assert_eq!(reading(&mut bench).state_of_charge, Some(1.0));
+    assert_eq!(reading_of(battery).state_of_charge, Some(1.0));
 }
 
 #[test]
@@ -159,10 +158,8 @@ fn charge_is_ignored_by_option() {
     bench.receive(&battery.aux(&[4.0, 4.0], 8.0));
     bench.receive(&battery.frames(1));
     let reading = reading(&mut bench);
-    assert_eq!(
-        (reading.gauge, reading.state_of_charge),
-        (GaugeReading::Absent, None)
-    );
+    assert_eq!(reading.gauge, GaugeReading::Absent);
+    assert_eq!(reading.state_of_charge, None);
     assert_eq!(reading.cells.millivolts(), [4000, 4000]);
 }
 
@@ -176,51 +173,21 @@ fn energies_are_a_gauge_if_they_make_sense() {
         })
     };
     let missing = GaugeReading::Missing;
+    let having = |remaining_wh, full_wh, charge_pct| Battery {
+        remaining_wh,
+        full_wh,
+        charge_pct,
+        ..battery
+    };
     for (changed, nominal_v, expected) in [
         (battery, 12.0, gauge(2500.0, 5000.0)),
         (battery, 0.0, missing),
         (battery, f32::NAN, missing),
-        (
-            Battery {
-                full_wh: 0.0,
-                ..battery
-            },
-            12.0,
-            missing,
-        ),
-        (
-            Battery {
-                full_wh: f32::NAN,
-                ..battery
-            },
-            12.0,
-            missing,
-        ),
-        (
-            Battery {
-                remaining_wh: 0.0,
-                ..battery
-            },
-            12.0,
-            missing,
-        ),
-        (
-            Battery {
-                remaining_wh: 0.0,
-                charge_pct: 0,
-                ..battery
-            },
-            12.0,
-            gauge(0.0, 5000.0),
-        ),
-        (
-            Battery {
-                remaining_wh: -1.0,
-                ..battery
-            },
-            12.0,
-            missing,
-        ),
+        (having(30.0, 0.0, 50), 12.0, missing),
+        (having(30.0, f32::NAN, 50), 12.0, missing),
+        (having(0.0, 60.0, 50), 12.0, missing),
+        (having(0.0, 60.0, 0), 12.0, gauge(0.0, 5000.0)),
+        (having(-1.0, 60.0, 50), 12.0, missing),
     ] {
         let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
         bench.receive(&battery.frames(0));
@@ -235,15 +202,11 @@ fn energies_are_a_gauge_if_they_make_sense() {
 fn flags_of_a_battery_are_in_its_readings() {
     // In use, charging, hot, bad and charged.
     let flags = 1 | 1 << 1 | 1 << 3 | 1 << 6 | 1 << 9;
-    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
-    bench.receive(
-        &Battery {
-            flags,
-            ..Battery::new(42, 0)
-        }
-        .frames(0),
-    );
-    let reported = reading(&mut bench).reported;
+    let battery = Battery {
+        flags,
+        ..Battery::new(42, 0)
+    };
+    let reported = reading_of(battery).reported;
     assert_eq!(reported.faults, Faults::OVER_TEMPERATURE | Faults::BAD_BATTERY);
     assert_eq!(reported.charge_state, Some(ChargeState::Charging));
     assert_eq!(reported.modes, Modes::FULL);
@@ -283,10 +246,8 @@ fn all_cells_count_or_none() {
         bench.take_readings();
         bench.receive(&battery.frames(1));
         let reading = reading(&mut bench);
-        assert_eq!(
-            (reading.cells.count(), reading.cells.lowest_v()),
-            (count, lowest_v)
-        );
+        assert_eq!(reading.cells.count(), count);
+        assert_eq!(reading.cells.lowest_v(), lowest_v);
         assert_eq!(reading.details.cycle_count, Some(17));
     }
 }
@@ -310,25 +271,17 @@ fn cells_are_dropped_when_they_are_old() {
 #[test]
 fn batteries_go_to_the_packs_with_their_ids() {
     let mut bench = CanBench::with_packs(&[of_battery(Pack::First, 7), of_battery(Pack::Second, 3)]);
-    for battery in [
-        Battery {
-            voltage_v: 13.0,
-            ..Battery::new(40, 3)
-        },
-        Battery {
-            voltage_v: 14.0,
-            ..Battery::new(41, 7)
-        },
-        Battery {
-            voltage_v: 15.0,
-            ..Battery::new(42, 9)
-        },
+    for (node, battery_id, voltage_v) in [
+        (40, 3, 13.0),
+        (41, 7, 14.0),
+        (42, 9, 15.0),
         // The same id from another node.
-        Battery {
-            voltage_v: 16.0,
-            ..Battery::new(43, 7)
-        },
+        (43, 7, 16.0),
     ] {
+        let battery = Battery {
+            voltage_v,
+            ..Battery::new(node, battery_id)
+        };
         bench.receive(&battery.frames(0));
     }
     assert_eq!(bench.take_voltages(), [(Pack::Second, 13.0), (Pack::First, 14.0)]);
@@ -543,15 +496,11 @@ fn charger_of_the_reference_is_read_at_its_output_or_input() {
             (reading.voltage_v.unwrap() - voltage_v).abs() < 0.01,
             "{reading:?}"
         );
-        assert_eq!(
-            (reading.current_a, reading.temperature_c),
-            (Some(current_a), Some(-5.0))
-        );
+        assert_eq!(reading.current_a, Some(current_a));
+        assert_eq!(reading.temperature_c, Some(-5.0));
         assert_eq!(reading.thermometer, Thermometer::Device);
-        assert_eq!(
-            (reading.state_of_charge, reading.gauge),
-            (None, GaugeReading::Absent)
-        );
+        assert_eq!(reading.state_of_charge, None);
+        assert_eq!(reading.gauge, GaugeReading::Absent);
     }
 }
 

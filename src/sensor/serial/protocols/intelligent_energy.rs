@@ -363,10 +363,8 @@ mod tests {
         let mut protocol = fuel_cell(&FuelCell::Watts650);
         let mut after = |sentence: &[u8]| notices(&read(&mut protocol, sentence));
         let notice = |text: &str, severity| (text.to_string(), severity);
-        assert_eq!(
-            after(b"<50,50,2,0>"),
-            [notice("Fuel cell running", Severity::Info)]
-        );
+        let running = [notice("Fuel cell running", Severity::Info)];
+        assert_eq!(after(b"<50,50,2,0>"), running);
         assert_eq!(after(b"<50,50,2,0>"), []);
         assert_eq!(
             after(b"<50,50,3,0x20000>"),
@@ -375,15 +373,11 @@ mod tests {
                 notice("Fuel cell error 0x20000", Severity::Warning),
             ]
         );
-        assert_eq!(
-            after(b"<50,50,3,0x80020000>"),
-            [notice("Fuel cell error 0x80020000", Severity::Critical)]
-        );
+        let critical = [notice("Fuel cell error 0x80020000", Severity::Critical)];
+        assert_eq!(after(b"<50,50,3,0x80020000>"), critical);
         // A flag without a meaning.
-        assert_eq!(
-            after(b"<50,50,3,0x1>"),
-            [notice("Fuel cell: no error any more", Severity::Info)]
-        );
+        let gone = [notice("Fuel cell: no error any more", Severity::Info)];
+        assert_eq!(after(b"<50,50,3,0x1>"), gone);
 
         let mut protocol = fuel_cell(&FuelCell::Kilowatts2);
         let mut after = |sentence: &[u8]| notices(&read(&mut protocol, sentence));

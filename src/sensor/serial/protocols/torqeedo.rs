@@ -387,13 +387,20 @@ mod tests {
     }
 
     fn announced(readings: &[SerialReading]) -> Vec<String> {
-        let mut texts = Vec::new();
-        for reading in readings {
-            if let SerialReading::Notice(notice) = reading {
-                texts.push(notice.to_string());
-            }
-        }
-        texts
+        let text = |reading: &SerialReading| match reading {
+            SerialReading::Notice(notice) => Some(notice.to_string()),
+            _ => None,
+        };
+        readings.iter().filter_map(text).collect()
+    }
+
+    /// The measurement in the only reading.
+    fn measured(mut torqeedo: Torqeedo, bytes: &[u8]) -> Measurement {
+        let found = read(&mut torqeedo, bytes);
+        let [SerialReading::Torqeedo(measurement)] = found[..] else {
+            panic!("{found:?}");
+        };
+        measurement
     }
 
     #[test]
@@ -405,27 +412,18 @@ mod tests {
 
     #[test]
     fn system_state_has_the_values_of_the_battery() {
-        let found = read(&mut tiller(), &system_state(CHARGE_VALID, 0, 87, 2594, 123));
-        let [SerialReading::Torqeedo(measurement)] = found[..] else {
-            panic!("{found:?}");
-        };
+        let measurement = measured(tiller(), &system_state(CHARGE_VALID, 0, 87, 2594, 123));
         assert!((measurement.voltage_v.unwrap() - 25.94).abs() < 1e-4);
         assert!((measurement.current_a.unwrap() - 12.3).abs() < 1e-4);
         assert!((measurement.state_of_charge.unwrap() - 0.87).abs() < 1e-6);
         assert_eq!(measurement.temperature_c, Some(31.0));
-        let found = read(&mut tiller(), &system_state(0, 0, 87, 2594, 123));
-        let [SerialReading::Torqeedo(measurement)] = found[..] else {
-            panic!("{found:?}");
-        };
+        let measurement = measured(tiller(), &system_state(0, 0, 87, 2594, 123));
         assert_eq!(measurement.state_of_charge, None, "not valid");
     }
 
     #[test]
     fn motor_parameters_have_voltage_current_and_the_higher_temperature() {
-        let found = read(&mut master(), &motor_parameters(2480, 215, [305, -12]));
-        let [SerialReading::Torqeedo(measurement)] = found[..] else {
-            panic!("{found:?}");
-        };
+        let measurement = measured(master(), &motor_parameters(2480, 215, [305, -12]));
         assert!((measurement.voltage_v.unwrap() - 24.8).abs() < 1e-4);
         assert!((measurement.current_a.unwrap() - 21.5).abs() < 1e-4);
         assert!((measurement.temperature_c.unwrap() - 30.5).abs() < 1e-4);
