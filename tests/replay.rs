@@ -1,7 +1,7 @@
 //! `replay`, run as its user runs it.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 use rover_battmon::battery::{BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, Tick};
@@ -44,37 +44,44 @@ fn printed(output: Output) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// `ASSIGNMENTS` as arguments.
-fn assigned() -> impl Iterator<Item = &'static str> {
-    ASSIGNMENTS
-        .into_iter()
-        .flat_map(|assignment| ["--param", assignment])
+/// The remarks on a recording.
+fn said_of(arguments: &[&str]) -> String {
+    let output = replay(arguments);
+    let text = String::from_utf8(output.stderr).expect("text");
+    assert!(output.status.success(), "{text}");
+    text
+}
+
+/// The complaint about arguments for which nothing is printed.
+fn refused(arguments: &[&str]) -> String {
+    let output = replay(arguments);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+    String::from_utf8(output.stderr).expect("text")
+}
+
+/// The header and the rows of CSV.
+fn table(text: &str) -> (Vec<&str>, Vec<Vec<&str>>) {
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    (rows.next().expect("a header"), rows.collect())
 }
 
 #[test]
 fn reports_the_estimates_for_each_reading() {
-    let text = printed(replay(&assigned().chain([TRACE]).collect::<Vec<_>>()));
-    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let header = rows.next().expect("a header");
+    let assigned = ASSIGNMENTS.map(|assignment| ["--param", assignment]);
+    let text = printed(replay(&[assigned.as_flattened(), &[TRACE]].concat()));
+    let (header, rows) = table(&text);
     assert_eq!(
         (header[REMAINING_PCT], header[EVENTS]),
         ("remaining_pct", "events")
     );
-    let rows: Vec<_> = rows.collect();
-    let readings = fs::read_to_string(root().join(TRACE))
-        .expect("the trace")
-        .lines()
-        .count()
-        - 1;
-    assert_eq!(rows.len(), readings);
+    let trace = fs::read_to_string(root().join(TRACE)).expect("the trace");
+    assert_eq!(rows.len(), trace.lines().count() - 1);
     // The traces' README states the remaining charge.
-    let left_pct: f64 = rows[readings - 1][REMAINING_PCT].parse().expect("a number");
+    let left_pct: f64 = rows[rows.len() - 1][REMAINING_PCT].parse().expect("a number");
     assert!((left_pct - 33.5).abs() < 1.0, "{left_pct} %");
-    let events: Vec<_> = rows
-        .iter()
-        .map(|row| row[EVENTS])
-        .filter(|event| !event.is_empty())
-        .collect();
+    let events = rows.iter().map(|row| row[EVENTS]);
+    let events: Vec<_> = events.filter(|event| !event.is_empty()).collect();
     assert!(
         events.len() == 2 && events[0].starts_with("is low 11.") && events[1].starts_with("is critical 10."),
         "{events:?}"
@@ -123,7 +130,8 @@ fn shown_by(commands: &str, folder: &Path) -> String {
 #[test]
 fn documented_commands_show_what_the_page_has_and_draw_its_picture() {
     let committed = fs::read_to_string(root().join(PICTURE)).expect("the picture");
-    let folder = no_folder("documented_replays");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("documented_replays");
+    let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(folder.join("target")).expect("a folder");
     let mut compared = 0;
     for (commands, expected) in documented(PAGE) {
@@ -144,10 +152,9 @@ fn documented_commands_show_what_the_page_has_and_draw_its_picture() {
 #[test]
 fn rows_go_to_a_file_if_one_is_named() {
     let rows = no_file("rows.csv");
-    let arguments = ["--csv", rows.to_str().expect("a path"), TRACE];
-    let output = replay(&arguments);
+    let output = replay(&["--csv", &rows, TRACE]);
     assert!(output.stdout.is_empty());
-    let written = format!("wrote {}\n", rows.display());
+    let written = format!("wrote {rows}\n");
     assert!(String::from_utf8_lossy(&output.stderr).ends_with(&written));
     let text = fs::read_to_string(&rows).expect("it is written");
     assert_eq!(text, printed(replay(&[TRACE])));
@@ -166,9 +173,7 @@ fn help_begins_with_what_it_is_and_ends_with_examples() {
 
 #[test]
 fn one_recording_is_replayed_at_a_time_unless_there_is_a_table() {
-    let output = replay(&[TRACE, TRACE]);
-    assert_eq!(output.status.code(), Some(2));
-    let errors = String::from_utf8_lossy(&output.stderr);
+    let errors = refused(&[TRACE, TRACE]);
     assert!(
         errors.contains("one recording at a time, or --table or --history"),
         "{errors}"
@@ -180,22 +185,21 @@ fn one_recording_is_replayed_at_a_time_unless_there_is_a_table() {
         "--learned=x.txt",
         "--pack=2",
     ] {
-        let output = replay(&["--table", "x.parquet", of_one, TRACE]);
-        assert_eq!(output.status.code(), Some(2), "{of_one}");
+        refused(&["--table", "x.parquet", of_one, TRACE]);
     }
 }
 
 /// A file in a folder for this test run, which does not exist yet.
-fn no_file(name: &str) -> PathBuf {
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+fn no_file(name: &str) -> String {
+    let path = format!("{}/{name}", env!("CARGO_TARGET_TMPDIR"));
     let _ = fs::remove_file(&path);
     path
 }
 
-/// A folder for this test run, which does not exist yet.
-fn no_folder(name: &str) -> PathBuf {
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_dir_all(&path);
+/// A file in a folder for this test run, with this content.
+fn file_of(name: &str, content: impl AsRef<[u8]>) -> String {
+    let path = no_file(name);
+    fs::write(&path, content).expect("a file");
     path
 }
 
@@ -224,28 +228,22 @@ fn drive_with_rests() -> String {
 
 #[test]
 fn continues_with_what_earlier_drives_taught() {
-    let trace = no_file("drive_with_rests.csv");
-    fs::write(&trace, drive_with_rests()).expect("a file");
+    let trace = file_of("drive_with_rests.csv", drive_with_rests());
     let learned = no_file("learned.txt");
-    let [trace, learned_name] = [&trace, &learned].map(|path| path.to_str().expect("a path"));
     let arguments = [
         "--param",
         "BATT_CELLS=3",
         "--param",
         "BATT_CAPACITY=2200",
         "--learned",
-        learned_name,
-        trace,
+        learned.as_str(),
+        trace.as_str(),
     ];
     let left_pct = || -> f64 {
         let text = printed(replay(&arguments));
         // While the load still lasts.
-        let row = text.lines().nth(6_900).expect("a row");
-        row.split(',')
-            .nth(REMAINING_PCT)
-            .expect("a column")
-            .parse()
-            .expect("a number")
+        let (_, rows) = table(&text);
+        rows[6_899][REMAINING_PCT].parse().expect("a number")
     };
     let first_pct = left_pct();
     let text = fs::read_to_string(&learned).expect("it is created");
@@ -259,41 +257,18 @@ fn continues_with_what_earlier_drives_taught() {
 
 #[test]
 fn leaves_a_bad_file_of_what_was_learnt_alone() {
-    let learned = no_file("bad.txt");
     let bad = "drives 1\ncapacity_mah_sigma much\n";
-    fs::write(&learned, bad).expect("a file");
-    let name = learned.to_str().expect("a path");
-    let output = replay(&["--learned", name, TRACE]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(output.stdout.is_empty());
-    let errors = String::from_utf8_lossy(&output.stderr);
+    let learned = file_of("bad.txt", bad);
     assert_eq!(
-        errors,
-        format!("error: {name}: line 2 is not a property of a pack\n")
+        refused(&["--learned", &learned, TRACE]),
+        format!("error: {learned}: line 2 is not a property of a pack\n")
     );
     assert_eq!(fs::read_to_string(&learned).expect("a file"), bad);
-}
-
-#[test]
-fn says_what_is_wrong_with_a_trace_and_prints_nothing() {
-    let output = replay(&["nowhere.csv"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(output.stdout.is_empty());
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(errors.starts_with("error: nowhere.csv: "), "{errors}");
 }
 
 fn root() -> &'static Path {
     let tools = Path::new(env!("CARGO_MANIFEST_DIR"));
     tools.parent().expect("it is in the repository")
-}
-
-/// What is said of a recording.
-fn said_of(arguments: &[&str]) -> String {
-    let output = replay(arguments);
-    let text = String::from_utf8(output.stderr).expect("text");
-    assert!(output.status.success(), "{text}");
-    text
 }
 
 /// ArduPilot's from 3.2 on: readings without an instance, in other units, and in a log that begins while armed.
@@ -337,7 +312,6 @@ fn a_log_of_a_ground_station_is_armed_by_any_vehicle() {
 /// A file of parameters that is loaded after a drive does not rewrite it.
 #[test]
 fn parameters_hold_from_when_they_were_set() {
-    let log = no_file("set-later.BIN");
     let mut bytes = log_of_drive();
     let last_us = 1_399_900_000;
     for (parameter, value) in [(BatteryParameter::Cells, 6.0), (BatteryParameter::LowVolt, 21.0)] {
@@ -352,8 +326,7 @@ fn parameters_hold_from_when_they_were_set() {
     }
     let unread = BatteryState::default();
     bytes.extend(Record::Battery(Pack::Second, &unread).encode(last_us + 100_000));
-    fs::write(&log, bytes).expect("a file");
-    let text = said_of(&["--pack", "2", log.to_str().expect("a path")]);
+    let text = said_of(&["--pack", "2", &file_of("set-later.BIN", bytes)]);
     let expected = "Set during the recording: BATT2_CELLS=6 at 23:20, BATT2_LOW_VOLT=21 at 23:20\n";
     assert!(text.contains(expected), "{text}");
     assert!(
@@ -365,21 +338,19 @@ fn parameters_hold_from_when_they_were_set() {
 
 #[test]
 fn a_file_that_is_no_recording_gets_one_line() {
-    let path = no_file("program.BIN");
-    fs::write(&path, [0x7f, b'E', b'L', b'F', 0, 1, 2]).expect("a file");
-    let name = path.to_str().expect("a path");
-    let output = replay(&[name]);
-    assert_eq!(output.status.code(), Some(2));
-    let errors = String::from_utf8(output.stderr).expect("text");
+    let name = file_of("program.BIN", b"\x7fELF\0\x01\x02");
+    let errors = refused(&[&name]);
     assert!(
         errors.starts_with(&format!("error: {name}: neither a log of ArduPilot")),
         "{errors}"
     );
     assert_eq!(errors.lines().count(), 1);
+    let errors = refused(&["nowhere.csv"]);
+    assert!(errors.starts_with("error: nowhere.csv: "), "{errors}");
     // A name says nothing.
     let renamed = no_file("log.csv");
     fs::copy(root().join("tests/data/logs/old_bat.BIN"), &renamed).expect("a file");
-    assert!(said_of(&[renamed.to_str().expect("a path")]).contains("600 readings"));
+    assert!(said_of(&[&renamed]).contains("600 readings"));
 }
 
 /// The log of that drive, of pack 2: at each reading what the monitor makes of it.
@@ -444,13 +415,10 @@ fn log_of_drive() -> Vec<u8> {
 
 #[test]
 fn a_log_replayed_agrees_with_what_the_board_reported() {
-    let log = no_file("drive.BIN");
     let mut bytes = log_of_drive();
     // Power went while the last record was written.
     bytes.truncate(bytes.len() - 10);
-    fs::write(&log, bytes).expect("a file");
-    let name = log.to_str().expect("a path");
-    let output = replay(&["--pack", "2", name]);
+    let output = replay(&["--pack", "2", &file_of("drive.BIN", bytes)]);
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
         errors
@@ -460,10 +428,8 @@ fn a_log_replayed_agrees_with_what_the_board_reported() {
         "{errors}"
     );
     let text = printed(output);
-    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let header = rows.next().expect("a header");
+    let (header, rows) = table(&text);
     let place = |name: &str| header.iter().position(|column| *column == name).expect(name);
-    let rows: Vec<_> = rows.collect();
     assert_eq!(rows.len(), 14_000);
     let number = |row: &[&str], name: &str| row[place(name)].parse::<f64>().expect(name);
     // The last reading lacks its estimate, which was cut off.
@@ -491,11 +457,7 @@ fn a_log_replayed_agrees_with_what_the_board_reported() {
 #[test]
 fn a_log_whose_own_timer_differs_is_warned_of() {
     const TIMER: [u8; 3] = [0xA3, 0x95, 148];
-    let log = no_file("timers.BIN");
-    let said = |bytes: &[u8]| {
-        fs::write(&log, bytes).expect("a file");
-        said_of(&["--pack", "2", log.to_str().expect("a path")])
-    };
+    let said = |bytes: &[u8]| said_of(&["--pack", "2", &file_of("timers.BIN", bytes)]);
     let mut bytes = log_of_drive();
     let text = said(&bytes);
     for name in ["log", "replay"] {
@@ -519,13 +481,8 @@ fn a_log_whose_own_timer_differs_is_warned_of() {
 
 #[test]
 fn thresholds_are_compared_with_those_of_the_log() {
-    let log = no_file("own.BIN");
-    fs::write(&log, log_of_drive()).expect("a file");
-    let name = log.to_str().expect("a path");
-    let said = |arguments: &[&str]| {
-        let output = replay(&[&["--pack", "2", name], arguments].concat());
-        String::from_utf8(output.stderr).expect("text")
-    };
+    let log = file_of("own.BIN", log_of_drive());
+    let said = |arguments: &[&str]| said_of(&[&["--pack", "2", log.as_str()], arguments].concat());
     assert!(!said(&[]).contains("With "));
     let text = said(&["--param", "BATT2_LOW_VOLT=11.1"]);
     let (_, compared) = text.split_once("With ").expect("a comparison");
@@ -537,25 +494,14 @@ fn thresholds_are_compared_with_those_of_the_log() {
 
 #[test]
 fn a_recording_without_arming_is_taken_for_armed_on_request() {
-    let path = no_file("replay-without-arming.csv");
     let rows: String = (0..400)
         .map(|tenth| format!("{},10.4\n", f64::from(tenth) / 10.0))
         .collect();
-    fs::write(&path, format!("t_s,voltage_v\n{rows}")).unwrap();
-    let summary = |options: &[&str]| {
-        let arguments = [
-            &["--param", "BATT_CELLS=3", "--param", "BATT_LOW_VOLT=10.5"],
-            options,
-        ]
-        .concat();
-        let output = replay(&[&arguments[..], &[path.to_str().unwrap()]].concat());
-        String::from_utf8(output.stderr).unwrap()
-    };
-    let disarmed = summary(&[]);
-    assert!(disarmed.contains("only then they act: --armed\n"), "{disarmed}");
-    let armed = summary(&["--armed"]);
+    let path = file_of("replay-without-arming.csv", format!("t_s,voltage_v\n{rows}"));
+    let parameters = ["--param", "BATT_CELLS=3", "--param", "BATT_LOW_VOLT=10.5"];
+    let said = said_of(&[&parameters[..], &["--armed", path.as_str()]].concat());
     assert!(
-        armed.contains("BATT_LOW_VOLT 10.5 would have acted at 0:1"),
-        "{armed}"
+        said.contains("BATT_LOW_VOLT 10.5 would have acted at 0:1"),
+        "{said}"
     );
 }

@@ -2,12 +2,12 @@
 //! the board runs, and recorded as the board records.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rover_battmon::battery::{BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, Tick};
 use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::recorder::dataflash::{ArmingMethod, Record, opening_record};
 use rover_battmon::time::{Instant, Utc};
 use rover_battmon::vehicle::ArmState;
@@ -205,50 +205,25 @@ impl Owned {
             .map_while(|index| opening_record(index, time_us))
             .flatten()
             .collect();
-        bytes.extend(self.identity(time_us, state));
+        let identity = [
+            Record::Board(self.id()),
+            Record::Pack(Pack::First, state, Some(&self.known)),
+            Record::Curve(Pack::First, &self.known),
+        ];
+        bytes.extend(identity.iter().flat_map(|record| record.encode(time_us)));
         for id in parameters.listed() {
-            bytes.extend(parameter(id, parameters).encode(time_us));
+            let name = id.name();
+            let record = Record::Parameter {
+                name: name.as_str(),
+                value: parameters.get(id),
+                default: id.default_value(),
+            };
+            bytes.extend(record.encode(time_us));
         }
         let started_s = FIRST_DAY_S + self.driven as u64 * DAY_S;
         let utc = Utc::from_micros(started_s * 1_000_000 + time_us);
         bytes.extend(Record::Time(utc).encode(time_us));
         bytes
-    }
-
-    /// Which board and pack it is of, and what is known of the pack.
-    fn identity(&self, time_us: u64, state: &BatteryState) -> Vec<u8> {
-        let records = [
-            Record::Board(self.id()),
-            Record::Pack(Pack::First, state, Some(&self.known)),
-            Record::Curve(Pack::First, &self.known),
-        ];
-        records.iter().flat_map(|record| record.encode(time_us)).collect()
-    }
-}
-
-fn parameter(id: ParameterId, parameters: &Parameters) -> Parameter {
-    Parameter {
-        name: id.name().as_str().into(),
-        value: parameters.get(id),
-        default: id.default_value(),
-    }
-}
-
-struct Parameter {
-    name: String,
-    value: f32,
-    default: f32,
-}
-
-impl Parameter {
-    fn encode(&self, time_us: u64) -> Vec<u8> {
-        let Self { name, value, default } = self;
-        let record = Record::Parameter {
-            name,
-            value: *value,
-            default: *default,
-        };
-        record.encode(time_us).to_vec()
     }
 }
 
@@ -278,13 +253,9 @@ pub fn write_fleet(folder: &Path, packs: usize) -> Vec<Owned> {
         let below = folder.join(format!("rover-{number:03}"));
         fs::create_dir_all(&below).expect("a folder");
         for drive in 1..=DRIVES {
-            fs::write(log(&below, drive), pack.drive()).expect("a file");
+            fs::write(below.join(format!("{drive:08}.BIN")), pack.drive()).expect("a file");
         }
         pack
     };
     (0..packs).map(write).collect()
-}
-
-fn log(folder: &Path, drive: usize) -> PathBuf {
-    folder.join(format!("{drive:08}.BIN"))
 }

@@ -2,8 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
@@ -67,9 +66,15 @@ impl Desk {
         replay(&arguments.iter().map(path).collect::<Vec<_>>(), 1)
     }
 
-    /// With an output in a file of this folder.
+    /// With an output in a file of this folder, which succeeds.
     fn write(&self, kind: Kind, file: &str) -> Run {
-        self.replay(&[kind.option, file, kind.recordings])
+        let run = self.replay(&[kind.option, file, kind.recordings]);
+        assert!(run.output.status.success(), "{}", run.errors());
+        run
+    }
+
+    fn content(&self, file: &str) -> Vec<u8> {
+        fs::read(self.path(file)).expect("a file")
     }
 
     /// All files, those in the folder of logs included.
@@ -104,8 +109,7 @@ impl Desk {
     /// One of each kind that the program writes.
     fn write_all(&self) {
         for kind in KINDS {
-            let run = self.write(kind, kind.file);
-            assert!(run.output.status.success(), "{}", run.errors());
+            self.write(kind, kind.file);
         }
     }
 }
@@ -189,7 +193,7 @@ fn two_outputs_are_never_one_file() {
 fn what_an_option_did_not_write_is_kept() {
     let desk = Desk::new("foreign");
     desk.write_all();
-    let table = fs::read(desk.path("own.parquet")).expect("a file");
+    let table = desk.content("own.parquet");
     let name = table
         .windows(13)
         .rposition(|bytes| bytes == b"rover-battmon")
@@ -209,7 +213,7 @@ fn what_an_option_did_not_write_is_kept() {
     .into();
     files.push(("a table by another program".into(), by_another_program));
     let owns = KINDS.map(|kind| kind.file).into_iter().chain([FAILURES]);
-    files.extend(owns.map(|file| (file.into(), fs::read(desk.path(file)).expect("a file"))));
+    files.extend(owns.map(|file| (file.into(), desk.content(file))));
     let failures = kind("--table", "logs", FAILURES);
     for kind in KINDS.into_iter().chain([failures]) {
         // The place of the failures follows from that of the table.
@@ -221,8 +225,7 @@ fn what_an_option_did_not_write_is_kept() {
         for (name, content) in &files {
             fs::write(desk.path(file), content).expect("a file");
             if name == kind.file {
-                let run = desk.write(kind, named);
-                assert!(run.output.status.success(), "{}", run.errors());
+                desk.write(kind, named);
                 replaced += 1;
             } else {
                 println!("{} on {name}", kind.option);
@@ -241,22 +244,16 @@ fn new_and_empty_files_and_pipes_take_every_output() {
     let desk = Desk::new("taken");
     desk.write_all();
     for kind in KINDS {
-        let expected = fs::read(desk.path(kind.file)).expect("a file");
+        let expected = desk.content(kind.file);
         fs::write(desk.path("empty"), "").expect("a file");
-        let run = desk.write(kind, "empty");
-        assert!(run.output.status.success(), "{}", run.errors());
-        assert!(
-            fs::read(desk.path("empty")).expect("a file") == expected,
-            "{}",
-            kind.option
-        );
+        desk.write(kind, "empty");
+        assert!(desk.content("empty") == expected, "{}", kind.option);
         let _ = fs::remove_file(desk.path("empty.failures.csv"));
         let pipe = desk.path("pipe");
         let made = Command::new("mkfifo").arg(&pipe).status();
         assert!(made.expect("mkfifo can be started").success());
         let reader = Command::new("cat").arg(&pipe).stdout(Stdio::piped()).spawn();
-        let run = desk.write(kind, "pipe");
-        assert!(run.output.status.success(), "{}", run.errors());
+        desk.write(kind, "pipe");
         let read = reader
             .expect("cat can be started")
             .wait_with_output()
@@ -264,7 +261,6 @@ fn new_and_empty_files_and_pipes_take_every_output() {
         assert!(read.stdout == expected, "{}", kind.option);
         fs::remove_file(pipe).expect("a pipe");
         let run = desk.write(kind, "/dev/stdout");
-        assert!(run.output.status.success(), "{}", run.errors());
         // Without --csv the rows follow a picture.
         assert!(run.output.stdout.starts_with(&expected), "{}", kind.option);
     }
@@ -311,14 +307,11 @@ fn names_of_files_can_not_write_to_the_terminal() {
         let bytes = [b"\x1b[2J\r\n\xc2\x9b\xff".as_slice(), ending.as_bytes()].concat();
         desk.path(OsStr::from_bytes(&bytes))
     };
-    let mut log = fs::read(desk.path("logs/a.BIN")).expect("a file");
+    let mut log = desk.content("logs/a.BIN");
     log.extend(b"no record");
     fs::write(name("log.BIN"), &log).expect("a file");
     fs::write(name("none.BIN"), "no log").expect("a file");
-    File::create(name("note"))
-        .expect("a file")
-        .write_all(b"a note")
-        .expect("room");
+    fs::write(name("note"), "a note").expect("a file");
     fs::create_dir(name("folder")).expect("a folder");
     let option = |text: &str| PathBuf::from(text);
     let own = ["own.csv", "own.svg", "own.txt", "own.parquet", "own.html"].map(name);

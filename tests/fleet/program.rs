@@ -61,12 +61,15 @@ fn memory_bytes(process: u32) -> Option<u64> {
     Some(kib * 1024)
 }
 
-/// `replay --table` of these paths, and where the table is: one of an earlier test run may be of another version.
+/// `replay --table` of these paths, which succeeds, and where the table is: one of an earlier test run may be of another
+/// version.
 pub fn table(paths: &[&str], name: &str, cores: u32) -> (Run, PathBuf) {
     let path = temporary().join(format!("{name}.parquet"));
     let _ = fs::remove_file(&path);
     let arguments = ["--table", path.to_str().expect("a path")];
-    (replay(&[&arguments[..], paths].concat(), cores), path)
+    let run = replay(&[&arguments[..], paths].concat(), cores);
+    assert!(run.output.status.success(), "{}", run.errors());
+    (run, path)
 }
 
 /// A folder of this test run, which is empty.

@@ -84,26 +84,15 @@ mod tests {
     }
 
     #[test]
-    fn calls_lead_forwards_and_backwards() {
-        // As the assembler encodes them: back, to the next instruction, far ahead.
+    fn calls_jumps_and_traps_are_found_and_nothing_else() {
+        // Calls as the assembler encodes them: back, to the next instruction, far ahead.
         assert_eq!(call_offset(0xf7ff, 0xfd29), Some(-1454));
         assert_eq!(targets(&[0xf000, 0xf800]), [0x1001_0004]);
         assert_eq!(targets(&[0xf3ff, 0xd7ff]), [0x1001_0004 + 0x00ff_fffe]);
-    }
-
-    #[test]
-    fn jumps_are_found_and_conditional_ones_are_not() {
+        // Jumps, and a conditional one.
         assert_eq!(targets(&[0xe7fe, 0xe000, 0xd0fe]), [0x1001_0000, 0x1001_0006]);
-    }
-
-    #[test]
-    fn an_undefined_instruction_leads_to_a_trap() {
         assert_eq!(targets(&[0xdefe]), [TRAP]);
-    }
-
-    #[test]
-    fn the_second_half_of_a_wide_instruction_is_not_taken_for_a_jump() {
-        // mrs r0, primask; then dmb.
+        // mrs r0, primask; then dmb: the second half of a wide instruction is no jump.
         assert!(targets(&[0xf3ef, 0x8010, 0xf3bf, 0x8f5f]).is_empty());
     }
 

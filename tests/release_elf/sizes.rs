@@ -17,10 +17,6 @@ fn task_futures(program: &Program) -> Vec<(&str, u32)> {
     futures
 }
 
-fn sum_of(sections: impl Iterator<Item = u32>) -> u32 {
-    sections.sum()
-}
-
 #[test]
 fn flash_and_ram_are_within_the_budget() {
     let program = release_firmware();
@@ -40,7 +36,8 @@ fn the_future_of_every_task_is_listed() {
     for (task, size) in &futures {
         println!("{size:7}  {task}");
     }
-    println!("{:7}  all tasks", sum_of(futures.iter().map(|(_, size)| *size)));
+    let all: u32 = futures.iter().map(|(_, size)| *size).sum();
+    println!("{all:7}  all tasks");
     let main = include_str!("../../src/bin/firmware/main.rs");
     let tasks = main.matches("#[embassy_executor::").count();
     assert_eq!(
@@ -52,31 +49,25 @@ fn the_future_of_every_task_is_listed() {
 
 #[test]
 fn nothing_allocates() {
-    let allocator: Vec<_> = release_firmware()
-        .symbols
-        .iter()
-        .map(|symbol| &symbol.name)
-        .filter(|name| is_of_an_allocator(name))
-        .collect();
+    let names = release_firmware().symbols.iter().map(|symbol| &symbol.name);
+    let allocator: Vec<_> = names.filter(|name| is_of_an_allocator(name)).collect();
     assert!(allocator.is_empty(), "{allocator:?}");
 }
 
 fn is_of_an_allocator(name: &str) -> bool {
-    [
+    let parts = [
         "__rust_alloc",
         "__rust_dealloc",
         "__rust_realloc",
         "__rg_",
         "__rdl_",
         "__rust_no_alloc_shim",
-    ]
-    .iter()
-    .any(|part| name.contains(part))
-        || name.contains("alloc::alloc::")
+        "alloc::alloc::",
+    ];
+    parts.iter().any(|part| name.contains(part))
         || ["malloc", "free", "calloc", "realloc"].contains(&name)
-        || ["alloc::", "<alloc::"]
-            .iter()
-            .any(|start| name.starts_with(start))
+        || name.starts_with("alloc::")
+        || name.starts_with("<alloc::")
 }
 
 #[test]

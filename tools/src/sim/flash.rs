@@ -337,9 +337,7 @@ mod tests {
 
     #[test]
     fn image_is_replaced_atomically() {
-        let folder = Folder::new();
-        let mut flash = folder.open().unwrap();
-        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        let (folder, mut flash) = written();
         let mut before = File::open(folder.image()).unwrap();
         block_on(flash.write(PARAMETER + 1, &[0x30])).unwrap();
         let mut image = Vec::new();
@@ -349,11 +347,17 @@ mod tests {
         assert_eq!(in_image(&folder, PARAMETER + 1), 0x30);
     }
 
-    #[test]
-    fn interrupted_write_leaves_the_previous_image() {
+    /// A chip whose first byte of parameters is written.
+    fn written() -> (Folder, SimulatedFlash) {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
         block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        (folder, flash)
+    }
+
+    #[test]
+    fn interrupted_write_leaves_the_previous_image() {
+        let (folder, flash) = written();
         drop(flash);
         fs::write(beside(&folder.image(), ".next"), [0; 100]).unwrap();
         let mut flash = folder.open().unwrap();
@@ -363,9 +367,7 @@ mod tests {
 
     #[test]
     fn failed_file_write_changes_nothing_in_memory() {
-        let folder = Folder::new();
-        let mut flash = folder.open().unwrap();
-        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        let (folder, mut flash) = written();
         // A folder with the temporary file's name makes the write fail.
         let obstacle = beside(&folder.image(), ".next");
         fs::create_dir(&obstacle).unwrap();
@@ -382,9 +384,7 @@ mod tests {
 
     #[test]
     fn file_is_locked_under_every_path() {
-        let folder = Folder::new();
-        let mut flash = folder.open().unwrap();
-        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
+        let (folder, flash) = written();
         let detour = folder
             .0
             .join("../")
@@ -404,16 +404,9 @@ mod tests {
     #[test]
     fn missing_folder_or_folder_as_file_is_an_error() {
         let folder = Folder::new();
-        for path in [
-            folder.0.join("missing/flash.bin"),
-            folder.0.clone(),
-            PathBuf::from("/"),
-        ] {
-            assert!(
-                SimulatedFlash::open(Some(path.clone())).is_err(),
-                "{}",
-                path.display()
-            );
+        for path in [folder.0.join("missing/flash.bin"), folder.0.clone(), "/".into()] {
+            let opened = SimulatedFlash::open(Some(path.clone()));
+            assert!(opened.is_err(), "{}", path.display());
         }
     }
 

@@ -137,8 +137,10 @@ mod tests {
             }
         }
 
-        fn begin(&mut self) {
+        /// Begins a file with this content.
+        fn begin(&mut self, content: &[u8]) {
             self.ring.open().unwrap();
+            self.append(content);
         }
 
         fn append(&mut self, mut content: &[u8]) {
@@ -165,14 +167,11 @@ mod tests {
 
     /// Names and contents of a folder's files.
     fn files(folder: &Folder) -> Vec<(String, Vec<u8>)> {
-        let mut files: Vec<_> = fs::read_dir(&folder.0)
-            .unwrap()
-            .map(|entry| entry.unwrap())
+        let entries = fs::read_dir(&folder.0).unwrap().map(Result::unwrap);
+        let mut files: Vec<_> = entries
             .map(|entry| {
-                (
-                    entry.file_name().into_string().unwrap(),
-                    fs::read(entry.path()).unwrap(),
-                )
+                let name = entry.file_name().into_string().unwrap();
+                (name, fs::read(entry.path()).unwrap())
             })
             .collect();
         files.sort();
@@ -188,14 +187,13 @@ mod tests {
         let (folder, mut recorder) = (Folder::new(), Recorder::new());
         let mut copies = recorder.folder(&folder);
         let content: Vec<u8> = (0..10_000_u32).map(|i| (i % 251) as u8).collect();
-        recorder.begin();
+        recorder.begin(&[]);
         for part in content.chunks(3500) {
             recorder.append(part);
             copies.update().unwrap();
             copies.update().unwrap();
         }
-        recorder.begin();
-        recorder.append(b"second");
+        recorder.begin(b"second");
         copies.update().unwrap();
         assert_eq!(
             files(&folder),
@@ -211,8 +209,7 @@ mod tests {
             fs::write(folder.0.join(name), content).unwrap();
         }
         let mut copies = recorder.folder(&folder);
-        recorder.begin();
-        recorder.append(b"new");
+        recorder.begin(b"new");
         copies.update().unwrap();
         let [seven, nine, twelve] = there;
         assert_eq!(
@@ -226,8 +223,7 @@ mod tests {
         let (folder, mut recorder) = (Folder::new(), Recorder::new());
         let mut copies = recorder.folder(&folder);
         fs::write(folder.0.join("00000001.BIN"), "another simulator's").unwrap();
-        recorder.begin();
-        recorder.append(b"new");
+        recorder.begin(b"new");
         copies.update().unwrap();
         let other = file("00000001.BIN", b"another simulator's");
         assert_eq!(files(&folder), [other, file("00000002.BIN", b"new")]);
@@ -236,13 +232,11 @@ mod tests {
     #[test]
     fn files_of_earlier_runs_are_not_copied() {
         let (folder, mut recorder) = (Folder::new(), Recorder::new());
-        recorder.begin();
-        recorder.append(b"of yesterday");
+        recorder.begin(b"of yesterday");
         let mut copies = recorder.folder(&folder);
         copies.update().unwrap();
         assert_eq!(files(&folder), []);
-        recorder.begin();
-        recorder.append(b"of today");
+        recorder.begin(b"of today");
         copies.update().unwrap();
         assert_eq!(files(&folder), [file("00000001.BIN", b"of today")]);
     }
@@ -251,13 +245,11 @@ mod tests {
     fn number_that_comes_again_after_an_erase_is_another_file() {
         let (folder, mut recorder) = (Folder::new(), Recorder::new());
         let mut copies = recorder.folder(&folder);
-        recorder.begin();
-        recorder.append(b"first");
+        recorder.begin(b"first");
         copies.update().unwrap();
         recorder.erase_and_restart();
         copies.update().unwrap();
-        recorder.begin();
-        recorder.append(b"first again");
+        recorder.begin(b"first again");
         copies.update().unwrap();
         assert_eq!(
             files(&folder),
@@ -273,8 +265,7 @@ mod tests {
         let (folder, mut recorder) = (Folder::new(), Recorder::new());
         let mut copies = recorder.folder(&folder);
         fs::remove_dir(&folder.0).unwrap();
-        recorder.begin();
-        recorder.append(b"new");
+        recorder.begin(b"new");
         assert!(copies.update().is_err());
     }
 

@@ -419,6 +419,15 @@ pub mod tests {
         }
     }
 
+    /// A parameter of the board.
+    pub fn parameter(name: &str, value: f32) -> Recorded<'_> {
+        Recorded::Parameter {
+            name,
+            value,
+            default: 0.0,
+        }
+    }
+
     /// A file of the board with texts that are numbers.
     fn file(texts: std::ops::Range<u64>) -> Vec<u8> {
         let mut bytes = opening();
@@ -475,14 +484,7 @@ pub mod tests {
         };
         let mut bytes = opening();
         bytes.extend(Recorded::Battery(Pack::Second, &state).encode(1 << 40));
-        bytes.extend(
-            Recorded::Parameter {
-                name: "BATT_CAPACITY_16",
-                value: -1.5,
-                default: 0.0,
-            }
-            .encode(1),
-        );
+        bytes.extend(parameter("BATT_CAPACITY_16", -1.5).encode(1));
         let log = Log::parse(&bytes);
         assert_eq!(log.skipped_bytes, 0);
         let [.., battery, parameter] = log.records.as_slice() else {
@@ -629,7 +631,7 @@ pub mod tests {
             bytes[start + place] ^= 1 << bit;
             let log = Log::parse(&bytes);
             let expected: Vec<String> = (0..100).map(|number: u64| number.to_string()).collect();
-            let intact = texts(&log).iter().filter(|text| expected.iter().any(|number| number == *text)).count();
+            let intact = texts(&log).iter().filter(|text| expected.contains(text)).count();
             prop_assert!(intact >= 97, "{} of 100", intact);
         }
     }

@@ -95,7 +95,7 @@ fn no_reading(survey: &Survey, pack: Pack) -> String {
 mod tests {
     use super::*;
     use crate::binlog::BinaryRecords;
-    use crate::binlog::tests::{arming, opening};
+    use crate::binlog::tests::{arming, opening, parameter};
     use crate::dataflash::DataFlash;
     use crate::trace::Reported;
     use proptest::prelude::*;
@@ -116,6 +116,16 @@ mod tests {
     /// The drive of a pack in these bytes.
     fn drive_of(bytes: &[u8], pack: Pack) -> Result<Drive, String> {
         Drive::read(|| Ok(Box::new(DataFlash::of(BinaryRecords::of(bytes)))), pack)
+    }
+
+    fn drive_in(records: &[Recorded], pack: Pack) -> Drive {
+        drive_of(&log(records), pack).expect("a drive")
+    }
+
+    /// The sample that is read of records of a pack in this state. It is the second one: a record without a pack is the first one's.
+    fn sample_of(state: &BatteryState) -> Sample {
+        let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, state).collect();
+        drive_in(&records, Pack::Second).trace.samples[0]
     }
 
     fn healthy() -> BatteryState {
@@ -139,7 +149,7 @@ mod tests {
     fn a_reading_is_what_was_recorded_of_it() {
         let state = healthy();
         let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, &state).collect();
-        let drive = drive_of(&log(&records), Pack::Second).expect("a drive");
+        let drive = drive_in(&records, Pack::Second);
         let expected = Sample {
             time_s: 0.1,
             voltage_v: Some(48.5),
@@ -165,9 +175,7 @@ mod tests {
             let mut state = healthy();
             state.readings.voltage_v = Some(count as f32 * 3.3);
             state.cells = CellVoltages::from_millivolts(&vec![3300; count]);
-            let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, &state).collect();
-            let drive = drive_of(&log(&records), Pack::Second).expect("a drive");
-            assert_eq!(drive.trace.samples[0].cells.count(), read, "{count} cells");
+            assert_eq!(sample_of(&state).cells.count(), read, "{count} cells");
         }
     }
 
@@ -178,26 +186,23 @@ mod tests {
         // At 0.3 and 0.4 s; the first reading is at 0.1 s.
         let times = [1_795_639_396_450_000, 1_800_000_000_000_000].map(Utc::from_micros);
         let [time, later] = times.map(Recorded::Time);
-        let drive = drive_of(&log(&[reading, reading, time, later]), Pack::First).expect("a drive");
+        let drive = drive_in(&[reading, reading, time, later], Pack::First);
         let began_utc_s = drive.began_utc_s().expect("a date");
         assert!((began_utc_s - 1_795_639_396.25).abs() < 0.001, "{began_utc_s}");
-        let drive = drive_of(&log(&[reading]), Pack::First).expect("a drive");
-        assert_eq!(drive.began_utc_s(), None);
+        assert_eq!(drive_in(&[reading], Pack::First).began_utc_s(), None);
     }
 
     #[test]
     fn what_was_unknown_is_unknown() {
-        let drive = drive_of(
-            &log(&[Recorded::Battery(Pack::First, &BatteryState::UNKNOWN)]),
-            Pack::First,
-        );
+        let unknown = BatteryState::UNKNOWN;
+        let reading = Recorded::Battery(Pack::First, &unknown);
         let expected = Sample {
             time_s: 0.1,
             healthy: false,
             reported: Some(Reported::default()),
             ..Sample::NONE
         };
-        assert_eq!(drive.expect("a drive").trace.samples, [expected]);
+        assert_eq!(drive_in(&[reading], Pack::First).trace.samples, [expected]);
     }
 
     #[test]
@@ -211,9 +216,7 @@ mod tests {
                 status,
                 ..BatteryState::UNKNOWN
             };
-            let records: Vec<Recorded> = Recorded::of_pack(Pack::First, &state).collect();
-            let drive = drive_of(&log(&records), Pack::First).expect("a drive");
-            assert_eq!(drive.trace.samples[0].healthy, healthy, "{status:?}");
+            assert_eq!(sample_of(&state).healthy, healthy, "{status:?}");
         }
     }
 
@@ -228,18 +231,13 @@ mod tests {
             arming(ArmState::Disarmed),
             reading,
         ];
-        let drive = drive_of(&log(&records), Pack::First).expect("a drive");
+        let drive = drive_in(&records, Pack::First);
         let armed: Vec<bool> = drive.trace.samples.iter().map(|sample| sample.armed).collect();
         assert_eq!(armed, [false, true, false]);
     }
 
     #[test]
     fn parameters_are_the_first_of_each_and_later_ones_hold_from_then_on() {
-        let parameter = |name, value| Recorded::Parameter {
-            name,
-            value,
-            default: 0.0,
-        };
         let state = healthy();
         let records = [
             parameter("BATT2_CAPACITY", 1000.0),
@@ -257,7 +255,7 @@ mod tests {
             parameter("BATT2_LOW_VOLT", 9.5),
             Recorded::Battery(Pack::Second, &state),
         ];
-        let drive = drive_of(&log(&records), Pack::Second).expect("a drive");
+        let drive = drive_in(&records, Pack::Second);
         let parameters = drive.survey.parameters.expect("the log has some");
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(Pack::Second));
         assert_eq!(value(BatteryParameter::Capacity), 1000.0);

@@ -359,9 +359,4 @@ mod tests {
     fn a_trace_without_anything_is_a_picture_too() {
         assert!(well_formed_tags(&picture(&[])) > 3);
     }
-
-    #[test]
-    fn the_same_rows_make_the_same_picture() {
-        assert_eq!(picture(&rows()), picture(&rows()));
-    }
 }

@@ -123,19 +123,8 @@ pub mod tests {
 
     #[test]
     fn what_is_unknown_is_empty_and_the_resting_voltage_falls_back() {
-        let row = Row {
-            time_s: 0.1,
-            state: BatteryState {
-                readings: Readings {
-                    voltage_v: Some(11.1),
-                    ..Readings::NONE
-                },
-                ..BatteryState::default()
-            },
-            reached: ReachedLevels::new(),
-            events: vec![],
-            reported: None,
-        };
+        let mut row = row(0.1, FailsafeLevel::None);
+        row.state.readings.voltage_v = Some(11.1);
         assert_eq!(
             csv(&[row]),
             format!("{COLUMNS}{LAST_COLUMN}0.1,11.1,,,,,11.1,-1,,,,0,0,\n")
@@ -145,7 +134,6 @@ pub mod tests {
     #[test]
     fn every_value_has_its_column() {
         let row = Row {
-            time_s: 2.0,
             state: BatteryState {
                 readings: Readings {
                     voltage_v: Some(11.0),
@@ -164,9 +152,8 @@ pub mod tests {
                 failsafe: FailsafeLevel::Low,
                 ..BatteryState::default()
             },
-            reached: ReachedLevels::new(),
             events: vec!["is low, very".into(), "swapped".into()],
-            reported: None,
+            ..row(2.0, FailsafeLevel::Low)
         };
         assert_eq!(
             csv(&[row]),
@@ -177,15 +164,13 @@ pub mod tests {
     #[test]
     fn what_the_board_reported_stands_before_the_events() {
         let row = Row {
-            time_s: 2.0,
-            state: BatteryState::default(),
-            reached: ReachedLevels::new(),
             events: vec!["is low".into()],
             reported: Some(Reported {
                 consumed_mah: Some(3.5),
                 charge_state: Some(2),
                 ..Reported::default()
             }),
+            ..row(2.0, FailsafeLevel::None)
         };
         assert_eq!(
             csv(&[row]),

@@ -252,16 +252,14 @@ fn reading(sample: &Sample, inputs: Inputs) -> Result<Measurement, ReadError> {
 mod tests {
     use super::*;
 
+    fn assigned(trace: &str, assignments: &[Assignment]) -> Result<Parameters, String> {
+        let trace = Trace::parse(trace.as_bytes()).expect("a trace");
+        assign(Parameters::defaults(), assignments, Pack::First, trace.measured())
+    }
+
     fn inputs(trace: &str, assignments: &[&str]) -> Result<Inputs, String> {
         let assignments: Result<Vec<Assignment>, _> = assignments.iter().map(|text| text.parse()).collect();
-        let trace = Trace::parse(trace.as_bytes()).expect("a trace");
-        let parameters = assign(
-            Parameters::defaults(),
-            &assignments?,
-            Pack::First,
-            trace.measured(),
-        )?;
-        Inputs::from_parameters(&parameters, Pack::First)
+        Inputs::from_parameters(&assigned(trace, &assignments?)?, Pack::First)
     }
 
     const WITH_CURRENT: &str = "t_s,voltage_v,current_a\n0,7.9,1.5\n";
@@ -289,12 +287,9 @@ mod tests {
 
     #[test]
     fn what_the_user_assigns_holds_whatever_the_recording_sets() {
-        let assignments: Vec<Assignment> = vec!["BATT_LOW_VOLT=10".parse().expect("an assignment")];
-        let trace = Trace::parse(WITH_CURRENT.as_bytes()).expect("a trace");
-        let pack = Pack::First;
-        let parameters =
-            assign(Parameters::defaults(), &assignments, pack, trace.measured()).expect("in range");
-        let replay = Replay::new(pack, &parameters, &assignments, LearntPack::UNKNOWN);
+        let assignments: [Assignment; 1] = ["BATT_LOW_VOLT=10".parse().expect("an assignment")];
+        let parameters = assigned(WITH_CURRENT, &assignments).expect("in range");
+        let replay = Replay::new(Pack::First, &parameters, &assignments, LearntPack::UNKNOWN);
         let mut replay = replay.expect("what the trace has");
         for set in [
             "BATT_LOW_VOLT=9",
@@ -313,14 +308,11 @@ mod tests {
 
     #[test]
     fn changes_are_parameters_that_differ_once_each() {
-        let assignments: Vec<Assignment> = ["BATT_LOW_VOLT=10", "BATT_CELLS=0", "BATT_LOW_VOLT=10.8"]
-            .map(|text| text.parse().expect("an assignment"))
-            .into();
-        let own = Parameters::defaults();
-        let trace = Trace::parse(WITH_CURRENT.as_bytes()).expect("a trace");
-        let changed = assign(own.clone(), &assignments, Pack::First, trace.measured()).expect("in range");
+        let assignments: [Assignment; 3] = ["BATT_LOW_VOLT=10", "BATT_CELLS=0", "BATT_LOW_VOLT=10.8"]
+            .map(|text| text.parse().expect("an assignment"));
+        let changed = assigned(WITH_CURRENT, &assignments).expect("in range");
         assert_eq!(
-            changes(&own, &changed, &assignments),
+            changes(&Parameters::defaults(), &changed, &assignments),
             ["BATT_LOW_VOLT 10.8 instead of 0"]
         );
     }

@@ -344,13 +344,11 @@ mod tests {
             armed: true,
             ..Sample::NONE
         });
-        let text = summary(
-            &Trace {
-                samples: samples.into(),
-                changes: vec![],
-            },
-            &[],
-        );
+        let trace = Trace {
+            samples: samples.into(),
+            changes: vec![],
+        };
+        let text = summary(&trace, &[]);
         let expected = "2 min 30 s, from 0:00 to 2:30, 6 readings; armed for 6 min 0 s\n\
                         Times run backwards: twice, first from 5:00 to 1:40; readings are taken in their order in the file\n";
         assert!(text.starts_with(expected), "{text}");
@@ -358,10 +356,8 @@ mod tests {
 
     #[test]
     fn the_weakest_moment_is_said_with_its_load() {
-        let text = summary(
-            &trace("t_s,voltage_v,current_a\n0,12,0\n724,9.91,14.2\n725,11,1\n"),
-            &[],
-        );
+        let trace = trace("t_s,voltage_v,current_a\n0,12,0\n724,9.91,14.2\n725,11,1\n");
+        let text = summary(&trace, &[]);
         let expected =
             "Voltage: 12.00 V at the start, 11.00 V at the end; weakest at 12:04: 9.91 V at 14.2 A\n";
         assert!(text.contains(expected), "{text}");
@@ -442,10 +438,8 @@ mod tests {
         let rows: String = (0..1000)
             .map(|second| format!("{second},11.5,1,{}\n", second / 20 % 2))
             .collect();
-        let text = summary(
-            &trace(&format!("t_s,voltage_v,current_a,healthy\n{rows}")),
-            &["BATT_CELLS=3"],
-        );
+        let trace = trace(&format!("t_s,voltage_v,current_a,healthy\n{rows}"));
+        let text = summary(&trace, &["BATT_CELLS=3"]);
         let listed = text.lines().filter(|line| line.contains("  Battery 1 ")).count();
         assert_eq!(listed, LISTED_EVENTS);
         assert!(text.contains(" more, in the rows\n"), "{text}");

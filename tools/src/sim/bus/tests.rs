@@ -17,18 +17,24 @@ const SETTLING: Duration = Duration::from_secs(200);
 
 /// Runs `test` on the bus of a pack with a resting voltage of 12 V, after 200 s of constant current.
 fn on_bus<R>(load_a: f32, test: impl AsyncFnOnce(&mut SimulatedBus<'_>) -> R) -> R {
-    let mut parameters = Parameters::defaults();
-    for (parameter, value) in [
+    let values = [
         (SimulationParameter::BattVoltage, 12.0),
         (SimulationParameter::BattCurrent, load_a),
-    ] {
-        parameters.set(parameter, value).expect("it is in range");
+    ];
+    on_bus_of(SimulatedPack::full(PackModel::LIPO_3S_2200), &values, test)
+}
+
+fn on_bus_of<R>(
+    pack: SimulatedPack,
+    values: &[(SimulationParameter, f32)],
+    test: impl AsyncFnOnce(&mut SimulatedBus<'_>) -> R,
+) -> R {
+    let mut parameters = Parameters::defaults();
+    for (parameter, value) in values {
+        parameters.set(*parameter, *value).expect("it is in range");
     }
-    let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
-    let (rover, shared) = (
-        SimulatedRover::default(),
-        Shared::new(&Start::with_parameters(parameters.clone())),
-    );
+    let (pack, rover) = (RefCell::new(pack), SimulatedRover::default());
+    let shared = Shared::new(&Start::with_parameters(parameters));
     let settle_and_test = async {
         let simulation = PackSimulation::new(&pack, &rover, &shared);
         Timer::after(SETTLING).await;
@@ -217,20 +223,11 @@ fn consecutive_reads_continue_and_aborted_transfers_reset() {
 #[test]
 fn no_device_answers_while_a_wire_is_off_or_the_pack_unplugged() {
     let answers = |fault, unplug: bool| {
-        let mut parameters = Parameters::defaults();
-        parameters.set(SimulationParameter::BattFault, fault).unwrap();
         let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
         if unplug {
             pack.unplug();
         }
-        let pack = RefCell::new(pack);
-        let (rover, shared) = (
-            SimulatedRover::default(),
-            Shared::new(&Start::with_parameters(parameters.clone())),
-        );
-        let read = async {
-            let simulation = PackSimulation::new(&pack, &rover, &shared);
-            let mut bus = SimulatedBus::new(&simulation);
+        on_bus_of(pack, &[(SimulationParameter::BattFault, fault)], async |bus| {
             let mut answers = [false; 2];
             for (answer, address) in answers
                 .iter_mut()
@@ -239,8 +236,7 @@ fn no_device_answers_while_a_wire_is_off_or_the_pack_unplugged() {
                 *answer = bus.write_read(address, &[0x09], &mut [0; 2]).await.is_ok();
             }
             answers
-        };
-        clock::run_for(SETTLING, read).expect("it ends")
+        })
     };
     assert!(answers(0.0, false)[1]);
     assert_eq!(answers(5.0, false), [false; 2]);

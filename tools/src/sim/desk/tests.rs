@@ -135,18 +135,12 @@ fn a_drained_pack_is_low_then_critical_and_the_rover_stops() {
 }
 
 #[test]
-fn a_cold_pack_is_low_ten_minutes_earlier() {
-    let low_at_s = |name| times(&shown(name), &["MANUAL, armed", "Battery 1 is low "])[1];
-    let (cold_s, warm_s) = (low_at_s("cold"), low_at_s("drain"));
+fn a_cold_pack_is_low_ten_minutes_earlier_and_its_drive_ends_in_hold() {
+    let low_at_s = |shown: &[Shown]| times(shown, &["MANUAL, armed", "Battery 1 is low "])[1];
+    let cold = shown("cold");
+    let (cold_s, warm_s) = (low_at_s(&cold), low_at_s(&shown("drain")));
     assert!((500..800).contains(&(warm_s - cold_s)), "{cold_s} and {warm_s}");
-}
-
-#[test]
-fn a_cold_drive_ends_in_hold() {
-    times(
-        &shown("cold"),
-        &["Battery 1 is critical ", "HOLD, armed", "Seen: low at "],
-    );
+    times(&cold, &["Battery 1 is critical ", "HOLD, armed", "Seen: low at "]);
 }
 
 #[test]

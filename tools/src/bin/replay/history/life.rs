@@ -199,10 +199,8 @@ mod tests {
                 ),
             ]
         );
-        assert_eq!(
-            lives.iter().map(Life::attention).collect::<Vec<_>>(),
-            [Attention::Needed, Attention::NotNeeded]
-        );
+        let attention = lives.iter().map(Life::attention).collect::<Vec<_>>();
+        assert_eq!(attention, [Attention::Needed, Attention::NotNeeded]);
     }
 
     #[test]

@@ -117,51 +117,32 @@ fn round_step(step: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn ticks(values: &[f64], ticks: u32) -> Vec<String> {
-        let axis = Axis::over(values.iter().copied(), ticks);
-        axis.ticks().map(|(_, text)| text).collect()
-    }
-
     #[test]
-    fn ticks_are_round_numbers_around_the_values() {
-        assert_eq!(ticks(&[0.0, 100.0], 5), ["0", "20", "40", "60", "80", "100"]);
-        assert_eq!(
-            ticks(&[10.31, 12.58], 6),
-            ["10.0", "10.5", "11.0", "11.5", "12.0", "12.5", "13.0"]
-        );
-        assert_eq!(ticks(&[-3.0, 8.0], 4), ["-5", "0", "5", "10"]);
-    }
-
-    #[test]
-    fn moments_are_round_minutes_and_seconds() {
-        let ticks = |times_s: [f64; 2], ticks: u32| {
-            let axis = Axis::over_time(times_s, ticks);
-            axis.ticks().map(|(_, text)| text).collect::<Vec<_>>()
-        };
-        assert_eq!(
-            ticks([0.0, 69.9], 5),
-            ["0:00", "0:15", "0:30", "0:45", "1:00", "1:15"]
-        );
-        assert_eq!(
-            ticks([63.0, 599.9], 5),
-            ["0:00", "2:00", "4:00", "6:00", "8:00", "10:00"]
-        );
-        assert_eq!(
-            ticks([0.0, 30_000.0], 5),
-            ["0:00", "2:00:00", "4:00:00", "6:00:00", "8:00:00", "10:00:00"]
-        );
-        assert_eq!(ticks([2.3, 2.4], 5), ["0:02", "0:03"]);
-    }
-
-    #[test]
-    fn what_is_counted_has_whole_numbers() {
-        let ticks = |count| {
-            let axis = Axis::over_counted(count, 5, "drive");
-            axis.ticks().map(|(_, text)| text).collect::<Vec<_>>()
-        };
-        assert_eq!(ticks(1), ["1", "2"]);
-        assert_eq!(ticks(3), ["1", "2", "3"]);
-        assert_eq!(ticks(20), ["0", "5", "10", "15", "20"]);
+    fn ticks_are_round_numbers_minutes_and_seconds_or_whole_numbers() {
+        for (axis, expected) in [
+            (Axis::over([0.0, 100.0], 5), "0 20 40 60 80 100"),
+            (
+                Axis::over([10.31, 12.58], 6),
+                "10.0 10.5 11.0 11.5 12.0 12.5 13.0",
+            ),
+            (Axis::over([-3.0, 8.0], 4), "-5 0 5 10"),
+            (Axis::over_time([0.0, 69.9], 5), "0:00 0:15 0:30 0:45 1:00 1:15"),
+            (
+                Axis::over_time([63.0, 599.9], 5),
+                "0:00 2:00 4:00 6:00 8:00 10:00",
+            ),
+            (
+                Axis::over_time([0.0, 30_000.0], 5),
+                "0:00 2:00:00 4:00:00 6:00:00 8:00:00 10:00:00",
+            ),
+            (Axis::over_time([2.3, 2.4], 5), "0:02 0:03"),
+            (Axis::over_counted(1, 5, "drive"), "1 2"),
+            (Axis::over_counted(3, 5, "drive"), "1 2 3"),
+            (Axis::over_counted(20, 5, "drive"), "0 5 10 15 20"),
+        ] {
+            let ticks: Vec<String> = axis.ticks().map(|(_, text)| text).collect();
+            assert_eq!(ticks.join(" "), expected);
+        }
     }
 
     #[test]

@@ -194,7 +194,7 @@ fn find(packs: &mut [PackDrives], pack: Pack) -> Option<&mut PackDrives> {
 mod tests {
     use super::*;
     use crate::binlog::BinaryRecords;
-    use crate::binlog::tests::{arming, opening};
+    use crate::binlog::tests::{arming, opening, parameter};
     use crate::dataflash::DataFlash;
     use crate::table::row::Remaining;
     use proptest::prelude::*;
@@ -229,25 +229,29 @@ mod tests {
         )
     }
 
-    fn rows_of(bytes: &[u8], what_if: &[&str]) -> Vec<Row> {
-        let what_if: Vec<Assignment> = what_if
-            .iter()
-            .map(|text| text.parse().expect("an assignment"))
-            .collect();
-        drives_in(bytes, &what_if).expect("drives").rows
+    fn rows_of(records: &[Recorded]) -> Vec<Row> {
+        drives_in(&file(records), &[]).expect("drives").rows
     }
 
-    const LOW_VOLTAGE: Recorded = Recorded::Parameter {
-        name: "BATT_LOW_VOLT",
-        value: 10.5,
-        default: 0.0,
-    };
+    fn rows_if(what_if: &str, records: &[Recorded]) -> Vec<Row> {
+        let what_if: [Assignment; 1] = [what_if.parse().expect("an assignment")];
+        drives_in(&file(records), &what_if).expect("drives").rows
+    }
+
+    fn reading(state: &BatteryState) -> Recorded<'_> {
+        Recorded::Battery(Pack::First, state)
+    }
+
+    /// The rover is armed with a threshold of the low voltage.
+    fn armed() -> Vec<Recorded<'static>> {
+        vec![parameter("BATT_LOW_VOLT", 10.5), arming(ArmState::Armed)]
+    }
 
     #[test]
     fn each_drive_is_a_row_from_arming_to_disarming() {
         let state = state(11.0);
-        let reading = Recorded::Battery(Pack::First, &state);
-        let records = [
+        let reading = reading(&state);
+        let rows = rows_of(&[
             Recorded::Message("PreArm: Battery 1 below minimum arming voltage"),
             Recorded::Message("PreArm: Battery 1 below minimum arming voltage"),
             Recorded::Message("PreArm: Battery 2 unhealthy"),
@@ -263,8 +267,7 @@ mod tests {
             arming(ArmState::Armed),
             reading,
             reading,
-        ];
-        let rows = rows_of(&file(&records), &[]);
+        ]);
         let seen: Vec<_> = rows
             .iter()
             .map(|row| (row.start_s, row.duration_s, row.complete))
@@ -283,14 +286,12 @@ mod tests {
 
     #[test]
     fn what_is_refused_after_the_last_drive_is_in_its_row() {
-        let state = state(11.0);
-        let records = [
+        let rows = rows_of(&[
             arming(ArmState::Armed),
-            Recorded::Battery(Pack::First, &state),
+            reading(&state(11.0)),
             arming(ArmState::Disarmed),
             Recorded::Message("Arm: Terminated: reset the battery or restart"),
-        ];
-        let rows = rows_of(&file(&records), &[]);
+        ]);
         assert_eq!(
             rows[0].arming_refusals,
             ["Terminated: reset the battery or restart"]
@@ -303,16 +304,13 @@ mod tests {
         let state = state(11.0);
         let mut faulty = state;
         faulty.readings.faults = Faults::DEEP_DISCHARGE | Faults::OVER_CURRENT;
-        let rows = rows_of(
-            &file(&[
-                Recorded::Battery(Pack::First, &state),
-                Recorded::Battery(Pack::Third, &state),
-                Recorded::Estimate(Pack::Third, &faulty),
-                Recorded::Battery(Pack::First, &state),
-                Recorded::Message("PreArm: Logging failed"),
-            ]),
-            &[],
-        );
+        let rows = rows_of(&[
+            reading(&state),
+            Recorded::Battery(Pack::Third, &state),
+            Recorded::Estimate(Pack::Third, &faulty),
+            reading(&state),
+            Recorded::Message("PreArm: Logging failed"),
+        ]);
         let seen: Vec<_> = rows
             .iter()
             .map(|row| (row.pack, row.duration_s, row.complete))
@@ -325,13 +323,12 @@ mod tests {
     #[test]
     fn other_parameters_are_tried_beside_those_of_the_log() {
         let [before, after] = [state(11.0), state(10.6)];
-        let mut records = vec![LOW_VOLTAGE, arming(ArmState::Armed)];
-        records.extend([Recorded::Battery(Pack::First, &before); 20]);
-        records.extend([Recorded::Battery(Pack::First, &after); 20]);
-        let file = file(&records);
-        let own = rows_of(&file, &[]);
+        let mut records = armed();
+        records.extend([reading(&before); 20]);
+        records.extend([reading(&after); 20]);
+        let own = rows_of(&records);
         assert_eq!((own[0].levels.low_s, &own[0].what_if), (None, &None));
-        let changed = rows_of(&file, &["BATT_LOW_VOLT=10.7"]);
+        let changed = rows_if("BATT_LOW_VOLT=10.7", &records);
         let what_if = changed[0].what_if.as_ref().expect("it was asked for");
         assert_eq!(what_if.parameters, "BATT_LOW_VOLT=10.7");
         let low_s = what_if.levels.low_s.expect("it is low");
@@ -343,16 +340,11 @@ mod tests {
     #[test]
     fn a_failsafe_of_the_log_at_another_time_than_replayed_is_named() {
         let state = state(10.4);
-        let readings = |count| vec![Recorded::Battery(Pack::First, &state); count];
+        let readings = |count| vec![reading(&state); count];
         let low = Recorded::Message("Battery 1 is low 10.40V used 300 mAh");
         let differences = |before: usize, after: usize| {
-            let records = [
-                vec![LOW_VOLTAGE, arming(ArmState::Armed)],
-                readings(before),
-                vec![low],
-                readings(after),
-            ];
-            rows_of(&file(&records.concat()), &[]).remove(0).differences
+            let records = [armed(), readings(before), vec![low], readings(after)];
+            rows_of(&records.concat()).remove(0).differences
         };
         // The default of ten seconds is over with the second reading behind it.
         assert!(differences(11, 10).is_empty());
@@ -365,20 +357,18 @@ mod tests {
         let [low, high] = [state(10.4), state(11.0)];
         let timer = |timer| Recorded::FailsafeTimer(Pack::First, FailsafeLevel::Low, timer);
         let row = |second_start: &[Recorded]| {
-            let mut records = vec![LOW_VOLTAGE, arming(ArmState::Armed)];
-            records.extend([
-                timer(FailsafeTimer::Running),
-                Recorded::Battery(Pack::First, &low),
-            ]);
-            records.extend([Recorded::Battery(Pack::First, &low); 4]);
-            records.extend([
-                timer(FailsafeTimer::Stopped),
-                Recorded::Battery(Pack::First, &high),
-            ]);
-            records.extend([Recorded::Battery(Pack::First, &high); 4]);
-            records.extend(second_start);
-            records.extend([Recorded::Battery(Pack::First, &low); 5]);
-            rows_of(&file(&records), &[]).remove(0)
+            let [low, high] = [&low, &high].map(|state| [reading(state); 5]);
+            let records = [
+                &armed()[..],
+                &[timer(FailsafeTimer::Running)],
+                &low,
+                &[timer(FailsafeTimer::Stopped)],
+                &high,
+                second_start,
+                &low,
+            ]
+            .concat();
+            rows_of(&records).remove(0)
         };
         let replayed = ["low started 2 s", "low reset 8 s", "low started 13 s"];
         let same = row(&[timer(FailsafeTimer::Running)]);
@@ -398,22 +388,18 @@ mod tests {
     #[test]
     fn parameters_that_are_set_after_a_drive_do_not_rewrite_it() {
         let state = state(10.4);
-        let reading = Recorded::Battery(Pack::First, &state);
-        let parameter = |name, value| Recorded::Parameter {
-            name,
-            value,
-            default: 0.0,
-        };
-        let mut records = vec![LOW_VOLTAGE, parameter("BATT_CELLS", 3.0), arming(ArmState::Armed)];
+        let reading = reading(&state);
+        let mut records = vec![parameter("BATT_CELLS", 3.0)];
+        records.extend(armed());
         records.extend([reading; 20]);
         records.push(arming(ArmState::Disarmed));
-        let whole = rows_of(&file(&records), &["BATT_CRT_VOLT=10.45"]);
+        let whole = rows_if("BATT_CRT_VOLT=10.45", &records);
         records.extend([
             parameter("BATT_LOW_VOLT", 0.0),
             parameter("BATT_CELLS", 6.0),
             reading,
         ]);
-        let rows = rows_of(&file(&records), &["BATT_CRT_VOLT=10.45"]);
+        let rows = rows_if("BATT_CRT_VOLT=10.45", &records);
         assert!(rows[0].levels.low_s.is_some());
         assert_eq!(rows, whole);
     }
@@ -421,17 +407,16 @@ mod tests {
     #[test]
     fn a_log_that_begins_armed_begins_a_drive_with_its_first_reading() {
         let state = state(11.0);
-        let reading = Recorded::Battery(Pack::First, &state);
-        let records = [
-            LOW_VOLTAGE,
+        let reading = reading(&state);
+        let rows = rows_of(&[
+            parameter("BATT_LOW_VOLT", 10.5),
             reading,
             reading,
             arming(ArmState::Disarmed),
             reading,
             arming(ArmState::Armed),
             reading,
-        ];
-        let rows = rows_of(&file(&records), &[]);
+        ]);
         let seen: Vec<_> = rows
             .iter()
             .map(|row| (row.start_s, row.duration_s, row.complete, row.armed_before))
@@ -442,13 +427,12 @@ mod tests {
 
     #[test]
     fn a_failsafe_without_a_text_has_no_level() {
-        let state = state(11.0);
-        let records = [
+        let rows = rows_of(&[
             arming(ArmState::Armed),
-            Recorded::Battery(Pack::First, &state),
+            reading(&state(11.0)),
             Recorded::Error(Subsystem::BatteryFailsafe),
-        ];
-        assert_eq!(rows_of(&file(&records), &[])[0].failsafes, ["battery 2 s"]);
+        ]);
+        assert_eq!(rows[0].failsafes, ["battery 2 s"]);
     }
 
     #[test]
@@ -458,10 +442,10 @@ mod tests {
             state.readings.remaining_pct = Some(remaining_pct);
             state
         });
-        let mut records = vec![LOW_VOLTAGE, arming(ArmState::Armed)];
-        records.extend([Recorded::Battery(Pack::First, &before); 5]);
-        records.extend([Recorded::Battery(Pack::First, &after); 30]);
-        let row = rows_of(&file(&records), &[]).remove(0);
+        let mut records = armed();
+        records.extend([reading(&before); 5]);
+        records.extend([reading(&after); 30]);
+        let row = rows_of(&records).remove(0);
         assert_eq!(row.remaining.recorded_pct, Some(20.0));
         assert_eq!(row.remaining_low.recorded_pct, Some(20.0));
         assert_eq!(row.remaining_critical, Remaining::default());
@@ -470,7 +454,7 @@ mod tests {
     /// Two drives of two packs, with all that a board records of them.
     fn drives() -> Vec<u8> {
         let state = state(11.0);
-        let mut records = vec![LOW_VOLTAGE];
+        let mut records = vec![parameter("BATT_LOW_VOLT", 10.5)];
         for _ in 0..2 {
             records.push(arming(ArmState::Armed));
             for _ in 0..10 {
@@ -479,7 +463,7 @@ mod tests {
             }
             records.push(Recorded::Message("Battery 1 is low 10.40V used 300 mAh"));
             records.push(arming(ArmState::Disarmed));
-            records.push(Recorded::Battery(Pack::First, &state));
+            records.push(reading(&state));
         }
         file(&records)
     }
@@ -488,7 +472,8 @@ mod tests {
     fn damage_makes_the_drives_behind_it_incomplete() {
         let one = drives();
         let damaged = [&one, &[0xff; 5][..], &one[opening().len()..]].concat();
-        let complete: Vec<bool> = rows_of(&damaged, &[]).iter().map(|row| row.complete).collect();
+        let rows = drives_in(&damaged, &[]).expect("drives").rows;
+        let complete: Vec<bool> = rows.iter().map(|row| row.complete).collect();
         // Of each of two packs.
         assert_eq!(complete, [true, true, false, false].repeat(2));
     }
@@ -504,7 +489,7 @@ mod tests {
         #[test]
         fn what_is_complete_in_a_cut_log_is_as_in_the_whole_one(cut in 1usize..4000) {
             let whole = drives();
-            let all = rows_of(&whole, &[]);
+            let all = drives_in(&whole, &[]).expect("drives").rows;
             let cut = &whole[..whole.len().saturating_sub(cut)];
             let Ok(Drives { rows, .. }) = drives_in(cut, &[]) else {
                 return Ok(());

@@ -77,33 +77,23 @@ impl Spread {
 mod tests {
     use super::*;
 
-    #[test]
-    fn what_was_never_known_stays_unknown() {
+    fn of(values: &[Option<f32>]) -> ([Option<f64>; 4], Option<f64>) {
         let (mut span, mut extremes, mut spread) = (Span::default(), Extremes::default(), Spread::default());
-        span.add(None);
-        extremes.add(None);
-        spread.add(None);
-        assert_eq!(
-            (span.length(), extremes.lowest(), extremes.highest()),
-            (None, None, None)
-        );
-        assert_eq!((spread.mean(), spread.sigma()), (None, None));
+        for value in values {
+            span.add(*value);
+            extremes.add(*value);
+            spread.add(*value);
+        }
+        let (lowest, highest) = (extremes.lowest(), extremes.highest());
+        ([span.length(), lowest, highest, spread.mean()], spread.sigma())
     }
 
     #[test]
-    fn values_are_summed_up() {
-        let (mut span, mut extremes, mut spread) = (Span::default(), Extremes::default(), Spread::default());
-        for value in [2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0] {
-            span.add(Some(value));
-            extremes.add(Some(value));
-            spread.add(Some(value));
-        }
-        assert_eq!(
-            (span.length(), extremes.lowest(), extremes.highest()),
-            (Some(7.0), Some(2.0), Some(9.0))
-        );
-        assert_eq!(spread.mean(), Some(5.0));
-        let sigma = spread.sigma().expect("it is known");
+    fn values_are_summed_up_and_what_was_never_known_stays_unknown() {
+        assert_eq!(of(&[None]), ([None; 4], None));
+        let (found, sigma) = of(&[2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0].map(Some));
+        assert_eq!(found, [7.0, 2.0, 9.0, 5.0].map(Some));
+        let sigma = sigma.expect("it is known");
         assert!((sigma - (32.0_f64 / 7.0).sqrt()).abs() < 1e-12, "{sigma}");
     }
 }
