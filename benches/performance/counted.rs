@@ -38,11 +38,7 @@ pub fn tables() -> Vec<Table> {
             let what = what.strip_prefix(verb)?.trim_start();
             Some(figure(what, *instructions))
         });
-        Table {
-            title,
-            unit: "instructions",
-            figures: of_verb.collect(),
-        }
+        Table::new(title, "instructions", of_verb.collect())
     };
     vec![
         table("receive", "receive", |what, instructions| {

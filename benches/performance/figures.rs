@@ -80,7 +80,7 @@ impl Figure {
         compared.unwrap_or_default()
     }
 
-    fn is_missed(&self) -> bool {
+    pub fn is_missed(&self) -> bool {
         self.goal.is_some_and(|goal| self.value > goal)
     }
 }
@@ -94,14 +94,14 @@ impl fmt::Display for Figure {
 /// Figures of one kind, in one unit.
 #[derive(Clone, Debug)]
 pub struct Table {
-    pub title: &'static str,
-    pub unit: &'static str,
+    title: &'static str,
+    unit: &'static str,
     pub figures: Vec<Figure>,
 }
 
 impl Table {
-    pub fn missed_goals(&self) -> impl Iterator<Item = &Figure> {
-        self.figures.iter().filter(|figure| figure.is_missed())
+    pub fn new(title: &'static str, unit: &'static str, figures: Vec<Figure>) -> Self {
+        Self { title, unit, figures }
     }
 }
 

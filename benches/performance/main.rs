@@ -12,7 +12,7 @@ mod wifi;
 
 use std::process::ExitCode;
 
-use figures::{Table, regressions};
+use figures::regressions;
 use page::Page;
 
 fn main() -> ExitCode {
@@ -26,8 +26,10 @@ fn main() -> ExitCode {
     for table in &tables {
         println!("{table}");
     }
-    let missed = tables.iter().flat_map(Table::missed_goals);
-    missed.for_each(|figure| println!("goal not reached: {figure}"));
+    let figures = tables.iter().flat_map(|table| &table.figures);
+    for missed in figures.filter(|figure| figure.is_missed()) {
+        println!("goal not reached: {missed}");
+    }
 
     let page = Page::read();
     let worse = regressions(&tables, &page.committed());

@@ -43,24 +43,18 @@ pub fn tables() -> Vec<Table> {
     let jitter_us = jitter_of(&bench.take_adc_record(), MEASURED_US);
 
     let percent = |what: &str, value| Figure::new(format!("Wi-Fi: {what}"), value).with_digits(2);
+    let awake = vec![
+        percent("no one in the network", idle),
+        percent("a station by TCP at 50 Hz", served),
+        percent("and 1000 hostile frames a second", flooded),
+    ];
+    let times = vec![
+        Figure::new("Wi-Fi: from power to the network", up_us as f64),
+        jitter("Wi-Fi: sampling jitter, 1000 hostile frames a second", jitter_us),
+    ];
     vec![
-        Table {
-            title: "awake, a Pico W with one pack",
-            unit: "% of the time",
-            figures: vec![
-                percent("no one in the network", idle),
-                percent("a station by TCP at 50 Hz", served),
-                percent("and 1000 hostile frames a second", flooded),
-            ],
-        },
-        Table {
-            title: "a Pico W",
-            unit: "µs",
-            figures: vec![
-                Figure::new("Wi-Fi: from power to the network", up_us as f64),
-                jitter("Wi-Fi: sampling jitter, 1000 hostile frames a second", jitter_us),
-            ],
-        },
+        Table::new("awake, a Pico W with one pack", "% of the time", awake),
+        Table::new("a Pico W", "µs", times),
     ]
 }
 

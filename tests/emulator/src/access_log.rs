@@ -24,7 +24,6 @@ pub struct BusErrorRecord {
 /// Accesses to an unmodelled block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnmodelledAccess {
-    pub block: &'static str,
     pub reads: u64,
     pub writes: u64,
     /// Address and instruction of the first access.
@@ -55,7 +54,6 @@ impl AccessLog {
 
     pub fn note_unmodelled(&mut self, block: &'static str, pc: u32, address: u32, direction: Direction) {
         let access = self.unmodelled.entry(block).or_insert(UnmodelledAccess {
-            block,
             reads: 0,
             writes: 0,
             first_address: address,

@@ -58,6 +58,12 @@ pub fn select_function(board: &mut Board, pin: u32, function: u32) {
     board.write_register(IO_BANK0 + 8 * pin + 4, function);
 }
 
+pub fn set_registers<const N: usize>(board: &mut Board, registers: [(usize, u32); N]) {
+    for (number, value) in registers {
+        board.set_register(number, value);
+    }
+}
+
 pub fn ram(board: &Board) -> Vec<u8> {
     board.read_memory(RAM, 0x1000)
 }
@@ -65,8 +71,7 @@ pub fn ram(board: &Board) -> Vec<u8> {
 /// Counts interrupts of software line 26 in R7 and rounds of the main loop in R4.
 pub fn counting_board() -> Board {
     let mut board = board(&[adds(4, 1), back(1)], &[(16 + 26, &[adds(7, 1), BX_LR])]);
-    board.set_register(4, 0);
-    board.set_register(7, 0);
+    set_registers(&mut board, [(4, 0), (7, 0)]);
     board
 }
 

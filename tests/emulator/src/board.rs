@@ -23,7 +23,6 @@ use super::pins::{I2cPins, PinDrive, SpiPins, UartPins, driven_level, pin_drive}
 use super::pio::PinDevice;
 use super::pwm::PwmOutput;
 use super::random::Random;
-use super::register::bit;
 use super::reset::ResetRecord;
 use super::rtt::RttWatch;
 use super::spi::Spi;
@@ -104,12 +103,6 @@ impl Board {
     /// The same in cycles of `clk_sys`.
     pub fn time_cycles(&self) -> Cycle {
         self.bus.now
-    }
-
-    /// How long the processor waits, from now on, for a line of flash that the cache does not hold: 56 cycles at first, as
-    /// behind a second stage that reads at half the clock.
-    pub fn set_cycles_of_a_flash_miss(&mut self, cycles: Cycle) {
-        self.bus.soc.xip_control.cache.set_cycles_of_a_miss(cycles);
     }
 
     // ----- Wires and voltages -----------------------------------------------------------------
@@ -249,13 +242,6 @@ impl Board {
         self.bus.attention = true;
     }
 
-    /// The same at a time to come; at once if that is in the past.
-    pub fn schedule_pin(&mut self, pin: usize, at_us: u64, wire: PinWire) {
-        let at = cycles(at_us).max(self.bus.now);
-        self.bus.soc.gpio.schedule(at, pin, wire);
-        self.bus.attention = true;
-    }
-
     /// Send pulses to a pin: each is high for `high_us` and begins `period_us` after the one before.
     /// Until the first the pin is what it was. Returns the time at which the last one falls.
     pub fn pulses(
@@ -279,12 +265,6 @@ impl Board {
         }
         self.bus.attention = true;
         micros(end)
-    }
-
-    /// Whether the chip sees a pin as high, whatever drives it.
-    pub fn input_level(&mut self, pin: usize) -> bool {
-        self.bus.sample_inputs();
-        bit(self.bus.chip.sio.gpio_in, pin as u32)
     }
 
     /// The level at which the processor or the PWM drives a pin; `None` when neither does.

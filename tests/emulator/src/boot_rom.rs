@@ -57,75 +57,28 @@ struct RomFunction {
     name: &'static str,
 }
 
+const fn function(code: &'static [u8; 2], name: &'static str) -> RomFunction {
+    RomFunction { code, name }
+}
+
 const FUNCTIONS: [RomFunction; 17] = [
-    RomFunction {
-        code: b"P3",
-        name: "popcount32",
-    },
-    RomFunction {
-        code: b"R3",
-        name: "reverse32",
-    },
-    RomFunction {
-        code: b"L3",
-        name: "clz32",
-    },
-    RomFunction {
-        code: b"T3",
-        name: "ctz32",
-    },
-    RomFunction {
-        code: b"MS",
-        name: "memset",
-    },
-    RomFunction {
-        code: b"S4",
-        name: "memset4",
-    },
-    RomFunction {
-        code: b"MC",
-        name: "memcpy",
-    },
-    RomFunction {
-        code: b"C4",
-        name: "memcpy44",
-    },
-    RomFunction {
-        code: b"IF",
-        name: "connect_internal_flash",
-    },
-    RomFunction {
-        code: b"EX",
-        name: "flash_exit_xip",
-    },
-    RomFunction {
-        code: b"RE",
-        name: "flash_range_erase",
-    },
-    RomFunction {
-        code: b"RP",
-        name: "flash_range_program",
-    },
-    RomFunction {
-        code: b"FC",
-        name: "flash_flush_cache",
-    },
-    RomFunction {
-        code: b"CX",
-        name: "flash_enter_cmd_xip",
-    },
-    RomFunction {
-        code: b"UB",
-        name: "reset_to_usb_boot",
-    },
-    RomFunction {
-        code: b"WV",
-        name: "wait_for_vector",
-    },
-    RomFunction {
-        code: b"DT",
-        name: "debug_trampoline",
-    },
+    function(b"P3", "popcount32"),
+    function(b"R3", "reverse32"),
+    function(b"L3", "clz32"),
+    function(b"T3", "ctz32"),
+    function(b"MS", "memset"),
+    function(b"S4", "memset4"),
+    function(b"MC", "memcpy"),
+    function(b"C4", "memcpy44"),
+    function(b"IF", "connect_internal_flash"),
+    function(b"EX", "flash_exit_xip"),
+    function(b"RE", "flash_range_erase"),
+    function(b"RP", "flash_range_program"),
+    function(b"FC", "flash_flush_cache"),
+    function(b"CX", "flash_enter_cmd_xip"),
+    function(b"UB", "reset_to_usb_boot"),
+    function(b"WV", "wait_for_vector"),
+    function(b"DT", "debug_trampoline"),
 ];
 
 /// The image of the ROM. What is neither table nor trap is an undefined instruction.
@@ -267,7 +220,6 @@ fn has_worked(bus: &mut SystemBus, pc: u32, cycles: Cycle) -> bool {
 /// Roughly what the ROM's loops take; nothing in a test may depend on it.
 const CHANGED: u32 = 0xdead_dead;
 const LOOKUP_CYCLES: u64 = 50;
-const BIT_FUNCTION_CYCLES: u64 = 20;
 const FLASH_FUNCTION_CYCLES: u64 = 200;
 
 fn look_up(table: u32, code: u32) -> u32 {
@@ -298,14 +250,6 @@ fn calculate(routine: FloatRoutine, core: &mut CortexM0Plus, bus: &mut SystemBus
 fn run(function: &RomFunction, pc: u32, arguments: [u32; 4], bus: &mut SystemBus) -> Option<(u32, u64)> {
     let [a, b, c, _] = arguments;
     Some(match function.code {
-        b"P3" => (a.count_ones(), BIT_FUNCTION_CYCLES),
-        b"R3" => (a.reverse_bits(), BIT_FUNCTION_CYCLES),
-        b"L3" => (a.leading_zeros(), BIT_FUNCTION_CYCLES),
-        b"T3" => (a.trailing_zeros(), BIT_FUNCTION_CYCLES),
-        b"MS" | b"S4" => {
-            (0..c).for_each(|index| bus.write8(a.wrapping_add(index), b as u8));
-            (a, u64::from(c).max(1))
-        }
         b"MC" | b"C4" => {
             for index in 0..c {
                 let byte = bus.read8(b.wrapping_add(index));

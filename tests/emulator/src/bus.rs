@@ -7,7 +7,7 @@ use super::access_log::{AccessLog, Direction};
 use super::boot_rom::RomWork;
 use super::chip::Chip;
 use super::clock::{Cycle, NEVER};
-use super::dma::{Transfer, TransferEnd};
+use super::dma::{Transfer, TransferError};
 use super::flash::Job;
 use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
 use super::mpu::Mpu;
@@ -250,22 +250,19 @@ impl SystemBus {
         self.observe_pins();
     }
 
-    fn carry_out(&mut self, transfer: Transfer) -> TransferEnd {
+    fn carry_out(&mut self, transfer: Transfer) -> Result<(), TransferError> {
         let loaded = self.load(transfer.from, transfer.width);
         // A miss delays the DMA, which is not modelled, and not the processor.
         self.soc.xip_control.cache.take_waiting();
         let Ok(value) = loaded else {
             self.note_bus_error(transfer.from, Direction::Read);
-            return TransferEnd::ReadError;
+            return Err(TransferError::Read);
         };
-        let value = self.soc.dma.swap(transfer, value);
-        match self.store(transfer.to, value, transfer.width) {
-            Ok(()) => TransferEnd::Done,
-            Err(BusError) => {
-                self.note_bus_error(transfer.to, Direction::Write);
-                TransferEnd::WriteError
-            }
-        }
+        let stored = self.store(transfer.to, value, transfer.width);
+        stored.map_err(|BusError| {
+            self.note_bus_error(transfer.to, Direction::Write);
+            TransferError::Write
+        })
     }
 
     /// When [`Self::advance`] is needed next.

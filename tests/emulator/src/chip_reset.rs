@@ -63,22 +63,3 @@ impl Peripheral for ChipReset {
         *self = Self::after(self.last);
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn remembers_the_last_chip_level_reset_only() {
-        let mut block = ChipReset::after(ChipLevelReset::PowerOn);
-        assert_eq!(block.read(CHIP_RESET, 0), 1 << 8);
-        block.reset(0);
-        assert_eq!(
-            block.read(CHIP_RESET, 0),
-            1 << 8,
-            "a watchdog reset leaves HAD_POR"
-        );
-        let mut block = ChipReset::after(ChipLevelReset::RunPin);
-        assert_eq!(block.read(CHIP_RESET, 0), 1 << 16);
-    }
-}

@@ -6,7 +6,6 @@ use super::adc::AdcInput;
 use super::bench::*;
 use super::board::Board;
 use super::flash::FlashOperation;
-use super::gpio::PinWire;
 use super::memory::{RAM_BASE, RAM_SIZE};
 use super::memory_map::BLOCKS;
 use super::thumb::{BX_LR, HANG, adds, board, idle_board};
@@ -57,7 +56,7 @@ fn busy_board() -> Board {
     board.write_register(UART0 + 0x48, 2);
     board.uart_send(0, 100, b"0123456789");
     board.write_register(TIMER_ALARM0, 2_000);
-    board.schedule_pin(7, 1500, PinWire::High);
+    board.pulses(7, 1500, 100_000, 200_000, 1);
     start_watchdog(&mut board, 9_000);
     for (address, value) in [
         (SIO_DIVIDEND, 1000),

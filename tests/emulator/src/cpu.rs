@@ -36,19 +36,11 @@ pub enum CpuState {
     LockedUp,
 }
 
-/// What a test makes the program in thread mode run into.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Derailment {
-    /// A branch to itself; interrupts go on.
-    Hang,
-    /// An undefined instruction.
-    UndefinedInstruction,
-}
-
 pub struct Cpu {
     pub core: CortexM0Plus,
     state: CpuState,
-    derailment: Option<Derailment>,
+    /// The address at which a test makes the program in thread mode go on.
+    derailment: Option<u32>,
     /// Whether the instruction before changed PRIMASK.
     pub(super) changed_primask: bool,
 }
@@ -97,9 +89,9 @@ impl Cpu {
         self.core.regs.xpsr & IPSR_MASK
     }
 
-    /// Derail the program at the next moment at which it is in thread mode with interrupts on.
-    pub fn derail(&mut self, derailment: Derailment) {
-        self.derailment = Some(derailment);
+    /// Have the program go on at an address from the next moment at which it is in thread mode with interrupts on.
+    pub fn derail(&mut self, address: u32) {
+        self.derailment = Some(address);
     }
 
     /// Wake up if there is a reason to (ARMv6-M B1.5.18, B1.5.19).
@@ -246,15 +238,12 @@ impl Cpu {
     #[cold]
     fn derail_if_possible(&mut self) {
         let in_thread_mode = self.active_exception() == 0;
-        if let Some(derailment) = self.derailment
+        if let Some(address) = self.derailment
             && in_thread_mode
             && self.core.regs.primask & 1 == 0
         {
             self.derailment = None;
-            self.core.regs.r[15] = match derailment {
-                Derailment::Hang => boot_rom::BRANCH_TO_SELF,
-                Derailment::UndefinedInstruction => boot_rom::UNDEFINED_INSTRUCTION,
-            };
+            self.core.regs.r[15] = address;
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Faults a test puts in from outside.
 
 use super::board::Board;
-use super::cpu::Derailment;
+use super::boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 
 impl Board {
     /// Cut an interrupt line (datasheet 2.3.2): whatever raises it, it is never delivered.
@@ -19,16 +19,16 @@ impl Board {
     /// Hang the program: at the next moment in thread mode with interrupts on, it branches to
     /// itself until the next reset. Interrupts go on.
     pub fn hang_program(&mut self) {
-        self.derail(Derailment::Hang);
+        self.derail(BRANCH_TO_SELF);
     }
 
     /// Make the program run into an undefined instruction in thread mode.
     pub fn run_undefined_instruction(&mut self) {
-        self.derail(Derailment::UndefinedInstruction);
+        self.derail(UNDEFINED_INSTRUCTION);
     }
 
-    fn derail(&mut self, derailment: Derailment) {
-        self.cpu.derail(derailment);
+    fn derail(&mut self, address: u32) {
+        self.cpu.derail(address);
         self.bus.attention = true;
     }
 

@@ -100,11 +100,6 @@ impl Firmware {
         }
     }
 
-    /// The whole 2 MB of flash as programmed.
-    pub fn flash(&self) -> &[u8] {
-        &self.flash
-    }
-
     pub(super) fn shared_flash(&self) -> Arc<Vec<u8>> {
         Arc::clone(&self.flash)
     }

@@ -128,19 +128,4 @@ mod tests {
         lines.update(1 << LINE, &mut nvic, &ppb);
         assert!(nvic.is_pending(LINE as u8));
     }
-
-    #[test]
-    fn only_a_more_urgent_interrupt_preempts() {
-        let (_, mut nvic, mut ppb) = parts();
-        nvic.enabled = u32::MAX;
-        nvic.priority[3] = 0x80;
-        nvic.priority[4] = 0x40;
-        ppb.mark_active(16 + 3);
-        nvic.pending = 1 << 3;
-        assert!(!would_preempt(&nvic, &ppb), "equal priority waits");
-        nvic.pending = 1 << 4;
-        assert!(would_preempt(&nvic, &ppb));
-        ppb.mark_active(3);
-        assert!(!would_preempt(&nvic, &ppb), "nothing preempts HardFault");
-    }
 }

@@ -34,8 +34,7 @@
 //!
 //! The ROM's routines for singles that firmware calls give what the ROM gives, bit for bit, after the
 //! cycles that it takes on average, which count as instructions. The cache in front of the flash holds
-//! what one of its size would: for what it misses the processor waits 56 cycles, or as long as a test says
-//! ([`Board::set_cycles_of_a_flash_miss`]).
+//! what one of its size would: for what it misses the processor waits 56 cycles.
 //!
 //! [`Board::attach_wifi`] makes the board a Pico W: a CYW43439 at the pins of PIO0, on which the driver loads its program and
 //! brings up an access point or joins a network ([`cyw43`] says what of it is modelled). Frames from and to the air are the test's,
@@ -55,7 +54,9 @@
 //! * The NMI never comes. A pin's function, the direction of SIO and the pad's output disable decide
 //!   what drives it; the overrides of IO_BANK0 do nothing. UART, SPI, PWM and PIO do not reach the inputs
 //!   of SIO and the GPIO interrupts. A forced PIO instruction that stalls is tried again in cycles of the divided clock.
-//! * PWM: interrupts, the DMA request, input modes and phase steps; using them is a panic.
+//! * PWM: interrupts, the DMA request, input modes, phase steps, phase-correct counting and inverted outputs; using them is a panic.
+//! * Forced interrupts of TIMER, IO_BANK0, PIO and DMA, the DMA's second interrupt and byte swap, TIMER written or paused by
+//!   its registers, the boot ROM's functions for bits and for filling memory: a panic, too.
 //! * Flash: the time of the bytes on its serial wires (some 20 µs a page), cells that read
 //!   differently from one time to the next after a torn operation, cells that hold their charge for
 //!   a short time only, wear by itself, commands sent through XIP_SSI other than those of a second
@@ -155,7 +156,7 @@ pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 pub use cpu::CpuState;
 pub use cyw43::{AccessPoint, ChipPart, Cyw43, Network, RadioFault};
 pub use firmware::Firmware;
-pub use flash::{FlashCut, FlashMake, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
+pub use flash::{FlashCut, FlashMake, FlashOperation, FlashOperationKind, FlashTiming};
 pub use gpio::PinWire;
 pub use i2c::{Ack, I2c, I2cDevice, I2cDirection, I2cTransaction, devices as i2c_devices};
 pub use log::{LogLevel, LogLine};

@@ -23,8 +23,6 @@ pub struct LogLine {
     pub time_us: u64,
     pub level: LogLevel,
     pub text: String,
-    /// The time stamp the firmware itself put on the line.
-    pub timestamp: Option<String>,
 }
 
 impl fmt::Display for LogLine {
@@ -80,7 +78,6 @@ impl LogDecoder {
                     time_us,
                     level: level(frame.level().map(|level| level.as_str())),
                     text: frame.display_message().to_string(),
-                    timestamp: frame.display_timestamp().map(|timestamp| timestamp.to_string()),
                 }),
                 Err(DecodeError::UnexpectedEof) => return,
                 Err(DecodeError::Malformed) => self.lines.push(malformed(time_us)),
@@ -101,12 +98,10 @@ impl Clone for LogDecoder {
 
 /// A frame that cannot be decoded is a line of its own, so that no test overlooks it.
 fn malformed(time_us: u64) -> LogLine {
-    let text = "a malformed defmt frame".to_owned();
     LogLine {
         time_us,
         level: LogLevel::Error,
-        text,
-        timestamp: None,
+        text: "a malformed defmt frame".to_owned(),
     }
 }
 

@@ -168,23 +168,23 @@ mod tests {
     }
 
     #[test]
-    fn a_region_ends_where_its_size_says() {
-        let mpu = with_region(0, 0x1fff_0000, size_log2(16));
-        for (address, is_permitted) in [
-            (0x1ffe_ffff, true),
-            (0x1fff_0000, false),
-            (0x1fff_ffff, false),
-            (0x2000_0000, true),
+    fn what_a_region_covers_follows_from_its_size_its_eighths_and_the_default_map() {
+        let some_eighths = size_log2(8) | 0xfe << 8;
+        let alone = size_log2(12) | FULL_ACCESS;
+        for (base, attributes, control, address, is_permitted) in [
+            (0x1fff_0000, size_log2(16), ON, 0x1ffe_ffff, true),
+            (0x1fff_0000, size_log2(16), ON, 0x1fff_0000, false),
+            (0x1fff_0000, size_log2(16), ON, 0x1fff_ffff, false),
+            (0x1fff_0000, size_log2(16), ON, 0x2000_0000, true),
+            (0x2000_0000, some_eighths, ON, 0x2000_001c, false),
+            (0x2000_0000, some_eighths, ON, 0x2000_0020, true),
+            (0x2000_0000, alone, 1 << ENABLE, 0x2000_0000, true),
+            (0x2000_0000, alone, 1 << ENABLE, 0x2000_1000, false),
         ] {
+            let mut mpu = with_region(0, base, attributes);
+            mpu.write(CTRL, control);
             assert_eq!(write_is_permitted(&mpu, address), is_permitted, "{address:#x}");
         }
-    }
-
-    #[test]
-    fn an_eighth_can_be_left_out() {
-        let mpu = with_region(0, 0x2000_0000, size_log2(8) | 0xfe << 8);
-        assert!(!write_is_permitted(&mpu, 0x2000_001c));
-        assert!(write_is_permitted(&mpu, 0x2000_0020));
     }
 
     #[test]
@@ -198,14 +198,6 @@ mod tests {
         assert!(write_is_permitted(&mpu, 0x2000_0000));
         assert!(!write_is_permitted(&mpu, 0x2000_0100));
         assert_eq!(mpu.read(RBAR), 0x2000_0002);
-    }
-
-    #[test]
-    fn without_the_default_map_everything_else_is_refused() {
-        let mut mpu = with_region(0, 0x2000_0000, size_log2(12) | FULL_ACCESS);
-        mpu.write(CTRL, 1 << ENABLE);
-        assert!(write_is_permitted(&mpu, 0x2000_0000));
-        assert!(!write_is_permitted(&mpu, 0x2000_1000));
     }
 
     #[test]

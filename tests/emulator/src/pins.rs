@@ -43,18 +43,13 @@ impl UartPins {
     /// Function 2 gives a pin to a UART in groups of four: UART0 has GPIO 0-3, 12-15, 16-19 and
     /// 28-29, UART1 the others; TX is the first of a group, RX the second.
     pub fn check(self, uart: usize) {
-        let owner = |pin: usize| usize::from(matches!(pin / 4, 1 | 2 | 5 | 6));
-        let belongs = |pin: usize, role| pin < 30 && pin % 4 == role && owner(pin) == uart;
-        assert!(
-            belongs(self.tx, 0),
-            "GPIO{} is not a TX pin of UART{uart}",
-            self.tx
-        );
-        assert!(
-            belongs(self.rx, 1),
-            "GPIO{} is not an RX pin of UART{uart}",
-            self.rx
-        );
+        for (name, pin, role) in [("a TX", self.tx, 0), ("an RX", self.rx, 1)] {
+            let owner = usize::from(matches!(pin / 4, 1 | 2 | 5 | 6));
+            assert!(
+                pin < PINS && pin % 4 == role && owner == uart,
+                "GPIO{pin} is not {name} pin of UART{uart}"
+            );
+        }
     }
 }
 
@@ -91,17 +86,12 @@ impl I2cPins {
 
     /// Function 3 gives pins to I2C0 and I2C1 by turns of two, SDA first.
     pub fn check(self, i2c: usize) {
-        let belongs = |pin: usize, role| pin < 30 && pin % 2 == role && pin / 2 % 2 == i2c;
-        assert!(
-            belongs(self.sda, 0),
-            "GPIO{} is not an SDA pin of I2C{i2c}",
-            self.sda
-        );
-        assert!(
-            belongs(self.scl, 1),
-            "GPIO{} is not an SCL pin of I2C{i2c}",
-            self.scl
-        );
+        for (name, pin, role) in [("SDA", self.sda, 0), ("SCL", self.scl, 1)] {
+            assert!(
+                pin < PINS && pin % 2 == role && pin / 2 % 2 == i2c,
+                "GPIO{pin} is not an {name} pin of I2C{i2c}"
+            );
+        }
     }
 }
 

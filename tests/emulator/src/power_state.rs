@@ -86,12 +86,4 @@ mod tests {
         assert_eq!(psm.read(DONE, 0), STAGE_MASK & !(1 << SIO));
         assert!(psm.sio_is_down());
     }
-
-    #[test]
-    fn the_watchdog_resets_the_processor_only_when_selected() {
-        let mut psm = PowerState::default();
-        assert!(!psm.watchdog_resets_processor());
-        psm.write(WDSEL, RegisterWrite::plain(STAGE_MASK), 0);
-        assert!(psm.watchdog_resets_processor());
-    }
 }

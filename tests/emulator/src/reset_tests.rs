@@ -77,8 +77,7 @@ fn a_power_cycle_forgets_everything() {
 fn sysresetreq_restarts_the_processor_and_leaves_the_peripherals() {
     // Datasheet 2.4.2.9: "the NVIC only resets the Cortex-M0+ processor core".
     let mut board = board(&[WFI, store(0, 1), HANG], &[]);
-    board.set_register(0, 0x05fa_0004);
-    board.set_register(1, AIRCR);
+    set_registers(&mut board, [(0, 0x05fa_0004), (1, AIRCR)]);
     start_watchdog(&mut board, 10_000);
     board.write_register(RESETS_CLEAR, UART0_RESET);
     pend_line_26(&mut board);
@@ -100,8 +99,7 @@ fn sysresetreq_restarts_the_processor_and_leaves_the_peripherals() {
 #[test]
 fn aircr_without_its_key_does_nothing() {
     let mut board = board(&[store(0, 1), HANG], &[]);
-    board.set_register(0, 0x0000_0004);
-    board.set_register(1, AIRCR);
+    set_registers(&mut board, [(0, 0x0000_0004), (1, AIRCR)]);
     board.run_for(10);
     assert!(board.resets().is_empty());
 }

@@ -88,70 +88,47 @@ fn without_subnormals(result: f32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::FloatRoutine::{Add, Divide, Multiply, Subtract};
-    use super::*;
 
     const INFINITY: f32 = f32::INFINITY;
     /// The largest subnormal number.
     const SUBNORMAL: f32 = f32::from_bits(0x007f_ffff);
 
-    fn assert_results(routine: FloatRoutine, rows: &[(f32, f32, f32)]) {
-        for (a, b, expected) in rows {
-            let result = f32::from_bits(routine.result(a.to_bits(), b.to_bits()));
+    #[test]
+    fn results_are_rounded_and_without_subnormals_and_nan() {
+        for (routine, a, b, expected) in [
+            // Rounded to the nearest, ties to even.
+            (Add, 1.5, 2.25, 3.75),
+            (Add, 16_777_216.0, 1.0, 16_777_216.0),
+            (Add, 16_777_218.0, 1.0, 16_777_220.0),
+            (Subtract, 1.0, 1.0, 0.0),
+            (Subtract, -1.0, 2.5, -3.5),
+            (Multiply, 0.1, 0.1, 0.010_000_001),
+            (Multiply, -3.0, 0.0, -0.0),
+            (Divide, 1.0, 3.0, 0.333_333_34),
+            (Divide, 0.0, -3.0, -0.0),
+            // Too large is infinite, too small is zero.
+            (Add, f32::MAX, f32::MAX, INFINITY),
+            (Add, SUBNORMAL, SUBNORMAL, 0.0),
+            (Subtract, 1.5 * f32::MIN_POSITIVE, f32::MIN_POSITIVE, 0.0),
+            (Multiply, 1e30, -1e30, -INFINITY),
+            (Multiply, -1e-30, 1e-30, -0.0),
+            (Multiply, SUBNORMAL, 1e30, 0.0),
+            (Divide, 1e30, 1e-30, INFINITY),
+            (Divide, f32::MIN_POSITIVE, -2.0, -0.0),
+            // Without a result it is infinite.
+            (Add, INFINITY, -INFINITY, INFINITY),
+            (Add, f32::NAN, 1.0, INFINITY),
+            (Multiply, 0.0, -INFINITY, -INFINITY),
+            (Divide, 0.0, 0.0, INFINITY),
+            (Divide, 0.0, SUBNORMAL, INFINITY),
+            (Divide, 1.0, INFINITY, 0.0),
+        ] {
+            let result = routine.result(f32::to_bits(a), f32::to_bits(b));
             assert_eq!(
-                result.to_bits(),
-                expected.to_bits(),
-                "{routine:?} {a} {b}: {result}, not {expected}"
+                result,
+                f32::to_bits(expected),
+                "{routine:?} {a} {b} is {expected}"
             );
         }
-    }
-
-    #[test]
-    fn numbers_are_rounded_to_the_nearest_and_ties_to_even() {
-        assert_results(
-            Add,
-            &[
-                (1.5, 2.25, 3.75),
-                (16_777_216.0, 1.0, 16_777_216.0),
-                (16_777_218.0, 1.0, 16_777_220.0),
-            ],
-        );
-        assert_results(Subtract, &[(1.0, 1.0, 0.0), (-1.0, 2.5, -3.5)]);
-        assert_results(Multiply, &[(0.1, 0.1, 0.010_000_001), (-3.0, 0.0, -0.0)]);
-        assert_results(Divide, &[(1.0, 3.0, 0.333_333_34), (0.0, -3.0, -0.0)]);
-    }
-
-    #[test]
-    fn too_large_is_infinite_and_too_small_is_zero() {
-        assert_results(
-            Add,
-            &[(f32::MAX, f32::MAX, INFINITY), (SUBNORMAL, SUBNORMAL, 0.0)],
-        );
-        assert_results(Subtract, &[(1.5 * f32::MIN_POSITIVE, f32::MIN_POSITIVE, 0.0)]);
-        assert_results(
-            Multiply,
-            &[
-                (1e30, -1e30, -INFINITY),
-                (-1e-30, 1e-30, -0.0),
-                (SUBNORMAL, 1e30, 0.0),
-            ],
-        );
-        assert_results(
-            Divide,
-            &[(1e30, 1e-30, INFINITY), (f32::MIN_POSITIVE, -2.0, -0.0)],
-        );
-    }
-
-    #[test]
-    fn what_has_no_result_is_infinite() {
-        assert_results(Add, &[(INFINITY, -INFINITY, INFINITY), (f32::NAN, 1.0, INFINITY)]);
-        assert_results(Multiply, &[(0.0, -INFINITY, -INFINITY)]);
-        assert_results(
-            Divide,
-            &[
-                (0.0, 0.0, INFINITY),
-                (0.0, SUBNORMAL, INFINITY),
-                (1.0, INFINITY, 0.0),
-            ],
-        );
     }
 }

@@ -95,12 +95,11 @@ fn cache_misses_are_counted_and_take_time() {
     let mut board = board(&[load(0, 5), load(0, 6), back(2)], &[]);
     board.set_register(5, MAIN);
     board.set_register(6, MAIN + 0x100);
-    board.set_cycles_of_a_flash_miss(1000);
-    board.run_for(30);
+    board.run_for(28);
     assert_eq!(board.xip_misses(), 2);
     let rounds = |cycles: u64| cycles / (2 + 2 + 3) * 3;
     let executed = board.instructions();
-    assert!(executed.abs_diff(rounds(30 * 125 - 2000)) <= 3, "{executed}");
+    assert!(executed.abs_diff(rounds(28 * 125 - 2 * 56)) <= 3, "{executed}");
     board.run_for(10);
     assert!((board.instructions() - executed).abs_diff(rounds(10 * 125)) <= 3);
     board.write_register(0x1400_0004, 1);

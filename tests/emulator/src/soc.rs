@@ -47,45 +47,34 @@ pub enum Id {
 }
 
 /// Interrupt lines from datasheet 2.3.2, DMA requests from 2.5.3.1.
-const UART_PLACES: [UartPlace; 2] = [
+fn uart_place(number: u32) -> UartPlace {
     UartPlace {
-        interrupt_line: 20,
-        dma_request_tx: 20,
-        dma_request_rx: 21,
-    },
-    UartPlace {
-        interrupt_line: 21,
-        dma_request_tx: 22,
-        dma_request_rx: 23,
-    },
-];
-const I2C_PLACES: [I2cPlace; 2] = [
+        interrupt_line: 20 + number,
+        dma_request_tx: 20 + 2 * number,
+        dma_request_rx: 21 + 2 * number,
+    }
+}
+
+fn i2c_place(number: u32) -> I2cPlace {
     I2cPlace {
-        interrupt_line: 23,
-        dma_request_tx: 32,
-        dma_request_rx: 33,
-    },
-    I2cPlace {
-        interrupt_line: 24,
-        dma_request_tx: 34,
-        dma_request_rx: 35,
-    },
-];
+        interrupt_line: 23 + number,
+        dma_request_tx: 32 + 2 * number,
+        dma_request_rx: 33 + 2 * number,
+    }
+}
+
+fn pio_place(number: u32) -> PioPlace {
+    PioPlace {
+        interrupt_line: 7 + 2 * number,
+        dma_request: 8 * number,
+    }
+}
+
 const SPI1_PLACE: SpiPlace = SpiPlace {
     interrupt_line: 19,
     dma_request_tx: 18,
     dma_request_rx: 19,
 };
-const PIO_PLACES: [PioPlace; 2] = [
-    PioPlace {
-        interrupt_line: 7,
-        dma_request: 0,
-    },
-    PioPlace {
-        interrupt_line: 9,
-        dma_request: 8,
-    },
-];
 
 #[derive(Clone)]
 pub struct Soc {
@@ -136,8 +125,8 @@ impl Soc {
         Self {
             power_state: PowerState::default(),
             gpio: Gpio::new(noise),
-            uarts: [0, 1].map(|number| Uart::new(UART_PLACES[number], Line::new(noise, number))),
-            i2cs: I2C_PLACES.map(I2c::new),
+            uarts: [0, 1].map(|number| Uart::new(uart_place(number as u32), Line::new(noise, number))),
+            i2cs: [0, 1].map(|number| I2c::new(i2c_place(number))),
             spi1: Spi::new(SPI1_PLACE),
             adc: Adc::new(noise_seed),
             pwm: Pwm::new(),
@@ -147,7 +136,7 @@ impl Soc {
             dma: Dma::new(),
             xip_control: XipControl::default(),
             ssi: Ssi::new(FlashMake::w25q16jv([0; 8])),
-            pios: PIO_PLACES.map(Pio::new),
+            pios: [0, 1].map(|number| Pio::new(pio_place(number))),
             usb: Usb::new(),
             wifi: None,
         }

@@ -1,4 +1,5 @@
-//! TIMER: the 64-bit microsecond counter with four alarms (datasheet 4.6).
+//! TIMER: the 64-bit microsecond counter with four alarms (datasheet 4.6). Writing the count, pausing it and forcing
+//! an interrupt are not modelled: a panic.
 
 use super::clock::{Cycle, NEVER, Tick};
 use super::peripheral::Peripheral;
@@ -32,21 +33,17 @@ pub struct Timer {
     /// The counter had `base_count` at `base_cycle`.
     base_cycle: Cycle,
     base_count: u64,
-    /// TIMELW as written, taken over when TIMEHW is written.
-    written_low: u32,
     /// Reading TIMELR "latches the value in TIMEHR (i.e. stops it updating) until TIMEHR is read"
     /// (4.6.4.1).
     latched_high: Option<u32>,
     alarm: [u32; ALARMS],
     /// The count at which an armed alarm fires.
     due: [Option<u64>; ALARMS],
-    paused: bool,
     dbgpause: u32,
     /// The cores a debugger has halted, one bit each.
     halted_cores: u32,
     intr: u32,
     inte: u32,
-    intf: u32,
 }
 
 impl Timer {
@@ -58,7 +55,7 @@ impl Timer {
         self.base_count.wrapping_add(ticks)
     }
 
-    /// Set the counter, as TIMEHW/TIMELW do; armed alarms wait for the new count to match.
+    /// Set the counter; armed alarms wait for the new count to match.
     pub fn set_count(&mut self, count: u64, now: Cycle) {
         self.base_cycle = now;
         self.base_count = count;
@@ -84,7 +81,7 @@ impl Timer {
     }
 
     fn running_tick(&self) -> Option<Tick> {
-        let is_paused = self.paused || self.dbgpause >> DBGPAUSE_DBG0 & self.halted_cores != 0;
+        let is_paused = self.dbgpause >> DBGPAUSE_DBG0 & self.halted_cores != 0;
         self.tick.filter(|_| !is_paused)
     }
 
@@ -129,10 +126,8 @@ impl Peripheral for Timer {
             TIMERAWH => (count >> 32) as u32,
             TIMERAWL => count as u32,
             DBGPAUSE => self.dbgpause,
-            PAUSE => u32::from(self.paused),
             INTR => self.intr,
             INTE => self.inte,
-            INTF => self.intf,
             INTS => self.interrupt_lines(),
             _ => 0,
         }
@@ -140,8 +135,6 @@ impl Peripheral for Timer {
 
     fn write(&mut self, offset: u32, write: RegisterWrite, now: Cycle) {
         match offset {
-            TIMELW => self.written_low = write.value,
-            TIMEHW => self.set_count(u64::from(write.value) << 32 | u64::from(self.written_low), now),
             ALARM0..=ALARM3 => {
                 let number = alarm_number(offset);
                 self.alarm[number] = write.applied_to(self.alarm[number]);
@@ -158,13 +151,11 @@ impl Peripheral for Timer {
                 self.rebase(now);
                 write.update(&mut self.dbgpause, 0b110);
             }
-            PAUSE => {
-                self.rebase(now);
-                self.paused = bit(write.applied_to(u32::from(self.paused)), 0);
-            }
             INTR => self.intr &= !write.value,
             INTE => write.update(&mut self.inte, ALARM_MASK),
-            INTF => write.update(&mut self.intf, ALARM_MASK),
+            TIMEHW | TIMELW | PAUSE | INTF => {
+                panic!("TIMER: a write at {offset:#x} is not modelled")
+            }
             _ => {}
         }
     }
@@ -200,7 +191,7 @@ impl Peripheral for Timer {
 
     /// TIMER_IRQ_0 to TIMER_IRQ_3 are NVIC lines 0 to 3.
     fn interrupt_lines(&self) -> u32 {
-        (self.intr & self.inte) | self.intf
+        self.intr & self.inte
     }
 }
 
@@ -244,15 +235,6 @@ mod tests {
     }
 
     #[test]
-    fn time_is_written_low_word_first() {
-        let mut timer = running();
-        write(&mut timer, TIMELW, 5, 0);
-        assert_eq!(timer.count(0), 0);
-        write(&mut timer, TIMEHW, 1, 0);
-        assert_eq!(timer.count(cycles(2)), (1 << 32) + 7);
-    }
-
-    #[test]
     fn an_alarm_fires_disarms_itself_and_holds_its_line_until_cleared() {
         let mut timer = running();
         write(&mut timer, INTE, 1 << 2, 0);
@@ -285,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn masked_alarms_show_raw_and_forced_ones_show_through() {
+    fn masked_alarms_show_raw() {
         let mut timer = running();
         write(&mut timer, ALARM0, 10, 0);
         timer.advance(cycles(10));
@@ -293,17 +275,6 @@ mod tests {
             (timer.read(INTR, cycles(10)), timer.read(INTS, cycles(10))),
             (1, 0)
         );
-        write(&mut timer, INTF, 0b1000, cycles(10));
-        assert_eq!(timer.read(INTS, cycles(10)), 0b1000);
-    }
-
-    #[test]
-    fn pause_freezes_the_count() {
-        let mut timer = running();
-        write(&mut timer, PAUSE, 1, cycles(10));
-        assert_eq!(timer.count(cycles(100)), 10);
-        write(&mut timer, PAUSE, 0, cycles(100));
-        assert_eq!(timer.count(cycles(101)), 11);
     }
 
     #[test]
@@ -319,12 +290,5 @@ mod tests {
             timer.set_halted_cores(0b11 & !(1 << core), cycles(101));
             assert_eq!(timer.count(cycles(200)), 11, "the other one");
         }
-    }
-
-    #[test]
-    fn reset_restarts_at_zero() {
-        let mut timer = running();
-        timer.reset(cycles(500));
-        assert_eq!(timer.count(cycles(503)), 3);
     }
 }

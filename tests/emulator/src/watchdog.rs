@@ -251,11 +251,13 @@ mod tests {
     }
 
     #[test]
-    fn disabled_it_neither_counts_nor_fires() {
-        let mut watchdog = started(2000);
-        write(&mut watchdog, CTRL, 0, cycles(500));
-        assert_eq!(watchdog.read(CTRL, cycles(9000)) & COUNT_MASK, 1000);
-        assert_eq!(watchdog.next_event(), NEVER);
+    fn disabled_or_without_a_tick_it_neither_counts_nor_fires() {
+        for register in [CTRL, TICK] {
+            let mut watchdog = started(2000);
+            write(&mut watchdog, register, 0, cycles(500));
+            assert_eq!(watchdog.read(CTRL, cycles(9000)) & COUNT_MASK, 1000);
+            assert_eq!(watchdog.next_event(), NEVER);
+        }
     }
 
     #[test]
@@ -270,13 +272,6 @@ mod tests {
             watchdog.set_halted_cores(0, cycles(700));
             assert_eq!(watchdog.next_event(), cycles(1200), "core {core}");
         }
-    }
-
-    #[test]
-    fn without_a_tick_it_does_not_count() {
-        let mut watchdog = started(2000);
-        write(&mut watchdog, TICK, 0, cycles(100));
-        assert_eq!(watchdog.next_event(), NEVER);
     }
 
     #[test]

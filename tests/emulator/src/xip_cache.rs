@@ -27,7 +27,6 @@ pub struct XipCache {
     /// The line that was read last.
     last: Line,
     misses: u64,
-    cycles_of_a_miss: Cycle,
     waiting: Cycle,
 }
 
@@ -37,7 +36,6 @@ impl Default for XipCache {
             sets: vec![[None; 2]; SETS as usize],
             last: None,
             misses: 0,
-            cycles_of_a_miss: CYCLES_OF_A_MISS,
             waiting: 0,
         }
     }
@@ -64,7 +62,7 @@ impl XipCache {
         *set = [line, recent];
         if other != line {
             self.misses += 1;
-            self.waiting += self.cycles_of_a_miss;
+            self.waiting += CYCLES_OF_A_MISS;
         }
     }
 
@@ -83,11 +81,6 @@ impl XipCache {
     /// Lines that had to be read from the flash chip.
     pub fn misses(&self) -> u64 {
         self.misses
-    }
-
-    /// What a miss costs from now on.
-    pub fn set_cycles_of_a_miss(&mut self, cycles: Cycle) {
-        self.cycles_of_a_miss = cycles;
     }
 }
 
@@ -146,10 +139,7 @@ mod tests {
         cache.read(FLASH + 8);
         cache.read(FLASH);
         assert_eq!(cache.take_waiting(), 112);
-        cache.set_cycles_of_a_miss(40);
         cache.read(FLASH + 8);
         assert_eq!(cache.take_waiting(), 0);
-        cache.read(FLASH + 16);
-        assert_eq!(cache.take_waiting(), 40);
     }
 }

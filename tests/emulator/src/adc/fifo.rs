@@ -44,6 +44,10 @@ impl SampleFifo {
         self.underflowed &= !bit(write.value, UNDER);
         self.overflowed &= !bit(write.value, OVER);
         write.update(&mut self.control, WRITABLE);
+        assert!(
+            !bit(self.control, SHIFT),
+            "samples of eight bits are not modelled"
+        );
     }
 
     /// A conversion has finished: FCS.EN says whether its result is kept here.
@@ -55,13 +59,12 @@ impl SampleFifo {
             self.overflowed = true;
             return;
         }
-        let value = if bit(self.control, SHIFT) { code >> 4 } else { code };
         let error = if error && bit(self.control, ERR) {
             WORD_ERR
         } else {
             0
         };
-        self.samples.push_back(value | error);
+        self.samples.push_back(code | error);
     }
 
     pub fn pop(&mut self) -> u16 {

@@ -23,8 +23,6 @@ pub enum AdcInput {
     Volts(f64),
     /// A code as a function of time.
     CodeAt(Box<dyn FnMut(u64) -> u16 + Send>),
-    /// A voltage as a function of time.
-    VoltsAt(Box<dyn FnMut(u64) -> f64 + Send>),
 }
 
 impl Clone for AdcInput {
@@ -32,7 +30,7 @@ impl Clone for AdcInput {
         match self {
             Self::Code(code) => Self::Code(*code),
             Self::Volts(volts) => Self::Volts(*volts),
-            Self::CodeAt(_) | Self::VoltsAt(_) => {
+            Self::CodeAt(_) => {
                 panic!("a board with a computed ADC input cannot be copied: set it on the copies")
             }
         }
@@ -46,7 +44,6 @@ impl AdcInput {
             Self::Code(code) => return *code,
             Self::CodeAt(code_at) => return code_at(micros(now)),
             Self::Volts(volts) => *volts,
-            Self::VoltsAt(volts_at) => volts_at(micros(now)),
         };
         let noise = if noise_volts > 0.0 {
             noise_volts * random.gaussian()

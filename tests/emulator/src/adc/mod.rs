@@ -1,4 +1,5 @@
-//! ADC: the successive-approximation converter with its input multiplexer (datasheet 4.9).
+//! ADC: the successive-approximation converter with its input multiplexer (datasheet 4.9). Not modelled, and a panic: round
+//! robin, and samples of eight bits in the FIFO.
 
 mod fifo;
 mod input;
@@ -168,7 +169,7 @@ impl Adc {
     }
 
     fn start_conversion(&mut self, now: Cycle) {
-        if bit(self.cs, CS_EN) && now >= self.powered_up_at && self.running.is_none() {
+        if self.is_ready(now) {
             self.running = Some(Running {
                 start: now,
                 channel: field(self.cs, CS_AINSEL, 3) as usize,
@@ -212,7 +213,6 @@ impl Adc {
         self.error = self.fault == AdcFault::ConversionError;
         self.error_sticky |= self.error;
         self.fifo.push(code, self.error);
-        self.next_channel();
         self.keep_record(Conversion { start, channel, code });
     }
 
@@ -222,21 +222,6 @@ impl Adc {
             self.record.pop_front();
         }
         self.record.push_back(conversion);
-    }
-
-    /// CS.RROBIN: "AINSEL will be updated after each conversion with the newly-selected channel".
-    fn next_channel(&mut self) {
-        let round = field(self.cs, CS_RROBIN, 5);
-        if round == 0 {
-            return;
-        }
-        let current = field(self.cs, CS_AINSEL, 3);
-        let next = (1..=8)
-            .map(|step| (current + step) % 8)
-            .find(|&channel| bit(round, channel));
-        if let Some(channel) = next {
-            self.cs = self.cs & !(0b111 << CS_AINSEL) | channel << CS_AINSEL;
-        }
     }
 
     fn interrupt_status(&self) -> u32 {

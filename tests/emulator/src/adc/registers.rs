@@ -2,11 +2,11 @@
 
 use super::super::clock::{Cycle, from_adc_clock};
 use super::super::peripheral::Peripheral;
-use super::super::register::{RegisterWrite, bit};
+use super::super::register::{RegisterWrite, bit, field};
 use super::fifo::SampleFifo;
 use super::{
-    Adc, CS_EN, CS_ERR, CS_ERR_STICKY, CS_READY, CS_START_MANY, CS_START_ONCE, DMA_REQUEST, INTERRUPT_LINE,
-    POWER_UP_ADC_CYCLES,
+    Adc, CS_EN, CS_ERR, CS_ERR_STICKY, CS_READY, CS_RROBIN, CS_START_MANY, CS_START_ONCE, DMA_REQUEST,
+    INTERRUPT_LINE, POWER_UP_ADC_CYCLES,
 };
 
 pub const CS: u32 = 0x00;
@@ -26,6 +26,11 @@ impl Adc {
     fn write_control(&mut self, write: RegisterWrite, now: Cycle) {
         let was = self.cs;
         let cs = write.applied_to(was);
+        assert_eq!(
+            field(cs, CS_RROBIN, 5),
+            0,
+            "round robin of the ADC is not modelled"
+        );
         self.error_sticky &= !bit(write.value, CS_ERR_STICKY);
         self.cs = cs & CS_MASK;
         if !bit(was, CS_EN) && bit(cs, CS_EN) {

@@ -94,25 +94,6 @@ fn the_divider_paces_start_many() {
 }
 
 #[test]
-fn round_robin_goes_through_the_selected_channels() {
-    let mut adc = adc();
-    write(
-        &mut adc,
-        CS,
-        EN | START_MANY | 1 << CS_AINSEL | 0b1_0110 << CS_RROBIN,
-        1000,
-    );
-    adc.advance(1000 + 4 * CONVERSION);
-    let channels: Vec<usize> = adc
-        .take_record()
-        .iter()
-        .map(|conversion| conversion.channel)
-        .collect();
-    assert_eq!(channels, [1, 2, 4, 1]);
-    assert_eq!(field(adc.read(CS, 1000 + 4 * CONVERSION), CS_AINSEL, 3), 2);
-}
-
-#[test]
 fn the_fifo_holds_eight_samples_then_overflows_and_underflows_when_empty() {
     let mut adc = adc();
     write(&mut adc, FCS, FCS_EN, 1000);
@@ -142,16 +123,6 @@ fn a_disabled_fifo_keeps_nothing() {
     let mut adc = adc();
     write(&mut adc, CS, EN | START_ONCE, 1000);
     assert_eq!(field(read(&mut adc, FCS, 1000 + CONVERSION), 16, 4), 0);
-}
-
-#[test]
-fn shift_makes_bytes_of_the_samples() {
-    let mut adc = adc();
-    adc.set_input(0, AdcInput::Code(0xabc));
-    write(&mut adc, FCS, FCS_EN | 1 << 1, 1000);
-    write(&mut adc, CS, EN | START_ONCE, 1000);
-    assert_eq!(read(&mut adc, FIFO, 1000 + CONVERSION), 0xab);
-    assert_eq!(read(&mut adc, RESULT, 1000 + CONVERSION), 0xabc);
 }
 
 #[test]

@@ -185,8 +185,11 @@ mod tests {
     impl Wired {
         fn new() -> Self {
             let address = Ipv4Cidr::new(Ipv4Addr::new(192, 168, 4, 2), 24);
+            let mut laptop = Laptop::new([2, 0, 0, 0, 0, 1], None);
+            laptop.keep_address();
+            laptop.set_address(Some(address));
             Self {
-                laptop: Laptop::with_address([2, 0, 0, 0, 0, 1], None, address),
+                laptop,
                 echo: Echo::new(Ipv4Cidr::new(BOARD, 24)),
                 now_us: 0,
             }

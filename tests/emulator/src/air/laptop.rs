@@ -4,7 +4,6 @@ use std::ops::{Deref, DerefMut};
 
 use smoltcp::iface::SocketHandle;
 use smoltcp::socket::dhcpv4;
-use smoltcp::wire::Ipv4Cidr;
 
 use super::computer::Computer;
 use super::radio::{Credentials, MacAddress};
@@ -13,12 +12,8 @@ pub struct Laptop {
     computer: Computer,
     /// What its owner has typed in; `None`: it joins nothing.
     pub credentials: Option<Credentials>,
-    addressing: Addressing,
-}
-
-enum Addressing {
-    Dhcp(SocketHandle),
-    Static,
+    /// Its DHCP client; `None`: it keeps the address that it has.
+    client: Option<SocketHandle>,
 }
 
 impl Laptop {
@@ -29,24 +24,13 @@ impl Laptop {
         Self {
             computer,
             credentials,
-            addressing: Addressing::Dhcp(client),
-        }
-    }
-
-    /// Has an address of its own in every network.
-    pub fn with_address(mac: MacAddress, credentials: Option<Credentials>, address: Ipv4Cidr) -> Self {
-        let mut computer = Computer::new(mac);
-        computer.set_address(Some(address));
-        Self {
-            computer,
-            credentials,
-            addressing: Addressing::Static,
+            client: Some(client),
         }
     }
 
     /// It has joined a network: an address of another one is worth nothing.
     pub fn joined(&mut self) {
-        if let Addressing::Dhcp(client) = self.addressing {
+        if let Some(client) = self.client {
             self.computer.sockets.get_mut::<dhcpv4::Socket>(client).reset();
             self.computer.set_address(None);
         }
@@ -54,16 +38,15 @@ impl Laptop {
 
     /// It keeps the address that it has, and asks for none any more.
     pub fn keep_address(&mut self) {
-        if let Addressing::Dhcp(client) = self.addressing {
+        if let Some(client) = self.client.take() {
             self.computer.sockets.remove(client);
-            self.addressing = Addressing::Static;
         }
     }
 
     /// Lets the stack do what is due at this time. Returns the frames that it sends.
     pub fn poll(&mut self, now_us: u64) -> Vec<Vec<u8>> {
         let mut frames = self.computer.poll(now_us);
-        if let Addressing::Dhcp(client) = self.addressing {
+        if let Some(client) = self.client {
             self.take_lease(client);
             frames.extend(self.computer.poll(now_us));
         }

@@ -11,8 +11,6 @@ use super::radio::{Credentials, MacAddress};
 
 use crate::Network;
 
-const CHANNEL: u8 = 6;
-
 const MAC: MacAddress = [2, 0, 0, 0, 0xff, 1];
 
 /// As most routers have it.
@@ -49,7 +47,6 @@ impl Router {
         Network {
             ssid: self.credentials.ssid.clone(),
             passphrase: self.credentials.passphrase.clone(),
-            channel: CHANNEL,
         }
     }
 

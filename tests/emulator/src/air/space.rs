@@ -399,7 +399,9 @@ mod tests {
         /// A laptop at 192.168.4.`number`.
         fn add(&mut self, number: u8, credentials: Credentials) -> usize {
             let address = Ipv4Cidr::new(Ipv4Addr::new(192, 168, 4, number), 24);
-            let laptop = Laptop::with_address(mac(number), Some(credentials), address);
+            let mut laptop = Laptop::new(mac(number), Some(credentials));
+            laptop.keep_address();
+            laptop.set_address(Some(address));
             self.air.add(laptop)
         }
 

@@ -1,14 +1,14 @@
 //! The wires, and what the nodes at them make of each other.
 
 use std::cell::{RefCell, RefMut};
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::rc::Rc;
 
 use super::super::clock::{Cycle, NEVER};
 use super::super::random::Random;
 use super::confinement::ErrorState;
 use super::frame::INTERMISSION_BITS;
-use super::node::{Attachment, CanNode, Listening};
+use super::node::CanNode;
 use super::{CanFrame, Confinement};
 
 /// An error flag and its delimiter (3.1.3), without an echo of the flag, and the intermission.
@@ -85,12 +85,9 @@ pub struct CanBus {
     transmission: Option<Transmission>,
     wires: CanWires,
     stuck_step: Cycle,
-    attempts: u64,
-    to_corrupt: BTreeSet<u64>,
     noise_share: f64,
     random: Random,
     records: VecDeque<CanRecord>,
-    busy: Cycle,
 }
 
 impl CanBus {
@@ -103,12 +100,9 @@ impl CanBus {
             transmission: None,
             wires: CanWires::Sound,
             stuck_step: NEVER,
-            attempts: 0,
-            to_corrupt: BTreeSet::new(),
             noise_share: 0.0,
             random: Random::new(seed),
             records: VecDeque::new(),
-            busy: 0,
         }))
     }
 
@@ -141,11 +135,6 @@ impl CanBus {
         }
     }
 
-    /// Corrupts the n-th attempt to send from now on; 1 is the next.
-    pub fn corrupt(&mut self, number: u64) {
-        self.to_corrupt.insert(self.attempts + number);
-    }
-
     /// Corrupts this share of all attempts, by chance.
     pub fn set_noise(&mut self, share: f64) {
         self.noise_share = share;
@@ -156,11 +145,6 @@ impl CanBus {
     /// Attempts to send since this was asked last, at most the last 65536.
     pub fn take_records(&mut self) -> Vec<CanRecord> {
         self.records.drain(..).collect()
-    }
-
-    /// How long the bus was busy since power-up, error frames and intermissions included.
-    pub fn busy(&self) -> Cycle {
-        self.busy
     }
 
     // ----- Time ---------------------------------------------------------------------------------
@@ -205,18 +189,18 @@ impl CanBus {
         self.places[place].node.borrow_mut()
     }
 
-    /// Attached nodes that are neither off nor joining, with their attachment.
-    fn present(&self) -> impl Iterator<Item = (usize, Attachment)> {
+    /// Attached nodes that are neither off nor joining, with the length of their bits.
+    fn present(&self) -> impl Iterator<Item = (usize, Cycle)> {
         self.places.iter().enumerate().filter_map(|(number, place)| {
             let node = place.node.borrow();
-            let attachment = node.attachment().filter(|_| node.confinement().is_present())?;
-            Some((number, attachment))
+            let bit = node.attachment().filter(|_| node.confinement().is_present())?;
+            Some((number, bit))
         })
     }
 
     /// Of any node: they are meant to agree.
     fn bit(&self) -> Cycle {
-        let bit = |place: &Place| place.node.borrow().attachment().map(|attachment| attachment.bit);
+        let bit = |place: &Place| place.node.borrow().attachment();
         self.places
             .iter()
             .find_map(bit)
@@ -241,7 +225,7 @@ impl CanBus {
     fn next_return(&self) -> Cycle {
         let due = |place: &Place| {
             let node = place.node.borrow();
-            let bit = node.attachment()?.bit;
+            let bit = node.attachment()?;
             let awaited = node.confinement().awaited();
             let from = if place.is_waiting {
                 place.recessive_from
@@ -258,10 +242,10 @@ impl CanBus {
     fn count_recessive(&mut self) {
         for place in self.places.iter_mut().filter(|place| place.is_waiting) {
             let mut node = place.node.borrow_mut();
-            let Some(attachment) = node.attachment() else {
+            let Some(bit) = node.attachment() else {
                 continue;
             };
-            let occurrence = OCCURRENCE_BITS * attachment.bit;
+            let occurrence = OCCURRENCE_BITS * bit;
             let occurrences = self.now.saturating_sub(place.recessive_from) / occurrence;
             place.recessive_from += occurrences * occurrence;
             node.confinement_mut().saw_recessive(occurrences);
@@ -277,26 +261,23 @@ impl CanBus {
 
     // ----- A frame ------------------------------------------------------------------------------
 
-    /// Whether a node may send, and from when on it wants to.
-    fn start_of(&self, place: usize, attachment: Attachment) -> Option<Cycle> {
-        let can_send = attachment.listening == Listening::TakesPart;
-        let ready = can_send.then(|| self.node(place).ready_from()).flatten()?;
+    /// Whether a node has something to send, and from when on it may.
+    fn start_of(&self, place: usize) -> Option<Cycle> {
+        let ready = self.node(place).ready_from()?;
         let allowed = self.idle_from.max(self.places[place].suspended_until);
         Some(ready.max(allowed).max(self.now))
     }
 
     fn next_start(&self) -> Cycle {
-        let starts = self
-            .present()
-            .filter_map(|(place, attachment)| self.start_of(place, attachment));
+        let starts = self.present().filter_map(|(place, _)| self.start_of(place));
         starts.min().unwrap_or(NEVER)
     }
 
     fn start(&mut self) {
         let due: Vec<_> = self
             .present()
-            .filter(|&(place, attachment)| self.start_of(place, attachment).is_some_and(|at| at <= self.now))
-            .filter_map(|(place, attachment)| Some((place, attachment, self.node(place).begin(self.now)?)))
+            .filter(|&(place, _)| self.start_of(place).is_some_and(|at| at <= self.now))
+            .filter_map(|(place, bit)| Some((place, bit, self.node(place).begin(self.now)?)))
             .collect();
         let Some(strongest) = due.iter().map(|(_, _, frame)| frame.priority()).min() else {
             return;
@@ -307,15 +288,14 @@ impl CanBus {
         for (place, _, _) in losers {
             self.node(place).lost_arbitration(self.now);
         }
-        self.attempts += 1;
-        let (_, attachment, frame) = senders[0].clone();
+        let (_, bit, frame) = senders[0].clone();
         let is_one = senders.iter().all(|(_, _, other)| *other == frame);
         let senders: Vec<_> = senders.into_iter().map(|(place, _, _)| place).collect();
         let outcome = match is_one {
-            true => self.outcome(&senders, attachment.bit),
+            true => self.outcome(&senders, bit),
             false => CanOutcome::Error,
         };
-        let end = self.now + self.length(&frame, outcome) * attachment.bit;
+        let end = self.now + self.length(&frame, outcome) * bit;
         self.transmission = Some(Transmission {
             senders,
             record: CanRecord {
@@ -339,19 +319,15 @@ impl CanBus {
 
     fn outcome(&mut self, senders: &[usize], bit: Cycle) -> CanOutcome {
         let is_noisy = self.noise_share > 0.0 && self.random.unit() < self.noise_share;
-        if self.to_corrupt.remove(&self.attempts) || is_noisy || self.wires == CanWires::Shorted {
+        if is_noisy || self.wires == CanWires::Shorted {
             return CanOutcome::Error;
         }
         let others: Vec<_> = self
             .present()
-            .filter(|(place, attachment)| {
-                !senders.contains(place) && attachment.listening == Listening::TakesPart
-            })
-            .filter(|_| self.wires == CanWires::Sound)
+            .filter(|(place, _)| !senders.contains(place) && self.wires == CanWires::Sound)
             .collect();
-        let (fits, misfits): (Vec<_>, Vec<_>) = others
-            .into_iter()
-            .partition(|(_, other)| is_alike(other.bit, bit));
+        let (fits, misfits): (Vec<_>, Vec<_>) =
+            others.into_iter().partition(|&(_, other)| is_alike(other, bit));
         let is_active = |place: usize| self.node(place).confinement().state() == ErrorState::Active;
         if misfits.iter().any(|&(place, _)| is_active(place)) {
             return CanOutcome::Error;
@@ -365,16 +341,15 @@ impl CanBus {
     fn finish(&mut self, Transmission { senders, record }: Transmission) {
         let bit = self.bit_of_sender(&senders);
         let present: Vec<_> = self.present().collect();
-        for (place, attachment) in present {
+        for (place, own_bit) in present {
             if senders.contains(&place) {
                 self.finish_sender(place, &record, bit);
             } else if self.wires != CanWires::Open {
-                self.finish_receiver(place, attachment, &record, bit);
+                self.finish_receiver(place, &record, is_alike(own_bit, bit));
             }
         }
         self.idle_from = record.end;
         self.count_recessive_from(record.end - OCCURRENCE_BITS * bit);
-        self.busy += record.end - record.start;
         if self.records.len() == MOST_RECORDS {
             self.records.pop_front();
         }
@@ -383,8 +358,8 @@ impl CanBus {
 
     /// One that is gone meanwhile had the same.
     fn bit_of_sender(&self, senders: &[usize]) -> Cycle {
-        let attachment = senders.iter().find_map(|place| self.node(*place).attachment());
-        attachment.map_or_else(|| self.bit(), |attachment| attachment.bit)
+        let bit = senders.iter().find_map(|place| self.node(*place).attachment());
+        bit.unwrap_or_else(|| self.bit())
     }
 
     fn finish_sender(&mut self, place: usize, record: &CanRecord, bit: Cycle) {
@@ -411,21 +386,15 @@ impl CanBus {
         }
     }
 
-    fn finish_receiver(&self, place: usize, attachment: Attachment, record: &CanRecord, bit: Cycle) {
+    fn finish_receiver(&self, place: usize, record: &CanRecord, understands: bool) {
         let mut node = self.node(place);
-        let counts = attachment.listening == Listening::TakesPart;
-        let understands = is_alike(attachment.bit, bit);
         match record.outcome {
             CanOutcome::Sent if understands => {
-                if counts {
-                    node.confinement_mut().received();
-                }
+                node.confinement_mut().received();
                 node.received(&record.frame, record.end);
             }
             _ => {
-                if counts {
-                    node.confinement_mut().receive_failed();
-                }
+                node.confinement_mut().receive_failed();
                 node.disturbed(record.end);
             }
         }
@@ -460,7 +429,7 @@ impl CanBus {
         };
     }
 
-    fn counters(&self, places: &[(usize, Attachment)]) -> Vec<u16> {
+    fn counters(&self, places: &[(usize, Cycle)]) -> Vec<u16> {
         let count = |place: usize| Confinement::receive_errors(self.node(place).confinement());
         places.iter().map(|(place, _)| count(*place)).collect()
     }

@@ -17,7 +17,7 @@ mod traffic;
 pub use bus::{CanBus, CanOutcome, CanRecord, CanWires, SharedCanBus};
 pub use confinement::{Confinement, ErrorState};
 pub use frame::{CanFrame, CanId};
-pub use node::{Attachment, CanNode, Listening};
+pub use node::CanNode;
 pub use station::Station;
 pub use traffic::Traffic;
 

@@ -3,27 +3,10 @@
 use super::super::clock::Cycle;
 use super::{CanFrame, Confinement};
 
-/// What a node does with what it hears.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Listening {
-    /// It acknowledges, and sends error frames.
-    TakesPart,
-    /// It never sends a dominant bit.
-    Silent,
-}
-
-/// A node that is switched on and at the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Attachment {
-    /// The length of its bits.
-    pub bit: Cycle,
-    pub listening: Listening,
-}
-
 /// A CAN controller with its transceiver.
 pub trait CanNode {
-    /// `None` while it is not at the bus.
-    fn attachment(&self) -> Option<Attachment>;
+    /// The length of its bits; `None` while it is not at the bus.
+    fn attachment(&self) -> Option<Cycle>;
 
     fn confinement(&self) -> &Confinement;
 

@@ -3,43 +3,29 @@
 use std::collections::VecDeque;
 
 use super::super::clock::Cycle;
-use super::{Attachment, CanFrame, CanNode, Confinement, Listening};
+use super::{CanFrame, CanNode, Confinement};
 
 /// What is kept of what it hears.
 const MOST_RECEIVED: usize = 65_536;
 
 pub struct Station {
-    attachment: Option<Attachment>,
+    /// `None` while it is unplugged.
+    bit: Option<Cycle>,
     confinement: Confinement,
     /// Each with the time from which it may be sent, in the order in which they are sent.
     queue: VecDeque<(Cycle, CanFrame)>,
     received: VecDeque<(Cycle, CanFrame)>,
-    sent: u64,
 }
 
 impl Station {
-    /// A node with bits of this length that takes part in everything.
+    /// A node with bits of this length.
     pub fn new(bit: Cycle) -> Self {
         Self {
-            attachment: Some(Attachment {
-                bit,
-                listening: Listening::TakesPart,
-            }),
+            bit: Some(bit),
             confinement: Confinement::default(),
             queue: VecDeque::new(),
             received: VecDeque::new(),
-            sent: 0,
         }
-    }
-
-    /// The same, but it never sends a dominant bit.
-    pub fn silent(bit: Cycle) -> Self {
-        let mut station = Self::new(bit);
-        station.attachment = Some(Attachment {
-            bit,
-            listening: Listening::Silent,
-        });
-        station
     }
 
     /// Sends a frame from `at` on, behind those that wait already. It is repeated until it is through.
@@ -51,20 +37,12 @@ impl Station {
     pub fn set_bit(&mut self, bit: Option<Cycle>) {
         self.confinement = Confinement::default();
         self.queue.clear();
-        self.attachment = bit.map(|bit| Attachment {
-            bit,
-            listening: Listening::TakesPart,
-        });
+        self.bit = bit;
     }
 
     /// Frames that wait.
     pub fn waiting(&self) -> usize {
         self.queue.len()
-    }
-
-    /// Frames that went through.
-    pub fn sent_frames(&self) -> u64 {
-        self.sent
     }
 
     /// What was heard since this was asked last, with the time of each end.
@@ -74,8 +52,8 @@ impl Station {
 }
 
 impl CanNode for Station {
-    fn attachment(&self) -> Option<Attachment> {
-        self.attachment
+    fn attachment(&self) -> Option<Cycle> {
+        self.bit
     }
 
     fn confinement(&self) -> &Confinement {
@@ -96,7 +74,6 @@ impl CanNode for Station {
 
     fn sent(&mut self, _now: Cycle) {
         self.queue.pop_front();
-        self.sent += 1;
     }
 
     fn lost_arbitration(&mut self, _now: Cycle) {}

@@ -2,7 +2,7 @@
 
 use super::super::clock::Cycle;
 use super::super::random::Random;
-use super::{Attachment, CanFrame, CanNode, Confinement, Listening};
+use super::{CanFrame, CanNode, Confinement};
 
 /// It is behind by this at most: what it had no chance to send is left out.
 const MOST_BEHIND: Cycle = super::super::clock::cycles(10_000);
@@ -50,11 +50,8 @@ fn frame(id: u32, random: &mut Random) -> CanFrame {
 }
 
 impl CanNode for Traffic {
-    fn attachment(&self) -> Option<Attachment> {
-        Some(Attachment {
-            bit: self.bit,
-            listening: Listening::TakesPart,
-        })
+    fn attachment(&self) -> Option<Cycle> {
+        Some(self.bit)
     }
 
     fn confinement(&self) -> &Confinement {

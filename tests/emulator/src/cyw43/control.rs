@@ -1,10 +1,8 @@
 //! Control messages: what the driver sets and asks for, by number or, as a variable, by name.
 
 use super::super::clock::Cycle;
-use super::air::Air;
-use super::events::{Event, Kind, Mask, Status};
+use super::events::Mask;
 use super::radio::{Mode, Radio};
-use super::scan::scan_results;
 
 const HEADER_BYTES: usize = 16;
 const FLAG_ERROR: u16 = 1;
@@ -28,7 +26,6 @@ const SET_ANTDIV: u32 = 64;
 const SET_PM: u32 = 86;
 const SET_GMODE: u32 = 110;
 const SET_AP: u32 = 118;
-const GET_RSSI: u32 = 127;
 const SET_WSEC: u32 = 134;
 const SET_BAND: u32 = 142;
 const SET_WPA_AUTH: u32 = 165;
@@ -39,7 +36,6 @@ const SET_WSEC_PMK: u32 = 268;
 /// Of the header of a download: it is its last part.
 const DOWNLOAD_END: u16 = 4;
 const PASSPHRASE_BYTES: std::ops::RangeInclusive<usize> = 8..=64;
-const RSSI_DBM: i32 = -50;
 
 type Answer = Result<Vec<u8>, i32>;
 
@@ -54,16 +50,12 @@ struct Request<'a> {
 pub struct Control {
     /// The regulatory data was downloaded.
     has_regulatory_data: bool,
-    multicast: Vec<u8>,
-    /// Of the chip's own GPIOs, a bit each.
-    pub gpio_levels: u32,
     pub mask: Mask,
 }
 
 /// Everything that a message may change.
 pub struct Context<'a> {
     pub radio: &'a mut Radio,
-    pub air: &'a Air,
     pub address: [u8; 6],
     pub now: Cycle,
 }
@@ -95,7 +87,6 @@ impl Control {
 
     fn get(&self, request: Request, context: &Context) -> Answer {
         let answer = match request.number {
-            GET_RSSI => RSSI_DBM.to_le_bytes().to_vec(),
             GET_VAR => self.variable(name_and_value(request.data)?.0, context)?,
             _ => return Err(UNSUPPORTED),
         };
@@ -111,8 +102,6 @@ impl Control {
         match name {
             "cur_etheraddr" => Ok(context.address.to_vec()),
             "clmload_status" => Ok(u32::from(!self.has_regulatory_data).to_le_bytes().to_vec()),
-            "mcast_list" if self.multicast.is_empty() => Ok(vec![0; 4]),
-            "mcast_list" => Ok(self.multicast.clone()),
             _ => Err(UNSUPPORTED),
         }
     }
@@ -149,27 +138,20 @@ impl Control {
         match name {
             "clmload" => self.has_regulatory_data = flag_of_download(value)? & DOWNLOAD_END != 0,
             "bsscfg:event_msgs" => self.mask = Mask::of(value.get(4..).ok_or(BAD_ARGUMENT)?),
-            "mcast_list" => self.multicast = value.to_vec(),
             "bsscfg:ssid" => radio.settings.ssid = ssid(value.get(4..).ok_or(BAD_ARGUMENT)?)?,
             "bsscfg:wsec" => radio.settings.is_secure = second_number(value)? != 0,
             "sae_password" => radio.settings.passphrase = sae_password(value)?,
             "bss" => return switch_access_point(radio, second_number(value)?),
-            "escan" => {
-                let none = Event::new(Kind::EscanResult, Status::Success);
-                scan_results(context.air)
-                    .chain([none])
-                    .for_each(|event| radio.push(event));
-            }
             "ampdu_ba_wsize" | "ampdu_mpdu" | "apsta" | "assoc_listen" | "bcn_li_bcn" | "bcn_li_dtim"
             | "bus:txglom" | "mfp" | "pm2_sleep_ret" | "2g_mrate" => {
                 number(value)?;
             }
-            "bsscfg:sup_wpa" | "bsscfg:sup_wpa2_eapver" | "bsscfg:sup_wpa_tmo" | "bsscfg:wpa_auth" => {
+            "bsscfg:sup_wpa"
+            | "bsscfg:sup_wpa2_eapver"
+            | "bsscfg:sup_wpa_tmo"
+            | "bsscfg:wpa_auth"
+            | "gpioout" => {
                 second_number(value)?;
-            }
-            "gpioout" => {
-                let (changed, levels) = (number(value)?, second_number(value)?);
-                self.gpio_levels = self.gpio_levels & !changed | levels & changed;
             }
             "country" if value.len() == 12 => {}
             _ => return Err(UNSUPPORTED),

@@ -14,7 +14,6 @@ pub enum Kind {
     DisassocInd = 12,
     Link = 16,
     PskSup = 46,
-    EscanResult = 69,
 }
 
 /// Its result.
@@ -25,7 +24,7 @@ pub enum Status {
     Abort = 4,
     /// Of [`Kind::PskSup`]: the keys are there.
     Keyed = 6,
-    /// Of [`Kind::EscanResult`]: more follow. Of [`Kind::PskSup`]: no message of the key exchange came.
+    /// Of [`Kind::PskSup`]: no message of the key exchange came.
     Partial = 8,
 }
 
@@ -59,7 +58,6 @@ pub struct Event {
     pub reason: u32,
     /// The other station, if there is one.
     pub address: [u8; 6],
-    pub data: Vec<u8>,
 }
 
 impl Event {
@@ -70,7 +68,6 @@ impl Event {
             flags: 0,
             reason: 0,
             address: [0; 6],
-            data: Vec::new(),
         }
     }
 
@@ -90,24 +87,22 @@ impl Event {
     pub fn frame(&self, own: [u8; 6]) -> Vec<u8> {
         let mut source = own;
         source[0] |= LOCALLY_ADMINISTERED;
-        let length = MESSAGE_BYTES + self.data.len() as u16;
         let mut frame = [own, source].concat();
         frame.extend(ETHER_TYPE.to_be_bytes());
         frame.extend(SUBTYPE.to_be_bytes());
-        frame.extend(length.to_be_bytes());
+        frame.extend(MESSAGE_BYTES.to_be_bytes());
         frame.push(0);
         frame.extend(OUI);
         frame.extend(USER_SUBTYPE.to_be_bytes());
         frame.extend(VERSION.to_be_bytes());
         frame.extend(self.flags.to_be_bytes());
-        for number in [self.kind as u32, self.status as u32, self.reason, 0] {
+        // No authentication type, and no data behind the event.
+        for number in [self.kind as u32, self.status as u32, self.reason, 0, 0] {
             frame.extend(number.to_be_bytes());
         }
-        frame.extend((self.data.len() as u32).to_be_bytes());
         frame.extend(self.address);
         frame.extend(*b"wl0\0\0\0\0\0\0\0\0\0\0\0\0\0");
         frame.extend([0, 0]);
-        frame.extend(&self.data);
         frame
     }
 }

@@ -20,8 +20,6 @@ pub enum RadioFault {
     SilentAfter(u64),
     /// It answers with random words.
     Noise,
-    /// It loses every frame to and from the air, and sees no network.
-    Deaf,
     /// One in this many writes of the download has a flipped bit. At least 1.
     FlippedBits { one_in: u32 },
     /// The bus works, and a part of the chip never gets ready.

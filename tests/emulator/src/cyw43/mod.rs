@@ -6,7 +6,8 @@
 //! the published one, byte for byte, and what it would do is written here.
 //!
 //! Not modelled, and not to be claimed: the air itself (rates, losses, other stations), real authentication and keys,
-//! power save, Bluetooth, SDIO. Answers take fixed times, of the order that a chip takes.
+//! scans for a list, power save, Bluetooth, SDIO, and what the chip's own GPIOs lead to. Answers take fixed times, of the
+//! order that a chip takes.
 
 mod air;
 mod backplane;
@@ -18,7 +19,6 @@ mod fault;
 pub mod pins;
 mod program;
 mod radio;
-mod scan;
 mod sdpcm;
 mod serial;
 #[cfg(test)]
@@ -82,7 +82,6 @@ impl Cyw43 {
     /// A fault from now on; `None`: none any more.
     pub fn set_fault(&mut self, fault: Option<RadioFault>) {
         self.fault = fault;
-        self.air.is_deaf = fault == Some(RadioFault::Deaf);
         if let Some(chip) = &mut self.chip {
             chip.set_fault(fault);
         }
@@ -97,10 +96,9 @@ impl Cyw43 {
     /// has no network.
     pub fn send(&mut self, frame: &[u8]) -> bool {
         let now = self.now;
-        let is_deaf = self.air.is_deaf;
         self.chip
             .as_mut()
-            .is_some_and(|chip| !is_deaf && chip.wlan.receive_frame(frame, now))
+            .is_some_and(|chip| chip.wlan.receive_frame(frame, now))
     }
 
     /// The station's address.
@@ -183,13 +181,6 @@ impl Cyw43 {
     /// Whether the pin that selects the chip, low, connects VSYS/3 to the converter: while it is high, or floats.
     pub fn connects_vsys(&self) -> bool {
         self.levels.is_high(SELECT) || self.wiring.floats(SELECT, self.outputs)
-    }
-
-    /// The level that the driver has set at a GPIO of the chip's own.
-    pub fn is_gpio_high(&self, number: u32) -> bool {
-        self.chip
-            .as_ref()
-            .is_some_and(|chip| chip.wlan.is_gpio_high(number))
     }
 
     /// The RP2040's pins are set up so from now on.

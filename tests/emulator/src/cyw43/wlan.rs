@@ -3,7 +3,6 @@
 use std::collections::VecDeque;
 
 use super::super::clock::{Cycle, NEVER, cycles};
-use super::super::register::bit;
 use super::air::Air;
 use super::control::{Context, Control};
 use super::events::Event;
@@ -53,8 +52,8 @@ impl Wlan {
     /// A packet from the driver.
     pub fn receive(&mut self, bytes: &[u8], air: &mut Air, now: Cycle) {
         match self.sdpcm.received(bytes) {
-            Some(Received::Control(message)) => self.receive_control(&message, air, now),
-            Some(Received::Frame(frame)) if self.radio.has_network() => air.transmit(frame),
+            Some(Received::Control(message)) => self.receive_control(&message, now),
+            Some(Received::Frame(frame)) if self.radio.has_network() => air.sent.push(frame),
             Some(Received::Frame(_)) | None => {}
         }
         if self.sdpcm.has_few_credits() && self.waiting.is_empty() && self.to_come.is_empty() {
@@ -62,10 +61,9 @@ impl Wlan {
         }
     }
 
-    fn receive_control(&mut self, message: &[u8], air: &Air, now: Cycle) {
+    fn receive_control(&mut self, message: &[u8], now: Cycle) {
         let mut context = Context {
             radio: &mut self.radio,
-            air,
             address: self.address,
             now,
         };
@@ -96,11 +94,6 @@ impl Wlan {
     pub fn lose(&mut self, ssid: &str, now: Cycle) {
         self.radio.lose(ssid);
         self.queue_events(now);
-    }
-
-    /// The level of a GPIO of the chip's.
-    pub fn is_gpio_high(&self, number: u32) -> bool {
-        bit(self.control.gpio_levels, number)
     }
 
     /// The network excludes the station.

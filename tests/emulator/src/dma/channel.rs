@@ -40,9 +40,9 @@ pub const ALIASES: [[Field; 4]; 4] = [
     [Field::Ctrl, Field::WriteAddr, Field::TransCount, Field::ReadAddr],
 ];
 
-/// An error flag of CTRL, by its bit number.
+/// The failure of a transfer: an error flag of CTRL, by its bit number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ChannelError {
+pub enum TransferError {
     Write = CTRL_WRITE_ERROR as isize,
     Read = CTRL_READ_ERROR as isize,
 }
@@ -111,15 +111,6 @@ impl Channel {
         address & !ring | next & ring
     }
 
-    /// CTRL.BSWAP.
-    pub fn swapped(&self, value: u32) -> u32 {
-        match self.width() {
-            Width::Half if bit(self.ctrl, CTRL_BSWAP) => u32::from((value as u16).swap_bytes()),
-            Width::Word if bit(self.ctrl, CTRL_BSWAP) => value.swap_bytes(),
-            _ => value,
-        }
-    }
-
     pub fn is_enabled(&self) -> bool {
         bit(self.ctrl, CTRL_EN)
     }
@@ -158,7 +149,7 @@ impl Channel {
     }
 
     /// Stop with one of the error flags.
-    pub fn halt(&mut self, error: ChannelError) {
+    pub fn halt(&mut self, error: TransferError) {
         self.errors |= 1 << error as u32;
         self.busy = false;
     }
@@ -181,6 +172,7 @@ impl Channel {
             Field::Ctrl => {
                 self.errors &= !(write.value & CTRL_ERRORS);
                 self.ctrl = write.applied_to(self.control()) & CTRL_WRITABLE;
+                assert!(!bit(self.ctrl, CTRL_BSWAP), "DMA: CTRL.BSWAP is not modelled");
                 return self.ctrl;
             }
         };

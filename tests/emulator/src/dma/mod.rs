@@ -1,7 +1,8 @@
 //! DMA: twelve channels moving data between addresses at the pace of a request (datasheet 2.5).
 //!
 //! One transfer takes one cycle and all channels share it in turn; FIFOs between read and write,
-//! priorities and bus contention are not modelled. Neither are the sniffer and the pacing timers.
+//! priorities and bus contention are not modelled. Neither are the sniffer and the pacing timers. Byte swaps,
+//! the second interrupt, forced ones and triggers of several channels are a panic.
 
 mod channel;
 #[cfg(test)]
@@ -11,7 +12,8 @@ use super::bus::Width;
 use super::clock::{Cycle, NEVER};
 use super::peripheral::Peripheral;
 use super::register::{RegisterWrite, bit};
-use channel::{ALIASES, Channel, ChannelError, Field};
+pub use channel::TransferError;
+use channel::{ALIASES, Channel, Field};
 
 pub const CHANNELS: usize = 12;
 const CHANNEL_MASK: u32 = (1 << CHANNELS) - 1;
@@ -23,11 +25,10 @@ const INTF0: u32 = 0x408;
 const INTS0: u32 = 0x40c;
 const INTE1: u32 = 0x414;
 const INTF1: u32 = 0x418;
-const INTS1: u32 = 0x41c;
 const MULTI_CHAN_TRIGGER: u32 = 0x430;
 const CHAN_ABORT: u32 = 0x444;
 const N_CHANNELS: u32 = 0x448;
-/// DMA_IRQ_0 is NVIC line 11, DMA_IRQ_1 line 12.
+/// DMA_IRQ_0.
 const INTERRUPT_LINE: u32 = 11;
 
 /// One transfer for the bus to carry out.
@@ -39,20 +40,11 @@ pub struct Transfer {
     pub width: Width,
 }
 
-/// How a transfer ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TransferEnd {
-    Done,
-    ReadError,
-    WriteError,
-}
-
 #[derive(Clone)]
 pub struct Dma {
     channels: [Channel; CHANNELS],
     intr: u32,
-    inte: [u32; 2],
-    intf: [u32; 2],
+    inte: u32,
     /// The channel that was served last.
     last_served: usize,
     /// The first cycle in which the next transfer can be made.
@@ -64,8 +56,7 @@ impl Dma {
         Self {
             channels: std::array::from_fn(Channel::new),
             intr: 0,
-            inte: [0; 2],
-            intf: [0; 2],
+            inte: 0,
             last_served: CHANNELS - 1,
             free_from: 0,
         }
@@ -97,25 +88,19 @@ impl Dma {
             .find(|&number| self.channels[number].wants_transfer(requests))
     }
 
-    /// The data as it goes to the write address.
-    pub fn swap(&self, transfer: Transfer, value: u32) -> u32 {
-        self.channels[transfer.channel].swapped(value)
-    }
-
     /// The bus has carried out a transfer.
-    pub fn complete(&mut self, transfer: Transfer, end: TransferEnd, now: Cycle) {
+    pub fn complete(&mut self, transfer: Transfer, end: Result<(), TransferError>, now: Cycle) {
         self.last_served = transfer.channel;
         self.free_from = now + 1;
         match end {
-            TransferEnd::Done => self.step(transfer.channel),
-            TransferEnd::ReadError => self.halt(transfer.channel, ChannelError::Read),
-            TransferEnd::WriteError => self.halt(transfer.channel, ChannelError::Write),
+            Ok(()) => self.step(transfer.channel),
+            Err(error) => self.halt(transfer.channel, error),
         }
     }
 
     /// "The channel halts when it encounters any bus error, and always raises its channel IRQ
     /// flag" (CTRL.AHB_ERROR).
-    fn halt(&mut self, number: usize, error: ChannelError) {
+    fn halt(&mut self, number: usize, error: TransferError) {
         self.channels[number].halt(error);
         self.intr |= 1 << number;
     }
@@ -174,8 +159,8 @@ impl Dma {
         }
     }
 
-    fn status(&self, line: usize) -> u32 {
-        (self.intr & self.inte[line]) | self.intf[line]
+    fn status(&self) -> u32 {
+        self.intr & self.inte
     }
 }
 
@@ -193,12 +178,8 @@ impl Peripheral for Dma {
         }
         match offset {
             INTR => self.intr,
-            INTE0 => self.inte[0],
-            INTF0 => self.intf[0],
-            INTS0 => self.status(0),
-            INTE1 => self.inte[1],
-            INTF1 => self.intf[1],
-            INTS1 => self.status(1),
+            INTE0 => self.inte,
+            INTS0 => self.status(),
             N_CHANNELS => CHANNELS as u32,
             _ => 0,
         }
@@ -213,15 +194,10 @@ impl Peripheral for Dma {
             return;
         }
         match offset {
-            INTR | INTS0 | INTS1 => self.intr &= !write.value,
-            INTE0 => write.update(&mut self.inte[0], CHANNEL_MASK),
-            INTF0 => write.update(&mut self.intf[0], CHANNEL_MASK),
-            INTE1 => write.update(&mut self.inte[1], CHANNEL_MASK),
-            INTF1 => write.update(&mut self.intf[1], CHANNEL_MASK),
-            MULTI_CHAN_TRIGGER => {
-                (0..CHANNELS)
-                    .filter(|&n| bit(write.value, n as u32))
-                    .for_each(|n| self.trigger(n));
+            INTR | INTS0 => self.intr &= !write.value,
+            INTE0 => write.update(&mut self.inte, CHANNEL_MASK),
+            INTF0 | INTE1 | INTF1 | MULTI_CHAN_TRIGGER => {
+                panic!("DMA: the register at {offset:#x} is not modelled")
             }
             CHAN_ABORT => self.abort(write.value),
             _ => {}
@@ -233,8 +209,6 @@ impl Peripheral for Dma {
     }
 
     fn interrupt_lines(&self) -> u32 {
-        (0..2)
-            .map(|line| u32::from(self.status(line) != 0) << (INTERRUPT_LINE + line as u32))
-            .sum()
+        u32::from(self.status() != 0) << INTERRUPT_LINE
     }
 }

@@ -35,11 +35,6 @@ impl Board {
         });
     }
 
-    /// Undo [`Self::cut_power_at_flash_operation`].
-    pub fn cancel_flash_cut(&mut self) {
-        self.flash_mut().armed = None;
-    }
-
     /// Erases and programs that are over, oldest first, also those cut short.
     pub fn flash_operations(&self) -> &[FlashOperation] {
         &self.bus.memory.flash.operations

@@ -13,8 +13,11 @@ pub const DATA: u32 = RAM + 0x2000;
 /// Far from the test's programs in flash, on a boundary of 64 KB.
 pub const OFFSET: u32 = 0x10_0000;
 pub const SECTOR: u32 = 4096;
-/// The third and fourth argument of an erase by sectors, as embassy-rp gives them.
-pub const SECTORS_ONLY: [u32; 2] = [1 << 31, 0];
+
+/// The arguments of an erase by sectors, as embassy-rp gives them.
+pub const fn erase_arguments(offset: u32, length: u32) -> [u32; 4] {
+    [offset, length, 1 << 31, 0]
+}
 
 /// Line 26 counts in R7; the program stays where it starts.
 pub fn flash_board() -> Board {
@@ -50,8 +53,7 @@ pub fn is_done(board: &Board) -> bool {
 }
 
 pub fn start_erase(board: &mut Board, offset: u32, length: u32) {
-    let [block_size, block_command] = SECTORS_ONLY;
-    start(board, b"RE", [offset, length, block_size, block_command]);
+    start(board, b"RE", erase_arguments(offset, length));
 }
 
 pub fn start_program(board: &mut Board, offset: u32, data: &[u8]) {

@@ -2,6 +2,7 @@
 //! RP2040 datasheet, and of what goes on on the chip meanwhile.
 
 use super::super::bench::*;
+use super::super::board::Board;
 use super::super::clock::CYCLES_PER_US;
 use super::super::reset::ResetCause;
 use super::super::thumb::*;
@@ -9,6 +10,10 @@ use super::fixture::*;
 use super::*;
 
 const LINE_26: u32 = 16 + 26;
+const ERASE: [u32; 4] = erase_arguments(OFFSET, SECTOR);
+/// A call that returns with the chip not readable.
+const UNFINISHED: [u16; 3] = [call(4), call(5), HANG];
+const DMA_CHANNEL_0: u32 = 0x5000_0000;
 
 /// `flash_exit_xip` before an operation: two loops of 2048 rounds, each of a SUB and a taken BNE, and ten bytes.
 const EXIT_XIP_US: u64 = (2 * 2048 * 3 + 10 * BYTE_CYCLES) / CYCLES_PER_US;
@@ -77,6 +82,8 @@ fn each_page_and_each_sector_takes_its_time() {
     board.flash_timing(FlashTiming::MAXIMUM);
     assert_takes(program(&mut board, OFFSET, &[0; 256]), PAGE_TRANSFER_US + 3_000);
     assert_takes(erase(&mut board, OFFSET, SECTOR), 400_000);
+    start(&mut board, b"RE", [OFFSET, 1 << 16, 1 << 16, 0xd8]);
+    assert_takes(finish(&mut board), 2_000_000);
 }
 
 #[test]
@@ -113,10 +120,7 @@ fn operations_are_recorded_with_their_time_and_erases_are_counted() {
     assert_eq!(operations.len(), 4);
     let first = operations[0];
     assert!((1000 + EXIT_XIP_US..1000 + EXIT_XIP_US + CALLS_US).contains(&first.time_us));
-    assert_eq!(
-        (first.duration_us, first.outcome),
-        (45_000, FlashOutcome::Finished)
-    );
+    assert_eq!((first.duration_us, first.cut), (45_000, None));
     assert_eq!(operations[3].kind, FlashOperationKind::PageProgram);
 }
 
@@ -148,9 +152,7 @@ fn an_interrupt_that_comes_during_an_erase_is_served_after_it() {
 #[should_panic(expected = "flash is read at")]
 fn an_interrupt_handler_in_flash_during_an_erase_is_a_failure() {
     let mut board = flash_board();
-    let [block_size, command] = SECTORS_ONLY;
-    let arguments = [OFFSET, SECTOR, block_size, command];
-    start_code(&mut board, &[call(4), call(5), HANG], b"RE", arguments);
+    start_code(&mut board, &UNFINISHED, b"RE", ERASE);
     board.run_for(20_000);
     pend_line_26(&mut board);
     board.run_for(10);
@@ -167,10 +169,8 @@ fn an_interrupt_handler_in_ram_runs_during_an_erase() {
         HANDLER,
         &(u32::from(adds(7, 1)) | u32::from(BX_LR) << 16).to_le_bytes(),
     );
-    let [block_size, command] = SECTORS_ONLY;
-    let arguments = [OFFSET, SECTOR, block_size, command];
     let driver = [NOP, call(4), call(5), call(6), call(8), NOP, HANG];
-    start_code(&mut board, &driver, b"RE", arguments);
+    start_code(&mut board, &driver, b"RE", ERASE);
     board.run_for(20_000);
     pend_line_26(&mut board);
     board.run_for(10);
@@ -196,9 +196,14 @@ fn a_receiver_overruns_during_an_erase() {
     assert_eq!(received, bytes[..32]);
 }
 
+fn start_dma(board: &mut Board, registers: [u32; 4]) {
+    for (index, value) in (0..).zip(registers) {
+        board.write_register(DMA_CHANNEL_0 + 4 * index, value);
+    }
+}
+
 #[test]
 fn dma_receives_into_a_ring_during_an_erase() {
-    const DMA_CHANNEL_0: u32 = 0x5000_0000;
     /// UARTDMACR.RXDMAE.
     const RECEIVE: u32 = 1;
     /// Bytes, into a ring of 64, at the pace of DREQ_UART0_RX (2.5.3.1).
@@ -207,9 +212,7 @@ fn dma_receives_into_a_ring_during_an_erase() {
     start_uart0(&mut board);
     board.write_register(UART0 + 0x48, RECEIVE);
     select_function(&mut board, 1, FUNCTION_UART);
-    for (index, value) in [UART0, DATA, 1 << 20, RECEIVE_INTO_RING].into_iter().enumerate() {
-        board.write_register(DMA_CHANNEL_0 + 4 * index as u32, value);
-    }
+    start_dma(&mut board, [UART0, DATA, 1 << 20, RECEIVE_INTO_RING]);
     start_erase(&mut board, OFFSET, SECTOR);
     let bytes: Vec<u8> = (0..100).collect();
     board.uart_send(0, 1000, &bytes);
@@ -225,7 +228,6 @@ fn dma_receives_into_a_ring_during_an_erase() {
 
 #[test]
 fn the_timer_counts_and_dma_goes_on_during_an_erase() {
-    const DMA_CHANNEL_0: u32 = 0x5000_0000;
     const COPY_WORDS: u32 = 0x3f << 15 | 1 << 5 | 1 << 4 | 2 << 2 | 1;
     let mut board = flash_board();
     board.write_register(RESETS_CLEAR, ALL_BLOCKS);
@@ -233,10 +235,7 @@ fn the_timer_counts_and_dma_goes_on_during_an_erase() {
     board.write_memory(DATA, &[9; 400]);
     start_erase(&mut board, OFFSET, SECTOR);
     board.run_for(1000);
-    let values = [DATA, DATA + 400, 100, COPY_WORDS];
-    for (index, value) in values.into_iter().enumerate() {
-        board.write_register(DMA_CHANNEL_0 + 4 * index as u32, value);
-    }
+    start_dma(&mut board, [DATA, DATA + 400, 100, COPY_WORDS]);
     board.run_for(20_000);
     assert!(board.flash_is_busy());
     assert_eq!(board.read_memory(DATA + 400, 400), [9; 400]);
@@ -275,7 +274,7 @@ fn code_that_was_erased_and_programmed_runs_as_written_last() {
         page[2..4].copy_from_slice(&BX_LR.to_le_bytes());
         page
     };
-    let run = |board: &mut super::super::Board| {
+    let run = |board: &mut Board| {
         board.set_register(9, 0x1000_0000 + OFFSET + 1);
         start_code(board, &[call(9), HANG], b"RE", [0; 4]);
         board.run_for(5);
@@ -319,33 +318,25 @@ fn run_code(code: &[u16], function: &[u8; 2], arguments: [u32; 4]) {
 #[test]
 #[should_panic(expected = "must be multiples of 4096")]
 fn an_erase_that_is_not_aligned_is_a_failure() {
-    run_code(
-        &[call(4), call(5), HANG],
-        b"RE",
-        [OFFSET + 256, SECTOR, 1 << 31, 0],
-    );
+    run_code(&UNFINISHED, b"RE", erase_arguments(OFFSET + 256, SECTOR));
 }
 
 #[test]
 #[should_panic(expected = "must be multiples of 256")]
 fn a_program_of_a_part_of_a_page_is_a_failure() {
-    run_code(&[call(4), call(5), HANG], b"RP", [OFFSET, DATA, 100, 0]);
+    run_code(&UNFINISHED, b"RP", [OFFSET, DATA, 100, 0]);
 }
 
 #[test]
 #[should_panic(expected = "addresses start at 0")]
 fn an_address_that_is_no_offset_is_a_failure() {
-    run_code(
-        &[call(4), call(5), HANG],
-        b"RE",
-        [0x1000_0000, SECTOR, 1 << 31, 0],
-    );
+    run_code(&UNFINISHED, b"RE", erase_arguments(0x1000_0000, SECTOR));
 }
 
 #[test]
 #[should_panic(expected = "without flash_exit_xip")]
 fn a_chip_that_is_not_in_command_mode_is_a_failure() {
-    run_code(&[call(5), HANG], b"RE", [OFFSET, SECTOR, 1 << 31, 0]);
+    run_code(&[call(5), HANG], b"RE", ERASE);
 }
 
 #[test]

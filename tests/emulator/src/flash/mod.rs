@@ -28,7 +28,7 @@ pub use cut::FlashCut;
 pub use job::{Job, Step, transfer_cycles};
 pub use make::{FlashMake, SerialChip};
 use operation::Command;
-pub use operation::{FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
+pub use operation::{FlashOperation, FlashOperationKind, FlashTiming};
 use operation::{PAGE_SIZE, SECTOR_SIZE};
 
 #[derive(Clone)]
@@ -161,7 +161,7 @@ impl FlashChip {
             kind: running.command.kind(),
             offset: range.start,
             length: range.len() as u32,
-            outcome: cut.map_or(FlashOutcome::Finished, FlashOutcome::Cut),
+            cut,
         });
     }
 

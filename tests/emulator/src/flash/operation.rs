@@ -53,16 +53,7 @@ pub enum FlashOperationKind {
     PageProgram,
 }
 
-/// How an operation ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FlashOutcome {
-    /// It was carried out. In worn sectors that changes nothing, and the chip reports no error.
-    Finished,
-    /// The power failed.
-    Cut(FlashCut),
-}
-
-/// An operation of the flash chip that is over.
+/// An operation of the flash chip that is over. In worn sectors it changes nothing, and the chip reports no error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashOperation {
     /// When it began.
@@ -73,7 +64,8 @@ pub struct FlashOperation {
     /// From the beginning of flash.
     pub offset: u32,
     pub length: u32,
-    pub outcome: FlashOutcome,
+    /// The moment at which the power failed, if it did.
+    pub cut: Option<FlashCut>,
 }
 
 /// A command the chip is carrying out.

@@ -49,7 +49,7 @@ fn a_torn_erase_leaves_neither_the_old_bytes_nor_an_erased_sector() {
         let left = sector(&board);
         assert!(left != OLD && left != [0xff; SECTOR as usize], "{cut:?}");
         assert!(board.time_us() < 45_000);
-        assert_eq!(board.flash_operations()[0].outcome, FlashOutcome::Cut(cut));
+        assert_eq!(board.flash_operations()[0].cut, Some(cut));
     }
 }
 
@@ -130,24 +130,6 @@ fn a_reset_ends_a_call_and_the_next_one_is_a_call_of_its_own() {
     program(&mut board, OFFSET + 2 * SECTOR, &[0; 256]);
     let offsets: Vec<u32> = board.flash_operations().iter().map(|one| one.offset).collect();
     assert_eq!(offsets, [OFFSET, OFFSET + 2 * SECTOR]);
-}
-
-#[test]
-fn new_ram_and_old_flash_after_a_cut() {
-    let mut board = cut_at(3, FlashCut::After);
-    let (flash, ram) = (sector(&board), board.read_memory(RAM, 4096));
-    board.power_cycle();
-    assert_eq!(sector(&board), flash);
-    assert_ne!(board.read_memory(RAM, 4096), ram);
-}
-
-#[test]
-fn a_cut_that_is_cancelled_does_not_come() {
-    let mut board = flash_board();
-    board.cut_power_at_flash_operation(1, FlashCut::Before);
-    board.cancel_flash_cut();
-    erase(&mut board, OFFSET, SECTOR);
-    assert!(board.is_powered());
 }
 
 #[test]

@@ -99,12 +99,3 @@ fn one_command_at_a_time() {
     chip.begin(erase(), 0);
     chip.begin(program(), 1);
 }
-
-#[test]
-fn the_figures_of_the_w25q16jv() {
-    let of = |timing: FlashTiming, command| micros(timing.of(&command));
-    let block = || Command::EraseBlock { offset: 0 };
-    let figures = |timing| [of(timing, erase()), of(timing, block()), of(timing, program())];
-    assert_eq!(figures(FlashTiming::TYPICAL), [45_000, 150_000, 400]);
-    assert_eq!(figures(FlashTiming::MAXIMUM), [400_000, 2_000_000, 3_000]);
-}

@@ -3,7 +3,7 @@
 //!
 //! The levels of SIO, of an I2C bus, of what a UART receives, of a test's wire and of the pads' pulls
 //! reach the inputs; what UART, SPI and PWM send does not. Without any of them an input is noise. An edge
-//! of noise, or of what a UART receives, is noticed while its interrupt is enabled. The overrides of GPIO_CTRL, wake from dormant mode and the interrupts
+//! of noise, or of what a UART receives, is noticed while its interrupt is enabled. The overrides of GPIO_CTRL, wake from dormant mode, forced interrupts and those
 //! of core 1 are not modelled.
 
 mod registers;
@@ -62,7 +62,6 @@ pub struct Gpio {
     fallen: u32,
     risen: u32,
     enable: [u32; REGISTERS],
-    force: [u32; REGISTERS],
 }
 
 impl Gpio {

@@ -8,7 +8,7 @@ use super::{Gpio, PINS};
 
 pub const INTR0: u32 = 0x0f0;
 pub const PROC0_INTE0: u32 = 0x100;
-pub const PROC0_INTF0: u32 = 0x110;
+const PROC0_INTF0: u32 = 0x110;
 pub const PROC0_INTS0: u32 = 0x120;
 const PROC0_END: u32 = 0x130;
 const ALIAS_AND_OFFSET: u32 = 0xfff;
@@ -77,8 +77,8 @@ impl Gpio {
 
     fn status(&self, register: usize) -> u32 {
         match self.enable[register] {
-            0 => self.force[register],
-            enable => self.raw(register) & enable | self.force[register],
+            0 => 0,
+            enable => self.raw(register) & enable,
         }
     }
 }
@@ -89,7 +89,6 @@ impl Peripheral for Gpio {
         match offset & !0xf {
             INTR0 => self.raw(register),
             PROC0_INTE0 => self.enable[register],
-            PROC0_INTF0 => self.force[register],
             PROC0_INTS0 => self.status(register),
             _ => 0,
         }
@@ -100,7 +99,7 @@ impl Peripheral for Gpio {
         match offset & !0xf {
             INTR0 => self.clear_edges(register, write.value),
             PROC0_INTE0 => write.update(&mut self.enable[register], mask(register)),
-            PROC0_INTF0 => write.update(&mut self.force[register], mask(register)),
+            PROC0_INTF0 => panic!("IO_BANK0: forced interrupts are not modelled"),
             _ => {}
         }
     }

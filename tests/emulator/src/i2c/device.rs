@@ -34,8 +34,7 @@ pub trait I2cDevice {
     /// STOP.
     fn stop(&mut self) {}
 
-    /// For how many cycles it holds SCL low, asked after its address and after each byte; `NEVER` is
-    /// until a test releases it.
+    /// For how many cycles it holds SCL low, asked after its address and after each byte.
     fn stretch(&mut self) -> Cycle {
         0
     }

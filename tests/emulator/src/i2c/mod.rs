@@ -9,7 +9,6 @@
 mod device;
 pub mod devices;
 mod master;
-mod neighbours;
 mod registers;
 mod speed;
 #[cfg(test)]
@@ -61,11 +60,6 @@ impl I2c {
         self.wires.attach(address, device);
     }
 
-    /// Put a device on the bus besides what is at this address already: both answer.
-    pub fn attach_also(&mut self, address: u8, device: Box<dyn I2cDevice>) {
-        self.wires.attach_also(address, device);
-    }
-
     /// Take whatever is at this address off the bus: it is not acknowledged any more.
     pub fn detach(&mut self, address: u8) {
         self.wires.detach(address);
@@ -77,7 +71,7 @@ impl I2c {
         self.master.pause(self.now);
     }
 
-    /// Let go of SCL, whether it was held by [`Self::hold_scl`] or by a device.
+    /// Let go of SCL.
     pub fn release_scl(&mut self) {
         self.wires.release_scl(self.now);
     }
@@ -95,12 +89,7 @@ impl I2c {
         }
     }
 
-    /// The transactions that are over, oldest first.
-    pub fn transactions(&self) -> &[I2cTransaction] {
-        self.wires.log()
-    }
-
-    /// Take the transactions that are over.
+    /// Take the transactions that are over, oldest first.
     pub fn take_transactions(&mut self) -> Vec<I2cTransaction> {
         self.wires.take_log()
     }

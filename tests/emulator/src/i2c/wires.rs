@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use super::super::attached::Attached;
 use super::super::clock::Cycle;
 use super::device::{Ack, I2cDevice, I2cDirection};
-use super::neighbours::Neighbours;
 
 /// What went over the bus from a START to its STOP, RESTARTs included.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,7 +30,7 @@ const IDLE: Levels = Levels { scl: true, sda: true };
 
 #[derive(Clone)]
 pub struct Wires {
-    devices: Attached<BTreeMap<u8, Neighbours>>,
+    devices: Attached<BTreeMap<u8, Box<dyn I2cDevice>>>,
     /// Until then something other than the master holds SCL low.
     scl_free_at: Cycle,
     /// How many clocks of SCL it takes until SDA is released.
@@ -58,14 +57,8 @@ impl Default for Wires {
 
 impl Wires {
     pub fn attach(&mut self, address: u8, device: Box<dyn I2cDevice>) {
-        self.detach(address);
-        self.attach_also(address, device);
-    }
-
-    pub fn attach_also(&mut self, address: u8, device: Box<dyn I2cDevice>) {
         assert!(address < 0x80, "{address:#x} is not an I2C address");
-        let devices = self.devices.get_or_default();
-        devices.entry(address).or_default().add(device);
+        self.devices.get_or_default().insert(address, device);
         self.is_used = true;
     }
 
@@ -73,10 +66,6 @@ impl Wires {
         if let Some(devices) = self.devices.get_mut() {
             devices.remove(&address);
         }
-    }
-
-    pub fn log(&self) -> &[I2cTransaction] {
-        &self.log
     }
 
     pub fn take_log(&mut self) -> Vec<I2cTransaction> {
@@ -208,7 +197,7 @@ impl Wires {
         });
     }
 
-    fn device(&mut self) -> Option<&mut Neighbours> {
+    fn device(&mut self) -> Option<&mut Box<dyn I2cDevice>> {
         let address = self.under_way.as_ref()?.address;
         self.devices.get_mut()?.get_mut(&address)
     }

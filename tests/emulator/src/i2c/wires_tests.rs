@@ -8,6 +8,7 @@ use super::tests::Probe;
 
 const SDA: u32 = 14;
 const SCL: u32 = 15;
+const FUNCTION_I2C: u32 = 3;
 const SIO_GPIO_IN: u32 = 0xd000_0004;
 const SIO_GPIO_OE_XOR: u32 = 0xd000_002c;
 
@@ -17,9 +18,10 @@ fn moving_board(moves: usize) -> Board {
     program.extend([load(3, 2), HANG]);
     let mut board = board(&program, &[]);
     board.write_register(RESETS_CLEAR, ALL_BLOCKS);
-    board.set_register(0, 1 << SCL);
-    board.set_register(1, SIO_GPIO_OE_XOR);
-    board.set_register(2, SIO_GPIO_IN);
+    set_registers(
+        &mut board,
+        [(0, 1 << SCL), (1, SIO_GPIO_OE_XOR), (2, SIO_GPIO_IN)],
+    );
     select_function(&mut board, SDA, FUNCTION_SIO);
     select_function(&mut board, SCL, FUNCTION_SIO);
     board.i2c(1).attach(0x40, Box::new(Probe::default()));
@@ -62,13 +64,14 @@ fn the_block_reaches_its_bus_only_through_the_right_pins() {
         board.write_register(I2C1 + offset, value);
     }
     board.run_for(1000);
-    assert!(board.i2c(1).transactions().is_empty(), "the pins are SIO's");
+    let sent = board.i2c(1).take_transactions();
+    assert!(sent.is_empty(), "the pins are SIO's");
     board.wire_i2c(1, I2cPins { sda: 2, scl: 3 });
     for pin in [2, 3] {
-        select_function(&mut board, pin, 3);
+        select_function(&mut board, pin, FUNCTION_I2C);
     }
     board.run_for(1000);
-    assert_eq!(board.i2c(1).transactions()[0].written, [0x11]);
+    assert_eq!(board.i2c(1).take_transactions()[0].written, [0x11]);
 }
 
 #[test]

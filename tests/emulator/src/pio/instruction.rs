@@ -2,95 +2,36 @@
 
 use super::super::register::{bit, field};
 
+/// The upper three bits of an instruction.
+pub const JUMP: u16 = 0;
+pub const WAIT: u16 = 1;
+pub const IN: u16 = 2;
+pub const OUT: u16 = 3;
+pub const PUSH_OR_PULL: u16 = 4;
+pub const MOVE: u16 = 5;
+pub const IRQ: u16 = 6;
+
+/// The 16 bits of an instruction. Those of delay and side-set are for [`DelayAndSide`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Instruction {
-    Jump {
-        condition: u32,
-        address: u32,
-    },
-    Wait {
-        polarity: bool,
-        source: u32,
-        index: u32,
-    },
-    In {
-        source: u32,
-        bits: u32,
-    },
-    Out {
-        destination: u32,
-        bits: u32,
-    },
-    Push {
-        if_full: bool,
-        block: bool,
-    },
-    Pull {
-        if_empty: bool,
-        block: bool,
-    },
-    Move {
-        destination: u32,
-        operation: u32,
-        source: u32,
-    },
-    Irq {
-        clear: bool,
-        wait: bool,
-        index: u32,
-    },
-    Set {
-        destination: u32,
-        data: u32,
-    },
-}
+pub struct Instruction(pub u16);
 
 impl Instruction {
-    /// Of the 16 bits, all but those of delay and side-set.
-    pub fn of(code: u16) -> Self {
-        let code = u32::from(code);
-        let (middle, low) = (field(code, 5, 3), field(code, 0, 5));
-        match field(code, 13, 3) {
-            0 => Self::Jump {
-                condition: middle,
-                address: low,
-            },
-            1 => Self::Wait {
-                polarity: bit(code, 7),
-                source: field(code, 5, 2),
-                index: low,
-            },
-            2 => Self::In {
-                source: middle,
-                bits: or_32(low),
-            },
-            3 => Self::Out {
-                destination: middle,
-                bits: or_32(low),
-            },
-            4 if bit(code, 7) => Self::Pull {
-                if_empty: bit(code, 6),
-                block: bit(code, 5),
-            },
-            4 => Self::Push {
-                if_full: bit(code, 6),
-                block: bit(code, 5),
-            },
-            5 => Self::Move {
-                destination: middle,
-                operation: field(code, 3, 2),
-                source: field(code, 0, 3),
-            },
-            6 => Self::Irq {
-                clear: bit(code, 6),
-                wait: bit(code, 5),
-                index: low,
-            },
-            _ => Self::Set {
-                destination: middle,
-                data: low,
-            },
-        }
+    pub fn operation(self) -> u16 {
+        self.0 >> 13
+    }
+
+    pub fn flag(self, number: u32) -> bool {
+        bit(self.0.into(), number)
+    }
+
+    /// Bits 7 to 5: a condition, a source or a destination.
+    pub fn middle(self) -> u32 {
+        field(self.0.into(), 5, 3)
+    }
+
+    /// Bits 4 to 0: an address, an index, data or a number of bits.
+    pub fn low(self) -> u32 {
+        field(self.0.into(), 0, 5)
     }
 }
 

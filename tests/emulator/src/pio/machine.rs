@@ -4,7 +4,7 @@ use super::super::clock::{Cycle, NEVER};
 use super::super::register::{bit, field};
 use super::divider::Divider;
 use super::fifo::Fifo;
-use super::instruction::{DelayAndSide, Instruction, or_32};
+use super::instruction::{DelayAndSide, IN, IRQ, Instruction, JUMP, MOVE, OUT, PUSH_OR_PULL, WAIT, or_32};
 
 /// What the four state machines of a block share.
 #[derive(Clone, Debug)]
@@ -185,9 +185,9 @@ impl Machine {
         let executed = self.executed.take();
         let code = executed.unwrap_or(shared.memory[self.pc as usize]);
         let fields = DelayAndSide::of(code, field(self.pin_control, 29, 3), bit(self.exec_control, 30));
-        let instruction = Instruction::of(code);
+        let instruction = Instruction(code);
         let outcome = self.execute(instruction, shared);
-        if !matches!(instruction, Instruction::Out { .. }) {
+        if instruction.operation() != OUT {
             self.refill_output();
         }
         // Stalled or not; and it wins over OUT and SET at the same pin (3.5.6.1).
@@ -221,34 +221,25 @@ impl Machine {
         if !self.enabled || self.executed.is_some() || self.delay > 0 {
             return 0;
         }
-        let jump = Instruction::of(shared.memory[(self.pc as usize + 1) % 32]);
-        let counter = match jump {
-            Instruction::Jump {
-                condition: 2,
-                address,
-            } if address == self.pc => self.x,
-            Instruction::Jump {
-                condition: 4,
-                address,
-            } if address == self.pc => self.y,
+        let jump = Instruction(shared.memory[(self.pc as usize + 1) % 32]);
+        let counter = match (jump.operation(), jump.middle()) {
+            (JUMP, 2) if jump.low() == self.pc => self.x,
+            (JUMP, 4) if jump.low() == self.pc => self.y,
             _ => return 0,
         };
-        let rounds = self.rounds_to_fifo(Instruction::of(shared.memory[self.pc as usize]));
+        let rounds = self.rounds_to_fifo(Instruction(shared.memory[self.pc as usize]));
         // A round has two cycles at least; the last one may go on to something else.
         2 * u64::from(rounds.min(counter))
     }
 
     /// How often a shift instruction can be executed before it moves a word from or to a FIFO.
     fn rounds_to_fifo(&self, shift: Instruction) -> u32 {
-        match shift {
-            Instruction::Out { destination: 0, bits } => {
-                (self.pull_threshold().saturating_sub(self.output.count) / bits).saturating_sub(1)
-            }
-            Instruction::In { source: 0, bits } => {
-                (self.push_threshold().saturating_sub(self.input.count) / bits).saturating_sub(1)
-            }
-            _ => 0,
-        }
+        let bits_left = match (shift.operation(), shift.middle()) {
+            (OUT, 0) => self.pull_threshold().saturating_sub(self.output.count),
+            (IN, 0) => self.push_threshold().saturating_sub(self.input.count),
+            _ => return 0,
+        };
+        (bits_left / or_32(shift.low())).saturating_sub(1)
     }
 
     fn go_on(&mut self) {
@@ -261,24 +252,18 @@ impl Machine {
     }
 
     fn execute(&mut self, instruction: Instruction, shared: &mut Shared) -> Outcome {
-        match instruction {
-            Instruction::Jump { condition, address } => self.jump(condition, address, shared),
-            Instruction::Wait {
-                polarity,
-                source,
-                index,
-            } => self.wait(polarity, source, index, shared),
-            Instruction::In { source, bits } => self.shift_in(source, bits, shared),
-            Instruction::Out { destination, bits } => self.shift_out(destination, bits, shared),
-            Instruction::Push { if_full, block } => self.push(if_full, block),
-            Instruction::Pull { if_empty, block } => self.pull(if_empty, block),
-            Instruction::Move {
-                destination,
-                operation,
-                source,
-            } => self.copy(destination, operation, source, shared),
-            Instruction::Irq { clear, wait, index } => self.interrupt(clear, wait, index, shared),
-            Instruction::Set { destination, data } => self.set(destination, data, shared),
+        let (middle, low) = (instruction.middle(), instruction.low());
+        let (bit_7, bit_6, bit_5) = (instruction.flag(7), instruction.flag(6), instruction.flag(5));
+        match instruction.operation() {
+            JUMP => self.jump(middle, low, shared),
+            WAIT => self.wait(bit_7, middle & 0b11, low, shared),
+            IN => self.shift_in(middle, or_32(low), shared),
+            OUT => self.shift_out(middle, or_32(low), shared),
+            PUSH_OR_PULL if bit_7 => self.pull(bit_6, bit_5),
+            PUSH_OR_PULL => self.push(bit_6, bit_5),
+            MOVE => self.copy(middle, low >> 3, low & 0b111, shared),
+            IRQ => self.interrupt(bit_6, bit_5, low, shared),
+            _ => self.set(middle, low, shared),
         }
     }
 

@@ -2,8 +2,8 @@
 //!
 //! State machines are stepped in the cycles of their own clocks, and not at all while they wait, so an idle block costs
 //! nothing. What a block makes of its pins is kept with the cycle of each change ([`Pio::take_changes`]): it does not
-//! depend on where the processor's instructions end. OUT_STICKY and INLINE_OUT_EN are not modelled; using them is a panic.
-//! The inputs come without the two cycles of their synchroniser.
+//! depend on where the processor's instructions end. OUT_STICKY, INLINE_OUT_EN and forced interrupts are not modelled; using
+//! them is a panic. The inputs come without the two cycles of their synchroniser.
 //!
 //! `picoem-common` has a model, too. It was tried, and differs from the datasheet: pins are high after reset and low while
 //! nothing is enabled, FDEBUG stays 0, an empty OSR is filled and shifted in one cycle, X-- stops at 0, SM_RESTART clears
@@ -35,9 +35,6 @@ const RXF3: u32 = 0x02c;
 const IRQ: u32 = 0x030;
 const IRQ_FORCE: u32 = 0x034;
 const INPUT_SYNC_BYPASS: u32 = 0x038;
-const DBG_PADOUT: u32 = 0x03c;
-const DBG_PADOE: u32 = 0x040;
-const DBG_CFGINFO: u32 = 0x044;
 const INSTR_MEM0: u32 = 0x048;
 const INSTR_MEM31: u32 = 0x0c4;
 const SM0: u32 = 0x0c8;
@@ -58,8 +55,6 @@ const PINCTRL: u32 = 0x14;
 const EXEC_STALLED: u32 = 31;
 const EXECCTRL_MASK: u32 = 0x7fff_ff9f;
 const STICKY_AND_INLINE: u32 = 0b11 << 17;
-/// 32 instructions, 4 state machines, FIFOs of 4 words.
-const CONFIGURATION: u32 = 32 << 16 | 4 << 8 | 4;
 const SOURCES: u32 = 0xfff;
 
 /// Interrupt lines (datasheet 2.3.2) and DMA requests (2.5.3.1) of a block.
@@ -86,19 +81,6 @@ pub trait PinDevice {
     fn next_event(&self) -> Cycle;
 }
 
-/// INTE and INTF of one of the two interrupts.
-#[derive(Clone, Debug, Default)]
-struct Interrupt {
-    enabled: u32,
-    forced: u32,
-}
-
-impl Interrupt {
-    fn is_used(&self) -> bool {
-        self.enabled | self.forced != 0
-    }
-}
-
 #[derive(Clone, Debug)]
 pub struct Pio {
     place: PioPlace,
@@ -107,7 +89,8 @@ pub struct Pio {
     tx_over: u32,
     rx_under: u32,
     sync_bypass: u32,
-    interrupts: [Interrupt; 2],
+    /// INTE of both interrupts.
+    enabled: [u32; 2],
     /// What was made of the pins, and when it was changed, since that was taken last.
     changes: Vec<(Cycle, Outputs)>,
 }
@@ -126,7 +109,7 @@ impl Pio {
             tx_over: 0,
             rx_under: 0,
             sync_bypass: 0,
-            interrupts: Default::default(),
+            enabled: [0; 2],
             changes: Vec::new(),
         }
     }
@@ -246,8 +229,7 @@ impl Pio {
     }
 
     fn interrupt_status(&self, number: usize) -> u32 {
-        let interrupt = &self.interrupts[number];
-        self.raw_interrupts() & interrupt.enabled | interrupt.forced
+        self.raw_interrupts() & self.enabled[number]
     }
 
     fn control(&mut self, ctrl: u32, now: Cycle) {
@@ -319,9 +301,6 @@ impl Peripheral for Pio {
             }
             IRQ => self.shared.flags,
             INPUT_SYNC_BYPASS => self.sync_bypass,
-            DBG_PADOUT => self.shared.outputs.high,
-            DBG_PADOE => self.shared.outputs.driven,
-            DBG_CFGINFO => CONFIGURATION,
             SM0..SM3_END => {
                 let offset = offset - SM0;
                 self.read_machine((offset / MACHINE_BYTES) as usize, offset % MACHINE_BYTES)
@@ -330,8 +309,8 @@ impl Peripheral for Pio {
             IRQ0_INTE..=IRQ1_INTS => {
                 let (interrupt, register) = interrupt_register(offset);
                 match register {
-                    0 => self.interrupts[interrupt].enabled,
-                    1 => self.interrupts[interrupt].forced,
+                    0 => self.enabled[interrupt],
+                    1 => 0,
                     _ => self.interrupt_status(interrupt),
                 }
             }
@@ -366,10 +345,9 @@ impl Peripheral for Pio {
             }
             IRQ0_INTE..=IRQ1_INTS => {
                 let (interrupt, register) = interrupt_register(offset);
-                let interrupt = &mut self.interrupts[interrupt];
                 match register {
-                    0 => write.update(&mut interrupt.enabled, SOURCES),
-                    1 => write.update(&mut interrupt.forced, SOURCES),
+                    0 => write.update(&mut self.enabled[interrupt], SOURCES),
+                    1 => panic!("PIO: forced interrupts are not modelled"),
                     _ => {}
                 }
             }
@@ -408,9 +386,9 @@ impl Peripheral for Pio {
     }
 
     fn interrupt_lines(&self) -> u32 {
-        (0..self.interrupts.len()).fold(0, |lines, number| {
+        (0..self.enabled.len()).fold(0, |lines, number| {
             // Looked at before each instruction that follows an access to a register: mostly nothing is enabled.
-            let is_raised = self.interrupts[number].is_used() && self.interrupt_status(number) != 0;
+            let is_raised = self.enabled[number] != 0 && self.interrupt_status(number) != 0;
             lines | u32::from(is_raised) << (self.place.interrupt_line + number as u32)
         })
     }

@@ -2,8 +2,8 @@
 //!
 //! Nothing is counted cycle by cycle: counter and levels are worked out when they are read, so a
 //! slice that runs costs nothing. The only events are the wraps at which something that was written
-//! comes into force, for those who record a pin. Interrupts, the DMA request and the input modes
-//! are not modelled; using them is a panic.
+//! comes into force, for those who record a pin. Interrupts, the DMA request, the input modes,
+//! phase-correct counting and inverted outputs are not modelled; using them is a panic.
 
 mod slice;
 #[cfg(test)]

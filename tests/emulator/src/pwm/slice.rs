@@ -11,10 +11,8 @@ pub const CC: u32 = 0x0c;
 pub const TOP: u32 = 0x10;
 
 const CSR_ENABLE: u32 = 0;
-const CSR_PHASE_CORRECT: u32 = 1;
-const CSR_INVERT: [u32; 2] = [2, 3];
-/// DIVMODE other than free-running, PH_RET and PH_ADV.
-const CSR_NOT_MODELLED: u32 = 0xf0;
+/// PH_CORRECT, A_INV, B_INV, DIVMODE other than free-running, PH_RET and PH_ADV.
+const CSR_NOT_MODELLED: u32 = 0xfe;
 const CSR_MASK: u32 = 0xff;
 const DIV_MASK: u32 = 0xfff;
 const HALF: u32 = 0xffff;
@@ -105,30 +103,20 @@ impl Slice {
         u64::from(self.div)
     }
 
-    /// A period is (TOP + 1) × (CSR.PH_CORRECT + 1) × DIV cycles (4.5.2.6).
-    fn period_counts(&self) -> u64 {
-        self.latched.counts() << field(self.csr, CSR_PHASE_CORRECT, 1)
-    }
-
+    /// A period is (TOP + 1) × DIV cycles (4.5.2.6).
     fn period(&self) -> u64 {
-        self.period_counts() * self.divisor()
+        self.latched.counts() * self.divisor()
     }
 
-    /// Up from 0 to TOP, and in phase-correct mode down again.
+    /// Up from 0 to TOP.
     fn counter(&self) -> u64 {
-        let count = self.elapsed / self.divisor();
-        if count < self.latched.counts() {
-            count
-        } else {
-            self.period_counts() - 1 - count
-        }
+        self.elapsed / self.divisor()
     }
 
     /// High while the counter is below the compare level (4.5.2.2): never for 0, always for TOP + 1. A
     /// slice that is disabled stands still, and so do its outputs.
     pub fn level(&self, channel: usize) -> bool {
-        let below = self.counter() < self.latched.of_channel(channel);
-        below != bit(self.csr, CSR_INVERT[channel])
+        self.counter() < self.latched.of_channel(channel)
     }
 
     pub fn output(&self, channel: usize) -> PwmOutput {
@@ -139,14 +127,9 @@ impl Slice {
             };
         }
         let counts = self.latched.counts();
-        let high = self.latched.of_channel(channel).min(counts) as f64 / counts as f64;
         PwmOutput {
             frequency_hz: (CLK_SYS_HZ * SIXTEENTHS) as f64 / self.period() as f64,
-            duty: if bit(self.csr, CSR_INVERT[channel]) {
-                1.0 - high
-            } else {
-                high
-            },
+            duty: self.latched.of_channel(channel).min(counts) as f64 / counts as f64,
         }
     }
 
@@ -173,7 +156,7 @@ impl Slice {
         }
         assert!(
             self.csr & CSR_NOT_MODELLED == 0,
-            "PWM: CSR {:#x} is not modelled: only a free-running counter is",
+            "PWM: CSR {:#x} is not modelled: only a free-running counter upwards is",
             self.csr
         );
         self.latch_if_disabled();

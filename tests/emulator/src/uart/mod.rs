@@ -76,7 +76,6 @@ pub struct Uart {
     /// Error flags of the character read last (UARTRSR).
     receive_status: u32,
     sent: Vec<SentByte>,
-    sent_unconnected: u64,
 }
 
 impl Uart {
@@ -98,7 +97,6 @@ impl Uart {
             dmacr: 0,
             receive_status: 0,
             sent: Vec::new(),
-            sent_unconnected: 0,
         }
     }
 
@@ -110,11 +108,6 @@ impl Uart {
     /// Take what left through the wired pin so far.
     pub fn take_sent(&mut self) -> Vec<SentByte> {
         std::mem::take(&mut self.sent)
-    }
-
-    /// Bytes the UART sent while its output was not connected to the wired pin.
-    pub fn sent_unconnected(&self) -> u64 {
-        self.sent_unconnected
     }
 
     /// Characters lost because the receive FIFO was full.
@@ -226,8 +219,6 @@ impl Uart {
     fn deliver(&mut self, byte: SentByte) {
         if self.pins.tx {
             self.sent.push(byte);
-        } else {
-            self.sent_unconnected += 1;
         }
     }
 

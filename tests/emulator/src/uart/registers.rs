@@ -78,7 +78,6 @@ impl Peripheral for Uart {
             pins: self.pins,
             receiver,
             sent: std::mem::take(&mut self.sent),
-            sent_unconnected: self.sent_unconnected,
             ..Self::new(self.place, Line::default())
         };
     }

@@ -271,11 +271,6 @@ impl Master {
         self.message(number, 2, data)
     }
 
-    /// Asks by a number.
-    pub fn ask(&mut self, number: u32, data: &[u8]) -> Answer {
-        self.message(number, 0, data)
-    }
-
     fn message(&mut self, number: u32, flags: u16, data: &[u8]) -> Answer {
         self.message += 1;
         let mut message = [number.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
@@ -299,7 +294,7 @@ impl Master {
     pub fn variable(&mut self, name: &str, bytes: usize) -> Answer {
         let mut data = [name.as_bytes(), &[0]].concat();
         data.resize(bytes.max(data.len()), 0);
-        self.ask(262, &data).map(|answer| answer[..bytes].to_vec())
+        self.message(262, 0, &data).map(|answer| answer[..bytes].to_vec())
     }
 
     /// An Ethernet frame into the air.
@@ -334,6 +329,5 @@ pub fn network(ssid: &str, passphrase: Option<&str>) -> Network {
     Network {
         ssid: ssid.to_owned(),
         passphrase: passphrase.map(str::to_owned),
-        channel: 6,
     }
 }

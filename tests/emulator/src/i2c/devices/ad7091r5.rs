@@ -1,9 +1,8 @@
 //! AD7091R-5: 12-bit converter with four inputs.
 //!
-//! In command mode, and in autocycle mode, each result that is read is followed by that of the next
-//! enabled channel; the channel a result says it belongs to lags a changed selection by one, as drivers
-//! have found. Left out: the CONVST pin, alerts, conversion times. What is not confirmed is said where
-//! it stands.
+//! In command mode each result that is read is followed by that of the next enabled channel; the channel a result says it
+//! belongs to lags a changed selection by one, as drivers have found. Left out: the CONVST pin, autocycle mode, alerts,
+//! conversion times. What is not confirmed is said where it stands.
 
 use super::super::super::clock::Cycle;
 use super::super::device::{Ack, I2cDevice, I2cDirection};
@@ -12,18 +11,13 @@ use super::unsigned_code;
 const RESULT: u8 = 0x00;
 const CHANNEL: u8 = 0x01;
 const CONFIG: u8 = 0x02;
-const FIRST_LIMIT: u8 = 0x04;
-const LAST_LIMIT: u8 = 0x0f;
 
 /// From memory, not confirmed.
 const CONFIG_RESET: u16 = 0x00c0;
 const CMD: u16 = 1 << 10;
 const RESET: u16 = 1 << 9;
-const AUTO: u16 = 1 << 8;
 const INTERNAL_REFERENCE: u16 = 1;
 const INTERNAL_REFERENCE_V: f64 = 2.5;
-/// Low, high, hysteresis of each channel; that hysteresis starts at all ones is not confirmed.
-const LIMITS_RESET: [u16; 3] = [0, 0xfff, 0xfff];
 
 const CHANNELS: u8 = 4;
 const RESULT_BITS: u32 = 12;
@@ -33,14 +27,11 @@ const CHANNEL_SHIFT: u32 = 13;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reference {
     External(f64),
-    /// A capacitor: there is none, and every result is 0 (an assumption).
-    None,
 }
 
 struct State {
     enabled: u8,
     config: u16,
-    limits: [u16; 12],
     pointer: u8,
     /// The channel of the next result.
     converted: u8,
@@ -51,7 +42,6 @@ impl State {
         Self {
             enabled: 0,
             config: CONFIG_RESET,
-            limits: std::array::from_fn(|index| LIMITS_RESET[index % 3]),
             pointer: RESULT,
             converted: 0,
         }
@@ -86,26 +76,13 @@ impl Ad7091r5 {
         self.volts[channel] = volts;
     }
 
-    /// The supply of the device is gone and back. What it is connected to stays.
-    pub fn power_cycle(&mut self) {
-        self.state = State::after_reset();
-        self.written.clear();
-    }
-
-    fn reference_v(&self) -> Option<f64> {
-        match self.reference {
-            _ if self.state.config & INTERNAL_REFERENCE != 0 => Some(INTERNAL_REFERENCE_V),
-            Reference::External(volts) => Some(volts),
-            Reference::None => None,
-        }
-    }
-
     fn code(&self, channel: u8) -> u16 {
-        let volts = self.volts[usize::from(channel)];
-        let steps = f64::from(1 << RESULT_BITS);
-        self.reference_v().map_or(0, |reference| {
-            unsigned_code(volts, reference / steps, RESULT_BITS) as u16
-        })
+        let reference_v = match self.reference {
+            _ if self.state.config & INTERNAL_REFERENCE != 0 => INTERNAL_REFERENCE_V,
+            Reference::External(volts) => volts,
+        };
+        let step_v = reference_v / f64::from(1 << RESULT_BITS);
+        unsigned_code(self.volts[usize::from(channel)], step_v, RESULT_BITS) as u16
     }
 
     /// The enabled channel after the one converted last, in ascending order and round again.
@@ -117,7 +94,7 @@ impl Ad7091r5 {
 
     fn take_result(&mut self) -> u16 {
         let channel = self.state.converted;
-        if self.state.config & (CMD | AUTO) != 0
+        if self.state.config & CMD != 0
             && let Some(next) = self.next_channel()
         {
             self.state.converted = next;
@@ -131,7 +108,6 @@ impl Ad7091r5 {
             // Eight bits; that both bytes are the same is an assumption.
             CHANNEL => u16::from_be_bytes([self.state.enabled; 2]),
             CONFIG => self.state.config,
-            pointer @ FIRST_LIMIT..=LAST_LIMIT => self.state.limits[usize::from(pointer - FIRST_LIMIT)],
             _ => 0,
         }
     }
@@ -146,21 +122,13 @@ impl Ad7091r5 {
         self.state.config = value & !RESET;
     }
 
-    /// The first channel of a new selection comes after the result that is ready already.
-    fn select(&mut self, channels: u8) {
-        self.state.enabled = channels & 0xf;
-    }
-
     /// The bytes of a register are complete: what follows is another register's number.
     fn take_written(&mut self) {
         match (self.state.pointer, &self.written[..]) {
-            (CHANNEL, &[channels]) => self.select(channels),
+            // The first channel of a new selection comes after the result that is ready already.
+            (CHANNEL, &[channels]) => self.state.enabled = channels & 0xf,
             (CHANNEL, _) | (_, [] | [_]) => return,
             (CONFIG, &[high, low]) => self.configure(u16::from_be_bytes([high, low])),
-            (pointer @ FIRST_LIMIT..=LAST_LIMIT, &[high, low]) => {
-                self.state.limits[usize::from(pointer - FIRST_LIMIT)] =
-                    u16::from_be_bytes([high, low]) & 0xfff;
-            }
             _ => {}
         }
         self.written.clear();
@@ -256,10 +224,6 @@ mod tests {
         let mut device = example();
         send(&mut device, &[0x02, 0x04, 0x01, 0x01, 0b0010, 0x00]);
         assert_eq!(results(&mut device, 2)[1], (1, 1352), "0.825 V of 2.5 V");
-        let mut device = Ad7091r5::new(Reference::None);
-        device.set(1, 0.825);
-        send(&mut device, &[0x02, 0x04, 0x00, 0x01, 0b0010, 0x00]);
-        assert_eq!(results(&mut device, 2)[1], (1, 0), "there is none");
     }
 
     #[test]
@@ -270,20 +234,12 @@ mod tests {
     }
 
     #[test]
-    fn reset_and_power_cycle_forget_what_was_written() {
-        let set_up = |device: &mut Ad7091r5| {
-            send(device, &[0x02, 0x04, 0x01, 0x01, 0x0f, 0x05, 0x01, 0x23]);
-            assert_eq!(read(device, 0x05, 2), 0x123);
-        };
+    fn a_reset_forgets_what_was_written() {
         let mut device = example();
-        set_up(&mut device);
+        assert_eq!(read(&mut device, CONFIG, 2), 0x00c0);
+        send(&mut device, &[0x02, 0x04, 0x00, 0x01, 0x0f, 0x00]);
         send(&mut device, &[0x02, 0x02, 0x00]);
         assert_eq!(read(&mut device, CONFIG, 2), 0, "what was written with it");
-        assert_eq!(read(&mut device, 0x05, 2), 0xfff);
-        set_up(&mut device);
-        device.power_cycle();
-        assert_eq!(read(&mut device, CONFIG, 2), 0x00c0);
         assert_eq!(read(&mut device, CHANNEL, 1), 0);
-        assert_eq!(read(&mut device, 0x05, 2), 0xfff);
     }
 }

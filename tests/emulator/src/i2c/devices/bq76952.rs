@@ -1,7 +1,7 @@
 //! BQ76952: monitor of up to 16 cells in series (SLUUBY2B, SLUAA11B).
 //!
-//! Left out: what its protection does, thermistors, modes of less power, writes to the data memory, the check byte
-//! behind each byte that can be set up. What the data memory reads as while it is sealed is not confirmed.
+//! Left out: its protection, which finds nothing, thermistors, modes of less power, a sealed data memory, writes to it, the
+//! check byte behind each byte that can be set up. The maker of the pack has changed nothing in its set-up.
 
 use super::super::super::clock::{CLK_SYS_HZ, Cycle, cycles};
 use super::super::device::{Ack, I2cDevice, I2cDirection};
@@ -9,8 +9,6 @@ use super::signed_code;
 
 const CELLS: usize = 16;
 
-const SAFETY_ALERT_A: u8 = 0x02;
-const SAFETY_STATUS_C: u8 = 0x07;
 const BATTERY_STATUS: u8 = 0x12;
 const FIRST_CELL: u8 = 0x14;
 const LAST_CELL: u8 = 0x32;
@@ -24,7 +22,6 @@ const BUFFER: u8 = 0x40;
 const BUFFER_END: u8 = 0x5f;
 const CHECKSUM: u8 = 0x60;
 const LENGTH: u8 = 0x61;
-const ALARM_RAW_STATUS: u8 = 0x64;
 const INT_TEMPERATURE: u8 = 0x68;
 
 const DEVICE_NUMBER: u16 = 0x0001;
@@ -32,13 +29,13 @@ const MANUFACTURING_STATUS: u16 = 0x0057;
 const DASTATUS6: u16 = 0x0076;
 const DA_CONFIGURATION: u16 = 0x9303;
 
-/// Battery Status: full access, and sealed.
+/// Battery Status: the data memory can be read.
 const FULL_ACCESS: u16 = 1 << 8;
-const SEALED: u16 = 3 << 8;
 
-/// DA Configuration after a reset: 10 mV and 1 mA.
+/// DA Configuration after a reset, and what it says.
 const DA_CONFIGURATION_RESET: u8 = 0x05;
-const USER_VOLTS_CV: u8 = 1 << 2;
+const USER_VOLTS: f64 = 0.01;
+const USER_AMPERES: f64 = 0.001;
 
 /// The time that a subcommand takes.
 const BUSY: Cycle = cycles(500);
@@ -47,30 +44,8 @@ const BUSY_BYTE: u8 = 0xff;
 /// The accumulated charge starts at half a step.
 const CHARGE_RESET: i64 = 1 << 31;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
-    Full,
-    /// The data memory can't be read.
-    Sealed,
-}
-
-/// Findings and actions of its protection.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Protection {
-    /// Safety Status A, B and C.
-    pub safety: [u8; 3],
-    /// Alarm Raw Status.
-    pub alarms: u16,
-    /// Manufacturing Status.
-    pub manufacturing: u16,
-}
-
 #[derive(Clone, Copy)]
 struct State {
-    da_configuration: u8,
-    vcell_mode: u16,
-    access: Access,
-    protection: Protection,
     /// In 2^-32 of the unit of current times an hour.
     charge: i64,
     charge_since: Cycle,
@@ -81,27 +56,11 @@ struct State {
 impl State {
     fn after_reset(now: Cycle) -> Self {
         Self {
-            da_configuration: DA_CONFIGURATION_RESET,
-            vcell_mode: 0,
-            access: Access::Full,
-            protection: Protection::default(),
             charge: CHARGE_RESET,
             charge_since: now,
             subcommand: 0,
             ready_at: 0,
         }
-    }
-
-    fn unit_v(self) -> f64 {
-        if self.da_configuration & USER_VOLTS_CV != 0 {
-            0.01
-        } else {
-            0.001
-        }
-    }
-
-    fn unit_a(self) -> f64 {
-        [0.0001, 0.001, 0.01, 0.1][usize::from(self.da_configuration & 3)]
     }
 }
 
@@ -116,7 +75,6 @@ pub struct Bq76952 {
     buffer: Vec<u8>,
     /// Bytes since the START.
     written: Vec<u8>,
-    stretch: Cycle,
 }
 
 impl Default for Bq76952 {
@@ -137,13 +95,7 @@ impl Bq76952 {
             pointer: 0,
             buffer: Vec::new(),
             written: Vec::new(),
-            stretch: 0,
         }
-    }
-
-    /// Hold SCL for this many cycles after every byte.
-    pub fn set_stretch(&mut self, cycles: Cycle) {
-        self.stretch = cycles;
     }
 
     /// Cells at the inputs from the first on; the current is positive when it flows out of them.
@@ -152,20 +104,6 @@ impl Bq76952 {
         self.cells_mv[..cells_mv.len()].copy_from_slice(cells_mv);
         self.amperes = amperes;
         self.celsius = celsius;
-    }
-
-    /// As the maker of the pack sets it up: units, and the inputs that have a cell.
-    pub fn configure(&mut self, da_configuration: u8, vcell_mode: u16) {
-        self.state.da_configuration = da_configuration;
-        self.state.vcell_mode = vcell_mode;
-    }
-
-    pub fn set_protection(&mut self, protection: Protection) {
-        self.state.protection = protection;
-    }
-
-    pub fn set_access(&mut self, access: Access) {
-        self.state.access = access;
     }
 
     /// The supply of the device is gone and back. What it is connected to stays.
@@ -178,7 +116,7 @@ impl Bq76952 {
     /// Counts the charge until `now`.
     fn advance(&mut self, now: Cycle) {
         let hours = (now - self.now) as f64 / CLK_SYS_HZ as f64 / 3600.0;
-        let into = -self.amperes / self.state.unit_a() * hours;
+        let into = -self.amperes / USER_AMPERES * hours;
         self.state.charge += (into * 2f64.powi(32)).round() as i64;
         self.now = now;
     }
@@ -186,19 +124,10 @@ impl Bq76952 {
     fn word(&self, command: u8) -> u16 {
         let stack_v = f64::from(self.cells_mv.iter().map(|mv| u32::from(*mv)).sum::<u32>()) / 1000.0;
         match command {
-            BATTERY_STATUS => match self.state.access {
-                Access::Full => FULL_ACCESS,
-                Access::Sealed => SEALED,
-            },
-            // An alert, then the status.
-            SAFETY_ALERT_A..=SAFETY_STATUS_C => {
-                let status = self.state.protection.safety[usize::from(command - SAFETY_ALERT_A) / 2];
-                u16::from_be_bytes([status, 0])
-            }
-            ALARM_RAW_STATUS => self.state.protection.alarms,
+            BATTERY_STATUS => FULL_ACCESS,
             FIRST_CELL..=LAST_CELL => self.cells_mv[usize::from(command - FIRST_CELL) / 2],
-            STACK | PACK_PIN | LD_PIN => signed_code(stack_v, self.state.unit_v(), 16) as u16,
-            CC2_CURRENT => signed_code(-self.amperes, self.state.unit_a(), 16) as u16,
+            STACK | PACK_PIN | LD_PIN => signed_code(stack_v, USER_VOLTS, 16) as u16,
+            CC2_CURRENT => signed_code(-self.amperes, USER_AMPERES, 16) as u16,
             INT_TEMPERATURE => signed_code(self.celsius + 273.15, 0.1, 16) as u16,
             _ => 0,
         }
@@ -208,7 +137,7 @@ impl Bq76952 {
     fn answer(&self) -> Vec<u8> {
         match self.state.subcommand {
             DEVICE_NUMBER => 0x7695u16.to_le_bytes().to_vec(),
-            MANUFACTURING_STATUS => self.state.protection.manufacturing.to_le_bytes().to_vec(),
+            MANUFACTURING_STATUS => vec![0; 2],
             DASTATUS6 => {
                 let seconds = ((self.now - self.state.charge_since) / CLK_SYS_HZ) as u32;
                 let integer = (self.state.charge >> 32) as i32;
@@ -222,24 +151,18 @@ impl Bq76952 {
             }
             // A read of the data memory gives a whole buffer.
             DA_CONFIGURATION => {
-                let [low, high] = self.state.vcell_mode.to_le_bytes();
                 let mut block = vec![0; 32];
-                block[..3].copy_from_slice(&[self.state.da_configuration, low, high]);
+                block[0] = DA_CONFIGURATION_RESET;
                 block
             }
             _ => Vec::new(),
         }
     }
 
-    fn is_answered(&self) -> bool {
-        let is_data_memory = self.state.subcommand >= 0x9000;
-        self.now >= self.state.ready_at && !(is_data_memory && self.state.access == Access::Sealed)
-    }
-
     fn byte(&self, address: u8) -> u8 {
         let [low, high] = self.state.subcommand.to_le_bytes();
         match address {
-            SUBCOMMAND..=LENGTH if !self.is_answered() => BUSY_BYTE,
+            SUBCOMMAND..=LENGTH if self.now < self.state.ready_at => BUSY_BYTE,
             SUBCOMMAND => low,
             SUBCOMMAND_HIGH => high,
             BUFFER..=BUFFER_END => {
@@ -284,10 +207,6 @@ impl I2cDevice for Bq76952 {
         self.pointer = self.pointer.wrapping_add(1);
         byte
     }
-
-    fn stretch(&mut self) -> Cycle {
-        self.stretch
-    }
 }
 
 #[cfg(test)]
@@ -311,23 +230,18 @@ mod tests {
     }
 
     #[test]
-    fn the_examples_of_the_software_guide_read_as_it_says() {
-        // SLUAA11B 1.2 to 1.4: 3700 mV, 298.2 K, 7 mA.
-        let mut device = Bq76952::new();
-        device.set(&[3700], -0.007, 25.05);
-        assert_eq!(read_at(&mut device, 0x14, 2, 0), [0x74, 0x0e]);
-        assert_eq!(read_at(&mut device, 0x68, 2, 0), [0xa6, 0x0b]);
-        assert_eq!(read_at(&mut device, 0x3a, 2, 0), [0x07, 0x00]);
-    }
-
-    #[test]
-    fn the_stack_of_ti_s_example_reads_as_it_says() {
-        // SLAAEB3, table 4-6: 16 cells of 1532 mV and a little less, 24.4 V.
-        let mut device = Bq76952::new();
-        device.set(&[1525; 16], 0.0, 25.0);
-        assert_eq!(read_at(&mut device, 0x34, 2, 0), [0x88, 0x09]);
-        device.configure(0x01, 0);
-        assert_eq!(read_at(&mut device, 0x34, 2, 0), 24_400u16.to_le_bytes());
+    fn ti_s_examples_read_as_they_say() {
+        // SLUAA11B 1.2 to 1.4: 3700 mV, 298.2 K, 7 mA. SLAAEB3, table 4-6: 16 cells of 1532 mV and a little less, 24.4 V.
+        for (cells, command, bytes) in [
+            (&[3700][..], FIRST_CELL, [0x74, 0x0e]),
+            (&[3700], INT_TEMPERATURE, [0xa6, 0x0b]),
+            (&[3700], CC2_CURRENT, [0x07, 0x00]),
+            (&[1525; 16], STACK, [0x88, 0x09]),
+        ] {
+            let mut device = Bq76952::new();
+            device.set(cells, -0.007, 25.05);
+            assert_eq!(read_at(&mut device, command, 2, 0), bytes, "{command:#x}");
+        }
     }
 
     #[test]
@@ -352,14 +266,11 @@ mod tests {
     }
 
     #[test]
-    fn the_data_memory_is_not_answered_while_it_is_sealed() {
+    fn a_read_of_the_data_memory_gives_a_whole_buffer() {
         let mut device = Bq76952::new();
-        device.configure(0x06, 0x8007);
         ask(&mut device, DA_CONFIGURATION, 0);
-        assert_eq!(read_at(&mut device, 0x40, 3, BUSY), [0x06, 0x07, 0x80]);
-        assert_eq!(read_at(&mut device, 0x61, 1, BUSY), [0x24]);
-        device.set_access(Access::Sealed);
-        assert_eq!(read_at(&mut device, 0x3e, 2, BUSY), [0xff, 0xff]);
-        assert_eq!(read_at(&mut device, 0x12, 2, BUSY), [0x00, 0x03]);
+        assert_eq!(read_at(&mut device, BUFFER, 3, BUSY), [0x05, 0, 0]);
+        assert_eq!(read_at(&mut device, LENGTH, 1, BUSY), [0x24]);
+        assert_eq!(read_at(&mut device, BATTERY_STATUS, 2, BUSY), [0x00, 0x01]);
     }
 }

@@ -5,7 +5,6 @@
 //! to go on setting values attaches an `Rc<RefCell<_>>`.
 
 mod ad7091r5;
-mod bebop;
 mod bq76952;
 mod garbled;
 mod ina226;
@@ -19,8 +18,7 @@ mod register_map;
 mod smart_battery;
 
 pub use ad7091r5::{Ad7091r5, Reference};
-pub use bebop::Bebop;
-pub use bq76952::{Access, Bq76952, Protection};
+pub use bq76952::Bq76952;
 pub use garbled::{Garbled, Reads};
 pub use ina226::Ina226;
 pub use ina228::Ina228;
@@ -29,10 +27,8 @@ pub use ina238::Ina238;
 pub use ina260::Ina260;
 pub use ina3221::Ina3221;
 pub use ltc2946::Ltc2946;
-#[cfg(test)]
-pub use register_map::driver;
 pub use register_map::{RegisterMap, Registers};
-pub use smart_battery::{ADDRESS as SMART_BATTERY_ADDRESS, Pec, SmartBattery, crc8};
+pub use smart_battery::{ADDRESS as SMART_BATTERY_ADDRESS, Pec, SmartBattery};
 
 /// "TI", what these monitors call their manufacturer.
 const TEXAS_INSTRUMENTS: u64 = 0x5449;
@@ -60,4 +56,53 @@ fn unsigned_code(value: f64, lsb: f64, bits: u32) -> i64 {
 /// The low `bits` bits of a code, as they are sent.
 fn field_of(code: i64, bits: u32) -> u64 {
     code as u64 & ((1 << bits) - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::register_map::driver::{read, write};
+    use super::*;
+
+    /// The devices have their configuration at `configuration`, and the voltage at `voltage`.
+    fn assert_forgets<R: Registers>(
+        mut device: RegisterMap<R>,
+        [configuration, voltage]: [u8; 2],
+        ways: &[fn(&mut RegisterMap<R>)],
+    ) {
+        let registers =
+            |device: &mut RegisterMap<R>| [configuration, voltage].map(|pointer| read(device, pointer, 2));
+        let before = registers(&mut device);
+        assert_ne!(before[1], 0);
+        for way in ways {
+            write(&mut device, configuration, 0x1234);
+            assert_ne!(read(&mut device, configuration, 2), before[0]);
+            way(&mut device);
+            assert_eq!(registers(&mut device), before);
+        }
+    }
+
+    #[test]
+    fn a_power_cycle_and_bit_15_forget_what_was_written_not_what_is_measured() {
+        fn bit_15<R: Registers>(device: &mut RegisterMap<R>) {
+            write(device, 0x00, 1 << 15);
+        }
+        let mut ina226 = Ina226::new(0.002);
+        ina226.set(12.0, 1.0);
+        assert_forgets(ina226, [0x00, 0x02], &[RegisterMap::power_cycle, bit_15]);
+        let mut ina231 = Ina231::new(0.002);
+        ina231.set(12.0, 1.0);
+        assert_forgets(ina231, [0x00, 0x02], &[RegisterMap::power_cycle, bit_15]);
+        let mut ina260 = Ina260::new();
+        ina260.set(12.0, 1.0);
+        assert_forgets(ina260, [0x00, 0x02], &[RegisterMap::power_cycle, bit_15]);
+        let mut ina3221 = Ina3221::new(0.002);
+        ina3221.set(1, 12.0, 1.0);
+        assert_forgets(ina3221, [0x00, 0x02], &[RegisterMap::power_cycle, bit_15]);
+        let mut ina228 = Ina228::new(0.002);
+        ina228.set(12.0, 1.0, 25.0);
+        assert_forgets(ina228, [0x01, 0x05], &[RegisterMap::power_cycle]);
+        let mut ina238 = Ina238::new(0.002);
+        ina238.set(12.0, 1.0, 25.0);
+        assert_forgets(ina238, [0x01, 0x05], &[RegisterMap::power_cycle]);
+    }
 }

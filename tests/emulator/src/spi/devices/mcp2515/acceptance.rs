@@ -72,24 +72,13 @@ impl Pattern {
     }
 
     fn matches(self, mask: Self, frame: &CanFrame) -> bool {
+        // The first two bytes of standard frames, which could be compared, too (4.4), are not.
         let (is_extended, standard, extension, compared) = match frame.id {
             CanId::Extended(id) => (true, (id >> 18) as u16, id & 0x3_ffff, 0x3_ffff),
-            CanId::Standard(id) => {
-                let (bytes, compared) = first_bytes(&frame.data);
-                (false, id, bytes, compared)
-            }
+            CanId::Standard(id) => (false, id, 0, 0),
         };
         is_extended == self.is_extended
             && (standard ^ self.standard) & mask.standard == 0
             && (extension ^ self.extension) & mask.extension & compared == 0
-    }
-}
-
-/// Of standard frames, EID15 to EID0 are compared with the first two bytes (4.4).
-fn first_bytes(data: &[u8]) -> (u32, u32) {
-    match data {
-        [first, second, ..] => (u32::from(*first) << 8 | u32::from(*second), 0xffff),
-        [first] => (u32::from(*first) << 8, 0xff00),
-        [] => (0, 0),
     }
 }

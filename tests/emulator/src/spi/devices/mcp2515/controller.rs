@@ -1,9 +1,7 @@
 //! The registers, and the node at the bus that they stand for.
 
-use super::super::super::super::can::{
-    Attachment, CanFrame, CanId, CanNode, Confinement, ErrorState, Listening,
-};
-use super::super::super::super::clock::{CLK_SYS_HZ, Cycle, NEVER};
+use super::super::super::super::can::{CanFrame, CanId, CanNode, Confinement, ErrorState};
+use super::super::super::super::clock::{CLK_SYS_HZ, Cycle};
 use super::super::super::super::random::Random;
 use super::acceptance::{Destination, destination};
 use super::registers::*;
@@ -26,8 +24,6 @@ pub struct Controller {
     starts_at: Cycle,
     /// The buffer that is being sent.
     sending: Option<usize>,
-    /// When what loops back is over.
-    loopback_end: Option<Cycle>,
     pub lost: u64,
     pub ignored_writes: u64,
 }
@@ -43,7 +39,6 @@ impl Controller {
             now: 0,
             starts_at: 0,
             sending: None,
-            loopback_end: None,
             lost: 0,
             ignored_writes: 0,
         };
@@ -65,13 +60,16 @@ impl Controller {
         self.mode = Mode::Configuration;
         self.confinement = Confinement::default();
         self.sending = None;
-        self.loopback_end = None;
         self.starts_at = self.now + START_UP * CLK_SYS_HZ / self.crystal_hz;
     }
 
     pub fn power(&mut self, is_powered: bool) {
         self.is_powered = is_powered;
         self.reset();
+    }
+
+    pub fn pass_time(&mut self, now: Cycle) {
+        self.now = self.now.max(now);
     }
 
     pub fn is_starting(&self) -> bool {
@@ -146,23 +144,17 @@ impl Controller {
         self.obey_control();
     }
 
-    /// ABAT, and the mode that is requested.
+    /// The mode that is requested.
     fn obey_control(&mut self) {
-        if self.at(CANCTRL) & ABAT != 0 {
-            (0..TXB_CTRL.len()).for_each(|buffer| self.abort(buffer));
-        }
-        let Some(requested) = Mode::requested(self.at(CANCTRL)) else {
-            return;
-        };
+        assert!(
+            self.at(CANCTRL) & NOT_MODELLED == 0,
+            "ABAT and OSM of the MCP2515 are not modelled"
+        );
+        let requested = Mode::requested(self.at(CANCTRL));
         // "The mode will not actually change until all pending message transmissions are complete" (10).
-        if requested == self.mode || self.is_sending_or_pending() {
-            return;
-        }
-        let was_at_bus = matches!(self.mode, Mode::Normal | Mode::ListenOnly);
-        let is_at_bus = matches!(requested, Mode::Normal | Mode::ListenOnly);
-        self.mode = requested;
-        // Configuration clears the error counters (10.1).
-        if requested == Mode::Configuration || !was_at_bus && is_at_bus {
+        if requested != self.mode && !self.is_sending_or_pending() {
+            self.mode = requested;
+            // Configuration clears the error counters (10.1).
             self.confinement = Confinement::default();
         }
     }
@@ -174,7 +166,7 @@ impl Controller {
     fn opmod(&self) -> u8 {
         let has_joined = self.confinement.state() != ErrorState::Joining;
         match self.mode {
-            Mode::Normal | Mode::ListenOnly if !has_joined => Mode::Configuration.opmod(),
+            Mode::Normal if !has_joined => Mode::Configuration.opmod(),
             mode => mode.opmod(),
         }
     }
@@ -196,24 +188,6 @@ impl Controller {
             (requested | sent << 1) << (2 + 2 * buffer)
         };
         flags & 0b11 | transmit(0) | transmit(1) | transmit(2)
-    }
-
-    /// Figure 12-9: RXB0 has priority.
-    pub fn rx_status(&self) -> u8 {
-        let flags = self.at(CANINTF) & 0b11;
-        if flags == 0 {
-            return 0;
-        }
-        let buffer = usize::from(flags & 1 == 0);
-        let control = self.at(RXB_CTRL[buffer]);
-        let is_extended = self.at(RXB_CTRL[buffer] + 2) & EXIDE != 0;
-        let filter = match (buffer, control & 0b111) {
-            (0, hit) => hit & 1,
-            // Rolled over.
-            (_, hit @ (0 | 1)) => 6 + hit,
-            (_, hit) => hit,
-        };
-        flags << 6 | u8::from(is_extended) << 4 | filter
     }
 
     /// The end of READ RX BUFFER.
@@ -245,7 +219,6 @@ impl Controller {
             self.set(TXB_CTRL[buffer], after | TXREQ);
             self.abort(buffer);
         }
-        self.begin_loopback();
     }
 
     /// What is being sent is finished (3.6).
@@ -260,9 +233,6 @@ impl Controller {
 
     /// The highest TXP, of equal ones the highest number (3.2).
     fn next_buffer(&self) -> Option<usize> {
-        if self.at(CANCTRL) & ABAT != 0 {
-            return None;
-        }
         let waiting = (0..TXB_CTRL.len()).filter(|buffer| self.at(TXB_CTRL[*buffer]) & TXREQ != 0);
         waiting.max_by_key(|buffer| (self.at(TXB_CTRL[*buffer]) & TXP, *buffer))
     }
@@ -289,45 +259,17 @@ impl Controller {
         self.obey_control();
     }
 
-    /// It is tried again, unless that was aborted meanwhile or one shot is all it has.
+    /// It is tried again, unless that was aborted meanwhile.
     fn stop_sending(&mut self, reason: u8) {
         let Some(buffer) = self.sending.take() else {
             return;
         };
         let mut control = self.at(TXB_CTRL[buffer]) | reason;
-        if control & TXREQ == 0 || self.at(CANCTRL) & OSM != 0 {
-            control = control & !TXREQ | ABTF;
+        if control & TXREQ == 0 {
+            control |= ABTF;
         }
         self.set(TXB_CTRL[buffer], control);
         self.obey_control();
-    }
-
-    // ----- Loopback -----------------------------------------------------------------------------
-
-    fn begin_loopback(&mut self) {
-        if self.mode == Mode::Loopback
-            && self.loopback_end.is_none()
-            && let Some(buffer) = self.next_buffer()
-        {
-            self.sending = Some(buffer);
-            self.loopback_end = Some(self.now + self.frame_of(buffer).bits() * self.timing().bit());
-        }
-    }
-
-    pub fn advance(&mut self, now: Cycle) {
-        self.now = self.now.max(now);
-        if self.loopback_end.take_if(|end| *end <= now).is_some()
-            && let Some(buffer) = self.sending
-        {
-            let frame = self.frame_of(buffer);
-            self.finish_sending(buffer);
-            self.take(&frame);
-            self.begin_loopback();
-        }
-    }
-
-    pub fn next_event(&self) -> Cycle {
-        self.loopback_end.unwrap_or(NEVER)
     }
 
     // ----- Reception ----------------------------------------------------------------------------
@@ -392,16 +334,9 @@ impl Controller {
 }
 
 impl CanNode for Controller {
-    fn attachment(&self) -> Option<Attachment> {
-        let listening = match self.mode {
-            Mode::Normal => Listening::TakesPart,
-            Mode::ListenOnly => Listening::Silent,
-            Mode::Sleep | Mode::Loopback | Mode::Configuration => return None,
-        };
-        self.is_powered.then(|| Attachment {
-            bit: self.timing().bit(),
-            listening,
-        })
+    fn attachment(&self) -> Option<Cycle> {
+        let is_at_bus = self.is_powered && self.mode == Mode::Normal;
+        is_at_bus.then(|| self.timing().bit())
     }
 
     fn confinement(&self) -> &Confinement {

@@ -51,33 +51,26 @@ pub const TXEP: u8 = 1 << 4;
 pub const TXBO: u8 = 1 << 5;
 pub const RXOVR: [u8; 2] = [1 << 6, 1 << 7];
 
-/// CANCTRL (register 10-1).
-pub const ABAT: u8 = 1 << 4;
-pub const OSM: u8 = 1 << 3;
+/// CANCTRL (register 10-1): ABAT and OSM.
+pub const NOT_MODELLED: u8 = 0b11 << 3;
 /// Configuration mode, CLKOUT with an eighth of the clock.
 pub const CANCTRL_AFTER_RESET: u8 = 0x87;
 
 /// Of REQOP and OPMOD.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    Normal,
-    Sleep,
-    Loopback,
-    ListenOnly,
-    Configuration,
+    Normal = 0,
+    Configuration = 4,
 }
 
 impl Mode {
-    /// REQOP; `None`: not a mode (register 10-1).
-    pub fn requested(canctrl: u8) -> Option<Self> {
-        Some(match canctrl >> 5 {
+    /// REQOP (register 10-1).
+    pub fn requested(canctrl: u8) -> Self {
+        match canctrl >> 5 {
             0 => Self::Normal,
-            1 => Self::Sleep,
-            2 => Self::Loopback,
-            3 => Self::ListenOnly,
             4 => Self::Configuration,
-            _ => return None,
-        })
+            mode => panic!("mode {mode} of the MCP2515 is not modelled"),
+        }
     }
 
     /// OPMOD.
