@@ -5,15 +5,15 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 
 use crate::learnt;
-use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
-use emulator::{FlashOperation, FlashOperationKind, FlashTiming};
+use crate::rover::{GOOD_3S, VEHICLE_ID, drive_for};
+use emulator::{FlashOperationKind, FlashTiming};
 use support::commands::ACCEPTED;
 use support::frames::{PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of};
 use support::motor_poles::LEFT;
 use support::parameter_flash;
-use support::requests::{arm, disarm, manual_control, param_set, set_mode};
+use support::requests::{arm, disarm, manual_control, manual_mode, param_set};
 use workbench::bench::{
-    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, TestedVehicle,
+    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, SECOND, SIGNING_OFFSET, TestedVehicle, count_of,
 };
 use workbench::signing_key;
 
@@ -45,32 +45,17 @@ fn signing(room: u16) -> Vec<u8> {
 
 /// A sector of learnt data of as many packs as it takes: each write of another pack needs a sector.
 fn learnt_data() -> Vec<u8> {
-    let packs = (101..100 + learnt::SLOTS as i32).map(|number| {
-        let serial_number = Some(number);
-        (
-            PackIdentity {
-                pack: Pack::First,
-                serial_number,
-            },
-            2950.0,
-        )
+    let packs = (101..100 + learnt::SLOTS as i32).map(|number| PackIdentity {
+        serial_number: Some(number),
+        ..learnt::FIRST
     });
-    learnt::flash_with(packs.chain([(learnt::FIRST, 2950.0)]))
+    learnt::flash_with(packs.chain([learnt::FIRST]).map(|pack| (pack, 2950.0)))
 }
 
-/// A rover with this flash, disarmed.
-fn rover_with(learnt: &[u8], signing: &[u8], parameters: &[u8]) -> Bench {
-    assert_eq!(LEARNT_OFFSET as usize + learnt.len(), SIGNING_OFFSET as usize);
-    assert_eq!(SIGNING_OFFSET as usize + signing.len(), PARAMETER_OFFSET as usize);
-    let image = [learnt, signing, parameters].concat();
-    let mut bench = Bench::power_up_with_flash(GOOD_3S, LEARNT_OFFSET, &image);
-    bench.run_for(3 * SECOND);
-    bench
-}
-
-/// A rover whose parameters have room for `free` records in the active sector and in the one erased ahead.
-fn rover_with_room(free: u16) -> Bench {
-    let mut bench = Bench::power_up_with_flash(GOOD_3S, PARAMETER_OFFSET, &parameters(SLOTS - 4 - free));
+/// A disarmed rover whose parameters have room for `free` records in the active sector and in the one erased ahead.
+fn rover_with_room(free: u16, also: impl FnOnce(&mut Bench)) -> Bench {
+    let mut bench = Bench::power_up_with_parameters(GOOD_3S, &parameters(SLOTS - 4 - free));
+    also(&mut bench);
     bench.run_for(3 * SECOND);
     bench
 }
@@ -78,14 +63,9 @@ fn rover_with_room(free: u16) -> Bench {
 fn arm_and_drive(bench: &mut Bench) {
     drive_for(bench, 200 * MILLISECOND, 0);
     assert_eq!(bench.result_of(&arm()), ACCEPTED);
-    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_mode());
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.take_flash_operations();
-}
-
-fn erases(operations: &[FlashOperation]) -> usize {
-    let is_erase = |operation: &&FlashOperation| operation.kind == FlashOperationKind::SectorErase;
-    operations.iter().filter(is_erase).count()
 }
 
 fn texts_since(bench: &mut Bench, from_us: u64) -> Vec<String> {
@@ -98,7 +78,10 @@ fn texts_since(bench: &mut Bench, from_us: u64) -> Vec<String> {
 #[test]
 // Requirement: R-5
 fn what_waits_for_disarming_is_erased_under_the_longer_watchdog() {
-    let mut bench = rover_with(&learnt_data(), &signing(3), &parameters(SLOTS - 4 - 5));
+    let mut bench = rover_with_room(5, |bench| {
+        bench.write_flash(LEARNT_OFFSET, &learnt_data());
+        bench.write_flash(SIGNING_OFFSET, &signing(3));
+    });
     bench.flash_timing(FlashTiming::MAXIMUM);
     for disarmed_after_us in (0..5).map(|step| 20 * step * MILLISECOND + SECOND) {
         arm_and_drive(&mut bench);
@@ -111,7 +94,10 @@ fn what_waits_for_disarming_is_erased_under_the_longer_watchdog() {
         drive_for(&mut bench, 4 * SECOND, 500);
         bench.run_for(disarmed_after_us);
         bench.run_until_silent();
-        assert_eq!(erases(&bench.take_flash_operations()), 0);
+        assert_eq!(
+            count_of(FlashOperationKind::SectorErase, &bench.take_flash_operations()),
+            0
+        );
         let disarmed_us = bench.time_us();
         // What is set right behind it must not be refused, as it would be while armed.
         let behind = [
@@ -124,7 +110,10 @@ fn what_waits_for_disarming_is_erased_under_the_longer_watchdog() {
         let waited_us = operations.first().expect("it is saved").time_us - disarmed_us;
         println!("saving begins {waited_us} us after disarming");
         assert!(waited_us <= 200 * MILLISECOND, "{waited_us}");
-        assert!(erases(&operations) >= 2, "{operations:?}");
+        assert!(
+            count_of(FlashOperationKind::SectorErase, &operations) >= 2,
+            "{operations:?}"
+        );
         let texts = texts_since(&mut bench, disarmed_us);
         assert!(!texts.iter().any(|text| text.contains("not saved")), "{texts:?}");
         assert!(bench.resets().is_empty(), "{:?}", bench.resets());
@@ -138,7 +127,7 @@ const STICK_TO_MOTOR_US: u64 = 50 * MILLISECOND;
 // Requirement: R-5
 fn two_hundred_sets_at_full_rate_delay_no_stick_and_lose_no_byte() {
     // The parameters move to the sector that was erased ahead, and fill it.
-    let mut bench = rover_with_room(30);
+    let mut bench = rover_with_room(30, |_| ());
     arm_and_drive(&mut bench);
     bench.record_pin(LEFT[0].positive);
     let from_us = bench.time_us();
@@ -171,7 +160,10 @@ fn two_hundred_sets_at_full_rate_delay_no_stick_and_lose_no_byte() {
     println!("the motor follows {latest_us} us after the stick's last byte at the latest");
     assert!(latest_us <= STICK_TO_MOTOR_US);
 
-    assert_eq!(erases(&bench.take_flash_operations()), 0);
+    assert_eq!(
+        count_of(FlashOperationKind::SectorErase, &bench.take_flash_operations()),
+        0
+    );
     let frames = bench.frames_since(from_us);
     let answers = of_message(&frames, PARAM_VALUE);
     let acknowledged = answers

@@ -4,8 +4,7 @@ use crate::wheels::duties;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rover_battmon::memory::identity::FirmwareHash;
-use rover_battmon_tools::board_check::{Divider, Multimeter, Plan, Report, Verdict, hash_of_elf, run};
+use rover_battmon_tools::board_check::{Divider, Multimeter, Plan, Verdict, hash_of_elf, run};
 
 use support::checked::{Checked, Line, Turned, Watcher, failed, not_measured};
 use support::motor_poles::{LEFT, Motor, RIGHT};
@@ -60,54 +59,29 @@ impl Checked for BenchBoard {
     }
 }
 
-const EVERYTHING: Plan = Plan {
-    provoke_fault: true,
-    turn_motors: true,
-    multimeter: Multimeter::Shows(7.93),
-    apply_calibration: false,
-    divider: Divider::AsBefore,
-    firmware_hash: None,
-};
-
-fn check(mut bench: Bench, plan: &Plan) -> Report {
-    // Its first second, in which it looks for logs, does not measure its load.
-    bench.run_for(2 * SECOND);
-    bench.run_until_silent();
-    let mut owner = Watcher::default();
-    let mut line = Line(BenchBoard {
-        bench,
-        turned: owner.turned.clone(),
-    });
-    let report = run(&mut line, &mut owner, plan);
-    println!("{}", report.markdown("emulated board"));
-    report
-}
-
-/// The hash of the release firmware's file.
-pub fn released() -> FirmwareHash {
-    let file = std::fs::read(build(Artifact::Binary("rover-battmon"))).expect("it was built");
-    hash_of_elf(&file).expect("cargo links ELF files")
-}
-
-/// Waits until the firmware knows its hash.
-fn hashed(mut bench: Bench) -> Bench {
-    bench.run_for(200 * MILLISECOND);
-    bench
-}
-
 #[test]
 fn a_sound_board_passes() {
+    let file = std::fs::read(build(Artifact::Binary("rover-battmon"))).expect("it was built");
     let plan = Plan {
-        firmware_hash: Some(released()),
-        ..EVERYTHING
+        provoke_fault: true,
+        turn_motors: true,
+        multimeter: Multimeter::Shows(7.93),
+        apply_calibration: false,
+        divider: Divider::AsBefore,
+        firmware_hash: Some(hash_of_elf(&file).expect("cargo links ELF files")),
     };
-    let report = check(hashed(Bench::power_up(DIVIDER_CODE)), &plan);
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    // Until the firmware knows its hash; and its first second, in which it looks for logs, does not measure its load.
+    bench.run_for(2 * SECOND + 200 * MILLISECOND);
+    bench.run_until_silent();
+    let mut owner = Watcher::default();
+    let turned = owner.turned.clone();
+    let report = run(&mut Line(BenchBoard { bench, turned }), &mut owner, &plan);
+    println!("{}", report.markdown("emulated board"));
     assert_eq!(failed(&report), [""; 0]);
     assert_eq!(not_measured(&report), [""; 0]);
     assert_eq!(report.verdict(), Verdict::Passed);
     let report = report.markdown("of the emulated board");
-    assert!(
-        report.contains(": 27 passed, 0 failed, 0 not measured."),
-        "{report}"
-    );
+    let expected = ": 27 passed, 0 failed, 0 not measured.";
+    assert!(report.contains(expected), "{report}");
 }

@@ -1,7 +1,6 @@
 //! The start, and the log.
 
 use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon_tools::sim::SimulatedFlash;
@@ -9,9 +8,7 @@ use rover_battmon_tools::sim::SimulatedFlash;
 use emulator::{AdcInput, Board, FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
 use support::firmware_version;
 use support::requests::param_set;
-use workbench::bench::{
-    Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET, TestedVehicle, Wire,
-};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, SIGNING_OFFSET, TestedVehicle, Wire};
 use workbench::signing_key::{flash_with, words_of_key};
 
 #[test]
@@ -19,21 +16,13 @@ fn the_banner_names_version_and_reset_reason() {
     let mut bench = Bench::power_up(2482);
     bench.run_for(SECOND / 10);
     let banner = format!("rover-battmon {}, started by PowerOn", firmware_version());
-    assert_eq!(
-        bench.logged(LogLevel::Info, &banner).len(),
-        1,
-        "{:?}",
-        bench.log_lines()
-    );
+    let lines = bench.logged(LogLevel::Info, &banner);
+    assert_eq!(lines.len(), 1, "{:?}", bench.log_lines());
 
     bench.press_run();
     bench.run_for(SECOND / 10);
-    assert_eq!(
-        bench.logged(LogLevel::Info, "started by RunPin").len(),
-        1,
-        "{:?}",
-        bench.log_lines()
-    );
+    let lines = bench.logged(LogLevel::Info, "started by RunPin");
+    assert_eq!(lines.len(), 1, "{:?}", bench.log_lines());
 }
 
 #[test]
@@ -79,10 +68,10 @@ fn frames(sent: &[(u64, u8)]) -> Vec<(Vec<u8>, u64)> {
         };
         let mut content: Vec<u8> = frame.iter().map(|(_, byte)| *byte).collect();
         let is_sys_status = content[7..10] == SYS_STATUS;
-        let load = [LOAD_OFFSET, LOAD_OFFSET + 1]
-            .into_iter()
-            .filter(|_| is_sys_status);
-        for place in load.chain([4, length - 2, length - 1]) {
+        if is_sys_status {
+            content[LOAD_OFFSET..LOAD_OFFSET + 2].fill(0);
+        }
+        for place in [4, length - 2, length - 1] {
             content[place] = 0;
         }
         frames.push((content, frame[0].0));
@@ -130,19 +119,14 @@ const SIGNING_RECORDS: usize = 338;
 /// Parameters with as many records as a sector takes, all of the same one.
 fn full_parameters() -> Vec<u8> {
     const SR0_PARAMS: u16 = 4;
-    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+    let flash = SimulatedFlash::blank();
     let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
-    let mut content = vec![0; PARAMETER_BYTES];
-    block_on(async {
-        for number in 0..PARAMETER_RECORDS {
-            let value = 3.0 + (number % 40) as f32;
-            let stored = storage.store(SR0_PARAMS, value.to_bits(), &Erase::always).await;
-            stored.expect("a sound flash");
-        }
-        let read = flash.read(flash_map::PARAMETERS.start, &mut content).await;
-        read.expect("a sound flash");
-    });
-    content
+    for number in 0..PARAMETER_RECORDS {
+        let value = 3.0 + (number % 40) as f32;
+        let stored = block_on(storage.store(SR0_PARAMS, value.to_bits(), &Erase::always));
+        stored.expect("a sound flash");
+    }
+    flash.content(flash_map::PARAMETERS)
 }
 
 /// Signing's sectors, the first outdated and the second full: the time that each start writes has to move back.
@@ -151,11 +135,8 @@ fn full_signing() -> Vec<u8> {
     let words = words_of_key();
     let moved = words.iter().filter(|(key, _)| *key != MARK).count();
     let marks = 2 * SIGNING_RECORDS - words.len() - moved;
-    flash_with(
-        words
-            .into_iter()
-            .chain((1..=marks as u32).map(|time| (MARK, time))),
-    )
+    let marks = (1..=marks as u32).map(|time| (MARK, time));
+    flash_with(words.into_iter().chain(marks))
 }
 
 /// With both sectors full, the first start erases one, at the slowest that the flash chip's datasheet permits.

@@ -13,28 +13,13 @@ const CHANGED: &str = "BATT_LOW_VOLT";
 const VALUE: f32 = 6.5;
 const DEFAULT: f32 = 0.0;
 
-/// A board with a parameter that is not at its default.
-fn configured() -> Bench {
-    Bench::configured(PACK_CODE, &[(CHANGED, VALUE)])
-}
-
 /// A program that crashes after it has run for `uptime_us`, and the frames of the first half second after that.
 fn crash_after(bench: &mut Bench, uptime_us: u64) -> Vec<Frame> {
     bench.run_for(uptime_us);
-    let resets = bench.resets().len();
-    bench.run_undefined_instruction();
-    assert!(bench.run_until(SECOND, |board| board.resets().len() > resets));
+    bench.reset_by(SECOND, |bench| bench.run_undefined_instruction());
     let from_us = bench.time_us();
     bench.run_for(500 * MILLISECOND);
     bench.frames_since(from_us)
-}
-
-fn crash_quickly(bench: &mut Bench, times: usize) -> Vec<Frame> {
-    let mut frames = Vec::new();
-    for _ in 0..times {
-        frames = crash_after(bench, 2 * SECOND);
-    }
-    frames
 }
 
 fn reports_cause(frames: &[Frame]) -> bool {
@@ -47,13 +32,14 @@ fn reports_cause(frames: &[Frame]) -> bool {
 #[test]
 // Requirement: OWN-6
 fn five_quick_resets_start_with_defaults_and_leave_flash_alone() {
-    let mut bench = configured();
+    let mut bench = Bench::configured(PACK_CODE, &[(CHANGED, VALUE)]);
     bench.ask(&arm());
-    let frames = crash_quickly(&mut bench, 5);
-    assert!(reports_cause(&frames), "{frames:?}");
+    let starts = [(); 5].map(|()| crash_after(&mut bench, 2 * SECOND));
+    let frames = &starts[4];
+    assert!(reports_cause(frames), "{frames:?}");
     assert_eq!(bench.logged(LogLevel::Warn, NOTICE).len(), 1);
     assert_eq!(bench.read_parameter(CHANGED), Some(DEFAULT));
-    let heartbeats = of_message(&frames, HEARTBEAT);
+    let heartbeats = of_message(frames, HEARTBEAT);
     assert!(!heartbeats.is_empty() && heartbeats.iter().all(|frame| frame.u8(6) & ARMED == 0));
 
     let frames = crash_after(&mut bench, 31 * SECOND);

@@ -4,13 +4,10 @@ use emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
 use support::frames::{CRITICAL, STATUSTEXT, of_message};
 use support::requests::{GCS, ONBOARD_CONTROLLER, heartbeat};
 use workbench::bench::{
-    Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, TestedVehicle,
+    Bench, DIVIDER_CODE, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, TestedVehicle,
 };
 use workbench::downloads::{download, list};
 use workbench::log_records::{named, records};
-
-/// A 2S pack at 7.9 V.
-const PACK_CODE: u16 = 2482;
 
 /// Sampling ticks fall on whole tenths of a second after boot, the motors are set every 20 ms; this is between
 /// two of either.
@@ -29,14 +26,14 @@ const TIMEOUT_US: u64 = 1_050 * MILLISECOND;
 const THUMB: u32 = 1;
 
 fn between_ticks() -> Bench {
-    let mut bench = Bench::power_up(PACK_CODE);
+    let mut bench = Bench::power_up(DIVIDER_CODE);
     bench.run_until_time(BETWEEN_TICKS_US);
     bench
 }
 
 /// In the middle of the task that runs next.
 fn in_drive() -> Bench {
-    let mut bench = Bench::power_up(PACK_CODE);
+    let mut bench = Bench::power_up(DIVIDER_CODE);
     bench.run_until_time(BEFORE_DRIVE_US);
     bench.run_into_task();
     bench
@@ -45,11 +42,7 @@ fn in_drive() -> Bench {
 /// Waits for a reset of this cause, and until the board runs again.
 fn assert_reset(bench: &mut Bench, cause: ResetCause, within_us: u64) {
     let (since_us, resets) = (bench.time_us(), bench.resets().len());
-    assert!(
-        bench.run_until(within_us, |board| board.resets().len() > resets),
-        "no reset within {within_us} us"
-    );
-    let reset = bench.resets()[resets];
+    let reset = bench.reset_by(within_us, |_| ());
     assert_eq!(reset.cause, cause);
     println!("reset after {} us", reset.time_us - since_us);
     // What was on the wire at the reset is cut off.
@@ -82,10 +75,7 @@ fn said_to(bench: &mut Bench, kind: u8) -> Vec<String> {
 
 /// The report to the first ground station. Panics if there is one before it, or another after it.
 fn reported_once(bench: &mut Bench) -> Vec<String> {
-    assert!(
-        said_since(bench, 0).is_empty(),
-        "reported before a ground station was heard"
-    );
+    assert_eq!(said_since(bench, 0), [""; 0], "before a ground station was heard");
     assert!(said_to(bench, ONBOARD_CONTROLLER).is_empty());
     let reported = said_to(bench, GCS);
     assert!(said_to(bench, GCS).is_empty(), "reported twice");
@@ -131,10 +121,10 @@ fn a_panic_is_reported_with_its_callers() {
     let calls = reported[1]
         .strip_prefix("Crash: called from ")
         .expect("the calls");
-    let calls: Vec<_> = calls.split(' ').collect();
+    let expected = format!("{:08x}", caller + 2);
     assert!(
-        calls.contains(&&*format!("{:08x}", caller + 2)),
-        "{caller:08x} is not in {calls:?}"
+        calls.split(' ').any(|call| call == expected),
+        "{expected} is not in {calls}"
     );
 }
 
@@ -153,7 +143,7 @@ fn a_fault_in_an_interrupt_names_it() {
 
 #[test]
 fn a_fault_before_the_watchdog_runs_restarts_the_board_too() {
-    let mut bench = Bench::power_up(PACK_CODE);
+    let mut bench = Bench::power_up(DIVIDER_CODE);
     bench.run_undefined_instruction();
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
     assert!(said_to(&mut bench, GCS)[0].starts_with("Crash: hard fault in "));
@@ -162,7 +152,7 @@ fn a_fault_before_the_watchdog_runs_restarts_the_board_too() {
 #[test]
 fn the_start_is_named_like_a_task() {
     // Parameters are being read.
-    let mut bench = Bench::power_up(PACK_CODE);
+    let mut bench = Bench::power_up(DIVIDER_CODE);
     bench.run_for(4 * MILLISECOND);
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
@@ -234,13 +224,12 @@ fn the_latest_crash_is_reported() {
 /// The tasks that the log of a start blames, after what was written by it.
 fn crashes_in_the_log(bench: &mut Bench) -> Vec<String> {
     bench.run_for(5 * SECOND);
-    let files = list(bench);
-    let mut tasks = Vec::new();
-    for file in files {
-        let records = records(&download(bench, file));
-        tasks.extend(named(&records, "CRSH").filter_map(|record| Some(record.get_str("Task")?.to_owned())));
-    }
-    tasks
+    let files = list(bench).into_iter();
+    let records: Vec<_> = files.flat_map(|file| records(&download(bench, file))).collect();
+    let crashes = named(&records, "CRSH");
+    crashes
+        .filter_map(|record| Some(record.get_str("Task")?.to_owned()))
+        .collect()
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! What a debug probe does to a running board: it halts cores, and its cable is pulled.
 
-use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_coasting};
+use crate::rover::{GOOD_3S, drive_for, is_coasting};
 use emulator::ResetCause;
 use support::frames::{HEARTBEAT, of_message};
-use support::requests::{arm, set_mode};
+use support::requests::{arm, manual_mode};
 use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 
 const CORE_0: u32 = 0b01;
@@ -16,7 +16,7 @@ const RESET_WITHIN_US: u64 = 1_050 * MILLISECOND;
 fn driving() -> Bench {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
     bench.ask(&arm());
-    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_mode());
     drive_for(&mut bench, SECOND / 10, 0);
     drive_for(&mut bench, SECOND, 500);
     assert!(!is_coasting(&bench));
@@ -27,10 +27,8 @@ fn driving() -> Bench {
 // Requirement: R-2
 fn a_rover_whose_processor_is_halted_stands_within_a_second() {
     let mut bench = driving();
-    let resets = bench.resets().len();
-    bench.halt_cores(CORE_0);
-    assert!(bench.run_until(RESET_WITHIN_US, |board| board.resets().len() > resets));
-    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogTimer);
+    let reset = bench.reset_by(RESET_WITHIN_US, |bench| bench.halt_cores(CORE_0));
+    assert_eq!(reset.cause, ResetCause::WatchdogTimer);
     assert!(is_coasting(&bench));
 }
 
@@ -60,9 +58,9 @@ fn a_halted_core_1_stops_neither_time_nor_watchdog() {
     bench.run_for(5 * SECOND);
     let heartbeats = of_message(&bench.frames_since(from_us), HEARTBEAT).len();
     assert_eq!(heartbeats, 5);
-    bench.hang_program();
-    assert!(bench.run_until(RESET_WITHIN_US, |board| !board.resets().is_empty()));
-    assert_eq!(bench.resets()[0].cause, ResetCause::WatchdogTimer);
+    assert!(bench.resets().is_empty());
+    let reset = bench.reset_by(RESET_WITHIN_US, |bench| bench.hang_program());
+    assert_eq!(reset.cause, ResetCause::WatchdogTimer);
 }
 
 /// A host that reads the log has it block when its buffer is full.

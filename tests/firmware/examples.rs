@@ -35,6 +35,11 @@ fn assert_voltage(status: &BatteryStatus<'_>, volts: f64) {
     assert!(off_mv.abs() < 3.5, "{} mV", status.voltage_mv(0));
 }
 
+#[track_caller]
+fn assert_within<T: PartialOrd + std::fmt::Debug>(expected: std::ops::RangeInclusive<T>, value: T) {
+    assert!(expected.contains(&value), "{value:?}, not {expected:?}");
+}
+
 #[test]
 fn the_analog_monitor_reports_the_pack_at_its_divider_and_lights_the_led_while_it_is_fine() {
     let mut bench = Bench::power_up_example("analog_monitor");
@@ -47,11 +52,7 @@ fn the_analog_monitor_reports_the_pack_at_its_divider_and_lights_the_led_while_i
     let status = last_of(&frames, 0);
     assert_voltage(&status, 11.7);
     assert_eq!((status.current_ca(), status.charge_state()), (UNKNOWN_CA, OK));
-    assert!(
-        (40..=70).contains(&status.remaining_pct()),
-        "{} %",
-        status.remaining_pct()
-    );
+    assert_within(40..=70, status.remaining_pct());
     let sys_status = of_message(&frames, SYS_STATUS);
     assert_eq!(SysStatus(sys_status[65]).voltage_mv(), status.voltage_mv(0));
     assert_eq!(bench.pin_level(LED), Some(true));
@@ -79,17 +80,9 @@ fn two_packs_are_reported_and_monitored_each_by_its_own_settings() {
     let [drive, electronics] = [0, 1].map(|instance| last_of(&frames, instance));
     assert_voltage(&drive, 11.4);
     assert_voltage(&electronics, 7.4);
-    assert!(
-        (drive.current_ca() - 1200).abs() <= 1,
-        "{} cA",
-        drive.current_ca()
-    );
+    assert_within(1199..=1201, drive.current_ca());
     // 12 A for 4 s are 13.3 mAh.
-    assert!(
-        (12..=13).contains(&drive.consumed_mah()),
-        "{} mAh",
-        drive.consumed_mah()
-    );
+    assert_within(12..=13, drive.consumed_mah());
     assert_eq!(
         (electronics.current_ca(), electronics.consumed_mah()),
         (UNKNOWN_CA, -1)
@@ -121,16 +114,8 @@ fn an_ina226_alone_is_read_and_its_loss_is_announced() {
     // Both are whole steps of the part.
     assert_eq!((status.voltage_mv(0), status.current_ca()), (11_700, 1000));
     // 10 A for 9 s are 25 mAh and 10.5 hJ.
-    assert!(
-        (23..=25).contains(&status.consumed_mah()),
-        "{} mAh",
-        status.consumed_mah()
-    );
-    assert!(
-        (9..=10).contains(&status.energy_hj()),
-        "{} hJ",
-        status.energy_hj()
-    );
+    assert_within(23..=25, status.consumed_mah());
+    assert_within(9..=10, status.energy_hj());
     assert!(status.time_remaining_s() > 0);
 
     bench.i2c(BUS).detach(ADDRESS);

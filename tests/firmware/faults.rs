@@ -32,45 +32,34 @@ fn a_converter_that_fails_is_noticed_and_read_again() {
     }
 }
 
-/// Uses up the stack, so that the next interrupt's frame no longer fits.
-fn overflow_the_stack(bench: &mut Bench) {
-    bench.run_until_time(BETWEEN_TICKS_US);
-    let stack = bench.symbol("_stack_end")..bench.symbol("_stack_start");
-    assert!(
-        stack.contains(&bench.register(STACK_POINTER)),
-        "the stack is elsewhere: {stack:x?}"
-    );
-    let contents = |bench: &Bench| {
-        [".data", ".bss", ".uninit"].map(|name| {
-            let section = bench.section(name);
-            bench.read_memory(section.start, section.len())
-        })
-    };
-    let before = contents(bench);
-    bench.set_register(STACK_POINTER, stack.start + 8);
-    assert!(
-        bench.run_until(SECOND, |board| board.is_locked_up()),
-        "{:x?}",
-        bench.bus_errors()
-    );
-    assert!(contents(bench) == before, "data changed");
-
-    assert!(bench.run_until(1_050 * MILLISECOND, |board| !board.resets().is_empty()));
-    let [.., uninit_before] = before;
-    let [.., uninit_after] = contents(bench);
-    assert!(uninit_after == uninit_before, ".uninit did not survive the reset");
-    bench.run_for(SECOND);
-    assert_eq!(
-        bench.logged(LogLevel::Info, "started by WatchdogTimeout").len(),
-        1
-    );
-}
-
 /// The datasheet does not say what answers below RAM.
 #[test]
 // Requirement: R-6
 fn a_stack_overflow_harms_no_data_and_ends_in_a_reset_without_a_bus_error_below_ram_too() {
     let mut bench = Bench::power_up(2482);
     bench.answer_below_ram();
-    overflow_the_stack(&mut bench);
+    bench.run_until_time(BETWEEN_TICKS_US);
+    let stack = bench.symbol("_stack_end")..bench.symbol("_stack_start");
+    let is_there = stack.contains(&bench.register(STACK_POINTER));
+    assert!(is_there, "the stack is elsewhere: {stack:x?}");
+    let contents = |bench: &Bench| {
+        [".data", ".bss", ".uninit"].map(|name| {
+            let section = bench.section(name);
+            bench.read_memory(section.start, section.len())
+        })
+    };
+    let before = contents(&bench);
+    // The next interrupt's frame no longer fits.
+    bench.set_register(STACK_POINTER, stack.start + 8);
+    let is_locked_up = bench.run_until(SECOND, |board| board.is_locked_up());
+    assert!(is_locked_up, "{:x?}", bench.bus_errors());
+    assert!(contents(&bench) == before, "data changed");
+
+    bench.reset_by(1_050 * MILLISECOND, |_| ());
+    let [.., uninit_before] = before;
+    let [.., uninit_after] = contents(&bench);
+    assert!(uninit_after == uninit_before, ".uninit did not survive the reset");
+    bench.run_for(SECOND);
+    let started = bench.logged(LogLevel::Info, "started by WatchdogTimeout");
+    assert_eq!(started.len(), 1);
 }

@@ -31,12 +31,9 @@ fn parts() -> &'static Parts {
         let segments = elf.elf_program_headers().iter();
         let loaded = segments.filter(|segment| segment.p_type(endian) == object::elf::PT_LOAD);
         let mut parts: Parts = loaded
-            .map(|segment| {
-                let bytes = segment.data(endian, &*file).expect("it is in the file");
-                (segment.p_paddr(endian), bytes.to_vec())
-            })
+            .map(|segment| (segment, segment.data(endian, &*file).expect("it is in the file")))
             .filter(|(_, bytes)| !bytes.is_empty())
-            .map(|(address, bytes)| (address - FLASH_BASE, bytes))
+            .map(|(segment, bytes)| (segment.p_paddr(endian) - FLASH_BASE, bytes.to_vec()))
             .collect();
         parts.sort();
         parts
@@ -59,7 +56,7 @@ fn hash_of(parts: &Parts) -> String {
 
 fn reported(mut bench: Bench) -> String {
     bench.run_for(500 * MILLISECOND);
-    let answers = bench.ask(&command_long(REQUEST_MESSAGE, 148.0));
+    let answers = bench.ask(&command_long(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32));
     of_message(&answers, AUTOPILOT_VERSION)[0].text(HASH_AT, HASH_CHARS)
 }
 
@@ -78,26 +75,19 @@ fn it_is_logged_soon_and_does_not_delay_the_start() {
     assert!(started_after_us < 28 * MILLISECOND, "{started_after_us} us");
 }
 
-/// A byte in flash, by its offset, that differs in one bit from the program's; it is of a text that is sent after crashes
-/// only.
-pub fn flipped_byte() -> (u32, u8) {
-    let text = b"called from";
-    let mut places = parts().iter().filter_map(|(offset, bytes)| {
-        let at = bytes.windows(text.len()).position(|window| window == text)?;
-        Some((offset + at as u32, bytes[at] ^ 1))
-    });
-    places.next_back().expect("the firmware has it")
-}
-
 #[test]
 fn a_single_bit_changes_it() {
-    let (offset, byte) = flipped_byte();
+    // Of a text that is sent after crashes only.
+    let text = b"called from";
     let mut changed = parts().clone();
-    let part = changed.iter_mut().rfind(|(start, _)| *start <= offset);
-    let (start, bytes) = part.expect("it is in a part");
-    bytes[(offset - *start) as usize] = byte;
+    let mut places = changed.iter_mut().filter_map(|(offset, bytes)| {
+        let at = bytes.windows(text.len()).position(|window| window == text)?;
+        Some((*offset + at as u32, &mut bytes[at]))
+    });
+    let (offset, byte) = places.next_back().expect("the firmware has it");
+    *byte ^= 1;
+    let bench = Bench::power_up_with_flash(DIVIDER_CODE, offset, &[*byte]);
     assert_ne!(hash_of(&changed), hash_of(parts()));
-    let bench = Bench::power_up_with_flash(DIVIDER_CODE, offset, &[byte]);
     assert_eq!(reported(bench), hash_of(&changed));
 }
 

@@ -4,7 +4,7 @@ use emulator::{FlashMake, FlashOperationKind, LogLevel};
 use rover_battmon::memory::flash_map;
 use support::frames::texts_of;
 use support::requests::arm;
-use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle, Wire};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle, Wire, count_of};
 
 use super::log::board_id;
 
@@ -34,12 +34,10 @@ fn pages_and_status_writes(bench: &mut Bench) -> (usize, u64) {
     let before = bench.flash_status_writes();
     bench.ask(&arm());
     bench.run_for(10 * SECOND);
-    let operations = bench.take_flash_operations();
-    let is_page = |kind| kind == FlashOperationKind::PageProgram;
-    let pages = operations
-        .iter()
-        .filter(|operation| is_page(operation.kind) && flash_map::LOG.contains(&operation.offset));
-    (pages.count(), bench.flash_status_writes() - before)
+    let mut operations = bench.take_flash_operations();
+    operations.retain(|operation| flash_map::LOG.contains(&operation.offset));
+    let pages = count_of(FlashOperationKind::PageProgram, &operations);
+    (pages, bench.flash_status_writes() - before)
 }
 
 #[test]

@@ -25,44 +25,25 @@ const SPECIAL: [f32; 14] = [
     f32::NAN,
 ];
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Operation {
-    Add,
-    Subtract,
-    Multiply,
-    Divide,
-}
+/// The function that the compiler calls for an operation, and the operation by IEEE 754.
+type Operation = (&'static str, fn(f32, f32) -> f32);
 
-impl Operation {
-    const ALL: [Self; 4] = [Self::Add, Self::Subtract, Self::Multiply, Self::Divide];
+const DIVISION: &str = "__aeabi_fdiv";
 
-    /// The function that the compiler calls for it.
-    fn symbol(self) -> &'static str {
-        match self {
-            Self::Add => "__aeabi_fadd",
-            Self::Subtract => "__aeabi_fsub",
-            Self::Multiply => "__aeabi_fmul",
-            Self::Divide => "__aeabi_fdiv",
-        }
+const OPERATIONS: [Operation; 4] = [
+    ("__aeabi_fadd", |a, b| a + b),
+    ("__aeabi_fsub", |a, b| a - b),
+    ("__aeabi_fmul", |a, b| a * b),
+    (DIVISION, |a, b| a / b),
+];
+
+/// As IEEE 754 has it, but that subnormal numbers are zeros, unless one is divided by.
+fn expected((symbol, by_ieee): Operation, a: f32, b: f32) -> f32 {
+    let is_divided_by_zero = symbol == DIVISION && is_small(b);
+    if !a.is_finite() || !b.is_finite() || is_divided_by_zero {
+        return by_ieee(a, b);
     }
-
-    fn by_ieee(self, a: f32, b: f32) -> f32 {
-        match self {
-            Self::Add => a + b,
-            Self::Subtract => a - b,
-            Self::Multiply => a * b,
-            Self::Divide => a / b,
-        }
-    }
-
-    /// As IEEE 754 has it, but that subnormal numbers are zeros, unless one is divided by.
-    fn expected(self, a: f32, b: f32) -> f32 {
-        let is_divided_by_zero = self == Self::Divide && is_small(b);
-        if !a.is_finite() || !b.is_finite() || is_divided_by_zero {
-            return self.by_ieee(a, b);
-        }
-        without_subnormal(self.by_ieee(without_subnormal(a), without_subnormal(b)))
-    }
+    without_subnormal(by_ieee(without_subnormal(a), without_subnormal(b)))
 }
 
 /// Whether it is zero or subnormal.
@@ -81,12 +62,14 @@ fn without_subnormal(value: f32) -> f32 {
 /// Calls a function of the firmware from where the processor stands, and answers R0.
 fn call(bench: &mut Bench, symbol: &str, [a, b]: [f32; 2]) -> u32 {
     let entry = bench.symbol(symbol) & !1;
-    let returned = |pc: u32| pc == BRANCH_TO_SELF;
     bench.set_register(0, a.to_bits());
     bench.set_register(1, b.to_bits());
     bench.set_register(LINK_REGISTER, BRANCH_TO_SELF | 1);
     bench.set_register(PROGRAM_COUNTER, entry);
-    assert!(bench.run_until(1_000, |board| returned(board.pc())), "{symbol}");
+    assert!(
+        bench.run_until(1_000, |board| board.pc() == BRANCH_TO_SELF),
+        "{symbol}"
+    );
     bench.register(0)
 }
 
@@ -97,19 +80,20 @@ fn in_a_task() -> Bench {
 }
 
 fn assert_operation(bench: &mut Bench, operation: Operation, a: f32, b: f32) {
-    let expected = operation.expected(a, b);
-    let result = f32::from_bits(call(bench, operation.symbol(), [a, b]));
+    let expected = expected(operation, a, b);
+    let (symbol, _) = operation;
+    let result = f32::from_bits(call(bench, symbol, [a, b]));
     let is_as_expected = result.to_bits() == expected.to_bits() || result.is_nan() && expected.is_nan();
     assert!(
         is_as_expected,
-        "{operation:?} {a:e} {b:e}: {result:e}, not {expected:e}"
+        "{symbol} {a:e} {b:e}: {result:e}, not {expected:e}"
     );
 }
 
 #[test]
 fn operations_are_those_of_ieee_754_but_for_subnormal_numbers() {
     let mut bench = in_a_task();
-    for operation in Operation::ALL {
+    for operation in OPERATIONS {
         for a in SPECIAL {
             for b in SPECIAL {
                 assert_operation(&mut bench, operation, a, b);
@@ -123,7 +107,7 @@ fn operations_are_right_for_any_bits() {
     let mut bench = in_a_task();
     let mut random = Random::new(1);
     for _ in 0..500 {
-        for operation in Operation::ALL {
+        for operation in OPERATIONS {
             let bits = random.next_u64();
             let [a, b] = [bits as u32, (bits >> 32) as u32].map(f32::from_bits);
             assert_operation(&mut bench, operation, a, b);
@@ -134,18 +118,14 @@ fn operations_are_right_for_any_bits() {
 /// The ROM divides by the hardware divider, which a task may be using.
 #[test]
 fn an_interrupt_handler_does_not_divide_by_the_rom() {
-    let mut bench = Bench::running(DIVIDER_CODE);
     let subnormal = f32::from_bits(0x0040_0000);
-    bench.run_into_task();
-    assert_eq!(
-        call(&mut bench, "__aeabi_fdiv", [subnormal, 1.0]),
-        0,
-        "by the ROM"
-    );
+    let mut bench = in_a_task();
+    let quotient = call(&mut bench, DIVISION, [subnormal, 1.0]);
+    assert_eq!(quotient, 0, "by the ROM");
 
     let mut bench = Bench::running(DIVIDER_CODE);
     assert!(bench.run_until(SECOND, |board| board.active_exception() != 0));
-    let quotient = call(&mut bench, "__aeabi_fdiv", [subnormal, 1.0]);
+    let quotient = call(&mut bench, DIVISION, [subnormal, 1.0]);
     assert_eq!(quotient, subnormal.to_bits(), "by the compiler's routine");
 }
 
@@ -169,10 +149,7 @@ fn nothing_compares_with_nan() {
 fn conversions_to_integers_drop_the_fraction() {
     let mut bench = in_a_task();
     for (value, expected) in [(-1.5, -1), (-0.5, 0), (0.9, 0), (1e9, 1_000_000_000)] {
-        assert_eq!(
-            call(&mut bench, "__aeabi_f2iz", [value, 0.0]) as i32,
-            expected,
-            "{value}"
-        );
+        let whole = call(&mut bench, "__aeabi_f2iz", [value, 0.0]) as i32;
+        assert_eq!(whole, expected, "{value}");
     }
 }

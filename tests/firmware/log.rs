@@ -4,10 +4,11 @@ mod downloads;
 mod ring;
 mod timing;
 
+use rover_battmon::memory::flash_map;
 use support::commands::REQUEST_MESSAGE;
 use support::frames::{AUTOPILOT_VERSION, of_message};
-use support::requests::command_long_2;
-use workbench::bench::{Bench, MINUTE, TestedVehicle};
+use support::requests::command_long;
+use workbench::bench::{Bench, DIVIDER_CODE, MINUTE, SECOND, TestedVehicle};
 use workbench::downloads::{download, list};
 use workbench::log_records::{named, records};
 use workbench::runs::logged_drive::LoggedDrive;
@@ -54,16 +55,14 @@ fn assert_drive(drive: &mut LoggedDrive, content: &[u8]) -> usize {
 
 /// What the board says its id is: `uid` of AUTOPILOT_VERSION.
 pub fn board_id(bench: &mut Bench) -> String {
-    let answers = bench.ask(&command_long_2(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32, 0.0));
+    let answers = bench.ask(&command_long(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32));
     let version = of_message(&answers, AUTOPILOT_VERSION)[0];
     format!("{:08X}{:08X}", version.u32(12), version.u32(8))
 }
 
 /// A board that runs with this log in its flash.
 fn running_with(log: &[u8]) -> Bench {
-    use workbench::bench::{DIVIDER_CODE, SECOND};
-    let mut bench =
-        Bench::power_up_with_flash(DIVIDER_CODE, rover_battmon::memory::flash_map::LOG.start, log);
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, flash_map::LOG.start, log);
     bench.run_for(SECOND);
     bench
 }

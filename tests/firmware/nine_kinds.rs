@@ -7,8 +7,8 @@ use emulator::i2c_devices::{Ina226, Ina3221, Pec, RegisterMap, SmartBattery};
 use emulator::spi_devices::Ina239;
 use emulator::{AdcInput, Conversion, UartPins};
 use support::frames::{
-    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap,
-    of_message, texts_of,
+    BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, of_message, statuses_of,
+    texts_of,
 };
 use support::pack_report::PackReport;
 use workbench::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK, TestedVehicle};
@@ -48,32 +48,26 @@ const PARAMETERS: [(&str, f32); 15] = [
     ("SR0_EXTRA1", 10.0),
 ];
 
-/// What a pack has at its terminals.
-#[derive(Clone, Copy)]
-struct Terminals {
-    volts: f64,
-    /// None: it is not measured.
-    amperes: Option<f64>,
-}
-
-const fn terminals(volts: f64, amperes: f64) -> Terminals {
-    Terminals {
-        volts,
-        amperes: Some(amperes),
-    }
-}
+/// Volts and amperes at a pack's terminals; no amperes if they are not measured.
+type Terminals = (f64, Option<f64>);
 
 /// The packs' terminals, and their sources, during half of the time.
 struct Half {
     divider_code: u16,
     battery: Transfer,
-    packs: [Terminals; 9],
+    /// From the second pack on: those that are not at the divider.
+    others: [(f64, f64); 8],
 }
 
-const fn divider(code: u16) -> Terminals {
-    Terminals {
-        volts: code as f64 / 4095.0 * 3.3 * 3.95,
-        amperes: None,
+impl Half {
+    fn terminals(&self, pack: usize) -> Terminals {
+        match pack {
+            0 => (f64::from(self.divider_code) / 4095.0 * 3.3 * 3.95, None),
+            _ => {
+                let (volts, amperes) = self.others[pack - 1];
+                (volts, Some(amperes))
+            }
+        }
     }
 }
 
@@ -81,32 +75,30 @@ const HALVES: [Half; 2] = [
     Half {
         divider_code: DIVIDER_CODE,
         battery: A,
-        packs: [
-            divider(DIVIDER_CODE),
-            terminals(12.0, 1.0),
-            terminals(11.0, 2.0),
-            terminals(11.1, 2.5),
-            terminals(8.0, 4.0),
-            terminals(12.5, 3.25),
-            terminals(49.95, 12.34),
-            terminals(11.8, 2.75),
+        others: [
+            (12.0, 1.0),
+            (11.0, 2.0),
+            (11.1, 2.5),
+            (8.0, 4.0),
+            (12.5, 3.25),
+            (49.95, 12.34),
+            (11.8, 2.75),
             // The mean, and the sum, of the second and the third one.
-            terminals(11.5, 3.0),
+            (11.5, 3.0),
         ],
     },
     Half {
         divider_code: LATER_CODE,
         battery: A_LATER,
-        packs: [
-            divider(LATER_CODE),
-            terminals(11.5, 6.0),
-            terminals(10.5, 7.0),
-            terminals(10.8, 9.5),
-            terminals(7.2, 1.6),
-            terminals(12.25, 8.5),
-            terminals(48.2, 20.1),
-            terminals(11.2, 5.25),
-            terminals(11.0, 13.0),
+        others: [
+            (11.5, 6.0),
+            (10.5, 7.0),
+            (10.8, 9.5),
+            (7.2, 1.6),
+            (12.25, 8.5),
+            (48.2, 20.1),
+            (11.2, 5.25),
+            (11.0, 13.0),
         ],
     },
 ];
@@ -158,15 +150,11 @@ impl Rig {
     /// Sets what is measured by the board or by a part that it reads.
     fn set(&self, bench: &mut Bench, half: &Half) {
         bench.adc_input(PACK, AdcInput::Code(half.divider_code));
-        let of_pack = |pack: usize| (half.packs[pack].volts, half.packs[pack].amperes.unwrap());
-        let (volts, amperes) = of_pack(1);
-        self.monitor.borrow_mut().set(volts, amperes);
-        let (volts, amperes) = of_pack(2);
-        self.at_spi.borrow_mut().set(volts, amperes, 25.0);
-        let (volts, amperes) = of_pack(3);
-        self.smart.borrow_mut().set(volts, amperes, 25.0);
-        let (volts, amperes) = of_pack(4);
-        self.channels.borrow_mut().set(1, volts, amperes);
+        let [monitor, at_spi, smart, channel, ..] = half.others;
+        self.monitor.borrow_mut().set(monitor.0, monitor.1);
+        self.at_spi.borrow_mut().set(at_spi.0, at_spi.1, 25.0);
+        self.smart.borrow_mut().set(smart.0, smart.1, 25.0);
+        self.channels.borrow_mut().set(1, channel.0, channel.1);
     }
 
     /// The others report by themselves: the battery on the CAN bus and the companion computer ten times a second, the
@@ -178,10 +166,10 @@ impl Rig {
         }
         self.battery.send(now_us, half.battery);
         if tick.is_multiple_of(TICKS_PER_SECOND / 2) {
-            let bytes = generator(half.packs[6]);
+            let bytes = richen_power(half.others[5]);
             bench.uart_send_at_baud(SERIAL_PORT, now_us, &bytes, SERIAL_BAUD);
         }
-        bench.uart_send(0, now_us, &companion(half.packs[7]).frame());
+        bench.uart_send(0, now_us, &companion(half.others[6]).frame());
     }
 
     /// Runs for this many seconds, and returns what the converter did.
@@ -201,12 +189,13 @@ fn in_hundredths(value: f64) -> u16 {
 }
 
 /// A report of RichenPower's generator: the bytes that a controller of an H2 sent (ArduPilot/ardupilot, a comment in
-/// libraries/AP_Generator/AP_Generator_RichenPower.cpp), with these errors, voltage and current.
-fn richen_power(errors: u16, centivolts: u16, centiamperes: u16) -> Vec<u8> {
+/// libraries/AP_Generator/AP_Generator_RichenPower.cpp), with no error and this voltage and current.
+fn richen_power((volts, amperes): (f64, f64)) -> Vec<u8> {
     let mut frame = vec![
         0xaa, 0x55, 0x00, 0x0a, 0x00, 0x00, 0x00, 0x00, 0x00, 0x04, 0x1e, 0xb0,
     ];
-    for word in [errors, 0, 0x237a, 0x237a, centivolts, centiamperes, 0, 0x0100] {
+    let output = [volts, amperes].map(in_hundredths);
+    for word in [0, 0, 0x237a, 0x237a, output[0], output[1], 0, 0x0100] {
         frame.extend(word.to_be_bytes());
     }
     frame.resize(66, 0);
@@ -214,43 +203,36 @@ fn richen_power(errors: u16, centivolts: u16, centiamperes: u16) -> Vec<u8> {
     frame
 }
 
-fn generator(output: Terminals) -> Vec<u8> {
-    let amperes = output.amperes.unwrap();
-    richen_power(0, in_hundredths(output.volts), in_hundredths(amperes))
+fn companion((volts, amperes): (f64, f64)) -> PackReport {
+    PackReport {
+        current_ca: in_hundredths(amperes) as i16,
+        ..PackReport::of_voltage(7, (volts * 1000.0).round() as u16)
+    }
 }
 
-fn companion(pack: Terminals) -> PackReport {
-    let mut report = PackReport::of_voltage(7, (pack.volts * 1000.0).round() as u16);
-    report.current_ca = in_hundredths(pack.amperes.unwrap()) as i16;
-    report
-}
-
-fn assert_within_a_step(status: &BatteryStatus<'_>, expected: Terminals, (step_mv, step_ca): (f64, f64)) {
+fn assert_within_a_step(
+    status: &BatteryStatus<'_>,
+    (volts, amperes): Terminals,
+    (step_mv, step_ca): (f64, f64),
+) {
     let pack = status.instance() + 1;
     let (mv, ca) = (status.sum_of_cells_mv(), status.current_ca());
-    let off_mv = (f64::from(mv) - expected.volts * 1000.0).abs();
+    let off_mv = (f64::from(mv) - volts * 1000.0).abs();
     // What is reported are whole numbers.
     assert!(off_mv <= step_mv + 0.5, "pack {pack}: {mv} mV");
-    let expected_ca = expected.amperes.map_or(-1.0, |amperes| amperes * 100.0);
+    let expected_ca = amperes.map_or(-1.0, |amperes| amperes * 100.0);
     let off_ca = (f64::from(ca) - expected_ca).abs();
     assert!(off_ca <= step_ca + 0.5, "pack {pack}: {ca} cA");
 }
 
 /// Each pack is reported ten times a second, with what it has once a second has passed.
 fn assert_reported(frames: &[Frame], half: &Half) {
-    let reports = of_message(frames, BATTERY_STATUS);
-    for ((instance, expected), steps) in (0u8..).zip(half.packs).zip(STEPS) {
-        let statuses = reports.iter().map(|frame| BatteryStatus(frame));
-        let of_pack: Vec<_> = statuses.filter(|status| status.instance() == instance).collect();
-        assert_eq!(
-            of_pack.len(),
-            HALF_S * TICKS_PER_SECOND,
-            "of pack {}",
-            instance + 1
-        );
+    for (instance, steps) in STEPS.into_iter().enumerate() {
+        let of_pack = statuses_of(frames, instance as u8);
+        assert_eq!(of_pack.len(), HALF_S * TICKS_PER_SECOND, "instance {instance}");
         // What has changed at the start of the half has to be there after a second.
         for status in &of_pack[TICKS_PER_SECOND..] {
-            assert_within_a_step(status, expected, steps);
+            assert_within_a_step(status, half.terminals(instance), steps);
         }
     }
     assert_eq!(of_message(frames, SYS_STATUS).len(), HALF_S * TICKS_PER_SECOND);
@@ -263,9 +245,7 @@ fn nine_packs_of_nine_kinds_are_each_reported_200_times_in_20_seconds() {
     let mut bench = Bench::running(DIVIDER_CODE);
     let mut rig = Rig::plug_in(&mut bench);
     rig.set(&mut bench, &HALVES[0]);
-    for (name, value) in PARAMETERS {
-        bench.set(name, value);
-    }
+    bench.set_all(&PARAMETERS);
     bench.reboot();
     rig.run(&mut bench, &HALVES[0], 3);
     bench.forget_sent();

@@ -26,9 +26,7 @@ fn what_was_consumed_survives_a_watchdog_reset_but_not_a_power_cycle() {
     let before = last_of(&frames, 0);
     assert!(before.consumed_mah() > 130);
 
-    bench.hang_program();
-    let resets = bench.resets().len();
-    assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
+    bench.reset_by(2 * SECOND, |bench| bench.hang_program());
     bench.run_for(SECOND);
     let frames = bench.frames();
     let after = last_of(&frames, 0);

@@ -3,11 +3,12 @@
 use crate::lamps::{self, LAMPS};
 use crate::rover::GOOD_3S;
 use emulator::{FlashOperationKind, FlashTiming, LogLevel, UartPins};
+use support::commands::{ACCEPTED, ARM_DISARM};
 use support::frames::{
-    COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, TIMESYNC, last_of, of_message,
+    Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, TIMESYNC, acknowledged, last_of, of_message,
 };
 use support::requests::{arm_by_force, disarm, param_set, param_set_to, timesync};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SAVED_US, SECOND, TestedVehicle};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SAVED_US, SECOND, TestedVehicle, count_of};
 
 /// Of another system: what is addressed to it fills the line, and is checked and dropped.
 const ELSEWHERE: [u8; 2] = [77, 1];
@@ -27,7 +28,7 @@ fn fillers(count: usize) -> Vec<u8> {
 fn errors(bench: &mut Bench) -> u16 {
     let frames = bench.frames();
     let sys_status = of_message(&frames, SYS_STATUS);
-    SysStatus(sys_status.last().expect("telemetry flows")).0.u16(20)
+    SysStatus(sys_status.last().expect("telemetry flows")).errors_comm()
 }
 
 fn assert_nothing_lost(bench: &mut Bench) {
@@ -42,10 +43,7 @@ fn assert_nothing_lost(bench: &mut Bench) {
 }
 
 fn has_operation(bench: &Bench, kind: FlashOperationKind) -> bool {
-    bench
-        .flash_operations()
-        .iter()
-        .any(|operation| operation.kind == kind)
+    count_of(kind, bench.flash_operations()) > 0
 }
 
 /// A line that is never silent, with a parameter that is set again and again.
@@ -127,14 +125,10 @@ fn bytes_lost_in_the_longest_erase_are_counted_and_the_link_recovers() {
     bench.run_for(SECOND);
 
     let lines = bench.logged(LogLevel::Warn, "received bytes were lost");
-    let lost: usize = lines
-        .iter()
-        .map(|(_, text)| {
-            let words: Vec<&str> = text.split(' ').collect();
-            words[1]
-                .parse::<usize>()
-                .expect("UART0: 4630 received bytes were lost")
-        })
+    // "UART0: 4630 received bytes were lost"
+    let numbers = lines.iter().filter_map(|(_, text)| text.split(' ').nth(1));
+    let lost: usize = numbers
+        .map(|number| number.parse::<usize>().expect("a number"))
         .sum();
     let answered = Sets::answered(&bench.frames_since(from_us));
     assert!(lost > 4096, "an erase of 400 ms is longer than the ring");
@@ -163,14 +157,9 @@ fn no_byte_is_lost_at_921600_baud_both_ways_with_lamps_changing() {
     bench.run_until_silent();
     let from_us = bench.time_us();
     bench.record_pin(LAMPS);
-    let (mut asked, mut commands, mut free_at_us) = (0, 0, 0);
-    let armed_by_force = arm_by_force();
+    let (mut asked, mut commands, mut free_at_us) = (0, 0_usize, 0);
     while bench.time_us() < from_us + FULL_RATE_US {
-        let mut bytes = if commands % 2 == 0 {
-            armed_by_force.clone()
-        } else {
-            disarm()
-        };
+        let mut bytes = [arm_by_force, disarm][commands % 2]();
         commands += 1;
         // A quarter of a second.
         for _ in 0..50 {
@@ -184,10 +173,8 @@ fn no_byte_is_lost_at_921600_baud_both_ways_with_lamps_changing() {
     bench.run_until_time(free_at_us + SECOND);
     let frames = bench.frames_since(from_us);
     assert_eq!(of_message(&frames, TIMESYNC).len() as i64, asked);
-    let acknowledged = of_message(&frames, COMMAND_ACK);
-    assert_eq!(acknowledged.len(), commands);
-    let results: Vec<u8> = acknowledged.iter().map(|frame| frame.u8(2)).collect();
-    assert_eq!(results, vec![0; commands], "armed and disarmed");
+    let expected = vec![(ARM_DISARM, ACCEPTED); commands];
+    assert_eq!(acknowledged(&frames), expected, "armed and disarmed");
     let edges = bench.take_edges(LAMPS);
     assert_eq!(lamps::frames(&edges).len(), commands);
     assert_eq!(lamps::lengths(&edges), (vec![360, 720], vec![1200]), "ns");

@@ -5,8 +5,8 @@ use emulator::{AdcInput, Board, LogLevel, ResetCause};
 use support::commands::ACCEPTED;
 use support::frames::{BATTERY_STATUS, SYS_STATUS, last_of, of_message};
 use support::motor_poles::{LEFT, motors};
-pub use support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
-use support::requests::{arm, disarm, manual_control, set_mode};
+pub use support::requests::VEHICLE_ID;
+use support::requests::{arm, disarm, manual_control, manual_mode};
 use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, RUNNING, SECOND, TestedVehicle};
 
 /// The number of the exception.
@@ -52,13 +52,11 @@ pub fn steer_for(bench: &mut Bench, time_us: u64, steering: i16, throttle: i16) 
 }
 
 /// The id of the task with this name: in the retained table of names it stands before it.
-fn task_named(bench: &Bench, name: &[u8]) -> u32 {
+pub fn task_named(bench: &Bench, name: &[u8]) -> u32 {
     let retained = bench.section(".uninit");
     let bytes = bench.read_memory(retained.start, retained.len());
-    let place = bytes
-        .windows(name.len())
-        .position(|found| found == name)
-        .expect("it has a name");
+    let is_name = |place: &usize| bytes[*place..].starts_with(name);
+    let place = (4..bytes.len()).step_by(4).find(is_name).expect("it has a name");
     u32::from_le_bytes(bytes[place - 4..place].try_into().expect("four bytes"))
 }
 
@@ -68,7 +66,7 @@ fn driving(parameters: &[(&str, f32)]) -> Bench {
     all.extend(parameters);
     let mut bench = Bench::configured(GOOD_3S, &all);
     assert_eq!(bench.result_of(&arm()), ACCEPTED);
-    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_mode());
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     drive_for(&mut bench, 2 * SECOND, 500);
     for motor in motors() {
@@ -166,10 +164,8 @@ fn a_hang_right_after_arming_lets_the_motors_coast_after_the_watchdogs_time() {
     bench.run_for(SECOND);
     assert_eq!(bench.result_of(&arm()), 0);
     assert!(is_braking(&bench));
-    let resets = bench.resets().len();
-    bench.hang_program();
-    assert!(bench.run_until(HANG_US, |board| board.resets().len() > resets));
-    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogTimer);
+    let reset = bench.reset_by(HANG_US, |bench| bench.hang_program());
+    assert_eq!(reset.cause, ResetCause::WatchdogTimer);
     bench.run_for(MILLISECOND);
     assert!(is_coasting(&bench));
 }
@@ -192,9 +188,10 @@ fn a_drive_task_that_does_not_run_any_more_lets_the_motors_coast() {
         .chunks(4)
         .position(|word| word == SPAWNED)
         .expect("it waits");
-    bench.write_memory(drive + 4 * state as u32, &SPAWNED_AND_QUEUED);
-    let (hung_us, resets) = (bench.time_us(), bench.resets().len());
-    assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
+    let hung_us = bench.time_us();
+    bench.reset_by(2 * SECOND, |bench| {
+        bench.write_memory(drive + 4 * state as u32, &SPAWNED_AND_QUEUED);
+    });
     let after_us = bench.time_us() - hung_us;
     println!("{after_us} us");
     assert!(after_us <= DRIVE_HANG_US, "{after_us}");
@@ -214,7 +211,7 @@ fn the_smallest_firmware_drives_by_gamepad_and_stops_without_it_at_its_telemetry
     // The throttle is released.
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.ask(&arm());
-    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_mode());
     bench.forget_sent();
     drive_for(&mut bench, 10 * SECOND, -1000);
     assert!(all_have(&bench, (0.0, 1.0)), "full speed back");

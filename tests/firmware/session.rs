@@ -1,17 +1,14 @@
 //! One session of a ground station, the same over every wire.
 
-use std::collections::BTreeMap;
-
+use crate::log::board_id;
 use crate::rover::GOOD_3S;
 use emulator::LogLevel;
 use support::commands::{ACCEPTED, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, UNSUPPORTED};
 use support::frames::{
-    ARMED, AUTOPILOT_VERSION, BATTERY_STATUS, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue,
-    SYS_STATUS, TIMESYNC, acknowledged, assert_no_sequence_gap, last_of, of_message,
+    ARMED, AUTOPILOT_VERSION, BATTERY_STATUS, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, SYS_STATUS, TIMESYNC,
+    acknowledged, assert_no_sequence_gap, last_of, of_message,
 };
-use support::requests::{
-    VEHICLE, arm, command_long, command_long_2, disarm, param_request_list, ping, timesync,
-};
+use support::requests::{arm, command_long_2, disarm, ping, timesync};
 use workbench::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, TestedVehicle, Wire};
 use workbench::runs::rates_asked_for::assert_rates;
 
@@ -54,7 +51,10 @@ fn receive_telemetry(bench: &mut Bench) {
 }
 
 fn list_and_set_parameters(bench: &mut Bench) {
-    assert_eq!(list(bench).len(), LISTED_BY_DEFAULT);
+    assert_eq!(bench.list().len(), LISTED_BY_DEFAULT);
+    bench.run_for(SECOND);
+    let values = of_message(&bench.frames(), PARAM_VALUE).len();
+    assert_eq!(values, LISTED_BY_DEFAULT, "each is listed once");
     bench.set("BATT_CAPACITY", 2200.0);
     assert_eq!(bench.parameter("BATT_CAPACITY"), 2200.0);
     bench.run_for(SAVED_US);
@@ -70,15 +70,9 @@ fn command(bench: &mut Bench) {
         assert_eq!(acknowledged(&answers)[0], (number, result));
     }
     assert_rates(bench, 5 * SECOND, &[(BATTERY_STATUS, 10.0), (HEARTBEAT, 1.0)]);
-    let answers = bench.ask(&command_long(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32));
-    let version = of_message(&answers, AUTOPILOT_VERSION)[0];
-    // The field uid, which the log has, too.
-    let id = format!("{:08X}{:08X}", version.u32(12), version.u32(8));
-    assert_eq!(
-        bench.logged(LogLevel::Info, &format!("board {id}")).len(),
-        2,
-        "two starts"
-    );
+    let id = board_id(bench);
+    let logged = bench.logged(LogLevel::Info, &format!("board {id}"));
+    assert_eq!(logged.len(), 2, "two starts");
 }
 
 fn ask_for_the_time(bench: &mut Bench) {
@@ -106,19 +100,4 @@ fn restart(bench: &mut Bench) {
     bench.run_for(SECOND);
     assert_eq!(bench.parameter("BATT_CAPACITY"), 2200.0);
     assert!(!of_message(&bench.frames(), BATTERY_STATUS).is_empty());
-}
-
-/// All parameters, by a list.
-fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
-    let mut answers = bench.ask(&param_request_list(VEHICLE));
-    let from_us = answers.last().map_or(0, |frame| frame.at_us);
-    bench.run_for(2 * SECOND);
-    answers.extend(bench.frames().into_iter().filter(|frame| frame.at_us > from_us));
-    let values = of_message(&answers, PARAM_VALUE);
-    let count = usize::from(ParamValue(values[0]).count());
-    assert_eq!(values.len(), count, "each once");
-    values
-        .iter()
-        .map(|frame| (ParamValue(frame).name(), ParamValue(frame).value()))
-        .collect()
 }

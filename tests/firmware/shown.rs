@@ -67,10 +67,7 @@ fn record(situation: &str, station: Station, mut bench: Bench, happen: impl Fn(&
     happen(&mut bench);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("shown");
     fs::create_dir_all(&folder).expect("a folder for recordings");
-    let station = match station {
-        Station::Old => "old",
-        Station::New => "new",
-    };
+    let station = if station == Station::Old { "old" } else { "new" };
     let file = folder.join(format!("{situation}.{station}.tlog"));
     fs::write(&file, tlog(bench.sent())).expect("a recording");
     bench.frames()
@@ -87,8 +84,10 @@ fn code(pack_v: f64) -> u16 {
     (pack_v / 3.95 / 3.3 * 4095.0).round() as u16
 }
 
+/// Asks for them, and a second later they are reported.
 fn prearm_checks(bench: &mut Bench) {
     bench.ask(&command_long(RUN_PREARM_CHECKS, 0.0));
+    bench.run_for(SECOND);
 }
 
 fn draw(bench: &mut Bench, amperes: f64) {
@@ -97,12 +96,8 @@ fn draw(bench: &mut Bench, amperes: f64) {
 
 /// What was reported last: the charge state, and whether the rover is ready to arm.
 fn last_reported(frames: &[Frame]) -> (u8, bool) {
-    let statuses = of_message(frames, SYS_STATUS);
-    let last = statuses.last().expect("a SYS_STATUS");
-    (
-        last_of(frames, 0).charge_state(),
-        SysStatus(last).is_ready_to_arm(),
-    )
+    let status = SysStatus(of_message(frames, SYS_STATUS).pop().expect("a SYS_STATUS"));
+    (last_of(frames, 0).charge_state(), status.is_ready_to_arm())
 }
 
 /// Switches a board off and on: what is sent from the first moment on is recorded.
@@ -134,7 +129,6 @@ fn below_arming_voltage() {
         bench.adc_input(PACK, AdcInput::Code(code(11.0)));
         bench.run_for(3 * SECOND);
         prearm_checks(bench);
-        bench.run_for(SECOND);
     });
     assert_eq!(last_reported(&frames), (OK, false));
 }
@@ -188,7 +182,6 @@ fn sensor_lost() {
         bench.adc_fault(AdcFault::Stalled);
         bench.run_for(8 * SECOND);
         prearm_checks(bench);
-        bench.run_for(SECOND);
     });
     assert_eq!(last_reported(&frames), (UNHEALTHY, false));
 }
@@ -214,14 +207,10 @@ fn with_smart_battery() -> Bench {
 
 #[test]
 fn smart_battery_healthy() {
-    let frames = record(
-        "smart_battery_healthy",
-        Station::Old,
-        with_smart_battery(),
-        |bench| {
-            bench.run_for(2 * SECOND);
-        },
-    );
+    let bench = with_smart_battery();
+    let frames = record("smart_battery_healthy", Station::Old, bench, |bench| {
+        bench.run_for(2 * SECOND);
+    });
     assert_eq!(last_reported(&frames), (OK, true));
 }
 
@@ -231,7 +220,7 @@ fn cell_failed() {
         bench.run_for(3 * SECOND);
         bench.i2c(BUS).attach(SMART_BATTERY_ADDRESS, smart_battery(3_200));
         bench.run_for(4 * SECOND);
-        prearm_checks(bench);
+        bench.ask(&command_long(RUN_PREARM_CHECKS, 0.0));
         bench.ask(&arm());
         bench.run_for(SECOND);
     });
@@ -246,7 +235,6 @@ fn unplugged() {
         bench.adc_input(PACK, AdcInput::Code(0));
         bench.run_for(8 * SECOND);
         prearm_checks(bench);
-        bench.run_for(SECOND);
     });
     assert_eq!(last_reported(&frames), (UNDEFINED, false));
 }

@@ -11,10 +11,8 @@ pub fn open_with_key() -> Bench {
     const EVERYTHING: f32 = 2.0;
     let mut bench = protected();
     let request = station(&mut bench).sign(&param_set("SIGN_UART_ALLOW", EVERYTHING));
-    assert_eq!(
-        value_of(&bench.ask(&request), "SIGN_UART_ALLOW"),
-        Some(EVERYTHING)
-    );
+    let set = value_of(&bench.ask(&request), "SIGN_UART_ALLOW");
+    assert_eq!(set, Some(EVERYTHING));
     bench
 }
 
@@ -49,9 +47,7 @@ fn no_restart_lets_the_time_go_back_or_a_recording_in() {
 
     let mut latest = owner.timestamp;
     for restart in [Board::hang_program, Board::power_cycle] {
-        let resets = bench.resets().len();
-        restart(&mut bench);
-        assert!(bench.run_until(4 * SECOND, |board| board.resets().len() > resets));
+        bench.reset_by(4 * SECOND, |bench| restart(bench));
         // What was on the wire at the restart is cut off.
         bench.forget_sent();
         bench.run_for(2 * SECOND);

@@ -8,12 +8,10 @@ use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 
 /// At 9600 baud and with `SR0_EXTRA1` at 50 Hz: ten times as much as the line carries is asked for.
 fn overloaded() -> Bench {
-    let mut bench = Bench::power_up(2482);
-    bench.run_for(SECOND);
+    let mut bench = Bench::running(2482);
     bench.ask(&param_set("SERIAL0_BAUD", 9.0));
     bench.ask(&param_set("SR0_EXTRA1", 50.0));
-    bench.ask(&reboot());
-    assert!(bench.run_until(4 * SECOND, |board| !board.resets().is_empty()));
+    bench.reset_by(4 * SECOND, |bench| drop(bench.ask(&reboot())));
     bench
 }
 

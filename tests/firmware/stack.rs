@@ -1,6 +1,5 @@
 //! How deep the stack gets, interrupts included, when everything happens at once.
 
-use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::signing;
 use crate::wheels::duties;
 use emulator::{AdcFault, LogLevel, ResetCause};
@@ -8,8 +7,8 @@ use support::commands::{ACCEPTED, BATTERY_RESET, REQUEST_MESSAGE};
 use support::frames::{PARAM_VALUE, of_message};
 use support::motor_poles::LEFT;
 use support::requests::{
-    VEHICLE, arm_by_force, command_int, command_long, command_long_2, ftp_open, manual_control,
-    param_request_list, param_set, ping, set_mode, timesync,
+    VEHICLE, VEHICLE_ID, arm_by_force, command_int, command_long, command_long_2, ftp_open, manual_control,
+    manual_mode, param_request_list, param_set, ping, timesync,
 };
 use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 use workbench::i2c_bus::BUS;
@@ -26,11 +25,8 @@ fn busiest_board() -> Bench {
     // The restart at the end is the start that is looked at.
     bench.forget_stack_use();
     mixed_packs::plug_in(&mut bench);
-    for (name, value) in mixed_packs::MIXED {
-        bench.set(name, value);
-    }
-    bench.set("SR0_EXTRA1", 50.0);
-    bench.set("SERIAL0_BAUD", 921.0);
+    bench.set_all(&mixed_packs::MIXED);
+    bench.set_all(&[("SR0_EXTRA1", 50.0), ("SERIAL0_BAUD", 921.0)]);
     bench.reboot();
     // The frame that the restart has cut is no frame.
     bench.run_until_silent();
@@ -40,7 +36,7 @@ fn busiest_board() -> Bench {
 
 fn arm(bench: &mut Bench) {
     assert_eq!(bench.result_of(&arm_by_force()), ACCEPTED);
-    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_mode());
 }
 
 /// What ground stations ask for in one second, the longest answers and writes to flash among it.
@@ -79,17 +75,10 @@ pub fn assert_free(bench: &mut Bench, during: &str) {
     let (used, room) = (bench.stack_used_bytes(), bench.stack_bytes());
     let written = bench.stack_painted_over_bytes();
     let free_percent = 100 * room.saturating_sub(used) / room;
-    println!(
-        "{used:6} of {room} bytes of stack used, {written:6} of them written, {free_percent} % free: {during}"
-    );
-    assert!(
-        free_percent >= FREE_PERCENT,
-        "{used} of {room} bytes used: {during}"
-    );
-    assert!(
-        (1..=used).contains(&written),
-        "{written} bytes written below the stack pointer"
-    );
+    let stack = format!("{used:6} of {room} bytes of stack used, {written:6} of them written");
+    println!("{stack}, {free_percent} % free: {during}");
+    assert!(free_percent >= FREE_PERCENT, "{stack}: {during}");
+    assert!((1..=used).contains(&written), "{stack}: {during}");
     bench.forget_stack_use();
 }
 
@@ -101,8 +90,7 @@ fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
     arm(&mut bench);
     let from_us = bench.time_us();
     load_for(&mut bench, 6);
-    let is_driven = duties(LEFT[0], &bench).0 > 0.3;
-    assert!(is_driven, "the motors stand");
+    assert!(duties(LEFT[0], &bench).0 > 0.3, "the motors stand");
     let frames = bench.frames();
     let values = of_message(&frames, PARAM_VALUE).into_iter();
     let listed = values.filter(|frame| frame.at_us > from_us).count();
@@ -130,10 +118,8 @@ fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
     assert!(!bench.logged(LogLevel::Warn, "read failed").is_empty());
     assert_free(&mut bench, "the same with a dead converter and a dead bus");
 
-    bench.panic();
-    let resets = bench.resets().len();
-    assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
-    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogForce);
+    let reset = bench.reset_by(2 * SECOND, Bench::panic);
+    assert_eq!(reset.cause, ResetCause::WatchdogForce);
     assert!(!bench.logged(LogLevel::Error, "panicked").is_empty());
     assert_free(&mut bench, "a panic and its HardFault");
     bench.run_for(2 * SECOND);

@@ -2,25 +2,11 @@
 
 use emulator::{FlashOperationKind, FlashTiming};
 use support::commands::PREFLIGHT_STORAGE;
-use support::frames::{CRITICAL, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
-use support::requests::{arm, command_long, param_read_by_name, param_set};
+use support::frames::{CRITICAL, STATUSTEXT, of_message, texts_of};
+use support::requests::{arm, command_long, param_set};
 use workbench::bench::{
-    Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES, TestedVehicle,
+    Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES, TestedVehicle, count_of,
 };
-
-fn texts(bench: &mut Bench) -> Vec<(u8, String)> {
-    let frames = bench.frames();
-    of_message(&frames, STATUSTEXT)
-        .iter()
-        .map(|frame| (frame.u8(0), frame.text(1, 50)))
-        .collect()
-}
-
-fn read(bench: &mut Bench, name: &str) -> Option<f32> {
-    let answers = bench.ask(&param_read_by_name(name));
-    let values = of_message(&answers, PARAM_VALUE);
-    values.first().map(|frame| ParamValue(frame).value())
-}
 
 const DAMAGED: &str = "Parameters damaged: check them, then set PARAM_CHECKED 1";
 
@@ -33,19 +19,21 @@ fn damaged_storage_boots_with_defaults_says_so_and_works_again() {
         let mut bench = Bench::power_up_with_parameters(2482, &content);
         bench.run_for(SECOND);
         assert!(bench.resets().is_empty(), "a boot loop");
-        let said = texts(&mut bench);
+        let frames = bench.frames();
+        let texts = of_message(&frames, STATUSTEXT).into_iter();
+        let said: Vec<_> = texts.map(|frame| (frame.u8(0), frame.text(1, 50))).collect();
         // The other one is that nothing counts as low with the defaults.
         assert_eq!(said.len(), 3, "{said:?}");
         assert_eq!(said[0].0, CRITICAL);
         assert_eq!(said[0].1.clone() + &said[1].1, DAMAGED);
-        assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(2.0));
+        assert_eq!(bench.read_parameter("SR0_EXTRA1"), Some(2.0));
 
         bench.ask(&param_set("ARMING_CHECK", 0.0));
         bench.ask(&param_set("SR0_EXTRA1", 4.0));
         bench.run_for(SECOND);
         bench.power_cycle();
         bench.run_for(SECOND);
-        assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(4.0));
+        assert_eq!(bench.read_parameter("SR0_EXTRA1"), Some(4.0));
         let refused = texts_of(&bench.ask(&arm())).concat();
         assert_eq!(refused, format!("Arm: {DAMAGED}"));
 
@@ -68,13 +56,11 @@ fn worn_out_flash_is_said_and_the_value_lives_until_the_restart() {
     bench.run_for(SECOND);
     bench.ask(&param_set("SR0_EXTRA1", 4.0));
     bench.run_for(10 * SECOND);
-    assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(4.0));
+    assert_eq!(bench.read_parameter("SR0_EXTRA1"), Some(4.0));
+    let said = texts_of(&bench.frames());
     assert!(
-        texts(&mut bench)
-            .iter()
-            .any(|(_, text)| text.contains("can't be saved")),
-        "{:?}",
-        texts(&mut bench)
+        said.iter().any(|text| text.contains("can't be saved")),
+        "{said:?}"
     );
     assert!(bench.resets().is_empty(), "{:?}", bench.resets());
 }
@@ -88,11 +74,8 @@ fn ticks_around_an_erase(timing: FlashTiming) -> (Bench, Vec<u64>) {
     let clear = |bench: &mut Bench| {
         let now_us = bench.time_us();
         bench.uart_send(0, now_us, &param_set("SR0_EXTRA1", 4.0));
-        bench.uart_send(
-            0,
-            now_us + 100 * MILLISECOND,
-            &command_long(PREFLIGHT_STORAGE, 2.0),
-        );
+        let reset = command_long(PREFLIGHT_STORAGE, 2.0);
+        bench.uart_send(0, now_us + 100 * MILLISECOND, &reset);
     };
     clear(&mut bench);
     bench.run_until_time(4_080 * MILLISECOND);
@@ -102,13 +85,8 @@ fn ticks_around_an_erase(timing: FlashTiming) -> (Bench, Vec<u64>) {
     bench.run_until_time(9_080 * MILLISECOND);
     clear(&mut bench);
     bench.run_until_time(14_050 * MILLISECOND);
-    let erased = |bench: &Bench| {
-        bench
-            .flash_operations()
-            .iter()
-            .any(|operation| operation.kind == FlashOperationKind::SectorErase)
-    };
-    assert!(erased(&bench), "nothing was erased");
+    let erased = count_of(FlashOperationKind::SectorErase, bench.flash_operations());
+    assert!(erased > 0, "nothing was erased");
     let ticks = bench
         .take_adc_record()
         .chunks(16)

@@ -1,7 +1,7 @@
 //! A thermistor at the converter's pin.
 
 use emulator::AdcInput;
-use support::frames::{BatteryStatus, last_of};
+use support::frames::last_of;
 use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle};
 
 /// GP28.
@@ -10,14 +10,6 @@ const CHANNEL: usize = 2;
 /// PADS_BANK0, GPIO28 (RP2040 datasheet 2.19.6.3), and its pull-up.
 const PAD: u32 = 0x4001_c004 + 4 * 28;
 const PULL_UP: u32 = 1 << 3;
-
-fn temperature_cdegc(bench: &mut Bench, code: u16) -> i16 {
-    bench.adc_input(CHANNEL, AdcInput::Code(code));
-    bench.run_for(2 * SECOND);
-    let frames = bench.frames();
-    let status: BatteryStatus<'_> = last_of(&frames, 0);
-    status.temperature_cdegc()
-}
 
 #[test]
 // Requirement: AP-30
@@ -40,7 +32,9 @@ fn a_thermistor_is_read_with_the_pull_up_of_its_pin() {
         ("TEMP1_A5", -2.222),
     ]);
     // By its resistance with the pull-up of the pad.
-    let at_25 = temperature_cdegc(&mut bench, 2205);
+    bench.adc_input(CHANNEL, AdcInput::Code(2205));
+    bench.run_for(2 * SECOND);
+    let at_25 = last_of(&bench.frames(), 0).temperature_cdegc();
     assert!((2400..2600).contains(&at_25), "{at_25}");
     assert_eq!(bench.read_register(PAD) & PULL_UP, PULL_UP);
 }

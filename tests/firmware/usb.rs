@@ -64,10 +64,10 @@ fn assert_uart_undisturbed(frames: &[Frame]) {
     ] {
         for pair in of_message(frames, message).windows(2) {
             let off_us = (pair[1].at_us - pair[0].at_us).abs_diff(interval_us);
+            let at_us = pair[1].at_us;
             assert!(
                 off_us <= UART_JITTER_US,
-                "message {message} at {} us is {off_us} us off",
-                pair[1].at_us
+                "message {message} at {at_us} us is {off_us} us off"
             );
         }
     }

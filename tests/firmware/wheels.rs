@@ -1,9 +1,9 @@
 //! Which way each wheel turns, at the poles of its motor.
 
-use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, steer_for};
+use crate::rover::{GOOD_3S, steer_for};
 use emulator::Board;
 use support::motor_poles::{LEFT, Motor, RIGHT, motors};
-use support::requests::{arm, set_mode};
+use support::requests::{arm, manual_mode};
 use workbench::bench::{Bench, SECOND, TestedVehicle};
 
 /// The share of time in which the PWM drives the positive and the negative pole.
@@ -25,7 +25,7 @@ const BACK: (f64, f64) = (0.0, 0.5);
 fn every_wheel_turns_the_way_the_driver_steers() {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
     bench.ask(&arm());
-    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_mode());
     steer_for(&mut bench, SECOND / 10, 0, 0);
     for (maneuver, steering, throttle, left, right) in [
         ("ahead", 0, 500, AHEAD, AHEAD),

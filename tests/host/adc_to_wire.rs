@@ -1,7 +1,7 @@
 //! The tasks on a desk, in stepped time: from conversions of a converter to frames on a wire.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
+use std::future::pending;
 
 use embassy_futures::join::join3;
 use embassy_time::{Duration, Instant, Timer};
@@ -9,14 +9,14 @@ use rover_battmon::autopilot::{CrashLine, Start};
 use rover_battmon::battery::{Gap, PackEvent, PackNotice, ReadError, RetainedRecord};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
-use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
+use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::tasks::{
     CheckIn, Link, Shared, Watchdog, schedule_telemetry, serve_link, supervise, write_frames,
 };
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::stepped::Port;
 use rover_battmon_tools::sim::{clock, sample_batteries};
+use support::desk::start_with;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
     assert_no_sequence_gap, frames, of_message,
@@ -24,53 +24,40 @@ use support::frames::{
 use support::time::SECOND;
 use support::vehicle::{OnHost, TestedVehicle};
 
-/// A converter whose answers depend on the time.
+/// A converter whose answers depend on the time; without one it stalls.
 struct Converter<F>(F);
 
-impl<F: FnMut(Instant) -> Result<AdcCount, ReadError>> AnalogIn for Converter<F> {
+impl<F: FnMut(Instant) -> Option<AdcCount>> AnalogIn for Converter<F> {
     async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
-        (self.0)(Instant::now())
-    }
-}
-
-/// A converter that stops answering at some time.
-struct StallingConverter {
-    stalls_at: Instant,
-}
-
-impl AnalogIn for StallingConverter {
-    async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
-        if Instant::now() >= self.stalls_at {
-            std::future::pending::<()>().await;
+        match (self.0)(Instant::now()) {
+            Some(count) => Ok(count),
+            None => pending().await,
         }
-        Ok(AdcCount(2482))
     }
 }
+
+/// 2.0 V at the pin.
+const COUNT: AdcCount = AdcCount(2482);
 
 /// With a failsafe threshold, so that none is announced to be missing.
-fn with_threshold() -> Parameters {
-    let mut parameters = Parameters::defaults();
-    let threshold: ParameterId = BatteryParameter::LowVolt.of(Pack::First);
-    parameters.set(threshold, 1.0).unwrap();
-    parameters
-}
+const THRESHOLD: (&str, f32) = ("BATT_LOW_VOLT", 1.0);
 
 /// 10 bits a byte.
 fn byte_us(baud: u64) -> u64 {
     10_000_000 / baud
 }
 
-fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
-    run_with(with_threshold(), seconds, baud, input)
+fn run(seconds: u64, input: impl AnalogIn) -> Vec<Frame> {
+    run_with(&[THRESHOLD], seconds, 115_200, input)
 }
 
-fn run_with(parameters: Parameters, seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
+fn run_with(settings: &[(&str, f32)], seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
     let check_ins = [0; 3].map(|_| CheckIn::new("", u32::MAX));
     let port = Port::new(byte_us(baud));
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
-            Shared::new(&Start::with_parameters(parameters)),
+            Shared::new(&start_with(settings)),
             Link::new("line", LinkKind::Radio, baud as u32 / 10),
         );
         join3(
@@ -86,7 +73,7 @@ fn run_with(parameters: Parameters, seconds: u64, baud: u64, input: impl AnalogI
 #[test]
 // Requirement: FR-1, FR-8
 fn a_pack_appears_on_the_wire_at_the_default_rates() {
-    let frames = run(600, 115_200, Converter(|_| Ok(AdcCount(2482))));
+    let frames = run(600, Converter(|_| Some(COUNT)));
     assert_no_sequence_gap(&frames);
     assert_eq!(of_message(&frames, HEARTBEAT).len(), 600);
     assert_eq!(of_message(&frames, SYS_STATUS).len(), 1200);
@@ -124,7 +111,7 @@ fn a_scale_an_offset_and_a_pin_count_in_the_next_frame() {
 // Requirement: FR-12
 fn the_last_good_value_stays_and_the_fifth_failed_read_says_unhealthy() {
     let stalls_at = Instant::from_micros(4_950_000);
-    let frames = run(10, 115_200, StallingConverter { stalls_at });
+    let frames = run(10, Converter(|at: Instant| (at < stalls_at).then_some(COUNT)));
     let battery = of_message(&frames, BATTERY_STATUS);
     // Reads fail from 5.0 s on, so the fifth fails at 5.4 s.
     for frame in &battery[1..] {
@@ -140,29 +127,11 @@ fn the_last_good_value_stays_and_the_fifth_failed_read_says_unhealthy() {
 }
 
 #[test]
-fn one_bad_conversion_costs_one_reading_and_no_more() {
-    let bad_at = 16 * 7;
-    let mut results: VecDeque<_> = (0..100 * usize::from(BURST_CONVERSIONS))
-        .map(|_| Ok(AdcCount(2482)))
-        .collect();
-    results[bad_at] = Err(ReadError::Conversion);
-    let frames = run(
-        5,
-        115_200,
-        Converter(move |_| results.pop_front().expect("enough conversions")),
-    );
-    for frame in &of_message(&frames, BATTERY_STATUS)[1..] {
-        assert_eq!(BatteryStatus(frame).charge_state(), 1);
-        assert_eq!(BatteryStatus(frame).voltage_mv(0), 7901);
-    }
-}
-
-#[test]
 fn a_voltage_step_reaches_the_wire_within_620_ms() {
     for phase in 0..20 {
         let step_us = 3_000_000 + phase * 29_917;
         let count = |at: Instant| if at.as_micros() < step_us { 2482 } else { 3000 };
-        let frames = run(5, 115_200, Converter(|at| Ok(AdcCount(count(at)))));
+        let frames = run(5, Converter(|at| Some(AdcCount(count(at)))));
         let battery = of_message(&frames, BATTERY_STATUS);
         let shows_it = |frame: &&&Frame| BatteryStatus(frame).voltage_mv(0) > 9000;
         let arrived_us = battery.iter().find(shows_it).expect("it arrives").at_us;
@@ -178,11 +147,8 @@ fn a_voltage_step_reaches_the_wire_within_620_ms() {
 fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it_but_no_heartbeat() {
     // 21 + rate × (43 + 53) bytes a second are wanted; a tenth of the baud rate is carried. A heartbeat waits for one frame.
     for (baud, rate_hz, least_of_each, frame_us) in [(600, 2, 200, 900_000), (9_600, 50, 5_000, 60_000)] {
-        let mut parameters = with_threshold();
-        parameters
-            .set(VehicleParameter::Sr0Extra1, rate_hz as f32)
-            .unwrap();
-        let frames = run_with(parameters, 600, baud, Converter(|_| Ok(AdcCount(2482))));
+        let settings = [THRESHOLD, ("SR0_EXTRA1", rate_hz as f32)];
+        let frames = run_with(&settings, 600, baud, Converter(|_| Some(COUNT)));
         assert_no_sequence_gap(&frames);
         let heartbeats = of_message(&frames, HEARTBEAT);
         // The last one may still be on its way.
@@ -220,7 +186,7 @@ fn sent_while(baud: u64, script: impl AsyncFn(&Shared)) -> [Vec<Frame>; 2] {
     let ports = bauds.map(|baud| Port::new(byte_us(baud)));
     let [slow, fast] = bauds.map(|baud| Link::new("line", LinkKind::Radio, baud as u32 / 10));
     clock::run_for(Duration::from_secs(20), async {
-        let shared = Shared::new(&Start::with_parameters(with_threshold()));
+        let shared = Shared::new(&start_with(&[THRESHOLD]));
         join3(
             serve_link(&ports[0], &ports[0], &shared, &slow, &check_in),
             serve_link(&ports[1], &ports[1], &shared, &fast, &check_in),
@@ -281,16 +247,6 @@ fn all_packs_can_be_announced_in_the_same_tick() {
     }
 }
 
-#[test]
-fn a_text_that_is_too_long_is_cut_off_between_characters() {
-    let [frames, _] = sent_while(57_600, async |shared| {
-        Timer::after_millis(1_030).await;
-        shared.announce(&CrashLine(&format!("{}°C", "x".repeat(95))));
-    });
-    let texts = texts(&frames);
-    assert_eq!(texts[0].1.len() + texts[1].1.len(), 95);
-}
-
 /// 1200 baud carry two texts a second; eighty are announced in that time, of several packs and kinds, so that none is left
 /// out as too frequent.
 #[test]
@@ -337,7 +293,7 @@ fn a_notice_about_the_start_is_sent_to_a_link_that_opens_later() {
     let port = Port::new(byte_us(57_600));
     clock::run_for(Duration::from_secs(5), async {
         let (shared, link) = (
-            Shared::new(&Start::with_parameters(Parameters::defaults())),
+            Shared::new(&start_with(&[])),
             Link::new("late", LinkKind::Radio, 5_760),
         );
         shared.announce(&CrashLine("before there was a link"));

@@ -1,13 +1,11 @@
-//! What is announced, on a link that is too slow for all of it.
+//! Announcements on a link that is too slow for all of them.
 
-use rover_battmon::autopilot::Start;
 use rover_battmon::battery::FailsafeLevel;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, Parameters};
+use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::sensor::{AnalogPin, AnalogReadings, CanEvent, CanNotice, NodeId};
-
-use support::desk::{DIVIDER, Desk, adc_count};
+use support::desk::{DIVIDER, Desk, adc_count, start_with};
 use support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT};
 use support::requests::{arm, arm_by_force, do_set_mode};
 
@@ -38,23 +36,21 @@ struct FloodedRover {
 
 impl FloodedRover {
     fn new() -> Self {
-        let mut parameters = Parameters::defaults();
-        for (parameter, value) in [
-            (BatteryParameter::Cells, 3.0),
-            (BatteryParameter::LowVolt, 10.5),
-            (BatteryParameter::LowTimer, 1.0),
+        Self::with(&[
+            ("BATT_CELLS", 3.0),
+            ("BATT_LOW_VOLT", 10.5),
+            ("BATT_LOW_TIMER", 1.0),
             // RTL, which needs a position.
-            (BatteryParameter::FsLowAct, 1.0),
+            ("BATT_FS_LOW_ACT", 1.0),
             // No charge states.
-            (BatteryParameter::LowPct, 0.0),
-            (BatteryParameter::CrtPct, 0.0),
-            (BatteryParameter::EmrPct, 0.0),
-        ] {
-            parameters
-                .set(parameter.of(Pack::First), value)
-                .expect("in range");
-        }
-        let mut desk = Desk::starting(Start::with_parameters(parameters));
+            ("BATT_LOW_PCT", 0.0),
+            ("BATT_CRT_PCT", 0.0),
+            ("BATT_EMR_PCT", 0.0),
+        ])
+    }
+
+    fn with(parameters: &[(&str, f32)]) -> Self {
+        let mut desk = Desk::starting(start_with(parameters));
         desk.connect_slowly(LinkKind::Radio, BYTES_PER_SECOND as u32);
         Self {
             desk,
@@ -70,15 +66,12 @@ impl FloodedRover {
         self.tick += 1;
         self.desk.now_us = self.tick * TICK_US;
         let node = NodeId::new((self.tick % 40) as u8 + 20).expect("an id");
-        let notice = if self.tick.is_multiple_of(2) {
-            CanNotice::Appeared(node)
-        } else {
-            CanNotice::Lost(node)
+        let notice = match self.tick.is_multiple_of(2) {
+            true => CanNotice::Appeared(node),
+            false => CanNotice::Lost(node),
         };
-        let now = self.desk.now();
-        self.desk
-            .autopilot
-            .add_can_event(&CanEvent::Announce(notice), now);
+        let event = CanEvent::Announce(notice);
+        self.desk.autopilot.add_can_event(&event, self.desk.now());
         let mut readings = AnalogReadings::NONE;
         readings.set(AnalogPin::Gp26, Ok(adc_count(self.pack_v / DIVIDER)));
         self.desk.sample(readings);
@@ -95,10 +88,9 @@ impl FloodedRover {
                 return;
             };
             self.credit -= (FRAME_BYTES + frame.payload_len()) as i64;
-            let text = if frame.message_id == STATUSTEXT {
-                frame.text(1, 50)
-            } else {
-                String::new()
+            let text = match frame.message_id {
+                STATUSTEXT => frame.text(1, 50),
+                _ => String::new(),
             };
             self.sent.push((self.tick, frame.message_id, text));
         }
@@ -114,17 +106,13 @@ impl FloodedRover {
         self.desk.receive_in_chunks(frames, 64);
     }
 
-    /// How many ticks after `from_tick` a text that starts so has left.
+    /// The number of ticks after `from_tick` after which a text that starts so has left.
     #[track_caller]
     fn delay(&self, from_tick: u64, start: &str) -> u64 {
-        let found = self
-            .sent
-            .iter()
-            .find(|(tick, _, text)| *tick >= from_tick && text.starts_with(start));
-        found
-            .unwrap_or_else(|| panic!("{start:?} never arrives: {:?}", self.sent))
-            .0
-            - from_tick
+        let mut sent = self.sent.iter();
+        let found = sent.find(|(tick, _, text)| *tick >= from_tick && text.starts_with(start));
+        let (tick, ..) = found.unwrap_or_else(|| panic!("{start:?} never arrives: {:?}", self.sent));
+        tick - from_tick
     }
 }
 
@@ -202,33 +190,24 @@ fn texts_of_a_kind_are_limited_and_what_is_left_out_is_counted() {
         assert!((6..=15).contains(&texts.len()), "{texts:?}");
         assert!(texts[texts.len() - 1].ends_with(" left out)"), "{texts:?}");
     }
-    let heartbeats = rover
-        .sent
-        .iter()
-        .filter(|(_, message, _)| *message == HEARTBEAT)
-        .count();
+    let messages = rover.sent.iter().map(|(_, message, _)| *message);
+    let heartbeats = messages.filter(|message| *message == HEARTBEAT).count();
     assert!(heartbeats >= 59, "{heartbeats}");
 }
 
 #[test]
 fn other_packs_keep_their_places() {
-    let mut parameters = Parameters::defaults();
-    for pack in [Pack::First, Pack::Second] {
-        for (parameter, value) in [
-            (BatteryParameter::Monitor, 3.0),
-            (BatteryParameter::VoltPin, 26.0),
-            (BatteryParameter::Cells, 3.0),
-            (BatteryParameter::LowVolt, 10.5),
-            (BatteryParameter::LowTimer, 1.0),
-        ] {
-            parameters.set(parameter.of(pack), value).expect("in range");
-        }
-    }
-    let mut rover = FloodedRover::new();
-    rover.desk = Desk::starting(Start::with_parameters(parameters));
-    rover
-        .desk
-        .connect_slowly(LinkKind::Radio, BYTES_PER_SECOND as u32);
+    let mut rover = FloodedRover::with(&[
+        ("BATT_MONITOR", 3.0),
+        ("BATT_CELLS", 3.0),
+        ("BATT_LOW_VOLT", 10.5),
+        ("BATT_LOW_TIMER", 1.0),
+        ("BATT2_MONITOR", 3.0),
+        ("BATT2_VOLT_PIN", 26.0),
+        ("BATT2_CELLS", 3.0),
+        ("BATT2_LOW_VOLT", 10.5),
+        ("BATT2_LOW_TIMER", 1.0),
+    ]);
     rover.run(100);
     rover.receive(&arm_by_force());
     rover.pack_v = LOW_V;

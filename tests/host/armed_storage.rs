@@ -49,19 +49,12 @@ fn run(regions: &Regions, script: impl AsyncFnOnce(&Vehicle)) {
     });
 }
 
-/// What a start with this flash reads.
-fn started(regions: &Regions) -> Start {
-    let mut start = Start::default();
-    block_on(regions.storages().boot(ParameterSource::Stored, &mut start));
-    start
-}
-
 /// The parameter's value after a start with this flash, which is undamaged.
 fn stored(regions: &Regions, id: ParameterId) -> f32 {
     let mut parameters: Storage<_> = Storage::new(regions.parameters.clone(), SmallFlash::REGION);
     block_on(parameters.load(&mut |_, _| {})).expect("readable");
     assert_eq!(parameters.condition(), Condition::Intact);
-    started(regions).parameters.get(id)
+    regions.started(ParameterSource::Stored).parameters.get(id)
 }
 
 /// Sets two parameters in turn until each sector that was erased is full, and then `further` ones.
@@ -119,7 +112,7 @@ fn after_disarming_flash_waits_for_the_longer_watchdog_and_nothing_is_reported()
             station.shared.with(|autopilot| autopilot.may_erase()),
             Erase::Forbidden
         );
-        // What is set now has no space either.
+        // Parameters that are set now have no space either.
         for pack in Pack::ALL {
             let name = ParameterId::Battery(pack, BatteryParameter::LowMah).name();
             assert_eq!(station.set(&name, 100.0), [""; 0]);
@@ -152,22 +145,6 @@ fn a_failure_that_is_over_before_its_announcement_is_not_announced_as_over() {
             "the failures before"
         );
     });
-}
-
-#[test]
-fn power_lost_while_armed_brings_the_saved_values_back() {
-    let regions = Regions::blank();
-    run(&regions, async |station| {
-        station.set("BATT_CAPACITY", 777.0);
-        station.wait(2).await;
-        armed(station, &regions, async || fill(station, 1).await).await;
-    });
-    assert_eq!(stored(&regions, CAPACITY), 777.0);
-    run(&regions, async |station| {
-        station.set("BATT_CAPACITY", 888.0);
-        station.wait(2).await;
-    });
-    assert_eq!(stored(&regions, CAPACITY), 888.0);
 }
 
 #[test]
@@ -255,7 +232,7 @@ fn marks_of_the_signing_time_and_learnt_data_erase_nothing() {
         assert!(!station.shared.with(|autopilot| autopilot.has_unsaved()));
     });
     // The key is there, and what was learnt last.
-    let start = started(&regions);
+    let start = regions.started(ParameterSource::Stored);
     assert!(!start.signing.has_lost_key() && !start.signing.is_key_unsaved());
 }
 

@@ -4,9 +4,8 @@
     reason = "SMART_BATTERY_INFO is superseded, and sent for those who know no other"
 )]
 
-use std::collections::HashMap;
-
 use proptest::prelude::*;
+use rover_battmon::announce::Severity;
 use rover_battmon::battery::{
     Amount, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Consequences, Contents, Date,
     FailsafeLevel, Faults, MAX_CELLS, Modes, Name, PackDetails, PackStatus, Readings, ReportedVoltage,
@@ -18,29 +17,30 @@ use rover_battmon::mavlink::dialect::{
     MavSysStatusSensor, MavSysStatusSensorExtended, SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
 };
 use rover_battmon::mavlink::{
-    BroadcastCommand, Framer, Message, build_battery_info, build_battery_status, build_battery_status_v2,
-    build_charge_deviation, build_fuel_status, build_heartbeat, build_resistance, build_resting_voltage,
-    build_smart_battery_info, build_sys_status,
+    BroadcastCommand, Endpoint, Framer, LinkKind, Message, ToFrame, build_battery_info, build_battery_status,
+    build_battery_status_v2, build_charge_deviation, build_fuel_status, build_heartbeat, build_resistance,
+    build_resting_voltage, build_smart_battery_info, build_sys_status,
 };
 use rover_battmon::pack::Pack;
+use rover_battmon::parameter::Parameters;
 use rover_battmon::system::{ArmingReadiness, LinkStatistics, LogHealth, ReceiveStatistics, SystemState};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::VehicleStatus;
 
-fn golden_frames() -> HashMap<String, String> {
-    let rows = include_str!("../data/wire_mavlink2.csv").lines().skip(1);
-    rows.map(|row| {
-        let columns: Vec<&str> = row.split(',').collect();
-        (columns[0].to_string(), columns[4].to_string())
-    })
-    .collect()
-}
-
-fn frame_hex(message: &Message) -> String {
+fn frame_hex(message: &impl ToFrame) -> String {
     let mut framer = Framer::new();
     let bytes = framer.frame(message, 1);
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Asserts that the frame of a message is the golden one of this row.
+#[track_caller]
+fn assert_golden(row: &str, message: &impl ToFrame) {
+    let lines = include_str!("../data/wire_mavlink2.csv").lines();
+    let mut rows = lines.map(|line| line.split(',').collect::<Vec<_>>());
+    let golden = rows.find(|columns| columns[0] == row).expect("there is this row");
+    assert_eq!(frame_hex(message), golden[4], "{row}");
 }
 
 fn with_packs(batteries: &[BatteryState]) -> SystemState<'_> {
@@ -80,7 +80,7 @@ fn system_with(battery: BatteryState) -> SYS_STATUS_DATA {
     build_sys_status(&with_packs(&[battery]))
 }
 
-fn healthy(voltage_v: f32) -> BatteryState {
+pub fn healthy(voltage_v: f32) -> BatteryState {
     let mut battery = BatteryState::UNKNOWN;
     battery.status = PackStatus::Healthy;
     battery.charge_state = ChargeState::Ok;
@@ -88,26 +88,41 @@ fn healthy(voltage_v: f32) -> BatteryState {
     battery
 }
 
+/// A healthy pack whose current is measured.
+fn counting(voltage_v: f32, current_a: f32, consumed_mah: f32, remaining_pct: f32) -> BatteryState {
+    let mut battery = healthy(voltage_v);
+    battery.readings.current_a = Some(current_a);
+    battery.readings.remaining_pct = Some(remaining_pct);
+    battery.consumed = Some(Amount::Mah(consumed_mah));
+    battery
+}
+
+/// A healthy pack whose cells are measured.
+fn with_cells(voltage_v: f32, millivolts: &[u16]) -> BatteryState {
+    BatteryState {
+        cells: CellVoltages::from_millivolts(millivolts),
+        ..healthy(voltage_v)
+    }
+}
+
+/// A pack for internal use only.
+pub fn on_board_only(battery: BatteryState) -> BatteryState {
+    BatteryState {
+        visibility: Visibility::Internal,
+        ..battery
+    }
+}
+
 #[test]
 // Requirement: FR-10
 fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike() {
-    let golden = golden_frames();
-    let mut full = healthy(11.1);
-    full.readings.current_a = Some(5.0);
-    full.readings.remaining_pct = Some(94.6);
+    let mut full = counting(11.1, 5.0, 123.0, 94.6);
     full.readings.time_remaining_s = Some(1234.0);
-    full.consumed = Some(Amount::Mah(123.0));
     full.temperature_c = Some(25.0);
-    let mut emergency = healthy(10.0);
+    let mut emergency = counting(10.0, 5.0, 2100.0, 5.0);
     emergency.charge_state = ChargeState::Emergency;
-    emergency.readings.current_a = Some(5.0);
-    emergency.readings.remaining_pct = Some(5.0);
     emergency.readings.time_remaining_s = Some(10.0);
-    emergency.consumed = Some(Amount::Mah(2100.0));
-    let mut cells = healthy(45.6);
-    cells.readings.current_a = Some(10.0);
-    cells.readings.remaining_pct = Some(90.0);
-    cells.consumed = Some(Amount::Mah(100.0));
+    let mut cells = counting(45.6, 10.0, 100.0, 90.0);
     cells.cells = CellVoltages::from_millivolts(&[3800; 12]);
     for (row, battery) in [
         ("px4_voltage_only", healthy(12.345)),
@@ -115,8 +130,7 @@ fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike()
         ("px4_emergency", emergency),
         ("px4_cells_12s", cells),
     ] {
-        let message = Message::BatteryStatus(status_of(battery));
-        assert_eq!(frame_hex(&message), golden[row], "{row}");
+        assert_golden(row, &Message::BatteryStatus(status_of(battery)));
     }
 }
 
@@ -124,122 +138,94 @@ fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike()
 #[test]
 // Requirement: FR-1
 fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
-    let as_ardupilot = |data: BATTERY_STATUS_DATA| BATTERY_STATUS_DATA {
-        battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_UNKNOWN,
-        mavtype: MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN,
-        ..data
+    let counting_wh = |battery, consumed_wh| BatteryState {
+        consumed_wh: Some(consumed_wh),
+        ..battery
     };
-    let counting = |voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct| {
-        let mut battery = healthy(voltage_v);
-        battery.readings.current_a = Some(current_a);
-        battery.readings.remaining_pct = Some(remaining_pct);
-        battery.consumed = Some(Amount::Mah(consumed_mah));
-        battery.consumed_wh = Some(consumed_wh);
-        battery
-    };
-    let mut unhealthy = counting(11.1, 5.0, 2100.0, 838.0 / 36.0, 0.0);
+    let mut unhealthy = counting_wh(counting(11.1, 5.0, 2100.0, 0.0), 838.0 / 36.0);
     unhealthy.status = PackStatus::Unhealthy;
     unhealthy.charge_state = ChargeState::Unhealthy;
     unhealthy.readings.remaining_pct = None;
-    let critical = BatteryState {
-        charge_state: ChargeState::Critical,
-        ..counting(9.8, 5.0, 2100.0, 838.0 / 36.0, 10.0)
-    };
-    let golden = golden_frames();
+    let mut critical = counting_wh(counting(9.8, 5.0, 2100.0, 10.0), 838.0 / 36.0);
+    critical.charge_state = ChargeState::Critical;
+    let mut cells = counting_wh(counting(11.4, 5.0, 100.0, 95.0), 1.0);
+    cells.temperature_c = Some(25.0);
+    cells.cells = CellVoltages::from_millivolts(&[3810, 3790, 3800]);
     for (row, battery) in [
         ("ap_voltage_only_12v345", healthy(12.345)),
-        ("ap_70v", counting(70.0, 10.0, 0.0, 0.0, 100.0)),
-        ("ap_140v", counting(140.0, 10.0, 0.0, 0.0, 100.0)),
-        ("ap_current_clamp_pos", counting(22.2, 400.0, 10.0, 1.0, 90.0)),
-        ("ap_current_clamp_neg", counting(22.2, -400.0, 10.0, 1.0, 90.0)),
+        ("ap_70v", counting_wh(counting(70.0, 10.0, 0.0, 100.0), 0.0)),
+        ("ap_140v", counting_wh(counting(140.0, 10.0, 0.0, 100.0), 0.0)),
+        (
+            "ap_current_clamp_pos",
+            counting_wh(counting(22.2, 400.0, 10.0, 90.0), 1.0),
+        ),
+        (
+            "ap_current_clamp_neg",
+            counting_wh(counting(22.2, -400.0, 10.0, 90.0), 1.0),
+        ),
         ("ap_critical_state", critical),
+        ("ap_unhealthy_state", unhealthy),
+        ("ap_cells_3s", cells),
     ] {
-        let data = as_ardupilot(status_of(battery));
-        assert_eq!(frame_hex(&Message::BatteryStatus(data)), golden[row], "{row}");
-    }
-    // ArduPilot has no fault bit with UNHEALTHY.
-    let data = BATTERY_STATUS_DATA {
-        fault_bitmask: MavBatteryFault::empty(),
-        ..as_ardupilot(status_of(unhealthy))
-    };
-    assert_eq!(
-        frame_hex(&Message::BatteryStatus(data)),
-        golden["ap_unhealthy_state"]
-    );
-}
-
-/// ArduPilot sends unused cells of `voltages_ext` as 65535, which ground stations add up; ours are 0.
-#[test]
-fn three_cells_are_byte_exact_but_for_the_unused_ones() {
-    let mut battery = healthy(11.4);
-    battery.readings.current_a = Some(5.0);
-    battery.readings.remaining_pct = Some(95.0);
-    battery.consumed = Some(Amount::Mah(100.0));
-    battery.consumed_wh = Some(1.0);
-    battery.temperature_c = Some(25.0);
-    battery.cells = CellVoltages::from_millivolts(&[3810, 3790, 3800]);
-    let ours = status_of(battery);
-    assert_eq!(ours.voltages_ext, [0; 4]);
-    let theirs = BATTERY_STATUS_DATA {
-        battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_UNKNOWN,
-        mavtype: MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN,
-        voltages_ext: [u16::MAX; 4],
-        ..ours
-    };
-    assert_eq!(
-        frame_hex(&Message::BatteryStatus(theirs)),
-        golden_frames()["ap_cells_3s"]
-    );
-}
-
-/// The golden frames have no other sensor.
-fn with_battery_sensor_alone(data: SYS_STATUS_DATA) -> SYS_STATUS_DATA {
-    SYS_STATUS_DATA {
-        onboard_control_sensors_present: data.onboard_control_sensors_present & BATTERY_SENSOR,
-        onboard_control_sensors_enabled: data.onboard_control_sensors_enabled & BATTERY_SENSOR,
-        onboard_control_sensors_health: data.onboard_control_sensors_health & BATTERY_SENSOR,
-        ..data
+        let mut data = BATTERY_STATUS_DATA {
+            battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_UNKNOWN,
+            mavtype: MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN,
+            ..status_of(battery)
+        };
+        if row == "ap_cells_3s" {
+            // ArduPilot sends unused cells of this field as 65535, which ground stations add up; ours are 0.
+            assert_eq!(data.voltages_ext, [0; 4]);
+            data.voltages_ext = [u16::MAX; 4];
+        }
+        assert_golden(row, &Message::BatteryStatus(data));
     }
 }
 
 #[test]
 // Requirement: FR-7
-fn sys_status_is_byte_exact() {
-    let mut batteries = [healthy(11.1)];
-    batteries[0].readings.current_a = Some(5.0);
-    batteries[0].readings.remaining_pct = Some(96.0);
-    let state = SystemState {
-        load_permille: 250,
-        ..with_packs(&batteries)
-    };
-    let message = Message::SysStatus(with_battery_sensor_alone(build_sys_status(&state)));
-    assert_eq!(frame_hex(&message), golden_frames()["sys_status_batt"]);
+fn sys_status_is_byte_exact_with_a_monitored_battery_and_without() {
+    let measured = counting(11.1, 5.0, 0.0, 96.0);
+    for (row, battery, load_permille) in [
+        ("sys_status_batt", measured, 250),
+        ("sys_status_none", BatteryState::disabled(), 0),
+    ] {
+        let mut data = build_sys_status(&SystemState {
+            load_permille,
+            ..with_packs(&[battery])
+        });
+        // The golden frames have no other sensor.
+        data.onboard_control_sensors_present &= BATTERY_SENSOR;
+        data.onboard_control_sensors_enabled &= BATTERY_SENSOR;
+        data.onboard_control_sensors_health &= BATTERY_SENSOR;
+        assert_golden(row, &Message::SysStatus(data));
+    }
 }
 
 #[test]
-fn sys_status_without_a_monitored_battery_is_byte_exact() {
-    let data = with_battery_sensor_alone(system_with(BatteryState::disabled()));
-    let message = Message::SysStatus(data);
-    assert_eq!(frame_hex(&message), golden_frames()["sys_status_none"]);
-}
-
-#[test]
-fn lost_bytes_are_reported_as_count_and_as_share() {
+fn what_a_link_loses_is_counted_and_saturates() {
     let received = ReceiveStatistics {
         frames: 900,
         bad_checksums: 60,
         unknown_messages: 30,
         overruns: 10,
     };
-    let state = SystemState {
-        link: LinkStatistics {
+    for (dropped, sent) in [(7, 7), (70_000, u16::MAX)] {
+        let link = LinkStatistics {
+            dropped,
             received,
             ..LinkStatistics::default()
-        },
-        ..SystemState::default()
-    };
-    let data = build_sys_status(&state);
-    assert_eq!((data.errors_comm, data.drop_rate_comm), (100, 1000));
+        };
+        let data = build_sys_status(&SystemState {
+            link,
+            ..SystemState::default()
+        });
+        assert_eq!(
+            (data.errors_comm, data.drop_rate_comm),
+            (100, 1000),
+            "count and share"
+        );
+        assert_eq!(data.errors_count3, sent);
+    }
 }
 
 #[test]
@@ -279,14 +265,10 @@ fn a_pack_that_powers_off_is_a_command_to_every_component() {
 fn unknown_is_sent_as_the_sentinel_of_each_field() {
     let state = SystemState::default();
     let data = build_battery_status(&state, Pack::First);
-    assert_eq!(data.voltages, [u16::MAX; 10]);
-    assert_eq!(data.voltages_ext, [0; 4]);
-    assert_eq!(data.temperature, i16::MAX);
-    assert_eq!(data.current_battery, -1);
-    assert_eq!(data.current_consumed, -1);
-    assert_eq!(data.energy_consumed, -1);
-    assert_eq!(data.battery_remaining, -1);
-    assert_eq!(data.time_remaining, 0);
+    assert_eq!((data.voltages, data.voltages_ext), ([u16::MAX; 10], [0; 4]));
+    assert_eq!((data.temperature, data.current_battery), (i16::MAX, -1));
+    assert_eq!((data.current_consumed, data.energy_consumed), (-1, -1));
+    assert_eq!((data.battery_remaining, data.time_remaining), (-1, 0));
     assert_eq!(
         data.charge_state,
         MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_UNDEFINED
@@ -296,8 +278,7 @@ fn unknown_is_sent_as_the_sentinel_of_each_field() {
     assert_eq!(data.fault_bitmask, MavBatteryFault::empty());
 
     let data = build_sys_status(&state);
-    assert_eq!(data.voltage_battery, u16::MAX);
-    assert_eq!(data.current_battery, -1);
+    assert_eq!((data.voltage_battery, data.current_battery), (u16::MAX, -1));
     assert_eq!(data.battery_remaining, -1);
     assert_eq!(
         data.onboard_control_sensors_present_extended,
@@ -308,8 +289,7 @@ fn unknown_is_sent_as_the_sentinel_of_each_field() {
 #[test]
 fn a_pack_that_does_not_exist_is_unknown_and_keeps_its_id() {
     let data = build_battery_status(&with_packs(&[healthy(11.1)]), Pack::Fourth);
-    assert_eq!(data.id, 3);
-    assert_eq!(data.voltages, [u16::MAX; 10]);
+    assert_eq!((data.id, data.voltages), (3, [u16::MAX; 10]));
 }
 
 const BATTERY_SENSOR: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY;
@@ -317,11 +297,11 @@ const NO_SENSOR: MavSysStatusSensor = MavSysStatusSensor::empty();
 
 /// The battery's bits in SYS_STATUS: present, enabled, healthy.
 fn sensors(batteries: &[BatteryState]) -> [MavSysStatusSensor; 3] {
-    let data = with_battery_sensor_alone(build_sys_status(&with_packs(batteries)));
+    let data = build_sys_status(&with_packs(batteries));
     [
-        data.onboard_control_sensors_present,
-        data.onboard_control_sensors_enabled,
-        data.onboard_control_sensors_health,
+        data.onboard_control_sensors_present & BATTERY_SENSOR,
+        data.onboard_control_sensors_enabled & BATTERY_SENSOR,
+        data.onboard_control_sensors_health & BATTERY_SENSOR,
     ]
 }
 
@@ -330,93 +310,140 @@ const UNSOUND: [MavSysStatusSensor; 3] = [BATTERY_SENSOR, BATTERY_SENSOR, NO_SEN
 const ABSENT: [MavSysStatusSensor; 3] = [NO_SENSOR; 3];
 
 #[test]
-fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
-    for (status, expected) in [
-        (PackStatus::Disabled, ABSENT),
-        (PackStatus::Unknown, SOUND),
-        (PackStatus::NotConnected, SOUND),
-        (PackStatus::Healthy, SOUND),
-        (PackStatus::Unhealthy, UNSOUND),
-    ] {
-        let battery = BatteryState {
-            status,
-            ..BatteryState::default()
-        };
-        assert_eq!(sensors(&[battery]), expected, "{status:?}");
-    }
-    let unplugged = BatteryState {
-        status: PackStatus::NotConnected,
+// Requirement: V2-2
+fn a_pack_that_may_not_be_used_is_neither_healthy_nor_ready() {
+    const NOT_READY: u32 = 1;
+    const CHARGING: u32 = 2;
+    let with_status = |status| BatteryState {
+        status,
         ..BatteryState::default()
     };
-    let armed = SystemState {
-        vehicle: VehicleStatus {
-            arm_state: ArmState::Armed,
-            ..VehicleStatus::default()
-        },
-        ..with_packs(std::slice::from_ref(&unplugged))
+    let at_level = |failsafe| BatteryState {
+        failsafe,
+        ..healthy(11.1)
     };
-    let data = with_battery_sensor_alone(build_sys_status(&armed));
-    assert_eq!(data.onboard_control_sensors_health, NO_SENSOR, "while armed");
-    for (number, charge_state) in CHARGE_STATES.into_iter().enumerate() {
-        let battery = BatteryState {
-            charge_state,
-            ..healthy(11.1)
-        };
-        let expected = match charge_state {
-            ChargeState::Failed | ChargeState::Unhealthy => UNSOUND,
-            _ => SOUND,
-        };
-        assert_eq!(sensors(&[battery]), expected, "{charge_state:?}");
-        assert_eq!(status_of(battery).charge_state as usize, number);
+    for (battery, in_sys_status, flags) in [
+        (with_status(PackStatus::Disabled), ABSENT, 0),
+        (with_status(PackStatus::Unknown), SOUND, 0),
+        (with_status(PackStatus::NotConnected), SOUND, 0),
+        (with_status(PackStatus::Healthy), SOUND, 0),
+        (with_status(PackStatus::Unhealthy), UNSOUND, NOT_READY),
+        (at_level(FailsafeLevel::None), SOUND, 0),
+        (at_level(FailsafeLevel::Unhealthy), UNSOUND, NOT_READY),
+        (at_level(FailsafeLevel::Low), UNSOUND, NOT_READY),
+        (at_level(FailsafeLevel::Critical), UNSOUND, NOT_READY),
+        (in_state(ChargeState::Undefined), SOUND, 0),
+        (in_state(ChargeState::Ok), SOUND, 0),
+        (in_state(ChargeState::Low), SOUND, 0),
+        (in_state(ChargeState::Critical), SOUND, NOT_READY),
+        (in_state(ChargeState::Emergency), SOUND, NOT_READY),
+        (in_state(ChargeState::Failed), UNSOUND, NOT_READY),
+        (in_state(ChargeState::Unhealthy), UNSOUND, NOT_READY),
+        (in_state(ChargeState::Charging), SOUND, CHARGING),
+    ] {
+        let name = format!(
+            "{:?} {:?} {:?}",
+            battery.status, battery.failsafe, battery.charge_state
+        );
+        assert_eq!(sensors(&[battery]), in_sys_status, "{name}");
+        assert_eq!(status_v2_of(battery).status_flags.bits(), flags, "{name}");
+    }
+    let vehicle = VehicleStatus {
+        arm_state: ArmState::Armed,
+        ..VehicleStatus::default()
+    };
+    let armed = build_sys_status(&SystemState {
+        vehicle,
+        ..with_packs(&[with_status(PackStatus::NotConnected)])
+    });
+    assert!(
+        !armed.onboard_control_sensors_health.contains(BATTERY_SENSOR),
+        "while armed"
+    );
+}
+
+fn in_state(charge_state: ChargeState) -> BatteryState {
+    BatteryState {
+        charge_state,
+        ..healthy(11.1)
     }
 }
 
+/// Every flag of BATTERY_STATUS_V2 that goes with a fault.
+const FAULT_FLAGS: u32 =
+    8 | 32 | 64 | 256 | 512 | 1024 | 2048 | 4096 | 8192 | 16_384 | 32_768 | 65_536 | 131_072;
+
 #[test]
-// Requirement: PX-8
-fn which_faults_are_unsound_by_their_origin() {
-    for fault in Faults::all() {
+// Requirement: AP-23, PX-8, V2-2
+fn every_fault_has_mavlinks_bit_and_flag_and_its_consequences_by_its_origin() {
+    let unhealthy_if_found = Faults::CELL_FAIL | Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE;
+    let not_ready_if_found = unhealthy_if_found | Faults::CONTRADICTED_CHARGE;
+    let if_reported = Faults::CELL_FAIL | Faults::BAD_BATTERY;
+    let faults = [
+        (Faults::empty(), 0, 0),
+        // REQUIRES_SERVICE (32) goes with those of the pack itself.
+        (Faults::DEEP_DISCHARGE, 1, 1024 | 32),
+        (Faults::SPIKES, 2, 512),
+        (Faults::CELL_FAIL, 4, 8 | 32),
+        (Faults::OVER_CURRENT, 8, 8192),
+        (Faults::OVER_TEMPERATURE, 16, 2048),
+        (Faults::UNDER_TEMPERATURE, 32, 4096),
+        (Faults::INCOMPATIBLE_VOLTAGE, 64, 32_768),
+        (Faults::INCOMPATIBLE_FIRMWARE, 128, 65_536),
+        (Faults::CELLS_CONFIGURATION, 256, 131_072),
+        (Faults::SHORT_CIRCUIT, 0, 16_384),
+        (Faults::SWITCHED_OFF, 0, 256),
+        (Faults::UNDERSTATED_CHARGE, 0, 0),
+        (Faults::CELL_DIFFERS, 0, 8),
+        // The bit of a failed cell.
+        (Faults::BAD_BATTERY, 4, 64),
+        (Faults::NEEDS_SERVICE, 0, 32),
+        (Faults::CONTRADICTED_CHARGE, 0, 0),
+        (Faults::all(), 511, FAULT_FLAGS),
+    ];
+    // Every one of them, all together and none.
+    assert_eq!(faults.len(), Faults::all().iter().count() + 2);
+    for (fault, bits, flags) in faults {
         let mut found = healthy(11.1);
         found.readings.faults = fault;
-        let expected = match fault {
-            Faults::CELL_FAIL | Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE => UNSOUND,
-            _ => SOUND,
-        };
-        assert_eq!(sensors(&[found]), expected, "{fault:?}");
-        let expected = match fault {
-            Faults::CELL_FAIL | Faults::BAD_BATTERY => UNSOUND,
-            _ => SOUND,
-        };
-        assert_eq!(sensors(&[reporting(fault)]), expected, "{fault:?}");
+        for (battery, unhealthy, not_ready) in [
+            (found, unhealthy_if_found, not_ready_if_found),
+            (reporting(fault), if_reported, if_reported),
+        ] {
+            assert_eq!(status_of(battery).fault_bitmask.bits(), bits, "{fault:?}");
+            let not_ready = u32::from(fault.intersects(not_ready));
+            assert_eq!(
+                status_v2_of(battery).status_flags.bits(),
+                flags | not_ready,
+                "{fault:?}"
+            );
+            let expected = if fault.intersects(unhealthy) {
+                UNSOUND
+            } else {
+                SOUND
+            };
+            assert_eq!(sensors(&[battery]), expected, "{fault:?}");
+        }
     }
+    let mut charging = reporting(Faults::empty());
+    charging.readings.reported.charge_state = Some(ChargeState::Charging);
+    assert_eq!(status_v2_of(charging).status_flags.bits(), 2);
 }
 
-/// What Mission Planner takes for a safety switch and for the readiness to arm, and MAVProxy for a fence.
+/// Mission Planner takes these bits for a safety switch and for the readiness to arm, and MAVProxy for a fence.
 #[test]
 fn motors_arming_checks_log_and_fence_have_their_bits() {
+    use ArmingReadiness::{NotReady, Ready};
+    use LogHealth::{Failed, Off, Works};
     const MOTORS: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS;
     const CHECKS: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
     const FENCE: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
     const LOG: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_LOGGING;
     for (readiness, log, enabled, healthy) in [
-        (
-            ArmingReadiness::NotReady,
-            LogHealth::Works,
-            LOG,
-            MOTORS | FENCE | LOG,
-        ),
-        (
-            ArmingReadiness::Ready,
-            LogHealth::Works,
-            LOG,
-            MOTORS | FENCE | CHECKS | LOG,
-        ),
-        (ArmingReadiness::NotReady, LogHealth::Failed, LOG, MOTORS | FENCE),
-        (
-            ArmingReadiness::NotReady,
-            LogHealth::Off,
-            MavSysStatusSensor::empty(),
-            MOTORS | FENCE | LOG,
-        ),
+        (NotReady, Works, LOG, MOTORS | FENCE | LOG),
+        (Ready, Works, LOG, MOTORS | FENCE | CHECKS | LOG),
+        (NotReady, Failed, LOG, MOTORS | FENCE),
+        (NotReady, Off, NO_SENSOR, MOTORS | FENCE | LOG),
     ] {
         let data = build_sys_status(&SystemState {
             readiness,
@@ -430,26 +457,7 @@ fn motors_arming_checks_log_and_fence_have_their_bits() {
 }
 
 #[test]
-fn a_pack_that_has_reached_a_failsafe_level_is_not_healthy() {
-    for failsafe in FAILSAFE_LEVELS {
-        let battery = BatteryState {
-            failsafe,
-            ..healthy(11.1)
-        };
-        let expected = match failsafe {
-            FailsafeLevel::None => SOUND,
-            _ => UNSOUND,
-        };
-        assert_eq!(sensors(&[battery]), expected, "{failsafe:?}");
-    }
-}
-
-#[test]
 fn all_packs_that_are_monitored_have_to_be_healthy() {
-    let on_board_only = |battery| BatteryState {
-        visibility: Visibility::Internal,
-        ..battery
-    };
     let (sound, disabled) = (healthy(11.1), BatteryState::disabled());
     let unsound = BatteryState {
         status: PackStatus::Unhealthy,
@@ -478,51 +486,11 @@ fn each_instance_has_its_own_values_and_the_first_is_in_sys_status() {
 }
 
 #[test]
-// Requirement: AP-23
-fn the_type_is_what_the_cells_are_made_of() {
-    for (chemistry, expected) in [
-        (Chemistry::LiPo, MavBatteryType::MAV_BATTERY_TYPE_LIPO),
-        (Chemistry::LiFe, MavBatteryType::MAV_BATTERY_TYPE_LIFE),
-        (Chemistry::LiIon, MavBatteryType::MAV_BATTERY_TYPE_LION),
-        (Chemistry::NiMh, MavBatteryType::MAV_BATTERY_TYPE_NIMH),
-    ] {
-        let battery = BatteryState {
-            chemistry,
-            ..BatteryState::default()
-        };
-        assert_eq!(status_of(battery).mavtype, expected);
-        assert_eq!(chemistry as u32, expected as u32);
-    }
-}
-
-#[test]
-// Requirement: AP-23
-fn every_fault_has_mavlinks_bit() {
-    for (fault, expected) in [
-        (Faults::DEEP_DISCHARGE, 1),
-        (Faults::SPIKES, 2),
-        (Faults::CELL_FAIL, 4),
-        (Faults::OVER_CURRENT, 8),
-        (Faults::OVER_TEMPERATURE, 16),
-        (Faults::UNDER_TEMPERATURE, 32),
-        (Faults::INCOMPATIBLE_VOLTAGE, 64),
-        (Faults::INCOMPATIBLE_FIRMWARE, 128),
-        (Faults::CELLS_CONFIGURATION, 256),
-        // As a failed cell.
-        (Faults::BAD_BATTERY, 4),
-        (Faults::NEEDS_SERVICE, 0),
-        (Faults::CONTRADICTED_CHARGE, 0),
-        (Faults::all(), 511),
-    ] {
-        let mut battery = healthy(11.1);
-        battery.readings.faults = fault;
-        assert_eq!(status_of(battery).fault_bitmask.bits(), expected, "{fault:?}");
-        assert_eq!(
-            status_of(reporting(fault)).fault_bitmask.bits(),
-            expected,
-            "{fault:?}"
-        );
-    }
+fn a_text_is_byte_exact() {
+    let mut endpoint = Endpoint::new("bench", LinkKind::Radio, 100_000, Instant::EPOCH);
+    endpoint.say(Severity::Warning, "Battery 1 is low 10.40V used 36 mAh");
+    let text = endpoint.take(&SystemState::default(), &Parameters::defaults());
+    assert_golden("statustext_low", &text.expect("the text waits"));
 }
 
 /// A healthy pack that reports these faults itself.
@@ -541,13 +509,13 @@ fn no_state_has_a_fault_bit_without_a_known_fault() {
         ..healthy(11.1)
     };
     assert_eq!(status_of(lost).fault_bitmask.bits(), 0);
-    for charge_state in CHARGE_STATES {
-        let battery = BatteryState {
-            charge_state,
-            ..healthy(11.1)
-        };
-        assert_eq!(status_of(battery).fault_bitmask.bits(), 0, "{charge_state:?}");
-        let mut hot = battery;
+    for (number, charge_state) in CHARGE_STATES.into_iter().enumerate() {
+        let data = status_of(in_state(charge_state));
+        assert_eq!(
+            (data.fault_bitmask.bits(), data.charge_state as usize),
+            (0, number)
+        );
+        let mut hot = in_state(charge_state);
         hot.readings.faults = Faults::OVER_TEMPERATURE;
         assert_eq!(status_of(hot).fault_bitmask.bits(), 16, "{charge_state:?}");
     }
@@ -573,10 +541,9 @@ fn the_resting_voltage_is_sent_where_it_is_chosen_and_known() {
 #[test]
 fn cells_are_sent_as_they_are_measured_with_the_resting_voltage_too() {
     let millivolts: [u16; 14] = std::array::from_fn(|cell| 3700 + cell as u16);
-    let mut battery = healthy(51.9);
+    let mut battery = with_cells(51.9, &millivolts);
     battery.reported_voltage = ReportedVoltage::Resting;
     battery.readings.resting_voltage_v = Some(60.0);
-    battery.cells = CellVoltages::from_millivolts(&millivolts);
     let data = status_of(battery);
     assert_eq!(data.voltages, millivolts[..10]);
     assert_eq!(data.voltages_ext, millivolts[10..]);
@@ -592,11 +559,7 @@ fn more_cells_than_the_message_has_are_sent_as_the_packs_voltage() {
         // DroneCAN has such packs.
         (24, vec![65_534, 13_666]),
     ] {
-        let pack = BatteryState {
-            cells: CellVoltages::from_millivolts(&vec![3300; cells]),
-            ..healthy(cells as f32 * 3.3)
-        };
-        let data = status_of(pack);
+        let data = status_of(with_cells(cells as f32 * 3.3, &vec![3300; cells]));
         let sent: Vec<u16> = data.voltages.into_iter().filter(|mv| *mv != u16::MAX).collect();
         assert_eq!((sent, data.voltages_ext), (voltages, [0; 4]), "{cells} cells");
     }
@@ -604,40 +567,26 @@ fn more_cells_than_the_message_has_are_sent_as_the_packs_voltage() {
 
 #[test]
 fn a_cells_voltage_is_never_mistaken_for_one_that_is_not_there() {
-    let with_cells = |millivolts: &[u16]| {
-        status_of(BatteryState {
-            cells: CellVoltages::from_millivolts(millivolts),
-            ..healthy(11.1)
-        })
-    };
-    let data = with_cells(&[0, u16::MAX, 3700]);
+    let data = status_of(with_cells(11.1, &[0, u16::MAX, 3700]));
     assert_eq!(data.voltages[..4], [0, 65534, 3700, u16::MAX]);
     assert_eq!(data.voltages_ext, [0; 4]);
-    let data = with_cells(&[[3700; 10].as_slice(), &[0, u16::MAX]].concat());
+    let data = status_of(with_cells(
+        11.1,
+        &[[3700; 10].as_slice(), &[0, u16::MAX]].concat(),
+    ));
     assert_eq!(data.voltages_ext, [1, 65534, 0, 0]);
 }
 
 #[test]
 // Requirement: FR-3
 fn a_high_voltage_spills_in_battery_status_and_saturates_in_sys_status() {
-    assert_eq!(status_of(healthy(70.0)).voltages[..3], [65534, 4466, u16::MAX]);
-    assert_eq!(system_with(healthy(70.0)).voltage_battery, 65534);
-
-    assert_eq!(status_of(healthy(65.534)).voltages[..2], [65534, u16::MAX]);
-    assert_eq!(system_with(healthy(65.534)).voltage_battery, 65534);
-}
-
-#[test]
-fn dropped_messages_are_counted_and_saturate() {
-    let dropped = |dropped| SystemState {
-        link: LinkStatistics {
-            dropped,
-            ..LinkStatistics::default()
-        },
-        ..SystemState::default()
-    };
-    assert_eq!(build_sys_status(&dropped(7)).errors_count3, 7);
-    assert_eq!(build_sys_status(&dropped(70_000)).errors_count3, u16::MAX);
+    for (voltage_v, cells) in [
+        (70.0, [65534, 4466, u16::MAX]),
+        (65.534, [65534, u16::MAX, u16::MAX]),
+    ] {
+        assert_eq!(status_of(healthy(voltage_v)).voltages[..3], cells);
+        assert_eq!(system_with(healthy(voltage_v)).voltage_battery, 65534);
+    }
 }
 
 /// MAVLink's NaN, bit for bit.
@@ -645,9 +594,32 @@ const NAN_BITS: u32 = 0x7fc0_0000;
 
 #[test]
 // Requirement: V2-4
-fn battery_status_v2_of_which_only_the_voltage_is_known_is_byte_exact() {
-    let message = Message::BatteryStatusV2(status_v2_of(healthy(11.1)));
-    assert_eq!(frame_hex(&message), golden_frames()["battery_status_v2_unknown"]);
+fn messages_that_no_autopilot_sends_yet_are_byte_exact() {
+    let mut estimated = healthy(11.1);
+    estimated.resistance_ohm = Some(0.04525);
+    estimated.readings.resting_voltage_v = Some(11.5);
+    estimated.readings.remaining_sigma_pct = Some(3.5);
+    let batteries = [estimated; 9];
+    let state = SystemState {
+        now: Instant::from_micros(1_234_567_890),
+        ..with_packs(&batteries)
+    };
+    let resistance = Message::Resistance(build_resistance(&state, Pack::First));
+    let resting_voltage = Message::RestingVoltage(build_resting_voltage(&state, Pack::Ninth));
+    let deviation = Message::ChargeDeviation(build_charge_deviation(&state, Pack::First));
+    for (row, message) in [
+        // Only the voltage is known.
+        (
+            "battery_status_v2_unknown",
+            Message::BatteryStatusV2(status_v2_of(healthy(11.1))),
+        ),
+        ("battery_info_372", Message::BatteryInfo(info_of(as_set()))),
+        ("named_value_float_resistance", resistance),
+        ("named_value_float_resting_voltage", resting_voltage),
+        ("named_value_float_charge_deviation", deviation),
+    ] {
+        assert_golden(row, &message);
+    }
 }
 
 #[test]
@@ -670,11 +642,8 @@ fn battery_status_v2_says_what_is_unknown_with_the_sentinel_of_each_field() {
 #[test]
 // Requirement: V2-1
 fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
-    let mut battery = healthy(70.25);
-    battery.readings.current_a = Some(-400.5);
-    battery.readings.remaining_pct = Some(37.5);
+    let mut battery = counting(70.25, -400.5, 1234.0, 37.5);
     battery.readings.resting_voltage_v = Some(71.5);
-    battery.consumed = Some(Amount::Mah(1234.0));
     battery.capacity = Some(Amount::Mah(2200.0));
     battery.temperature_c = Some(-12.34);
     battery.reported_voltage = ReportedVoltage::Resting;
@@ -698,62 +667,23 @@ fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
 }
 
 #[test]
-// Requirement: V2-1
-fn what_remains_is_of_the_gauges_capacity_else_of_the_learnt_one() {
-    for (charge_source, expected_ah) in [(ChargeSource::Gauge, 1.1), (ChargeSource::Estimated, 0.6)] {
+// Requirement: V2-1, V2-3
+fn a_gauge_counts_from_the_full_pack_and_what_remains_is_else_of_the_learnt_capacity() {
+    for (charge_source, expected_ah, flags) in [
+        (ChargeSource::Gauge, 1.1, 262_144),
+        (ChargeSource::Estimated, 0.6, 0),
+    ] {
         let mut battery = healthy(11.1);
         battery.readings.remaining_pct = Some(50.0);
         battery.capacity = Some(Amount::Mah(2200.0));
         battery.learnt_capacity_mah = Some(1200.0);
         battery.charge_source = charge_source;
-        assert_eq!(status_v2_of(battery).capacity_remaining, expected_ah);
-    }
-}
-
-#[test]
-// Requirement: V2-2
-fn every_fault_has_its_flag() {
-    for (faults, expected) in [
-        (Faults::empty(), 0),
-        // REQUIRES_SERVICE (32) goes with those of the pack itself.
-        (Faults::DEEP_DISCHARGE, 1024 | 32),
-        (Faults::SPIKES, 512),
-        (Faults::CELL_FAIL, 8 | 32),
-        (Faults::OVER_CURRENT, 8192),
-        (Faults::OVER_TEMPERATURE, 2048),
-        (Faults::UNDER_TEMPERATURE, 4096),
-        (Faults::INCOMPATIBLE_VOLTAGE, 32768),
-        (Faults::INCOMPATIBLE_FIRMWARE, 65536),
-        (Faults::CELLS_CONFIGURATION, 131_072),
-        (Faults::NEEDS_SERVICE, 32),
-        (Faults::SHORT_CIRCUIT, 16_384),
-        (Faults::SWITCHED_OFF, 256),
-        (Faults::CONTRADICTED_CHARGE, 0),
-        (Faults::UNDERSTATED_CHARGE, 0),
-    ] {
-        // NOT_READY_TO_USE with those that refuse arming: more of those that are found here.
-        let found_here = Faults::CELL_FAIL
-            | Faults::CELLS_CONFIGURATION
-            | Faults::OVER_TEMPERATURE
-            | Faults::CONTRADICTED_CHARGE;
-        let not_ready = u32::from(faults.intersects(found_here));
-        let not_ready_by_report = u32::from(faults == Faults::CELL_FAIL);
-        let mut battery = healthy(11.1);
-        battery.readings.faults = faults;
+        let data = status_v2_of(battery);
         assert_eq!(
-            status_v2_of(battery).status_flags.bits(),
-            expected | not_ready,
-            "{faults:?}"
+            (data.capacity_remaining, data.status_flags.bits()),
+            (expected_ah, flags)
         );
-        let flags = status_v2_of(reporting(faults)).status_flags;
-        assert_eq!(flags.bits(), expected | not_ready_by_report, "{faults:?}");
     }
-    // BAD_BATTERY with NOT_READY_TO_USE: arming is refused.
-    let bad = status_v2_of(reporting(Faults::BAD_BATTERY));
-    assert_eq!(bad.status_flags.bits(), 64 | 1);
-    let mut charging = reporting(Faults::empty());
-    charging.readings.reported.charge_state = Some(ChargeState::Charging);
-    assert_eq!(status_v2_of(charging).status_flags.bits(), 2);
 }
 
 #[test]
@@ -773,66 +703,7 @@ fn modes_that_a_pack_reports_have_their_flags_and_no_consequence() {
     }
 }
 
-#[test]
-// Requirement: V2-2
-fn a_pack_that_may_not_be_used_is_not_ready() {
-    const NOT_READY: u32 = 1;
-    const CHARGING: u32 = 2;
-    for (status, expected) in [
-        (PackStatus::Disabled, 0),
-        (PackStatus::Unknown, 0),
-        (PackStatus::NotConnected, 0),
-        (PackStatus::Healthy, 0),
-        (PackStatus::Unhealthy, NOT_READY),
-    ] {
-        let battery = BatteryState {
-            status,
-            ..BatteryState::default()
-        };
-        assert_eq!(status_v2_of(battery).status_flags.bits(), expected, "{status:?}");
-    }
-    for failsafe in FAILSAFE_LEVELS {
-        let battery = BatteryState {
-            failsafe,
-            ..healthy(11.1)
-        };
-        let expected = match failsafe {
-            FailsafeLevel::None => 0,
-            _ => NOT_READY,
-        };
-        assert_eq!(
-            status_v2_of(battery).status_flags.bits(),
-            expected,
-            "{failsafe:?}"
-        );
-    }
-    for (charge_state, expected) in CHARGE_STATES
-        .into_iter()
-        .zip([0, 0, 0, NOT_READY, NOT_READY, NOT_READY, NOT_READY, CHARGING])
-    {
-        let battery = BatteryState {
-            charge_state,
-            ..healthy(11.1)
-        };
-        assert_eq!(
-            status_v2_of(battery).status_flags.bits(),
-            expected,
-            "{charge_state:?}"
-        );
-    }
-}
-
-#[test]
-// Requirement: V2-3
-fn only_a_gauge_counts_from_the_full_pack() {
-    let gauged = BatteryState {
-        charge_source: ChargeSource::Gauge,
-        ..healthy(11.1)
-    };
-    assert_eq!(status_v2_of(gauged).status_flags.bits(), 262_144);
-}
-
-/// What an owner sets of a pack that reports nothing itself.
+/// A pack that reports nothing itself, as its owner has set it.
 fn as_set() -> BatteryState {
     BatteryState {
         cell_count: Some(3),
@@ -872,7 +743,7 @@ fn smart() -> BatteryState {
 }
 
 /// A tank of 2 l with 500 ml left.
-fn tank() -> BatteryState {
+pub fn tank() -> BatteryState {
     let mut battery = healthy(0.0);
     battery.contents = Contents::Fuel;
     battery.readings.voltage_v = None;
@@ -911,15 +782,14 @@ fn fuel_by_a_flow_sensor_reports_consumption_and_rate() {
 #[test]
 fn what_is_not_known_of_a_tank_has_the_sentinel_of_each_field() {
     let data = build_fuel_status(&SystemState::default(), Pack::Eighth);
-    for number in [
+    let numbers = [
         data.maximum_fuel,
         data.consumed_fuel,
         data.remaining_fuel,
         data.flow_rate,
         data.temperature,
-    ] {
-        assert_eq!(number.to_bits(), NAN_BITS);
-    }
+    ];
+    assert_eq!(numbers.map(f32::to_bits), [NAN_BITS; 5]);
     assert_eq!((data.id, data.percent_remaining), (7, 255));
 }
 
@@ -938,72 +808,37 @@ fn a_tank_is_no_battery_of_any_chemistry() {
 }
 
 #[test]
-fn named_values_are_byte_exact() {
-    let mut battery = healthy(11.1);
-    battery.resistance_ohm = Some(0.04525);
-    battery.readings.resting_voltage_v = Some(11.5);
-    battery.readings.remaining_sigma_pct = Some(3.5);
-    let batteries = [battery; 9];
-    let state = SystemState {
-        now: Instant::from_micros(1_234_567_890),
-        ..with_packs(&batteries)
-    };
-    let golden = golden_frames();
-    let message = Message::Resistance(build_resistance(&state, Pack::First));
-    assert_eq!(frame_hex(&message), golden["named_value_float_resistance"]);
-    let message = Message::RestingVoltage(build_resting_voltage(&state, Pack::Ninth));
-    assert_eq!(frame_hex(&message), golden["named_value_float_resting_voltage"]);
-    let message = Message::ChargeDeviation(build_charge_deviation(&state, Pack::First));
-    assert_eq!(frame_hex(&message), golden["named_value_float_charge_deviation"]);
-}
-
-#[test]
-fn battery_info_of_what_an_owner_has_set_is_byte_exact() {
-    let message = Message::BatteryInfo(info_of(as_set()));
-    assert_eq!(frame_hex(&message), golden_frames()["battery_info_372"]);
-}
-
-#[test]
 // Requirement: PX-1
-fn battery_info_has_the_details_of_a_smart_battery() {
-    let data = info_of(smart());
+fn the_details_of_a_smart_battery_are_in_both_infos_in_their_own_units() {
+    let (info, whole) = (info_of(smart()), smart_info_of(smart()));
     assert_eq!(
-        (data.discharge_minimum_voltage, data.charging_maximum_voltage),
+        (info.discharge_minimum_voltage, info.charging_maximum_voltage),
         (3.0, 4.2)
     );
-    assert_eq!((data.nominal_voltage, data.design_capacity), (14.8, 5.0));
-    assert_eq!((data.full_charge_capacity, data.state_of_health), (4.875, 97));
-    assert_eq!((data.cycle_count, data.cells_in_series), (41, 4));
-    assert_eq!(data.mavtype, MavBatteryType::MAV_BATTERY_TYPE_LION);
     assert_eq!(
-        data.battery_function,
-        MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL
-    );
-    assert_eq!(data.manufacture_date.to_str(), Ok("09032026"));
-    assert_eq!(data.serial_number.to_str(), Ok("48879"));
-    assert_eq!(data.name.to_str(), Ok("Acme_BP 4S"));
-}
-
-#[test]
-fn smart_battery_info_has_the_same_in_its_own_units() {
-    let data = smart_info_of(smart());
-    assert_eq!(
-        (data.capacity_full_specification, data.capacity_full),
-        (5000, 4875)
-    );
-    assert_eq!(
-        (data.discharge_minimum_voltage, data.charging_maximum_voltage),
+        (whole.discharge_minimum_voltage, whole.charging_maximum_voltage),
         (3000, 4200)
     );
-    assert_eq!((data.cycle_count, data.cells_in_series), (41, 4));
-    assert_eq!(data.mavtype, MavBatteryType::MAV_BATTERY_TYPE_LION);
+    assert_eq!((info.design_capacity, info.full_charge_capacity), (5.0, 4.875));
     assert_eq!(
-        data.battery_function,
-        MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL
+        (whole.capacity_full_specification, whole.capacity_full),
+        (5000, 4875)
     );
-    assert_eq!(data.manufacture_date.to_str(), Ok("09/03/2026"));
-    assert_eq!(data.serial_number.to_str(), Ok("48879"));
-    assert_eq!(data.device_name.to_str(), Ok("Acme_BP 4S"));
+    assert_eq!((info.nominal_voltage, info.state_of_health), (14.8, 97));
+    assert_eq!([info.cycle_count, whole.cycle_count], [41; 2]);
+    assert_eq!([info.cells_in_series, whole.cells_in_series], [4; 2]);
+    for mavtype in [info.mavtype, whole.mavtype] {
+        assert_eq!(mavtype, MavBatteryType::MAV_BATTERY_TYPE_LION);
+    }
+    for function in [info.battery_function, whole.battery_function] {
+        assert_eq!(function, MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL);
+    }
+    assert_eq!(info.manufacture_date.to_str(), Ok("09032026"));
+    assert_eq!(whole.manufacture_date.to_str(), Ok("09/03/2026"));
+    assert_eq!(info.serial_number.to_str(), Ok("48879"));
+    assert_eq!(whole.serial_number.to_str(), Ok("48879"));
+    assert_eq!(info.name.to_str(), Ok("Acme_BP 4S"));
+    assert_eq!(whole.device_name.to_str(), Ok("Acme_BP 4S"));
 }
 
 #[test]
@@ -1051,23 +886,53 @@ fn what_a_pack_is_is_unknown_with_the_sentinel_of_each_field() {
 }
 
 #[test]
-fn the_voltages_of_a_cell_follow_from_the_chemistry() {
-    for (chemistry, charged_v, charged_mv, nominal_v) in [
-        (Chemistry::LiPo, 4.2, 4200, 3.7),
-        (Chemistry::LiFe, 3.65, 3650, 3.2),
-        (Chemistry::LiIon, 4.2, 4200, 3.6),
+// Requirement: AP-23
+fn the_type_and_the_voltages_of_a_cell_follow_from_the_chemistry() {
+    for (chemistry, mavtype, charged_v, charged_mv, nominal_v) in [
+        (
+            Chemistry::LiPo,
+            MavBatteryType::MAV_BATTERY_TYPE_LIPO,
+            4.2,
+            4200,
+            3.7,
+        ),
+        (
+            Chemistry::LiFe,
+            MavBatteryType::MAV_BATTERY_TYPE_LIFE,
+            3.65,
+            3650,
+            3.2,
+        ),
+        (
+            Chemistry::LiIon,
+            MavBatteryType::MAV_BATTERY_TYPE_LION,
+            4.2,
+            4200,
+            3.6,
+        ),
         // It is charged until its voltage falls.
-        (Chemistry::NiMh, 0.0, 0, 1.2),
+        (
+            Chemistry::NiMh,
+            MavBatteryType::MAV_BATTERY_TYPE_NIMH,
+            0.0,
+            0,
+            1.2,
+        ),
     ] {
         let battery = BatteryState {
             chemistry,
             cell_count: Some(1),
             ..BatteryState::default()
         };
-        assert_eq!(info_of(battery).charging_maximum_voltage, charged_v);
-        assert_eq!(info_of(battery).nominal_voltage, nominal_v);
-        assert_eq!(smart_info_of(battery).charging_maximum_voltage, charged_mv);
-        assert_eq!(smart_info_of(battery).mavtype as u32, chemistry as u32);
+        let (info, smart) = (info_of(battery), smart_info_of(battery));
+        assert_eq!(status_of(battery).mavtype, mavtype);
+        assert_eq!(smart.mavtype, mavtype);
+        assert_eq!(chemistry as u32, mavtype as u32);
+        assert_eq!(
+            (info.charging_maximum_voltage, info.nominal_voltage),
+            (charged_v, nominal_v)
+        );
+        assert_eq!(smart.charging_maximum_voltage, charged_mv);
     }
 }
 
@@ -1077,12 +942,22 @@ fn a_capacity_that_was_set_is_the_design_and_never_the_present_one() {
         charge_source: ChargeSource::Gauge,
         ..as_set()
     };
-    assert_eq!(info_of(gauged).design_capacity, 0.0);
-    assert_eq!(info_of(gauged).full_charge_capacity, 2.2);
-    assert_eq!(smart_info_of(gauged).capacity_full_specification, -1);
-    assert_eq!(smart_info_of(gauged).capacity_full, 2200);
-    assert_eq!(smart_info_of(as_set()).capacity_full_specification, 2200);
-    assert_eq!(smart_info_of(as_set()).capacity_full, -1);
+    let info = info_of(gauged);
+    assert_eq!((info.design_capacity, info.full_charge_capacity), (0.0, 2.2));
+    for (battery, design_mah, present_mah) in [(gauged, -1, 2200), (as_set(), 2200, -1)] {
+        let smart = smart_info_of(battery);
+        assert_eq!(
+            (smart.capacity_full_specification, smart.capacity_full),
+            (design_mah, present_mah)
+        );
+    }
+}
+
+fn with_details(details: PackDetails) -> BatteryState {
+    BatteryState {
+        details,
+        ..healthy(11.1)
+    }
 }
 
 #[test]
@@ -1098,14 +973,11 @@ fn a_name_is_that_of_the_maker_or_of_the_product_if_the_other_is_missing() {
             "12345678901234567890_12345678901234567890",
         ),
     ] {
-        let battery = BatteryState {
-            details: PackDetails {
-                manufacturer: Name::from_ascii(manufacturer.as_bytes()),
-                device: Name::from_ascii(device.as_bytes()),
-                ..PackDetails::default()
-            },
-            ..healthy(11.1)
-        };
+        let battery = with_details(PackDetails {
+            manufacturer: Name::from_ascii(manufacturer.as_bytes()),
+            device: Name::from_ascii(device.as_bytes()),
+            ..PackDetails::default()
+        });
         assert_eq!(info_of(battery).name.to_str(), Ok(expected));
         assert_eq!(smart_info_of(battery).device_name.to_str(), Ok(expected));
     }
@@ -1120,13 +992,10 @@ fn an_invalid_date_is_not_reported() {
         (2026, 1, 0),
         (2026, 1, 32),
     ] {
-        let battery = BatteryState {
-            details: PackDetails {
-                manufactured: Some(Date { year, month, day }),
-                ..PackDetails::default()
-            },
-            ..healthy(11.1)
-        };
+        let battery = with_details(PackDetails {
+            manufactured: Some(Date { year, month, day }),
+            ..PackDetails::default()
+        });
         assert_eq!(*info_of(battery).manufacture_date, [0; 9]);
         assert_eq!(*smart_info_of(battery).manufacture_date, [0; 11]);
     }
@@ -1149,16 +1018,6 @@ fn any_value() -> impl Strategy<Value = Option<f32>> {
     ]
 }
 
-fn any_status() -> impl Strategy<Value = PackStatus> {
-    prop::sample::select(vec![
-        PackStatus::Disabled,
-        PackStatus::Unknown,
-        PackStatus::NotConnected,
-        PackStatus::Healthy,
-        PackStatus::Unhealthy,
-    ])
-}
-
 const CHARGE_STATES: [ChargeState; 8] = [
     ChargeState::Undefined,
     ChargeState::Ok,
@@ -1170,27 +1029,13 @@ const CHARGE_STATES: [ChargeState; 8] = [
     ChargeState::Charging,
 ];
 
-const CHEMISTRIES: [Chemistry; 4] = [
-    Chemistry::LiPo,
-    Chemistry::LiFe,
-    Chemistry::LiIon,
-    Chemistry::NiMh,
-];
-
-const FAILSAFE_LEVELS: [FailsafeLevel; 4] = [
-    FailsafeLevel::None,
-    FailsafeLevel::Unhealthy,
-    FailsafeLevel::Low,
-    FailsafeLevel::Critical,
-];
-
 fn any_amount() -> impl Strategy<Value = Option<Amount>> {
     let contents = prop::sample::select(&[Contents::Charge, Contents::Fuel][..]);
     (contents, any_value()).prop_map(|(contents, number)| Some(Amount::of(contents, number?)))
 }
 
 prop_compose! {
-    /// What a sensor measures.
+    /// The measurements of a sensor.
     fn any_measured()(
         voltage_v in any_value(), resting_voltage_v in any_value(), current_a in any_value(),
         consumed in any_amount(), consumed_wh in any_value(), remaining_pct in any_value(),
@@ -1206,27 +1051,22 @@ prop_compose! {
 }
 
 prop_compose! {
-    fn any_date()(year in any::<u16>(), month in any::<u8>(), day in any::<u8>()) -> Date {
-        Date { year, month, day }
-    }
-}
-
-prop_compose! {
     /// The details a smart battery reports.
     fn any_details()(
         manufacturer in prop::collection::vec(any::<u8>(), 0..32), device in prop::collection::vec(any::<u8>(), 0..32),
-        manufactured in prop::option::of(any_date()), cycle_count in any::<Option<u16>>(),
+        date in prop::option::of(any::<(u16, u8, u8)>()), cycle_count in any::<Option<u16>>(),
         design_capacity_mah in any_value(), design_voltage_v in any_value(), state_of_health_pct in any::<Option<u8>>(),
     ) -> PackDetails {
         PackDetails {
-            manufacturer: Name::from_ascii(&manufacturer), device: Name::from_ascii(&device), manufactured, cycle_count,
+            manufacturer: Name::from_ascii(&manufacturer), device: Name::from_ascii(&device), cycle_count,
+            manufactured: date.map(|(year, month, day)| Date { year, month, day }),
             design_capacity_mah, design_voltage_v, state_of_health_pct, ..PackDetails::default()
         }
     }
 }
 
 prop_compose! {
-    /// What is set for a pack, or reported by it.
+    /// The facts that are set for a pack, or reported by it.
     fn any_identity()(
         details in any_details(), cell_count in any::<Option<u8>>(), capacity in any_amount(),
         critical_voltage_v in any_value(), serial_number in any::<Option<i32>>(), gauge in any::<bool>(),
@@ -1241,20 +1081,24 @@ prop_compose! {
 
 prop_compose! {
     fn any_battery()(
-        measured in any_measured(), identity in any_identity(), status in any_status(), charge_state in prop::sample::select(&CHARGE_STATES[..]),
-        chemistry in prop::sample::select(&CHEMISTRIES[..]), faults in any::<[u16; 2]>(), resting in any::<bool>(),
-        internal in any::<bool>(), failsafe in prop::sample::select(&FAILSAFE_LEVELS[..]),
+        measured in any_measured(), identity in any_identity(), charge_state in prop::sample::select(&CHARGE_STATES[..]),
+        status in prop::sample::select(vec![
+            PackStatus::Disabled, PackStatus::Unknown, PackStatus::NotConnected, PackStatus::Healthy, PackStatus::Unhealthy,
+        ]),
+        chemistry in prop::sample::select(vec![Chemistry::LiPo, Chemistry::LiFe, Chemistry::LiIon, Chemistry::NiMh]),
+        faults in any::<[u16; 2]>(), resting in any::<bool>(), internal in any::<bool>(), failsafe in prop::sample::select(vec![
+            FailsafeLevel::None, FailsafeLevel::Unhealthy, FailsafeLevel::Low, FailsafeLevel::Critical,
+        ]),
     ) -> BatteryState {
-        let mut measured = measured;
-        measured.readings.faults = Faults::from_bits_retain(faults[0]);
-        measured.readings.reported.faults = Faults::from_bits_retain(faults[1]);
+        let mut readings = measured.readings;
+        readings.faults = Faults::from_bits_retain(faults[0]);
+        readings.reported.faults = Faults::from_bits_retain(faults[1]);
         BatteryState {
-            status, charge_state, chemistry, failsafe,
+            readings, status, charge_state, chemistry, failsafe,
             reported_voltage: if resting { ReportedVoltage::Resting } else { ReportedVoltage::Terminal },
             visibility: if internal { Visibility::Internal } else { Visibility::Reported },
-            details: identity.details, cell_count: identity.cell_count, capacity: identity.capacity,
-            critical_voltage_v: identity.critical_voltage_v, serial_number: identity.serial_number,
-            charge_source: identity.charge_source, ..measured
+            resistance_ohm: measured.resistance_ohm, consumed: measured.consumed, consumed_wh: measured.consumed_wh,
+            temperature_c: measured.temperature_c, cells: measured.cells, ..identity
         }
     }
 }
@@ -1267,29 +1111,11 @@ fn any_packs() -> impl Strategy<Value = Vec<BatteryState>> {
     prop::collection::vec(any_battery(), 0..=9)
 }
 
-/// How many cells are known: they come first, and the rest has the value of a cell that is not used.
+/// The number of known cells: they come first, and the rest has the value of a cell that is not used.
 fn used_cells(cells: &[u16], unused_mv: u16) -> usize {
     let used = cells.iter().take_while(|mv| **mv != unused_mv).count();
     assert!(cells[used..].iter().all(|mv| *mv == unused_mv), "{cells:?}");
     used
-}
-
-/// The pack's voltage is in as few cells as can carry it.
-fn assert_pack_voltage(data: &BATTERY_STATUS_DATA, voltage_v: Option<f32>) {
-    let used = used_cells(&data.voltages, u16::MAX);
-    assert!(
-        data.voltages[..used.saturating_sub(1)]
-            .iter()
-            .all(|mv| *mv == 65534)
-    );
-    assert_eq!(used > 0, voltage_v.is_some_and(|v| v.is_finite() && v >= 0.0));
-    assert_eq!(data.voltages_ext, [0; 4]);
-}
-
-fn assert_cells(data: &BATTERY_STATUS_DATA, count: usize) {
-    assert_eq!(used_cells(&data.voltages, u16::MAX), count.min(10));
-    assert_eq!(used_cells(&data.voltages_ext, 0), count.saturating_sub(10));
-    assert!(!data.voltages_ext.contains(&u16::MAX));
 }
 
 proptest! {
@@ -1301,8 +1127,19 @@ proptest! {
         prop_assert_eq!(data.id, pack.instance());
         let battery = state.battery(pack);
         match battery.cells.count() {
-            0 | 15.. => assert_pack_voltage(&data, battery.voltage_to_report_v()),
-            count => assert_cells(&data, count),
+            // The pack's voltage is in as few cells as can carry it.
+            0 | 15.. => {
+                let used = used_cells(&data.voltages, u16::MAX);
+                prop_assert!(data.voltages[..used.saturating_sub(1)].iter().all(|mv| *mv == 65534));
+                let is_known = battery.voltage_to_report_v().is_some_and(|v| v.is_finite() && v >= 0.0);
+                prop_assert_eq!(used > 0, is_known);
+                prop_assert_eq!(data.voltages_ext, [0; 4]);
+            }
+            count => {
+                prop_assert_eq!(used_cells(&data.voltages, u16::MAX), count.min(10));
+                prop_assert_eq!(used_cells(&data.voltages_ext, 0), count.saturating_sub(10));
+                prop_assert!(!data.voltages_ext.contains(&u16::MAX));
+            }
         }
         prop_assert!(data.current_battery > i16::MIN);
         prop_assert!(data.current_consumed >= -1 && data.energy_consumed >= -1);
@@ -1328,8 +1165,7 @@ proptest! {
         let charge = data.state_of_charge;
         prop_assert!(charge.to_bits() == NAN_BITS || (0.0..=100.0).contains(&charge));
         // Flags of what can't be known, those that are reserved included, are never set.
-        let of_faults = 8 | 32 | 64 | 256 | 512 | 1024 | 2048 | 4096 | 8192 | 16_384 | 32_768 | 65_536 | 131_072;
-        let known = 1 | 2 | of_faults | 262_144;
+        let known = 1 | 2 | FAULT_FLAGS | 262_144;
         prop_assert_eq!(data.status_flags.bits() & !known, 0);
         prop_assert_eq!(data.status_flags.bits() & 2 != 0, battery.charge_state == ChargeState::Charging);
         let message = Message::BatteryStatusV2(data);

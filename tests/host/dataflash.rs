@@ -104,11 +104,15 @@ fn only<'a>(entries: &'a [Entry], name: &str) -> &'a Entry {
     entry
 }
 
-#[track_caller]
-fn assert_numbers(entry: &Entry, expected: &[(&str, f64)]) {
-    for (field, value) in expected {
-        assert_eq!(entry.get_f64(field), Some(*value), "{}.{field}", entry.name);
-    }
+/// The fields that `expected` names, with their values in a record.
+fn fields(entry: &Entry, expected: &str) -> String {
+    let value = |name: &str| match entry.get_f64(name) {
+        Some(number) => number.to_string(),
+        None => entry.get_str(name).unwrap_or("missing").into(),
+    };
+    let names = expected.split(", ").filter_map(|field| field.split_once(' '));
+    let fields: Vec<String> = names.map(|(name, _)| format!("{name} {}", value(name))).collect();
+    fields.join(", ")
 }
 
 /// The file stays, for `mavlogdump.py` and others to be tried on it.
@@ -117,95 +121,41 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("one_of_each.BIN");
     std::fs::write(path, file()).expect("a file");
     let entries = entries();
-    assert_numbers(
-        only(&entries, "BAT"),
-        &[
-            ("TimeUS", 1_513_000.0),
-            ("Inst", 1.0),
-            ("Volt", 48.25),
-            ("Curr", 3.5),
-            ("CurrTot", 1250.0),
-            ("EnrgTot", 14.5),
-            ("Temp", -12.34),
-            ("RemPct", 67.0),
-            ("H", 1.0),
-            ("SH", 0.0),
-        ],
-    );
-    assert!(only(&entries, "BAT").get_f64("Res").is_some_and(f64::is_nan));
-    assert_numbers(
-        only(&entries, "BATX"),
-        &[
-            ("SoC", 66.5),
-            ("SoCLo", 64.5),
-            ("SoCHi", 68.5),
-            ("Cap", 4750.0),
-            ("State", 2.0),
-            ("Flt", 8.0),
-        ],
-    );
-    assert_numbers(
-        only(&entries, "BCL"),
-        &[("Volt", 48.25), ("V1", 3711.0), ("V12", 3711.0)],
-    );
-    assert_numbers(only(&entries, "BCL2"), &[("V13", 3711.0), ("V14", 0.0)]);
-    assert_numbers(only(&entries, "PARM"), &[("Value", 5200.0), ("Default", 2200.0)]);
-    assert_eq!(only(&entries, "PARM").get_str("Name"), Some("BATT_CAPACITY"));
-    assert_eq!(only(&entries, "MSG").get_str("Message"), Some("Rover 0.1.0"));
-    assert_numbers(
-        only(&entries, "MODE"),
-        &[("Mode", 0.0), ("ModeNum", 0.0), ("Rsn", 2.0)],
-    );
-    assert_numbers(
-        only(&entries, "ARM"),
-        &[("ArmState", 1.0), ("Forced", 1.0), ("Method", 1.0)],
-    );
-    assert_numbers(only(&entries, "EV"), &[("Id", 10.0)]);
-    assert_numbers(only(&entries, "ERR"), &[("Subsys", 6.0), ("ECode", 1.0)]);
-    assert_numbers(
-        only(&entries, "FSTM"),
-        &[("Inst", 1.0), ("FS", 2.0), ("Tmr", 2.0)],
-    );
-    assert_numbers(only(&entries, "PM"), &[("Load", 345.0), ("LogDrop", 2.0)]);
-    assert_numbers(only(&entries, "CRSH"), &[("PC", f64::from(0x1000_1234))]);
-    assert_eq!(only(&entries, "CRSH").get_str("Task"), Some("battery"));
-    assert_numbers(
-        only(&entries, "GPS"),
-        &[
-            ("TimeUS", 1_509_000.0),
-            ("Status", -1.0),
-            ("GWk", 2399.0),
-            ("GMS", 345618123.0),
-            ("Lat", 0.0),
-            ("Lng", 0.0),
-        ],
-    );
-    assert_eq!(only(&entries, "BRD").get_str("Id"), Some("E660583883450A2C"));
-    assert_numbers(
-        only(&entries, "PACK"),
-        &[
-            ("Inst", 1.0),
-            ("SN", 4711.0),
-            ("Chem", 1.0),
-            ("Cells", 13.0),
-            ("Drv", 7.0),
-            ("Cap", 4750.0),
-            ("CapD", 0.25),
-            ("Res", 0.5),
-            ("Res1", 0.25),
-        ],
-    );
-    assert!(only(&entries, "PACK").get_f64("SoC").is_some_and(f64::is_nan));
-    assert_numbers(
-        only(&entries, "PCKO"),
-        &[
-            ("Inst", 1.0),
-            ("O1", -400.0),
-            ("O5", 350.0),
-            ("D1", 80.0),
-            ("D5", 84.0),
-        ],
-    );
+    for (name, expected) in [
+        (
+            "BAT",
+            "TimeUS 1513000, Inst 1, Volt 48.25, Curr 3.5, CurrTot 1250, EnrgTot 14.5, Temp -12.34, \
+             RemPct 67, H 1, SH 0, Res NaN",
+        ),
+        (
+            "BATX",
+            "SoC 66.5, SoCLo 64.5, SoCHi 68.5, Cap 4750, State 2, Flt 8",
+        ),
+        ("BCL", "Volt 48.25, V1 3711, V12 3711"),
+        ("BCL2", "V13 3711, V14 0"),
+        ("PARM", "Name BATT_CAPACITY, Value 5200, Default 2200"),
+        ("MSG", "Message Rover 0.1.0"),
+        ("MODE", "Mode 0, ModeNum 0, Rsn 2"),
+        ("ARM", "ArmState 1, Forced 1, Method 1"),
+        ("EV", "Id 10"),
+        ("ERR", "Subsys 6, ECode 1"),
+        ("FSTM", "Inst 1, FS 2, Tmr 2"),
+        ("PM", "Load 345, LogDrop 2"),
+        // 0x1000_1234.
+        ("CRSH", "PC 268440116, Task battery"),
+        (
+            "GPS",
+            "TimeUS 1509000, Status -1, GWk 2399, GMS 345618123, Lat 0, Lng 0",
+        ),
+        ("BRD", "Id E660583883450A2C"),
+        (
+            "PACK",
+            "Inst 1, SN 4711, Chem 1, Cells 13, Drv 7, Cap 4750, CapD 0.25, Res 0.5, Res1 0.25, SoC NaN",
+        ),
+        ("PCKO", "Inst 1, O1 -400, O5 350, D1 80, D5 84"),
+    ] {
+        assert_eq!(fields(only(&entries, name), expected), expected, "{name}");
+    }
 }
 
 #[test]

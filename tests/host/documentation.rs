@@ -54,13 +54,8 @@ fn read(path: &Path) -> String {
 
 /// The documents, with their text.
 fn documents() -> Vec<(PathBuf, String)> {
-    let documents: Vec<_> = files_below(repository(), "md")
-        .into_iter()
-        .map(|path| {
-            let text = read(&path);
-            (path, text)
-        })
-        .collect();
+    let paths = files_below(repository(), "md").into_iter();
+    let documents: Vec<_> = paths.map(|path| (path.clone(), read(&path))).collect();
     assert!(!documents.is_empty(), "no document was found");
     documents
 }
@@ -204,34 +199,9 @@ fn code_in_a_document_is_code_that_is_compiled() {
     assert!(looked_at > 0, "no block was found");
 }
 
-/// The pin of the Pico that each of its GPIOs is on, by the pinout of its data sheet.
-const PICO_PINS: [(u32, u32); 26] = [
-    (0, 1),
-    (1, 2),
-    (2, 4),
-    (3, 5),
-    (4, 6),
-    (5, 7),
-    (6, 9),
-    (7, 10),
-    (8, 11),
-    (9, 12),
-    (10, 14),
-    (11, 15),
-    (12, 16),
-    (13, 17),
-    (14, 19),
-    (15, 20),
-    (16, 21),
-    (17, 22),
-    (18, 24),
-    (19, 25),
-    (20, 26),
-    (21, 27),
-    (22, 29),
-    (26, 31),
-    (27, 32),
-    (28, 34),
+/// The pin of the Pico that each of its GPIOs is on, by the pinout of its data sheet; 0: on none.
+const PICO_PINS: [u32; 29] = [
+    1, 2, 4, 5, 6, 7, 9, 10, 11, 12, 14, 15, 16, 17, 19, 20, 21, 22, 24, 25, 26, 27, 29, 0, 0, 0, 31, 32, 34,
 ];
 
 #[test]
@@ -244,8 +214,8 @@ fn the_picture_of_the_wiring_has_the_picos_pins() {
             continue;
         };
         let (pin, _) = rest.split_once(')').expect("a pin in brackets");
-        let pair = (gpio.parse().expect("a GPIO"), pin.parse().expect("a pin"));
-        assert!(PICO_PINS.contains(&pair), "GP{label}");
+        let gpio: usize = gpio.parse().expect("a GPIO");
+        assert_eq!(PICO_PINS[gpio].to_string(), pin, "GP{label}");
         looked_at += 1;
     }
     assert!(looked_at >= 10, "only {looked_at} labels were found");
@@ -328,15 +298,11 @@ fn number_length(text: &str) -> usize {
     }
     match text.strip_prefix("0x") {
         Some(digits) => 2 + digits.bytes().take_while(u8::is_ascii_hexdigit).count(),
-        None => {
+        None if text.starts_with(|c: char| c.is_ascii_digit()) => {
             let is_in_number = |byte: &u8| byte.is_ascii_digit() || *byte == b'.';
-            let length = text.bytes().take_while(is_in_number).count();
-            if text.as_bytes().first().is_some_and(u8::is_ascii_digit) {
-                length
-            } else {
-                0
-            }
+            text.bytes().take_while(is_in_number).count()
         }
+        None => 0,
     }
 }
 
@@ -457,6 +423,13 @@ fn pack_events() -> Vec<PackEvent> {
         failsafe(FailsafeLevel::Low, Amount::Mah(120.0)),
         failsafe(FailsafeLevel::Critical, Amount::Mah(120.0)),
         failsafe(FailsafeLevel::Low, Amount::Ml(120.0)),
+        PackEvent::Charging,
+        PackEvent::CurrentOverRange,
+        PackEvent::Learnt {
+            capacity_mah: 2995.0,
+            resistance_ohm: 0.087,
+        },
+        PackEvent::CapacityAboveLabel,
     ];
     for (remaining_pct, usable_pct) in [(Some(15.0), Some(15.0)), (Some(15.0), Some(9.0)), (None, None)] {
         let entered = |state| PackEvent::Charge {
@@ -467,13 +440,6 @@ fn pack_events() -> Vec<PackEvent> {
         };
         events.extend([ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(entered));
     }
-    events.push(PackEvent::Charging);
-    events.push(PackEvent::CurrentOverRange);
-    events.push(PackEvent::Learnt {
-        capacity_mah: 2995.0,
-        resistance_ohm: 0.087,
-    });
-    events.push(PackEvent::CapacityAboveLabel);
     // Some faults are found here, and some reported by packs only.
     let of_faults = [PackEvent::Faults, PackEvent::ReportedFaults].into_iter();
     let of_faults = of_faults.flat_map(|event| Faults::all().iter().map(event));
@@ -487,10 +453,7 @@ fn announced() -> Vec<String> {
     let packs = pack_events()
         .into_iter()
         .map(|event| PackNotice(Pack::First, &event).to_string());
-    let arming = ARMING_FAILURES.map(|failure| {
-        let obstacle = ArmingObstacle::Pack(Pack::First, failure);
-        obstacle.text("PreArm").as_str().to_owned()
-    });
+    let of_packs = ARMING_FAILURES.map(|failure| ArmingObstacle::Pack(Pack::First, failure));
     let misfits = [
         ArmingObstacle::SticksMisfit(StickParameter::RcmapThrottle, StickParameter::RcmapRoll),
         ArmingObstacle::SticksMisfit(StickParameter::Rc1Min, StickParameter::Rc1Trim),
@@ -502,7 +465,7 @@ fn announced() -> Vec<String> {
         ParameterTrouble::DoesNotFit(BatteryParameter::Cells.of(Pack::First)),
     ];
     let of_parameters = of_parameters.map(ArmingObstacle::Parameters);
-    let obstacles = misfits.into_iter().chain(of_parameters);
+    let obstacles = of_packs.into_iter().chain(misfits).chain(of_parameters);
     let obstacles = obstacles.map(|obstacle| obstacle.text("PreArm").as_str().to_owned());
     let logging = [
         "PreArm: Logging failed",
@@ -530,11 +493,9 @@ fn announced() -> Vec<String> {
     });
     let id = BatteryParameter::Cells.of(Pack::First);
     let why = Refused::OutOfRange;
-    let wifi = WIFI_REPORTS.map(|report| report.to_string());
     let all = packs
-        .chain(arming)
         .chain(obstacles)
-        .chain(wifi)
+        .chain(WIFI_REPORTS.map(|report| report.to_string()))
         .chain(CAN_REPORTS.map(|report| report.to_string()))
         .chain(FUEL_CELL_STATES.map(|state| state.to_string()))
         .chain(logging)
@@ -674,10 +635,8 @@ fn checked_files() -> Vec<String> {
         .chain(in_folders)
         .chain(scripts.filter(|path| path.is_file()))
         .map(|path| {
-            path.strip_prefix(repository())
-                .expect("it is below")
-                .display()
-                .to_string()
+            let below = path.strip_prefix(repository()).expect("it is below");
+            below.display().to_string()
         })
         .filter(|path| path != file!())
         .collect()

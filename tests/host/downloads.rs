@@ -1,11 +1,9 @@
 //! Files over a link: frames in, frames out, and a log of bytes.
 
 use std::{fs, iter};
-use support::desk::EXTRA1;
-use support::time::SECOND;
 
 use proptest::prelude::*;
-use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Signing};
+use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, Signing};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::recorder::LogFile;
@@ -14,13 +12,15 @@ use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{Fitness, Vehicle};
 use rover_battmon::wifi::WifiCredentials;
 use support::commands::REQUEST_MESSAGE;
+use support::desk::EXTRA1;
 use support::frames::{
     COMPONENT_METADATA, FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY,
-    LOG_ERASE, LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from,
-    frames, of_message, texts_of,
+    LOG_ERASE, LOG_REQUEST_DATA, LOG_REQUEST_END, STATUSTEXT, SYS_STATUS, encode_v2_from, frames, of_message,
+    texts_of,
 };
 use support::repository;
-use support::requests::{VEHICLE, command_long};
+use support::requests::{VEHICLE, command_long, log_data, log_list};
+use support::time::SECOND;
 
 const OTHER_STATION: [u8; 2] = [254, 190];
 
@@ -109,24 +109,17 @@ impl Bench {
         self.endpoint.post_due(state.now, &state, &self.parameters);
     }
 
-    /// The bytes of a read.
-    fn read(&self, read: LogRead) -> Vec<u8> {
-        let (_, content) = self
-            .files
-            .iter()
-            .find(|(file, _)| file.number == read.number)
-            .expect("there is this file");
-        let bytes = content.iter().skip(read.offset as usize);
-        bytes.take(usize::from(read.bytes)).copied().collect()
-    }
-
     /// The next frame, as the task of a wire gets it.
     fn next_frame(&mut self) -> Option<Vec<u8>> {
         let logs = self.logs();
         let state = self.state(&logs);
         while let Some(read) = self.endpoint.next_read(&state, &self.parameters) {
-            let bytes = self.read(read);
-            self.endpoint.supply(read, &bytes);
+            let mut files = self.files.iter();
+            let found = files.find(|(file, _)| file.number == read.number);
+            let (_, content) = found.expect("there is this file");
+            let rest = &content[content.len().min(read.offset as usize)..];
+            let bytes = &rest[..rest.len().min(read.bytes.into())];
+            self.endpoint.supply(read, bytes);
         }
         let message = self.endpoint.take(&state, &self.parameters)?;
         let system_id = self.parameters.system_id();
@@ -152,28 +145,8 @@ impl Bench {
     }
 
     fn texts(&mut self, request: &[u8]) -> Vec<String> {
-        let sent = self.ask(request);
-        texts_of(&sent)
+        texts_of(&self.ask(request))
     }
-}
-
-fn log_list(start: u16, end: u16) -> Vec<u8> {
-    let payload = [&start.to_le_bytes()[..], &end.to_le_bytes(), &VEHICLE].concat();
-    encode_v2_from(GROUND_STATION, LOG_REQUEST_LIST, &payload)
-}
-
-fn log_data_from(station: [u8; 2], id: u16, offset: u32, bytes: u32) -> Vec<u8> {
-    let payload = [
-        &offset.to_le_bytes()[..],
-        &bytes.to_le_bytes(),
-        &id.to_le_bytes(),
-        &VEHICLE,
-    ];
-    encode_v2_from(station, LOG_REQUEST_DATA, &payload.concat())
-}
-
-fn log_data(id: u16, offset: u32, bytes: u32) -> Vec<u8> {
-    log_data_from(GROUND_STATION, id, offset, bytes)
 }
 
 fn log_end(station: [u8; 2]) -> Vec<u8> {
@@ -197,21 +170,17 @@ fn put(whole: &mut [u8], sent: &[Frame]) {
 #[test]
 fn a_whole_log_is_listed_and_downloaded_as_it_is() {
     let mut bench = Bench::new(&[500, 12_345]);
-    let entries: Vec<_> = bench
-        .ask(&log_list(0, u16::MAX))
-        .iter()
-        .map(|frame| {
-            assert_eq!(frame.message_id, LOG_ENTRY);
-            (
-                frame.u16(8),
-                frame.u32(4),
-                frame.u16(10),
-                frame.u16(12),
-                frame.u32(0),
-            )
-        })
-        .collect();
-    assert_eq!(entries, [(1, 500, 2, 2, 0), (2, 12_345, 2, 2, 0)]);
+    let listed = bench.ask(&log_list(0, u16::MAX));
+    let entries = listed.iter().map(|frame| {
+        assert_eq!(frame.message_id, LOG_ENTRY);
+        // Id, number of files, the last id; time, size.
+        (
+            [8, 10, 12].map(|at| frame.u16(at)),
+            [0, 4].map(|at| frame.u32(at)),
+        )
+    });
+    let expected = [([1, 2, 2], [0, 500]), ([2, 2, 2], [0, 12_345])];
+    assert_eq!(entries.collect::<Vec<_>>(), expected);
     let sent = bench.ask(&log_data(2, 0, u32::MAX));
     let mut whole = vec![0; 12_345];
     put(&mut whole, &sent);
@@ -256,10 +225,7 @@ fn a_stream_that_is_due_all_the_time_gets_one_message_in_25() {
         bench.post_due();
         sent.extend(bench.sent_at_most(3));
     }
-    let (data, streams) = (
-        of_message(&sent, LOG_DATA).len(),
-        of_message(&sent, SYS_STATUS).len(),
-    );
+    let [data, streams] = [LOG_DATA, SYS_STATUS].map(|id| of_message(&sent, id).len());
     assert!(data.abs_diff(streams * 24) <= 24, "{data}, {streams}");
     assert_eq!(bench.endpoint.statistics().dropped, 0);
     assert!(of_message(&sent, STATUSTEXT).is_empty());
@@ -295,16 +261,19 @@ fn erasing_is_up_to_the_core() {
 
 #[test]
 fn the_second_station_on_a_link_is_refused_until_the_first_ends() {
+    let part = [900_u32, 90].map(u32::to_le_bytes).concat();
+    let payload = [&part[..], &1_u16.to_le_bytes(), &VEHICLE].concat();
+    let other_request = encode_v2_from(OTHER_STATION, LOG_REQUEST_DATA, &payload);
     let mut bench = Bench::new(&[9000]);
     bench.handle(&log_data(1, 0, u32::MAX));
-    bench.handle(&log_data_from(OTHER_STATION, 1, 900, 90));
+    bench.handle(&other_request);
     let sent = bench.sent();
     assert_eq!(sent[0].text(1, 50), "Log download in use by another station");
     assert_eq!(of_message(&sent, LOG_DATA).len(), 101);
     bench.handle(&log_end(OTHER_STATION));
-    assert!(bench.ask(&log_data_from(OTHER_STATION, 1, 900, 90)).is_empty());
+    assert!(bench.ask(&other_request).is_empty());
     bench.handle(&log_end(GROUND_STATION));
-    assert_eq!(bench.ask(&log_data_from(OTHER_STATION, 1, 900, 90)).len(), 1);
+    assert_eq!(bench.ask(&other_request).len(), 1);
 }
 
 #[test]
@@ -350,7 +319,7 @@ struct Client {
     sequence: u16,
 }
 
-/// What an answer says.
+/// The content of an answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Answer {
     sequence: u16,
@@ -469,21 +438,20 @@ impl Client {
 fn logs_are_listed_in_their_directory() {
     let mut bench = Bench::new(&[500; 20]);
     let mut client = Client::new(GROUND_STATION);
-    for path in ["/LOGS", "/APM/LOGS", "LOGS/"] {
-        let mut names = Vec::new();
-        loop {
-            let size = path.len() as u8;
-            let (opcode, data) = client.one(&mut bench, LIST, size, names.len() as u32, path.as_bytes());
-            if opcode == NAK {
-                assert_eq!(data, [END_OF_FILE]);
-                break;
-            }
-            let entries = String::from_utf8(data).expect("text");
-            names.extend(entries.split_terminator('\0').map(String::from));
+    let path = "/APM/LOGS";
+    let mut names = Vec::new();
+    loop {
+        let size = path.len() as u8;
+        let (opcode, data) = client.one(&mut bench, LIST, size, names.len() as u32, path.as_bytes());
+        if opcode == NAK {
+            assert_eq!(data, [END_OF_FILE]);
+            break;
         }
-        let expected: Vec<_> = (3..23).map(|number| format!("F{number:08}.BIN\t500")).collect();
-        assert_eq!(names, expected);
+        let entries = String::from_utf8(data).expect("text");
+        names.extend(entries.split_terminator('\0').map(String::from));
     }
+    let expected: Vec<_> = (3..23).map(|number| format!("F{number:08}.BIN\t500")).collect();
+    assert_eq!(names, expected);
     let (opcode, root) = client.with_path(&mut bench, LIST, "/");
     assert!(opcode == ACK && root.starts_with(b"DLOGS\0"), "{root:?}");
     assert_eq!(client.with_path(&mut bench, LIST, "/etc"), (NAK, vec![NOT_FOUND]));
@@ -499,13 +467,6 @@ fn a_log_is_read_whole_in_spite_of_losses() {
     }
 }
 
-#[test]
-fn the_size_of_a_log_is_known_when_it_is_open() {
-    let mut bench = Bench::new(&[0x0001_0203]);
-    let answer = Client::new(GROUND_STATION).with_path(&mut bench, OPEN, "/LOGS/00000003.BIN");
-    assert_eq!(answer, (ACK, vec![3, 2, 1, 0]));
-}
-
 /// As ArduPilot and PX4 compute that of a file.
 fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |crc, byte| {
@@ -516,17 +477,21 @@ fn checksum(bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn the_checksum_of_a_log_is_that_of_ardupilot() {
-    let mut bench = Bench::new(&[10_000]);
+fn the_size_of_a_log_is_known_when_it_is_open_and_its_checksum_is_that_of_ardupilot() {
+    let mut bench = Bench::new(&[0x0001_0203]);
     let crc = checksum(&bench.files[0].1);
     let mut client = Client::new(GROUND_STATION);
-    let answer = client.with_path(&mut bench, CHECKSUM, "/LOGS/00000003.BIN");
-    assert_eq!(answer, (ACK, crc.to_le_bytes().to_vec()));
+    for (opcode, answer) in [(OPEN, vec![3, 2, 1, 0]), (CHECKSUM, crc.to_le_bytes().to_vec())] {
+        assert_eq!(
+            client.with_path(&mut bench, opcode, "/LOGS/00000003.BIN"),
+            (ACK, answer)
+        );
+    }
     let unknown = client.with_path(&mut bench, CHECKSUM, "/LOGS/00000009.BIN");
     assert_eq!(unknown, (NAK, vec![NOT_FOUND]));
 }
 
-/// What follows `key` in a JSON file, up to one of `ends`.
+/// The text behind `key` in a JSON file, up to one of `ends`.
 fn json_value<'a>(json: &'a str, key: &str, ends: [char; 2]) -> &'a str {
     let (_, rest) = json.split_once(key).expect("it has the key");
     rest.split(ends).next().expect("a value")
@@ -612,49 +577,54 @@ fn a_file_of_parameters_is_announced_as_a_list() {
     assert_eq!(bench.handle(&open), [Event::ListRequested]);
 }
 
-/// As MAVProxy packs them.
-fn two_parameters() -> Vec<u8> {
-    let mut file = [0x671bu16, 2, 0].map(u16::to_le_bytes).concat();
-    file.extend([4, 14 << 4]);
-    file.extend(b"BATT_VLT_OFFSET");
-    file.extend(0.5f32.to_le_bytes());
-    file.extend([1, 9 << 4]);
-    file.extend(b"SR0_EXTRA1");
-    file.push(7);
-    let bytes = (file.len() as u16).to_le_bytes();
-    file[4..6].copy_from_slice(&bytes);
-    file
+/// A file as MAVProxy packs it, of numbers with a fraction.
+fn packed(values: &[(&str, f32)]) -> Vec<u8> {
+    const FLOAT: u8 = 4;
+    let mut records = Vec::new();
+    for (name, value) in values {
+        records.extend([FLOAT, (name.len() as u8 - 1) << 4]);
+        records.extend(name.as_bytes());
+        records.extend(value.to_le_bytes());
+    }
+    let header = [0x671b, values.len() as u16, 6 + records.len() as u16].map(u16::to_le_bytes);
+    [header.concat(), records].concat()
 }
+
+const TWO: [(&str, f32); 2] = [("BATT_VLT_OFFSET", 0.5), ("SR0_EXTRA1", 7.0)];
 
 #[test]
 fn parameters_are_written_in_spite_of_losses() {
     let mut bench = Bench::new(&[]);
     let mut client = Client::new(GROUND_STATION);
-    let file = two_parameters();
+    let file = packed(&TWO);
     assert_eq!(
         client.with_path(&mut bench, CREATE, "@PARAM/param.pck"),
         (ACK, vec![])
     );
-    let mut waiting: Vec<_> = (0..file.len().div_ceil(10)).collect();
-    let mut round = 0;
-    while !waiting.is_empty() {
-        round += 1;
-        waiting.retain(|place| {
-            let block = &file[place * 10..file.len().min(place * 10 + 10)];
-            if (place + round) % 3 == 0 {
-                return true;
-            }
-            let offset = (place * 10) as u32;
-            let answers = client.ask(&mut bench, WRITE, block.len() as u8, offset, block);
-            assert!(
-                answers
-                    .iter()
-                    .all(|answer| answer.opcode == ACK && answer.offset == offset)
-            );
-            // The answer may be lost as well.
-            answers.is_empty() || (place + round) % 3 == 1
-        });
-        assert!(round < 100);
+    // A block that comes too early is not answered; of the first one the answer is lost.
+    for (place, is_answered) in [
+        (1, false),
+        (0, true),
+        (0, true),
+        (2, false),
+        (1, true),
+        (2, true),
+        (4, false),
+        (3, true),
+        (4, true),
+    ] {
+        let block = file.chunks(10).nth(place).expect("there is this block");
+        let offset = place as u32 * 10;
+        let answers = client.ask(&mut bench, WRITE, block.len() as u8, offset, block);
+        let answers: Vec<_> = answers
+            .iter()
+            .map(|answer| (answer.opcode, answer.offset))
+            .collect();
+        assert_eq!(
+            answers,
+            Vec::from_iter(is_answered.then_some((ACK, offset))),
+            "block {place}"
+        );
     }
     assert_eq!(client.one(&mut bench, TERMINATE, 0, 0, &[]), (ACK, vec![]));
     assert_eq!(bench.parameters.get(EXTRA1), 7.0);
@@ -669,7 +639,7 @@ fn parameters_are_written_in_spite_of_losses() {
 fn a_file_of_parameters_that_is_cut_short_fails_at_its_end_also_when_asked_again() {
     let mut bench = Bench::new(&[]);
     let mut client = Client::new(GROUND_STATION);
-    let file = two_parameters();
+    let file = packed(&TWO);
     client.with_path(&mut bench, CREATE, "@PARAM/param.pck");
     let length = file.len() as u8 - 1;
     client.one(&mut bench, WRITE, length, 0, &file[..usize::from(length)]);
@@ -686,9 +656,7 @@ fn a_file_of_parameters_that_is_cut_short_fails_at_its_end_also_when_asked_again
 fn parameters_that_were_not_set_are_reported() {
     let mut bench = Bench::new(&[]);
     let client = Client::new(GROUND_STATION);
-    let mut file = two_parameters();
-    let last = file.len() - 1;
-    file[last] = 127;
+    let file = packed(&[TWO[0], ("SR0_EXTRA1", 127.0)]);
     bench.ask(&client.request(CREATE, 16, 0, b"@PARAM/param.pck"));
     let events = bench.handle(&client.request(WRITE, file.len() as u8, 0, &file));
     assert_eq!(events, [Event::ParametersSet]);
@@ -696,24 +664,13 @@ fn parameters_that_were_not_set_are_reported() {
     assert_eq!(texts, ["Parameters not set: SR0_EXTRA1"]);
 }
 
-/// As MAVProxy packs them, with a new system id as the first of many.
-fn with_system_id(system_id: u8) -> Vec<u8> {
-    let mut file = [0x671bu16, 0, 0].map(u16::to_le_bytes).concat();
-    let mut records = 0u16;
-    let mut add = |name: &str, value: u8| {
-        file.extend([1, (name.len() as u8 - 1) << 4]);
-        file.extend(name.as_bytes());
-        file.push(value);
-        records += 1;
-    };
-    add("SYSID_THISMAV", system_id);
-    for pack in Pack::ALL {
-        add(&BatteryParameter::FsCrtAct.of(pack).name(), 1);
-    }
-    add("SR0_EXTRA1", 7);
-    let bytes = file.len() as u16;
-    file[2..6].copy_from_slice(&[records.to_le_bytes(), bytes.to_le_bytes()].concat());
-    file
+/// A file with a new system id as the first of many parameters.
+fn with_system_id() -> Vec<u8> {
+    let names = Pack::ALL.map(|pack| BatteryParameter::FsCrtAct.of(pack).name());
+    let mut values = vec![("SYSID_THISMAV", 42.0)];
+    values.extend(names.iter().map(|name| (name.as_str(), 1.0)));
+    values.push(TWO[1]);
+    packed(&values)
 }
 
 #[test]
@@ -721,7 +678,7 @@ fn a_new_system_id_takes_effect_when_the_session_of_its_file_ends() {
     for end in [TERMINATE, RESET] {
         let mut bench = Bench::new(&[]);
         let mut client = Client::new(GROUND_STATION);
-        let file = with_system_id(42);
+        let file = with_system_id();
         client.with_path(&mut bench, CREATE, "@PARAM/param.pck");
         for (place, block) in file.chunks(80).enumerate() {
             let written = client.one(&mut bench, WRITE, block.len() as u8, place as u32 * 80, block);
@@ -745,7 +702,7 @@ fn a_file_that_did_not_come_whole_leaves_the_system_id() {
     for end in [TERMINATE, RESET, CREATE] {
         let mut bench = Bench::new(&[]);
         let mut client = Client::new(GROUND_STATION);
-        let file = with_system_id(42);
+        let file = with_system_id();
         client.with_path(&mut bench, CREATE, "@PARAM/param.pck");
         client.one(&mut bench, WRITE, 80, 0, &file[..80]);
         client.with_path(&mut bench, end, "@PARAM/param.pck");
@@ -809,6 +766,7 @@ fn what_is_not_possible_is_refused_with_its_reason() {
     for (opcode, path, error) in [
         (OPEN, "/LOGS/00000004.BIN", NOT_FOUND),
         (OPEN, "/LOGS", NOT_FOUND),
+        (OPEN, "/etc/passwd", NOT_FOUND),
         (OPEN, "@PARAM/param.pck?start=60000", FAIL),
         (CREATE, "/LOGS/00000003.BIN", PROTECTED),
         (CREATE, "/new", PROTECTED),

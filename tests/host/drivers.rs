@@ -5,14 +5,14 @@ use proptest::prelude::*;
 use rover_battmon::mavlink::{Access, Endpoint, Framer, LinkKind};
 use rover_battmon::parameter::VehicleParameter;
 use rover_battmon::vehicle::{ArmState, Mode, MotorDrive, SideDrives};
-use support::desk::Desk;
-use support::frames::{Frame, frames, resealed, texts_of};
-use support::requests::{
-    VEHICLE, VEHICLE_ID, arm_by_force, disarm, do_set_mode, manual_control, rc_override,
-};
+use support::desk::{Desk, frames_of};
+use support::frames::{resealed, texts_of};
+use support::requests::{VEHICLE, arm_by_force, disarm, do_set_mode, rc_override};
+use support::time::SECOND;
+
+use crate::safe_driving::{Heard, Says, Sticks};
 
 const TICK_US: u64 = 20_000;
-const SECOND_US: u64 = 1_000_000;
 
 /// Drives with this much, in tenths of a percent.
 const DEFLECTION: i16 = 900;
@@ -21,30 +21,24 @@ const MANUAL: f32 = 0.0;
 const HOLD: f32 = 4.0;
 
 /// A way to drive: a message, and the link that it comes by.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 struct Way {
-    message: Message,
+    message: Sticks,
     link: LinkKind,
     access: Access,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Message {
-    ManualControl,
-    ChannelOverride,
-}
-
 /// The page, and ground stations by cable and by Wi-Fi.
 const WAYS: [Way; 5] = [
-    Way::new(Message::ManualControl, LinkKind::Wifi, Access::Page),
-    Way::new(Message::ManualControl, LinkKind::Direct, Access::Full),
-    Way::new(Message::ChannelOverride, LinkKind::Direct, Access::Full),
-    Way::new(Message::ManualControl, LinkKind::Wifi, Access::Full),
-    Way::new(Message::ChannelOverride, LinkKind::Wifi, Access::Full),
+    Way::new(Sticks::ManualControl, LinkKind::Wifi, Access::Page),
+    Way::new(Sticks::ManualControl, LinkKind::Direct, Access::Full),
+    Way::new(Sticks::ChannelOverride, LinkKind::Direct, Access::Full),
+    Way::new(Sticks::ManualControl, LinkKind::Wifi, Access::Full),
+    Way::new(Sticks::ChannelOverride, LinkKind::Wifi, Access::Full),
 ];
 
 impl Way {
-    const fn new(message: Message, link: LinkKind, access: Access) -> Self {
+    const fn new(message: Sticks, link: LinkKind, access: Access) -> Self {
         Self {
             message,
             link,
@@ -54,17 +48,11 @@ impl Way {
 
     /// A message with this throttle and centred steering.
     fn sticks(self, throttle: i16) -> Vec<u8> {
-        match self.message {
-            Message::ManualControl => manual_control(VEHICLE_ID, 0, throttle),
-            Message::ChannelOverride => rc_override(VEHICLE, 1500, (1500 + throttle / 2) as u16),
-        }
+        self.message.frame(VEHICLE, Says::At(0), Says::At(throttle))
     }
 
     fn release(self) -> Vec<u8> {
-        match self.message {
-            Message::ManualControl => manual_control(VEHICLE_ID, i16::MAX, i16::MAX),
-            Message::ChannelOverride => rc_override(VEHICLE, 0, 0),
-        }
+        self.message.frame(VEHICLE, Says::Released, Says::Released)
     }
 }
 
@@ -97,6 +85,16 @@ impl Room {
         room
     }
 
+    /// A rover that the first of them drives in MANUAL.
+    fn driven(ways: &[Way]) -> Self {
+        let mut room = Self::new(ways);
+        room.arm(0);
+        room.send(0, &do_set_mode(MANUAL));
+        room.sticks(0, 0);
+        assert!(room.hold_stick(0, DEFLECTION, SECOND), "{ways:?}");
+        room
+    }
+
     /// Another station, by its number.
     fn join(&mut self, way: Way) -> usize {
         let mut endpoint = Endpoint::new("station", way.link, 100_000, self.desk.now());
@@ -110,7 +108,7 @@ impl Room {
         });
         let number = self.stations.len() - 1;
         // Notices for each link that is opened.
-        self.answers(number);
+        self.texts(number);
         number
     }
 
@@ -134,20 +132,12 @@ impl Room {
         self.send(number, &self.stations[number].way.sticks(throttle));
     }
 
-    /// What was sent to a station.
-    fn answers(&mut self, number: usize) -> Vec<Frame> {
-        let station = &mut self.stations[number];
-        let mut bytes = Vec::new();
+    /// The texts that were sent to a station since the last call.
+    fn texts(&mut self, number: usize) -> Vec<String> {
+        let Station { endpoint, framer, .. } = &mut self.stations[number];
         let now = self.desk.now();
         let autopilot = &mut self.desk.autopilot;
-        while let Some(frame) = autopilot.next_frame(&mut station.endpoint, &mut station.framer, now) {
-            bytes.extend(frame.iter().map(|byte| (0, *byte)));
-        }
-        frames(&bytes)
-    }
-
-    fn texts(&mut self, number: usize) -> Vec<String> {
-        texts_of(&self.answers(number))
+        texts_of(&frames_of(autopilot, endpoint, framer, now, usize::MAX))
     }
 
     fn arm(&mut self, number: usize) {
@@ -174,9 +164,9 @@ impl Room {
 
     /// Asserts that a station's held stick moves nothing, and drives once it was centred.
     fn assert_waits_for_its_centre(&mut self, number: usize, case: &str) {
-        self.answers(number);
+        self.texts(number);
         assert!(
-            !self.hold_stick(number, DEFLECTION, 2 * SECOND_US),
+            !self.hold_stick(number, DEFLECTION, 2 * SECOND),
             "{case}: a held stick drives"
         );
         let texts = self.texts(number);
@@ -186,7 +176,7 @@ impl Room {
         );
         self.sticks(number, 0);
         assert!(
-            self.hold_stick(number, DEFLECTION, SECOND_US / 2),
+            self.hold_stick(number, DEFLECTION, SECOND / 2),
             "{case}: a centred stick does not drive"
         );
     }
@@ -213,7 +203,7 @@ fn a_stick_held_before_arming_or_manual_does_not_drive() {
             for arms_first in [false, true] {
                 let mut room = Room::new(&[driver, other]);
                 if sends_before {
-                    assert!(!room.hold_stick(0, DEFLECTION, SECOND_US));
+                    assert!(!room.hold_stick(0, DEFLECTION, SECOND));
                 }
                 if arms_first {
                     room.arm(1);
@@ -225,7 +215,7 @@ fn a_stick_held_before_arming_or_manual_does_not_drive() {
                 room.assert_waits_for_its_centre(0, &case);
                 // HOLD, and MANUAL again while it is held.
                 room.send(1, &do_set_mode(HOLD));
-                assert!(!room.hold_stick(0, DEFLECTION, SECOND_US));
+                assert!(!room.hold_stick(0, DEFLECTION, SECOND));
                 room.send(1, &do_set_mode(MANUAL));
                 room.assert_waits_for_its_centre(0, &case);
             }
@@ -244,11 +234,7 @@ fn a_stick_that_was_ignored_does_not_drive_when_the_driver_lets_go() {
     for [driver, other] in pairs() {
         for ends in [Ends::Released, Ends::Closed, Ends::Disarmed] {
             let case = format!("{driver:?}, {other:?}");
-            let mut room = Room::new(&[driver, other]);
-            room.arm(0);
-            room.send(0, &do_set_mode(MANUAL));
-            room.sticks(0, 0);
-            assert!(room.hold_stick(0, DEFLECTION, SECOND_US), "{case}");
+            let mut room = Room::driven(&[driver, other]);
             // The other one is held meanwhile.
             for _ in 0..50 {
                 room.sticks(0, 0);
@@ -269,64 +255,31 @@ fn a_stick_that_was_ignored_does_not_drive_when_the_driver_lets_go() {
 }
 
 #[test]
-fn a_neutral_stick_takes_over_and_drives_with_its_next_message() {
-    for [driver, other] in pairs() {
-        let case = format!("{driver:?}, {other:?}");
-        let mut room = Room::new(&[driver, other]);
-        room.arm(0);
-        room.send(0, &do_set_mode(MANUAL));
-        for _ in 0..60 {
-            room.sticks(0, 0);
-            room.sticks(1, 0);
-            room.tick();
-        }
-        room.answers(1);
-        room.sticks(1, DEFLECTION);
-        assert!(turns(room.tick()), "{case}");
-        assert_eq!(room.texts(1), [""; 0]);
+fn the_axis_that_has_to_be_centred_is_named() {
+    let mut room = Room::new(&[Way::new(Sticks::ChannelOverride, LinkKind::Direct, Access::Full)]);
+    room.arm(0);
+    room.send(0, &do_set_mode(MANUAL));
+    for (steering, throttle) in [(1500, 1500), (1600, 1600), (0, 1600), (1900, u16::MAX)] {
+        room.send(0, &rc_override(VEHICLE, steering, throttle));
+        room.tick();
     }
-}
-
-#[test]
-fn a_released_axis_has_to_be_centred_and_the_other_one_drives_on() {
-    for link in [LinkKind::Direct, LinkKind::Wifi] {
-        let mut room = Room::new(&[Way::new(Message::ChannelOverride, link, Access::Full)]);
-        room.arm(0);
-        room.send(0, &do_set_mode(MANUAL));
-        room.send(0, &rc_override(VEHICLE, 1500, 1500));
-        room.send(0, &rc_override(VEHICLE, 1600, 1600));
-        room.send(0, &rc_override(VEHICLE, 0, 1600));
-        room.tick();
-        let ahead = room.desk.vehicle().drives();
-        room.send(0, &rc_override(VEHICLE, 1900, u16::MAX));
-        room.tick();
-        assert_eq!(room.desk.vehicle().drives(), ahead);
-        assert_eq!(room.texts(0), ["Centre the steering (RC1) first"]);
-        room.send(0, &rc_override(VEHICLE, 1500, u16::MAX));
-        room.send(0, &rc_override(VEHICLE, 1900, u16::MAX));
-        room.tick();
-        assert_ne!(room.desk.vehicle().drives(), ahead);
-    }
+    assert_eq!(room.texts(0), ["Centre the steering (RC1) first"]);
 }
 
 #[test]
 // Requirement: OWN-2
 fn a_rover_whose_driver_has_left_stands_at_once_and_holds_after_the_time_out() {
     for way in WAYS {
-        let mut room = Room::new(&[way, way]);
-        room.arm(0);
-        room.send(0, &do_set_mode(MANUAL));
-        room.sticks(0, 0);
-        assert!(room.hold_stick(0, DEFLECTION, SECOND_US));
+        let mut room = Room::driven(&[way, way]);
         room.leave(0);
         assert!(!turns(room.tick()), "{way:?}");
         // A release by others does not stand for the driver's sticks.
         room.send(1, &way.release());
-        for _ in 0..(SECOND_US / TICK_US) {
+        for _ in 0..(SECOND / TICK_US) {
             assert!(!turns(room.tick()));
             assert_eq!(room.desk.vehicle().status().mode, Mode::Manual);
         }
-        for _ in 0..(SECOND_US / TICK_US) {
+        for _ in 0..(SECOND / TICK_US) {
             room.tick();
         }
         assert_eq!(room.desk.vehicle().status().mode, Mode::Hold, "{way:?}");
@@ -339,34 +292,13 @@ fn a_rover_whose_driver_has_left_stands_at_once_and_holds_after_the_time_out() {
 #[test]
 fn after_a_reload_the_page_is_its_own_successor_at_once() {
     for way in WAYS {
-        let mut room = Room::new(&[way]);
-        room.arm(0);
-        room.send(0, &do_set_mode(MANUAL));
-        room.sticks(0, 0);
-        assert!(room.hold_stick(0, DEFLECTION, SECOND_US));
+        let mut room = Room::driven(&[way]);
         room.leave(0);
         let reloaded = room.join(way);
         room.sticks(reloaded, 0);
         room.sticks(reloaded, DEFLECTION);
         assert!(turns(room.tick()), "{way:?}");
         assert_eq!(room.texts(reloaded), [""; 0]);
-    }
-}
-
-#[test]
-fn manual_while_in_manual_does_not_stop_a_moving_rover() {
-    for [driver, other] in pairs() {
-        let mut room = Room::new(&[driver, other]);
-        room.arm(0);
-        room.send(0, &do_set_mode(MANUAL));
-        room.sticks(0, 0);
-        room.hold_stick(0, DEFLECTION, SECOND_US);
-        for number in [0, 1] {
-            room.send(number, &do_set_mode(MANUAL));
-            assert!(turns(room.tick()), "{driver:?}, {other:?}");
-            room.sticks(0, DEFLECTION);
-            assert!(turns(room.tick()), "{driver:?}, {other:?}");
-        }
     }
 }
 
@@ -392,18 +324,8 @@ fn step() -> impl Strategy<Value = Step> {
         3 => (number.clone(), prop::sample::select(vec![MANUAL, MANUAL, HOLD]))
             .prop_map(|(number, mode)| Step::Mode(number, mode)),
         1 => number.prop_map(Step::Reload),
-        3 => prop_oneof![Just(TICK_US), Just(SECOND_US), 0..3 * SECOND_US].prop_map(Step::Wait),
+        3 => prop_oneof![Just(TICK_US), Just(SECOND), 0..3 * SECOND].prop_map(Step::Wait),
     ]
-}
-
-/// What the stick of a station has to do with what turns.
-#[derive(Clone, Copy, Debug, Default)]
-struct Heard {
-    throttle: i16,
-    at_us: u64,
-    /// Centred since the rover was armed, MANUAL was entered, it was released or its link was opened; or neutral as its last
-    /// position before arming or MANUAL.
-    is_centred: bool,
 }
 
 proptest! {
@@ -425,12 +347,7 @@ proptest! {
             match step {
                 Step::Sticks(place, throttle) => {
                     room.sticks(at[place], throttle);
-                    let is_neutral = throttle.abs() <= 50;
-                    heard[place] = Heard {
-                        throttle,
-                        at_us: room.desk.now_us,
-                        is_centred: heard[place].is_centred || is_neutral,
-                    };
+                    heard[place].hear(Says::At(throttle), room.desk.now_us);
                 }
                 Step::Release(place) => {
                     room.send(at[place], &ways[place].release());
@@ -455,19 +372,14 @@ proptest! {
             if (before.arm_state, after.arm_state) == (ArmState::Disarmed, ArmState::Armed)
                 || (before.mode, after.mode) == (Mode::Hold, Mode::Manual)
             {
-                for heard in &mut heard {
-                    let is_fresh = room.desk.now_us - heard.at_us <= 1_500_000;
-                    heard.is_centred &= is_fresh && heard.throttle.abs() <= 50;
-                }
+                heard.iter_mut().for_each(|heard| heard.enable(room.desk.now_us));
             }
             let drives = room.desk.vehicle().drives();
             if let MotorDrive::Turn(share) = drives.left {
                 let may_turn = |heard: &Heard| {
-                    let is_fresh = room.desk.now_us - heard.at_us <= 1_500_000;
-                    let wanted = f32::from(heard.throttle) / 1000.0;
+                    let wanted = heard.position(room.desk.now_us);
                     // Less than is wanted while it reverses.
-                    let is_wanted = share * wanted > 0.0 && share.abs() < wanted.abs() + 1e-6;
-                    heard.is_centred && is_fresh && is_wanted
+                    share * wanted > 0.0 && share.abs() < wanted.abs() + 1e-6
                 };
                 prop_assert!(heard.iter().any(may_turn), "{step:?}: {share} of {heard:?}");
             }

@@ -1,21 +1,22 @@
 //! The examples for a desk, run as their user runs them.
 
+use std::env;
 use std::process::Command;
 
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, frames,
 };
-use support::repository;
 
-/// What `cargo run --example NAME` prints, from the repository's root.
+/// What `cargo run --example NAME` prints. `cargo test` has built it beside this program.
 fn printed_by(name: &str) -> String {
-    let output = Command::new(env!("CARGO"))
-        .current_dir(repository())
-        // `.ci/run` sets it for the test harness alone; with it everything is another build.
-        .env_remove("RUSTC_BOOTSTRAP")
-        .args(["run", "--quiet", "--example", name])
+    let program = env::current_exe().expect("the program's path is known");
+    let folder = program
+        .ancestors()
+        .nth(2)
+        .expect("it is target/PROFILE/deps/PROGRAM");
+    let output = Command::new(folder.join("examples").join(name))
         .output()
-        .expect("cargo can be started");
+        .unwrap_or_else(|error| panic!("{error}. Type: cargo build --example {name}"));
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
     String::from_utf8(output.stdout).expect("text")

@@ -1,10 +1,8 @@
 //! Failsafes end to end in stepped time: from the ADC to the motors and the link.
 
-use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use rover_battmon::sensor::AnalogPin;
 use rover_battmon::vehicle::{Colour, Indication, MotorDrive, SideDrives, Tone};
-use support::desk::DIVIDER;
+use support::desk::{DIVIDER, id_of};
 use support::frames::{Frame, HEARTBEAT, Heartbeat, SYS_STATUS, SysStatus, of_message, texts_of};
 use support::requests::{arm, do_set_mode, manual_control};
 use support::time::SECOND;
@@ -41,15 +39,9 @@ struct Outcome {
 impl Outcome {
     /// When the motors first got `drives` after `from_us`.
     fn driven_at(&self, from_us: u64, drives: SideDrives) -> u64 {
-        let found = self
-            .drives
-            .iter()
-            .find(|(at_us, other)| *at_us >= from_us && *other == drives);
+        let mut since = self.drives.iter().filter(|(at_us, _)| *at_us >= from_us);
+        let found = since.find(|(_, other)| *other == drives);
         found.expect("the motors get these outputs").0
-    }
-
-    fn texts(&self) -> Vec<String> {
-        texts_of(&self.frames)
     }
 
     /// `system_status` of the last HEARTBEAT.
@@ -59,13 +51,11 @@ impl Outcome {
     }
 }
 
-/// Ten seconds with these parameters of the pack, which is empty from a time on.
-fn run(parameters: &[(BatteryParameter, f32)], empty_at_us: u64) -> Outcome {
-    let of_pack = [(BatteryParameter::Cells, 2.0)];
-    let of_pack = of_pack.iter().chain(parameters);
-    let of_pack = of_pack.map(|(parameter, value)| (parameter.of(Pack::First), *value));
-    let no_slew_rate: (ParameterId, f32) = (VehicleParameter::MotSlewrate.into(), 0.0);
-    let mut vehicle = OnHost::with_stored(of_pack.chain([no_slew_rate]));
+/// Ten seconds with these parameters, and a pack that is empty from a time on.
+fn run(parameters: &[(&str, f32)], empty_at_us: u64) -> Outcome {
+    let stored = [("BATT_CELLS", 2.0), ("MOT_SLEWRATE", 0.0)];
+    let stored = stored.iter().chain(parameters);
+    let mut vehicle = OnHost::with_stored(stored.map(|(name, value)| (id_of(name), *value)));
     vehicle.use_wire(Wire::Usb);
     vehicle.set_pin_v(AnalogPin::Gp26, FULL_V / DIVIDER);
     while vehicle.time_us() < 10 * SECOND {
@@ -91,10 +81,10 @@ const AHEAD: SideDrives = SideDrives {
 const STANDBY_STATE: u8 = 3;
 const ACTIVE_STATE: u8 = 4;
 
-const HOLD_WHEN_CRITICAL: [(BatteryParameter, f32); 3] = [
-    (BatteryParameter::CrtVolt, 7.0),
-    (BatteryParameter::LowTimer, 1.0),
-    (BatteryParameter::FsCrtAct, 2.0),
+const HOLD_WHEN_CRITICAL: [(&str, f32); 3] = [
+    ("BATT_CRT_VOLT", 7.0),
+    ("BATT_LOW_TIMER", 1.0),
+    ("BATT_FS_CRT_ACT", 2.0),
 ];
 
 #[test]
@@ -116,7 +106,10 @@ fn driver_drives_at_once_with_a_healthy_battery() {
         outcome.drives.len()
     );
     assert_eq!(outcome.last_state(), ACTIVE_STATE);
-    assert_eq!(outcome.texts(), ["Battery failsafes are off: set BATT_LOW_VOLT"]);
+    assert_eq!(
+        texts_of(&outcome.frames),
+        ["Battery failsafes are off: set BATT_LOW_VOLT"]
+    );
 }
 
 #[test]
@@ -142,7 +135,10 @@ fn critical_battery_holds_within_the_deciding_tick() {
                 .iter()
                 .all(|(at_us, drives)| *at_us <= held_at_us || *drives == SideDrives::BRAKE)
         );
-        assert_eq!(outcome.texts(), ["Battery 1 is critical 6.37V used 0 mAh"]);
+        assert_eq!(
+            texts_of(&outcome.frames),
+            ["Battery 1 is critical 6.37V used 0 mAh"]
+        );
         assert_eq!(outcome.last_state(), STANDBY_STATE);
         let sys_status = of_message(&outcome.frames, SYS_STATUS);
         assert!(!SysStatus(sys_status[sys_status.len() - 1]).is_battery_healthy());

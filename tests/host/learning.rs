@@ -10,10 +10,12 @@ use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::{PackModel, SimulatedPack};
 use support::commands::{BATTERY_RESET, FAILED};
 use support::desk::{DIVIDER, Desk, adc_count, id_of, start_with};
-use support::frames::{STATUSTEXT, of_message, texts_of};
+use support::frames::texts_of;
 use support::requests::{
     VEHICLE_ID, arm, arm_by_force, command_long_2, disarm_by_force, manual_control, param_set,
 };
+
+use crate::simulated_packs::assert_about;
 
 const AMPERES_PER_VOLT: f32 = 2.0;
 
@@ -87,18 +89,13 @@ impl Rover {
         self.desk.drive();
         self.run_jobs();
         self.desk.post_due(self.desk.now_us);
-        let sent = self.desk.sent();
-        self.texts.extend(
-            of_message(&sent, STATUSTEXT)
-                .iter()
-                .map(|frame| frame.text(1, 50)),
-        );
+        self.texts.extend(texts_of(&self.desk.sent()));
     }
 
-    /// Ticks of a pack at rest at this voltage.
-    fn rest_at(&mut self, voltage_v: f32, ticks: usize) {
-        for _ in 0..ticks {
-            self.measure(voltage_v, RESTING_A);
+    /// A pack at this voltage, with this current.
+    fn hold(&mut self, voltage_v: f32, current_a: f32, seconds: usize) {
+        for _ in 0..10 * seconds {
+            self.measure(voltage_v, current_a);
         }
     }
 
@@ -173,9 +170,20 @@ impl Rover {
         self.desk.ask(&disarm_by_force());
     }
 
-    fn announced(&self) -> Vec<&str> {
-        let texts = self.texts.iter().map(String::as_str);
-        texts.filter(|text| text.contains("learnt")).collect()
+    /// Asserts that a pack was announced to be learnt this often.
+    #[track_caller]
+    fn assert_announced(&self, times: usize) {
+        let announced = self.texts.iter().filter(|text| text.contains("learnt"));
+        assert_eq!(announced.count(), times, "{:?}", self.texts);
+    }
+
+    fn says(&self, start: &str) -> bool {
+        self.texts.iter().any(|text| text.starts_with(start))
+    }
+
+    #[track_caller]
+    fn assert_learnt_about(&self, expected_mah: f32, tolerance_mah: f32) {
+        assert_about(Some(self.learnt_mah()), expected_mah, tolerance_mah);
     }
 
     fn state(&self) -> &BatteryState {
@@ -198,19 +206,14 @@ fn wrong_label_is_absorbed_from_the_second_drive_on() {
     for capacity_ah in [1.76, 2.64] {
         let mut rover = Rover::new(&[], full());
         let first = rover.learn(pack_of(capacity_ah, 1.0));
-        let error = rover.learnt_mah() / (capacity_ah * 1e3) - 1.0;
-        assert!(error.abs() < 0.07, "{capacity_ah} Ah: {error}");
+        rover.assert_learnt_about(capacity_ah * 1e3, 70.0 * capacity_ah);
         rover.power_cycle();
         let second = rover.learn(pack_of(capacity_ah, 1.0));
         assert!(
             second < 0.4 * first,
             "{capacity_ah} Ah: {first} %, then {second} %"
         );
-        assert_eq!(rover.announced().len(), 1, "{:?}", rover.announced());
-        println!(
-            "{capacity_ah} Ah: {first} %, then {second} %, {:?}",
-            rover.announced()
-        );
+        rover.assert_announced(1);
     }
 }
 
@@ -228,10 +231,9 @@ fn with_resistance(factor: f32) -> SimulatedPack {
 fn a_pack_whose_contacts_double_its_resistance_is_learnt() {
     let mut rover = Rover::new(&[], full());
     rover.learn(with_resistance(2.4));
-    let error = rover.learnt_mah() / 2200.0 - 1.0;
-    assert!(error.abs() < 0.05, "{error}");
-    let mohm = rover.parameter("BATT_LRN_RES");
-    assert!((mohm / (2.4 * 36.0) - 1.0).abs() < 0.2, "{mohm}");
+    rover.assert_learnt_about(2200.0, 110.0);
+    let mohm = 2.4 * 36.0;
+    assert_about(Some(rover.parameter("BATT_LRN_RES")), mohm, 0.2 * mohm);
 }
 
 #[test]
@@ -242,26 +244,15 @@ fn a_pack_that_was_met_cold_first_keeps_its_capacity_and_shows_its_resistance_wa
     rover.power_cycle();
     rover.learn(full());
     let (warm_mah, warm_mohm) = (rover.learnt_mah(), rover.parameter("BATT_LRN_RES"));
-    assert!(
-        (warm_mah / cold_mah - 1.0).abs() < 0.05,
-        "{cold_mah}, then {warm_mah}"
-    );
+    rover.assert_learnt_about(cold_mah, 0.05 * cold_mah);
     assert!(warm_mohm < 0.6 * cold_mohm, "{cold_mohm}, then {warm_mohm}");
-    assert_eq!(
-        rover.announced().len(),
-        1,
-        "the same pack: {:?}",
-        rover.announced()
-    );
+    // The same pack.
+    rover.assert_announced(1);
     // Cold once more, it spoils nothing.
     rover.power_cycle();
     rover.learn(with_resistance(2.2));
-    let again_mohm = rover.parameter("BATT_LRN_RES");
-    assert!(
-        (again_mohm / warm_mohm - 1.0).abs() < 0.03,
-        "{warm_mohm}, then {again_mohm}"
-    );
-    assert!((rover.learnt_mah() / warm_mah - 1.0).abs() < 0.05);
+    assert_about(Some(rover.parameter("BATT_LRN_RES")), warm_mohm, 0.03 * warm_mohm);
+    rover.assert_learnt_about(warm_mah, 0.05 * warm_mah);
 }
 
 #[test]
@@ -277,8 +268,7 @@ fn equal_drives_with_short_rests_do_not_raise_the_capacity() {
             assert!(error_pct.abs() <= 4.0, "{rest_s} s, drive {drive}: {error_pct}");
             rover.wait(rest_s, RESTING_A);
         }
-        let error = rover.learnt_mah() / 2200.0 - 1.0;
-        assert!(error.abs() < 0.05, "{rest_s} s: {error}");
+        rover.assert_learnt_about(2200.0, 110.0);
     }
 }
 
@@ -345,8 +335,7 @@ fn settings_of_another_pack_hide_what_is_learnt_until_they_are_put_right() {
         assert_eq!(rover.state().learnt_capacity_mah, None, "{name}");
         rover.set(name, right);
         rover.wait(100.0, RESTING_A);
-        let change = rover.learnt_mah() / learnt_mah - 1.0;
-        assert!(change.abs() < 0.02, "{name}: {change}");
+        rover.assert_learnt_about(learnt_mah, 0.02 * learnt_mah);
         assert!(rover.state().state_of_health_pct.is_some(), "{name}");
     }
 }
@@ -355,20 +344,12 @@ fn settings_of_another_pack_hide_what_is_learnt_until_they_are_put_right() {
 fn a_pack_of_another_capacity_is_learnt_in_place_of_the_one_before() {
     let mut rover = Rover::new(&[("BATT_CAPACITY", 1000.0)], full());
     rover.learn(pack_of(1.0, 1.0));
-    assert!(
-        (rover.learnt_mah() - 1000.0).abs() < 100.0,
-        "{}",
-        rover.learnt_mah()
-    );
+    rover.assert_learnt_about(1000.0, 100.0);
     rover.set("BATT_CAPACITY", 2200.0);
     rover.power_cycle();
     rover.learn(full());
-    assert!(
-        (rover.learnt_mah() - 2200.0).abs() < 300.0,
-        "{}",
-        rover.learnt_mah()
-    );
-    assert_eq!(rover.announced().len(), 2, "{:?}", rover.announced());
+    rover.assert_learnt_about(2200.0, 300.0);
+    rover.assert_announced(2);
 }
 
 #[test]
@@ -376,20 +357,10 @@ fn a_swapped_pack_does_not_inherit() {
     let mut rover = Rover::new(&[], full());
     rover.learn(full());
     let writes = rover.writes;
-    rover.measure(0.0, 0.0);
-    for _ in 0..30 {
-        rover.measure(0.0, 0.0);
-    }
+    rover.hold(0.0, 0.0, 4);
     rover.pack = full();
     rover.wait(100.0, RESTING_A);
-    assert!(
-        rover
-            .texts
-            .iter()
-            .any(|text| text.starts_with("Battery 1 swapped")),
-        "{:?}",
-        rover.texts
-    );
+    assert!(rover.says("Battery 1 swapped"), "{:?}", rover.texts);
     assert_eq!(rover.state().learnt_capacity_mah, None);
     assert_eq!(rover.learnt_mah(), 0.0);
     assert_eq!(
@@ -398,44 +369,26 @@ fn a_swapped_pack_does_not_inherit() {
     );
 }
 
-/// A rover that has kept three cells, and detects two of an over-discharged pack.
-fn rover_with_unclear_cells() -> Rover {
+#[test]
+fn an_over_discharged_pack_is_not_taken_for_a_full_smaller_one() {
     let mut rover = Rover::new(&[], full());
     rover.wait(100.0, RESTING_A);
     rover.set("BATT_CELLS", 0.0);
     rover.power_cycle();
     rover.texts.clear();
-    rover.rest_at(8.5, 100);
-    rover
-}
-
-#[test]
-fn an_over_discharged_pack_is_not_taken_for_a_full_smaller_one() {
-    let mut rover = rover_with_unclear_cells();
-    assert_eq!(
-        (rover.state().cell_count, rover.state().readings.remaining_pct),
-        (None, None)
-    );
-    let says = |rover: &Rover, start: &str| rover.texts.iter().any(|text| text.starts_with(start));
-    assert!(
-        says(&rover, "Battery 1 cells unclear at 8.5"),
-        "{:?}",
-        rover.texts
-    );
-    assert!(!says(&rover, "Set BATT_LOW_VOLT"), "{:?}", rover.texts);
-
+    // Three cells are kept, and two are detected.
+    rover.hold(8.5, RESTING_A, 10);
+    assert!(rover.says("Battery 1 cells unclear at 8.5"), "{:?}", rover.texts);
+    assert!(!rover.says("Set BATT_LOW_VOLT"), "{:?}", rover.texts);
     let answers = rover.desk.ask(&arm());
     assert_eq!(
         texts_of(&answers),
         ["Arm: Battery 1 cells unclear: set BATT_CELLS"]
     );
-    assert_eq!(
-        rover
-            .desk
-            .result_of(&command_long_2(BATTERY_RESET, 65535.0, 100.0)),
-        FAILED
-    );
-    rover.rest_at(8.5, 1000);
+    let reset = command_long_2(BATTERY_RESET, 65535.0, 100.0);
+    assert_eq!(rover.desk.result_of(&reset), FAILED);
+    assert_eq!(rover.state().cell_count, None);
+    rover.hold(8.5, RESTING_A, 100);
     assert_eq!(rover.state().readings.remaining_pct, None);
     assert_eq!(rover.writes, 1, "what is kept stays");
     rover.arm();
@@ -490,8 +443,8 @@ fn the_offset_of_a_sensor_is_not_learnt_while_parked() {
     rover.learn(full());
     let learnt_mah = rover.learnt_mah();
     rover.wait(5.0 * 3600.0, 0.0);
-    let change = rover.learnt_mah() / learnt_mah - 1.0;
-    assert!(change.abs() < 0.02, "{change} by 0.5 Ah that nothing drew");
+    // The offset alone counts 0.5 Ah.
+    rover.assert_learnt_about(learnt_mah, 0.02 * learnt_mah);
 }
 
 #[test]
@@ -505,11 +458,7 @@ fn a_gap_counts_in_the_estimate_as_in_the_consumption() {
     }
     let consumed_mah = rover.state().consumed_mah().expect("counted");
     let counted_pct = 100.0 - consumed_mah / 22.0;
-    assert!(
-        (rover.remaining_pct() - counted_pct).abs() < 0.5,
-        "{} %, {counted_pct} %",
-        rover.remaining_pct()
-    );
+    assert_about(Some(rover.remaining_pct()), counted_pct, 0.5);
 }
 
 #[test]
@@ -524,7 +473,7 @@ fn charged_in_place_it_learns_the_next_drive() {
     }
     rover.wait(60.0, -0.2);
     rover.wait(60.0, 0.0);
-    assert!(rover.error_pct().abs() < 1.0, "{}", rover.error_pct());
+    assert_about(Some(rover.error_pct()), 0.0, 1.0);
     while rover.pack.charge() > 0.2 {
         // It brakes by regeneration.
         for load_a in [3.4, 3.4, 3.4, -2.0] {
@@ -532,60 +481,37 @@ fn charged_in_place_it_learns_the_next_drive() {
         }
     }
     rover.wait(40.0, 0.0);
-    assert!(
-        (rover.learnt_mah() - 2200.0).abs() < 220.0,
-        "{}",
-        rover.learnt_mah()
-    );
-}
-
-#[test]
-fn lithium_iron_phosphate_starts_known_after_a_power_cycle() {
-    starts_known(2.0, 3.297, 3.36);
-}
-
-#[test]
-fn nickel_metal_hydride_starts_known_after_a_power_cycle() {
-    starts_known(4.0, 1.325, 1.42);
+    rover.assert_learnt_about(2200.0, 220.0);
 }
 
 /// Two cells in the flat middle of the curve, where a voltage fits any charge from 30 to 70 %, and charged at last.
-fn starts_known(chemistry: f32, flat_cell_v: f32, charged_cell_v: f32) {
-    let flat_v = 2.0 * flat_cell_v;
-    let mut rover = Rover::new(&[("BATT_CHEM", chemistry), ("BATT_CELLS", 2.0)], full());
-    let hold = |rover: &mut Rover, seconds: u32| (0..seconds * 10).for_each(|_| rover.measure(flat_v, 0.0));
-    hold(&mut rover, 60);
-    assert!(
-        rover
-            .state()
-            .readings
-            .remaining_sigma_pct
-            .is_none_or(|sigma_pct| sigma_pct > 8.0)
-    );
-    rover.desk.ask(&command_long_2(BATTERY_RESET, 65535.0, 62.0));
-    hold(&mut rover, 3);
-    rover.arm();
-    hold(&mut rover, 3);
-    rover.disarm();
-    hold(&mut rover, 3);
-    rover.power_cycle();
-    hold(&mut rover, 5);
-    let sigma_pct = rover.state().readings.remaining_sigma_pct.expect("an estimate");
-    assert!(
-        (rover.remaining_pct() - 62.0).abs() < 2.0 && sigma_pct < 5.0,
-        "{} ± {sigma_pct} %",
-        rover.remaining_pct()
-    );
-    // Charged meanwhile: the voltage says so.
-    rover.power_cycle();
-    (0..600).for_each(|_| rover.measure(2.0 * charged_cell_v, 0.0));
-    assert!(
-        rover
-            .state()
-            .readings
-            .remaining_pct
-            .is_none_or(|remaining_pct| remaining_pct > 80.0)
-    );
+#[test]
+fn a_chemistry_with_a_flat_curve_starts_known_after_a_power_cycle() {
+    const LIFE: (f32, f32, f32) = (2.0, 3.297, 3.36);
+    const NIMH: (f32, f32, f32) = (4.0, 1.325, 1.42);
+    for (chemistry, flat_cell_v, charged_cell_v) in [LIFE, NIMH] {
+        let flat_v = 2.0 * flat_cell_v;
+        let mut rover = Rover::new(&[("BATT_CHEM", chemistry), ("BATT_CELLS", 2.0)], full());
+        rover.hold(flat_v, 0.0, 60);
+        let sigma_pct = rover.state().readings.remaining_sigma_pct;
+        assert!(sigma_pct.is_none_or(|sigma_pct| sigma_pct > 8.0));
+        rover.desk.ask(&command_long_2(BATTERY_RESET, 65535.0, 62.0));
+        rover.hold(flat_v, 0.0, 3);
+        rover.arm();
+        rover.hold(flat_v, 0.0, 3);
+        rover.disarm();
+        rover.hold(flat_v, 0.0, 3);
+        rover.power_cycle();
+        rover.hold(flat_v, 0.0, 5);
+        assert_about(Some(rover.remaining_pct()), 62.0, 2.0);
+        let sigma_pct = rover.state().readings.remaining_sigma_pct;
+        assert!(sigma_pct.is_some_and(|sigma_pct| sigma_pct < 5.0));
+        // Charged meanwhile: the voltage says so.
+        rover.power_cycle();
+        rover.hold(2.0 * charged_cell_v, 0.0, 60);
+        let remaining_pct = rover.state().readings.remaining_pct;
+        assert!(remaining_pct.is_none_or(|remaining_pct| remaining_pct > 80.0));
+    }
 }
 
 #[test]
@@ -637,10 +563,6 @@ fn a_battery_reset_sets_the_charge_and_is_kept() {
         rover.wait(30.0, RESTING_A);
         rover.desk.ask(&command_long_2(BATTERY_RESET, 65535.0, 70.0));
         rover.wait(1.0, RESTING_A);
-        assert!(
-            (rover.remaining_pct() - 70.0).abs() < 1.5,
-            "{} %",
-            rover.remaining_pct()
-        );
+        assert_about(Some(rover.remaining_pct()), 70.0, 1.5);
     }
 }

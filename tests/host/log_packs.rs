@@ -1,16 +1,17 @@
-//! Which board and which packs a log is of.
+//! Logs of packs: which board and which packs they are of, and their failsafes.
 
 use std::io::Cursor;
 
 use ardupilot_binlog::{Entry, Reader};
 use nor_flash::FlashModel;
-use rover_battmon::autopilot::{PackIdentity, Start};
+use rover_battmon::autopilot::PackIdentity;
 use rover_battmon::battery::{Measurement, PackDetails};
 use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, Parameters};
-use rover_battmon::sensor::AnalogReadings;
-use support::desk::Desk;
+use rover_battmon::parameter::BatteryParameter;
+use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+use rover_battmon::vehicle::SideDrives;
+use support::desk::{DIVIDER, Desk, adc_count, start_with};
 use support::frames::texts_of;
 use support::learnt_record::learnt_words;
 use support::monitor_types::SMART_BATTERY;
@@ -23,10 +24,7 @@ const UNKNOWN: i64 = -1;
 
 /// A board with a smart battery that was not read yet.
 fn rover(board_id: Option<BoardId>) -> Rover {
-    let mut parameters = Parameters::defaults();
-    let monitor = BatteryParameter::Monitor.of(Pack::First);
-    parameters.set(monitor, SMART_BATTERY).expect("in range");
-    let mut start = Start::with_parameters(parameters);
+    let mut start = start_with(&[("BATT_MONITOR", SMART_BATTERY)]);
     start.identity.board_id = board_id;
     Rover::with(Desk::starting(start), FlashModel::blank())
 }
@@ -65,16 +63,24 @@ impl Rover {
         }
     }
 
-    fn records(&mut self) -> Vec<Entry> {
+    /// The file's records of this name.
+    fn records(&mut self, name: &str) -> Vec<Entry> {
         let reader = Reader::new(Cursor::new(self.file(1)));
-        reader.map(|record| record.expect("no error")).collect()
+        let records = reader.map(|record| record.expect("no error"));
+        records.filter(|record| record.name == name).collect()
+    }
+
+    /// The texts in the file.
+    fn messages(&mut self) -> Vec<String> {
+        let messages = self.records("MSG");
+        let texts = messages.iter().filter_map(|record| record.get_str("Message"));
+        texts.map(str::to_string).collect()
     }
 
     /// The serial numbers of the file's PACK records.
     fn serial_numbers(&mut self) -> Vec<i64> {
-        let records = self.records();
-        let packs = records.iter().filter(|record| record.name == "PACK");
-        packs.filter_map(|record| record.get_i64("SN")).collect()
+        let packs = self.records("PACK");
+        packs.iter().filter_map(|record| record.get_i64("SN")).collect()
     }
 }
 
@@ -83,9 +89,8 @@ fn a_log_is_of_the_board_whose_id_is_known() {
     for (board_id, expected) in [(Some(BOARD_ID), vec!["E660583883450A2C"]), (None, vec![])] {
         let mut rover = rover(board_id);
         rover.drive(2);
-        let records = rover.records();
-        let boards = records.iter().filter(|record| record.name == "BRD");
-        let ids: Vec<_> = boards.filter_map(|record| record.get_str("Id")).collect();
+        let boards = rover.records("BRD");
+        let ids: Vec<_> = boards.iter().filter_map(|record| record.get_str("Id")).collect();
         assert_eq!(ids, expected);
     }
 }
@@ -114,9 +119,8 @@ fn what_is_read_from_flash_after_the_log_began_is_recorded() {
     let words = learnt_words(None, 2950.0);
     rover.desk.learnt_read(identity, Ok(Some(words)));
     rover.run(2);
-    let records = rover.records();
-    let packs = records.iter().filter(|record| record.name == "PACK");
-    let capacities: Vec<_> = packs.filter_map(|record| record.get_f64("Cap")).collect();
+    let packs = rover.records("PACK");
+    let capacities: Vec<_> = packs.iter().filter_map(|record| record.get_f64("Cap")).collect();
     assert!(
         capacities[0].is_nan() && capacities[1..] == [2950.0],
         "{capacities:?}"
@@ -161,16 +165,9 @@ fn why_a_drive_taught_nothing_is_in_the_log_and_not_on_the_wire() {
     let mut sent = arm(&mut rover, &arm_by_force());
     sent.extend(arm(&mut rover, &disarm()));
     let expected = "Battery 1 not learnt: no current sensor";
-    let records = rover.records();
-    let texts: Vec<_> = records
-        .iter()
-        .filter_map(|record| record.get_str("Message"))
-        .collect();
-    assert_eq!(
-        texts.iter().filter(|text| **text == expected).count(),
-        1,
-        "{texts:?}"
-    );
+    let logged = rover.messages();
+    let times = logged.iter().filter(|text| *text == expected).count();
+    assert_eq!(times, 1, "{logged:?}");
     let announced = texts_of(&sent);
     assert!(
         !announced.iter().any(|text| text.contains("not learnt")),
@@ -195,17 +192,14 @@ fn a_log_has_each_start_reset_and_trip_of_a_failsafes_timer() {
         rover.hold(voltage_v, seconds);
     }
     rover.run(2);
-    let records = rover.records();
-    let timers = records
-        .iter()
-        .filter(|record| record.name == "FSTM")
-        .map(|record| {
-            let number = |field| record.get_f64(field).expect("a number");
-            let since_s = number("TimeUS") * 1e-6 - start_s;
-            ((10.0 * since_s).round() / 10.0, number("FS"), number("Tmr"))
-        });
+    let timer = |record: &Entry| {
+        let number = |field| record.get_f64(field).expect("a number");
+        let since_s = number("TimeUS") * 1e-6 - start_s;
+        ((10.0 * since_s).round() / 10.0, number("FS"), number("Tmr"))
+    };
+    let timers: Vec<_> = rover.records("FSTM").iter().map(timer).collect();
     assert_eq!(
-        timers.collect::<Vec<_>>(),
+        timers,
         [
             (5.0, LOW, RUNNING),
             (9.0, LOW, STOPPED),
@@ -213,4 +207,39 @@ fn a_log_has_each_start_reset_and_trip_of_a_failsafes_timer() {
             (21.1, LOW, EXPIRED)
         ]
     );
+}
+
+#[test]
+// Requirement: AP-18
+fn a_level_that_is_skipped_is_logged_and_not_announced() {
+    let start = start_with(&[
+        ("BATT_LOW_TIMER", 1.0),
+        ("BATT_LOW_VOLT", 10.5),
+        ("BATT_CRT_VOLT", 10.2),
+        ("BATT_FS_LOW_ACT", 2.0),
+    ]);
+    let mut rover = Rover::with(Desk::starting(start), FlashModel::blank());
+    // Once a second.
+    let sample_at = |rover: &mut Rover, voltage_v: f32, seconds: u64| {
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, Ok(adc_count(voltage_v / DIVIDER)));
+        for _ in 0..seconds {
+            rover.desk.sample(readings);
+            rover.run(1);
+        }
+    };
+    sample_at(&mut rover, 11.4, 3);
+    rover.desk.ask(&arm_by_force());
+    sample_at(&mut rover, 11.4, 3);
+    sample_at(&mut rover, 10.0, 5);
+    assert_eq!(rover.desk.drive(), SideDrives::BRAKE);
+    rover.desk.post_due(rover.desk.now_us);
+    let [low, critical] = ["low", "critical"].map(|level| format!("Battery 1 is {level} 10.00V used 0 mAh"));
+    let mut announced = texts_of(&rover.desk.sent());
+    let mut logged = rover.messages();
+    for texts in [&mut announced, &mut logged] {
+        texts.retain(|text| text.contains(" is "));
+    }
+    assert_eq!(announced, std::slice::from_ref(&critical));
+    assert_eq!(logged, [low, critical]);
 }

@@ -20,7 +20,6 @@ mod flash_turns;
 mod fuzz;
 mod learning;
 mod learnt;
-mod levels;
 mod log_dates;
 mod log_packs;
 mod logged_rover;

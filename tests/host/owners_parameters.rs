@@ -2,7 +2,7 @@
 
 use embassy_futures::block_on;
 use nor_flash::SmallFlash;
-use rover_battmon::autopilot::{FlashJob, FlashStore, Start};
+use rover_battmon::autopilot::{FlashJob, FlashStore};
 use rover_battmon::crash::ParameterSource;
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
@@ -10,10 +10,12 @@ use rover_battmon::parameter::{
     Access, BatteryParameter, Bearing, ParameterId, Parameters, Unsaved, VehicleParameter,
 };
 use rover_battmon::vehicle::ArmState;
-use support::commands::{PREFLIGHT_STORAGE, RESET, RUN_PREARM_CHECKS};
-use support::desk::{Desk, EXTRA1, LOW_VOLT};
+use support::commands::RUN_PREARM_CHECKS;
+use support::desk::{Desk, EXTRA1, LOW_VOLT, id_of};
 use support::frames::texts_of;
-use support::requests::{arm, arm_by_force, command_long, disarm, ftp, param_request_list, param_set};
+use support::requests::{
+    VEHICLE, arm, arm_by_force, command_long, disarm, ftp, param_request_list, param_set,
+};
 
 use crate::regions::Regions;
 
@@ -24,15 +26,13 @@ const CREATE: u8 = 6;
 const WRITE: u8 = 7;
 const TERMINATE: u8 = 1;
 
-const LOW_ACTION: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::FsLowAct);
-
 /// Nothing else keeps this rover from arming: it checks nothing.
 const OWNERS: [(ParameterId, f32); 6] = [
     (EXTRA1, 4.0),
     (ParameterId::Vehicle(VehicleParameter::ArmingCheck), 0.0),
     (LOW_VOLT, 10.5),
     (ParameterId::Battery(Pack::First, BatteryParameter::CrtVolt), 10.2),
-    (LOW_ACTION, 2.0),
+    (ParameterId::Battery(Pack::First, BatteryParameter::FsLowAct), 2.0),
     (ParameterId::Battery(Pack::First, BatteryParameter::Cells), 3.0),
 ];
 
@@ -45,13 +45,13 @@ struct Rover {
 
 impl Rover {
     fn start_from(chip: SmallFlash, source: ParameterSource) -> Self {
-        let mut regions = Regions::blank();
-        regions.parameters = chip.clone();
-        let mut start = Start::default();
-        block_on(regions.storages().boot(source, &mut start));
+        let regions = Regions {
+            parameters: chip.clone(),
+            ..Regions::blank()
+        };
         Self {
             chip,
-            desk: Desk::with_own_drivers(start),
+            desk: Desk::with_own_drivers(regions.started(source)),
             sequence: 0,
         }
     }
@@ -123,7 +123,21 @@ impl Rover {
         self.desk.ask(&request);
     }
 
-    /// Why an attempt to arm is refused; `None` if the rover was armed, which it is not any more.
+    /// Loads a file in blocks, but for its end, with something after each block.
+    fn upload(&mut self, file: &[u8], block_bytes: usize, mut after_each: impl FnMut(&mut Self)) {
+        self.file(CREATE, 0, b"@PARAM/param.pck");
+        for (number, block) in file.chunks(block_bytes).enumerate() {
+            self.file(WRITE, number * block_bytes, block);
+            after_each(self);
+        }
+    }
+
+    /// The texts that come with a list of the parameters.
+    fn said_with_a_list(&mut self) -> Vec<String> {
+        texts_of(&self.desk.ask(&param_request_list(VEHICLE)))
+    }
+
+    /// The reason that an attempt to arm is refused; `None` if the rover was armed, which it is not any more.
     fn refusal(&mut self) -> Option<String> {
         let texts = texts_of(&self.desk.ask(&arm()));
         if self.desk.vehicle().arm_state() == ArmState::Armed {
@@ -202,7 +216,7 @@ fn lost_parameters_are_said_and_refuse_arming_whatever_is_checked_unless_forced(
         rover.assert_refuses(DAMAGED);
         let said = texts_of(&rover.desk.ask(&command_long(RUN_PREARM_CHECKS, 0.0)));
         assert_eq!(said.concat(), format!("PreArm: {DAMAGED}"));
-        let said = texts_of(&rover.desk.ask(&param_request_list(support::requests::VEHICLE)));
+        let said = rover.said_with_a_list();
         assert!(said.concat().contains(DAMAGED), "{said:?}");
         rover.desk.ask(&arm_by_force());
         assert_eq!(rover.desk.vehicle().arm_state(), ArmState::Armed);
@@ -212,19 +226,6 @@ fn lost_parameters_are_said_and_refuse_arming_whatever_is_checked_unless_forced(
     let mut rover = Rover::start(SmallFlash::with(&blank));
     rover.set(VehicleParameter::ArmingCheck.into(), 0.0);
     rover.assert_arms();
-}
-
-#[test]
-fn a_reset_of_parameters_ends_damage() {
-    let mut rover = Rover::start(SmallFlash::with(&[0x5a; SmallFlash::REGION_BYTES]));
-    rover.save();
-    rover = rover.restart();
-    rover.assert_refuses(DAMAGED);
-    rover.desk.ask(&command_long(PREFLIGHT_STORAGE, RESET));
-    rover.save();
-    rover.set(VehicleParameter::ArmingCheck.into(), 0.0);
-    rover.assert_arms();
-    rover.restart().assert_arms();
 }
 
 #[test]
@@ -246,12 +247,11 @@ fn a_power_cut_in_a_store_is_said_and_is_no_obstacle() {
     let newest = newest_and_blank(&rover.chip).start;
     let mut rover = Rover::start(rover.chip.with_flipped_bit((newest + 5) * 8));
     rover.assert_arms();
-    let list = param_request_list(support::requests::VEHICLE);
-    let said = texts_of(&rover.desk.ask(&list));
+    let said = rover.said_with_a_list();
     let text = "Parameter storage damaged: check parameters";
     assert!(said.iter().any(|said| said == text), "{said:?}");
     rover.set(EXTRA1, 9.0);
-    let said = texts_of(&rover.restart().desk.ask(&list));
+    let said = rover.restart().said_with_a_list();
     assert!(said.iter().all(|said| said != text), "{said:?}");
 }
 
@@ -269,7 +269,7 @@ fn each_row_out_of_range_refuses_arming_by_name_until_it_is_set_if_it_bears_on_t
         store(&chip, id.key(), NEVER_IN_RANGE);
         let mut rover = Rover::start(chip);
         if id == ParameterId::Vehicle(VehicleParameter::ArmingCheck) {
-            // What is checked by default passes without packs.
+            // The checks of the default pass without packs.
             rover.desk.set(BatteryParameter::Monitor.of(Pack::First), 0.0);
         }
         let is_used = in_use.listed_index(id).is_some();
@@ -287,18 +287,17 @@ fn each_row_out_of_range_refuses_arming_by_name_until_it_is_set_if_it_bears_on_t
         rover.set(VehicleParameter::Sr0Params.into(), 11.0);
         rover = rover.restart();
         rover.assert_refuses(&text);
+        let waits_for_check = |rover: &mut Rover| {
+            let refusal = rover.refusal();
+            refusal.is_some_and(|why| why.contains("PARAM_CHECKED"))
+        };
         let mut confirmed = Rover::start(rover.chip.repaired());
         confirmed.confirm();
-        assert_eq!(
-            confirmed.refusal().filter(|why| why.contains("PARAM_CHECKED")),
-            None
-        );
-        let why = confirmed.restart().refusal();
-        assert_eq!(why.filter(|why| why.contains("PARAM_CHECKED")), None);
+        assert!(!waits_for_check(&mut confirmed), "{text}");
+        assert!(!waits_for_check(&mut confirmed.restart()), "{text}");
         // Even to what is live.
         rover.set(id, id.default_value());
-        let why = rover.restart().refusal();
-        assert_eq!(why.filter(|why| why.contains("PARAM_CHECKED")), None);
+        assert!(!waits_for_check(&mut rover.restart()), "{text}");
     }
     assert!(seen.iter().all(|count| *count > 10), "{seen:?}");
 }
@@ -331,14 +330,13 @@ fn keys_of_another_version_are_kept_and_counted_and_are_no_obstacle() {
     }
     rover.desk = Rover::start(rover.chip.clone()).desk;
     rover.assert_arms();
-    let list = param_request_list(support::requests::VEHICLE);
-    let said = texts_of(&rover.desk.ask(&list));
+    let said = rover.said_with_a_list();
     let text = "3 stored parameters unknown: kept";
     assert_eq!(said.iter().filter(|said| *said == text).count(), 1, "{said:?}");
     for number in 0..50 {
         rover.set(EXTRA1, (number % 20) as f32);
     }
-    let said = texts_of(&rover.restart().desk.ask(&list));
+    let said = rover.restart().said_with_a_list();
     assert!(said.iter().any(|said| said == text), "{said:?}");
 }
 
@@ -363,10 +361,7 @@ const LOADED: [(&str, i8); 5] = [
 ];
 
 fn values(rover: &Rover) -> [f32; 5] {
-    LOADED.map(|(name, _)| {
-        let id = ParameterId::from_name(name.as_bytes()).unwrap();
-        rover.desk.parameters().get(id)
-    })
+    LOADED.map(|(name, _)| rover.desk.parameters().get(id_of(name)))
 }
 
 #[test]
@@ -375,18 +370,11 @@ fn a_file_that_is_cut_at_any_block_refuses_arming_until_a_whole_one_or_a_confirm
     let file = file_of(&LOADED);
     let owned = Rover::owned();
     let before = values(&owned);
-    let upload = |rover: &mut Rover, bytes: &[u8]| {
-        rover.file(CREATE, 0, b"@PARAM/param.pck");
-        for (number, block) in bytes.chunks(BLOCK).enumerate() {
-            rover.file(WRITE, number * BLOCK, block);
-            rover.save();
-        }
-    };
     let mut refused = 0;
     for cut in 0..=file.len().div_ceil(BLOCK) {
         let bytes = &file[..file.len().min(cut * BLOCK)];
         let mut rover = Rover::start(owned.chip.repaired());
-        upload(&mut rover, bytes);
+        rover.upload(bytes, BLOCK, Rover::save);
         let mut values_but_rate = values(&rover);
         values_but_rate[0] = before[0];
         if values_but_rate == before {
@@ -400,8 +388,7 @@ fn a_file_that_is_cut_at_any_block_refuses_arming_until_a_whole_one_or_a_confirm
             rover.set(VehicleParameter::Sr0Params.into(), 11.0);
             rover = rover.restart();
         }
-        let list = param_request_list(support::requests::VEHICLE);
-        let said = texts_of(&rover.desk.ask(&list)).concat();
+        let said = rover.said_with_a_list().concat();
         assert!(said.contains(HALF_LOADED), "{said}");
 
         let mut confirmed = Rover::start(rover.chip.repaired());
@@ -409,7 +396,7 @@ fn a_file_that_is_cut_at_any_block_refuses_arming_until_a_whole_one_or_a_confirm
         confirmed.assert_arms();
         confirmed.restart().assert_arms();
 
-        upload(&mut rover, &file);
+        rover.upload(&file, BLOCK, Rover::save);
         rover.assert_refuses(HALF_LOADED);
         rover.file(TERMINATE, 0, &[]);
         rover.assert_arms();
@@ -430,13 +417,11 @@ fn a_power_cut_anywhere_in_the_storing_of_a_file_leaves_all_of_before_or_of_the_
         for cut in 0.. {
             let mut rover = Rover::start(owned.chip.repaired());
             rover.chip.chip().cut_power_after(cut, cut);
-            rover.file(CREATE, 0, b"@PARAM/param.pck");
-            for (number, block) in file.chunks(20).enumerate() {
-                rover.file(WRITE, number * 20, block);
+            rover.upload(&file, 20, |rover| {
                 if !is_saved_at_the_end {
                     rover.save();
                 }
-            }
+            });
             rover.file(TERMINATE, 0, &[]);
             rover.save();
             let is_cut = rover.chip.chip().is_powered_off();
@@ -470,17 +455,13 @@ fn a_whole_file_of_equal_values_or_of_rates_writes_no_mark() {
     let equal = file_of(&[("BATT_CELLS", 3), ("BATT_FS_LOW_ACT", 2)]);
     let programs = |rover: &Rover| rover.chip.chip().programs;
     let before = programs(&rover);
-    rover.file(CREATE, 0, b"@PARAM/param.pck");
-    rover.file(WRITE, 0, &equal);
-    rover.save();
+    rover.upload(&equal, equal.len(), Rover::save);
     rover.assert_arms();
     rover.file(TERMINATE, 0, &[]);
     rover.save();
     assert_eq!(programs(&rover), before);
     let rates = file_of(&[("SR0_EXTRA1", 9), ("LOG_DISARMED", 1)]);
-    rover.file(CREATE, 0, b"@PARAM/param.pck");
-    rover.file(WRITE, 0, &rates[..20]);
-    rover.save();
+    rover.upload(&rates[..20], 20, Rover::save);
     rover.assert_arms();
     rover.restart().assert_arms();
 }

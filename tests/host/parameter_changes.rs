@@ -6,7 +6,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{Access, BatteryParameter, VehicleParameter};
 use support::commands::{PREFLIGHT_STORAGE, RESET};
 use support::desk::{Desk, LOW_VOLT, id_of};
-use support::frames::{PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
+use support::frames::{Frame, PARAM_VALUE, ParamValue, of_message, texts_of};
 use support::requests::{VEHICLE, command_long, param_request_list, param_set};
 use support::time::SECOND;
 
@@ -57,11 +57,7 @@ impl Room {
                 desk.now_us += SECOND / 50;
                 desk.post_due(desk.now_us);
                 let sent = desk.sent();
-                texts.extend(
-                    of_message(&sent, STATUSTEXT)
-                        .iter()
-                        .map(|frame| frame.text(1, 50)),
-                );
+                texts.extend(texts_of(&sent));
                 reported.extend(values(&sent));
             }
             (texts, reported)
@@ -75,7 +71,7 @@ impl Room {
 }
 
 /// Names, values and indices of the parameters in `frames`.
-fn values(frames: &[support::frames::Frame]) -> Vec<(String, f32, u16)> {
+fn values(frames: &[Frame]) -> Vec<(String, f32, u16)> {
     let frames = of_message(frames, PARAM_VALUE);
     let values = frames.iter().map(|frame| ParamValue(frame));
     values

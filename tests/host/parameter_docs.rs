@@ -1,7 +1,7 @@
 //! What is generated from the table of parameters is up to date, and the ready parameter files fit it.
 
 use std::fs;
-use std::io::Read;
+use std::io;
 use std::path::PathBuf;
 
 use flate2::read::GzDecoder;
@@ -24,34 +24,24 @@ fn assert_fresh(file: &str, expected: &str) {
 }
 
 #[test]
-fn the_docs_page_is_fresh() {
+fn the_page_the_metadata_and_the_descriptions_for_ground_stations_are_fresh() {
     assert_fresh("parameters.md", &documentation::markdown());
-}
-
-#[test]
-fn the_metadata_file_is_fresh() {
     assert_fresh("apm.pdef.xml", &documentation::apm_pdef_xml());
-}
-
-#[test]
-fn the_descriptions_for_ground_stations_are_fresh() {
     let expected = documentation::parameters_json();
     assert_fresh("parameters.json", &expected);
-    let compressed = fs::read(docs().join("parameters.json.xz")).expect("it can be read");
-    let mut json = String::new();
-    let read = XzReader::new(&compressed[..], false).read_to_string(&mut json);
-    assert!(
-        read.is_ok() && json == expected,
-        "docs/parameters.json.xz is stale: run `cargo run --example parameter_docs`"
-    );
-    assert_fresh("general.json", &documentation::general_json(&compressed));
-    let for_browsers = fs::read(docs().join("parameters.json.gz")).expect("it can be read");
-    let mut json = String::new();
-    let read = GzDecoder::new(&for_browsers[..]).read_to_string(&mut json);
-    assert!(
-        read.is_ok() && json == expected,
-        "docs/parameters.json.gz is stale: run `cargo run --example parameter_docs`"
-    );
+    let read = |file: &str| fs::read(docs().join(file)).expect("it can be read");
+    let (xz, gz) = (read("parameters.json.xz"), read("parameters.json.gz"));
+    assert_fresh("general.json", &documentation::general_json(&xz));
+    let unpacked = [
+        io::read_to_string(XzReader::new(&xz[..], false)),
+        io::read_to_string(GzDecoder::new(&gz[..])),
+    ];
+    for (json, ending) in unpacked.into_iter().zip(["xz", "gz"]) {
+        assert!(
+            json.is_ok_and(|json| json == expected),
+            "docs/parameters.json.{ending} is stale: run `cargo run --example parameter_docs`"
+        );
+    }
 }
 
 /// The ready files, by name.

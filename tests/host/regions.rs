@@ -50,6 +50,13 @@ impl Regions {
                 .map(|chip| Storage::new(chip, SmallFlash::REGION)),
         )
     }
+
+    /// A start with this flash.
+    pub fn started(&self, source: ParameterSource) -> Start {
+        let mut start = Start::default();
+        block_on(self.storages().boot(source, &mut start));
+        start
+    }
 }
 
 /// Runs the task on these, without a log. Random numbers are all the same.

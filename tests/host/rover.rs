@@ -1,7 +1,7 @@
 //! Requests of a ground station to the rover: frames in, frames and motor outputs out.
 
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus, ReadError};
+use rover_battmon::battery::{BatteryState, FailsafeLevel, ReadError};
 use rover_battmon::mavlink::{Event, Framer, LinkKind, Stream};
 use rover_battmon::memory::flash_chip::RegisterWear;
 use rover_battmon::pack::Pack;
@@ -12,17 +12,19 @@ use support::commands::{
     ACCEPTED, ARM_DISARM, BATTERY_RESET, DENIED, FAILED, FORCED, RUN_PREARM_CHECKS, TEMPORARILY_REJECTED,
     UNSUPPORTED,
 };
-use support::desk::{Desk, LOW_VOLT, adc_count};
+use support::desk::{Desk, LOW_VOLT, adc_count, start_with};
 use support::firmware_version;
 use support::frames::{
     COMMAND_ACK, CRITICAL, Frame, Heartbeat, PARAM_ERROR, ParamValue, STATUSTEXT, SysStatus, frames,
     of_message,
 };
 use support::requests::{
-    GCS, ONBOARD_CONTROLLER, VEHICLE, arm, arm_by_force, command_int, command_int_2, command_long,
+    GCS, MANUAL, ONBOARD_CONTROLLER, VEHICLE, arm, arm_by_force, command_int, command_int_2, command_long,
     command_long_2, disarm, do_set_mode, heartbeat, manual_control, param_request_list, param_set,
     provoke_fault, rc_override, reboot, reboot_to_boot_loader, set_mode,
 };
+
+use crate::builders::healthy;
 
 const DO_SET_MODE: u16 = 176;
 const SET_MODE: u16 = 11;
@@ -32,7 +34,6 @@ const PERMISSION_DENIED: u8 = 3;
 
 const WARNING: u8 = 4;
 
-const MANUAL: u32 = 0;
 const HOLD: u32 = 4;
 
 const STANDBY_STATE: u8 = 3;
@@ -50,7 +51,7 @@ struct Rover(Desk);
 impl Rover {
     /// A rover with a pack of 11.1 V, without a slew rate limit.
     fn new() -> Self {
-        let mut desk = Desk::with_packs(&[at_voltage(11.1)]);
+        let mut desk = Desk::with_packs(&[healthy(11.1)]);
         desk.set(VehicleParameter::MotSlewrate, 0.0);
         Self(desk)
     }
@@ -76,7 +77,7 @@ impl Rover {
 
     /// Delivers requests and returns the event of the last one.
     fn deliver(&mut self, requests: &[u8]) -> Event {
-        let events = self.0.receive_in_chunks(requests, requests.len());
+        let events = self.0.receive_in_chunks(requests, requests.len().max(1));
         events.last().copied().unwrap_or(Event::Ignored)
     }
 
@@ -94,6 +95,20 @@ impl Rover {
         assert_eq!(self.ask(request, command, result), []);
     }
 
+    /// Asserts that arming fails for this reason alone.
+    #[track_caller]
+    fn assert_refused(&mut self, reason: &str) {
+        let texts = self.ask(&arm(), ARM_DISARM, FAILED);
+        assert_eq!(texts, [(CRITICAL, reason.to_string())]);
+    }
+
+    /// The failures that the checks before arming find.
+    fn prearm_failures(&mut self) -> Vec<String> {
+        let request = command_long(RUN_PREARM_CHECKS, 0.0);
+        let texts = self.ask(&request, RUN_PREARM_CHECKS, ACCEPTED);
+        texts.into_iter().map(|(_, text)| text).collect()
+    }
+
     /// Updates the vehicle every 20 ms and returns the texts of what it does.
     fn wait(&mut self, us: u64) -> Vec<String> {
         let until_us = self.0.now_us + us;
@@ -102,9 +117,25 @@ impl Rover {
             self.0.drive();
         }
         self.0.post_due(self.0.now_us);
+        self.texts()
+    }
+
+    /// The texts that wait to leave, with their severities.
+    fn said(&mut self) -> Vec<(u8, String)> {
         let mut sent = self.0.sent();
         sent.retain(|frame| frame.message_id == STATUSTEXT);
-        joined(&sent).into_iter().map(|(_, text)| text).collect()
+        joined(&sent)
+    }
+
+    /// The texts that wait to leave.
+    fn texts(&mut self) -> Vec<String> {
+        self.said().into_iter().map(|(_, text)| text).collect()
+    }
+
+    /// Opens another link.
+    fn open(&mut self, link: LinkKind) {
+        self.0.connect(link);
+        self.0.autopilot.open(&mut self.0.endpoint);
     }
 
     /// Samples a pack of this voltage for some seconds.
@@ -141,24 +172,26 @@ impl Rover {
 
     /// Whether the next SYS_STATUS reports that the arming checks pass.
     fn is_ready(&mut self) -> bool {
-        let mut framer = Framer::new();
-        let message = Stream::SysStatus.build(&self.0.autopilot.system_state(self.0.now()));
-        let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
-        SysStatus(&frames(&bytes)[0]).is_ready_to_arm()
+        SysStatus(&self.built(Stream::SysStatus)).is_ready_to_arm()
     }
 
     /// Mode, flags and `system_status` of the next HEARTBEAT.
     fn heartbeat(&mut self) -> (u32, u8, u8) {
-        let mut framer = Framer::new();
-        let message = Stream::Heartbeat.build(&self.0.autopilot.system_state(self.0.now()));
-        let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
-        let frames = frames(&bytes);
-        let heartbeat = Heartbeat(&frames[0]);
+        let frame = self.built(Stream::Heartbeat);
+        let heartbeat = Heartbeat(&frame);
         (
             heartbeat.custom_mode(),
             heartbeat.base_mode(),
             heartbeat.system_status(),
         )
+    }
+
+    /// The frame of a stream, as it is now.
+    fn built(&self, stream: Stream) -> Frame {
+        let mut framer = Framer::new();
+        let message = stream.build(&self.0.autopilot.system_state(self.0.now()));
+        let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
+        frames(&bytes).remove(0)
     }
 }
 
@@ -176,13 +209,6 @@ fn joined(frames: &[Frame]) -> Vec<(u8, String)> {
     texts
 }
 
-fn at_voltage(voltage_v: f32) -> BatteryState {
-    let mut battery = BatteryState::UNKNOWN;
-    battery.status = PackStatus::Healthy;
-    battery.readings.voltage_v = Some(voltage_v);
-    battery
-}
-
 /// Outputs at these duties; 0 coasts.
 fn turn(left: f32, right: f32) -> SideDrives {
     let [left, right] = [left, right].map(|share| match share {
@@ -196,16 +222,13 @@ fn turn(left: f32, right: f32) -> SideDrives {
 fn a_ground_station_is_given_thresholds_to_copy_while_none_is_set() {
     let pack = |cell_count| BatteryState {
         cell_count,
-        ..at_voltage(11.1)
+        ..healthy(11.1)
     };
     let texts = |rover: &mut Rover| {
         rover.deliver(&param_request_list(VEHICLE));
-        let mut sent = rover.0.sent();
-        sent.retain(|frame| frame.message_id == STATUSTEXT);
-        let mut texts = joined(&sent).into_iter().map(|(_, text)| text);
-        let banner = format!("rover-battmon {}", firmware_version());
-        assert_eq!(texts.next(), Some(banner));
-        texts.collect::<Vec<_>>()
+        let mut texts = rover.texts();
+        assert_eq!(texts.remove(0), format!("rover-battmon {}", firmware_version()));
+        texts
     };
     let mut rover = Rover::new();
     rover.0.set_batteries(&[pack(None)]);
@@ -243,12 +266,9 @@ fn failsafes_that_are_off_name_the_parameter_that_is_missing() {
     let second = |parameter: BatteryParameter| parameter.of(Pack::Second);
     let texts = |rover: &mut Rover| {
         rover.deliver(&param_request_list(VEHICLE));
-        let mut sent = rover.0.sent();
-        sent.retain(|frame| frame.message_id == STATUSTEXT);
-        let texts = joined(&sent).into_iter().map(|(_, text)| text);
+        let mut texts = rover.texts();
+        texts.retain(|text| text.contains("failsafes"));
         texts
-            .filter(|text| text.contains("failsafes"))
-            .collect::<Vec<_>>()
     };
     let mut untimed = Rover::new().with(CRT_VOLT, 10.2).with(timer, 0.0);
     let no_timer = "Battery failsafes are off: set BATT_LOW_TIMER";
@@ -283,8 +303,8 @@ fn a_link_that_opens_announces_that_logging_wears_the_flash_unless_the_log_is_of
         };
         let mut rover = Rover(Desk::starting(start)).with(VehicleParameter::LogBitmask, bitmask);
         rover.0.autopilot.open(&mut rover.0.endpoint);
-        let texts = joined(&rover.0.sent());
-        let announced = texts.iter().any(|(_, text)| text == WEARS);
+        let texts = rover.texts();
+        let announced = texts.iter().any(|text| text == WEARS);
         assert_eq!(announced, is_announced, "{flash_wear:?} {bitmask}: {texts:?}");
     }
 }
@@ -293,49 +313,35 @@ fn a_link_that_opens_announces_that_logging_wears_the_flash_unless_the_log_is_of
 // Requirement: AP-17
 fn every_station_that_asks_learns_why_a_pack_is_unhealthy() {
     let volt_pin = BatteryParameter::VoltPin.of(Pack::First);
-    let failures = |rover: &mut Rover| {
-        let request = command_long(RUN_PREARM_CHECKS, 0.0);
-        let texts = rover.ask(&request, RUN_PREARM_CHECKS, ACCEPTED);
-        texts.into_iter().map(|(_, text)| text).collect::<Vec<_>>()
-    };
     let start = Start::with_parameters(Parameters::defaults());
     let mut rover = Rover(Desk::starting(start)).with(volt_pin, -1.0);
     rover.sample(11.1, 1);
     for link in [LinkKind::Radio, LinkKind::Direct] {
         rover.0.connect(link);
-        assert_eq!(failures(&mut rover), ["PreArm: Battery 1 unhealthy: no pin set"]);
-        let refused = rover.ask(&arm(), ARM_DISARM, FAILED);
-        let expected = "Arm: Battery 1 unhealthy: no pin set";
-        assert_eq!(refused, [(CRITICAL, expected.into())]);
+        let failures = rover.prearm_failures();
+        assert_eq!(failures, ["PreArm: Battery 1 unhealthy: no pin set"]);
+        rover.assert_refused("Arm: Battery 1 unhealthy: no pin set");
     }
     let mut rover = rover.with(volt_pin, 26.0);
     rover.sample(11.1, 1);
-    assert_eq!(failures(&mut rover), [""; 0]);
+    assert_eq!(rover.prearm_failures(), [""; 0]);
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
     rover.lose_readings(6);
     rover.deliver(&disarm());
     rover.0.sent();
     let lost = "PreArm: Battery 1 unhealthy: conversion failed";
-    assert_eq!(failures(&mut rover), [lost]);
+    assert_eq!(rover.prearm_failures(), [lost]);
     // Latched for some seconds more, by a pack that is read.
     rover.sample(11.1, 1);
-    assert_eq!(failures(&mut rover), ["PreArm: Battery 1 unhealthy"]);
+    assert_eq!(rover.prearm_failures(), ["PreArm: Battery 1 unhealthy"]);
     rover.sample(11.1, 5);
-    assert_eq!(failures(&mut rover), [""; 0]);
+    assert_eq!(rover.prearm_failures(), [""; 0]);
 }
 
 /// A board whose motor drivers stand the default voltage, with this monitor of its pack.
 fn with_drivers(monitor: f32) -> Rover {
-    let mut parameters = Parameters::defaults();
-    for (parameter, value) in [
-        (BatteryParameter::Monitor, monitor),
-        (BatteryParameter::CurrPin, 26.0),
-    ] {
-        parameters
-            .set(parameter.of(Pack::First), value)
-            .expect("in range");
-    }
-    Rover(Desk::with_own_drivers(Start::with_parameters(parameters)))
+    let start = start_with(&[("BATT_MONITOR", monitor), ("BATT_CURR_PIN", 26.0)]);
+    Rover(Desk::with_own_drivers(start))
 }
 
 const DRIVER_LIMIT: VehicleParameter = VehicleParameter::MotDrvVolt;
@@ -343,13 +349,9 @@ const DRIVER_LIMIT: VehicleParameter = VehicleParameter::MotDrvVolt;
 impl Rover {
     #[track_caller]
     fn assert_too_high_for_its_drivers(&mut self) {
-        let refused = self.ask(&arm(), ARM_DISARM, FAILED);
-        assert_eq!(
-            refused,
-            [(CRITICAL, "Arm: Battery 1 voltage above MOT_DRV_VOLT".into())]
-        );
-        let checked = self.ask(&command_long(RUN_PREARM_CHECKS, 0.0), RUN_PREARM_CHECKS, ACCEPTED);
-        assert_eq!(checked[0].1, "PreArm: Battery 1 voltage above MOT_DRV_VOLT");
+        self.assert_refused("Arm: Battery 1 voltage above MOT_DRV_VOLT");
+        let failures = self.prearm_failures();
+        assert_eq!(failures[0], "PreArm: Battery 1 voltage above MOT_DRV_VOLT");
         assert!(!self.is_ready());
     }
 
@@ -378,19 +380,6 @@ fn a_pack_above_what_the_motor_drivers_stand_does_not_arm() {
 }
 
 #[test]
-fn no_limit_of_the_drivers_passes_every_pack() {
-    let mut rover = with_drivers(3.0);
-    rover.sample(12.6, 2);
-    rover.assert_too_high_for_its_drivers();
-    let mut rover = rover.with(DRIVER_LIMIT, 0.0);
-    rover.sample(12.6, 1);
-    rover.assert_arms();
-    let mut rover = rover.with(DRIVER_LIMIT, 12.0);
-    rover.sample(12.6, 1);
-    rover.assert_too_high_for_its_drivers();
-}
-
-#[test]
 fn a_divider_at_full_scale_is_above_what_the_drivers_stand_at_once() {
     let full_scale = Ok(AdcCount(4095));
     let mut rover = with_drivers(3.0);
@@ -403,11 +392,7 @@ fn a_divider_at_full_scale_is_above_what_the_drivers_stand_at_once() {
     readings.set(AnalogPin::Gp26, full_scale);
     rover.0.now_us += 100_000;
     rover.0.sample(readings);
-    let refused = rover.ask(&arm(), ARM_DISARM, FAILED);
-    assert_eq!(
-        refused,
-        [(CRITICAL, "Arm: Battery 1 voltage above MOT_DRV_VOLT".into())]
-    );
+    rover.assert_refused("Arm: Battery 1 voltage above MOT_DRV_VOLT");
     // The scale ends at 13.04 V: above it nothing is known of drivers that stand more.
     for limit_v in [0.0, 13.1] {
         let mut rover = with_drivers(3.0).with(DRIVER_LIMIT, limit_v);
@@ -421,62 +406,60 @@ fn a_divider_at_full_scale_is_above_what_the_drivers_stand_at_once() {
 }
 
 #[test]
-fn what_the_drivers_stand_is_checked_with_the_batteries() {
+fn what_the_drivers_stand_is_checked_with_the_batteries_and_has_a_limit_that_can_be_off() {
     const STICKS: f32 = 64.0;
     const BATTERIES: f32 = 256.0;
-    let mut rover = with_drivers(3.0).with(VehicleParameter::ArmingCheck, STICKS);
-    rover.sample(12.6, 2);
-    rover.assert_arms();
-    let mut rover = rover.with(VehicleParameter::ArmingCheck, BATTERIES);
-    rover.sample(12.6, 1);
-    rover.assert_too_high_for_its_drivers();
+    let mut rover = with_drivers(3.0);
+    for (parameter, value, is_too_high) in [
+        (DRIVER_LIMIT, 0.0, false),
+        (DRIVER_LIMIT, 12.0, true),
+        (VehicleParameter::ArmingCheck, STICKS, false),
+        (VehicleParameter::ArmingCheck, BATTERIES, true),
+    ] {
+        rover = rover.with(parameter, value);
+        rover.sample(12.6, 2);
+        if is_too_high {
+            rover.assert_too_high_for_its_drivers();
+        } else {
+            rover.assert_arms();
+        }
+    }
     // As any check: forced arming is the owner's decision.
     rover.assert_ack(&arm_by_force(), ARM_DISARM, ACCEPTED);
 }
 
 /// Low below 10.5 V, critical below 9.5 V, each after a second.
+const THRESHOLDS: [(&str, f32); 3] = [
+    ("BATT_LOW_TIMER", 1.0),
+    ("BATT_LOW_VOLT", 10.5),
+    ("BATT_CRT_VOLT", 9.5),
+];
+
 fn with_thresholds() -> Rover {
-    let mut parameters = Parameters::defaults();
-    for (parameter, value) in [
-        (BatteryParameter::LowTimer, 1.0),
-        (BatteryParameter::LowVolt, 10.5),
-        (BatteryParameter::CrtVolt, 9.5),
-    ] {
-        parameters
-            .set(parameter.of(Pack::First), value)
-            .expect("in range");
-    }
-    Rover(Desk::starting(Start::with_parameters(parameters)))
+    Rover(Desk::starting(start_with(&THRESHOLDS)))
 }
 
 #[test]
 // Requirement: AP-18
 fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
-    let open = |rover: &mut Rover, link| {
-        rover.0.connect(link);
-        rover.0.autopilot.open(&mut rover.0.endpoint);
-    };
     let levels = |rover: &mut Rover| {
         rover.0.post_due(rover.0.now_us);
-        let mut sent = rover.0.sent();
-        sent.retain(|frame| frame.message_id == STATUSTEXT);
-        let texts = joined(&sent).into_iter().map(|(severity, text)| {
-            let level = text.split(' ').take(4).collect::<Vec<_>>().join(" ");
-            (severity, level)
-        });
+        let mut texts = rover.said();
+        for (_, text) in &mut texts {
+            *text = text.split(' ').take(4).collect::<Vec<_>>().join(" ");
+        }
+        texts.retain(|(_, text)| text.contains(" is "));
         texts
-            .filter(|(_, text)| text.contains(" is "))
-            .collect::<Vec<_>>()
     };
     let mut rover = with_thresholds();
     rover.sample(11.1, 2);
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
-    open(&mut rover, LinkKind::Radio);
+    rover.open(LinkKind::Radio);
     rover.sample(10.0, 2);
     let low = [(WARNING, "Battery 1 is low".to_string())];
     assert_eq!(levels(&mut rover), low, "open before");
 
-    open(&mut rover, LinkKind::Direct);
+    rover.open(LinkKind::Direct);
     assert_eq!(levels(&mut rover), low);
     rover.deliver(&param_request_list(VEHICLE));
     assert_eq!(levels(&mut rover), [], "once");
@@ -489,11 +472,11 @@ fn a_link_that_opens_while_a_level_is_latched_announces_it_once() {
         levels(&mut rover),
         [(WARNING, "Battery 1 is missing,".to_string())]
     );
-    open(&mut rover, LinkKind::Radio);
+    rover.open(LinkKind::Radio);
     assert_eq!(levels(&mut rover), critical, "the level that is latched");
     rover.deliver(&command_long_2(BATTERY_RESET, 1.0, 100.0));
     rover.sample(11.1, 1);
-    open(&mut rover, LinkKind::Direct);
+    rover.open(LinkKind::Direct);
     assert_eq!(levels(&mut rover), []);
 }
 
@@ -507,10 +490,8 @@ fn a_station_that_was_away_when_a_level_was_latched_learns_of_it_once() {
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
     let levels = |rover: &mut Rover| {
         let texts = rover.wait(20_000);
-        texts
-            .iter()
-            .filter(|text| text.contains("Battery 1 is low"))
-            .count()
+        let levels = texts.iter().filter(|text| text.contains("Battery 1 is low"));
+        levels.count()
     };
     rover.sample(10.0, 29);
     assert_eq!(levels(&mut rover), 1, "when it was latched");
@@ -548,9 +529,7 @@ fn command_long_and_command_int_arm_and_disarm() {
 fn unfit_pack_prevents_arming_unless_forced() {
     let unfit = || Rover::new().with(ARM_VOLT, 11.2).with(LOW_VOLT, 11.15);
     let mut rover = unfit();
-    let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
-    let expected = "Arm: Battery 1 below minimum arming voltage";
-    assert_eq!(texts, [(CRITICAL, expected.into())]);
+    rover.assert_refused("Arm: Battery 1 below minimum arming voltage");
     assert_eq!(rover.deliver(&arm()), Event::CommandRefused(ARM_DISARM));
     assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
     for force in [21196.0, 2989.0] {
@@ -564,17 +543,6 @@ fn unfit_pack_prevents_arming_unless_forced() {
 }
 
 #[test]
-// Requirement: AP-17
-fn battery_check_can_be_disabled() {
-    for (checks, result) in [(0.0, ACCEPTED), (1.0, FAILED), (256.0, FAILED), (257.0, FAILED)] {
-        let mut rover = Rover::new()
-            .with(ARM_VOLT, 11.2)
-            .with(VehicleParameter::ArmingCheck, checks);
-        rover.ask(&arm(), ARM_DISARM, result);
-    }
-}
-
-#[test]
 fn prearm_check_reports_all_failures_of_all_packs() {
     let mut rover = Rover::new()
         .with(LOW_VOLT, 11.2)
@@ -582,11 +550,11 @@ fn prearm_check_reports_all_failures_of_all_packs() {
         .with(BatteryParameter::ArmVolt.of(Pack::Third), 12.0);
     let critical = BatteryState {
         failsafe: FailsafeLevel::Critical,
-        ..at_voltage(12.6)
+        ..healthy(12.6)
     };
     rover
         .0
-        .set_batteries(&[at_voltage(11.1), BatteryState::disabled(), critical]);
+        .set_batteries(&[healthy(11.1), BatteryState::disabled(), critical]);
     let checks = command_long(RUN_PREARM_CHECKS, f32::NAN);
     let texts = rover.ask(&checks, RUN_PREARM_CHECKS, ACCEPTED);
     let expected = [
@@ -605,71 +573,56 @@ fn prearm_check_reports_all_failures_of_all_packs() {
 
 /// The readiness to arm that SYS_STATUS reports is the answer that an attempt gets.
 #[test]
+// Requirement: AP-17
 fn sys_status_is_ready_to_arm_when_an_attempt_succeeds() {
-    type Prepare = fn(&mut Rover);
-    let conditions: [(Prepare, u8); 8] = [
-        (|_| (), ACCEPTED),
-        (|rover| rover.0.set(ARM_VOLT, 11.2), FAILED),
-        (|rover| rover.0.set(LOW_VOLT, 11.2), FAILED),
-        (
-            |rover| {
-                rover.0.set(ARM_VOLT, 11.2);
-                rover.0.set(VehicleParameter::ArmingCheck, 0.0);
-            },
-            ACCEPTED,
-        ),
-        (
-            |rover| {
-                rover.deliver(&manual_control(1, 0, 1000));
-            },
-            FAILED,
-        ),
-        (
-            |rover| {
-                rover.deliver(&reboot());
-            },
-            FAILED,
-        ),
-        (|rover| rover.sample(0.3, 2), FAILED),
-        (
-            |rover| {
-                rover.deliver(&arm());
-            },
-            ACCEPTED,
-        ),
-    ];
-    for (number, (prepare, result)) in conditions.into_iter().enumerate() {
+    let checking = |checks| vec![(ARM_VOLT, 11.2), (VehicleParameter::ArmingCheck.into(), checks)];
+    for (parameters, request, (voltage_v, seconds), result) in [
+        (vec![], vec![], (11.1, 0), ACCEPTED),
+        (vec![(ARM_VOLT, 11.2)], vec![], (11.1, 0), FAILED),
+        (vec![(LOW_VOLT, 11.2)], vec![], (11.1, 0), FAILED),
+        (checking(0.0), vec![], (11.1, 0), ACCEPTED),
+        (checking(1.0), vec![], (11.1, 0), FAILED),
+        (checking(256.0), vec![], (11.1, 0), FAILED),
+        (checking(257.0), vec![], (11.1, 0), FAILED),
+        (vec![], manual_control(1, 0, 1000), (11.1, 0), FAILED),
+        (vec![], reboot(), (11.1, 0), FAILED),
+        (vec![], vec![], (0.3, 2), FAILED),
+        (vec![], arm(), (11.1, 0), ACCEPTED),
+    ] {
         let mut rover = Rover(Desk::starting(Start::with_parameters(Parameters::defaults())));
         assert!(!rover.is_ready(), "not checked yet");
         rover.sample(11.1, 2);
         assert!(rover.is_ready());
-        prepare(&mut rover);
+        for (id, value) in &parameters {
+            rover.0.set(*id, *value);
+        }
+        rover.deliver(&request);
+        rover.sample(voltage_v, seconds);
         rover.0.sent();
-        let voltage_v = if number == 6 { 0.3 } else { 11.1 };
         rover.sample(voltage_v, 1);
-        assert_eq!(rover.is_ready(), result == ACCEPTED, "condition {number}");
+        let is_ready = result == ACCEPTED;
+        assert_eq!(
+            rover.is_ready(),
+            is_ready,
+            "{parameters:?} {request:?} {voltage_v} V"
+        );
         rover.ask(&arm(), ARM_DISARM, result);
     }
 }
 
 #[test]
 fn prearm_check_is_acknowledged_despite_many_failures() {
+    use BatteryParameter::{ArmVolt, CrtVolt, LowVolt};
     let mut rover = Rover::new();
-    rover.0.set_batteries(&[at_voltage(5.0); 9]);
-    for pack in Pack::ALL {
-        for parameter in [
-            BatteryParameter::ArmVolt,
-            BatteryParameter::LowVolt,
-            BatteryParameter::CrtVolt,
-        ] {
-            let id: ParameterId = parameter.of(pack);
-            rover.0.set(id, 10.0);
-        }
+    rover.0.set_batteries(&[healthy(5.0); 9]);
+    for id in Pack::ALL
+        .into_iter()
+        .flat_map(|pack| [ArmVolt, LowVolt, CrtVolt].map(|id| id.of(pack)))
+    {
+        rover.0.set(id, 10.0);
     }
-    let request = command_long(RUN_PREARM_CHECKS, 0.0);
-    let texts = rover.ask(&request, RUN_PREARM_CHECKS, ACCEPTED);
     // The queue holds fifteen texts beside the acknowledgement.
-    assert_eq!(texts.len(), 15);
+    assert_eq!(rover.prearm_failures().len(), 15);
     assert_eq!(rover.0.statistics().dropped, 9 * 4 - 15);
 }
 
@@ -717,8 +670,7 @@ fn deflected_stick_prevents_arming() {
     ] {
         let mut rover = Rover::new();
         rover.deliver(&manual_control(1, steering, throttle));
-        let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
-        assert_eq!(texts, [(CRITICAL, text.into())]);
+        rover.assert_refused(text);
         // Centred or timed out: arming succeeds.
         rover.deliver(&manual_control(1, 50, -50));
         rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
@@ -735,8 +687,7 @@ fn the_throttle_is_on_the_channel_that_is_set() {
     rover.wait(20_000);
     // The fifth channel is near its end.
     rover.deliver(&rc_override(VEHICLE, 1500, 1500));
-    let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
-    assert_eq!(texts, [(CRITICAL, "Arm: Throttle (RC5) is not neutral".into())]);
+    rover.assert_refused("Arm: Throttle (RC5) is not neutral");
 }
 
 #[test]
@@ -796,28 +747,21 @@ fn requests_delayed_beyond_the_timeout_are_refused() {
 
 #[test]
 fn restart_and_parameter_reset_are_refused_while_armed() {
-    for request in [
-        reboot(),
-        command_int(246, 1.0),
-        reboot_to_boot_loader(),
-        provoke_fault(),
-        command_int(246, 3.0),
-        command_long(245, 2.0),
-        command_int(245, 2.0),
+    for (request, number) in [
+        (reboot(), 246),
+        (command_int(246, 1.0), 246),
+        (reboot_to_boot_loader(), 246),
+        (provoke_fault(), 246),
+        (command_int(246, 3.0), 246),
+        (command_long(245, 2.0), 245),
+        (command_int(245, 2.0), 245),
     ] {
         let mut rover = Rover::driven();
         rover.deliver(&manual_control(1, 0, 1000));
-        let number = if matches!(rover.deliver(&request), Event::CommandRefused(246)) {
-            246
-        } else {
-            245
-        };
-        let texts = rover.0.sent();
-        assert_eq!(
-            joined(&texts[..1]),
-            [(WARNING, "Not while armed: disarm first".to_string())]
-        );
-        assert_eq!((texts[1].u16(0), texts[1].u8(2)), (number, FAILED));
+        let texts = rover.ask(&request, number, FAILED);
+        assert_eq!(texts, [(WARNING, "Not while armed: disarm first".to_string())]);
+        assert_eq!(rover.deliver(&request), Event::CommandRefused(number));
+        rover.0.sent();
         assert_eq!(rover.drives(), turn(1.0, 1.0), "still driving");
         rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
         assert!(matches!(rover.deliver(&request), Event::Command(_)));
@@ -899,18 +843,8 @@ fn only_ground_station_heartbeats_time_out() {
 #[test]
 // Requirement: L-3
 fn battery_hold_can_be_left_and_termination_can_not() {
-    let mut parameters = Parameters::defaults();
-    for (parameter, value) in [
-        (BatteryParameter::LowTimer, 1.0),
-        (BatteryParameter::LowVolt, 10.5),
-        (BatteryParameter::FsLowAct, 2.0),
-        (BatteryParameter::CrtVolt, 9.5),
-        (BatteryParameter::FsCrtAct, 5.0),
-    ] {
-        let id: ParameterId = parameter.of(Pack::First);
-        parameters.set(id, value).expect("in range");
-    }
-    let mut rover = Rover(Desk::starting(Start::with_parameters(parameters)));
+    let actions = [("BATT_FS_LOW_ACT", 2.0), ("BATT_FS_CRT_ACT", 5.0)];
+    let mut rover = Rover(Desk::starting(start_with(&[&THRESHOLDS[..], &actions].concat())));
     rover.sample(11.1, 2);
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
@@ -930,8 +864,8 @@ fn battery_hold_can_be_left_and_termination_can_not() {
         assert!(texts.iter().all(|(severity, _)| *severity == CRITICAL));
         assert!(force == 0.0 || texts[0].1 == "Arm: Terminated: reset the battery or restart");
     }
-    let texts = rover.ask(&command_long(RUN_PREARM_CHECKS, 0.0), RUN_PREARM_CHECKS, ACCEPTED);
-    assert_eq!(texts[0].1, "PreArm: Terminated: reset the battery or restart");
+    let failures = rover.prearm_failures();
+    assert_eq!(failures[0], "PreArm: Terminated: reset the battery or restart");
     rover.assert_ack(
         &command_long_2(BATTERY_RESET, 1.0, 100.0),
         BATTERY_RESET,

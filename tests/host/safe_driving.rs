@@ -1,6 +1,6 @@
 //! Safety property, for any sequence of messages and gaps: motors turn only by a stick message that is not older than
 //! `FS_TIMEOUT`, has a permitted sender, and was received after arming and after MANUAL was entered; a stick that was not
-//! neutral then has to be neutral first. The expected outputs are computed from the log of all messages by these rules alone.
+//! neutral then has to be neutral first. The expected outputs are computed from the messages by these rules alone.
 
 use std::collections::VecDeque;
 use std::future::pending;
@@ -12,13 +12,12 @@ use rover_battmon::autopilot::Start;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
 use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, read_frames, write_frames};
-use rover_battmon::vehicle::ArmState;
-use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives};
+use rover_battmon::vehicle::{ArmState, Mode, MotorDrive, SideDrives};
 use rover_battmon_tools::sim::clock;
 use rover_battmon_tools::sim::stepped::{BYTE_US, Port};
-use support::commands::{ACCEPTED, FAILED};
+use support::commands::{ACCEPTED, ARM_DISARM, FAILED};
 use support::desk::Desk;
-use support::frames::{COMMAND_ACK, STATUSTEXT, frames, of_message};
+use support::frames::{acknowledged, frames, texts_of};
 use support::requests::{
     GCS, arm, arm_by_force, disarm, do_set_mode, heartbeat, manual_control, rc_override, set_mode,
     setup_signing,
@@ -32,9 +31,9 @@ const NEUTRAL: f32 = 0.05;
 /// Signatures count tens of microseconds.
 const US_PER_TIMESTAMP: u64 = 10;
 
-/// What a message says about a stick.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Says {
+/// The content of a message about a stick.
+#[derive(Clone, Copy, Debug)]
+pub enum Says {
     At(i16),
     Released,
     Nothing,
@@ -77,13 +76,21 @@ enum Step {
 
 /// The message by which the driver drives.
 #[derive(Clone, Copy, Debug)]
-enum Sticks {
+pub enum Sticks {
     ManualControl,
     ChannelOverride,
 }
 
 impl Sticks {
-    /// What the message can say: MANUAL_CONTROL can't leave an axis unchanged.
+    /// The message for this system and component.
+    pub fn frame(self, target: [u8; 2], steering: Says, throttle: Says) -> Vec<u8> {
+        match self {
+            Self::ManualControl => manual_control(target[0], axis(steering), axis(throttle)),
+            Self::ChannelOverride => rc_override(target, pulse_us(steering), pulse_us(throttle)),
+        }
+    }
+
+    /// The nearest that the message can say: MANUAL_CONTROL can't leave an axis unchanged.
     fn says(self, says: Says) -> Says {
         match (self, says) {
             (Self::ManualControl, Says::Nothing) => Says::Released,
@@ -95,10 +102,7 @@ impl Sticks {
 impl Request {
     fn frame(self, message: Sticks) -> Vec<u8> {
         match self {
-            Self::Sticks(target, steering, throttle) => match message {
-                Sticks::ManualControl => manual_control(target.ids()[0], axis(steering), axis(throttle)),
-                Sticks::ChannelOverride => rc_override(target.ids(), pulse_us(steering), pulse_us(throttle)),
-            },
+            Self::Sticks(target, steering, throttle) => message.frame(target.ids(), steering, throttle),
             Self::Arm { forced: false } => arm(),
             Self::Arm { forced: true } => arm_by_force(),
             Self::Disarm => disarm(),
@@ -198,67 +202,47 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Log entry of a stick.
-#[derive(Clone, Copy)]
-enum Logged {
-    Says {
-        received_us: u64,
-        says: Says,
-    },
-    /// The rover was armed, or has entered MANUAL.
-    Enabled {
-        at_us: u64,
-    },
+/// The messages about a stick since its driver released it, in short.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Heard {
+    /// The latest position, and when it was received.
+    latest: Option<(u64, f32)>,
+    /// It was received since the rover was armed, and since MANUAL was entered.
+    is_since: bool,
+    /// Neutral since then, or as the last position before.
+    is_centred: bool,
 }
 
-/// Effective position of a stick by its log.
-fn position(log: &[Logged], now_us: u64) -> f32 {
-    let last_enabled = log
-        .iter()
-        .rposition(|entry| matches!(entry, Logged::Enabled { .. }));
-    let (before, since) = log.split_at(last_enabled.map_or(0, |place| place + 1));
-    let enabled_at_us = before.last().map(|entry| match *entry {
-        Logged::Enabled { at_us } => at_us,
-        Logged::Says { .. } => unreachable!("the last one enables"),
-    });
-    let before = positions_since_release(before);
-    let was_released = since.iter().any(is_release);
-    let since = positions_since_release(since);
-    let may_drive = since.iter().any(|(_, position)| is_neutral(*position))
-        || !was_released
-            && before.last().is_some_and(|(received_us, position)| {
-                is_neutral(*position) && enabled_at_us.is_some_and(|at_us| at_us - received_us <= TIMEOUT_US)
-            });
-    match since.last() {
-        Some((received_us, position)) if now_us - received_us <= TIMEOUT_US && may_drive => *position,
-        _ => 0.0,
-    }
-}
-
-/// The positions after the last release, with their times.
-fn positions_since_release(log: &[Logged]) -> Vec<(u64, f32)> {
-    let released = log.iter().rposition(is_release);
-    let since = &log[released.map_or(0, |place| place + 1)..];
-    since
-        .iter()
-        .filter_map(|entry| match *entry {
-            Logged::Says {
-                received_us,
-                says: Says::At(position),
-            } => Some((received_us, f32::from(position) / 1000.0)),
-            _ => None,
-        })
-        .collect()
-}
-
-fn is_release(entry: &Logged) -> bool {
-    matches!(
-        entry,
-        Logged::Says {
-            says: Says::Released,
-            ..
+impl Heard {
+    pub fn hear(&mut self, says: Says, received_us: u64) {
+        match says {
+            Says::At(position) => {
+                let position = f32::from(position) / 1000.0;
+                self.latest = Some((received_us, position));
+                self.is_since = true;
+                self.is_centred |= is_neutral(position);
+            }
+            Says::Released => *self = Self::default(),
+            Says::Nothing => {}
         }
-    )
+    }
+
+    /// The rover was armed, or has entered MANUAL.
+    pub fn enable(&mut self, now_us: u64) {
+        self.is_since = false;
+        self.is_centred = self.recent(now_us).is_some_and(is_neutral);
+    }
+
+    /// By how much the stick drives.
+    pub fn position(&self, now_us: u64) -> f32 {
+        let drives = self.is_since && self.is_centred;
+        self.recent(now_us).filter(|_| drives).unwrap_or(0.0)
+    }
+
+    fn recent(&self, now_us: u64) -> Option<f32> {
+        let (received_us, position) = self.latest?;
+        (now_us - received_us <= TIMEOUT_US).then_some(position)
+    }
 }
 
 fn is_neutral(position: f32) -> bool {
@@ -315,14 +299,6 @@ impl Turned {
     }
 }
 
-/// Runs the vehicle's ticks up to `until_us`.
-fn wait(desk: &mut Desk, until_us: u64) {
-    while desk.now_us < until_us {
-        desk.now_us = until_us.min(desk.now_us + TICK_US);
-        desk.drive();
-    }
-}
-
 fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCaseError> {
     let mut desk = Desk::without_packs();
     let mut signers = [Signer::new(OWNER), Signer::new(STRANGER)];
@@ -336,13 +312,16 @@ fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCase
     desk.connect(LinkKind::Radio);
     desk.set(VehicleParameter::MotSlewrate, 0.0);
     desk.now_us = 10_000_000;
-    let mut logs = [Vec::new(), Vec::new()];
+    let mut sticks = [Heard::default(); 2];
     let (mut turned, mut wanted) = (Turned::default(), SideDrives::COAST);
     for step in steps {
         match *step {
             Step::Wait(us) => {
                 let until_us = desk.now_us + us;
-                wait(&mut desk, until_us);
+                while desk.now_us < until_us {
+                    desk.now_us = until_us.min(desk.now_us + TICK_US);
+                    desk.drive();
+                }
                 signers
                     .iter_mut()
                     .for_each(|signer| signer.timestamp += us / US_PER_TIMESTAMP);
@@ -369,9 +348,8 @@ fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCase
                     .sticks(message)
                     .filter(|_| is_permitted && waited_us <= TIMEOUT_US)
                 {
-                    let received_us = desk.now_us - waited_us;
-                    for (log, says) in logs.iter_mut().zip(says) {
-                        log.push(Logged::Says { received_us, says });
+                    for (stick, says) in sticks.iter_mut().zip(says) {
+                        stick.hear(says, desk.now_us - waited_us);
                     }
                 }
                 let is_armed_now =
@@ -379,20 +357,19 @@ fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCase
                 let is_manual_now = (before.mode, after.mode) == (Mode::Hold, Mode::Manual);
                 if is_armed_now || is_manual_now {
                     prop_assert!(waited_us <= TIMEOUT_US);
-                    logs.iter_mut()
-                        .for_each(|log| log.push(Logged::Enabled { at_us: desk.now_us }));
+                    sticks.iter_mut().for_each(|stick| stick.enable(desk.now_us));
                 }
                 desk.drive();
             }
         }
         let status = desk.vehicle().status();
-        let [steering, throttle] = [0, 1].map(|stick| position(&logs[stick], desk.now_us));
+        let [steering, throttle] = sticks.map(|stick| stick.position(desk.now_us));
         let expected = match (status.arm_state, status.mode) {
             (ArmState::Disarmed, _) => SideDrives::COAST,
             (ArmState::Armed, Mode::Hold) => SideDrives::BRAKE,
             (ArmState::Armed, Mode::Manual) => mixed(throttle, steering),
         };
-        // What was wanted before may have lasted until now.
+        // The output that was wanted before may have lasted until now.
         turned.note(wanted, desk.now_us);
         wanted = expected;
         turned.note(wanted, desk.now_us);
@@ -462,11 +439,7 @@ fn what_a_source_holds_when_its_link_opens_arms_nothing() {
         .await
     });
     let answers = frames(&port.sent());
-    let acks: Vec<_> = of_message(&answers, COMMAND_ACK)
-        .iter()
-        .map(|ack| ack.u8(2))
-        .collect();
-    assert_eq!(acks, [FAILED, ACCEPTED]);
-    let texts = of_message(&answers, STATUSTEXT);
-    assert_eq!(texts[0].text(1, 50), "Command waited for too long: refused");
+    let results = [FAILED, ACCEPTED].map(|result| (ARM_DISARM, result));
+    assert_eq!(acknowledged(&answers), results);
+    assert_eq!(texts_of(&answers)[0], "Command waited for too long: refused");
 }

@@ -1,9 +1,8 @@
-//! What of signing outlasts restarts, damage, power cuts and flash that fails, from set-up by cable to who is obeyed by radio.
+//! Signing over restarts, damage, power cuts and flash that fails, from set-up by cable to who is obeyed by radio.
 
 use std::future::pending;
 use std::sync::LazyLock;
 
-use embassy_futures::block_on;
 use embassy_futures::join::join3;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
@@ -11,10 +10,10 @@ use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::crash::ParameterSource;
-use rover_battmon::mavlink::{Event, LinkKind, Signing};
+use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
-use rover_battmon::tasks::{CheckIn, Link, Shared, Storages, reboot_requested, serve_link};
+use rover_battmon::parameter::BatteryParameter;
+use rover_battmon::tasks::{CheckIn, Link, Shared, reboot_requested, serve_link};
 use rover_battmon_tools::sim::clock;
 use rover_battmon_tools::sim::stepped::{BYTE_US, Port};
 use support::desk::Desk;
@@ -24,7 +23,7 @@ use support::signer::{NEW_YEAR, OWNER, Signer};
 
 use crate::regions::{Regions, keep};
 
-/// What keys are made of; 0 is none.
+/// Bytes that keys are made of; 0 is no key.
 const NONE: u8 = 0;
 const OLD: u8 = 6;
 
@@ -35,7 +34,7 @@ const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";
 
 const TICKS_PER_SECOND: u64 = 100_000;
 
-/// What one start of a vehicle has sent.
+/// Frames that one start of a vehicle has sent.
 struct Run {
     cable: Vec<Frame>,
     radio: Vec<Frame>,
@@ -44,25 +43,16 @@ struct Run {
 }
 
 /// Of a vehicle with what is stored of signing, and nothing else.
-fn storages(flash: &SmallFlash) -> Storages<SmallFlash> {
-    let regions = Regions {
+fn regions(flash: &SmallFlash) -> Regions {
+    Regions {
         signing: flash.clone(),
         ..Regions::blank()
-    };
-    regions.storages()
+    }
 }
 
 /// Runs a vehicle with this flash until a restart is requested, or for this many seconds. Requests come by cable.
 fn run(seconds: u64, flash: &SmallFlash, requests: &[(u64, Vec<u8>)]) -> Run {
     run_while(seconds, flash, requests, pending())
-}
-
-/// No pack, whose announcements would come in between.
-fn without_packs() -> Parameters {
-    let mut parameters = Parameters::defaults();
-    let monitor: ParameterId = BatteryParameter::Monitor.of(Pack::First);
-    parameters.set(monitor, 0.0).unwrap();
-    parameters
 }
 
 /// The same, while something else happens.
@@ -75,8 +65,11 @@ fn run_while(
     let check_in = CheckIn::new("", u32::MAX);
     let ports = [(); 3].map(|()| Port::new(BYTE_US));
     clock::run_for(Duration::from_secs(seconds), async {
-        let mut storages = storages(flash);
-        let mut start = Start::with_parameters(without_packs());
+        let mut storages = regions(flash).storages();
+        let mut start = Start::default();
+        // No pack, whose announcements would come in between.
+        let monitor = BatteryParameter::Monitor.of(Pack::First);
+        start.parameters.set(monitor, 0.0).unwrap();
         storages.boot(ParameterSource::Stored, &mut start).await;
         let shared = Shared::new(&start);
         let serve = async |kind, port| {
@@ -120,10 +113,8 @@ fn set_up(second: u64, key: u8) -> (u64, Vec<u8>) {
 /// The flash of a vehicle that ran for `seconds`, with these keys set up one second after another.
 fn flash_after(seconds: u64, keys: &[u8]) -> SmallFlash {
     let flash = SmallFlash::blank();
-    let requests: Vec<_> = (1..)
-        .zip(keys)
-        .map(|(second, key)| set_up(second, *key))
-        .collect();
+    let request = |(second, key): (u64, &u8)| set_up(second, *key);
+    let requests: Vec<_> = (1..).zip(keys).map(request).collect();
     run(seconds, &flash, &requests);
     flash
 }
@@ -132,7 +123,7 @@ fn count(frames: &[Frame], text: &str) -> usize {
     texts_of(frames).iter().filter(|said| *said == text).count()
 }
 
-/// Which frames a vehicle obeys by radio.
+/// The frames that a vehicle obeys by radio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Obeys {
     Everyone,
@@ -140,20 +131,11 @@ enum Obeys {
     Nothing,
 }
 
-fn start(flash: &SmallFlash) -> Signing {
-    let mut start = Start::default();
-    block_on(storages(flash).boot(ParameterSource::Stored, &mut start));
-    start.signing
-}
-
-/// What a vehicle does when it is started with this flash. `recorded` is what its owner has sent before.
+/// The frames that a vehicle obeys after a start with this flash. `recorded` is what its owner has sent before.
 fn obeys(flash: &SmallFlash, recorded: &[u8]) -> Obeys {
-    let signing = start(flash);
-    let is_lost = signing.has_lost_key();
-    let mut desk = Desk::starting(Start {
-        signing,
-        ..Start::with_parameters(Parameters::defaults())
-    });
+    let start = regions(flash).started(ParameterSource::Stored);
+    let is_lost = start.signing.has_lost_key();
+    let mut desk = Desk::starting(start);
     let mut takes = |request: &[u8]| {
         let events = desk.receive_in_chunks(request, 64);
         let is_refused = |event: &Event| matches!(event, Event::Unauthorized { .. } | Event::TooOld);
@@ -174,7 +156,7 @@ fn obeys(flash: &SmallFlash, recorded: &[u8]) -> Obeys {
     key.map_or(Obeys::Nothing, Obeys::Key)
 }
 
-/// What the owner sent `second` seconds after New Year.
+/// A request that the owner sent `second` seconds after New Year.
 fn recorded(second: u64) -> Vec<u8> {
     let mut signer = Signer::new(OWNER);
     signer.timestamp += second * TICKS_PER_SECOND;
@@ -225,7 +207,7 @@ fn whichever_bit_flips_the_choice_stays_or_the_key_is_lost() {
 // Requirement: L-13
 fn damaged_headers_lock_and_blank_flash_does_not() {
     assert_eq!(obeys(&SmallFlash::blank(), &[]), Obeys::Everyone);
-    // What other programs have left there.
+    // Other programs have left something there.
     for byte in [0, 0x55, 0xa5] {
         let flash = SmallFlash::with(&[byte; SmallFlash::REGION_BYTES]);
         assert_eq!(obeys(&flash, &[]), Obeys::Nothing, "{byte:#x}");
@@ -337,7 +319,10 @@ fn a_restart_that_would_lose_the_key_is_announced() {
 fn a_lost_key_is_announced_on_every_link_until_signing_is_set_up_by_cable() {
     let mut garbage = vec![0xFF; SmallFlash::REGION_BYTES];
     garbage[700] = 0x7F;
-    for key in [OWNER, NONE] {
+    for (key, done, expected) in [
+        (OWNER, KEY_SET, Obeys::Key(OWNER)),
+        (NONE, KEY_REMOVED, Obeys::Everyone),
+    ] {
         let flash = SmallFlash::with(&garbage);
         let locked = run(20, &flash, &[]);
         for frames in [locked.cable, locked.radio, locked.late_cable] {
@@ -346,17 +331,11 @@ fn a_lost_key_is_announced_on_every_link_until_signing_is_set_up_by_cable() {
         assert_eq!(obeys(&flash, &[]), Obeys::Nothing);
 
         let recovered = run(20, &flash, &[set_up(5, key)]);
-        let done = if key == NONE { KEY_REMOVED } else { KEY_SET };
         // In as many messages as it takes.
         for frames in [recovered.cable, recovered.radio] {
             assert_eq!(texts_of(&frames).concat(), [KEY_LOST, done].concat());
         }
-        assert_eq!(texts_of(&recovered.late_cable), Vec::<String>::new());
-        let expected = if key == NONE {
-            Obeys::Everyone
-        } else {
-            Obeys::Key(key)
-        };
+        assert_eq!(texts_of(&recovered.late_cable), [""; 0]);
         assert_eq!(obeys(&flash, &[]), expected);
     }
 }

@@ -21,8 +21,7 @@ const MONITOR: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter:
 const TIMEOUT: ParameterId = ParameterId::Vehicle(VehicleParameter::FsTimeout);
 
 fn started(regions: &Regions, source: ParameterSource) -> Desk {
-    let mut start = Start::default();
-    block_on(regions.storages().boot(source, &mut start));
+    let mut start = regions.started(source);
     // The check of packs has a test of its own.
     start.parameters.restore(MONITOR.key(), 0.0).unwrap();
     Desk::starting(start)

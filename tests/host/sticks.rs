@@ -1,26 +1,18 @@
 //! Parameters of the sticks' channels, as a ground station, a file or a reset sets them: which channels drive, and when arming
 //! is refused.
 
-use rover_battmon::autopilot::Start;
-use rover_battmon::parameter::{ParameterId, Parameters, StickParameter, VehicleParameter};
+use rover_battmon::parameter::{StickParameter, VehicleParameter};
 use rover_battmon::vehicle::{ArmState, MotorDrive, SideDrives};
 use support::commands::{PREFLIGHT_STORAGE, RESET};
-use support::desk::{Desk, id_of};
+use support::desk::{Desk, id_of, start_with};
 use support::frames::{PARAM_ERROR, RC_CHANNELS_OVERRIDE, encode_v2, of_message, texts_of};
 use support::requests::{arm, arm_by_force, command_long, disarm, do_set_mode, param_set};
 
 const NEUTRAL_US: u16 = 1500;
 
-/// A rover without packs and without a slew rate limit, after a start with these stored values.
-fn started_with(stored: &[(StickParameter, f32)]) -> Desk {
-    let mut parameters = Parameters::defaults();
-    let monitor = ParameterId::from_name(b"BATT_MONITOR").unwrap();
-    let others = [(monitor, 0.0), (VehicleParameter::MotSlewrate.into(), 0.0)];
-    let sticks = stored.iter().map(|(id, value)| (ParameterId::from(*id), *value));
-    for (id, value) in others.into_iter().chain(sticks) {
-        parameters.restore(id.key(), value).unwrap();
-    }
-    let mut desk = Desk::starting(Start::with_parameters(parameters));
+/// A rover without packs and without a slew rate limit.
+fn started() -> Desk {
+    let mut desk = Desk::starting(start_with(&[("BATT_MONITOR", 0.0), ("MOT_SLEWRATE", 0.0)]));
     wait(&mut desk);
     desk
 }
@@ -100,7 +92,7 @@ fn by(steering: usize, throttle: usize) -> Vec<(usize, SideDrives)> {
 
 #[test]
 fn a_reset_of_parameters_puts_the_sticks_back_at_once() {
-    let mut desk = started_with(&[]);
+    let mut desk = started();
     load(&mut desk, &[("RCMAP_PITCH", 5.0), ("RCMAP_THROTTLE", 2.0)]);
     assert_eq!(driven(&mut desk), by(1, 2));
     desk.ask(&command_long(PREFLIGHT_STORAGE, RESET));
@@ -119,7 +111,7 @@ fn a_file_with_moved_pulses_loads_in_any_order() {
         ("RC3_REVERSED", 1.0),
     ];
     for order in orders(file) {
-        let mut desk = started_with(&[]);
+        let mut desk = started();
         load(&mut desk, &order);
         assert_eq!(texts(&mut desk, &arm()), [""; 0], "{order:?}");
         push(&mut desk, 3, 1850);
@@ -169,7 +161,7 @@ fn what_does_not_fit_refuses_arming_by_name_and_the_last_that_did_drives() {
             by(1, 3),
         ),
     ] {
-        let mut desk = started_with(&[]);
+        let mut desk = started();
         load(&mut desk, values);
         assert_eq!(texts(&mut desk, &arm()), [text], "{values:?}");
         assert_eq!(driven(&mut desk), driving, "{values:?}");

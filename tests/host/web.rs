@@ -7,7 +7,7 @@ use std::fs;
 use std::future::pending;
 
 use embassy_futures::block_on;
-use embassy_futures::join::join_array;
+use embassy_futures::join::{join, join_array};
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
@@ -15,7 +15,6 @@ use embedded_io_async::{ErrorType, Write};
 use rover_battmon::autopilot::{Autopilot, Start};
 use rover_battmon::mavlink::dialect::{MavMessage, PARAM_REQUEST_READ_DATA};
 use rover_battmon::mavlink::{Endpoint, LinkKind};
-use rover_battmon::parameter::VehicleParameter;
 use rover_battmon::recorder::{LogSource, ReadFailed, Ring};
 use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, now};
 use rover_battmon::web::{
@@ -34,11 +33,11 @@ static CHECK_IN: CheckIn = CheckIn::new("", u32::MAX);
 
 const OURS: &str = "Host: 192.168.4.1\r\n";
 
-const UPGRADE: &str = "Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
+pub const UPGRADE: &str = "Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
     Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
 
 /// The content of a chip with logs; none, if it is empty.
-struct Chip(Vec<u8>);
+pub struct Chip(pub Vec<u8>);
 
 impl LogSource for Chip {
     fn read_log(&self, address: u32, bytes: &mut [u8]) -> Result<(), ReadFailed> {
@@ -114,7 +113,7 @@ impl ByteSource for &Wire {
     }
 }
 
-/// Who is not there any more.
+/// A browser that is not there any more.
 struct Gone;
 
 impl ByteSource for Gone {
@@ -146,18 +145,23 @@ async fn serve<'a>(wire: &Wire, site: Site<'a>) -> Attended<'a> {
     attend(wire, wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await
 }
 
-/// What is answered to this request, which comes at once.
-fn answered(request: &str) -> String {
-    play(async |site| {
-        let wire = Wire::default();
-        wire.send(request.as_bytes());
-        // A request that is understood as a WebSocket is answered, too.
-        serve(&wire, site).await;
-        wire.text()
-    })
+/// The answer to this request, which comes at once. One that is understood as a WebSocket is answered, too.
+async fn ask(site: Site<'_>, request: &str) -> Vec<u8> {
+    let wire = Wire::default();
+    wire.send(request.as_bytes());
+    serve(&wire, site).await;
+    wire.sent.into_inner()
 }
 
-fn get(path: &str, headers: &str) -> String {
+async fn text_for(site: Site<'_>, request: &str) -> String {
+    String::from_utf8_lossy(&ask(site, request).await).into_owned()
+}
+
+fn answered(request: &str) -> String {
+    play(async |site| text_for(site, request).await)
+}
+
+pub fn get(path: &str, headers: &str) -> String {
     format!("GET {path} HTTP/1.1\r\n{OURS}{headers}\r\n")
 }
 
@@ -210,7 +214,7 @@ fn each_request_has_its_status() {
             "421",
         ),
         ("GET http://192.168.4.1/ HTTP/1.1\r\n\r\n".into(), "400"),
-        // Who is asked, whatever for.
+        // The host that is asked, whatever for.
         ("GET / HTTP/1.1\r\n\r\n".into(), "400"),
         (format!("GET / HTTP/1.1\r\n{OURS}{OURS}\r\n"), "400"),
         ("GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n".into(), "421"),
@@ -239,7 +243,7 @@ fn each_request_has_its_status() {
         (format!("DELETE /logs/1.BIN HTTP/1.1\r\n{OURS}\r\n"), "405"),
         (format!("FROBNICATE / HTTP/1.1\r\n{OURS}\r\n"), "405"),
         (format!("OPTIONS * HTTP/1.1\r\n{OURS}\r\n"), "405"),
-        // What is no request, or has more than a head.
+        // No request, or more than a head.
         ("\x16\x03\x01\x02".into(), "400"),
         ("get / http\r\n\r\n".into(), "400"),
         ("GET /\r\n\r\n".into(), "400"),
@@ -316,11 +320,8 @@ fn every_answer_forbids_frames_and_guessing_and_ends_the_connection() {
 fn page_is_sent_compressed_and_not_again_to_who_has_it() {
     let answer = answered(&get("/", "Accept-Encoding: identity\r\n"));
     assert!(answer.contains("Content-Encoding: gzip\r\n"), "{answer}");
-    let tag = answer
-        .split("ETag: ")
-        .nth(1)
-        .and_then(|rest| rest.split("\r\n").next());
-    let tag = tag.expect("it has one");
+    let (_, tag) = answer.split_once("ETag: ").expect("it has one");
+    let tag = tag.lines().next().expect("it has one");
     let again = answered(&get("/", &format!("If-None-Match: {tag}\r\n")));
     assert_eq!(status(&again), "304");
     assert!(again.ends_with("\r\n\r\n"), "no content");
@@ -380,10 +381,7 @@ fn play_with_a_log(scene: impl AsyncFnOnce(Site<'_>, &[u8])) {
 
 /// Head and content of what is answered to a request without a body.
 async fn fetched(site: Site<'_>, path: &str, headers: &str) -> (String, Vec<u8>) {
-    let wire = Wire::default();
-    wire.send(get(path, headers).as_bytes());
-    serve(&wire, site).await;
-    let mut head = wire.sent();
+    let mut head = ask(site, &get(path, headers)).await;
     let end = head.windows(4).position(|bytes| bytes == b"\r\n\r\n");
     let content = head.split_off(end.expect("a head") + 4);
     (String::from_utf8(head).expect("text"), content)
@@ -437,24 +435,16 @@ fn with_a_key_logs_are_read_as_sign_wifi_allow_says() {
     play_with_a_log(async |site, _| {
         ask_by_cable(site, &setup_signing([OWNER; 32], NEW_YEAR));
         for (allowed, expected) in [(0.0, "403"), (1.0, "200")] {
-            let set = |autopilot: &mut Autopilot| {
-                autopilot
-                    .parameters_mut()
-                    .set(VehicleParameter::SignWifiAllow, allowed)
-            };
-            site.shared.with(set).expect("in range");
+            ask_by_cable(site, &param_set("SIGN_WIFI_ALLOW", allowed));
             for path in ["/logs/", "/logs/1.BIN"] {
-                assert_eq!(
-                    status(&fetched(site, path, "").await.0),
-                    expected,
-                    "{path} {allowed}"
-                );
+                let (head, _) = fetched(site, path, "").await;
+                assert_eq!(status(&head), expected, "{path} {allowed}");
             }
         }
     });
 }
 
-/// Who takes nothing.
+/// A browser that takes nothing.
 struct Stuck;
 
 impl ErrorType for Stuck {
@@ -471,50 +461,38 @@ impl Write for Stuck {
     }
 }
 
+/// The time at which sending the page to a browser that takes nothing ends.
+async fn stuck_until_ms(site: Site<'_>) -> u64 {
+    let wire = Wire::default();
+    wire.send(get("/", "").as_bytes());
+    attend(Stuck, &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
+    Instant::now().as_millis()
+}
+
 #[test]
 fn two_files_are_sent_at_a_time_and_who_takes_nothing_makes_room() {
     play(async |site| {
-        let request = get("/", "");
-        let ended_ms = RefCell::new(Vec::new());
-        let stuck = || async {
-            let wire = Wire::default();
-            wire.send(request.as_bytes());
-            attend(Stuck, &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
-            ended_ms.borrow_mut().push(Instant::now().as_millis());
-        };
         let third = async {
             Timer::after_millis(2_900).await;
-            let wire = Wire::default();
-            wire.send(request.as_bytes());
-            serve(&wire, site).await;
-            assert_eq!(status(&wire.text()), "503", "{}", wire.text());
-            assert!(wire.text().contains("two browsers at a time"), "a sentence");
-            // What is no file needs no place.
-            let wire = Wire::default();
-            wire.send(get("/x", "").as_bytes());
-            serve(&wire, site).await;
-            assert_eq!(status(&wire.text()), "404");
+            let answer = text_for(site, &get("/", "")).await;
+            assert_eq!(status(&answer), "503", "{answer}");
+            assert!(answer.contains("two browsers at a time"), "a sentence");
+            // An answer that is no file needs no place.
+            assert_eq!(status(&text_for(site, &get("/x", "")).await), "404");
             Timer::after_millis(200).await;
-            let wire = Wire::default();
-            wire.send(request.as_bytes());
-            serve(&wire, site).await;
-            assert_eq!(status(&wire.text()), "200");
+            assert_eq!(status(&text_for(site, &get("/", "")).await), "200");
         };
-        embassy_futures::join::join(join_array([stuck(), stuck()]), third).await;
+        let stuck = join_array([stuck_until_ms(site), stuck_until_ms(site)]);
+        let (mut ended_ms, ()) = join(stuck, third).await;
+        ended_ms.sort_unstable();
         // One has made room; the other one is not waited for forever.
-        assert_eq!(*ended_ms.borrow(), [3_100, 12_000]);
+        assert_eq!(ended_ms, [3_100, 12_000]);
     });
 }
 
 #[test]
 fn stalled_transfers_end_when_all_connections_are_in_use() {
     play(async |site| {
-        let stuck = || async {
-            let wire = Wire::default();
-            wire.send(get("/", "").as_bytes());
-            attend(Stuck, &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
-            Instant::now().as_millis()
-        };
         let others = async {
             for at_ms in [2_900, 3_100] {
                 Timer::at(Instant::from_millis(at_ms)).await;
@@ -523,14 +501,12 @@ fn stalled_transfers_end_when_all_connections_are_in_use() {
                 assert_eq!(status(&wire.text()), "503");
             }
         };
-        let ends_ms = embassy_futures::join::join(join_array([stuck(), stuck()]), others)
-            .await
-            .0;
-        assert_eq!(ends_ms, [3_100; 2]);
+        let stuck = join_array([stuck_until_ms(site), stuck_until_ms(site)]);
+        assert_eq!(join(stuck, others).await.0, [3_100; 2]);
     });
 }
 
-/// Who takes a piece every two seconds.
+/// A browser that takes a piece every two seconds.
 struct Slow<'a>(&'a Wire);
 
 impl ErrorType for Slow<'_> {
@@ -561,13 +537,10 @@ fn a_slow_download_that_goes_on_keeps_its_place() {
         let third = async {
             for _ in 0..10 {
                 Timer::after_secs(1).await;
-                let wire = Wire::default();
-                wire.send(get("/", "").as_bytes());
-                serve(&wire, site).await;
-                assert_eq!(status(&wire.text()), "503");
+                assert_eq!(status(&text_for(site, &get("/", "")).await), "503");
             }
         };
-        embassy_futures::join::join(join_array([slow(), slow()]), third).await;
+        join(join_array([slow(), slow()]), third).await;
     });
 }
 
@@ -598,7 +571,7 @@ async fn open_instead_of<'a>(site: Site<'a>, given_up: Place<'_>) -> Option<Plac
         given_up.is_wanted().await;
         drop(given_up);
     };
-    embassy_futures::join::join(open(site, ""), gives_way).await.0
+    join(open(site, ""), gives_way).await.0
 }
 
 #[test]
@@ -661,7 +634,7 @@ fn a_place_waits_for_three_seconds_for_one_of_ours_that_was_refused() {
 }
 
 /// A frame of a client, with this first byte.
-fn masked(first: u8, payload: &[u8]) -> Vec<u8> {
+pub fn masked(first: u8, payload: &[u8]) -> Vec<u8> {
     const MASK: [u8; 4] = [0x12, 0x34, 0x56, 0x78];
     let mut bytes = vec![first];
     match payload.len() {
@@ -804,7 +777,7 @@ fn only_mavlink_frames_of_right_checksum_keep_a_place() {
     }
 }
 
-/// So many frames that come at once.
+/// Frames that come at once, as many as are left.
 struct Flood {
     frame: Vec<u8>,
     left: Cell<u32>,

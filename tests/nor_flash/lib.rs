@@ -21,7 +21,8 @@ const MARGIN_BYTE: u8 = 0x5A;
 #[derive(Clone, Debug)]
 pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: usize = 1> {
     bytes: Vec<u8>,
-    fault: Fault,
+    /// The fault that is to come, and the number of operations until then.
+    fault: Option<(u64, Fault)>,
     /// The effect of programming a byte that is not erased.
     pub reprogramming: Reprogramming,
     /// Bits stuck at 0, as the distance from the start of the margin, and mask.
@@ -46,24 +47,14 @@ pub enum Reprogramming {
 
 #[derive(Clone, Debug)]
 enum Fault {
-    None,
-    /// Power fails in the operation after `operations` more; what it has done by then is random.
-    Cut {
-        operations: u64,
-        random: Rng,
-    },
-    /// The operation after `operations` more does nothing and returns an error.
-    Refuse {
-        operations: u64,
-    },
-    /// Every operation after `operations` more does nothing and returns an error.
-    RefuseAll {
-        operations: u64,
-    },
-    /// The program after `operations` more returns success without writing its first byte.
-    Slip {
-        operations: u64,
-    },
+    /// Power fails in the operation; what it has done by then is random.
+    Cut(Rng),
+    /// The operation does nothing and returns an error.
+    Refuse,
+    /// This and every later operation does nothing and returns an error.
+    RefuseAll,
+    /// The program returns success without writing its first byte.
+    Slip,
     /// No power: every operation fails.
     PoweredOff,
 }
@@ -99,7 +90,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: 
         bytes[SECTOR..SECTOR * (SECTORS + 1)].fill(0xFF);
         Self {
             bytes,
-            fault: Fault::None,
+            fault: None,
             reprogramming: Reprogramming::Misuse,
             stuck: None,
             reads: 0,
@@ -121,32 +112,29 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: 
     }
 
     pub fn cut_power_after(&mut self, operations: u64, seed: u64) {
-        self.fault = Fault::Cut {
-            operations,
-            random: Rng::with_seed(seed),
-        };
+        self.fault = Some((operations, Fault::Cut(Rng::with_seed(seed))));
     }
 
     pub fn refuse_after(&mut self, operations: u64) {
-        self.fault = Fault::Refuse { operations };
+        self.fault = Some((operations, Fault::Refuse));
     }
 
     /// From the operation after `operations` more on, until power is restored.
     pub fn refuse_all_after(&mut self, operations: u64) {
-        self.fault = Fault::RefuseAll { operations };
+        self.fault = Some((operations, Fault::RefuseAll));
     }
 
     pub fn slip_after(&mut self, operations: u64) {
-        self.fault = Fault::Slip { operations };
+        self.fault = Some((operations, Fault::Slip));
     }
 
     pub fn is_powered_off(&self) -> bool {
-        matches!(self.fault, Fault::PoweredOff)
+        matches!(self.fault, Some((_, Fault::PoweredOff)))
     }
 
     /// Restores power and clears injected failures.
     pub fn power_up(&mut self) {
-        self.fault = Fault::None;
+        self.fault = None;
     }
 
     /// Whether the last erase of the sector with `address` was cut short.
@@ -172,31 +160,27 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: 
         if self.worn.get(address / SECTOR - 1) == Some(&true) {
             return Err(FlashFailed);
         }
-        match &mut self.fault {
-            Fault::None => Ok(OperationOutcome::Done),
-            Fault::PoweredOff | Fault::RefuseAll { operations: 0 } => Err(FlashFailed),
-            Fault::Cut {
-                operations: 0,
-                random,
-            } => {
-                let random = random.clone();
-                self.fault = Fault::PoweredOff;
+        let fault = match &mut self.fault {
+            None => return Ok(OperationOutcome::Done),
+            Some((0, fault)) => fault.clone(),
+            Some((operations, _)) => {
+                *operations -= 1;
+                return Ok(OperationOutcome::Done);
+            }
+        };
+        match fault {
+            Fault::PoweredOff | Fault::RefuseAll => Err(FlashFailed),
+            Fault::Cut(random) => {
+                self.fault = Some((0, Fault::PoweredOff));
                 Ok(OperationOutcome::Torn(random))
             }
-            Fault::Refuse { operations: 0 } => {
-                self.fault = Fault::None;
+            Fault::Refuse => {
+                self.fault = None;
                 Err(FlashFailed)
             }
-            Fault::Slip { operations: 0 } => {
-                self.fault = Fault::None;
+            Fault::Slip => {
+                self.fault = None;
                 Ok(OperationOutcome::Slipped)
-            }
-            Fault::Cut { operations, .. }
-            | Fault::Refuse { operations }
-            | Fault::RefuseAll { operations }
-            | Fault::Slip { operations } => {
-                *operations -= 1;
-                Ok(OperationOutcome::Done)
             }
         }
     }

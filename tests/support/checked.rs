@@ -66,12 +66,12 @@ impl Turned {
         } else {
             (self.right, self.left)
         };
-        let is_right_way = if question.contains("turn ahead") {
-            turning > LEAST
+        let ahead = if question.contains("turn ahead") {
+            turning
         } else {
-            turning < -LEAST
+            -turning
         };
-        if is_right_way && still.abs() < LEAST {
+        if ahead > LEAST && still.abs() < LEAST {
             "y"
         } else {
             "n"
@@ -113,27 +113,23 @@ impl Owner for Watcher {
 
     fn has_stopped(&mut self) -> bool {
         let is_turning = *self.turned.borrow() != Turned::default();
-        let has_seen_enough = |start| {
-            self.shown
-                .last()
-                .is_some_and(|line: &String| line.starts_with(start))
-        };
+        let last = self.shown.last();
+        let has_seen_enough = |start: &str| last.is_some_and(|line| line.starts_with(start));
         self.is_startled && is_turning || self.stops_after.is_some_and(has_seen_enough)
     }
 }
 
 /// The names of the checks that failed.
 pub fn failed(report: &Report) -> Vec<&'static str> {
-    let rows = report.rows().iter();
-    rows.filter(|(_, outcome)| matches!(outcome, Outcome::Failed { .. }))
-        .map(|(check, _)| check.name)
-        .collect()
+    with_outcome(report, |outcome| matches!(outcome, Outcome::Failed { .. }))
 }
 
 /// The names of the checks that were not measured.
 pub fn not_measured(report: &Report) -> Vec<&'static str> {
-    let rows = report.rows().iter();
-    rows.filter(|(_, outcome)| matches!(outcome, Outcome::NotMeasured(_)))
-        .map(|(check, _)| check.name)
-        .collect()
+    with_outcome(report, |outcome| matches!(outcome, Outcome::NotMeasured(_)))
+}
+
+fn with_outcome(report: &Report, is_meant: impl Fn(&Outcome) -> bool) -> Vec<&'static str> {
+    let rows = report.rows().iter().filter(|(_, outcome)| is_meant(outcome));
+    rows.map(|(check, _)| check.name).collect()
 }

@@ -190,8 +190,8 @@ impl Desk {
 
     /// Posts what is due at `now_us`.
     pub fn post_due(&mut self, now_us: u64) {
-        self.autopilot
-            .post_due(&mut self.endpoint, Instant::from_micros(now_us));
+        let now = Instant::from_micros(now_us);
+        self.autopilot.post_due(&mut self.endpoint, now);
     }
 
     /// When something is due next.
@@ -228,14 +228,8 @@ impl Desk {
 
     /// The messages that leave while the wire takes this many.
     pub fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
-        let now = self.now();
-        frames_of(
-            &mut self.autopilot,
-            &mut self.endpoint,
-            &mut self.framer,
-            now,
-            messages,
-        )
+        let (now, endpoint) = (self.now(), &mut self.endpoint);
+        frames_of(&mut self.autopilot, endpoint, &mut self.framer, now, messages)
     }
 
     /// Delivers a request and returns its only answer.
@@ -272,10 +266,8 @@ impl Desk {
 
     /// The names of what is listed now.
     pub fn listed(&self) -> Vec<String> {
-        self.parameters()
-            .listed()
-            .map(|id| id.name().as_str().into())
-            .collect()
+        let listed = self.parameters().listed();
+        listed.map(|id| id.name().as_str().into()).collect()
     }
 
     /// Asserts that this announces the parameter with this value.

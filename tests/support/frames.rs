@@ -1,47 +1,64 @@
 //! A MAVLink 2 reader for tests, written from the protocol's description and not from the crate the firmware uses, so
 //! that both can't make the same mistake.
 
-pub const HEARTBEAT: u32 = 0;
-pub const SYS_STATUS: u32 = 1;
-pub const SYSTEM_TIME: u32 = 2;
-pub const PING: u32 = 4;
-pub const SET_MODE: u32 = 11;
-pub const PARAM_REQUEST_READ: u32 = 20;
-pub const PARAM_REQUEST_LIST: u32 = 21;
-pub const PARAM_VALUE: u32 = 22;
-pub const PARAM_SET: u32 = 23;
-pub const MISSION_COUNT: u32 = 44;
-pub const MISSION_ACK: u32 = 47;
-pub const REQUEST_DATA_STREAM: u32 = 66;
-pub const MANUAL_CONTROL: u32 = 69;
-pub const RC_CHANNELS_OVERRIDE: u32 = 70;
-pub const COMMAND_INT: u32 = 75;
-pub const COMMAND_LONG: u32 = 76;
-pub const COMMAND_ACK: u32 = 77;
-pub const FILE_TRANSFER_PROTOCOL: u32 = 110;
-pub const RADIO_STATUS: u32 = 109;
-pub const TIMESYNC: u32 = 111;
-pub const LOG_REQUEST_LIST: u32 = 117;
-pub const LOG_ENTRY: u32 = 118;
-pub const LOG_REQUEST_DATA: u32 = 119;
-pub const LOG_DATA: u32 = 120;
-pub const LOG_ERASE: u32 = 121;
-pub const LOG_REQUEST_END: u32 = 122;
-pub const BATTERY_STATUS: u32 = 147;
-pub const AUTOPILOT_VERSION: u32 = 148;
-pub const MESSAGE_INTERVAL: u32 = 244;
-pub const PROTOCOL_VERSION: u32 = 300;
-pub const STATUSTEXT: u32 = 253;
-pub const SETUP_SIGNING: u32 = 256;
-pub const WIFI_CONFIG_AP: u32 = 299;
-pub const PARAM_ERROR: u32 = 345;
-pub const BATTERY_STATUS_V2: u32 = 369;
-pub const SMART_BATTERY_INFO: u32 = 370;
-pub const FUEL_STATUS: u32 = 371;
-pub const BATTERY_INFO: u32 = 372;
-pub const COMPONENT_METADATA: u32 = 397;
-pub const NAMED_VALUE_FLOAT: u32 = 251;
-pub const AVAILABLE_MODES: u32 = 435;
+/// A line for each message that the tests use, `NAME = number, extra byte of the checksum;`, as the message definitions have it:
+/// makes the constant `NAME` of the number, and `crc_extra`, which looks the extra byte up by the number.
+macro_rules! messages {
+    ($($name:ident = $id:literal, $crc_extra:literal;)*) => {
+        $(pub const $name: u32 = $id;)*
+
+        fn crc_extra(message_id: u32) -> u8 {
+            match message_id {
+                $($name => $crc_extra,)*
+                other => panic!("message {other} is not one of the tests'"),
+            }
+        }
+    };
+}
+
+messages! {
+    HEARTBEAT = 0, 50;
+    SYS_STATUS = 1, 124;
+    SYSTEM_TIME = 2, 137;
+    PING = 4, 237;
+    SET_MODE = 11, 89;
+    PARAM_REQUEST_READ = 20, 214;
+    PARAM_REQUEST_LIST = 21, 159;
+    PARAM_VALUE = 22, 220;
+    PARAM_SET = 23, 168;
+    MISSION_COUNT = 44, 221;
+    MISSION_ACK = 47, 153;
+    REQUEST_DATA_STREAM = 66, 148;
+    MANUAL_CONTROL = 69, 243;
+    RC_CHANNELS_OVERRIDE = 70, 124;
+    COMMAND_INT = 75, 158;
+    COMMAND_LONG = 76, 152;
+    COMMAND_ACK = 77, 143;
+    RADIO_STATUS = 109, 185;
+    FILE_TRANSFER_PROTOCOL = 110, 84;
+    TIMESYNC = 111, 34;
+    LOG_REQUEST_LIST = 117, 128;
+    LOG_ENTRY = 118, 56;
+    LOG_REQUEST_DATA = 119, 116;
+    LOG_DATA = 120, 134;
+    LOG_ERASE = 121, 237;
+    LOG_REQUEST_END = 122, 203;
+    BATTERY_STATUS = 147, 154;
+    AUTOPILOT_VERSION = 148, 178;
+    MESSAGE_INTERVAL = 244, 95;
+    NAMED_VALUE_FLOAT = 251, 170;
+    STATUSTEXT = 253, 83;
+    SETUP_SIGNING = 256, 71;
+    WIFI_CONFIG_AP = 299, 19;
+    PROTOCOL_VERSION = 300, 217;
+    PARAM_ERROR = 345, 209;
+    BATTERY_STATUS_V2 = 369, 145;
+    SMART_BATTERY_INFO = 370, 75;
+    FUEL_STATUS = 371, 10;
+    BATTERY_INFO = 372, 26;
+    COMPONENT_METADATA = 397, 182;
+    AVAILABLE_MODES = 435, 134;
+}
 
 /// MAV_SEVERITY.
 pub const CRITICAL: u8 = 2;
@@ -71,6 +88,15 @@ pub struct Frame {
     pub signed: Option<Vec<u8>>,
 }
 
+/// A method of each type's name, such as `frame.u16(12)`: reads a number of this type from this place of the payload on.
+macro_rules! numbers {
+    ($($number:ident)*) => {
+        $(pub fn $number(&self, offset: usize) -> $number {
+            $number::from_le_bytes(self.bytes(offset))
+        })*
+    };
+}
+
 impl Frame {
     pub fn payload_len(&self) -> usize {
         self.payload.len()
@@ -80,29 +106,7 @@ impl Frame {
         core::array::from_fn(|i| self.payload.get(offset + i).copied().unwrap_or(0))
     }
 
-    pub fn u8(&self, offset: usize) -> u8 {
-        u8::from_le_bytes(self.bytes(offset))
-    }
-
-    pub fn i8(&self, offset: usize) -> i8 {
-        i8::from_le_bytes(self.bytes(offset))
-    }
-
-    pub fn u16(&self, offset: usize) -> u16 {
-        u16::from_le_bytes(self.bytes(offset))
-    }
-
-    pub fn i16(&self, offset: usize) -> i16 {
-        i16::from_le_bytes(self.bytes(offset))
-    }
-
-    pub fn u32(&self, offset: usize) -> u32 {
-        u32::from_le_bytes(self.bytes(offset))
-    }
-
-    pub fn f32(&self, offset: usize) -> f32 {
-        f32::from_le_bytes(self.bytes(offset))
-    }
+    numbers!(u8 i8 u16 i16 u32 i32 f32);
 
     /// Characters up to the first zero, `length` at most.
     pub fn text(&self, offset: usize, length: usize) -> String {
@@ -111,58 +115,6 @@ impl Frame {
             .take_while(|byte| *byte != 0)
             .map(char::from)
             .collect()
-    }
-
-    pub fn i32(&self, offset: usize) -> i32 {
-        i32::from_le_bytes(self.bytes(offset))
-    }
-}
-
-/// The checksum's extra byte of the messages the tests use, from the message definitions.
-fn crc_extra(message_id: u32) -> u8 {
-    match message_id {
-        HEARTBEAT => 50,
-        SYS_STATUS => 124,
-        PING => 237,
-        SYSTEM_TIME => 137,
-        SET_MODE => 89,
-        PARAM_REQUEST_READ => 214,
-        PARAM_REQUEST_LIST => 159,
-        PARAM_VALUE => 220,
-        PARAM_SET => 168,
-        MISSION_COUNT => 221,
-        MISSION_ACK => 153,
-        REQUEST_DATA_STREAM => 148,
-        MANUAL_CONTROL => 243,
-        RC_CHANNELS_OVERRIDE => 124,
-        COMMAND_INT => 158,
-        COMMAND_LONG => 152,
-        COMMAND_ACK => 143,
-        FILE_TRANSFER_PROTOCOL => 84,
-        RADIO_STATUS => 185,
-        TIMESYNC => 34,
-        LOG_REQUEST_LIST => 128,
-        LOG_ENTRY => 56,
-        LOG_REQUEST_DATA => 116,
-        LOG_DATA => 134,
-        LOG_ERASE => 237,
-        LOG_REQUEST_END => 203,
-        BATTERY_STATUS => 154,
-        AUTOPILOT_VERSION => 178,
-        MESSAGE_INTERVAL => 95,
-        PROTOCOL_VERSION => 217,
-        STATUSTEXT => 83,
-        SETUP_SIGNING => 71,
-        WIFI_CONFIG_AP => 19,
-        PARAM_ERROR => 209,
-        BATTERY_STATUS_V2 => 145,
-        SMART_BATTERY_INFO => 75,
-        FUEL_STATUS => 10,
-        BATTERY_INFO => 26,
-        COMPONENT_METADATA => 182,
-        NAMED_VALUE_FLOAT => 170,
-        AVAILABLE_MODES => 134,
-        other => panic!("message {other} is not one of the tests'"),
     }
 }
 
@@ -189,36 +141,31 @@ fn encode([system_id, component_id]: [u8; 2], flags: u8, message_id: u32, payloa
         .iter()
         .rposition(|byte| *byte != 0)
         .map_or(1, |last| last + 1);
-    let id = message_id.to_le_bytes();
-    let mut frame = vec![
-        START_OF_FRAME,
-        used as u8,
-        flags,
-        0,
-        0,
-        system_id,
-        component_id,
-        id[0],
-        id[1],
-        id[2],
-    ];
+    let mut frame = vec![START_OF_FRAME, used as u8, flags, 0, 0, system_id, component_id];
+    frame.extend(&message_id.to_le_bytes()[..3]);
     frame.extend(&payload[..used]);
     append_checksum(&mut frame);
     frame
 }
 
+fn message_id(frame: &[u8]) -> u32 {
+    u32::from_le_bytes([frame[7], frame[8], frame[9], 0])
+}
+
+/// The checksum of a frame of this message, in which everything before the checksum is there.
+fn checksum(frame: &[u8], message_id: u32) -> [u8; CRC_BYTES] {
+    crc16(frame[1..].iter().copied().chain([crc_extra(message_id)])).to_le_bytes()
+}
+
 fn append_checksum(frame: &mut Vec<u8>) {
-    let message_id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
-    let crc = crc16(frame[1..].iter().copied().chain([crc_extra(message_id)]));
-    frame.extend(crc.to_le_bytes());
+    frame.extend(checksum(frame, message_id(frame)));
 }
 
 /// The same frame as one that says that it is signed; what signs it is missing.
 pub fn declare_signed(frame: &[u8]) -> Vec<u8> {
-    let mut declared = frame[..frame.len() - CRC_BYTES].to_vec();
+    let mut declared = frame.to_vec();
     declared[2] |= SIGNED;
-    append_checksum(&mut declared);
-    declared
+    resealed(&declared)
 }
 
 /// The frame with the checksum of what it says now.
@@ -232,8 +179,7 @@ pub fn resealed(frame: &[u8]) -> Vec<u8> {
 pub fn encode_v1(message_id: u32, payload: &[u8]) -> Vec<u8> {
     let mut frame = vec![0xfe, payload.len() as u8, 0, 255, 190, message_id as u8];
     frame.extend(payload);
-    let crc = crc16(frame[1..].iter().copied().chain([crc_extra(message_id)]));
-    frame.extend(crc.to_le_bytes());
+    frame.extend(checksum(&frame, message_id));
     frame
 }
 
@@ -284,10 +230,9 @@ fn frame(sent: &[(u64, u8)]) -> Frame {
         "unexpected incompatibility flags: {bytes:02x?}"
     );
     let unsigned_bytes = HEADER_BYTES + usize::from(bytes[1]) + CRC_BYTES;
-    let message_id = u32::from_le_bytes([bytes[7], bytes[8], bytes[9], 0]);
+    let message_id = message_id(&bytes);
     let (covered, crc) = bytes[..unsigned_bytes].split_at(unsigned_bytes - CRC_BYTES);
-    let expected = crc16(covered[1..].iter().copied().chain([crc_extra(message_id)]));
-    assert_eq!(crc, expected.to_le_bytes(), "wrong checksum: {bytes:02x?}");
+    assert_eq!(crc, checksum(covered, message_id), "wrong checksum: {bytes:02x?}");
     Frame {
         at_us: sent[sent.len() - 1].0,
         sequence: bytes[4],
@@ -311,12 +256,16 @@ pub fn assert_no_sequence_gap(frames: &[Frame]) {
     }
 }
 
-/// What was reported of a pack last.
+/// All reports of a pack.
+pub fn statuses_of(frames: &[Frame], instance: u8) -> Vec<BatteryStatus<'_>> {
+    let statuses = of_message(frames, BATTERY_STATUS).into_iter().map(BatteryStatus);
+    statuses.filter(|status| status.instance() == instance).collect()
+}
+
+/// The last report of a pack.
 pub fn last_of(frames: &[Frame], instance: u8) -> BatteryStatus<'_> {
-    let frame = of_message(frames, BATTERY_STATUS)
-        .into_iter()
-        .rfind(|frame| BatteryStatus(frame).instance() == instance);
-    BatteryStatus(frame.unwrap_or_else(|| panic!("no BATTERY_STATUS {instance}")))
+    let last = statuses_of(frames, instance).pop();
+    last.unwrap_or_else(|| panic!("no BATTERY_STATUS {instance}"))
 }
 
 /// The texts, in their order.
@@ -341,14 +290,36 @@ pub fn of_message(frames: &[Frame], message_id: u32) -> Vec<&Frame> {
     frames.iter().filter(|f| f.message_id == message_id).collect()
 }
 
-/// Fields of BATTERY_STATUS, at their places on the wire.
-pub struct BatteryStatus<'a>(pub &'a Frame);
+/// A type around a frame of a message, with a method for each line `field, type at place;`: the field's value, of this type,
+/// from this place of the payload on. For example, `fields! { SysStatus: voltage_mv, u16 at 14; }` makes the type
+/// `SysStatus`, of which `SysStatus(&frame).voltage_mv()` is the `u16` at 14.
+macro_rules! fields {
+    ($message:ident: $($field:ident, $number:ident at $place:literal;)*) => {
+        /// Fields of a message, at their places on the wire.
+        pub struct $message<'a>(pub &'a Frame);
+
+        impl $message<'_> {
+            $(pub fn $field(&self) -> $number {
+                self.0.$number($place)
+            })*
+        }
+    };
+}
+
+fields! { BatteryStatus:
+    consumed_mah, i32 at 0;
+    energy_hj, i32 at 4;
+    temperature_cdegc, i16 at 8;
+    current_ca, i16 at 30;
+    instance, u8 at 32;
+    battery_type, u8 at 34;
+    remaining_pct, i8 at 35;
+    time_remaining_s, i32 at 36;
+    charge_state, u8 at 40;
+    fault_bitmask, u32 at 50;
+}
 
 impl BatteryStatus<'_> {
-    pub fn instance(&self) -> u8 {
-        self.0.u8(32)
-    }
-
     pub fn voltage_mv(&self, cell: usize) -> u16 {
         self.0.u16(10 + 2 * cell)
     }
@@ -357,50 +328,17 @@ impl BatteryStatus<'_> {
         let cells = (0..10).map(|cell| self.voltage_mv(cell));
         cells.filter(|mv| *mv != u16::MAX).map(u32::from).sum()
     }
-
-    pub fn consumed_mah(&self) -> i32 {
-        self.0.i32(0)
-    }
-
-    pub fn energy_hj(&self) -> i32 {
-        self.0.i32(4)
-    }
-
-    pub fn temperature_cdegc(&self) -> i16 {
-        self.0.i16(8)
-    }
-
-    pub fn current_ca(&self) -> i16 {
-        self.0.i16(30)
-    }
-
-    pub fn battery_type(&self) -> u8 {
-        self.0.u8(34)
-    }
-
-    pub fn remaining_pct(&self) -> i8 {
-        self.0.i8(35)
-    }
-
-    pub fn time_remaining_s(&self) -> i32 {
-        self.0.i32(36)
-    }
-
-    pub fn fault_bitmask(&self) -> u32 {
-        self.0.u32(50)
-    }
-
-    pub fn charge_state(&self) -> u8 {
-        self.0.u8(40)
-    }
 }
 
 /// Bits of SYS_STATUS: MAV_SYS_STATUS_SENSOR_BATTERY, MAV_SYS_STATUS_PREARM_CHECK.
 const BATTERY_SENSOR: u32 = 1 << 25;
 const PREARM_CHECK: u32 = 1 << 28;
 
-/// Fields of SYS_STATUS, at their places on the wire.
-pub struct SysStatus<'a>(pub &'a Frame);
+fields! { SysStatus:
+    load_permille, u16 at 12;
+    voltage_mv, u16 at 14;
+    errors_comm, u16 at 20;
+}
 
 impl SysStatus<'_> {
     pub fn has_battery_sensor(&self) -> bool {
@@ -416,18 +354,6 @@ impl SysStatus<'_> {
         self.0.u32(8) & PREARM_CHECK != 0
     }
 
-    pub fn load_permille(&self) -> u16 {
-        self.0.u16(12)
-    }
-
-    pub fn voltage_mv(&self) -> u16 {
-        self.0.u16(14)
-    }
-
-    pub fn errors_comm(&self) -> u16 {
-        self.0.u16(20)
-    }
-
     /// Messages that were dropped; the other three counts are 0.
     pub fn dropped(&self) -> u16 {
         assert_eq!([self.0.u16(22), self.0.u16(24), self.0.u16(28)], [0; 3]);
@@ -438,44 +364,21 @@ impl SysStatus<'_> {
 /// The flag of `base_mode`.
 pub const ARMED: u8 = 128;
 
-/// Fields of HEARTBEAT, at their places on the wire.
-pub struct Heartbeat<'a>(pub &'a Frame);
-
-impl Heartbeat<'_> {
-    pub fn custom_mode(&self) -> u32 {
-        self.0.u32(0)
-    }
-
-    pub fn base_mode(&self) -> u8 {
-        self.0.u8(6)
-    }
-
-    pub fn system_status(&self) -> u8 {
-        self.0.u8(7)
-    }
+fields! { Heartbeat:
+    custom_mode, u32 at 0;
+    base_mode, u8 at 6;
+    system_status, u8 at 7;
 }
 
-/// Fields of PARAM_VALUE, at their places on the wire.
-pub struct ParamValue<'a>(pub &'a Frame);
+fields! { ParamValue:
+    value, f32 at 0;
+    count, u16 at 4;
+    index, u16 at 6;
+    kind, u8 at 24;
+}
 
 impl ParamValue<'_> {
-    pub fn value(&self) -> f32 {
-        self.0.f32(0)
-    }
-
-    pub fn count(&self) -> u16 {
-        self.0.u16(4)
-    }
-
-    pub fn index(&self) -> u16 {
-        self.0.u16(6)
-    }
-
     pub fn name(&self) -> String {
         self.0.text(8, 16)
-    }
-
-    pub fn kind(&self) -> u8 {
-        self.0.u8(24)
     }
 }

@@ -51,10 +51,8 @@ pub fn param_read_by_index(index: i16) -> Vec<u8> {
 }
 
 fn param_read(target: [u8; 2], index: i16, text: &str) -> Vec<u8> {
-    encode_v2(
-        PARAM_REQUEST_READ,
-        &[&index.to_le_bytes()[..], &target, &name(text)].concat(),
-    )
+    let payload = [&index.to_le_bytes()[..], &target, &name(text)];
+    encode_v2(PARAM_REQUEST_READ, &payload.concat())
 }
 
 /// As MAVProxy sends it: the type is always REAL32.
@@ -80,13 +78,10 @@ pub fn command_long_2(number: u16, param1: f32, param2: f32) -> Vec<u8> {
 }
 
 pub fn command_long_4(number: u16, parameters: [f32; 4]) -> Vec<u8> {
-    let mut payload = [0; 33];
-    let unused = [f32::NAN; 3];
-    for (place, parameter) in parameters.into_iter().chain(unused).enumerate() {
-        payload[4 * place..4 * place + 4].copy_from_slice(&parameter.to_le_bytes());
-    }
-    payload[28..30].copy_from_slice(&number.to_le_bytes());
-    payload[30..32].copy_from_slice(&VEHICLE);
+    let parameters = [&parameters[..], &[f32::NAN; 3]].concat();
+    let mut payload: Vec<u8> = parameters.into_iter().flat_map(f32::to_le_bytes).collect();
+    payload.extend(number.to_le_bytes());
+    payload.extend(VEHICLE);
     encode_v2(COMMAND_LONG, &payload)
 }
 
@@ -95,24 +90,16 @@ pub fn command_int(number: u16, param1: f32) -> Vec<u8> {
 }
 
 pub fn command_int_2(number: u16, param1: f32, param2: f32) -> Vec<u8> {
-    let mut payload = [0; 35];
-    payload[..4].copy_from_slice(&param1.to_le_bytes());
-    payload[4..8].copy_from_slice(&param2.to_le_bytes());
-    payload[28..30].copy_from_slice(&number.to_le_bytes());
-    payload[30..32].copy_from_slice(&VEHICLE);
-    encode_v2(COMMAND_INT, &payload)
+    let [param1, param2] = [param1, param2].map(f32::to_le_bytes);
+    let payload = [&param1[..], &param2, &[0; 20], &number.to_le_bytes(), &VEHICLE];
+    encode_v2(COMMAND_INT, &payload.concat())
 }
 
 /// MAVLink FTP: open a file for reading.
 pub fn ftp_open(sequence: u16, path: &str) -> Vec<u8> {
     const OPEN_FILE_READ_ONLY: u8 = 4;
-    ftp(
-        sequence,
-        OPEN_FILE_READ_ONLY,
-        path.len() as u8,
-        0,
-        path.as_bytes(),
-    )
+    let length = path.len() as u8;
+    ftp(sequence, OPEN_FILE_READ_ONLY, length, 0, path.as_bytes())
 }
 
 /// A request of MAVLink FTP, of session 0.
@@ -127,34 +114,25 @@ pub fn ftp(sequence: u16, opcode: u8, size: u8, offset: u32, data: &[u8]) -> Vec
 
 /// All log files, or those with an id from `start` to `end`.
 pub fn log_list(start: u16, end: u16) -> Vec<u8> {
-    let payload = [&start.to_le_bytes()[..], &end.to_le_bytes(), &VEHICLE].concat();
-    encode_v2(LOG_REQUEST_LIST, &payload)
+    let payload = [&start.to_le_bytes()[..], &end.to_le_bytes(), &VEHICLE];
+    encode_v2(LOG_REQUEST_LIST, &payload.concat())
 }
 
 /// This many bytes of a log file from an offset on.
 pub fn log_data(id: u16, offset: u32, bytes: u32) -> Vec<u8> {
-    let payload = [
-        &offset.to_le_bytes()[..],
-        &bytes.to_le_bytes(),
-        &id.to_le_bytes(),
-        &VEHICLE,
-    ];
+    let [offset, bytes] = [offset, bytes].map(u32::to_le_bytes);
+    let payload = [&offset[..], &bytes, &id.to_le_bytes(), &VEHICLE];
     encode_v2(LOG_REQUEST_DATA, &payload.concat())
 }
 
 pub fn request_data_stream(stream: u8, rate_hz: u16, start_stop: u8) -> Vec<u8> {
-    let rate = rate_hz.to_le_bytes();
-    encode_v2(
-        REQUEST_DATA_STREAM,
-        &[rate[0], rate[1], VEHICLE[0], VEHICLE[1], stream, start_stop],
-    )
+    let payload = [&rate_hz.to_le_bytes()[..], &VEHICLE, &[stream, start_stop]];
+    encode_v2(REQUEST_DATA_STREAM, &payload.concat())
 }
 
 pub fn ping(time_us: u64, sequence: u32) -> Vec<u8> {
-    encode_v2(
-        PING,
-        &[&time_us.to_le_bytes()[..], &sequence.to_le_bytes(), &EVERYONE].concat(),
-    )
+    let payload = [&time_us.to_le_bytes()[..], &sequence.to_le_bytes(), &EVERYONE];
+    encode_v2(PING, &payload.concat())
 }
 
 /// A request for the time: no time of its own, and a time stamp to recognise the answer by.
@@ -168,11 +146,8 @@ pub fn system_time(unix_us: u64) -> Vec<u8> {
 }
 
 pub fn system_time_from(sender: [u8; 2], unix_us: u64) -> Vec<u8> {
-    encode_v2_from(
-        sender,
-        SYSTEM_TIME,
-        &[&unix_us.to_le_bytes()[..], &[0; 4]].concat(),
-    )
+    let payload = [&unix_us.to_le_bytes()[..], &[0; 4]];
+    encode_v2_from(sender, SYSTEM_TIME, &payload.concat())
 }
 
 /// A station states its time since its own start, in ms.
@@ -228,10 +203,13 @@ pub fn do_set_mode(mode: f32) -> Vec<u8> {
 }
 
 pub fn set_mode(target: u8, base_mode: u8, mode: u32) -> Vec<u8> {
-    encode_v2(
-        SET_MODE,
-        &[&mode.to_le_bytes()[..], &[target, base_mode]].concat(),
-    )
+    let payload = [&mode.to_le_bytes()[..], &[target, base_mode]];
+    encode_v2(SET_MODE, &payload.concat())
+}
+
+/// The mode that follows stick input.
+pub fn manual_mode() -> Vec<u8> {
+    set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL)
 }
 
 /// The axes x and r are full of what must not matter.
@@ -260,10 +238,8 @@ pub fn setup_signing(key: [u8; 32], initial_timestamp: u64) -> Vec<u8> {
 }
 
 pub fn setup_signing_of(target: [u8; 2], key: [u8; 32], initial_timestamp: u64) -> Vec<u8> {
-    encode_v2(
-        SETUP_SIGNING,
-        &[&initial_timestamp.to_le_bytes()[..], &target, &key].concat(),
-    )
+    let payload = [&initial_timestamp.to_le_bytes()[..], &target, &key];
+    encode_v2(SETUP_SIGNING, &payload.concat())
 }
 
 pub fn wifi_config(ssid: &str, password: &str, mode: u8) -> Vec<u8> {

@@ -33,82 +33,56 @@ use crate::commands::{ARM_DISARM, BATTERY_RESET, REQUEST_MESSAGE};
 use crate::desk::DIVIDER;
 use crate::frames::{BATTERY_INFO, STATUSTEXT, last_of, of_message};
 use crate::repository;
-use crate::requests::{
-    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, arm_by_force, command_long, command_long_2, manual_control,
-    set_mode,
-};
+use crate::requests::{VEHICLE_ID, arm_by_force, command_long, command_long_2, manual_control, manual_mode};
 use crate::vehicle::TestedVehicle;
 
 /// A parsed story.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Story {
-    pub name: String,
-    pub parameters: Vec<(String, f32)>,
-    pub inputs: Vec<(f64, Input)>,
-    pub expectations: Vec<(f64, Outcome)>,
-    pub end_s: f64,
+    name: String,
+    parameters: Vec<(String, f32)>,
+    inputs: Vec<(f64, Input)>,
+    expectations: Vec<(f64, Outcome)>,
+    end_s: f64,
 }
 
 /// An input; packs are numbered from 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Input {
-    Voltage {
-        pack: usize,
-        volts: f32,
-    },
-    Current {
-        pack: usize,
-        amperes: f32,
-    },
-    Pack {
-        capacity_mah: f32,
-        resistance_mohm: f32,
-        charge_pct: f32,
-    },
+#[derive(Clone, Copy)]
+enum Input {
+    /// In V.
+    Voltage(usize, f32),
+    /// In A.
+    Current(usize, f32),
+    /// With this many mAh, mOhm and percent of charge.
+    Pack([f32; 3]),
     Unplug,
     Plug,
-    Wire(Wire),
-    Load {
-        currents_a: [f32; 2],
-    },
-    SensorFails,
-    SensorWorks,
-    Request(Request),
-}
-
-/// The wire that measures a voltage.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Wire {
-    Loose,
-    #[default]
-    Fixed,
+    /// Whether the wire that measures the voltage is loose.
+    Loose(bool),
+    /// In A, by turns.
+    Load([f32; 2]),
+    Sensor(Converter),
+    /// Forced, and in mode MANUAL.
+    Arm,
+    Disarm,
+    /// To this many percent.
+    Reset(f32),
 }
 
 /// The simulated pack of a story, once there is one.
-#[derive(Debug, Default)]
-pub struct Source {
+#[derive(Default)]
+struct Source {
     pack: Option<SimulatedPack>,
-    wire: Wire,
+    is_loose: bool,
     currents_a: [f32; 2],
     loaded_s: f32,
 }
 
-/// What a simulated pack is measured at.
-#[derive(Clone, Copy, Debug)]
-pub struct Supplied {
-    pub volts: f32,
-    pub amperes: f32,
-}
-
 impl Source {
     /// Takes an input of the first pack.
-    pub fn take(&mut self, input: Input) {
+    fn take(&mut self, input: Input) {
         match input {
-            Input::Pack {
-                capacity_mah,
-                resistance_mohm,
-                charge_pct,
-            } => {
+            Input::Pack([capacity_mah, resistance_mohm, charge_pct]) => {
                 let ohm = resistance_mohm * 1e-3;
                 let model = PackModel {
                     cells: 2,
@@ -122,46 +96,30 @@ impl Source {
             }
             Input::Unplug => self.pack.iter_mut().for_each(SimulatedPack::unplug),
             Input::Plug => self.pack.iter_mut().for_each(SimulatedPack::plug_in),
-            Input::Wire(wire) => self.wire = wire,
-            Input::Load { currents_a } => {
+            Input::Loose(is_loose) => self.is_loose = is_loose,
+            Input::Load(currents_a) => {
                 self.currents_a = currents_a;
                 self.loaded_s = 0.0;
             }
-            Input::Voltage { pack: 0, .. } => self.pack = None,
+            Input::Voltage(0, _) => self.pack = None,
             _ => {}
         }
     }
 
     /// State of charge, in percent.
-    pub fn charge_pct(&self) -> Option<f32> {
+    fn charge_pct(&self) -> Option<f32> {
         Some(self.pack.as_ref()?.charge() * 100.0)
     }
 
-    /// Lets `dt_s` seconds pass; `None` without a simulated pack.
-    pub fn supply(&mut self, dt_s: f32) -> Option<Supplied> {
+    /// Lets `dt_s` seconds pass: at what voltage and current the simulated pack is measured.
+    fn supply(&mut self, dt_s: f32) -> Option<(f32, f32)> {
         let pack = self.pack.as_mut()?;
         let turn = (self.loaded_s / LOAD_TURN_S) as usize % self.currents_a.len();
         self.loaded_s += dt_s;
         pack.draw(self.currents_a[turn], dt_s);
-        Some(Supplied {
-            volts: match self.wire {
-                Wire::Loose => 0.0,
-                Wire::Fixed => pack.voltage_v(),
-            },
-            amperes: pack.current_a(),
-        })
+        let volts = if self.is_loose { 0.0 } else { pack.voltage_v() };
+        Some((volts, pack.current_a()))
     }
-}
-
-/// What a ground station asks for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Request {
-    /// Forced, and in mode MANUAL.
-    Arm,
-    Disarm,
-    Reset {
-        percent: f32,
-    },
 }
 
 /// How long each current of a load lasts, in seconds.
@@ -173,36 +131,14 @@ const HEALTH_TOLERANCE_PCT: u8 = 3;
 /// Tolerance of a state of charge, in percent.
 const CHARGE_TOLERANCE_PCT: f32 = 5.0;
 
-impl Request {
-    /// The frames of the request.
-    pub fn frames(self) -> Vec<u8> {
-        match self {
-            // A stick deflected on arming would have to be neutral first. A mode that is set afterwards could end the HOLD of
-            // a failsafe that armed packs reach at once.
-            Self::Arm => [
-                manual_control(VEHICLE_ID, 0, 0),
-                set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL),
-                arm_by_force(),
-            ]
-            .concat(),
-            Self::Disarm => command_long_2(ARM_DISARM, 0.0, 0.0),
-            Self::Reset { percent } => command_long_2(BATTERY_RESET, 65535.0, percent),
-        }
-    }
-}
-
 /// An expected outcome.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Outcome {
-    Level {
-        pack: usize,
-        level: Level,
-    },
-    /// A text that starts so. An estimate of one second may cross a limit in the next.
-    Says {
-        start: String,
-        slack_s: f64,
-    },
+enum Outcome {
+    /// Of a pack.
+    Level(usize, Level),
+    /// A text that starts so, and by how many seconds more it may be off: an estimate of one second may cross a limit in the
+    /// next.
+    Says(String, f64),
     Motors(Drive),
     /// In percent; `None` is unknown.
     Health(Option<u8>),
@@ -211,14 +147,14 @@ pub enum Outcome {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
+enum Level {
     Unhealthy,
     Low,
     Critical,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drive {
+enum Drive {
     Brake,
     Coast,
     Turn,
@@ -260,10 +196,8 @@ impl Story {
             let name = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
             Self::parse(name, &fs::read_to_string(&path).expect("readable"))
         };
-        let stories: Vec<_> = fs::read_dir(folder)
-            .expect("the folder exists")
-            .map(parse)
-            .collect();
+        let entries = fs::read_dir(folder).expect("the folder exists");
+        let stories: Vec<_> = entries.map(parse).collect();
         assert!(!stories.is_empty(), "no story was found");
         stories
     }
@@ -277,12 +211,9 @@ impl Story {
 
     /// Asserts a state of charge, in percent.
     fn check_charge(&self, at_s: f64, reported_pct: Option<f32>, true_pct: Option<f32>) {
-        let error_pct = reported_pct
-            .zip(true_pct)
-            .map(|(reported_pct, true_pct)| reported_pct - true_pct);
-        let is_right = error_pct.is_some_and(|error_pct| error_pct.abs() <= CHARGE_TOLERANCE_PCT);
+        let is_right = |(reported, expected): (f32, f32)| (reported - expected).abs() <= CHARGE_TOLERANCE_PCT;
         assert!(
-            is_right,
+            reported_pct.zip(true_pct).is_some_and(is_right),
             "{}: {reported_pct:?} % at {at_s} s, of {true_pct:?} %",
             self.name
         );
@@ -306,15 +237,15 @@ impl Story {
             .collect();
         for (at_s, outcome) in &self.expectations {
             match outcome {
-                Outcome::Level { pack, level } => {
+                Outcome::Level(pack, level) => {
                     let found = levels.iter().position(|(time_s, what)| {
                         is_about(*time_s, *at_s, tolerance_s) && *what == (*pack, *level)
                     });
-                    levels.remove(
-                        found.unwrap_or_else(|| panic!("{name}: no {level:?} at {at_s} s: {texts:?}")),
-                    );
+                    let found =
+                        found.unwrap_or_else(|| panic!("{name}: no {level:?} at {at_s} s: {texts:?}"));
+                    levels.remove(found);
                 }
-                Outcome::Says { start, slack_s } => assert!(
+                Outcome::Says(start, slack_s) => assert!(
                     texts.iter().any(|(time_s, text)| {
                         is_about(*time_s, *at_s, tolerance_s + slack_s) && starts_so(text, start)
                     }),
@@ -336,7 +267,7 @@ impl Story {
         };
         let is_expected = |time_s: f64, text: &str| {
             self.expectations.iter().any(|(at_s, outcome)| {
-                matches!(outcome, Outcome::Says { start, slack_s } if starts_so(text, start)
+                matches!(outcome, Outcome::Says(start, slack_s) if starts_so(text, start)
                     && is_about(time_s, *at_s, tolerance_s + slack_s))
             })
         };
@@ -407,57 +338,44 @@ fn input<'a>(word: &str, words: &mut impl Iterator<Item = &'a str>) -> Option<In
     };
     let mut number = || words.next()?.parse().ok();
     Some(match word {
-        "voltage" => Input::Voltage {
-            pack,
-            volts: number()?,
-        },
-        "current" => Input::Current {
-            pack,
-            amperes: number()?,
-        },
-        "pack" => Input::Pack {
-            capacity_mah: number()?,
-            resistance_mohm: number()?,
-            charge_pct: number()?,
-        },
+        "voltage" => Input::Voltage(pack, number()?),
+        "current" => Input::Current(pack, number()?),
+        "pack" => Input::Pack([number()?, number()?, number()?]),
         "unplug" => Input::Unplug,
         "plug" => Input::Plug,
-        "loose" => Input::Wire(Wire::Loose),
-        "fixed" => Input::Wire(Wire::Fixed),
-        "load" => Input::Load {
-            currents_a: [number()?, number()?],
-        },
-        "reset" => Input::Request(Request::Reset { percent: number()? }),
-        "arm" => Input::Request(Request::Arm),
-        "disarm" => Input::Request(Request::Disarm),
-        "fail" => Input::SensorFails,
-        "work" => Input::SensorWorks,
+        "loose" => Input::Loose(true),
+        "fixed" => Input::Loose(false),
+        "load" => Input::Load([number()?, number()?]),
+        "reset" => Input::Reset(number()?),
+        "arm" => Input::Arm,
+        "disarm" => Input::Disarm,
+        "fail" => Input::Sensor(Converter::Stalled),
+        "work" => Input::Sensor(Converter::Working),
         _ => return None,
     })
 }
 
 fn outcome(words: &[&str]) -> Option<Outcome> {
-    let level = |pack, level| Outcome::Level { pack, level };
     Some(match words {
-        ["low"] => level(0, Level::Low),
-        ["low2"] => level(1, Level::Low),
-        ["critical"] => level(0, Level::Critical),
-        ["critical2"] => level(1, Level::Critical),
-        ["unhealthy"] => level(0, Level::Unhealthy),
-        ["unhealthy2"] => level(1, Level::Unhealthy),
+        ["low"] => Outcome::Level(0, Level::Low),
+        ["low2"] => Outcome::Level(1, Level::Low),
+        ["critical"] => Outcome::Level(0, Level::Critical),
+        ["critical2"] => Outcome::Level(1, Level::Critical),
+        ["unhealthy"] => Outcome::Level(0, Level::Unhealthy),
+        ["unhealthy2"] => Outcome::Level(1, Level::Unhealthy),
         ["brake"] => Outcome::Motors(Drive::Brake),
         ["coast"] => Outcome::Motors(Drive::Coast),
         ["turn"] => Outcome::Motors(Drive::Turn),
         ["charge"] => Outcome::Charge,
         ["health", "unknown"] => Outcome::Health(None),
         ["health", percent] => Outcome::Health(Some(percent.parse().ok()?)),
-        [says, text @ ..] if says.starts_with("says") && !text.is_empty() => Outcome::Says {
-            start: text.join(" "),
-            slack_s: match says.strip_prefix("says")? {
+        [says, text @ ..] if !text.is_empty() => {
+            let slack_s = match says.strip_prefix("says")? {
                 "" => 0.0,
                 slack => slack.strip_prefix('~')?.parse().ok()?,
-            },
-        },
+            };
+            Outcome::Says(text.join(" "), slack_s)
+        }
         _ => return None,
     })
 }
@@ -506,20 +424,28 @@ impl<V: TestedVehicle> Stage<V> {
     fn take(&mut self, input: Input) {
         self.source.take(input);
         match input {
-            Input::Pack { .. } | Input::Unplug | Input::Plug | Input::Wire(_) | Input::Load { .. } => {}
-            Input::Voltage { pack, volts } => self.vehicle.set_pin_v(DIVIDERS[pack], volts / DIVIDER),
-            Input::Current { pack, amperes } => {
+            Input::Voltage(pack, volts) => self.vehicle.set_pin_v(DIVIDERS[pack], volts / DIVIDER),
+            Input::Current(pack, amperes) => {
                 assert_eq!(pack, 0, "only the first pack has a current sensor");
                 self.vehicle.set_pin_v(CURRENT_SENSOR, amperes / AMPERES_PER_VOLT);
             }
-            Input::SensorFails => self.vehicle.set_converter(Converter::Stalled),
-            Input::SensorWorks => self.vehicle.set_converter(Converter::Working),
-            Input::Request(request) => self.vehicle.send(&request.frames()),
+            Input::Sensor(converter) => self.vehicle.set_converter(converter),
+            Input::Arm => {
+                // A stick deflected on arming would have to be neutral first. A mode that is set afterwards could end the HOLD
+                // of a failsafe that armed packs reach at once.
+                let frames = [manual_control(VEHICLE_ID, 0, 0), manual_mode(), arm_by_force()];
+                self.vehicle.send(&frames.concat());
+            }
+            Input::Disarm => self.vehicle.send(&command_long_2(ARM_DISARM, 0.0, 0.0)),
+            Input::Reset(percent) => self
+                .vehicle
+                .send(&command_long_2(BATTERY_RESET, 65535.0, percent)),
+            Input::Pack(_) | Input::Unplug | Input::Plug | Input::Loose(_) | Input::Load(_) => {}
         }
     }
 
     fn step(&mut self) {
-        if let Some(Supplied { volts, amperes }) = self.source.supply(STEP_US as f32 * 1e-6) {
+        if let Some((volts, amperes)) = self.source.supply(STEP_US as f32 * 1e-6) {
             self.vehicle.set_pin_v(DIVIDERS[0], volts / DIVIDER);
             self.vehicle.set_pin_v(CURRENT_SENSOR, amperes / AMPERES_PER_VOLT);
         }
@@ -539,9 +465,8 @@ impl<V: TestedVehicle> Stage<V> {
     /// The first pack's state of health, in percent, by BATTERY_INFO.
     fn health_pct(&mut self) -> Option<u8> {
         const UNKNOWN_PCT: u8 = 255;
-        let answers = self
-            .vehicle
-            .ask(&command_long(REQUEST_MESSAGE, BATTERY_INFO as f32));
+        let request = command_long(REQUEST_MESSAGE, BATTERY_INFO as f32);
+        let answers = self.vehicle.ask(&request);
         let info = of_message(&answers, BATTERY_INFO)[0];
         Some(info.u8(47)).filter(|percent| *percent != UNKNOWN_PCT)
     }
@@ -563,7 +488,7 @@ impl<V: TestedVehicle> Stage<V> {
                 Outcome::Charge => {
                     story.check_charge(at_s, self.reported_pct(), self.source.charge_pct());
                 }
-                Outcome::Level { .. } | Outcome::Says { .. } => {}
+                Outcome::Level(..) | Outcome::Says(..) => {}
             }
         }
     }
@@ -595,7 +520,7 @@ pub fn play<V: TestedVehicle>(story: &Story) {
         stage.check_due(story, &mut due);
         stage.step();
     }
-    let is_of_text = |outcome: &Outcome| matches!(outcome, Outcome::Level { .. } | Outcome::Says { .. });
+    let is_of_text = |outcome: &Outcome| matches!(outcome, Outcome::Level(..) | Outcome::Says(..));
     let unchecked = due.iter().find(|(_, outcome)| !is_of_text(outcome));
     assert_eq!(unchecked, None, "{} ends too soon", story.name);
     story.check_texts(&stage.texts(), LATENCY_S);

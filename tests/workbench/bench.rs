@@ -1,5 +1,6 @@
 //! A board on the bench, and what the tests ask of it.
 
+use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::OnceLock;
 
@@ -16,13 +17,14 @@ use rover_battmon_tools::sim::stepped::{Converter, adc_count};
 
 use crate::elf::{Artifact, build};
 use emulator::{
-    AdcFault, AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte,
+    AdcFault, AdcInput, Board, CpuState, Firmware, FlashOperation, FlashOperationKind, LogLevel, ResetCause,
+    ResetRecord, SentByte,
 };
 use support::commands::{ACCEPTED, PREFLIGHT_REBOOT_SHUTDOWN};
-use support::frames::{Frame, acknowledged, frames};
+use support::frames::{Frame, PARAM_VALUE, ParamValue, acknowledged, frames, of_message};
 use support::motor_poles::LEFT;
 use support::parameter_flash;
-use support::requests::reboot;
+use support::requests::{VEHICLE, param_request_list, reboot};
 use support::signer::Signer;
 pub use support::time::SECOND;
 pub use support::vehicle::Wire;
@@ -56,6 +58,12 @@ const fn bytes(range: Range<u32>) -> usize {
 /// What is learnt of a pack is written whenever it rests, without anyone's request.
 pub fn is_learnt(operation: &FlashOperation) -> bool {
     flash_map::LEARNT.contains(&operation.offset)
+}
+
+/// The number of operations of this kind.
+pub fn count_of(kind: FlashOperationKind, operations: &[FlashOperation]) -> usize {
+    let of_kind = operations.iter().filter(|operation| operation.kind == kind);
+    of_kind.count()
 }
 
 /// The parameters of the vehicle, of its sticks and of its thermometers that are listed by default: ten more set up what is not in use then.
@@ -218,6 +226,16 @@ impl Bench {
         self.set_register(PROGRAM_COUNTER, entry);
     }
 
+    /// Does what makes the board restart within this time, and returns how it did.
+    #[track_caller]
+    pub fn reset_by(&mut self, within_us: u64, act: impl FnOnce(&mut Self)) -> ResetRecord {
+        let resets = self.resets().len();
+        act(self);
+        let is_reset = self.run_until(within_us, |board| board.resets().len() > resets);
+        assert!(is_reset, "no reset within {within_us} us");
+        self.resets()[resets]
+    }
+
     /// A host is plugged in, and a program opens the port.
     pub fn plug_usb(&mut self) {
         self.usb().plug();
@@ -286,6 +304,33 @@ impl Bench {
         frames(&self.sent()[position..])
     }
 
+    /// All parameters, by the board's list, at 115200 baud or faster. Panics if it takes longer than twice its time.
+    pub fn list(&mut self) -> BTreeMap<String, f32> {
+        // Often, so that nothing else happens once it is complete.
+        const STEP_US: u64 = 100 * MILLISECOND;
+        // A list has 30 % of 11520 bytes a second; a PARAM_VALUE has at most 37 of them.
+        const MOST_US_FOR_EACH: u64 = 2 * SECOND * 37 / 3456;
+        self.run_until_silent();
+        let (position, from_us) = (self.sent().len(), self.time_us());
+        self.request(&param_request_list(VEHICLE));
+        loop {
+            self.run_for(STEP_US);
+            let frames = self.frames_from(position);
+            let values: Vec<_> = of_message(&frames, PARAM_VALUE)
+                .into_iter()
+                .map(ParamValue)
+                .collect();
+            let first = values.first();
+            let count = first.map_or(LISTED_BY_DEFAULT, |value| usize::from(value.count()));
+            if values.len() >= count {
+                return values.iter().map(|value| (value.name(), value.value())).collect();
+            }
+            let took_us = self.time_us() - from_us;
+            let is_in_time = took_us < MOST_US_FOR_EACH * count as u64;
+            assert!(is_in_time, "{} of {count} after {took_us} us", values.len());
+        }
+    }
+
     /// The log lines of at least `level` that contain `text`.
     pub fn logged(&self, level: LogLevel, text: &str) -> Vec<(u64, String)> {
         let lines = self.board.log_lines().iter();
@@ -297,16 +342,9 @@ impl Bench {
 
     /// Panics if anything happened that a sound firmware on a sound board does not see.
     pub fn assert_untroubled(&self) {
-        assert!(
-            self.board.resets().is_empty(),
-            "resets: {:?}",
-            self.board.resets()
-        );
-        assert!(
-            self.board.bus_errors().is_empty(),
-            "bus errors: {:?}",
-            self.board.bus_errors()
-        );
+        let (resets, bus_errors) = (self.resets(), self.bus_errors());
+        assert!(resets.is_empty(), "resets: {resets:?}");
+        assert!(bus_errors.is_empty(), "bus errors: {bus_errors:?}");
         let warnings = self.logged(LogLevel::Warn, "");
         assert!(warnings.is_empty(), "warnings: {warnings:?}");
     }
@@ -387,14 +425,11 @@ impl TestedVehicle for Bench {
     }
 
     fn reboot(&mut self) {
-        let resets = self.resets().len();
-        let answers = self.ask(&reboot());
-        assert_eq!(acknowledged(&answers)[0], (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED));
-        assert!(
-            self.run_until(4 * SECOND, |board| board.resets().len() > resets),
-            "no restart"
-        );
-        assert_eq!(self.resets()[resets].cause, ResetCause::WatchdogForce);
+        let reset = self.reset_by(4 * SECOND, |bench| {
+            let answers = bench.ask(&reboot());
+            assert_eq!(acknowledged(&answers)[0], (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED));
+        });
+        assert_eq!(reset.cause, ResetCause::WatchdogForce);
         self.run_for(SECOND);
         assert!(!self.logged(LogLevel::Info, "started by Software").is_empty());
     }

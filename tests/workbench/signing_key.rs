@@ -15,10 +15,8 @@ pub use support::signer::{OWNER, STRANGER};
 /// The words that signing stores for the owner's key.
 pub fn words_of_key() -> Vec<(u16, u32)> {
     let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
-    StoredSigning::default()
-        .words(&ToStore::Key(key))
-        .into_iter()
-        .collect()
+    let words = StoredSigning::default().words(&ToStore::Key(key));
+    words.into_iter().collect()
 }
 
 /// The flash of signing after these words were stored.
@@ -27,10 +25,8 @@ pub fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
     let mut storage = Storage::new(flash.clone(), flash_map::SIGNING);
     block_on(async {
         for (key, word) in words {
-            storage
-                .store(key, word, &Erase::always)
-                .await
-                .expect("a sound flash");
+            let stored = storage.store(key, word, &Erase::always).await;
+            stored.expect("a sound flash");
         }
         storage.prepare(&Erase::always).await.expect("a sound flash");
     });

@@ -4,13 +4,14 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use super::{BUS, DIVIDER_CODE, Second, shared, with_second_pack};
-use emulator::LogLevel;
+use super::with_second_pack;
 use emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
+use emulator::{Board, I2cDevice, LogLevel};
 use support::charge_states::UNHEALTHY;
-use support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
+use support::frames::{last_of, statuses_of, texts_of};
 use support::monitor_types::{INA2XX, SMART_BATTERY};
-use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND, TestedVehicle};
+use workbench::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
+use workbench::i2c_bus::{BUS, shared};
 
 const MONITOR_AT: u8 = 0x40;
 const BATTERY_AT: u8 = 0x0b;
@@ -18,9 +19,9 @@ const BATTERY_AT: u8 = 0x0b;
 const CYCLES_PER_MS: u64 = MILLISECOND * CYCLES_PER_US;
 
 /// The third pack is a smart battery, which is fine, and the first one is on the divider.
-pub struct Faulty<D> {
-    pub bench: Bench,
-    pub part: Rc<RefCell<D>>,
+struct Faulty<D> {
+    bench: Bench,
+    part: Rc<RefCell<D>>,
 }
 
 /// The second pack is a power monitor.
@@ -30,41 +31,36 @@ fn with_monitor() -> Faulty<RegisterMap<Ina226>> {
     let mut bench = Bench::running(DIVIDER_CODE);
     let fine = SmartBattery::new(Pec::Right);
     bench.i2c(BUS).attach(BATTERY_AT, Box::new(fine));
-    let second = Second {
-        kind: INA2XX,
-        address: MONITOR_AT,
-    };
-    second.configure(&mut bench, &part, &[("BATT3_MONITOR", SMART_BATTERY)]);
-    bench.run_for(2 * SECOND);
-    let faulty = Faulty { bench, part };
-    faulty.assert_all_fine();
-    faulty
+    Faulty::of(
+        bench,
+        (INA2XX, MONITOR_AT),
+        part,
+        &[("BATT3_MONITOR", SMART_BATTERY)],
+    )
 }
 
-impl<D> Faulty<D> {
-    pub fn assert_all_fine(&self) {
-        assert!(self.bench.logged(LogLevel::Warn, "unhealthy").is_empty());
-        assert!(!self.bench.logged(LogLevel::Info, "battery 2: Healthy").is_empty());
-        assert!(!self.bench.logged(LogLevel::Info, "battery 3: Healthy").is_empty());
+impl<D: I2cDevice + 'static> Faulty<D> {
+    /// After two seconds in which all packs were fine.
+    fn of(bench: Bench, second: (f32, u8), part: Rc<RefCell<D>>, parameters: &[(&str, f32)]) -> Self {
+        let mut bench = with_second_pack(bench, second, &part, parameters);
+        bench.run_for(2 * SECOND);
+        assert!(bench.logged(LogLevel::Warn, "unhealthy").is_empty());
+        for fine in ["battery 2: Healthy", "battery 3: Healthy"] {
+            assert!(!bench.logged(LogLevel::Info, fine).is_empty(), "{fine}");
+        }
+        Self { bench, part }
     }
 
     /// `fault` makes the second pack unhealthy within five seconds, which is announced once with this reason; when it
     /// has ended, the pack recovers by itself, which is announced once, too. The other packs keep their rate.
-    pub fn assert_survives(
-        &mut self,
-        reason: &str,
-        fault: impl FnOnce(&mut Self),
-        end: impl FnOnce(&mut Self),
-    ) {
+    fn assert_survives(&mut self, reason: &str, fault: impl FnOnce(&mut Self), end: impl FnOnce(&mut Self)) {
         fault(self);
         let from_us = self.bench.time_us();
-        let found = self.bench.run_until(5 * SECOND, |board| {
-            board
-                .log_lines()
-                .iter()
-                .any(|line| line.text.contains("battery 2: unhealthy"))
-        });
-        assert!(found, "not noticed");
+        let is_noticed = |board: &mut Board| {
+            let mut lines = board.log_lines().iter();
+            lines.any(|line| line.text.contains("battery 2: unhealthy"))
+        };
+        assert!(self.bench.run_until(5 * SECOND, is_noticed), "not noticed");
         println!(
             "{reason}: unhealthy {} ms after the fault",
             (self.bench.time_us() - from_us) / MILLISECOND
@@ -83,11 +79,7 @@ impl<D> Faulty<D> {
         let frames = self.bench.frames();
         assert_ne!(last_of(&frames, 1).charge_state(), UNHEALTHY);
         assert_eq!(last_of(&frames, 1).sum_of_cells_mv(), 12_000);
-        assert!(
-            self.bench.resets().iter().skip(1).count() == 0,
-            "{:?}",
-            self.bench.resets()
-        );
+        assert_eq!(self.bench.resets().len(), 1, "{:?}", self.bench.resets());
         assert!(self.bench.bus_errors().is_empty());
     }
 
@@ -102,11 +94,7 @@ impl<D> Faulty<D> {
         let frames = self.bench.frames_since(from_us);
         let seconds = (self.bench.time_us() - from_us) as f64 / SECOND as f64;
         for instance in [0, 2] {
-            let reports = of_message(&frames, BATTERY_STATUS);
-            let count = reports
-                .iter()
-                .filter(|frame| BatteryStatus(frame).instance() == instance)
-                .count();
+            let count = statuses_of(&frames, instance).len();
             assert!(
                 (count as f64 - 10.0 * seconds).abs() <= 2.0,
                 "pack {instance}: {count} in {seconds} s"
@@ -121,7 +109,7 @@ impl<D> Faulty<D> {
 
     /// No reading of the third pack, which is on the same bus, was missed since the tick before which the second one's part
     /// was set up: that may take the bus for longer than a tick.
-    pub fn assert_neighbour_is_read(&self) {
+    fn assert_neighbour_is_read(&self) {
         let (set_up_us, _) = self.bench.logged(LogLevel::Info, "battery 2: Healthy")[0];
         let mut missed = self.bench.logged(LogLevel::Warn, "battery 3");
         missed.retain(|(at_us, _)| *at_us > set_up_us + 50 * MILLISECOND);
@@ -192,19 +180,8 @@ fn with_battery(pec: Pec) -> Faulty<SmartBattery> {
     let mut fine = Ina226::new(0.0005);
     fine.set(11.0, 1.0);
     bench.i2c(BUS).attach(MONITOR_AT, Box::new(fine));
-    let second = Second {
-        kind: SMART_BATTERY,
-        address: BATTERY_AT,
-    };
-    second.configure(
-        &mut bench,
-        &part,
-        &[("BATT2_CELLS", 0.0), ("BATT3_MONITOR", INA2XX)],
-    );
-    bench.run_for(2 * SECOND);
-    let faulty = Faulty { bench, part };
-    faulty.assert_all_fine();
-    faulty
+    let parameters = [("BATT2_CELLS", 0.0), ("BATT3_MONITOR", INA2XX)];
+    Faulty::of(bench, (SMART_BATTERY, BATTERY_AT), part, &parameters)
 }
 
 #[test]
@@ -249,13 +226,13 @@ fn clock_hz(bench: &mut Bench) -> u64 {
 fn the_clock_is_as_fast_as_the_slowest_part_stands() {
     let part = shared(Ina226::new(0.0005));
     part.borrow_mut().set(12.0, 1.0);
-    let mut bench = with_second_pack(INA2XX, 0x40, &part, &[]);
+    let bench = Bench::running(DIVIDER_CODE);
+    let mut bench = with_second_pack(bench, (INA2XX, MONITOR_AT), &part, &[]);
     let fast_hz = clock_hz(&mut bench);
     assert!((350_000..=400_000).contains(&fast_hz), "{fast_hz} Hz");
 
-    bench
-        .i2c(BUS)
-        .attach(0x0b, Box::new(SmartBattery::new(Pec::None)));
+    let battery = SmartBattery::new(Pec::None);
+    bench.i2c(BUS).attach(BATTERY_AT, Box::new(battery));
     bench.set("BATT3_MONITOR", SMART_BATTERY);
     bench.reboot();
     let slow_hz = clock_hz(&mut bench);

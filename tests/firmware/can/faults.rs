@@ -11,11 +11,9 @@ const OTHER_MV: u16 = 12_250;
 
 /// The texts about the bus and about the second pack.
 fn texts(bench: &mut Bench) -> Vec<String> {
-    let texts = texts_of(&bench.frames());
+    let mut texts = texts_of(&bench.frames());
+    texts.retain(|text| text.starts_with("CAN ") || text.starts_with("Battery 2 "));
     texts
-        .into_iter()
-        .filter(|text| text.starts_with("CAN ") || text.starts_with("Battery 2 "))
-        .collect()
 }
 
 /// A battery on the bus is measured.

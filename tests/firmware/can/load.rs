@@ -2,9 +2,9 @@
 
 use super::{DRONECAN, with_battery_at, with_can_at};
 use emulator::{FlashOperationKind, LogLevel};
-use support::frames::{BATTERY_STATUS, BatteryStatus, of_message, texts_of};
+use support::frames::{statuses_of, texts_of};
 use support::requests::param_set;
-use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle, count_of};
 use workbench::can::transfers::{A, A_CELLS, A_LATER, ESC_0, STATUS_A};
 use workbench::can::{Peer, Transfer};
 
@@ -25,14 +25,6 @@ fn run_on_full_bus(bench: &mut Bench, peer: &mut Peer, duration_us: u64, transfe
     }
 }
 
-fn texts_of_can(bench: &mut Bench) -> Vec<String> {
-    let texts = texts_of(&bench.frames());
-    texts
-        .into_iter()
-        .filter(|text| text.starts_with("CAN "))
-        .collect()
-}
-
 #[test]
 // Requirement
 fn on_a_full_bus_the_start_loses_no_frame_and_reports_no_bus_off() {
@@ -50,7 +42,9 @@ fn on_a_full_bus_the_start_loses_no_frame_and_reports_no_bus_off() {
         bench.reboot();
         bench.run_for(SECOND);
         assert!(battery.station.borrow().waiting() > 0, "the bus was never idle");
-        assert_eq!(texts_of_can(&mut bench), [""; 0], "{bits_per_second} bit/s");
+        let mut texts = texts_of(&bench.frames());
+        texts.retain(|text| text.starts_with("CAN "));
+        assert_eq!(texts, [""; 0], "{bits_per_second} bit/s");
     }
 }
 
@@ -68,20 +62,11 @@ fn lost_a_page(bits_per_second: u64) -> f64 {
         let transfers = [A, A_CELLS, ESC_0, A_LATER];
         run_on_full_bus(&mut bench, &mut battery, 40 * MILLISECOND, &transfers);
     }
-    let operations = bench.take_flash_operations();
-    let pages = operations
-        .iter()
-        .filter(|operation| operation.kind == FlashOperationKind::PageProgram)
-        .count();
+    let pages = count_of(FlashOperationKind::PageProgram, &bench.take_flash_operations());
     assert!(pages >= WRITES.into(), "{pages} pages");
     let frames = bench.frames();
-    let shown: Vec<_> = of_message(&frames, BATTERY_STATUS)
-        .into_iter()
-        .map(BatteryStatus)
-        .filter(|status| status.instance() == 1)
-        .map(|status| (status.voltage_mv(0), status.current_ca()))
-        .collect();
-    for (voltage_mv, current_ca) in shown {
+    for status in statuses_of(&frames, 1) {
+        let (voltage_mv, current_ca) = (status.voltage_mv(0), status.current_ca());
         // That of the first cell, once cells are known; the current is averaged.
         assert!([12_250, 12_500, 4_125].contains(&voltage_mv), "{voltage_mv} mV");
         assert!((325..=850).contains(&current_ca), "{current_ca} cA");

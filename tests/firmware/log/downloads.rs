@@ -45,11 +45,8 @@ impl Measured {
         let heartbeats = of_message(&self.frames, HEARTBEAT).len();
         assert!(heartbeats as u64 >= self.took_us / SECOND, "{heartbeats}");
         let answers = of_message(&self.frames, PARAM_VALUE).len();
-        assert!(
-            answers + 1 >= self.asked && answers > 0,
-            "{answers} of {}",
-            self.asked
-        );
+        let asked = self.asked;
+        assert!(answers + 1 >= asked && answers > 0, "{answers} of {asked}");
     }
 }
 
@@ -68,10 +65,7 @@ fn a_download_takes_85_percent_of_a_slow_line_and_150_kb_a_second_of_usb() {
     let data = of_message(&uart.frames, LOG_DATA).into_iter();
     let bytes: usize = data.map(|frame| OVERHEAD_BYTES + frame.payload_len()).sum();
     let percent = 100 * bytes as u64 * SECOND / (uart.took_us * UART_BYTES_PER_S);
-    println!(
-        "{bytes} bytes on the wire in {} us: {percent} % of 115200 baud",
-        uart.took_us
-    );
+    println!("{bytes} bytes on the wire: {percent} % of 115200 baud");
     uart.assert_shared();
     assert!(percent >= 85, "{percent} %");
 
@@ -79,11 +73,7 @@ fn a_download_takes_85_percent_of_a_slow_line_and_150_kb_a_second_of_usb() {
     let usb = Measured::of(&mut bench, files[1]);
     assert!(content(&usb.frames) == long);
     let bytes_per_s = long.len() as u64 * SECOND / usb.took_us;
-    println!(
-        "{} bytes by USB in {} us: {bytes_per_s} a second",
-        long.len(),
-        usb.took_us
-    );
+    println!("by USB {bytes_per_s} bytes a second");
     usb.assert_shared();
     assert!(bytes_per_s >= 150_000, "{bytes_per_s}");
 

@@ -1,9 +1,9 @@
 //! Sampling and motors are as punctual with a log as without.
 
-use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
+use crate::rover::{GOOD_3S, VEHICLE_ID, drive_for};
 use emulator::AdcInput;
 use support::motor_poles::LEFT;
-use support::requests::{arm_by_force, manual_control, set_mode};
+use support::requests::{arm_by_force, manual_control, manual_mode};
 use workbench::bench::{Bench, CURRENT, CYCLES_PER_US, MILLISECOND, SECOND, TestedVehicle};
 
 const TICK_US: u64 = 100 * MILLISECOND;
@@ -56,7 +56,7 @@ fn armed(log_bitmask: f32) -> Bench {
     bench.adc_input(CURRENT, AdcInput::Code(300));
     bench.run_for(2 * SECOND);
     bench.ask(&arm_by_force());
-    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.ask(&manual_mode());
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     // The opening of the file is written.
     drive_for(&mut bench, 2 * SECOND, 0);
@@ -83,12 +83,8 @@ fn drive(bench: &mut Bench) -> (Lateness, Lateness) {
         let change = changes.iter().find(|(at, _)| *at > arrived_us * CYCLES_PER_US);
         let (at, _) = change.expect("the motor follows");
         motors.push(at - arrived_us * CYCLES_PER_US);
-        let starts: Vec<_> = bench
-            .take_adc_record()
-            .iter()
-            .map(|conversion| conversion.start)
-            .collect();
-        ticks.extend(starts);
+        let conversions = bench.take_adc_record();
+        ticks.extend(conversions.iter().map(|conversion| conversion.start));
     }
     (ticks_late(&ticks), Lateness::of(&motors))
 }

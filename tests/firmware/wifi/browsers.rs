@@ -1,13 +1,12 @@
 //! Browsers: the page, MAVLink by WebSocket, logs, and those who mean no good.
 
-use super::driving::is_driving;
-use super::ground::{Ground, Station, web_socket_frame};
-use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID};
+use super::driving::{arm_by, is_driving, rover};
+use super::ground::{Ground, Station, UPGRADE, WEB_PORT, end_of_head, web_socket_frame};
 use crate::stack;
 use rover_battmon::memory::flash_map;
-use support::frames::{BATTERY_STATUS, LOG_DATA, PARAM_VALUE, assert_no_sequence_gap, of_message, result_of};
-use support::requests::{VEHICLE, arm, log_data, log_list, manual_control, param_request_list, set_mode};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
+use support::frames::{BATTERY_STATUS, LOG_DATA, PARAM_VALUE, assert_no_sequence_gap, of_message};
+use support::requests::{VEHICLE, VEHICLE_ID, log_data, log_list, manual_control, param_request_list};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use workbench::log_flash::{LogFlash, noise};
 
 fn get(path: &str, headers: &str) -> Vec<u8> {
@@ -16,20 +15,14 @@ fn get(path: &str, headers: &str) -> Vec<u8> {
 
 /// Head and content of an answer.
 fn split(answer: &[u8]) -> (String, &[u8]) {
-    let end = answer
-        .windows(4)
-        .position(|bytes| bytes == b"\r\n\r\n")
-        .expect("a head");
-    let head = String::from_utf8(answer[..end].into()).expect("text");
-    (head, &answer[end + 4..])
+    let (head, content) = answer.split_at(end_of_head(answer).expect("a head"));
+    (String::from_utf8(head.into()).expect("text"), content)
 }
 
 fn length(head: &str) -> usize {
-    let length = head
-        .split("Content-Length: ")
-        .nth(1)
-        .and_then(|rest| rest.lines().next());
-    length.and_then(|length| length.parse().ok()).expect("it has one")
+    let mut lines = head.lines();
+    let length = lines.find_map(|line| line.strip_prefix("Content-Length: "));
+    length.expect("it has one").parse().expect("a number")
 }
 
 #[test]
@@ -108,11 +101,6 @@ fn log_comes_as_fast_as_by_tcp() {
 
 /// What those send who mean no good.
 fn hostile_requests() -> Vec<Vec<u8>> {
-    let upgrade = get(
-        "/",
-        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\
-         Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n",
-    );
     vec![
         Vec::new(),
         b"GET / HTTP/1.1\r\nX: ".to_vec(),
@@ -122,22 +110,17 @@ fn hostile_requests() -> Vec<Vec<u8>> {
         vec![0xff; 1_000],
         get("/logs/../../", ""),
         get("/", "Upgrade: websocket\r\n"),
-        [upgrade.clone(), vec![0x82, 1, 0]].concat(),
-        [upgrade, web_socket_frame(&[0; 600])].concat(),
+        [UPGRADE, &[0x82, 1, 0][..]].concat(),
+        [UPGRADE, &web_socket_frame(&[0; 600])[..]].concat(),
         get("/", ""),
     ]
 }
 
 #[test]
 fn hostile_requests_disturb_neither_the_driver_nor_the_measurement() {
-    let mut ground = Ground::of(Bench::power_up(GOOD_3S));
-    ground.bench.set("BATT_CELLS", 3.0);
-    ground.bench.set("MOT_SLEWRATE", 0.0);
+    let mut ground = rover();
     let mut driver = ground.found_station();
-    let answers = ground.ask(&mut driver, &arm());
-    assert_eq!(result_of(&answers), 0, "{answers:?}");
-    ground.ask(&mut driver, &set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
-    ground.send(&mut driver, &manual_control(VEHICLE_ID, 0, 0));
+    arm_by(&mut driver, &mut ground);
     let others = [ground.laptop(), ground.laptop()];
     ground.bench.forget_stack_use();
     ground.bench.take_adc_record();
@@ -147,16 +130,11 @@ fn hostile_requests_disturb_neither_the_driver_nor_the_measurement() {
     for turn in 0..400 {
         ground.send(&mut driver, &manual_control(VEHICLE_ID, 0, 500));
         let laptop = others[turn % others.len()];
-        let connection = ground
-            .air
-            .laptop(laptop)
-            .connect("192.168.4.1:80".parse().expect("valid"));
+        let connection = ground.connect_to(WEB_PORT, laptop);
         open.push((laptop, connection));
         ground.run_for(15 * MILLISECOND);
-        ground
-            .air
-            .laptop(laptop)
-            .send(connection, &requests[turn % requests.len()]);
+        let request = &requests[turn % requests.len()];
+        ground.air.laptop(laptop).send(connection, request);
         ground.run_for(10 * MILLISECOND);
         if open.len() > 6 {
             let (laptop, connection) = open.remove(0);

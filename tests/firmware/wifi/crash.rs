@@ -1,41 +1,22 @@
 //! Crashes during the radio's turn.
 
 use super::ground::Ground;
+use crate::rover::task_named;
 use emulator::{Board, CpuState, LogLevel};
 use workbench::bench::{RUNNING, SECOND};
 
 const OFF: &str = "Wi-Fi: OffAfterCrash";
 
-/// The id of the radio's task, which stands before its name in retained RAM.
-fn radio_task(ground: &Ground) -> u32 {
-    let retained = ground.bench.section(".uninit");
-    let bytes = ground.bench.read_memory(retained.start, retained.len());
-    let words: Vec<_> = bytes
-        .chunks_exact(4)
-        .map(|word| word.try_into().unwrap())
-        .collect();
-    let named = words
-        .windows(3)
-        .find(|words| words[1..] == [*b"Wi-F", *b"i\0\0\0"]);
-    u32::from_le_bytes(named.expect("it has a name")[0])
-}
-
 /// Lets the radio's task hang in its next turn, and the board restart.
 fn crash(ground: &mut Ground) {
-    let radio = radio_task(ground);
+    let radio = task_named(&ground.bench, b"Wi-Fi\0\0\0");
     let is_its_turn = |board: &mut Board| {
         board.cpu_state() == CpuState::Running
             && board.active_exception() == 0
             && board.read_register(RUNNING) == radio
     };
     assert!(ground.bench.run_until(2 * SECOND, is_its_turn));
-    ground.bench.hang_program();
-    let resets = ground.bench.resets().len();
-    assert!(
-        ground
-            .bench
-            .run_until(2 * SECOND, |board| board.resets().len() > resets)
-    );
+    ground.bench.reset_by(2 * SECOND, |bench| bench.hang_program());
     ground.run_for(4 * SECOND);
 }
 

@@ -3,13 +3,13 @@
 use super::ground::Ground;
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
-use support::frames::of_message;
+use support::frames::{WIFI_CONFIG_AP, of_message};
 use support::requests::wifi_config;
 use workbench::bench::{Bench, DIVIDER_CODE, SECOND, TestedVehicle, Wire};
+
 /// WIFI_CONFIG_AP_MODE.
 const ACCESS_POINT: u8 = 1;
 
-const WIFI_CONFIG_AP: u32 = 299;
 /// Where its response is: 0 none, 1 accepted.
 const RESPONSE: usize = 97;
 const ACCEPTED: u8 = 1;
@@ -53,10 +53,8 @@ fn only_by_usb_or_signed_is_another_password_set() {
     let answers = ground.bench.ask(&request);
     let answer = of_message(&answers, WIFI_CONFIG_AP)[0];
     assert_eq!(answer.u8(RESPONSE), ACCEPTED);
-    assert!(
-        !answer.text(32, 64).contains("another"),
-        "no answer shows a password"
-    );
+    let password = answer.text(32, 64);
+    assert!(!password.contains("another"), "no answer shows a password");
     ground.run_for(2 * SECOND);
     ground.wait_for_network(4 * SECOND);
     let expected = Credentials::new(&before.ssid, "another password");

@@ -18,12 +18,8 @@ fn with_fault(fault: RadioFault) -> Bench {
 
 /// Panics unless the telemetry port has worked all the time.
 fn assert_telemetry_undisturbed(bench: &mut Bench, seconds: usize) {
-    assert!(
-        bench.resets().is_empty(),
-        "{:?}: {:?}",
-        bench.resets(),
-        bench.log_lines()
-    );
+    let (resets, log) = (bench.resets(), bench.log_lines());
+    assert!(resets.is_empty(), "{resets:?}: {log:?}");
     let frames = bench.frames();
     assert_no_sequence_gap(&frames);
     let packs = of_message(&frames, BATTERY_STATUS).len();
@@ -43,12 +39,8 @@ fn a_radio_that_is_missing_is_announced_once() {
         let mut bench = with_fault(fault);
         bench.run_for(20 * SECOND);
         assert_telemetry_undisturbed(&mut bench, 20);
-        assert_eq!(
-            times_announced(&mut bench, NO_ANSWER),
-            1,
-            "{fault:?}: {:?}",
-            bench.log_lines()
-        );
+        let times = times_announced(&mut bench, NO_ANSWER);
+        assert_eq!(times, 1, "{fault:?}: {:?}", bench.log_lines());
     }
 }
 
@@ -61,11 +53,8 @@ fn a_radio_that_falls_silent_on_its_way_up_harms_nothing_and_comes_back() {
         bench.run_for(5 * SECOND);
         assert_telemetry_undisturbed(&mut bench, 5);
         let is_up = bench.wifi().access_point().is_some();
-        assert!(
-            is_up || times_announced(&mut bench, NO_ANSWER) == 1,
-            "after {words}: {:?}",
-            bench.log_lines()
-        );
+        let is_announced = times_announced(&mut bench, NO_ANSWER) == 1;
+        assert!(is_up || is_announced, "after {words}: {:?}", bench.log_lines());
     }
     let mut bench = with_fault(RadioFault::SilentAfter(400));
     bench.run_for(4 * SECOND);
@@ -99,12 +88,8 @@ fn a_chip_that_answers_and_never_gets_ready_does_not_restart_the_board() {
         let mut bench = with_fault(RadioFault::NotReady(part));
         bench.run_for(5 * SECOND);
         assert_telemetry_undisturbed(&mut bench, 5);
-        assert_eq!(
-            times_announced(&mut bench, NOT_TAKEN),
-            1,
-            "{part:?}: {:?}",
-            bench.log_lines()
-        );
+        let times = times_announced(&mut bench, NOT_TAKEN);
+        assert_eq!(times, 1, "{part:?}: {:?}", bench.log_lines());
         bench.wifi().set_fault(None);
         Ground::around(bench).wait_for_network(12 * SECOND);
     }

@@ -14,7 +14,7 @@ use workbench::starts::Start;
 pub const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 pub const UDP_PORT: u16 = 14550;
 pub const TCP_PORT: u16 = 5760;
-const WEB_PORT: u16 = 80;
+pub const WEB_PORT: u16 = 80;
 
 /// From power-up until the network is there, at most.
 const UP_WITHIN_US: u64 = 2 * SECOND;
@@ -43,15 +43,27 @@ enum Socket {
 pub struct Station {
     pub laptop: usize,
     socket: Socket,
-    /// Where the board is; by UDP unknown until it was heard.
+    /// By UDP: where the board was heard.
     board: Option<SocketAddrV4>,
     received: Vec<(u64, u8)>,
     /// By WebSocket: what has come of a frame that is not whole.
     begun: Vec<u8>,
 }
 
+impl Station {
+    fn new(laptop: usize, socket: Socket) -> Self {
+        Self {
+            laptop,
+            socket,
+            board: None,
+            received: Vec::new(),
+            begun: Vec::new(),
+        }
+    }
+}
+
 /// What opens a WebSocket.
-const UPGRADE: &[u8] =
+pub const UPGRADE: &[u8] =
     b"GET / HTTP/1.1\r\nHost: 192.168.4.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
     Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
 
@@ -73,10 +85,8 @@ impl Ground {
 
     /// What is around a board with a radio.
     pub fn around(bench: Bench) -> Self {
-        Self {
-            bench,
-            air: Air::new(1),
-        }
+        let air = Air::new(1);
+        Self { bench, air }
     }
 
     pub fn wait_for_network(&mut self, within_us: u64) {
@@ -119,13 +129,7 @@ impl Ground {
     /// A ground station that listens on UDP port 14550 of a laptop.
     pub fn listen(&mut self, laptop: usize) -> Station {
         let port = self.air.laptop(laptop).bind_udp(UDP_PORT);
-        Station {
-            laptop,
-            socket: Socket::Udp(port),
-            board: None,
-            received: Vec::new(),
-            begun: Vec::new(),
-        }
+        Station::new(laptop, Socket::Udp(port))
     }
 
     /// A ground station that was found by the board, and has answered.
@@ -150,16 +154,15 @@ impl Ground {
     }
 
     pub fn connect(&mut self, laptop: usize) -> Station {
-        let board = SocketAddrV4::new(BOARD, TCP_PORT);
-        let connection = self.air.laptop(laptop).connect(board);
+        let connection = self.connect_to(TCP_PORT, laptop);
         self.run_for(ANSWER_TIME_US);
-        Station {
-            laptop,
-            socket: Socket::Tcp(connection),
-            board: Some(board),
-            received: Vec::new(),
-            begun: Vec::new(),
-        }
+        Station::new(laptop, Socket::Tcp(connection))
+    }
+
+    /// Begins a connection to a port of the board.
+    pub fn connect_to(&mut self, port: u16, laptop: usize) -> Connection {
+        let board = SocketAddrV4::new(BOARD, port);
+        self.air.laptop(laptop).connect(board)
     }
 
     /// A browser that has a WebSocket.
@@ -174,28 +177,19 @@ impl Ground {
         let mut answer = Vec::new();
         let opened = self.air.run_until(&mut self.bench, SECOND, |air, _| {
             answer.extend(air.laptop(laptop).take_received(connection));
-            answer.windows(4).any(|bytes| bytes == b"\r\n\r\n")
+            end_of_head(&answer).is_some()
         });
         assert!(opened && answer.starts_with(b"HTTP/1.1 101 "), "{answer:?}");
-        let end = answer
-            .windows(4)
-            .position(|bytes| bytes == b"\r\n\r\n")
-            .expect("it has one");
+        let begun = answer.split_off(end_of_head(&answer).expect("it has one"));
         Station {
-            laptop,
-            socket: Socket::Web(connection),
-            board: Some(SocketAddrV4::new(BOARD, WEB_PORT)),
-            received: Vec::new(),
-            begun: answer.split_off(end + 4),
+            begun,
+            ..Station::new(laptop, Socket::Web(connection))
         }
     }
 
     /// A connection to the port for browsers.
     pub fn open(&mut self, laptop: usize) -> Connection {
-        let connection = self
-            .air
-            .laptop(laptop)
-            .connect(SocketAddrV4::new(BOARD, WEB_PORT));
+        let connection = self.connect_to(WEB_PORT, laptop);
         self.air.run_until(&mut self.bench, ANSWER_TIME_US, |air, _| {
             air.laptop(laptop).is_established(connection)
         });
@@ -245,27 +239,26 @@ impl Ground {
     }
 
     fn receive(&mut self, station: &mut Station) {
-        let now_us = self.bench.time_us();
         let laptop = self.air.laptop(station.laptop);
-        match station.socket {
+        let bytes: Vec<u8> = match station.socket {
             Socket::Udp(port) => {
-                for datagram in laptop.take_datagrams(port) {
+                let datagrams = laptop.take_datagrams(port).into_iter();
+                let bytes = datagrams.flat_map(|datagram| {
                     station.board = Some(datagram.from);
-                    station
-                        .received
-                        .extend(datagram.bytes.iter().map(|byte| (now_us, *byte)));
-                }
+                    datagram.bytes
+                });
+                bytes.collect()
             }
-            Socket::Tcp(connection) => {
-                let bytes = laptop.take_received(connection);
-                station.received.extend(bytes.iter().map(|byte| (now_us, *byte)));
-            }
+            Socket::Tcp(connection) => laptop.take_received(connection),
             Socket::Web(connection) => {
                 station.begun.extend(laptop.take_received(connection));
-                let bytes = take_payloads(&mut station.begun);
-                station.received.extend(bytes.iter().map(|byte| (now_us, *byte)));
+                take_payloads(&mut station.begun)
             }
-        }
+        };
+        let now_us = self.bench.time_us();
+        station
+            .received
+            .extend(bytes.into_iter().map(|byte| (now_us, byte)));
     }
 
     /// Lets time pass, and notes when what came.
@@ -329,13 +322,18 @@ pub fn web_socket_frame(payload: &[u8]) -> Vec<u8> {
     let mut frame = vec![0x82, 0x80 | 126];
     frame.extend((payload.len() as u16).to_be_bytes());
     frame.extend(MASK);
-    frame.extend(
-        payload
-            .iter()
-            .zip(MASK.iter().cycle())
-            .map(|(byte, mask)| byte ^ mask),
-    );
+    let masks = MASK.iter().cycle();
+    frame.extend(payload.iter().zip(masks).map(|(byte, mask)| byte ^ mask));
     frame
+}
+
+/// The place at which the content of an answer begins, once its head is whole.
+pub fn end_of_head(answer: &[u8]) -> Option<usize> {
+    const EMPTY_LINE: &[u8] = b"\r\n\r\n";
+    let place = answer
+        .windows(EMPTY_LINE.len())
+        .position(|bytes| bytes == EMPTY_LINE)?;
+    Some(place + EMPTY_LINE.len())
 }
 
 /// Takes the payloads of all whole frames, which are binary.
@@ -357,10 +355,6 @@ fn take_payloads(bytes: &mut Vec<u8>) -> Vec<u8> {
 
 /// All bytes of a datagram come at one time.
 fn frames_after(received: &[(u64, u8)], from_us: u64) -> Vec<Frame> {
-    let later: Vec<_> = received
-        .iter()
-        .copied()
-        .filter(|(at_us, _)| *at_us > from_us)
-        .collect();
-    frames(&later)
+    let later = received.partition_point(|(at_us, _)| *at_us <= from_us);
+    frames(&received[later..])
 }

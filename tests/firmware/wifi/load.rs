@@ -39,10 +39,9 @@ fn half_a_minute_of_hostile_frames_disturbs_nothing() {
     assert!(of_message(&frames, BATTERY_STATUS).len() >= 59);
     println!("{} frames did not reach the chip's queue", ground.air.overrun());
 
-    let starts = sampling_starts(&mut ground);
-    let worst_us = off_by_us(&starts);
-    println!("sampling: {} bursts, off by {worst_us} us at most", starts.len());
-    assert!(starts.len() >= 299 && worst_us <= JITTER_US, "{worst_us}");
+    let worst_us = worst_sampling_us(&mut ground, 299);
+    println!("sampling: off by {worst_us} us at most");
+    assert!(worst_us <= JITTER_US, "{worst_us}");
 
     stack::assert_free(&mut ground.bench, "hostile frames, and a station by TCP");
 
@@ -53,26 +52,8 @@ fn half_a_minute_of_hostile_frames_disturbs_nothing() {
     assert!(ground.bench.logged(LogLevel::Error, "").is_empty());
 }
 
-/// By how much an interval between two bursts is off at most.
-fn off_by_us(starts: &[u64]) -> u64 {
-    let intervals = starts.windows(2).map(|pair| pair[1] - pair[0]);
-    let off = intervals.map(|interval| interval.abs_diff(100 * MILLISECOND));
-    off.max().expect("it samples")
-}
-
 /// By how much an interval between two of at least so many samplings was off at most.
 pub fn worst_sampling_us(ground: &mut Ground, samplings: u64) -> u64 {
-    let starts = sampling_starts(ground);
-    assert!(
-        starts.len() as u64 >= samplings,
-        "{} of {samplings}",
-        starts.len()
-    );
-    off_by_us(&starts)
-}
-
-/// When each burst of conversions of the pack's pin began, in µs.
-fn sampling_starts(ground: &mut Ground) -> Vec<u64> {
     let mut starts: Vec<u64> = Vec::new();
     let mut before_us = 0;
     for conversion in ground.bench.take_adc_record() {
@@ -85,5 +66,9 @@ fn sampling_starts(ground: &mut Ground) -> Vec<u64> {
         }
         before_us = at_us;
     }
-    starts
+    let bursts = starts.len() as u64;
+    assert!(bursts >= samplings, "{bursts} of {samplings}");
+    let intervals = starts.windows(2).map(|pair| pair[1] - pair[0]);
+    let off = intervals.map(|interval| interval.abs_diff(100 * MILLISECOND));
+    off.max().expect("it samples")
 }

@@ -12,8 +12,10 @@ use workbench::bench::{SECOND, TestedVehicle, Wire};
 
 const STATION: u8 = 2;
 
+const PASSWORD: &str = "our own password";
+
 fn home() -> Credentials {
-    Credentials::new("home", "our own password")
+    Credentials::new("home", PASSWORD)
 }
 
 /// A board that was set up by USB to join the network of the house, which may be there.
@@ -45,19 +47,24 @@ fn texts(ground: &mut Ground) -> Vec<String> {
     texts
 }
 
-#[test]
-// Requirement: R-7
-fn the_board_joins_a_network_and_finds_it_again() {
-    let mut ground = sent_home("our own password");
+/// A board that has joined the network of the house.
+fn joined() -> Ground {
+    let mut ground = sent_home(PASSWORD);
     switch_router_on(&mut ground);
     ground.run_for(8 * SECOND);
     assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
+    ground
+}
+
+const OWN_NETWORK: &str = "No Wi-Fi network: access point instead";
+
+#[test]
+// Requirement: R-7
+fn the_board_joins_a_network_and_finds_it_again() {
+    let mut ground = joined();
     let said = texts(&mut ground);
-    assert!(
-        said.iter()
-            .any(|text| text.starts_with("Wi-Fi address 192.168.1.")),
-        "{said:?}"
-    );
+    let is_address = |text: &String| text.starts_with("Wi-Fi address 192.168.1.");
+    assert!(said.iter().any(is_address), "{said:?}");
 
     let laptop = ground.air.add(Laptop::new([2, 0, 0, 0, 0, 9], Some(home())));
     let mut station = ground.listen(laptop);
@@ -66,11 +73,8 @@ fn the_board_joins_a_network_and_finds_it_again() {
 
     switch_router_off(&mut ground);
     ground.run_for(10 * SECOND);
-    assert!(
-        texts(&mut ground).contains(&"Wi-Fi network lost".into()),
-        "{:?}",
-        ground.bench.log_lines()
-    );
+    let said = texts(&mut ground);
+    assert!(said.contains(&"Wi-Fi network lost".into()), "{said:?}");
     switch_router_on(&mut ground);
     ground.run_for(25 * SECOND);
     assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
@@ -81,7 +85,7 @@ fn the_board_joins_a_network_and_finds_it_again() {
 // Requirement: R-7
 fn without_its_network_for_a_minute_the_board_opens_its_own() {
     for (password, is_there, text) in [
-        ("our own password", false, "Wi-Fi network not found"),
+        (PASSWORD, false, "Wi-Fi network not found"),
         ("not our password", true, "Wi-Fi network refuses the password"),
     ] {
         let mut ground = sent_home(password);
@@ -94,10 +98,7 @@ fn without_its_network_for_a_minute_the_board_opens_its_own() {
         ground.run_for(SECOND);
         let said = texts(&mut ground);
         assert_eq!(said.iter().filter(|said| *said == text).count(), 1, "{said:?}");
-        assert!(
-            said.contains(&"No Wi-Fi network: access point instead".into()),
-            "{said:?}"
-        );
+        assert!(said.contains(&OWN_NETWORK.into()), "{said:?}");
         ground.assert_not_reset();
     }
 }
@@ -112,20 +113,14 @@ fn a_password_that_the_chip_refuses_to_change_delays_the_boards_own_network_by_n
     assert!(ground.bench.wifi().access_point().is_none());
     ground.wait_for_network(25 * SECOND);
     ground.run_for(SECOND);
-    assert_eq!(
-        texts(&mut ground),
-        [
-            "Wi-Fi network can't be joined",
-            "No Wi-Fi network: access point instead"
-        ]
-    );
+    assert_eq!(texts(&mut ground), ["Wi-Fi network can't be joined", OWN_NETWORK]);
     ground.assert_not_reset();
 }
 
 #[test]
 // Requirement: R-7
 fn a_radio_that_fails_meanwhile_does_not_delay_the_boards_own_network() {
-    let mut ground = sent_home("our own password");
+    let mut ground = sent_home(PASSWORD);
     for _ in 0..3 {
         ground.run_for(12 * SECOND);
         ground.bench.wifi().set_fault(Some(RadioFault::SilentAfter(3)));
@@ -135,37 +130,27 @@ fn a_radio_that_fails_meanwhile_does_not_delay_the_boards_own_network() {
     ground.wait_for_network(20 * SECOND);
     ground.run_for(SECOND);
     let said = texts(&mut ground);
-    assert!(
-        said.contains(&"No Wi-Fi network: access point instead".into()),
-        "{said:?}"
-    );
+    assert!(said.contains(&OWN_NETWORK.into()), "{said:?}");
     ground.assert_not_reset();
 }
 
 #[test]
 // Requirement: R-7
 fn a_board_that_its_network_excludes_joins_it_again() {
-    let mut ground = sent_home("our own password");
-    switch_router_on(&mut ground);
-    ground.run_for(8 * SECOND);
-    assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
+    let mut ground = joined();
     ground.bench.forget_sent();
     ground.bench.wifi().deauthenticated();
     ground.run_for(10 * SECOND);
     assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
     let said = texts(&mut ground);
-    assert_eq!(
-        said[..2],
-        ["Wi-Fi network lost", "Wi-Fi network joined"],
-        "{said:?}"
-    );
+    assert_eq!(said[..2], ["Wi-Fi network lost", "Wi-Fi network joined"]);
     assert!(said[2].starts_with("Wi-Fi address 192.168.1."), "{said:?}");
     ground.assert_not_reset();
 }
 
 #[test]
 fn a_network_that_gives_no_address_is_announced_once() {
-    let mut ground = sent_home("our own password");
+    let mut ground = sent_home(PASSWORD);
     switch_router_on(&mut ground);
     let router = ground.air.router().expect("it is on");
     router.answer_dhcp_by(DhcpAnswers::Silence);

@@ -3,40 +3,23 @@
 use rover_battmon::battery::{PackEvent, PackSettings};
 
 use super::pack::{Pack, charging, samples};
-use super::replay::{Moment, Sample, charge_state_changes, drawn_mah, run, trace, without_current};
+use super::replay::{
+    Moment, Sample, cells_and_capacity_set, cells_set, drawn_mah, root_mean_square, run, trace,
+    without_current,
+};
 
 const DISCHARGE: &str = "trace_discharge_3s_10min.csv";
 const CAPACITY_MAH: f64 = 2200.0;
 
-fn cells_set() -> PackSettings {
-    PackSettings {
-        cell_count: Some(3),
-        ..PackSettings::default()
-    }
-}
-
-/// With this critical voltage of the pack, in volts.
-fn ending_at(voltage_v: f32) -> PackSettings {
-    let mut settings = cells_set();
-    settings.failsafe.timer_s = Some(10.0);
-    settings.failsafe.critical.voltage_v = Some(voltage_v);
-    settings
-}
-
-fn cells_and_capacity_set() -> PackSettings {
-    PackSettings {
-        capacity_mah: Some(CAPACITY_MAH as f32),
-        ..cells_set()
-    }
-}
-
 /// True remaining charge after each sample of the discharge from full, in percent.
 fn truth_pct(samples: &[Sample]) -> Vec<f64> {
-    let drawn = drawn_mah(samples);
-    drawn
-        .iter()
-        .map(|drawn_mah| 100.0 * (1.0 - drawn_mah / CAPACITY_MAH))
-        .collect()
+    let remaining_pct = |drawn_mah: f64| 100.0 * (1.0 - drawn_mah / CAPACITY_MAH);
+    drawn_mah(samples).into_iter().map(remaining_pct).collect()
+}
+
+fn disarmed(mut samples: Vec<Sample>) -> Vec<Sample> {
+    samples.iter_mut().for_each(|sample| sample.armed = false);
+    samples
 }
 
 /// RMS error, in percent of the charge, and the number of samples with an estimate.
@@ -46,8 +29,7 @@ fn rms_error_pct(moments: &[Moment], truth_pct: &[f64]) -> (f64, usize) {
         .zip(truth_pct)
         .filter_map(|(moment, truth_pct)| Some(moment.remaining_pct()? - truth_pct))
         .collect();
-    let sum: f64 = errors.iter().map(|error| error * error).sum();
-    ((sum / errors.len() as f64).sqrt(), errors.len())
+    (root_mean_square(&errors), errors.len())
 }
 
 #[track_caller]
@@ -55,7 +37,9 @@ fn assert_voltage_alone_is_sufficient(settings: &PackSettings) {
     let samples = trace(DISCHARGE);
     let moments = run(&without_current(&samples), settings);
     let (rms_pct, count) = rms_error_pct(&moments, &truth_pct(&samples));
-    let changes = charge_state_changes(&moments);
+    let states = moments.windows(2);
+    let changes = states.filter(|pair| pair[0].state.charge_state != pair[1].state.charge_state);
+    let changes = changes.count();
     println!("voltage only: {rms_pct:.2} % rms, {changes} changes of charge_state");
     assert!(
         count > samples.len() * 9 / 10,
@@ -83,8 +67,7 @@ fn charge_with_detected_cells_is_within_5_percent() {
 #[test]
 fn charge_by_voltage_alone_does_not_need_the_arm_state() {
     let samples = trace(DISCHARGE);
-    let mut disarmed = without_current(&samples);
-    disarmed.iter_mut().for_each(|sample| sample.armed = false);
+    let disarmed = disarmed(without_current(&samples));
     let (rms_pct, _) = rms_error_pct(&run(&disarmed, &cells_set()), &truth_pct(&samples));
     println!("voltage only, disarmed: {rms_pct:.2} % rms");
     assert!(rms_pct <= 5.0, "{rms_pct} % rms");
@@ -272,21 +255,22 @@ fn time_left_without_a_current_is_known_once_the_load_has_settled() {
         ..first
     });
     let parked: Vec<Sample> = standstill.chain(parked).collect();
-    let mut disarmed = trace(DISCHARGE);
-    disarmed.iter_mut().for_each(|sample| sample.armed = false);
+    let mut ending_at_9_v = cells_set();
+    ending_at_9_v.failsafe.timer_s = Some(10.0);
+    ending_at_9_v.failsafe.critical.voltage_v = Some(9.0);
     for (name, samples) in [
         (DISCHARGE, trace(DISCHARGE)),
-        ("the same, disarmed", disarmed),
+        ("the same, disarmed", disarmed(trace(DISCHARGE))),
         ("a drive with stops", samples(Pack::at(1.0), 10, 1000.0)),
         ("the same, parked before", parked),
     ] {
-        let times = times_left(&samples, &ending_at(9.0));
+        let times = times_left(&samples, &ending_at_9_v);
         let (first_s, last_s) = (times[0].0, times[times.len() - 1].0);
-        let lowest = times
-            .iter()
-            .map(|(_, ratio)| *ratio)
-            .fold(f64::INFINITY, f64::min);
-        let highest = times.iter().map(|(_, ratio)| *ratio).fold(0.0, f64::max);
+        let ratios = times.iter().map(|(_, ratio)| *ratio);
+        let (lowest, highest) = (
+            ratios.clone().fold(f64::INFINITY, f64::min),
+            ratios.fold(0.0, f64::max),
+        );
         println!(
             "time left, {name}: known from {first_s:.0} s to {last_s:.0} s, {lowest:.2} to {highest:.2} of the true one"
         );

@@ -2,14 +2,12 @@
 
 use rover_battmon::battery::{FailsafeLevel, FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 
-use super::replay::{run, trace};
+use super::replay::{cells_and_capacity_set, run, trace};
 
 /// Time of the low failsafe in the drive of ten minutes (3S, 2200 mAh) and remaining charge then, in the guide's
 /// format.
 fn low_failsafe_of_the_drive(low_v: f32, timer_s: f32, voltage_source: VoltageSource) -> String {
     let settings = PackSettings {
-        cell_count: Some(3),
-        capacity_mah: Some(2200.0),
         failsafe: FailsafeSettings {
             timer_s: Some(timer_s),
             voltage_source,
@@ -19,7 +17,7 @@ fn low_failsafe_of_the_drive(low_v: f32, timer_s: f32, voltage_source: VoltageSo
             },
             ..FailsafeSettings::default()
         },
-        ..PackSettings::default()
+        ..cells_and_capacity_set()
     };
     let moments = run(&trace("trace_discharge_3s_10min.csv"), &settings);
     let low = moments

@@ -11,9 +11,9 @@ use std::io::Read;
 use std::path::Path;
 
 use flate2::read::GzDecoder;
-use rover_battmon::battery::{BatteryMonitor, BatteryState, Chemistry, LearntPack, PackSettings, Thresholds};
+use rover_battmon::battery::{LearntPack, PackSettings, Thresholds};
 
-use super::replay::{Sample, reading, tick};
+use super::replay::{Sample, drawn_mah, li_ion_cell, replay, root_mean_square, rows};
 
 /// A current above this is a load, in capacities per hour.
 const LOAD_PER_H: f32 = 0.1;
@@ -53,20 +53,9 @@ impl Drive {
         GzDecoder::new(file)
             .read_to_string(&mut text)
             .expect("a recording");
-        let sample = |line: &str| {
-            let numbers: Vec<f64> = line
-                .split(',')
-                .map(|field| field.parse().expect("a number"))
-                .collect();
-            Sample {
-                t_s: numbers[0],
-                voltage_v: numbers[1] as f32,
-                current_a: Some(numbers[2] as f32),
-                healthy: true,
-                armed: true,
-            }
-        };
-        let samples = text.lines().skip(1).map(sample).collect();
+        let samples = rows(&text)
+            .map(|[t_s, voltage_v, current_a]: [f64; 3]| Sample::measured(t_s, voltage_v, current_a, true))
+            .collect();
         Some(Self::new(digits.parse().ok()?, samples, label_mah))
     }
 
@@ -125,78 +114,45 @@ fn life(cell: &str, label_mah: f32) -> Vec<Drive> {
 }
 
 /// Figures of a drive, from the begin of its load to the cut-off, in percent, minutes and shares.
-#[derive(Debug)]
-struct Score {
-    usable_rms_pct: f64,
-    remaining_rms_pct: f64,
-    remaining_at_cut_off_pct: f64,
-    low_ahead_min: f64,
-    time_left_ten_minutes_before_min: f64,
-    within_two_deviations: f64,
-    usable_within_two_deviations: f64,
-}
+const FIGURES: [&str; 7] = [
+    "usable charge, RMS",
+    "state of charge, RMS",
+    "at cut-off",
+    "LOW ahead, min",
+    "time left ten minutes before, min",
+    "within two deviations",
+    "usable charge within two",
+];
 
-impl Score {
-    const NAMES: [&str; 7] = [
-        "usable charge, RMS",
-        "state of charge, RMS",
-        "at cut-off",
-        "LOW ahead, min",
-        "time left ten minutes before, min",
-        "within two deviations",
-        "usable charge within two",
-    ];
-
-    fn figures(&self) -> [f64; 7] {
-        [
-            self.usable_rms_pct,
-            self.remaining_rms_pct,
-            self.remaining_at_cut_off_pct,
-            self.low_ahead_min,
-            self.time_left_ten_minutes_before_min,
-            self.within_two_deviations,
-            self.usable_within_two_deviations,
-        ]
-    }
-}
+/// The value of each figure.
+type Score = [f64; FIGURES.len()];
 
 /// Drives with what was learnt before, which is carried on.
 fn drive(drive: &Drive, settings: &PackSettings, learnt: &mut LearntPack) -> Score {
     let loaded = &drive.samples[drive.load.clone()];
-    let charges: Vec<f64> = loaded
-        .windows(2)
-        .scan(0.0, |drawn, pair| {
-            *drawn += f64::from(pair[1].current_a.expect("a current")) * (pair[1].t_s - pair[0].t_s);
-            Some(*drawn)
-        })
-        .collect();
-    let total = *charges.last().expect("a load");
+    let drawn_mah = drawn_mah(loaded);
+    let total_mah = *drawn_mah.last().expect("a load");
     let cut_off_s = loaded[loaded.len() - 1].t_s;
-    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
-    monitor.restore_learnt(*learnt);
     let (mut usable, mut remaining) = (Vec::new(), Vec::new());
     let (mut within, mut usable_within) = (0, 0);
     let (mut low_s, mut ten_minutes_min, mut at_cut_off_pct) = (cut_off_s, f64::NAN, f64::NAN);
-    for (number, sample) in drive.samples.iter().enumerate() {
-        let _ = monitor.update(&mut battery, tick(sample), reading(sample), settings);
-        let Some(drawn) = number
-            .checked_sub(drive.load.start + 1)
-            .and_then(|index| charges.get(index))
-        else {
-            continue;
-        };
-        let state = &battery;
-        let readings = &state.readings;
+    *learnt = replay(&drive.samples, settings, learnt, |number, _, battery| {
+        if number == drive.load.start || !drive.load.contains(&number) {
+            return;
+        }
+        let sample = &drive.samples[number];
+        let drawn = drawn_mah[number - drive.load.start] / total_mah;
+        let readings = &battery.readings;
         let remaining_with_sigma = readings.remaining_pct.zip(readings.remaining_sigma_pct);
         let usable_with_sigma = readings.usable_pct.zip(readings.usable_sigma_pct);
         let (Some((remaining_pct, sigma_pct)), Some((usable_pct, usable_sigma_pct))) =
             (remaining_with_sigma, usable_with_sigma)
         else {
-            continue;
+            return;
         };
-        let error_pct = f64::from(remaining_pct) - 100.0 * (1.0 - drawn / total * (1.0 - LEFT_AT_CUT_OFF));
+        let error_pct = f64::from(remaining_pct) - 100.0 * (1.0 - drawn * (1.0 - LEFT_AT_CUT_OFF));
         remaining.push(error_pct);
-        let usable_error_pct = f64::from(usable_pct) - 100.0 * (1.0 - drawn / total);
+        let usable_error_pct = f64::from(usable_pct) - 100.0 * (1.0 - drawn);
         usable.push(usable_error_pct);
         within += u32::from(error_pct.abs() <= 2.0 * f64::from(sigma_pct));
         usable_within += u32::from(usable_error_pct.abs() <= 2.0 * f64::from(usable_sigma_pct));
@@ -205,34 +161,24 @@ fn drive(drive: &Drive, settings: &PackSettings, learnt: &mut LearntPack) -> Sco
             low_s = low_s.min(sample.t_s);
         }
         if sample.t_s <= cut_off_s - 600.0 {
-            ten_minutes_min = state
-                .readings
-                .time_remaining_s
-                .map_or(f64::NAN, |left_s| f64::from(left_s) / 60.0);
+            let left_s = readings.time_remaining_s.map_or(f64::NAN, f64::from);
+            ten_minutes_min = left_s / 60.0;
         }
-    }
-    *learnt = monitor.unsaved_learnt().copied().unwrap_or(*learnt);
-    let rms =
-        |errors: &[f64]| (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
-    Score {
-        usable_rms_pct: rms(&usable),
-        remaining_rms_pct: rms(&remaining),
-        remaining_at_cut_off_pct: at_cut_off_pct,
-        low_ahead_min: (cut_off_s - low_s) / 60.0,
-        time_left_ten_minutes_before_min: ten_minutes_min,
-        within_two_deviations: f64::from(within) / remaining.len() as f64,
-        usable_within_two_deviations: f64::from(usable_within) / remaining.len() as f64,
-    }
+    });
+    [
+        root_mean_square(&usable),
+        root_mean_square(&remaining),
+        at_cut_off_pct,
+        (cut_off_s - low_s) / 60.0,
+        ten_minutes_min,
+        f64::from(within) / remaining.len() as f64,
+        f64::from(usable_within) / remaining.len() as f64,
+    ]
 }
 
 /// Scores of a cell's drives in their order.
 fn scores(cell: &str, label_mah: f32, cut_off_v: f32) -> Vec<Score> {
-    let mut settings = PackSettings {
-        chemistry: Chemistry::LiIon,
-        cell_count: Some(1),
-        capacity_mah: Some(label_mah),
-        ..PackSettings::default()
-    };
+    let mut settings = li_ion_cell(label_mah);
     settings.failsafe.timer_s = Some(10.0);
     settings.failsafe.low = Thresholds::default();
     settings.failsafe.critical.voltage_v = Some(cut_off_v);
@@ -240,12 +186,8 @@ fn scores(cell: &str, label_mah: f32, cut_off_v: f32) -> Vec<Score> {
     let drives = life(cell, label_mah);
     let scores = drives.iter().map(|recorded| {
         let score = drive(recorded, &settings, &mut learnt);
-        println!(
-            "{cell} {:3} {:6.2?} {:?}",
-            recorded.number,
-            score.figures(),
-            learnt.capacity_mah()
-        );
+        let capacity_mah = learnt.capacity_mah();
+        println!("{cell} {:3} {score:6.2?} {capacity_mah:?}", recorded.number);
         score
     });
     scores.collect()
@@ -258,10 +200,9 @@ fn an_aged_cell_is_known() {
     if half.is_empty() {
         return;
     }
-    let means: Vec<f64> = (0..Score::NAMES.len())
-        .map(|figure| half.iter().map(|score| score.figures()[figure]).sum::<f64>() / half.len() as f64)
-        .collect();
-    for (name, mean) in Score::NAMES.iter().zip(&means) {
+    let means: Score =
+        std::array::from_fn(|figure| half.iter().map(|score| score[figure]).sum::<f64>() / half.len() as f64);
+    for (name, mean) in FIGURES.iter().zip(&means) {
         println!("second half of life, {name:34} {mean:6.2}");
     }
     let [
@@ -272,10 +213,7 @@ fn an_aged_cell_is_known() {
         ten_minutes,
         within,
         usable_within,
-    ] = means[..]
-    else {
-        panic!("seven figures: {means:?}");
-    };
+    ] = means;
     assert!(
         usable <= 4.0 && remaining <= 3.2 && at_cut_off <= 10.5,
         "{means:?}"
@@ -289,11 +227,8 @@ fn an_aged_cell_is_known() {
 #[test]
 fn heavier_drives_do_not_bend_the_curve() {
     let scores = scores("leaf", 33_100.0, 2.5);
-    let worst = scores
-        .iter()
-        .skip(1)
-        .map(|score| score.remaining_rms_pct)
-        .fold(0.0, f64::max);
+    let remaining_rms_pct = scores.iter().skip(1).map(|[_, remaining, ..]| *remaining);
+    let worst = remaining_rms_pct.fold(0.0, f64::max);
     println!("worst of all but the first {worst:.2}");
     assert!(worst <= 5.3, "{worst}");
 }

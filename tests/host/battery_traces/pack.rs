@@ -61,13 +61,7 @@ pub fn charging(mut pack: Pack, rate_hz: u32) -> Vec<Sample> {
             _ => 0.0,
         };
         pack.draw(current_a, dt_s);
-        Sample {
-            t_s,
-            voltage_v: pack.voltage_v(current_a) as f32,
-            current_a: Some(current_a as f32),
-            healthy: true,
-            armed: false,
-        }
+        Sample::measured(t_s, pack.voltage_v(current_a), current_a, false)
     };
     (0..6_000 * rate_hz).map(sample).collect()
 }
@@ -99,13 +93,8 @@ pub fn samples(mut pack: Pack, rate_hz: u32, duration_s: f64) -> Vec<Sample> {
             pack.draw(current_a, dt_s);
         }
         if step % (STEPS_PER_SECOND / rate_hz) == 0 {
-            samples.push(Sample {
-                t_s,
-                voltage_v: pack.voltage_v(current_a) as f32,
-                current_a: Some(current_a as f32),
-                healthy: true,
-                armed: t_s >= REST_S,
-            });
+            let voltage_v = pack.voltage_v(current_a);
+            samples.push(Sample::measured(t_s, voltage_v, current_a, t_s >= REST_S));
         }
     }
     samples

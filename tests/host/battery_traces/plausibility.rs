@@ -20,12 +20,6 @@ struct Step {
 }
 
 prop_compose! {
-    fn steps()(steps in prop::collection::vec(step(), 1..20)) -> Vec<Step> {
-        steps
-    }
-}
-
-prop_compose! {
     fn step()(
         dt_s in prop_oneof![Just(0.0), Just(0.1), Just(1.0), 0.0..20.0, 0.0..1e5],
         voltage_v in prop::option::weighted(0.9, prop_oneof![0.0f32..20.0, 3.0f32..4.3, -1000.0f32..=1000.0]),
@@ -91,7 +85,11 @@ fn check(state: &BatteryState) -> Result<(), TestCaseError> {
 
 proptest! {
     #[test]
-    fn estimates_stay_within_their_ranges(settings in settings(), learnt in learnt(), steps in steps()) {
+    fn estimates_stay_within_their_ranges(
+        settings in settings(),
+        learnt in learnt(),
+        steps in prop::collection::vec(step(), 1..20),
+    ) {
         let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
         monitor.restore_learnt(learnt);
         let mut t_s = 0.0;

@@ -11,9 +11,9 @@ use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use rover_battmon::battery::{BatteryMonitor, BatteryState, Chemistry, LearntPack, PackSettings};
+use rover_battmon::battery::LearntPack;
 
-use super::replay::{Sample, reading, tick, without_current};
+use super::replay::{Sample, drawn_mah, li_ion_cell, replay, root_mean_square, rows, without_current};
 
 const LABEL_MAH: f32 = 2900.0;
 const WRONG_LABELS_MAH: [f32; 2] = [2300.0, 3500.0];
@@ -36,16 +36,10 @@ impl Recording {
     /// `pan18650pf_{group}_{drive}`, if it has a truth.
     fn read(folder: &Path, name: &str) -> Option<Self> {
         let (group, _) = name.strip_prefix("pan18650pf_")?.split_once('_')?;
-        let truth = rows(&folder.join(format!("{name}.truth.csv")))?;
-        let mut samples: Vec<Sample> = rows(&folder.join(format!("{name}.csv")))?
-            .iter()
-            .map(|row| Sample {
-                t_s: row[0],
-                voltage_v: row[1] as f32,
-                current_a: Some(row[2] as f32),
-                healthy: true,
-                armed: true,
-            })
+        let text = |ending: &str| fs::read_to_string(folder.join(format!("{name}{ending}"))).ok();
+        let truth: Vec<[f64; 2]> = rows(&text(".truth.csv")?).collect();
+        let mut samples: Vec<Sample> = rows(&text(".csv")?)
+            .map(|[t_s, voltage_v, current_a]: [f64; 3]| Sample::measured(t_s, voltage_v, current_a, true))
             .collect();
         samples.dedup_by(|next, before| next.t_s <= before.t_s);
         let truth_pct = samples
@@ -70,6 +64,11 @@ impl Recording {
         sign * digits[..end].parse::<i32>().expect("a temperature")
     }
 
+    /// Groups are in the order of their temperatures.
+    fn group(&self) -> (i32, &str) {
+        (self.temperature_c(), &self.group)
+    }
+
     fn is_warm(&self) -> bool {
         self.temperature_c() >= 10
     }
@@ -91,18 +90,8 @@ impl Recording {
     }
 }
 
-fn rows(path: &Path) -> Option<Vec<Vec<f64>>> {
-    let text = fs::read_to_string(path).ok()?;
-    let numbers = |line: &str| {
-        line.split(',')
-            .map(|field| field.parse().expect("a number"))
-            .collect()
-    };
-    Some(text.lines().skip(1).map(numbers).collect())
-}
-
 /// Linear interpolation in rows of time and value.
-fn at(rows: &[Vec<f64>], t_s: f64) -> f64 {
+fn at(rows: &[[f64; 2]], t_s: f64) -> f64 {
     let next = rows.partition_point(|row| row[0] <= t_s).clamp(1, rows.len() - 1);
     let (before, next) = (&rows[next - 1], &rows[next]);
     let weight = ((t_s - before[0]) / (next[0] - before[0])).clamp(0.0, 1.0);
@@ -136,31 +125,6 @@ fn recordings() -> &'static [Recording] {
     })
 }
 
-fn settings(label_mah: f32) -> PackSettings {
-    PackSettings {
-        chemistry: Chemistry::LiIon,
-        cell_count: Some(1),
-        capacity_mah: Some(label_mah),
-        ..PackSettings::default()
-    }
-}
-
-/// Replays samples; returns what is known of the pack then.
-fn replay(
-    samples: &[Sample],
-    settings: &PackSettings,
-    learnt: &LearntPack,
-    mut see: impl FnMut(usize, &mut BatteryMonitor, &BatteryState),
-) -> LearntPack {
-    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
-    monitor.restore_learnt(*learnt);
-    for (number, sample) in samples.iter().enumerate() {
-        let _ = monitor.update(&mut battery, tick(sample), reading(sample), settings);
-        see(number, &mut monitor, &battery);
-    }
-    monitor.unsaved_learnt().copied().unwrap_or(*learnt)
-}
-
 /// RMS error of an estimate at each sample, of which those count that have one; infinite if fewer than nine in ten do.
 fn rms_pct(samples: &[Sample], truth_pct: &[f64], estimate_pct: impl Fn(usize) -> Option<f64>) -> f64 {
     let scored = samples.partition_point(|sample| sample.t_s - samples[0].t_s < SCORED_FROM_S);
@@ -170,23 +134,18 @@ fn rms_pct(samples: &[Sample], truth_pct: &[f64], estimate_pct: impl Fn(usize) -
     if errors.len() * 10 < (samples.len() - scored) * 9 {
         return f64::INFINITY;
     }
-    let sum: f64 = errors.iter().map(|error| error * error).sum();
-    (sum / errors.len() as f64).sqrt()
+    root_mean_square(&errors)
 }
 
 /// RMS error of the remaining charge from a sample on.
-fn score_from(start: usize, recording: &Recording, settings: &PackSettings, learnt: &LearntPack) -> f64 {
-    score(
-        &recording.samples[start..],
-        &recording.truth_pct[start..],
-        settings,
-        learnt,
-    )
+fn score_from(start: usize, recording: &Recording, label_mah: f32, learnt: &LearntPack) -> f64 {
+    let (samples, truth_pct) = (&recording.samples[start..], &recording.truth_pct[start..]);
+    score(samples, truth_pct, label_mah, learnt)
 }
 
-fn score(samples: &[Sample], truth_pct: &[f64], settings: &PackSettings, learnt: &LearntPack) -> f64 {
+fn score(samples: &[Sample], truth_pct: &[f64], label_mah: f32, learnt: &LearntPack) -> f64 {
     let mut estimates = Vec::with_capacity(samples.len());
-    replay(samples, settings, learnt, |_, _, battery| {
+    replay(samples, &li_ion_cell(label_mah), learnt, |_, _, battery| {
         estimates.push(battery.readings.remaining_pct);
     });
     rms_pct(samples, truth_pct, |number| estimates[number].map(f64::from))
@@ -194,19 +153,9 @@ fn score(samples: &[Sample], truth_pct: &[f64], settings: &PackSettings, learnt:
 
 /// RMS error of counting down from 100 % by the label, as ArduPilot does.
 fn counting_score(recording: &Recording) -> f64 {
-    let mut drawn_mah = 0.0;
-    let mut before_s = recording.samples[0].t_s;
-    let counted: Vec<f64> = recording
-        .samples
-        .iter()
-        .map(|sample| {
-            drawn_mah += f64::from(sample.current_a.expect("a current")) * (sample.t_s - before_s) / 3.6;
-            before_s = sample.t_s;
-            100.0 * (1.0 - drawn_mah / f64::from(LABEL_MAH))
-        })
-        .collect();
+    let drawn_mah = drawn_mah(&recording.samples);
     rms_pct(&recording.samples, &recording.truth_pct, |number| {
-        Some(counted[number])
+        Some(100.0 * (1.0 - drawn_mah[number] / f64::from(LABEL_MAH)))
     })
 }
 
@@ -215,14 +164,9 @@ fn lessons(label_mah: f32) -> Vec<LearntPack> {
     let warm = recordings()
         .iter()
         .filter(|recording| recording.temperature_c() >= 25);
-    let taught = warm.map(|recording| {
-        replay(
-            &recording.samples,
-            &settings(label_mah),
-            &LearntPack::UNKNOWN,
-            |_, _, _| {},
-        )
-    });
+    let settings = li_ion_cell(label_mah);
+    let taught =
+        warm.map(|recording| replay(&recording.samples, &settings, &LearntPack::UNKNOWN, |_, _, _| {}));
     taught.filter(|learnt| learnt.capacity_mah().is_some()).collect()
 }
 
@@ -231,133 +175,96 @@ fn mean(lessons: &[LearntPack], score: impl Fn(&LearntPack) -> f64) -> f64 {
     lessons.iter().map(score).sum::<f64>() / lessons.len() as f64
 }
 
-/// Figures by group, in the order of the temperature.
-#[derive(Default)]
-struct Table(BTreeMap<(i32, String), Vec<f64>>);
-
-impl Table {
-    /// The figures of all recordings.
-    fn of(what: &str, figure: impl Fn(&Recording) -> f64) -> Self {
-        let mut table = Self::default();
-        for recording in recordings() {
-            let figure = figure(recording);
-            println!("{what:32} {:32} {figure:6.2}", recording.name);
-            let group = (recording.temperature_c(), recording.group.clone());
-            table.0.entry(group).or_default().push(figure);
-        }
-        table
+/// Asserts that the mean figure of each group is within the goal for its temperature. A single drive may exceed it by a
+/// quarter: the goals are those of whole groups.
+#[track_caller]
+fn assert_means(what: &str, goal: impl Fn(i32) -> f64, figure: impl Fn(&Recording) -> f64) {
+    let mut groups: BTreeMap<_, Vec<f64>> = BTreeMap::new();
+    for recording in recordings() {
+        let figure = figure(recording);
+        println!("{what:32} {:32} {figure:6.2}", recording.name);
+        groups.entry(recording.group()).or_default().push(figure);
     }
-
-    /// Asserts that the mean of each group is within the goal for its temperature. A single drive may exceed it by a quarter:
-    /// the goals are those of whole groups.
-    #[track_caller]
-    fn assert_means(&self, what: &str, goal: impl Fn(i32) -> f64) {
-        let mut missed = Vec::new();
-        for ((temperature_c, group), figures) in &self.0 {
-            let mean = figures.iter().sum::<f64>() / figures.len() as f64;
-            let goal = goal(*temperature_c);
-            println!("{what:32} {group:>6}: mean {mean:5.2}, goal {goal:5.2}");
-            let limit = if figures.len() == 1 { 1.25 * goal } else { goal };
-            if mean.is_nan() || mean > limit {
-                missed.push(format!("{group}: {mean:.2} instead of {goal:.2}"));
-            }
+    let mut missed = Vec::new();
+    for ((temperature_c, group), figures) in groups {
+        let mean = figures.iter().sum::<f64>() / figures.len() as f64;
+        let goal = goal(temperature_c);
+        println!("{what:32} {group:>6}: mean {mean:5.2}, goal {goal:5.2}");
+        let limit = if figures.len() == 1 { 1.25 * goal } else { goal };
+        if mean.is_nan() || mean > limit {
+            missed.push(format!("{group}: {mean:.2} instead of {goal:.2}"));
         }
-        assert!(missed.is_empty(), "{what}: {missed:?}");
     }
+    assert!(missed.is_empty(), "{what}: {missed:?}");
 }
 
 #[test]
 fn a_full_pack_is_estimated_as_well_as_by_counting() {
-    let beyond = Table::of("from full, less counting", |recording| {
-        let here = score_from(0, recording, &settings(LABEL_MAH), &LearntPack::UNKNOWN);
-        let counting = counting_score(recording);
-        println!("{:32} {here:.2}, by counting {counting:.2}", recording.name);
-        here - counting
-    });
-    beyond.assert_means("from full, less counting", |_| 0.6);
+    assert_means(
+        "from full, less counting",
+        |_| 0.6,
+        |recording| {
+            let here = score_from(0, recording, LABEL_MAH, &LearntPack::UNKNOWN);
+            let counting = counting_score(recording);
+            println!("{:32} {here:.2}, by counting {counting:.2}", recording.name);
+            here - counting
+        },
+    );
 }
 
 #[test]
-fn one_warm_drive_teaches_the_pack() {
-    let lessons = lessons(LABEL_MAH);
-    assert!(recordings().is_empty() || !lessons.is_empty(), "no drive teaches");
-    let table = Table::of("from full, learnt", |recording| {
-        mean(&lessons, |learnt| {
-            score_from(0, recording, &settings(LABEL_MAH), learnt)
-        })
-    });
-    table.assert_means("from full, learnt", |_| 1.0);
-}
-
-#[test]
-fn one_warm_drive_corrects_a_wrong_label() {
-    for label_mah in WRONG_LABELS_MAH {
+fn one_warm_drive_teaches_the_pack_and_corrects_a_wrong_label() {
+    let [less_mah, more_mah] = WRONG_LABELS_MAH;
+    for (label_mah, goal) in [(LABEL_MAH, 1.0), (less_mah, 1.3), (more_mah, 1.3)] {
         let lessons = lessons(label_mah);
-        let what = format!("label {label_mah}, learnt");
-        let table = Table::of(&what, |recording| {
-            mean(&lessons, |learnt| {
-                score_from(0, recording, &settings(label_mah), learnt)
-            })
-        });
-        table.assert_means(&what, |_| 1.3);
+        assert!(recordings().is_empty() || !lessons.is_empty(), "no drive teaches");
+        let what = format!("from full, label {label_mah}, learnt");
+        let score =
+            |recording: &Recording| mean(&lessons, |learnt| score_from(0, recording, label_mah, learnt));
+        assert_means(&what, |_| goal, score);
     }
 }
 
 #[test]
 fn a_pack_found_half_empty_is_estimated_by_its_voltage() {
-    let table = Table::of("half empty", |recording| {
-        score_from(
-            recording.middle(),
-            recording,
-            &settings(LABEL_MAH),
-            &LearntPack::UNKNOWN,
-        )
-    });
-    table.assert_means("half empty", |temperature_c| match temperature_c {
+    let goal = |temperature_c: i32| match temperature_c {
         0.. => 8.0,
         -10.. => 10.0,
         _ => 15.0,
+    };
+    assert_means("half empty", goal, |recording| {
+        score_from(recording.middle(), recording, LABEL_MAH, &LearntPack::UNKNOWN)
     });
 }
 
 #[test]
 fn a_learnt_pack_found_half_empty_is_estimated_better() {
     let lessons = lessons(LABEL_MAH);
-    let table = Table::of("half empty, learnt", |recording| {
-        mean(&lessons, |learnt| {
-            score_from(recording.middle(), recording, &settings(LABEL_MAH), learnt)
-        })
-    });
-    table.assert_means("half empty, learnt", |temperature_c| match temperature_c {
+    let goal = |temperature_c: i32| match temperature_c {
         0.. => 5.1,
         -10.. => 7.0,
         _ => 11.5,
+    };
+    assert_means("half empty, learnt", goal, |recording| {
+        mean(&lessons, |learnt| {
+            score_from(recording.middle(), recording, LABEL_MAH, learnt)
+        })
     });
 }
 
 #[test]
 fn voltage_alone_suffices_for_an_estimate() {
-    for armed in [true, false] {
-        let what = if armed {
-            "voltage only"
-        } else {
-            "voltage only, disarmed"
-        };
-        let table = Table::of(what, |recording| {
+    let goal = |temperature_c: i32| match temperature_c {
+        10.. => 5.0,
+        0.. => 9.0,
+        -10.. => 16.0,
+        _ => 25.0,
+    };
+    for (what, armed) in [("voltage only", true), ("voltage only, disarmed", false)] {
+        assert_means(what, goal, |recording| {
             let mut samples = without_current(&recording.samples);
             samples.iter_mut().for_each(|sample| sample.armed = armed);
-            score(
-                &samples,
-                &recording.truth_pct,
-                &settings(LABEL_MAH),
-                &LearntPack::UNKNOWN,
-            )
-        });
-        table.assert_means(what, |temperature_c| match temperature_c {
-            10.. => 5.0,
-            0.. => 9.0,
-            -10.. => 16.0,
-            _ => 25.0,
+            score(&samples, &recording.truth_pct, LABEL_MAH, &LearntPack::UNKNOWN)
         });
     }
 }
@@ -365,7 +272,7 @@ fn voltage_alone_suffices_for_an_estimate() {
 /// Share of the time, in percent, in which the truth lies within two of the stated standard deviations.
 fn coverage_pct(samples: &[Sample], truth_pct: &[f64], learnt: &LearntPack) -> f64 {
     let mut within = Vec::new();
-    replay(samples, &settings(LABEL_MAH), learnt, |number, _, battery| {
+    replay(samples, &li_ion_cell(LABEL_MAH), learnt, |number, _, battery| {
         let readings = battery.readings;
         let estimate = readings.remaining_pct.zip(readings.remaining_sigma_pct);
         if let Some((remaining_pct, sigma_pct)) = estimate
@@ -418,39 +325,29 @@ fn the_truth_is_within_two_standard_deviations() {
 
 /// When what is usable falls to 15 %, in seconds.
 fn warned_s(recording: &Recording) -> Option<f64> {
-    let is_low = |state: &BatteryState| {
-        state
-            .readings
-            .usable_pct
-            .is_some_and(|usable_pct| usable_pct <= 15.0)
-    };
+    let (samples, settings) = (&recording.samples, li_ion_cell(LABEL_MAH));
     let mut warned_s = None;
-    replay(
-        &recording.samples,
-        &settings(LABEL_MAH),
-        &LearntPack::UNKNOWN,
-        |number, _, battery| {
-            if warned_s.is_none() && is_low(battery) {
-                warned_s = Some(recording.samples[number].t_s);
-            }
-        },
-    );
+    replay(samples, &settings, &LearntPack::UNKNOWN, |number, _, battery| {
+        let usable_pct = battery.readings.usable_pct;
+        if usable_pct.is_some_and(|usable_pct| usable_pct <= 15.0) {
+            warned_s.get_or_insert(samples[number].t_s);
+        }
+    });
     warned_s
 }
 
 #[test]
 fn usable_charge_warns_minutes_before_a_warm_pack_collapses() {
-    let mut leads: BTreeMap<(&str, i32), Vec<f64>> = BTreeMap::new();
+    let mut leads: BTreeMap<_, Vec<f64>> = BTreeMap::new();
     for recording in recordings() {
         let lead_s = warned_s(recording).map_or(f64::NEG_INFINITY, |t_s| recording.end_of_load_s() - t_s);
         let minutes = lead_s / 60.0;
         println!("{}: warned {minutes:.1} minutes before the end", recording.name);
         if recording.is_warm() {
-            let group = (recording.group.as_str(), recording.temperature_c());
-            leads.entry(group).or_default().push(minutes);
+            leads.entry(recording.group()).or_default().push(minutes);
         }
     }
-    for ((group, temperature_c), mut minutes) in leads {
+    for ((temperature_c, group), mut minutes) in leads {
         minutes.sort_by(f64::total_cmp);
         let median = minutes[minutes.len() / 2];
         println!("{group}: warned {median:.1} minutes before the end in the median");
@@ -463,20 +360,20 @@ fn usable_charge_warns_minutes_before_a_warm_pack_collapses() {
 fn a_half_empty_pack_believed_full_is_found_out() {
     let mut missed = Vec::new();
     for recording in recordings() {
-        let settings = settings(LABEL_MAH);
+        let (samples, settings) = (&recording.samples, li_ion_cell(LABEL_MAH));
         let half = recording.middle();
-        let settled = recording.samples[half].t_s + 360.0;
+        let settled = samples[half].t_s + 360.0;
         let mut largest_pct: f64 = 0.0;
         let mut after_six_minutes_pct = None;
         replay(
-            &recording.samples,
+            samples,
             &settings,
             &LearntPack::UNKNOWN,
             |number, monitor, battery| {
                 if number == half {
                     monitor.reset(battery, 100.0, &settings);
                 }
-                if recording.samples[number].t_s >= settled {
+                if samples[number].t_s >= settled {
                     let remaining_pct = battery.readings.remaining_pct;
                     let remaining_pct = remaining_pct.map_or(f64::INFINITY, f64::from);
                     let error_pct = remaining_pct - recording.truth_pct[number];
@@ -513,7 +410,9 @@ enum Sensor {
 }
 
 impl Sensor {
-    fn of(self, samples: &[Sample]) -> Vec<Sample> {
+    /// The samples that it would have recorded, with the truth at each.
+    fn of(self, recording: &Recording) -> (Vec<Sample>, Vec<f64>) {
+        let samples = &recording.samples;
         let start_s = samples[0].t_s;
         let last_s = samples.last().expect("samples").t_s;
         let gap_s = start_s + (last_s - start_s) / 3.0;
@@ -543,9 +442,9 @@ impl Sensor {
                 Self::LateCurrent => sample.current_a = samples[number.saturating_sub(3)].current_a,
                 Self::Slow | Self::ShortGaps | Self::LongGap => {}
             }
-            seen.push(sample);
+            seen.push((sample, recording.truth_pct[number]));
         }
-        seen
+        seen.into_iter().unzip()
     }
 }
 
@@ -573,17 +472,10 @@ fn a_worse_sensor_costs_a_few_percent() {
         Sensor::ShortGaps,
         Sensor::LongGap,
     ] {
-        let what = format!("{sensor:?}");
-        let table = Table::of(&what, |recording| {
-            let samples = sensor.of(&recording.samples);
-            let mut all = recording.samples.iter().zip(&recording.truth_pct);
-            let mut truth = |seen: &Sample| {
-                all.find(|(sample, _)| sample.t_s >= seen.t_s)
-                    .map(|(_, pct)| *pct)
-            };
-            let truth_pct: Vec<f64> = samples.iter().filter_map(&mut truth).collect();
-            score(&samples, &truth_pct, &settings(LABEL_MAH), &LearntPack::UNKNOWN)
+        let goal = |_: i32| 5.0;
+        assert_means(&format!("{sensor:?}"), goal, |recording| {
+            let (samples, truth_pct) = sensor.of(recording);
+            score(&samples, &truth_pct, LABEL_MAH, &LearntPack::UNKNOWN)
         });
-        table.assert_means(&what, |_| 5.0);
     }
 }

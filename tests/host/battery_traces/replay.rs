@@ -1,7 +1,8 @@
 //! Replays samples through the monitor.
 
 use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, Measurement, PackEvent, PackSettings, ReadError, Tick,
+    BatteryMonitor, BatteryState, Chemistry, LearntPack, Measurement, PackEvent, PackSettings, ReadError,
+    Tick,
 };
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
@@ -15,6 +16,19 @@ pub struct Sample {
     pub current_a: Option<f32>,
     pub healthy: bool,
     pub armed: bool,
+}
+
+impl Sample {
+    /// A measurement of a healthy sensor.
+    pub fn measured(t_s: f64, voltage_v: f64, current_a: f64, armed: bool) -> Self {
+        Self {
+            t_s,
+            voltage_v: voltage_v as f32,
+            current_a: Some(current_a as f32),
+            healthy: true,
+            armed,
+        }
+    }
 }
 
 /// The state after a sample.
@@ -35,23 +49,45 @@ impl Moment {
 pub fn trace(name: &str) -> Vec<Sample> {
     let folder = repository().join("tests/data/traces");
     let text = std::fs::read_to_string(folder.join(name)).expect("the trace");
-    text.lines().skip(1).map(sample).collect()
+    let sample = |[t_s, voltage_v, current_a, healthy, armed]: [f64; 5]| Sample {
+        healthy: healthy == 1.0,
+        ..Sample::measured(t_s, voltage_v, current_a, armed == 1.0)
+    };
+    rows(&text).map(sample).collect()
 }
 
-fn sample(line: &str) -> Sample {
-    let fields: Vec<f64> = line
-        .split(',')
-        .map(|field| field.parse().expect("a number"))
-        .collect();
-    let &[t_s, voltage_v, current_a, healthy, armed] = fields.as_slice() else {
-        panic!("five fields: {line}");
-    };
-    Sample {
-        t_s,
-        voltage_v: voltage_v as f32,
-        current_a: Some(current_a as f32),
-        healthy: healthy == 1.0,
-        armed: armed == 1.0,
+/// The numbers in each line below the header.
+pub fn rows<const COLUMNS: usize>(text: &str) -> impl Iterator<Item = [f64; COLUMNS]> {
+    let number = |field: &str| field.parse::<f64>().expect("a number");
+    text.lines().skip(1).map(move |line| {
+        let numbers: Vec<f64> = line.split(',').map(number).collect();
+        *numbers.first_chunk().expect("a number in each column")
+    })
+}
+
+/// A 3S pack.
+pub fn cells_set() -> PackSettings {
+    PackSettings {
+        cell_count: Some(3),
+        ..PackSettings::default()
+    }
+}
+
+/// The 3S pack of the traces.
+pub fn cells_and_capacity_set() -> PackSettings {
+    PackSettings {
+        capacity_mah: Some(2200.0),
+        ..cells_set()
+    }
+}
+
+/// One Li-ion cell with this label.
+pub fn li_ion_cell(label_mah: f32) -> PackSettings {
+    PackSettings {
+        chemistry: Chemistry::LiIon,
+        cell_count: Some(1),
+        capacity_mah: Some(label_mah),
+        ..PackSettings::default()
     }
 }
 
@@ -87,6 +123,23 @@ pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &Pack
         .collect()
 }
 
+/// Replays samples through a monitor that knows this of the pack; returns what is known then. `see` sees the state after
+/// each sample, and its number.
+pub fn replay(
+    samples: &[Sample],
+    settings: &PackSettings,
+    learnt: &LearntPack,
+    mut see: impl FnMut(usize, &mut BatteryMonitor, &BatteryState),
+) -> LearntPack {
+    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
+    monitor.restore_learnt(*learnt);
+    for (number, sample) in samples.iter().enumerate() {
+        let _ = monitor.update(&mut battery, tick(sample), reading(sample), settings);
+        see(number, &mut monitor, &battery);
+    }
+    monitor.unsaved_learnt().copied().unwrap_or(*learnt)
+}
+
 /// When a sample was taken.
 pub fn tick(sample: &Sample) -> Tick {
     Tick {
@@ -111,12 +164,9 @@ pub fn reading(sample: &Sample) -> Result<Measurement, ReadError> {
     })
 }
 
-/// Changes of the charge state after the first sample.
-pub fn charge_state_changes(moments: &[Moment]) -> usize {
-    moments
-        .windows(2)
-        .filter(|pair| pair[0].state.charge_state != pair[1].state.charge_state)
-        .count()
+pub fn root_mean_square(errors: &[f64]) -> f64 {
+    let sum: f64 = errors.iter().map(|error| error * error).sum();
+    (sum / errors.len() as f64).sqrt()
 }
 
 /// Charge drawn up to each sample, in milliampere-hours; each current is integrated from the previous sample.

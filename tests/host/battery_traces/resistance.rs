@@ -8,27 +8,20 @@ use super::replay::{Moment, Sample, run, trace};
 // Requirement: AP-15, OWN-1
 fn resistance_is_known_within_15_seconds_of_steps() {
     let moments = run(&trace("trace_step_r50m.csv"), &PackSettings::default());
-    let first = moments
-        .iter()
-        .find(|moment| moment.state.resistance_ohm.is_some());
-    let first = first.expect("a resistance");
-    println!(
-        "resistance: {:?} Ω at {} s",
-        first.state.resistance_ohm, first.t_s
-    );
-    assert!(first.t_s <= 15.0);
+    let known = |moment: &Moment| Some((moment.t_s, moment.state.resistance_ohm?));
+    let (first_s, first_ohm) = moments.iter().find_map(known).expect("a resistance");
+    println!("resistance: {first_ohm} Ω at {first_s} s");
+    assert!(first_s <= 15.0);
+    let mut last_ohm = first_ohm;
     for moment in moments.iter().filter(|moment| moment.t_s >= 15.0) {
-        let resistance_ohm = moment.state.resistance_ohm.expect("it stays known");
+        last_ohm = moment.state.resistance_ohm.expect("it stays known");
         assert!(
-            (0.045..=0.055).contains(&resistance_ohm),
-            "{resistance_ohm} Ω at {} s",
+            (0.045..=0.055).contains(&last_ohm),
+            "{last_ohm} Ω at {} s",
             moment.t_s
         );
     }
-    println!(
-        "resistance: {:?} Ω at the end",
-        moments.last().unwrap().state.resistance_ohm
-    );
+    println!("resistance: {last_ohm} Ω at the end");
 }
 
 /// Difference between resting and terminal voltage beyond the sag by the reported resistance, in volts.

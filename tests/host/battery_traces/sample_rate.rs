@@ -3,7 +3,7 @@
 use rover_battmon::battery::{BatteryMonitor, BatteryState, PackSettings};
 
 use super::pack::{Pack, samples};
-use super::replay::{Moment, run_from, without_current};
+use super::replay::{Moment, cells_and_capacity_set, cells_set, run_from, without_current};
 
 const RATES_HZ: [u32; 3] = [5, 10, 50];
 const DURATION_S: f64 = 500.0;
@@ -86,14 +86,7 @@ fn largest_difference_pct(settings: &PackSettings, measures_current: bool, start
 #[test]
 // Requirement: OWN-1
 fn charge_is_the_same_at_5_10_and_50_hz() {
-    let cells = PackSettings {
-        cell_count: Some(3),
-        ..PackSettings::default()
-    };
-    let capacity = PackSettings {
-        capacity_mah: Some(2200.0),
-        ..cells
-    };
+    let (cells, capacity) = (cells_set(), cells_and_capacity_set());
     for (name, settings, measures_current, start) in [
         ("current and capacity", capacity, true, Start::AtRest),
         ("current and capacity", capacity, true, Start::UnderLoad),

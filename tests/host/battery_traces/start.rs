@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use rover_battmon::battery::{BatteryMonitor, BatteryState, Chemistry, PackSettings};
 
-use super::replay::{Sample, reading, tick};
+use super::replay::{Sample, li_ion_cell, reading, tick};
 
 const CAPACITY_AH: f64 = 2.9;
 const RATE_HZ: u32 = 10;
@@ -98,9 +98,7 @@ fn load_a(peak_a: f64, t_s: f64) -> f64 {
 fn reported(kind: &Kind, mut cell: Cell, peak_a: f64, unseen_s: f64, charging: bool) -> Vec<(f32, f32)> {
     let settings = PackSettings {
         chemistry: kind.chemistry,
-        cell_count: Some(1),
-        capacity_mah: Some((CAPACITY_AH * 1e3) as f32),
-        ..PackSettings::default()
+        ..li_ion_cell((CAPACITY_AH * 1e3) as f32)
     };
     let dt_s = 1.0 / f64::from(RATE_HZ);
     let sign = if charging { -1.0 } else { 1.0 };
@@ -111,16 +109,9 @@ fn reported(kind: &Kind, mut cell: Cell, peak_a: f64, unseen_s: f64, charging: b
         let t_s = f64::from(step) * dt_s;
         let current_a = sign * load_a(peak_a, t_s);
         if step >= unseen {
-            let sample = Sample {
-                t_s,
-                voltage_v: cell.voltage_v(current_a) as f32,
-                current_a: Some(current_a as f32),
-                healthy: true,
-                armed: true,
-            };
+            let sample = Sample::measured(t_s, cell.voltage_v(current_a), current_a, true);
             let _ = monitor.update(&mut battery, tick(&sample), reading(&sample), &settings);
-            let state = &battery;
-            let readings = &state.readings;
+            let readings = &battery.readings;
             reported.extend(readings.remaining_pct.zip(readings.remaining_sigma_pct));
         }
         cell.draw(current_a, dt_s);

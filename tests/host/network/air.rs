@@ -1,4 +1,4 @@
-//! What carries Ethernet frames between the board and the phones.
+//! The air, which carries Ethernet frames between the board and the phones.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -19,8 +19,6 @@ pub struct Air {
     to_board: VecDeque<Vec<u8>>,
     board: Option<Waker>,
     phones: Vec<([u8; 6], VecDeque<Vec<u8>>)>,
-    /// Frames that came while all of the board's buffers were in use.
-    pub lost: u32,
     is_up: bool,
 }
 
@@ -45,23 +43,18 @@ impl Air {
     }
 
     pub fn send_to_board(&mut self, frame: Vec<u8>) {
+        // A frame that comes while all of the board's buffers are in use is lost.
         if self.to_board.len() < BUFFERS {
             self.to_board.push_back(frame);
-        } else {
-            self.lost += 1;
         }
-        self.wake();
+        if let Some(board) = self.board.take() {
+            board.wake();
+        }
     }
 
     pub fn next_for(&mut self, mac: [u8; 6]) -> Option<Vec<u8>> {
         let phone = self.phones.iter_mut().find(|(other, _)| *other == mac)?;
         phone.1.pop_front()
-    }
-
-    fn wake(&mut self) {
-        if let Some(board) = self.board.take() {
-            board.wake();
-        }
     }
 
     fn deliver(&mut self, frame: &[u8]) {

@@ -9,16 +9,9 @@ use super::room::{Room, play};
 use support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message};
 use support::requests;
 
+use crate::web::{UPGRADE, get, masked};
+
 const PORT: u16 = 80;
-
-const OURS: &str = "Host: 192.168.4.1\r\n";
-
-const UPGRADE: &str = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\
-    Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
-
-fn get(path: &str, headers: &str) -> String {
-    format!("GET {path} HTTP/1.1\r\n{OURS}{headers}\r\n")
-}
 
 /// Sends a request on a connection of its own.
 async fn ask(room: &Room<'_>, phone: &mut Phone, port: u16, request: &[u8]) -> SocketHandle {
@@ -67,27 +60,6 @@ fn each_browser_has_a_link_and_one_more_gets_a_sentence() {
         room.pass(1_500, &mut [&mut one, &mut two]).await;
         let next = ask(room, &mut two, 50_005, upgrade.as_bytes()).await;
         assert_eq!(status(&mut two, next), "101", "its place is free");
-    });
-}
-
-#[test]
-fn a_page_that_is_not_ours_gives_its_place_to_ours() {
-    play(Role::AccessPoint, async |room| {
-        let mut phone = room.phone(2).await;
-        let foreign = get("/", &format!("{UPGRADE}Origin: https://evil.example\r\n"));
-        let first = ask(room, &mut phone, 50_000, foreign.as_bytes()).await;
-        let second = ask(room, &mut phone, 50_001, foreign.as_bytes()).await;
-        assert_eq!(
-            (status(&mut phone, first), status(&mut phone, second)),
-            ("101".into(), "101".into())
-        );
-        let ours = get("/", &format!("{UPGRADE}Origin: http://192.168.4.1\r\n"));
-        let third = ask(room, &mut phone, 50_002, ours.as_bytes()).await;
-        room.pass(100, &mut [&mut phone]).await;
-        assert_eq!(status(&mut phone, third), "101");
-        let first = phone.tcp(first).state();
-        assert!(first != State::Established, "{first}");
-        assert_eq!(phone.tcp(second).state(), State::Established);
     });
 }
 
@@ -152,15 +124,6 @@ fn slow_connections_delay_a_page_by_three_seconds_and_their_farewell() {
             assert!((3_000..6_400).contains(&delay_ms), "{begin:?}: {delay_ms} ms");
         });
     }
-}
-
-/// A frame that a client sends, with a mask of zeros.
-fn masked(first: u8, payload: &[u8]) -> Vec<u8> {
-    let mut frame = vec![first, 0x80 | 126];
-    frame.extend((payload.len() as u16).to_be_bytes());
-    frame.extend([0; 4]);
-    frame.extend(payload);
-    frame
 }
 
 #[test]

@@ -13,8 +13,6 @@ use support::frames::{Frame, frames};
 
 pub const BOARD: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 4, 1), 14550);
 
-pub const TCP_PORT: u16 = 5760;
-
 pub struct Phone {
     pub mac: [u8; 6],
     interface: Interface,
@@ -32,13 +30,8 @@ pub struct Datagram {
 
 impl Datagram {
     pub fn frames(&self) -> Vec<Frame> {
-        frames(
-            &self
-                .bytes
-                .iter()
-                .map(|byte| (self.at_us, *byte))
-                .collect::<Vec<_>>(),
-        )
+        let bytes = self.bytes.iter().map(|byte| (self.at_us, *byte));
+        frames(&bytes.collect::<Vec<_>>())
     }
 }
 
@@ -90,11 +83,6 @@ impl Phone {
         handle
     }
 
-    /// It is in reach again.
-    pub fn rejoin(&self) {
-        self.device.air.borrow_mut().join(self.mac);
-    }
-
     /// Sends and receives what waits.
     pub fn poll(&mut self) {
         self.interface.poll(now(), &mut self.device, &mut self.sockets);
@@ -138,20 +126,16 @@ impl Phone {
 
     /// Connects to the board's port of MAVLink by TCP, from this port.
     pub fn connect(&mut self, port: u16) -> SocketHandle {
-        self.connect_to(TCP_PORT, port)
+        self.connect_to(5760, port)
     }
 
     /// Connects to this port of the board by TCP.
     pub fn connect_to(&mut self, board_port: u16, port: u16) -> SocketHandle {
         let buffer = || tcp::SocketBuffer::new(leak(2048));
         let mut socket = tcp::Socket::new(buffer(), buffer());
-        socket
-            .connect(
-                self.interface.context(),
-                (IpAddress::Ipv4(*BOARD.ip()), board_port),
-                port,
-            )
-            .expect("the socket is new");
+        let board = (IpAddress::Ipv4(*BOARD.ip()), board_port);
+        let connected = socket.connect(self.interface.context(), board, port);
+        connected.expect("the socket is new");
         self.sockets.add(socket)
     }
 
@@ -159,7 +143,7 @@ impl Phone {
         self.sockets.get_mut(socket)
     }
 
-    /// What has come by TCP.
+    /// Bytes that have come by TCP.
     pub fn tcp_bytes(&mut self, socket: SocketHandle) -> Vec<u8> {
         let mut bytes = Vec::new();
         let socket = self.tcp(socket);
@@ -186,22 +170,16 @@ impl Phone {
         self.sockets.add(dhcpv4::Socket::new())
     }
 
-    /// Takes the address that was given, if one was.
-    pub fn take_address(&mut self, socket: SocketHandle) -> Option<dhcpv4::Config<'static>> {
+    /// Takes the address that was given, if one was. It leads nowhere else.
+    pub fn take_address(&mut self, socket: SocketHandle) -> bool {
         let event = self.sockets.get_mut::<dhcpv4::Socket>(socket).poll();
         let Some(dhcpv4::Event::Configured(config)) = event else {
-            return None;
+            return false;
         };
-        let (address, router) = (config.address, config.router);
-        let config = dhcpv4::Config {
-            server: config.server,
-            address,
-            router,
-            dns_servers: config.dns_servers,
-            packet: None,
-        };
+        let address = config.address;
+        assert_eq!((address.prefix_len(), config.router), (24, None));
         self.set_address(address);
-        Some(config)
+        true
     }
 
     /// The frames of all datagrams that have come.
@@ -211,7 +189,7 @@ impl Phone {
     }
 }
 
-pub fn leak(bytes: usize) -> &'static mut [u8] {
+fn leak(bytes: usize) -> &'static mut [u8] {
     Box::leak(vec![0; bytes].into())
 }
 

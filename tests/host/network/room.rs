@@ -5,24 +5,15 @@ use std::cell::RefCell;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::Start;
-use rover_battmon::net::{NetMemory, NetReport, RetainedLeases, Role, Service, serve};
-use rover_battmon::recorder::{LogSource, ReadFailed};
+use rover_battmon::net::{NetMemory, NetReport, Role, Service, serve};
 use rover_battmon::tasks::{CheckIn, Shared};
 use rover_battmon_tools::sim::clock::run_for;
 
 use super::air::{Air, BoardDevice, SharedAir};
 use super::phone::Phone;
+use crate::web::Chip;
 
-/// There are no logs.
-pub struct NoLogs;
-
-impl LogSource for NoLogs {
-    fn read_log(&self, _: u32, _: &mut [u8]) -> Result<(), ReadFailed> {
-        Err(ReadFailed)
-    }
-}
-
-/// Where a test plays.
+/// The place of a test: the board, its network and the phones in reach.
 pub struct Room<'a> {
     pub air: SharedAir,
     pub reports: &'a RefCell<Vec<NetReport>>,
@@ -33,7 +24,7 @@ impl Room<'_> {
     pub async fn phone(&self, number: u8) -> Phone {
         let mut phone = Phone::without_address(&self.air, number);
         let asked = phone.ask_for_address();
-        while phone.take_address(asked).is_none() {
+        while !phone.take_address(asked) {
             self.pass(1, &mut [&mut phone]).await;
         }
         phone
@@ -52,15 +43,6 @@ impl Room<'_> {
 
 /// Plays `scene` while the board serves its network, after power-up.
 pub fn play<R>(role: Role, scene: impl AsyncFnOnce(&Room<'_>) -> R) -> R {
-    play_with(Box::leak(Box::default()), role, scene)
-}
-
-/// The same, with what RAM holds at the board's start.
-pub fn play_with<R>(
-    retained: &'static RetainedLeases,
-    role: Role,
-    scene: impl AsyncFnOnce(&Room<'_>) -> R,
-) -> R {
     static CHECK_IN: CheckIn = CheckIn::new("network", 2_500);
     let ended = run_for(Duration::from_secs(3_600), async {
         let shared = Shared::new(&Start::default());
@@ -71,10 +53,10 @@ pub fn play_with<R>(
         };
         let service = Service {
             shared: &shared,
-            logs: &NoLogs,
+            logs: &Chip(Vec::new()),
             check_in: &CHECK_IN,
         };
-        let mut memory = Box::new(NetMemory::new(retained));
+        let mut memory = Box::new(NetMemory::new(Box::leak(Box::default())));
         let board = serve(
             BoardDevice(room.air.clone()),
             role,

@@ -4,7 +4,7 @@ use rover_battmon::net::Role;
 use smoltcp::socket::tcp::State;
 
 use super::room::play;
-use support::frames::{HEARTBEAT, PARAM_VALUE};
+use support::frames::{HEARTBEAT, PARAM_VALUE, assert_no_sequence_gap, of_message};
 use support::requests;
 
 #[test]
@@ -19,9 +19,8 @@ fn two_clients_have_a_link_each_and_a_third_is_refused() {
         assert_eq!(three.tcp(third).state(), State::Closed);
         for frames in [one.tcp_frames(first), two.tcp_frames(second)] {
             assert!(frames.len() > 15, "{} frames", frames.len());
-            for (number, frame) in frames.iter().enumerate() {
-                assert_eq!(frame.sequence, number as u8);
-            }
+            assert_eq!(frames[0].sequence, 0);
+            assert_no_sequence_gap(&frames);
         }
 
         // Each client is answered on its own link.
@@ -29,13 +28,8 @@ fn two_clients_have_a_link_each_and_a_third_is_refused() {
             .send_slice(&requests::param_read_by_name("BATT_CAPACITY"))
             .expect("it is connected");
         room.pass(100, &mut [&mut one, &mut two]).await;
-        let has_value = |frames: Vec<_>| {
-            frames
-                .iter()
-                .any(|frame: &support::frames::Frame| frame.message_id == PARAM_VALUE)
-        };
-        assert!(has_value(one.tcp_frames(first)));
-        assert!(!has_value(two.tcp_frames(second)));
+        assert!(!of_message(&one.tcp_frames(first), PARAM_VALUE).is_empty());
+        assert!(of_message(&two.tcp_frames(second), PARAM_VALUE).is_empty());
     });
 }
 
@@ -47,10 +41,7 @@ fn a_place_is_free_again_when_a_client_has_closed() {
             let client = phone.connect(50_000 + round);
             room.pass(2_000, &mut [&mut phone]).await;
             let frames = phone.tcp_frames(client);
-            assert!(
-                frames.iter().any(|frame| frame.message_id == HEARTBEAT),
-                "round {round}"
-            );
+            assert!(!of_message(&frames, HEARTBEAT).is_empty(), "round {round}");
             assert_eq!(frames[0].sequence, 0, "a link of its own");
             phone.tcp(client).close();
             room.pass(50, &mut [&mut phone]).await;

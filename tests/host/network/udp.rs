@@ -4,10 +4,12 @@ use rover_battmon::net::Role;
 
 use smoltcp::iface::SocketHandle;
 
-use super::phone::{BOARD, Phone};
+use super::phone::{BOARD, Datagram, Phone};
 use super::room::{Room, play};
 use support::commands::SET_MESSAGE_INTERVAL;
-use support::frames::{Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, SysStatus, of_message};
+use support::frames::{
+    Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, SysStatus, assert_no_sequence_gap, of_message,
+};
 use support::requests;
 
 const PORT: u16 = 14550;
@@ -39,20 +41,13 @@ fn a_ground_station_is_found_by_broadcast_and_then_gets_everything_by_unicast() 
         phone.send(station, &requests::heartbeat(requests::GCS));
         room.pass(5_000, &mut [&mut phone]).await;
         let datagrams = phone.received(station);
-        assert!(
-            datagrams
-                .iter()
-                .all(|datagram| datagram.from == BOARD && datagram.bytes.len() <= 512)
-        );
+        let is_ours = |datagram: &Datagram| datagram.from == BOARD && datagram.bytes.len() <= 512;
+        assert!(datagrams.iter().all(is_ours));
         let mut frames = found;
         frames.extend(datagrams.iter().flat_map(|datagram| datagram.frames()));
         assert!(frames.len() > 25, "{} frames", frames.len());
-        for (number, frame) in frames.iter().enumerate() {
-            assert_eq!(
-                frame.sequence, number as u8,
-                "a ground station takes gaps for losses"
-            );
-        }
+        assert_eq!(frames[0].sequence, 0);
+        assert_no_sequence_gap(&frames);
     });
 }
 
@@ -60,7 +55,7 @@ fn a_ground_station_is_found_by_broadcast_and_then_gets_everything_by_unicast() 
 // Requirement: R-8
 fn a_phone_that_takes_no_broadcasts_is_found_by_its_address() {
     play(Role::AccessPoint, async |room| {
-        // Those before it have left, and their addresses answer no more.
+        // The phones before it have left, and their addresses answer no more.
         let gone = [room.phone(2).await, room.phone(3).await];
         let mut phone = room.phone(4).await;
         for other in &gone {
@@ -118,8 +113,7 @@ fn each_request_is_answered_wherever_it_lies_in_the_queue() {
             phone.send(station, &requests::param_read_by_name("BATT_MONITOR"));
             room.pass(20, &mut [&mut phone]).await;
             let frames = phone.received_frames(station);
-            let answers = frames.iter().filter(|frame| frame.message_id == PARAM_VALUE);
-            assert_eq!(answers.count(), 1, "request {number}");
+            assert_eq!(of_message(&frames, PARAM_VALUE).len(), 1, "request {number}");
         }
     });
 }
@@ -135,12 +129,9 @@ fn each_station_has_its_own_rates() {
         room.pass(1_000, &mut [&mut one, &mut two]).await;
         let _ = (one.received(sockets[0]), two.received(sockets[1]));
         room.pass(2_000, &mut [&mut one, &mut two]).await;
-        let count = |frames: Vec<Frame>| {
-            let of_message = frames.iter().filter(|frame| frame.message_id == SYS_STATUS);
-            of_message.count()
-        };
-        assert_eq!(count(one.received_frames(sockets[0])), 100);
-        assert!(count(two.received_frames(sockets[1])) < 10);
+        let count = |frames: &[Frame]| of_message(frames, SYS_STATUS).len();
+        assert_eq!(count(&one.received_frames(sockets[0])), 100);
+        assert!(count(&two.received_frames(sockets[1])) < 10);
     });
 }
 
@@ -199,16 +190,9 @@ fn a_flood_of_one_station_leaves_the_other_its_link() {
             room.pass(1, &mut [&mut one, &mut two]).await;
         }
         let frames = one.received_frames(sockets[0]);
-        let answers = frames.iter().filter(|frame| frame.message_id == PARAM_VALUE);
-        assert_eq!(answers.count(), 30);
-        assert_eq!(
-            frames
-                .iter()
-                .filter(|frame| frame.message_id == HEARTBEAT)
-                .count(),
-            3,
-            "the flooded board goes on"
-        );
+        assert_eq!(of_message(&frames, PARAM_VALUE).len(), 30);
+        let heartbeats = of_message(&frames, HEARTBEAT).len();
+        assert_eq!(heartbeats, 3, "the flooded board goes on");
         let flooded = two.received_frames(sockets[1]);
         let status = of_message(&flooded, SYS_STATUS);
         let errors = SysStatus(status.last().expect("its link goes on, too")).errors_comm();
@@ -229,7 +213,7 @@ fn a_station_that_does_not_answer_for_its_address_stops_only_itself() {
             room.pass(1_000, &mut [&mut one, &mut two]).await;
             assert!(one.received_frames(sockets[0]).len() > 4, "second {second}");
         }
-        two.rejoin();
+        room.air.borrow_mut().join(two.mac);
         let _ = two.received(sockets[1]);
         room.pass(1_500, &mut [&mut one, &mut two]).await;
         let heard = two.received_frames(sockets[1]);

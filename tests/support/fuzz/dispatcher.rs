@@ -3,8 +3,7 @@
 
 use rover_battmon::battery::BatteryState;
 use rover_battmon::parameter::{ParameterId, Refused};
-use rover_battmon::vehicle::ArmState;
-use rover_battmon::vehicle::SideDrives;
+use rover_battmon::vehicle::{ArmState, SideDrives};
 
 use super::Input;
 use crate::desk::Desk;
@@ -64,28 +63,21 @@ pub fn run(bytes: &[u8]) {
                 desk.sent();
             }
         }
-        drive(&mut desk);
+        let drives = desk.drive();
+        let is_armed = desk.vehicle().arm_state() == ArmState::Armed;
+        assert!(is_armed || drives == SideDrives::COAST);
     }
     assert_sound(&mut desk);
-}
-
-fn drive(desk: &mut Desk) {
-    let drives = desk.drive();
-    let is_armed = desk.vehicle().arm_state() == ArmState::Armed;
-    assert!(is_armed || drives == SideDrives::COAST);
 }
 
 fn assert_sound(desk: &mut Desk) {
     for id in ParameterId::all() {
         let value = desk.parameters().get(id);
         let mut same = desk.parameters().clone();
-        let set = same.set(id, value);
-        assert!(
-            matches!(set, Ok(()) | Err(Refused::ReadOnly)),
-            "{} = {value}",
-            id.name().as_str()
-        );
-        assert_eq!(same.get(id).to_bits(), value.to_bits(), "{}", id.name().as_str());
+        let (set, name) = (same.set(id, value), id.name());
+        let name = name.as_str();
+        assert!(matches!(set, Ok(()) | Err(Refused::ReadOnly)), "{name} = {value}");
+        assert_eq!(same.get(id).to_bits(), value.to_bits(), "{name}");
     }
     desk.endpoint.give_up_waiting();
     desk.handle_all();

@@ -4,8 +4,8 @@ use rover_battmon::mavlink::FrameParser;
 
 use super::Input;
 
-/// Message, sender and payload of a frame.
-type Found = (u32, u8, u8, Vec<u8>, bool);
+/// Message, sender and payload of a frame, and whether it is signed.
+type Found = (u32, [u8; 2], Vec<u8>, bool);
 
 fn parse(bytes: &[u8], mut chunk_bytes: impl FnMut() -> usize) -> Vec<Found> {
     let mut parser = FrameParser::new();
@@ -26,19 +26,11 @@ fn parse(bytes: &[u8], mut chunk_bytes: impl FnMut() -> usize) -> Vec<Found> {
 
 fn collect(parser: &mut FrameParser, found: &mut Vec<Found>) {
     while let Some(frame) = parser.next_frame() {
+        let payload = frame.payload.0.to_vec();
         let is_signed = frame.signed.is_some();
-        assert!(
-            frame
-                .signed
-                .is_none_or(|bytes| bytes.len() == frame.payload.0.len() + 25)
-        );
-        found.push((
-            frame.message_id,
-            frame.system_id,
-            frame.component_id,
-            frame.payload.0.to_vec(),
-            is_signed,
-        ));
+        assert!(frame.signed.is_none_or(|bytes| bytes.len() == payload.len() + 25));
+        let sender = [frame.system_id, frame.component_id];
+        found.push((frame.message_id, sender, payload, is_signed));
     }
 }
 
@@ -50,9 +42,8 @@ pub fn run(bytes: &[u8]) {
     let mut turn = 0;
     let uneven = parse(stream, || {
         turn += 1;
-        chunks
-            .get(turn % chunks.len().max(1))
-            .map_or(1, |size| usize::from(*size))
+        let size = chunks.get(turn % chunks.len().max(1));
+        size.map_or(1, |size| usize::from(*size))
     });
     assert_eq!(uneven, parse(stream, || 1), "byte by byte");
     assert_eq!(uneven, parse(stream, || usize::MAX), "all at once");

@@ -41,9 +41,9 @@ impl Scene {
 
     fn stored(&self) -> StoredSigning {
         let mut stored = StoredSigning::default();
-        self.words
-            .iter()
-            .for_each(|(key, word)| stored.found(*key, *word));
+        for (key, word) in &self.words {
+            stored.found(*key, *word);
+        }
         stored
     }
 

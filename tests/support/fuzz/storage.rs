@@ -41,10 +41,8 @@ impl Expected {
             assert!(found.insert(key, value).is_none(), "{key} was delivered twice");
         }));
         for (key, value) in &found {
-            assert!(
-                self.ever.contains(&(*key, *value)),
-                "{key} = {value} was never stored"
-            );
+            let was_stored = self.ever.contains(&(*key, *value));
+            assert!(was_stored, "{key} = {value} was never stored");
         }
         if self.is_damaged {
             return;
@@ -52,10 +50,7 @@ impl Expected {
         assert_eq!(result, Ok(()));
         for (key, values) in &mut self.values {
             let value = found.get(key).copied();
-            assert!(
-                values.contains(&value),
-                "{key} = {value:?}, not one of {values:?}"
-            );
+            assert!(values.contains(&value), "{key} = {value:?} of {values:?}");
             *values = BTreeSet::from([value]);
         }
     }
@@ -82,7 +77,7 @@ pub fn run(bytes: &[u8]) {
                 Ok(()) => expected
                     .values
                     .values_mut()
-                    .for_each(|values| *values = BTreeSet::from([None])),
+                    .for_each(|values| *values = [None].into()),
                 Err(error) => assert!(expected.is_damaged, "{error:?}"),
             },
             9..=11 => {

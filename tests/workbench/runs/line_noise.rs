@@ -4,7 +4,7 @@ use super::progress::Progress;
 use super::soak::hostile::hostile;
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
 use emulator::Random;
-use support::frames::{Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message};
+use support::frames::{PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message};
 use support::requests::param_set;
 
 const LINE_BYTES_PER_SECOND: usize = 11_520;
@@ -29,14 +29,6 @@ fn second_of_noise(random: &mut Random, request: &[u8]) -> Vec<u8> {
     noise
 }
 
-fn answers(bench: &mut Bench, since_us: u64) -> Vec<Frame> {
-    bench
-        .frames()
-        .into_iter()
-        .filter(|frame| frame.at_us > since_us)
-        .collect()
-}
-
 /// Loses no tick and no request in garbage at line rate.
 pub fn run(length_us: u64) {
     let requests = length_us / SECOND;
@@ -57,10 +49,10 @@ pub fn run(length_us: u64) {
             bench.uart_send(0, from_us, &noise);
             bench.run_for(SECOND);
             conversions += bench.take_adc_record().len();
-            let frames = answers(&mut bench, from_us);
-            of_message(&frames, PARAM_VALUE)
-                .iter()
-                .any(|frame| ParamValue(frame).value() == value)
+            let mut frames = bench.frames();
+            frames.retain(|frame| frame.at_us > from_us);
+            let mut values = of_message(&frames, PARAM_VALUE).into_iter().map(ParamValue);
+            values.any(|answer| answer.value() == value)
         });
         assert!(answered, "request {number} was not answered");
         progress.at(bench.time_us());
@@ -70,12 +62,9 @@ pub fn run(length_us: u64) {
     assert_eq!(conversions, seconds * 10 * 16, "sampling ticks were missed");
 
     let frames = bench.frames();
-    let sys_status = of_message(&frames, SYS_STATUS);
-    let errors = SysStatus(sys_status[sys_status.len() - 1]).0.u16(20);
-    let (overruns, load) = (
-        bench.uart(0).overruns(),
-        SysStatus(sys_status[sys_status.len() - 1]).load_permille(),
-    );
+    let status = SysStatus(of_message(&frames, SYS_STATUS).pop().expect("telemetry flows"));
+    let (errors, load) = (status.errors_comm(), status.load_permille());
+    let overruns = bench.uart(0).overruns();
     println!(
         "{seconds} s of garbage: {repeated} requests repeated, {errors} errors reported, {overruns} bytes overrun, \
          {} flash operations, load {load} permille",

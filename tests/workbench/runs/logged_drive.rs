@@ -12,13 +12,8 @@ use crate::log_records::named;
 use emulator::AdcInput;
 use emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
 use support::commands::ACCEPTED;
-use support::frames::{
-    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, of_message, texts_of,
-};
-use support::requests::{
-    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, arm_by_force, disarm, manual_control,
-    param_request_list, set_mode,
-};
+use support::frames::{BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, of_message, texts_of};
+use support::requests::{VEHICLE_ID, arm_by_force, disarm, manual_control, manual_mode};
 
 /// The converter's channels of the first two packs.
 const DIVIDERS: [usize; 2] = [0, 2];
@@ -131,7 +126,7 @@ impl LoggedDrive {
 
     pub fn arm(&mut self) {
         assert_eq!(self.bench.result_of(&arm_by_force()), ACCEPTED);
-        self.bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+        self.bench.ask(&manual_mode());
         self.bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     }
 
@@ -194,7 +189,7 @@ impl LoggedDrive {
                 (name, record.get_f64("Value").expect("a number") as f32)
             })
             .collect();
-        assert_eq!(recorded, parameters(&mut self.bench));
+        assert_eq!(recorded, self.bench.list());
         let messages: Vec<_> = named(records, "MSG")
             .filter_map(|record| record.get_str("Message"))
             .collect();
@@ -206,24 +201,5 @@ impl LoggedDrive {
         }
         let dropped = named(records, "PM").map(|record| record.get_i64("LogDrop"));
         assert_eq!(dropped.last(), Some(Some(0)), "records were dropped");
-    }
-}
-
-/// All parameters by the board's list.
-fn parameters(bench: &mut Bench) -> BTreeMap<String, f32> {
-    bench.run_until_silent();
-    let position = bench.sent().len();
-    bench.request(&param_request_list(VEHICLE));
-    loop {
-        bench.run_for(SECOND);
-        let frames = bench.frames_from(position);
-        let values: Vec<_> = of_message(&frames, PARAM_VALUE)
-            .into_iter()
-            .map(ParamValue)
-            .collect();
-        assert!(!values.is_empty(), "no list");
-        if values.len() == usize::from(values[0].count()) {
-            return values.iter().map(|value| (value.name(), value.value())).collect();
-        }
     }
 }

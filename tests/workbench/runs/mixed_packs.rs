@@ -1,10 +1,10 @@
 //! Packs of all kinds at once, each reported ten times a second.
 
 use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, SECOND, TestedVehicle};
-use crate::i2c_bus::{BUS, shared};
+use crate::i2c_bus::BUS;
 use emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
 use emulator::{AdcInput, LogLevel};
-use support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, last_of, of_message};
+use support::frames::{HEARTBEAT, SYS_STATUS, of_message, statuses_of};
 
 const CURRENT_PIN: usize = 1;
 
@@ -49,16 +49,13 @@ pub fn run(parameters: &[(&str, f32)], voltages_mv: &[u32], length_us: u64) {
     );
     let frames = bench.frames_since(from_us);
     for (instance, voltage_mv) in (0u8..).zip(voltages_mv) {
-        let reports = of_message(&frames, BATTERY_STATUS);
-        let count = reports
-            .iter()
-            .filter(|frame| BatteryStatus(frame).instance() == instance)
-            .count();
+        let reports = statuses_of(&frames, instance);
+        let count = reports.len();
         assert!(
             count.abs_diff(10 * seconds) <= 1,
             "{count} of pack {instance} in {seconds} s"
         );
-        let reported_mv = last_of(&frames, instance).sum_of_cells_mv();
+        let reported_mv = reports[count - 1].sum_of_cells_mv();
         assert!(
             reported_mv.abs_diff(*voltage_mv) <= 8,
             "pack {instance}: {reported_mv} mV"
@@ -78,20 +75,16 @@ pub fn run(parameters: &[(&str, f32)], voltages_mv: &[u32], length_us: u64) {
 
 /// The parts on the bus for [`MIXED`].
 pub fn plug_in(bench: &mut Bench) {
-    let (monitor, inside, counting) = (
-        shared(Ina226::new(0.0005)),
-        shared(Ina260::new()),
-        shared(Ina228::new(0.0005)),
-    );
-    monitor.borrow_mut().set(12.0, 1.0);
-    inside.borrow_mut().set(11.0, 2.0);
-    counting.borrow_mut().set(10.0, 3.0, 25.0);
-    let channels = shared(Ina3221::new(0.0005));
+    let (mut monitor, mut inside, mut counting) = (Ina226::new(0.0005), Ina260::new(), Ina228::new(0.0005));
+    monitor.set(12.0, 1.0);
+    inside.set(11.0, 2.0);
+    counting.set(10.0, 3.0, 25.0);
+    let mut channels = Ina3221::new(0.0005);
     for (channel, volts) in [(1, 8.0), (2, 8.4), (3, 7.2)] {
-        channels.borrow_mut().set(channel, volts, 0.5);
+        channels.set(channel, volts, 0.5);
     }
-    let battery = shared(SmartBattery::new(Pec::Right));
-    battery.borrow_mut().set(11.1, 2.0, 25.0);
+    let mut battery = SmartBattery::new(Pec::Right);
+    battery.set(11.1, 2.0, 25.0);
     bench.i2c(BUS).attach(0x40, Box::new(monitor));
     bench.i2c(BUS).attach(0x41, Box::new(inside));
     bench.i2c(BUS).attach(0x44, Box::new(counting));

@@ -4,13 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use super::flash_cuts::Leader;
-use crate::bench::{
-    Bench, DIVIDER_CODE, LISTED_BY_DEFAULT, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
-    TestedVehicle,
-};
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, TestedVehicle};
 use emulator::FlashCut;
-use support::frames::{PARAM_VALUE, ParamValue, of_message};
-use support::requests::{VEHICLE, param_request_list, param_set};
+use support::requests::param_set;
 
 const SETS: usize = 50;
 
@@ -20,12 +16,6 @@ const BETWEEN_SETS_US: u64 = 180 * MILLISECOND;
 const CUTS_BETWEEN_LINES: usize = 10;
 
 const BOOT_US: u64 = 300 * MILLISECOND;
-
-/// Twice what a list takes, which has 30 % of 11520 bytes a second; a PARAM_VALUE has at most 37 of them.
-const LIST_US: u64 = 2 * SECOND * 37 * LISTED_BY_DEFAULT as u64 / 3456;
-
-/// How often it is looked whether a list is complete.
-const LIST_STEP_US: u64 = 100 * MILLISECOND;
 
 /// The number of sets that fill a sector but for a few places, so that the fifty that follow go over into the next one.
 const SETS_BEFORE: usize = 660;
@@ -66,28 +56,12 @@ fn set(bench: &mut Bench, name: &str, value: f32) {
     bench.run_for(BETWEEN_SETS_US);
 }
 
-fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
-    bench.run_until_silent();
-    let from_us = bench.time_us();
-    bench.uart_send(0, from_us, &param_request_list(VEHICLE));
-    let end_us = from_us + LIST_US;
-    let mut frames = Vec::new();
-    // The whole list is there: what comes later does not belong to it.
-    while of_message(&frames, PARAM_VALUE).len() < LISTED_BY_DEFAULT && bench.time_us() < end_us {
-        bench.run_for(LIST_STEP_US);
-        frames = bench.frames_since(from_us);
-    }
-    of_message(&frames, PARAM_VALUE)
-        .iter()
-        .map(|f| (ParamValue(f).name(), ParamValue(f).value()))
-        .collect()
-}
-
 /// Cuts the power in these operations of the sets: nothing is lost, and nothing is torn.
 pub fn run(cut: FlashCut, operations: impl Iterator<Item = u64>) {
     let mut bench = Bench::power_up_with_parameters(DIVIDER_CODE, used_flash());
     bench.run_for(BOOT_US);
-    let mut values: BTreeMap<_, _> = list(&mut bench)
+    let mut values: BTreeMap<_, _> = bench
+        .list()
         .into_iter()
         .map(|(name, value)| (name, vec![value]))
         .collect();
@@ -116,7 +90,7 @@ pub fn run(cut: FlashCut, operations: impl Iterator<Item = u64>) {
 fn assert_keeps_working(bench: &mut Bench, allowed: &BTreeMap<String, Vec<f32>>, at: &str) {
     bench.power_cycle();
     bench.run_for(BOOT_US);
-    let listed = list(bench);
+    let listed = bench.list();
     for (name, allowed) in allowed {
         let value = listed[name];
         assert!(
@@ -128,5 +102,5 @@ fn assert_keeps_working(bench: &mut Bench, allowed: &BTreeMap<String, Vec<f32>>,
     set(bench, "BATT_VLT_OFFSET", 1.25);
     bench.power_cycle();
     bench.run_for(BOOT_US);
-    assert_eq!(list(bench)["BATT_VLT_OFFSET"], 1.25, "{at}");
+    assert_eq!(bench.list()["BATT_VLT_OFFSET"], 1.25, "{at}");
 }

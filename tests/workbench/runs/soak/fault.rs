@@ -3,102 +3,67 @@
 use super::packs;
 use crate::bench::MILLISECOND;
 
-/// What happens to a board.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Fault {
-    AdcGlitches,
-    AdcErrors,
-    AdcStalls,
-    LineNoise,
-    LostBytes,
-    LineDead,
-    HostileFrames,
-    BusClockHeld,
-    BusDataHeld,
-    PartsUnplugged,
-    PartsGarbled,
-    PartHangs,
-    CanNoise,
-    CanShorted,
-    CanUnplugged,
-    CanReset,
-    CanSilent,
-    RadioSilent,
-    RadioNoise,
-    AirLossy,
-    AirHostile,
-    BrownOut,
-    RunPin,
-    FlashCut,
-    LogCut,
-    ProgramHangs,
-    ProgramCrashes,
+/// A line for each fault: its name in the code, the packs that it concerns, and its name in the table of the documentation. Makes
+/// the type [`Fault`] of them, and its methods that look up a line.
+macro_rules! faults {
+    ($($fault:ident, $packs:expr, $name:literal;)*) => {
+        /// A fault that a board suffers.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum Fault {
+            $($fault,)*
+        }
+
+        impl Fault {
+            pub const ALL: [Self; 27] = [$(Self::$fault,)*];
+
+            /// As it is called in the table.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$fault => $name,)*
+                }
+            }
+
+            /// The packs that it concerns.
+            pub fn hits(self) -> &'static [u8] {
+                match self {
+                    $(Self::$fault => $packs,)*
+                }
+            }
+        }
+    };
+}
+
+faults! {
+    AdcGlitches, packs::ON_ADC, "ADC: 5 % of the conversions give any code";
+    AdcErrors, packs::ON_ADC, "ADC: conversions end with an error";
+    AdcStalls, packs::ON_ADC, "ADC: conversions never end";
+    LineNoise, &[], "UART: each data bit to the board flips at 10^-3";
+    LostBytes, &[], "UART: 1 % of the bytes to the board are lost";
+    LineDead, &[], "UART: nothing arrives at the board";
+    HostileFrames, &[], "UART: hostile frames fill the line";
+    BusClockHeld, packs::ON_BUS, "I2C: SCL is held low";
+    BusDataHeld, packs::ON_BUS, "I2C: SDA is held low";
+    PartsUnplugged, packs::ON_BUS, "I2C: both parts are unplugged";
+    PartsGarbled, packs::ON_BUS, "I2C: both parts answer nonsense";
+    PartHangs, packs::ON_BUS, "I2C: a part stretches the clock for 50 ms a byte";
+    CanNoise, &[], "CAN: a frame in ten is corrupted";
+    CanShorted, packs::ON_CAN, "CAN: the wires are shorted";
+    CanUnplugged, packs::ON_CAN, "CAN: the controller is unplugged";
+    CanReset, packs::ON_CAN, "CAN: the controller resets itself";
+    CanSilent, packs::ON_CAN, "CAN: both batteries are silent";
+    RadioSilent, &[], "Wi-Fi: the radio falls silent";
+    RadioNoise, &[], "Wi-Fi: the radio answers nonsense";
+    AirLossy, &[], "Wi-Fi: half of the frames are lost";
+    AirHostile, &[], "Wi-Fi: 100 hostile frames a second";
+    BrownOut, packs::ALL, "power is gone for up to 3 s";
+    RunPin, packs::ALL, "RUN is pulled low";
+    FlashCut, packs::ALL, "power is gone in an erase or a write of the flash";
+    LogCut, packs::ALL, "power is gone in a write of the log";
+    ProgramHangs, packs::ALL, "the program hangs";
+    ProgramCrashes, packs::ALL, "the program runs into an undefined instruction";
 }
 
 impl Fault {
-    pub const ALL: [Self; 27] = [
-        Self::AdcGlitches,
-        Self::AdcErrors,
-        Self::AdcStalls,
-        Self::LineNoise,
-        Self::LostBytes,
-        Self::LineDead,
-        Self::HostileFrames,
-        Self::BusClockHeld,
-        Self::BusDataHeld,
-        Self::PartsUnplugged,
-        Self::PartsGarbled,
-        Self::PartHangs,
-        Self::CanNoise,
-        Self::CanShorted,
-        Self::CanUnplugged,
-        Self::CanReset,
-        Self::CanSilent,
-        Self::RadioSilent,
-        Self::RadioNoise,
-        Self::AirLossy,
-        Self::AirHostile,
-        Self::BrownOut,
-        Self::RunPin,
-        Self::FlashCut,
-        Self::LogCut,
-        Self::ProgramHangs,
-        Self::ProgramCrashes,
-    ];
-
-    /// As it is called in the table.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::AdcGlitches => "ADC: 5 % of the conversions give any code",
-            Self::AdcErrors => "ADC: conversions end with an error",
-            Self::AdcStalls => "ADC: conversions never end",
-            Self::LineNoise => "UART: each data bit to the board flips at 10^-3",
-            Self::LostBytes => "UART: 1 % of the bytes to the board are lost",
-            Self::LineDead => "UART: nothing arrives at the board",
-            Self::HostileFrames => "UART: hostile frames fill the line",
-            Self::BusClockHeld => "I2C: SCL is held low",
-            Self::BusDataHeld => "I2C: SDA is held low",
-            Self::PartsUnplugged => "I2C: both parts are unplugged",
-            Self::PartsGarbled => "I2C: both parts answer nonsense",
-            Self::PartHangs => "I2C: a part stretches the clock for 50 ms a byte",
-            Self::CanNoise => "CAN: a frame in ten is corrupted",
-            Self::CanShorted => "CAN: the wires are shorted",
-            Self::CanUnplugged => "CAN: the controller is unplugged",
-            Self::CanReset => "CAN: the controller resets itself",
-            Self::CanSilent => "CAN: both batteries are silent",
-            Self::RadioSilent => "Wi-Fi: the radio falls silent",
-            Self::RadioNoise => "Wi-Fi: the radio answers nonsense",
-            Self::AirLossy => "Wi-Fi: half of the frames are lost",
-            Self::AirHostile => "Wi-Fi: 100 hostile frames a second",
-            Self::BrownOut => "power is gone for up to 3 s",
-            Self::RunPin => "RUN is pulled low",
-            Self::FlashCut => "power is gone in an erase or a write of the flash",
-            Self::LogCut => "power is gone in a write of the log",
-            Self::ProgramHangs => "the program hangs",
-            Self::ProgramCrashes => "the program runs into an undefined instruction",
-        }
-    }
-
     /// Within this time after it has ended there is a HEARTBEAT, which comes once a second, a request is answered, and every pack
     /// is reported well and with its right voltage; by Wi-Fi there is a HEARTBEAT, too, if it was a fault of that.
     pub fn limit_us(self) -> u64 {
@@ -119,34 +84,6 @@ impl Fault {
         }
     }
 
-    /// The packs that it concerns.
-    pub fn hits(self) -> &'static [u8] {
-        match self {
-            Self::AdcGlitches | Self::AdcErrors | Self::AdcStalls => packs::ON_ADC,
-            Self::LineNoise
-            | Self::LostBytes
-            | Self::LineDead
-            | Self::HostileFrames
-            | Self::CanNoise
-            | Self::RadioSilent
-            | Self::RadioNoise
-            | Self::AirLossy
-            | Self::AirHostile => &[],
-            Self::CanShorted | Self::CanUnplugged | Self::CanReset | Self::CanSilent => packs::ON_CAN,
-            Self::BusClockHeld
-            | Self::BusDataHeld
-            | Self::PartsUnplugged
-            | Self::PartsGarbled
-            | Self::PartHangs => packs::ON_BUS,
-            Self::BrownOut
-            | Self::RunPin
-            | Self::FlashCut
-            | Self::LogCut
-            | Self::ProgramHangs
-            | Self::ProgramCrashes => packs::ALL,
-        }
-    }
-
     /// The packs that nothing of it may be seen at.
     pub fn spares(self) -> &'static [u8] {
         match self.hits() {
@@ -158,19 +95,10 @@ impl Fault {
         }
     }
 
-    /// Whether stations in its Wi-Fi network may hear nothing of the board.
+    /// Whether stations in its Wi-Fi network may hear nothing of the board; the name says so.
     pub fn hits_wifi(self) -> bool {
-        let of_wifi = [
-            Self::RadioSilent,
-            Self::RadioNoise,
-            Self::AirLossy,
-            Self::AirHostile,
-        ];
-        of_wifi.contains(&self)
+        self.name().starts_with("Wi-Fi: ")
     }
-
-    /// Those that can come while another one lasts.
-    pub const SUDDEN: [Self; 3] = [Self::BrownOut, Self::RunPin, Self::ProgramHangs];
 
     /// Whether the board restarts with it.
     pub fn restarts(self) -> bool {

@@ -17,74 +17,43 @@ use support::requests::{
 };
 use support::signer::Signer;
 
-/// What is sent.
-#[derive(Clone, Copy, Debug)]
-enum Hostile {
-    /// Any bytes.
-    Garbage,
-    /// Bytes that each begin a frame.
-    Starts,
-    /// A request that ends too soon.
-    Truncated,
-    /// A request whose length is another than it says.
-    WrongLength,
-    /// A request with a wrong checksum.
-    WrongChecksum,
-    /// A request with an unknown incompatibility flag.
-    UnknownFlag,
-    /// An unknown message.
-    UnknownMessage,
-    /// Any payload, sound in itself, for another system.
-    ForAnother,
-    /// A request to this board for what it does not have, or with values that it refuses.
-    Nonsense,
-}
-
-const ALL: [Hostile; 9] = [
-    Hostile::Garbage,
-    Hostile::Starts,
-    Hostile::Truncated,
-    Hostile::WrongLength,
-    Hostile::WrongChecksum,
-    Hostile::UnknownFlag,
-    Hostile::UnknownMessage,
-    Hostile::ForAnother,
-    Hostile::Nonsense,
-];
-
 /// Bytes that have to leave a board as it is.
 pub fn hostile(random: &mut Random) -> Vec<u8> {
-    match random.pick(&ALL) {
-        Hostile::Garbage => garbage(random, 300),
-        Hostile::Starts => vec![random.pick(&[0xfd, 0xfe]); 1 + random.below(300)],
-        Hostile::Truncated => {
+    match random.below(9) {
+        0 => garbage(random, 300),
+        // Bytes that each begin a frame.
+        1 => vec![random.pick(&[0xfd, 0xfe]); 1 + random.below(300)],
+        // A request that ends too soon.
+        2 => {
             let mut frame = request(random);
             // Not the checksum alone, which what follows could happen to complete.
             frame.truncate(1 + random.below(frame.len() - 1 - CHECKSUM_BYTES));
             frame
         }
-        Hostile::WrongLength => {
+        // Its length is another than it says.
+        3 => {
             let mut frame = request(random);
             frame[LENGTH_AT] ^= 1 + random.below(255) as u8;
             frame
         }
-        Hostile::WrongChecksum => {
+        // A wrong checksum.
+        4 => {
             let mut frame = request(random);
-            let last = frame.len() - 1;
-            frame[last] ^= 1 + random.below(255) as u8;
+            *frame.last_mut().expect("a checksum") ^= 1 + random.below(255) as u8;
             frame
         }
-        Hostile::UnknownFlag => {
+        // An unknown incompatibility flag.
+        5 => {
             let payload = param_set_payload(VEHICLE, "SR0_EXTRA1", 50.0);
             encode_v2_with_flags(2 << random.below(7), PARAM_SET, &payload)
         }
-        Hostile::UnknownMessage => {
+        6 => {
             let mut frame = encode_v2(HEARTBEAT, &garbage(random, 255));
             frame[MESSAGE_ID_AT..MESSAGE_ID_AT + 3].copy_from_slice(&UNKNOWN_MESSAGE);
             frame
         }
-        Hostile::ForAnother => for_another(random),
-        Hostile::Nonsense => nonsense(random),
+        7 => for_another(random),
+        _ => nonsense(random),
     }
 }
 
@@ -146,7 +115,7 @@ const TARGETED: [(u32, usize, usize); 12] = [
     (TIMESYNC, 18, 16),
 ];
 
-/// Any payload, or one that would do harm.
+/// Any payload, or one that would do harm, sound in itself, for another system.
 fn for_another(random: &mut Random) -> Vec<u8> {
     let (message, mut payload) = match random.below(2) {
         0 => (random.pick(&TARGETED).0, garbage(random, 255)),
@@ -168,6 +137,7 @@ fn for_another(random: &mut Random) -> Vec<u8> {
     }
 }
 
+/// A request to this board for what it does not have, or with values that it refuses.
 fn nonsense(random: &mut Random) -> Vec<u8> {
     match random.below(9) {
         0 => param_set(

@@ -5,13 +5,13 @@ use super::line::Condition;
 use super::motors::Motors;
 use super::packs::Packs;
 use super::rig::{Radio, Rig};
-use super::station::force_arm;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::i2c_bus::BUS;
 use emulator::can::CanWires;
 use emulator::i2c_devices::{Pec, Reads};
 use emulator::{AdcFault, Board, FlashCut, RadioFault, Random, ResetCause};
 use rover_battmon::memory::flash_map;
+use support::requests::arm_by_force;
 
 /// With more crashes in a row it is the program that is broken, and a board may start with other parameters than its own.
 const MOST_CRASHES: u32 = 4;
@@ -34,6 +34,9 @@ const LOG_CUT_WITHIN_US: u64 = 5 * SECOND;
 /// Shares of the frames.
 const CAN_NOISE: f64 = 0.1;
 const AIR_LOSS: f64 = 0.5;
+
+/// Faults that can come while another one lasts.
+const SUDDEN: [Fault; 3] = [Fault::BrownOut, Fault::RunPin, Fault::ProgramHangs];
 
 impl Rig {
     /// A fault, from its beginning until nothing is left of it.
@@ -68,7 +71,7 @@ impl Rig {
         let length_us = 200 * MILLISECOND + self.random.below(6_000_000) as u64;
         self.run_for(length_us);
         if self.random.below(4) == 0 {
-            let sudden = self.random.pick(&Fault::SUDDEN);
+            let sudden = self.random.pick(&SUDDEN);
             self.packs.watch(&[]);
             self.begin(sudden);
             self.tally.sudden += 1;
@@ -139,15 +142,9 @@ impl Rig {
             Fault::RadioSilent | Fault::RadioNoise => self.bench.wifi().set_fault(None),
             Fault::AirLossy => self.wifi.lose(0.0),
             Fault::AirHostile => self.wifi.calm(),
-            // Those end when the voltages are changed, or with the start.
-            Fault::AdcGlitches
-            | Fault::CanReset
-            | Fault::BrownOut
-            | Fault::RunPin
-            | Fault::FlashCut
-            | Fault::LogCut
-            | Fault::ProgramHangs
-            | Fault::ProgramCrashes => {}
+            // These end when the voltages are changed, or with the start.
+            Fault::AdcGlitches | Fault::CanReset => {}
+            _ => assert!(fault.restarts(), "{fault:?}"),
         }
     }
 
@@ -178,12 +175,17 @@ impl Rig {
         self.crashes = 0;
     }
 
-    /// The power goes in one of the next operations of the flash chip.
-    fn lose_power_while_writing(&mut self) {
+    /// The power is going to go in one of the next operations of the flash chip: its number, from 1 on.
+    fn cut_power_soon(&mut self) -> u64 {
         let operation = 1 + self.random.below(3) as u64;
         let cut = self.random.pick(&FlashCut::ALL);
         self.bench.cut_power_at_flash_operation(operation, cut);
-        for _ in 0..operation {
+        operation
+    }
+
+    /// The power goes in one of the next operations of the flash chip.
+    fn lose_power_while_writing(&mut self) {
+        for _ in 0..self.cut_power_soon() {
             let now_us = self.now_us();
             let setting = self.station.set_something(now_us, &mut self.ledger);
             self.send(&setting);
@@ -201,11 +203,9 @@ impl Rig {
     fn lose_power_while_logging(&mut self) {
         let now_us = self.now_us();
         self.orders.arm(now_us);
-        self.send(&force_arm());
+        self.send(&arm_by_force());
         self.bench.run_for(LOGGING_US);
-        let operation = 1 + self.random.below(3) as u64;
-        let cut = self.random.pick(&FlashCut::ALL);
-        self.bench.cut_power_at_flash_operation(operation, cut);
+        self.cut_power_soon();
         let is_off = |board: &mut Board| !board.is_powered();
         assert!(
             self.bench.run_until(LOG_CUT_WITHIN_US, is_off),

@@ -43,10 +43,7 @@ impl Ledger {
     /// A value that the parameter has never had is sent.
     pub fn sent(&mut self, name: &str, value: f32, at_us: u64) {
         self.sent_us = at_us;
-        let entry = self
-            .entries
-            .get_mut(name)
-            .expect("it is one of those that are set");
+        let entry = self.entries.get_mut(name).expect("it is set");
         entry.since.push(Setting {
             value,
             sent_us: at_us,
@@ -78,13 +75,9 @@ impl Ledger {
         }
         // After a start it is what was saved, and nothing else that was set before is left.
         if place.is_none_or(|place| entry.since[place].sent_us < started_us) {
-            let before = entry
-                .since
-                .iter()
-                .take_while(|setting| setting.sent_us < started_us);
-            let count = before.count();
-            if count > 0 {
-                entry.since.drain(..count);
+            let count = entry.since.len();
+            entry.since.retain(|setting| setting.sent_us >= started_us);
+            if entry.since.len() < count {
                 entry.saved = value;
             }
         }
@@ -97,7 +90,7 @@ impl Entry {
         let is_saved = |setting: &Setting| {
             setting
                 .reported_us
-                .is_some_and(|reported_us| reported_us + SAVED_US <= now_us)
+                .is_some_and(|at_us| at_us + SAVED_US <= now_us)
         };
         if let Some(place) = self.since.iter().rposition(is_saved) {
             self.saved = self.since[place].value;

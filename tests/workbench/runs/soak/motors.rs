@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND};
+use emulator::PwmOutput;
 use support::motor_poles::motors;
 
 /// What the start of a frame among garbage has swallowed is found 293 bytes later, and a driver sends 400 a second.
@@ -41,27 +42,18 @@ impl Motion {
 /// What the driver has ordered.
 #[derive(Default)]
 pub struct Orders {
-    /// When the order to arm was sent first and last; `None` while the rover has to be disarmed.
-    armed: Option<ArmOrders>,
+    /// When the order to arm was sent first and last, as it is repeated until the rover is seen to be armed; `None` while the
+    /// rover has to be disarmed.
+    armed: Option<(u64, u64)>,
     /// Shares of the power for the left and the right side, latest last.
     sticks: VecDeque<(u64, [f64; 2])>,
-}
-
-/// It is repeated until the rover is seen to be armed.
-#[derive(Clone, Copy)]
-struct ArmOrders {
-    first_us: u64,
-    last_us: u64,
 }
 
 impl Orders {
     /// The order to arm is sent.
     pub fn arm(&mut self, at_us: u64) {
-        let first_us = self.armed.map_or(at_us, |armed| armed.first_us);
-        self.armed = Some(ArmOrders {
-            first_us,
-            last_us: at_us,
-        });
+        let first_us = self.armed.map_or(at_us, |(first_us, _)| first_us);
+        self.armed = Some((first_us, at_us));
     }
 
     /// A reset: nothing that was ordered before counts.
@@ -82,7 +74,7 @@ impl Orders {
     pub fn reported(&mut self, says: Says, at_us: u64) {
         match says {
             Says::Armed => assert!(self.armed.is_some(), "armed without an order"),
-            Says::Disarmed if self.armed.is_some_and(|armed| armed.last_us + ORDER_US < at_us) => {
+            Says::Disarmed if self.armed.is_some_and(|(_, last_us)| last_us + ORDER_US < at_us) => {
                 self.armed = None;
             }
             Says::Disarmed => {}
@@ -96,16 +88,13 @@ impl Orders {
             Motion::Brake => return self.armed.map(|_| 0),
             Motion::Turn(power) => power,
         };
-        let armed = self.armed?;
+        let (first_us, _) = self.armed?;
         let fits = |ordered: f64| power * ordered > 0.0 && power.abs() <= ordered.abs() + ROUNDING;
         // No position from before arming drives.
-        let counting = self
-            .sticks
-            .iter()
-            .rev()
-            .filter(|(sent_us, _)| *sent_us >= armed.first_us);
-        let mut ages = counting.filter(|(_, powers)| fits(powers[side]));
-        let age_us = ages.next().map(|(sent_us, _)| at_us.saturating_sub(*sent_us));
+        let counts = |sent_us: u64, powers: &[f64; 2]| sent_us >= first_us && fits(powers[side]);
+        let mut latest_first = self.sticks.iter().rev();
+        let stick = latest_first.find(|(sent_us, powers)| counts(*sent_us, powers));
+        let age_us = stick.map(|(sent_us, _)| at_us.saturating_sub(*sent_us));
         age_us.filter(|age_us| *age_us <= STICK_US)
     }
 }
@@ -194,17 +183,13 @@ impl Motors {
                 edges.iter().all(|(_, level)| !level),
                 "GP{pin} is high, and not by the PWM"
             );
-            changes.extend(
-                bench
-                    .take_pwm_changes(pin)
-                    .into_iter()
-                    .map(|(at, output)| Change {
-                        at_us: at / CYCLES_PER_US,
-                        motor,
-                        pole,
-                        duty: output.map_or(0.0, |output| output.duty),
-                    }),
-            );
+            let change = |(at, output): (u64, Option<PwmOutput>)| Change {
+                at_us: at / CYCLES_PER_US,
+                motor,
+                pole,
+                duty: output.map_or(0.0, |output| output.duty),
+            };
+            changes.extend(bench.take_pwm_changes(pin).into_iter().map(change));
         }
         changes.sort_by_key(|change| change.at_us);
         changes

@@ -14,7 +14,7 @@ use super::receiver::Receiver;
 use super::station::Station;
 use super::tally::Tally;
 use super::wifi::Wifi;
-use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, TestedVehicle, value_of};
+use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, TestedVehicle};
 use crate::downloads::{download, list};
 use crate::log_flash::files_in;
 use crate::log_records::records_of_torn;
@@ -128,17 +128,13 @@ impl Rig {
         if let Some(owner) = &owner {
             bench.sign_with(owner.clone());
         }
-        for (name, value) in packs::PARAMETERS {
-            bench.set(name, value);
-        }
-        // So that stick input takes effect at once, and a list is over soon.
-        bench.set("MOT_SLEWRATE", 0.0);
-        bench.set("SR0_PARAMS", 50.0);
+        bench.set_all(&packs::PARAMETERS);
+        // Stick input is to take effect at once, and a list to be over soon.
+        bench.set_all(&[("MOT_SLEWRATE", 0.0), ("SR0_PARAMS", 50.0)]);
         bench.reboot();
         let mut ledger = Ledger::default();
         for name in SET {
-            let answers = bench.ask(&param_read_by_name(name));
-            ledger.add(name, value_of(&answers, name).expect("there is one"));
+            ledger.add(name, bench.parameter(name));
         }
         let mut rig = Self {
             owner,
@@ -333,22 +329,15 @@ impl Rig {
         let (newest, (_, content)) = listed.last().zip(files.last()).expect("it was armed");
         assert!(download(bench, *newest) == *content, "{newest:?}");
         let records = files.iter().map(|(_, content)| records_of_torn(content).len());
-        self.tally.log_records = records.sum();
-        self.tally.log_files = files.len();
-        assert!(
-            self.tally.log_records > 100 * files.len(),
-            "{:?}",
-            self.tally.log_records
-        );
+        let records: usize = records.sum();
+        (self.tally.log_records, self.tally.log_files) = (records, files.len());
+        assert!(records > 100 * files.len(), "{records}");
     }
 
     /// What has happened since `from_us`.
     pub fn sum_up(mut self, from_us: u64) -> Tally {
-        assert!(
-            self.bench.bus_errors().is_empty(),
-            "{:?}",
-            self.bench.bus_errors()
-        );
+        let bus_errors = self.bench.bus_errors();
+        assert!(bus_errors.is_empty(), "{bus_errors:?}");
         self.tally.seconds = (self.now_us() - from_us) / SECOND;
         self.tally.settings = self.station.settings;
         self.tally.by_wifi = self.wifi.frames;

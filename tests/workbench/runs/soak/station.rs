@@ -6,16 +6,11 @@ use crate::bench::{MILLISECOND, SECOND};
 use emulator::Random;
 use support::commands::REQUEST_MESSAGE;
 use support::requests::{
-    CUSTOM_MODE_ENABLED, GCS, MANUAL, VEHICLE, VEHICLE_ID, arm, arm_by_force, command_long, disarm,
-    heartbeat, manual_control, param_read_by_name, param_request_list, param_set, ping, set_mode, timesync,
+    GCS, VEHICLE, VEHICLE_ID, arm, arm_by_force, command_long, disarm, heartbeat, manual_control,
+    manual_mode, param_read_by_name, param_request_list, param_set, ping, timesync,
 };
 
 const AUTOPILOT_VERSION: f32 = 148.0;
-
-/// Arms whatever the packs say.
-pub fn force_arm() -> Vec<u8> {
-    arm_by_force()
-}
 
 /// Orders are sent again until they are seen to be obeyed.
 const REPEAT_US: u64 = 500 * MILLISECOND;
@@ -192,17 +187,16 @@ impl Station {
             let is_first = now_us < self.began_us + REPEAT_US;
             messages.push(match (self.driver, self.random.below(2)) {
                 (Driver::Careful, 0) if is_first => arm(),
-                _ => force_arm(),
+                _ => arm_by_force(),
             });
-            messages.push(set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+            messages.push(manual_mode());
             if self.driver == Driver::Careful && self.random.below(2) == 0 {
                 self.move_stick();
             }
         }
-        let (steering, throttle) = if is_pushing {
-            (self.steering, self.throttle)
-        } else {
-            (0, 0)
+        let (steering, throttle) = match is_pushing {
+            true => (self.steering, self.throttle),
+            false => (0, 0),
         };
         let [forward, right] = [throttle, steering].map(|axis| f64::from(axis) / 1000.0);
         orders.stick(now_us, [forward + right, forward - right]);

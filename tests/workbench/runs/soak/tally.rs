@@ -69,25 +69,16 @@ impl Tally {
             sum.recovered += outcome.recovered;
             sum.slowest_us = sum.slowest_us.max(outcome.slowest_us);
         }
-        self.sudden += other.sudden;
-        self.seconds += other.seconds;
-        self.heartbeats += other.heartbeats;
+        // Adds the counts of these fields.
+        macro_rules! add {
+            ($($count:ident)*) => {
+                $(self.$count += other.$count;)*
+            };
+        }
+        add!(sudden seconds heartbeats hostile_pieces drives calm_drives motor_changes by_wifi settings read_back);
+        add!(programs erases marks learnt logged log_files log_records);
         self.longest_gap_us = self.longest_gap_us.max(other.longest_gap_us);
-        self.hostile_pieces += other.hostile_pieces;
-        self.drives += other.drives;
-        self.calm_drives += other.calm_drives;
-        self.motor_changes += other.motor_changes;
         self.oldest_stick_us = self.oldest_stick_us.max(other.oldest_stick_us);
-        self.by_wifi += other.by_wifi;
-        self.settings += other.settings;
-        self.read_back += other.read_back;
-        self.programs += other.programs;
-        self.erases += other.erases;
-        self.marks += other.marks;
-        self.learnt += other.learnt;
-        self.logged += other.logged;
-        self.log_files += other.log_files;
-        self.log_records += other.log_records;
         let both = [self.least_left_us, other.least_left_us];
         self.least_left_us = both.into_iter().flatten().min();
     }
@@ -96,15 +87,15 @@ impl Tally {
     pub fn times(&self, fault: Fault) -> u64 {
         self.faults.get(&fault).map_or(0, |outcome| outcome.times)
     }
-
-    fn all_times(&self) -> u64 {
-        self.faults.values().map(|outcome| outcome.times).sum()
-    }
 }
 
 /// The first cells of the row of a fault: those that do not change from run to run.
 pub fn fixed_cells(fault: Fault) -> String {
-    format!("| {} | {} s |", fault.name(), fault.limit_us() as f64 / 1e6)
+    format!("| {} | {} s |", fault.name(), seconds(fault.limit_us()))
+}
+
+fn seconds(us: u64) -> f64 {
+    us as f64 / 1e6
 }
 
 impl fmt::Display for Tally {
@@ -112,27 +103,20 @@ impl fmt::Display for Tally {
         writeln!(f, "| fault | bound | slowest | injected | recovered |")?;
         writeln!(f, "|---|---|---|---|---|")?;
         for (fault, outcome) in &self.faults {
-            writeln!(
-                f,
-                "{} {:.2} s | {} | {} |",
-                fixed_cells(*fault),
-                outcome.slowest_us as f64 / 1e6,
-                outcome.times,
-                outcome.recovered
-            )?;
+            let (fixed, slowest_s) = (fixed_cells(*fault), seconds(outcome.slowest_us));
+            let Outcome { times, recovered, .. } = outcome;
+            writeln!(f, "{fixed} {slowest_s:.2} s | {times} | {recovered} |")?;
         }
+        let all_times: u64 = self.faults.values().map(|outcome| outcome.times).sum();
         let hours = self.seconds as f64 / 3600.0;
+        let (sudden, heartbeats, gap_s) = (self.sudden, self.heartbeats, seconds(self.longest_gap_us));
         writeln!(
             f,
-            "\n{} faults in {hours:.1} emulated hours, and {} restarts in the course of one. All the time:\n",
-            self.all_times(),
-            self.sudden
+            "\n{all_times} faults in {hours:.1} emulated hours, and {sudden} restarts in the course of one. All the time:\n"
         )?;
         writeln!(
             f,
-            "- {} HEARTBEATs, at most {:.2} s from one, or from a start, to the next;",
-            self.heartbeats,
-            self.longest_gap_us as f64 / 1e6
+            "- {heartbeats} HEARTBEATs, at most {gap_s:.2} s from one, or from a start, to the next;"
         )?;
         writeln!(f, "- {} messages to a laptop by Wi-Fi;", self.by_wifi)?;
         writeln!(
@@ -141,7 +125,7 @@ impl fmt::Display for Tally {
             self.motor_changes,
             self.drives,
             self.calm_drives,
-            self.oldest_stick_us as f64 / 1e6
+            seconds(self.oldest_stick_us)
         )?;
         writeln!(
             f,
@@ -153,23 +137,20 @@ impl fmt::Display for Tally {
             "- {} pages of flash written and {} sectors erased, none of them without a parameter that was set;",
             self.programs, self.erases
         )?;
-        writeln!(
-            f,
-            "- {} flash operations for what is learnt of the packs;",
-            self.learnt
-        )?;
+        let (learnt, marks) = (self.learnt, self.marks);
+        writeln!(f, "- {learnt} flash operations for what is learnt of the packs;")?;
         writeln!(
             f,
             "- {} flash operations for the log; at the end it has {} files with {} records, the newest downloaded as it is in flash;",
             self.logged, self.log_files, self.log_records
         )?;
-        if self.marks > 0 {
-            writeln!(f, "- the time of signatures written down {} times;", self.marks)?;
+        if marks > 0 {
+            writeln!(f, "- the time of signatures written down {marks} times;")?;
         }
+        let left_s = seconds(self.least_left_us.unwrap_or(0));
         writeln!(
             f,
-            "- the watchdog fed with {:.2} s left at least, and no reset but those that were caused;",
-            self.least_left_us.unwrap_or(0) as f64 / 1e6
+            "- the watchdog fed with {left_s:.2} s left at least, and no reset but those that were caused;"
         )?;
         writeln!(f, "- {} hostile pieces, none obeyed.", self.hostile_pieces)
     }

@@ -32,12 +32,8 @@ impl Rig {
         let frames = self.receive(None);
         self.take_all(&changes, &frames);
         self.look_at_flash();
-        if self
-            .bench
-            .take_log()
-            .iter()
-            .any(|line| line.text == OFF_AFTER_CRASH)
-        {
+        let log = self.bench.take_log();
+        if log.iter().any(|line| line.text == OFF_AFTER_CRASH) {
             self.radio = Radio::Unused;
         }
         // They are not used elsewhere, and grow.
@@ -59,15 +55,13 @@ impl Rig {
         let reset_us = reset.time_us;
         let changes = Motors::take_changes(&mut self.bench);
         let frames = self.receive(Some(reset_us));
-        let (changes_before, changes_after) =
-            changes.split_at(changes.partition_point(|change| change.at_us < reset_us));
-        let (frames_before, frames_after) =
-            frames.split_at(frames.partition_point(|frame| frame.at_us <= reset_us));
-        self.take_all(changes_before, frames_before);
+        let change = changes.partition_point(|change| change.at_us < reset_us);
+        let frame = frames.partition_point(|frame| frame.at_us <= reset_us);
+        self.take_all(&changes[..change], &frames[..frame]);
         self.orders.forget();
         self.ledger.restart(reset_us);
         self.alive_us = reset_us;
-        self.take_all(changes_after, frames_after);
+        self.take_all(&changes[change..], &frames[frame..]);
         self.motors.assert_ordered(&self.orders, self.now_us());
         self.look_at_flash();
     }
@@ -110,10 +104,9 @@ impl Rig {
         self.tally.heartbeat(frame.at_us - self.alive_us);
         self.alive_us = frame.at_us;
         self.heard_us.get_or_insert(frame.at_us);
-        let says = if Heartbeat(frame).base_mode() & ARMED != 0 {
-            Says::Armed
-        } else {
-            Says::Disarmed
+        let says = match Heartbeat(frame).base_mode() & ARMED {
+            0 => Says::Disarmed,
+            _ => Says::Armed,
         };
         self.orders.reported(says, frame.at_us);
         self.station.see(says, frame.at_us);
@@ -123,25 +116,20 @@ impl Rig {
     fn look_at_flash(&mut self) {
         let since_us = self.ledger.sent_us.max(self.ledger.started_us);
         for operation in self.bench.take_flash_operations() {
+            let is_signing = (SIGNING_OFFSET..PARAMETER_OFFSET).contains(&operation.offset);
             if is_learnt(&operation) {
                 self.tally.learnt += 1;
-                continue;
-            }
-            if flash_map::LOG.contains(&operation.offset) {
+            } else if flash_map::LOG.contains(&operation.offset) {
                 self.tally.logged += 1;
-                continue;
-            }
-            if self.owner.is_some() && (SIGNING_OFFSET..PARAMETER_OFFSET).contains(&operation.offset) {
+            } else if self.owner.is_some() && is_signing {
                 self.tally.marks += 1;
-                continue;
-            }
-            assert!(
-                operation.time_us <= since_us + WRITING_US,
-                "no parameter was set: {operation:?}"
-            );
-            match operation.kind {
-                FlashOperationKind::PageProgram => self.tally.programs += 1,
-                _ => self.tally.erases += 1,
+            } else {
+                let is_set = operation.time_us <= since_us + WRITING_US;
+                assert!(is_set, "no parameter was set: {operation:?}");
+                match operation.kind {
+                    FlashOperationKind::PageProgram => self.tally.programs += 1,
+                    _ => self.tally.erases += 1,
+                }
             }
         }
     }
@@ -157,13 +145,10 @@ impl Rig {
             return;
         };
         self.tally.drives += 1;
-        if self
-            .calm_since_us
-            .is_some_and(|calm_us| calm_us <= drive.began_us)
-        {
+        let began_us = drive.began_us;
+        if self.calm_since_us.is_some_and(|calm_us| calm_us <= began_us) {
             self.tally.calm_drives += 1;
-            let turned_us = self.motors.turned_us;
-            let turned = turned_us.is_some_and(|turned_us| turned_us > drive.began_us);
+            let turned = self.motors.turned_us > Some(began_us);
             assert_eq!(turned, drive.driver == Driver::Careful, "{drive:?}");
         }
     }

@@ -8,7 +8,7 @@ use emulator::air::hostile::{Hostile, Target};
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
 use emulator::air::space::Air;
-use support::frames::{Frame, HEARTBEAT, frames};
+use support::frames::{HEARTBEAT, frames, of_message};
 use support::requests::{GCS, heartbeat};
 
 const UDP_PORT: u16 = 14550;
@@ -75,14 +75,11 @@ impl Wifi {
         for datagram in self.air.laptop(self.laptop).take_datagrams(self.port) {
             self.board = Some(datagram.from);
             let bytes: Vec<_> = datagram.bytes.iter().map(|byte| (now_us, *byte)).collect();
-            frames(&bytes).iter().for_each(|frame| self.take(frame));
-        }
-    }
-
-    fn take(&mut self, frame: &Frame) {
-        self.frames += 1;
-        if frame.message_id == HEARTBEAT {
-            self.heard_us.get_or_insert(frame.at_us);
+            let frames = frames(&bytes);
+            self.frames += frames.len() as u64;
+            if !of_message(&frames, HEARTBEAT).is_empty() {
+                self.heard_us.get_or_insert(now_us);
+            }
         }
     }
 
@@ -95,8 +92,8 @@ impl Wifi {
     pub fn flood(&mut self, seed: u64, bench: &mut Bench) {
         let target = Target::new(bench.wifi().mac(), BOARD);
         let hostile = Hostile::new(seed, target);
-        self.air
-            .flood(hostile, HOSTILE_FRAMES_PER_SECOND, bench.time_us());
+        let from_us = bench.time_us();
+        self.air.flood(hostile, HOSTILE_FRAMES_PER_SECOND, from_us);
     }
 
     pub fn calm(&mut self) {
