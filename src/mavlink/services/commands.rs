@@ -436,6 +436,36 @@ mod tests {
     }
 
     #[test]
+    fn versions_are_answered_when_they_are_requested() {
+        for number in [519, 520] {
+            assert!(execute(number, 1.0, 0.0).answer.is_some(), "{number}");
+            for param1 in [0.0, 2.0, f32::NAN] {
+                assert_eq!(execute(number, param1, 0.0), DENIED.into(), "{number}: {param1}");
+            }
+        }
+    }
+
+    /// By these a link takes a command without a signature, or drops an old one.
+    #[test]
+    fn a_command_reads_or_changes_for_good_by_its_number() {
+        for (number, only_reads, changes_for_good) in [
+            (245, false, true),
+            (246, false, true),
+            (42651, false, true),
+            (510, true, false),
+            (512, true, false),
+            (519, true, false),
+            (520, true, false),
+            (218, false, false),
+            (511, false, false),
+        ] {
+            let command = command(number, 1.0, 1.0);
+            assert_eq!(command.only_reads(), only_reads, "{number}");
+            assert_eq!(command.changes_for_good(), changes_for_good, "{number}");
+        }
+    }
+
+    #[test]
     fn battery_status_is_sent_of_a_reported_pack_by_its_instance() {
         for instance in [0.0, -0.0, f32::NAN] {
             let outcome = execute(512, 147.0, instance);
