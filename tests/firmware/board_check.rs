@@ -2,11 +2,13 @@
 
 use crate::wheels::duties;
 use std::cell::RefCell;
+use std::io;
 use std::rc::Rc;
 
-use rover_battmon_tools::board_check::{Divider, Multimeter, Plan, Verdict, hash_of_elf, run};
+use rover_battmon::time::Instant;
+use rover_battmon_tools::board_check::{Divider, Multimeter, Plan, Port, Verdict, hash_of_elf, run};
 
-use support::checked::{Checked, Line, Turned, Watcher, failed, not_measured};
+use support::checked::{Turned, Watcher, failed, not_measured};
 use support::motor_poles::{LEFT, Motor, RIGHT};
 use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use workbench::elf::{Artifact, build};
@@ -39,23 +41,29 @@ impl BenchBoard {
     }
 }
 
-impl Checked for BenchBoard {
-    fn now_us(&mut self) -> u64 {
-        self.bench.time_us()
+impl Port for BenchBoard {
+    fn now(&mut self) -> Instant {
+        Instant::from_micros(self.bench.time_us())
     }
 
-    fn deliver(&mut self, bytes: &[u8]) {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         let now_us = self.bench.time_us();
         self.bench.uart_send_at_baud(0, now_us, bytes, BAUD);
+        Ok(())
     }
 
-    fn run_until(&mut self, until_us: u64) -> Vec<u8> {
+    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> io::Result<()> {
         loop {
             let sent = self.step();
-            if !sent.is_empty() || self.bench.time_us() >= until_us {
-                return sent;
+            if !sent.is_empty() || self.now() >= deadline {
+                bytes.extend(sent);
+                return Ok(());
             }
         }
+    }
+
+    fn reopen(&mut self, _: Instant) -> io::Result<()> {
+        unreachable!("it never closes")
     }
 }
 
@@ -76,7 +84,7 @@ fn a_sound_board_passes() {
     bench.run_until_silent();
     let mut owner = Watcher::default();
     let turned = owner.turned.clone();
-    let report = run(&mut Line(BenchBoard { bench, turned }), &mut owner, &plan);
+    let report = run(&mut BenchBoard { bench, turned }, &mut owner, &plan);
     println!("{}", report.markdown("emulated board"));
     assert_eq!(failed(&report), [""; 0]);
     assert_eq!(not_measured(&report), [""; 0]);

@@ -106,7 +106,7 @@ impl FloodedRover {
         self.desk.receive_in_chunks(frames, 64);
     }
 
-    /// The number of ticks after `from_tick` after which a text that starts so has left.
+    /// Ticks from `from_tick` until a text that starts like this has left.
     #[track_caller]
     fn delay(&self, from_tick: u64, start: &str) -> u64 {
         let mut sent = self.sent.iter();

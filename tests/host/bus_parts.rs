@@ -12,7 +12,7 @@ use embedded_hal_async::i2c::Operation;
 use embedded_hal_async::spi::{ErrorType, Operation as SpiOperation, SpiDevice};
 use emulator::i2c_devices::{
     Ad7091r5, Bq76952, Garbled, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec, Reads,
-    Reference, SmartBattery,
+    SmartBattery,
 };
 use emulator::spi_devices::Ina239;
 use emulator::{Ack, I2cDevice, I2cDirection, Random, SpiClock, SpiDevice as _, SpiMode};
@@ -400,7 +400,7 @@ fn an_ltc2946_counts_charge_and_energy_while_it_is_not_read_and_a_restart_loses_
 }
 
 fn converter(volts: [f64; 4]) -> Rc<RefCell<Ad7091r5>> {
-    device(Ad7091r5::new(Reference::External(3.3)), |part| {
+    device(Ad7091r5::new(3.3), |part| {
         (0..)
             .zip(volts)
             .for_each(|(channel, volts)| part.set(channel, volts));

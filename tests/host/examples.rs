@@ -7,7 +7,7 @@ use support::frames::{
     BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, frames,
 };
 
-/// What `cargo run --example NAME` prints. `cargo test` has built it beside this program.
+/// The output of an example, which `cargo test` has built beside this program.
 fn printed_by(name: &str) -> String {
     let program = env::current_exe().expect("the program's path is known");
     let folder = program

@@ -112,7 +112,7 @@ fn faults_charge_state_and_time_left_of_a_component_are_shown() {
     let state = ticks(&mut desk, 40, &report.frame());
     assert_eq!(state.charge_state, ChargeState::Critical);
     assert_eq!(status(&mut desk), (3, 8 | 16, 1234));
-    // A condition that it reports no more is not shown any more.
+    // A condition that it no longer reports is no longer shown.
     report.charge_state = 1;
     report.fault_bitmask = 0;
     report.time_remaining_s = 0;

@@ -23,7 +23,7 @@ use support::signer::{NEW_YEAR, OWNER, Signer};
 
 use crate::regions::{Regions, keep};
 
-/// Bytes that keys are made of; 0 is no key.
+/// Each key repeats one byte; this one stands for no key.
 const NONE: u8 = 0;
 const OLD: u8 = 6;
 

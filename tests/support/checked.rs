@@ -1,47 +1,10 @@
-//! A board at the end of a line for `board-check`, and the owner beside it. Time is the board's.
+//! The owner beside a board for `board-check`, and how its wheels turned.
 
 use std::cell::RefCell;
-use std::io;
 use std::rc::Rc;
 use std::sync::mpsc::TryRecvError;
 
-use rover_battmon::time::Instant;
-use rover_battmon_tools::board_check::{Outcome, Owner, Port, Report};
-
-/// What is at the other end of the line.
-pub trait Checked {
-    /// The time.
-    fn now_us(&mut self) -> u64;
-
-    /// Bytes arrive.
-    fn deliver(&mut self, bytes: &[u8]);
-
-    /// Lets time pass until something was sent, until `until_us` at the latest; returns what was sent.
-    fn run_until(&mut self, until_us: u64) -> Vec<u8>;
-}
-
-/// A line that carries everything as it is.
-pub struct Line<B>(pub B);
-
-impl<B: Checked> Port for Line<B> {
-    fn now(&mut self) -> Instant {
-        Instant::from_micros(self.0.now_us())
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0.deliver(bytes);
-        Ok(())
-    }
-
-    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> io::Result<()> {
-        bytes.extend(self.0.run_until(deadline.as_micros()));
-        Ok(())
-    }
-
-    fn reopen(&mut self, _: Instant) -> io::Result<()> {
-        unreachable!("it never closes")
-    }
-}
+use rover_battmon_tools::board_check::{Outcome, Owner, Report};
 
 /// How fast the wheels of each side have turned since the last question, from −1 to 1, wherever that was most.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

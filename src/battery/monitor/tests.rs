@@ -87,7 +87,7 @@ impl MonitorBench {
         self.state = BatteryState::default();
     }
 
-    /// How often this was announced.
+    /// The number of its announcements.
     fn count_of(&self, event: PackEvent) -> usize {
         self.events.iter().filter(|other| **other == event).count()
     }

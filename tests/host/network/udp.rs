@@ -55,7 +55,7 @@ fn a_ground_station_is_found_by_broadcast_and_then_gets_everything_by_unicast() 
 // Requirement: R-8
 fn a_phone_that_takes_no_broadcasts_is_found_by_its_address() {
     play(Role::AccessPoint, async |room| {
-        // The phones before it have left, and their addresses answer no more.
+        // The phones before it have left, and their addresses no longer answer.
         let gone = [room.phone(2).await, room.phone(3).await];
         let mut phone = room.phone(4).await;
         for other in &gone {

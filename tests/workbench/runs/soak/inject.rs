@@ -175,7 +175,7 @@ impl Rig {
         self.crashes = 0;
     }
 
-    /// The power is going to go in one of the next operations of the flash chip: its number, from 1 on.
+    /// Has the power fail in one of the next operations of the flash chip, and returns its number, from 1 on.
     fn cut_power_soon(&mut self) -> u64 {
         let operation = 1 + self.random.below(3) as u64;
         let cut = self.random.pick(&FlashCut::ALL);

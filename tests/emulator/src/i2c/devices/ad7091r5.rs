@@ -23,12 +23,6 @@ const CHANNELS: u8 = 4;
 const RESULT_BITS: u32 = 12;
 const CHANNEL_SHIFT: u32 = 13;
 
-/// What is at the REF pin while the internal reference is off.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reference {
-    External(f64),
-}
-
 struct State {
     enabled: u8,
     config: u16,
@@ -49,7 +43,8 @@ impl State {
 }
 
 pub struct Ad7091r5 {
-    reference: Reference,
+    /// The voltage at the REF pin while the internal reference is off.
+    external_reference_v: f64,
     volts: [f64; CHANNELS as usize],
     state: State,
     /// Bytes since the START that were not used yet.
@@ -60,9 +55,9 @@ pub struct Ad7091r5 {
 }
 
 impl Ad7091r5 {
-    pub fn new(reference: Reference) -> Self {
+    pub fn new(external_reference_v: f64) -> Self {
         Self {
-            reference,
+            external_reference_v,
             volts: [0.0; CHANNELS as usize],
             state: State::after_reset(),
             written: Vec::new(),
@@ -77,9 +72,9 @@ impl Ad7091r5 {
     }
 
     fn code(&self, channel: u8) -> u16 {
-        let reference_v = match self.reference {
-            _ if self.state.config & INTERNAL_REFERENCE != 0 => INTERNAL_REFERENCE_V,
-            Reference::External(volts) => volts,
+        let reference_v = match self.state.config & INTERNAL_REFERENCE {
+            0 => self.external_reference_v,
+            _ => INTERNAL_REFERENCE_V,
         };
         let step_v = reference_v / f64::from(1 << RESULT_BITS);
         unsigned_code(self.volts[usize::from(channel)], step_v, RESULT_BITS) as u16
@@ -190,7 +185,7 @@ mod tests {
 
     /// 3.3 V is 4096 steps of 805.7 uV.
     fn example() -> Ad7091r5 {
-        let mut device = Ad7091r5::new(Reference::External(3.3));
+        let mut device = Ad7091r5::new(3.3);
         for (channel, volts) in [0.0, 0.825, 1.65, 3.3].into_iter().enumerate() {
             device.set(channel, volts);
         }

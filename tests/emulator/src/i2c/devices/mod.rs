@@ -17,7 +17,7 @@ mod ltc2946;
 mod register_map;
 mod smart_battery;
 
-pub use ad7091r5::{Ad7091r5, Reference};
+pub use ad7091r5::Ad7091r5;
 pub use bq76952::Bq76952;
 pub use garbled::{Garbled, Reads};
 pub use ina226::Ina226;
