@@ -1,9 +1,8 @@
 #!/usr/bin/env python3
-"""Counts the words of the documentation by page, as `wc -w` does, against each page's budget.
+"""Finds sentences that stand on two pages of the documentation, and counts the words of each page, as `wc -w` does.
 
-Prints a row for each page, pages that are missing or have no budget, and sentences of eight or more words that stand on
-two pages; code blocks, headings and the heads of tables aside. With `--strict` it fails if a page is over its budget or
-has none, or if a sentence is repeated.
+A sentence counts from eight words on; code blocks, headings and the heads of tables do not. With `--strict` it fails if
+there is one. Words are printed only.
 """
 
 import argparse
@@ -14,34 +13,6 @@ import subprocess
 import sys
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
-
-# Pages that share a budget stand together.
-BUDGETS = {
-    ("README.md",): 1350,
-    ("docs/getting-started.md",): 2650,
-    ("docs/packs.md",): 2450,
-    ("docs/failsafes.md",): 1600,
-    ("docs/wifi.md",): 2000,
-    ("docs/logs.md",): 1500,
-    ("docs/fleet.md",): 1200,
-    ("docs/troubleshooting.md",): 3400,
-    ("docs/ground-stations.md",): 1650,
-    ("docs/hardware.md",): 2200,
-    ("docs/architecture.md",): 1750,
-    ("docs/battery-model.md",): 2200,
-    ("docs/parity.md",): 2150,
-    ("docs/extending.md",): 1600,
-    ("docs/proof.md",): 2850,
-    ("docs/decisions.md",): 3550,
-    ("CONTRIBUTING.md", "CHANGELOG.md"): 1900,
-}
-# All of it is generated.
-NOT_COUNTED = "docs/parameters.md"
-# Counts without its generated parts, and has no budget of its own.
-PARTLY_GENERATED = "docs/performance.md"
-GENERATED = re.compile(r"<!-- (\w+) begins -->.*?<!-- \1 ends -->", re.DOTALL)
-README_OF_A_FOLDER = re.compile(r"(?:examples|tests|web)/(?:.*/)?README\.md")
-README_BUDGET = 250
 LEAST_WORDS = 8
 
 
@@ -53,23 +24,6 @@ def pages_of(repository):
     ).stdout.split("\0")[:-1]  # fmt: skip
     files = {name: repository / name for name in sorted(set(listed))}
     return {name: file.read_text(encoding="utf-8") for name, file in files.items() if file.exists()}
-
-
-def rows_of(words):
-    """Each page, or pages with one budget: names, words or None if one is missing, and budget or None without one."""
-    for names, budget in BUDGETS.items():
-        yield names, sum(words[name] for name in names) if all(name in words for name in names) else None, budget
-    budgeted = {name for names in BUDGETS for name in names}
-    for name in words.keys() - budgeted - {NOT_COUNTED, PARTLY_GENERATED}:
-        yield (name,), words[name], README_BUDGET if README_OF_A_FOLDER.fullmatch(name) else None
-
-
-def verdict(count, budget):
-    if count is None:
-        return "missing"
-    if budget is None:
-        return "not in the budget"
-    return f"{count - budget} over" if count > budget else ""
 
 
 def sentences_of(text):
@@ -95,33 +49,22 @@ def repeated_sentences(pages):
 
 
 def report(pages):
-    """Prints everything, and returns how many complaints there are."""
-    words = {name: len(text.split()) for name, text in pages.items()}
-    complaints, counted = 0, 0
-    for names, count, budget in sorted(rows_of(words), key=lambda row: (row[2] is None, row[0])):
-        is_of_a_folder = README_OF_A_FOLDER.fullmatch(names[0])
-        counted += 0 if is_of_a_folder else count or 0
-        said = verdict(count, budget)
-        complaints += said not in ("", "missing")
-        print(f"  {'-' if count is None else count:>6} of {budget or '-':>5}  {' + '.join(names):42} {said}".rstrip())
-    prose = len(GENERATED.sub("", pages.get(PARTLY_GENERATED, "")).split())
-    counted += prose
-    complaints += counted > sum(BUDGETS.values())
-    print(f"  {prose:>6}           {PARTLY_GENERATED:42} without {words.get(PARTLY_GENERATED, 0) - prose} that are generated")
-    print(f"  {words.get(NOT_COUNTED, 0):>6}           {NOT_COUNTED:42} not counted")
+    """Prints everything, and returns how many sentences are repeated."""
+    for name, text in pages.items():
+        print(f"{len(text.split()):7} {name}")
     repeated = repeated_sentences(pages)
     for sentence, names in sorted(repeated.items()):
-        print(f"  on {' and '.join(names)}: {sentence}")
-    print(f"{counted} words of {sum(BUDGETS.values())}, READMEs of folders aside; {len(repeated)} sentences on two pages")
-    return complaints + len(repeated)
+        print(f"on {' and '.join(names)}: {sentence}")
+    print(f"{len(repeated)} sentences on two pages")
+    return len(repeated)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--strict", action="store_true", help="fail if there is anything to complain of")
+    parser.add_argument("--strict", action="store_true", help="fail if a sentence is repeated")
     arguments = parser.parse_args()
-    complaints = report(pages_of(REPOSITORY))
-    sys.exit(1 if arguments.strict and complaints else 0)
+    repeated = report(pages_of(REPOSITORY))
+    sys.exit(1 if arguments.strict and repeated else 0)
 
 
 if __name__ == "__main__":

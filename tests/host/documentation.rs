@@ -660,9 +660,6 @@ fn refused_in(text: &str) -> Vec<String> {
     found
 }
 
-/// They name pages to come, and made-up ones.
-const OF_OTHER_PAGES: [&str; 2] = [".ci/words.py", ".ci/test_words.py"];
-
 /// The pages that a text names from the top of the repository, with their anchors.
 fn named_pages(text: &str) -> impl Iterator<Item = &str> {
     let words = text.split(|c: char| !c.is_alphanumeric() && !"/._-#".contains(c));
@@ -681,8 +678,7 @@ fn is_there(page: &str) -> bool {
 fn every_page_that_sources_name_exists_with_its_anchor() {
     let mut missing = Vec::new();
     let mut looked_at = 0;
-    let files = checked_files().into_iter().chain(["Cargo.toml".into()]);
-    for file in files.filter(|file| !OF_OTHER_PAGES.contains(&file.as_str())) {
+    for file in checked_files().into_iter().chain(["Cargo.toml".into()]) {
         for page in named_pages(&read(&repository().join(&file))) {
             looked_at += 1;
             if !is_there(page) {
