@@ -1,4 +1,4 @@
-"""What the house's size is counted by, and what holds it."""
+"""Counting the sources, and holding the counts to their limits."""
 
 import subprocess
 
@@ -45,9 +45,9 @@ def repository(tmp_path, monkeypatch):
     return tmp_path
 
 
-def commit(repository, message, limit, lines):
-    (repository / house.LIMITS).write_text(f"board: lines of code {limit}\n")
-    (repository / "src/lib.rs").write_text("fn f() {}\n" * lines)
+def commit(repository, message, limit, types, more_limits=""):
+    (repository / house.LIMITS).write_text(f"board: types {limit}\n{more_limits}")
+    (repository / "src/lib.rs").write_text("struct A;\n" * types)
     house.git("add", ".")
     house.git("commit", "-q", "-m", message)
 
@@ -64,18 +64,41 @@ def test_a_number_rises_alone_and_with_a_reason(repository):
     commit(repository, "Fall", 3, 3)
     assert unexplained(repository) == []
     commit(repository, "Raise", 6, 3)
-    assert unexplained(repository) == [["board: lines of code"]], "without a reason"
+    assert unexplained(repository) == [["board: types"]], "without a reason"
     commit(repository, "Raise and use\n\nBuys a thing.", 9, 7)
     assert len(unexplained(repository)) == 2, "together with code"
 
 
+def test_a_held_number_is_dropped_alone_and_with_a_reason(repository):
+    commit(repository, "One", 1, 1, "board: files 1\nboard: lines of code 1\n")
+    commit(repository, "Print lines", 1, 2, "board: files 1\n")
+    assert unexplained(repository) == []
+    commit(repository, "Drop a limit", 1, 1)
+    assert unexplained(repository) == [["board: files"]]
+
+
 def test_growth_and_falls_are_reported():
-    complain = lambda count, limit, room: list(house.complaints({"files": count}, {"files": limit}, room))
-    assert complain(5, 5, False) == []
-    assert "of 5: make something simpler" in complain(6, 5, True)[0]
-    assert "lower it" in complain(4, 5, False)[0]
-    assert complain(4, 5, True) == [], "what a raise allows is used little by little"
-    assert "does not say" in list(house.complaints({"files": 1}, {}, False))[0]
+    def complain(types, may_have_room, without=None):
+        counts = {**dict.fromkeys(house.HELD, 5), "board: types": types, "board: lines of code": 1000}
+        limits = {name: 5 for name in house.HELD if name != without}
+        return list(house.complaints(counts, limits, may_have_room))
+
+    assert complain(5, False) == []
+    assert "board: types: 6 of 5: make something simpler" in complain(6, True)[0]
+    assert "lower it" in complain(4, False)[0]
+    assert complain(4, True) == [], "what a raise allows is used little by little"
+    assert "tools: files: 5, and .ci/house.txt does not say" in complain(5, False, without="tools: files")[0]
+
+
+def test_lines_are_printed_and_have_no_limit(repository, monkeypatch, capsys):
+    commit(repository, "One", 1, 1, f"board: files 1\ntools: files 0\ntools: types 0\n{house.HELD[-1]} 0\n")
+    monkeypatch.setattr("sys.argv", ["house.py"])
+    (repository / "src/lib.rs").write_text("struct A;\nfn f() {}\nfn g() {}\n")
+    with pytest.raises(SystemExit) as end:
+        house.main()
+    assert end.value.code == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert [" ".join(line.split()) for line in printed[:2]] == ["3 board: lines of code", "1 of 1 board: files"]
 
 
 def test_numbers_are_lowered_to_what_is_there_and_never_raised():
@@ -88,4 +111,5 @@ def test_what_has_grown_is_shown(repository):
     before = house.git("rev-parse", "HEAD").strip()
     commit(repository, "Two", 9, 3)
     shown = list(house.growth(house.working_tree(), before))
-    assert shown == ["        +2 board: lines of code", "        +2 lines of src/lib.rs"]
+    lines = ["board: lines of code", "board: types", "lines of src/lib.rs"]
+    assert shown == [f"        +2 {line}" for line in lines]
