@@ -1,19 +1,24 @@
-//! ADC: the successive-approximation converter with its input multiplexer (datasheet 4.9). Not modelled, and a panic: round
-//! robin, and samples of eight bits in the FIFO.
+//! ADC: the successive-approximation converter with its input multiplexer (datasheet 4.9). Samples of eight bits in the FIFO are
+//! not modelled, and a panic.
 
+mod fault;
 mod fifo;
 mod input;
+mod pace;
 mod registers;
 #[cfg(test)]
 mod tests;
 
 use std::collections::VecDeque;
 
-use super::clock::{CLK_ADC_HZ, CLK_SYS_HZ, Cycle, NEVER, from_adc_clock};
+use super::clock::{Cycle, NEVER};
 use super::random::Random;
 use super::register::{bit, field};
+pub use fault::AdcFault;
+use fault::Outcome;
 use fifo::SampleFifo;
 pub use input::{AdcInput, code_of_volts};
+use pace::AdcTime;
 
 const CS_EN: u32 = 0;
 const CS_START_ONCE: u32 = 2;
@@ -24,8 +29,6 @@ const CS_ERR_STICKY: u32 = 10;
 const CS_AINSEL: u32 = 12;
 const CS_RROBIN: u32 = 16;
 
-/// "Capturing a sample takes 96 clock cycles (96 × 1/48MHz) = 2μs per sample" (4.9.2).
-const CONVERSION_ADC_CYCLES: u64 = 96;
 /// "After a few clock cycles, CS.READY will go high" (4.9.2): how many is not given.
 const POWER_UP_ADC_CYCLES: u64 = 8;
 /// The board has its power from USB.
@@ -48,21 +51,11 @@ pub struct Conversion {
     pub code: u16,
 }
 
-/// A fault of the converter, put in by a test.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum AdcFault {
-    #[default]
-    None,
-    /// Conversions start and never finish: CS.READY stays low.
-    Stalled,
-    /// Conversions finish with CS.ERR set.
-    ConversionError,
-}
-
 #[derive(Clone)]
 struct Running {
-    start: Cycle,
-    channel: usize,
+    conversion: Conversion,
+    /// `None` while the converter is stalled.
+    end: Option<AdcTime>,
 }
 
 #[derive(Clone)]
@@ -77,8 +70,8 @@ pub struct Adc {
     fifo: SampleFifo,
     powered_up_at: Cycle,
     running: Option<Running>,
-    /// When START_MANY starts the next conversion.
-    next_start: Option<Cycle>,
+    /// The next trigger of START_MANY.
+    next_start: Option<AdcTime>,
     inputs: [AdcInput; CHANNELS],
     /// Of a Pico W: its switch between VSYS/3 and GP29 is open.
     is_vsys_cut_off: bool,
@@ -150,8 +143,16 @@ impl Adc {
         self.noise_volts = volts;
     }
 
-    pub fn set_fault(&mut self, fault: AdcFault) {
+    /// A conversion that runs stalls as well, and one that has stalled ends at once.
+    pub fn set_fault(&mut self, fault: AdcFault, now: Cycle) {
         self.fault = fault;
+        let Some(running) = &mut self.running else {
+            return;
+        };
+        running.end = match fault {
+            AdcFault::Stalled => None,
+            _ => running.end.or(Some(AdcTime::of(now))),
+        };
     }
 
     /// How many conversions have finished since power-up.
@@ -168,52 +169,66 @@ impl Adc {
         bit(self.cs, CS_EN) && now >= self.powered_up_at && self.running.is_none()
     }
 
-    fn start_conversion(&mut self, now: Cycle) {
-        if self.is_ready(now) {
-            self.running = Some(Running {
-                start: now,
-                channel: field(self.cs, CS_AINSEL, 3) as usize,
-            });
-        }
-    }
-
-    /// The pace of START_MANY in cycles of `clk_adc`: back to back without a divider, else every
-    /// 1 + INT + FRAC/256, where "the ADC ignores this if a conversion is currently in progress"
-    /// (4.9.2.2). The fraction is an average here, not a delta-sigma.
-    fn period(&self) -> Cycle {
-        const ONE: u64 = 256;
-        if self.div == 0 {
-            return from_adc_clock(CONVERSION_ADC_CYCLES);
-        }
-        let trigger = ONE + u64::from(self.div);
-        let triggers_per_conversion = (CONVERSION_ADC_CYCLES * ONE).div_ceil(trigger);
-        (trigger * triggers_per_conversion * CLK_SYS_HZ).div_ceil(ONE * CLK_ADC_HZ)
-    }
-
-    fn conversion_end(&self) -> Cycle {
-        match (&self.running, self.fault) {
-            (None, _) | (Some(_), AdcFault::Stalled) => NEVER,
-            (Some(running), _) => running.start + from_adc_clock(CONVERSION_ADC_CYCLES),
-        }
-    }
-
-    fn finish_conversion(&mut self) {
-        let Some(Running { start, channel }) = self.running.take() else {
+    /// The input is sampled now.
+    fn start_conversion(&mut self, start: AdcTime) {
+        let now = start.cycle();
+        if !self.is_ready(now) {
             return;
-        };
-        let code = match self.inputs.get_mut(channel) {
+        }
+        let channel = field(self.cs, CS_AINSEL, 3) as usize;
+        self.running = Some(Running {
+            conversion: Conversion {
+                start: now,
+                channel,
+                code: self.sample(channel, now),
+            },
+            end: (self.fault != AdcFault::Stalled).then(|| start.after_conversion()),
+        });
+    }
+
+    fn sample(&mut self, channel: usize, now: Cycle) -> u16 {
+        match self.inputs.get_mut(channel) {
             Some(_) if channel == VSYS_CHANNEL && self.is_vsys_cut_off => {
                 let floats = !self.is_vsys_pulled_down;
                 code_of_volts(if floats { self.stray_volts } else { 0.0 })
             }
-            Some(input) => input.sample(start, self.noise_volts, &mut self.random) & 0xfff,
+            Some(input) => input.sample(now, self.noise_volts, &mut self.random) & 0xfff,
             None => 0,
+        }
+    }
+
+    fn conversion_end(&self) -> Option<AdcTime> {
+        self.running.as_ref().and_then(|running| running.end)
+    }
+
+    fn finish_conversion(&mut self, end: AdcTime) {
+        let Some(Running { conversion, .. }) = self.running.take() else {
+            return;
         };
-        self.result = code;
-        self.error = self.fault == AdcFault::ConversionError;
+        let outcome = self.fault.end_conversion(self.conversions);
+        self.result = conversion.code;
+        self.error = outcome == Outcome::Error;
         self.error_sticky |= self.error;
-        self.fifo.push(code, self.error);
-        self.keep_record(Conversion { start, channel, code });
+        if outcome != Outcome::Lost {
+            self.fifo.push(conversion.code, self.error);
+        }
+        self.select_next_input();
+        // "The ADC ignores this if a conversion is currently in progress" (4.9.2.2).
+        self.next_start = self.next_start.map(|trigger| trigger.next_trigger(self.div, end));
+        self.keep_record(conversion);
+    }
+
+    /// "When the ADC completes a conversion, CS.AINSEL will automatically cycle to the next input whose corresponding bit is set
+    /// in RROBIN" (4.9.2.3).
+    fn select_next_input(&mut self) {
+        let selected = field(self.cs, CS_AINSEL, 3);
+        let inputs = CHANNELS as u32;
+        let next = (1..=inputs)
+            .map(|step| (selected + step) % inputs)
+            .find(|&input| bit(self.cs, CS_RROBIN + input));
+        if let Some(next) = next {
+            self.cs = self.cs & !(0b111 << CS_AINSEL) | next << CS_AINSEL;
+        }
     }
 
     fn keep_record(&mut self, conversion: Conversion) {
@@ -228,17 +243,13 @@ impl Adc {
         (u32::from(self.fifo.reached_threshold()) & self.inte) | self.intf
     }
 
-    /// When START_MANY can start: on its beat, but not before the running conversion is over.
-    fn beat(&self) -> Cycle {
-        if self.running.is_some() {
-            NEVER
-        } else {
-            self.next_start.unwrap_or(NEVER)
-        }
+    /// When START_MANY starts a conversion: at a trigger, but not before the running one is over.
+    fn free_running_start(&self) -> Option<AdcTime> {
+        self.next_start.filter(|_| self.running.is_none())
     }
 
-    fn start_on_beat(&mut self, beat: Cycle) {
-        self.start_conversion(beat);
-        self.next_start = Some(beat + self.period());
+    fn start_at_trigger(&mut self, trigger: AdcTime) {
+        self.start_conversion(trigger);
+        self.next_start = Some(trigger.next_trigger(self.div, trigger.after_conversion()));
     }
 }

@@ -1,12 +1,13 @@
 //! The registers of the ADC (datasheet 4.9.6).
 
-use super::super::clock::{Cycle, from_adc_clock};
+use super::super::clock::{Cycle, NEVER, from_adc_clock};
 use super::super::peripheral::Peripheral;
-use super::super::register::{RegisterWrite, bit, field};
+use super::super::register::{RegisterWrite, bit};
 use super::fifo::SampleFifo;
+use super::pace::AdcTime;
 use super::{
-    Adc, CS_EN, CS_ERR, CS_ERR_STICKY, CS_READY, CS_RROBIN, CS_START_MANY, CS_START_ONCE, DMA_REQUEST,
-    INTERRUPT_LINE, POWER_UP_ADC_CYCLES,
+    Adc, CS_EN, CS_ERR, CS_ERR_STICKY, CS_READY, CS_START_MANY, CS_START_ONCE, DMA_REQUEST, INTERRUPT_LINE,
+    POWER_UP_ADC_CYCLES,
 };
 
 pub const CS: u32 = 0x00;
@@ -26,11 +27,6 @@ impl Adc {
     fn write_control(&mut self, write: RegisterWrite, now: Cycle) {
         let was = self.cs;
         let cs = write.applied_to(was);
-        assert_eq!(
-            field(cs, CS_RROBIN, 5),
-            0,
-            "round robin of the ADC is not modelled"
-        );
         self.error_sticky &= !bit(write.value, CS_ERR_STICKY);
         self.cs = cs & CS_MASK;
         if !bit(was, CS_EN) && bit(cs, CS_EN) {
@@ -40,11 +36,12 @@ impl Adc {
             self.running = None;
         }
         if bit(cs, CS_START_MANY) && bit(cs, CS_EN) {
-            self.next_start = self.next_start.or(Some(now.max(self.powered_up_at)));
+            let first = now.max(self.powered_up_at);
+            self.next_start = self.next_start.or(Some(AdcTime::of(first)));
         } else {
             self.next_start = None;
             if bit(cs, CS_START_ONCE) {
-                self.start_conversion(now);
+                self.start_conversion(AdcTime::of(now));
             }
         }
     }
@@ -98,21 +95,19 @@ impl Peripheral for Adc {
     }
 
     fn advance(&mut self, now: Cycle) {
+        let now = AdcTime::of(now);
         loop {
-            let (end, beat) = (self.conversion_end(), self.beat());
-            if end.min(beat) > now {
-                return;
-            }
-            if end <= beat {
-                self.finish_conversion();
-            } else {
-                self.start_on_beat(beat);
+            match (self.conversion_end(), self.free_running_start()) {
+                (Some(end), _) if end <= now => self.finish_conversion(end),
+                (None, Some(trigger)) if trigger <= now => self.start_at_trigger(trigger),
+                _ => return,
             }
         }
     }
 
     fn next_event(&self) -> Cycle {
-        self.conversion_end().min(self.beat())
+        let event = self.conversion_end().or(self.free_running_start());
+        event.map_or(NEVER, AdcTime::cycle)
     }
 
     fn interrupt_lines(&self) -> u32 {

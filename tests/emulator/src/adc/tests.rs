@@ -1,6 +1,6 @@
 //! Tests of the ADC against datasheet 4.9, by its registers.
 
-use super::super::clock::cycles;
+use super::super::clock::{cycles, from_adc_clock};
 use super::super::peripheral::Peripheral;
 use super::super::register::RegisterWrite;
 use super::registers::*;
@@ -72,25 +72,77 @@ fn start_many_runs_back_to_back_at_500_thousand_samples_a_second() {
     assert_eq!(adc.conversions(), 501, "the one that was running is finished");
 }
 
+/// When the conversions started of which `adc` has a record.
+fn starts(adc: &mut Adc) -> Vec<Cycle> {
+    let record = adc.take_record();
+    record.iter().map(|conversion| conversion.start).collect()
+}
+
 #[test]
 fn the_divider_paces_start_many() {
     // Starts every n + 1 cycles of 48 MHz; 11 cycles are too short, so every ninth of them counts.
-    for (int, adc_cycles) in [(479, 480), (95, 96), (10, 99)] {
+    for (int, adc_cycles) in [(479, 480), (95, 96), (10, 99), (2933, 2934)] {
         let mut adc = adc();
         write(&mut adc, DIV, int << 8, 1000);
         write(&mut adc, CS, EN | START_MANY, 1000);
-        adc.advance(1000 + cycles(100));
-        let starts: Vec<Cycle> = adc
-            .take_record()
-            .iter()
-            .map(|conversion| conversion.start)
-            .collect();
-        let period = from_adc_clock(adc_cycles);
-        assert!(
-            starts.windows(2).all(|pair| pair[1] - pair[0] == period),
-            "INT {int}: {starts:?}"
-        );
+        adc.advance(1000 + cycles(1000));
+        for (number, start) in starts(&mut adc).into_iter().enumerate() {
+            let expected = 1000 + from_adc_clock(number as u64 * adc_cycles);
+            assert_eq!(start, expected, "INT {int}, conversion {number}");
+        }
     }
+}
+
+/// "For example, if AINSEL is initially 0, and RROBIN is set to 0x06 (bits 1 and 2 are set), the ADC will sample channels in the
+/// following order: 0, 1, 2, 1, 2, 1, 2, ..." (4.9.2.3), and so on with other masks.
+#[test]
+fn round_robin_begins_at_the_selected_input_and_goes_on_with_those_of_the_mask() {
+    for (selected, mask, order) in [
+        (0, 0x06, [0, 1, 2, 1, 2, 1]),
+        (0, 0x0f, [0, 1, 2, 3, 0, 1]),
+        (0, 0x17, [0, 1, 2, 4, 0, 1]),
+        (3, 0x17, [3, 4, 0, 1, 2, 4]),
+        (2, 0x04, [2, 2, 2, 2, 2, 2]),
+        (1, 0x00, [1, 1, 1, 1, 1, 1]),
+    ] {
+        let mut adc = adc();
+        write(
+            &mut adc,
+            CS,
+            EN | START_MANY | selected << CS_AINSEL | mask << CS_RROBIN,
+            1000,
+        );
+        adc.advance(1000 + 6 * CONVERSION);
+        let record = adc.take_record();
+        let channels: Vec<usize> = record.iter().map(|conversion| conversion.channel).collect();
+        assert_eq!(channels, order, "{selected} {mask:#x}");
+        let codes = record.iter().map(|conversion| usize::from(conversion.code));
+        assert!(codes.eq(channels.iter().map(|channel| 100 + channel)));
+    }
+}
+
+/// "AINSEL will be updated after each conversion with the newly-selected channel" (CS.RROBIN).
+#[test]
+fn the_selected_input_is_read_from_cs_and_chosen_by_writing_it() {
+    let mut adc = adc();
+    let mask = 0xf << CS_RROBIN;
+    let selected = |adc: &mut Adc, now| field(read(adc, CS, now), CS_AINSEL, 3);
+    write(&mut adc, DIV, 959 << 8, 1000);
+    write(&mut adc, CS, EN | START_MANY | mask, 1000);
+    assert_eq!(selected(&mut adc, 1000 + CONVERSION - 1), 0, "while it runs");
+    assert_eq!(selected(&mut adc, 1000 + CONVERSION), 1);
+    write(
+        &mut adc,
+        CS,
+        EN | START_MANY | mask | 3 << CS_AINSEL,
+        1000 + cycles(10),
+    );
+    adc.advance(1000 + cycles(20) + CONVERSION);
+    assert_eq!(selected(&mut adc, 1000 + cycles(20) + CONVERSION), 0);
+    assert_eq!(adc.take_record()[1].channel, 3);
+    // A single conversion goes on, too.
+    write(&mut adc, CS, EN | START_ONCE | mask, cycles(1000));
+    assert_eq!(selected(&mut adc, cycles(1000) + CONVERSION), 1);
 }
 
 #[test]
@@ -146,23 +198,74 @@ fn interrupt_and_dma_request_follow_the_threshold() {
 #[test]
 fn a_stalled_converter_never_gets_ready_and_finishes_when_the_fault_is_gone() {
     let mut adc = adc();
-    adc.set_fault(AdcFault::Stalled);
+    adc.set_fault(AdcFault::Stalled, 0);
     write(&mut adc, CS, EN | START_ONCE, 1000);
     assert_eq!(read(&mut adc, CS, cycles(1_000_000)) & READY, 0);
-    adc.set_fault(AdcFault::None);
+    adc.set_fault(AdcFault::None, cycles(1_000_000));
     assert_eq!(read(&mut adc, CS, cycles(1_000_000)) & READY, READY);
+}
+
+#[test]
+fn what_would_have_been_converted_while_it_was_stalled_is_not_made_up_for() {
+    let mut adc = adc();
+    write(&mut adc, DIV, 2933 << 8, 1000);
+    write(&mut adc, CS, EN | START_MANY, 1000);
+    let at = |conversion: u64| 1000 + from_adc_clock(2934 * conversion);
+    // Within the second conversion, and within the pause before the hundredth.
+    let (stalls, goes_on) = (at(1) + 100, at(100) - 1000);
+    adc.advance(stalls);
+    adc.set_fault(AdcFault::Stalled, stalls);
+    adc.advance(goes_on);
+    adc.set_fault(AdcFault::None, goes_on);
+    adc.advance(at(101));
+    assert_eq!(starts(&mut adc), [at(0), at(1), at(100)]);
+}
+
+/// A lost conversion shifts all later ones against the inputs, as the FIFO names none.
+#[test]
+fn a_lost_conversion_takes_its_turn_and_does_not_reach_the_fifo() {
+    let mut adc = adc();
+    write(&mut adc, FCS, FCS_EN, 1000);
+    write(&mut adc, CS, EN | START_MANY | 0xf << CS_RROBIN, 1000);
+    let now = 1000 + CONVERSION;
+    adc.advance(now);
+    adc.set_fault(AdcFault::LostConversions(2), now);
+    assert_eq!(read(&mut adc, RESULT, now + CONVERSION), 101);
+    let now = 1000 + 6 * CONVERSION;
+    let level = field(read(&mut adc, FCS, now), 16, 4);
+    let codes: Vec<u32> = (0..level).map(|_| read(&mut adc, FIFO, now)).collect();
+    assert_eq!(codes, [100, 103, 100, 101]);
+    assert_eq!(adc.conversions(), 6);
+}
+
+/// The numbers of the conversions with FIFO.ERR, from 1.
+fn errors(fault: AdcFault, conversions: u64) -> Vec<u64> {
+    let mut adc = adc();
+    adc.set_fault(fault, 1000);
+    write(&mut adc, FCS, FCS_EN | 1 << 2, 1000);
+    write(&mut adc, CS, EN | START_MANY, 1000);
+    (1..=conversions)
+        .filter(|conversion| read(&mut adc, FIFO, 1000 + conversion * CONVERSION) & 1 << 15 != 0)
+        .collect()
+}
+
+#[test]
+fn some_conversions_end_with_an_error() {
+    assert_eq!(errors(AdcFault::ConversionErrors(2), 10), [1, 2]);
+    assert_eq!(errors(AdcFault::ConversionErrorInEvery(7), 21), [7, 14, 21]);
+    assert_eq!(errors(AdcFault::ConversionError, 3), [1, 2, 3]);
 }
 
 #[test]
 fn a_conversion_error_shows_in_cs_and_in_the_fifo() {
     let mut adc = adc();
-    adc.set_fault(AdcFault::ConversionError);
+    adc.set_fault(AdcFault::ConversionError, 0);
     write(&mut adc, FCS, FCS_EN | 1 << 2, 1000);
     write(&mut adc, CS, EN | START_ONCE, 1000);
     let now = 1000 + CONVERSION;
     assert_eq!(read(&mut adc, FIFO, now), 1 << 15 | 100);
     assert_eq!(field(read(&mut adc, CS, now), CS_ERR, 2), 0b11);
-    adc.set_fault(AdcFault::None);
+    adc.set_fault(AdcFault::None, now);
     write(&mut adc, CS, EN | START_ONCE, now);
     assert_eq!(
         field(read(&mut adc, CS, now + CONVERSION), CS_ERR, 2),
