@@ -251,6 +251,9 @@ impl SystemBus {
     }
 
     fn carry_out(&mut self, transfer: Transfer) -> Result<(), TransferError> {
+        if self.soc.dma.take_failure(transfer.channel) {
+            return Err(TransferError::Read);
+        }
         let loaded = self.load(transfer.from, transfer.width);
         // A miss delays the DMA, which is not modelled, and not the processor.
         self.soc.xip_control.cache.take_waiting();

@@ -16,6 +16,24 @@ impl Board {
         self.bus.attention = true;
     }
 
+    /// Have the DMA make no transfers, whatever requests them, until [`Self::release_dma`].
+    pub fn hold_dma(&mut self) {
+        self.bus.soc.dma.hold();
+        self.bus.attention = true;
+    }
+
+    /// Undo [`Self::hold_dma`].
+    pub fn release_dma(&mut self) {
+        self.bus.soc.dma.release();
+        self.bus.attention = true;
+    }
+
+    /// Have the next transfer of a DMA channel (0 to 11) end in a bus error at its read address, which halts the channel
+    /// (datasheet 2.5, CTRL.AHB_ERROR). Nothing is read.
+    pub fn fail_dma_transfer(&mut self, channel: usize) {
+        self.bus.soc.dma.fail_transfer(channel);
+    }
+
     /// Hang the program: at the next moment in thread mode with interrupts on, it branches to
     /// itself until the next reset. Interrupts go on.
     pub fn hang_program(&mut self) {

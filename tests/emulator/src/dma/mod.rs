@@ -49,6 +49,16 @@ pub struct Dma {
     last_served: usize,
     /// The first cycle in which the next transfer can be made.
     free_from: Cycle,
+    faults: Faults,
+}
+
+/// Faults that a test puts in.
+#[derive(Clone, Copy, Default)]
+struct Faults {
+    /// No transfer is made.
+    is_held: bool,
+    /// The channels whose next transfer ends in a bus error.
+    failing: u32,
 }
 
 impl Dma {
@@ -59,7 +69,30 @@ impl Dma {
             inte: 0,
             last_served: CHANNELS - 1,
             free_from: 0,
+            faults: Faults::default(),
         }
+    }
+
+    /// Makes no transfers until [`Self::release`].
+    pub fn hold(&mut self) {
+        self.faults.is_held = true;
+    }
+
+    pub fn release(&mut self) {
+        self.faults.is_held = false;
+    }
+
+    /// Has the next transfer of a channel end in a bus error.
+    pub fn fail_transfer(&mut self, channel: usize) {
+        assert!(channel < CHANNELS, "the RP2040 has no DMA channel {channel}");
+        self.faults.failing |= 1 << channel;
+    }
+
+    /// Whether a transfer of this channel is to fail.
+    pub fn take_failure(&mut self, channel: usize) -> bool {
+        let fails = bit(self.faults.failing, channel as u32);
+        self.faults.failing &= !(1 << channel);
+        fails
     }
 
     /// The transfer to be made at `now`, given the requests that are up: the channels take turns.
@@ -83,6 +116,9 @@ impl Dma {
     }
 
     fn next_channel(&self, requests: u64) -> Option<usize> {
+        if self.faults.is_held {
+            return None;
+        }
         (1..=CHANNELS)
             .map(|step| (self.last_served + step) % CHANNELS)
             .find(|&number| self.channels[number].wants_transfer(requests))
@@ -205,7 +241,11 @@ impl Peripheral for Dma {
     }
 
     fn reset(&mut self, _now: Cycle) {
-        *self = Self::new();
+        let faults = self.faults;
+        *self = Self {
+            faults,
+            ..Self::new()
+        };
     }
 
     fn interrupt_lines(&self) -> u32 {

@@ -183,32 +183,99 @@ fn abort_stops_a_channel_that_waits() {
     assert_eq!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0);
 }
 
-#[test]
-fn adc_samples_arrive_at_the_pace_of_the_converter() {
-    const ADC: u32 = 0x4004_c000;
+const ADC: u32 = 0x4004_c000;
+const ADC_FCS: u32 = ADC + 0x8;
+const FCS_OVER: u32 = 1 << 11;
+
+/// Channel 0 brings samples of channel 0 of the converter, 500,000 a second, to TO; the code of each is the time in microseconds.
+fn sampling_board(count: u32) -> Board {
     const DREQ_ADC: u32 = 36 << 15;
     let mut board = board();
     board.adc_input(0, AdcInput::CodeAt(Box::new(|micros| micros as u16)));
     board.write_register(ADC, 1);
-    board.write_register(ADC + 0x8, 1 | 1 << 3 | 1 << 24);
-    set_up(&mut board, 0, 16);
+    board.write_register(ADC_FCS, 1 | 1 << 3 | 1 << 24);
+    set_up(&mut board, 0, count);
     write(&mut board, 0, READ_ADDR, ADC + 0xc);
     write(&mut board, 0, CTRL_TRIG, EN | HALF | INCR_WRITE | DREQ_ADC);
     board.run_for(10);
     board.write_register(ADC, 1 | 1 << 3);
+    board
+}
+
+fn samples(board: &Board, count: usize) -> Vec<u16> {
+    let bytes = board.read_memory(TO, 2 * count);
+    let halves = bytes.chunks(2);
+    halves
+        .map(|half| u16::from_le_bytes([half[0], half[1]]))
+        .collect()
+}
+
+#[test]
+fn adc_samples_arrive_at_the_pace_of_the_converter() {
+    let mut board = sampling_board(16);
     board.run_for(31);
     assert_ne!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0, "15 conversions so far");
     board.run_for(2);
     assert_eq!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0);
-    let samples: Vec<u16> = board
-        .read_memory(TO, 32)
-        .chunks(2)
-        .map(|pair| u16::from_le_bytes([pair[0], pair[1]]))
-        .collect();
+    let samples = samples(&board, 16);
     assert!(
         samples.windows(2).all(|pair| pair[1] == pair[0] + 2),
         "{samples:?}"
     );
+}
+
+/// "Any conversion that completes whilst the FIFO is full will be lost" (4.9.2.4).
+#[test]
+fn the_fifo_overruns_while_the_dma_is_held() {
+    let mut board = sampling_board(100);
+    board.run_for(11);
+    board.hold_dma();
+    board.run_for(16);
+    assert_eq!(board.read_register(ADC_FCS) & FCS_OVER, 0, "eight are held");
+    board.run_for(4);
+    assert_ne!(board.read_register(ADC_FCS) & FCS_OVER, 0);
+    assert_eq!(read(&mut board, 0, TRANS_COUNT), 95);
+    board.release_dma();
+    board.run_for(4);
+    let times: Vec<u16> = samples(&board, 16).iter().map(|code| code - 10).collect();
+    assert_eq!(times[..13], [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24]);
+    assert_eq!(times[13], 30, "two were lost");
+}
+
+#[test]
+fn a_transfer_that_fails_halts_its_channel() {
+    let mut board = sampling_board(100);
+    board.run_for(11);
+    board.fail_dma_transfer(0);
+    board.run_for(4);
+    let ctrl = read(&mut board, 0, CTRL_TRIG);
+    assert_eq!((ctrl >> 29, ctrl & BUSY), (0b110, 0), "READ_ERROR and AHB_ERROR");
+    assert_eq!(read(&mut board, 0, TRANS_COUNT), 95);
+    write(&mut board, 0, CTRL_TRIG, ctrl);
+    board.run_for(4);
+    let ctrl = read(&mut board, 0, CTRL_TRIG);
+    assert_eq!((ctrl >> 29, ctrl & BUSY), (0, BUSY), "it was one transfer only");
+}
+
+#[test]
+fn resets_stops_what_runs_and_a_fault_outlasts_it() {
+    const RESETS_SET: u32 = 0x4000_e000;
+    const DMA_RESET: u32 = 1 << 2;
+    let mut board = sampling_board(100);
+    board.run_for(11);
+    board.hold_dma();
+    board.write_register(RESETS_SET, DMA_RESET);
+    board.run_for(10);
+    board.write_register(RESETS_CLEAR, DMA_RESET);
+    assert_eq!(read(&mut board, 0, CTRL_TRIG), 0);
+    assert_eq!(read(&mut board, 0, TRANS_COUNT), 0);
+    set_up(&mut board, 1, 4);
+    write(&mut board, 1, CTRL_TRIG, COPY | chain_to(1));
+    board.run_for(10);
+    assert_eq!(read(&mut board, 1, TRANS_COUNT), 4, "held");
+    board.release_dma();
+    board.run_for(10);
+    assert_eq!(read(&mut board, 1, TRANS_COUNT), 0);
 }
 
 #[test]
