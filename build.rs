@@ -18,6 +18,8 @@ fn main() {
         println!("cargo:rustc-link-arg-{kind}=--nmagic");
         // Rings for DMA are aligned to their size: in front of all else they leave no gaps.
         println!("cargo:rustc-link-arg-{kind}=--sort-section=alignment");
+        // src/board/pre_init.rs comes before embassy-rp's.
+        println!("cargo:rustc-link-arg-{kind}=--wrap=__pre_init");
         for script in ["link.x", "link-rp.x", "defmt.x"] {
             println!("cargo:rustc-link-arg-{kind}=-T{script}");
         }

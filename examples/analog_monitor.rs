@@ -16,17 +16,17 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
     use embassy_rp::gpio::{Level, Output};
-    use embassy_time::{Duration, Ticker, with_timeout};
+    use embassy_time::{Duration, Ticker};
     use panic_probe as _;
     use rover_battmon::battery::{
-        BatteryMonitor, BatteryState, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError,
-        Thresholds, Tick,
+        BatteryMonitor, BatteryState, ChargeState, FailsafeSettings, Measurement, PackSettings, Thresholds,
+        Tick,
     };
-    use rover_battmon::board::{self, AnalogInputs, TelemetryUart};
+    use rover_battmon::board::{self, AnalogInputs, AnalogPeripherals, TelemetryUart};
     use rover_battmon::mavlink::LinkKind;
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
-    use rover_battmon::sensor::{AnalogPin, VoltageDivider, read_mean};
+    use rover_battmon::sensor::{AnalogIn, AnalogPin, PinPairs, VoltageDivider};
     use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{WiredEndpoint, now};
     use rover_battmon::vehicle::ArmState;
@@ -39,15 +39,21 @@ mod firmware {
         offset_v: 0.0,
     };
 
-    /// 10 readings a second. One that takes longer than the timeout has failed.
+    /// 10 readings a second.
     const INTERVAL: Duration = Duration::from_millis(100);
-    const TIMEOUT: Duration = Duration::from_millis(2);
 
     #[embassy_executor::main]
     async fn main(_spawner: Spawner) {
         let chip = embassy_rp::init(Default::default());
         let mut led = Output::new(chip.PIN_25, Level::Low);
-        let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, Some(chip.PIN_29));
+        let mut pins = AnalogInputs::new(AnalogPeripherals {
+            adc: chip.ADC,
+            gp26: chip.PIN_26,
+            gp27: chip.PIN_27,
+            gp28: chip.PIN_28,
+            gp29: Some(chip.PIN_29),
+            dma: (chip.DMA_CH2, chip.DMA_CH3),
+        });
         let parts = TelemetryUart {
             uart: chip.UART0,
             tx_pin: chip.PIN_0,
@@ -78,16 +84,18 @@ mod firmware {
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
-            // Measure.
-            let count = with_timeout(TIMEOUT, read_mean(&mut pins, AnalogPin::Gp26)).await;
-            let reading = count.unwrap_or(Err(ReadError::Timeout)).map(|count| Measurement {
-                voltage_v: Some(DIVIDER.pack_voltage_v(count.pin_voltage_v())),
+            // Measure: the mean of what was converted since the last reading.
+            ticker.next().await;
+            let now = now();
+            let conversions = pins.read(now, PinPairs::NONE).pin(AnalogPin::Gp26);
+            let reading = conversions.map(|conversions| Measurement {
+                voltage_v: Some(DIVIDER.pack_voltage_v(conversions.mean().pin_voltage_v())),
                 ..Measurement::default()
             });
 
             // Update the pack's state, and announce its events.
             let tick = Tick {
-                now: now(),
+                now,
                 // Only then failsafes count, and nothing here can be disarmed.
                 arm_state: ArmState::Armed,
             };
@@ -101,8 +109,7 @@ mod firmware {
                 batteries: &batteries,
                 ..SystemState::default()
             };
-            let _ = link.send_due(tick.now, &state, &parameters).await;
-            ticker.next().await;
+            let _ = link.send_due(now, &state, &parameters).await;
         }
     }
 }

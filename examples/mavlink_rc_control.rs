@@ -15,15 +15,15 @@ mod firmware {
     use panic_probe as _;
     use rover_battmon::battery::{BatteryMonitor, BatteryState, Measurement, PackSettings, ReadError, Tick};
     use rover_battmon::board::{
-        self, AnalogInputs, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart,
+        self, AnalogInputs, AnalogPeripherals, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart,
     };
     use rover_battmon::mavlink::{Changeable, LinkKind, Signing};
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{Parameters, VehicleParameter};
-    use rover_battmon::sensor::{AnalogPin, AnalogWiring, read_mean};
+    use rover_battmon::sensor::{AnalogIn, AnalogPin, AnalogWiring, PinPairs};
     use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint, now};
-    use rover_battmon::time::Cadence;
+    use rover_battmon::time::{Cadence, Instant};
     use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};
     use rover_battmon::wifi::WifiCredentials;
 
@@ -32,9 +32,8 @@ mod firmware {
     /// So long it listens before it looks after the motors again.
     const LISTEN: Duration = Duration::from_millis(20);
 
-    /// 10 readings a second. One that takes longer than the timeout has failed.
+    /// 10 readings a second.
     const READING_INTERVAL_US: u64 = 100_000;
-    const READING_TIMEOUT: Duration = Duration::from_millis(2);
 
     #[embassy_executor::main]
     async fn main(_spawner: Spawner) {
@@ -56,7 +55,14 @@ mod firmware {
         };
         let (transmitter, mut receiver) = board::telemetry_uart(parts, BAUD);
 
-        let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, Some(chip.PIN_29));
+        let mut pins = AnalogInputs::new(AnalogPeripherals {
+            adc: chip.ADC,
+            gp26: chip.PIN_26,
+            gp27: chip.PIN_27,
+            gp28: chip.PIN_28,
+            gp29: Some(chip.PIN_29),
+            dma: (chip.DMA_CH2, chip.DMA_CH3),
+        });
 
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and BATTERY_STATUS twice.
         let mut parameters = Parameters::defaults();
@@ -64,7 +70,7 @@ mod firmware {
         let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
         let mut monitor = BatteryMonitor::new();
         let mut battery = BatteryState::default();
-        let mut readings = Cadence::starting_at(now(), READING_INTERVAL_US);
+        let mut readings = Cadence::starting_at(now().after_us(READING_INTERVAL_US), READING_INTERVAL_US);
         let mut vehicle = Vehicle::new();
         let mut wifi = WifiCredentials::absent();
         let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
@@ -105,7 +111,7 @@ mod firmware {
 
             // Measure the pack, update its state, and announce its events.
             if readings.take(now) {
-                let reading = measure(&mut pins, &parameters).await;
+                let reading = measure(&mut pins, now, &parameters);
                 let tick = Tick {
                     now,
                     arm_state: vehicle.arm_state(),
@@ -123,12 +129,16 @@ mod firmware {
         }
     }
 
-    async fn measure(pins: &mut AnalogInputs, parameters: &Parameters) -> Result<Measurement, ReadError> {
+    /// The mean of what was converted since the last reading.
+    fn measure(
+        pins: &mut AnalogInputs,
+        now: Instant,
+        parameters: &Parameters,
+    ) -> Result<Measurement, ReadError> {
         let divider = AnalogWiring::from_parameters(parameters, Pack::First).divider;
-        let count = with_timeout(READING_TIMEOUT, read_mean(pins, AnalogPin::Gp26)).await;
-        let count = count.unwrap_or(Err(ReadError::Timeout))?;
+        let conversions = pins.read(now, PinPairs::NONE).pin(AnalogPin::Gp26)?;
         Ok(Measurement {
-            voltage_v: Some(divider.pack_voltage_v(count.pin_voltage_v())),
+            voltage_v: Some(divider.pack_voltage_v(conversions.mean().pin_voltage_v())),
             ..Measurement::default()
         })
     }

@@ -16,26 +16,27 @@
 mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
-    use embassy_time::{Duration, Ticker, with_timeout};
+    use embassy_time::{Duration, Ticker};
     use panic_probe as _;
     use rover_battmon::battery::{
         BatteryMonitor, BatteryState, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError,
         Thresholds, Tick,
     };
-    use rover_battmon::board::{self, AnalogInputs, TelemetryUart};
+    use rover_battmon::board::{self, AnalogInputs, AnalogPeripherals, TelemetryUart};
     use rover_battmon::mavlink::LinkKind;
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
-    use rover_battmon::sensor::{AdcCount, AnalogPin, CurrentSensor, VoltageDivider, read_mean};
+    use rover_battmon::sensor::{
+        AnalogIn, AnalogPin, AnalogReadings, CurrentSensor, PinPairs, VoltageDivider,
+    };
     use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{WiredEndpoint, now};
     use rover_battmon::vehicle::ArmState;
 
     const BAUD: u32 = 115_200;
 
-    /// 10 readings a second. One that takes longer than the timeout has failed.
+    /// 10 readings a second.
     const INTERVAL: Duration = Duration::from_millis(100);
-    const TIMEOUT: Duration = Duration::from_millis(2);
 
     /// A pack's wiring, its settings, and its state.
     struct MonitoredPack {
@@ -109,7 +110,14 @@ mod firmware {
     #[embassy_executor::main]
     async fn main(_spawner: Spawner) {
         let chip = embassy_rp::init(Default::default());
-        let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, Some(chip.PIN_29));
+        let mut pins = AnalogInputs::new(AnalogPeripherals {
+            adc: chip.ADC,
+            gp26: chip.PIN_26,
+            gp27: chip.PIN_27,
+            gp28: chip.PIN_28,
+            gp29: Some(chip.PIN_29),
+            dma: (chip.DMA_CH2, chip.DMA_CH3),
+        });
         let parts = TelemetryUart {
             uart: chip.UART0,
             tx_pin: chip.PIN_0,
@@ -126,11 +134,15 @@ mod firmware {
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
-            // Measure each pack, update its state by its own settings, and announce its events.
+            // Measure each pack by what was converted since the last reading, update its state by its own settings, and
+            // announce its events.
+            ticker.next().await;
+            let now = now();
+            let readings = pins.read(now, PinPairs::NONE);
             for (instance, pack) in Pack::ALL.into_iter().zip(&mut packs) {
-                let reading = measure(pack, &mut pins).await;
+                let reading = measure(pack, &readings);
                 let tick = Tick {
-                    now: now(),
+                    now,
                     // Only then failsafes count, and nothing here can be disarmed.
                     arm_state: ArmState::Armed,
                 };
@@ -146,27 +158,23 @@ mod firmware {
                 batteries: &batteries,
                 ..SystemState::default()
             };
-            let _ = link.send_due(now(), &state, &parameters).await;
-            ticker.next().await;
+            let _ = link.send_due(now, &state, &parameters).await;
         }
     }
 
-    async fn measure(pack: &MonitoredPack, pins: &mut AnalogInputs) -> Result<Measurement, ReadError> {
-        let count = read(pins, pack.voltage_pin).await?;
+    fn measure(pack: &MonitoredPack, readings: &AnalogReadings) -> Result<Measurement, ReadError> {
+        let pin_v = |pin| {
+            let conversions = readings.pin(pin);
+            conversions.map(|conversions| conversions.mean().pin_voltage_v())
+        };
         let mut measurement = Measurement {
-            voltage_v: Some(pack.divider.pack_voltage_v(count.pin_voltage_v())),
+            voltage_v: Some(pack.divider.pack_voltage_v(pin_v(pack.voltage_pin)?)),
             ..Measurement::default()
         };
         if let Some((pin, sensor)) = &pack.current {
-            let count = read(pins, *pin).await?;
-            measurement.current_a = Some(sensor.current_a(count.pin_voltage_v()));
+            measurement.current_a = Some(sensor.current_a(pin_v(*pin)?));
         }
         Ok(measurement)
-    }
-
-    async fn read(pins: &mut AnalogInputs, pin: AnalogPin) -> Result<AdcCount, ReadError> {
-        let count = with_timeout(TIMEOUT, read_mean(pins, pin)).await;
-        count.unwrap_or(Err(ReadError::Timeout))
     }
 }
 

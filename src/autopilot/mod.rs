@@ -23,7 +23,6 @@ mod wiring;
 
 pub use announcement::{CrashLine, Notice};
 pub use driving::Outputs;
-pub use packs::PinsToRead;
 pub use recording::{LogFailure, LogStep};
 pub use sampling::{SAMPLING_INTERVAL_US, SAMPLING_RESOLUTION_US, SamplingProgress, SamplingTick};
 pub use start::{ParameterLoad, Start};

@@ -11,15 +11,13 @@ use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
-    FuelReadings, Members, PinPull, Pulses, Samples, Thermometers, capacity_ml, set_up_error, tank,
+    FuelReadings, Members, PinPairs, PinPull, Pulses, Samples, Thermometers, capacity_ml, set_up_error, tank,
     thermometer_pins, timeout_us,
 };
 use crate::time::Instant;
 
-/// Analog pins, each at most once, and how they are pulled.
-pub type PinsToRead = Vec<(AnalogPin, PinPull), PIN_COUNT>;
-
-const PIN_COUNT: usize = AnalogPin::ALL.len();
+/// A pull for each analog pin, in the order of [`AnalogPin::ALL`].
+pub type PinPulls = [PinPull; AnalogPin::ALL.len()];
 
 /// All packs and their latest readings.
 #[derive(Debug)]
@@ -40,6 +38,8 @@ pub struct Packs {
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub thermometers: Thermometers,
+    /// How the analog pins are pulled.
+    pub pulls: PinPulls,
     pub ticks: u32,
 }
 
@@ -60,6 +60,7 @@ impl Packs {
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
             thermometers: Thermometers::default(),
+            pulls: PinPulls::default(),
             ticks: 0,
         }
     }
@@ -85,29 +86,35 @@ impl Packs {
         }
     }
 
-    /// The pins that the packs and their thermometers need. Packs may share a pin.
-    pub fn needed_pins(&self, parameters: &Parameters) -> PinsToRead {
-        let mut needed = [None; PIN_COUNT];
-        for (_, pin) in thermometer_pins(parameters) {
-            if let Some(pull) = needed.get_mut(pin as usize) {
-                *pull = Some(PinPull::Up);
+    /// How the analog pins are to be pulled: up at a thermometer, unless a pack has its pin.
+    pub fn wanted_pulls(&self, parameters: &Parameters) -> PinPulls {
+        let mut pulls = PinPulls::default();
+        let mut set = |pin: AnalogPin, wanted| {
+            if let Some(pull) = pulls.get_mut(pin as usize) {
+                *pull = wanted;
             }
+        };
+        for (_, pin) in thermometer_pins(parameters) {
+            set(pin, PinPull::Up);
         }
         for (pack, kind) in &self.order {
             for pin in AnalogWiring::from_parameters(parameters, *pack).pins(*kind) {
-                if let Some(pull) = needed.get_mut(pin as usize) {
-                    *pull = Some(PinPull::None);
-                }
+                set(pin, PinPull::None);
             }
         }
-        let mut pins = Vec::new();
-        for (pin, pull) in AnalogPin::ALL.into_iter().zip(needed) {
-            if let Some(pull) = pull {
-                // There is room for every pin.
-                let _ = pins.push((pin, pull));
+        pulls
+    }
+
+    /// The pins at which packs have voltage and current measured together.
+    pub fn power_pins(&self, parameters: &Parameters) -> PinPairs {
+        let mut pairs = PinPairs::NONE;
+        for (pack, kind) in &self.order {
+            let wiring = AnalogWiring::from_parameters(parameters, *pack);
+            if let Some((voltage_pin, current_pin)) = wiring.power_pins(*kind) {
+                pairs.insert(voltage_pin, current_pin);
             }
         }
-        pins
+        pairs
     }
 
     /// Takes a motor controller's reading, for every pack that it is a member of.

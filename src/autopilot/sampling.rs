@@ -3,7 +3,6 @@
 use core::mem;
 
 use super::Autopilot;
-use super::packs::PinsToRead;
 use super::recording::Detail;
 use crate::announce::Announce;
 use crate::battery::{
@@ -16,7 +15,7 @@ use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, CanEvent, CanReport, CanStatus, ControllerReading, ExternalReport,
-    Pulses, SerialReading, Temperatures,
+    PinPairs, PinPull, Pulses, SerialReading, Temperatures,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
@@ -71,11 +70,9 @@ impl Autopilot {
         }
     }
 
-    /// The pins to read before the next sampling tick.
-    pub fn pins_to_read(&self) -> PinsToRead {
-        let mut pins = self.packs.needed_pins(&self.parameters);
-        pins.retain(|(pin, _)| Some(*pin) != self.pin_of_radio());
-        pins
+    /// The pins at which packs have voltage and current measured together, for the next readings.
+    pub fn power_pins(&self) -> PinPairs {
+        self.packs.power_pins(&self.parameters)
     }
 
     /// The pin that a radio takes from the packs: on a Pico W its clock is at GP29.
@@ -86,8 +83,9 @@ impl Autopilot {
         }
     }
 
-    /// Begins a sampling tick with what the pins read; due every [`SAMPLING_INTERVAL_US`].
-    pub fn begin_sampling(&self, now: Instant, mut readings: AnalogReadings) -> SamplingTick {
+    /// Begins a sampling tick with what the pins read until `now`; due every [`SAMPLING_INTERVAL_US`].
+    pub fn begin_sampling(&mut self, now: Instant, mut readings: AnalogReadings) -> SamplingTick {
+        self.change_pulls(&mut readings);
         if let Some(pin) = self.pin_of_radio() {
             readings.set(pin, Err(ReadError::PinOfRadio));
         }
@@ -101,6 +99,24 @@ impl Autopilot {
             readings,
             next: 0,
         }
+    }
+
+    /// Follows the parameters. Readings of a pin whose pull changes are of neither wiring.
+    fn change_pulls(&mut self, readings: &mut AnalogReadings) {
+        let wanted = self.packs.wanted_pulls(&self.parameters);
+        let pulls = self.packs.pulls.iter().zip(&wanted);
+        for (pin, (before, now)) in AnalogPin::ALL.into_iter().zip(pulls) {
+            if before != now {
+                readings.set(pin, Err(ReadError::Timeout));
+            }
+        }
+        self.packs.pulls = wanted;
+    }
+
+    /// How the analog pins are to be pulled from now on.
+    pub fn pin_pulls(&self) -> impl Iterator<Item = (AnalogPin, PinPull)> {
+        let pins = AnalogPin::ALL.into_iter().zip(self.packs.pulls);
+        pins.filter(|(pin, _)| Some(*pin) != self.pin_of_radio())
     }
 
     /// Samples the next pack. A failsafe that it reaches has acted on the vehicle when this returns.

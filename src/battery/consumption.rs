@@ -42,18 +42,25 @@ const NANO_PER_MICRO: f32 = 1e3;
 
 impl Consumption {
     /// Integrates the `dt_us` since the previous reading, whose current was `previous_a`; returns a gap if they are too
-    /// long.
+    /// long. Without a power, energy is charge × voltage.
     pub fn integrate(
         &mut self,
         dt_us: u64,
         previous_a: f32,
         current_a: f32,
         voltage_v: Option<f32>,
+        power_w: Option<f32>,
     ) -> Option<Gap> {
         let before = *self;
         let mean_a = mean_current_a(dt_us, Some(previous_a), current_a);
         if let Some(mean_a) = mean_a {
-            self.add(dt_us, mean_a, voltage_v);
+            // In a gap, the power is not that of the whole interval.
+            self.add(
+                dt_us,
+                mean_a,
+                voltage_v,
+                power_w.filter(|_| dt_us <= MAX_INTERVAL_US),
+            );
         }
         (dt_us > MAX_INTERVAL_US).then(|| Gap {
             duration_s: dt_us as f32 * 1e-6,
@@ -61,12 +68,16 @@ impl Consumption {
         })
     }
 
-    fn add(&mut self, dt_us: u64, current_a: f32, voltage_v: Option<f32>) {
+    fn add(&mut self, dt_us: u64, current_a: f32, voltage_v: Option<f32>, power_w: Option<f32>) {
         // An ampere for a microsecond is a microcoulomb. `as` saturates.
-        let charge_nc = current_a * microseconds(dt_us) * NANO_PER_MICRO;
+        let dt_ns = microseconds(dt_us) * NANO_PER_MICRO;
+        let charge_nc = current_a * dt_ns;
         self.charge_nc = self.charge_nc.saturating_add(charge_nc as i64);
-        if let Some(voltage_v) = voltage_v {
-            self.energy_nj = self.energy_nj.saturating_add((charge_nc * voltage_v) as i64);
+        let energy_nj = power_w
+            .map(|power_w| power_w * dt_ns)
+            .or(voltage_v.map(|voltage_v| charge_nc * voltage_v));
+        if let Some(energy_nj) = energy_nj {
+            self.energy_nj = self.energy_nj.saturating_add(energy_nj as i64);
         }
     }
 
@@ -158,7 +169,7 @@ mod tests {
     fn one_ampere_for_an_hour_is_one_ampere_hour() {
         let mut consumption = Consumption::default();
         for _ in 0..36_000 {
-            assert_eq!(consumption.integrate(100_000, 1.0, 1.0, Some(10.0)), None);
+            assert_eq!(consumption.integrate(100_000, 1.0, 1.0, Some(10.0), None), None);
         }
         assert!(
             (consumption.charge_mah() - 1000.0).abs() < 0.01,
@@ -176,24 +187,35 @@ mod tests {
             energy_wh: 0.0,
         });
         let before = consumption.charge_nc;
-        consumption.integrate(100_000, 0.0, 1e-6, None);
+        consumption.integrate(100_000, 0.0, 1e-6, None, None);
         assert_eq!(consumption.charge_nc - before, 100);
     }
 
     #[test]
     fn charging_current_subtracts() {
         let mut consumption = Consumption::default();
-        consumption.integrate(1_000_000, 0.0, 3.6, Some(10.0));
-        consumption.integrate(1_000_000, 0.0, -7.2, Some(10.0));
+        consumption.integrate(1_000_000, 0.0, 3.6, Some(10.0), None);
+        consumption.integrate(1_000_000, 0.0, -7.2, Some(10.0), None);
         assert!((consumption.charge_mah() + 1.0).abs() < 1e-6);
         assert!(consumption.energy_wh() < 0.0);
+    }
+
+    #[test]
+    fn a_power_is_counted_as_energy_except_over_a_gap() {
+        let mut consumption = Consumption::default();
+        consumption.integrate(1_000_000, 2.0, 2.0, Some(8.0), Some(15.0));
+        let energy_j = |consumption: &Consumption| consumption.energy_wh() * 3600.0;
+        assert!((energy_j(&consumption) - 15.0).abs() < 1e-4);
+        assert_eq!(consumption.charge_nc, 2_000_000_000);
+        let _ = consumption.integrate(10_000_000, 2.0, 2.0, Some(8.0), Some(15.0));
+        assert!((energy_j(&consumption) - 175.0).abs() < 1e-3);
     }
 
     #[test]
     fn short_gap_is_interpolated_and_returned() {
         let mut consumption = Consumption::default();
         let gap = consumption
-            .integrate(10_000_000, 3.0, 5.0, Some(10.0))
+            .integrate(10_000_000, 3.0, 5.0, Some(10.0), None)
             .expect("a gap");
         assert_eq!(gap.duration_s, 10.0);
         let counted_mah = gap.counted_mah.expect("counted");
@@ -205,7 +227,7 @@ mod tests {
     fn long_gap_is_returned_but_not_counted() {
         let mut consumption = Consumption::default();
         let gap = consumption
-            .integrate(61_000_000, 3.0, 5.0, Some(10.0))
+            .integrate(61_000_000, 3.0, 5.0, Some(10.0), None)
             .expect("a gap");
         assert_eq!(gap.counted_mah, None);
         assert_eq!(consumption, Consumption::default());
@@ -215,8 +237,8 @@ mod tests {
     fn integrators_saturate() {
         let mut consumption = Consumption::default();
         for _ in 0..10 {
-            consumption.integrate(u64::MAX, f32::MAX, f32::MAX, Some(f32::MAX));
-            consumption.integrate(2_000_000, f32::MAX, f32::MAX, Some(f32::MAX));
+            consumption.integrate(u64::MAX, f32::MAX, f32::MAX, Some(f32::MAX), None);
+            consumption.integrate(2_000_000, f32::MAX, f32::MAX, Some(f32::MAX), None);
         }
         assert_eq!(consumption.charge_nc, i64::MAX);
         assert!(consumption.charge_mah().is_finite() && consumption.energy_wh().is_finite());

@@ -48,6 +48,9 @@ pub struct Measurement {
     pub voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
+    /// Power drawn from the pack, in watts, where voltage and current are measured together: the mean of a product is another
+    /// than the product of the means while both change. `None`: it is that product.
+    pub power_w: Option<f32>,
     /// Fuel drawn from a tank, in litres per hour.
     pub fuel_l_h: Option<f32>,
     /// Whether the current is within its sensor's range.
@@ -95,6 +98,7 @@ impl Measurement {
         (current_a.is_some() || self.counted.is_some()).then_some(Self {
             voltage_v: None,
             current_a,
+            power_w: None,
             ..*self
         })
     }
@@ -132,6 +136,7 @@ impl Measurement {
         };
         if is_within(self.voltage_v, HIGHEST_VOLTAGE_V)
             && is_within(self.rate(), HIGHEST_CURRENT_A)
+            && is_within(self.power_w, HIGHEST_VOLTAGE_V * HIGHEST_CURRENT_A)
             && is_within(self.temperature_c, HIGHEST_TEMPERATURE_C)
             && self.gauge.read().is_none_or(is_gauge)
             && self.state_of_charge.is_none_or(|soc| (0.0..=1.0).contains(&soc))

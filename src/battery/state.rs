@@ -100,6 +100,8 @@ pub struct Readings {
     pub resting_voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
+    /// Power drawn from the pack, in watts, where voltage and current are measured together.
+    pub power_w: Option<f32>,
     /// Fuel drawn from a tank, in litres per hour.
     pub fuel_l_h: Option<f32>,
     /// Current averaged over about a minute, in amperes.
@@ -127,6 +129,7 @@ impl Readings {
         voltage_v: None,
         resting_voltage_v: None,
         current_a: None,
+        power_w: None,
         fuel_l_h: None,
         average_current_a: None,
         remaining_pct: None,
@@ -259,7 +262,13 @@ impl BatteryState {
 
     /// Power drawn from the pack, in watts; `None` also for a tank.
     pub fn power_w(&self) -> Option<f32> {
-        Some(self.readings.voltage_v? * self.readings.current_a?)
+        let Readings {
+            voltage_v,
+            current_a,
+            power_w,
+            ..
+        } = self.readings;
+        power_w.or(Some(voltage_v? * current_a?))
     }
 
     /// Amperes drawn from a pack, or litres per hour from a tank. As in ArduPilot, either is reported as a current.

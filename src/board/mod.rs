@@ -2,6 +2,7 @@
 
 mod adc;
 mod can;
+mod dma_ring;
 mod fault;
 mod flash;
 mod flash_chip;
@@ -13,8 +14,8 @@ mod lamps;
 mod last_run;
 mod memory_map;
 mod motors;
+mod pre_init;
 mod pulses;
-mod receive_ring;
 mod reset;
 mod retained;
 mod running;
@@ -25,7 +26,7 @@ mod usb;
 mod watchdog;
 mod wifi;
 
-pub use adc::AnalogInputs;
+pub use adc::{AnalogInputs, AnalogPeripherals};
 pub use can::{BoardCan, CanController, CanPins, can_exchange, interrupt_spawner};
 use embassy_rp::peripherals::{DMA_CH0, DMA_CH1, I2C1, PIO0, PIO1, USB};
 use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};

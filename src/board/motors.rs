@@ -11,6 +11,11 @@ use crate::vehicle::{MotorDrive, Motors, SideDrives};
 const DIVIDER: u8 = 4;
 const PERIOD_COUNTS: u16 = 62_500;
 
+/// Counters of the motors when their slices begin. A quarter of a period apart, and half a period on each side, the pack never
+/// sees more motors switched on at a time than their duty asks for: its ripple is a quarter of that of motors in step.
+const LEFT_COUNTS: [u16; 2] = [0, PERIOD_COUNTS / 2];
+const RIGHT_COUNTS: [u16; 2] = [PERIOD_COUNTS / 4, PERIOD_COUNTS / 4 * 3];
+
 /// A compare level above the counter's top is high all the time.
 const ALWAYS: u16 = PERIOD_COUNTS;
 const NEVER: u16 = 0;
@@ -40,7 +45,8 @@ pub type MotorPins<S, Positive, Negative> =
 
 /// The motors, each behind what is taken for a DRV8837. A wheel turns ahead while the positive pole of its motor is driven.
 ///
-/// A new drive takes effect when their PWM's counter wraps, within 2 ms, and for both inputs of a driver at once.
+/// A new drive takes effect when the counter of a motor's PWM wraps, within 2 ms, and for both inputs of a driver at once. The
+/// counters are a quarter of a period apart, so it does not for all motors at once.
 pub struct BoardMotors {
     left: [Motor; 2],
     right: [Motor; 2],
@@ -55,16 +61,29 @@ impl BoardMotors {
             right_rear: (slice3, gp7, gp6),
             right_front: (slice4, gp9, gp8),
         } = peripherals;
-        Self {
+        let [left_front, left_rear] = LEFT_COUNTS;
+        let [right_rear, right_front] = RIGHT_COUNTS;
+        let motors = Self {
             left: [
-                Motor::new(slice1, gp18, gp19, Ahead::ChannelA),
-                Motor::new(slice2, gp20, gp21, Ahead::ChannelB),
+                Motor::new(slice1, gp18, gp19, Ahead::ChannelA, left_front),
+                Motor::new(slice2, gp20, gp21, Ahead::ChannelB, left_rear),
             ],
             right: [
-                Motor::new(slice3, gp6, gp7, Ahead::ChannelB),
-                Motor::new(slice4, gp8, gp9, Ahead::ChannelB),
+                Motor::new(slice3, gp6, gp7, Ahead::ChannelB, right_rear),
+                Motor::new(slice4, gp8, gp9, Ahead::ChannelB, right_front),
             ],
-        }
+        };
+        motors.start_together();
+        motors
+    }
+
+    /// Starts all counters in the same cycle.
+    fn start_together(&self) {
+        PWM.en().modify(|enabled| {
+            for motor in self.left.iter().chain(&self.right) {
+                enabled.0 |= 1 << motor.slice_number;
+            }
+        });
     }
 }
 
@@ -88,6 +107,7 @@ enum Ahead {
 struct Motor {
     /// Owns the pins.
     _pwm: Pwm<'static>,
+    slice_number: usize,
     /// The registers of its slice. embassy-rp would look them up by number each time, with a panic for a wrong one.
     slice: Channel,
     ahead: Ahead,
@@ -99,15 +119,21 @@ impl Motor {
         a: Peri<'static, impl ChannelAPin<S>>,
         b: Peri<'static, impl ChannelBPin<S>>,
         ahead: Ahead,
+        first_count: u16,
     ) -> Self {
         let mut config = Config::default();
         config.divider = DIVIDER.into();
         config.top = PERIOD_COUNTS - 1;
-        Self {
-            slice: PWM.ch(slice.number()),
+        config.enable = false;
+        let slice_number = slice.number();
+        let motor = Self {
+            slice: PWM.ch(slice_number),
             _pwm: Pwm::new_output_ab(slice, a, b, config),
+            slice_number,
             ahead,
-        }
+        };
+        motor.slice.ctr().write(|counter| counter.set_ctr(first_count));
+        motor
     }
 
     fn drive(&mut self, drive: MotorDrive) {

@@ -43,8 +43,8 @@ pub(super) enum Predecessor {
 pub(super) fn take_reset_reason(predecessor: Predecessor) -> ResetReason {
     let watchdog = pac::WATCHDOG.reason().read();
     let chip = pac::VREG_AND_CHIP_RESET.chip_reset().read();
-    // Every other reset puts the peripherals into reset, too, and the boot ROM leaves the converter there.
-    let is_of_the_processor = !pac::RESETS.reset().read().adc();
+    // Every other reset puts the peripherals into reset, too, and the boot ROM leaves the PWM there.
+    let is_of_the_processor = !pac::RESETS.reset().read().pwm();
     let fault = pac::WATCHDOG.scratch3().read() == FAULT;
     pac::WATCHDOG.scratch3().write_value(0);
     if is_of_the_processor {

@@ -22,7 +22,7 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{ErrorType, Write};
 
 use super::Irqs;
-use super::receive_ring::ReceiveRing;
+use super::dma_ring::ReceiveRing;
 use crate::sensor::{REQUEST_BYTES, SerialSetup, Wires};
 use crate::tasks::{ByteSource, ReceiveError, SerialLine};
 

@@ -50,6 +50,15 @@ impl RingReader {
         Ok(moved as usize)
     }
 
+    /// Counts as read what was written, but for the latest `later`, in whole rounds of `round` words, a power of two. Returns
+    /// where that ends, modulo [`COUNT_PERIOD`], and how many words it is, of which the ring holds the last.
+    pub fn skip_rounds(&mut self, written: u32, later: u32, round: u32) -> (u32, u32) {
+        let behind = self.behind(written).saturating_sub(later);
+        let unread = behind & !(round - 1);
+        self.read = self.read.wrapping_add(unread) & (COUNT_PERIOD - 1);
+        (self.read, unread)
+    }
+
     /// Whether anything is unread once `written` bytes were written, modulo [`COUNT_PERIOD`].
     pub fn has_unread(&self, written: u32) -> bool {
         self.behind(written) > 0

@@ -1,50 +1,9 @@
-//! Analog pins, the ADC, and what is wired to the pins, with its scales.
+//! Analog pins, and what is wired to them, with its scales.
 
-use crate::battery::{CurrentRange, ReadError};
+use super::Conversions;
+use super::conversions::ADC_FULL_SCALE;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
-
-/// Full-scale code of the RP2040's 12-bit ADC.
-pub const ADC_FULL_SCALE: u16 = 4095;
-
-/// ADC reference, in volts: ADC_VREF on the board is the 3.3 V rail.
-pub const ADC_REFERENCE_V: f32 = 3.3;
-
-/// Conversions averaged into one reading. A burst takes well under a millisecond and reduces ripple and noise by a
-/// factor of four.
-pub const BURST_CONVERSIONS: u16 = 16;
-
-/// A raw code of the 12-bit ADC, 0 to [`ADC_FULL_SCALE`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub struct AdcCount(pub u16);
-
-impl AdcCount {
-    /// The same, if the voltage may be what it shows.
-    ///
-    /// # Errors
-    /// It is at full scale: the voltage is that or any above it.
-    pub(super) fn within_range(self) -> Result<Self, ReadError> {
-        match self.current_range() {
-            CurrentRange::Within => Ok(self),
-            CurrentRange::Over => Err(ReadError::OverRange),
-        }
-    }
-
-    /// Whether a current sensor at the pin is within range.
-    pub(super) fn current_range(self) -> CurrentRange {
-        if self.0 < ADC_FULL_SCALE {
-            CurrentRange::Within
-        } else {
-            CurrentRange::Over
-        }
-    }
-
-    /// The voltage at the pin, in volts.
-    pub fn pin_voltage_v(self) -> f32 {
-        f32::from(self.0) * (ADC_REFERENCE_V / f32::from(ADC_FULL_SCALE))
-    }
-}
 
 /// An analog pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,76 +38,6 @@ impl AnalogPin {
 /// Pin of an analog level sensor (`BATT_FL_PIN`).
 pub(super) fn level_pin(parameters: &Parameters, pack: Pack) -> Option<AnalogPin> {
     AnalogPin::from_gpio(parameters.get_whole(BatteryParameter::FlPin.of(pack)))
-}
-
-/// ADC readings of one tick, by pin.
-#[derive(Clone, Copy, Debug)]
-pub struct AnalogReadings {
-    counts: [Result<AdcCount, ReadError>; AnalogPin::ALL.len()],
-}
-
-impl AnalogReadings {
-    /// No pin was read.
-    pub const NONE: Self = Self {
-        counts: [Err(ReadError::NoPin); AnalogPin::ALL.len()],
-    };
-
-    /// Sets the reading of a pin.
-    pub fn set(&mut self, pin: AnalogPin, count: Result<AdcCount, ReadError>) {
-        if let Some(place) = self.counts.get_mut(pin as usize) {
-            *place = count;
-        }
-    }
-
-    /// Reading of a pin.
-    ///
-    /// # Errors
-    /// The pin is not set, or the read failed.
-    pub(super) fn count(&self, pin: Option<AnalogPin>) -> Result<AdcCount, ReadError> {
-        let pin = pin.ok_or(ReadError::NoPin)?;
-        self.counts
-            .get(pin as usize)
-            .copied()
-            .unwrap_or(Err(ReadError::NoPin))
-    }
-}
-
-/// Whether an analog pin is pulled up while it is in use: then a broken lead is one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum PinPull {
-    /// A pull would bend a divider's ratio.
-    None,
-    /// By the pad's resistor of some 60 kΩ.
-    Up,
-}
-
-/// Analog pins with their ADC.
-pub trait AnalogIn {
-    /// One conversion of `pin`. It may never complete: the caller applies a time-out.
-    ///
-    /// # Errors
-    /// The ADC reported a failed conversion.
-    // The futures stay on one executor, so they need not be `Send`.
-    #[allow(async_fn_in_trait)]
-    async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError>;
-
-    /// Pulls `pin` like this from now on, if it can be pulled.
-    fn pull(&mut self, _pin: AnalogPin, _pull: PinPull) {}
-}
-
-/// Rounded mean of a burst of [`BURST_CONVERSIONS`] conversions.
-///
-/// # Errors
-/// A conversion failed. A mean of the others would be noisier without an indication.
-pub async fn read_mean(input: &mut impl AnalogIn, pin: AnalogPin) -> Result<AdcCount, ReadError> {
-    let mut sum = 0u32;
-    for _ in 0..BURST_CONVERSIONS {
-        sum += u32::from(input.convert(pin).await?.0);
-    }
-    let conversions = u32::from(BURST_CONVERSIONS);
-    // The mean of u16 values is a u16.
-    Ok(AdcCount(((sum + conversions / 2) / conversions) as u16))
 }
 
 /// Analog wiring of a pack.
@@ -205,8 +94,8 @@ impl AnalogWiring {
     pub fn board_divider_range_v(&self) -> Option<f32> {
         let is_boards = self.voltage_pin == Some(AnalogPin::Gp26);
         is_boards.then(|| {
-            self.divider
-                .pack_voltage_v(AdcCount(ADC_FULL_SCALE).pin_voltage_v())
+            let full_scale = Conversions::of(ADC_FULL_SCALE).mean();
+            self.divider.pack_voltage_v(full_scale.pin_voltage_v())
         })
     }
 
@@ -229,50 +118,5 @@ impl AnalogWiring {
             level_pin: level_pin(parameters, pack),
             full_throttle_voltage_v: value(BatteryParameter::MaxVolt),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::vec::IntoIter;
-
-    use embassy_futures::block_on;
-
-    use super::*;
-
-    struct Recorded(IntoIter<Result<AdcCount, ReadError>>);
-
-    impl AnalogIn for Recorded {
-        async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
-            self.0.next().expect("more conversions than recorded")
-        }
-    }
-
-    fn mean_of(results: [Result<AdcCount, ReadError>; 16]) -> Result<AdcCount, ReadError> {
-        let mut input = Recorded(Vec::from(results).into_iter());
-        block_on(read_mean(&mut input, AnalogPin::Gp26))
-    }
-
-    #[test]
-    // Requirement: FR-11
-    fn mean_of_a_burst_is_rounded() {
-        let mut burst = [Ok(AdcCount(1000)); 16];
-        burst[..7].fill(Ok(AdcCount(1001)));
-        assert_eq!(mean_of(burst), Ok(AdcCount(1000)));
-        burst[..8].fill(Ok(AdcCount(1001)));
-        assert_eq!(mean_of(burst), Ok(AdcCount(1001)));
-    }
-
-    #[test]
-    fn mean_of_full_scale_does_not_overflow() {
-        let full_scale = Ok(AdcCount(ADC_FULL_SCALE));
-        assert_eq!(mean_of([full_scale; 16]), full_scale);
-    }
-
-    #[test]
-    fn one_failed_conversion_fails_the_burst() {
-        let mut burst = [Ok(AdcCount(2000)); 16];
-        burst[9] = Err(ReadError::Conversion);
-        assert_eq!(mean_of(burst), Err(ReadError::Conversion));
     }
 }

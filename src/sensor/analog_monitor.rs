@@ -1,6 +1,6 @@
 //! Analog battery monitor: voltage divider and current sensor on ADC pins.
 
-use super::{AnalogPin, AnalogReadings, AnalogWiring};
+use super::{AdcCount, AnalogPin, AnalogReadings, AnalogWiring};
 use crate::battery::{Measurement, ReadError};
 use crate::parameter::{FuelKind, MonitorKind};
 
@@ -12,6 +12,13 @@ impl AnalogWiring {
         let is_level = kind == MonitorKind::Fuel(FuelKind::LevelAnalog);
         let level_pin = self.level_pin.filter(|_| is_level);
         voltage_pin.into_iter().chain(current_pin).chain(level_pin)
+    }
+
+    /// The two pins of a monitor of this kind at which voltage and current are measured together.
+    pub fn power_pins(&self, kind: MonitorKind) -> Option<(AnalogPin, AnalogPin)> {
+        let voltage_pin = self.voltage_pin.filter(|_| kind.reads_voltage_pin());
+        let current_pin = self.current_pin.filter(|_| kind.reads_current_pin());
+        voltage_pin.zip(current_pin)
     }
 
     /// The measurement of a monitor of this kind; `throttle` from −1 to 1.
@@ -26,20 +33,33 @@ impl AnalogWiring {
     ) -> Result<Measurement, ReadError> {
         let mut measurement = Measurement::default();
         if kind.reads_voltage_pin() {
-            let count = readings.count(self.voltage_pin)?.within_range()?;
-            measurement.voltage_v = Some(self.divider.pack_voltage_v(count.pin_voltage_v()));
+            let conversions = readings
+                .pin(self.voltage_pin.ok_or(ReadError::NoPin)?)?
+                .within_range()?;
+            let voltage_v = |count: AdcCount| self.divider.pack_voltage_v(count.pin_voltage_v());
+            measurement.voltage_v = Some(voltage_v(conversions.mean()));
         }
         if kind.reads_current_pin() {
-            let count = readings.count(self.current_pin)?;
-            measurement.current_a = Some(self.current_sensor.current_a(count.pin_voltage_v()));
-            measurement.current_range = count.current_range();
+            let conversions = readings.pin(self.current_pin.ok_or(ReadError::NoPin)?)?;
+            let current_a = |count: AdcCount| self.current_sensor.current_a(count.pin_voltage_v());
+            measurement.current_a = Some(current_a(conversions.mean()));
+            measurement.current_range = conversions.range();
         }
+        measurement.power_w = self.power_w(kind, &measurement, readings);
         if kind == MonitorKind::SyntheticCurrent {
             measurement.current_a = measurement
                 .voltage_v
                 .map(|voltage_v| self.synthetic_current_a(voltage_v, throttle));
         }
         Ok(measurement)
+    }
+
+    /// Mean of the product of voltage and current, in watts: the product of their means, and their covariance.
+    fn power_w(&self, kind: MonitorKind, means: &Measurement, readings: &AnalogReadings) -> Option<f32> {
+        let (voltage_pin, current_pin) = self.power_pins(kind)?;
+        let covariance_v2 = readings.covariance_v2(voltage_pin, current_pin)?;
+        let scale = self.divider.multiplier * self.current_sensor.amperes_per_volt;
+        Some(means.voltage_v? * means.current_a? + scale * covariance_v2)
     }
 
     /// ArduPilot's model: proportional to the voltage and to the square of the throttle, plus `BATT_AMP_OFFSET` in
@@ -56,7 +76,7 @@ mod tests {
     use crate::battery::CurrentRange;
     use crate::pack::Pack;
     use crate::parameter::{BatteryParameter, Parameters};
-    use crate::sensor::AdcCount;
+    use crate::sensor::Conversions;
 
     fn wiring() -> AnalogWiring {
         let mut parameters = Parameters::defaults();
@@ -73,8 +93,8 @@ mod tests {
 
     fn readings(gp26: u16, gp27: u16) -> AnalogReadings {
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp26, Ok(AdcCount(gp26)));
-        readings.set(AnalogPin::Gp27, Ok(AdcCount(gp27)));
+        readings.set(AnalogPin::Gp26, Ok(Conversions::of(gp26)));
+        readings.set(AnalogPin::Gp27, Ok(Conversions::of(gp27)));
         readings
     }
 

@@ -51,7 +51,10 @@ impl FuelMeter {
             FuelKind::LevelPwm => level_by_pulses(pulses(parameters, pack, readings)?, capacity_ml, now),
             FuelKind::LevelAnalog => {
                 // At full scale a tank is full.
-                let pin_v = readings.pins.count(level_pin(parameters, pack))?.pin_voltage_v();
+                let conversions = readings
+                    .pins
+                    .pin(level_pin(parameters, pack).ok_or(ReadError::NoPin)?)?;
+                let pin_v = conversions.mean().pin_voltage_v();
                 let scale = LevelScale::from_parameters(parameters, pack);
                 self.level.measure(&scale, pin_v, capacity_ml, now)
             }
@@ -329,7 +332,7 @@ impl EngineReading {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::{AdcCount, AnalogPin};
+    use crate::sensor::{AnalogPin, Conversions};
     use crate::time::at_us;
 
     fn changed(changes: &[(BatteryParameter, f32)], pack: Pack) -> Parameters {
@@ -342,17 +345,17 @@ mod tests {
 
     fn measure(kind: FuelKind, changes: &[(BatteryParameter, f32)]) -> Result<Measurement, ReadError> {
         // 1.5 V.
-        measure_level(kind, changes, AdcCount(1861))
+        measure_level(kind, changes, 1861)
     }
 
     fn measure_level(
         kind: FuelKind,
         changes: &[(BatteryParameter, f32)],
-        level: AdcCount,
+        level: u16,
     ) -> Result<Measurement, ReadError> {
         let parameters = changed(changes, Pack::First);
         let mut pins = AnalogReadings::NONE;
-        pins.set(AnalogPin::Gp28, Ok(level));
+        pins.set(AnalogPin::Gp28, Ok(Conversions::of(level)));
         let readings = FuelReadings {
             pins: &pins,
             pulses: &of_widths(&[1700; 3]),
@@ -376,7 +379,7 @@ mod tests {
     #[test]
     fn a_level_at_full_scale_is_a_full_tank() {
         let changes = [(BatteryParameter::FlPin, 28.0)];
-        let full = measure_level(FuelKind::LevelAnalog, &changes, AdcCount(4095));
+        let full = measure_level(FuelKind::LevelAnalog, &changes, 4095);
         assert_eq!(remaining_ml(full), 3300.0);
     }
 

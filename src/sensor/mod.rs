@@ -5,16 +5,14 @@ mod analog_monitor;
 mod bus;
 mod can;
 mod controllers;
+mod conversions;
 mod external;
 mod fuel;
 mod serial;
 mod set_up;
 mod thermometer;
 
-pub use analog::{
-    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, AnalogWiring,
-    BURST_CONVERSIONS, CurrentSensor, PinPull, VoltageDivider, read_mean,
-};
+pub use analog::{AnalogPin, AnalogWiring, CurrentSensor, VoltageDivider};
 pub use bus::{Address, BusDevices, Buses, I2cBus, NoSpi, Samples, SensorBus, Wiring, bus_clock_hz};
 pub use can::{
     Acceptance, BitTiming, CanBus, CanEvent, CanFilters, CanFrame, CanInterrupt, CanNotice, CanOptions,
@@ -22,6 +20,11 @@ pub use can::{
     NodeId, TemperatureMessages,
 };
 pub use controllers::{ControllerBank, ControllerReading, Members};
+pub(crate) use conversions::exceeds_tolerance;
+pub use conversions::{
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogReadings, Conversions, LATEST_READING_US,
+    PinPairs, PinPull, covariance,
+};
 pub use external::{Admission, ExternalHealth, ExternalReading, ExternalReport, ExternalSource};
 pub use fuel::{EngineReading, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
 pub use serial::{

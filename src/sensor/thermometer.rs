@@ -124,8 +124,8 @@ impl Thermometers {
             };
             let temperature_c = match input {
                 Input::Analog(pin, coefficients) => {
-                    let count = readings.count(pin).ok();
-                    count.and_then(|count| analog_c(count, &coefficients))
+                    let conversions = pin.and_then(|pin| readings.pin(pin).ok());
+                    conversions.and_then(|conversions| analog_c(conversions.mean(), &coefficients))
                 }
                 Input::DroneCan(_) => received
                     .filter(|(_, at)| now.us_since(*at) <= SILENCE_US)
@@ -145,7 +145,7 @@ impl Thermometers {
 /// Temperature by the voltage at a pin, in degrees Celsius; `None` while no coefficient is set, or a lead is broken or
 /// shorted.
 fn analog_c(count: AdcCount, coefficients: &[f32; 6]) -> Option<f32> {
-    let share = f32::from(count.0) / f32::from(ADC_FULL_SCALE);
+    let share = count.0 / f32::from(ADC_FULL_SCALE);
     let is_connected = (RAIL_SHARE..=1.0 - RAIL_SHARE).contains(&share);
     let is_set = coefficients.iter().any(|coefficient| *coefficient != 0.0);
     (is_connected && is_set).then(|| {
@@ -159,6 +159,7 @@ fn analog_c(count: AdcCount, coefficients: &[f32; 6]) -> Option<f32> {
 mod tests {
     use super::*;
     use crate::parameter::ThermometerParameter::{A0, A1, A2, MessageId, Pin, Source, SourceId, Type};
+    use crate::sensor::Conversions;
     use crate::time::at_us;
 
     const SECOND: TemperatureSensor = TemperatureSensor::Second;
@@ -178,7 +179,7 @@ mod tests {
 
     fn measured(parameters: &Parameters, count: u16) -> Measurement {
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp28, Ok(AdcCount(count)));
+        readings.set(AnalogPin::Gp28, Ok(Conversions::of(count)));
         let temperatures = Thermometers::default().measure(&readings, at_us(0), parameters);
         let mut measurement = Measurement::default();
         temperatures.complete(Pack::Third, &mut measurement);

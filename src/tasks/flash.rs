@@ -304,7 +304,6 @@ async fn keep_log<F: NorFlash>(flash: &mut F, shared: &Shared) -> Duration {
     match shared.with(|autopilot| autopilot.next_log_step(now())) {
         None => IDLE_CHECK,
         Some(LogStep::Program { address, bytes }) => {
-            shared.away_from_sampling().await;
             let written = flash.write(address, &bytes).await;
             shared.with(|autopilot| autopilot.log_written(outcome(written), now()));
             Duration::MIN

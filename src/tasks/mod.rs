@@ -27,7 +27,7 @@ mod writer;
 
 use embassy_time::{Duration, Timer};
 
-pub use battery::{SampledPins, read_pins, sample_batteries};
+pub use battery::sample_batteries;
 pub use bus::read_bus;
 pub use can::serve_can;
 pub use clock::{now, timer_at};

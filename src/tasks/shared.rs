@@ -1,24 +1,17 @@
 //! The core, shared between tasks.
 
-use core::cell::{Cell, RefCell, RefMut};
+use core::cell::{RefCell, RefMut};
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::{Receiver, Watch};
 
-use super::{now, timer_at};
+use super::now;
 use crate::announce::Announce;
 use crate::autopilot::{Autopilot, Start, Work};
 use crate::mavlink::MAX_LINKS;
 use crate::memory::in_place::in_place;
 use crate::memory::storage::Erase;
-use crate::time::Instant;
-
-/// A page is programmed in 0.6 ms, and in 3.2 ms at most.
-const PROGRAMMING_US: u64 = 4_000;
-
-/// The packs' pins are read within this time.
-const SAMPLING_US: u64 = 4_000;
 
 /// Wakes up a link when something was announced.
 pub type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LINKS>;
@@ -29,8 +22,6 @@ pub type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LINKS>;
 pub struct Shared {
     autopilot: RefCell<Autopilot>,
     announced: Watch<NoopRawMutex, (), MAX_LINKS>,
-    /// When the packs are sampled next.
-    sampling_due: Cell<Option<Instant>>,
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
@@ -48,7 +39,6 @@ impl Shared {
         Self {
             autopilot: in_place(|| RefCell::new(Autopilot::new(start))),
             announced: Watch::new(),
-            sampling_due: Cell::new(None),
             to_drive: Signal::new(),
             to_save: Signal::new(),
             to_reboot: Signal::new(),
@@ -91,23 +81,6 @@ impl Shared {
         }
         if work.contains(Work::ANNOUNCED) {
             self.announced.sender().send(());
-        }
-    }
-
-    /// The packs are sampled next at `due`.
-    pub(super) fn sampling_is_due(&self, due: Instant) {
-        self.sampling_due.set(Some(due));
-    }
-
-    /// Waits, if a page that is programmed now would delay the sampling of the packs: nothing runs meanwhile.
-    pub(super) async fn away_from_sampling(&self) {
-        let Some(due) = self.sampling_due.get() else {
-            return;
-        };
-        let now = now();
-        let end = due.after_us(SAMPLING_US);
-        if now.after_us(PROGRAMMING_US) > due && now < end {
-            timer_at(end).await;
         }
     }
 

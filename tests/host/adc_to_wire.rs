@@ -1,21 +1,21 @@
 //! The tasks on a desk, in stepped time: from conversions of a converter to frames on a wire.
 
 use std::cell::RefCell;
-use std::future::pending;
 
 use embassy_futures::join::join3;
 use embassy_time::{Duration, Instant, Timer};
-use rover_battmon::autopilot::{CrashLine, Start};
+use rover_battmon::autopilot::{CrashLine, SAMPLING_INTERVAL_US, Start};
 use rover_battmon::battery::{Gap, PackEvent, PackNotice, ReadError, RetainedRecord};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
-use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
+use rover_battmon::sensor::{AnalogIn, AnalogPin, AnalogReadings, Conversions, PinPairs};
 use rover_battmon::tasks::{
-    CheckIn, Link, Shared, Watchdog, schedule_telemetry, serve_link, supervise, write_frames,
+    CheckIn, Link, Shared, Watchdog, sample_batteries, schedule_telemetry, serve_link, supervise,
+    write_frames,
 };
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::sim::clock;
 use rover_battmon_tools::sim::stepped::Port;
-use rover_battmon_tools::sim::{clock, sample_batteries};
 use support::desk::start_with;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
@@ -24,20 +24,24 @@ use support::frames::{
 use support::time::SECOND;
 use support::vehicle::{OnHost, TestedVehicle};
 
-/// A converter whose answers depend on the time; without one it stalls.
+/// A converter whose codes depend on the time, one for each millisecond of a tick; without one it has stalled.
 struct Converter<F>(F);
 
-impl<F: FnMut(Instant) -> Option<AdcCount>> AnalogIn for Converter<F> {
-    async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
-        match (self.0)(Instant::now()) {
-            Some(count) => Ok(count),
-            None => pending().await,
-        }
+impl<F: FnMut(Instant) -> Option<u16>> AnalogIn for Converter<F> {
+    fn read(&mut self, until: rover_battmon::time::Instant, _: PinPairs) -> AnalogReadings {
+        let milliseconds = until.as_micros().saturating_sub(SAMPLING_INTERVAL_US)..until.as_micros();
+        let codes = milliseconds
+            .step_by(1000)
+            .map_while(|us| (self.0)(Instant::from_micros(us)));
+        let conversions = Conversions::from_codes(codes.collect::<Vec<_>>());
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, conversions.ok_or(ReadError::Timeout));
+        readings
     }
 }
 
 /// 2.0 V at the pin.
-const COUNT: AdcCount = AdcCount(2482);
+const CODE: u16 = 2482;
 
 /// With a failsafe threshold, so that none is announced to be missing.
 const THRESHOLD: (&str, f32) = ("BATT_LOW_VOLT", 1.0);
@@ -73,7 +77,7 @@ fn run_with(settings: &[(&str, f32)], seconds: u64, baud: u64, input: impl Analo
 #[test]
 // Requirement: FR-1, FR-8
 fn a_pack_appears_on_the_wire_at_the_default_rates() {
-    let frames = run(600, Converter(|_| Some(COUNT)));
+    let frames = run(600, Converter(|_| Some(CODE)));
     assert_no_sequence_gap(&frames);
     assert_eq!(of_message(&frames, HEARTBEAT).len(), 600);
     assert_eq!(of_message(&frames, SYS_STATUS).len(), 1200);
@@ -111,7 +115,7 @@ fn a_scale_an_offset_and_a_pin_count_in_the_next_frame() {
 // Requirement: FR-12
 fn the_last_good_value_stays_and_the_fifth_failed_read_says_unhealthy() {
     let stalls_at = Instant::from_micros(4_950_000);
-    let frames = run(10, Converter(|at: Instant| (at < stalls_at).then_some(COUNT)));
+    let frames = run(10, Converter(|at: Instant| (at < stalls_at).then_some(CODE)));
     let battery = of_message(&frames, BATTERY_STATUS);
     // Reads fail from 5.0 s on, so the fifth fails at 5.4 s.
     for frame in &battery[1..] {
@@ -131,7 +135,7 @@ fn a_voltage_step_reaches_the_wire_within_620_ms() {
     for phase in 0..20 {
         let step_us = 3_000_000 + phase * 29_917;
         let count = |at: Instant| if at.as_micros() < step_us { 2482 } else { 3000 };
-        let frames = run(5, Converter(|at| Some(AdcCount(count(at)))));
+        let frames = run(5, Converter(|at| Some(count(at))));
         let battery = of_message(&frames, BATTERY_STATUS);
         let shows_it = |frame: &&&Frame| BatteryStatus(frame).voltage_mv(0) > 9000;
         let arrived_us = battery.iter().find(shows_it).expect("it arrives").at_us;
@@ -148,7 +152,7 @@ fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it_but_no_heart
     // 21 + rate × (43 + 53) bytes a second are wanted; a tenth of the baud rate is carried. A heartbeat waits for one frame.
     for (baud, rate_hz, least_of_each, frame_us) in [(600, 2, 200, 900_000), (9_600, 50, 5_000, 60_000)] {
         let settings = [THRESHOLD, ("SR0_EXTRA1", rate_hz as f32)];
-        let frames = run_with(&settings, 600, baud, Converter(|_| Some(COUNT)));
+        let frames = run_with(&settings, 600, baud, Converter(|_| Some(CODE)));
         assert_no_sequence_gap(&frames);
         let heartbeats = of_message(&frames, HEARTBEAT);
         // The last one may still be on its way.

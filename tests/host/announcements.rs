@@ -5,7 +5,7 @@ use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::sensor::{AnalogPin, AnalogReadings, CanEvent, CanNotice, NodeId};
-use support::desk::{DIVIDER, Desk, adc_count, start_with};
+use support::desk::{DIVIDER, Desk, conversions, start_with};
 use support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT};
 use support::requests::{arm, arm_by_force, do_set_mode};
 
@@ -73,7 +73,7 @@ impl FloodedRover {
         let event = CanEvent::Announce(notice);
         self.desk.autopilot.add_can_event(&event, self.desk.now());
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp26, Ok(adc_count(self.pack_v / DIVIDER)));
+        readings.set(AnalogPin::Gp26, Ok(conversions(self.pack_v / DIVIDER)));
         self.desk.sample(readings);
         self.desk.drive();
         self.desk.post_due(self.desk.now_us);

@@ -18,7 +18,7 @@ use rover_battmon_tools::board_check::{
     CHECKS, Divider, Multimeter, Plan, Port, Report, Verdict, hash_of_elf, run,
 };
 use support::checked::{Turned, Watcher, failed, not_measured};
-use support::desk::{DIVIDER, Desk, adc_count, start_with};
+use support::desk::{DIVIDER, Desk, conversions, start_with};
 use support::frames::{
     AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_LONG, GROUND_STATION, HEARTBEAT, PARAM_VALUE, SYS_STATUS,
     TIMESYNC, encode_v2, encode_v2_from, resealed,
@@ -191,7 +191,7 @@ impl DeskBoard {
         let pack_v = pack_v - noise_v * self.noise.f32();
         let mut readings = AnalogReadings::NONE;
         for pin in [AnalogPin::Gp26, AnalogPin::Gp27] {
-            readings.set(pin, Ok(adc_count(pack_v / DIVIDER)));
+            readings.set(pin, Ok(conversions(pack_v / DIVIDER)));
         }
         readings
     }

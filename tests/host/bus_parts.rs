@@ -21,9 +21,8 @@ use rover_battmon::battery::{BatteryState, BusError, PackStatus, RetainedRecord}
 use rover_battmon::mavlink::LinkId;
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{Buses, I2cBus};
-use rover_battmon::tasks::{CheckIn, Link, Shared, read_bus, serve_link};
+use rover_battmon::tasks::{CheckIn, Link, Shared, read_bus, sample_batteries, serve_link};
 use rover_battmon_tools::sim::clock::Stepped;
-use rover_battmon_tools::sim::sample_batteries;
 use rover_battmon_tools::sim::stepped::{BYTE_US, Pins, Port};
 use support::desk::{id_of, start_with};
 use support::frames::{frames, texts_of};

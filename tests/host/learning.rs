@@ -9,7 +9,7 @@ use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::{PackModel, SimulatedPack};
 use support::commands::{BATTERY_RESET, FAILED};
-use support::desk::{DIVIDER, Desk, adc_count, id_of, start_with};
+use support::desk::{DIVIDER, Desk, conversions, id_of, start_with};
 use support::frames::texts_of;
 use support::requests::{
     VEHICLE_ID, arm, arm_by_force, command_long_2, disarm_by_force, manual_control, param_set,
@@ -79,10 +79,10 @@ impl Rover {
 
     fn measure(&mut self, voltage_v: f32, current_a: f32) {
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp26, Ok(adc_count(voltage_v / DIVIDER)));
+        readings.set(AnalogPin::Gp26, Ok(conversions(voltage_v / DIVIDER)));
         readings.set(
             AnalogPin::Gp27,
-            Ok(adc_count((current_a + self.zero_a) / AMPERES_PER_VOLT)),
+            Ok(conversions((current_a + self.zero_a) / AMPERES_PER_VOLT)),
         );
         self.desk.now_us += 100_000;
         self.desk.sample(readings);

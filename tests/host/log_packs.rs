@@ -11,7 +11,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::SideDrives;
-use support::desk::{DIVIDER, Desk, adc_count, start_with};
+use support::desk::{DIVIDER, Desk, conversions, start_with};
 use support::frames::texts_of;
 use support::learnt_record::learnt_words;
 use support::monitor_types::SMART_BATTERY;
@@ -222,7 +222,7 @@ fn a_level_that_is_skipped_is_logged_and_not_announced() {
     // Once a second.
     let sample_at = |rover: &mut Rover, voltage_v: f32, seconds: u64| {
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp26, Ok(adc_count(voltage_v / DIVIDER)));
+        readings.set(AnalogPin::Gp26, Ok(conversions(voltage_v / DIVIDER)));
         for _ in 0..seconds {
             rover.desk.sample(readings);
             rover.run(1);

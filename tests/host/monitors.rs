@@ -13,7 +13,7 @@ use rover_battmon::sensor::{
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::SideDrives;
 use support::commands::{ACCEPTED, PREFLIGHT_STORAGE, RESET};
-use support::desk::{DIVIDER, Desk, adc_count, start_with};
+use support::desk::{DIVIDER, Desk, conversions, start_with};
 use support::frames::texts_of;
 use support::pack_report::{PackReport, UNKNOWN_MV};
 use support::requests::{arm, command_long, do_set_mode, manual_control, param_set};
@@ -240,7 +240,7 @@ impl Rig {
         match self.kind {
             ANALOG_VOLTAGE | ANALOG | SYNTHETIC | SUM | ANALOG_CURRENT | FUEL_LEVEL_ANALOG => {
                 for pin in AnalogPin::ALL {
-                    pins.set(pin, self.converted_v(does).map(adc_count));
+                    pins.set(pin, self.converted_v(does).map(conversions));
                 }
             }
             FUEL_FLOW | FUEL_LEVEL_PWM => self.pulses(does),

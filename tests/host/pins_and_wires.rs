@@ -13,14 +13,14 @@ use rover_battmon::autopilot::{Autopilot, Start, Wiring};
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{
-    AdcCount, AnalogIn, AnalogPin, AnalogReadings, BitTiming, DriverEnable, SerialSetup, Wires,
+    AnalogIn, AnalogReadings, BitTiming, DriverEnable, PinPairs, SerialSetup, Wires,
 };
 use rover_battmon::tasks::{
-    ByteSource, CheckIn, ReceiveError, SeenPulses, SerialLine, Shared, hand_over_pulses, serve_serial,
-    watch_pulses,
+    ByteSource, CheckIn, ReceiveError, SeenPulses, SerialLine, Shared, hand_over_pulses, sample_batteries,
+    serve_serial, watch_pulses,
 };
 use rover_battmon::vehicle::ArmState;
-use rover_battmon_tools::sim::{clock, sample_batteries};
+use rover_battmon_tools::sim::clock;
 use support::desk::{Desk, id_of, start_with};
 use support::frames::{last_of, texts_of};
 use support::time::SECOND;
@@ -122,8 +122,8 @@ impl SerialLine for Telemetry {
 struct NoConverter;
 
 impl AnalogIn for NoConverter {
-    async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
-        Err(ReadError::Conversion)
+    fn read(&mut self, _: rover_battmon::time::Instant, _: PinPairs) -> AnalogReadings {
+        AnalogReadings::failed(ReadError::Conversion)
     }
 }
 

@@ -6,13 +6,13 @@ use rover_battmon::mavlink::{Event, Framer, LinkKind, Stream};
 use rover_battmon::memory::flash_chip::RegisterWear;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, StickParameter, VehicleParameter};
-use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
+use rover_battmon::sensor::{AnalogPin, AnalogReadings, Conversions};
 use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::commands::{
     ACCEPTED, ARM_DISARM, BATTERY_RESET, DENIED, FAILED, FORCED, RUN_PREARM_CHECKS, TEMPORARILY_REJECTED,
     UNSUPPORTED,
 };
-use support::desk::{Desk, LOW_VOLT, adc_count, start_with};
+use support::desk::{Desk, LOW_VOLT, conversions, start_with};
 use support::firmware_version;
 use support::frames::{
     COMMAND_ACK, CRITICAL, Frame, Heartbeat, PARAM_ERROR, ParamValue, STATUSTEXT, SysStatus, frames,
@@ -141,7 +141,7 @@ impl Rover {
     /// Samples a pack of this voltage for some seconds.
     fn sample(&mut self, voltage_v: f32, seconds: u64) {
         let pin_v = voltage_v / self.0.parameters().get(VOLT_MULT);
-        self.sample_pin(Ok(adc_count(pin_v)), seconds);
+        self.sample_pin(Ok(conversions(pin_v)), seconds);
     }
 
     /// Samples a pack whose conversions fail for some seconds.
@@ -149,7 +149,7 @@ impl Rover {
         self.sample_pin(Err(ReadError::Conversion), seconds);
     }
 
-    fn sample_pin(&mut self, reading: Result<AdcCount, ReadError>, seconds: u64) {
+    fn sample_pin(&mut self, reading: Result<Conversions, ReadError>, seconds: u64) {
         let mut readings = AnalogReadings::NONE;
         readings.set(AnalogPin::Gp26, reading);
         for _ in 0..seconds * 10 {
@@ -381,7 +381,7 @@ fn a_pack_above_what_the_motor_drivers_stand_does_not_arm() {
 
 #[test]
 fn a_divider_at_full_scale_is_above_what_the_drivers_stand_at_once() {
-    let full_scale = Ok(AdcCount(4095));
+    let full_scale = Ok(Conversions::of(4095));
     let mut rover = with_drivers(3.0);
     rover.sample_pin(full_scale, 2);
     rover.assert_too_high_for_its_drivers();

@@ -11,10 +11,9 @@ use rover_battmon::battery::{BatteryState, ChargeState, Chemistry, Faults, Retai
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 use rover_battmon::sensor::Buses;
-use rover_battmon::tasks::{CheckIn, Shared, read_bus};
+use rover_battmon::tasks::{CheckIn, Shared, read_bus, sample_batteries};
 use rover_battmon_tools::sim::{
     PackModel, PackSimulation, SimulatedBus, SimulatedPack, SimulatedPackInput, SimulatedRover, clock,
-    sample_batteries,
 };
 use support::desk::id_of;
 use support::repository;

@@ -11,7 +11,7 @@ use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Vehicl
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
 use support::commands::{BATTERY_RESET, PREFLIGHT_STORAGE, RESET};
-use support::desk::{Desk, adc_count};
+use support::desk::{Desk, conversions};
 use support::frames::texts_of;
 use support::requests::{arm, arm_by_force, command_long, command_long_2, disarm, param_set};
 
@@ -74,8 +74,8 @@ fn with_pack(memory: &RetainedMemory) -> Desk {
 /// Samples the resting pack in `ticks`.
 fn sample(desk: &mut Desk, ticks: u64, memory: &mut RetainedMemory) {
     let mut readings = AnalogReadings::NONE;
-    readings.set(AnalogPin::Gp26, Ok(adc_count(11.5 / 3.95)));
-    readings.set(AnalogPin::Gp28, Ok(adc_count(0.0)));
+    readings.set(AnalogPin::Gp26, Ok(conversions(11.5 / 3.95)));
+    readings.set(AnalogPin::Gp28, Ok(conversions(0.0)));
     for _ in 0..ticks {
         desk.now_us += 100_000;
         let mut sampling = desk.autopilot.begin_sampling(desk.now(), readings);

@@ -17,7 +17,7 @@ use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
 };
 use support::commands::{PREFLIGHT_STORAGE, REQUEST_MESSAGE};
-use support::desk::{Desk, adc_count};
+use support::desk::{Desk, conversions};
 use support::frames::{
     COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, WIFI_CONFIG_AP, encode_v2, of_message, texts_of,
 };
@@ -453,14 +453,10 @@ fn gp29_measures_no_pack_on_a_board_with_a_radio() {
         start.parameters.set(pin, 29.0).expect("in range");
         let mut desk = Desk::starting(start);
         desk.connect(LinkKind::Direct);
-        let is_read = desk
-            .autopilot
-            .pins_to_read()
-            .iter()
-            .any(|(pin, _)| *pin == AnalogPin::Gp29);
-        assert_eq!(is_read, radio == Radio::Absent);
+        let is_pulled = desk.autopilot.pin_pulls().any(|(pin, _)| pin == AnalogPin::Gp29);
+        assert_eq!(is_pulled, radio == Radio::Absent);
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp29, Ok(adc_count(2.9)));
+        readings.set(AnalogPin::Gp29, Ok(conversions(2.9)));
         for _ in 0..100 {
             desk.now_us += 100_000;
             desk.sample(readings);

@@ -11,7 +11,7 @@ use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::system::LinkStatistics;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{SideDrives, Vehicle};
-pub use rover_battmon_tools::sim::stepped::adc_count;
+pub use rover_battmon_tools::sim::stepped::conversions;
 
 use crate::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, result_of};
 use crate::requests::{VEHICLE, param_request_list, param_set};

@@ -11,9 +11,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{
     BatteryParameter, GroundStationParameter, StickParameter, THERMOMETER_COUNT, VehicleParameter,
 };
-use rover_battmon::sensor::{AdcCount, AnalogPin};
+use rover_battmon::sensor::AnalogPin;
 use rover_battmon::vehicle::MotorDrive;
-use rover_battmon_tools::sim::stepped::{Converter, adc_count};
+use rover_battmon_tools::sim::stepped::{Converter, conversions};
 
 use crate::elf::{Artifact, build};
 use emulator::{
@@ -385,7 +385,7 @@ impl TestedVehicle for Bench {
 
     fn set_pin_v(&mut self, pin: AnalogPin, pin_v: f32) {
         let channel = AnalogPin::ALL.iter().position(|each| *each == pin);
-        let AdcCount(code) = adc_count(pin_v);
+        let code = conversions(pin_v).mean().0 as u16;
         self.adc_input(channel.expect("one of all"), AdcInput::Code(code));
     }
 

@@ -109,9 +109,11 @@ impl ChargeCounter {
     fn integrate(&mut self, now: Instant, measurement: &Measurement) -> Option<Gap> {
         let current_a = measurement.rate()?;
         let (last, last_a) = self.last_current?;
-        let dt_us = now.us_since(last);
+        let Measurement {
+            voltage_v, power_w, ..
+        } = *measurement;
         self.consumption
-            .integrate(dt_us, last_a, current_a, measurement.voltage_v)
+            .integrate(now.us_since(last), last_a, current_a, voltage_v, power_w)
     }
 
     /// The current of a reading, from which the next interval is integrated.

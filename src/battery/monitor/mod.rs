@@ -437,7 +437,10 @@ impl BatteryMonitor {
         let Turn { tick, settings, .. } = *turn;
         let state = &mut *turn.state;
         let Measurement {
-            voltage_v, current_a, ..
+            voltage_v,
+            current_a,
+            power_w,
+            ..
         } = *measurement;
         let is_counted = match self.reports.gauge {
             // Consumed and remaining charge are equally unknown.
@@ -455,6 +458,7 @@ impl BatteryMonitor {
                 .zip(current_a)
                 .and_then(|(voltage_v, current_a)| self.estimator.resting_voltage_v(voltage_v, current_a)),
             current_a,
+            power_w,
             fuel_l_h: measurement.fuel_l_h,
             average_current_a: current_a.and(self.estimator.average_current_a()),
             remaining_pct,

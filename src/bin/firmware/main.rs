@@ -15,10 +15,10 @@ mod firmware {
     use rover_battmon::autopilot::Start;
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
-        self, AnalogInputs, BoardCan, BoardFlash, BoardIndicators, BoardKind, BoardMotors, BoardWatchdog,
-        Buzzer, CanController, CanPins, FlashChip, FlashDriver, LastRun, MotorPeripherals, PulseInput,
-        SensorI2c, SensorSpi, SerialPort, SerialUart, SharedSpi, SpiPeripherals, TelemetryUart, UartReceiver,
-        UartTransmitter, UsbPort, Wifi, WifiPeripherals,
+        self, AnalogInputs, AnalogPeripherals, BoardCan, BoardFlash, BoardIndicators, BoardKind, BoardMotors,
+        BoardWatchdog, Buzzer, CanController, CanPins, FlashChip, FlashDriver, LastRun, MotorPeripherals,
+        PulseInput, SensorI2c, SensorSpi, SerialPort, SerialUart, SharedSpi, SpiPeripherals, TelemetryUart,
+        UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::mavlink::LinkId;
@@ -27,7 +27,7 @@ mod firmware {
     use rover_battmon::net::{NetMemory, Service};
     use rover_battmon::sensor::{Buses, DriverEnable};
     use rover_battmon::tasks::CheckIn;
-    use rover_battmon::tasks::{self, Link, SampledPins, SeenPulses, Shared, Storages};
+    use rover_battmon::tasks::{self, Link, SeenPulses, Shared, Storages};
     use rover_battmon::wifi::{RADIO_TASK, Radio};
     use static_cell::StaticCell;
 
@@ -35,7 +35,6 @@ mod firmware {
     static SHARED: StaticCell<Shared> = StaticCell::new();
     static UART0: StaticCell<Link<'static>> = StaticCell::new();
     static LOGS: StaticCell<BoardFlash> = StaticCell::new();
-    static PINS: SampledPins = SampledPins::new();
     static SPI: StaticCell<SharedSpi> = StaticCell::new();
     static RADIO: StaticCell<cyw43::State> = StaticCell::new();
     static NETWORK: StaticCell<NetMemory> = StaticCell::new();
@@ -59,14 +58,8 @@ mod firmware {
     static UNWATCHED: CheckIn = CheckIn::new("USB link", u32::MAX);
 
     #[embassy_executor::task]
-    async fn battery(memory: &'static mut RetainedMemory, shared: &'static Shared) -> ! {
-        tasks::sample_batteries(&PINS, memory, shared, &BATTERY).await
-    }
-
-    /// In an interrupt. It checks in by way of the one above.
-    #[embassy_executor::task]
-    async fn battery_pins(input: AnalogInputs) -> ! {
-        tasks::read_pins(input, &PINS).await
+    async fn battery(pins: AnalogInputs, memory: &'static mut RetainedMemory, shared: &'static Shared) -> ! {
+        tasks::sample_batteries(pins, memory, shared, &BATTERY).await
     }
 
     #[embassy_executor::task]
@@ -301,13 +294,14 @@ mod firmware {
                 (None, Some(pins))
             }
         };
-        let input = AnalogInputs::new(
-            peripherals.ADC,
-            peripherals.PIN_26,
-            peripherals.PIN_27,
-            peripherals.PIN_28,
+        let pins = AnalogInputs::new(AnalogPeripherals {
+            adc: peripherals.ADC,
+            gp26: peripherals.PIN_26,
+            gp27: peripherals.PIN_27,
+            gp28: peripherals.PIN_28,
             gp29,
-        );
+            dma: (peripherals.DMA_CH2, peripherals.DMA_CH3),
+        });
 
         let spi: &SharedSpi = SPI.init(SharedSpi::new(SpiPeripherals {
             spi: peripherals.SPI1,
@@ -370,7 +364,7 @@ mod firmware {
         let memory = board::retained_memory(last_run.reset_reason);
         start(spawner, DRIVE.name(), drive(motors, indicators, shared));
         start(spawner, "buzzer", buzzer(sounder));
-        start(spawner, BATTERY.name(), battery(memory, shared));
+        start(spawner, BATTERY.name(), battery(pins, memory, shared));
         start(spawner, TELEMETRY.name(), telemetry(shared, link));
         start(
             spawner,
@@ -381,7 +375,6 @@ mod firmware {
         start(spawner, BUS.name(), bus(sensor_bus, shared));
         start(spawner, CAN.name(), can(can_bus, shared));
         let interrupts = board::interrupt_spawner();
-        start_in_interrupt(interrupts, "battery pins", battery_pins(input));
         if let Some(controller) = controller {
             start_in_interrupt(interrupts, "CAN controller", can_controller(controller));
         }

@@ -7,13 +7,13 @@ use embassy_rp::gpio::{Input, Pull};
 use embassy_rp::peripherals::{ADC, PIN_25, PIN_29};
 
 use crate::board::ResetReason;
-use crate::board::adc::convert;
+use crate::board::adc::convert_once;
 use crate::memory::retained::RetainedWords;
 use crate::sensor::{AdcCount, AnalogPin};
 use crate::wifi::Radio;
 
 /// A third of VSYS at GP29 is 0.6 V at least: VSYS has 1.8 V or more. This is 0.16 V.
-const ABSENT_DIVIDER_COUNTS: u16 = 200;
+const ABSENT_DIVIDER_COUNTS: f32 = 200.0;
 
 /// Written where RAM keeps its content over a reset: no radio has answered since power came on.
 const NO_RADIO: u32 = 0x6e6f_5746;
@@ -61,7 +61,7 @@ pub fn find_board(
     // counts with the strongest pull-down, of 50 kΩ, at 1.8 V.
     let _divider = Channel::new_pin(gp29, Pull::Down);
     let _adc = Adc::new_blocking(adc, Config::default());
-    let converted = convert(AnalogPin::Gp29);
+    let converted = convert_once(AnalogPin::Gp29);
     match converted {
         // No Pico shows this: its LED is off then.
         _ if select.is_high() => BoardKind::PicoW,

@@ -1,15 +1,15 @@
 //! The simulated pack over time, updated to the present before every measurement, and the analog inputs that measure it.
 
 use std::cell::{Cell, RefCell};
-use std::future::pending;
 
 use embassy_time::{Duration, Instant};
 use rover_battmon::battery::ReadError;
 use rover_battmon::parameter::SimulationParameter;
-use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
+use rover_battmon::sensor::{
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AnalogIn, AnalogPin, AnalogReadings, Conversions, PinPairs,
+};
 use rover_battmon::tasks::Shared;
 
-use super::stepped::adc_count;
 use super::{SimulatedPack, SimulatedRover};
 
 /// Longer steps are divided, for the accuracy of the slow voltage at high speedups.
@@ -54,6 +54,25 @@ pub struct PackSimulation<'a> {
     rover: &'a SimulatedRover,
     shared: &'a Shared,
     lived_until: Cell<Instant>,
+    integrals: Cell<Integrals>,
+}
+
+/// What has flowed since it was taken last.
+#[derive(Clone, Copy, Debug, Default)]
+struct Integrals {
+    seconds: f32,
+    volt_seconds: f32,
+    coulombs: f32,
+    joules: f32,
+}
+
+impl Integrals {
+    fn add(&mut self, pack: &SimulatedPack, seconds: f32) {
+        self.seconds += seconds;
+        self.volt_seconds += pack.voltage_v() * seconds;
+        self.coulombs += pack.current_a() * seconds;
+        self.joules += pack.voltage_v() * pack.current_a() * seconds;
+    }
 }
 
 impl<'a> PackSimulation<'a> {
@@ -64,6 +83,7 @@ impl<'a> PackSimulation<'a> {
             rover,
             shared,
             lived_until: Cell::new(Instant::now()),
+            integrals: Cell::default(),
         }
     }
 
@@ -93,6 +113,9 @@ impl<'a> PackSimulation<'a> {
         while self.lived_until.get() < now {
             let step = (now - self.lived_until.get()).min(MAX_STEP);
             pack.draw(load_a, seconds(step));
+            let mut integrals = self.integrals.get();
+            integrals.add(&pack, seconds(step));
+            self.integrals.set(integrals);
             self.lived_until.set(self.lived_until.get() + step);
         }
     }
@@ -114,6 +137,9 @@ const NOISE_V: f32 = 0.008;
 /// The same with the noise fault of `SIM_BATT_FAULT`.
 const FAULTY_NOISE_V: f32 = 0.5;
 
+/// Conversions of a pin in a tick.
+const CONVERSIONS: u16 = 64;
+
 /// Pins connected to the divider and the current sensor.
 pub struct SimulatedPackInput<'a> {
     pack: &'a PackSimulation<'a>,
@@ -129,31 +155,61 @@ impl<'a> SimulatedPackInput<'a> {
         }
     }
 
-    fn pin_voltage_v(&mut self, pack: &SimulatedPack, pin: AnalogPin, fault: Fault) -> f32 {
-        let peak_v = if fault == Fault::Noisy {
-            FAULTY_NOISE_V
-        } else {
-            NOISE_V
-        };
-        let noise_v = (self.random.f32() * 2.0 - 1.0) * peak_v;
-        match pin {
-            AnalogPin::Gp26 if fault == Fault::WireOff => 0.0,
-            AnalogPin::Gp26 => (pack.voltage_v() + noise_v) / DIVIDER,
-            AnalogPin::Gp27 => pack.current_a() / AMPERES_PER_VOLT,
-            AnalogPin::Gp28 | AnalogPin::Gp29 => 0.0,
-        }
+    /// Conversions of a pin whose voltage has this mean and this peak noise, in volts.
+    fn conversions(&mut self, mean_v: f32, noise_v: f32) -> Conversions {
+        let full_scale = f32::from(ADC_FULL_SCALE);
+        let codes = (0..CONVERSIONS).map(|index| {
+            let noise_v = (self.random.f32() * 2.0 - 1.0) * noise_v;
+            // Fractions of a count are in the mean.
+            let dither = (index as f32 + 0.5) / CONVERSIONS as f32;
+            let count = (mean_v + noise_v) / ADC_REFERENCE_V * full_scale + dither;
+            count.clamp(0.0, full_scale) as u16
+        });
+        Conversions::from_codes(codes).expect("there are some")
     }
 }
 
 impl AnalogIn for SimulatedPackInput<'_> {
-    async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
+    fn read(&mut self, _: rover_battmon::time::Instant, _: PinPairs) -> AnalogReadings {
         // Updates the pack, even if the ADC does not answer.
         let pack = self.pack.now();
         let fault = self.pack.fault();
+        let flowed = self.pack.integrals.take();
         if fault == Fault::Stalled {
-            pending::<()>().await;
+            return AnalogReadings::failed(ReadError::Timeout);
         }
-        Ok(adc_count(self.pin_voltage_v(&pack, pin, fault)))
+        let mean = |integral: f32, now: f32| {
+            if flowed.seconds > 0.0 {
+                integral / flowed.seconds
+            } else {
+                now
+            }
+        };
+        let voltage_v = mean(flowed.volt_seconds, pack.voltage_v());
+        let current_a = mean(flowed.coulombs, pack.current_a());
+        let power_w = mean(flowed.joules, pack.voltage_v() * pack.current_a());
+        let divider_v = match fault {
+            Fault::WireOff => 0.0,
+            _ => voltage_v / DIVIDER,
+        };
+        let noise_v = match fault {
+            Fault::Noisy => FAULTY_NOISE_V,
+            _ => NOISE_V,
+        };
+        let mut readings = AnalogReadings::NONE;
+        for (pin, mean_v, noise_v) in [
+            (AnalogPin::Gp26, divider_v, noise_v / DIVIDER),
+            (AnalogPin::Gp27, current_a / AMPERES_PER_VOLT, 0.0),
+            (AnalogPin::Gp28, 0.0, 0.0),
+            (AnalogPin::Gp29, 0.0, 0.0),
+        ] {
+            readings.set(pin, Ok(self.conversions(mean_v, noise_v)));
+        }
+        let covariance_va = power_w - voltage_v * current_a;
+        let counts_per_volt = f32::from(ADC_FULL_SCALE) / ADC_REFERENCE_V;
+        let covariance = covariance_va / (DIVIDER * AMPERES_PER_VOLT) * counts_per_volt * counts_per_volt;
+        readings.set_covariance(AnalogPin::Gp26, AnalogPin::Gp27, Some(covariance));
+        readings
     }
 }
 

@@ -9,12 +9,13 @@ use rover_battmon::crash::ParameterSource;
 use rover_battmon::memory::flash_map;
 use rover_battmon::sensor::{AnalogIn, SensorBus};
 use rover_battmon::tasks::{
-    ByteSource, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus, serve_serial,
+    ByteSource, ReceiveError, SerialLine, Shared, Storages, drive, keep_flash, read_bus, sample_batteries,
+    serve_serial,
 };
 use rover_battmon::vehicle::{Indication, Indicators, Motors};
 
+use super::SimulatedFlash;
 use super::links::UNWATCHED;
-use super::{SimulatedFlash, sample_batteries};
 
 /// The hardware below the tasks, but for flash and the wires of links.
 pub struct Hardware<Pins, Bus, Line, Wheels, Lamps> {

@@ -5,7 +5,7 @@
 use crate::battery::{Measurement, ReadError};
 use crate::log::info;
 use crate::pack::MAX_PACKS;
-use crate::sensor::AdcCount;
+use crate::sensor::Conversions;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
 use crate::sensor::bus::{Address, SensorBus, Wiring};
@@ -34,7 +34,7 @@ const ADDRESSES: [Address; 1] = [Address::I2c(0x2f)];
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct Ad7091r5 {
     address: Address,
-    counts: [Option<AdcCount>; PINS],
+    conversions: [Option<Conversions>; PINS],
 }
 
 impl Part for Ad7091r5 {
@@ -63,7 +63,7 @@ impl Part for Ad7091r5 {
         info!("AD7091R-5 {:?}", address);
         Ok(Self {
             address,
-            counts: [None; PINS],
+            conversions: [None; PINS],
         })
     }
 
@@ -72,12 +72,12 @@ impl Part for Ad7091r5 {
         let mut registers = Registers::new(bus, self.address);
         registers.expect_u16(CONFIGURATION, BY_COMMAND).await?;
         let results: [u8; 2 * PINS] = registers.read(RESULT).await?;
-        self.counts = [None; PINS];
+        self.conversions = [None; PINS];
         for result in results.as_chunks().0 {
             // Each has its channel with it, so its place does not matter.
             let code = u16::from_be_bytes(*result);
-            if let Some(count) = self.counts.get_mut(usize::from(code >> 13 & 3)) {
-                *count = Some(AdcCount(code & 0xfff));
+            if let Some(place) = self.conversions.get_mut(usize::from(code >> 13 & 3)) {
+                *place = Some(Conversions::of(code & 0xfff));
             }
         }
         Ok(())
@@ -85,19 +85,19 @@ impl Part for Ad7091r5 {
 
     async fn read(&mut self, _: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
         let analog = &wiring.analog;
-        let pin_v = |count: AdcCount| f32::from(count.0) * STEP_V;
-        let voltage = self.count(wiring.voltage_pin)?;
-        let voltage = voltage.map(AdcCount::within_range).transpose()?;
-        let voltage_v = voltage.map(|count| analog.divider.pack_voltage_v(pin_v(count)));
-        let current = self.count(wiring.current_pin)?;
-        let current_a = current.map(|count| analog.current_sensor.current_a(pin_v(count)));
+        let pin_v = |conversions: Conversions| conversions.mean().0 * STEP_V;
+        let voltage = self.pin(wiring.voltage_pin)?;
+        let voltage = voltage.map(Conversions::within_range).transpose()?;
+        let voltage_v = voltage.map(|conversions| analog.divider.pack_voltage_v(pin_v(conversions)));
+        let current = self.pin(wiring.current_pin)?;
+        let current_a = current.map(|conversions| analog.current_sensor.current_a(pin_v(conversions)));
         if voltage_v.is_none() && current_a.is_none() {
             return Err(ReadError::NoPin);
         }
         Ok(Measurement {
             voltage_v,
             current_a,
-            current_range: current.map(AdcCount::current_range).unwrap_or_default(),
+            current_range: current.map(|current| current.range()).unwrap_or_default(),
             ..Measurement::default()
         })
     }
@@ -105,10 +105,10 @@ impl Part for Ad7091r5 {
 
 impl Ad7091r5 {
     /// Reading of a pin; `None` if it is not one of these.
-    fn count(&self, pin: i32) -> Result<Option<AdcCount>, ReadError> {
+    fn pin(&self, pin: i32) -> Result<Option<Conversions>, ReadError> {
         let pin = usize::try_from(pin.wrapping_sub(FIRST_PIN)).ok();
-        match pin.and_then(|pin| self.counts.get(pin)) {
-            Some(Some(count)) => Ok(Some(*count)),
+        match pin.and_then(|pin| self.conversions.get(pin)) {
+            Some(Some(conversions)) => Ok(Some(*conversions)),
             Some(None) => Err(ReadError::Implausible),
             None => Ok(None),
         }

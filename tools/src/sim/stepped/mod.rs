@@ -25,7 +25,7 @@ use super::links::UNWATCHED;
 use super::tasks::{Hardware, boot};
 
 pub use self::history::History;
-pub use self::pins::{Converter, Pins, adc_count};
+pub use self::pins::{Converter, Pins, conversions};
 pub use self::port::{BYTE_US, Port};
 
 /// A byte by USB takes less than this, in µs.

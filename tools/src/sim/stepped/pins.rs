@@ -1,15 +1,17 @@
 //! Analog inputs at which voltages are set.
 
 use std::cell::Cell;
-use std::future::pending;
 
 use rover_battmon::battery::ReadError;
-use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin};
+use rover_battmon::sensor::{
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AnalogIn, AnalogPin, AnalogReadings, Conversions, PinPairs,
+};
+use rover_battmon::time::Instant;
 
-/// The converter's count at this voltage at a pin.
-pub fn adc_count(pin_v: f32) -> AdcCount {
+/// Conversions of this voltage at a pin.
+pub fn conversions(pin_v: f32) -> Conversions {
     let full_scale = f32::from(ADC_FULL_SCALE);
-    AdcCount(
+    Conversions::of(
         (pin_v / ADC_REFERENCE_V * full_scale)
             .round()
             .clamp(0.0, full_scale) as u16,
@@ -57,10 +59,14 @@ impl Pins {
 }
 
 impl AnalogIn for &Pins {
-    async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
-        match self.converter.get() {
-            Converter::Working => Ok(adc_count(self.voltage_v(pin))),
-            Converter::Stalled => pending().await,
+    fn read(&mut self, _: Instant, _: PinPairs) -> AnalogReadings {
+        if self.converter.get() == Converter::Stalled {
+            return AnalogReadings::failed(ReadError::Timeout);
         }
+        let mut readings = AnalogReadings::NONE;
+        for pin in AnalogPin::ALL {
+            readings.set(pin, Ok(conversions(self.voltage_v(pin))));
+        }
+        readings
     }
 }

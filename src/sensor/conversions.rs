@@ -1,0 +1,322 @@
+//! Conversions of the analog pins, and what a tick makes of those since the tick before.
+
+use super::AnalogPin;
+use crate::battery::{CurrentRange, ReadError};
+use crate::time::Instant;
+
+/// Full-scale code of the RP2040's 12-bit ADC.
+pub const ADC_FULL_SCALE: u16 = 4095;
+
+/// ADC reference, in volts: ADC_VREF on the board is the 3.3 V rail.
+pub const ADC_REFERENCE_V: f32 = 3.3;
+
+/// Tolerated share of conversions at full scale: spikes are part of a mean, while a mean of a signal that is cut off is wrong.
+const TOLERATED_PERCENT: u32 = 1;
+
+/// Whether this many of all `conversions` are more than may be at full scale, or fail.
+pub(crate) fn exceeds_tolerance(count: u32, conversions: u32) -> bool {
+    count * 100 > conversions * TOLERATED_PERCENT
+}
+
+/// A code of a 12-bit converter, 0 to [`ADC_FULL_SCALE`]; a mean of several has a fraction.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct AdcCount(pub f32);
+
+impl AdcCount {
+    /// The voltage at the pin, in volts.
+    pub fn pin_voltage_v(self) -> f32 {
+        self.0 * VOLTS_PER_COUNT
+    }
+}
+
+const VOLTS_PER_COUNT: f32 = ADC_REFERENCE_V / ADC_FULL_SCALE as f32;
+
+/// The conversions of one pin within a tick. There is at least one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Conversions {
+    sum: u32,
+    count: u32,
+    lowest: u16,
+    highest: u16,
+    at_full_scale: u32,
+}
+
+impl Conversions {
+    /// A single conversion, or any number with the same code, 0 to [`ADC_FULL_SCALE`].
+    pub fn of(code: u16) -> Self {
+        Self {
+            sum: code.into(),
+            count: 1,
+            lowest: code,
+            highest: code,
+            at_full_scale: (code >= ADC_FULL_SCALE).into(),
+        }
+    }
+
+    /// `codes` from 0 to [`ADC_FULL_SCALE`], up to a million of them; `None` without any.
+    pub fn from_codes(codes: impl IntoIterator<Item = u16>) -> Option<Self> {
+        let mut codes = codes.into_iter();
+        let mut all = Self::of(codes.next()?);
+        for code in codes {
+            all.sum += u32::from(code);
+            all.count += 1;
+            all.lowest = all.lowest.min(code);
+            all.highest = all.highest.max(code);
+            all.at_full_scale += u32::from(code >= ADC_FULL_SCALE);
+        }
+        Some(all)
+    }
+
+    /// Their mean.
+    pub fn mean(&self) -> AdcCount {
+        AdcCount(self.sum as f32 / self.count as f32)
+    }
+
+    /// The lowest of them.
+    pub fn lowest(&self) -> AdcCount {
+        AdcCount(self.lowest.into())
+    }
+
+    /// The highest of them.
+    pub fn highest(&self) -> AdcCount {
+        AdcCount(self.highest.into())
+    }
+
+    /// Whether the signal stayed within the converter's range.
+    pub fn range(&self) -> CurrentRange {
+        if exceeds_tolerance(self.at_full_scale, self.count) {
+            CurrentRange::Over
+        } else {
+            CurrentRange::Within
+        }
+    }
+
+    /// The same conversions, if the voltage may be what they show.
+    ///
+    /// # Errors
+    /// The signal was above the converter's range.
+    pub fn within_range(self) -> Result<Self, ReadError> {
+        match self.range() {
+            CurrentRange::Within => Ok(self),
+            CurrentRange::Over => Err(ReadError::OverRange),
+        }
+    }
+}
+
+/// Sums over neighbouring conversions of two pins, for their covariance. In integers, it is exact.
+#[derive(Clone, Copy, Debug, Default)]
+struct PairSums {
+    first: u32,
+    second: u32,
+    products: u64,
+    count: u32,
+}
+
+/// Covariance of neighbouring conversions of two pins, in counts squared; `None` without any. Exact up to its conversion to
+/// a float: an offset of either pin does not matter.
+pub fn covariance(pairs: impl Iterator<Item = (u16, u16)>) -> Option<f32> {
+    let mut sums = PairSums::default();
+    for (first, second) in pairs {
+        let (first, second) = (u32::from(first), u32::from(second));
+        sums.first += first;
+        sums.second += second;
+        // Of 12 bits each.
+        sums.products += u64::from(first * second);
+        sums.count += 1;
+    }
+    if sums.count == 0 {
+        return None;
+    }
+    let product_of_sums = u64::from(sums.first) * u64::from(sums.second);
+    let scaled = (u64::from(sums.count) * sums.products) as i64 - product_of_sums as i64;
+    let count = sums.count as f32;
+    Some(scaled as f32 / (count * count))
+}
+
+/// Pairs of different analog pins, without an order: at some a pack's voltage and its current are measured together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PinPairs(u8);
+
+impl PinPairs {
+    /// No pair.
+    pub const NONE: Self = Self(0);
+
+    const ALL: [(AnalogPin, AnalogPin); PAIR_COUNT] = [
+        (AnalogPin::Gp26, AnalogPin::Gp27),
+        (AnalogPin::Gp26, AnalogPin::Gp28),
+        (AnalogPin::Gp26, AnalogPin::Gp29),
+        (AnalogPin::Gp27, AnalogPin::Gp28),
+        (AnalogPin::Gp27, AnalogPin::Gp29),
+        (AnalogPin::Gp28, AnalogPin::Gp29),
+    ];
+
+    /// Adds a pair. A pin with itself is none.
+    pub fn insert(&mut self, one: AnalogPin, other: AnalogPin) {
+        if let Some(index) = Self::index(one, other) {
+            self.0 |= 1 << index;
+        }
+    }
+
+    /// The pairs, the pin with the lower number first.
+    pub fn iter(self) -> impl Iterator<Item = (AnalogPin, AnalogPin)> {
+        let places = Self::ALL.into_iter().enumerate();
+        places.filter_map(move |(index, pair)| (self.0 & 1 << index != 0).then_some(pair))
+    }
+
+    fn index(one: AnalogPin, other: AnalogPin) -> Option<usize> {
+        Self::ALL
+            .iter()
+            .position(|pair| *pair == (one, other) || *pair == (other, one))
+    }
+}
+
+const PIN_COUNT: usize = AnalogPin::ALL.len();
+const PAIR_COUNT: usize = PIN_COUNT * (PIN_COUNT - 1) / 2;
+
+/// What the pins read in one tick.
+#[derive(Clone, Copy, Debug)]
+pub struct AnalogReadings {
+    pins: [Result<Conversions, ReadError>; PIN_COUNT],
+    /// In the order of [`PinPairs::ALL`].
+    covariances: [Option<f32>; PAIR_COUNT],
+}
+
+impl AnalogReadings {
+    /// No pin was read.
+    pub const NONE: Self = Self::failed(ReadError::NoPin);
+
+    /// No pin could be read, for this reason.
+    pub const fn failed(error: ReadError) -> Self {
+        Self {
+            pins: [Err(error); PIN_COUNT],
+            covariances: [None; PAIR_COUNT],
+        }
+    }
+
+    /// Sets the reading of a pin.
+    pub fn set(&mut self, pin: AnalogPin, reading: Result<Conversions, ReadError>) {
+        if let Some(place) = self.pins.get_mut(pin as usize) {
+            *place = reading;
+        }
+    }
+
+    /// Sets the covariance of two pins, in counts squared.
+    pub fn set_covariance(&mut self, one: AnalogPin, other: AnalogPin, covariance: Option<f32>) {
+        let index = PinPairs::index(one, other);
+        if let Some(place) = index.and_then(|index| self.covariances.get_mut(index)) {
+            *place = covariance;
+        }
+    }
+
+    /// Reading of a pin.
+    ///
+    /// # Errors
+    /// The read failed, or the pin was not read.
+    pub fn pin(&self, pin: AnalogPin) -> Result<Conversions, ReadError> {
+        self.pins
+            .get(pin as usize)
+            .copied()
+            .unwrap_or(Err(ReadError::NoPin))
+    }
+
+    /// Covariance of the voltages at two pins, in volts squared, if it was computed.
+    pub fn covariance_v2(&self, one: AnalogPin, other: AnalogPin) -> Option<f32> {
+        let counts = self.covariances.get(PinPairs::index(one, other)?)?;
+        counts.map(|counts| counts * (VOLTS_PER_COUNT * VOLTS_PER_COUNT))
+    }
+}
+
+/// Whether an analog pin is pulled up while it is in use: then a broken lead is one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum PinPull {
+    /// A pull would bend a divider's ratio.
+    #[default]
+    None,
+    /// By the pad's resistor of some 60 kΩ.
+    Up,
+}
+
+/// Analog pins behind a converter that converts them in turn, without a pause.
+pub trait AnalogIn {
+    /// What was converted since the last call, or since the start, and before `until`, with the covariance of these pairs of
+    /// pins. `until` is at most [`LATEST_READING_US`] ago. A converter that has failed has begun again when this returns.
+    fn read(&mut self, until: Instant, pairs: PinPairs) -> AnalogReadings;
+
+    /// Pulls `pin` like this from now on, if it can be pulled.
+    fn pull(&mut self, _pin: AnalogPin, _pull: PinPull) {}
+}
+
+/// A tick that begins later than this, in microseconds, takes everything up to its beginning.
+pub const LATEST_READING_US: u64 = 20_000;
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    // Requirement: FR-11
+    fn a_mean_keeps_its_fraction() {
+        let conversions = Conversions::from_codes([1000, 1001, 1001, 1000, 1001]).unwrap();
+        assert_eq!(conversions.mean(), AdcCount(1000.6));
+        assert_eq!(
+            (conversions.lowest(), conversions.highest()),
+            (AdcCount(1000.0), AdcCount(1001.0))
+        );
+        assert_eq!(Conversions::from_codes([]), None);
+    }
+
+    #[test]
+    fn more_than_one_conversion_in_a_hundred_at_full_scale_is_over_range() {
+        let with = |at_full_scale: usize| {
+            let codes = (0..400).map(|index| if index < at_full_scale { 4095 } else { 4094 });
+            Conversions::from_codes(codes).unwrap().range()
+        };
+        assert_eq!(with(0), CurrentRange::Within);
+        assert_eq!(with(4), CurrentRange::Within);
+        assert_eq!(with(5), CurrentRange::Over);
+        assert_eq!(with(400), CurrentRange::Over);
+        let full_scale = Conversions::of(ADC_FULL_SCALE);
+        assert_eq!(full_scale.within_range(), Err(ReadError::OverRange));
+    }
+
+    #[test]
+    fn pairs_have_no_order_and_a_pin_is_no_pair_with_itself() {
+        let mut pairs = PinPairs::NONE;
+        pairs.insert(AnalogPin::Gp26, AnalogPin::Gp26);
+        assert_eq!(pairs, PinPairs::NONE);
+        pairs.insert(AnalogPin::Gp29, AnalogPin::Gp27);
+        pairs.insert(AnalogPin::Gp27, AnalogPin::Gp29);
+        assert_eq!(
+            pairs.iter().collect::<Vec<_>>(),
+            [(AnalogPin::Gp27, AnalogPin::Gp29)]
+        );
+        let mut readings = AnalogReadings::NONE;
+        readings.set_covariance(AnalogPin::Gp29, AnalogPin::Gp27, Some(4.0));
+        let covariance_v2 = readings.covariance_v2(AnalogPin::Gp27, AnalogPin::Gp29);
+        assert_eq!(covariance_v2, Some(4.0 * AdcCount(1.0).pin_voltage_v().powi(2)));
+    }
+
+    proptest! {
+        /// The covariance is that of the definition, whatever the offsets are.
+        #[test]
+        fn covariance_does_not_depend_on_offsets(
+            codes in prop::collection::vec((0u16..2048, 0u16..2048), 1..512),
+            offsets in (0u16..2048, 0u16..2048),
+        ) {
+            let shifted = codes.iter().map(|(first, second)| (first + offsets.0, second + offsets.1));
+            let count = codes.len() as f64;
+            let mean = |value: fn(&(u16, u16)) -> u16| {
+                codes.iter().map(|pair| f64::from(value(pair))).sum::<f64>() / count
+            };
+            let (first, second) = (mean(|pair| pair.0), mean(|pair| pair.1));
+            let products = codes.iter().map(|pair| (f64::from(pair.0) - first) * (f64::from(pair.1) - second));
+            let expected = (products.sum::<f64>() / count) as f32;
+            let found = covariance(shifted).unwrap();
+            prop_assert!((found - expected).abs() <= 1e-5 * expected.abs().max(1.0), "{found} {expected}");
+        }
+    }
+}
