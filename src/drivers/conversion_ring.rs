@@ -239,6 +239,38 @@ mod tests {
         }
     }
 
+    /// A pack that supplies one to four motors, whose pulses begin at these places of a period.
+    #[test]
+    fn the_current_of_motors_that_are_switched_is_that_of_their_duty() {
+        const IN_STEP: [u64; 4] = [0; 4];
+        const STAGGERED: [u64; 4] = [
+            0,
+            PWM_PERIOD_CYCLES / 2,
+            PWM_PERIOD_CYCLES / 4,
+            PWM_PERIOD_CYCLES * 3 / 4,
+        ];
+        const COUNTS_PER_MOTOR: u64 = 1000;
+        let mut worst = [0.0f32; 2];
+        for (offsets, worst) in [IN_STEP, STAGGERED].iter().zip(&mut worst) {
+            for (duty, phase) in (1..=16).flat_map(|duty| (0..48).map(move |phase| (duty, phase))) {
+                let on_cycles = PWM_PERIOD_CYCLES * duty / 16;
+                for motors in 1..=4 {
+                    let word_of = |number: u64| {
+                        let at = number * CONVERSION_CYCLES + phase * PWM_PERIOD_CYCLES / 48;
+                        let is_on = |offset: &&u64| (at + **offset) % PWM_PERIOD_CYCLES < on_cycles;
+                        let on = offsets[..motors].iter().filter(is_on).count() as u64;
+                        (on * COUNTS_PER_MOTOR) as u16
+                    };
+                    let mut converter = Converter::new(word_of);
+                    let mean = converter.means(TICK_US, TICK_US)[1];
+                    let expected = (motors as u64 * COUNTS_PER_MOTOR * duty) as f32 / 16.0;
+                    *worst = worst.max((mean - expected).abs() / (motors as u64 * COUNTS_PER_MOTOR) as f32);
+                }
+            }
+        }
+        assert!(worst[0] < 0.006 && worst[1] < 0.006, "{worst:?}");
+    }
+
     #[test]
     fn each_pin_has_the_mean_of_its_own_conversions() {
         let mut converter = Converter::new(|number| 1000 * channel(number) + (number / 4 % 2) as u16);

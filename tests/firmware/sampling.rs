@@ -1,8 +1,11 @@
 //! From the voltage at GP26 to the voltage on the wire.
 
 use emulator::{AdcFault, AdcInput};
-use support::frames::last_of;
+use support::frames::{last_of, statuses_of};
 use workbench::bench::{Bench, CURRENT, MILLISECOND, PACK, SECOND};
+
+/// The DMA channel that brings the converter's results to RAM.
+const CONVERTER_DMA: usize = 2;
 
 /// The voltage on the wire after the input has been there for a while.
 fn reported_mv(bench: &mut Bench) -> u16 {
@@ -30,9 +33,8 @@ fn the_mean_error_over_the_range_stays_within_ten_counts() {
     assert!(mean <= 10.0, "{mean}");
 }
 
-/// A conversion of GP26 that has timed out ends while GP27 is read: whenever that is, it does not count as one of GP27's.
-#[test]
-fn a_conversion_that_ends_late_is_no_reading_of_the_next_pin() {
+/// GP26 has the first pack's voltage, GP27 the second one's current, which is 0.
+fn two_pins() -> Bench {
     let parameters = [
         ("BATT2_MONITOR", 31.0),
         ("BATT2_CURR_PIN", 27.0),
@@ -42,26 +44,107 @@ fn a_conversion_that_ends_late_is_no_reading_of_the_next_pin() {
     let mut bench = Bench::configured(2482, &parameters);
     bench.adc_input(CURRENT, AdcInput::Code(0));
     bench.run_for(SECOND);
-    let mut failed_reads = 0;
-    for stalled_us in (2..100).step_by(2) {
-        let conversions = bench.adc_conversions();
-        assert!(bench.run_until(SECOND, |board| board.adc_conversions() > conversions));
+    bench.take_log();
+    bench
+}
+
+/// The times at which the converter was found to have failed, for this reason.
+fn failures(bench: &mut Bench, reason: &str) -> Vec<u64> {
+    let begins_again = format!("converter: {reason}, begins again");
+    let log = bench.take_log();
+    let failures = log.iter().filter(|line| line.text.contains(&begins_again));
+    failures.map(|line| line.time_us).collect()
+}
+
+/// Nothing but the two packs' own readings was ever reported, and the board did not restart.
+fn assert_undisturbed(bench: &mut Bench) {
+    bench.run_for(700 * MILLISECOND);
+    let frames = bench.frames();
+    for status in statuses_of(&frames, 0) {
+        assert_eq!(status.voltage_mv(0), 7901);
+    }
+    for status in statuses_of(&frames, 1) {
+        assert_eq!((status.current_ca(), status.consumed_mah()), (0, 0));
+    }
+    // The one that makes the parameters count.
+    assert_eq!(bench.resets().len(), 1, "{:?}", bench.resets());
+}
+
+/// The FIFO names no channel: after a conversion that is lost, each later one would count as the neighbouring pin's.
+#[test]
+fn a_lost_conversion_is_found_in_the_next_tick_and_moves_no_reading_to_another_pin() {
+    let mut bench = two_pins();
+    for (attempt, lost) in (0..36).zip([1, 2, 3].into_iter().cycle()) {
+        bench.run_for(100 * MILLISECOND + 2_700 * attempt);
+        bench.adc_fault(AdcFault::LostConversions(lost));
+        let lost_us = bench.time_us();
+        bench.run_for(250 * MILLISECOND);
+        let found_us = failures(&mut bench, "Conversion");
+        assert_eq!(found_us.len(), 1, "{lost} lost at {lost_us}: {found_us:?}");
+        assert!(
+            found_us[0] - lost_us < 105 * MILLISECOND,
+            "{lost_us}: {found_us:?}"
+        );
+    }
+    assert_undisturbed(&mut bench);
+}
+
+#[test]
+fn results_that_wait_for_dma_too_long_fail_the_tick_and_end_with_it() {
+    let mut bench = two_pins();
+    for held_us in [700, 5_000, 130_000] {
+        bench.run_for(137 * MILLISECOND);
+        bench.hold_dma();
+        bench.run_for(held_us);
+        bench.release_dma();
+        bench.run_for(150 * MILLISECOND);
+        assert!(!failures(&mut bench, "Conversion").is_empty(), "{held_us}");
+        bench.run_for(300 * MILLISECOND);
+        assert!(failures(&mut bench, "Conversion").is_empty(), "{held_us}");
+    }
+    assert_undisturbed(&mut bench);
+}
+
+#[test]
+fn a_bus_error_of_its_dma_halts_the_converter_for_a_tick_at_most() {
+    let mut bench = two_pins();
+    bench.fail_dma_transfer(CONVERTER_DMA);
+    bench.run_for(200 * MILLISECOND);
+    assert_eq!(failures(&mut bench, "Conversion").len(), 1);
+    assert_undisturbed(&mut bench);
+    assert!(failures(&mut bench, "Conversion").is_empty());
+}
+
+#[test]
+// Requirement: FR-12
+fn a_converter_that_stalls_times_out_and_is_read_again_when_it_goes_on() {
+    let mut bench = two_pins();
+    for stalled_us in [110_000, 150_000, 250_000] {
         bench.adc_fault(AdcFault::Stalled);
         bench.run_for(stalled_us);
         bench.adc_fault(AdcFault::None);
-        // A sound tick follows each one with the fault.
-        bench.run_for(150 * MILLISECOND);
-        let mut log = bench.take_log();
-        log.retain(|line| line.text.contains("battery 1: read failed"));
-        failed_reads += log.len();
+        bench.run_for(101 * MILLISECOND);
+        assert!(!failures(&mut bench, "Timeout").is_empty(), "{stalled_us}");
+        bench.run_for(300 * MILLISECOND);
+        assert!(failures(&mut bench, "Timeout").is_empty(), "{stalled_us}");
     }
-    println!("{failed_reads} of 49 bursts of GP26 failed");
-    let frames = bench.frames();
-    assert_eq!(last_of(&frames, 0).voltage_mv(0), 7901);
-    let current = last_of(&frames, 1);
-    assert_eq!((current.current_ca(), current.consumed_mah()), (0, 0));
-    assert!(
-        (1..49).contains(&failed_reads),
-        "some faults end before the time-out"
-    );
+    assert_undisturbed(&mut bench);
+}
+
+#[test]
+fn single_conversions_with_an_error_are_left_out_and_many_fail_the_read() {
+    let mut bench = two_pins();
+    bench.adc_fault(AdcFault::ConversionErrorInEvery(201));
+    bench.run_for(2 * SECOND);
+    let failed_reads = |bench: &mut Bench| {
+        let mut log = bench.take_log();
+        log.retain(|line| line.text.contains("read failed, Conversion"));
+        log.len()
+    };
+    assert_eq!(failed_reads(&mut bench), 0);
+    assert_undisturbed(&mut bench);
+    bench.adc_fault(AdcFault::ConversionErrorInEvery(49));
+    bench.run_for(2 * SECOND);
+    assert!(failed_reads(&mut bench) > 0);
+    assert_eq!(last_of(&bench.frames(), 0).charge_state(), 6);
 }
