@@ -1,7 +1,7 @@
-//! What the whole firmware takes of the processor, and how punctual it is.
+//! What the whole firmware takes of the processor.
 
 use crate::figures::{Figure, Table};
-use emulator::{AdcInput, Conversion, CpuState};
+use emulator::{AdcInput, CpuState};
 use support::requests::{command_long, manual_control, param_read_by_name, ping, timesync};
 use workbench::bench::{Bench, CYCLES_PER_US, SECOND, TestedVehicle, running_task};
 
@@ -26,21 +26,15 @@ const REQUEST_MESSAGE: u16 = 512;
 const AUTOPILOT_VERSION: f32 = 148.0;
 
 const AWAKE_GOAL_PERCENT: f64 = 3.0;
-const JITTER_GOAL_US: f64 = 200.0;
-
-/// A few microseconds more or less are an instruction's luck.
-const JITTER_TOLERANCE: f64 = 2.0;
 
 /// Which functions share a place in the cache depends on where the linker puts them: any change to the source can make it
 /// a third more or less.
 const MISSES_TOLERANCE: f64 = 0.5;
 
-const SAMPLING_INTERVAL_CYCLES: u64 = 100_000 * CYCLES_PER_US;
-
 pub fn tables() -> Vec<Table> {
     let mut awake = Vec::new();
     let mut missed = Vec::new();
-    let mut punctuality = Vec::new();
+    let mut longest_turn = Vec::new();
     for packs in PACKS {
         let mut bench = with_packs(packs);
         for rate_hz in RATES_HZ {
@@ -56,7 +50,7 @@ pub fn tables() -> Vec<Table> {
             awake.push(Figure::new(name, awake_percent).with_digits(2));
         }
         if Some(&packs) == PACKS.last() {
-            punctuality = punctuality_of(&mut bench);
+            longest_turn.push(longest_turn_of(&mut bench));
         }
     }
     // The last is of the most packs at the highest rate.
@@ -66,7 +60,7 @@ pub fn tables() -> Vec<Table> {
     vec![
         Table::new("awake, at 460800 baud", "% of the time", awake),
         Table::new("lines of 8 bytes read from the flash chip", "a second", missed),
-        Table::new("9 packs at 50 Hz, 460800 baud", "µs", punctuality),
+        Table::new("9 packs at 50 Hz, 460800 baud", "µs", longest_turn),
     ]
 }
 
@@ -104,25 +98,11 @@ fn load(bench: &mut Bench) -> (f64, f64) {
     )
 }
 
-fn punctuality_of(bench: &mut Bench) -> Vec<Figure> {
-    let quiet_us = jitter_us(bench);
-    flood(bench);
-    let flooded_us = jitter_us(bench);
+/// How long one task keeps others waiting while the line is full of requests.
+fn longest_turn_of(bench: &mut Bench) -> Figure {
     flood(bench);
     let longest_us = longest_turn_us(bench);
-    vec![
-        jitter("sampling jitter", quiet_us),
-        jitter("sampling jitter, requests fill the line", flooded_us),
-        Figure::new("longest turn of a task, requests fill the line", longest_us).with_digits(1),
-    ]
-}
-
-/// The jitter of sampling, in µs.
-pub fn jitter(what: &str, jitter_us: f64) -> Figure {
-    Figure::new(what, jitter_us)
-        .with_digits(1)
-        .with_goal(JITTER_GOAL_US)
-        .with_tolerance(JITTER_TOLERANCE)
+    Figure::new("longest turn of a task, requests fill the line", longest_us).with_digits(1)
 }
 
 /// Requests back to back, for as long as is measured. None of them changes anything, so none has flash erased.
@@ -138,35 +118,6 @@ fn flood(bench: &mut Bench) {
     let requests: Vec<u8> = requests.concat().into_iter().cycle().take(bytes).collect();
     let now_us = bench.time_us();
     bench.uart_send(0, now_us, &requests);
-}
-
-/// How far the beginnings of sampling ticks lie apart, less the interval.
-fn jitter_us(bench: &mut Bench) -> f64 {
-    bench.take_adc_record();
-    bench.run_for(MEASURED_US);
-    jitter_of(&bench.take_adc_record(), MEASURED_US)
-}
-
-/// The same of what was recorded in this time.
-pub fn jitter_of(record: &[Conversion], measured_us: u64) -> f64 {
-    let starts: Vec<u64> = record.iter().map(|conversion| conversion.start).collect();
-    let is_first = |pair: &&[u64]| pair[1] - pair[0] > SAMPLING_INTERVAL_CYCLES / 2;
-    let ticks: Vec<u64> = starts.windows(2).filter(is_first).map(|pair| pair[1]).collect();
-    let expected = measured_us / 100_000;
-    assert!(
-        ticks.len() as u64 >= expected - 1,
-        "{} ticks of {expected}",
-        ticks.len()
-    );
-    let late = |(number, start): (usize, &u64)| {
-        *start as i64 - (ticks[0] + number as u64 * SAMPLING_INTERVAL_CYCLES) as i64
-    };
-    let (earliest, latest) = ticks
-        .iter()
-        .enumerate()
-        .map(late)
-        .fold((0, 0), |(low, high), late| (low.min(late), high.max(late)));
-    (latest - earliest) as f64 / CYCLES_PER_US as f64
 }
 
 /// The longest time that one task ran without a pause and without another: so long each other waits for its turn. It is

@@ -3,7 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::figures::{Figure, Table};
-use crate::running::{VOLTAGE_CODE, jitter, jitter_of};
+use crate::running::VOLTAGE_CODE;
 use emulator::Board;
 use emulator::air::computer::Connection;
 use emulator::air::hostile::{Hostile, Target};
@@ -38,9 +38,7 @@ pub fn tables() -> Vec<Table> {
     let target = Target::new(bench.wifi().mac(), BOARD);
     let now_us = bench.time_us();
     air.flood(Hostile::new(1, target), HOSTILE_FRAMES_PER_SECOND, now_us);
-    bench.take_adc_record();
     let flooded = awake_percent(&mut bench, &mut air, read);
-    let jitter_us = jitter_of(&bench.take_adc_record(), MEASURED_US);
 
     let percent = |what: &str, value| Figure::new(format!("Wi-Fi: {what}"), value).with_digits(2);
     let awake = vec![
@@ -48,10 +46,7 @@ pub fn tables() -> Vec<Table> {
         percent("a station by TCP at 50 Hz", served),
         percent("and 1000 hostile frames a second", flooded),
     ];
-    let times = vec![
-        Figure::new("Wi-Fi: from power to the network", up_us as f64),
-        jitter("Wi-Fi: sampling jitter, 1000 hostile frames a second", jitter_us),
-    ];
+    let times = vec![Figure::new("Wi-Fi: from power to the network", up_us as f64)];
     vec![
         Table::new("awake, a Pico W with one pack", "% of the time", awake),
         Table::new("a Pico W", "µs", times),
