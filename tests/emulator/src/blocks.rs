@@ -50,6 +50,7 @@ impl SystemBus {
 
     /// A block held in reset reads as zero.
     fn read_block(&mut self, block: &Block, address: u32) -> u32 {
+        self.advance_stream_before(block);
         if self.is_held(block) {
             return 0;
         }
@@ -81,6 +82,7 @@ impl SystemBus {
 
     /// A block held in reset takes no writes.
     fn write_block(&mut self, block: &Block, address: u32, value: u32) {
+        self.advance_stream_before(block);
         if self.is_held(block) {
             return;
         }
@@ -100,6 +102,13 @@ impl SystemBus {
                 self.note_unmodelled(block.name, address, Direction::Write);
                 self.store_into_register(address, write);
             }
+        }
+    }
+
+    /// What is read has to be of the present, and what came before a change is done as it was before.
+    fn advance_stream_before(&mut self, block: &Block) {
+        if matches!(block.model, Model::Own(Id::Adc | Id::Dma)) || block.base == RESETS_BASE {
+            self.advance_stream();
         }
     }
 

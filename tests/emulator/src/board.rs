@@ -222,7 +222,6 @@ impl Board {
 
     pub fn adc_fault(&mut self, fault: AdcFault) {
         let now = self.bus.now;
-        self.bus.soc.adc.advance(now);
         self.bus.soc.adc.set_fault(fault, now);
         self.bus.attention = true;
     }

@@ -7,7 +7,7 @@ use super::access_log::{AccessLog, Direction};
 use super::boot_rom::RomWork;
 use super::chip::Chip;
 use super::clock::{Cycle, NEVER};
-use super::dma::{Transfer, TransferError};
+use super::dma::{self, Transfer, TransferError};
 use super::flash::Job;
 use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
 use super::mpu::Mpu;
@@ -38,6 +38,8 @@ pub struct SystemBus {
     pub now: Cycle,
     pub memory: Memory,
     pub soc: Soc,
+    /// How far the converter's results are, which may be behind.
+    pub(super) stream_time: Cycle,
     /// Clocks, PLLs, RESETS, SIO, IO_BANK0, PADS, NVIC and the rest of the PPB.
     pub chip: Chip,
     pub system_control: SystemControl,
@@ -77,6 +79,7 @@ impl SystemBus {
             now: 0,
             memory,
             soc: Soc::new(noise_seed),
+            stream_time: 0,
             chip: Chip::new(),
             system_control: SystemControl::default(),
             uart_pins: UartPins::DEFAULTS,
@@ -104,6 +107,7 @@ impl SystemBus {
     /// Reset everything but the memories, the time and what is outside the chip.
     pub fn reset(&mut self) {
         let now = self.now;
+        self.advance_stream();
         self.chip = Chip::new();
         self.system_control = SystemControl::default();
         self.soc.reset(now);
@@ -240,14 +244,36 @@ impl SystemBus {
         if self.memory.flash.advance(self.now) {
             self.flash_has_changed();
         }
-        if self.soc.dma.is_busy()
-            && let Some(transfer) = self.soc.dma.next_transfer(self.soc.dma_requests(), self.now)
-        {
+        self.advance_stream_if_observed();
+        self.make_transfer();
+        self.observe_pins();
+    }
+
+    /// A transfer of a channel outside of the converter's stream.
+    fn make_transfer(&mut self) {
+        if self.next_transfer().is_none() {
+            return;
+        }
+        self.advance_stream();
+        if let Some(transfer) = self.next_transfer() {
             let end = self.carry_out(transfer);
             self.soc.dma.complete(transfer, end, self.now);
             self.soc.advance(self.now);
         }
-        self.observe_pins();
+    }
+
+    fn next_transfer(&self) -> Option<Transfer> {
+        let channels = self.channels_outside_stream();
+        if !self.soc.dma.is_busy(channels) {
+            return None;
+        }
+        self.soc
+            .dma
+            .next_transfer(channels, self.soc.dma_requests(), self.now)
+    }
+
+    fn channels_outside_stream(&self) -> u32 {
+        dma::CHANNEL_MASK & !self.soc.dma.stream().channels
     }
 
     fn carry_out(&mut self, transfer: Transfer) -> Result<(), TransferError> {
@@ -276,11 +302,14 @@ impl SystemBus {
             .next_event()
             .min(self.memory.flash.next_event())
             .min(self.next_change_for_processor())
+            .min(self.next_observed_stream_event())
             .min(rom_work.unwrap_or(NEVER));
-        if !self.soc.dma.is_busy() {
+        let channels = self.channels_outside_stream();
+        if !self.soc.dma.is_busy(channels) {
             return event;
         }
-        event.min(self.soc.dma.next_transfer_time(self.soc.dma_requests()))
+        let requests = self.soc.dma_requests();
+        event.min(self.soc.dma.next_transfer_time(channels, requests))
     }
 }
 

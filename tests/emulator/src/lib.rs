@@ -138,6 +138,9 @@ mod sio;
 mod soc;
 mod spi;
 mod ssi;
+mod stream;
+#[cfg(test)]
+mod stream_tests;
 mod system_control;
 #[cfg(test)]
 mod thumb;

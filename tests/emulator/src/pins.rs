@@ -1,5 +1,6 @@
 //! Pins: which of them a test's wires are soldered to, and what the chip connects them to inside.
 
+use super::adc::VsysConnection;
 use super::bus::SystemBus;
 use super::chip::Chip;
 use super::clock::{Cycle, NEVER};
@@ -278,9 +279,14 @@ impl SystemBus {
         };
         if let Some(wifi) = &mut self.soc.wifi {
             wifi.set_wiring(wiring, self.now);
-            let connects_vsys = wifi.connects_vsys();
-            let is_pulled_down = self.pin_settings.pulled_down & 1 << VSYS_PIN != 0;
-            self.soc.adc.connect_vsys(connects_vsys, is_pulled_down);
+            let vsys = VsysConnection {
+                is_connected: wifi.connects_vsys(),
+                is_pulled_down: self.pin_settings.pulled_down & 1 << VSYS_PIN != 0,
+            };
+            if vsys != self.soc.adc.vsys() {
+                self.advance_stream();
+                self.soc.adc.connect_vsys(vsys);
+            }
         }
     }
 

@@ -87,6 +87,7 @@ impl Board {
     }
 
     pub(super) fn reset(&mut self, cause: ResetCause) {
+        self.bus.advance_stream();
         self.resets.push(ResetRecord {
             time_us: micros(self.bus.now),
             cause,

@@ -32,6 +32,7 @@ impl Board {
         let end = self.bus.now + cycles(timeout);
         let powered = self.powered;
         loop {
+            self.bus.advance_stream();
             if condition(self) {
                 self.run_end = self.bus.now;
                 return true;
@@ -54,9 +55,10 @@ impl Board {
             self.run_slice(end, end);
             if powered && !self.powered {
                 self.run_end = self.bus.now;
-                return;
+                break;
             }
         }
+        self.bus.advance_stream();
     }
 
     /// One round: peripherals, interrupts, then instructions up to `awake_end` or the next event;
@@ -79,7 +81,8 @@ impl Board {
             self.bus.now = event.min(awake_end).max(start + 1);
             self.awake_cycles += self.bus.now - start;
         } else if self.cpu.is_running() {
-            self.execute(event.min(awake_end).max(start + 1));
+            let stream = self.bus.limit_stream_lag();
+            self.execute(event.min(awake_end).min(stream).max(start + 1));
             self.awake_cycles += self.bus.now - start;
         } else {
             self.bus.now = event.min(end).max(start + 1);

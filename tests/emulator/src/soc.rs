@@ -97,7 +97,8 @@ pub struct Soc {
     pub wifi: Option<Box<Cyw43>>,
 }
 
-/// Does the same with every peripheral, each by its own type: most of them have nothing to do, and cost nothing then.
+/// Does the same with every peripheral but the converter, each by its own type: most of them have nothing to do, and cost nothing
+/// then. What the converter does is a matter of [`super::stream`].
 macro_rules! with_each {
     ($soc:ident, $($borrow:tt)+) => { with_each!(@split $soc, $($borrow)+) };
     (@split $soc:ident, ref $p:ident => $what:expr) => {
@@ -108,7 +109,7 @@ macro_rules! with_each {
     };
     (@list $soc:ident, $p:ident, ($($b:tt)+), $what:expr) => {
         with_each!(@do $p, ($($b)+), $what,
-            $soc.power_state, $soc.gpio, $soc.uarts[0], $soc.uarts[1], $soc.i2cs[0], $soc.i2cs[1], $soc.spi1, $soc.adc,
+            $soc.power_state, $soc.gpio, $soc.uarts[0], $soc.uarts[1], $soc.i2cs[0], $soc.i2cs[1], $soc.spi1,
             $soc.pwm, $soc.timer, $soc.watchdog, $soc.chip_reset, $soc.dma, $soc.xip_control, $soc.ssi, $soc.pios[0],
             $soc.pios[1], $soc.usb)
     };
@@ -209,14 +210,17 @@ impl Soc {
     /// A reset of everything.
     pub fn reset(&mut self, now: Cycle) {
         with_each!(self, mut peripheral => peripheral.reset(now));
+        self.adc.reset(now);
         self.timer.set_tick(self.watchdog.tick(), now);
     }
 
+    /// All but the converter.
     pub fn advance(&mut self, now: Cycle) {
         self.advance_wifi(now);
         with_each!(self, mut peripheral => peripheral.advance(now));
     }
 
+    /// Of all but the converter.
     pub fn next_event(&self) -> Cycle {
         let wifi = self.wifi.as_ref().map_or(NEVER, |wifi| wifi.next_event());
         let mut next = wifi;
@@ -225,13 +229,13 @@ impl Soc {
     }
 
     pub fn interrupt_lines(&self) -> u32 {
-        let mut lines = 0;
+        let mut lines = self.adc.interrupt_lines();
         with_each!(self, ref peripheral => lines |= peripheral.interrupt_lines());
         lines
     }
 
     pub fn dma_requests(&self) -> u64 {
-        let mut requests = 0;
+        let mut requests = self.adc.dma_requests();
         with_each!(self, ref peripheral => requests |= peripheral.dma_requests());
         requests
     }

@@ -38,7 +38,10 @@ const CHANNELS: usize = 5;
 /// GP29.
 const VSYS_CHANNEL: usize = 3;
 const INTERRUPT_LINE: u32 = 22;
-const DMA_REQUEST: u32 = 36;
+/// DREQ_ADC (2.5.3.1).
+pub const DMA_REQUEST: u32 = 36;
+/// Where the FIFO is read.
+pub const FIFO_ADDRESS: u32 = 0x4004_c00c;
 /// How many conversions the record keeps for the test; older ones are dropped.
 const RECORD_LENGTH: usize = 1 << 16;
 
@@ -49,6 +52,21 @@ pub struct Conversion {
     pub start: Cycle,
     pub channel: usize,
     pub code: u16,
+}
+
+/// A Pico W connects a third of VSYS to GP29, or leaves the pin floating. The pull-down of its pad, of 80 kΩ at most, discharges
+/// it: with 20 pF in 1.6 µs, less than a conversion takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VsysConnection {
+    pub is_connected: bool,
+    pub is_pulled_down: bool,
+}
+
+impl VsysConnection {
+    const OF_A_PICO: Self = Self {
+        is_connected: true,
+        is_pulled_down: false,
+    };
 }
 
 #[derive(Clone)]
@@ -73,11 +91,9 @@ pub struct Adc {
     /// The next trigger of START_MANY.
     next_start: Option<AdcTime>,
     inputs: [AdcInput; CHANNELS],
-    /// Of a Pico W: its switch between VSYS/3 and GP29 is open.
-    is_vsys_cut_off: bool,
+    vsys: VsysConnection,
     /// Where GP29 floats to while nothing is connected to it and nothing pulls it down.
     stray_volts: f64,
-    is_vsys_pulled_down: bool,
     noise_volts: f64,
     random: Random,
     fault: AdcFault,
@@ -107,9 +123,8 @@ impl Adc {
                 AdcInput::Volts(VSYS_VOLTS / 3.0),
                 AdcInput::Code(0),
             ],
-            is_vsys_cut_off: false,
+            vsys: VsysConnection::OF_A_PICO,
             stray_volts: 0.0,
-            is_vsys_pulled_down: false,
             noise_volts: 0.0,
             random: Random::new(noise_seed),
             fault: AdcFault::None,
@@ -126,11 +141,12 @@ impl Adc {
         self.inputs[channel] = input;
     }
 
-    /// A Pico W connects a third of VSYS to its channel, or leaves the pin floating. The pull-down of its pad, of 80 kΩ at most,
-    /// discharges it: with 20 pF in 1.6 µs, less than a conversion takes.
-    pub fn connect_vsys(&mut self, is_connected: bool, is_pulled_down: bool) {
-        self.is_vsys_cut_off = !is_connected;
-        self.is_vsys_pulled_down = is_pulled_down;
+    pub fn vsys(&self) -> VsysConnection {
+        self.vsys
+    }
+
+    pub fn connect_vsys(&mut self, vsys: VsysConnection) {
+        self.vsys = vsys;
     }
 
     /// Has the pin of a Pico W's VSYS float to this voltage.
@@ -153,6 +169,16 @@ impl Adc {
             AdcFault::Stalled => None,
             _ => running.end.or(Some(AdcTime::of(now))),
         };
+    }
+
+    /// Takes the oldest result out of the FIFO, as it is read there.
+    pub fn pop(&mut self) -> u32 {
+        u32::from(self.fifo.pop())
+    }
+
+    /// Whether it raises its interrupt, or may without being written to.
+    pub fn may_interrupt(&self) -> bool {
+        (self.inte | self.intf) != 0
     }
 
     /// How many conversions have finished since power-up.
@@ -188,8 +214,8 @@ impl Adc {
 
     fn sample(&mut self, channel: usize, now: Cycle) -> u16 {
         match self.inputs.get_mut(channel) {
-            Some(_) if channel == VSYS_CHANNEL && self.is_vsys_cut_off => {
-                let floats = !self.is_vsys_pulled_down;
+            Some(_) if channel == VSYS_CHANNEL && !self.vsys.is_connected => {
+                let floats = !self.vsys.is_pulled_down;
                 code_of_volts(if floats { self.stray_volts } else { 0.0 })
             }
             Some(input) => input.sample(now, self.noise_volts, &mut self.random) & 0xfff,

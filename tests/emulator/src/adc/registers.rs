@@ -60,7 +60,7 @@ impl Peripheral for Adc {
             CS => self.control(now),
             RESULT => u32::from(self.result),
             FCS => self.fifo.status(),
-            FIFO => u32::from(self.fifo.pop()),
+            FIFO => self.pop(),
             DIV => self.div,
             INTR => u32::from(self.fifo.reached_threshold()),
             INTE => self.inte,

@@ -1,6 +1,7 @@
 //! One DMA channel: its registers, and where its next transfer goes.
 
 use super::super::bus::Width;
+use super::super::memory::{RAM_BASE, RAM_SIZE};
 use super::super::register::{RegisterWrite, bit, field};
 
 const CTRL_EN: u32 = 0;
@@ -21,6 +22,7 @@ const CTRL_WRITABLE: u32 = 0x00ff_ffff;
 const CTRL_ERRORS: u32 = 1 << CTRL_WRITE_ERROR | 1 << CTRL_READ_ERROR;
 /// TREQ_SEL of an unpaced transfer.
 const PERMANENT: u32 = 0x3f;
+const RAM_END: u32 = RAM_BASE + RAM_SIZE as u32;
 
 /// The four registers of a channel, each of which occurs once in every alias group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,17 +100,55 @@ impl Channel {
             return address;
         }
         let next = address.wrapping_add(self.width() as u32);
+        match self.ring(side) {
+            Some(ring) => address & !ring | next & ring,
+            None => next,
+        }
+    }
+
+    /// The bits of an address that change within its ring, if it has one.
+    fn ring(&self, side: Side) -> Option<u32> {
         let ring_size = field(self.ctrl, CTRL_RING_SIZE, 4);
         let ring_side = if bit(self.ctrl, CTRL_RING_SEL) {
             Side::Write
         } else {
             Side::Read
         };
-        if ring_size == 0 || ring_side != side {
-            return next;
-        }
-        let ring = (1 << ring_size) - 1;
-        address & !ring | next & ring
+        (ring_size != 0 && ring_side == side).then_some((1 << ring_size) - 1)
+    }
+
+    /// Whether all that it reads comes from one register.
+    pub fn reads_only(&self, register: u32) -> bool {
+        self.read_address == register && !bit(self.ctrl, CTRL_INCR_READ)
+    }
+
+    /// Whether all that it reads is in RAM.
+    pub fn reads_ram(&self) -> bool {
+        self.stays_in_ram(self.read_address, CTRL_INCR_READ, Side::Read)
+    }
+
+    /// Whether all that it writes is in RAM.
+    pub fn writes_ram(&self) -> bool {
+        self.stays_in_ram(self.write_address, CTRL_INCR_WRITE, Side::Write)
+    }
+
+    fn stays_in_ram(&self, address: u32, increment: u32, side: Side) -> bool {
+        let transfers = if bit(self.ctrl, increment) {
+            self.remaining.max(self.reload)
+        } else {
+            1
+        };
+        let bytes = transfers.saturating_mul(self.width() as u32);
+        let (first, end) = match self.ring(side) {
+            Some(ring) => (address & !ring, (address | ring).saturating_add(1)),
+            None => (address, address.saturating_add(bytes)),
+        };
+        RAM_BASE <= first && end <= RAM_END
+    }
+
+    /// The only address it writes, if that is one.
+    pub fn only_target(&self) -> Option<u32> {
+        (!bit(self.ctrl, CTRL_INCR_WRITE)).then_some(self.write_address)
     }
 
     pub fn is_enabled(&self) -> bool {
@@ -127,8 +167,17 @@ impl Channel {
 
     /// Whether it can make a transfer while these requests are up.
     pub fn wants_transfer(&self, requests: u64) -> bool {
-        let request = field(self.ctrl, CTRL_TREQ_SEL, 6);
+        let request = self.request();
         self.busy && self.is_enabled() && (request == PERMANENT || requests >> request & 1 != 0)
+    }
+
+    /// The number of the request that paces it.
+    pub fn request(&self) -> u32 {
+        field(self.ctrl, CTRL_TREQ_SEL, 6)
+    }
+
+    pub fn is_unpaced(&self) -> bool {
+        self.request() == PERMANENT
     }
 
     /// Start a sequence of TRANS_COUNT transfers.

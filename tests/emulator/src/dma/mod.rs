@@ -5,6 +5,7 @@
 //! the second interrupt, forced ones and triggers of several channels are a panic.
 
 mod channel;
+mod stream;
 #[cfg(test)]
 mod tests;
 
@@ -14,9 +15,10 @@ use super::peripheral::Peripheral;
 use super::register::{RegisterWrite, bit};
 pub use channel::TransferError;
 use channel::{ALIASES, Channel, Field};
+pub use stream::ConverterStream;
 
 pub const CHANNELS: usize = 12;
-const CHANNEL_MASK: u32 = (1 << CHANNELS) - 1;
+pub const CHANNEL_MASK: u32 = (1 << CHANNELS) - 1;
 const CHANNEL_STRIDE: u32 = 0x40;
 
 const INTR: u32 = 0x400;
@@ -50,6 +52,8 @@ pub struct Dma {
     /// The first cycle in which the next transfer can be made.
     free_from: Cycle,
     faults: Faults,
+    /// As the channels are set.
+    stream: ConverterStream,
 }
 
 /// Faults that a test puts in.
@@ -70,6 +74,7 @@ impl Dma {
             last_served: CHANNELS - 1,
             free_from: 0,
             faults: Faults::default(),
+            stream: ConverterStream::NONE,
         }
     }
 
@@ -86,21 +91,30 @@ impl Dma {
     pub fn fail_transfer(&mut self, channel: usize) {
         assert!(channel < CHANNELS, "the RP2040 has no DMA channel {channel}");
         self.faults.failing |= 1 << channel;
+        self.stream = ConverterStream::of(self);
     }
 
     /// Whether a transfer of this channel is to fail.
     pub fn take_failure(&mut self, channel: usize) -> bool {
         let fails = bit(self.faults.failing, channel as u32);
-        self.faults.failing &= !(1 << channel);
+        if fails {
+            self.faults.failing &= !(1 << channel);
+            self.stream = ConverterStream::of(self);
+        }
         fails
     }
 
-    /// The transfer to be made at `now`, given the requests that are up: the channels take turns.
-    pub fn next_transfer(&self, requests: u64, now: Cycle) -> Option<Transfer> {
+    /// The channels that bring results of the converter into RAM.
+    pub fn stream(&self) -> ConverterStream {
+        self.stream
+    }
+
+    /// The transfer to be made at `now` by one of these channels, given the requests that are up: the channels take turns.
+    pub fn next_transfer(&self, channels: u32, requests: u64, now: Cycle) -> Option<Transfer> {
         if now < self.free_from {
             return None;
         }
-        let number = self.next_channel(requests)?;
+        let number = self.next_channel(channels, requests)?;
         let channel = &self.channels[number];
         Some(Transfer {
             channel: number,
@@ -110,18 +124,19 @@ impl Dma {
         })
     }
 
-    /// When the next transfer can be made if the requests stay as they are.
-    pub fn next_transfer_time(&self, requests: u64) -> Cycle {
-        self.next_channel(requests).map_or(NEVER, |_| self.free_from)
+    /// When the next transfer of these channels can be made if the requests stay as they are.
+    pub fn next_transfer_time(&self, channels: u32, requests: u64) -> Cycle {
+        self.next_channel(channels, requests)
+            .map_or(NEVER, |_| self.free_from)
     }
 
-    fn next_channel(&self, requests: u64) -> Option<usize> {
+    fn next_channel(&self, channels: u32, requests: u64) -> Option<usize> {
         if self.faults.is_held {
             return None;
         }
         (1..=CHANNELS)
             .map(|step| (self.last_served + step) % CHANNELS)
-            .find(|&number| self.channels[number].wants_transfer(requests))
+            .find(|&number| bit(channels, number as u32) && self.channels[number].wants_transfer(requests))
     }
 
     /// The bus has carried out a transfer.
@@ -141,9 +156,14 @@ impl Dma {
         self.intr |= 1 << number;
     }
 
-    /// A channel is busy; whether it moves depends on its request.
-    pub fn is_busy(&self) -> bool {
-        self.channels.iter().any(|channel| channel.busy)
+    /// One of these channels is busy; whether it moves depends on its request.
+    pub fn is_busy(&self, channels: u32) -> bool {
+        let mut channels = self
+            .channels
+            .iter()
+            .zip(0..)
+            .filter(|(_, number)| bit(channels, *number));
+        channels.any(|(channel, _)| channel.busy)
     }
 
     fn step(&mut self, number: usize) {
@@ -175,6 +195,7 @@ impl Dma {
         if channel.is_done() {
             self.finish(number);
         }
+        self.stream = ConverterStream::of(self);
     }
 
     /// A zero written to a trigger register starts nothing; with IRQ_QUIET it raises the interrupt
@@ -192,6 +213,18 @@ impl Dma {
             if bit(channels, number as u32) {
                 self.channels[number].busy = false;
             }
+        }
+    }
+
+    fn write_common(&mut self, offset: u32, write: RegisterWrite) {
+        match offset {
+            INTR | INTS0 => self.intr &= !write.value,
+            INTE0 => write.update(&mut self.inte, CHANNEL_MASK),
+            INTF0 | INTE1 | INTF1 | MULTI_CHAN_TRIGGER => {
+                panic!("DMA: the register at {offset:#x} is not modelled")
+            }
+            CHAN_ABORT => self.abort(write.value),
+            _ => {}
         }
     }
 
@@ -227,17 +260,10 @@ impl Peripheral for Dma {
             if triggers {
                 self.written_trigger(number, written);
             }
-            return;
+        } else {
+            self.write_common(offset, write);
         }
-        match offset {
-            INTR | INTS0 => self.intr &= !write.value,
-            INTE0 => write.update(&mut self.inte, CHANNEL_MASK),
-            INTF0 | INTE1 | INTF1 | MULTI_CHAN_TRIGGER => {
-                panic!("DMA: the register at {offset:#x} is not modelled")
-            }
-            CHAN_ABORT => self.abort(write.value),
-            _ => {}
-        }
+        self.stream = ConverterStream::of(self);
     }
 
     fn reset(&mut self, _now: Cycle) {

@@ -6,7 +6,7 @@ use super::super::board::Board;
 use super::super::peripheral::Peripheral;
 use super::super::register::RegisterWrite;
 use super::super::thumb::idle_board;
-use super::Dma;
+use super::{CHANNEL_MASK as ALL, Dma};
 
 const DMA: u32 = 0x5000_0000;
 const FROM: u32 = 0x2000_1000;
@@ -93,11 +93,11 @@ fn there_is_one_transfer_a_cycle_however_often_one_asks() {
     for (register, value) in [(TRANS_COUNT, 2), (CTRL_TRIG, EN | PERMANENT)] {
         dma.write(register, RegisterWrite::plain(value), 0);
     }
-    let transfer = dma.next_transfer(0, 10).expect("it is ready");
+    let transfer = dma.next_transfer(ALL, 0, 10).expect("it is ready");
     dma.complete(transfer, Ok(()), 10);
-    assert_eq!(dma.next_transfer(0, 10), None);
-    assert_eq!(dma.next_transfer_time(0), 11);
-    assert_eq!(dma.next_transfer(0, 11), Some(transfer));
+    assert_eq!(dma.next_transfer(ALL, 0, 10), None);
+    assert_eq!(dma.next_transfer_time(ALL, 0), 11);
+    assert_eq!(dma.next_transfer(ALL, 0, 11), Some(transfer));
 }
 
 #[test]
