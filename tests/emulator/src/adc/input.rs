@@ -63,15 +63,14 @@ pub fn code_of_volts(volts: f64) -> u16 {
     let excess = WIDE_CODE_EXCESS * WIDE_CODES.len() as f64;
     let steps = volts / REFERENCE_VOLTS * (f64::from(CODES) + excess);
     let mut code = steps;
-    for (passed, &wide) in WIDE_CODES.iter().enumerate() {
-        let lower_edge = f64::from(wide) + WIDE_CODE_EXCESS * passed as f64;
-        let inside = (steps - lower_edge - 1.0).clamp(0.0, WIDE_CODE_EXCESS);
-        code -= inside;
-        if steps >= lower_edge && steps < lower_edge + 1.0 + WIDE_CODE_EXCESS {
-            code = f64::from(wide);
+    for wide in WIDE_CODES.map(f64::from) {
+        // Above the wide codes before, `code` is without what they take.
+        if code < wide {
+            break;
         }
+        code = (code - WIDE_CODE_EXCESS).max(wide);
     }
-    code.floor().clamp(0.0, f64::from(CODES - 1)) as u16
+    code.clamp(0.0, f64::from(CODES - 1)) as u16
 }
 
 #[cfg(test)]

@@ -134,9 +134,10 @@ impl Dma {
         if self.faults.is_held {
             return None;
         }
-        (1..=CHANNELS)
-            .map(|step| (self.last_served + step) % CHANNELS)
-            .find(|&number| bit(channels, number as u32) && self.channels[number].wants_transfer(requests))
+        let after_last_served = u32::MAX << (self.last_served + 1);
+        numbers(channels & after_last_served)
+            .chain(numbers(channels & !after_last_served))
+            .find(|&number| self.channels[number].wants_transfer(requests))
     }
 
     /// The bus has carried out a transfer.
@@ -158,12 +159,7 @@ impl Dma {
 
     /// One of these channels is busy; whether it moves depends on its request.
     pub fn is_busy(&self, channels: u32) -> bool {
-        let mut channels = self
-            .channels
-            .iter()
-            .zip(0..)
-            .filter(|(_, number)| bit(channels, *number));
-        channels.any(|(channel, _)| channel.busy)
+        numbers(channels).any(|number| self.channels[number].busy)
     }
 
     fn step(&mut self, number: usize) {
@@ -231,6 +227,15 @@ impl Dma {
     fn status(&self) -> u32 {
         self.intr & self.inte
     }
+}
+
+/// The numbers of these channels, in order.
+fn numbers(mut channels: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lowest = channels.trailing_zeros();
+        channels &= channels.wrapping_sub(1);
+        (lowest < u32::BITS).then_some(lowest as usize)
+    })
 }
 
 /// Channel, register and whether a write triggers, for an offset below the common registers.
