@@ -1,6 +1,7 @@
 //! The Freenove RP2040 board: which pin is what, and the peripherals behind it.
 
 mod adc;
+mod alarm_watch;
 mod can;
 mod dma_ring;
 mod fault;

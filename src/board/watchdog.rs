@@ -6,7 +6,7 @@ use embassy_rp::peripherals::WATCHDOG;
 use embassy_rp::{Peri, pac};
 use embassy_time::{Duration, Instant};
 
-use super::{last_run, running};
+use super::{alarm_watch, last_run, running};
 use crate::tasks::Watchdog;
 use crate::vehicle::ArmState;
 
@@ -55,6 +55,7 @@ impl BoardWatchdog {
 impl Watchdog for BoardWatchdog {
     fn feed(&mut self, arm_state: ArmState) {
         running::note_overdue(None);
+        alarm_watch::follow(arm_state);
         last_run::end_quick_crashes(Instant::now().as_secs());
         self.0.feed(match arm_state {
             ArmState::Armed => TIMEOUT_WHILE_ARMED,

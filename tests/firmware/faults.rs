@@ -1,9 +1,11 @@
 //! What faults do, all of them put in from outside.
 
+use crate::rover::GOOD_3S;
 use emulator::{AdcFault, AdcInput, LogLevel};
 use support::charge_states::{OK, UNHEALTHY};
-use support::frames::last_of;
-use workbench::bench::{Bench, MILLISECOND, PACK, SECOND, STACK_POINTER};
+use support::frames::{HEARTBEAT, last_of, of_message};
+use support::requests::arm;
+use workbench::bench::{Bench, MILLISECOND, PACK, SECOND, STACK_POINTER, TestedVehicle};
 
 /// Sampling ticks fall on whole tenths of a second after boot; this is between two of them.
 const BETWEEN_TICKS_US: u64 = 5_050 * MILLISECOND;
@@ -17,7 +19,8 @@ fn a_converter_that_fails_is_noticed_and_read_again() {
     ] {
         let mut bench = Bench::running(2482);
         bench.adc_fault(fault);
-        bench.run_for(SECOND);
+        // The tick after the one in which a converter stalls has none of its conversions.
+        bench.run_for(SECOND + SECOND / 2);
         let failures = bench.logged(LogLevel::Warn, "read failed");
         assert!(failures[0].1.contains(named), "{failures:?}");
         assert_eq!(last_of(&bench.frames(), 0).charge_state(), UNHEALTHY);
@@ -30,6 +33,23 @@ fn a_converter_that_fails_is_noticed_and_read_again() {
         assert!(status.voltage_mv(0) > 8200);
         assert!(bench.resets().is_empty());
     }
+}
+
+/// Without bytes on any wire nothing but the timer wakes a task.
+#[test]
+fn an_alarm_of_the_timer_that_is_lost_while_armed_delays_the_tasks_by_20_ms_at_most() {
+    const TIME_DRIVER: usize = 0;
+    let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0), ("FS_TIMEOUT", 0.0)]);
+    bench.ask(&arm());
+    for moment_us in (0..20).map(|moment| 101_300 * moment) {
+        bench.run_for(300 * MILLISECOND + moment_us);
+        let lost_us = bench.time_us();
+        bench.lose_timer_alarm(TIME_DRIVER);
+        bench.run_for(SECOND + SECOND / 2);
+        let beats = of_message(&bench.frames_since(lost_us), HEARTBEAT).len();
+        assert!((1..=2).contains(&beats), "{beats} after {lost_us}");
+    }
+    assert_eq!(bench.resets().len(), 1, "{:?}", bench.resets());
 }
 
 /// The datasheet does not say what answers below RAM.

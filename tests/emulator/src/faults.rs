@@ -34,6 +34,12 @@ impl Board {
         self.bus.soc.dma.fail_transfer(channel);
     }
 
+    /// Have an armed alarm of TIMER (0 to 3) never match.
+    pub fn lose_timer_alarm(&mut self, number: usize) {
+        self.bus.soc.timer.lose_alarm(number);
+        self.bus.attention = true;
+    }
+
     /// Hang the program: at the next moment in thread mode with interrupts on, it branches to
     /// itself until the next reset. Interrupts go on.
     pub fn hang_program(&mut self) {

@@ -66,6 +66,11 @@ impl Timer {
         }
     }
 
+    /// An alarm is disarmed without an interrupt, as if it had never matched.
+    pub fn lose_alarm(&mut self, number: usize) {
+        self.due[number] = None;
+    }
+
     /// The watchdog block starts, stops or changes the tick.
     pub fn set_tick(&mut self, tick: Option<Tick>, now: Cycle) {
         if tick != self.tick {
