@@ -47,6 +47,10 @@ const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
 /// Its ripple is on the converter's reference.
 const REGULATOR_GPIO: u8 = 1;
 
+/// Another of them: it senses the USB port's supply, and its pull-up keeps the port's supply pin at 1.4 V while the pack feeds the
+/// board. A USB-C host then does not switch its supply on, as it takes the cable for fed; low, it does.
+const USB_SUPPLY_GPIO: u8 = 2;
+
 /// A network that gives no address for this long is left, and joined again.
 const ADDRESS_PATIENCE: Duration = Duration::from_secs(25);
 
@@ -159,7 +163,7 @@ impl Wifi {
         let mut plan = Plan::AsSetUp;
         let mut give_up_at = None;
         loop {
-            let setup = wanted(shared).await;
+            let setup = self.wanted(shared).await;
             let end = self.run_once(&setup, plan, &mut give_up_at, service).await;
             plan = match end {
                 End::SetUpAnew | End::LookAgain => Plan::AsSetUp,
@@ -169,11 +173,33 @@ impl Wifi {
             if let End::Failed(report) = end {
                 let report = self.judge_absence().unwrap_or(report);
                 shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
+                let _off = self.held_off();
                 select(Timer::after(RETRY_DELAY), changed(shared, &setup)).await;
             } else {
                 give_up_at = None;
             }
         }
+    }
+
+    /// Waits until the radio has to be on.
+    async fn wanted(&mut self, shared: &Shared) -> WifiSetup {
+        let _off = self.held_off();
+        loop {
+            let setup = shared.with(|autopilot| autopilot.wifi_setup());
+            if let Some(setup) = setup
+                && setup.mode != WifiMode::Off
+            {
+                return setup;
+            }
+            shared.to_set_up_wifi.wait().await;
+        }
+    }
+
+    /// The pin that keeps a radio off, which would float and leave that to the chip's own pull-down. On a board that may have
+    /// something else there it stays free.
+    fn held_off(&mut self) -> Option<Output<'_>> {
+        let power = &mut self.peripherals.power;
+        (self.board == BoardKind::PicoW).then(|| Output::new(power.reborrow(), Level::Low))
     }
 
     /// Switches the radio on and serves until something else has to be done. It is off afterwards.
@@ -279,19 +305,6 @@ async fn until_over(plan: Plan, shared: &Shared) {
     }
 }
 
-/// Waits until the radio has to be on.
-async fn wanted(shared: &Shared) -> WifiSetup {
-    loop {
-        let setup = shared.with(|autopilot| autopilot.wifi_setup());
-        if let Some(setup) = setup
-            && setup.mode != WifiMode::Off
-        {
-            return setup;
-        }
-        shared.to_set_up_wifi.wait().await;
-    }
-}
-
 /// Waits until something else is wanted than `setup`.
 async fn changed(shared: &Shared, setup: &WifiSetup) {
     while shared.with(|autopilot| autopilot.wifi_setup()).as_ref() == Some(setup) {
@@ -352,6 +365,7 @@ impl Operation<'_> {
     async fn set_up(&mut self) {
         self.control.init(COUNTRIES).await;
         self.control.gpio_set(REGULATOR_GPIO, true).await;
+        self.control.gpio_set(USB_SUPPLY_GPIO, false).await;
         let power = match self.setup.power_save {
             PowerSave::On => PowerManagementMode::PowerSave,
             PowerSave::Off => PowerManagementMode::None,

@@ -42,6 +42,30 @@ fn the_network_and_the_first_heartbeat_in_it_are_there_within_three_seconds() {
     assert!(with_radio_us.abs_diff(without_us) <= 5 * MILLISECOND);
 }
 
+/// A USB-C host switches its supply on only if it finds none at the port, where the radio's pull-up would leave 1.4 V.
+#[test]
+fn the_radios_pin_at_the_usb_supply_is_low_and_the_one_at_the_regulator_high() {
+    let mut ground = Ground::up();
+    let wifi = ground.bench.wifi();
+    assert_eq!(
+        [0, 1, 2].map(|gpio| wifi.gpio(gpio)),
+        [None, Some(true), Some(false)]
+    );
+}
+
+#[test]
+fn a_radio_that_is_off_is_held_off() {
+    const POWER: usize = 23;
+    let mut ground = Ground::up();
+    assert_eq!(ground.bench.pin_level(POWER), Some(true));
+    ground.bench.set("WIFI_MODE", 0.0);
+    ground.bench.run_for(3 * SECOND);
+    for _ in 0..50 {
+        ground.bench.run_for(100 * MILLISECOND);
+        assert_eq!(ground.bench.pin_level(POWER), Some(false));
+    }
+}
+
 #[test]
 // Requirement: R-9
 fn a_plain_pico_leaves_the_pins_alone_that_a_pico_w_has_its_radio_at() {

@@ -146,12 +146,16 @@ impl Control {
             | "bus:txglom" | "mfp" | "pm2_sleep_ret" | "2g_mrate" => {
                 number(value)?;
             }
-            "bsscfg:sup_wpa"
-            | "bsscfg:sup_wpa2_eapver"
-            | "bsscfg:sup_wpa_tmo"
-            | "bsscfg:wpa_auth"
-            | "gpioout" => {
+            "bsscfg:sup_wpa" | "bsscfg:sup_wpa2_eapver" | "bsscfg:sup_wpa_tmo" | "bsscfg:wpa_auth" => {
                 second_number(value)?;
+            }
+            "gpioout" => {
+                let (pins, levels) = (number(value)?, second_number(value)?);
+                for (pin, level) in radio.settings.gpios.iter_mut().enumerate() {
+                    if pins >> pin & 1 != 0 {
+                        *level = Some(levels >> pin & 1 != 0);
+                    }
+                }
             }
             "country" if value.len() == 12 => {}
             _ => return Err(UNSUPPORTED),

@@ -111,6 +111,11 @@ impl Cyw43 {
         self.chip.as_ref()?.wlan.radio.access_point()
     }
 
+    /// The level that the driver has set of one of the chip's own GPIOs, 0 to 2.
+    pub fn gpio(&self, number: usize) -> Option<bool> {
+        self.chip.as_ref()?.wlan.radio.settings.gpios[number]
+    }
+
     /// A network comes into range of the station; one of the same name is replaced.
     pub fn add_network(&mut self, network: Network) {
         self.air.networks.retain(|other| other.ssid != network.ssid);

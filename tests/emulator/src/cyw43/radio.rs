@@ -33,6 +33,8 @@ pub struct Settings {
     /// WPA with a passphrase; without it the network is open.
     pub is_secure: bool,
     pub passphrase: String,
+    /// The levels of the chip's own GPIOs 0 to 2 that were set.
+    pub gpios: [Option<bool>; 3],
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
