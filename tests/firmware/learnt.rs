@@ -43,13 +43,7 @@ fn it_is_read_by_the_second_sampling_tick_and_kept_until_it_is_erased() {
     bench.run_for(SECOND);
     let loaded = bench.logged(LogLevel::Info, "battery 1: learnt data are stored: true");
     assert_eq!(loaded.len(), 1);
-    // Each tick converts 16 times, as the start does to find out whether there is a radio.
-    let ticks: Vec<u64> = bench
-        .take_adc_record()
-        .chunks(16)
-        .skip(1)
-        .map(|burst| burst[0].start / 125)
-        .collect();
+    let ticks = bench.take_ticks();
     assert!(loaded[0].0 < ticks[1], "{loaded:?}, ticks {ticks:?}");
     println!("read at {} us, first tick at {} us", loaded[0].0, ticks[0]);
 

@@ -79,7 +79,7 @@ fn ticks_around_an_erase(timing: FlashTiming) -> (Bench, Vec<u64>) {
     };
     clear(&mut bench);
     bench.run_until_time(4_080 * MILLISECOND);
-    bench.take_adc_record();
+    bench.take_ticks();
     bench.take_flash_operations();
     clear(&mut bench);
     bench.run_until_time(9_080 * MILLISECOND);
@@ -87,11 +87,7 @@ fn ticks_around_an_erase(timing: FlashTiming) -> (Bench, Vec<u64>) {
     bench.run_until_time(14_050 * MILLISECOND);
     let erased = count_of(FlashOperationKind::SectorErase, bench.flash_operations());
     assert!(erased > 0, "nothing was erased");
-    let ticks = bench
-        .take_adc_record()
-        .chunks(16)
-        .map(|burst| burst[0].start / 125)
-        .collect();
+    let ticks = bench.take_ticks();
     (bench, ticks)
 }
 

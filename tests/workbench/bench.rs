@@ -39,6 +39,9 @@ pub const PACK: usize = 0;
 /// Its current sensor's input is GP27.
 pub const CURRENT: usize = 1;
 
+/// FCS of the converter, which the firmware reads whenever it takes a reading.
+const CONVERTER_STATUS: u32 = 0x4004_c008;
+
 /// What the converter makes of 7.9 V there.
 pub const DIVIDER_CODE: u16 = 2482;
 
@@ -163,6 +166,7 @@ impl Bench {
     fn with_firmware(code: u16, firmware: Firmware, seed: u64) -> Self {
         let mut board = Board::power_up(&firmware, seed);
         board.adc_input(PACK, AdcInput::Code(code));
+        board.watch_reads(CONVERTER_STATUS);
         Self {
             board,
             start: Some(Start::PowerUp { firmware, code, seed }),
@@ -206,6 +210,19 @@ impl Bench {
         });
         self.board = begun.board;
         self.board.run_for(duration_us - SECOND);
+    }
+
+    /// When the firmware has taken readings of the converter since this was asked last, in µs: at each sampling tick.
+    pub fn take_ticks(&mut self) -> Vec<u64> {
+        let mut ticks: Vec<u64> = Vec::new();
+        for read in self.take_reads() {
+            let read_us = read / CYCLES_PER_US;
+            // It looks several times.
+            if ticks.last().is_none_or(|tick_us| read_us - tick_us > MILLISECOND) {
+                ticks.push(read_us);
+            }
+        }
+        ticks
     }
 
     /// Waits until a task runs, on its own and not in an interrupt. The next is drive, unless something else is due.

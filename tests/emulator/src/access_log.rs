@@ -38,9 +38,18 @@ const BUS_ERROR_RECORDS: usize = 1024;
 pub struct AccessLog {
     pub bus_errors: Vec<BusErrorRecord>,
     pub unmodelled: BTreeMap<&'static str, UnmodelledAccess>,
+    /// The register of which reads are recorded, by its address.
+    pub watched: Option<u32>,
+    pub reads: Vec<Cycle>,
 }
 
 impl AccessLog {
+    pub fn note_read(&mut self, now: Cycle, address: u32) {
+        if self.watched == Some(address) {
+            self.reads.push(now);
+        }
+    }
+
     pub fn note_bus_error(&mut self, now: Cycle, pc: u32, address: u32, direction: Direction) {
         if self.bus_errors.len() < BUS_ERROR_RECORDS {
             self.bus_errors.push(BusErrorRecord {

@@ -27,6 +27,7 @@ impl SystemBus {
     pub(super) fn load_register(&mut self, address: u32, width: Width) -> Result<u32, BusError> {
         let block = block_at(address).ok_or(BusError)?;
         self.attention |= !QUIET_READS.contains(&(address & !3));
+        self.accesses.note_read(self.now, address & !3);
         let word = self.read_block(block, address & !3);
         Ok(lane(word, address, width))
     }

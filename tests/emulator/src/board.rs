@@ -400,6 +400,16 @@ impl Board {
         self.bus.chip.sys_clk_hz()
     }
 
+    /// Record when the register at this address is read from now on, instead of any other.
+    pub fn watch_reads(&mut self, address: u32) {
+        self.bus.accesses.watched = Some(address);
+    }
+
+    /// Take the times at which it was read since this was asked last.
+    pub fn take_reads(&mut self) -> Vec<Cycle> {
+        std::mem::take(&mut self.bus.accesses.reads)
+    }
+
     /// Address of a symbol of the firmware. Panics when it has none of this name.
     pub fn symbol(&self, name: &str) -> u32 {
         self.firmware.symbol(name)

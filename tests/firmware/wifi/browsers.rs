@@ -123,7 +123,7 @@ fn hostile_requests_disturb_neither_the_driver_nor_the_measurement() {
     arm_by(&mut driver, &mut ground);
     let others = [ground.laptop(), ground.laptop()];
     ground.bench.forget_stack_use();
-    ground.bench.take_adc_record();
+    ground.bench.take_ticks();
     let began_us = ground.bench.time_us();
     let requests = hostile_requests();
     let mut open = Vec::new();

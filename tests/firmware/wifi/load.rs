@@ -5,10 +5,10 @@ use crate::stack;
 use emulator::LogLevel;
 use emulator::air::hostile::{Hostile, Target};
 use support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message};
-use workbench::bench::{CYCLES_PER_US, MILLISECOND, PACK, SECOND};
+use workbench::bench::{MILLISECOND, SECOND};
 
-/// Between two samplings, whatever the network does.
-pub const JITTER_US: u64 = 200;
+/// Between two samplings, whatever the network does. A reading ends when it was due as long as its tick is less than 20 ms late.
+pub const JITTER_US: u64 = 10 * MILLISECOND;
 
 /// For half a minute, and for a moment.
 const FRAMES_PER_SECOND: u64 = 200;
@@ -20,7 +20,7 @@ fn half_a_minute_of_hostile_frames_disturbs_nothing() {
     let mut ground = Ground::up();
     let mut station = ground.connected_station();
     ground.bench.forget_stack_use();
-    ground.bench.take_adc_record();
+    ground.bench.take_ticks();
     ground.bench.forget_sent();
     let began_us = ground.bench.time_us();
     let target = Target::new(ground.bench.wifi().mac(), BOARD);
@@ -54,21 +54,9 @@ fn half_a_minute_of_hostile_frames_disturbs_nothing() {
 
 /// By how much an interval between two of at least so many samplings was off at most.
 pub fn worst_sampling_us(ground: &mut Ground, samplings: u64) -> u64 {
-    let mut starts: Vec<u64> = Vec::new();
-    let mut before_us = 0;
-    for conversion in ground.bench.take_adc_record() {
-        if conversion.channel != PACK {
-            continue;
-        }
-        let at_us = conversion.start / CYCLES_PER_US;
-        if at_us - before_us > 10 * MILLISECOND {
-            starts.push(at_us);
-        }
-        before_us = at_us;
-    }
-    let bursts = starts.len() as u64;
-    assert!(bursts >= samplings, "{bursts} of {samplings}");
-    let intervals = starts.windows(2).map(|pair| pair[1] - pair[0]);
+    let ticks = ground.bench.take_ticks();
+    assert!(ticks.len() as u64 >= samplings, "{} of {samplings}", ticks.len());
+    let intervals = ticks.windows(2).map(|pair| pair[1] - pair[0]);
     let off = intervals.map(|interval| interval.abs_diff(100 * MILLISECOND));
     off.max().expect("it samples")
 }

@@ -95,16 +95,16 @@ fn run_across(wrap_us: u64, length_us: u64) {
     let mut old = Old::power_up(DIVIDER_CODE, wrap_us, length_us / 2);
     // Between two ticks.
     old.bench.run_until_time(1_350 * MILLISECOND);
-    old.bench.take_adc_record();
+    old.bench.take_ticks();
     let from_us = old.bench.time_us();
     let mut progress = Progress::new(format!("wrap of 2^32 {name}"), from_us);
-    let mut conversions = Vec::new();
+    let mut ticks = Vec::new();
     for second in 0..seconds {
         if second % 60 == 0 {
             old.assert_time();
         }
         old.bench.run_until_time(from_us + (second + 1) * SECOND);
-        conversions.extend(old.bench.take_adc_record());
+        ticks.extend(old.bench.take_ticks());
         progress.at(old.bench.time_us());
     }
     assert!(old.bench.time_us() > old.wrap_us + length_us / 2 - 10 * SECOND);
@@ -112,7 +112,7 @@ fn run_across(wrap_us: u64, length_us: u64) {
     let frames = old.bench.frames_since(from_us);
     assert_no_sequence_gap(&frames);
     assert_exact_rates(&frames, seconds as usize);
-    assert_sampled_at_every_tick(&conversions, 10 * seconds as usize);
+    assert_sampled_at_every_tick(&ticks, 10 * seconds as usize);
     assert!(
         old.bench.flash_operations().iter().all(is_learnt),
         "no parameter was set"
