@@ -26,7 +26,7 @@ mod firmware {
     use rover_battmon::mavlink::LinkKind;
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
-    use rover_battmon::sensor::{AnalogIn, AnalogPin, PinPairs, VoltageDivider};
+    use rover_battmon::sensor::{AnalogIn, AnalogPin, VoltageDivider, WantedReadings};
     use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{WiredEndpoint, now};
     use rover_battmon::vehicle::ArmState;
@@ -87,7 +87,9 @@ mod firmware {
             // Measure: the mean of what was converted since the last reading.
             ticker.next().await;
             let now = now();
-            let conversions = pins.read(now, PinPairs::NONE).pin(AnalogPin::Gp26);
+            let conversions = pins
+                .read(now, WantedReadings::of(AnalogPin::Gp26))
+                .pin(AnalogPin::Gp26);
             let reading = conversions.map(|conversions| Measurement {
                 voltage_v: Some(DIVIDER.pack_voltage_v(conversions.mean().pin_voltage_v())),
                 ..Measurement::default()

@@ -20,7 +20,7 @@ mod firmware {
     use rover_battmon::mavlink::{Changeable, LinkKind, Signing};
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{Parameters, VehicleParameter};
-    use rover_battmon::sensor::{AnalogIn, AnalogPin, AnalogWiring, PinPairs};
+    use rover_battmon::sensor::{AnalogIn, AnalogPin, AnalogWiring, WantedReadings};
     use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint, now};
     use rover_battmon::time::{Cadence, Instant};
@@ -136,7 +136,9 @@ mod firmware {
         parameters: &Parameters,
     ) -> Result<Measurement, ReadError> {
         let divider = AnalogWiring::from_parameters(parameters, Pack::First).divider;
-        let conversions = pins.read(now, PinPairs::NONE).pin(AnalogPin::Gp26)?;
+        let conversions = pins
+            .read(now, WantedReadings::of(AnalogPin::Gp26))
+            .pin(AnalogPin::Gp26)?;
         Ok(Measurement {
             voltage_v: Some(divider.pack_voltage_v(conversions.mean().pin_voltage_v())),
             ..Measurement::default()

@@ -27,7 +27,7 @@ mod firmware {
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{
-        AnalogIn, AnalogPin, AnalogReadings, CurrentSensor, PinPairs, VoltageDivider,
+        AnalogIn, AnalogPin, AnalogReadings, CurrentSensor, VoltageDivider, WantedReadings,
     };
     use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{WiredEndpoint, now};
@@ -131,6 +131,13 @@ mod firmware {
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and each BATTERY_STATUS twice.
         let parameters = Parameters::defaults();
         let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
+        let mut wanted = WantedReadings::NONE;
+        for pack in &packs {
+            wanted.add(pack.voltage_pin);
+            if let Some((pin, _)) = pack.current {
+                wanted.add(pin);
+            }
+        }
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
@@ -138,7 +145,7 @@ mod firmware {
             // announce its events.
             ticker.next().await;
             let now = now();
-            let readings = pins.read(now, PinPairs::NONE);
+            let readings = pins.read(now, wanted);
             for (instance, pack) in Pack::ALL.into_iter().zip(&mut packs) {
                 let reading = measure(pack, &readings);
                 let tick = Tick {

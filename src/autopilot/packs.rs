@@ -11,8 +11,8 @@ use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
-    FuelReadings, Members, PinPairs, PinPull, Pulses, Samples, Thermometers, capacity_ml, set_up_error, tank,
-    thermometer_pins, timeout_us,
+    FuelReadings, Members, PinPull, Pulses, Samples, Thermometers, WantedReadings, capacity_ml, set_up_error,
+    tank, thermometer_pins, timeout_us,
 };
 use crate::time::Instant;
 
@@ -105,16 +105,22 @@ impl Packs {
         pulls
     }
 
-    /// The pins at which packs have voltage and current measured together.
-    pub fn power_pins(&self, parameters: &Parameters) -> PinPairs {
-        let mut pairs = PinPairs::NONE;
+    /// The readings that packs and thermometers need. Packs may share a pin.
+    pub fn wanted_readings(&self, parameters: &Parameters) -> WantedReadings {
+        let mut wanted = WantedReadings::NONE;
+        for (_, pin) in thermometer_pins(parameters) {
+            wanted.add(pin);
+        }
         for (pack, kind) in &self.order {
             let wiring = AnalogWiring::from_parameters(parameters, *pack);
+            for pin in wiring.pins(*kind) {
+                wanted.add(pin);
+            }
             if let Some((voltage_pin, current_pin)) = wiring.power_pins(*kind) {
-                pairs.insert(voltage_pin, current_pin);
+                wanted.add_pair(voltage_pin, current_pin);
             }
         }
-        pairs
+        wanted
     }
 
     /// Takes a motor controller's reading, for every pack that it is a member of.

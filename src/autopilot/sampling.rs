@@ -15,7 +15,7 @@ use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, CanEvent, CanReport, CanStatus, ControllerReading, ExternalReport,
-    PinPairs, PinPull, Pulses, SerialReading, Temperatures,
+    PinPull, Pulses, SerialReading, Temperatures, WantedReadings,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
@@ -70,9 +70,9 @@ impl Autopilot {
         }
     }
 
-    /// The pins at which packs have voltage and current measured together, for the next readings.
-    pub fn power_pins(&self) -> PinPairs {
-        self.packs.power_pins(&self.parameters)
+    /// The readings of the converter that the next tick needs.
+    pub fn wanted_readings(&self) -> WantedReadings {
+        self.packs.wanted_readings(&self.parameters)
     }
 
     /// The pin that a radio takes from the packs: on a Pico W its clock is at GP29.

@@ -14,7 +14,7 @@ use super::dma_ring::DmaRing;
 use crate::battery::ReadError;
 use crate::drivers::{CHANNELS, CONVERSION_CYCLES, ConversionRing, RING_CONVERSIONS};
 use crate::log::warn;
-use crate::sensor::{AdcCount, AnalogIn, AnalogPin, AnalogReadings, PinPairs, PinPull};
+use crate::sensor::{AdcCount, AnalogIn, AnalogPin, AnalogReadings, PinPull, WantedReadings};
 use crate::tasks::now;
 use crate::time::Instant;
 
@@ -146,15 +146,15 @@ impl AnalogInputs {
         (is_settled && expected == Some(next)).then_some(written)
     }
 
-    fn read_ring(&mut self, until: Instant, pairs: PinPairs) -> Result<AnalogReadings, ReadError> {
+    fn read_ring(&mut self, until: Instant, wanted: WantedReadings) -> Result<AnalogReadings, ReadError> {
         let written = self.written()?;
-        self.conversions.read(&RING.0, written, now(), until, pairs)
+        self.conversions.read(&RING.0, written, now(), until, wanted)
     }
 }
 
 impl AnalogIn for AnalogInputs {
-    fn read(&mut self, until: Instant, pairs: PinPairs) -> AnalogReadings {
-        match self.read_ring(until, pairs) {
+    fn read(&mut self, until: Instant, wanted: WantedReadings) -> AnalogReadings {
+        match self.read_ring(until, wanted) {
             Ok(mut readings) => {
                 if self.gp29.is_none() {
                     readings.set(AnalogPin::Gp29, Err(ReadError::PinOfRadio));

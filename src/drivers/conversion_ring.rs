@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU16, Ordering};
 
 use super::ring_reader::RingReader;
 use crate::battery::ReadError;
-use crate::sensor::{AnalogPin, AnalogReadings, Conversions, PinPairs, covariance, exceeds_tolerance};
+use crate::sensor::{AnalogPin, AnalogReadings, Conversions, WantedReadings, covariance, exceeds_tolerance};
 use crate::time::Instant;
 
 /// Clock of the RP2040's converter, in hertz.
@@ -36,11 +36,14 @@ pub struct ConversionRing {
     read_until: Instant,
 }
 
-/// Whole rounds of conversions in the ring, each with one of every channel.
+type Round = [AtomicU16; CHANNELS];
+
+/// Whole rounds of conversions in the ring, each with one of every channel: older ones, and those that follow from the ring's
+/// beginning on.
 #[derive(Clone, Copy, Debug)]
-struct Rounds {
-    first_place: usize,
-    count: usize,
+struct Rounds<'a> {
+    older: &'a [Round],
+    newer: &'a [Round],
 }
 
 impl ConversionRing {
@@ -63,7 +66,7 @@ impl ConversionRing {
         written: u32,
         now: Instant,
         until: Instant,
-        pairs: PinPairs,
+        wanted: WantedReadings,
     ) -> Result<AnalogReadings, ReadError> {
         let later = conversions_in(now.us_since(until)) as u32;
         let expected = conversions_in(until.us_since(self.read_until));
@@ -72,12 +75,9 @@ impl ConversionRing {
         if u64::from(unread) * 2 < expected {
             return Err(ReadError::Timeout);
         }
-        let count = (unread as usize).min(RING_CONVERSIONS) / CHANNELS;
-        let rounds = Rounds {
-            first_place: (end as usize).wrapping_sub(count * CHANNELS) & PLACE_MASK,
-            count,
-        };
-        Ok(rounds.readings(words, pairs))
+        let unread = (unread as usize).min(RING_CONVERSIONS);
+        let end = end as usize & PLACE_MASK;
+        Ok(Rounds::ending_at(words, end, unread).readings(wanted))
     }
 }
 
@@ -86,66 +86,67 @@ fn conversions_in(us: u64) -> u64 {
     us.saturating_mul(1000) / NS_PER_CONVERSION
 }
 
-impl Rounds {
-    fn readings(&self, words: &[AtomicU16; RING_CONVERSIONS], pairs: PinPairs) -> AnalogReadings {
-        let mut readings = AnalogReadings::NONE;
-        for pin in AnalogPin::ALL {
-            readings.set(pin, self.conversions(words, pin));
+impl<'a> Rounds<'a> {
+    /// The last `conversions` before a place in the ring. Both are multiples of a round.
+    fn ending_at(words: &'a [AtomicU16; RING_CONVERSIONS], end: usize, conversions: usize) -> Self {
+        let (rounds, _) = words.as_chunks();
+        let (before, behind) = rounds.split_at_checked(end / CHANNELS).unwrap_or((rounds, &[]));
+        let count = conversions / CHANNELS;
+        let newer = count.min(before.len());
+        Self {
+            older: last_of(behind, count - newer),
+            newer: last_of(before, newer),
         }
-        for (first, second) in pairs.iter() {
-            readings.set_covariance(first, second, self.covariance(words, first, second));
+    }
+
+    fn readings(&self, wanted: WantedReadings) -> AnalogReadings {
+        let mut readings = AnalogReadings::NONE;
+        for pin in wanted.pins() {
+            readings.set(pin, self.conversions(pin));
+        }
+        for (first, second) in wanted.pairs() {
+            readings.set_covariance(first, second, self.covariance(first, second));
         }
         readings
     }
 
-    /// Those of a pin.
-    fn conversions(
-        &self,
-        words: &[AtomicU16; RING_CONVERSIONS],
-        pin: AnalogPin,
-    ) -> Result<Conversions, ReadError> {
-        let mut failed = 0;
-        let codes = self.of_channel(words, pin as usize).filter(|word| {
-            let has_failed = word & FAILED != 0;
-            failed += u32::from(has_failed);
-            !has_failed
-        });
-        let conversions = Conversions::from_codes(codes.map(|word| word & CODE));
-        if exceeds_tolerance(failed, self.count as u32) {
+    /// Those of a pin, without failed ones.
+    // Once, and not for each use.
+    #[inline(never)]
+    fn conversions(&self, pin: AnalogPin) -> Result<Conversions, ReadError> {
+        let good = self.of_channel(pin as usize).filter(|word| word & FAILED == 0);
+        let conversions = Conversions::from_codes(good.map(|word| word & CODE));
+        let all = self.older.len() + self.newer.len();
+        let failed = all as u32 - conversions.map_or(0, |conversions| conversions.count());
+        if exceeds_tolerance(failed, all as u32) {
             return Err(ReadError::Conversion);
         }
         conversions.ok_or(ReadError::Timeout)
     }
 
     /// Of each conversion of one pin with the nearest of another: that of the same round, or of the round before.
-    fn covariance(
-        &self,
-        words: &[AtomicU16; RING_CONVERSIONS],
-        first: AnalogPin,
-        second: AnalogPin,
-    ) -> Option<f32> {
+    #[inline(never)]
+    fn covariance(&self, first: AnalogPin, second: AnalogPin) -> Option<f32> {
         let (first, second) = (first as usize, second as usize);
         let is_of_round_before = second - first > CHANNELS / 2;
-        let later_rounds = Self {
-            first_place: self.first_place + CHANNELS * usize::from(is_of_round_before),
-            count: self.count.saturating_sub(is_of_round_before.into()),
-        };
-        let firsts = later_rounds.of_channel(words, first);
-        let pairs = firsts.zip(self.of_channel(words, second));
+        let firsts = self.of_channel(first).skip(is_of_round_before.into());
+        let pairs = firsts.zip(self.of_channel(second));
         covariance(pairs.filter_map(|(first, second)| {
             let have_succeeded = (first | second) & FAILED == 0;
             have_succeeded.then_some((first & CODE, second & CODE))
         }))
     }
 
-    fn of_channel(&self, words: &[AtomicU16; RING_CONVERSIONS], channel: usize) -> impl Iterator<Item = u16> {
-        let first = self.first_place + channel;
-        (0..self.count).map(move |round| {
-            let place = (first + CHANNELS * round) & PLACE_MASK;
-            // The place is within the ring.
-            words.get(place).map_or(0, |word| word.load(Ordering::Relaxed))
-        })
+    fn of_channel(&self, channel: usize) -> impl Iterator<Item = u16> + Clone {
+        let rounds = self.older.iter().chain(self.newer);
+        rounds.filter_map(move |round| Some(round.get(channel)?.load(Ordering::Relaxed)))
     }
+}
+
+/// The last `count` of some rounds, or all.
+fn last_of(rounds: &[Round], count: usize) -> &[Round] {
+    let skipped = rounds.len().saturating_sub(count);
+    rounds.get(skipped..).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -155,6 +156,12 @@ mod tests {
     use super::*;
     use crate::battery::CurrentRange;
     use crate::time::at_us;
+
+    fn all_pins() -> WantedReadings {
+        let mut wanted = WantedReadings::NONE;
+        AnalogPin::ALL.into_iter().for_each(|pin| wanted.add(pin));
+        wanted
+    }
 
     const PWM_PERIOD_CYCLES: u64 = 96_000;
     const TICK_US: u64 = 100_000;
@@ -186,15 +193,20 @@ mod tests {
             }
         }
 
-        fn read(&mut self, now_us: u64, until_us: u64, pairs: PinPairs) -> Result<AnalogReadings, ReadError> {
+        fn read(
+            &mut self,
+            now_us: u64,
+            until_us: u64,
+            wanted: WantedReadings,
+        ) -> Result<AnalogReadings, ReadError> {
             self.convert_until(now_us);
             let written = (self.written % u64::from(super::super::COUNT_PERIOD)) as u32;
             self.ring
-                .read(&self.words, written, at_us(now_us), at_us(until_us), pairs)
+                .read(&self.words, written, at_us(now_us), at_us(until_us), wanted)
         }
 
         fn means(&mut self, now_us: u64, until_us: u64) -> [f32; CHANNELS] {
-            let readings = self.read(now_us, until_us, PinPairs::NONE).expect("readings");
+            let readings = self.read(now_us, until_us, all_pins()).expect("readings");
             AnalogPin::ALL.map(|pin| readings.pin(pin).expect("a reading").mean().0)
         }
     }
@@ -308,12 +320,12 @@ mod tests {
     #[test]
     fn a_converter_that_has_stopped_is_noticed_in_the_same_tick() {
         let mut converter = Converter::new(|_| 2000);
-        assert!(converter.read(TICK_US, TICK_US, PinPairs::NONE).is_ok());
+        assert!(converter.read(TICK_US, TICK_US, all_pins()).is_ok());
         converter.convert_until(140_000);
         let (words, written) = (&converter.words, converter.written as u32);
         let failed = converter
             .ring
-            .read(words, written, at_us(200_000), at_us(200_000), PinPairs::NONE);
+            .read(words, written, at_us(200_000), at_us(200_000), all_pins());
         assert_eq!(failed.err(), Some(ReadError::Timeout));
     }
 
@@ -325,7 +337,7 @@ mod tests {
                 false => 3000,
             };
             let mut converter = Converter::new(word_of);
-            let readings = converter.read(TICK_US, TICK_US, PinPairs::NONE).unwrap();
+            let readings = converter.read(TICK_US, TICK_US, all_pins()).unwrap();
             let means = AnalogPin::ALL.map(|pin| readings.pin(pin).map(|reading| reading.mean().0));
             let expected = if is_valid {
                 Ok(3000.0)
@@ -339,7 +351,7 @@ mod tests {
     #[test]
     fn full_scale_of_a_few_conversions_is_part_of_the_mean() {
         let mut converter = Converter::new(|number| if number / 4 % 200 == 0 { 4095 } else { 4000 });
-        let readings = converter.read(TICK_US, TICK_US, PinPairs::NONE).unwrap();
+        let readings = converter.read(TICK_US, TICK_US, all_pins()).unwrap();
         let reading = readings.pin(AnalogPin::Gp28).unwrap();
         assert_eq!(reading.range(), CurrentRange::Within);
         assert!(reading.mean().0 > 4000.0 && reading.highest().0 == 4095.0);
@@ -349,14 +361,15 @@ mod tests {
     fn every_pair_of_pins_has_the_covariance_of_neighbouring_conversions() {
         // All pins step at the same time, between two rounds.
         let mut converter = Converter::new(|number| 100 * channel(number) + 300 * (number / 128 % 2) as u16);
-        let mut pairs = PinPairs::NONE;
+        let mut wanted = WantedReadings::NONE;
         for one in AnalogPin::ALL {
             for other in AnalogPin::ALL {
-                pairs.insert(one, other);
+                wanted.add_pair(one, other);
             }
         }
-        let readings = converter.read(TICK_US, TICK_US, pairs).unwrap();
-        for (one, other) in pairs.iter() {
+        let readings = converter.read(TICK_US, TICK_US, wanted).unwrap();
+        assert_eq!(wanted.pairs().count(), 6);
+        for (one, other) in wanted.pairs() {
             let covariance_v2 = readings.covariance_v2(one, other).expect("computed");
             let counts = 3.3 / 4095.0;
             let covariance = covariance_v2 / (counts * counts);

@@ -37,7 +37,7 @@ impl AnalogWiring {
                 .pin(self.voltage_pin.ok_or(ReadError::NoPin)?)?
                 .within_range()?;
             let voltage_v = |count: AdcCount| self.divider.pack_voltage_v(count.pin_voltage_v());
-            measurement.voltage_v = Some(voltage_v(conversions.mean()));
+            measurement.voltage_v = Some(voltage_v(conversions.voltage()));
         }
         if kind.reads_current_pin() {
             let conversions = readings.pin(self.current_pin.ok_or(ReadError::NoPin)?)?;

@@ -40,6 +40,7 @@ pub struct Conversions {
     lowest: u16,
     highest: u16,
     at_full_scale: u32,
+    below_half: u32,
 }
 
 impl Conversions {
@@ -51,21 +52,39 @@ impl Conversions {
             lowest: code,
             highest: code,
             at_full_scale: (code >= ADC_FULL_SCALE).into(),
+            below_half: 0,
         }
     }
 
     /// `codes` from 0 to [`ADC_FULL_SCALE`], up to a million of them; `None` without any.
-    pub fn from_codes(codes: impl IntoIterator<Item = u16>) -> Option<Self> {
-        let mut codes = codes.into_iter();
-        let mut all = Self::of(codes.next()?);
-        for code in codes {
-            all.sum += u32::from(code);
-            all.count += 1;
-            all.lowest = all.lowest.min(code);
-            all.highest = all.highest.max(code);
-            all.at_full_scale += u32::from(code >= ADC_FULL_SCALE);
+    pub fn from_codes(codes: impl Iterator<Item = u16> + Clone) -> Option<Self> {
+        let none = Self {
+            sum: 0,
+            count: 0,
+            lowest: u16::MAX,
+            highest: 0,
+            at_full_scale: 0,
+            below_half: 0,
+        };
+        let mut all = codes.clone().fold(none, |all, code| Self {
+            sum: all.sum + u32::from(code),
+            count: all.count + 1,
+            lowest: all.lowest.min(code),
+            highest: all.highest.max(code),
+            ..all
+        });
+        let half = all.highest / 2;
+        // Seldom, so what is needed seldom is not counted each time.
+        if all.highest >= ADC_FULL_SCALE || all.lowest < half {
+            all.at_full_scale = codes.clone().filter(|code| *code >= ADC_FULL_SCALE).count() as u32;
+            all.below_half = codes.filter(|code| *code < half).count() as u32;
         }
-        Some(all)
+        (all.count > 0).then_some(all)
+    }
+
+    /// How many they are.
+    pub fn count(&self) -> u32 {
+        self.count
     }
 
     /// Their mean.
@@ -89,6 +108,16 @@ impl Conversions {
             CurrentRange::Over
         } else {
             CurrentRange::Within
+        }
+    }
+
+    /// The mean of a pack's voltage. No pack falls below half of its voltage within a tick: its contact was interrupted for a part
+    /// of it, or made, and the lowest voltage is the one without contact.
+    pub(super) fn voltage(&self) -> AdcCount {
+        if exceeds_tolerance(self.below_half, self.count) {
+            self.lowest()
+        } else {
+            self.mean()
         }
     }
 
@@ -134,40 +163,66 @@ pub fn covariance(pairs: impl Iterator<Item = (u16, u16)>) -> Option<f32> {
     Some(scaled as f32 / (count * count))
 }
 
-/// Pairs of different analog pins, without an order: at some a pack's voltage and its current are measured together.
+/// The readings that are wanted of the converter: pins, and pairs of different pins, without an order, whose covariance is
+/// wanted, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PinPairs(u8);
+pub struct WantedReadings {
+    /// A bit for each pin, in the order of [`AnalogPin::ALL`].
+    pins: u8,
+    /// A bit for each of [`PAIRS`].
+    pairs: u8,
+}
 
-impl PinPairs {
-    /// No pair.
-    pub const NONE: Self = Self(0);
+const PAIRS: [(AnalogPin, AnalogPin); PAIR_COUNT] = [
+    (AnalogPin::Gp26, AnalogPin::Gp27),
+    (AnalogPin::Gp26, AnalogPin::Gp28),
+    (AnalogPin::Gp26, AnalogPin::Gp29),
+    (AnalogPin::Gp27, AnalogPin::Gp28),
+    (AnalogPin::Gp27, AnalogPin::Gp29),
+    (AnalogPin::Gp28, AnalogPin::Gp29),
+];
 
-    const ALL: [(AnalogPin, AnalogPin); PAIR_COUNT] = [
-        (AnalogPin::Gp26, AnalogPin::Gp27),
-        (AnalogPin::Gp26, AnalogPin::Gp28),
-        (AnalogPin::Gp26, AnalogPin::Gp29),
-        (AnalogPin::Gp27, AnalogPin::Gp28),
-        (AnalogPin::Gp27, AnalogPin::Gp29),
-        (AnalogPin::Gp28, AnalogPin::Gp29),
-    ];
+fn index_of_pair(one: AnalogPin, other: AnalogPin) -> Option<usize> {
+    PAIRS
+        .iter()
+        .position(|pair| *pair == (one, other) || *pair == (other, one))
+}
 
-    /// Adds a pair. A pin with itself is none.
-    pub fn insert(&mut self, one: AnalogPin, other: AnalogPin) {
-        if let Some(index) = Self::index(one, other) {
-            self.0 |= 1 << index;
+impl WantedReadings {
+    /// Nothing.
+    pub const NONE: Self = Self { pins: 0, pairs: 0 };
+
+    /// That of one pin.
+    pub fn of(pin: AnalogPin) -> Self {
+        let mut wanted = Self::NONE;
+        wanted.add(pin);
+        wanted
+    }
+
+    /// Adds that of a pin.
+    pub fn add(&mut self, pin: AnalogPin) {
+        self.pins |= 1 << pin as u8;
+    }
+
+    /// Adds those of two pins, with their covariance.
+    pub fn add_pair(&mut self, one: AnalogPin, other: AnalogPin) {
+        self.add(one);
+        self.add(other);
+        if let Some(index) = index_of_pair(one, other) {
+            self.pairs |= 1 << index;
         }
     }
 
-    /// The pairs, the pin with the lower number first.
-    pub fn iter(self) -> impl Iterator<Item = (AnalogPin, AnalogPin)> {
-        let places = Self::ALL.into_iter().enumerate();
-        places.filter_map(move |(index, pair)| (self.0 & 1 << index != 0).then_some(pair))
+    /// The pins.
+    pub fn pins(self) -> impl Iterator<Item = AnalogPin> {
+        let is_wanted = move |pin: &AnalogPin| self.pins & 1 << *pin as u8 != 0;
+        AnalogPin::ALL.into_iter().filter(is_wanted)
     }
 
-    fn index(one: AnalogPin, other: AnalogPin) -> Option<usize> {
-        Self::ALL
-            .iter()
-            .position(|pair| *pair == (one, other) || *pair == (other, one))
+    /// The pairs, the pin with the lower number first.
+    pub fn pairs(self) -> impl Iterator<Item = (AnalogPin, AnalogPin)> {
+        let places = PAIRS.into_iter().enumerate();
+        places.filter_map(move |(index, pair)| (self.pairs & 1 << index != 0).then_some(pair))
     }
 }
 
@@ -178,7 +233,7 @@ const PAIR_COUNT: usize = PIN_COUNT * (PIN_COUNT - 1) / 2;
 #[derive(Clone, Copy, Debug)]
 pub struct AnalogReadings {
     pins: [Result<Conversions, ReadError>; PIN_COUNT],
-    /// In the order of [`PinPairs::ALL`].
+    /// In the order of [`PAIRS`].
     covariances: [Option<f32>; PAIR_COUNT],
 }
 
@@ -203,7 +258,7 @@ impl AnalogReadings {
 
     /// Sets the covariance of two pins, in counts squared.
     pub fn set_covariance(&mut self, one: AnalogPin, other: AnalogPin, covariance: Option<f32>) {
-        let index = PinPairs::index(one, other);
+        let index = index_of_pair(one, other);
         if let Some(place) = index.and_then(|index| self.covariances.get_mut(index)) {
             *place = covariance;
         }
@@ -222,7 +277,7 @@ impl AnalogReadings {
 
     /// Covariance of the voltages at two pins, in volts squared, if it was computed.
     pub fn covariance_v2(&self, one: AnalogPin, other: AnalogPin) -> Option<f32> {
-        let counts = self.covariances.get(PinPairs::index(one, other)?)?;
+        let counts = self.covariances.get(index_of_pair(one, other)?)?;
         counts.map(|counts| counts * (VOLTS_PER_COUNT * VOLTS_PER_COUNT))
     }
 }
@@ -240,9 +295,9 @@ pub enum PinPull {
 
 /// Analog pins behind a converter that converts them in turn, without a pause.
 pub trait AnalogIn {
-    /// What was converted since the last call, or since the start, and before `until`, with the covariance of these pairs of
-    /// pins. `until` is at most [`LATEST_READING_US`] ago. A converter that has failed has begun again when this returns.
-    fn read(&mut self, until: Instant, pairs: PinPairs) -> AnalogReadings;
+    /// Reads what was converted since the last call, or since the start, and before `until`, which is at most
+    /// [`LATEST_READING_US`] ago. A converter that has failed has begun again when this returns.
+    fn read(&mut self, until: Instant, wanted: WantedReadings) -> AnalogReadings;
 
     /// Pulls `pin` like this from now on, if it can be pulled.
     fn pull(&mut self, _pin: AnalogPin, _pull: PinPull) {}
@@ -260,13 +315,13 @@ mod tests {
     #[test]
     // Requirement: FR-11
     fn a_mean_keeps_its_fraction() {
-        let conversions = Conversions::from_codes([1000, 1001, 1001, 1000, 1001]).unwrap();
+        let conversions = Conversions::from_codes([1000, 1001, 1001, 1000, 1001].into_iter()).unwrap();
         assert_eq!(conversions.mean(), AdcCount(1000.6));
         assert_eq!(
             (conversions.lowest(), conversions.highest()),
             (AdcCount(1000.0), AdcCount(1001.0))
         );
-        assert_eq!(Conversions::from_codes([]), None);
+        assert_eq!(Conversions::from_codes([].into_iter()), None);
     }
 
     #[test]
@@ -285,19 +340,36 @@ mod tests {
 
     #[test]
     fn pairs_have_no_order_and_a_pin_is_no_pair_with_itself() {
-        let mut pairs = PinPairs::NONE;
-        pairs.insert(AnalogPin::Gp26, AnalogPin::Gp26);
-        assert_eq!(pairs, PinPairs::NONE);
-        pairs.insert(AnalogPin::Gp29, AnalogPin::Gp27);
-        pairs.insert(AnalogPin::Gp27, AnalogPin::Gp29);
+        let mut wanted = WantedReadings::NONE;
+        wanted.add_pair(AnalogPin::Gp26, AnalogPin::Gp26);
+        assert_eq!(wanted, WantedReadings::of(AnalogPin::Gp26));
+        wanted.add_pair(AnalogPin::Gp29, AnalogPin::Gp27);
+        wanted.add_pair(AnalogPin::Gp27, AnalogPin::Gp29);
         assert_eq!(
-            pairs.iter().collect::<Vec<_>>(),
+            wanted.pairs().collect::<Vec<_>>(),
             [(AnalogPin::Gp27, AnalogPin::Gp29)]
+        );
+        assert_eq!(
+            wanted.pins().collect::<Vec<_>>(),
+            [AnalogPin::Gp26, AnalogPin::Gp27, AnalogPin::Gp29]
         );
         let mut readings = AnalogReadings::NONE;
         readings.set_covariance(AnalogPin::Gp29, AnalogPin::Gp27, Some(4.0));
         let covariance_v2 = readings.covariance_v2(AnalogPin::Gp27, AnalogPin::Gp29);
         assert_eq!(covariance_v2, Some(4.0 * AdcCount(1.0).pin_voltage_v().powi(2)));
+    }
+
+    #[test]
+    fn a_voltage_that_was_there_for_a_part_of_the_tick_is_that_without_contact() {
+        let voltage = |without_contact: usize| {
+            let codes = (0..400).map(|index| if index < without_contact { 90 } else { 2500 });
+            Conversions::from_codes(codes).unwrap().voltage()
+        };
+        assert_eq!(voltage(5), AdcCount(90.0));
+        assert_eq!(voltage(399), AdcCount(90.0));
+        // Single conversions are noise.
+        assert_eq!(voltage(4), AdcCount((4.0 * 90.0 + 396.0 * 2500.0) / 400.0));
+        assert_eq!(voltage(0), AdcCount(2500.0));
     }
 
     proptest! {

@@ -26,8 +26,8 @@ pub async fn sample_batteries(
         timer_at(ticks.due()).await;
         let now = reading_end(ticks.due(), now());
         ticks.take(now);
-        let pairs = shared.with(|autopilot| autopilot.power_pins());
-        let readings = pins.read(now, pairs);
+        let wanted = shared.with(|autopilot| autopilot.wanted_readings());
+        let readings = pins.read(now, wanted);
         let mut sampling = shared.with(|autopilot| {
             let sampling = autopilot.begin_sampling(now, readings);
             for (pin, pull) in autopilot.pin_pulls() {

@@ -8,7 +8,7 @@ use rover_battmon::autopilot::{CrashLine, SAMPLING_INTERVAL_US, Start};
 use rover_battmon::battery::{Gap, PackEvent, PackNotice, ReadError, RetainedRecord};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
-use rover_battmon::sensor::{AnalogIn, AnalogPin, AnalogReadings, Conversions, PinPairs};
+use rover_battmon::sensor::{AnalogIn, AnalogPin, AnalogReadings, Conversions, WantedReadings};
 use rover_battmon::tasks::{
     CheckIn, Link, Shared, Watchdog, sample_batteries, schedule_telemetry, serve_link, supervise,
     write_frames,
@@ -28,12 +28,12 @@ use support::vehicle::{OnHost, TestedVehicle};
 struct Converter<F>(F);
 
 impl<F: FnMut(Instant) -> Option<u16>> AnalogIn for Converter<F> {
-    fn read(&mut self, until: rover_battmon::time::Instant, _: PinPairs) -> AnalogReadings {
+    fn read(&mut self, until: rover_battmon::time::Instant, _: WantedReadings) -> AnalogReadings {
         let milliseconds = until.as_micros().saturating_sub(SAMPLING_INTERVAL_US)..until.as_micros();
         let codes = milliseconds
             .step_by(1000)
             .map_while(|us| (self.0)(Instant::from_micros(us)));
-        let conversions = Conversions::from_codes(codes.collect::<Vec<_>>());
+        let conversions = Conversions::from_codes(codes.collect::<Vec<_>>().into_iter());
         let mut readings = AnalogReadings::NONE;
         readings.set(AnalogPin::Gp26, conversions.ok_or(ReadError::Timeout));
         readings

@@ -13,7 +13,7 @@ use rover_battmon::autopilot::{Autopilot, Start, Wiring};
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{
-    AnalogIn, AnalogReadings, BitTiming, DriverEnable, PinPairs, SerialSetup, Wires,
+    AnalogIn, AnalogReadings, BitTiming, DriverEnable, SerialSetup, WantedReadings, Wires,
 };
 use rover_battmon::tasks::{
     ByteSource, CheckIn, ReceiveError, SeenPulses, SerialLine, Shared, hand_over_pulses, sample_batteries,
@@ -122,7 +122,7 @@ impl SerialLine for Telemetry {
 struct NoConverter;
 
 impl AnalogIn for NoConverter {
-    fn read(&mut self, _: rover_battmon::time::Instant, _: PinPairs) -> AnalogReadings {
+    fn read(&mut self, _: rover_battmon::time::Instant, _: WantedReadings) -> AnalogReadings {
         AnalogReadings::failed(ReadError::Conversion)
     }
 }

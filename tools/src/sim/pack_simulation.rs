@@ -6,7 +6,7 @@ use embassy_time::{Duration, Instant};
 use rover_battmon::battery::ReadError;
 use rover_battmon::parameter::SimulationParameter;
 use rover_battmon::sensor::{
-    ADC_FULL_SCALE, ADC_REFERENCE_V, AnalogIn, AnalogPin, AnalogReadings, Conversions, PinPairs,
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AnalogIn, AnalogPin, AnalogReadings, Conversions, WantedReadings,
 };
 use rover_battmon::tasks::Shared;
 
@@ -165,12 +165,13 @@ impl<'a> SimulatedPackInput<'a> {
             let count = (mean_v + noise_v) / ADC_REFERENCE_V * full_scale + dither;
             count.clamp(0.0, full_scale) as u16
         });
-        Conversions::from_codes(codes).expect("there are some")
+        let codes: Vec<_> = codes.collect();
+        Conversions::from_codes(codes.into_iter()).expect("there are some")
     }
 }
 
 impl AnalogIn for SimulatedPackInput<'_> {
-    fn read(&mut self, _: rover_battmon::time::Instant, _: PinPairs) -> AnalogReadings {
+    fn read(&mut self, _: rover_battmon::time::Instant, _: WantedReadings) -> AnalogReadings {
         // Updates the pack, even if the ADC does not answer.
         let pack = self.pack.now();
         let fault = self.pack.fault();

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use rover_battmon::battery::ReadError;
 use rover_battmon::sensor::{
-    ADC_FULL_SCALE, ADC_REFERENCE_V, AnalogIn, AnalogPin, AnalogReadings, Conversions, PinPairs,
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AnalogIn, AnalogPin, AnalogReadings, Conversions, WantedReadings,
 };
 use rover_battmon::time::Instant;
 
@@ -59,7 +59,7 @@ impl Pins {
 }
 
 impl AnalogIn for &Pins {
-    fn read(&mut self, _: Instant, _: PinPairs) -> AnalogReadings {
+    fn read(&mut self, _: Instant, _: WantedReadings) -> AnalogReadings {
         if self.converter.get() == Converter::Stalled {
             return AnalogReadings::failed(ReadError::Timeout);
         }
