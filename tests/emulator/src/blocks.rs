@@ -45,6 +45,9 @@ impl SystemBus {
             return Ok(());
         }
         self.write_block(block, address & !3, replicated(value, width));
+        if drives_pins(block) {
+            self.observe_circuit();
+        }
         self.observe_pins();
         Ok(())
     }
@@ -176,6 +179,12 @@ impl SystemBus {
         let connection = spi_connection(&self.chip, self.spi1_pins);
         self.soc.spi1.set_pins(connection, self.now);
     }
+}
+
+/// Whether the levels at pins depend on its registers. Those of SIO are elsewhere, and a PIO goes on without being written to.
+fn drives_pins(block: &Block) -> bool {
+    matches!(block.model, Model::Own(Id::Pwm | Id::PowerState))
+        || matches!(block.base, RESETS_BASE | IO_BANK0_BASE | PADS_BANK0_BASE)
 }
 
 /// IO_BANK0 is the crate's but for the interrupts of core 0.

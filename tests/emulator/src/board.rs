@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::access_log::{BusErrorRecord, UnmodelledAccess};
-use super::adc::{AdcFault, AdcInput, Conversion};
+use super::adc::{AdcCurve, AdcFault, AdcInput, Conversion};
 use super::boot_rom;
 use super::bus::{SystemBus, Width};
+use super::circuit::Circuit;
 use super::clock::{Cycle, cycles, micros};
 use super::cpu::{Cpu, CpuState};
 use super::cyw43::Cyw43;
@@ -218,6 +219,25 @@ impl Board {
     /// Noise on the ADC inputs that are given as voltages: standard deviation in volts.
     pub fn adc_noise(&mut self, volts: f64) {
         self.bus.soc.adc.set_noise(volts);
+    }
+
+    /// The codes that the converter makes of voltages: those of the RP2040 at first.
+    pub fn adc_curve(&mut self, curve: AdcCurve) {
+        self.bus.soc.adc.set_curve(curve);
+    }
+
+    /// Connect a pack, and motors at H-bridges, to the board. What of it the converter sees is an [`AdcInput`] of each channel.
+    pub fn attach_circuit(&mut self, circuit: Circuit) {
+        self.bus.attach_circuit(circuit);
+    }
+
+    /// The circuit, at this moment. Panics without one.
+    pub fn circuit(&mut self) -> &mut Circuit {
+        let now = self.bus.now;
+        let circuit = self.bus.soc.adc.circuit.as_mut();
+        let circuit = circuit.unwrap_or_else(|| panic!("no circuit: use attach_circuit"));
+        circuit.advance(now);
+        circuit
     }
 
     pub fn adc_fault(&mut self, fault: AdcFault) {

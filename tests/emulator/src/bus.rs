@@ -113,6 +113,7 @@ impl SystemBus {
         self.soc.reset(now);
         self.unmodelled_registers.clear();
         self.connect_pins();
+        self.observe_circuit();
         self.observe_pins();
         self.reset_processor();
     }

@@ -18,6 +18,9 @@ const SIO_END: u32 = 0xd000_0180;
 const SYSTEM_CONTROL: u32 = 0xe;
 /// The levels of all pins (2.3.1.7).
 const SIO_GPIO_IN: u32 = 0xd000_0004;
+/// The levels that are put out, at which pins, and the aliases of both.
+const SIO_GPIO_OUT: u32 = 0xd000_0010;
+const SIO_GPIO_OE_XOR: u32 = 0xd000_002c;
 /// Writing the inter-core FIFO means starting core 1.
 const SIO_FIFO_WR: u32 = 0xd000_0054;
 const SIO_INTERPOLATORS: u32 = 0xd000_0080;
@@ -85,6 +88,9 @@ impl SystemBus {
         self.note_unmodelled_sio(address, Direction::Write);
         let value = super::bus::replicated(value, width);
         self.chip.sio.write(address & 0xffc, value);
+        if (SIO_GPIO_OUT..=SIO_GPIO_OE_XOR).contains(&(address & !3)) {
+            self.observe_circuit();
+        }
         self.observe_pins();
     }
 

@@ -92,6 +92,7 @@ mod bus;
 pub mod can;
 mod chip;
 mod chip_reset;
+pub mod circuit;
 mod clock;
 #[cfg(test)]
 mod clone_tests;
@@ -152,7 +153,7 @@ mod xip_cache;
 mod xip_control;
 
 pub use access_log::{BusErrorRecord, Direction, UnmodelledAccess};
-pub use adc::{AdcFault, AdcInput, Conversion, code_of_volts};
+pub use adc::{AdcCurve, AdcFault, AdcInput, Conversion, CurrentSensor, SensorRange, code_of_volts};
 pub use board::Board;
 pub use boot_loader::BootLoader;
 pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};

@@ -3,6 +3,7 @@
 use super::adc::VsysConnection;
 use super::bus::SystemBus;
 use super::chip::Chip;
+use super::circuit::{Circuit, PinSignal};
 use super::clock::{Cycle, NEVER};
 use super::cyw43::pins::{DATA, Wiring};
 use super::gpio::{BusLevels, PINS, PadState};
@@ -205,6 +206,18 @@ pub fn pin_drive(chip: &Chip, soc: &Soc, pin: usize, now: Cycle) -> PinDrive {
     }
 }
 
+/// What a pin is driven to as long as no register is written. Nothing is low: the inputs of bridges have pull-downs.
+fn pin_signal(chip: &Chip, soc: &Soc, pin: usize, now: Cycle) -> PinSignal {
+    match pin_drive(chip, soc, pin, now) {
+        PinDrive::Nothing => PinSignal::Level(false),
+        PinDrive::Level(level) => PinSignal::Level(level),
+        PinDrive::Pwm(_) => {
+            let (slice, channel) = soc.pwm.slice_of(pin);
+            PinSignal::Pwm { slice, channel }
+        }
+    }
+}
+
 /// What drives a pin that may be driven to a level.
 pub fn level_drive(level: Option<bool>) -> PinDrive {
     level.map_or(PinDrive::Nothing, PinDrive::Level)
@@ -239,6 +252,27 @@ impl SystemBus {
         });
         for (i2c, levels) in self.soc.i2cs.iter_mut().zip(lines) {
             i2c.drive_by_hand(levels);
+        }
+    }
+
+    pub(super) fn attach_circuit(&mut self, mut circuit: Circuit) {
+        circuit.begin(self.now);
+        self.soc.adc.circuit = Some(Box::new(circuit));
+        self.observe_circuit();
+    }
+
+    /// To be called whenever a register was written on which the levels at pins depend.
+    pub(super) fn observe_circuit(&mut self) {
+        if self.soc.adc.circuit.is_none() {
+            return;
+        }
+        // Until now it was as it was before.
+        self.advance_stream();
+        if let Some(mut circuit) = self.soc.adc.circuit.take() {
+            circuit.advance(self.now);
+            let signal = |pin| pin_signal(&self.chip, &self.soc, pin, self.now);
+            circuit.connect_inputs(|pins| pins.map(signal));
+            self.soc.adc.circuit = Some(circuit);
         }
     }
 

@@ -1,5 +1,6 @@
 //! What the converter sees at its inputs, and the code it makes of a voltage.
 
+use super::super::circuit::Circuit;
 use super::super::clock::{Cycle, micros};
 use super::super::random::Random;
 
@@ -23,6 +24,10 @@ pub enum AdcInput {
     Volts(f64),
     /// A code as a function of time.
     CodeAt(Box<dyn FnMut(u64) -> u16 + Send>),
+    /// This share of the voltage at the pack's terminals, by a divider ([`crate::Board::attach_circuit`]).
+    PackVoltage(f64),
+    /// The output of a sensor of the pack's current.
+    PackCurrent(CurrentSensor),
 }
 
 impl Clone for AdcInput {
@@ -30,6 +35,8 @@ impl Clone for AdcInput {
         match self {
             Self::Code(code) => Self::Code(*code),
             Self::Volts(volts) => Self::Volts(*volts),
+            Self::PackVoltage(share) => Self::PackVoltage(*share),
+            Self::PackCurrent(sensor) => Self::PackCurrent(*sensor),
             Self::CodeAt(_) => {
                 panic!("a board with a computed ADC input cannot be copied: set it on the copies")
             }
@@ -37,21 +44,102 @@ impl Clone for AdcInput {
     }
 }
 
+/// A current sensor with a voltage output.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentSensor {
+    pub volts_per_ampere: f64,
+    /// Its output without a current.
+    pub offset_v: f64,
+    pub range: SensorRange,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorRange {
+    /// Linear through zero, as a Hall sensor with half of its supply for 0 A is (ACS712).
+    BothWays,
+    /// A current into the pack shows as none, as with a shunt amplifier for one direction.
+    FromZero,
+}
+
+impl CurrentSensor {
+    fn volts(self, amperes: f64) -> f64 {
+        let shown = match self.range {
+            SensorRange::BothWays => amperes,
+            SensorRange::FromZero => amperes.max(0.0),
+        };
+        self.offset_v + self.volts_per_ampere * shown
+    }
+}
+
 impl AdcInput {
     /// What the converter reads when it samples at `now`.
-    pub fn sample(&mut self, now: Cycle, noise_volts: f64, random: &mut Random) -> u16 {
+    pub fn sample(&mut self, now: Cycle, circuit: Option<&mut Circuit>, digitizer: &mut Digitizer) -> u16 {
+        let terminals = || {
+            let circuit =
+                circuit.unwrap_or_else(|| panic!("an ADC input without a circuit: use attach_circuit"));
+            circuit.advance(now);
+            circuit.terminals()
+        };
         let volts = match self {
             Self::Code(code) => return *code,
             Self::CodeAt(code_at) => return code_at(micros(now)),
             Self::Volts(volts) => *volts,
+            Self::PackVoltage(share) => *share * terminals().volts,
+            Self::PackCurrent(sensor) => sensor.volts(terminals().amperes),
         };
-        let noise = if noise_volts > 0.0 {
-            noise_volts * random.gaussian()
+        digitizer.code(volts)
+    }
+}
+
+/// The way from a voltage to a code.
+#[derive(Clone)]
+pub struct Digitizer {
+    pub curve: AdcCurve,
+    /// Standard deviation.
+    pub noise_volts: f64,
+    random: Random,
+}
+
+impl Digitizer {
+    pub fn new(noise_seed: u64) -> Self {
+        Self {
+            curve: AdcCurve::Rp2040,
+            noise_volts: 0.0,
+            random: Random::new(noise_seed),
+        }
+    }
+
+    fn code(&mut self, volts: f64) -> u16 {
+        let noise = if self.noise_volts > 0.0 {
+            self.noise_volts * self.random.gaussian()
         } else {
             0.0
         };
-        code_of_volts(volts + noise)
+        self.curve.code(volts + noise)
     }
+}
+
+/// The codes that a converter makes of voltages.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AdcCurve {
+    /// With the four wide codes of erratum RP2040-E11.
+    #[default]
+    Rp2040,
+    /// All codes have the same width.
+    Ideal,
+}
+
+impl AdcCurve {
+    pub fn code(self, volts: f64) -> u16 {
+        match self {
+            Self::Rp2040 => code_of_volts(volts),
+            Self::Ideal => whole_code(volts / REFERENCE_VOLTS * f64::from(CODES)),
+        }
+    }
+}
+
+fn whole_code(steps: f64) -> u16 {
+    steps.clamp(0.0, f64::from(CODES - 1)) as u16
 }
 
 /// The transfer curve with erratum RP2040-E11.
@@ -70,7 +158,7 @@ pub fn code_of_volts(volts: f64) -> u16 {
         }
         code = (code - WIDE_CODE_EXCESS).max(wide);
     }
-    code.clamp(0.0, f64::from(CODES - 1)) as u16
+    whole_code(code)
 }
 
 #[cfg(test)]
@@ -110,6 +198,17 @@ mod tests {
     }
 
     #[test]
+    fn all_codes_of_the_ideal_curve_have_the_same_width() {
+        let step = REFERENCE_VOLTS / f64::from(CODES);
+        for code in [0, 1, 511, 512, 513, 2560, 4094, 4095] {
+            let middle = (f64::from(code) + 0.5) * step;
+            let codes = [-0.49, 0.0, 0.49].map(|steps| AdcCurve::Ideal.code(middle + steps * step));
+            assert_eq!(codes, [code; 3]);
+        }
+        assert_eq!([-0.1, 3.4].map(|volts| AdcCurve::Ideal.code(volts)), [0, 4095]);
+    }
+
+    #[test]
     fn the_error_stays_within_five_steps() {
         for tenth_mv in (0..33_000).step_by(7) {
             let volts = f64::from(tenth_mv) / 10_000.0;
@@ -121,10 +220,11 @@ mod tests {
 
     #[test]
     fn a_code_passes_exactly_and_noise_spreads_a_voltage() {
-        let mut random = Random::new(3);
-        assert_eq!(AdcInput::Code(2482).sample(0, 0.01, &mut random), 2482);
+        let mut digitizer = Digitizer::new(3);
+        digitizer.noise_volts = 0.005;
+        assert_eq!(AdcInput::Code(2482).sample(0, None, &mut digitizer), 2482);
         let mut input = AdcInput::Volts(2.0);
-        let codes: Vec<u16> = (0..100).map(|_| input.sample(0, 0.005, &mut random)).collect();
+        let codes: Vec<u16> = (0..100).map(|_| input.sample(0, None, &mut digitizer)).collect();
         assert!(codes.iter().any(|&code| code != codes[0]));
     }
 }

@@ -11,13 +11,14 @@ mod tests;
 
 use std::collections::VecDeque;
 
+use super::circuit::Circuit;
 use super::clock::{Cycle, NEVER};
-use super::random::Random;
 use super::register::{bit, field};
 pub use fault::AdcFault;
 use fault::Outcome;
 use fifo::SampleFifo;
-pub use input::{AdcInput, code_of_volts};
+use input::Digitizer;
+pub use input::{AdcCurve, AdcInput, CurrentSensor, SensorRange, code_of_volts};
 use pace::AdcTime;
 
 const CS_EN: u32 = 0;
@@ -94,8 +95,9 @@ pub struct Adc {
     vsys: VsysConnection,
     /// Where GP29 floats to while nothing is connected to it and nothing pulls it down.
     stray_volts: f64,
-    noise_volts: f64,
-    random: Random,
+    digitizer: Digitizer,
+    /// At the inputs that lead to one.
+    pub circuit: Option<Box<Circuit>>,
     fault: AdcFault,
     conversions: u64,
     record: VecDeque<Conversion>,
@@ -125,8 +127,8 @@ impl Adc {
             ],
             vsys: VsysConnection::OF_A_PICO,
             stray_volts: 0.0,
-            noise_volts: 0.0,
-            random: Random::new(noise_seed),
+            digitizer: Digitizer::new(noise_seed),
+            circuit: None,
             fault: AdcFault::None,
             conversions: 0,
             record: VecDeque::new(),
@@ -156,7 +158,11 @@ impl Adc {
 
     /// Noise at the inputs given as voltages, in volts (standard deviation).
     pub fn set_noise(&mut self, volts: f64) {
-        self.noise_volts = volts;
+        self.digitizer.noise_volts = volts;
+    }
+
+    pub fn set_curve(&mut self, curve: AdcCurve) {
+        self.digitizer.curve = curve;
     }
 
     /// A conversion that runs stalls as well, and one that has stalled ends at once.
@@ -216,9 +222,10 @@ impl Adc {
         match self.inputs.get_mut(channel) {
             Some(_) if channel == VSYS_CHANNEL && !self.vsys.is_connected => {
                 let floats = !self.vsys.is_pulled_down;
-                code_of_volts(if floats { self.stray_volts } else { 0.0 })
+                let volts = if floats { self.stray_volts } else { 0.0 };
+                self.digitizer.curve.code(volts)
             }
-            Some(input) => input.sample(now, self.noise_volts, &mut self.random) & 0xfff,
+            Some(input) => input.sample(now, self.circuit.as_deref_mut(), &mut self.digitizer) & 0xfff,
             None => 0,
         }
     }

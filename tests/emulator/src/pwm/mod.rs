@@ -12,7 +12,7 @@ mod tests;
 use super::clock::{Cycle, NEVER};
 use super::peripheral::Peripheral;
 use super::register::{RegisterWrite, bit};
-use slice::Slice;
+pub use slice::Slice;
 
 const SLICES: usize = 8;
 const SLICE_BYTES: u32 = 0x14;
@@ -45,6 +45,12 @@ impl Pwm {
     pub fn level(&self, pin: usize, now: Cycle) -> bool {
         let (slice, channel) = place(pin);
         self.slices[slice].at(now).level(channel)
+    }
+
+    /// The slice and the channel that lead to a pin, as they are now.
+    pub fn slice_of(&self, pin: usize) -> (Slice, usize) {
+        let (slice, channel) = place(pin);
+        (self.slices[slice], channel)
     }
 
     /// What the slice of a pin makes of the pin's output.

@@ -95,6 +95,22 @@ impl Slice {
         self.moment + (self.period() - self.elapsed).div_ceil(SIXTEENTHS)
     }
 
+    /// When the level of a channel may be another one than now: when the counter reaches the compare level, or wraps.
+    pub fn next_change(&self, channel: usize) -> Cycle {
+        let (counts, compare) = (self.latched.counts(), self.latched.of_channel(channel));
+        let never_changes = compare == 0 || compare >= counts;
+        if !self.is_enabled() || never_changes && self.written == self.latched {
+            return NEVER;
+        }
+        let reached = compare * self.divisor();
+        let change = if self.elapsed < reached && compare < counts {
+            reached
+        } else {
+            self.period()
+        };
+        self.moment + (change - self.elapsed).div_ceil(SIXTEENTHS)
+    }
+
     fn is_enabled(&self) -> bool {
         bit(self.csr, CSR_ENABLE)
     }

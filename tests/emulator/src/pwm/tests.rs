@@ -2,9 +2,10 @@
 
 use super::super::bench::*;
 use super::super::board::Board;
+use super::super::register::RegisterWrite;
 use super::super::thumb::idle_board;
-use super::PwmOutput;
 use super::slice::{CC, CSR, CTR, DIV, TOP};
+use super::{PwmOutput, Slice};
 
 const PWM: u32 = 0x4005_0000;
 const PWM_RESET: u32 = 1 << 14;
@@ -250,5 +251,51 @@ fn what_is_not_modelled_is_refused() {
             reason.contains("only a free-running counter upwards is"),
             "{reason}"
         );
+    }
+}
+
+/// Of slices that stand still, go on for ever, and take over another setting at the next wrap.
+#[test]
+fn the_next_change_of_a_level_is_known_ahead() {
+    let settings = [
+        (1, 99, 40),
+        (1, 99, 0),
+        (1, 99, 100),
+        (1, 99, 200),
+        (0, 99, 40),
+        (1, 7, 3),
+    ];
+    for (csr, top, compare) in settings {
+        for (div, count, later) in [
+            (ONE, 0, None),
+            (0x1c, 3, None),
+            (ONE, 5, Some(77)),
+            (ONE, 6, Some(0)),
+        ] {
+            let mut slice = Slice::after_reset(0);
+            let settings = [
+                (DIV, div),
+                (TOP, top),
+                (CC, compare << 16),
+                (CTR, count),
+                (CSR, csr),
+            ];
+            for (register, value) in settings.into_iter().chain(later.map(|level| (CC, level << 16))) {
+                slice.write(register, RegisterWrite::plain(value));
+            }
+            let level = |now| slice.at(now).level(1);
+            let mut change = slice.next_change(1);
+            for now in 1..1_000 {
+                let seen = slice.at(now);
+                assert!(now <= change, "{csr} {top} {compare} {div} {later:?}");
+                assert!(
+                    now == change || level(now) == level(now - 1),
+                    "unannounced at {now}"
+                );
+                if now == change {
+                    change = seen.next_change(1);
+                }
+            }
+        }
     }
 }
