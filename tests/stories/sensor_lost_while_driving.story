@@ -7,9 +7,9 @@ expect  2.1 low
 expect  2.1 says Battery 1 is low
  5.0  fail
 expect  9.5 turn
-expect 10.1 unhealthy
-expect 10.1 says Battery 1 is missing, last: 10.
-expect 10.4 brake
+expect 10.2 unhealthy
+expect 10.2 says Battery 1 is missing, last: 10.
+expect 10.5 brake
 12.0  work
 13.0  arm
 expect 14.0 turn
@@ -18,7 +18,7 @@ expect 14.0 turn
 expect 22.0 turn
 23.0  work
 30.0  fail
-expect 35.1 unhealthy
-expect 35.1 says Battery 1 is missing, last: 10.
-expect 35.4 brake
+expect 35.2 unhealthy
+expect 35.2 says Battery 1 is missing, last: 10.
+expect 35.5 brake
 end 38
