@@ -9,6 +9,7 @@ mod bus_packs;
 mod can;
 mod crash;
 mod debugger;
+mod driven_pack;
 mod examples;
 mod faults;
 mod firmware_hash;

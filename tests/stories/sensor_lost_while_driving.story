@@ -2,9 +2,10 @@
 param BATT_LOW_VOLT 10.5
 param BATT_LOW_TIMER 2
 param BATT_FS_UNH_ACT 2
- 0.0  voltage 10.4 current 5 arm
-expect  2.1 low
-expect  2.1 says Battery 1 is low
+ 0.0  voltage 10.4 current 5
+ 0.3  arm
+expect  2.4 low
+expect  2.4 says Battery 1 is low
  5.0  fail
 expect  9.5 turn
 expect 10.2 unhealthy

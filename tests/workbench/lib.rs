@@ -8,6 +8,7 @@ pub mod i2c_bus;
 pub mod log_flash;
 pub mod log_records;
 pub mod program;
+pub mod rover_circuit;
 pub mod runs;
 pub mod signing_key;
 pub mod starts;
