@@ -15,7 +15,8 @@ import shutil
 import subprocess
 import sys
 
-from size_report import symbols, usage
+from elf import symbols
+from size_report import usage
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
 PAGE = REPOSITORY / "docs/extending.md"

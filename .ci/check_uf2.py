@@ -6,10 +6,11 @@ Usage: check_uf2.py ELF UF2
 import struct
 import sys
 
+from elf import flash_segments
+
 BLOCK = struct.Struct("<8I476sI")
 MAGIC = (0x0A324655, 0x9E5D5157, 0x0AB16F30)
 RP2040_FAMILY = 0xE48BFF56
-PT_LOAD = 1
 
 
 def uf2_image(data):
@@ -21,16 +22,6 @@ def uf2_image(data):
         assert family == RP2040_FAMILY, f"family {family:#x}"
         image.update((address + i, payload[i]) for i in range(length))
     return image
-
-
-def flash_segments(elf):
-    """Load address and bytes of each segment that lies in flash."""
-    table, = struct.unpack_from("<I", elf, 0x1C)
-    entry_size, count = struct.unpack_from("<HH", elf, 0x2A)
-    for i in range(count):
-        kind, offset, _, address, size, *_ = struct.unpack_from("<8I", elf, table + i * entry_size)
-        if kind == PT_LOAD and size:
-            yield address, elf[offset : offset + size]
 
 
 def main():

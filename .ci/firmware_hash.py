@@ -6,7 +6,7 @@ Usage: firmware_hash.py ELF
 import sys
 import zlib
 
-from check_uf2 import flash_segments
+from elf import flash_segments
 
 
 def main():
