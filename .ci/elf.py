@@ -43,3 +43,9 @@ def flash_segments(elf):
         kind, offset, _, address, size, *_ = struct.unpack_from("<8I", elf, table + i * entry_size)
         if kind == PT_LOAD and size:
             yield address, elf[offset : offset + size]
+
+
+def flash_regions(elf):
+    """Name and addresses of each region of flash that the firmware has, by the symbols of `memory.x`."""
+    values = dict(symbols(elf))
+    return {name: range(values[f"_{name}_start"], values[f"_{name}_end"]) for name in ("program", "constants")}

@@ -19,6 +19,8 @@ unsafe extern "C" {
     static __sidata: u32;
     static __sdata: u32;
     static __edata: u32;
+    static __sconstants: u32;
+    static __econstants: u32;
 }
 
 /// Address range of the main stack.
@@ -31,15 +33,16 @@ pub fn program_code() -> Range<u32> {
     address(&raw const __stext)..address(&raw const __etext)
 }
 
-/// Address ranges of the whole program in flash: boot loader, vectors and code; constants; initial values of variables. What is
-/// between these parts is up to the one who flashes it.
-pub(super) fn program_image() -> [Range<u32>; 3] {
+/// Address ranges of the whole program in flash: boot loader, vectors and code; constants; initial values of variables; files
+/// that are served. What is between these parts is up to the one who flashes it, or kept over an update.
+pub(super) fn program_image() -> [Range<u32>; 4] {
     let values = address(&raw const __sidata);
     let value_bytes = address(&raw const __edata) - address(&raw const __sdata);
     [
         address(FLASH_BASE)..address(&raw const __etext),
         address(&raw const __srodata)..address(&raw const __erodata),
         values..values + value_bytes,
+        address(&raw const __sconstants)..address(&raw const __econstants),
     ]
 }
 
@@ -48,7 +51,7 @@ fn address(symbol: *const u32) -> u32 {
 }
 
 /// The parts of the program that runs, as they are in flash.
-pub fn program() -> [&'static [u32]; 3] {
+pub fn program() -> [&'static [u32]; 4] {
     program_image().map(|part| {
         let words = part.len() / size_of::<u32>();
         // SAFETY: all of it is in flash, which can be read whenever code runs, and nothing writes to this part of it. The

@@ -47,8 +47,8 @@ pub struct Identity {
     pub firmware_hash: Option<FirmwareHash>,
 }
 
-/// The CRC-32 (IEEE 802.3, as zlib's) of a program as it is in flash: boot loader, code, constants and the initial values of
-/// variables, without any padding.
+/// The CRC-32 (IEEE 802.3, as zlib's) of a program as it is in flash: boot loader, code, constants, the initial values of
+/// variables and the files that are served, without any padding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FirmwareHash(u32);
 

@@ -1,6 +1,11 @@
 //! Descriptions of the parameters for ground stations, by MAVLink's component metadata: files that are part of the firmware.
 //! `docs/parameters.json` is what they are made of.
 
+use crate::memory::flash_map::constant_file;
+
+constant_file!(GENERAL, "../../docs/general.json");
+constant_file!(PARAMETERS, "../../docs/parameters.json.xz");
+
 /// A file that ground stations read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DescriptionFile {
@@ -25,8 +30,8 @@ impl DescriptionFile {
     /// Its bytes.
     pub const fn content(self) -> &'static [u8] {
         match self {
-            Self::General => include_bytes!("../../docs/general.json"),
-            Self::Parameters => include_bytes!("../../docs/parameters.json.xz"),
+            Self::General => &GENERAL,
+            Self::Parameters => &PARAMETERS,
         }
     }
 }

@@ -2,11 +2,13 @@
 
 use core::ops::Range;
 
+use crate::memory::flash_map;
+
 /// Bytes of a sector, the least that flash erases.
 pub const SECTOR_BYTES: u32 = 4096;
 
-/// Sectors that a ring has at most: what is free in 2 MiB of flash.
-pub const MAX_SECTORS: u32 = 310;
+/// Sectors that a ring has at most: those of a board's log.
+pub const MAX_SECTORS: u32 = (flash_map::LOG.end - flash_map::LOG.start) / SECTOR_BYTES;
 
 /// The sectors of a ring.
 ///

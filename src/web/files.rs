@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::memory::flash_map::constant_file;
+
 /// A file that is part of the program, compressed.
 #[derive(Clone, Copy, Debug)]
 pub struct File {
@@ -37,13 +39,10 @@ const fn gzip_checksum(content: &[u8]) -> u32 {
 }
 
 /// The page.
-pub const PAGE: File = file(
-    include_bytes!("../../web/page.html.gz"),
-    "text/html; charset=utf-8",
-);
+pub const PAGE: File = file(&PAGE_CONTENT, "text/html; charset=utf-8");
 
 /// The descriptions of the parameters.
-pub const PARAMETERS: File = file(
-    include_bytes!("../../docs/parameters.json.gz"),
-    "application/json",
-);
+pub const PARAMETERS: File = file(&PARAMETERS_CONTENT, "application/json");
+
+constant_file!(PAGE_CONTENT, "../../web/page.html.gz");
+constant_file!(PARAMETERS_CONTENT, "../../docs/parameters.json.gz");

@@ -9,9 +9,6 @@ use workbench::bench::PARAMETER_OFFSET;
 
 const CHIP_BYTES: usize = 2 * 1024 * 1024;
 
-/// The program is in front of this (memory.x), everything that the firmware stores behind it.
-pub const PROGRAM_BYTES: usize = 760 * 1024;
-
 pub struct FlashFile {
     path: Option<PathBuf>,
     /// The whole chip.

@@ -25,7 +25,7 @@ use clap::Parser;
 
 use can::CanAdapter;
 use emulator::{Board, code_of_volts};
-use flash_file::{FlashFile, PROGRAM_BYTES};
+use flash_file::FlashFile;
 use pace::Pace;
 use port::Port;
 use support::motor_poles::motors;
@@ -108,8 +108,7 @@ fn run(arguments: Arguments) -> Result<(), String> {
     let name = arguments.flash.clone().unwrap_or_default();
     let failed = |error: io::Error| format!("Can't use the flash file {}: {error}", name.display());
     let mut file = FlashFile::open(arguments.flash.map(|file| repository().join(file))).map_err(failed)?;
-    let stored = &file.content[PROGRAM_BYTES..];
-    let mut board = Bench::power_up_with_flash(code_of_volts(PACK_V / DIVIDER), PROGRAM_BYTES as u32, stored);
+    let mut board = Bench::power_up_updated(code_of_volts(PACK_V / DIVIDER), &file.content);
     if wifi.is_some() {
         board.attach_wifi();
     }

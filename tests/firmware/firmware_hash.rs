@@ -77,18 +77,21 @@ fn it_is_logged_soon_and_does_not_delay_the_start() {
 
 #[test]
 fn a_single_bit_changes_it() {
-    // Of a text that is sent after crashes only.
-    let text = b"called from";
-    let mut changed = parts().clone();
-    let mut places = changed.iter_mut().filter_map(|(offset, bytes)| {
-        let at = bytes.windows(text.len()).position(|window| window == text)?;
-        Some((*offset + at as u32, &mut bytes[at]))
-    });
-    let (offset, byte) = places.next_back().expect("the firmware has it");
-    *byte ^= 1;
-    let bench = Bench::power_up_with_flash(DIVIDER_CODE, offset, &[*byte]);
-    assert_ne!(hash_of(&changed), hash_of(parts()));
-    assert_eq!(reported(bench), hash_of(&changed));
+    // Of a text that is sent after crashes only, and of a file that is served.
+    for text in ["called from", "mftp://parameters"] {
+        let mut changed = parts().clone();
+        let mut places = changed.iter_mut().filter_map(|(offset, bytes)| {
+            let at = bytes
+                .windows(text.len())
+                .position(|window| window == text.as_bytes())?;
+            Some((*offset + at as u32, &mut bytes[at]))
+        });
+        let (offset, byte) = places.next_back().expect("the firmware has it");
+        *byte ^= 1;
+        let bench = Bench::power_up_with_flash(DIVIDER_CODE, offset, &[*byte]);
+        assert_ne!(hash_of(&changed), hash_of(parts()));
+        assert_eq!(reported(bench), hash_of(&changed), "{text}");
+    }
 }
 
 #[test]

@@ -6,7 +6,9 @@ import zlib
 KIB = 1024
 CHIP_BYTES = 2048 * KIB
 # src/memory/flash_map.rs: the program is in front of the log.
-LOG_START, LOG_END = 768 * KIB, 2008 * KIB
+LOG_START, LOG_END = 840 * KIB, 2008 * KIB
+# tools/src/sim/flash.rs: the simulator has nothing of what is in front of it in its flash file.
+IMAGE_START = 768 * KIB
 SECTOR_BYTES, FRONT_BYTES = 4 * KIB, 32
 SECTORS = (LOG_END - LOG_START) // SECTOR_BYTES
 BLANK = b"\xff"
@@ -54,6 +56,11 @@ def ring_with(files, first_sequence, erased):
         mark = struct.pack("<I", ready)
         put(ready, 16, mark + struct.pack("<I", checksum(b"ERS1" + mark)))
     return bytes(ring)
+
+
+def ring_of(content):
+    """The bytes of the ring in a flash file, of a board or of the simulator: both end where the chip ends."""
+    return content[len(content) - (CHIP_BYTES - LOG_START) :][: LOG_END - LOG_START]
 
 
 def chip_with(ring):

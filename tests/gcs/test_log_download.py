@@ -62,7 +62,7 @@ class Vehicle:
         self.kind, self.folder, self.flash = kind, folder, folder / "flash"
         chip = log_ring.chip_with(ring)
         # The simulator has no program in its chip.
-        self.flash.write_bytes(chip if kind == "board" else chip[log_ring.LOG_START :])
+        self.flash.write_bytes(chip if kind == "board" else chip[log_ring.IMAGE_START :])
         self.switch_on()
 
     def switch_on(self):
@@ -82,8 +82,7 @@ class Vehicle:
 
     def ring(self):
         """The bytes of the ring in the flash file."""
-        start = log_ring.LOG_START if self.kind == "board" else 0
-        return self.flash.read_bytes()[start : start + log_ring.LOG_END - log_ring.LOG_START]
+        return log_ring.ring_of(self.flash.read_bytes())
 
 
 class Drive:
@@ -479,7 +478,7 @@ def test_the_simulator_copies_its_logs_into_a_folder(start_simulator, tmp_path):
         assert simulator.interrupt()[0] == 0
         files = [path.read_bytes() for path in sorted(folder.iterdir())]
         assert [path.name for path in sorted(folder.iterdir())] == ["00000001.BIN", "00000002.BIN"][:run]
-        assert files == list(log_ring.read_files(flash.read_bytes()[: log_ring.LOG_END - log_ring.LOG_START]).values())
+        assert files == list(log_ring.read_files(log_ring.ring_of(flash.read_bytes())).values())
 
 
 def test_a_log_folder_that_can_not_be_one_is_refused(tmp_path):

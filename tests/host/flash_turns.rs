@@ -10,6 +10,7 @@ use rover_battmon::autopilot::{SamplingProgress, Start};
 use rover_battmon::battery::RetainedRecord;
 use rover_battmon::memory::flash_map;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
+use rover_battmon::recorder::MAX_SECTORS;
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::tasks::{Shared, Storages, now};
 use rover_battmon::wifi::Radio;
@@ -130,16 +131,27 @@ fn a_parameter_is_saved_at_once_while_the_log_erases_ahead() {
 
 /// Erases of the sectors of a range.
 fn erases(flash: &SimulatedFlash, range: Range<u32>) -> Vec<u32> {
-    let sectors = [range.start, range.end].map(|at| (at - flash_map::LOG.start) / flash_map::SECTOR_BYTES);
-    flash.chip().erases[sectors[0] as usize..sectors[1] as usize].to_vec()
+    let erases = &flash.chip().erases;
+    let place = |at| erases.len() - ((flash_map::CHIP_BYTES - at) / flash_map::SECTOR_BYTES) as usize;
+    erases[place(range.start)..place(range.end)].to_vec()
 }
+
+/// A chip whose log is filled with this byte.
+fn with_log_of(byte: u8) -> SimulatedFlash {
+    let mut flash = SimulatedFlash::blank();
+    let filled = vec![byte; flash_map::LOG.len()];
+    block_on(flash.write(flash_map::LOG.start, &filled)).expect("it is blank");
+    flash
+}
+
+/// All that can be erased ahead: one remains for the next lap.
+const SECTORS_AHEAD: u64 = MAX_SECTORS as u64 - 1;
 
 #[test]
 fn sectors_of_the_log_are_prepared_once_and_blank_ones_are_not_erased() {
-    for (byte, expected) in [(0xff, 0), (0, 309)] {
-        let flash = SimulatedFlash::blank();
-        flash.chip().region()[..flash_map::LOG.len()].fill(byte);
-        for (erased, marked) in [(expected, 309), (0, 0)] {
+    for (byte, expected) in [(0xff, 0), (0, SECTORS_AHEAD)] {
+        let flash = with_log_of(byte);
+        for (erased, marked) in [(expected, SECTORS_AHEAD), (0, 0)] {
             let before = flash.chip().operations();
             let a_minute = async |_: &Vehicle| Timer::after_secs(60).await;
             run_with(Parameters::defaults(), &flash, a_minute);
@@ -153,8 +165,7 @@ fn sectors_of_the_log_are_prepared_once_and_blank_ones_are_not_erased() {
 
 #[test]
 fn the_log_of_an_armed_rover_is_not_erased() {
-    let flash = SimulatedFlash::blank();
-    flash.chip().region()[..flash_map::LOG.len()].fill(0);
+    let flash = with_log_of(0);
     run_with(Parameters::defaults(), &flash, async |vehicle| {
         Timer::after_secs(1).await;
         vehicle.ask(&arm_by_force());

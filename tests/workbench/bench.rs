@@ -153,6 +153,16 @@ impl Bench {
         Self::with_firmware(code, firmware().with_flash(offset, bytes), seed)
     }
 
+    /// Switches on a board whose flash holds the release firmware and, of a chip with this content, all that outlasts an update.
+    pub fn power_up_updated(code: u16, chip: &[u8]) -> Self {
+        let kept = [flash_map::WIFI, flash_map::LOG.start..flash_map::CHIP_BYTES];
+        let firmware = kept.into_iter().fold(firmware().clone(), |firmware, range| {
+            let content = &chip[range.start as usize..range.end as usize];
+            firmware.with_flash(range.start, content)
+        });
+        Self::with_firmware(code, firmware, 1)
+    }
+
     /// The seed decides what garbage is in RAM at power-up, and the noise at the converter.
     pub fn power_up_seeded(code: u16, seed: u64) -> Self {
         Self::with_firmware(code, firmware().clone(), seed)

@@ -29,7 +29,7 @@ impl LogFlash {
     /// A full ring: two small files, then large ones, and nine sectors that are erased ahead.
     pub fn full() -> Self {
         let mut flash = Self::erased_ahead();
-        for (seed, sectors) in (1..).zip([20, 20, 60, 50, 50, 50, 50]) {
+        for (seed, sectors) in (1..).zip([20, 20, 42, 50, 50, 50, 50]) {
             flash.add(&noise(seed, sectors));
         }
         flash

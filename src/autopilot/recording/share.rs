@@ -1,13 +1,13 @@
 //! Shares of packs in the log, and of drives in the ring.
 //!
 //! Half of the ring is kept erased for the next drive, and the oldest files go for that. A drive that was longer stays while
-//! a fifth is free; so a file takes at most four fifths, which is an hour, and the log goes on at the next arming.
+//! a fifth is free; so a file takes at most four fifths, which is nearly an hour, and the log goes on at the next arming.
 
 use crate::recorder::{LogFile, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 use crate::time::Instant;
 
-/// Share of the packs' records in the log, in bytes per sampling tick: 250 bytes per second, which three quarters of
-/// the ring hold for more than an hour.
+/// Share of the packs' records in the log, in bytes per sampling tick: 250 bytes per second, which four fifths of the ring
+/// hold for an hour.
 const BYTES_PER_TICK: i16 = 25;
 
 /// Records that may follow at once after a pause.

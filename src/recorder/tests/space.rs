@@ -187,7 +187,7 @@ fn ring_goes_round_for_many_laps_and_wears_evenly() {
 
 #[test]
 fn boards_ring_lists_its_newest_files() {
-    let mut recorder = Recorder::<310>::with_erased(310);
+    let mut recorder = Recorder::<{ MAX_SECTORS as usize }>::with_erased(MAX_SECTORS);
     for seed in 0..100 {
         recorder.record(&bytes(seed, 1 + seed as usize * 97));
     }

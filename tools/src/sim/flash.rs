@@ -1,4 +1,4 @@
-//! Simulated flash chip from the log on ([`flash_map`]), in memory and optionally in a file.
+//! Simulated flash chip behind Wi-Fi's networks ([`flash_map`]), in memory and optionally in a file.
 
 use std::cell::RefMut;
 use std::ffi::OsString;
@@ -15,8 +15,9 @@ use nor_flash::{FlashModel, Reprogramming, SharedFlash};
 use rover_battmon::memory::flash_map;
 use rover_battmon::recorder::{LogSource, ReadFailed};
 
-/// The image has neither the program nor what only a board with a radio stores.
-const IMAGE: Range<u32> = flash_map::LOG.start..flash_map::CHIP_BYTES;
+/// The image has neither the program nor what only a board with a radio stores. It begins where the program's constants are on a
+/// board, as the log did once: files of that time are still read.
+const IMAGE: Range<u32> = flash_map::CONSTANTS.start..flash_map::CHIP_BYTES;
 const IMAGE_BYTES: usize = (IMAGE.end - IMAGE.start) as usize;
 
 const SECTOR_BYTES: usize = flash_map::SECTOR_BYTES as usize;
@@ -300,9 +301,16 @@ mod tests {
     }
 
     #[test]
+    fn a_file_of_the_time_when_the_log_began_further_ahead_is_read() {
+        let folder = Folder::new();
+        fs::write(folder.image(), [ERASED; 1280 * 1024]).unwrap();
+        assert!(folder.open().is_ok());
+    }
+
+    #[test]
     fn program_and_what_is_beyond_the_chip_are_outside() {
         let mut flash = SimulatedFlash::open(None).unwrap();
-        for address in [0, LOG - 1, flash_map::CHIP_BYTES] {
+        for address in [0, IMAGE.start - 1, flash_map::CHIP_BYTES] {
             assert!(block_on(flash.read(address, &mut [0; 4])).is_err());
             assert!(block_on(flash.write(address, &[0])).is_err());
         }
@@ -316,7 +324,8 @@ mod tests {
         block_on(flash.write(LOG + 3, &[7])).unwrap();
         let mut image = Vec::new();
         before.read_to_end(&mut image).unwrap();
-        assert_eq!((image.len(), image[3]), (IMAGE_BYTES, 7), "the same file");
+        let logged = image[place(LOG + 3..LOG + 4).unwrap().start];
+        assert_eq!((image.len(), logged), (IMAGE_BYTES, 7), "the same file");
         block_on(flash.write(PARAMETER, &[8])).unwrap();
         assert_eq!((in_image(&folder, LOG + 3), in_image(&folder, PARAMETER)), (7, 8));
         block_on(flash.erase(LOG, LOG + flash_map::SECTOR_BYTES)).unwrap();
