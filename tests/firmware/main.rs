@@ -40,6 +40,7 @@ mod telemetry;
 mod thermometer;
 mod time_wrap;
 mod torqeedo;
+mod update;
 mod usb;
 mod wheels;
 mod wifi;

@@ -1,6 +1,7 @@
 //! The board in another network: joined, lost, found again, and its own network instead.
 
 use super::ground::{Ground, UDP_PORT};
+use crate::update::updated;
 use emulator::RadioFault;
 use emulator::air::dhcp_server::DhcpAnswers;
 use emulator::air::laptop::Laptop;
@@ -160,4 +161,20 @@ fn a_network_that_gives_no_address_is_announced_once() {
     let text = "Wi-Fi network gives no address";
     assert_eq!(said.iter().filter(|said| *said == text).count(), 1, "{said:?}");
     ground.assert_not_reset();
+}
+
+#[test]
+fn its_networks_are_kept_over_an_update() {
+    let mut bench = updated();
+    bench.attach_wifi();
+    let mut ground = Ground::around(bench);
+    switch_router_on(&mut ground);
+    ground.run_for(8 * SECOND);
+    assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
+
+    switch_router_off(&mut ground);
+    ground.run_for(60 * SECOND);
+    ground.wait_for_network(30 * SECOND);
+    let password = ground.credentials().passphrase;
+    assert_eq!(password.as_deref(), Some("the rover's password"));
 }
