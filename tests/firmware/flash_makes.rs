@@ -73,7 +73,7 @@ fn a_chip_whose_id_is_unique_in_16_bytes_only_gives_each_board_an_id_of_its_own(
         let mut bench = running_with(FlashMake {
             jedec_id,
             unique_id,
-            fixed_status_2: 0,
+            ..FlashMake::w25q16jv([0; 8])
         });
         board_id(&mut bench)
     };

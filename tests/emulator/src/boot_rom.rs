@@ -11,9 +11,11 @@ use rp2040_emu::core::CoreBus;
 use super::boot_loader::reset_to_usb_boot;
 use super::bus::SystemBus;
 use super::clock::Cycle;
+use super::firmware::SECOND_STAGE_BYTES;
 use super::flash::{Job, Step, transfer_cycles};
 use super::memory::ROM_SIZE;
 use super::rom_floats::FloatRoutine;
+use super::ssi::Ssi;
 
 /// Where the ROM says what it is and where its tables are (2.8.3.1).
 const MAGIC: usize = 0x10;
@@ -40,6 +42,12 @@ pub const WAIT_FOR_FLASH: u32 = TRAPS + 2 * (1 + FUNCTIONS.len() as u32);
 /// Code for a test to derail the processor into.
 pub const BRANCH_TO_SELF: u32 = 0x0300;
 pub const UNDEFINED_INSTRUCTION: u32 = 0x0304;
+
+/// The second stage in RAM, as the boot ROM has copied it.
+pub const SECOND_STAGE: u32 = 0x2004_1f00;
+/// The boot ROM's code that starts it, with LR = 0, as nothing has called it.
+pub const START_SECOND_STAGE: u32 = 0x0310;
+const START_SECOND_STAGE_CODE: [u16; 4] = [0x4801, 0x2100, 0x468e, 0x4700];
 
 /// Where the boot ROM sleeps until the watchdog resets the chip, and in its USB boot loader.
 pub const WAIT_FOR_RESET: u32 = 0x0308;
@@ -109,6 +117,15 @@ pub fn image() -> Vec<u8> {
     }
     put(BRANCH_TO_SELF as usize, B_SELF);
     put(UNDEFINED_INSTRUCTION as usize, UDF);
+    for (place, instruction) in (START_SECOND_STAGE as usize..)
+        .step_by(2)
+        .zip(START_SECOND_STAGE_CODE)
+    {
+        put(place, instruction);
+    }
+    let entry = SECOND_STAGE | 1;
+    put(START_SECOND_STAGE as usize + 8, entry as u16);
+    put(START_SECOND_STAGE as usize + 10, (entry >> 16) as u16);
     for sleep in [WAIT_FOR_RESET, USB_BOOT] {
         put(sleep as usize, WFI);
         put(sleep as usize + 2, B_PREVIOUS);
@@ -130,6 +147,13 @@ fn is_function_of_rom(pc: u32) -> bool {
 fn float_routine_at(pc: u32) -> Option<FloatRoutine> {
     let number = pc.checked_sub(FLOAT_TRAPS)? / 2;
     FloatRoutine::ALL.get(number as usize).copied()
+}
+
+/// Whether what is at an address is executed after a reset and before the program.
+pub fn starts_program(pc: u32) -> bool {
+    let rom = START_SECOND_STAGE..START_SECOND_STAGE + 2 * START_SECOND_STAGE_CODE.len() as u32;
+    let second_stage = SECOND_STAGE..SECOND_STAGE + SECOND_STAGE_BYTES as u32;
+    pc == WAIT_FOR_FLASH || rom.contains(&pc) || second_stage.contains(&pc)
 }
 
 /// Whether what is at an address goes on only at a later moment, unless there is an interrupt.
@@ -260,14 +284,14 @@ fn run(function: &RomFunction, pc: u32, arguments: [u32; 4], bus: &mut SystemBus
         // The pads lead to the flash chip all the time.
         b"IF" => (a, FLASH_FUNCTION_CYCLES),
         b"EX" => {
-            bus.soc.ssi.set_up_for_commands();
+            bus.soc.set_up_flash(Ssi::set_up_for_commands, bus.now);
             if !has_worked(bus, pc, EXIT_XIP_CYCLES) {
                 return None;
             }
             (a, FLASH_FUNCTION_CYCLES)
         }
         b"CX" => {
-            bus.soc.ssi.set_up_for_reads();
+            bus.soc.set_up_flash(Ssi::set_up_for_serial_reads, bus.now);
             (a, FLASH_FUNCTION_CYCLES)
         }
         b"FC" => {

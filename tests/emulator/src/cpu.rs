@@ -240,6 +240,7 @@ impl Cpu {
         let in_thread_mode = self.active_exception() == 0;
         if let Some(address) = self.derailment
             && in_thread_mode
+            && !boot_rom::starts_program(self.core.regs.pc())
             && self.core.regs.primask & 1 == 0
         {
             self.derailment = None;

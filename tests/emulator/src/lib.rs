@@ -24,17 +24,19 @@
 //!
 //! The flash chip is a W25Q16JV, erased and programmed through the boot ROM functions with the time
 //! that takes ([`FlashTiming`]), during which the processor waits and everything else goes on. Its
-//! contents outlast resets and power cycles. The copy of the second stage that a driver calls in
-//! RAM is executed as it is, against the registers of XIP_SSI. The power can be cut at any operation
+//! contents outlast resets and power cycles. The second stage is executed as it is, at each start and by a driver that calls
+//! a copy in RAM, against the registers of XIP_SSI: chips of other makes ([`FlashMake`]) leave the factory without quad
+//! reads, and are given them by different commands or by none. The power can be cut at any operation
 //! ([`Board::cut_power_at_flash_operation`], [`FlashCut`]), sectors can be worn out, contents be
 //! changed from outside. Misuse that would damage data or stop a real chip is a panic that says what
 //! it is: arguments that are not aligned or not in flash, a ROM function without `flash_exit_xip`,
-//! and flash read by processor or DMA while it is busy, not set up for reads, or not flushed from
+//! and flash read by processor or DMA while it is busy, not set up for reads that the chip knows, or not flushed from
 //! the cache.
 //!
 //! The ROM's routines for singles that firmware calls give what the ROM gives, bit for bit, after the
 //! cycles that it takes on average, which count as instructions. The cache in front of the flash holds
-//! what one of its size would: for what it misses the processor waits 56 cycles.
+//! what one of its size would: for what it misses the processor waits as long as the line's bits take, at the divider that
+//! is set, on one wire (03h) or on four (continuous EBh).
 //!
 //! [`Board::attach_wifi`] makes the board a Pico W: a CYW43439 at the pins of PIO0, on which the driver loads its program and
 //! brings up an access point or joins a network ([`cyw43`] says what of it is modelled). Frames from and to the air are the test's,
@@ -57,7 +59,7 @@
 //! * PWM: interrupts, the DMA request, input modes, phase steps, phase-correct counting and inverted outputs; using them is a panic.
 //! * Forced interrupts of TIMER, IO_BANK0, PIO and DMA, the DMA's second interrupt and byte swap, TIMER written or paused by
 //!   its registers, the boot ROM's functions for bits and for filling memory: a panic, too.
-//! * Flash: the time of the bytes on its serial wires (some 20 µs a page), cells that read
+//! * Flash: the time of the bytes on its serial wires (some 20 µs a page, and some µs of a second stage), cells that read
 //!   differently from one time to the next after a torn operation, cells that hold their charge for
 //!   a short time only, wear by itself, commands sent through XIP_SSI other than those of a second
 //!   stage, streaming through XIP_CTRL (asynchronous reads). IO_QSPI and PADS_QSPI only store what
@@ -160,7 +162,9 @@ pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 pub use cpu::CpuState;
 pub use cyw43::{AccessPoint, ChipPart, Cyw43, Network, RadioFault};
 pub use firmware::Firmware;
-pub use flash::{FlashCut, FlashMake, FlashOperation, FlashOperationKind, FlashTiming};
+pub use flash::{
+    FlashCut, FlashMake, FlashOperation, FlashOperationKind, FlashTiming, Status2Write, StatusWrite,
+};
 pub use gpio::PinWire;
 pub use i2c::{Ack, I2c, I2cDevice, I2cDirection, I2cTransaction, devices as i2c_devices};
 pub use log::{LogLevel, LogLine};

@@ -2,12 +2,14 @@
 
 use super::board::Board;
 use super::boot_loader::{WatchdogBoot, take_watchdog_boot};
-use super::boot_rom::WAIT_FOR_FLASH;
+use super::boot_rom::{SECOND_STAGE, START_SECOND_STAGE, WAIT_FOR_FLASH};
 use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::micros;
 use super::cpu::Cpu;
-use super::memory::FLASH_BASE;
+use super::firmware::{SECOND_STAGE_BYTES, has_second_stage};
+use super::memory::{FLASH_BASE, RAM_BASE};
 use super::random::Random;
+use super::ssi::Ssi;
 use super::watchdog::WatchdogReset;
 
 /// Why the chip was reset.
@@ -33,10 +35,9 @@ pub struct ResetRecord {
     pub cause: ResetCause,
 }
 
-/// RAM the boot ROM uses before it starts the firmware, as offsets: its stack and the second stage
-/// at 0x20041f00 to 0x20042000.
-const BOOT_ROM_RAM: std::ops::Range<usize> = 0x4_1f00..0x4_2000;
-/// Where the second stage finds the firmware's vector table.
+/// RAM the boot ROM copies the second stage to, as offsets. Its stack lies below, as its vector table says.
+const BOOT_ROM_RAM: std::ops::Range<usize> = (SECOND_STAGE - RAM_BASE) as usize..0x4_2000;
+/// The program's vector table, behind the second stage.
 const VECTOR_TABLE: u32 = FLASH_BASE + 0x100;
 
 impl Board {
@@ -45,6 +46,7 @@ impl Board {
     pub fn cut_power(&mut self) {
         self.bus.memory.flash.lose_power(self.bus.now);
         self.bus.flash_has_changed();
+        self.bus.soc.ssi.chip.lose_power();
         self.bus.soc.watchdog.forget(self.bus.now);
         self.bus.reset();
         self.powered = false;
@@ -127,10 +129,36 @@ impl Board {
         }
     }
 
-    /// What boot ROM and second stage do before the firmware's first instruction.
+    /// The boot ROM, up to the second stage's first instruction; or, for images without one, as tests of the emulator itself
+    /// have, up to the program's.
     fn start_firmware(&mut self, mut random: Random) {
         random.fill(&mut self.bus.memory.ram[BOOT_ROM_RAM]);
         self.reset_timer_as_the_boot_rom_does();
+        self.bus.all_code_is_stale = true;
+        self.bus.soc.xip_control.flush();
+        if has_second_stage(self.bus.memory.flash.bytes()) {
+            self.start_second_stage(random);
+        } else {
+            self.start_program(random);
+        }
+        // The flash chip is not reset with the RP2040: it completes the running operation, and the boot ROM finds no second
+        // stage with a valid checksum until it has (2.8.1.3.1).
+        if self.bus.memory.flash.is_busy() {
+            let entry = self.cpu.core.reg(15);
+            self.cpu.core.set_reg(14, entry);
+            self.cpu.core.set_reg(15, WAIT_FOR_FLASH);
+        }
+    }
+
+    fn start_second_stage(&mut self, random: Random) {
+        let second_stage = &self.bus.memory.flash.bytes()[..SECOND_STAGE_BYTES];
+        self.bus.memory.ram[BOOT_ROM_RAM].copy_from_slice(second_stage);
+        self.bus.soc.set_up_flash(Ssi::set_up_for_commands, self.bus.now);
+        self.start_processor(SECOND_STAGE, START_SECOND_STAGE, random);
+    }
+
+    /// Starts the program as a second stage does.
+    fn start_program(&mut self, random: Random) {
         let word = |address| {
             self.bus
                 .memory
@@ -138,8 +166,10 @@ impl Board {
                 .unwrap_or(0)
         };
         let (stack_pointer, entry) = (word(VECTOR_TABLE), word(VECTOR_TABLE + 4));
+        self.bus
+            .soc
+            .set_up_flash(Ssi::set_up_for_quad_reads, self.bus.now);
         self.start_processor(stack_pointer, entry, random);
-        self.prepare_flash(entry);
         self.bus.chip.ppb.vtor = VECTOR_TABLE;
     }
 
@@ -150,18 +180,6 @@ impl Board {
         self.lines.forget_levels();
         self.log.restart();
         self.bus.attention = true;
-    }
-
-    /// The flash chip is not reset with the RP2040: it completes the running operation, and the boot ROM
-    /// finds no second stage with a valid checksum until it has (2.8.1.3.1).
-    fn prepare_flash(&mut self, entry: u32) {
-        self.bus.all_code_is_stale = true;
-        self.bus.soc.xip_control.flush();
-        self.bus.soc.ssi.set_up_for_reads();
-        if self.bus.memory.flash.is_busy() {
-            self.cpu.core.set_reg(14, entry);
-            self.cpu.core.set_reg(15, WAIT_FOR_FLASH);
-        }
     }
 
     /// The boot ROM resets TIMER and both QSPI blocks and takes them out of reset.

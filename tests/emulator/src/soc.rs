@@ -194,6 +194,22 @@ impl Soc {
         peripheral.advance(now);
         self.advance_wifi_before(id, now);
         self.timer.set_tick(self.watchdog.tick(), now);
+        if id == Id::Ssi {
+            self.flash_is_set_up();
+        }
+    }
+
+    /// The interface to the flash chip may have been set up for other reads, which take another time.
+    fn flash_is_set_up(&mut self) {
+        if let Some(cycles) = self.ssi.line_cycles() {
+            self.xip_control.cache.set_line_cycles(cycles);
+        }
+    }
+
+    /// Sets up the interface to the flash chip, without a program that does.
+    pub fn set_up_flash(&mut self, set_up: fn(&mut Ssi, Cycle), now: Cycle) {
+        set_up(&mut self.ssi, now);
+        self.flash_is_set_up();
     }
 
     /// RESETS has changed: blocks that are or were held come out of it in their reset state.

@@ -8,12 +8,8 @@ use std::num::NonZeroU32;
 
 use super::clock::Cycle;
 
-/// What a miss costs behind the second stage for a W25Q080 at its divider of 2: 8 clocks of the serial wires for the
-/// address, 4 for mode and dummies, 16 for the line, each two cycles.
-const CYCLES_OF_A_MISS: Cycle = 2 * (8 + 4 + 16);
-
 /// "16 kB total size / 8 bytes per line / 2 ways per set" (2.6.3.2).
-const LINE_BYTES: u32 = 8;
+pub const LINE_BYTES: u32 = 8;
 const SETS: u32 = 16 * 1024 / LINE_BYTES / 2;
 
 /// A line's address by its number; `None` for none, as no flash is there.
@@ -27,6 +23,8 @@ pub struct XipCache {
     /// The line that was read last.
     last: Line,
     misses: u64,
+    /// Cost of a miss.
+    line_cycles: Cycle,
     waiting: Cycle,
 }
 
@@ -36,6 +34,7 @@ impl Default for XipCache {
             sets: vec![[None; 2]; SETS as usize],
             last: None,
             misses: 0,
+            line_cycles: 0,
             waiting: 0,
         }
     }
@@ -62,8 +61,13 @@ impl XipCache {
         *set = [line, recent];
         if other != line {
             self.misses += 1;
-            self.waiting += CYCLES_OF_A_MISS;
+            self.waiting += self.line_cycles;
         }
+    }
+
+    /// Reading a line from the flash chip takes this long from now on.
+    pub fn set_line_cycles(&mut self, cycles: Cycle) {
+        self.line_cycles = cycles;
     }
 
     /// How long the reads since this was taken last make their reader wait.
@@ -135,6 +139,7 @@ mod tests {
     #[test]
     fn each_miss_is_waited_for_once() {
         let mut cache = XipCache::default();
+        cache.set_line_cycles(56);
         cache.read(FLASH);
         cache.read(FLASH + 8);
         cache.read(FLASH);

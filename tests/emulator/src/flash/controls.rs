@@ -19,6 +19,11 @@ impl Board {
         self.bus.soc.ssi.chip = SerialChip::new(make);
     }
 
+    /// Status registers 1 and 2 of the flash chip.
+    pub fn flash_status(&self) -> [u8; 2] {
+        self.bus.soc.ssi.chip.status()
+    }
+
     /// Number of times the status registers of the flash chip were stored.
     pub fn flash_status_writes(&self) -> u64 {
         self.bus.soc.ssi.chip.status_writes()

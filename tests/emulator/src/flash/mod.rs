@@ -26,7 +26,7 @@ use super::clock::{Cycle, NEVER, micros};
 use super::random::Random;
 pub use cut::FlashCut;
 pub use job::{Job, Step, transfer_cycles};
-pub use make::{FlashMake, SerialChip};
+pub use make::{FlashMake, SerialChip, Status2Write, StatusWrite};
 use operation::Command;
 pub use operation::{FlashOperation, FlashOperationKind, FlashTiming};
 use operation::{PAGE_SIZE, SECTOR_SIZE};
