@@ -7,30 +7,31 @@ PT_LOAD = 1
 
 
 def sections(elf):
-    """Name, type, flags, address and size of each section."""
+    """Name, type, flags, address, offset in the file and size of each section."""
     table, entry_size, count, names_index = struct.unpack_from("<I10xHHH", elf, 0x20)
     headers = [struct.unpack_from("<10I", elf, table + i * entry_size) for i in range(count)]
     names_offset = headers[names_index][4]
-    for name, kind, flags, address, _, size, *_ in headers:
+    for name, kind, flags, address, offset, size, *_ in headers:
         start = names_offset + name
-        yield elf[start : elf.index(b"\0", start)].decode(), kind, flags, address, size
+        yield elf[start : elf.index(b"\0", start)].decode(), kind, flags, address, offset, size
+
+
+def contents(elf, section):
+    """The bytes of a section, `None` without one of this name."""
+    found = (elf[offset : offset + size] for name, _, _, _, offset, size in sections(elf) if name == section)
+    return next(found, None)
 
 
 def symbols(elf):
     """Name and value of each symbol."""
-    by_name = {name: i for i, (name, *_) in enumerate(sections(elf))}
-    table, entry_size = struct.unpack_from("<I10xH", elf, 0x20)
-    header = lambda name: struct.unpack_from("<10I", elf, table + by_name[name] * entry_size)
-    strings = header(".strtab")[4]
-    _, _, _, _, offset, size, *_ = header(".symtab")
-    for name, value, *_ in struct.iter_unpack("<IIIBBH", elf[offset : offset + size]):
-        start = strings + name
-        yield elf[start : elf.index(b"\0", start)].decode(), value
+    strings = contents(elf, ".strtab")
+    for name, value, *_ in struct.iter_unpack("<IIIBBH", contents(elf, ".symtab")):
+        yield strings[name : strings.index(b"\0", name)].decode(), value
 
 
 def loaded(elf):
     """Name, type, address and size of each section that takes memory."""
-    for name, kind, flags, address, size in sections(elf):
+    for name, kind, flags, address, _, size in sections(elf):
         if flags & SHF_ALLOC and size:
             yield name, kind, address, size
 

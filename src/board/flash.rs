@@ -1,4 +1,5 @@
 //! The parts of the flash chip that are written while the firmware runs.
+#![expect(unsafe_code, reason = "the second stage has a section of its own")]
 
 use core::cell::{RefCell, RefMut};
 
@@ -11,8 +12,15 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use crate::memory::flash_map;
 use crate::recorder::{LogSource, ReadFailed};
 
-/// It runs after each operation, so that the program can be read again.
+/// Size of the second stage and its checksum.
 pub(super) const SECOND_STAGE_BYTES: usize = 256;
+
+/// The second stage, assembled from `second_stage.s`: it runs at the start and after each operation, so that the program can
+/// be read.
+// SAFETY: the linker puts this section, and nothing else, at the beginning of flash.
+#[unsafe(link_section = ".boot2")]
+#[used]
+static SECOND_STAGE: [u8; SECOND_STAGE_BYTES] = *include_bytes!("second_stage.bin");
 
 const CHIP_BYTES: usize = flash_map::CHIP_BYTES as usize;
 

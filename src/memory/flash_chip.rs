@@ -8,7 +8,7 @@ pub const UNIQUE_ID_BYTES: usize = 16;
 /// Zetta's ZD25Q16: its id of 16 bytes is unique in all of them only.
 const ZETTA: JedecId = JedecId(0xba_6015);
 
-/// Status register 2 as the linked boot loader (W25Q080) sets it: quad reads are enabled, and nothing else.
+/// Bit QE of status register 2: quad reads are enabled.
 const QUAD_ENABLED: u8 = 1 << 1;
 
 /// Manufacturer, type and capacity of a flash chip (JEDEC JEP106; "Read Identification", 9Fh).
@@ -40,23 +40,23 @@ impl JedecId {
     }
 }
 
-/// Whether the boot loader, which runs after each page that is written, stores the chip's status registers each time: that
-/// takes 10 to 30 ms, and wears them out after some 100,000 times.
+/// Wear of the chip's status registers by the second stage, which runs after each page that is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RegisterWear {
-    /// They are as it needs them.
+    /// The chip keeps bit QE: they are not written.
     #[default]
     None,
-    /// They never become what it expects.
+    /// The chip does not keep bit QE, so each time it is written, as volatile. A chip that does not know such a write may
+    /// store the registers: that takes 10 to 30 ms, and wears them out after some 100,000 times.
     EachPage,
 }
 
 impl RegisterWear {
-    /// Of a chip whose status register 2 has this value after the boot loader has run.
+    /// Of a chip whose status register 2 has this value after the second stage has run.
     pub fn of(status_2: u8) -> Self {
-        match status_2 {
-            QUAD_ENABLED => Self::None,
-            _ => Self::EachPage,
+        match status_2 & QUAD_ENABLED {
+            0 => Self::EachPage,
+            _ => Self::None,
         }
     }
 }
@@ -102,10 +102,14 @@ mod tests {
     }
 
     #[test]
-    fn only_the_exact_value_keeps_registers_from_being_stored() {
-        let kept: Vec<u8> = (0..=u8::MAX)
-            .filter(|status| RegisterWear::of(*status) == RegisterWear::None)
-            .collect();
-        assert_eq!(kept, [0b10]);
+    fn registers_are_not_written_where_quad_reads_are_enabled() {
+        for (status_2, expected) in [
+            (0b10, RegisterWear::None),
+            (0x42, RegisterWear::None),
+            (0, RegisterWear::EachPage),
+            (0x40, RegisterWear::EachPage),
+        ] {
+            assert_eq!(RegisterWear::of(status_2), expected, "{status_2:#x}");
+        }
     }
 }
