@@ -241,6 +241,7 @@ impl SystemBus {
 
     /// Let every peripheral do what is due, then at most one DMA transfer.
     pub fn advance(&mut self) {
+        self.show_circuit_to_devices();
         self.soc.advance(self.now);
         if self.memory.flash.advance(self.now) {
             self.flash_has_changed();

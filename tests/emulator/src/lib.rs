@@ -155,10 +155,11 @@ mod xip_cache;
 mod xip_control;
 
 pub use access_log::{BusErrorRecord, Direction, UnmodelledAccess};
-pub use adc::{AdcCurve, AdcFault, AdcInput, Conversion, CurrentSensor, SensorRange, code_of_volts};
+pub use adc::{AdcCurve, AdcFault, AdcInput, Conversion, code_of_volts};
 pub use board::Board;
 pub use boot_loader::BootLoader;
 pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
+pub use circuit::{CurrentSensor, SensorRange};
 pub use cpu::CpuState;
 pub use cyw43::{AccessPoint, ChipPart, Cyw43, Network, RadioFault};
 pub use firmware::Firmware;

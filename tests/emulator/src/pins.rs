@@ -7,7 +7,7 @@ use super::circuit::{Circuit, PinSignal};
 use super::clock::{Cycle, NEVER};
 use super::cyw43::pins::{DATA, Wiring};
 use super::gpio::{BusLevels, PINS, PadState};
-use super::i2c::Levels;
+use super::i2c::{I2c, Levels};
 use super::peripheral::Peripheral;
 use super::pio::Outputs;
 use super::pwm::PwmOutput;
@@ -273,6 +273,19 @@ impl SystemBus {
             let signal = |pin| pin_signal(&self.chip, &self.soc, pin, self.now);
             circuit.connect_inputs(|pins| pins.map(signal));
             self.soc.adc.circuit = Some(circuit);
+        }
+    }
+
+    /// To be called before devices are asked for anything.
+    pub(super) fn show_circuit_to_devices(&mut self) {
+        let has_devices = self.soc.i2cs.iter().any(I2c::has_devices);
+        if self.soc.adc.circuit.is_none() || !has_devices {
+            return;
+        }
+        self.advance_stream();
+        if let Some(circuit) = &mut self.soc.adc.circuit {
+            circuit.advance(self.now);
+            self.soc.i2cs.iter_mut().for_each(|i2c| i2c.sense(circuit));
         }
     }
 

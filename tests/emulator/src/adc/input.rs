@@ -1,6 +1,6 @@
 //! What the converter sees at its inputs, and the code it makes of a voltage.
 
-use super::super::circuit::Circuit;
+use super::super::circuit::{Circuit, CurrentSensor, Probe};
 use super::super::clock::{Cycle, micros};
 use super::super::random::Random;
 
@@ -44,33 +44,6 @@ impl Clone for AdcInput {
     }
 }
 
-/// A current sensor with a voltage output.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CurrentSensor {
-    pub volts_per_ampere: f64,
-    /// Its output without a current.
-    pub offset_v: f64,
-    pub range: SensorRange,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SensorRange {
-    /// Linear through zero, as a Hall sensor with half of its supply for 0 A is (ACS712).
-    BothWays,
-    /// A current into the pack shows as none, as with a shunt amplifier for one direction.
-    FromZero,
-}
-
-impl CurrentSensor {
-    fn volts(self, amperes: f64) -> f64 {
-        let shown = match self.range {
-            SensorRange::BothWays => amperes,
-            SensorRange::FromZero => amperes.max(0.0),
-        };
-        self.offset_v + self.volts_per_ampere * shown
-    }
-}
-
 impl AdcInput {
     /// What the converter reads when it samples at `now`.
     pub fn sample(&mut self, now: Cycle, circuit: Option<&mut Circuit>, digitizer: &mut Digitizer) -> u16 {
@@ -84,8 +57,8 @@ impl AdcInput {
             Self::Code(code) => return *code,
             Self::CodeAt(code_at) => return code_at(micros(now)),
             Self::Volts(volts) => *volts,
-            Self::PackVoltage(share) => *share * terminals().volts,
-            Self::PackCurrent(sensor) => sensor.volts(terminals().amperes),
+            Self::PackVoltage(share) => Probe::Voltage(*share).volts(terminals()),
+            Self::PackCurrent(sensor) => Probe::Current(*sensor).volts(terminals()),
         };
         digitizer.code(volts)
     }

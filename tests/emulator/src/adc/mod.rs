@@ -18,7 +18,7 @@ pub use fault::AdcFault;
 use fault::Outcome;
 use fifo::SampleFifo;
 use input::Digitizer;
-pub use input::{AdcCurve, AdcInput, CurrentSensor, SensorRange, code_of_volts};
+pub use input::{AdcCurve, AdcInput, code_of_volts};
 use pace::AdcTime;
 
 const CS_EN: u32 = 0;

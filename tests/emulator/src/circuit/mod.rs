@@ -9,6 +9,7 @@
 //! itself, the pack's dynamics, and a board that its own supply fails.
 
 mod bridge;
+mod probe;
 mod signal;
 mod solver;
 #[cfg(test)]
@@ -18,6 +19,7 @@ mod totals;
 use super::clock::{CLK_SYS_HZ, Cycle, NEVER};
 use bridge::{Branch, Drive};
 pub use bridge::{Bridge, Mode as BridgeMode, Motor, Shaft, Switches};
+pub use probe::{CurrentSensor, Meter, Probe, SensorRange};
 pub use signal::PinSignal;
 pub use solver::Supply;
 use solver::{BRIDGES, Currents, Network};

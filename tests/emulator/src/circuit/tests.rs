@@ -1,12 +1,18 @@
 //! Tests of the circuit against figures that are computed by hand, and at the pins of a board.
 
-use super::super::adc::{AdcCurve, AdcInput, Conversion, CurrentSensor, SensorRange};
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use rp2040_emu::core::CoreBus;
+
+use super::super::adc::{AdcCurve, AdcInput, Conversion};
 use super::super::bench::*;
 use super::super::board::Board;
 use super::super::clock::{CLK_SYS_HZ, Cycle, cycles};
+use super::super::i2c::I2cDevice;
+use super::super::i2c::devices::{Ad7091r5, Ina226, Ina228, Ltc2946, driver};
 use super::super::thumb::{adds, back, board, idle_board, store};
 use super::*;
-use rp2040_emu::core::CoreBus;
 
 /// 500 Hz.
 const PERIOD: Cycle = cycles(2_000);
@@ -468,4 +474,101 @@ fn a_sensor_for_one_direction_shows_no_current_that_flows_back() {
     let amperes = measured(&board.take_adc_record(), 1);
     let least = amperes.iter().map(|(_, amperes)| *amperes).fold(1.0, f64::min);
     assert_close(least, 0.0, 0.005);
+}
+
+// ----- Devices at a bus -----------------------------------------------------------------------------
+
+/// Runs a board with a stalled motor at 40 %, with this device at I2C0, and returns the means of the last half second.
+fn run_with<D: I2cDevice + 'static>(device: &Rc<RefCell<D>>) -> (Board, Means) {
+    let mut board = idle_board();
+    start(&mut board, stalled_motor(), 25_000);
+    board.i2c(0).attach(0x40, Box::new(Rc::clone(device)));
+    (0..500).for_each(|_| board.run_for(1_000));
+    let start = board.circuit().totals();
+    (0..500).for_each(|_| board.run_for(1_000));
+    let means = board.circuit().totals().since(start).expect("half a second");
+    (board, means)
+}
+
+#[test]
+fn monitors_give_the_means_of_their_conversions() {
+    // Sixteen samples of 1.1 ms of both.
+    let mut ina226 = Ina226::new(0.01).measuring_circuit();
+    driver::write(&mut ina226, 0, 0x4527);
+    let device = Rc::new(RefCell::new(ina226));
+    let (_, means) = run_with(&device);
+    let (by_hand_a, _) = by_hand(PACK, Switches::DRV8837, 0.0, 0.4);
+    assert_close(means.amperes, by_hand_a, 1e-4);
+    let read = |pointer| driver::read(&mut *device.borrow_mut(), pointer, 2) as f64;
+    // 35.2 ms are no whole number of periods.
+    assert_close(read(1) * 2.5e-6 / 0.01, means.amperes, 0.03 * means.amperes);
+    assert_close(read(2) * 1.25e-3, means.volts, 0.01);
+
+    let device = Rc::new(RefCell::new(Ltc2946::new(0.01).measuring_circuit()));
+    let (board, means) = run_with(&device);
+    let now = board.time_cycles();
+    let read = |pointer| driver::read_at(&mut *device.borrow_mut(), pointer, 2, now) as f64 / 16.0;
+    assert_close(
+        read(0x14) * 0.1024 / 4095.0 / 0.01,
+        means.amperes,
+        0.06 * means.amperes,
+    );
+    assert_close(read(0x1e) * 102.4 / 4095.0, means.volts, 0.03);
+}
+
+#[test]
+fn a_monitor_that_counts_charge_counts_that_of_the_circuit() {
+    const SHUNT_CAL: u8 = 0x02;
+    const CHARGE: u8 = 0x0a;
+    // Steps of 20 µA.
+    let mut ina228 = Ina228::new(0.01).measuring_circuit();
+    driver::write(&mut ina228, SHUNT_CAL, 2621);
+    let device = Rc::new(RefCell::new(ina228));
+    let (mut board, _) = run_with(&device);
+    let now = board.time_cycles();
+    let counted = driver::read_at(&mut *device.borrow_mut(), CHARGE, 5, now) as f64 * 20e-6;
+    let given = board.circuit().totals().coulombs;
+    assert_close(counted, given, 0.01 * given);
+}
+
+/// Results of 58 µs each, at instants that are spread over the period of the PWM after 29 of them.
+#[test]
+fn a_converter_at_the_bus_gives_the_instant_of_each_result() {
+    const I2C0: u32 = 0x4004_4000;
+    const DATA_CMD: u32 = I2C0 + 0x10;
+    const READ: u32 = 1 << 8;
+    const FUNCTION_I2C: u32 = 3;
+    let mut device = Ad7091r5::new(2.5);
+    device.connect(0, Probe::Current(SENSOR));
+    let (mut board, means) = run_with(&Rc::new(RefCell::new(device)));
+    for pin in [4, 5] {
+        select_function(&mut board, pin, FUNCTION_I2C);
+    }
+    for (offset, value) in [(0x1c, 126), (0x20, 187), (0xa0, 11), (0x04, 0x40), (0x6c, 1)] {
+        board.write_register(I2C0 + offset, value);
+    }
+    // One channel in command mode, then results of two bytes each.
+    for byte in [0x02, 0x04, 0xc0, 0x01, 0x01, 0x00] {
+        board.write_register(DATA_CMD, byte);
+    }
+    board.run_for(200);
+    // The first one comes after the address.
+    let times = [100].into_iter().chain([29; 1999]);
+    let bytes = times.map(|micros| {
+        board.write_register(DATA_CMD, READ);
+        board.run_for(micros);
+        board.read_register(DATA_CMD) as u8
+    });
+    let bytes: Vec<u8> = bytes.collect();
+    let amperes: Vec<f64> = bytes
+        .chunks(2)
+        .map(|pair| f64::from(u16::from_be_bytes([pair[0], pair[1]]) & 0xfff))
+        .map(|code| (code * 2.5 / 4096.0 - 1.65) / 0.1)
+        .collect();
+    let mean = amperes.iter().sum::<f64>() / amperes.len() as f64;
+    assert_close(mean, means.amperes, 0.005);
+    let extremes = board.circuit().extremes();
+    let least = amperes.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = amperes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    assert!(most > 0.9 * extremes.most.amperes && least < 0.5 * extremes.least.amperes);
 }

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use super::super::circuit::Circuit;
 use super::super::clock::Cycle;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +21,9 @@ pub enum I2cDirection {
 
 /// A device at an address of its own.
 pub trait I2cDevice {
+    /// The circuit that the board is part of, if it is one, as it is now. Called before all else, and now and then.
+    fn sense(&mut self, _circuit: &Circuit) {}
+
     /// Its address was sent, after a START or a RESTART, at a moment in emulated time.
     fn start(&mut self, _direction: I2cDirection, _now: Cycle) -> Ack {
         Ack::Ack
@@ -42,6 +46,10 @@ pub trait I2cDevice {
 
 /// A device a test keeps a hand on after it was attached.
 impl<D: I2cDevice> I2cDevice for Rc<RefCell<D>> {
+    fn sense(&mut self, circuit: &Circuit) {
+        self.borrow_mut().sense(circuit);
+    }
+
     fn start(&mut self, direction: I2cDirection, now: Cycle) -> Ack {
         self.borrow_mut().start(direction, now)
     }

@@ -17,6 +17,7 @@ mod wires;
 #[cfg(test)]
 mod wires_tests;
 
+use super::circuit::Circuit;
 use super::clock::{Cycle, NEVER};
 pub use device::{Ack, I2cDevice, I2cDirection};
 use master::Master;
@@ -63,6 +64,15 @@ impl I2c {
     /// Take whatever is at this address off the bus: it is not acknowledged any more.
     pub fn detach(&mut self, address: u8) {
         self.wires.detach(address);
+    }
+
+    /// Shows its devices the circuit that the board is part of.
+    pub fn sense(&mut self, circuit: &Circuit) {
+        self.wires.sense(circuit);
+    }
+
+    pub fn has_devices(&self) -> bool {
+        self.wires.has_devices()
     }
 
     /// Hold SCL low from now on.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::super::attached::Attached;
+use super::super::circuit::Circuit;
 use super::super::clock::Cycle;
 use super::device::{Ack, I2cDevice, I2cDirection};
 
@@ -124,6 +125,18 @@ impl Wires {
         if before.scl && after.scl && after.sda && !before.sda {
             self.stop(now);
         }
+    }
+
+    /// Shows the circuit to the devices.
+    pub fn sense(&mut self, circuit: &Circuit) {
+        let devices = self.devices.get_mut();
+        for device in devices.into_iter().flat_map(|devices| devices.values_mut()) {
+            device.sense(circuit);
+        }
+    }
+
+    pub fn has_devices(&self) -> bool {
+        self.devices.get().is_some()
     }
 
     // ----- What the master does -------------------------------------------------------------------

@@ -4,6 +4,7 @@
 //! belongs to lags a changed selection by one, as drivers have found. Left out: the CONVST pin, autocycle mode, alerts,
 //! conversion times. What is not confirmed is said where it stands.
 
+use super::super::super::circuit::{Circuit, Probe};
 use super::super::super::clock::Cycle;
 use super::super::device::{Ack, I2cDevice, I2cDirection};
 use super::unsigned_code;
@@ -46,6 +47,8 @@ pub struct Ad7091r5 {
     /// The voltage at the REF pin while the internal reference is off.
     external_reference_v: f64,
     volts: [f64; CHANNELS as usize],
+    /// Of the inputs that are connected to the pack of the board's circuit.
+    probes: [Option<Probe>; CHANNELS as usize],
     state: State,
     /// Bytes since the START that were not used yet.
     written: Vec<u8>,
@@ -59,6 +62,7 @@ impl Ad7091r5 {
         Self {
             external_reference_v,
             volts: [0.0; CHANNELS as usize],
+            probes: [None; CHANNELS as usize],
             state: State::after_reset(),
             written: Vec::new(),
             pointer_was_sent: false,
@@ -69,6 +73,11 @@ impl Ad7091r5 {
     /// Input VIN0 to VIN3.
     pub fn set(&mut self, channel: usize, volts: f64) {
         self.volts[channel] = volts;
+    }
+
+    /// Input VIN0 to VIN3, connected to the pack of the board's circuit: each result is of the instant at which it is read.
+    pub fn connect(&mut self, channel: usize, probe: Probe) {
+        self.probes[channel] = Some(probe);
     }
 
     fn code(&self, channel: u8) -> u16 {
@@ -132,6 +141,12 @@ impl Ad7091r5 {
 }
 
 impl I2cDevice for Ad7091r5 {
+    fn sense(&mut self, circuit: &Circuit) {
+        for (volts, probe) in self.volts.iter_mut().zip(self.probes) {
+            *volts = probe.map_or(*volts, |probe| probe.volts(circuit.terminals()));
+        }
+    }
+
     fn start(&mut self, _direction: I2cDirection, _now: Cycle) -> Ack {
         self.written.clear();
         self.pointer_was_sent = false;

@@ -2,6 +2,7 @@
 
 use std::ops::{Deref, DerefMut};
 
+use super::super::super::circuit::Circuit;
 use super::super::super::clock::Cycle;
 use super::super::super::random::Random;
 use super::super::device::{Ack, I2cDevice, I2cDirection};
@@ -49,6 +50,10 @@ impl<D> DerefMut for Garbled<D> {
 }
 
 impl<D: I2cDevice> I2cDevice for Garbled<D> {
+    fn sense(&mut self, circuit: &Circuit) {
+        self.device.sense(circuit);
+    }
+
     fn start(&mut self, direction: I2cDirection, now: Cycle) -> Ack {
         self.device.start(direction, now)
     }

@@ -2,8 +2,9 @@
 //!
 //! Left out: alerts, and the calibration. Current and power read zero, as they do without one.
 
+use super::super::super::clock::Cycle;
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, field_of, signed_code, unsigned_code};
+use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina226, field_of, signed_code, unsigned_code};
 
 const CONFIGURATION: u8 = 0x00;
 const SHUNT_VOLTAGE: u8 = 0x01;
@@ -70,6 +71,14 @@ impl Registers for Ina226 {
             CONFIGURATION => self.configuration = value,
             _ => {}
         }
+    }
+
+    fn conversion(&self) -> Cycle {
+        conversion_of_ina226(self.configuration)
+    }
+
+    fn set_result(&mut self, volts: f64, amperes: f64) {
+        self.set(volts, amperes);
     }
 
     fn reset(&mut self) {

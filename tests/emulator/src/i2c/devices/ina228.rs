@@ -4,7 +4,7 @@
 
 use super::super::super::clock::{CLK_SYS_HZ, Cycle};
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, field_of, signed_code, unsigned_code};
+use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina228, field_of, signed_code, unsigned_code};
 
 const ADC_CONFIG: u8 = 0x01;
 const SHUNT_CAL: u8 = 0x02;
@@ -128,6 +128,14 @@ impl Registers for Ina228 {
         let seconds = (now - before) as f64 / CLK_SYS_HZ as f64;
         self.energy_j += self.current_a().abs() * self.load.volts * seconds;
         self.charge_c += self.current_a() * seconds;
+    }
+
+    fn conversion(&self) -> Cycle {
+        conversion_of_ina228(self.adc_config)
+    }
+
+    fn set_result(&mut self, volts: f64, amperes: f64) {
+        self.set(volts, amperes, self.load.celsius);
     }
 
     /// The time of the reset is unknown: what flows until it is addressed is not counted.

@@ -2,6 +2,7 @@
 
 use std::ops::{Deref, DerefMut};
 
+use super::super::super::clock::Cycle;
 use super::Ina226;
 use super::register_map::{RegisterMap, Registers};
 
@@ -54,6 +55,14 @@ impl Registers for Ina231 {
             _ => value,
         };
         self.registers.write(pointer, value);
+    }
+
+    fn conversion(&self) -> Cycle {
+        self.registers.conversion()
+    }
+
+    fn set_result(&mut self, volts: f64, amperes: f64) {
+        self.registers.set_result(volts, amperes);
     }
 
     fn reset(&mut self) {

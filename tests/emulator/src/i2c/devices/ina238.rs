@@ -2,8 +2,9 @@
 //!
 //! Left out: CONFIG with the narrow range, the calibration with current and power, alerts.
 
+use super::super::super::clock::Cycle;
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, field_of, signed_code, unsigned_code};
+use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina228, field_of, signed_code, unsigned_code};
 
 const ADC_CONFIG: u8 = 0x01;
 const VSHUNT: u8 = 0x04;
@@ -73,6 +74,14 @@ impl Registers for Ina238 {
         if pointer == ADC_CONFIG {
             self.adc_config = value;
         }
+    }
+
+    fn conversion(&self) -> Cycle {
+        conversion_of_ina228(self.adc_config)
+    }
+
+    fn set_result(&mut self, volts: f64, amperes: f64) {
+        self.set(volts, amperes, self.load.celsius);
     }
 
     fn reset(&mut self) {

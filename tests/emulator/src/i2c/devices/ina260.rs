@@ -1,7 +1,8 @@
 //! INA260: power monitor with a shunt of its own (SBOS656). Left out: power and alerts.
 
+use super::super::super::clock::Cycle;
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, field_of, signed_code, unsigned_code};
+use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina226, field_of, signed_code, unsigned_code};
 
 const CONFIGURATION: u8 = 0x00;
 const CURRENT: u8 = 0x01;
@@ -56,6 +57,14 @@ impl Registers for Ina260 {
             CONFIGURATION => self.configuration = value,
             _ => {}
         }
+    }
+
+    fn conversion(&self) -> Cycle {
+        conversion_of_ina226(self.configuration)
+    }
+
+    fn set_result(&mut self, volts: f64, amperes: f64) {
+        self.set(volts, amperes);
     }
 
     fn reset(&mut self) {

@@ -1,7 +1,8 @@
 //! INA3221: shunt and bus voltage of three channels (SBOS576). Left out: alerts.
 
+use super::super::super::clock::Cycle;
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, field_of, signed_code};
+use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina226, field_of, signed_code};
 
 pub const CHANNELS: usize = 3;
 
@@ -91,6 +92,17 @@ impl Registers for Ina3221 {
             (CONFIGURATION, _) => self.reset(),
             _ => {}
         }
+    }
+
+    /// The enabled channels take turns.
+    fn conversion(&self) -> Cycle {
+        let channels = ((self.configuration >> (FIRST_CHANNEL_ENABLE - 2)) & 0b111).count_ones();
+        conversion_of_ina226(self.configuration) * u64::from(channels)
+    }
+
+    /// Channel 1 is the one at the pack.
+    fn set_result(&mut self, volts: f64, amperes: f64) {
+        self.set(1, volts, amperes);
     }
 
     fn reset(&mut self) {

@@ -4,6 +4,7 @@
 //! order in which the converter takes its inputs, snapshots, "auto-reset" of the accumulators. What is not measured reads
 //! back what was written. A current in the other direction reads as zero.
 
+use super::super::super::circuit::{Circuit, Meter};
 use super::super::super::clock::{CLK_SYS_HZ, Cycle};
 use super::super::device::{Ack, I2cDevice, I2cDirection};
 use super::unsigned_code;
@@ -69,6 +70,8 @@ pub struct Ltc2946 {
     /// Ticks counted since the emulation began; `None`: from the moment it is addressed next.
     ticked: Option<u64>,
     pointer: Option<u8>,
+    /// `None`: it measures what a test sets.
+    meter: Option<Meter>,
 }
 
 impl Ltc2946 {
@@ -80,6 +83,15 @@ impl Ltc2946 {
             state: State::after_reset(),
             ticked: Some(0),
             pointer: None,
+            meter: None,
+        }
+    }
+
+    /// Connected to the pack of the board's circuit: it gives the means of its conversions.
+    pub fn measuring_circuit(self) -> Self {
+        Self {
+            meter: Some(Meter::default()),
+            ..self
         }
     }
 
@@ -156,6 +168,15 @@ impl Ltc2946 {
 }
 
 impl I2cDevice for Ltc2946 {
+    fn sense(&mut self, circuit: &Circuit) {
+        let totals = circuit.totals();
+        let meter = self.meter.as_mut();
+        if let Some(means) = meter.and_then(|meter| meter.finish_conversion(totals, TICK as Cycle)) {
+            self.count_ticks(totals.at);
+            self.set(means.volts, means.amperes);
+        }
+    }
+
     fn start(&mut self, direction: I2cDirection, now: Cycle) -> Ack {
         self.count_ticks(now);
         if direction == I2cDirection::Write {

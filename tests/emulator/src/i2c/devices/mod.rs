@@ -2,7 +2,10 @@
 //!
 //! Each is what its datasheet says of the registers a driver uses. They measure at once what a test
 //! sets: conversion times, averaging, shut-down modes and alert pins are left out. A test that wants
-//! to go on setting values attaches an `Rc<RefCell<_>>`.
+//! to go on setting values attaches an `Rc<RefCell<_>>`. Those with a [`RegisterMap`] can measure the
+//! pack of the board's circuit instead, with their averaging; the converter samples it.
+
+use super::super::clock::{Cycle, cycles};
 
 mod ad7091r5;
 mod bq76952;
@@ -27,6 +30,8 @@ pub use ina238::Ina238;
 pub use ina260::Ina260;
 pub use ina3221::Ina3221;
 pub use ltc2946::Ltc2946;
+#[cfg(test)]
+pub use register_map::driver;
 pub use register_map::{RegisterMap, Registers};
 pub use smart_battery::{ADDRESS as SMART_BATTERY_ADDRESS, Pec, SmartBattery};
 
@@ -39,6 +44,27 @@ pub struct Load {
     pub volts: f64,
     pub amperes: f64,
     pub celsius: f64,
+}
+
+/// The time in which a monitor of Texas Instruments measures voltage and current: `samples` and the times of both, as they are
+/// encoded in its configuration.
+fn conversion_of(samples: u16, times: [u16; 2], times_us: [u64; 8]) -> Cycle {
+    const SAMPLES: [u64; 8] = [1, 4, 16, 64, 128, 256, 512, 1024];
+    let of_both = times.map(|code| times_us[usize::from(code & 7)]);
+    cycles(SAMPLES[usize::from(samples & 7)] * of_both.iter().sum::<u64>())
+}
+
+/// Of the INA226, INA231, INA260 and INA3221, whose configurations have them at the same place.
+fn conversion_of_ina226(configuration: u16) -> Cycle {
+    const TIMES_US: [u64; 8] = [140, 204, 332, 588, 1100, 2116, 4156, 8244];
+    let times = [configuration >> 6, configuration >> 3];
+    conversion_of(configuration >> 9, times, TIMES_US)
+}
+
+/// Of the INA228 and INA238.
+fn conversion_of_ina228(adc_config: u16) -> Cycle {
+    const TIMES_US: [u64; 8] = [50, 84, 150, 280, 540, 1052, 2074, 4120];
+    conversion_of(adc_config, [adc_config >> 9, adc_config >> 6], TIMES_US)
 }
 
 /// A value as a two's complement code of `bits` bits, held at the ends of its range.

@@ -2,6 +2,7 @@
 
 use std::ops::{Deref, DerefMut};
 
+use super::super::super::circuit::{Circuit, Meter};
 use super::super::super::clock::Cycle;
 use super::super::device::{Ack, I2cDevice, I2cDirection};
 
@@ -20,6 +21,14 @@ pub trait Registers {
 
     /// It is addressed at this time.
     fn note_time(&mut self, _now: Cycle) {}
+
+    /// How long it measures voltage and current, with its averaging, until there is a result.
+    fn conversion(&self) -> Cycle {
+        0
+    }
+
+    /// The result of a conversion.
+    fn set_result(&mut self, _volts: f64, _amperes: f64) {}
 }
 
 /// The byte after the address sets the pointer, two more are written to its register; a read gives
@@ -32,16 +41,28 @@ pub struct RegisterMap<R> {
     /// The register as it was when the read began, and how many bytes of it were sent.
     latched: u64,
     sent: usize,
+    /// `None`: it measures what a test sets.
+    meter: Option<Meter>,
 }
 
 impl<R: Registers> RegisterMap<R> {
     pub fn of(registers: R) -> Self {
         Self {
+            meter: None,
             registers,
             pointer: 0,
             written: Vec::new(),
             latched: 0,
             sent: 0,
+        }
+    }
+
+    /// Connected to the pack of the board's circuit: it gives the means of its conversions, which follow each other without a
+    /// pause and end when the bus is looked at.
+    pub fn measuring_circuit(self) -> Self {
+        Self {
+            meter: Some(Meter::default()),
+            ..self
         }
     }
 
@@ -69,6 +90,17 @@ impl<R> DerefMut for RegisterMap<R> {
 }
 
 impl<R: Registers> I2cDevice for RegisterMap<R> {
+    fn sense(&mut self, circuit: &Circuit) {
+        let Some(meter) = &mut self.meter else {
+            return;
+        };
+        let totals = circuit.totals();
+        if let Some(means) = meter.finish_conversion(totals, self.registers.conversion()) {
+            self.registers.note_time(totals.at);
+            self.registers.set_result(means.volts, means.amperes);
+        }
+    }
+
     fn start(&mut self, direction: I2cDirection, now: Cycle) -> Ack {
         self.registers.note_time(now);
         match direction {
