@@ -4,6 +4,7 @@
 //! takes over a tenth more than the page says; `cargo bench -- --accept` writes it all the same.
 
 mod counted;
+mod driven;
 mod figures;
 mod page;
 mod running;
@@ -19,6 +20,7 @@ fn main() -> ExitCode {
     let tables = [
         counted::tables(),
         running::tables(),
+        driven::tables(),
         wifi::tables(),
         size::tables(),
     ]

@@ -5,6 +5,7 @@ use emulator::ResetCause;
 use support::frames::{HEARTBEAT, of_message};
 use support::requests::{arm, manual_mode};
 use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
+use workbench::rover_circuit::{THREE_CELLS_V, connect};
 
 const CORE_0: u32 = 0b01;
 const CORE_1: u32 = 0b10;
@@ -15,6 +16,7 @@ const RESET_WITHIN_US: u64 = 1_050 * MILLISECOND;
 
 fn driving() -> Bench {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
+    connect(&mut bench, THREE_CELLS_V);
     bench.ask(&arm());
     bench.ask(&manual_mode());
     drive_for(&mut bench, SECOND / 10, 0);

@@ -1,16 +1,16 @@
 //! What is measured of a pack while the motors' pulses draw on it: the mean, at every duty, and what is counted of it.
 
-use crate::rover::{drive_for, steer_for};
 use crate::wheels::duties;
 use emulator::AdcCurve;
-use emulator::circuit::{Means, Totals};
-use support::frames::{statuses_of, texts_of};
+use emulator::circuit::Means;
+use support::frames::texts_of;
 use support::motor_poles::{LEFT, RIGHT};
-use support::requests::{arm, disarm, manual_mode};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
+use support::requests::disarm;
+use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
 use workbench::downloads::{download, list};
+use workbench::driven_rover::{FULL, Sides, drive_steadily, readings_since, rover, steer_for, totals};
 use workbench::log_records::{named, records};
-use workbench::rover_circuit::{OPEN_CIRCUIT_V, RESISTANCE_OHM, WITH_SENSOR, connect};
+use workbench::rover_circuit::RESISTANCE_OHM;
 
 /// PWM slices of the motors (RP2040 datasheet 4.5): each counts to 62,500 in 2 ms.
 const SLICES: std::ops::RangeInclusive<u32> = 1..=4;
@@ -22,43 +22,6 @@ const PERIOD_COUNTS: u32 = 62_500;
 const WIDE_CODES_V: f64 = 0.0145;
 const WIDE_CODES_A: f64 = 0.036;
 
-/// The stick's full throw.
-const FULL: i16 = 1000;
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Sides {
-    Both,
-    Left,
-}
-
-impl Sides {
-    /// Lets time pass with these sides at a share of full throttle.
-    fn drive(self, bench: &mut Bench, time_us: u64, share: f64) {
-        let throttle = share * f64::from(FULL);
-        match self {
-            Self::Both => steer_for(bench, time_us, 0, throttle as i16),
-            Self::Left => steer_for(bench, time_us, (throttle / 2.0) as i16, (throttle / 2.0) as i16),
-        }
-    }
-}
-
-/// A rover that may be driven, with its pack and motors.
-fn rover(curve: AdcCurve, parameters: &[(&str, f32)]) -> Bench {
-    let mut all = WITH_SENSOR.to_vec();
-    all.push(("SR0_EXTRA1", 10.0));
-    all.extend(parameters);
-    let mut bench = Bench::configured(DIVIDER_CODE, &all);
-    bench.adc_curve(curve);
-    connect(&mut bench, OPEN_CIRCUIT_V);
-    // What was measured before is of another pack.
-    bench.reboot();
-    bench.run_for(SECOND);
-    bench.ask(&arm());
-    bench.ask(&manual_mode());
-    drive_for(&mut bench, SECOND / 5, 0);
-    bench
-}
-
 /// As after another power-up, at which the conversions began a third of a PWM period later.
 fn shift_by_a_third(bench: &mut Bench) {
     for slice in SLICES {
@@ -66,25 +29,6 @@ fn shift_by_a_third(bench: &mut Bench) {
         let count = bench.read_register(counter);
         bench.write_register(counter, (count + PERIOD_COUNTS / 3) % PERIOD_COUNTS);
     }
-}
-
-fn totals(bench: &mut Bench) -> Totals {
-    bench.circuit().totals()
-}
-
-/// Voltages and currents on the wire since `from_us`.
-fn reported(bench: &mut Bench, from_us: u64) -> Vec<(f64, f64)> {
-    bench.run_until_silent();
-    let frames = bench.frames_since(from_us);
-    let statuses = statuses_of(&frames, 0).into_iter();
-    statuses
-        .map(|status| {
-            (
-                f64::from(status.voltage_mv(0)) / 1e3,
-                f64::from(status.current_ca()) / 1e2,
-            )
-        })
-        .collect()
 }
 
 /// Tolerances of a voltage and of a current in a steady drive.
@@ -103,7 +47,7 @@ fn assert_means(curve: AdcCurve, sides: Sides, shift: impl Fn(&mut Bench)) {
     let mut worst = (0.0f64, 0.0f64);
     for step in 1..=16 {
         let share = f64::from(step) / 16.0;
-        sides.drive(&mut bench, SECOND, share);
+        let drive = drive_steadily(&mut bench, sides, share);
         let (duty, _) = duties(LEFT[0], &bench);
         assert!(
             (duty - share).abs() < 0.01,
@@ -111,21 +55,16 @@ fn assert_means(curve: AdcCurve, sides: Sides, shift: impl Fn(&mut Bench)) {
         );
         let (other, _) = duties(RIGHT[0], &bench);
         assert_eq!(other > 0.0, sides == Sides::Both);
-        let before = totals(&mut bench);
-        let from_us = bench.time_us() + 150 * MILLISECOND;
-        sides.drive(&mut bench, SECOND, share);
-        let means = totals(&mut bench).since(before).expect("a second");
-        let (volts, amperes) = tolerances(curve, &means);
-        let readings = reported(&mut bench, from_us);
-        assert!(readings.len() >= 8, "{}", readings.len());
-        for (voltage_v, current_a) in readings {
-            let errors = (voltage_v - means.volts, current_a - means.amperes);
-            assert!(
-                errors.0.abs() <= volts && errors.1.abs() <= amperes,
-                "{sides:?} at {share}: {voltage_v} V, {current_a} A instead of {means:?}"
-            );
-            worst = (worst.0.max(errors.0.abs()), worst.1.max(errors.1.abs()));
-        }
+        assert!(drive.readings.len() >= 8, "{}", drive.readings.len());
+        let (error_v, error_a) = drive.worst_errors();
+        let (volts, amperes) = tolerances(curve, &drive.means);
+        assert!(
+            error_v <= volts && error_a <= amperes,
+            "{sides:?} at {share}: {:?} instead of {:?}",
+            drive.readings,
+            drive.means
+        );
+        worst = (worst.0.max(error_v), worst.1.max(error_a));
     }
     println!(
         "{curve:?}, {sides:?}: at most {:.1} mV and {:.0} mA off",
@@ -159,16 +98,16 @@ fn the_converters_wide_codes_move_a_mean_by_their_known_error_only() {
 fn readings_are_means_while_the_duty_changes_too() {
     let mut bench = rover(AdcCurve::Ideal, &[]);
     let (from_us, before) = (bench.time_us(), totals(&mut bench));
-    drive_for(&mut bench, SECOND / 2, 0);
+    steer_for(&mut bench, SECOND / 2, 0, 0);
     for step in (1..=40).chain((1..40).rev()) {
-        drive_for(&mut bench, 100 * MILLISECOND, step * (FULL / 40));
+        steer_for(&mut bench, 100 * MILLISECOND, 0, step * (FULL / 40));
     }
-    drive_for(&mut bench, SECOND, 0);
+    steer_for(&mut bench, SECOND, 0, 0);
     let means = totals(&mut bench).since(before).expect("some seconds");
-    let readings = reported(&mut bench, from_us);
+    let readings = readings_since(&mut bench, from_us);
     let count = readings.len() as f64;
-    let voltage_v = readings.iter().map(|reading| reading.0).sum::<f64>() / count;
-    let current_a = readings.iter().map(|reading| reading.1).sum::<f64>() / count;
+    let voltage_v = readings.iter().map(|reading| reading.voltage_v).sum::<f64>() / count;
+    let current_a = readings.iter().map(|reading| reading.current_a).sum::<f64>() / count;
     println!("ramps: {voltage_v:.3} V, {current_a:.3} A; {means:?}");
     assert!((voltage_v - means.volts).abs() <= 0.020, "{voltage_v}, {means:?}");
     let tolerance_a = (0.02 * means.amperes).max(0.050);
@@ -191,7 +130,7 @@ fn stop_and_go(bench: &mut Bench) {
         };
         steer_for(bench, time_us, steering, throttle);
     }
-    drive_for(bench, 2 * SECOND, 0);
+    steer_for(bench, 2 * SECOND, 0, 0);
 }
 
 #[test]

@@ -8,6 +8,8 @@ use support::motor_poles::{LEFT, motors};
 pub use support::requests::VEHICLE_ID;
 use support::requests::{arm, disarm, manual_control, manual_mode};
 use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, RUNNING, SECOND, TestedVehicle};
+pub use workbench::driven_rover::steer_for;
+use workbench::rover_circuit::{THREE_CELLS_V, connect};
 
 /// The number of the exception.
 const HARD_FAULT: u32 = 3;
@@ -42,15 +44,6 @@ pub fn drive_for(bench: &mut Bench, time_us: u64, throttle: i16) {
     steer_for(bench, time_us, 0, throttle);
 }
 
-/// Lets time pass with constant stick input.
-pub fn steer_for(bench: &mut Bench, time_us: u64, steering: i16, throttle: i16) {
-    for _ in 0..time_us / (100 * MILLISECOND) {
-        let now_us = bench.time_us();
-        bench.uart_send(0, now_us, &manual_control(VEHICLE_ID, steering, throttle));
-        bench.run_for(100 * MILLISECOND);
-    }
-}
-
 /// The id of the task with this name: in the retained table of names it stands before it.
 pub fn task_named(bench: &Bench, name: &[u8]) -> u32 {
     let retained = bench.section(".uninit");
@@ -65,6 +58,7 @@ fn driving(parameters: &[(&str, f32)]) -> Bench {
     let mut all = vec![("BATT_CELLS", 3.0)];
     all.extend(parameters);
     let mut bench = Bench::configured(GOOD_3S, &all);
+    connect(&mut bench, THREE_CELLS_V);
     assert_eq!(bench.result_of(&arm()), ACCEPTED);
     bench.ask(&manual_mode());
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
@@ -161,6 +155,7 @@ fn a_fault_lets_the_motors_coast_before_it_restarts_the_board() {
 #[test]
 fn a_hang_right_after_arming_lets_the_motors_coast_after_the_watchdogs_time() {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
+    connect(&mut bench, THREE_CELLS_V);
     bench.run_for(SECOND);
     assert_eq!(bench.result_of(&arm()), 0);
     assert!(is_braking(&bench));

@@ -1,8 +1,8 @@
 //! From the voltage at GP26 to the voltage on the wire.
 
-use emulator::{AdcFault, AdcInput};
+use emulator::{AdcFault, AdcInput, Board};
 use support::frames::{last_of, statuses_of};
-use workbench::bench::{Bench, CURRENT, MILLISECOND, PACK, SECOND};
+use workbench::bench::{Bench, CURRENT, CYCLES_PER_US, MILLISECOND, PACK, SECOND};
 
 /// The DMA channel that brings the converter's results to RAM.
 const CONVERTER_DMA: usize = 2;
@@ -147,4 +147,65 @@ fn single_conversions_with_an_error_are_left_out_and_many_fail_the_read() {
     bench.run_for(2 * SECOND);
     assert!(failed_reads(&mut bench) > 0);
     assert_eq!(last_of(&bench.frames(), 0).charge_state(), 6);
+}
+
+/// RESETS.RESET (RP2040 datasheet 2.14.3), and its bits of the converter and of DMA.
+const RESETS: u32 = 0x4000_c000;
+const CONVERTER_AND_DMA: u32 = 0b101;
+
+/// The rings are where the program before had them.
+#[test]
+fn after_a_reset_of_the_processor_alone_dma_stops_before_ram_is_set_up() {
+    const GARBAGE: [u8; 4] = [0xa5; 4];
+    let mut bench = Bench::running(2482);
+    let data = bench.section(".data").start;
+    bench.reset_processor();
+    bench.write_memory(data, &GARBAGE);
+    let are_held = |board: &mut Board| board.read_register(RESETS) & CONVERTER_AND_DMA == CONVERTER_AND_DMA;
+    assert!(bench.run_until(SECOND / 10, are_held));
+    assert_eq!(bench.read_memory(data, 4), GARBAGE);
+    bench.forget_sent();
+    assert_eq!(reported_mv(&mut bench), 7901);
+}
+
+/// From the first look at the converter to the first pad that is set after the read.
+#[test]
+// Requirement: FR-12
+fn a_read_of_all_pins_with_each_pair_takes_less_than_two_milliseconds() {
+    const GP26_PAD: u32 = 0x4001_c004 + 4 * 26;
+    let pairs = [(26, 27), (28, 29), (26, 28), (27, 29), (26, 29), (27, 28)];
+    let names = |(pack, (voltage_pin, current_pin)): (usize, (u8, u8))| {
+        let prefix = if pack == 0 {
+            "BATT".to_owned()
+        } else {
+            format!("BATT{}", pack + 1)
+        };
+        [
+            ("MONITOR", 4),
+            ("VOLT_PIN", voltage_pin),
+            ("CURR_PIN", current_pin),
+        ]
+        .map(|(name, value)| (format!("{prefix}_{name}"), f32::from(value)))
+    };
+    let named: Vec<_> = pairs.into_iter().enumerate().flat_map(names).collect();
+    let parameters: Vec<_> = named
+        .iter()
+        .map(|(name, value)| (name.as_str(), *value))
+        .collect();
+    let mut bench = Bench::configured(2482, &parameters);
+    bench.run_for(2 * SECOND);
+    let mut other = bench.clone();
+    bench.take_reads();
+    bench.run_for(SECOND);
+    other.watch_reads(GP26_PAD);
+    other.run_for(SECOND);
+    let begun = bench.take_ticks();
+    let ended: Vec<u64> = other.take_reads().iter().map(|at| at / CYCLES_PER_US).collect();
+    let took_us = begun.iter().map(|begin_us| {
+        let end_us = ended.iter().find(|end_us| *end_us >= begin_us);
+        end_us.expect("the pad is set in each tick") - begin_us
+    });
+    let longest_us = took_us.max().expect("ticks");
+    println!("a read takes {longest_us} us at most");
+    assert!(longest_us < 2 * MILLISECOND);
 }

@@ -5,6 +5,7 @@ use emulator::Board;
 use support::motor_poles::{LEFT, Motor, RIGHT, motors};
 use support::requests::{arm, manual_mode};
 use workbench::bench::{Bench, SECOND, TestedVehicle};
+use workbench::rover_circuit::{THREE_CELLS_V, connect};
 
 /// The share of time in which the PWM drives the positive and the negative pole.
 pub fn duties(motor: Motor, board: &Board) -> (f64, f64) {
@@ -24,6 +25,7 @@ const BACK: (f64, f64) = (0.0, 0.5);
 // Requirement: R-1
 fn every_wheel_turns_the_way_the_driver_steers() {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
+    connect(&mut bench, THREE_CELLS_V);
     bench.ask(&arm());
     bench.ask(&manual_mode());
     steer_for(&mut bench, SECOND / 10, 0, 0);

@@ -13,7 +13,7 @@ use rover_battmon::autopilot::{Autopilot, Start, Wiring};
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{
-    AnalogIn, AnalogReadings, BitTiming, DriverEnable, SerialSetup, WantedReadings, Wires,
+    AnalogIn, AnalogPin, AnalogReadings, BitTiming, DriverEnable, SerialSetup, WantedReadings, Wires,
 };
 use rover_battmon::tasks::{
     ByteSource, CheckIn, ReceiveError, SeenPulses, SerialLine, Shared, hand_over_pulses, sample_batteries,
@@ -21,7 +21,7 @@ use rover_battmon::tasks::{
 };
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::clock;
-use support::desk::{Desk, id_of, start_with};
+use support::desk::{Desk, conversions, id_of, start_with};
 use support::frames::{last_of, texts_of};
 use support::time::SECOND;
 use support::vehicle::{OnHost, TestedVehicle};
@@ -474,4 +474,31 @@ fn an_engine_takes_what_its_injectors_let_through() {
     assert_eq!((tank.remaining_pct(), tank.voltage_mv(0)), (98, u16::MAX));
     let (_, frames) = run_at(90, 2);
     assert_eq!(last_of(&frames, 1).current_ca(), 0);
+}
+
+/// Neither the reading with the pull before nor one with the pull that it has from now on.
+#[test]
+// Requirement: AP-30
+fn a_pin_whose_pull_changes_has_no_reading_in_that_tick() {
+    let mut desk = Desk::starting(start_with(&[]));
+    let mut readings = AnalogReadings::NONE;
+    readings.set(AnalogPin::Gp26, Ok(conversions(2.0)));
+    readings.set(AnalogPin::Gp28, Ok(conversions(1.0)));
+    desk.sample(readings);
+    for (name, value) in [
+        ("TEMP1_TYPE", 5.0),
+        ("TEMP1_PIN", 28.0),
+        ("TEMP1_SRC", 3.0),
+        ("TEMP1_SRC_ID", 1.0),
+        ("TEMP1_A0", 25.0),
+    ] {
+        desk.set(id_of(name), value);
+    }
+    let temperature_c = |desk: &mut Desk| {
+        desk.now_us += 100_000;
+        desk.sample(readings);
+        desk.autopilot.battery(Pack::First).temperature_c
+    };
+    assert_eq!(temperature_c(&mut desk), None);
+    assert_eq!(temperature_c(&mut desk), Some(25.0));
 }

@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod can;
 pub mod downloads;
+pub mod driven_rover;
 pub mod elf;
 pub mod i2c_bus;
 pub mod log_flash;

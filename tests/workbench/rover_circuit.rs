@@ -9,6 +9,9 @@ use crate::bench::{Bench, CURRENT, PACK};
 /// Two Li-ion cells, half full.
 pub const OPEN_CIRCUIT_V: f64 = 7.9;
 
+/// Three LiPo cells, half full.
+pub const THREE_CELLS_V: f64 = 11.4;
+
 /// Of cells, holder and wires.
 pub const RESISTANCE_OHM: f64 = 0.25;
 

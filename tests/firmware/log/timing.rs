@@ -5,6 +5,7 @@ use emulator::AdcInput;
 use support::motor_poles::LEFT;
 use support::requests::{arm_by_force, manual_control, manual_mode};
 use workbench::bench::{Bench, CURRENT, CYCLES_PER_US, MILLISECOND, SECOND, TestedVehicle};
+use workbench::rover_circuit::{THREE_CELLS_V, connect};
 
 const TICK_US: u64 = 100 * MILLISECOND;
 
@@ -53,6 +54,7 @@ fn armed(log_bitmask: f32) -> Bench {
         .map(|(name, value)| (name.as_str(), *value))
         .collect();
     let mut bench = Bench::configured(GOOD_3S, &parameters);
+    connect(&mut bench, THREE_CELLS_V);
     bench.adc_input(CURRENT, AdcInput::Code(300));
     bench.run_for(2 * SECOND);
     bench.ask(&arm_by_force());

@@ -8,6 +8,7 @@ use support::frames::result_of;
 use support::motor_poles::motors;
 use support::requests::{arm, manual_control, manual_mode};
 use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
+use workbench::rover_circuit::{THREE_CELLS_V, connect};
 
 /// `FS_TIMEOUT` is 1.5 s; the rover looks every 20 ms, and a packet takes some.
 const STOPPED_WITHIN_US: u64 = 1_600 * MILLISECOND;
@@ -17,6 +18,7 @@ pub fn rover() -> Ground {
     let mut ground = Ground::of(Bench::power_up(GOOD_3S));
     ground.bench.set("BATT_CELLS", 3.0);
     ground.bench.set("MOT_SLEWRATE", 0.0);
+    connect(&mut ground.bench, THREE_CELLS_V);
     ground
 }
 
