@@ -1,10 +1,10 @@
 //! The stream of results: from the converter into its FIFO, and on by DMA into RAM.
 //!
 //! A converter that never rests would wake the scheduler tens of thousands of times a second. It is advanced to the present, result
-//! by result and each at its own time, when somebody looks: before any access to a register of ADC or DMA, before a transfer of
-//! another DMA channel, before a reset, before a change of what is at the converter's inputs, and before a test gets the board
-//! back. What can be seen in registers is therefore the same as if every result had been an event, which it is while it may raise
-//! an interrupt, or while a channel does something else with results than to move them into RAM.
+//! by result and each at its own time, on demand: before any access to a register of ADC or DMA, before a transfer of another DMA
+//! channel, before a reset, before a change at the converter's inputs or at the pins of the circuit, and before a test gets the
+//! board back. Registers therefore read the same as if every result had been an event. Each is one while it may raise an
+//! interrupt, or while a channel does something else with results than to move them into RAM.
 //!
 //! RAM that the processor reads without having looked at a register of ADC or DMA first may be [`MAX_LAG`] behind.
 
@@ -15,7 +15,7 @@ use super::dma::{Transfer, TransferError};
 use super::peripheral::Peripheral;
 use super::register::RegisterWrite;
 
-/// How far behind RAM may be while the processor executes.
+/// The longest time by which RAM may be behind while the processor executes.
 const MAX_LAG: Cycle = cycles(100);
 
 impl SystemBus {

@@ -128,7 +128,7 @@ fn the_processor_sees_every_change_in_the_same_cycle_as_if_each_was_an_event() {
     }
 }
 
-/// What is seen of a board on which the ring is sent by a UART at the same time, after a run that is cut into pieces.
+/// Ring, registers, counts and sent bytes of a board whose ring is sent by a UART, after a run that is cut into pieces.
 fn run(mut board: Board, pieces: &[u64]) -> (Vec<u16>, [u32; 4], u64, u64, Vec<u8>) {
     start_stream(&mut board, IRQ_QUIET);
     select_function(&mut board, 0, FUNCTION_UART);

@@ -9,12 +9,12 @@ pub enum AdcFault {
     Stalled,
     /// Conversions finish with CS.ERR set.
     ConversionError,
-    /// The next so many conversions do.
+    /// This number of conversions do, from the next one on.
     ConversionErrors(u32),
-    /// One in so many conversions does, counted from power-up.
+    /// One conversion of this number does, counted from power-up.
     ConversionErrorInEvery(u32),
-    /// The results of the next so many conversions do not reach the FIFO. All else is as without the fault: CS.AINSEL goes on in
-    /// round robin, and RESULT has the code.
+    /// The results of this number of conversions, from the next one on, do not reach the FIFO. All else is as without the fault:
+    /// CS.AINSEL goes on in round robin, and RESULT has the code.
     LostConversions(u32),
 }
 
@@ -27,7 +27,7 @@ pub enum Outcome {
 }
 
 impl AdcFault {
-    /// Ends a conversion before which so many have ended since power-up.
+    /// Ends a conversion; `conversions_before` have ended since power-up.
     pub fn end_conversion(&mut self, conversions_before: u64) -> Outcome {
         let number = conversions_before + 1;
         let outcome = match *self {

@@ -41,7 +41,7 @@ const VSYS_CHANNEL: usize = 3;
 const INTERRUPT_LINE: u32 = 22;
 /// DREQ_ADC (2.5.3.1).
 pub const DMA_REQUEST: u32 = 36;
-/// Where the FIFO is read.
+/// Address of FIFO.
 pub const FIFO_ADDRESS: u32 = 0x4004_c00c;
 /// How many conversions the record keeps for the test; older ones are dropped.
 const RECORD_LENGTH: usize = 1 << 16;

@@ -2,11 +2,21 @@
 //!
 //! A motor takes current while its bridge drives it. While the bridge coasts, the winding's current flows on through the diodes,
 //! back into the pack, until it has ended; while it brakes, within the bridge. All currents share the pack's resistance, so its
-//! voltage moves with every edge at the pins. Levels are those of PWM and SIO at each instant; what a PIO makes of a pin is looked
-//! at when registers are written only.
+//! voltage moves with every edge at the pins. Levels are those of PWM and SIO at each instant; a pin that a PIO drives is looked at
+//! only when a register is written.
 //!
-//! Left out: capacitors, commutation, dead time and the time that switches take, a shaft that drives the bridge's diodes by
-//! itself, the pack's dynamics, and a board that its own supply fails.
+//! ```ignore
+//! let before = board.circuit().totals();
+//! board.run_for(100_000);
+//! let means = board.circuit().totals().since(before).expect("100 ms");
+//! assert!(means.amperes < 2.5);
+//! ```
+//!
+//! The converter's inputs and monitors at the I2C bus measure the circuit by themselves. For another device, at the CAN bus for
+//! instance, a test takes its figures from [`Circuit::totals`].
+//!
+//! Left out: capacitors, commutation, dead time and switching times, a shaft fast enough to drive current through the diodes, the
+//! pack's state of charge and dynamics, the bandwidth of sensors, and a brown-out of the board at a low voltage.
 
 mod bridge;
 mod probe;
@@ -95,7 +105,7 @@ impl Circuit {
         self.totals
     }
 
-    /// The least and the most since [`Self::restart_extremes`], of all moments at which something changed or was looked at.
+    /// The extremes since [`Self::restart_extremes`], of the moments at which an input changed or the circuit was looked at.
     pub fn extremes(&self) -> Extremes {
         self.extremes
     }

@@ -1,4 +1,4 @@
-//! What is connected to the pack's terminals to measure them.
+//! Probes, sensors and meters at the pack's terminals.
 
 use super::super::clock::Cycle;
 use super::totals::{Means, Terminals, Totals};

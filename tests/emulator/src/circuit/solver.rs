@@ -4,7 +4,7 @@ use super::bridge::Branch;
 use super::totals::Terminals;
 
 pub const BRIDGES: usize = 4;
-/// A current below this is none.
+/// A diode whose current is below this has stopped conducting.
 const NO_CURRENT_A: f64 = 1e-5;
 /// Each try at the end of a diode's current is closer to it by a factor of ten or more.
 const MAX_TRIES: usize = 8;
@@ -73,7 +73,7 @@ impl Network {
         })
     }
 
-    /// A step of at most so many seconds: it ends where a diode stops to conduct.
+    /// A step of at most this many seconds: it ends early if a diode stops conducting.
     pub fn step(&self, currents: &Currents, seconds: f64) -> Step {
         let mut step = self.whole_step(currents, seconds);
         for _ in 0..MAX_TRIES {
@@ -94,8 +94,8 @@ impl Network {
         step
     }
 
-    /// The diode that stops first, and after which share of the time if its current fell evenly, which is too late: it falls
-    /// fastest at first.
+    /// The diode that stops first, and the share of the time after which it does, by linear interpolation. The true moment is
+    /// earlier, as the current falls fastest at first.
     fn first_end(&self, before: &Currents, after: &Currents) -> Option<(usize, f64)> {
         let ends = self.branches.iter().enumerate().filter_map(|(number, branch)| {
             let (before, after) = (before[number], after[number]);

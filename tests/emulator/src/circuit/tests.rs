@@ -45,7 +45,7 @@ fn bridge(number: usize, motor: Motor) -> Bridge {
     }
 }
 
-/// Drives the bridges, in their order, with these levels for so many cycles.
+/// Drives the bridges, in their order, with these levels for this number of cycles.
 fn drive(circuit: &mut Circuit, levels: &[[bool; 2]], cycles: Cycle) {
     circuit.connect_inputs(|[in1, _]| levels[in1 / 2].map(PinSignal::Level));
     circuit.advance(circuit.totals().at + cycles);
@@ -216,7 +216,7 @@ fn a_shaft_follows_the_voltage_in_its_time_and_friction_stops_it() {
     assert!(circuit.motor_amperes(0) < -0.05);
 }
 
-/// What the pack gives is what windings, switches, diodes, shafts and the board take.
+/// The pack gives as much as windings, switches, diodes, shafts and the board take.
 #[test]
 fn no_energy_is_lost() {
     let motors = [held(3.0), Motor::TT, held(-1.0), Motor::TT.stalled()];

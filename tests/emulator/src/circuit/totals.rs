@@ -1,4 +1,4 @@
-//! What has flowed since power-up, and the means of any stretch of time.
+//! Charge, energy and voltage over time, and the means of any stretch of it.
 
 use super::super::clock::{CLK_SYS_HZ, Cycle};
 
@@ -15,7 +15,7 @@ pub struct Totals {
     pub volt_seconds: f64,
 }
 
-/// What a perfect meter at the pack's terminals shows of a stretch of time. Currents that discharge the pack are positive.
+/// The means of a stretch of time at the pack's terminals. Currents that discharge the pack are positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Means {
     pub seconds: f64,
@@ -47,7 +47,7 @@ pub struct Terminals {
     pub amperes: f64,
 }
 
-/// The least and the most of each.
+/// The smallest and the largest of each.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extremes {
     pub least: Terminals,

@@ -1,7 +1,6 @@
 //! The channels that bring results of the converter into RAM.
 //!
-//! While nothing else depends on when they move, they may be behind: what they do follows from the time alone, and is done when
-//! somebody looks.
+//! While nothing else depends on the time of their transfers, these may be made late: they follow from the time alone.
 
 use super::super::adc;
 use super::super::register::bit;
@@ -10,7 +9,7 @@ use super::{Dma, channel_register};
 
 const DMA_BASE: u32 = 0x5000_0000;
 
-/// What the settings of all channels make of it.
+/// The channels as all of them are set.
 #[derive(Clone, Copy)]
 pub struct ConverterStream {
     /// The channels that read the converter's FIFO, and those that these start, one bit each. None if one of them does
