@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU16, Ordering};
 
 use super::ring_reader::RingReader;
 use crate::battery::ReadError;
-use crate::sensor::{AnalogPin, AnalogReadings, Conversions, WantedReadings, covariance, exceeds_tolerance};
+use crate::sensor::{AnalogPin, AnalogReadings, Conversions, PairSums, WantedReadings, exceeds_tolerance};
 use crate::time::Instant;
 
 /// Clock of the RP2040's converter, in hertz.
@@ -24,10 +24,9 @@ pub const RING_CONVERSIONS: usize = 2048;
 
 const PLACE_MASK: usize = RING_CONVERSIONS - 1;
 
-const CODE: u16 = 0xfff;
-
-/// In a word of the FIFO: the conversion failed (RP2040 datasheet, ADC FIFO register, ERR).
-const FAILED: u16 = 1 << 15;
+/// The highest code. A word of the FIFO is above it if its conversion failed: bit 15 is set then (RP2040 datasheet, ADC FIFO
+/// register, ERR).
+const HIGHEST_CODE: u16 = 0xfff;
 
 /// Reading position in the ring, and the time up to which it was read.
 #[derive(Debug)]
@@ -114,8 +113,8 @@ impl<'a> Rounds<'a> {
     // Once, and not for each use.
     #[inline(never)]
     fn conversions(&self, pin: AnalogPin) -> Result<Conversions, ReadError> {
-        let good = self.of_channel(pin as usize).filter(|word| word & FAILED == 0);
-        let conversions = Conversions::from_codes(good.map(|word| word & CODE));
+        let good = self.of_channel(pin as usize).filter(|word| *word <= HIGHEST_CODE);
+        let conversions = Conversions::from_codes(good);
         let all = self.older.len() + self.newer.len();
         let failed = all as u32 - conversions.map_or(0, |conversions| conversions.count());
         if exceeds_tolerance(failed, all as u32) {
@@ -124,17 +123,19 @@ impl<'a> Rounds<'a> {
         conversions.ok_or(ReadError::Timeout)
     }
 
-    /// Of each conversion of one pin with the nearest of another: that of the same round, or of the round before.
+    /// Of the conversions of two pins in the same rounds.
     #[inline(never)]
     fn covariance(&self, first: AnalogPin, second: AnalogPin) -> Option<f32> {
-        let (first, second) = (first as usize, second as usize);
-        let is_of_round_before = second - first > CHANNELS / 2;
-        let firsts = self.of_channel(first).skip(is_of_round_before.into());
-        let pairs = firsts.zip(self.of_channel(second));
-        covariance(pairs.filter_map(|(first, second)| {
-            let have_succeeded = (first | second) & FAILED == 0;
-            have_succeeded.then_some((first & CODE, second & CODE))
-        }))
+        let mut sums = PairSums::default();
+        let blocks = [self.older, self.newer].into_iter();
+        for block in blocks.flat_map(|rounds| rounds.chunks(PairSums::BLOCK)) {
+            sums.add(block.iter().filter_map(|round| {
+                let word = |pin: AnalogPin| Some(round.get(pin as usize)?.load(Ordering::Relaxed));
+                let (first, second) = (word(first)?, word(second)?);
+                (first.max(second) <= HIGHEST_CODE).then_some((first, second))
+            }));
+        }
+        sums.covariance()
     }
 
     fn of_channel(&self, channel: usize) -> impl Iterator<Item = u16> + Clone {
@@ -333,7 +334,7 @@ mod tests {
     fn failed_conversions_are_left_out_and_more_than_one_in_a_hundred_fail_the_pin() {
         for (one_in, is_valid) in [(103, true), (99, false)] {
             let word_of = move |number: u64| match channel(number) == 1 && number / 4 % one_in == 0 {
-                true => FAILED | 7,
+                true => 1 << 15 | 7,
                 false => 3000,
             };
             let mut converter = Converter::new(word_of);
@@ -387,7 +388,7 @@ mod tests {
             late_us in prop::collection::vec(0u64..20_000, 1..60),
             seed in any::<u64>(),
         ) {
-            let noise = move |number: u64| (number.wrapping_mul(seed | 1) >> 40) as u16 & CODE;
+            let noise = move |number: u64| (number.wrapping_mul(seed | 1) >> 40) as u16 & HIGHEST_CODE;
             let mut converter = Converter::new(noise);
             let mut counted = 0.0;
             for (tick, late_us) in (1..).zip(&late_us) {

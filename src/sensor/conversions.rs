@@ -58,21 +58,22 @@ impl Conversions {
 
     /// `codes` from 0 to [`ADC_FULL_SCALE`], up to a million of them; `None` without any.
     pub fn from_codes(codes: impl Iterator<Item = u16> + Clone) -> Option<Self> {
-        let none = Self {
-            sum: 0,
-            count: 0,
-            lowest: u16::MAX,
-            highest: 0,
+        // As words, which the processor adds and compares without more ado.
+        let (sum, count, lowest, highest) = codes.clone().fold(
+            (0, 0, u32::from(u16::MAX), 0),
+            |(sum, count, lowest, highest): (u32, u32, u32, u32), code| {
+                let code = u32::from(code);
+                (sum + code, count + 1, lowest.min(code), highest.max(code))
+            },
+        );
+        let mut all = Self {
+            sum,
+            count,
+            lowest: lowest as u16,
+            highest: highest as u16,
             at_full_scale: 0,
             below_half: 0,
         };
-        let mut all = codes.clone().fold(none, |all, code| Self {
-            sum: all.sum + u32::from(code),
-            count: all.count + 1,
-            lowest: all.lowest.min(code),
-            highest: all.highest.max(code),
-            ..all
-        });
         let half = all.highest / 2;
         // Seldom, so what is needed seldom is not counted each time.
         if all.highest >= ADC_FULL_SCALE || all.lowest < half {
@@ -133,34 +134,43 @@ impl Conversions {
     }
 }
 
-/// Sums over neighbouring conversions of two pins, for their covariance. In integers, it is exact.
+/// Sums over conversions of two pins that follow each other, for their covariance. In integers, they are exact.
 #[derive(Clone, Copy, Debug, Default)]
-struct PairSums {
+pub struct PairSums {
     first: u32,
     second: u32,
     products: u64,
     count: u32,
 }
 
-/// Covariance of neighbouring conversions of two pins, in counts squared; `None` without any. Exact up to its conversion to
-/// a float: an offset of either pin does not matter.
-pub fn covariance(pairs: impl Iterator<Item = (u16, u16)>) -> Option<f32> {
-    let mut sums = PairSums::default();
-    for (first, second) in pairs {
-        let (first, second) = (u32::from(first), u32::from(second));
-        sums.first += first;
-        sums.second += second;
-        // Of 12 bits each.
-        sums.products += u64::from(first * second);
-        sums.count += 1;
+impl PairSums {
+    /// The most pairs that may be added at once: as many products of 12 bits by 12 fit into a word.
+    pub const BLOCK: usize = 256;
+
+    /// Adds up to [`Self::BLOCK`] pairs of codes from 0 to [`ADC_FULL_SCALE`].
+    pub fn add(&mut self, pairs: impl Iterator<Item = (u16, u16)>) {
+        let mut products = 0;
+        for (first, second) in pairs {
+            let (first, second) = (u32::from(first), u32::from(second));
+            self.first += first;
+            self.second += second;
+            products += first * second;
+            self.count += 1;
+        }
+        self.products += u64::from(products);
     }
-    if sums.count == 0 {
-        return None;
+
+    /// The covariance, in counts squared; `None` without any pair. Exact up to its conversion to a float: an offset of either
+    /// pin does not matter.
+    pub fn covariance(&self) -> Option<f32> {
+        if self.count == 0 {
+            return None;
+        }
+        let product_of_sums = u64::from(self.first) * u64::from(self.second);
+        let scaled = (u64::from(self.count) * self.products) as i64 - product_of_sums as i64;
+        let count = self.count as f32;
+        Some(scaled as f32 / (count * count))
     }
-    let product_of_sums = u64::from(sums.first) * u64::from(sums.second);
-    let scaled = (u64::from(sums.count) * sums.products) as i64 - product_of_sums as i64;
-    let count = sums.count as f32;
-    Some(scaled as f32 / (count * count))
 }
 
 /// The readings that are wanted of the converter: pins, and pairs of different pins, without an order, whose covariance is
@@ -387,7 +397,12 @@ mod tests {
             let (first, second) = (mean(|pair| pair.0), mean(|pair| pair.1));
             let products = codes.iter().map(|pair| (f64::from(pair.0) - first) * (f64::from(pair.1) - second));
             let expected = (products.sum::<f64>() / count) as f32;
-            let found = covariance(shifted).unwrap();
+            let shifted: Vec<_> = shifted.collect();
+            let mut sums = PairSums::default();
+            for block in shifted.chunks(PairSums::BLOCK) {
+                sums.add(block.iter().copied());
+            }
+            let found = sums.covariance().unwrap();
             prop_assert!((found - expected).abs() <= 1e-5 * expected.abs().max(1.0), "{found} {expected}");
         }
     }

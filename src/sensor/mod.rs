@@ -23,7 +23,7 @@ pub use controllers::{ControllerBank, ControllerReading, Members};
 pub(crate) use conversions::exceeds_tolerance;
 pub use conversions::{
     ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogReadings, Conversions, LATEST_READING_US,
-    PinPull, WantedReadings, covariance,
+    PairSums, PinPull, WantedReadings,
 };
 pub use external::{Admission, ExternalHealth, ExternalReading, ExternalReport, ExternalSource};
 pub use fuel::{EngineReading, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};

@@ -10,7 +10,6 @@ use support::frames::{
 };
 use support::requests::{arm, command_long_2, disarm, ping, timesync};
 use workbench::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, TestedVehicle, Wire};
-use workbench::rover_circuit::{THREE_CELLS_V, connect};
 use workbench::runs::rates_asked_for::assert_rates;
 
 const UNKNOWN_COMMAND: u16 = 410;
@@ -27,7 +26,6 @@ fn the_same_session_over_usb() {
 
 fn run(wire: Wire) {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
-    connect(&mut bench, THREE_CELLS_V);
     bench.use_wire(wire);
     bench.run_until_silent();
     bench.forget_sent();
