@@ -1,13 +1,13 @@
 //! Parts on the bus, as the emulator has them, read by the firmware's tasks in stepped time: their values and their faults.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::pin::Pin;
 use std::rc::Rc;
 
 use embassy_futures::join::join3;
-use embassy_time::{Instant, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_hal_async::i2c::Operation;
 use embedded_hal_async::spi::{ErrorType, Operation as SpiOperation, SpiDevice};
 use emulator::i2c_devices::{
@@ -48,8 +48,8 @@ const SHUNT_OHM: f64 = 0.0005;
 /// An INA226's of a volt, and of an ampere through 2 mOhm.
 const STEP: f32 = 1.25e-3;
 
-/// A byte with its acknowledge bit at 400 kHz.
-const BUS_BYTE_US: u64 = 23;
+/// A byte with its acknowledge bit.
+const BYTE_BITS: u64 = 9;
 
 /// The time of the emulator.
 const CYCLES_PER_US: u64 = 125;
@@ -68,6 +68,8 @@ struct Wires {
     behind_select: Rc<RefCell<Option<Ina239>>>,
     /// Addresses of the transfers on the I2C bus.
     transfers: Rc<RefCell<Vec<u8>>>,
+    /// Clock of the I2C bus; 0 before the board has set it.
+    clock_hz: Rc<Cell<u32>>,
 }
 
 impl Wires {
@@ -84,34 +86,48 @@ impl Wires {
     fn detach(&self, address: u8) {
         self.devices.borrow_mut().remove(&address);
     }
+
+    fn device(&self, address: u8) -> Result<Device, BusError> {
+        let devices = self.devices.borrow();
+        devices.get(&address).cloned().ok_or(BusError::NoAnswer)
+    }
+
+    /// Waits until this many bytes of an operation, which began at `start`, are on the wire.
+    async fn pass(&self, start: Instant, bytes: u64) {
+        let us = bytes * BYTE_BITS * SECOND / u64::from(self.clock_hz.get());
+        Timer::at(start + Duration::from_micros(us)).await;
+    }
 }
 
 impl I2cBus for Wires {
     async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
         self.transfers.borrow_mut().push(address);
         for operation in operations {
-            let now = Instant::now().as_micros() * CYCLES_PER_US;
-            let bytes = match operation {
-                Operation::Write(bytes) => bytes.len(),
-                Operation::Read(buffer) => buffer.len(),
+            let start = Instant::now();
+            let direction = match operation {
+                Operation::Write(_) => I2cDirection::Write,
+                Operation::Read(_) => I2cDirection::Read,
             };
-            Timer::after_micros((1 + bytes as u64) * BUS_BYTE_US).await;
-            let mut devices = self.devices.borrow_mut();
-            let device = devices.get_mut(&address).ok_or(BusError::NoAnswer)?;
-            let mut device = device.borrow_mut();
-            let is_refused = match operation {
+            self.pass(start, 1).await;
+            let device = self.device(address)?;
+            device
+                .borrow_mut()
+                .start(direction, start.as_micros() * CYCLES_PER_US);
+            match operation {
                 Operation::Write(bytes) => {
-                    device.start(I2cDirection::Write, now);
-                    bytes.iter().any(|byte| device.write(*byte) == Ack::Nack)
+                    for (byte, passed) in bytes.iter().zip(2..) {
+                        self.pass(start, passed).await;
+                        if device.borrow_mut().write(*byte) == Ack::Nack {
+                            return Err(BusError::NoAnswer);
+                        }
+                    }
                 }
                 Operation::Read(buffer) => {
-                    device.start(I2cDirection::Read, now);
-                    buffer.fill_with(|| device.read());
-                    false
+                    for (byte, passed) in buffer.iter_mut().zip(2..) {
+                        *byte = device.borrow_mut().read();
+                        self.pass(start, passed).await;
+                    }
                 }
-            };
-            if is_refused {
-                return Err(BusError::NoAnswer);
             }
         }
         Ok(())
@@ -175,6 +191,8 @@ impl Rover {
     /// After a second.
     fn with(wires: &Wires, settings: &[(&str, f32)]) -> Self {
         let shared = Rc::new(Shared::new(&start_with(settings)));
+        let wiring = shared.with(|autopilot| autopilot.wiring());
+        wires.clock_hz.set(wiring.i2c_clock_hz);
         let port = Rc::new(Port::new(BYTE_US));
         let run = run(wires.clone(), Rc::clone(&shared), Rc::clone(&port));
         let mut rover = Self {
@@ -430,6 +448,51 @@ fn a_converter_on_the_bus_is_four_more_analog_pins() {
     rover.assert_measures(Pack::Third, (12.0, 3.3e-3), (8.5, 14e-3));
     // One set of transfers for both: a check, and all four results.
     assert_eq!(rover.transfers_in(SECOND, CONVERTER_AT), 20);
+}
+
+/// A period of the motors' PWM.
+const PWM_PERIOD_US: u64 = 2_000;
+
+impl Rover {
+    /// Runs for a second of pulses at the first two pins of the converter, with this share of a period.
+    fn run_with_pulses(&mut self, part: &RefCell<Ad7091r5>, duty: f64) {
+        let pulse_us = (duty * PWM_PERIOD_US as f64) as u64;
+        for _ in 0..SECOND / PWM_PERIOD_US {
+            for (us, volts) in [(pulse_us, [1.5, 2.0]), (PWM_PERIOD_US - pulse_us, [2.0, 0.0])] {
+                (0..)
+                    .zip(volts)
+                    .for_each(|(channel, volts)| part.borrow_mut().set(channel, volts));
+                self.run_for(us);
+            }
+        }
+    }
+}
+
+#[test]
+// Requirement: AP-6
+fn a_converter_on_the_bus_measures_the_means_of_pulses() {
+    let slowed_down: &[(&str, f32)] = &[("BATT3_MONITOR", SMART_BATTERY)];
+    // 11 rounds in a period, and 25 in nine: a pulse may gain or lose a conversion.
+    for (neighbour, tolerance) in [(&[][..], 0.1), (slowed_down, 0.04)] {
+        let part = converter([2.0, 0.0, 0.0, 0.0]);
+        let battery = device(SmartBattery::new(Pec::Right), |_| ());
+        let wires = Wires::with([
+            (CONVERTER_AT, part.clone() as Device),
+            (BATTERY_AT, battery as Device),
+        ]);
+        let mut rover = Rover::with(&wires, &[&AT_50_AND_51[..], neighbour].concat());
+        for duty in [0.05, 0.25, 0.4, 0.5, 0.7, 0.95] {
+            for _ in 0..8 {
+                // Another phase of the readings.
+                rover.run_for(PWM_PERIOD_US / 8);
+                rover.run_with_pulses(&part, duty);
+                let share = duty as f32;
+                let voltage = (12.0 - 3.0 * share, 3.0 * tolerance);
+                let current = (20.0 * share, 20.0 * tolerance);
+                rover.assert_measures(Pack::Second, voltage, current);
+            }
+        }
+    }
 }
 
 #[test]

@@ -77,9 +77,11 @@ impl BusDevices {
     /// The parts the parameters name. Packs share a part with several channels if their address is set alike.
     pub fn from_parameters(parameters: &Parameters, now: Instant) -> Self {
         let mut devices = Self::default();
+        let i2c_clock_hz = bus_clock_hz(parameters);
         for pack in Pack::ALL {
             if let Some(kind) = part_of(parameters, pack) {
-                devices.add(kind, pack, Wiring::from_parameters(parameters, pack), now);
+                let wiring = Wiring::from_parameters(parameters, pack, i2c_clock_hz);
+                devices.add(kind, pack, wiring, now);
             }
         }
         devices

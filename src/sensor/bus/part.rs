@@ -57,6 +57,8 @@ pub(super) const FAST_MODE_HZ: u32 = 400_000;
 /// The wiring of a pack to a part on the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wiring {
+    /// Clock of the I2C bus, in hertz.
+    pub i2c_clock_hz: u32,
     /// Address of the part (`BATT_I2C_ADDR`); `None`: it is searched for.
     pub address: Option<Address>,
     /// Which of a part's channels measures the pack, from 1 (`BATT_CHANNEL`).
@@ -74,11 +76,12 @@ pub struct Wiring {
 }
 
 impl Wiring {
-    /// The wiring the parameters of a pack describe.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+    /// The wiring the parameters of a pack describe, to a bus with this clock.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack, i2c_clock_hz: u32) -> Self {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
         let whole = |parameter: BatteryParameter| parameters.get_whole(parameter.of(pack));
         Self {
+            i2c_clock_hz,
             address: Address::from_parameter(whole(BatteryParameter::I2cAddr)),
             channel: u8::try_from(whole(BatteryParameter::Channel)).unwrap_or(1),
             shunt_ohm: value(BatteryParameter::Shunt),

@@ -1,6 +1,10 @@
 //! Analog Devices' AD7091R-5: four more analog pins, 50 to 53 by ArduPilot's count, for dividers and current sensors.
 //!
 //! It has no identification: its configuration, read back, has to do.
+//!
+//! It converts one pin after the other while their results are read, round after round (the data sheet of its sibling AD7291
+//! shows such a read), so that a long read spreads the conversions of each pin over the pulses of the motors. Wires and gaps
+//! between bytes stretch a read by some percent: the share of a pulse is right within some conversions.
 
 use crate::battery::{Measurement, ReadError};
 use crate::log::info;
@@ -24,16 +28,36 @@ const STEP_V: f32 = 3.3 / 4096.0;
 
 const PINS: usize = 4;
 
+/// The motors' PWM.
+const PWM_HZ: u32 = 500;
+
+/// Results of all pins once: two bytes each, with an acknowledge bit behind each byte.
+const ROUND_BITS: usize = PINS * 2 * 9;
+
+/// As many take 18 ms at 100 kHz.
+const MOST_ROUNDS: usize = 25;
+
+/// Rounds in a reading: the fewest that last, within a hundredth of a period, a whole number of periods of the motors' PWM.
+fn rounds(i2c_clock_hz: u32) -> usize {
+    let lasts_whole_periods = |rounds: &usize| {
+        // In bits times the PWM's frequency, of which a period has as many as the clock has hertz.
+        let rest = ((rounds * ROUND_BITS) as u32 * PWM_HZ).checked_rem(i2c_clock_hz);
+        rest.is_some_and(|rest| rest.min(i2c_clock_hz - rest) <= i2c_clock_hz / 100)
+    };
+    (1..=MOST_ROUNDS).find(lasts_whole_periods).unwrap_or(MOST_ROUNDS)
+}
+
 /// ArduPilot's number of the first.
 const FIRST_PIN: i32 = 50;
 
 /// Both address pins at ground.
 const ADDRESSES: [Address; 1] = [Address::I2c(0x2f)];
 
-/// A converter that was set up, and what its pins read last.
+/// A converter that was set up, and the conversions of its pins in the last reading.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct Ad7091r5 {
     address: Address,
+    rounds: usize,
     conversions: [Option<Conversions>; PINS],
 }
 
@@ -52,7 +76,7 @@ impl Part for Ad7091r5 {
     async fn set_up(
         bus: &mut impl SensorBus,
         address: Address,
-        _: &Wiring,
+        wiring: &Wiring,
         (): &(),
     ) -> Result<Self, ReadError> {
         let mut registers = Registers::new(bus, address);
@@ -63,22 +87,25 @@ impl Part for Ad7091r5 {
         info!("AD7091R-5 {:?}", address);
         Ok(Self {
             address,
+            rounds: rounds(wiring.i2c_clock_hz),
             conversions: [None; PINS],
         })
     }
 
     /// Reads all pins for the packs that share them.
     async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
-        let mut registers = Registers::new(bus, self.address);
-        registers.expect_u16(CONFIGURATION, BY_COMMAND).await?;
-        let results: [u8; 2 * PINS] = registers.read(RESULT).await?;
-        self.conversions = [None; PINS];
-        for result in results.as_chunks().0 {
+        Registers::new(bus, self.address)
+            .expect_u16(CONFIGURATION, BY_COMMAND)
+            .await?;
+        let mut buffer = [[0; 2]; PINS * MOST_ROUNDS];
+        let results = buffer.get_mut(..PINS * self.rounds).unwrap_or_default();
+        bus.write_read(self.address, &[RESULT], results.as_flattened_mut())
+            .await?;
+        for (pin, place) in self.conversions.iter_mut().enumerate() {
             // Each has its channel with it, so its place does not matter.
-            let code = u16::from_be_bytes(*result);
-            if let Some(place) = self.conversions.get_mut(usize::from(code >> 13 & 3)) {
-                *place = Some(Conversions::of(code & 0xfff));
-            }
+            let words = results.iter().map(|bytes| u16::from_be_bytes(*bytes));
+            let of_pin = words.filter(|word| usize::from(word >> 13 & 3) == pin);
+            *place = Conversions::from_codes(of_pin.map(|word| word & 0xfff));
         }
         Ok(())
     }
@@ -112,5 +139,16 @@ impl Ad7091r5 {
             Some(None) => Err(ReadError::Implausible),
             None => Ok(None),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reading_lasts_a_whole_number_of_periods_of_the_pwm() {
+        // 1.98 ms, and 18 ms.
+        assert_eq!([400_000, 100_000].map(rounds), [11, 25]);
     }
 }
