@@ -10,8 +10,9 @@ use rover_battmon_tools::board_check::{Divider, Multimeter, Plan, Port, Verdict,
 
 use support::checked::{Turned, Watcher, failed, not_measured};
 use support::motor_poles::{LEFT, Motor, RIGHT};
-use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, TestedVehicle};
 use workbench::elf::{Artifact, build};
+use workbench::rover_circuit::{OPEN_CIRCUIT_V, WITH_SENSOR, connect};
 
 const BAUD: u32 = 115_200;
 
@@ -78,7 +79,9 @@ fn a_sound_board_passes() {
         divider: Divider::AsBefore,
         firmware_hash: Some(hash_of_elf(&file).expect("cargo links ELF files")),
     };
-    let mut bench = Bench::power_up(DIVIDER_CODE);
+    let mut bench = Bench::configured(DIVIDER_CODE, &WITH_SENSOR);
+    connect(&mut bench, OPEN_CIRCUIT_V);
+    bench.reboot();
     // Until the firmware knows its hash; and its first second, in which it looks for logs, does not measure its load.
     bench.run_for(2 * SECOND + 200 * MILLISECOND);
     bench.run_until_silent();
@@ -90,6 +93,6 @@ fn a_sound_board_passes() {
     assert_eq!(not_measured(&report), [""; 0]);
     assert_eq!(report.verdict(), Verdict::Passed);
     let report = report.markdown("of the emulated board");
-    let expected = ": 27 passed, 0 failed, 0 not measured.";
+    let expected = ": 29 passed, 0 failed, 0 not measured.";
     assert!(report.contains(expected), "{report}");
 }

@@ -38,6 +38,13 @@ const BOOT_US: u64 = 200_000;
 /// A 2S pack behind the divider.
 const PACK_V: f32 = 7.93;
 
+/// All wheels at full throttle, which turn freely.
+const FULL_LOAD_A: f32 = 1.2;
+const FULL_LOAD_DROP_V: f32 = 0.3;
+
+/// Of the default current sensor, in amperes a volt.
+const AMP_PER_VOLT: f32 = 17.0;
+
 /// When the check listens.
 const LISTENING_US: u64 = 15 * SECOND;
 
@@ -82,6 +89,11 @@ enum Fault {
     LeftReversed,
     SidesSwapped,
     ArmingRefused,
+    /// The voltage is read at this moment of each period of the PWM.
+    VoltageOfMoment(f32),
+    CurrentOfMoment(f32),
+    LightMotors,
+    NoCurrentSensor,
 }
 
 /// The board: the core in stepped time.
@@ -94,6 +106,8 @@ struct DeskBoard {
     /// A crash to be reported to the first ground station.
     has_crashed: bool,
     noise: fastrand::Rng,
+    /// Duty of each side, from −1 to 1.
+    duties: [f32; 2],
     turned: Rc<RefCell<Turned>>,
     fault: Fault,
 }
@@ -107,7 +121,10 @@ impl DeskBoard {
             _ => (2.0, 11.0),
         };
         let arming_v = if fault == Fault::ArmingRefused { 9.0 } else { 0.0 };
+        let monitor = if fault == Fault::NoCurrentSensor { 3.0 } else { 4.0 };
         let start = start_with(&[
+            ("BATT_MONITOR", monitor),
+            ("BATT_CURR_PIN", 28.0),
             ("BATT_CELLS", cells),
             ("MOT_DRV_VOLT", driver_limit_v),
             ("BATT_ARM_VOLT", arming_v),
@@ -119,6 +136,7 @@ impl DeskBoard {
             restart_at_us: None,
             has_crashed: false,
             noise: fastrand::Rng::with_seed(1),
+            duties: [0.0; 2],
             turned,
             fault,
         };
@@ -188,12 +206,31 @@ impl DeskBoard {
             Fault::NoisyVoltage => (PACK_V, 0.2),
             _ => (PACK_V, 0.01),
         };
-        let pack_v = pack_v - noise_v * self.noise.f32();
+        let (voltage_load, current_load) = match self.fault {
+            Fault::VoltageOfMoment(moment) => (self.load_at(moment), self.load()),
+            Fault::CurrentOfMoment(moment) => (self.load(), self.load_at(moment)),
+            Fault::LightMotors => (0.1 * self.load(), self.load()),
+            _ => (self.load(), self.load()),
+        };
+        let pack_v = pack_v - FULL_LOAD_DROP_V * voltage_load - noise_v * self.noise.f32();
+        let current_a = FULL_LOAD_A * current_load;
         let mut readings = AnalogReadings::NONE;
         for pin in [AnalogPin::Gp26, AnalogPin::Gp27] {
             readings.set(pin, Ok(conversions(pack_v / DIVIDER)));
         }
+        readings.set(AnalogPin::Gp28, Ok(conversions(current_a / AMP_PER_VOLT)));
         readings
+    }
+
+    /// Mean current of all motors, as a share of that at full throttle. Wheels that turn freely draw more than the duty's share.
+    fn load(&self) -> f32 {
+        self.duties.iter().map(|duty| duty.abs().powf(0.2)).sum::<f32>() / 2.0
+    }
+
+    /// Share of the motors that are switched on at a moment of a period.
+    fn load_at(&self, moment: f32) -> f32 {
+        let on = self.duties.iter().filter(|duty| duty.abs() > moment);
+        on.count() as f32 / 2.0
     }
 
     fn note(&mut self, drives: SideDrives) {
@@ -202,6 +239,7 @@ impl DeskBoard {
             MotorDrive::Coast | MotorDrive::Brake => 0.0,
         };
         let (left, right) = (duty(drives.left), duty(drives.right));
+        self.duties = [left, right];
         let (left, right) = match self.fault {
             Fault::LeftReversed => (-left, right),
             Fault::SidesSwapped => (right, left),
@@ -434,6 +472,8 @@ const MOTORS: [&str; 4] = [
     "right wheels back",
 ];
 
+const UNDER_LOAD: [&str; 2] = ["voltage under load", "current under load"];
+
 fn check_beside(owner: &mut Watcher, fault: Fault, plan: &Plan) -> (Report, TamperedLine) {
     let mut line = TamperedLine::new(fault, owner.turned.clone());
     let report = run(&mut line, owner, plan);
@@ -469,7 +509,24 @@ fn what_was_not_asked_for_is_not_measured() {
     let report = check(Fault::None, &Plan::default());
     assert_eq!(report.verdict(), Verdict::Passed);
     let others = ["firmware hash", "serial number", "calibration", "crash record"];
-    assert_eq!(not_measured(&report), [others, MOTORS].concat());
+    assert_eq!(
+        not_measured(&report),
+        [&others[..], &MOTORS, &UNDER_LOAD].concat()
+    );
+}
+
+#[test]
+fn a_pack_that_the_motors_hardly_load_is_not_measured_under_load() {
+    let report = check_sound(Fault::LightMotors);
+    assert_eq!(not_measured(&report)[2..], UNDER_LOAD);
+    let report = check_sound(Fault::NoCurrentSensor);
+    assert_eq!(not_measured(&report)[2..], ["current under load"]);
+}
+
+#[test]
+fn wheels_that_turn_wrong_are_not_driven_at_full_speed() {
+    let report = check(Fault::LeftReversed, &EVERYTHING);
+    assert_eq!(not_measured(&report)[2..], UNDER_LOAD);
 }
 
 #[test]
@@ -524,6 +581,10 @@ fn each_fault_fails_its_check_and_no_other() {
             &["left wheels ahead", "left wheels back"],
         ),
         (Fault::SidesSwapped, plan, &MOTORS),
+        (Fault::VoltageOfMoment(0.1), plan, &UNDER_LOAD),
+        (Fault::VoltageOfMoment(0.6), plan, &UNDER_LOAD),
+        (Fault::CurrentOfMoment(0.1), plan, &["current under load"]),
+        (Fault::CurrentOfMoment(0.6), plan, &["current under load"]),
         (Fault::ArmingRefused, plan, &MOTORS),
     ];
     let mut failing = BTreeSet::new();

@@ -303,6 +303,20 @@ pub enum StepResult {
     Interrupted,
 }
 
+/// Load of the first pack by all motors while it is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Load {
+    /// The motors stand.
+    None,
+    /// A fifth of full throttle.
+    Fifth,
+    /// Full throttle.
+    Full,
+}
+
+/// Times in which the pack was measured, with its load.
+pub type LoadWindows = Vec<(Load, RangeInclusive<Instant>)>;
+
 /// Everything the checks judge by.
 #[derive(Clone, Debug, Default)]
 pub struct Evidence {
@@ -330,6 +344,8 @@ pub struct Evidence {
     pub fault: Trial<FaultTrial>,
     /// The motor steps so far.
     pub motors: Trial<Vec<(MotorStep, StepResult)>>,
+    /// Loads that were measured so far.
+    pub loads: Trial<LoadWindows>,
 }
 
 impl Evidence {
@@ -356,6 +372,21 @@ impl Evidence {
             .collect()
     }
 
+    /// The values that `find` finds while the pack was loaded like this.
+    pub fn under_load(
+        &self,
+        windows: &LoadWindows,
+        load: Load,
+        find: fn(&MavMessage) -> Option<f32>,
+    ) -> Vec<f32> {
+        let is_within = |received: &&Received| {
+            let mut windows = windows.iter();
+            windows.any(|(other, window)| *other == load && window.contains(&received.at))
+        };
+        let received = self.record.received.iter().filter(is_within);
+        received.filter_map(|received| find(&received.message)).collect()
+    }
+
     /// A parameter's value in the list.
     pub fn parameter(&self, name: &str) -> Option<f32> {
         self.parameters.as_ref()?.value(name)
@@ -366,6 +397,17 @@ impl Evidence {
 pub(super) fn first_pack_v(message: &MavMessage) -> Option<f32> {
     match message {
         MavMessage::BATTERY_STATUS(status) if status.id == 0 => voltage_v(status),
+        _ => None,
+    }
+}
+
+/// The first pack's current in a BATTERY_STATUS, in amperes.
+pub(super) fn first_pack_a(message: &MavMessage) -> Option<f32> {
+    const UNKNOWN: i16 = -1;
+    match message {
+        MavMessage::BATTERY_STATUS(status) if status.id == 0 && status.current_battery != UNKNOWN => {
+            Some(f32::from(status.current_battery) / 1e2)
+        }
         _ => None,
     }
 }

@@ -43,6 +43,7 @@ impl Plan {
             expected_hash: self.firmware_hash,
             fault: asked(self.provoke_fault),
             motors: asked(self.turn_motors),
+            loads: asked(self.turn_motors),
             calibration: asked(self.multimeter != Multimeter::None),
             ..Evidence::default()
         }

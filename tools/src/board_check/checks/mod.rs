@@ -12,7 +12,7 @@ pub use check::{Check, Outcome};
 use super::evidence::Evidence;
 
 /// Every check, in the order of the report; the connection is the first.
-pub const CHECKS: [Check; 27] = [
+pub const CHECKS: [Check; 29] = [
     board::CONNECTION,
     board::ONE_BOARD,
     board::IDENTITY,
@@ -40,6 +40,8 @@ pub const CHECKS: [Check; 27] = [
     trials::RIGHT_AHEAD,
     trials::LEFT_BACK,
     trials::RIGHT_BACK,
+    trials::VOLTAGE_UNDER_LOAD,
+    trials::CURRENT_UNDER_LOAD,
 ];
 
 /// The outcome of each check. Without a board nothing but the connection is measured.

@@ -1,8 +1,13 @@
 //! Trials of the board: its parameters are read and set, a fault is provoked, the wheels turn.
 
+use rover_battmon::mavlink::dialect::MavMessage;
+
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, not_reached, outcome, passed};
 use super::faults::CRASH;
-use crate::board_check::evidence::{Evidence, FaultTrial, KeptTrial, MotorStep, Restarted, StepResult};
+use crate::board_check::evidence::{
+    Evidence, FaultTrial, KeptTrial, Load, LoadWindows, MotorStep, Restarted, StepResult, first_pack_a,
+    first_pack_v, mean,
+};
 
 /// Do all parameters arrive?
 pub(super) const PARAMETER_LIST: Check = Check {
@@ -163,4 +168,133 @@ fn judge_step(result: &StepResult, step: MotorStep) -> Outcome {
         }
         StepResult::Interrupted => failed("port lost", "The port was lost while the wheels turned."),
     }
+}
+
+/// A drop of the voltage at full throttle that is well above the converter's error.
+const LEAST_DROP_V: f32 = 0.1;
+
+/// Least and largest drop at a fifth of full throttle, as a share of the drop at full throttle.
+const LEAST_SHARE: f32 = 0.1;
+const LARGEST_SHARE: f32 = 0.9;
+
+/// Is the voltage a mean over the pulses of the motors?
+pub(super) const VOLTAGE_UNDER_LOAD: Check = Check {
+    name: "voltage under load",
+    measures: "the first pack's mean voltage at rest, at a fifth of full throttle and at full throttle of all wheels, wheels up",
+    expected: "at a fifth between the other two, by a tenth of their difference from either: a reading of a moment has the \
+               motors switched on, or off",
+    advice: "Flash the release that this program belongs to; a part on a bus has the averaging time of docs/hardware.md. All \
+             wheels must turn freely.",
+    judge: judge_voltage_under_load,
+};
+
+/// Do voltage and current under load belong together?
+pub(super) const CURRENT_UNDER_LOAD: Check = Check {
+    name: "current under load",
+    measures: "the first pack's mean current beside that voltage",
+    expected: "the three points on a line within 3 % of its length, and the converter's error of 15 mV",
+    advice: "Voltage and current must both be of the first pack, and both means: docs/hardware.md has the averaging time of \
+             each part.",
+    judge: judge_current_under_load,
+};
+
+/// Means of a quantity of the first pack.
+struct LoadMeans {
+    none: f32,
+    fifth: f32,
+    full: f32,
+}
+
+impl LoadMeans {
+    fn of(evidence: &Evidence, windows: &LoadWindows, find: fn(&MavMessage) -> Option<f32>) -> Option<Self> {
+        let mean_under = |load| mean(&evidence.under_load(windows, load, find));
+        Some(Self {
+            none: mean_under(Load::None)?,
+            fifth: mean_under(Load::Fifth)?,
+            full: mean_under(Load::Full)?,
+        })
+    }
+
+    /// Change at full throttle.
+    fn change(&self) -> f32 {
+        self.full - self.none
+    }
+
+    /// Change at a fifth of full throttle, as a share of that at full throttle.
+    fn share(&self) -> f32 {
+        (self.fifth - self.none) / self.change()
+    }
+
+    fn measured(&self, unit: &str) -> String {
+        let Self { none, fifth, full } = self;
+        format!(
+            "{none:.2}, {fifth:.2} and {full:.2} {unit}: a fifth changes it by {:.0} % of the whole",
+            100.0 * self.share()
+        )
+    }
+}
+
+/// Judges the pack under load, if the motors have lowered its voltage.
+fn judge_loads(evidence: &Evidence, judge: impl Fn(&LoadWindows, &LoadMeans) -> Outcome) -> Outcome {
+    judge_trial(&evidence.loads, "--motors", |windows| {
+        if !windows.iter().any(|(load, _)| *load == Load::Full) {
+            return not_measured("full throttle was not reached");
+        }
+        let Some(voltages) = LoadMeans::of(evidence, windows, first_pack_v) else {
+            return not_measured("no pack is connected, or its voltage was not sent");
+        };
+        let drop_v = -voltages.change();
+        if drop_v < LEAST_DROP_V {
+            return not_measured(format!(
+                "the motors lower the voltage by {:.0} mV only",
+                1e3 * drop_v
+            ));
+        }
+        judge(windows, &voltages)
+    })
+}
+
+fn judge_voltage_under_load(evidence: &Evidence) -> Outcome {
+    judge_loads(evidence, |_, voltages| {
+        let against = match voltages.share() {
+            share if share < LEAST_SHARE => Some("off"),
+            share if share > LARGEST_SHARE => Some("on"),
+            _ => None,
+        };
+        outcome(
+            voltages.measured("V"),
+            against.map(|how| {
+                format!("The voltage is of a moment, not a mean: with the motors switched {how}.")
+            }),
+        )
+    })
+}
+
+/// Largest distance from the line, as a share of its length.
+const LARGEST_DISTANCE: f32 = 0.03;
+
+/// The sawtooth between its wide codes, behind the board's divider (docs/hardware.md).
+const CONVERTER_ERROR_V: f32 = 0.015;
+
+fn judge_current_under_load(evidence: &Evidence) -> Outcome {
+    judge_loads(evidence, |windows, voltages| {
+        let Some(currents) = LoadMeans::of(evidence, windows, first_pack_a) else {
+            return not_measured("no current is measured");
+        };
+        if currents.change() <= 0.0 {
+            return failed(currents.measured("A"), "The current does not rise with the load.");
+        }
+        let distance = (currents.share() - voltages.share()).abs();
+        let allowed = LARGEST_DISTANCE + CONVERTER_ERROR_V / voltages.change().abs();
+        outcome(
+            format!(
+                "{}, of the voltage by {:.0} %",
+                currents.measured("A"),
+                100.0 * voltages.share()
+            ),
+            (distance > allowed).then_some(
+                "Voltage and current do not rise and fall together: one of them is of a moment, not a mean.",
+            ),
+        )
+    })
 }
