@@ -74,6 +74,7 @@ fn assert_means(curve: AdcCurve, sides: Sides, shift: impl Fn(&mut Bench)) {
 }
 
 #[test]
+// Requirement: R-16
 fn voltage_and_current_of_a_drive_are_means_whichever_sides_drive() {
     for sides in [Sides::Both, Sides::Left] {
         assert_means(AdcCurve::Ideal, sides, |_| {});

@@ -37,6 +37,7 @@ fn a_converter_that_fails_is_noticed_and_read_again() {
 
 /// Without bytes on any wire nothing but the timer wakes a task.
 #[test]
+// Requirement: R-18
 fn an_alarm_of_the_timer_that_is_lost_while_armed_delays_the_tasks_by_20_ms_at_most() {
     const TIME_DRIVER: usize = 0;
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);

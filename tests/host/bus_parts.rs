@@ -469,7 +469,7 @@ impl Rover {
 }
 
 #[test]
-// Requirement: AP-6
+// Requirement: AP-6, R-16
 fn a_converter_on_the_bus_measures_the_means_of_pulses() {
     let slowed_down: &[(&str, f32)] = &[("BATT3_MONITOR", SMART_BATTERY)];
     // 11 rounds in a period, and 25 in nine: a pulse may gain or lose a conversion.

@@ -68,7 +68,7 @@ macro_rules! thermometer {
                 range: super::battery::ANALOG_PINS,
                 listed: Listed::WithThermometer,
                 label: "Thermometer: pin",
-                description: "Pin of an analog thermometer, which is pulled up. Arming is refused while anything else is read there.",
+                description: "Pin of an analog thermometer, which is pulled up, so sensors with an output of their own (LM35, TMP36) do not work. Arming is refused while anything else is read there.",
             }
             $($coefficient {
                 key: 1218 + $power,

@@ -44,6 +44,7 @@ fn the_network_and_the_first_heartbeat_in_it_are_there_within_three_seconds() {
 
 /// A USB-C host switches its supply on only if it finds none at the port, where the radio's pull-up would leave 1.4 V.
 #[test]
+// Requirement: R-17
 fn the_radios_pin_at_the_usb_supply_is_low_and_the_one_at_the_regulator_high() {
     let mut ground = Ground::up();
     let wifi = ground.bench.wifi();
@@ -54,6 +55,7 @@ fn the_radios_pin_at_the_usb_supply_is_low_and_the_one_at_the_regulator_high() {
 }
 
 #[test]
+// Requirement: R-19
 fn a_radio_that_is_off_is_held_off() {
     const POWER: usize = 23;
     let mut ground = Ground::up();
