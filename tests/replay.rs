@@ -4,7 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use rover_battmon::battery::{BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, Tick};
+use rover_battmon::battery::{
+    BatteryMonitor, BatteryState, Extremes, LearntPack, Measurement, PackSettings, Tick,
+};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::recorder::dataflash::{ArmingMethod, Record, opening_record};
@@ -407,7 +409,7 @@ fn log_of_drive() -> Vec<u8> {
         let _ = monitor.update(&mut battery, Tick { now, arm_state }, Ok(reading), &settings);
         let changes = battery.failsafe_timers.changes(timers);
         let timers = changes.map(|(level, timer)| Record::FailsafeTimer(Pack::Second, level, timer));
-        let records = timers.chain(Record::of_pack(Pack::Second, &battery));
+        let records = timers.chain(Record::of_pack(Pack::Second, &battery, Extremes::default()));
         bytes.extend(records.flat_map(|record| record.encode(time_us)));
     }
     bytes

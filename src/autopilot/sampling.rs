@@ -14,8 +14,8 @@ use crate::pack::Pack;
 use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
-    Admission, AnalogPin, AnalogReadings, CanEvent, CanReport, CanStatus, ControllerReading, ExternalReport,
-    PinPull, Pulses, SerialReading, Temperatures, WantedReadings,
+    Admission, AnalogPin, AnalogReadings, AnalogWiring, CanEvent, CanReport, CanStatus, ControllerReading,
+    ExternalReport, PinPull, Pulses, SerialReading, Temperatures, WantedReadings,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
@@ -145,8 +145,20 @@ impl Autopilot {
                 sampling.temperatures.complete(pack, measurement);
             }
             self.update_pack(pack, sampling.tick, reading);
+            self.record_extremes(pack, kind, &sampling.readings);
         }
         SamplingProgress::Sampled
+    }
+
+    /// Records the extremes of a pack's single conversions, unless its read failed.
+    fn record_extremes(&mut self, pack: Pack, kind: MonitorKind, readings: &AnalogReadings) {
+        let bank = &self.packs.bank;
+        if bank.monitor(pack).failed_reads() == 0 {
+            let wiring = AnalogWiring::from_parameters(&self.parameters, pack);
+            let measured = wiring.extremes(kind, readings);
+            let known = bank.state(pack).readings.known_extremes(measured);
+            self.recording.add_extremes(pack, known);
+        }
     }
 
     /// Ends a sampling tick. Once a second, and after a battery reset, `memory` is updated; once a second the arming checks run.
@@ -192,7 +204,8 @@ impl Autopilot {
             let Some((pack, _)) = self.packs.order.get(turn) else {
                 return;
             };
-            let records = Record::of_pack(*pack, self.packs.bank.state(*pack));
+            let extremes = self.recording.extremes(*pack);
+            let records = Record::of_pack(*pack, self.packs.bank.state(*pack), extremes);
             let count = match detail {
                 Detail::Readings => 1,
                 Detail::Everything => usize::MAX,

@@ -87,6 +87,25 @@ pub struct Measurement {
     pub doubtful_cells: Option<u8>,
 }
 
+/// Extremes of single conversions, where the board's converter measures: they show a spike that a mean hides.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Extremes {
+    /// Lowest voltage between the pack's terminals, in volts.
+    pub lowest_voltage_v: Option<f32>,
+    /// Highest current drawn from the pack, in amperes.
+    pub highest_current_a: Option<f32>,
+}
+
+impl Extremes {
+    /// Includes those of another time.
+    pub fn include(&mut self, other: Self) {
+        let voltages = self.lowest_voltage_v.into_iter().chain(other.lowest_voltage_v);
+        self.lowest_voltage_v = voltages.reduce(f32::min);
+        let currents = self.highest_current_a.into_iter().chain(other.highest_current_a);
+        self.highest_current_a = currents.reduce(f32::max);
+    }
+}
+
 /// A larger current, in amperes, is drawn from a pack whose voltage is missing: an unpowered sensor may read its offset.
 const DRAWN_A: f32 = 0.5;
 

@@ -40,7 +40,7 @@ pub use learnt::{
 };
 pub use learnt_text::LearntTextError;
 pub use measurement::{
-    Amount, BusError, CellVoltages, Consumed, Contents, Counted, CurrentRange, Gauge, GaugeReading,
+    Amount, BusError, CellVoltages, Consumed, Contents, Counted, CurrentRange, Extremes, Gauge, GaugeReading,
     MAX_CELLS, Measurement, ReadError, Supply, Thermometer, Tick,
 };
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};

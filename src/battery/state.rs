@@ -1,8 +1,8 @@
 //! The state of a pack.
 
 use super::{
-    Amount, CellVoltages, ChargeState, Chemistry, Contents, CurrentRange, FailsafeLevel, Faults, PackDetails,
-    ReadError, Reported, Thermometer,
+    Amount, CellVoltages, ChargeState, Chemistry, Contents, CurrentRange, Extremes, FailsafeLevel, Faults,
+    PackDetails, ReadError, Reported, Thermometer,
 };
 
 /// The timer of a threshold in volts or percent, up to its level.
@@ -140,6 +140,14 @@ impl Readings {
         faults: Faults::empty(),
         reported: Reported::NONE,
     };
+
+    /// Extremes of the measurement that resulted in these readings, where its means are known.
+    pub fn known_extremes(&self, measured: Extremes) -> Extremes {
+        Extremes {
+            lowest_voltage_v: measured.lowest_voltage_v.filter(|_| self.voltage_v.is_some()),
+            highest_current_a: measured.highest_current_a.filter(|_| self.current_a.is_some()),
+        }
+    }
 }
 
 /// The state of one pack. `None` is unknown, never zero; by default everything is unknown.

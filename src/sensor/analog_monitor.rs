@@ -1,7 +1,7 @@
 //! Analog battery monitor: voltage divider and current sensor on ADC pins.
 
 use super::{AdcCount, AnalogPin, AnalogReadings, AnalogWiring};
-use crate::battery::{Measurement, ReadError};
+use crate::battery::{Extremes, Measurement, ReadError};
 use crate::parameter::{FuelKind, MonitorKind};
 
 impl AnalogWiring {
@@ -52,6 +52,21 @@ impl AnalogWiring {
                 .map(|voltage_v| self.synthetic_current_a(voltage_v, throttle));
         }
         Ok(measurement)
+    }
+
+    /// Extremes of the single conversions that a monitor of this kind reads. Those of a failed read mean nothing.
+    pub fn extremes(&self, kind: MonitorKind, readings: &AnalogReadings) -> Extremes {
+        let conversions = |pin: Option<AnalogPin>| readings.pin(pin?).ok();
+        let voltage = conversions(self.voltage_pin.filter(|_| kind.reads_voltage_pin()));
+        let current = conversions(self.current_pin.filter(|_| kind.reads_current_pin()));
+        let current_a = |count: AdcCount| self.current_sensor.current_a(count.pin_voltage_v());
+        Extremes {
+            lowest_voltage_v: voltage
+                .map(|voltage| self.divider.pack_voltage_v(voltage.lowest().pin_voltage_v())),
+            // Its scale may be negative, unlike that of a voltage.
+            highest_current_a: current
+                .map(|current| current_a(current.lowest()).max(current_a(current.highest()))),
+        }
     }
 
     /// Mean of the product of voltage and current, in watts: the product of their means, and their covariance.
@@ -130,6 +145,39 @@ mod tests {
         assert_close(measure(1241).current_a, 6.7);
         assert_close(measure(0).current_a, -3.3);
         assert_close(measure(1241).voltage_v, 7.9006);
+    }
+
+    #[test]
+    fn extremes_are_of_single_conversions_also_with_a_reversed_current_sensor() {
+        let mut readings = AnalogReadings::NONE;
+        for pin in [AnalogPin::Gp26, AnalogPin::Gp27] {
+            let codes = [2482, 1241, 2482, 3723];
+            readings.set(pin, Ok(Conversions::from_codes(codes).unwrap()));
+        }
+        let extremes = |amperes_per_volt, kind| {
+            let mut wiring = wiring();
+            wiring.current_sensor.amperes_per_volt = amperes_per_volt;
+            wiring.extremes(kind, &readings)
+        };
+        // 1, 2 and 3 V at the pins.
+        for (amperes_per_volt, highest_a) in [(10.0, 26.7), (-10.0, -6.7)] {
+            let both = extremes(amperes_per_volt, MonitorKind::AnalogVoltageAndCurrent);
+            assert_close(both.lowest_voltage_v, 3.9503);
+            assert_close(both.highest_current_a, highest_a);
+        }
+        for (kind, measured) in [
+            (MonitorKind::AnalogVoltage, (true, false)),
+            (MonitorKind::AnalogCurrent, (false, true)),
+            // Its current is computed.
+            (MonitorKind::SyntheticCurrent, (true, false)),
+        ] {
+            let Extremes {
+                lowest_voltage_v,
+                highest_current_a,
+            } = extremes(10.0, kind);
+            let has = (lowest_voltage_v.is_some(), highest_current_a.is_some());
+            assert_eq!(has, measured, "{kind:?}");
+        }
     }
 
     #[test]

@@ -4,7 +4,9 @@
 use std::fs;
 use std::path::Path;
 
-use rover_battmon::battery::{BatteryMonitor, BatteryState, LearntPack, Measurement, PackSettings, Tick};
+use rover_battmon::battery::{
+    BatteryMonitor, BatteryState, Extremes, LearntPack, Measurement, PackSettings, Tick,
+};
 use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -241,7 +243,7 @@ fn records(tick: u64, state: &BatteryState) -> Vec<u8> {
     let time_us = tick * TICK_US;
     let mut bytes = Record::Battery(Pack::First, state).encode(time_us).to_vec();
     if (tick / TICKS_OF_READING).is_multiple_of(READINGS_OF_ESTIMATE) {
-        bytes.extend(Record::Estimate(Pack::First, state).encode(time_us));
+        bytes.extend(Record::Estimate(Pack::First, state, Extremes::default()).encode(time_us));
     }
     bytes
 }

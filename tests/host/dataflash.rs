@@ -4,8 +4,8 @@ use std::path::Path;
 
 use ardupilot_binlog::{Entry, Reader};
 use rover_battmon::battery::{
-    Amount, BatteryState, CellVoltages, ChargeState, FailsafeLevel, FailsafeTimer, Faults, LearntPack,
-    PackStatus, Readings,
+    Amount, BatteryState, CellVoltages, ChargeState, Extremes, FailsafeLevel, FailsafeTimer, Faults,
+    LearntPack, PackStatus, Readings,
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::memory::identity::BoardId;
@@ -83,8 +83,14 @@ fn file() -> Vec<u8> {
         Record::Curve(Pack::Second, &learnt),
     ];
     let timer = Record::FailsafeTimer(Pack::Second, FailsafeLevel::Low, FailsafeTimer::Expired);
-    let records = vehicle.into_iter().chain(Record::of_pack(Pack::Second, &state));
-    let records = records
+    let extremes = Extremes {
+        lowest_voltage_v: Some(44.5),
+        highest_current_a: None,
+    };
+    let of_pack = Record::of_pack(Pack::Second, &state, extremes);
+    let records = vehicle
+        .into_iter()
+        .chain(of_pack)
         .chain([timer])
         .zip(1..)
         .map(|(record, ms)| record.encode(START_US + 1000 * ms));
@@ -129,7 +135,7 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
         ),
         (
             "BATX",
-            "SoC 66.5, SoCLo 64.5, SoCHi 68.5, Cap 4750, State 2, Flt 8",
+            "SoC 66.5, SoCLo 64.5, SoCHi 68.5, Cap 4750, State 2, Flt 8, VMin 44.5, IMax NaN",
         ),
         ("BCL", "Volt 48.25, V1 3711, V12 3711"),
         ("BCL2", "V13 3711, V14 0"),

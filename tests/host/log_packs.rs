@@ -5,11 +5,11 @@ use std::io::Cursor;
 use ardupilot_binlog::{Entry, Reader};
 use nor_flash::FlashModel;
 use rover_battmon::autopilot::PackIdentity;
-use rover_battmon::battery::{Measurement, PackDetails};
+use rover_battmon::battery::{Measurement, PackDetails, ReadError};
 use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
-use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AnalogPin, AnalogReadings, Conversions};
 use rover_battmon::vehicle::SideDrives;
 use support::desk::{DIVIDER, Desk, conversions, start_with};
 use support::frames::texts_of;
@@ -242,4 +242,161 @@ fn a_level_that_is_skipped_is_logged_and_not_announced() {
     }
     assert_eq!(announced, std::slice::from_ref(&critical));
     assert_eq!(logged, [low, critical]);
+}
+
+/// Conversions of a pin within a tick, of which one is another.
+fn with_one(steady_v: f32, single_v: f32) -> Conversions {
+    let codes =
+        [steady_v, single_v].map(|pin_v| (pin_v / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE)) as u16);
+    let steady = std::iter::repeat_n(codes[0], 408);
+    Conversions::from_codes(steady.chain([codes[1]])).expect("there are some")
+}
+
+/// A rover with a pack whose voltage and current are measured, and a second one of which the voltage is.
+fn rover_with_two_packs() -> Rover {
+    let start = start_with(&[
+        ("BATT_MONITOR", 4.0),
+        ("BATT_CURR_PIN", 27.0),
+        ("BATT_AMP_PERVLT", 10.0),
+        ("BATT2_MONITOR", 3.0),
+        ("BATT2_VOLT_PIN", 28.0),
+        ("BATT2_VOLT_MULT", DIVIDER),
+    ]);
+    let mut rover = Rover::with(Desk::starting(start), FlashModel::blank());
+    rover.desk.ask(&arm_by_force());
+    rover
+}
+
+const PIN_V: f32 = 2.8;
+const CURRENT_PIN_V: f32 = 0.5;
+
+impl Rover {
+    /// Samples packs that give 2.8 V at the pins of their dividers and 5 A, with one other conversion each. Time passes.
+    fn sample_with(&mut self, [first_v, current_v, second_v]: [f32; 3]) {
+        let mut readings = AnalogReadings::NONE;
+        for (pin, conversions) in [
+            (AnalogPin::Gp26, with_one(PIN_V, first_v)),
+            (AnalogPin::Gp27, with_one(CURRENT_PIN_V, current_v)),
+            (AnalogPin::Gp28, with_one(PIN_V, second_v)),
+        ] {
+            readings.set(pin, Ok(conversions));
+        }
+        self.tick(readings);
+    }
+
+    fn tick(&mut self, readings: AnalogReadings) {
+        self.desk.sample(readings);
+        (0..5).for_each(|_| self.turn());
+    }
+
+    /// Field of a pack's records, with the seconds since the start.
+    fn field(&mut self, name: &str, pack: Pack, field: &str) -> Vec<(f64, f64)> {
+        let number = |record: &Entry, field| record.get_f64(field).expect("a number");
+        let records = self.records(name);
+        let of_pack = records
+            .iter()
+            .filter(|record| number(record, "Inst") == f64::from(pack.instance()));
+        of_pack
+            .map(|record| (number(record, "TimeUS") * 1e-6, number(record, field)))
+            .collect()
+    }
+
+    /// The values of such a field that differ by more than the noise from `usual`.
+    fn unusual(&mut self, pack: Pack, field: &str, usual: f64) -> Vec<(f64, f64)> {
+        let mut values = self.field("BATX", pack, field);
+        values.retain(|(_, value)| (value - usual).abs() > 0.02);
+        values
+    }
+}
+
+#[test]
+fn a_single_conversion_is_in_the_next_batx_of_its_pack_and_hardly_in_the_mean() {
+    let mut rover = rover_with_two_packs();
+    let steady = [PIN_V, CURRENT_PIN_V, PIN_V];
+    let mut at_s = vec![];
+    for [first_v, current_v, second_v] in [
+        steady,
+        [1.0, 3.0, PIN_V],
+        steady,
+        [PIN_V, CURRENT_PIN_V, 1.5],
+        steady,
+    ] {
+        at_s.push(rover.desk.now_us as f64 * 1e-6);
+        rover.sample_with([first_v, current_v, second_v]);
+        (0..40).for_each(|_| rover.sample_with(steady));
+    }
+    rover.run(2);
+    let usual_v = f64::from(PIN_V * DIVIDER);
+    for (pack, field, usual, event_s, expected) in [
+        (Pack::First, "VMin", usual_v, at_s[1], 3.95),
+        (Pack::First, "IMax", 5.0, at_s[1], 30.0),
+        (Pack::Second, "VMin", usual_v, at_s[3], 5.92),
+    ] {
+        let batx_s: Vec<f64> = rover
+            .field("BATX", pack, field)
+            .iter()
+            .map(|(time_s, _)| *time_s)
+            .collect();
+        assert!(batx_s.len() > 8, "{batx_s:?}");
+        let next_s = batx_s
+            .into_iter()
+            .find(|time_s| *time_s >= event_s)
+            .expect("one follows");
+        let unusual = rover.unusual(pack, field, usual);
+        assert_eq!(unusual.len(), 1, "{pack:?} {field}: {unusual:?}");
+        let (time_s, value) = unusual[0];
+        assert_eq!(time_s, next_s);
+        assert!((value - expected).abs() < 0.02, "{pack:?} {field}: {value}");
+    }
+    for (pack, field, usual) in [
+        (Pack::First, "Volt", usual_v),
+        (Pack::First, "Curr", 5.0),
+        (Pack::Second, "Volt", usual_v),
+    ] {
+        let means = rover.field("BAT", pack, field);
+        assert!(
+            means.iter().all(|(_, mean)| (mean - usual).abs() < 0.1),
+            "{means:?}"
+        );
+    }
+    let currents = rover.field("BATX", Pack::Second, "IMax");
+    assert!(
+        currents.iter().all(|(_, current_a)| current_a.is_nan()),
+        "{currents:?}"
+    );
+}
+
+#[test]
+fn a_failed_read_and_a_pack_that_is_unplugged_have_no_extremes() {
+    let mut rover = rover_with_two_packs();
+    let at_pins = |pin_v| {
+        let mut readings = AnalogReadings::NONE;
+        for pin in [AnalogPin::Gp26, AnalogPin::Gp27, AnalogPin::Gp28] {
+            readings.set(pin, Ok(conversions(pin_v)));
+        }
+        readings
+    };
+    let mut without_current = at_pins(PIN_V);
+    without_current.set(AnalogPin::Gp27, Err(ReadError::Timeout));
+    for (readings, second_is_known) in [(without_current, true), (at_pins(0.0), false)] {
+        (0..10).for_each(|_| rover.sample_with([PIN_V, CURRENT_PIN_V, PIN_V]));
+        let from_s = rover.desk.now_us as f64 * 1e-6;
+        (0..60).for_each(|_| rover.tick(readings));
+        rover.run(2);
+        for (pack, field, is_known) in [
+            (Pack::First, "VMin", false),
+            (Pack::First, "IMax", false),
+            (Pack::Second, "VMin", second_is_known),
+        ] {
+            let mut values = rover.field("BATX", pack, field);
+            values.retain(|(time_s, _)| *time_s >= from_s);
+            // The first has the readings before, too.
+            assert!(values.len() > 2 && !values[0].1.is_nan(), "{values:?}");
+            let is_as_expected = |(_, value): &(f64, f64)| value.is_nan() != is_known;
+            assert!(
+                values[1..].iter().all(is_as_expected),
+                "{pack:?} {field}: {values:?}"
+            );
+        }
+    }
 }

@@ -17,7 +17,7 @@ pub use stream::Subject;
 use stream::{Stream, parameter_record};
 
 use crate::announce::LastAnnounced;
-use crate::battery::FailsafeTimers;
+use crate::battery::{Extremes, FailsafeTimers};
 use crate::crash::CrashRecord;
 use crate::log::{info, warn};
 use crate::pack::{MAX_PACKS, Pack};
@@ -97,6 +97,8 @@ pub struct Recording {
     timers: [FailsafeTimers; MAX_PACKS],
     /// When the latest report of each pack in this file was recorded.
     reports_at: [Option<Instant>; MAX_PACKS],
+    /// Extremes of each pack since its latest BATX in this file.
+    extremes: [Extremes; MAX_PACKS],
 }
 
 /// Whether records are taken.
@@ -149,6 +151,7 @@ impl Recording {
             date: Date::default(),
             timers: [FailsafeTimers::STOPPED; MAX_PACKS],
             reports_at: [None; MAX_PACKS],
+            extremes: [Extremes::default(); MAX_PACKS],
         }
     }
 
@@ -298,6 +301,7 @@ impl Recording {
         self.date.file_began_utc_s = None;
         self.timers = [FailsafeTimers::STOPPED; MAX_PACKS];
         self.reports_at = [None; MAX_PACKS];
+        self.extremes = [Extremes::default(); MAX_PACKS];
         self.flushed_at = self.now;
         self.add(&Record::Message(GREETING));
         if let Some(crash) = &self.crash {
@@ -317,14 +321,31 @@ impl Recording {
         self.failure = Some(failure);
     }
 
-    /// Takes a record, if records are taken now, and returns its length.
+    /// Takes a record, if records are taken now, and returns its length. After a BATX the pack's extremes begin again.
     pub fn add(&mut self, record: &Record<'_>) -> usize {
         if self.state != State::Recording {
             return 0;
         }
         let bytes = record.encode(self.now.as_micros());
-        self.stream.add(&bytes);
+        let has_room = self.stream.add(&bytes);
+        if let Record::Estimate(pack, ..) = record
+            && has_room
+        {
+            self.extremes[*pack as usize] = Extremes::default();
+        }
         bytes.len()
+    }
+
+    /// Adds the extremes of a reading to those that the pack's next BATX has.
+    pub fn add_extremes(&mut self, pack: Pack, extremes: Extremes) {
+        if self.state == State::Recording {
+            self.extremes[pack as usize].include(extremes);
+        }
+    }
+
+    /// Extremes of a pack since its latest BATX.
+    pub fn extremes(&self, pack: Pack) -> Extremes {
+        self.extremes[pack as usize]
     }
 
     /// Records the timers of a pack's failsafe that are not as the file has them. They are part of the share, since a voltage may

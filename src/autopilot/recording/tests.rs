@@ -7,7 +7,9 @@ use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use super::{GREETING, LogFailure, LogStep, Recording, Subject};
 use crate::autopilot::packs::Packs;
 use crate::autopilot::{Autopilot, Start};
-use crate::battery::{FailsafeTimer, FailsafeTimers, LearntPack, Measurement, PackSettings, Tick};
+use crate::battery::{
+    BatteryState, Extremes, FailsafeTimer, FailsafeTimers, LearntPack, Measurement, PackSettings, Tick,
+};
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::identity::BoardId;
 use crate::memory::storage::Erase;
@@ -903,6 +905,38 @@ fn a_packs_reports_are_recorded_once_in_ten_seconds_and_in_each_file() {
         bench.disarm_for(20);
         bench.arm();
     }
+}
+
+#[test]
+fn extremes_are_kept_while_records_are_taken_until_a_batx_has_room() {
+    let extremes = Extremes {
+        lowest_voltage_v: Some(9.5),
+        highest_current_a: None,
+    };
+    let mut bench = RecordingBench::new();
+    bench.recording.add_extremes(Pack::Second, extremes);
+    assert_eq!(bench.recording.extremes(Pack::Second), Extremes::default());
+    let mut bench = RecordingBench::under_way();
+    bench.recording.add_extremes(Pack::Second, extremes);
+    let estimate = |pack| Record::Estimate(pack, &BatteryState::UNKNOWN, extremes);
+    while bench.recording.dropped() == 0 {
+        bench.recording.add(&estimate(Pack::First));
+    }
+    bench.recording.add(&estimate(Pack::Second));
+    assert_eq!(bench.recording.extremes(Pack::Second), extremes);
+    bench.run(1);
+    bench.recording.add(&estimate(Pack::Second));
+    assert_eq!(bench.recording.extremes(Pack::Second), Extremes::default());
+    bench.recording.add_extremes(Pack::Second, extremes);
+    bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
+    bench.disarm_for(20);
+    bench.arm();
+    bench.run(1);
+    assert_eq!(
+        bench.recording.extremes(Pack::Second),
+        Extremes::default(),
+        "in another file"
+    );
 }
 
 #[test]

@@ -181,10 +181,10 @@ pub const FORMATS: [Format; 22] = [
     Format {
         kind: Kind::Estimate,
         name: "BATX",
-        types: "QBfffffBHBB",
-        columns: "TimeUS,Inst,SoC,SoCLo,SoCHi,Use,Cap,State,Flt,FS,Stat",
-        units: "s#%%%%a----",
-        multipliers: "F-0000C----",
+        types: "QBfffffBHBBff",
+        columns: "TimeUS,Inst,SoC,SoCLo,SoCHi,Use,Cap,State,Flt,FS,Stat,VMin,IMax",
+        units: "s#%%%%a----vA",
+        multipliers: "F-0000C----00",
     },
     Format {
         kind: Kind::Health,

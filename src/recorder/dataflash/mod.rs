@@ -3,8 +3,8 @@
 //! A record is 0xA3, 0x95, the number of its format and its fields, little endian. A file begins with
 //! [`opening_record`]s, which say what the fields of each format are called and what their units are; then follow
 //! [`Record`]s in any order. Formats, fields and units are those of ArduPilot 4.6 where it has them. Of this firmware are
-//! `BATX` (what is estimated of a pack), `CRSH` (the crash before this start), `BRD` (which board it is), `PACK` and `PCKO` (which
-//! pack it is, and what is learnt of it) and the field `LogDrop` of `PM`.
+//! `BATX` (what is estimated of a pack, and its extremes), `CRSH` (the crash before this start), `BRD` (which board it is),
+//! `PACK` and `PCKO` (which pack it is, and what is learnt of it) and the field `LogDrop` of `PM`.
 //!
 //! A number with a fraction is NaN while it is unknown, as ArduPilot's current without a sensor is. Other fields use
 //! ArduPilot's values for what is unknown; the functions that encode the records have them.

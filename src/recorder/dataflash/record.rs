@@ -5,7 +5,7 @@ use core::ops::Range;
 use super::format::Kind;
 use super::packet::{Packet, RecordBytes, finite, whole_pct};
 use crate::battery::{
-    Amount, BatteryState, FailsafeLevel, FailsafeTimer, LearntPack, MAX_CELLS, PackStatus, Reported,
+    Amount, BatteryState, Extremes, FailsafeLevel, FailsafeTimer, LearntPack, MAX_CELLS, PackStatus, Reported,
 };
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::identity::BoardId;
@@ -53,8 +53,8 @@ pub enum Record<'a> {
     Error(Subsystem),
     /// BAT: what is measured of a pack.
     Battery(Pack, &'a BatteryState),
-    /// BATX: what is estimated of a pack.
-    Estimate(Pack, &'a BatteryState),
+    /// BATX: what is estimated of a pack, and its extremes since the BATX before.
+    Estimate(Pack, &'a BatteryState, Extremes),
     /// BCL: the voltages of a pack's first 12 cells.
     Cells(Pack, &'a BatteryState),
     /// BCL2: the voltages of a pack's further cells.
@@ -83,14 +83,14 @@ pub enum Record<'a> {
 }
 
 impl<'a> Record<'a> {
-    /// The records of a pack at one moment; of its cells where they are measured.
-    pub fn of_pack(pack: Pack, state: &'a BatteryState) -> impl Iterator<Item = Self> {
+    /// The records of a pack at one moment, with its extremes since the BATX before; of its cells where they are measured.
+    pub fn of_pack(pack: Pack, state: &'a BatteryState, extremes: Extremes) -> impl Iterator<Item = Self> {
         let cells = state.cells.count();
         let first_cells = (cells > 0).then_some(Self::Cells(pack, state));
         let more_cells = (cells > FIRST_CELLS).then_some(Self::MoreCells(pack, state));
         [
             Some(Self::Battery(pack, state)),
-            Some(Self::Estimate(pack, state)),
+            Some(Self::Estimate(pack, state, extremes)),
             first_cells,
             more_cells,
         ]
@@ -125,7 +125,7 @@ impl<'a> Record<'a> {
                 .u8(OCCURRED)
                 .finish(),
             Self::Battery(pack, state) => encode_battery(time_us, pack, state),
-            Self::Estimate(pack, state) => encode_estimate(time_us, pack, state),
+            Self::Estimate(pack, state, extremes) => encode_estimate(time_us, pack, state, extremes),
             Self::Cells(pack, state) => encode_cells(time_us, pack, state),
             Self::MoreCells(pack, state) => encode_more_cells(time_us, pack, state),
             Self::Health {
@@ -257,8 +257,9 @@ fn temperature_cdegc(temperature_c: Option<f32>) -> i16 {
 const DEVIATIONS: f32 = 2.0;
 
 /// `SoC` with its bounds and `Use`, the usable share, in percent; `Cap`, the learnt capacity, in milliampere-hours; `State`
-/// and `Flt` by MAVLink's numbers and bits; `FS` by ArduPilot's; `Stat`, see [`status_number`].
-fn encode_estimate(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
+/// and `Flt` by MAVLink's numbers and bits; `FS` by ArduPilot's; `Stat`, see [`status_number`]; `VMin` and `IMax`, the
+/// extremes of single conversions, in volts and amperes.
+fn encode_estimate(time_us: u64, pack: Pack, state: &BatteryState, extremes: Extremes) -> RecordBytes {
     let remaining_pct = finite(state.readings.remaining_pct);
     let deviation_pct = finite(state.readings.remaining_sigma_pct).map(|sigma_pct| DEVIATIONS * sigma_pct);
     let bounds = remaining_pct.zip(deviation_pct);
@@ -273,6 +274,8 @@ fn encode_estimate(time_us: u64, pack: Pack, state: &BatteryState) -> RecordByte
         .u16(state.faults_to_show().bits())
         .u8(state.failsafe as u8)
         .u8(status_number(state.status))
+        .number(extremes.lowest_voltage_v)
+        .number(extremes.highest_current_a)
         .finish()
 }
 

@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use super::format::{FORMATS, Format, MULTIPLIERS, UNITS};
 use super::*;
 use crate::battery::{
-    Amount, BatteryState, CellVoltages, ChargeState, Chemistry, FailsafeLevel, FailsafeTimer, Faults,
-    GaugeReport, LearntPack, MAX_CELLS, Modes, PackStatus, Readings, Reported,
+    Amount, BatteryState, CellVoltages, ChargeState, Chemistry, Extremes, FailsafeLevel, FailsafeTimer,
+    Faults, GaugeReport, LearntPack, MAX_CELLS, Modes, PackStatus, Readings, Reported,
 };
 use crate::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use crate::memory::identity::BoardId;
@@ -111,7 +111,7 @@ fn one_of_each<'a>(
         Record::Battery(Pack::First, state),
         Record::Cells(Pack::First, state),
         Record::MoreCells(Pack::First, state),
-        Record::Estimate(Pack::First, state),
+        Record::Estimate(Pack::First, state, Extremes::default()),
         Record::Health {
             load_permille: 0,
             dropped_records: 0,
@@ -142,10 +142,22 @@ fn unknown_values_are_ardupilots() {
 }
 
 #[test]
-fn estimate_has_its_bounds() {
+fn estimate_has_its_bounds_and_the_extremes() {
     let state = known();
-    let expected = "a3958d08070605040302010800008542000081420000894200007142007094450214000203";
-    assert_eq!(encoded(Record::Estimate(Pack::Ninth, &state)), expected);
+    let fields = "a3958d08070605040302010800008542000081420000894200007142007094450214000203";
+    for (extremes, expected) in [
+        (Extremes::default(), "0000c07f0000c07f"),
+        (
+            Extremes {
+                lowest_voltage_v: Some(9.5),
+                highest_current_a: Some(30.25),
+            },
+            "000018410000f241",
+        ),
+    ] {
+        let record = encoded(Record::Estimate(Pack::Ninth, &state, extremes));
+        assert_eq!(record, format!("{fields}{expected}"));
+    }
 }
 
 #[test]
@@ -179,7 +191,7 @@ fn cells_are_recorded_where_they_are_measured() {
             cells: CellVoltages::from_millivolts(&vec![3750; cells]),
             ..BatteryState::UNKNOWN
         };
-        let count = Record::of_pack(Pack::First, &state).count();
+        let count = Record::of_pack(Pack::First, &state, Extremes::default()).count();
         assert_eq!(count, records, "{cells} cells");
     }
 }
@@ -467,7 +479,7 @@ proptest! {
         state.readings.usable_pct = j;
         state.cells = CellVoltages::from_millivolts(&cells);
         let pack = Pack::from_instance(instance).unwrap();
-        for record in Record::of_pack(pack, &state) {
+        for record in Record::of_pack(pack, &state, Extremes::default()) {
             let bytes = record.encode(0);
             let format = FORMATS.iter().find(|format| format.kind as u8 == bytes[2]).unwrap();
             prop_assert_eq!(bytes.len(), format.record_bytes());

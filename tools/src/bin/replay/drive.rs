@@ -99,7 +99,9 @@ mod tests {
     use crate::dataflash::DataFlash;
     use crate::trace::Reported;
     use proptest::prelude::*;
-    use rover_battmon::battery::{Amount, BatteryState, CellVoltages, ChargeState, PackStatus, Readings};
+    use rover_battmon::battery::{
+        Amount, BatteryState, CellVoltages, ChargeState, Extremes, PackStatus, Readings,
+    };
     use rover_battmon::parameter::BatteryParameter;
     use rover_battmon::recorder::dataflash::Record as Recorded;
     use rover_battmon::time::Utc;
@@ -124,7 +126,7 @@ mod tests {
 
     /// The sample that is read of records of a pack in this state. It is the second one: a record without a pack is the first one's.
     fn sample_of(state: &BatteryState) -> Sample {
-        let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, state).collect();
+        let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, state, Extremes::default()).collect();
         drive_in(&records, Pack::Second).trace.samples[0]
     }
 
@@ -148,7 +150,7 @@ mod tests {
     #[test]
     fn a_reading_is_what_was_recorded_of_it() {
         let state = healthy();
-        let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, &state).collect();
+        let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, &state, Extremes::default()).collect();
         let drive = drive_in(&records, Pack::Second);
         let expected = Sample {
             time_s: 0.1,

@@ -198,7 +198,9 @@ mod tests {
     use crate::dataflash::DataFlash;
     use crate::table::row::Remaining;
     use proptest::prelude::*;
-    use rover_battmon::battery::{BatteryState, FailsafeLevel, FailsafeTimer, Faults, PackStatus, Readings};
+    use rover_battmon::battery::{
+        BatteryState, Extremes, FailsafeLevel, FailsafeTimer, Faults, PackStatus, Readings,
+    };
     use rover_battmon::recorder::dataflash::{Record as Recorded, Subsystem};
     use rover_battmon::vehicle::ArmState;
 
@@ -307,7 +309,7 @@ mod tests {
         let rows = rows_of(&[
             reading(&state),
             Recorded::Battery(Pack::Third, &state),
-            Recorded::Estimate(Pack::Third, &faulty),
+            Recorded::Estimate(Pack::Third, &faulty, Extremes::default()),
             reading(&state),
             Recorded::Message("PreArm: Logging failed"),
         ]);
@@ -459,7 +461,7 @@ mod tests {
             records.push(arming(ArmState::Armed));
             for _ in 0..10 {
                 records.extend([Pack::First, Pack::Second].map(|pack| Recorded::Battery(pack, &state)));
-                records.push(Recorded::Estimate(Pack::First, &state));
+                records.push(Recorded::Estimate(Pack::First, &state, Extremes::default()));
             }
             records.push(Recorded::Message("Battery 1 is low 10.40V used 300 mAh"));
             records.push(arming(ArmState::Disarmed));
