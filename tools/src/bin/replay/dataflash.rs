@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io;
 
-use rover_battmon::battery::{CellVoltages, FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
+use rover_battmon::battery::{CellVoltages, Extremes, FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
 use rover_battmon::vehicle::ArmState;
 
@@ -245,6 +245,7 @@ fn reading(record: &Record, pack: Pack, scales: &Scales) -> Option<Content> {
             health_pct: number("SH").filter(|pct| *pct != HEALTH_UNKNOWN_PCT),
             charge_state: None,
             faults: None,
+            extremes: None,
         }),
     };
     Some(Content::Reading(pack, Box::new(sample)))
@@ -257,7 +258,16 @@ fn estimate(record: &Record) -> Estimate {
         remaining_pct: record.number("SoC").map(|pct| pct as f32),
         charge_state: record.number("State").map(|state| state as u8),
         faults: record.number("Flt").map(|faults| faults as u16),
+        extremes: extremes(record),
     }
+}
+
+/// `None` without their columns. A value is unknown where the board's converter did not measure.
+fn extremes(record: &Record) -> Option<Extremes> {
+    record.place("VMin").map(|_| Extremes {
+        lowest_voltage_v: record.number("VMin").map(|volts| volts as f32),
+        highest_current_a: record.number("IMax").map(|amperes| amperes as f32),
+    })
 }
 
 /// A cell that does not exist is 0.

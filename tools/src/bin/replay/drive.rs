@@ -150,7 +150,11 @@ mod tests {
     #[test]
     fn a_reading_is_what_was_recorded_of_it() {
         let state = healthy();
-        let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, &state, Extremes::default()).collect();
+        let extremes = Extremes {
+            lowest_voltage_v: Some(47.25),
+            highest_current_a: None,
+        };
+        let records: Vec<Recorded> = Recorded::of_pack(Pack::Second, &state, extremes).collect();
         let drive = drive_in(&records, Pack::Second);
         let expected = Sample {
             time_s: 0.1,
@@ -165,6 +169,7 @@ mod tests {
                 remaining_pct: Some(66.25),
                 charge_state: Some(2),
                 faults: Some(0),
+                extremes: Some(extremes),
                 ..Reported::default()
             }),
         };

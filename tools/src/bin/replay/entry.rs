@@ -2,7 +2,7 @@
 
 use std::io;
 
-use rover_battmon::battery::{FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
+use rover_battmon::battery::{Extremes, FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
 use rover_battmon::vehicle::ArmState;
 
@@ -78,6 +78,8 @@ pub struct Estimate {
     pub charge_state: Option<u8>,
     /// Bits of the faults.
     pub faults: Option<u16>,
+    /// Extremes of single conversions since the estimate before; `None` of a version that records none.
+    pub extremes: Option<Extremes>,
 }
 
 /// Voltages of cells that follow each other.

@@ -5,7 +5,7 @@ pub mod axis;
 pub mod panel;
 pub mod svg;
 
-use rover_battmon::battery::{ChargeState, FailsafeSettings, Readings};
+use rover_battmon::battery::{ChargeState, Extremes, FailsafeSettings, Readings};
 
 use self::axis::Axis;
 use self::panel::{LEFT, PANEL_HEIGHT, Panel, Series, WIDTH};
@@ -21,6 +21,11 @@ const CURRENT: &str = "#2c7a4b";
 const REMAINING: &str = "#5b3a8c";
 const USABLE: &str = "#b0407a";
 const REPORTED: &str = "#888888";
+
+/// The bands of single conversions, and their name.
+const CONVERSIONS: &str = "single conversions";
+const VOLTAGE_BAND: &str = "#a9c4e4";
+const CURRENT_BAND: &str = "#a8d5b9";
 
 /// The band around the remaining charge: standard deviations, and its name.
 pub const BAND_SIGMAS: f32 = 2.0;
@@ -72,6 +77,9 @@ fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSetting
         series(rows, "resting voltage", RESTING, |now| now.resting_voltage_v),
         series(rows, "terminal voltage", VOLTAGE, |now| now.voltage_v),
     ];
+    let band = conversions(rows, VOLTAGE_BAND, |now, extremes| {
+        Some((extremes.lowest_voltage_v?, now.voltage_v?))
+    });
     let limits = [
         ("BATT_LOW_VOLT", failsafe.low.voltage_v),
         ("BATT_CRT_VOLT", failsafe.critical.voltage_v),
@@ -80,9 +88,14 @@ fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSetting
         .into_iter()
         .filter_map(|(name, limit_v)| Some((name, f64::from(limit_v?))));
     let limits_v = limits.clone().map(|(_, limit_v)| limit_v);
-    let axis = Axis::over(lines.iter().flat_map(Series::values).chain(limits_v), 6);
-    let panel = Panel::new("Voltage (V)", offset(0), time, axis);
-    panel.draw(svg, &lines, &[]);
+    let values = lines.iter().chain(&band).flat_map(Series::values);
+    let panel = Panel::new(
+        "Voltage (V)",
+        offset(0),
+        time,
+        Axis::over(values.chain(limits_v), 6),
+    );
+    draw_on_band(svg, &panel, &lines, &band);
     for (name, limit_v) in limits {
         panel.limit(svg, limit_v, name);
     }
@@ -91,10 +104,58 @@ fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSetting
 
 fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     let lines = [series(rows, "current", CURRENT, |now| now.current_a)];
-    let axis = Axis::over(lines.iter().flat_map(Series::values), 6);
-    let panel = Panel::new("Current (A)", offset(1), time, axis);
-    panel.draw(svg, &lines, &[]);
+    let band = conversions(rows, CURRENT_BAND, |now, extremes| {
+        Some((now.current_a?, extremes.highest_current_a?))
+    });
+    let values = lines.iter().chain(&band).flat_map(Series::values);
+    let panel = Panel::new("Current (A)", offset(1), time, Axis::over(values, 6));
+    draw_on_band(svg, &panel, &lines, &band);
     marks(svg, &panel, rows);
+}
+
+/// Lower and upper limit of the band of single conversions, a mean and an extreme; unknown in a log without extremes.
+fn conversions(
+    rows: &[Row],
+    colour: &'static str,
+    limits: impl Fn(&Readings, &Extremes) -> Option<(f32, f32)>,
+) -> [Series<'static>; 2] {
+    let limits: Vec<_> = rows
+        .iter()
+        .zip(extremes(rows))
+        .map(|(row, extremes)| (row.time_s, limits(&row.state.readings, &extremes).unzip()))
+        .collect();
+    let lower = limits
+        .iter()
+        .map(|(time_s, (low, _))| (*time_s, low.map(f64::from)));
+    let upper = limits
+        .iter()
+        .map(|(time_s, (_, high))| (*time_s, high.map(f64::from)));
+    [lower.collect(), upper.collect()].map(|points| Series::new(CONVERSIONS, colour, points))
+}
+
+/// Extremes at each row: those of the next report, as it has all since the one before.
+fn extremes(rows: &[Row]) -> Vec<Extremes> {
+    let mut next = Extremes::default();
+    let mut extremes: Vec<_> = rows
+        .iter()
+        .rev()
+        .map(|row| {
+            next = row
+                .reported
+                .and_then(|reported| reported.extremes)
+                .unwrap_or(next);
+            next
+        })
+        .collect();
+    extremes.reverse();
+    extremes
+}
+
+fn draw_on_band(svg: &mut Svg, panel: &Panel, lines: &[Series], [lower, upper]: &[Series; 2]) {
+    let is_known = lower.values().next().is_some();
+    let legend = is_known.then_some((CONVERSIONS, lower.colour));
+    panel.between(svg, lower, upper);
+    panel.draw(svg, lines, legend.as_slice());
 }
 
 fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
@@ -353,6 +414,65 @@ mod tests {
             svg.lines()
                 .any(|line| line.contains("<polyline") && line.contains(REPORTED))
         );
+    }
+
+    /// The bands of this colour, as points of their outlines.
+    fn bands_of(svg: &str, colour: &str) -> Vec<Vec<(f64, f64)>> {
+        let number = |text: &str| text.parse::<f64>().expect("a number");
+        let point = |text: &str| {
+            let (x, y) = text.split_once(',').expect("a point");
+            (number(x), number(y))
+        };
+        let is_band = |line: &&str| line.contains("<polygon") && line.contains(colour);
+        let outline = |line: &str| {
+            let (_, points) = line.split_once("points=\"").expect("points");
+            let points = points.trim_end_matches("\"/>").split(' ');
+            points.map(point).collect()
+        };
+        svg.lines().filter(is_band).map(outline).collect()
+    }
+
+    #[test]
+    fn extremes_are_a_band_from_the_report_before_to_their_own() {
+        let mut rows = rows();
+        assert!(!picture(&rows).contains(CONVERSIONS));
+        // At 100, 300 and 500 s of 600 s.
+        for (row, lowest_voltage_v, highest_current_a) in [
+            (1000, Some(9.0), Some(20.0)),
+            (3000, Some(11.0), None),
+            (5000, None, None),
+        ] {
+            rows[row].reported = Some(Reported {
+                extremes: Some(Extremes {
+                    lowest_voltage_v,
+                    highest_current_a,
+                }),
+                ..Reported::default()
+            });
+        }
+        let svg = picture(&rows);
+        assert_eq!(svg.matches(&format!(">{CONVERSIONS}</text>")).count(), 2);
+        let x = |time_s: f64| 60.0 + time_s * 825.0 / 600.0;
+        let [voltage] = &bands_of(&svg, VOLTAGE_BAND)[..] else {
+            panic!("one band: {svg}");
+        };
+        let lowest_y = |from_s: f64, to_s: f64| {
+            let within = voltage
+                .iter()
+                .filter(|point| (x(from_s)..x(to_s)).contains(&point.0));
+            within.map(|point| point.1).fold(0.0, f64::max)
+        };
+        // 180 pixels are 9 to 12 V.
+        let rise_v = (lowest_y(0.0, 100.0) - lowest_y(102.0, 300.0)) / 60.0;
+        assert!((rise_v - 2.0).abs() < 0.01, "{rise_v} V");
+        assert!(voltage.iter().all(|point| point.0 < x(302.0)));
+        let [current] = &bands_of(&svg, CURRENT_BAND)[..] else {
+            panic!("one band: {svg}");
+        };
+        // 20 A are at the top of the second diagram.
+        let highest_y = current.iter().map(|point| point.1).fold(f64::INFINITY, f64::min);
+        assert_eq!(highest_y, 356.0);
+        assert!(current.iter().all(|point| point.0 < x(102.0)));
     }
 
     #[test]

@@ -79,6 +79,7 @@ fn add_estimate(sample: &mut Sample, estimate: &Estimate) {
         reported.remaining_pct = estimate.remaining_pct.or(reported.remaining_pct);
         reported.charge_state = estimate.charge_state;
         reported.faults = estimate.faults;
+        reported.extremes = estimate.extremes;
     }
 }
 

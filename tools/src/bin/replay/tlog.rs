@@ -396,6 +396,7 @@ impl Frame {
                 health_pct: None,
                 charge_state: Some(self.payload[40]),
                 faults: Some(faults as u16),
+                extremes: None,
             }),
             ..Sample::NONE
         }

@@ -13,7 +13,7 @@
 //! by commas, or by semicolons or tabs; with the latter two, numbers may have a decimal comma. Empty lines and those that begin
 //! with `#` are skipped.
 
-use rover_battmon::battery::CellVoltages;
+use rover_battmon::battery::{CellVoltages, Extremes};
 
 use crate::assignments::Assignment;
 
@@ -113,6 +113,8 @@ pub struct Reported {
     pub charge_state: Option<u8>,
     /// Bits of the faults.
     pub faults: Option<u16>,
+    /// Extremes of single conversions since the earlier report of them.
+    pub extremes: Option<Extremes>,
 }
 
 impl Trace {
