@@ -1,5 +1,6 @@
 //! `replay`, run as its user runs it.
 
+use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -479,6 +480,61 @@ fn a_log_whose_own_timer_differs_is_warned_of() {
     let expected =
         "\nThe replay differs: low started 6:28 in the log alone; low started 7:28 in the replay alone\n";
     assert!(text.contains(expected), "{text}");
+}
+
+/// The same log of a version whose BATX has no extremes.
+fn without_extremes(log: &[u8]) -> Vec<u8> {
+    const FORMAT: u8 = 128;
+    const ESTIMATE: u8 = 141;
+    const EXTREMES_BYTES: usize = 8;
+    let mut lengths = HashMap::from([(FORMAT, 89)]);
+    let (mut rest, mut older) = (log, vec![]);
+    while let [_, _, kind, ..] = *rest {
+        let (record, behind) = rest.split_at(lengths[&kind]);
+        rest = behind;
+        match (kind, record[3]) {
+            (FORMAT, ESTIMATE) => {
+                let mut format = record.to_vec();
+                format[4] -= EXTREMES_BYTES as u8;
+                for (text, unused) in [("QBfffffBHBB", "ff"), (",FS,Stat", ",VMin,IMax")] {
+                    let place = format
+                        .windows(text.len())
+                        .position(|bytes| bytes == text.as_bytes());
+                    let end = place.expect("it has this text") + text.len();
+                    assert!(format[end..].starts_with(unused.as_bytes()));
+                    format[end..][..unused.len()].fill(0);
+                }
+                older.extend(format);
+            }
+            (ESTIMATE, _) => older.extend(&record[..record.len() - EXTREMES_BYTES]),
+            _ => older.extend(record),
+        }
+        if kind == FORMAT {
+            lengths.insert(record[3], record[4].into());
+        }
+    }
+    older
+}
+
+#[test]
+fn a_log_from_before_the_means_is_read_and_said_to_be_of_moments() {
+    let remark = "\nVoltage and current are of a moment each, not means: an older version recorded them\n";
+    let log = log_of_drive();
+    let older = without_extremes(&log);
+    let name_and_kind = |kind: f32| [b"BATT2_MONITOR\0\0\0".as_slice(), &kind.to_le_bytes()].concat();
+    let mut of_part = older.clone();
+    let analog = name_and_kind(4.0);
+    let place = older.windows(analog.len()).position(|bytes| bytes == analog);
+    let place = place.expect("the log has it");
+    of_part[place..][..analog.len()].copy_from_slice(&name_and_kind(21.0));
+    let mut rows = vec![];
+    for (bytes, is_said) in [(log, false), (older, true), (of_part, false)] {
+        let output = replay(&["--pack", "2", &file_of("moments.BIN", bytes)]);
+        let said = format!("\n{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(said.contains(remark), is_said, "{said}");
+        rows.push(printed(output));
+    }
+    assert!(rows[0] == rows[1] && rows[0] == rows[2]);
 }
 
 #[test]

@@ -192,7 +192,8 @@ impl MonitorKind {
         self.reads_voltage_pin() || self == Self::Bus(PartKind::Ad7091r5)
     }
 
-    pub(crate) fn reads_current_pin(self) -> bool {
+    /// Whether the current is read at an analog pin.
+    pub fn reads_current_pin(self) -> bool {
         matches!(self, Self::AnalogVoltageAndCurrent | Self::AnalogCurrent)
     }
 

@@ -77,6 +77,9 @@ fn origin(drive: &Drive, arguments: &Arguments) -> String {
         let others: Vec<String> = survey.other_systems.iter().map(ToString::to_string).collect();
         text += &format!("Replayed vehicle {id}; the log also has {}\n", others.join(", "));
     }
+    if survey.is_of_moments(arguments.pack) {
+        text += "Voltage and current are of a moment each, not means: an older version recorded them\n";
+    }
     if survey.stepped_back > 0 {
         let count = survey.stepped_back;
         text += &format!("Skipped: {count} readings whose times step back\n");

@@ -47,6 +47,8 @@ pub struct Survey {
     has_flown: bool,
     has_texts: bool,
     reports_arm_state: bool,
+    /// The board recorded estimates without extremes of single conversions.
+    lacks_extremes: bool,
     /// Readings that were skipped, since their times step back.
     pub stepped_back: u64,
     /// All bytes.
@@ -161,6 +163,14 @@ impl Survey {
         self.known_parameters.has(&id.name())
     }
 
+    /// Whether the board read the analog pins of a pack for a moment in each tick, as versions did that record no extremes of
+    /// single conversions.
+    pub fn is_of_moments(&self, pack: Pack) -> bool {
+        let parameters = self.parameters.as_ref();
+        let kind = parameters.and_then(|parameters| parameters.monitor_kind(pack));
+        self.lacks_extremes && kind.is_some_and(|kind| kind.reads_voltage_pin() || kind.reads_current_pin())
+    }
+
     /// Whether the vehicle is armed at the beginning of the file.
     pub fn initial_arm_state(&self) -> ArmState {
         match self.armed_before() {
@@ -175,6 +185,7 @@ impl Survey {
             Content::Parameter(name, value) => self.parameter(name, *value),
             Content::Board(id) => self.board_id = Some(id.clone()),
             Content::Reading(pack, sample) => self.reading(*pack, sample.current_a),
+            Content::Estimate(_, estimate) => self.lacks_extremes |= estimate.extremes.is_none(),
             Content::StartUtc(utc_s) => {
                 self.started_utc_s.get_or_insert(*utc_s);
             }
