@@ -1,4 +1,4 @@
-//! How far readings of a driven pack are from the true means.
+//! Errors of a driven pack's readings.
 
 use crate::figures::{Figure, Table};
 use emulator::AdcCurve;

@@ -98,7 +98,7 @@ fn load(bench: &mut Bench) -> (f64, f64) {
     )
 }
 
-/// How long one task keeps others waiting while the line is full of requests.
+/// Longest turn of a task while the line is full of requests.
 fn longest_turn_of(bench: &mut Bench) -> Figure {
     flood(bench);
     let longest_us = longest_turn_us(bench);

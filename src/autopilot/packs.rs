@@ -38,7 +38,7 @@ pub struct Packs {
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub thermometers: Thermometers,
-    /// How the analog pins are pulled.
+    /// Present pulls of the analog pins.
     pub pulls: PinPulls,
     pub ticks: u32,
 }
@@ -86,7 +86,7 @@ impl Packs {
         }
     }
 
-    /// How the analog pins are to be pulled: up at a thermometer, unless a pack has its pin.
+    /// Pulls that the parameters want: up at a thermometer, unless a pack has its pin.
     pub fn wanted_pulls(&self, parameters: &Parameters) -> PinPulls {
         let mut pulls = PinPulls::default();
         let mut set = |pin: AnalogPin, wanted| {

@@ -113,7 +113,7 @@ impl Autopilot {
         self.packs.pulls = wanted;
     }
 
-    /// How the analog pins are to be pulled from now on.
+    /// Pulls of the analog pins from now on.
     pub fn pin_pulls(&self) -> impl Iterator<Item = (AnalogPin, PinPull)> {
         let pins = AnalogPin::ALL.into_iter().zip(self.packs.pulls);
         pins.filter(|(pin, _)| Some(*pin) != self.pin_of_radio())

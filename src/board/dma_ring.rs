@@ -146,7 +146,7 @@ fn restarting(number: u8) -> CtrlTrig {
     control
 }
 
-/// What a UART receives, and how far it has been read.
+/// Bytes that a UART receives, with the reading position.
 pub struct ReceiveRing {
     ring: DmaRing<AtomicU8>,
     reader: RingReader,

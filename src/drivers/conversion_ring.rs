@@ -109,7 +109,7 @@ impl<'a> Rounds<'a> {
         readings
     }
 
-    /// Those of a pin, without failed ones.
+    /// Conversions of a pin, without failed ones.
     // Once, and not for each use.
     #[inline(never)]
     fn conversions(&self, pin: AnalogPin) -> Result<Conversions, ReadError> {

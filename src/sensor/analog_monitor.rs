@@ -152,7 +152,7 @@ mod tests {
         let mut readings = AnalogReadings::NONE;
         for pin in [AnalogPin::Gp26, AnalogPin::Gp27] {
             let codes = [2482, 1241, 2482, 3723];
-            readings.set(pin, Ok(Conversions::from_codes(codes).unwrap()));
+            readings.set(pin, Ok(Conversions::from_codes(codes.into_iter()).unwrap()));
         }
         let extremes = |amperes_per_volt, kind| {
             let mut wiring = wiring();

@@ -1,6 +1,6 @@
 //! Conversions of the analog pins, and what a tick makes of those since the tick before.
 
-use super::AnalogPin;
+use super::analog_pin::AnalogPin;
 use crate::battery::{CurrentRange, ReadError};
 use crate::time::Instant;
 
@@ -83,7 +83,7 @@ impl Conversions {
         (all.count > 0).then_some(all)
     }
 
-    /// How many they are.
+    /// Number of conversions.
     pub fn count(&self) -> u32 {
         self.count
     }
@@ -239,7 +239,7 @@ impl WantedReadings {
 const PIN_COUNT: usize = AnalogPin::ALL.len();
 const PAIR_COUNT: usize = PIN_COUNT * (PIN_COUNT - 1) / 2;
 
-/// What the pins read in one tick.
+/// Readings of the pins in one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct AnalogReadings {
     pins: [Result<Conversions, ReadError>; PIN_COUNT],

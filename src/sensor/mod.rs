@@ -2,6 +2,7 @@
 
 mod analog;
 mod analog_monitor;
+mod analog_pin;
 mod bus;
 mod can;
 mod controllers;
@@ -12,7 +13,8 @@ mod serial;
 mod set_up;
 mod thermometer;
 
-pub use analog::{AnalogPin, AnalogWiring, CurrentSensor, VoltageDivider};
+pub use analog::{AnalogWiring, CurrentSensor, VoltageDivider};
+pub use analog_pin::AnalogPin;
 pub use bus::{Address, BusDevices, Buses, I2cBus, NoSpi, Samples, SensorBus, Wiring, bus_clock_hz};
 pub use can::{
     Acceptance, BitTiming, CanBus, CanEvent, CanFilters, CanFrame, CanInterrupt, CanNotice, CanOptions,

@@ -1,4 +1,4 @@
-//! What is measured of a pack while the motors' pulses draw on it: the mean, at every duty, and what is counted of it.
+//! Readings and counts of a pack while the motors' pulses draw on it: means, at every duty.
 
 use crate::wheels::duties;
 use emulator::AdcCurve;

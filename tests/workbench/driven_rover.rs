@@ -31,7 +31,7 @@ pub struct SteadyDrive {
 }
 
 impl SteadyDrive {
-    /// How far the worst reading is off, in volts and amperes.
+    /// Errors of the worst reading, in volts and amperes.
     pub fn worst_errors(&self) -> (f64, f64) {
         let worst = |error: fn(&Means, &Reading) -> f64| {
             let errors = self
@@ -55,7 +55,7 @@ pub fn rover(curve: AdcCurve, parameters: &[(&str, f32)]) -> Bench {
     let mut bench = Bench::configured(DIVIDER_CODE, &all);
     bench.adc_curve(curve);
     connect(&mut bench, OPEN_CIRCUIT_V);
-    // What was measured before is of another pack.
+    // Readings before this are of another pack.
     bench.reboot();
     bench.run_for(SECOND);
     bench.ask(&arm());
@@ -73,7 +73,7 @@ pub fn steer_for(bench: &mut Bench, time_us: u64, steering: i16, throttle: i16) 
     }
 }
 
-/// What has flowed so far.
+/// Charge and energy so far.
 pub fn totals(bench: &mut Bench) -> Totals {
     bench.circuit().totals()
 }

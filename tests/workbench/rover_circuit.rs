@@ -28,7 +28,7 @@ const ZERO_V: f64 = 0.5;
 /// Some counts of the converter.
 const NOISE_V: f64 = 0.002;
 
-/// What makes the firmware measure this pack's current.
+/// Parameters with which the firmware measures this pack's current.
 pub const WITH_SENSOR: [(&str, f32); 5] = [
     ("BATT_MONITOR", 4.0),
     ("BATT_CURR_PIN", 27.0),

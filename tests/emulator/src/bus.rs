@@ -38,7 +38,7 @@ pub struct SystemBus {
     pub now: Cycle,
     pub memory: Memory,
     pub soc: Soc,
-    /// How far the converter's results are, which may be behind.
+    /// Progress of the converter's results, which may be behind.
     pub(super) stream_time: Cycle,
     /// Clocks, PLLs, RESETS, SIO, IO_BANK0, PADS, NVIC and the rest of the PPB.
     pub chip: Chip,

@@ -90,7 +90,7 @@ fn drive(bench: &mut Bench) -> (Lateness, Lateness) {
     (ticks_late(&ticks), Lateness::of(&motors))
 }
 
-/// How far ticks are from a time base that is never early.
+/// Delays of ticks against a time base that is never early.
 fn ticks_late(begins: &[u64]) -> Lateness {
     let tick = TICK_US * CYCLES_PER_US;
     let due = |number: usize| number as u64 * tick;

@@ -57,7 +57,7 @@ pub struct PackSimulation<'a> {
     integrals: Cell<Integrals>,
 }
 
-/// What has flowed since it was taken last.
+/// Flow since it was taken last.
 #[derive(Clone, Copy, Debug, Default)]
 struct Integrals {
     seconds: f32,

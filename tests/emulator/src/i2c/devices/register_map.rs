@@ -22,7 +22,7 @@ pub trait Registers {
     /// It is addressed at this time.
     fn note_time(&mut self, _now: Cycle) {}
 
-    /// How long it measures voltage and current, with its averaging, until there is a result.
+    /// Time for which it measures voltage and current, with its averaging, until there is a result.
     fn conversion(&self) -> Cycle {
         0
     }
