@@ -333,7 +333,8 @@ mod tests {
     #[test]
     fn failed_conversions_are_left_out_and_more_than_one_in_a_hundred_fail_the_pin() {
         for (one_in, is_valid) in [(103, true), (99, false)] {
-            let word_of = move |number: u64| match channel(number) == 1 && number / 4 % one_in == 0 {
+            let word_of = move |number: u64| match channel(number) == 1 && (number / 4).is_multiple_of(one_in)
+            {
                 true => 1 << 15 | 7,
                 false => 3000,
             };
