@@ -89,6 +89,10 @@ impl Packs {
     /// Pulls that the parameters want: up at a thermometer, unless a pack has its pin.
     pub fn wanted_pulls(&self, parameters: &Parameters) -> PinPulls {
         let mut pulls = PinPulls::default();
+        // Without one, the packs need not be asked.
+        if thermometer_pins(parameters).next().is_none() {
+            return pulls;
+        }
         let mut set = |pin: AnalogPin, wanted| {
             if let Some(pull) = pulls.get_mut(pin as usize) {
                 *pull = wanted;

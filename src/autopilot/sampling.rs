@@ -153,7 +153,7 @@ impl Autopilot {
     /// Records the extremes of a pack's single conversions, unless its read failed.
     fn record_extremes(&mut self, pack: Pack, kind: MonitorKind, readings: &AnalogReadings) {
         let bank = &self.packs.bank;
-        if bank.monitor(pack).failed_reads() == 0 {
+        if self.recording.takes_records() && bank.monitor(pack).failed_reads() == 0 {
             let wiring = AnalogWiring::from_parameters(&self.parameters, pack);
             let measured = wiring.extremes(kind, readings);
             let known = bank.state(pack).readings.known_extremes(measured);

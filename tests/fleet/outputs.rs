@@ -308,7 +308,7 @@ fn names_of_files_can_not_write_to_the_terminal() {
         desk.path(OsStr::from_bytes(&bytes))
     };
     let mut log = desk.content("logs/a.BIN");
-    log.extend(b"no record");
+    log.extend([0xff; 100]);
     fs::write(name("log.BIN"), &log).expect("a file");
     fs::write(name("none.BIN"), "no log").expect("a file");
     fs::write(name("note"), "a note").expect("a file");

@@ -336,6 +336,11 @@ impl Recording {
         bytes.len()
     }
 
+    /// Whether records are taken now.
+    pub fn takes_records(&self) -> bool {
+        self.state == State::Recording
+    }
+
     /// Adds the extremes of a reading to those that the pack's next BATX has.
     pub fn add_extremes(&mut self, pack: Pack, extremes: Extremes) {
         if self.state == State::Recording {
