@@ -1,16 +1,16 @@
 //! Readings and counts of a pack while the motors' pulses draw on it: means, at every duty.
 
 use crate::wheels::duties;
-use emulator::AdcCurve;
 use emulator::circuit::Means;
+use emulator::{AdcCurve, AdcInput, SensorRange};
 use support::frames::texts_of;
 use support::motor_poles::{LEFT, RIGHT};
 use support::requests::disarm;
-use workbench::bench::{Bench, MILLISECOND, SECOND, TestedVehicle};
+use workbench::bench::{Bench, CURRENT, MILLISECOND, SECOND, TestedVehicle};
 use workbench::downloads::{download, list};
 use workbench::driven_rover::{FULL, Sides, drive_steadily, readings_since, rover, steer_for, totals};
 use workbench::log_records::{named, records};
-use workbench::rover_circuit::RESISTANCE_OHM;
+use workbench::rover_circuit::{RESISTANCE_OHM, sensor};
 
 /// PWM slices of the motors (RP2040 datasheet 4.5): each counts to 62,500 in 2 ms.
 const SLICES: std::ops::RangeInclusive<u32> = 1..=4;
@@ -183,4 +183,26 @@ fn charge_energy_and_resistance_of_a_stop_and_go_drive_are_those_of_the_pack() {
 /// The time of the last start, since power-up.
 fn boot_us(bench: &Bench) -> u64 {
     bench.resets().last().map_or(0, |reset| reset.time_us)
+}
+
+/// Motors that coast return current, which such a sensor shows as none.
+#[test]
+fn a_sensor_that_ends_at_zero_reads_too_much_of_a_drive() {
+    let reported_a = |range| {
+        let mut bench = rover(AdcCurve::Ideal, &[]);
+        bench.adc_input(CURRENT, AdcInput::PackCurrent(sensor(range)));
+        let drive = drive_steadily(&mut bench, Sides::Left, 0.5);
+        let readings = drive.readings.iter().map(|reading| reading.current_a);
+        (
+            readings.sum::<f64>() / drive.readings.len() as f64,
+            drive.means.amperes,
+        )
+    };
+    let (both_ways_a, true_a) = reported_a(SensorRange::BothWays);
+    let (from_zero_a, _) = reported_a(SensorRange::FromZero);
+    println!(
+        "{from_zero_a:.3} A with a sensor that ends at 0 A, {both_ways_a:.3} A without, {true_a:.3} A in truth"
+    );
+    assert!((both_ways_a - true_a).abs() < 0.02);
+    assert!(from_zero_a > true_a + 0.02);
 }
