@@ -27,7 +27,7 @@
 //! use rover_battmon::time::Instant;
 //!
 //! // 3600 of 4095, behind the board's divider.
-//! let count = AdcCount(3600);
+//! let count = AdcCount(3600.0);
 //! let divider = VoltageDivider { multiplier: 3.95, offset_v: 0.0 };
 //! let reading = Measurement {
 //!     voltage_v: Some(divider.pack_voltage_v(count.pin_voltage_v())),
