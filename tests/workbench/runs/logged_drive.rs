@@ -59,14 +59,21 @@ impl Heard {
         self.heartbeats += of_message(frames, HEARTBEAT).len();
     }
 
-    /// Whether a pack had this voltage on the wire within [`ON_WIRE_AFTER_US`] of a time.
+    /// Whether a pack had this voltage on the wire within [`ON_WIRE_AFTER_US`] of a time, or one below and one above: the mean of
+    /// a tick in which the voltage changes may be of that tick only.
     fn has(&self, instance: u8, at_us: u64, voltage_mv: u32) -> bool {
         let voltages = &self.voltages[&instance];
-        let from = voltages.partition_point(|(heard_us, _)| *heard_us < at_us);
-        voltages[from..]
-            .iter()
-            .take_while(|(heard_us, _)| *heard_us < at_us + ON_WIRE_AFTER_US)
-            .any(|(_, heard_mv)| *heard_mv == voltage_mv)
+        let within = |from_us: u64| {
+            let from = voltages.partition_point(|(heard_us, _)| *heard_us < from_us);
+            let heard = voltages[from..].iter();
+            heard
+                .take_while(|(heard_us, _)| *heard_us < at_us + ON_WIRE_AFTER_US)
+                .map(|(_, heard_mv)| *heard_mv)
+        };
+        let around = || within(at_us - ON_WIRE_AFTER_US);
+        let is_between =
+            around().any(|heard_mv| heard_mv < voltage_mv) && around().any(|heard_mv| heard_mv > voltage_mv);
+        is_between || within(at_us).any(|heard_mv| heard_mv == voltage_mv)
     }
 }
 
