@@ -24,6 +24,17 @@ pub struct Reading {
     pub current_a: f64,
 }
 
+impl Reading {
+    /// The mean of some readings.
+    pub fn mean_of(readings: &[Self]) -> Self {
+        let mean = |value: fn(&Self) -> f64| readings.iter().map(value).sum::<f64>() / readings.len() as f64;
+        Self {
+            voltage_v: mean(|reading| reading.voltage_v),
+            current_a: mean(|reading| reading.current_a),
+        }
+    }
+}
+
 /// A second of a steady drive.
 pub struct SteadyDrive {
     pub means: Means,
