@@ -93,7 +93,7 @@ impl Autopilot {
         let mut found = None;
         for pack in Pack::ALL.into_iter().filter(is_monitored) {
             let settings = PackSettings::from_parameters(&self.parameters, pack);
-            let missing = settings.failsafe.missing_parameter()?;
+            let missing = settings.failsafe.missing_parameter(self.battery(pack))?;
             if found.is_none() || missing == BatteryParameter::LowTimer {
                 found = Some(missing.of(pack));
             }

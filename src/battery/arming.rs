@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::failsafe::{is_below, most_usable_pct, remaining, voltage_v};
+use super::failsafe::{is_below, is_below_percentage, remaining, voltage_v};
 use super::settings::Thresholds;
 use super::{BatteryState, PackSettings, PackStatus};
 
@@ -41,6 +41,8 @@ pub enum ArmingFailure {
     LowVoltage,
     /// The remaining charge is below `BATT_LOW_MAH`.
     LowCapacity,
+    /// A threshold is set in milliampere-hours, and the capacity is known neither to the owner nor to the pack.
+    NoCapacity,
     /// `BATT_CRT_MAH` is not below `BATT_LOW_MAH`.
     CapacityOrder,
     /// `BATT_CRT_VOLT` is not below `BATT_LOW_VOLT`.
@@ -65,6 +67,7 @@ impl fmt::Display for ArmingFailure {
             Self::LowCapacity => "low capacity failsafe",
             Self::CriticalVoltage => "critical voltage failsafe",
             Self::CriticalCapacity => "critical capacity failsafe",
+            Self::NoCapacity => "no capacity set",
             Self::CapacityOrder => "capacity failsafe critical >= low",
             Self::VoltageOrder => "voltage failsafe critical >= low",
         })
@@ -73,7 +76,7 @@ impl fmt::Display for ArmingFailure {
 
 impl ArmingFailure {
     /// All, in the order in which they are reported.
-    const ALL: [Self; 17] = [
+    const ALL: [Self; 18] = [
         // First: at full scale the pack is unhealthy, too.
         Self::AboveDrivers,
         Self::Unhealthy,
@@ -90,6 +93,7 @@ impl ArmingFailure {
         Self::CriticalCapacity,
         Self::LowVoltage,
         Self::LowCapacity,
+        Self::NoCapacity,
         Self::CapacityOrder,
         Self::VoltageOrder,
     ];
@@ -121,9 +125,8 @@ fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
     let (low, critical) = (&settings.failsafe.low, &settings.failsafe.critical);
     let voltage_v = voltage_v(state, &settings.failsafe);
     let remaining_mah = remaining(state);
-    let usable_pct = most_usable_pct(state);
     let lacks_charge = |thresholds: &Thresholds| {
-        is_below(remaining_mah, thresholds.remaining_mah) || is_below(usable_pct, thresholds.usable_pct)
+        is_below(remaining_mah, thresholds.remaining_mah) || is_below_percentage(state, thresholds.usable_pct)
     };
     let (low_capacity, critical_capacity) = (lacks_charge(low), lacks_charge(critical));
     let latched = state.refusals().filter(|failure| match failure {
@@ -131,6 +134,9 @@ fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
         ArmingFailure::CriticalVoltage => !critical_capacity,
         _ => true,
     });
+    let needs_capacity = [low, critical, &settings.arming]
+        .iter()
+        .any(|thresholds| thresholds.remaining_mah.is_some());
     let by_thresholds = [
         (
             is_below(state.readings.voltage_v, settings.arming.voltage_v),
@@ -147,6 +153,10 @@ fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
             ArmingFailure::CriticalVoltage,
         ),
         (critical_capacity, ArmingFailure::CriticalCapacity),
+        (
+            needs_capacity && state.lacks_capacity(),
+            ArmingFailure::NoCapacity,
+        ),
         (
             is_inverted(low.remaining_mah, critical.remaining_mah)
                 || is_inverted(low.usable_pct, critical.usable_pct),
@@ -360,10 +370,71 @@ mod tests {
         assert!(failures(&pack(3.0, 0.0), &PackSettings::default()).is_empty());
         let unknown = BatteryState {
             status: PackStatus::Healthy,
+            capacity: Some(Amount::Mah(1000.0)),
             ..BatteryState::default()
         };
         assert!(failures(&unknown, &settings()).is_empty());
         assert!(failures(&BatteryState::disabled(), &settings()).is_empty());
+    }
+
+    #[test]
+    // Requirement: AP-17
+    fn a_threshold_in_mah_needs_a_capacity() {
+        let without = BatteryState {
+            capacity: None,
+            ..pack(12.6, 100.0)
+        };
+        let learnt = BatteryState {
+            learnt_capacity_mah: Some(900.0),
+            ..without
+        };
+        let mut awaited = BatteryState {
+            charge_source: ChargeSource::Gauge,
+            ..without
+        };
+        awaited.readings.remaining_pct = None;
+        let mah = |remaining_mah| Thresholds {
+            remaining_mah,
+            ..Thresholds::default()
+        };
+        for (low, critical, arming) in [
+            (Some(400.0), None, None),
+            (None, Some(200.0), None),
+            (None, None, Some(500.0)),
+        ] {
+            let mut settings = PackSettings {
+                arming: mah(arming),
+                ..PackSettings::default()
+            };
+            (settings.failsafe.low, settings.failsafe.critical) = (mah(low), mah(critical));
+            assert_eq!(failures(&without, &settings), ["no capacity set"]);
+            assert!(failures(&learnt, &settings).is_empty());
+            assert!(failures(&awaited, &settings).is_empty());
+        }
+        assert!(failures(&without, &PackSettings::default()).is_empty());
+    }
+
+    #[test]
+    // Requirement: AP-17, PX-3
+    fn percentages_refuse_by_the_rule_by_which_they_act() {
+        let mut settings = PackSettings::default();
+        settings.failsafe.low.usable_pct = Some(60.0);
+        settings.failsafe.critical.usable_pct = Some(45.0);
+        let both = ["critical capacity failsafe", "low capacity failsafe"];
+        for (remaining_pct, sigma_pct, expected) in [
+            (34.0, Some(9.0), &both[..]),
+            (34.0, Some(16.0), &both[1..]),
+            (34.0, Some(25.0), &[]),
+            (44.9, None, &both),
+            (0.0, Some(33.0), &both[1..]),
+            (60.0, Some(1.0), &[]),
+        ] {
+            let mut state = pack(12.0, remaining_pct);
+            state.readings.usable_pct = Some(remaining_pct);
+            state.readings.remaining_sigma_pct = sigma_pct;
+            let failures = failures(&state, &settings);
+            assert_eq!(failures, expected, "{remaining_pct} ± {sigma_pct:?}");
+        }
     }
 
     #[test]

@@ -28,9 +28,6 @@ const MIN_AVERAGE_LOAD_A: f32 = 0.01;
 const MAX_SIGMA_TO_START: f32 = 0.25;
 const MAX_SIGMA_TO_CONTINUE: f32 = 0.27;
 
-/// Standard deviations from the state of charge to its bounds.
-const BOUND_SIGMAS: f32 = 2.0;
-
 const AH_PER_MAH: f32 = 0.001;
 const SECONDS_PER_HOUR: f32 = 3600.0;
 
@@ -98,8 +95,6 @@ pub struct ReportedCharge {
     pub remaining_pct: f32,
     /// Its standard deviation.
     pub sigma_pct: f32,
-    /// Its upper bound.
-    pub at_most_pct: f32,
     /// Usable charge, in percent of a full pack's.
     pub usable_pct: f32,
     /// Its standard deviation.
@@ -113,11 +108,9 @@ impl ReportedCharge {
             None => MAX_SIGMA_TO_START,
             Some(_) => MAX_SIGMA_TO_CONTINUE,
         };
-        let at_most = (estimate.soc + BOUND_SIGMAS * estimate.sigma).min(1.0);
         (estimate.sigma <= max_sigma).then_some(Self {
             remaining_pct: estimate.soc * 100.0,
             sigma_pct: estimate.sigma * 100.0,
-            at_most_pct: at_most * 100.0,
             usable_pct: estimate.usable_soc * 100.0,
             usable_sigma_pct: estimate.usable_sigma * 100.0,
         })

@@ -92,6 +92,9 @@ pub enum PackEvent {
     Faults(Faults),
     /// The pack reports these faults since now.
     ReportedFaults(Faults),
+    /// Its percentages can't act, since its charge is too uncertain, and no threshold in volts is in effect: the parameter
+    /// to set.
+    PercentagesInert(BatteryParameter),
     /// A failsafe level was reached.
     Failsafe {
         /// The level.
@@ -109,8 +112,8 @@ pub const MAX_ANSWERING: usize = 5;
 /// The most events of one tick: cells detected, pack swapped or estimate
 /// restarted, gap, current over range or reversed, sensor failed or recovered, contact lost
 /// or restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt or not,
-/// capacity above the label.
-const MAX_EVENTS: usize = 15;
+/// capacity above the label, percentages that can't act.
+const MAX_EVENTS: usize = 16;
 
 /// Charge that remains and is not usable is mentioned from here on, in percent.
 const WORTH_SAYING_PCT: f32 = 3.0;
@@ -174,6 +177,7 @@ impl fmt::Display for PackNotice<'_> {
         match event {
             PackEvent::CellsDetected { .. } => write!(f, " (set {cells} to be sure)"),
             PackEvent::CellsAmbiguous { .. } => write!(f, ": set {cells}"),
+            PackEvent::PercentagesInert(parameter) => write!(f, ": set {}", parameter.of(*pack).name()),
             _ => Ok(()),
         }
     }
@@ -232,6 +236,7 @@ impl fmt::Display for PackEvent {
             } => write!(f, "found at {address:#04x}, {cells} cells"),
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
+            Self::PercentagesInert(_) => f.write_str("percentages can't act"),
             Self::PoweringOff => f.write_str("is powering off"),
             Self::MembersLeft(left) => {
                 let mut separator = "sums without battery ";

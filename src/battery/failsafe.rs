@@ -3,8 +3,13 @@
 use core::mem;
 
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
+use super::state::BOUND_SIGMAS;
 use super::swap::Replacement;
-use super::{ArmState, BatteryState, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, PackStatus, Tick};
+use super::{
+    ArmState, BatteryState, ChargeSource, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, PackStatus,
+    Tick,
+};
+use crate::parameter::BatteryParameter;
 use crate::time::Instant;
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
@@ -25,8 +30,6 @@ pub struct Observation<'a> {
     pub last_healthy: Option<Instant>,
     /// The state with this tick's reading; `None` if the read failed or no pack is connected.
     pub state: Option<&'a BatteryState>,
-    /// Upper bound of the remaining charge, in percent, if it is known.
-    pub remaining_at_most_pct: Option<f32>,
     /// The voltage at rest, in volts, if the pack is at rest.
     pub resting_v: Option<f32>,
 }
@@ -40,6 +43,7 @@ pub struct Failsafe {
     is_of_pack_before: bool,
     /// The loss of the pack was reported, and it has not been healthy for long enough since.
     has_reported_loss: bool,
+    percentages: PercentageCheck,
     /// Time with healthy readings, in microseconds (saturating).
     healthy_us: u32,
     low: Watch,
@@ -61,8 +65,32 @@ struct Watch {
 /// breaking wire passes through any voltage, but faster.
 const HOLD_WHILE_UNKNOWN_US: u32 = 1_000_000;
 
-/// Standard deviations by which the usable charge has to be below its threshold.
-const SURE_SIGMAS: f32 = 2.0;
+/// By how much the charge that may remain can exceed a percentage that acts, in percent: an estimate that is less certain
+/// never stops a rover.
+const MOST_ABOVE_PCT: f32 = 20.0;
+
+/// A percentage that has been passed and does not act for this long after its timer is reported, in microseconds.
+const LATE_US: u32 = 60_000_000;
+
+/// A charge that has been unknown for this long is not awaited any more, in microseconds: a rover may be armed before the
+/// first estimate.
+const ESTIMATED_WITHIN_US: u32 = 3_000_000;
+
+/// Whether percentages that can't act were reported since arming.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PercentageCheck {
+    /// They are checked at arming. For how long the charge has been unknown, in microseconds (saturating).
+    AtArming(u32),
+    /// They could act at arming.
+    WhenPassed,
+    Reported,
+}
+
+impl Default for PercentageCheck {
+    fn default() -> Self {
+        Self::AtArming(0)
+    }
+}
 
 /// Time below a threshold.
 #[derive(Clone, Copy, Debug, Default)]
@@ -89,6 +117,11 @@ impl Comparison {
 }
 
 impl Timer {
+    /// Whether the value has been below for more than `limit_us`, as far as it is known.
+    fn has_lasted(&self, limit_us: u32) -> bool {
+        self.below_us.is_some_and(|below_us| below_us > limit_us)
+    }
+
     /// Whether the value has been below for more than `limit_us`. Only a known value starts the timer, lets it expire or
     /// resets it.
     // Inlined, the code would be repeated for each threshold.
@@ -146,6 +179,9 @@ impl Failsafe {
             self.low.stop();
             self.critical.stop();
             self.has_reported_loss = false;
+            if !matches!(self.percentages, PercentageCheck::AtArming(_)) {
+                self.percentages = PercentageCheck::default();
+            }
             self.release(seen, settings);
             return ReachedLevels::new();
         }
@@ -169,6 +205,46 @@ impl Failsafe {
             }
         }
         reached
+    }
+
+    /// Looks for a percentage that can't act: by the estimate at arming, or by that of a pack which has been below it for
+    /// long. Returns the parameter to set, unless a threshold in volts acts; once after arming, behind
+    /// [`update`](Self::update).
+    pub fn find_inert_percentage(
+        &mut self,
+        seen: &Observation<'_>,
+        settings: &FailsafeSettings,
+    ) -> Option<BatteryParameter> {
+        let state = seen.state?;
+        if let PercentageCheck::AtArming(unknown_us) = &mut self.percentages {
+            *unknown_us = match state.readings.usable_pct {
+                Some(_) => 0,
+                None => unknown_us.saturating_add(seen.dt_us),
+            };
+            let is_awaited = (1..ESTIMATED_WITHIN_US).contains(unknown_us);
+            if is_awaited || seen.tick.arm_state == ArmState::Disarmed {
+                return None;
+            }
+        }
+        let late_us = limit_us(settings).unwrap_or(0).saturating_add(LATE_US);
+        let check = self.percentages;
+        let is_inert = |watch: &Watch, thresholds: &Thresholds| {
+            let Some(percentage) = thresholds.usable_pct else {
+                return false;
+            };
+            match check {
+                PercentageCheck::AtArming(_) => !can_act(state, percentage),
+                PercentageCheck::WhenPassed => watch.usable.has_lasted(late_us) && !watch.is_reached,
+                PercentageCheck::Reported => false,
+            }
+        };
+        let is_found = is_inert(&self.low, &settings.low) || is_inert(&self.critical, &settings.critical);
+        let found = settings.missing_voltage_parameter().filter(|_| is_found);
+        self.percentages = match (check, found) {
+            (PercentageCheck::Reported, _) | (_, Some(_)) => PercentageCheck::Reported,
+            (_, None) => PercentageCheck::WhenPassed,
+        };
+        found
     }
 
     /// Clears level and timers, on a battery reset.
@@ -225,29 +301,32 @@ impl Failsafe {
     /// skipped: else the faster a voltage falls, the less is done.
     fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> [bool; 2] {
         let (low, critical) = (&settings.low, &settings.critical);
-        let limit_us = settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32);
+        let limit_us = limit_us(settings);
         let voltage_v = seen.state.and_then(|state| voltage_v(state, settings));
         // Without a threshold its arithmetic is spared.
         let is_compared = low.remaining_mah.or(critical.remaining_mah).is_some();
         let state = seen.state.filter(|_| is_compared);
-        let remaining_mah = state.and_then(|state| most_remaining(state, seen.remaining_at_most_pct));
+        let remaining_mah = state.and_then(most_remaining);
         let is_compared = low.usable_pct.or(critical.usable_pct).is_some();
-        let usable_pct = seen.state.filter(|_| is_compared).and_then(most_usable_pct);
+        let state = seen.state.filter(|_| is_compared);
+        let usable_pct = state.and_then(credible_usable_pct);
         let is_reached = |watch: &mut Watch, thresholds: &Thresholds, is_skipped: bool| {
             let by_voltage = Comparison::of(voltage_v, thresholds.voltage_v);
             let by_usable = match thresholds.usable_pct {
                 Some(_) => Comparison::of(usable_pct, thresholds.usable_pct),
                 None => Comparison::NotBelow,
             };
-            let has_expired = watch.voltage.expires(seen.dt_us, by_voltage, limit_us)
-                | watch.usable.expires(seen.dt_us, by_usable, limit_us);
+            let is_voltage_low = watch.voltage.expires(seen.dt_us, by_voltage, limit_us);
+            // Without LOW_TIMER a percentage acts at once.
+            let has_lasted = watch.usable.expires(seen.dt_us, by_usable, limit_us)
+                || limit_us.is_none() && by_usable == Comparison::Below;
             if watch.is_reached {
                 return false;
             }
-            // Without LOW_TIMER a percentage acts at once.
-            let is_unusable = limit_us.is_none() && by_usable == Comparison::Below;
-            watch.is_reached =
-                has_expired || is_unusable || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
+            let is_unusable =
+                has_lasted && state.is_some_and(|state| is_certain(state, thresholds.usable_pct));
+            let has_expired = is_voltage_low || is_unusable;
+            watch.is_reached = has_expired || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
             watch.shown = match watch.voltage.below_us.or(watch.usable.below_us).and(limit_us) {
                 Some(_) if has_expired => FailsafeTimer::Expired,
                 Some(_) if !watch.is_reached => FailsafeTimer::Running,
@@ -256,7 +335,11 @@ impl Failsafe {
             watch.is_reached
         };
         let is_critical = is_reached(&mut self.critical, critical, false);
-        let is_low = is_reached(&mut self.low, low, is_critical && settings.is_in_force(low));
+        let is_low_in_force = || {
+            seen.state
+                .is_some_and(|state| !settings.in_force(state).low.are_disabled())
+        };
+        let is_low = is_reached(&mut self.low, low, is_critical && is_low_in_force());
         [is_low, is_critical]
     }
 }
@@ -278,6 +361,7 @@ pub fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f3
     match settings.voltage_source {
         VoltageSource::Terminal => state.readings.voltage_v,
         VoltageSource::Resting => state.resting_or_terminal_voltage_v(),
+        VoltageSource::NotMeasured => None,
     }
 }
 
@@ -293,19 +377,41 @@ pub fn remaining(state: &BatteryState) -> Option<f32> {
 
 /// The same; without a current sensor at most as much as may be left: an estimate from the voltage alone must not trip a
 /// threshold by its error.
-fn most_remaining(state: &BatteryState, at_most_pct: Option<f32>) -> Option<f32> {
+fn most_remaining(state: &BatteryState) -> Option<f32> {
     match state.consumed {
         Some(_) => remaining(state),
-        None => Some(state.full_capacity()? * at_most_pct? / 100.0),
+        None => Some(state.full_capacity()? * state.remaining_at_most_pct()? / 100.0),
     }
 }
 
-/// The upper bound of the usable charge, in percent; `None` where cells at rest contradict it.
-pub fn most_usable_pct(state: &BatteryState) -> Option<f32> {
-    let readings = &state.readings;
-    let is_contradicted = readings.faults.intersects(Faults::CONTRADICTIONS);
-    let usable_pct = readings.usable_pct.filter(|_| !is_contradicted)?;
-    Some(usable_pct + SURE_SIGMAS * readings.usable_sigma_pct.unwrap_or(0.0))
+/// Whether the pack is below a percentage that acts, timer aside: its usable charge is, and the most that may remain is
+/// not far above.
+pub fn is_below_percentage(state: &BatteryState, percentage: Option<f32>) -> bool {
+    is_below(credible_usable_pct(state), percentage) && is_certain(state, percentage)
+}
+
+/// The usable charge, in percent; `None` where cells at rest contradict it.
+fn credible_usable_pct(state: &BatteryState) -> Option<f32> {
+    let is_contradicted = state.readings.faults.intersects(Faults::CONTRADICTIONS);
+    state.readings.usable_pct.filter(|_| !is_contradicted)
+}
+
+/// Whether the most that may remain is not far above the percentage.
+fn is_certain(state: &BatteryState, percentage: Option<f32>) -> bool {
+    let limit_pct = percentage.map(|percentage| percentage + MOST_ABOVE_PCT);
+    is_below(state.remaining_at_most_pct(), limit_pct)
+}
+
+/// Whether an estimate that is as uncertain as this one would act on an empty pack. A gauge's is awaited.
+fn can_act(state: &BatteryState, percentage: f32) -> bool {
+    let uncertain_pct = BOUND_SIGMAS * state.readings.remaining_sigma_pct.unwrap_or(0.0);
+    let is_known = credible_usable_pct(state).is_some() || state.charge_source == ChargeSource::Gauge;
+    is_known && uncertain_pct < percentage + MOST_ABOVE_PCT
+}
+
+/// `BATT_LOW_TIMER`, in microseconds, unless it is off.
+fn limit_us(settings: &FailsafeSettings) -> Option<u32> {
+    settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32)
 }
 
 #[cfg(test)]
@@ -354,7 +460,6 @@ mod tests {
             dt_us: TICK_US,
             last_healthy: Some(now),
             state,
-            remaining_at_most_pct: None,
             resting_v: None,
         }
     }
@@ -580,29 +685,28 @@ mod tests {
         };
         let mut by_voltage = at_charge(0.0);
         by_voltage.consumed = None;
-        by_voltage.readings.remaining_pct = None;
-        let by_count = BatteryState {
+        by_voltage.readings.remaining_pct = Some(70.0);
+        by_voltage.readings.remaining_sigma_pct = Some(4.0);
+        let mut by_count = BatteryState {
             consumed: Some(Amount::Mah(110.0)),
             ..by_voltage
         };
+        by_count.readings.remaining_pct = None;
         let gauged = BatteryState {
             charge_source: ChargeSource::Gauge,
             ..at_charge(70.0)
         };
         // 70 % of 500 mAh are 350, at most or as far as counted 390; of the gauge's 1000 mAh they are 700.
-        for (state, at_most_pct, expected) in [
-            (learnt(500.0, at_charge(70.0)), None, &BOTH[..1]),
-            (learnt(500.0, by_voltage), Some(78.0), &BOTH[..1]),
-            (learnt(500.0, by_count), None, &BOTH[..1]),
-            (learnt(500.0, gauged), None, &[]),
-            (at_charge(70.0), None, &[]),
-            (by_voltage, Some(78.0), &[]),
-            (by_count, None, &[]),
+        for (state, expected) in [
+            (learnt(500.0, at_charge(70.0)), &BOTH[..1]),
+            (learnt(500.0, by_voltage), &BOTH[..1]),
+            (learnt(500.0, by_count), &BOTH[..1]),
+            (learnt(500.0, gauged), &[]),
+            (at_charge(70.0), &[]),
+            (by_voltage, &[]),
+            (by_count, &[]),
         ] {
-            let observation = Observation {
-                remaining_at_most_pct: at_most_pct,
-                ..seen(Instant::EPOCH, ArmState::Armed, Some(&state))
-            };
+            let observation = seen(Instant::EPOCH, ArmState::Armed, Some(&state));
             let reached = Failsafe::default().update(&observation, &settings());
             assert_eq!(reached, expected, "{state:?}");
         }
@@ -777,16 +881,18 @@ mod tests {
         }
     }
 
-    fn usable(usable_pct: Option<f32>, usable_sigma_pct: Option<f32>) -> BatteryState {
+    /// A pack with this usable charge, ten percent more of which remain, with this deviation, in percent.
+    fn usable(usable_pct: Option<f32>, sigma_pct: Option<f32>) -> BatteryState {
         let mut battery = at_voltage(12.0);
         battery.readings.usable_pct = usable_pct;
-        battery.readings.usable_sigma_pct = usable_sigma_pct;
+        battery.readings.remaining_pct = usable_pct.map(|usable_pct| usable_pct + 10.0);
+        battery.readings.remaining_sigma_pct = sigma_pct;
         battery
     }
 
     #[test]
     // Requirement: AP-18, PX-3
-    fn a_percentage_acts_once_it_is_surely_below_for_the_timer() {
+    fn a_percentage_acts_once_it_is_passed_for_the_timer_by_a_charge_that_is_certain_enough() {
         let none: &[FailsafeLevel] = &[];
         let mut contradicted = usable(Some(3.0), None);
         contradicted.readings.faults = Faults::CONTRADICTED_CHARGE;
@@ -794,9 +900,14 @@ mod tests {
         understated.readings.faults = Faults::UNDERSTATED_CHARGE;
         for (state, expected) in [
             (usable(Some(14.9), None), &BOTH[..1]),
-            (usable(Some(10.0), Some(2.4)), &BOTH[..1]),
-            (usable(Some(10.0), Some(2.6)), none),
-            (usable(Some(3.0), Some(1.9)), &BOTH),
+            (usable(Some(15.0), None), none),
+            // 20 % remain, at most less than 35.
+            (usable(Some(10.0), Some(7.4)), &BOTH[..1]),
+            (usable(Some(10.0), Some(7.6)), none),
+            // 10 % remain, at most less than 27, or than 35.
+            (usable(Some(0.0), Some(8.4)), &BOTH),
+            (usable(Some(0.0), Some(8.6)), &BOTH[..1]),
+            (usable(Some(0.0), Some(12.6)), none),
             (usable(None, None), none),
             (contradicted, none),
             (understated, none),
@@ -820,6 +931,95 @@ mod tests {
         let at_once =
             Failsafe::default().update(&seen(at_us(0), ArmState::Armed, Some(&low)), &by_percent(None));
         assert_eq!(at_once, [FailsafeLevel::Low]);
+    }
+
+    /// The parameters that are suggested from 0 s to `seconds`, with their times, to a rover that is armed then.
+    fn suggested(
+        failsafe: &mut Failsafe,
+        settings: &FailsafeSettings,
+        seconds: u64,
+        state: impl Fn(u64) -> BatteryState,
+    ) -> Vec<(u64, BatteryParameter)> {
+        let at = |tick: u64| {
+            let state = state(tick / 10);
+            let observation = seen(at_us(tick * u64::from(TICK_US)), ArmState::Armed, Some(&state));
+            let _ = failsafe.update(&observation, settings);
+            let found = failsafe.find_inert_percentage(&observation, settings);
+            found.map(|parameter| (tick / 10, parameter))
+        };
+        (0..seconds * 10).filter_map(at).collect()
+    }
+
+    #[test]
+    // Requirement: PX-3
+    fn percentages_that_cant_act_are_found_once() {
+        use BatteryParameter::{LowMah, LowTimer, LowVolt};
+        let at_voltage = |timer_s, low_v, voltage_source| FailsafeSettings {
+            timer_s,
+            voltage_source,
+            low: Thresholds {
+                voltage_v: low_v,
+                ..by_percent(timer_s).low
+            },
+            ..by_percent(timer_s)
+        };
+        let plain = by_percent(Some(10.0));
+        let by_volts = at_voltage(Some(10.0), Some(10.5), VoltageSource::Terminal);
+        let without_timer = at_voltage(None, Some(10.5), VoltageSource::Terminal);
+        let tank = at_voltage(Some(10.0), None, VoltageSource::NotMeasured);
+        let certain = usable(Some(60.0), Some(6.0));
+        let uncertain = usable(Some(60.0), Some(25.0));
+        let awaited = BatteryState {
+            charge_source: ChargeSource::Gauge,
+            ..usable(None, None)
+        };
+        for (settings, state, expected) in [
+            (plain, uncertain, Some(LowVolt)),
+            (plain, usable(None, None), Some(LowVolt)),
+            (plain, certain, None),
+            (plain, awaited, None),
+            // That low can act is not enough: critical can't.
+            (plain, usable(Some(60.0), Some(13.6)), Some(LowVolt)),
+            (by_volts, uncertain, None),
+            (without_timer, uncertain, Some(LowTimer)),
+            (tank, usable(None, None), Some(LowMah)),
+            (settings(), uncertain, None),
+        ] {
+            let mut failsafe = Failsafe::default();
+            for _ in 0..2 {
+                let found = suggested(&mut failsafe, &settings, 100, |_| state);
+                let at_s = if state.readings.usable_pct.is_some() { 0 } else { 2 };
+                assert_eq!(
+                    found,
+                    Vec::from_iter(expected.map(|parameter| (at_s, parameter))),
+                    "{state:?}"
+                );
+                let disarmed = seen(Instant::EPOCH, ArmState::Disarmed, Some(&state));
+                let _ = failsafe.update(&disarmed, &settings);
+                assert_eq!(failsafe.find_inert_percentage(&disarmed, &settings), None);
+            }
+        }
+        // It is passed at 20 s, and does not act.
+        let becomes_uncertain = |second| {
+            if second < 20 {
+                certain
+            } else {
+                usable(Some(0.0), Some(25.0))
+            }
+        };
+        let found = suggested(&mut Failsafe::default(), &plain, 200, becomes_uncertain);
+        assert_eq!(found, [(90, LowVolt)]);
+        let becomes_empty = |second| {
+            if second < 20 {
+                certain
+            } else {
+                usable(Some(0.0), Some(3.0))
+            }
+        };
+        assert_eq!(
+            suggested(&mut Failsafe::default(), &plain, 200, becomes_empty),
+            []
+        );
     }
 
     #[test]

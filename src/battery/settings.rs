@@ -66,29 +66,52 @@ pub struct FailsafeSettings {
 }
 
 impl FailsafeSettings {
-    /// Whether no threshold is in effect.
-    pub fn is_disabled(&self) -> bool {
-        !self.is_in_force(&self.low) && !self.is_in_force(&self.critical)
+    /// The thresholds that can act on a pack in this state: in volts where its kind measures a voltage and a timer is set, in
+    /// milliampere-hours where its capacity is known or may be yet.
+    pub fn in_force(&self, state: &BatteryState) -> Self {
+        let acts_by_voltage = self.timer_s.is_some() && self.voltage_source != VoltageSource::NotMeasured;
+        let in_force = |thresholds: &Thresholds| Thresholds {
+            voltage_v: thresholds.voltage_v.filter(|_| acts_by_voltage),
+            remaining_mah: thresholds.remaining_mah.filter(|_| !state.lacks_capacity()),
+            usable_pct: thresholds.usable_pct,
+        };
+        Self {
+            low: in_force(&self.low),
+            critical: in_force(&self.critical),
+            ..*self
+        }
     }
 
-    /// The parameter to set, unless a threshold is in effect.
-    pub fn missing_parameter(&self) -> Option<BatteryParameter> {
+    /// Whether no threshold is set. Of those in force: whether none can act.
+    pub fn is_disabled(&self) -> bool {
+        self.low.are_disabled() && self.critical.are_disabled()
+    }
+
+    /// The parameter to set, unless a threshold can act on a pack in this state.
+    pub fn missing_parameter(&self, state: &BatteryState) -> Option<BatteryParameter> {
+        if !self.in_force(state).is_disabled() {
+            return None;
+        }
+        match self.low.remaining_mah.or(self.critical.remaining_mah) {
+            Some(_) => Some(BatteryParameter::Capacity),
+            None => self.missing_voltage_parameter(),
+        }
+    }
+
+    /// The parameter to set, unless a threshold in volts can act: of what has no voltage, the one of its charge.
+    pub(super) fn missing_voltage_parameter(&self) -> Option<BatteryParameter> {
         let voltage_v = self.low.voltage_v.or(self.critical.voltage_v);
-        self.is_disabled().then_some(match voltage_v {
-            Some(_) => BatteryParameter::LowTimer,
-            None => BatteryParameter::LowVolt,
-        })
+        match (self.voltage_source, voltage_v, self.timer_s) {
+            (VoltageSource::NotMeasured, ..) => Some(BatteryParameter::LowMah),
+            (_, None, _) => Some(BatteryParameter::LowVolt),
+            (_, Some(_), None) => Some(BatteryParameter::LowTimer),
+            (_, Some(_), Some(_)) => None,
+        }
     }
 
     /// Whether a threshold compares the charge.
     pub(super) fn needs_charge(&self) -> bool {
         self.low.compares_charge() || self.critical.compares_charge()
-    }
-
-    /// Whether one of these thresholds is in effect.
-    pub(super) fn is_in_force(&self, thresholds: &Thresholds) -> bool {
-        let is_by_voltage = self.timer_s.is_some() && thresholds.voltage_v.is_some();
-        is_by_voltage || thresholds.compares_charge()
     }
 }
 
@@ -104,6 +127,11 @@ pub struct Thresholds {
 }
 
 impl Thresholds {
+    /// Whether none is set.
+    pub fn are_disabled(&self) -> bool {
+        self.voltage_v.is_none() && !self.compares_charge()
+    }
+
     fn compares_charge(&self) -> bool {
         self.remaining_mah.is_some() || self.usable_pct.is_some()
     }
@@ -117,6 +145,8 @@ pub enum VoltageSource {
     Terminal,
     /// The resting voltage; the terminal voltage while that is unknown.
     Resting,
+    /// None: what is monitored has no voltage, such as a tank.
+    NotMeasured,
 }
 
 /// Bits of `BATT_OPTIONS`, as in ArduPilot.
@@ -154,7 +184,8 @@ impl PackSettings {
         };
         let percent_acts = whole(BatteryParameter::FsPctEn) == PERCENT_ACTS;
         let if_it_acts = |limit_pct: Option<f32>| limit_pct.filter(|_| percent_acts);
-        let is_sum = parameters.monitor_kind(pack) == Some(MonitorKind::Sum);
+        let kind = parameters.monitor_kind(pack);
+        let is_sum = kind == Some(MonitorKind::Sum);
         Self {
             chemistry: Chemistry::from_number(whole(BatteryParameter::Chem)).unwrap_or_default(),
             cell_count: u8::try_from(whole(BatteryParameter::Cells))
@@ -177,7 +208,9 @@ impl PackSettings {
             charge_limits,
             failsafe: FailsafeSettings {
                 timer_s: above_zero(BatteryParameter::LowTimer),
-                voltage_source: if whole(BatteryParameter::FsVoltsrc) == SAG_COMPENSATED {
+                voltage_source: if kind.is_some_and(|kind| !kind.may_measure_voltage()) {
+                    VoltageSource::NotMeasured
+                } else if whole(BatteryParameter::FsVoltsrc) == SAG_COMPENSATED {
                     VoltageSource::Resting
                 } else {
                     VoltageSource::Terminal
@@ -230,6 +263,7 @@ impl SuggestedThresholds {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::{Amount, ChargeSource, PackStatus};
     use crate::parameter::Range;
 
     #[test]
@@ -354,17 +388,79 @@ mod tests {
     }
 
     #[test]
-    fn failsafe_misses_a_threshold_or_the_timer_of_its_voltage() {
-        let mut settings = FailsafeSettings::default();
-        assert_eq!(settings.missing_parameter(), Some(BatteryParameter::LowVolt));
-        settings.critical.voltage_v = Some(9.9);
-        assert_eq!(settings.missing_parameter(), Some(BatteryParameter::LowTimer));
-        settings.timer_s = Some(10.0);
-        assert_eq!(settings.missing_parameter(), None);
-        settings.critical = Thresholds::default();
-        assert_eq!(settings.missing_parameter(), Some(BatteryParameter::LowVolt));
-        settings.low.remaining_mah = Some(100.0);
-        settings.timer_s = None;
-        assert_eq!(settings.missing_parameter(), None);
+    fn failsafe_misses_a_threshold_or_what_it_is_compared_with() {
+        use BatteryParameter::{Capacity, LowMah, LowTimer, LowVolt};
+        use VoltageSource::{NotMeasured, Terminal};
+        let measured = |capacity_mah: Option<f32>| BatteryState {
+            status: PackStatus::Healthy,
+            capacity: capacity_mah.map(Amount::Mah),
+            ..BatteryState::UNKNOWN
+        };
+        let known = measured(Some(1000.0));
+        let awaited = BatteryState {
+            charge_source: ChargeSource::Gauge,
+            ..measured(None)
+        };
+        let learnt = BatteryState {
+            learnt_capacity_mah: Some(900.0),
+            ..measured(None)
+        };
+        let volts = Thresholds {
+            voltage_v: Some(9.9),
+            ..Thresholds::default()
+        };
+        let mah = Thresholds {
+            remaining_mah: Some(100.0),
+            ..Thresholds::default()
+        };
+        let percent = Thresholds {
+            usable_pct: Some(15.0),
+            ..Thresholds::default()
+        };
+        for (low, timer_s, voltage_source, state, missing) in [
+            (Thresholds::default(), Some(10.0), Terminal, known, Some(LowVolt)),
+            (Thresholds::default(), None, Terminal, known, Some(LowVolt)),
+            (volts, None, Terminal, known, Some(LowTimer)),
+            (volts, Some(10.0), Terminal, known, None),
+            (volts, Some(10.0), NotMeasured, known, Some(LowMah)),
+            (mah, None, Terminal, known, None),
+            (mah, None, Terminal, learnt, None),
+            (mah, None, Terminal, awaited, None),
+            (mah, None, Terminal, BatteryState::UNKNOWN, None),
+            (mah, Some(10.0), Terminal, measured(None), Some(Capacity)),
+            (mah, Some(10.0), NotMeasured, measured(None), Some(Capacity)),
+            (percent, None, NotMeasured, measured(None), None),
+        ] {
+            let of_low = FailsafeSettings {
+                timer_s,
+                voltage_source,
+                low,
+                ..FailsafeSettings::default()
+            };
+            let of_critical = FailsafeSettings {
+                low: Thresholds::default(),
+                critical: low,
+                ..of_low
+            };
+            assert_eq!(of_low.missing_parameter(&state), missing, "{of_low:?}");
+            assert_eq!(of_critical.missing_parameter(&state), missing, "{of_critical:?}");
+        }
+    }
+
+    #[test]
+    fn what_has_no_voltage_has_no_threshold_in_volts() {
+        for (kind, source) in [
+            (4.0, VoltageSource::Terminal),
+            (10.0, VoltageSource::Terminal),
+            (11.0, VoltageSource::NotMeasured),
+            (31.0, VoltageSource::NotMeasured),
+        ] {
+            let mut parameters = Parameters::defaults();
+            parameters
+                .set(BatteryParameter::Monitor.of(Pack::Second), kind)
+                .unwrap();
+            let settings = PackSettings::from_parameters(&parameters, Pack::Second);
+            assert_eq!(settings.failsafe.voltage_source, source, "BATT2_MONITOR {kind}");
+        }
     }
 }

@@ -5,6 +5,9 @@ use super::{
     PackDetails, ReadError, Reported, Thermometer,
 };
 
+/// Standard deviations from an estimated charge to its bounds.
+pub const BOUND_SIGMAS: f32 = 2.0;
+
 /// The timer of a threshold in volts or percent, up to its level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FailsafeTimer {
@@ -309,9 +312,23 @@ impl BatteryState {
         learnt.or(self.capacity.map(Amount::number))
     }
 
+    /// Whether the capacity is known neither to the owner nor to the pack, and is not awaited: before the first reading it
+    /// may be reported, and a gauge reports it late.
+    pub fn lacks_capacity(&self) -> bool {
+        let is_awaited = self.status == PackStatus::Unknown
+            || self.charge_source == ChargeSource::Gauge && self.readings.remaining_pct.is_none();
+        self.full_capacity().is_none() && !is_awaited
+    }
+
     /// Remaining charge or fuel by the state of charge, in milliampere-hours or millilitres.
     pub fn remaining(&self) -> Option<f32> {
         Some(self.full_capacity()? * self.readings.remaining_pct? / 100.0)
+    }
+
+    /// The most that may remain, in percent of a full pack: two standard deviations above the estimate.
+    pub fn remaining_at_most_pct(&self) -> Option<f32> {
+        let sigma_pct = self.readings.remaining_sigma_pct.unwrap_or(0.0);
+        Some((self.readings.remaining_pct? + BOUND_SIGMAS * sigma_pct).min(100.0))
     }
 
     /// Volume of the full tank, in millilitres; `None` also for a pack with a charge.

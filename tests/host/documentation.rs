@@ -365,7 +365,7 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 17] = [
+const ARMING_FAILURES: [ArmingFailure; 18] = [
     ArmingFailure::AboveDrivers,
     ArmingFailure::Unhealthy,
     ArmingFailure::Failed,
@@ -381,6 +381,7 @@ const ARMING_FAILURES: [ArmingFailure; 17] = [
     ArmingFailure::LowCapacity,
     ArmingFailure::CriticalVoltage,
     ArmingFailure::CriticalCapacity,
+    ArmingFailure::NoCapacity,
     ArmingFailure::CapacityOrder,
     ArmingFailure::VoltageOrder,
 ];
@@ -430,6 +431,7 @@ fn pack_events() -> Vec<PackEvent> {
             resistance_ohm: 0.087,
         },
         PackEvent::CapacityAboveLabel,
+        PackEvent::PercentagesInert(BatteryParameter::LowVolt),
     ];
     for (remaining_pct, usable_pct) in [(Some(15.0), Some(15.0)), (Some(15.0), Some(9.0)), (None, None)] {
         let entered = |state| PackEvent::Charge {

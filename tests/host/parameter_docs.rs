@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use flate2::read::GzDecoder;
 use lzma_rust2::XzReader;
-use rover_battmon::battery::{BatteryState, PackSettings, PackStatus, arming_failures};
+use rover_battmon::battery::{Amount, BatteryState, PackSettings, PackStatus, arming_failures};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters, documentation};
 use support::repository;
@@ -93,15 +93,16 @@ fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
             .filter(|pack| parameters.is_monitored(*pack))
             .map(|pack| PackSettings::from_parameters(&parameters, pack));
         let armed: Vec<_> = settings
-            .filter(|settings| !settings.failsafe.is_disabled())
+            .filter(|settings| !settings.failsafe.in_force(&BatteryState::UNKNOWN).is_disabled())
             .collect();
         assert!(!armed.is_empty(), "{file}: nothing ever counts as low");
         // What fails of a pack of which nothing is known but that it is well are thresholds in the wrong order.
-        let well = BatteryState {
-            status: PackStatus::Healthy,
-            ..BatteryState::default()
-        };
         for settings in armed {
+            let well = BatteryState {
+                status: PackStatus::Healthy,
+                capacity: settings.capacity_mah.map(Amount::Mah),
+                ..BatteryState::default()
+            };
             let failures: Vec<_> = arming_failures(&well, &settings, None).collect();
             assert!(failures.is_empty(), "{file}: {failures:?}");
         }

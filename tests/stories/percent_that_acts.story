@@ -1,4 +1,4 @@
-# Percent of the owner's own that act, once they are surely passed for the timer.
+# Percent of the owner's own that act, once they are passed for the timer by a charge that is certain.
 param BATT_CAPACITY 1000
 param BATT_CELLS 3
 param BATT_FS_PCT_EN 1
@@ -10,10 +10,10 @@ param BATT_FS_CRT_ACT 2
  0.0  voltage 11.4 current 3.6 arm
  1.0  reset 61
 expect 14.3 says Battery 1 low: 11.40V 60% left
-expect 20.3 low
-expect 20.3 says Battery 1 is low
+expect 16.3 low
+expect 16.3 says Battery 1 is low
 expect 93.3 says Battery 1 critical: 11.40V 52% left
-expect 117.3 critical
-expect 117.3 says Battery 1 is critical
-expect 117.4 brake
+expect 95.3 critical
+expect 95.3 says Battery 1 is critical
+expect 95.4 brake
 end 130

@@ -161,7 +161,7 @@ enum Drive {
 }
 
 /// Texts about a pack, after "Battery 1 ", each of which has to be expected.
-const TEXTS_TO_EXPECT: [&str; 10] = [
+const TEXTS_TO_EXPECT: [&str; 11] = [
     "not connected",
     "connected again",
     "swapped",
@@ -172,6 +172,7 @@ const TEXTS_TO_EXPECT: [&str; 10] = [
     "charging",
     "fault:",
     "learnt:",
+    "percentages",
 ];
 
 /// The failsafe level that a text announces, and its pack.
@@ -231,6 +232,7 @@ impl Story {
     /// Asserts that these texts were sent, each with its time, and no level or text that has to be expected beside them.
     fn check_texts(&self, texts: &[(f64, String)], tolerance_s: f64) {
         let name = &self.name;
+        eprintln!("TEXTS {name} {texts:?}");
         let mut levels: Vec<_> = texts
             .iter()
             .filter_map(|(time_s, text)| Some((*time_s, level_of(text)?)))

@@ -553,13 +553,20 @@ impl Passing {
         let voltage_v = readings.and_then(|readings| readings.voltage_v);
         let is_voltage_below = is_below(voltage_v, thresholds.voltage_v);
         self.below_ticks = if is_voltage_below { self.below_ticks + 1 } else { 0 };
-        let most_usable_pct =
-            readings.and_then(|now| Some(now.usable_pct? + 2.0 * now.usable_sigma_pct.unwrap_or(0.0)));
-        let is_unusable = is_below(most_usable_pct, thresholds.usable_pct);
+        let is_unusable = is_below(
+            readings.and_then(|readings| readings.usable_pct),
+            thresholds.usable_pct,
+        );
         self.unusable_ticks = if is_unusable { self.unusable_ticks + 1 } else { 0 };
-        let has_lasted = timer_s
-            .is_some_and(|timer_s| self.below_ticks.max(self.unusable_ticks) as f32 > timer_s * 10.0 + 2.0)
-            || timer_s.is_none() && is_unusable;
+        let most_pct =
+            readings.and_then(|now| Some(now.remaining_pct? + 2.0 * now.remaining_sigma_pct.unwrap_or(0.0)));
+        let is_certain = is_below(
+            most_pct,
+            thresholds.usable_pct.map(|percentage| percentage + 19.9),
+        );
+        let lasts = |ticks: u32| timer_s.is_some_and(|timer_s| ticks as f32 > timer_s * 10.0 + 2.0);
+        let has_lasted = lasts(self.below_ticks)
+            || is_certain && (lasts(self.unusable_ticks) || timer_s.is_none() && is_unusable);
         // Without a current it is an estimate with bounds.
         let counted = state.filter(|state| state.readings.current_a.is_some());
         let remaining_mah = counted.and_then(BatteryState::remaining);
@@ -637,7 +644,7 @@ proptest! {
                     }
                     watched.most_severe = watched.most_severe.max(action(pack, &update.failsafe));
                     let is_critical = watched.critical.is_first(seen, &critical, timer_s);
-                    let is_low = watched.low.is_first(seen, &low, timer_s) || (is_critical && failsafe.is_in_force(&low));
+                    let is_low = watched.low.is_first(seen, &low, timer_s) || (is_critical && !failsafe.in_force(state).low.are_disabled());
                     for (is_passed, level) in [(is_low, FailsafeLevel::Low), (is_critical, FailsafeLevel::Critical)] {
                         prop_assert!(
                             !is_passed || watched.most_severe >= action(pack, &[level]),

@@ -32,8 +32,6 @@ pub struct Basis {
     pub last_healthy: Option<Instant>,
     /// The latest voltage while connected, in volts.
     pub last_voltage_v: Option<f32>,
-    /// Upper bound of the remaining charge, in percent, if it is known.
-    pub remaining_at_most_pct: Option<f32>,
     /// Whether the detected cells may be fewer than there are.
     pub cells_are_doubtful: bool,
     pub at_rest: AtRest,
@@ -88,10 +86,15 @@ impl Evaluation {
             dt_us: u32::try_from(basis.dt_us).unwrap_or(u32::MAX),
             last_healthy: basis.last_healthy,
             state: basis.is_fresh.then_some(state),
-            remaining_at_most_pct: basis.remaining_at_most_pct,
             resting_v: basis.at_rest.voltage_v,
         };
         let reached = self.failsafe.update(&observation, &settings.failsafe);
+        if let Some(parameter) = self
+            .failsafe
+            .find_inert_percentage(&observation, &settings.failsafe)
+        {
+            push(events, PackEvent::PercentagesInert(parameter));
+        }
         for level in &reached {
             push(events, PackEvent::failsafe(*level, basis.last_voltage_v, state));
         }

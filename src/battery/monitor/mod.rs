@@ -569,14 +569,6 @@ impl BatteryMonitor {
 
     /// Inputs of a tick's evaluation. `is_fresh`: the state shows this tick's reading.
     fn basis(&self, turn: &Turn<'_>, dt_us: u64, is_fresh: bool) -> Basis {
-        let remaining_pct = turn.state.readings.remaining_pct;
-        let remaining_at_most_pct = match turn.state.charge_source {
-            ChargeSource::Estimated => {
-                let charge = remaining_pct.and(self.estimated(turn.state));
-                charge.map(|charge| charge.at_most_pct)
-            }
-            ChargeSource::Gauge | ChargeSource::Reported => remaining_pct,
-        };
         Basis {
             tick: turn.tick,
             dt_us,
@@ -584,7 +576,6 @@ impl BatteryMonitor {
             is_fresh,
             last_healthy: self.last_healthy,
             last_voltage_v: self.last_voltage_v,
-            remaining_at_most_pct,
             cells_are_doubtful: self.estimator.cells_are_doubtful(),
             at_rest: diagnosis::AtRest {
                 voltage_v: self.swap_detector.resting_v(),

@@ -593,7 +593,7 @@ parameters! {
         range: Range::OneOf(&[(0, means("Announce only")), (1, means("Act"))]),
         label: "Failsafe by percent",
         description: "1: an armed rover executes FS_LOW_ACT below LOW_PCT and FS_CRT_ACT below CRT_PCT or EMR_PCT, once \
-                      usable charge plus two standard deviations was below for LOW_TIMER (0: at once). (ArduPilot \
-                      has no such parameter.)",
+                      usable charge was below for LOW_TIMER (0: at once) and remaining charge plus two standard \
+                      deviations is below that + 20 %. (ArduPilot has no such parameter.)",
     }
 }

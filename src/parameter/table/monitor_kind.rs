@@ -197,6 +197,14 @@ impl MonitorKind {
         matches!(self, Self::AnalogVoltageAndCurrent | Self::AnalogCurrent)
     }
 
+    /// Whether readings may have a voltage.
+    pub fn may_measure_voltage(self) -> bool {
+        !matches!(
+            self,
+            Self::AnalogCurrent | Self::Fuel(_) | Self::GeneratorFuel | Self::Efi
+        )
+    }
+
     /// Whether every reading has a voltage: one without is a failed reading.
     pub fn measures_voltage(self) -> bool {
         match self {

@@ -7,6 +7,7 @@ mod charge;
 mod failsafe;
 mod lives;
 mod pack;
+mod percentages;
 mod plausibility;
 mod recordings;
 mod replay;

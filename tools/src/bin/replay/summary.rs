@@ -167,7 +167,9 @@ impl Summary<'_> {
     }
 
     fn failsafe(&self) -> String {
-        if self.outcome.settings.failsafe.is_disabled() {
+        let set = &self.outcome.settings.failsafe;
+        let last = self.outcome.rows.last();
+        if last.is_none_or(|row| set.in_force(&row.state).is_disabled()) {
             return self.suggestion();
         }
         let levels = [FailsafeLevel::Low, FailsafeLevel::Critical];
