@@ -470,8 +470,10 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
             &Notice::ParametersReset,
             &ParameterTrouble::NotRead,
             &ParameterTrouble::Damaged,
-            &ParameterTrouble::HalfLoaded,
-            &ParameterTrouble::DoesNotFit(id),
+            &ParameterTrouble::HalfLoaded { missing: None },
+            &ParameterTrouble::HalfLoaded { missing: Some(12) },
+            &ParameterTrouble::DoesNotFit(id, None),
+            &ParameterTrouble::DoesNotFit(id, Some(id)),
             &ParameterLoad::Unknown(3),
             &not_saved(StorageError::NoErasedSpace),
             &not_saved(StorageError::Full),
@@ -549,6 +551,7 @@ warning: All parameters reset to their defaults
 critical: Stored parameters not read: restart
 critical: Parameters damaged: check them, then set PARAM_CHECKED 1
 critical: Parameters half loaded: check them, then set PARAM_CHECKED 1
+critical: Parameters half loaded, 12 missing: check them, then set PARAM_CHECKED 1
 critical: Stored BATT_CAPACITY does not fit: check them, then set PARAM_CHECKED 1
 warning: 3 stored parameters unknown: kept
 warning: Parameters: 2 not saved until disarmed

@@ -330,6 +330,8 @@ impl Autopilot {
             ParameterId::Vehicle(VehicleParameter::WifiShow) => self.show_wifi(endpoint),
             ParameterId::Vehicle(VehicleParameter::ParamChecked) => {
                 self.parameters.confirm();
+                // There may be another one.
+                notify_any(endpoint, self.parameters.trouble());
                 return Work::SAVE;
             }
             _ => {}

@@ -69,6 +69,12 @@ impl ParameterIdSet {
         ones(self.0.iter().copied())
     }
 
+    /// Number of its parameters that `others` does not have.
+    pub(super) fn count_without(&self, others: &Self) -> usize {
+        let pairs = self.0.iter().zip(others.0);
+        ones(pairs.map(|(bits, others)| bits & !others))
+    }
+
     /// Another one for another set.
     pub(super) fn checksum(&self) -> u32 {
         file_crc32(0, &self.0)

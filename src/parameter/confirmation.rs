@@ -4,7 +4,18 @@
 //! back after all of them. What does not fit needs none: the value stays stored under its key until the parameter is set.
 
 use super::trouble::{CHECKED, Doubts};
-use super::{ParameterId, ParameterTrouble, Parameters};
+use super::{ParameterId, ParameterIdSet, ParameterTrouble, Parameters};
+
+/// Files of parameters that have begun since the start, and of which none has ended them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HalfFile {
+    /// Parameters that they have changed.
+    changed: ParameterIdSet,
+    /// The most parameters that one of their headers announced.
+    announced: u16,
+    /// Parameters that the latest one lacks of these.
+    missing: u16,
+}
 
 impl Parameters {
     /// Marks the values in flash as not read, until the next start: every value that is set has to be saved, even one that equals
@@ -18,28 +29,60 @@ impl Parameters {
         self.set_doubts(self.doubts | Doubts::DAMAGED);
     }
 
-    /// A file has set a parameter that bears on the drive: if that has changed it, the file counts as half loaded until
-    /// [`end_file`](Self::end_file).
-    pub fn set_by_file(&mut self, id: ParameterId) {
-        if self.unsaved.contains(id) {
-            self.set_doubts((self.doubts - Doubts::ENDED) | Doubts::HALF_LOADED);
-        }
-    }
-
-    /// A file has come whole.
-    pub fn end_file(&mut self) {
-        self.end(Doubts::HALF_LOADED);
-    }
-
-    /// The owner has checked the values: what is live is to be stored. Without effect while those in flash are not known.
-    pub fn confirm(&mut self) {
-        if self.doubts.contains(Doubts::NOT_READ) {
+    /// A file that announced this many parameters has set one that bears on the drive: if that has changed it, the file counts as half
+    /// loaded until [`end_file`](Self::end_file).
+    pub fn set_by_file(&mut self, id: ParameterId, announced: u16) {
+        if !self.unsaved.contains(id) {
             return;
         }
-        let misfits = self.misfits.clone();
-        let misfits = ParameterId::all().filter(|id| misfits.contains(*id));
-        misfits.for_each(|id| self.mark_unsaved(id));
-        self.end(self.doubts);
+        if !self.is_half_loaded() {
+            self.half_file = Some(HalfFile::default());
+        }
+        self.set_doubts((self.doubts - Doubts::ENDED) | Doubts::HALF_LOADED);
+        if let Some(half) = &mut self.half_file {
+            half.changed.insert(id);
+            half.announced = half.announced.max(announced);
+        }
+    }
+
+    /// Counts what a file lacks that has `records` parameters by now, and has set these.
+    pub fn follow_file(&mut self, records: u16, set: &ParameterIdSet) {
+        if let Some(half) = &mut self.half_file {
+            let unset = half.changed.count_without(set) as u16;
+            half.missing = half.announced.saturating_sub(records).max(unset);
+        }
+    }
+
+    /// A file has come whole, with `records` parameters of which it has set these. It ends those that did not come whole if it has as many
+    /// as they announced, and all that they have changed. That is unknown after a restart.
+    pub fn end_file(&mut self, records: u16, set: &ParameterIdSet) {
+        self.follow_file(records, set);
+        if self.half_file.take_if(|half| half.missing == 0).is_some() {
+            self.end(Doubts::HALF_LOADED);
+        }
+    }
+
+    /// The owner has checked the values that the present [`trouble`](Self::trouble) is about: what is live is to be stored. Without effect
+    /// while those in flash are not known.
+    pub fn confirm(&mut self) {
+        match self.trouble() {
+            None | Some(ParameterTrouble::NotRead) => {}
+            Some(ParameterTrouble::Damaged | ParameterTrouble::HalfLoaded { .. }) => {
+                self.half_file = None;
+                self.end(self.doubts);
+            }
+            // The others were not named yet.
+            Some(ParameterTrouble::DoesNotFit(first, second)) => {
+                self.mark_unsaved(first);
+                if let Some(second) = second {
+                    self.mark_unsaved(second);
+                }
+            }
+        }
+    }
+
+    fn is_half_loaded(&self) -> bool {
+        self.doubts.contains(Doubts::HALF_LOADED) && !self.doubts.contains(Doubts::ENDED)
     }
 
     /// Cause for which the values may not be the owner's, if there is one.
@@ -53,14 +96,18 @@ impl Parameters {
             return Some(if is_damaged {
                 ParameterTrouble::Damaged
             } else {
-                ParameterTrouble::HalfLoaded
+                let missing = self.half_file.as_ref().map(|half| half.missing);
+                ParameterTrouble::HalfLoaded {
+                    missing: missing.filter(|missing| *missing > 0),
+                }
             });
         }
         if self.misfits.is_empty() {
             return None;
         }
-        let first = ParameterId::all().find(|id| self.misfits.contains(*id) && self.listed.contains(*id));
-        first.map(ParameterTrouble::DoesNotFit)
+        let is_misfit = |id: &ParameterId| self.misfits.contains(*id) && self.listed.contains(*id);
+        let mut misfits = ParameterId::all().filter(is_misfit);
+        Some(ParameterTrouble::DoesNotFit(misfits.next()?, misfits.next()))
     }
 
     /// Takes over the mark, which is stored as bits.

@@ -2,6 +2,7 @@
 
 use core::iter;
 
+use super::confirmation::HalfFile;
 use super::stick_channel::Sticks;
 use super::table::THERMOMETER_DISABLED;
 use super::trouble::{CHECKED, Doubts};
@@ -41,6 +42,8 @@ pub struct Parameters {
     /// It has been reported since the latest change.
     pub(super) is_reported: bool,
     pub(super) doubts: Doubts,
+    /// The files that did not come whole since the start; `None` if there are none, or before the start.
+    pub(super) half_file: Option<HalfFile>,
     /// The listed parameters.
     pub(super) listed: ParameterIdSet,
     /// Parameters that have changed since they were taken.
@@ -76,6 +79,7 @@ impl Parameters {
             failure: None,
             is_reported: false,
             doubts: Doubts::empty(),
+            half_file: None,
             listed: ParameterIdSet::default(),
             changed: ParameterIdSet::default(),
             sticks: Sticks::defaults(),

@@ -41,9 +41,12 @@ pub enum ParameterTrouble {
     /// Stored values are lost, and with them their names.
     Damaged,
     /// A file of parameters did not come whole.
-    HalfLoaded,
-    /// Stored values are out of the range of this firmware, this one's first.
-    DoesNotFit(ParameterId),
+    HalfLoaded {
+        /// Parameters of the latest file that did not come; `None` if unknown, as after a restart.
+        missing: Option<u16>,
+    },
+    /// Stored values are out of the range of this firmware: the first one or two of them. Others follow once these are confirmed.
+    DoesNotFit(ParameterId, Option<ParameterId>),
 }
 
 impl Announce for ParameterTrouble {
@@ -55,17 +58,24 @@ impl Announce for ParameterTrouble {
 /// The cause, and how it ends.
 impl fmt::Display for ParameterTrouble {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let what = match self {
+        match self {
             Self::NotRead => return f.write_str("Stored parameters not read: restart"),
-            Self::Damaged => "Parameters damaged",
-            Self::HalfLoaded => "Parameters half loaded",
-            Self::DoesNotFit(first) => {
-                f.write_str("Stored ")?;
-                f.write_str(&first.name())?;
-                " does not fit"
+            Self::Damaged => f.write_str("Parameters damaged")?,
+            Self::HalfLoaded { missing: None } => f.write_str("Parameters half loaded")?,
+            Self::HalfLoaded {
+                missing: Some(missing),
+            } => write!(f, "Parameters half loaded, {missing} missing")?,
+            Self::DoesNotFit(first, None) => write!(f, "Stored {} does not fit", first.name())?,
+            // Shorter: it has to fit with the longest names.
+            Self::DoesNotFit(first, Some(second)) => {
+                return write!(
+                    f,
+                    "Stored {}, {} do not fit: check, then set PARAM_CHECKED 1",
+                    first.name(),
+                    second.name()
+                );
             }
-        };
-        f.write_str(what)?;
+        }
         f.write_str(": check them, then set PARAM_CHECKED 1")
     }
 }

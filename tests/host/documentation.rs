@@ -463,8 +463,13 @@ fn announced() -> Vec<String> {
     let of_parameters = [
         ParameterTrouble::NotRead,
         ParameterTrouble::Damaged,
-        ParameterTrouble::HalfLoaded,
-        ParameterTrouble::DoesNotFit(BatteryParameter::Cells.of(Pack::First)),
+        ParameterTrouble::HalfLoaded { missing: None },
+        ParameterTrouble::HalfLoaded { missing: Some(12) },
+        ParameterTrouble::DoesNotFit(BatteryParameter::Cells.of(Pack::First), None),
+        ParameterTrouble::DoesNotFit(
+            BatteryParameter::Cells.of(Pack::First),
+            Some(BatteryParameter::Chem.of(Pack::First)),
+        ),
     ];
     let of_parameters = of_parameters.map(ArmingObstacle::Parameters);
     let obstacles = of_packs.into_iter().chain(misfits).chain(of_parameters);

@@ -4,13 +4,14 @@ use embassy_futures::block_on;
 use nor_flash::SmallFlash;
 use rover_battmon::autopilot::{FlashJob, FlashStore};
 use rover_battmon::crash::ParameterSource;
+use rover_battmon::mavlink::{Endpoint, LinkKind};
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{
     Access, BatteryParameter, Bearing, ParameterId, Parameters, Unsaved, VehicleParameter,
 };
 use rover_battmon::vehicle::ArmState;
-use support::commands::RUN_PREARM_CHECKS;
+use support::commands::{PREFLIGHT_STORAGE, RESET, RUN_PREARM_CHECKS};
 use support::desk::{Desk, EXTRA1, LOW_VOLT, id_of};
 use support::frames::texts_of;
 use support::requests::{
@@ -21,6 +22,13 @@ use crate::regions::Regions;
 
 const DAMAGED: &str = "Parameters damaged: check them, then set PARAM_CHECKED 1";
 const HALF_LOADED: &str = "Parameters half loaded: check them, then set PARAM_CHECKED 1";
+
+fn half_loaded(missing: usize) -> String {
+    match missing {
+        0 => HALF_LOADED.into(),
+        _ => format!("Parameters half loaded, {missing} missing: check them, then set PARAM_CHECKED 1"),
+    }
+}
 
 const CREATE: u8 = 6;
 const WRITE: u8 = 7;
@@ -117,10 +125,11 @@ impl Rover {
         self.save();
     }
 
-    fn file(&mut self, opcode: u8, offset: usize, data: &[u8]) {
+    /// The texts that come with the answer.
+    fn file(&mut self, opcode: u8, offset: usize, data: &[u8]) -> Vec<String> {
         self.sequence += 1;
         let request = ftp(self.sequence, opcode, data.len() as u8, offset as u32, data);
-        self.desk.ask(&request);
+        texts_of(&self.desk.ask(&request))
     }
 
     /// Loads a file in blocks, but for its end, with something after each block.
@@ -130,6 +139,21 @@ impl Rover {
             self.file(WRITE, number * block_bytes, block);
             after_each(self);
         }
+    }
+
+    /// Loads a whole file, and returns the texts that come at its end.
+    fn load(&mut self, file: &[u8]) -> Vec<String> {
+        self.upload(file, file.len(), Self::save);
+        let texts = self.file(TERMINATE, 0, &[]);
+        self.save();
+        texts
+    }
+
+    /// Does something on another link.
+    fn on(&mut self, link: &mut Endpoint, act: impl FnOnce(&mut Self)) {
+        std::mem::swap(&mut self.desk.endpoint, link);
+        act(self);
+        std::mem::swap(&mut self.desk.endpoint, link);
     }
 
     /// The texts that come with a list of the parameters.
@@ -314,12 +338,51 @@ fn a_pack_that_is_enabled_has_all_of_its_owners_values() {
     rover.assert_arms();
     rover.set(second(BatteryParameter::Monitor), 3.0);
     rover = rover.restart();
-    rover.assert_refuses("Stored BATT2_LOW_VOLT does not fit: check them, then set PARAM_CHECKED 1");
+    rover.assert_refuses("Stored BATT2_LOW_VOLT, BATT2_CRT_VOLT do not fit: check, then set PARAM_CHECKED 1");
     rover.set(of_second[0], 10.0);
     rover.assert_refuses("Stored BATT2_CRT_VOLT does not fit: check them, then set PARAM_CHECKED 1");
     rover.set(of_second[1], 9.0);
     rover.assert_arms();
     rover.restart().assert_arms();
+}
+
+#[test]
+fn each_value_that_does_not_fit_is_named_before_a_confirmation_replaces_it() {
+    let owned = Rover::owned();
+    let of_first = |parameter: BatteryParameter| parameter.of(Pack::First);
+    let misfits = [
+        BatteryParameter::VoltMult,
+        BatteryParameter::LowVolt,
+        BatteryParameter::CrtVolt,
+        BatteryParameter::FsLowAct,
+        BatteryParameter::Cells,
+    ]
+    .map(of_first);
+    let hidden = BatteryParameter::Cells.of(Pack::Second);
+    for id in misfits.into_iter().chain([hidden]) {
+        store(&owned.chip, id.key(), NEVER_IN_RANGE);
+    }
+    let mut rover = owned.restart();
+    let mut unnamed = misfits.to_vec();
+    while let Some(refusal) = rover.refusal() {
+        let before = unnamed.len();
+        let is_named = |id: &ParameterId| refusal.contains(&*id.name());
+        unnamed.retain(|id| !is_named(id));
+        assert!(unnamed.len() < before, "{refusal}");
+        // Only what was named is replaced, and what is left is named at once.
+        let text = texts_of(&rover.desk.ask(&param_set("PARAM_CHECKED", 1.0))).concat();
+        rover.save();
+        assert!(
+            unnamed.iter().take(2).all(|id| text.contains(&*id.name())),
+            "{text}"
+        );
+        rover = rover.restart();
+    }
+    assert_eq!(unnamed, []);
+    rover.set(BatteryParameter::Monitor.of(Pack::Second), 3.0);
+    rover
+        .restart()
+        .assert_refuses("Stored BATT2_CELLS does not fit: check them, then set PARAM_CHECKED 1");
 }
 
 #[test]
@@ -383,27 +446,138 @@ fn a_file_that_is_cut_at_any_block_refuses_arming_until_a_whole_one_or_a_confirm
             continue;
         }
         refused += 1;
+        let came = (0..=LOADED.len()).rfind(|count| file_of(&LOADED[..*count]).len() <= bytes.len());
+        let missing = LOADED.len() - came.expect("the header");
+        rover.assert_refuses(&half_loaded(missing));
+        let mut restarted = Rover::start(rover.chip.repaired());
         for _ in 0..3 {
-            rover.assert_refuses(HALF_LOADED);
-            rover.set(VehicleParameter::Sr0Params.into(), 11.0);
-            rover = rover.restart();
+            restarted.assert_refuses(HALF_LOADED);
+            restarted.set(VehicleParameter::Sr0Params.into(), 11.0);
+            restarted = restarted.restart();
         }
-        let said = rover.said_with_a_list().concat();
+        // Nor is it known which parameters a whole one would have to have.
+        let said = restarted.load(&file).concat();
         assert!(said.contains(HALF_LOADED), "{said}");
-
-        let mut confirmed = Rover::start(rover.chip.repaired());
-        confirmed.confirm();
-        confirmed.assert_arms();
-        confirmed.restart().assert_arms();
+        let said = restarted.said_with_a_list().concat();
+        assert!(said.contains(HALF_LOADED), "{said}");
+        restarted.confirm();
+        restarted.assert_arms();
+        restarted.restart().assert_arms();
 
         rover.upload(&file, BLOCK, Rover::save);
         rover.assert_refuses(HALF_LOADED);
-        rover.file(TERMINATE, 0, &[]);
+        let said = rover.file(TERMINATE, 0, &[]);
+        assert_eq!(said, [""; 0]);
         rover.assert_arms();
         rover.save();
         rover.restart().assert_arms();
     }
     assert!(refused > 5, "{refused}");
+}
+
+/// The same file, whose header announces another number of parameters.
+fn announcing(parameters: u16, mut file: Vec<u8>) -> Vec<u8> {
+    file[2..4].copy_from_slice(&parameters.to_le_bytes());
+    file
+}
+
+const CELLS: (&str, i8) = ("BATT_CELLS", 2);
+const LOW: (&str, i8) = ("BATT_LOW_VOLT", 7);
+const ACTION: (&str, i8) = ("BATT_FS_LOW_ACT", 3);
+
+#[test]
+fn only_a_whole_file_with_all_that_the_half_one_had_and_announced_ends_it() {
+    let owned = Rover::owned();
+    let unknown = ("NOPE", 1);
+    let refused = ("BATT_CELLS", 100);
+    for (half, announced, whole, missing) in [
+        (&[CELLS][..], 2, &[CELLS, LOW][..], 0),
+        (&[CELLS], 2, &[LOW, ACTION, CELLS], 0),
+        // Its order, and what is not known here, do not matter.
+        (&[CELLS, unknown], 3, &[unknown, LOW, CELLS], 0),
+        // One that has changed nothing came before.
+        (&[("SR0_EXTRA1", 9)], 300, &[CELLS], 0),
+        (&[CELLS], 2, &[CELLS], 1),
+        (&[CELLS], 3, &[CELLS], 2),
+        (&[CELLS], 491, &[CELLS, LOW], 489),
+        (&[CELLS], u16::MAX, &[CELLS], 65_534),
+        (&[CELLS, LOW], 3, &[ACTION], 2),
+        (&[CELLS, LOW], 3, &[ACTION, unknown, ("SR0_EXTRA1", 9)], 2),
+        (&[CELLS], 2, &[refused, LOW], 1),
+    ] {
+        let mut rover = Rover::start(owned.chip.repaired());
+        let half = announcing(announced, file_of(half));
+        rover.upload(&half, half.len(), Rover::save);
+        let said = rover.load(&file_of(whole)).concat();
+        let case = format!("{announced} announced, {whole:?}: {said:?}");
+        if missing == 0 {
+            assert_eq!(rover.refusal(), None, "{case}");
+            rover.restart().assert_arms();
+            continue;
+        }
+        let text = half_loaded(missing);
+        assert!(said.contains(&text), "{case}");
+        rover.assert_refuses(&text);
+        rover.confirm();
+        rover.assert_arms();
+        rover.restart().assert_arms();
+    }
+}
+
+#[test]
+fn every_half_file_counts_until_one_has_all_of_them() {
+    let mut rover = Rover::owned();
+    for (file, announced) in [([CELLS], 3), ([LOW], 2)] {
+        let half = announcing(announced, file_of(&file));
+        rover.upload(&half, half.len(), Rover::save);
+    }
+    // As many as the first one announced, less what has come of the latest.
+    rover.assert_refuses(&half_loaded(2));
+    rover.load(&file_of(&[LOW, ACTION, ("SR0_EXTRA1", 9)]));
+    rover.assert_refuses(&half_loaded(1));
+    rover.load(&file_of(&[LOW, CELLS]));
+    rover.assert_refuses(&half_loaded(1));
+    rover.load(&file_of(&[LOW, CELLS, ACTION]));
+    rover.assert_arms();
+    // Another one that begins is by itself.
+    rover.upload(&announcing(2, file_of(&[("BATT_CELLS", 3)])), 99, Rover::save);
+    rover.assert_refuses(&half_loaded(1));
+    rover.load(&file_of(&[CELLS, LOW]));
+    rover.assert_arms();
+}
+
+#[test]
+fn a_whole_file_of_another_link_ends_a_half_one_that_is_still_open() {
+    let mut rover = Rover::owned();
+    let mut other = Endpoint::new("other", LinkKind::Wifi, 100_000, rover.desk.now());
+    rover.desk.autopilot.open(&mut other);
+    let file = file_of(&[CELLS, LOW, ACTION]);
+    let half = file_of(&[CELLS, LOW]).len();
+    rover.upload(&file[..half], 99, Rover::save);
+    rover.on(&mut other, |rover| {
+        let said = rover.load(&file_of(&[CELLS])).concat();
+        assert!(said.contains(&half_loaded(2)), "{said}");
+        rover.load(&file_of(&[("BATT_CELLS", 4), ("BATT_LOW_VOLT", 8), ACTION]));
+    });
+    rover.assert_arms();
+    // The rest of the first one leaves it whole, too.
+    rover.file(WRITE, half, &file[half..]);
+    rover.file(TERMINATE, 0, &[]);
+    rover.save();
+    rover.assert_arms();
+    rover.restart().assert_arms();
+}
+
+#[test]
+fn a_reset_ends_a_half_file() {
+    let mut rover = Rover::owned();
+    rover.upload(&announcing(2, file_of(&[CELLS])), 99, Rover::save);
+    rover.desk.ask(&command_long(PREFLIGHT_STORAGE, RESET));
+    rover.desk.set(BatteryParameter::Monitor.of(Pack::First), 0.0);
+    rover.desk.set(VehicleParameter::ArmingCheck, 0.0);
+    rover.save();
+    rover.assert_arms();
+    rover.restart().assert_arms();
 }
 
 #[test]

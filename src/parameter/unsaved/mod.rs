@@ -57,6 +57,7 @@ impl Parameters {
             self.write(id, id.default_value());
         }
         self.doubts &= Doubts::NOT_READ;
+        self.half_file = None;
         (self.reset, self.reset_waits, self.is_reported) = (true, false, false);
     }
 

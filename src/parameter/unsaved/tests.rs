@@ -6,7 +6,7 @@ use crate::memory::storage::FlashFault;
 use crate::memory::storage::StorageError::{self, Corrupt, Full, NoErasedSpace};
 use crate::pack::Pack;
 use crate::parameter::{
-    BatteryParameter, PARAMETER_COUNT, ParameterId, Parameters, SaveFailure, VehicleParameter,
+    BatteryParameter, PARAMETER_COUNT, ParameterId, ParameterIdSet, Parameters, SaveFailure, VehicleParameter,
 };
 
 use super::Unsaved::{self, Reset, Value};
@@ -370,11 +370,17 @@ const DAMAGED: Unsaved = Value(CHECKED, f32::from_bits(1));
 const HALF_LOADED: Unsaved = Value(CHECKED, f32::from_bits(2));
 const NO_MARK: Unsaved = Value(CHECKED, 0.0);
 
+fn set_of(id: ParameterId) -> ParameterIdSet {
+    let mut set = ParameterIdSet::default();
+    set.insert(id);
+    set
+}
+
 #[test]
 fn the_mark_of_a_trouble_is_saved_before_all_and_taken_back_after_all() {
     let mut parameters = changed(&[(VOLT_MULT, 4.0)]);
-    parameters.set_by_file(VOLT_MULT);
-    parameters.end_file();
+    parameters.set_by_file(VOLT_MULT, 1);
+    parameters.end_file(1, &set_of(VOLT_MULT));
     assert_eq!(parameters.trouble(), None);
     let written = save_all(&mut parameters);
     assert_eq!(written, [HALF_LOADED, Value(VOLT_MULT, 4.0), NO_MARK]);
@@ -390,7 +396,7 @@ fn the_mark_of_a_trouble_is_saved_before_all_and_taken_back_after_all() {
 // Requirement: L-18
 fn nothing_is_saved_before_a_mark_that_could_not_be() {
     let mut parameters = changed(&[(VOLT_MULT, 4.0)]);
-    parameters.set_by_file(VOLT_MULT);
+    parameters.set_by_file(VOLT_MULT, 1);
     let (written, reports) = save(&mut parameters, without_room_for(CHECKED));
     assert_eq!((written, reports), (vec![HALF_LOADED], vec![Full]));
     parameters.set(EXTRA1, 5.0).unwrap();
@@ -403,8 +409,8 @@ fn nothing_is_saved_before_a_mark_that_could_not_be() {
 #[test]
 fn a_mark_stays_while_a_value_of_its_file_is_not_saved() {
     let mut parameters = changed(&[(EXTRA1, 5.0), (VOLT_MULT, 4.0)]);
-    parameters.set_by_file(VOLT_MULT);
-    parameters.end_file();
+    parameters.set_by_file(VOLT_MULT, 1);
+    parameters.end_file(1, &set_of(VOLT_MULT));
     let (written, _) = save(&mut parameters, without_room_for(EXTRA1));
     assert_eq!(written, [HALF_LOADED, Value(EXTRA1, 5.0), Value(VOLT_MULT, 4.0)]);
     assert_eq!(parameters.trouble(), None);
@@ -416,7 +422,7 @@ fn a_mark_stays_while_a_value_of_its_file_is_not_saved() {
 fn a_reset_takes_every_mark_with_it() {
     let mut parameters = changed(&[(VOLT_MULT, 4.0)]);
     parameters.mark_damaged();
-    parameters.set_by_file(VOLT_MULT);
+    parameters.set_by_file(VOLT_MULT, 1);
     parameters.reset();
     assert_eq!(parameters.trouble(), None);
     assert_eq!(save_all(&mut parameters), [Reset]);

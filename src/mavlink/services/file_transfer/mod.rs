@@ -25,13 +25,13 @@ use upload::{NotSet, Upload, Written};
 
 use super::Context;
 use super::log_download::{LogRead, Refusal, Step};
-use crate::announce::Severity;
+use crate::announce::{Announce, Severity};
 use crate::mavlink::event::Event;
 use crate::mavlink::messages::{Burst, FileAnswer, FileAnswerHeader, FileError, FileOutcome, MAX_FILE_BYTES};
 use crate::mavlink::rates::Rates;
 use crate::mavlink::requests::FileTransfer;
 use crate::mavlink::{Message, Peer};
-use crate::parameter::Parameters;
+use crate::parameter::{ParameterTrouble, Parameters};
 use crate::recorder::LogFile;
 use crate::system::SystemState;
 use crate::time::Instant;
@@ -53,6 +53,8 @@ struct Handled {
     event: Result<Event, Refusal>,
     /// Parameters that a file has not set.
     not_set: Option<NotSet>,
+    /// What a whole file has not ended: one before it did not come whole.
+    half_loaded: Option<ParameterTrouble>,
 }
 
 impl From<Option<FileOutcome>> for Handled {
@@ -61,6 +63,7 @@ impl From<Option<FileOutcome>> for Handled {
             outcome,
             event: Ok(Event::Answered),
             not_set: None,
+            half_loaded: None,
         }
     }
 }
@@ -119,6 +122,9 @@ impl FileTransfers {
         context.outbox.answer_any(answer.map(Message::FileAnswer));
         if let Some(not_set) = handled.not_set {
             context.outbox.say(Severity::Warning, &not_set.text());
+        }
+        if let Some(trouble) = handled.half_loaded {
+            context.outbox.say(trouble.severity(), &trouble.text());
         }
         handled.event
     }
@@ -463,12 +469,13 @@ fn end_of(upload: &Upload, parameters: &mut Parameters) -> Handled {
     if !upload.is_complete() {
         return Some(FileOutcome::Failed(FileError::Fail)).into();
     }
-    upload.set_system_id(parameters);
-    parameters.end_file();
+    upload.end(parameters);
+    let is_half_loaded = |trouble: &ParameterTrouble| matches!(trouble, ParameterTrouble::HalfLoaded { .. });
     Handled {
         outcome: Some(FileOutcome::Done),
         event: Ok(Event::ParametersSet),
         not_set: upload.not_set().cloned(),
+        half_loaded: parameters.trouble().filter(is_half_loaded),
     }
 }
 

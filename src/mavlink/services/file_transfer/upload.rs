@@ -193,7 +193,9 @@ impl Upload {
         self.name_before.extend_from_slice(own).map_err(|_| BadFormat)?;
         self.pending.clear();
         self.records = self.records.saturating_add(1);
-        Ok(self.set(value, parameters))
+        let set = self.set(value, parameters);
+        parameters.follow_file(self.records, &self.not_set.set);
+        Ok(set)
     }
 
     /// Sets the parameter whose name has come. What only shows or triggers something is not a setting, and is left out.
@@ -217,18 +219,20 @@ impl Upload {
             return None;
         }
         if bearing == Bearing::Drive {
-            parameters.set_by_file(id);
+            let announced = self.expected.map_or(0, |expected| expected.records);
+            parameters.set_by_file(id, announced);
         }
         self.not_set.set.insert(id);
         Some(id)
     }
 
-    /// Sets the system id if the file had one.
-    pub fn set_system_id(&self, parameters: &mut Parameters) {
+    /// Ends a file that is complete: sets the system id if it had one.
+    pub fn end(&self, parameters: &mut Parameters) {
         if let Some(system_id) = self.system_id {
             // It was in range when it came.
             let _ = parameters.set(SYSTEM_ID, system_id);
         }
+        parameters.end_file(self.records, &self.not_set.set);
     }
 
     /// Whether all has come that the header says.

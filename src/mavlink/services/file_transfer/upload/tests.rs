@@ -106,7 +106,7 @@ fn of_two_names_of_a_parameter_the_later_counts() {
         let mut parameters = Parameters::defaults();
         let mut upload = Upload::default();
         write(&mut upload, &file_of(file), 80, &mut parameters);
-        upload.set_system_id(&mut parameters);
+        upload.end(&mut parameters);
         assert_eq!(upload.not_set(), None);
         [VehicleParameter::SysidThismav, VehicleParameter::ArmingCheck].map(|id| parameters.get(id))
     };
@@ -217,7 +217,7 @@ fn a_system_id_is_set_at_the_end_and_refused_out_of_range() {
         ]);
         assert_eq!(write(&mut upload, &file, 80, &mut parameters), [EXTRA1]);
         assert_eq!(parameters.get(system_id), 1.0);
-        upload.set_system_id(&mut parameters);
+        upload.end(&mut parameters);
         (parameters.get(system_id), upload.not_set().map(NotSet::text))
     };
     assert_eq!(with_id(42), (42.0, None));
