@@ -207,7 +207,7 @@ mod tests {
             (BatteryParameter::Monitor, 4.0),
             (BatteryParameter::Monitor, 32.0),
             (BatteryParameter::I2cAddr, 64.0),
-            (BatteryParameter::I2cAddr, 127.0),
+            (BatteryParameter::I2cAddr, 119.0),
             (BatteryParameter::Channel, 3.0),
         ] {
             parameters.set(parameter.of(Pack::First), value).unwrap();

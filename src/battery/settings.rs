@@ -300,6 +300,7 @@ mod tests {
     fn values_of(range: Range) -> Vec<f32> {
         match range {
             Range::Between(lowest, highest) => vec![lowest, highest],
+            Range::ZeroOrBetween(lowest, highest) => vec![0.0, lowest, highest],
             Range::OneOf(values) => values.iter().map(|(value, _)| *value as f32).collect(),
             Range::Bits(bits) => bits.iter().map(|(bit, _)| (1u32 << bit) as f32).collect(),
         }

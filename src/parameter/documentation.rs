@@ -130,6 +130,7 @@ fn values(row: &Parameter) -> String {
             let values = format!("{lowest} to {highest} {}", row.documentation.unit);
             values.trim_end().into()
         }
+        Range::ZeroOrBetween(lowest, highest) => format!("0, {lowest} to {highest}"),
         Range::OneOf(values) => joined(
             values
                 .iter()
@@ -200,16 +201,20 @@ fn write_param(xml: &mut String, id: ParameterId) -> std::fmt::Result {
     writeln!(xml, "      </param>")
 }
 
+fn write_limits(xml: &mut String, lowest: f32, highest: f32, row: &Parameter) -> std::fmt::Result {
+    writeln!(xml, "        <field name=\"Range\">{lowest} {highest}</field>")?;
+    writeln!(
+        xml,
+        "        <field name=\"Increment\">{}</field>",
+        row.documentation.step
+    )
+}
+
 fn write_range(xml: &mut String, row: &Parameter) -> std::fmt::Result {
     match row.range {
-        Range::Between(lowest, highest) => {
-            writeln!(xml, "        <field name=\"Range\">{lowest} {highest}</field>")?;
-            writeln!(
-                xml,
-                "        <field name=\"Increment\">{}</field>",
-                row.documentation.step
-            )?;
-        }
+        Range::Between(lowest, highest) => write_limits(xml, lowest, highest, row)?,
+        // The format has no gap in a range.
+        Range::ZeroOrBetween(_, highest) => write_limits(xml, 0.0, highest, row)?,
         Range::OneOf(values) => {
             writeln!(xml, "        <values>")?;
             for (code, meaning) in values {

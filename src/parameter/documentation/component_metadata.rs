@@ -128,14 +128,20 @@ fn decimal_places(row: &Parameter) -> usize {
 fn range(row: &Parameter) -> Vec<String> {
     match row.range {
         _ if row.access == Access::Constant => Vec::new(),
-        Range::Between(lowest, highest) => vec![
-            field("min", lowest.to_string()),
-            field("max", highest.to_string()),
-            field("increment", row.documentation.step.to_string()),
-        ],
+        Range::Between(lowest, highest) => limits(lowest, highest, row),
+        // The format has no gap in a range.
+        Range::ZeroOrBetween(_, highest) => limits(0.0, highest, row),
         Range::OneOf(values) => vec![field("values", described("value", values))],
         Range::Bits(bits) => vec![field("bitmask", described("index", bits))],
     }
+}
+
+fn limits(lowest: f32, highest: f32, row: &Parameter) -> Vec<String> {
+    vec![
+        field("min", lowest.to_string()),
+        field("max", highest.to_string()),
+        field("increment", row.documentation.step.to_string()),
+    ]
 }
 
 /// An array of numbers with their meanings.
@@ -245,7 +251,9 @@ mod tests {
                 Kind::Int32 | Kind::Real32 => f32::MIN..=f32::MAX,
             };
             let fits = match id.row().range {
-                Range::Between(lowest, highest) => limits.contains(&lowest) && limits.contains(&highest),
+                Range::Between(lowest, highest) | Range::ZeroOrBetween(lowest, highest) => {
+                    limits.contains(&lowest) && limits.contains(&highest)
+                }
                 Range::OneOf(values) => values.iter().all(|(value, _)| limits.contains(&(*value as f32))),
                 Range::Bits(bits) => bits.iter().all(|(bit, _)| limits.contains(&((1 << bit) as f32))),
             };

@@ -361,7 +361,8 @@ parameters! {
         name: "I2C_ADDR",
         kind: Kind::Int8,
         default: 0.0,
-        range: Range::Between(0.0, 127.0),
+        // Others are reserved (I2C specification UM10204, table 4).
+        range: Range::ZeroOrBetween(8.0, 119.0),
         takes_effect: TakesEffect::AfterReboot,
         label: "I2C address",
         description: "Address on the bus. 0: the usual addresses of its kind are probed. With several of a kind, set \

@@ -2,13 +2,15 @@
 
 use core::fmt;
 
-use crate::numbers::{Hundredths, round_to_i32};
+use crate::numbers::round_to_i32;
 
 /// Valid values of a parameter.
 #[derive(Clone, Copy, Debug)]
 pub enum Range {
     /// From minimum to maximum, inclusive.
     Between(f32, f32),
+    /// 0, or from minimum to maximum, inclusive, both above 0.
+    ZeroOrBetween(f32, f32),
     /// One of these values, with their meanings.
     OneOf(&'static [(i32, Meaning)]),
     /// A bit mask of these bits, with their meanings.
@@ -43,6 +45,7 @@ impl Range {
     pub fn contains(&self, value: f32) -> bool {
         match *self {
             Self::Between(lowest, highest) => (lowest..=highest).contains(&value),
+            Self::ZeroOrBetween(lowest, highest) => value == 0.0 || (lowest..=highest).contains(&value),
             Self::OneOf(values) => values.iter().any(|(allowed, _)| *allowed as f32 == value),
             Self::Bits(bits) => {
                 let known = bits.iter().fold(0, |mask, (bit, _)| mask | 1 << bit);
@@ -52,52 +55,83 @@ impl Range {
             }
         }
     }
+
+    /// The lowest value or bit of a list that is above this one.
+    fn next_above(&self, value: i32) -> Option<i32> {
+        match *self {
+            Self::Between(..) | Self::ZeroOrBetween(..) => None,
+            Self::OneOf(values) => {
+                let values = values.iter().map(|(listed, _)| *listed);
+                values.filter(|listed| *listed > value).min()
+            }
+            Self::Bits(bits) => {
+                let bits = bits.iter().map(|(bit, _)| 1 << bit);
+                bits.filter(|bit| *bit > value).min()
+            }
+        }
+    }
+
+    /// The values of a list in their order; three or more successive ones are one range.
+    fn write_list(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut separator = "";
+        let mut next = self.next_above(i32::MIN);
+        while let Some(first) = next {
+            let mut last = first;
+            next = self.next_above(last);
+            while next == Some(last + 1) {
+                last += 1;
+                next = self.next_above(last);
+            }
+            write!(f, "{separator}{first}")?;
+            match last - first {
+                0 => {}
+                1 => write!(f, ", {last}")?,
+                _ => write!(f, " to {last}")?,
+            }
+            separator = ", ";
+        }
+        Ok(())
+    }
 }
 
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::Between(lowest, highest) => {
-                write_number(f, lowest)?;
-                f.write_str(" to ")?;
-                write_number(f, highest)
+            Self::ZeroOrBetween(lowest, highest) => {
+                f.write_str("0, ")?;
+                write_limits(f, lowest, highest)
             }
-            Self::OneOf(values) => write_list(f, values.iter().map(|(value, _)| *value)),
-            Self::Bits(bits) => {
+            Self::Between(lowest, highest) => write_limits(f, lowest, highest),
+            Self::OneOf(_) => self.write_list(f),
+            Self::Bits(_) => {
                 f.write_str("a sum of ")?;
-                write_list(f, bits.iter().map(|(bit, _)| 1 << bit))
+                self.write_list(f)
             }
         }
     }
 }
 
-/// Without decimals if it has none.
-fn write_number(f: &mut fmt::Formatter<'_>, value: f32) -> fmt::Result {
-    if round_to_i32(value) as f32 == value {
-        write!(f, "{}", round_to_i32(value))
-    } else {
-        write!(f, "{}", Hundredths(value))
-    }
+fn write_limits(f: &mut fmt::Formatter<'_>, lowest: f32, highest: f32) -> fmt::Result {
+    write_number(f, lowest)?;
+    f.write_str(" to ")?;
+    write_number(f, highest)
 }
 
-/// Three or more successive values are one range.
-fn write_list(f: &mut fmt::Formatter<'_>, values: impl Iterator<Item = i32>) -> fmt::Result {
-    let mut values = values.peekable();
-    let mut separator = "";
-    while let Some(first) = values.next() {
-        let mut last = first;
-        while let Some(next) = values.next_if(|next| *next == last + 1) {
-            last = next;
-        }
-        write!(f, "{separator}{first}")?;
-        match last - first {
-            0 => {}
-            1 => write!(f, ", {last}")?,
-            _ => write!(f, " to {last}")?,
-        }
-        separator = ", ";
+/// With as many decimals as it needs, four at most. Without any it may have any size.
+fn write_number(f: &mut fmt::Formatter<'_>, value: f32) -> fmt::Result {
+    let whole = round_to_i32(value);
+    if whole as f32 == value {
+        return write!(f, "{whole}");
     }
-    Ok(())
+    let sign = if value < 0.0 { "-" } else { "" };
+    let ten_thousandths = round_to_i32(value * 1e4).unsigned_abs();
+    let (whole, mut fraction) = (ten_thousandths / 10_000, ten_thousandths % 10_000);
+    let mut decimals = 4;
+    while fraction % 10 == 0 && decimals > 1 {
+        fraction /= 10;
+        decimals -= 1;
+    }
+    write!(f, "{sign}{whole}.{fraction:0decimals$}")
 }
 
 #[cfg(test)]
@@ -113,6 +147,17 @@ mod tests {
             assert!(range.contains(value), "{value}");
         }
         for value in [-3.31, 3.31].into_iter().chain(NOT_NUMBERS) {
+            assert!(!range.contains(value), "{value}");
+        }
+    }
+
+    #[test]
+    fn zero_is_beside_a_range_that_begins_above() {
+        let range = Range::ZeroOrBetween(8.0, 119.0);
+        for value in [0.0, -0.0, 8.0, 119.0] {
+            assert!(range.contains(value), "{value}");
+        }
+        for value in [-1.0, 1.0, 7.0, 120.0].into_iter().chain(NOT_NUMBERS) {
             assert!(!range.contains(value), "{value}");
         }
     }
@@ -134,16 +179,19 @@ mod tests {
             Range::OneOf(&[
                 (-1, means("")),
                 (0, means("")),
-                (3, means("")),
+                (9, means("")),
                 (4, means("")),
                 (5, means("")),
-                (9, means("")),
+                (3, means("")),
             ])
         };
         let bits = const { Range::Bits(&[(0, means("")), (6, means("")), (8, means(""))]) };
         for (range, text) in [
             (Range::Between(800.0, 1400.0), "800 to 1400"),
-            (Range::Between(-3.3, 0.5), "-3.30 to 0.50"),
+            (Range::Between(-3.3, 0.5), "-3.3 to 0.5"),
+            (Range::Between(0.0001, 1.0), "0.0001 to 1"),
+            (Range::Between(-0.05, 1_000_000.0), "-0.05 to 1000000"),
+            (Range::ZeroOrBetween(8.0, 119.0), "0, 8 to 119"),
             (values, "-1, 0, 3 to 5, 9"),
             (bits, "a sum of 1, 64, 256"),
         ] {

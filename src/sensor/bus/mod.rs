@@ -34,16 +34,12 @@ pub enum Address {
     ChipSelect,
 }
 
-/// Addresses outside are reserved (I2C specification UM10204, table 4).
-const LOWEST_ADDRESS: u8 = 0x08;
-const HIGHEST_ADDRESS: u8 = 0x77;
-
 impl Address {
-    /// The address a parameter names; `None` for 0 and for those that are reserved.
+    /// The address a parameter names; `None` for 0.
     pub fn from_parameter(value: i32) -> Option<Self> {
         u8::try_from(value)
             .ok()
-            .filter(|address| (LOWEST_ADDRESS..=HIGHEST_ADDRESS).contains(address))
+            .filter(|address| *address > 0)
             .map(Self::I2c)
     }
 }

@@ -12,7 +12,7 @@ use crate::battery::{
     PackEvent, PackSettings, ReadError, Reported, Supply, Tick,
 };
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
+use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind, Refused};
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 
@@ -651,16 +651,21 @@ fn the_slowest_part_sets_the_clock() {
 }
 
 #[test]
-fn an_address_that_no_device_can_have_is_looked_for_like_none() {
+fn only_an_address_that_a_device_can_have_is_set_and_0_is_searched_for() {
+    let id = BatteryParameter::I2cAddr.of(Pack::First);
     for (value, address) in [
-        (0, None),
-        (7, None),
-        (8, Some(Address::I2c(8))),
-        (0x77, Some(Address::I2c(0x77))),
-        (0x78, None),
-        (-1, None),
+        (0.0, Ok(None)),
+        (8.0, Ok(Some(Address::I2c(8)))),
+        (119.0, Ok(Some(Address::I2c(0x77)))),
+        (1.0, Err(Refused::OutOfRange)),
+        (7.0, Err(Refused::OutOfRange)),
+        (120.0, Err(Refused::OutOfRange)),
+        (-1.0, Err(Refused::OutOfRange)),
     ] {
-        assert_eq!(Address::from_parameter(value), address);
+        let mut parameters = Parameters::defaults();
+        let set = parameters.set(id, value);
+        let found = set.map(|()| Address::from_parameter(parameters.get_whole(id)));
+        assert_eq!(found, address, "{value}");
     }
 }
 
