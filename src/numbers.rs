@@ -18,15 +18,37 @@ impl fmt::Display for Hundredths {
     }
 }
 
-/// A text of `N` bytes at most: what does not fit is cut off, behind a whole character.
+/// A text of `N` bytes at most: what does not fit is cut off, behind a whole word if there is one, and shown by three dots.
 pub(crate) fn text<const N: usize>(parts: fmt::Arguments<'_>) -> String<N> {
     let mut text = String::new();
-    // `Fitting` never fails.
-    let _ = Fitting(text.as_mut_view()).write_fmt(parts);
+    write_fitting(text.as_mut_view(), parts);
     text
 }
 
-/// Takes what fits, to the last whole character. Of any length: each would be compiled again.
+/// The end of a text that was cut off.
+const CUT_OFF: &str = "...";
+
+/// Of any length: each would be compiled again.
+#[inline(never)]
+fn write_fitting(text: &mut StringView, parts: fmt::Arguments<'_>) {
+    if Fitting(text).write_fmt(parts).is_ok() {
+        return;
+    }
+    let room = text.floor_char_boundary(text.capacity().saturating_sub(CUT_OFF.len()));
+    let (kept, rest) = text.split_at_checked(room).unwrap_or_default();
+    let words = match kept.rfind(' ') {
+        Some(end) if !rest.starts_with(' ') => kept.get(..end).unwrap_or(kept),
+        _ => kept,
+    };
+    let length = words.trim_end_matches([' ', ',', ':']).len();
+    while text.len() > length {
+        text.pop();
+    }
+    // It fits.
+    let _ = text.push_str(CUT_OFF);
+}
+
+/// Takes what fits, to the last whole character, and fails if something does not.
 struct Fitting<'a>(&'a mut StringView);
 
 impl Write for Fitting<'_> {
@@ -35,6 +57,9 @@ impl Write for Fitting<'_> {
         let fitting = text.get(..text.floor_char_boundary(room)).unwrap_or_default();
         // It fits.
         let _ = self.0.push_str(fitting);
+        if fitting.len() < text.len() {
+            return Err(fmt::Error);
+        }
         Ok(())
     }
 }
@@ -104,6 +129,49 @@ mod tests {
             (f32::MIN_POSITIVE, 0),
         ] {
             assert_eq!(round_to_i32(value), expected, "{value}");
+        }
+    }
+
+    #[test]
+    fn a_text_that_does_not_fit_ends_behind_a_whole_word_with_dots() {
+        let fifty = "Battery 1 fault: cells differ at rest, cell failed";
+        for (full, expected) in [
+            (fifty.to_owned(), fifty),
+            (
+                format!("{fifty}."),
+                "Battery 1 fault: cells differ at rest, cell...",
+            ),
+            (
+                format!("{fifty}, x"),
+                "Battery 1 fault: cells differ at rest, cell...",
+            ),
+            // The word ends where the dots begin.
+            (
+                "Battery 1 fault: cells differ at rest, and failed, too".into(),
+                "Battery 1 fault: cells differ at rest, and...",
+            ),
+            (
+                "Battery 1 fault: it is over temperature for a long, long time".into(),
+                "Battery 1 fault: it is over temperature for a...",
+            ),
+            (format!("Battery 1 {}", "x".repeat(50)), "Battery 1..."),
+            (
+                "x".repeat(51),
+                "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...",
+            ),
+            (
+                format!("{}°°°", "x".repeat(46)),
+                "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...",
+            ),
+            (" ".repeat(60), "..."),
+            ("".into(), ""),
+        ] {
+            let text: heapless::String<50> = text(format_args!("{full}"));
+            assert_eq!(text, expected, "{full}");
+            // In parts, as it is formatted.
+            let (first, second) = full.split_at(full.floor_char_boundary(30));
+            let parts: heapless::String<50> = super::text(format_args!("{first}{second}"));
+            assert_eq!(parts, expected, "{full}");
         }
     }
 

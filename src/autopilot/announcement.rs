@@ -310,8 +310,10 @@ mod tests {
                 "Battery 9 reports: bad battery, over temperature",
             ),
             (
-                PackEvent::Faults(Faults::all() - Faults::CELL_DIFFERS - Faults::UNDER_TEMPERATURE),
-                "Battery 9 fault: cell failed, deep discharge, over temperature, over current, voltage does not f",
+                PackEvent::Faults(Faults::all() - Faults::CELL_DIFFERS - Faults::UNDER_TEMPERATURE)
+                    .split()
+                    .0,
+                "Battery 9 fault: cell failed, deep discharge, over temperature, over current",
             ),
             (
                 failsafe(FailsafeLevel::Low, Amount::Mah(-1e9)),
@@ -553,6 +555,7 @@ critical: Parameters damaged: check them, then set PARAM_CHECKED 1
 critical: Parameters half loaded: check them, then set PARAM_CHECKED 1
 critical: Parameters half loaded, 12 missing: check them, then set PARAM_CHECKED 1
 critical: Stored BATT_CAPACITY does not fit: check them, then set PARAM_CHECKED 1
+critical: Stored BATT_CAPACITY, BATT_CAPACITY do not fit: check, then set PARAM_CHECKED 1
 warning: 3 stored parameters unknown: kept
 warning: Parameters: 2 not saved until disarmed
 critical: Parameters can't be saved: too many changed
@@ -631,8 +634,8 @@ info: Torqeedo: no error";
     }
 
     #[test]
-    fn long_text_is_cut_off_at_a_whole_character() {
-        let line = format!("{}°C", "x".repeat(95));
-        assert_eq!(CrashLine(&line).text().as_str(), "x".repeat(95));
+    fn long_text_is_cut_off_behind_a_whole_word() {
+        let line = format!("Crashed {}°C", "x".repeat(95));
+        assert_eq!(CrashLine(&line).text().as_str(), "Crashed...");
     }
 }

@@ -43,7 +43,7 @@ use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{MonitorKind, Parameters};
 use crate::recorder::LogFile;
-use crate::recorder::dataflash::{ModeReason, Record};
+use crate::recorder::dataflash::ModeReason;
 use crate::sensor::ChargerPower;
 use crate::system::SystemState;
 use crate::time::Instant;
@@ -218,20 +218,26 @@ impl Autopilot {
     /// Announces an event of a pack. A failsafe level has a place of its own, without a limit; an obstacle to learning is for
     /// the log alone.
     pub fn announce_pack(&mut self, pack: Pack, event: &PackEvent, now: Instant) {
-        let notice = PackNotice(pack, event);
         match event {
             PackEvent::Failsafe { .. } => self.broadcast.set_level(pack, *event),
             PackEvent::NotLearnt(_) => {}
             _ => {
-                // A companion computer may act on the command.
-                if self.announce_limited(&notice, now) && *event == PackEvent::PoweringOff {
-                    let command = BroadcastCommand::power_off_initiated(pack);
-                    self.broadcast.add(Announced::Command(command));
+                let mut rest = Some(*event);
+                while let Some(event) = rest {
+                    let (event, further) = event.split();
+                    rest = further;
+                    // A companion computer may act on the command.
+                    if self.announce_limited(&PackNotice(pack, &event), now)
+                        && event == PackEvent::PoweringOff
+                    {
+                        let command = BroadcastCommand::power_off_initiated(pack);
+                        self.broadcast.add(Announced::Command(command));
+                    }
                 }
                 return;
             }
         }
-        self.note_announced(&announced_text(&notice));
+        self.note_announced(&announced_text(&PackNotice(pack, event)));
     }
 
     /// Announces a change of the vehicle's state, which has a place of its own, without a limit.
@@ -242,7 +248,7 @@ impl Autopilot {
 
     fn note_announced(&mut self, text: &AnnouncementText) {
         info!("announced: {}", text.as_str());
-        self.recording.add(&Record::Message(text));
+        self.recording.add_text(text);
         self.work |= Work::ANNOUNCED;
     }
 
@@ -298,7 +304,49 @@ bitflags! {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::Faults;
     use broadcast::Next;
+
+    #[test]
+    fn faults_that_do_not_fit_one_text_follow_in_others() {
+        let texts = |event| {
+            let mut autopilot = Autopilot::new(&Start::default());
+            let mut position = autopilot.broadcast.end();
+            autopilot.announce_pack(Pack::Ninth, &event, Instant::EPOCH);
+            let mut texts = Vec::new();
+            while let Some(Next::Announced(Announced::Text(_, text))) =
+                autopilot.broadcast.next(&mut position)
+            {
+                texts.push(text.as_str().to_owned());
+            }
+            texts
+        };
+        let two = Faults::NEEDS_SERVICE | Faults::SPIKES;
+        assert_eq!(
+            texts(PackEvent::ReportedFaults(two)),
+            ["Battery 9 reports: needs service, voltage spikes"]
+        );
+        type OfFaults = fn(Faults) -> PackEvent;
+        for (event, start) in [
+            (PackEvent::ReportedFaults as OfFaults, "Battery 9 reports: "),
+            (PackEvent::Faults, "Battery 9 fault: "),
+        ] {
+            let texts = texts(event(Faults::all()));
+            assert!(texts.len() > 1, "{texts:?}");
+            let names = texts.iter().flat_map(|text| {
+                let names = text.strip_prefix(start).expect("each begins alike");
+                names.split(", ").map(str::to_owned)
+            });
+            let names: Vec<_> = names.collect();
+            let named = Faults::all().iter().map(|fault| event(fault).to_string());
+            let named = named.filter_map(|text| Some(text.split_once(": ")?.1.to_owned()));
+            // Each once, and whole.
+            let mut expected: Vec<_> = named.collect();
+            let mut sorted = names.clone();
+            (expected.sort(), sorted.sort());
+            assert_eq!(sorted, expected, "{texts:?}");
+        }
+    }
 
     #[test]
     fn only_a_pack_that_powers_off_is_announced_by_a_command() {

@@ -6,7 +6,7 @@ use heapless::Vec;
 
 use super::consumption::Gap;
 use super::{Amount, BatteryState, ChargeState, FailsafeLevel, Faults, LessonObstacle, ReadError};
-use crate::announce::{Announce, Limit, Severity};
+use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Limit, Severity};
 use crate::numbers::{Hundredths, round_to_i32};
 use crate::pack::Pack;
 use crate::parameter::BatteryParameter;
@@ -121,6 +121,11 @@ const WORTH_SAYING_PCT: f32 = 3.0;
 /// The events of one tick.
 pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
 
+/// Room for the names of faults in a text, each with a separator behind it but the last one.
+const FAULTS_BYTES: usize = ANNOUNCEMENT_BYTES - "Battery 9 reports: ".len() + SEPARATOR.len();
+
+const SEPARATOR: &str = ", ";
+
 /// Never full: there is room for one event of every kind.
 pub fn push(events: &mut PackEvents, event: PackEvent) {
     let _ = events.push(event);
@@ -134,6 +139,24 @@ impl PackEvent {
             voltage_v,
             consumed: state.consumed,
         }
+    }
+
+    /// The part of it that one text has room for, and the rest, if there is any.
+    pub fn split(self) -> (Self, Option<Self>) {
+        let (faults, names, event): (_, &[_], fn(Faults) -> Self) = match self {
+            Self::Faults(faults) => (faults, &FAULT_NAMES[..], Self::Faults),
+            Self::ReportedFaults(faults) => (faults, &REPORTED_NAMES[..], Self::ReportedFaults),
+            _ => return (self, None),
+        };
+        let mut room = FAULTS_BYTES;
+        let mut rest = Faults::empty();
+        for (fault, name) in names.iter().filter(|(fault, _)| faults.contains(*fault)) {
+            match room.checked_sub(name.len() + SEPARATOR.len()) {
+                Some(left) if rest.is_empty() => room = left,
+                _ => rest |= *fault,
+            }
+        }
+        (event(faults - rest), (!rest.is_empty()).then(|| event(rest)))
     }
 }
 
@@ -343,7 +366,7 @@ fn write_faults(
     let mut separator = start;
     for (_, name) in names.iter().filter(|(fault, _)| faults.contains(*fault)) {
         write!(f, "{separator}{name}")?;
-        separator = ", ";
+        separator = SEPARATOR;
     }
     Ok(())
 }

@@ -22,7 +22,7 @@ use crate::crash::CrashRecord;
 use crate::log::{info, warn};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterId, ParameterTrouble, Parameters, VehicleParameter};
-use crate::recorder::dataflash::Record;
+use crate::recorder::dataflash::{MESSAGE_BYTES, Record};
 use crate::recorder::{LogFile, Piece, Ring};
 use crate::system::{LogHealth, LogReaders};
 use crate::time::{Instant, Utc};
@@ -334,6 +334,22 @@ impl Recording {
             self.extremes[*pack as usize] = Extremes::default();
         }
         bytes.len()
+    }
+
+    /// Takes a text, in as many records as it needs. One that fills its record has another behind it, which may be empty: so they can be
+    /// joined.
+    pub fn add_text(&mut self, text: &str) {
+        let mut rest = text;
+        loop {
+            let (part, further) = rest
+                .split_at_checked(rest.floor_char_boundary(MESSAGE_BYTES))
+                .unwrap_or((rest, ""));
+            self.add(&Record::Message(part));
+            if part.len() < MESSAGE_BYTES && further.is_empty() {
+                return;
+            }
+            rest = further;
+        }
     }
 
     /// Whether records are taken now.

@@ -274,6 +274,40 @@ fn learnt() -> LearntPack {
 }
 
 #[test]
+fn what_a_record_of_a_text_does_not_hold_follows_in_another() {
+    const MESSAGE: [u8; 3] = [0xA3, 0x95, 133];
+    for (bytes, parts) in [
+        (0, &[0][..]),
+        (1, &[1]),
+        (63, &[63]),
+        // Without the second one, the next text would be joined to it.
+        (64, &[64, 0]),
+        (65, &[64, 1]),
+        (96, &[64, 32]),
+        (128, &[64, 64, 0]),
+    ] {
+        let mut bench = RecordingBench::under_way();
+        let text: String = "a text that is long, ".chars().cycle().take(bytes).collect();
+        bench.tick();
+        let before = places(&bench.file(1), MESSAGE).len();
+        bench.recording.add_text(&text);
+        bench.run(3);
+        let file = bench.file(1);
+        let recorded: Vec<_> = places(&file, MESSAGE)[before..]
+            .iter()
+            .map(|place| {
+                let text = &file[place + 11..][..64];
+                let end = text.iter().position(|byte| *byte == 0).unwrap_or(64);
+                std::str::from_utf8(&text[..end]).unwrap()
+            })
+            .collect();
+        assert_eq!(recorded.concat(), text);
+        let lengths: Vec<_> = recorded.iter().map(|part| part.len()).collect();
+        assert_eq!(lengths, parts, "{bytes}");
+    }
+}
+
+#[test]
 fn a_file_begins_with_the_board_and_its_packs() {
     let mut bench = RecordingBench::under_way();
     let file = bench.file(1);

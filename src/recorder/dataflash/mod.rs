@@ -14,7 +14,7 @@ mod packet;
 mod record;
 
 pub use packet::{MAX_RECORD_BYTES, RecordBytes, opening_record};
-pub use record::{ArmingMethod, ModeReason, Record, Subsystem};
+pub use record::{ArmingMethod, MESSAGE_BYTES, ModeReason, Record, Subsystem};
 
 #[cfg(test)]
 mod tests;

@@ -15,6 +15,9 @@ use crate::time::Utc;
 use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
+/// Bytes of the text of a [`Record::Message`].
+pub const MESSAGE_BYTES: usize = 64;
+
 /// A record.
 #[derive(Clone, Copy, Debug)]
 pub enum Record<'a> {
@@ -27,7 +30,7 @@ pub enum Record<'a> {
         /// Its default, in its unit.
         default: f32,
     },
-    /// MSG: a text, cut after 64 bytes.
+    /// MSG: a text, cut after [`MESSAGE_BYTES`].
     Message(&'a str),
     /// EV: the rover is armed or disarmed.
     Event(ArmState),
@@ -106,7 +109,9 @@ impl<'a> Record<'a> {
                 .f32(value)
                 .f32(default)
                 .finish(),
-            Self::Message(text) => Packet::at(Kind::Message, time_us).text(64, text).finish(),
+            Self::Message(text) => Packet::at(Kind::Message, time_us)
+                .text(MESSAGE_BYTES, text)
+                .finish(),
             Self::Event(state) => Packet::at(Kind::Event, time_us).u8(event_number(state)).finish(),
             Self::Arm {
                 state,

@@ -5,6 +5,7 @@ use std::io;
 
 use rover_battmon::battery::{CellVoltages, Extremes, FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
+use rover_battmon::recorder::dataflash::MESSAGE_BYTES;
 use rover_battmon::vehicle::ArmState;
 
 use crate::binlog::{Record, Records};
@@ -48,6 +49,8 @@ const HUNDREDTHS: f64 = 0.01;
 pub struct DataFlash<R> {
     records: R,
     scales: Scales,
+    /// What was read behind a text, to see whether that goes on.
+    following: Option<io::Result<Entry>>,
 }
 
 /// Factors of integers, as far as the log states them.
@@ -65,6 +68,22 @@ impl<R: Records> DataFlash<R> {
         Self {
             records,
             scales: Scales::default(),
+            following: None,
+        }
+    }
+
+    /// The next entry; a text of a record by itself.
+    fn read_next(&mut self) -> Option<io::Result<Entry>> {
+        loop {
+            let record = match self.records.next()? {
+                Ok(record) => record,
+                Err(error) => return Some(Err(error)),
+            };
+            self.scales.take(&record);
+            if let Some(content) = content(&record, &self.scales) {
+                let time_s = time_s(&record);
+                return Some(Ok(Entry { time_s, content }));
+            }
         }
     }
 }
@@ -83,17 +102,32 @@ impl<R: Records> Iterator for DataFlash<R> {
     type Item = io::Result<Entry>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            let record = match self.records.next()? {
-                Ok(record) => record,
-                Err(error) => return Some(Err(error)),
-            };
-            self.scales.take(&record);
-            if let Some(content) = content(&record, &self.scales) {
-                let time_s = time_s(&record);
-                return Some(Ok(Entry { time_s, content }));
+        let mut entry = self.following.take().or_else(|| self.read_next())?;
+        if let Ok(Entry {
+            time_s,
+            content: Content::Text(text),
+        }) = &mut entry
+        {
+            // A text that fills its record goes on in one of the same time.
+            let mut part_bytes = text.len();
+            while part_bytes >= MESSAGE_BYTES {
+                self.following = self.read_next();
+                let Some(Ok(Entry {
+                    time_s: following_s,
+                    content: Content::Text(part),
+                })) = &self.following
+                else {
+                    break;
+                };
+                if following_s != time_s {
+                    break;
+                }
+                part_bytes = part.len();
+                text.push_str(part);
+                self.following = None;
             }
         }
+        Some(entry)
     }
 }
 
@@ -425,6 +459,62 @@ mod tests {
                 assert_eq!(Some(*found), pack);
                 assert_eq!((sample.voltage_v, sample.current_a), (Some(11.5), None));
             }
+        }
+    }
+
+    #[test]
+    fn a_text_that_fills_its_record_goes_on_in_the_next_of_the_same_time() {
+        let long = "Battery 1 reports: bad battery, needs service, switched off by its protection";
+        let (first, second) = long.split_at(64);
+        let full = "x".repeat(64);
+        let later: [u8; 8] = 2_000_001_u64.to_le_bytes();
+        let message = |time: [u8; 8], text: &str| {
+            let mut text = text.as_bytes().to_vec();
+            text.resize(64, 0);
+            [&time[..], &text].concat()
+        };
+        let event = [&TIME[..], &[10]].concat();
+        for (records, expected) in [
+            (
+                vec![message(TIME, first), message(TIME, second)],
+                vec![long.into()],
+            ),
+            (
+                vec![message(TIME, "one"), message(TIME, "two")],
+                vec!["one".into(), "two".into()],
+            ),
+            // One that ends with its record has an empty one behind it.
+            (
+                vec![message(TIME, &full), message(TIME, ""), message(TIME, "two")],
+                vec![full.clone(), "two".into()],
+            ),
+            (
+                vec![message(TIME, &full), message(TIME, &full), message(TIME, "y")],
+                vec![format!("{full}{full}y")],
+            ),
+            (
+                vec![message(TIME, &full), message(later, "two")],
+                vec![full.clone(), "two".into()],
+            ),
+            (vec![message(TIME, &full)], vec![full.clone()]),
+            (
+                vec![message(TIME, &full), event.clone()],
+                vec![full.clone(), "armed".into()],
+            ),
+        ] {
+            let of_record = |bytes: &Vec<u8>| if bytes.len() > 9 { "MSG" } else { "EV" };
+            let records: Vec<_> = records
+                .iter()
+                .map(|bytes| Recorded(of_record(bytes), bytes))
+                .collect();
+            let bytes = log(&[EVENT, ("MSG", "QZ", "TimeUS,Message")], &records);
+            let found = entries(&bytes).into_iter().map(|content| match content {
+                Content::Text(text) => text,
+                Content::Arming(_) => "armed".to_string(),
+                other => panic!("{other:?}"),
+            });
+            let expected: Vec<String> = expected;
+            assert_eq!(found.collect::<Vec<_>>(), expected);
         }
     }
 
