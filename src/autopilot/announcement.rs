@@ -302,6 +302,10 @@ mod tests {
                 "Battery 9 learnt: 2995 mAh, 87 mOhm",
             ),
             (
+                PackEvent::CapacityAboveLabel(Some(BatteryParameter::Shunt)),
+                "Battery 9 check BATT9_SHUNT or BATT9_CAPACITY",
+            ),
+            (
                 PackEvent::Faults(Faults::CELL_FAIL | Faults::OVER_CURRENT),
                 "Battery 9 fault: cell failed, over current",
             ),
@@ -398,7 +402,8 @@ mod tests {
             charge(ChargeState::Emergency),
             PackEvent::Charging,
             learnt,
-            PackEvent::CapacityAboveLabel,
+            PackEvent::CapacityAboveLabel(Some(BatteryParameter::AmpPervlt)),
+            PackEvent::CapacityAboveLabel(None),
             PackEvent::NotLearnt(LessonObstacle::NoRest),
             PackEvent::Faults(Faults::SPIKES),
             PackEvent::ReportedFaults(Faults::SPIKES),
@@ -428,6 +433,7 @@ critical: Battery 1 emergency: 14% left
 notice: Battery 1 charging
 notice: Battery 1 learnt: 3000 mAh, 80 mOhm
 warning: Battery 1 check BATT_AMP_PERVLT or BATT_CAPACITY
+warning: Battery 1 check BATT_CAPACITY
 notice: Battery 1 not learnt: no rest of 30s at the end
 warning: Battery 1 fault: voltage spikes
 warning: Battery 1 reports: voltage spikes

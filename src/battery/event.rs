@@ -84,8 +84,9 @@ pub enum PackEvent {
         /// Resistance of the whole pack when warm, in ohms.
         resistance_ohm: f32,
     },
-    /// It has learnt a capacity more than a tenth above the one that is set.
-    CapacityAboveLabel,
+    /// It has learnt a capacity more than a tenth and two standard deviations above the one that is set, with the parameter that scales
+    /// its current, if there is one.
+    CapacityAboveLabel(Option<BatteryParameter>),
     /// A drive has taught nothing. For the log alone.
     NotLearnt(LessonObstacle),
     /// These faults have begun.
@@ -196,11 +197,18 @@ impl fmt::Display for PackNotice<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(pack, event) = self;
         write!(f, "Battery {} {event}", pack.number())?;
-        let cells = BatteryParameter::Cells.of(*pack).name();
+        let name = |parameter: BatteryParameter| parameter.of(*pack).name();
+        let cells = name(BatteryParameter::Cells);
         match event {
             PackEvent::CellsDetected { .. } => write!(f, " (set {cells} to be sure)"),
             PackEvent::CellsAmbiguous { .. } => write!(f, ": set {cells}"),
-            PackEvent::PercentagesInert(parameter) => write!(f, ": set {}", parameter.of(*pack).name()),
+            PackEvent::PercentagesInert(parameter) => write!(f, ": set {}", name(*parameter)),
+            PackEvent::CapacityAboveLabel(scale) => {
+                if let Some(scale) = scale {
+                    write!(f, " {} or", name(*scale))?;
+                }
+                write!(f, " {}", name(BatteryParameter::Capacity))
+            }
             _ => Ok(()),
         }
     }
@@ -299,7 +307,7 @@ impl fmt::Display for PackEvent {
                 round_to_i32(*capacity_mah),
                 round_to_i32(resistance_ohm * 1e3)
             ),
-            Self::CapacityAboveLabel => f.write_str("check BATT_AMP_PERVLT or BATT_CAPACITY"),
+            Self::CapacityAboveLabel(_) => f.write_str("check"),
             Self::NotLearnt(obstacle) => write!(f, "not learnt: {obstacle}"),
             Self::Faults(faults) => write_faults(f, "fault: ", *faults, &FAULT_NAMES),
             Self::ReportedFaults(faults) => write_faults(f, "reports: ", *faults, &REPORTED_NAMES),

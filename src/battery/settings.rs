@@ -14,6 +14,8 @@ pub struct PackSettings {
     /// Full capacity (`BATT_CAPACITY`), in milliampere-hours; millilitres of fuel. That of a sum is not set at the default:
     /// it is that of its members together.
     pub capacity_mah: Option<f32>,
+    /// The parameter that scales the measured current, if there is one: `BATT_AMP_PERVLT`, `BATT_SHUNT` or `BATT_CURR_MULT`.
+    pub current_scale: Option<BatteryParameter>,
     /// Load that is a fault, in watts: a tenth above `BATT_WATT_MAX`, so that limiting the motors to it is none.
     pub overload_w: Option<f32>,
     /// Serial number (`BATT_SERIAL_NUM`).
@@ -193,6 +195,7 @@ impl PackSettings {
                 .filter(|count| *count > 0),
             capacity_mah: above_zero(BatteryParameter::Capacity)
                 .filter(|capacity_mah| !is_sum || *capacity_mah != default_capacity_mah),
+            current_scale: kind.and_then(MonitorKind::current_scale),
             overload_w: above_zero(BatteryParameter::WattMax).map(|max_w| OVERLOAD * max_w),
             serial_number: Self::serial_number(parameters, pack),
             reported_voltage: if options & SEND_RESTING_VOLTAGE != 0 {
@@ -322,6 +325,25 @@ mod tests {
     }
 
     #[test]
+    fn the_scale_of_a_current_is_that_of_the_kind_which_measures_it() {
+        for (monitor, scale) in [
+            (0.0, None),
+            (3.0, None),
+            (4.0, Some(BatteryParameter::AmpPervlt)),
+            (21.0, Some(BatteryParameter::Shunt)),
+            (26.0, Some(BatteryParameter::Shunt)),
+            (8.0, Some(BatteryParameter::CurrMult)),
+            (7.0, None),
+        ] {
+            let mut parameters = Parameters::defaults();
+            let id = BatteryParameter::Monitor.of(Pack::Second);
+            parameters.set(id, monitor).unwrap();
+            let settings = PackSettings::from_parameters(&parameters, Pack::Second);
+            assert_eq!(settings.current_scale, scale, "{monitor}");
+        }
+    }
+
+    #[test]
     // Requirement: PX-2
     fn parameters_reach_their_settings_in_their_pack_only() {
         let mut parameters = Parameters::defaults();
@@ -351,6 +373,7 @@ mod tests {
             chemistry: Chemistry::LiIon,
             cell_count: Some(2),
             capacity_mah: Some(5200.0),
+            current_scale: None,
             overload_w: Some(99.0),
             serial_number: Some(7),
             reported_voltage: ReportedVoltage::Resting,

@@ -430,8 +430,10 @@ fn pack_events() -> Vec<PackEvent> {
             capacity_mah: 2995.0,
             resistance_ohm: 0.087,
         },
-        PackEvent::CapacityAboveLabel,
         PackEvent::PercentagesInert(BatteryParameter::LowVolt),
+        PackEvent::CapacityAboveLabel(Some(BatteryParameter::AmpPervlt)),
+        PackEvent::CapacityAboveLabel(Some(BatteryParameter::Shunt)),
+        PackEvent::CapacityAboveLabel(None),
     ];
     for (remaining_pct, usable_pct) in [(Some(15.0), Some(15.0)), (Some(15.0), Some(9.0)), (None, None)] {
         let entered = |state| PackEvent::Charge {

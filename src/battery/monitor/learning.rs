@@ -7,6 +7,9 @@ use crate::battery::{LearntPack, MeasuringScale, PackEvent};
 /// A new cell has up to so much more than its label says, relative to it; more is a wrong scale or label.
 const MAX_ABOVE_LABEL: f32 = 1.1;
 
+/// Standard deviations by which it has to be above the label.
+const SURE_SIGMAS: f32 = 2.0;
+
 /// Learnt properties of the pack, once flash was read.
 #[derive(Clone, Copy, Debug)]
 pub struct Learnt {
@@ -126,26 +129,34 @@ impl Learnt {
         cell_count: Option<u8>,
         events: &mut PackEvents,
     ) {
-        let known = self.known(settings, cell_count).map(LearntPack::learnt);
+        let is_above_label = |pack: &LearntPack| {
+            let learnt = pack.learnt().and(pack.capacity());
+            learnt
+                .zip(settings.capacity_mah)
+                .is_some_and(|(learnt, label_mah)| {
+                    let least_mah = learnt.capacity_mah * (1.0 - SURE_SIGMAS * learnt.sigma);
+                    learnt.capacity_mah > MAX_ABOVE_LABEL * label_mah && least_mah > label_mah
+                })
+        };
+        let known = self.known(settings, cell_count);
+        let was_learnt = known.is_some_and(|known| known.learnt().is_some());
+        let was_above = known.is_some_and(is_above_label);
         match known {
             Some(_) => self.persist(kept),
             None => self.replace(kept),
         }
-        let known = known.flatten();
         let Some((capacity_mah, resistance_ohm)) = kept.learnt() else {
             return;
         };
-        if known.is_none() {
+        if !was_learnt {
             let event = PackEvent::Learnt {
                 capacity_mah,
                 resistance_ohm,
             };
             push(events, event);
         }
-        let limit_mah = settings.capacity_mah.map(|rated_mah| MAX_ABOVE_LABEL * rated_mah);
-        let was_above = known.is_some_and(|(before_mah, _)| Some(before_mah) > limit_mah);
-        if limit_mah.is_some_and(|limit_mah| capacity_mah > limit_mah) && !was_above {
-            push(events, PackEvent::CapacityAboveLabel);
+        if is_above_label(kept) && !was_above {
+            push(events, PackEvent::CapacityAboveLabel(settings.current_scale));
         }
     }
 
@@ -168,6 +179,50 @@ impl Learnt {
     fn replace(&mut self, kept: &LearntPack) {
         if kept.learnt().is_some() || self.pack.learnt().is_none() {
             self.persist(kept);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::learnt::{LearntCapacity, LearntResistance};
+
+    #[test]
+    // Requirement: PX-6
+    fn a_capacity_above_the_label_is_announced_once_it_is_sure() {
+        let settings = PackSettings {
+            capacity_mah: Some(2200.0),
+            ..PackSettings::default()
+        };
+        let mut learnt = Learnt::saved(LearntPack::UNKNOWN);
+        for (capacity_mah, sigma, expected) in [
+            (2440.0, 0.06, 0),
+            (2600.0, 0.08, 0),
+            (2600.0, 0.03, 1),
+            (2610.0, 0.03, 0),
+            (2400.0, 0.0, 0),
+            (2421.0, 0.0, 1),
+        ] {
+            let kept = LearntPack {
+                cell_count: 3,
+                capacity: Some(LearntCapacity {
+                    capacity_mah,
+                    sigma,
+                    seen_mah: 0.0,
+                    seen_sigma: 0.0,
+                }),
+                resistance: Some(LearntResistance {
+                    now_ohm: 0.03,
+                    first_ohm: 0.03,
+                }),
+                ..LearntPack::UNKNOWN
+            };
+            let mut events = PackEvents::new();
+            learnt.update(&kept, &settings, Some(3), &mut events);
+            let is_check = |event: &&PackEvent| matches!(event, PackEvent::CapacityAboveLabel(_));
+            let count = events.iter().filter(is_check).count();
+            assert_eq!(count, expected, "{capacity_mah} {sigma}");
         }
     }
 }

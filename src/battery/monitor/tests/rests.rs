@@ -201,7 +201,7 @@ fn a_capacity_that_no_such_pack_has_is_announced_once() {
             rover.run(1000.0, IDLE_A);
         }
         assert_eq!(
-            rover.bench.count_of(PackEvent::CapacityAboveLabel),
+            rover.bench.count_of(PackEvent::CapacityAboveLabel(None)),
             announced,
             "{label_mah}: {:?}",
             rover.bench.state.learnt_capacity_mah
