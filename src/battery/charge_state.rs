@@ -73,6 +73,11 @@ impl ChargeStateMachine {
         self.state
     }
 
+    /// Whether a better state is entered if it lasts.
+    pub fn is_improving(&self, inputs: &Inputs) -> bool {
+        self.wanted(inputs) < self.state
+    }
+
     /// The state by what remains, if the reserve makes it worse: LOW at least.
     pub fn without_reserve(&mut self, inputs: &Inputs) -> Option<ChargeState> {
         if !matches!(self.state, ChargeState::Critical | ChargeState::Emergency) {

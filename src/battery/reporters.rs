@@ -216,8 +216,16 @@ impl AnnouncedFaults {
 }
 
 impl ChargeReporter {
-    /// Adds to `events` what begins with this state, `dt_s` seconds after the one before.
-    pub fn update(&mut self, dt_s: f32, arm_state: ArmState, state: &BatteryState, events: &mut PackEvents) {
+    /// Adds to `events` what begins with this state, `dt_s` seconds after the one before. `is_improving`: its charge state is about to
+    /// be left for a better one.
+    pub fn update(
+        &mut self,
+        dt_s: f32,
+        arm_state: ArmState,
+        state: &BatteryState,
+        is_improving: bool,
+        events: &mut PackEvents,
+    ) {
         if arm_state == ArmState::Disarmed && state.status == PackStatus::NotConnected {
             self.unplugged_s += dt_s;
         } else if core::mem::take(&mut self.unplugged_s) >= UNPLUGGED_S {
@@ -230,7 +238,7 @@ impl ChargeReporter {
             self.settling_s -= dt_s;
             return;
         }
-        if let Some(event) = self.charge(dt_s, state) {
+        if let Some(event) = self.charge(dt_s, state, is_improving) {
             push(events, event);
         }
         if self.begins_to_charge(dt_s, state) {
@@ -253,7 +261,7 @@ impl ChargeReporter {
         }
     }
 
-    fn charge(&mut self, dt_s: f32, state: &BatteryState) -> Option<PackEvent> {
+    fn charge(&mut self, dt_s: f32, state: &BatteryState, is_improving: bool) -> Option<PackEvent> {
         let present = state.charge_state;
         if present > ChargeState::Emergency || present == ChargeState::Undefined {
             // Neither better nor worse.
@@ -263,7 +271,8 @@ impl ChargeReporter {
         if self.better.reaches(RECOVERY_S, dt_s, is_better) {
             self.worst = present;
         }
-        if is_better {
+        // A better state that has to last for a while yet: after another pack was put in, for example.
+        if is_better || is_improving {
             return None;
         }
         let before = core::mem::replace(&mut self.worst, present);
@@ -382,7 +391,7 @@ mod tests {
         let mut events = Vec::new();
         for _ in 0..seconds * 10 {
             let mut of_tick = PackEvents::new();
-            reporter.update(0.1, ArmState::Disarmed, state, &mut of_tick);
+            reporter.update(0.1, ArmState::Disarmed, state, false, &mut of_tick);
             events.extend(of_tick);
         }
         events
@@ -483,15 +492,15 @@ mod tests {
         // The contact bounces.
         let mut events = PackEvents::new();
         for _ in 0..10 {
-            reporter.update(0.1, ArmState::Disarmed, &unplugged, &mut events);
-            reporter.update(0.1, ArmState::Disarmed, &low, &mut events);
+            reporter.update(0.1, ArmState::Disarmed, &unplugged, false, &mut events);
+            reporter.update(0.1, ArmState::Disarmed, &low, false, &mut events);
         }
         assert!(events.is_empty());
         // A wire that is loose while driving does not mean another pack.
         for _ in 0..50 {
-            reporter.update(0.1, ArmState::Armed, &unplugged, &mut events);
+            reporter.update(0.1, ArmState::Armed, &unplugged, false, &mut events);
         }
-        reporter.update(0.1, ArmState::Armed, &low, &mut events);
+        reporter.update(0.1, ArmState::Armed, &low, false, &mut events);
         assert!(events.is_empty());
     }
 

@@ -70,7 +70,9 @@ impl Evaluation {
         };
         state.charge_state = self.charge_state.update(dt_s, &inputs);
         state.without_reserve = self.charge_state.without_reserve(&inputs);
-        self.charge_reporter.update(dt_s, tick.arm_state, state, events);
+        let is_improving = self.charge_state.is_improving(&inputs);
+        self.charge_reporter
+            .update(dt_s, tick.arm_state, state, is_improving, events);
         reached
     }
 

@@ -32,6 +32,47 @@ fn another_pack_is_estimated_by_its_own_voltage() {
 }
 
 #[test]
+// Requirement: L-10
+fn a_pack_put_in_is_announced_as_low_only_if_it_is() {
+    for by_failsafe in [false, true] {
+        for (before, limit_pct) in [(0.3, 40.0), (0.6, 65.0), (0.8, 85.0)] {
+            for (other, is_low) in [(1.0, false), (0.2, true)] {
+                let mut rover = Rover::parked(Pack::rested(Chemistry::LiPo, 1.0));
+                let settings = &mut rover.bench.settings;
+                settings.charge_limits.low_pct = Some(limit_pct);
+                if by_failsafe {
+                    settings.failsafe.low.remaining_mah = Some(22.0 * limit_pct);
+                }
+                rover.drive_to(before);
+                rover.run(120.0, IDLE_A);
+                let is_of_charge = |event: &PackEvent| matches!(event, PackEvent::Charge { .. });
+                let what = format!("{before} before, {other}, {by_failsafe}");
+                let expected = if by_failsafe {
+                    FailsafeLevel::Low
+                } else {
+                    FailsafeLevel::None
+                };
+                assert_eq!(rover.bench.state.failsafe, expected, "{what}");
+                assert_eq!(rover.bench.state.charge_state, ChargeState::Low, "{what}");
+                rover.bench.events.clear();
+                rover.swap(Pack::rested(Chemistry::LiPo, other), 5.0);
+                rover.run(60.0, IDLE_A);
+                let announced = rover
+                    .bench
+                    .events
+                    .iter()
+                    .filter(|event| is_of_charge(event))
+                    .count();
+                // A level that stays latched has been announced.
+                let is_latched = rover.bench.state.failsafe != FailsafeLevel::None;
+                let expected = usize::from(is_low && !is_latched);
+                assert_eq!(announced, expected, "{what}: {:?}", rover.bench.events);
+            }
+        }
+    }
+}
+
+#[test]
 // Requirement: PX-6, L-11
 fn the_same_pack_goes_on() {
     for chemistry in [Chemistry::LiPo, Chemistry::LiIon, Chemistry::LiFe] {
