@@ -49,6 +49,9 @@ pub struct Parameters {
     /// Parameters that have changed since they were taken.
     changed: ParameterIdSet,
     pub(super) sticks: Sticks,
+    /// A default of a simulated board that differs from the board's.
+    #[cfg(not(target_os = "none"))]
+    own_default: Option<(ParameterId, f32)>,
 }
 
 /// Why a value is refused.
@@ -83,6 +86,8 @@ impl Parameters {
             listed: ParameterIdSet::default(),
             changed: ParameterIdSet::default(),
             sticks: Sticks::defaults(),
+            #[cfg(not(target_os = "none"))]
+            own_default: None,
         };
         parameters.update_listed(ParameterId::all());
         parameters
@@ -94,6 +99,24 @@ impl Parameters {
             ParameterId::GroundStation(constant) => constant.row().default,
             id => self.values.get(id),
         }
+    }
+
+    /// The default, in the parameter's unit: the value after a reset.
+    pub fn default_of(&self, id: ParameterId) -> f32 {
+        #[cfg(not(target_os = "none"))]
+        if let Some((own, default)) = self.own_default
+            && own == id
+        {
+            return default;
+        }
+        id.default_value()
+    }
+
+    /// Sets the default and the live value of a parameter of a simulated board.
+    #[cfg(not(target_os = "none"))]
+    pub fn set_default(&mut self, id: ParameterId, default: f32) {
+        self.own_default = Some((id, default));
+        self.write(id, default);
     }
 
     /// The live value of a whole-number parameter, in the parameter's unit.

@@ -173,7 +173,7 @@ pub fn parameter_record(id: ParameterId, parameters: &Parameters, now: Instant) 
     let record = Record::Parameter {
         name: &id.name(),
         value: parameters.get(id),
-        default: id.default_value(),
+        default: parameters.default_of(id),
     };
     record.encode(now.as_micros())
 }

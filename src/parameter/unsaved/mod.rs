@@ -54,7 +54,7 @@ impl Parameters {
             *changes = ParameterIdSet::default();
         }
         for id in ParameterId::all().filter(|id| matches!(id.row().access, Access::Setting(_))) {
-            self.write(id, id.default_value());
+            self.write(id, self.default_of(id));
         }
         self.doubts &= Doubts::NOT_READ;
         self.half_file = None;

@@ -63,8 +63,9 @@ impl Role<'_> {
     /// Which board it is, and parameters that it has as long as no others are in its flash.
     pub(super) fn set_up(self, start: &mut Start) {
         start.identity.board_id = Some(board_id(self.number()));
-        let drivers = (VehicleParameter::MotDrvVolt.into(), DRIVER_LIMIT_V);
-        restore(&mut start.parameters, &[drivers]);
+        start
+            .parameters
+            .set_default(VehicleParameter::MotDrvVolt.into(), DRIVER_LIMIT_V);
         let Self::Member(_, number) = self else { return };
         let own: [(ParameterId, f32); 4] = [
             (VehicleParameter::SysidThismav.into(), number.into()),
@@ -241,7 +242,11 @@ mod tests {
         for role in [Role::Alone(Output::Lines), Role::Member(&Fleet::of(1), 1)] {
             let mut start = Start::default();
             role.set_up(&mut start);
-            assert!(start.parameters.get(VehicleParameter::MotDrvVolt) > full_v);
+            let limit_v = |start: &Start| start.parameters.get(VehicleParameter::MotDrvVolt);
+            assert!(limit_v(&start) > full_v);
+            start.parameters.set(VehicleParameter::MotDrvVolt, 5.0).unwrap();
+            start.parameters.reset();
+            assert!(limit_v(&start) > full_v, "after a reset");
         }
     }
 

@@ -163,7 +163,7 @@ impl ParameterFile {
         let _ = values.extend_from_slice(&packed_type.pack(parameters.get(id)));
         if self.selection.with_defaults {
             flags = HAS_DEFAULT;
-            let _ = values.extend_from_slice(&packed_type.pack(id.default_value()));
+            let _ = values.extend_from_slice(&packed_type.pack(parameters.default_of(id)));
         }
         let mut record = Vec::new();
         let unpadded_bytes = 2 + own.len() + values.len();
