@@ -47,6 +47,8 @@ pub enum ArmingFailure {
     CapacityOrder,
     /// `BATT_CRT_VOLT` is not below `BATT_LOW_VOLT`.
     VoltageOrder,
+    /// `BATT_CRT_PCT` or `BATT_EMR_PCT` is not below `BATT_LOW_PCT`, and they act.
+    PercentageOrder,
 }
 
 impl fmt::Display for ArmingFailure {
@@ -70,13 +72,14 @@ impl fmt::Display for ArmingFailure {
             Self::NoCapacity => "no capacity set",
             Self::CapacityOrder => "capacity failsafe critical >= low",
             Self::VoltageOrder => "voltage failsafe critical >= low",
+            Self::PercentageOrder => "percentage failsafe critical >= low",
         })
     }
 }
 
 impl ArmingFailure {
     /// All, in the order in which they are reported.
-    const ALL: [Self; 18] = [
+    const ALL: [Self; 19] = [
         // First: at full scale the pack is unhealthy, too.
         Self::AboveDrivers,
         Self::Unhealthy,
@@ -96,6 +99,7 @@ impl ArmingFailure {
         Self::NoCapacity,
         Self::CapacityOrder,
         Self::VoltageOrder,
+        Self::PercentageOrder,
     ];
 
     fn bit(self) -> u32 {
@@ -158,9 +162,12 @@ fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
             ArmingFailure::NoCapacity,
         ),
         (
-            is_inverted(low.remaining_mah, critical.remaining_mah)
-                || is_inverted(low.usable_pct, critical.usable_pct),
+            is_inverted(low.remaining_mah, critical.remaining_mah),
             ArmingFailure::CapacityOrder,
+        ),
+        (
+            is_inverted(low.usable_pct, critical.usable_pct),
+            ArmingFailure::PercentageOrder,
         ),
         (
             is_inverted(low.voltage_v, critical.voltage_v),
@@ -363,6 +370,26 @@ mod tests {
                 "voltage failsafe critical >= low",
             ]
         );
+    }
+
+    #[test]
+    fn inverted_percentages_have_a_text_of_their_own() {
+        for (low_pct, critical_pct, expected) in [
+            (Some(20.0), Some(19.9), None),
+            (
+                Some(20.0),
+                Some(20.0),
+                Some("percentage failsafe critical >= low"),
+            ),
+            (None, Some(20.0), None),
+            (Some(20.0), None, None),
+        ] {
+            let mut settings = PackSettings::default();
+            settings.failsafe.low.usable_pct = low_pct;
+            settings.failsafe.critical.usable_pct = critical_pct;
+            let found = failures(&pack(12.6, 100.0), &settings);
+            assert_eq!(found, Vec::from_iter(expected), "{low_pct:?} {critical_pct:?}");
+        }
     }
 
     #[test]

@@ -365,7 +365,7 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 18] = [
+const ARMING_FAILURES: [ArmingFailure; 19] = [
     ArmingFailure::AboveDrivers,
     ArmingFailure::Unhealthy,
     ArmingFailure::Failed,
@@ -384,6 +384,7 @@ const ARMING_FAILURES: [ArmingFailure; 18] = [
     ArmingFailure::NoCapacity,
     ArmingFailure::CapacityOrder,
     ArmingFailure::VoltageOrder,
+    ArmingFailure::PercentageOrder,
 ];
 
 fn pack_events() -> Vec<PackEvent> {
