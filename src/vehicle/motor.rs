@@ -93,6 +93,9 @@ pub trait Motors {
     fn drive(&mut self, drives: SideDrives);
 }
 
+/// Least rate towards neutral, per second: a slow start must not be a slow stop.
+const LEAST_RATE_TO_NEUTRAL_PER_S: f32 = 1.0;
+
 /// Slew rate limiter.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ramp {
@@ -106,17 +109,23 @@ impl Ramp {
         self.value
     }
 
-    /// Moves towards `target` (−1 to 1) at up to `rate_per_s`; `None` is unlimited.
+    /// Moves towards `target` (−1 to 1) at up to `rate_per_s`, and not slower than 1 per second while that is towards neutral; `None`
+    /// is unlimited.
     pub fn follow(&mut self, now: Instant, target: f32, rate_per_s: Option<f32>) {
         let elapsed_us = now.us_since(self.last.replace(now).unwrap_or(now));
-        let change = target - self.value;
-        self.value += match rate_per_s {
-            Some(rate_per_s) => {
-                let max_change = rate_per_s * elapsed_us as f32 * 1e-6;
-                change.max(-max_change).min(max_change)
-            }
-            None => change,
+        let Some(rate_per_s) = rate_per_s else {
+            self.value = target;
+            return;
         };
+        // On the way to a reversal it pauses at neutral until the next call.
+        let target = if self.value * target < 0.0 { 0.0 } else { target };
+        let rate_per_s = if target.abs() < self.value.abs() {
+            rate_per_s.max(LEAST_RATE_TO_NEUTRAL_PER_S)
+        } else {
+            rate_per_s
+        };
+        let max_change = rate_per_s * elapsed_us as f32 * 1e-6;
+        self.value += (target - self.value).max(-max_change).min(max_change);
     }
 }
 
@@ -232,6 +241,61 @@ mod tests {
         assert_eq!(after(9_000_000, 1.0), 1.0);
         assert_eq!(after(9_500_000, -1.0), 0.5);
         assert_eq!(after(9_600_000, 0.5), 0.5);
+    }
+
+    #[test]
+    fn towards_neutral_the_rate_is_at_least_full_throttle_a_second() {
+        for (rate_per_s, targets) in [
+            (
+                0.2,
+                [
+                    (0.5, 0.5),
+                    (-1.0, 0.0),
+                    (-1.0, -0.1),
+                    (-1.0, -0.2),
+                    (-0.1, -0.1),
+                    (0.0, 0.0),
+                    (1.0, 0.1),
+                ],
+            ),
+            (
+                0.01,
+                [
+                    (0.9, 0.9),
+                    (0.0, 0.4),
+                    (0.0, 0.0),
+                    (-1.0, -0.005),
+                    (0.5, 0.0),
+                    (0.5, 0.005),
+                    (0.0, 0.0),
+                ],
+            ),
+            (
+                1.6,
+                [
+                    (0.9, 0.9),
+                    (0.0, 0.1),
+                    (-1.0, 0.0),
+                    (-1.0, -0.8),
+                    (-1.0, -1.0),
+                    (0.0, -0.2),
+                    (1.0, 0.0),
+                ],
+            ),
+        ] {
+            let mut ramp = Ramp {
+                value: 1.0,
+                last: Some(Instant::EPOCH),
+            };
+            for ((target, expected), half_s) in targets.into_iter().zip(1..) {
+                ramp.follow(at_us(500_000 * half_s), target, Some(rate_per_s));
+                let value = ramp.value();
+                assert!(
+                    (value - expected).abs() < 1e-5,
+                    "{value} at {rate_per_s} to {target}"
+                );
+            }
+        }
     }
 
     #[test]

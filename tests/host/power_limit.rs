@@ -2,6 +2,7 @@
 
 use rover_battmon::battery::{BusError, Measurement};
 use rover_battmon::pack::Pack;
+use rover_battmon::parameter::VehicleParameter;
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::vehicle::MotorDrive;
 use support::commands::ACCEPTED;
@@ -139,4 +140,22 @@ fn a_wire_that_breaks_while_driving_holds_the_limit() {
     let is_held = |power_w: &f32| (power_w / held_w - 1.0).abs() < 0.03;
     assert!(held.iter().all(is_held), "{held:.1?}");
     assert_eq!(rover.announced("Battery 1 unhealthy"), 1);
+}
+
+#[test]
+fn a_limited_rover_reverses_gently_but_stops_within_a_second() {
+    let mut rover = Limited::new();
+    rover.assert_limited(0, 1000);
+    rover.desk.set(VehicleParameter::MotSlewrate, 20.0);
+    let ahead_w = rover.steer_for(1, 0, -1000);
+    assert!(
+        ahead_w.is_sorted_by(|before, after| before >= after),
+        "{ahead_w:.1?}"
+    );
+    assert_eq!(rover.drawn_w(), 0.0, "{ahead_w:.1?}");
+    rover.steer_for(1, 0, -1000);
+    let MotorDrive::Turn(back) = rover.desk.vehicle().drives().left else {
+        panic!("it stands");
+    };
+    assert!((-0.21..-0.1).contains(&back), "{back}");
 }

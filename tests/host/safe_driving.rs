@@ -402,6 +402,37 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// However slow the throttle may become, and whatever the sticks did before.
+    #[test]
+    // Requirement: OWN-2
+    fn the_motors_stop_within_a_second_of_letting_go(
+        slew_rate_pct_per_s in prop_oneof![Just(20.0f32), Just(1.0), 1.0f32..1000.0],
+        throttles in prop::collection::vec((prop::sample::select(vec![-1000, -300, 0, 300, 1000]), 0u64..100), 0..12),
+    ) {
+        let mut desk = Desk::without_packs();
+        desk.set(VehicleParameter::MotSlewrate, slew_rate_pct_per_s.trunc());
+        let hold_stick = |desk: &mut Desk, throttle, ticks: u64| {
+            for _ in 0..ticks {
+                desk.receive_in_chunks(&manual_control(1, 0, throttle), 64);
+                desk.now_us += TICK_US;
+                desk.drive();
+            }
+        };
+        for request in [arm_by_force(), do_set_mode(0.0)] {
+            desk.receive_in_chunks(&request, 64);
+        }
+        hold_stick(&mut desk, 0, 1);
+        for (throttle, ticks) in throttles {
+            hold_stick(&mut desk, throttle, ticks);
+        }
+        hold_stick(&mut desk, 0, 50);
+        prop_assert_eq!(desk.vehicle().drives(), SideDrives::COAST);
+    }
+}
+
 /// A source that holds these bytes, and gives the next piece each time it was found empty.
 struct Held(VecDeque<Vec<u8>>);
 

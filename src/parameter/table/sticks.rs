@@ -9,8 +9,8 @@ const CHANNELS: Range = Range::Between(1.0, 8.0);
 
 /// Lengths of pulses, in microseconds. What does not fit the other two of a channel is in
 /// [`Parameters::stick_misfits`](crate::parameter::Parameters::stick_misfits).
-const SHORTEST_US: f32 = 800.0;
-const LONGEST_US: f32 = 2200.0;
+pub(in crate::parameter) const SHORTEST_US: f32 = 800.0;
+pub(in crate::parameter) const LONGEST_US: f32 = 2200.0;
 pub(in crate::parameter) const LEAST_TRAVEL_US: f32 = 100.0;
 
 /// The rows of the axes, and those of the channels, of which four are like each other.
@@ -55,7 +55,8 @@ macro_rules! sticks {
                 unit: "µs",
                 label: concat!("Channel ", $number, ": longest pulse"),
                 description: concat!(
-                    "Pulse of a stick's full deflection ahead or right, at least 100 µs longer than RC", $number, "_TRIM."
+                    "Pulse of a stick's full deflection ahead or right, at least 100 µs longer than RC", $number, "_TRIM. A \
+                     change takes effect when the rover is disarmed."
                 ),
             }
             $trim {
@@ -66,7 +67,7 @@ macro_rules! sticks {
                 range: Range::Between(SHORTEST_US + LEAST_TRAVEL_US, LONGEST_US - LEAST_TRAVEL_US),
                 unit: "µs",
                 label: concat!("Channel ", $number, ": neutral pulse"),
-                description: "Pulse of a stick that is neutral.",
+                description: "Pulse of a stick that is neutral. A change takes effect when the rover is disarmed.",
             }
             $reversed {
                 key: $key + 3,
@@ -75,7 +76,7 @@ macro_rules! sticks {
                 default: 0.0,
                 range: Range::OneOf(&[(0, means("Normal")), (1, means("Reversed"))]),
                 label: concat!("Channel ", $number, ": direction"),
-                description: "Whether longer pulses are back or left.",
+                description: "Whether longer pulses are back or left. A change takes effect when the rover is disarmed.",
             })*
         }
     };

@@ -140,7 +140,7 @@ parameters! {
         range: Range::Between(0.0, 1000.0),
         unit: "%/s",
         label: "Throttle slew rate",
-        description: "Maximum rate of change of the throttle. 0: unlimited.",
+        description: "Maximum rate of change of the throttle, towards neutral at least 100 %/s. 0: unlimited.",
     }
     MotBatWattTc {
         key: 54,
