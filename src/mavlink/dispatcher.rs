@@ -18,7 +18,7 @@ use super::services::{
 use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, Role, is_permitted};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::announce::Severity;
-use crate::vehicle::{ArmState, ControlMessage, Delivery, Mode};
+use crate::vehicle::{ArmState, ControlMessage, Mode, Presence};
 
 /// The type in the HEARTBEAT of a ground station.
 const GROUND_STATION: u8 = MavType::MAV_TYPE_GCS as u8;
@@ -78,9 +78,16 @@ pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mu
         return Event::Ignored;
     }
     let authenticity = context.changeable.signing.check(frame, context.now);
-    context.delivery = match authenticity {
-        _ if permits(&request, authenticity, context) => Delivery::Prompt,
-        Authenticity::Late if only_stops(&request, context.changeable.vehicle) => Delivery::Late,
+    context.presence = match authenticity {
+        // A companion sends as long as the rover has power.
+        _ if permits(&request, authenticity, context) => {
+            if from.system_id == system_id {
+                Presence::Unknown
+            } else {
+                Presence::GroundStation
+            }
+        }
+        Authenticity::Late if only_stops(&request, context.changeable.vehicle) => Presence::Unknown,
         _ => return refuse(&request, authenticity, context.unauthorized),
     };
     context.age_ms = context.clocks.age_ms(from, context.now);
@@ -240,7 +247,11 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
         Request::ChannelOverride(pulses_us) => {
             VehicleService::of(context).control_by_channels(pulses_us, from)
         }
-        Request::Heartbeat { system_type } if *system_type == GROUND_STATION => heard(from, context),
+        Request::Heartbeat { system_type }
+            if (*system_type, context.presence) == (GROUND_STATION, Presence::GroundStation) =>
+        {
+            heard(from, context)
+        }
         Request::Heartbeat { .. } => Event::Ignored,
         Request::SetUpSigning(set_up) => signing::set_up(set_up, context),
         Request::WifiConfig(config) => wifi::set_up(config, context),

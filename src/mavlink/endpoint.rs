@@ -20,7 +20,7 @@ use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterIdSet, Parameters, VehicleParameter};
 use crate::system::{LinkStatistics, SystemState};
 use crate::time::Instant;
-use crate::vehicle::Delivery;
+use crate::vehicle::Presence;
 
 /// Minimum interval between log lines about drops, and between those about refusals.
 const LOG_INTERVAL_US: u64 = 1_000_000;
@@ -371,7 +371,7 @@ impl Endpoint {
             now,
             received_at,
             age_ms: None,
-            delivery: Delivery::Prompt,
+            presence: Presence::Unknown,
             state: &state,
             changeable,
             rates: &mut self.rates,

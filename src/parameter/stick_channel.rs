@@ -1,5 +1,7 @@
 //! The channels of the sticks, and what their pulses mean.
 
+use super::table::sticks::{LONGEST_US, SHORTEST_US};
+
 /// The channel of an axis, and what its pulses mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -40,8 +42,12 @@ impl StickChannel {
         pulses_us.get(usize::from(self.index)).copied()
     }
 
-    /// The stick's position for a pulse, from −1000 to 1000; a pulse beyond the shortest or longest is full deflection.
-    pub fn position(&self, pulse_us: u16) -> i16 {
+    /// The stick's position for a pulse, from −1000 to 1000; a pulse beyond the shortest or longest is full deflection. `None` of one
+    /// that no receiver sends.
+    pub fn position(&self, pulse_us: u16) -> Option<i16> {
+        if !(SHORTEST_US as u16..=LONGEST_US as u16).contains(&pulse_us) {
+            return None;
+        }
         // `clamp` would be a panicking path.
         let pulse_us = pulse_us.max(self.shortest_us).min(self.longest_us);
         let deflection_us = i32::from(pulse_us) - i32::from(self.neutral_us);
@@ -52,7 +58,7 @@ impl StickChannel {
         };
         // At least 100 µs, as the parameters fit each other.
         let position = deflection_us * 1000 / i32::from(travel_us.max(1));
-        (if self.is_reversed { -position } else { position }) as i16
+        Some((if self.is_reversed { -position } else { position }) as i16)
     }
 }
 

@@ -87,8 +87,8 @@ mod tests {
             (steering, parameters.stick_channels().throttle),
             (StickChannel::STEERING, StickChannel::THROTTLE)
         );
-        let positions = [0, 1000, 1250, 1500, 1900, 2000, 2200].map(|us| steering.position(us));
-        assert_eq!(positions, [-1000, -1000, -500, 0, 800, 1000, 1000]);
+        let positions = [800, 1000, 1250, 1500, 1900, 2000, 2200].map(|us| steering.position(us));
+        assert_eq!(positions, [-1000, -1000, -500, 0, 800, 1000, 1000].map(Some));
         for (id, value) in [
             (RcmapThrottle, 5.0),
             (RcmapRoll, 3.0),
@@ -101,11 +101,11 @@ mod tests {
         }
         let steering = parameters.stick_channels().steering;
         let positions = [1100, 1350, 1600, 1750, 1900].map(|us| steering.position(us));
-        assert_eq!(positions, [1000, 500, 0, -500, -1000]);
+        assert_eq!(positions, [1000, 500, 0, -500, -1000].map(Some));
         let pulses = [1, 2, 3, 4, 5, 6, 7, 8];
         assert_eq!(steering.pulse_of(&pulses), Some(3));
         assert_eq!(parameters.stick_channels().throttle.pulse_of(&pulses), Some(5));
-        assert_eq!(parameters.stick_channels().throttle.position(1900), 800);
+        assert_eq!(parameters.stick_channels().throttle.position(1900), Some(800));
     }
 
     fn misfits(parameters: &Parameters) -> Vec<(StickParameter, StickParameter)> {
@@ -209,10 +209,12 @@ mod tests {
                 }
             }
             for channel in [parameters.stick_channels().steering, parameters.stick_channels().throttle] {
-                prop_assert!((-1000..=1000).contains(&channel.position(pulse_us)));
-                prop_assert_eq!(channel.position(channel.neutral_us), 0);
-                prop_assert_eq!(channel.position(channel.shortest_us).abs(), 1000);
-                prop_assert_eq!(channel.position(channel.longest_us).abs(), 1000);
+                let is_valid = |position| (-1000..=1000).contains(&position);
+                prop_assert!(channel.position(pulse_us).is_none_or(is_valid));
+                prop_assert_eq!(channel.position(channel.neutral_us), Some(0));
+                for full_us in [channel.shortest_us, channel.longest_us] {
+                    prop_assert_eq!(channel.position(full_us).map(i16::abs), Some(1000));
+                }
             }
             prop_assert_ne!(parameters.stick_channels().steering.index, parameters.stick_channels().throttle.index);
         }

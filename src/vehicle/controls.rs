@@ -9,11 +9,11 @@ use crate::time::Instant;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum StickInput {
-    /// Its position, from −1000 (back, left) to 1000 (ahead, right), clamped.
+    /// Its position, from −1000 (back, left) to 1000 (ahead, right).
     Position(i16),
     /// The override is released.
     Released,
-    /// The message is about other channels.
+    /// The message is about other channels, or has a value that no stick has.
     Unchanged,
 }
 
@@ -31,11 +31,23 @@ impl StickInput {
     /// Reads the stick of one channel from the pulses of all, in microseconds.
     pub fn of_channel(channel: &StickChannel, pulses_us: &[u16]) -> Self {
         const RELEASED_US: u16 = 0;
-        const UNCHANGED_US: u16 = u16::MAX;
         match channel.pulse_of(pulses_us) {
-            None | Some(UNCHANGED_US) => Self::Unchanged,
             Some(RELEASED_US) => Self::Released,
-            Some(pulse_us) => Self::Position(channel.position(pulse_us)),
+            pulse_us => {
+                let position = pulse_us.and_then(|pulse_us| channel.position(pulse_us));
+                position.map_or(Self::Unchanged, Self::Position)
+            }
+        }
+    }
+
+    /// Reads the stick of an axis, from −1000 to 1000.
+    pub fn of_axis(position: i16) -> Self {
+        /// An axis that the sender does not have.
+        const NO_AXIS: i16 = i16::MAX;
+        match position {
+            NO_AXIS => Self::Released,
+            _ if (-FULL_DEFLECTION..=FULL_DEFLECTION).contains(&position) => Self::Position(position),
+            _ => Self::Unchanged,
         }
     }
 }
@@ -70,7 +82,8 @@ fn is_neutral(position: i16) -> bool {
     (-DEADBAND..=DEADBAND).contains(&position)
 }
 
-/// The driver's sticks. Each times out separately: a message about one does not refresh the other.
+/// The driver's sticks. Each times out separately: a message about one does not refresh the other. From rest neither drives
+/// before all that are in use were neutral at the same time: a finger held ahead is a few percent off the centre of the steering.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Controls {
     throttle: StickState,
@@ -80,8 +93,12 @@ pub struct Controls {
 impl Controls {
     /// Processes a control message. Returns whether it was about a stick at all.
     pub fn receive(&mut self, received_at: Instant, throttle: StickInput, steering: StickInput) -> bool {
+        let rests = !self.throttle.is_driving() && !self.steering.is_driving();
         self.throttle.receive(received_at, throttle);
         self.steering.receive(received_at, steering);
+        if rests && self.waiting().is_some() {
+            self.require_neutral();
+        }
         (throttle, steering) != (StickInput::Unchanged, StickInput::Unchanged)
     }
 
@@ -106,9 +123,12 @@ impl Controls {
         }
     }
 
-    /// Closes both gates: a stick whose latest position is neutral drives with the next message, any other has to be centred
-    /// first.
+    /// Closes both gates: if no latest position is deflected, a stick that was neutral drives with the next message. Any other has
+    /// to be centred first.
     pub fn close(&mut self) {
+        if self.deflected().is_some() {
+            self.require_neutral();
+        }
         self.throttle.close();
         self.steering.close();
     }
@@ -197,7 +217,6 @@ impl StickState {
     fn receive(&mut self, received_at: Instant, input: StickInput) {
         match input {
             StickInput::Position(position) => {
-                let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
                 self.input.receive(received_at, position);
                 if self.gate == Gate::AwaitsMessage || is_neutral(position) {
                     self.gate = Gate::Open;
@@ -233,6 +252,10 @@ impl StickState {
         self.input.value().is_some_and(|position| !is_neutral(position))
     }
 
+    fn is_driving(&self) -> bool {
+        self.gate == Gate::Open && self.is_deflected()
+    }
+
     fn is_waiting(&self) -> bool {
         self.gate == Gate::AwaitsNeutral && self.is_deflected()
     }
@@ -263,7 +286,7 @@ mod tests {
     fn stick_keeps_its_position_until_the_next_message() {
         let mut controls = centred();
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.receive(Instant::EPOCH, Position(500), Position(i16::MIN));
+        controls.receive(Instant::EPOCH, Position(500), Position(-1000));
         assert_eq!(positions(&controls), (0.5, -1.0));
         controls.receive(Instant::EPOCH, Unchanged, Released);
         assert_eq!(positions(&controls), (0.5, 0.0));
@@ -299,20 +322,76 @@ mod tests {
     }
 
     #[test]
-    fn a_stick_drives_from_its_first_neutral_position_on() {
+    fn sticks_drive_once_both_were_neutral_at_the_same_time() {
+        let (throttle, steering) = (Some(Stick::Throttle), Some(Stick::Steering));
         let mut controls = Controls::default();
-        controls.receive(Instant::EPOCH, Position(900), NEUTRAL);
-        assert_eq!(positions(&controls), (0.0, 0.0));
-        assert_eq!(controls.waiting(), Some(Stick::Throttle));
-        controls.receive(Instant::EPOCH, Position(900), Position(60));
-        assert_eq!(positions(&controls), (0.0, 0.06), "each by itself");
-        controls.receive(Instant::EPOCH, Position(50), Unchanged);
-        assert_eq!((positions(&controls), controls.waiting()), ((0.05, 0.06), None));
-        controls.receive(Instant::EPOCH, Position(900), Released);
-        assert_eq!(positions(&controls), (0.9, 0.0));
-        controls.receive(Instant::EPOCH, Unchanged, Position(900));
-        assert_eq!(positions(&controls), (0.9, 0.0), "after a release");
-        assert_eq!(controls.waiting(), Some(Stick::Steering));
+        for (inputs, expected, waiting) in [
+            ((Position(900), Position(50)), (0.0, 0.0), throttle),
+            ((Position(900), Position(60)), (0.0, 0.0), throttle),
+            ((Position(50), Position(60)), (0.0, 0.0), steering),
+            ((Position(60), Position(50)), (0.0, 0.0), throttle),
+            ((Position(50), Position(-50)), (0.05, -0.05), None),
+            ((Position(900), Position(60)), (0.9, 0.06), None),
+            ((Unchanged, Released), (0.9, 0.0), None),
+            // While the throttle drives, the steering waits alone.
+            ((Position(900), Position(900)), (0.9, 0.0), steering),
+            ((Position(0), Unchanged), (0.0, 0.0), steering),
+            // From rest both do.
+            ((Position(900), Unchanged), (0.0, 0.0), throttle),
+            ((Position(900), Position(0)), (0.0, 0.0), throttle),
+            ((Released, Position(0)), (0.0, 0.0), None),
+            ((Unchanged, Position(900)), (0.0, 0.9), None),
+        ] {
+            controls.receive(Instant::EPOCH, inputs.0, inputs.1);
+            assert_eq!(
+                (positions(&controls), controls.waiting()),
+                (expected, waiting),
+                "{inputs:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_closed_gate_opens_by_the_next_message_only_if_all_positions_were_neutral() {
+        for (position, expected) in [(50, (0.0, 0.9)), (51, (0.0, 0.0))] {
+            let mut controls = centred();
+            controls.receive(Instant::EPOCH, Position(position), NEUTRAL);
+            controls.close();
+            controls.receive(Instant::EPOCH, NEUTRAL, Position(900));
+            assert_eq!(positions(&controls), expected, "{position}");
+        }
+    }
+
+    #[test]
+    fn values_that_no_stick_has_leave_it_unchanged() {
+        for (position, input) in [
+            (i16::MIN, Unchanged),
+            (-1001, Unchanged),
+            (-1000, Position(-1000)),
+            (1000, Position(1000)),
+            (1001, Unchanged),
+            (i16::MAX - 1, Unchanged),
+            (i16::MAX, Released),
+        ] {
+            assert_eq!(StickInput::of_axis(position), input, "{position}");
+        }
+        for (pulse_us, input) in [
+            (0, Released),
+            (1, Unchanged),
+            (799, Unchanged),
+            (800, Position(-1000)),
+            (2200, Position(1000)),
+            (2201, Unchanged),
+            (u16::MAX - 1, Unchanged),
+            (u16::MAX, Unchanged),
+        ] {
+            let read = StickInput::of_channel(&StickChannel::STEERING, &[pulse_us]);
+            assert_eq!(read, input, "{pulse_us}");
+        }
+        assert_eq!(
+            StickInput::of_channel(&StickChannel::THROTTLE, &[1500]),
+            Unchanged
+        );
     }
 
     #[test]
@@ -334,14 +413,14 @@ mod tests {
         assert_eq!(controls.deflected(), Some(Stick::Throttle));
         controls.close();
         controls.receive(Instant::EPOCH, deflected, Position(60));
-        assert_eq!(positions(&controls), (0.0, 0.06));
+        assert_eq!(positions(&controls), (0.0, 0.0));
         // Closed again, after a time-out.
         controls.disarm();
         controls.times_out(at_us(2_000_000), TIMEOUT_US, ArmState::Disarmed);
         controls.close();
         controls.receive(at_us(2_000_000), deflected, Position(60));
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.receive(at_us(2_000_000), NEUTRAL, Unchanged);
+        controls.receive(at_us(2_000_000), NEUTRAL, NEUTRAL);
         controls.receive(at_us(2_000_000), deflected, Unchanged);
         assert_eq!(positions(&controls), (-1.0, 0.0));
     }
@@ -354,8 +433,12 @@ mod tests {
         controls.receive(Instant::EPOCH, Position(700), Position(700));
         controls.hand_over(heard);
         assert_eq!((positions(&controls), controls.deflected()), ((0.0, 0.0), None));
-        controls.receive(Instant::EPOCH, Position(800), Position(800));
+        controls.receive(Instant::EPOCH, Position(800), Unchanged);
         assert_eq!(positions(&controls), (0.8, 0.0));
+        // What it brings with its first message was not neutral before.
+        controls.hand_over(heard);
+        controls.receive(Instant::EPOCH, Position(800), Position(800));
+        assert_eq!(positions(&controls), (0.0, 0.0));
         // The sticks of its predecessor time out.
         let mut controls = centred();
         controls.hand_over(heard);

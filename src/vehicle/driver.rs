@@ -37,13 +37,13 @@ pub enum ControlMessage {
     ChannelOverride,
 }
 
-/// Delivery of a message.
+/// What a message says about the presence of a ground station.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Delivery {
-    /// In time, as far as is known.
-    Prompt,
-    /// Long after it was sent: it stops the rover, and says nothing about whether its sender is still there.
-    Late,
+pub enum Presence {
+    /// One has sent it, in time as far as is known.
+    GroundStation,
+    /// Nothing: it came long after it was sent, or from another component of this vehicle.
+    Unknown,
 }
 
 /// Sticks are ignored: another driver has the seat.
@@ -118,6 +118,18 @@ pub enum Admitted {
 }
 
 impl DriverSeat {
+    /// Whether there is a driver, who has not left the seat.
+    pub fn is_taken(&self) -> bool {
+        self.driver.is_some_and(|driver| driver.is_seated())
+    }
+
+    /// After a message of the driver a stick is deflected, which the message need not have repeated.
+    pub fn note_deflected(&mut self, at: Instant) {
+        if let Some(driver) = &mut self.driver {
+            driver.hear(at, Sticks::Deflected);
+        }
+    }
+
     /// The driver leaves the seat.
     pub fn vacate(&mut self) {
         if let Some(driver) = &mut self.driver {
@@ -151,7 +163,7 @@ impl DriverSeat {
             driver.hear(at, sticks);
             return Ok(Admitted::Driver);
         }
-        let driver = self.driver.filter(|driver| driver.sticks != Sticks::Released);
+        let driver = self.driver.filter(Driver::is_seated);
         let Some(other) = self.other(from) else {
             // There is always one.
             return Err(AnotherDrives::UNREPORTED);
@@ -219,6 +231,10 @@ impl Driver {
         }
         self.heard_at = at;
         self.sticks = sticks;
+    }
+
+    fn is_seated(&self) -> bool {
+        self.sticks != Sticks::Released
     }
 
     fn is_silent(&self, at: Instant) -> bool {

@@ -16,7 +16,7 @@ mod timed_input;
 mod vehicle;
 
 pub use controls::{Stick, StickInput};
-pub use driver::{AnotherDrives, ControlMessage, Delivery, DriverId};
+pub use driver::{AnotherDrives, ControlMessage, DriverId, Presence};
 pub use failsafe::{FailsafeAction, FailsafeLevel, VehicleEvent};
 pub use indication::{BatteryAlert, Colour, Indication, Indicators, Tone};
 pub use motor::{MotorDrive, Motors, SideDrives};

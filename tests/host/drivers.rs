@@ -1,5 +1,5 @@
-//! Stations that drive, by each message and each kind of link, alone and beside another one: a stick moves nothing before its
-//! driver has centred it, whatever opens its way.
+//! Stations that drive, by each message and each kind of link, alone and beside another one: sticks move nothing before their
+//! driver has centred them, whatever opens their way.
 
 use proptest::prelude::*;
 use rover_battmon::mavlink::{Access, Endpoint, Framer, LinkKind};
@@ -16,6 +16,11 @@ const TICK_US: u64 = 20_000;
 
 /// Drives with this much, in tenths of a percent.
 const DEFLECTION: i16 = 900;
+
+/// The steering of a finger that is held ahead: neutral, yet off its centre.
+const STRAY: i16 = 30;
+
+const RADIO_FAILSAFE: &str = "Radio Failsafe: Hold";
 
 const MANUAL: f32 = 0.0;
 const HOLD: f32 = 4.0;
@@ -46,13 +51,13 @@ impl Way {
         }
     }
 
-    /// A message with this throttle and centred steering.
-    fn sticks(self, throttle: i16) -> Vec<u8> {
-        self.message.frame(VEHICLE, Says::At(0), Says::At(throttle))
+    /// A message about steering and throttle.
+    fn frame(self, [steering, throttle]: [Says; 2]) -> Vec<u8> {
+        self.message.frame(VEHICLE, steering, throttle)
     }
 
     fn release(self) -> Vec<u8> {
-        self.message.frame(VEHICLE, Says::Released, Says::Released)
+        self.frame([Says::Released; 2])
     }
 }
 
@@ -129,7 +134,7 @@ impl Room {
     }
 
     fn sticks(&mut self, number: usize, throttle: i16) {
-        self.send(number, &self.stations[number].way.sticks(throttle));
+        self.send(number, &self.stations[number].way.frame(held(throttle)));
     }
 
     /// The texts that were sent to a station since the last call.
@@ -150,16 +155,34 @@ impl Room {
         self.desk.drive()
     }
 
+    /// A station says this twenty times a second; returns whether a motor has turned.
+    fn say(&mut self, number: usize, says: [Says; 2], duration_us: u64) -> bool {
+        let frame = self.stations[number].way.frame(says);
+        let ticks = 0..duration_us / TICK_US;
+        ticks.fold(false, |has_turned, tick| {
+            if tick.is_multiple_of(2) {
+                self.send(number, &frame);
+            }
+            turns(self.tick()) || has_turned
+        })
+    }
+
+    fn mode(&self) -> Mode {
+        self.desk.vehicle().status().mode
+    }
+
+    /// The texts that were announced to a station since the last call.
+    fn announced(&mut self, number: usize) -> Vec<String> {
+        let now = self.desk.now();
+        self.desk
+            .autopilot
+            .post_due(&mut self.stations[number].endpoint, now);
+        self.texts(number)
+    }
+
     /// A station sends these sticks twenty times a second; returns whether a motor has turned.
     fn hold_stick(&mut self, number: usize, throttle: i16, duration_us: u64) -> bool {
-        let mut has_turned = false;
-        for tick in 0..duration_us / TICK_US {
-            if tick.is_multiple_of(2) {
-                self.sticks(number, throttle);
-            }
-            has_turned |= turns(self.tick());
-        }
-        has_turned
+        self.say(number, held(throttle), duration_us)
     }
 
     /// Asserts that a station's held stick moves nothing, and drives once it was centred.
@@ -180,6 +203,12 @@ impl Room {
             "{case}: a centred stick does not drive"
         );
     }
+}
+
+/// A finger that holds this throttle.
+fn held(throttle: i16) -> [Says; 2] {
+    let steering = if throttle == 0 { 0 } else { STRAY };
+    [steering, throttle].map(Says::At)
 }
 
 fn turns(drives: SideDrives) -> bool {
@@ -266,6 +295,210 @@ fn the_axis_that_has_to_be_centred_is_named() {
     assert_eq!(room.texts(0), ["Centre the steering (RC1) first"]);
 }
 
+/// A driver by channels, whose message may leave one out.
+const BY_CHANNELS: Way = Way::new(Sticks::ChannelOverride, LinkKind::Direct, Access::Full);
+
+#[test]
+// Requirement: L-1
+fn from_rest_nothing_moves_until_all_axes_were_neutral_at_the_same_time() {
+    use Says::{At, Beyond, Nothing, Released};
+    let (still, moves) = (false, true);
+    let full = At(DEFLECTION);
+    let assert_story = |story: &str, steps: &[([Says; 2], bool)]| {
+        let mut room = Room::new(&[BY_CHANNELS]);
+        room.arm(0);
+        room.send(0, &do_set_mode(MANUAL));
+        for (number, (says, expected)) in steps.iter().enumerate() {
+            let has_turned = room.say(0, *says, 400_000);
+            assert_eq!(has_turned, *expected, "{story}: step {number}");
+            assert_eq!(room.mode(), Mode::Manual, "{story}");
+        }
+    };
+    assert_story(
+        "one after the other",
+        &[
+            ([At(0), full], still),
+            ([full, At(0)], still),
+            ([At(0), At(0)], still),
+            ([full, full], moves),
+        ],
+    );
+    assert_story(
+        "in one message",
+        &[
+            ([At(0), full], still),
+            ([At(60), At(0)], still),
+            ([At(60), full], still),
+            ([At(0), At(0)], still),
+            ([At(60), full], moves),
+        ],
+    );
+    assert_story(
+        "never sent",
+        &[
+            ([Nothing, full], still),
+            ([Nothing, At(0)], still),
+            ([Nothing, full], moves),
+        ],
+    );
+    assert_story(
+        "released",
+        &[
+            ([Released, full], still),
+            ([Released, At(0)], still),
+            ([Released, full], moves),
+        ],
+    );
+    assert_story(
+        "sent later, from rest",
+        &[
+            ([Nothing, At(0)], still),
+            ([full, full], still),
+            ([full, At(0)], still),
+            ([At(0), At(0)], still),
+            ([full, full], moves),
+        ],
+    );
+    assert_story(
+        "sent later, alone",
+        &[
+            ([At(0), Nothing], still),
+            ([Nothing, full], still),
+            ([full, Nothing], still),
+            ([At(0), At(0)], still),
+            ([full, Nothing], moves),
+        ],
+    );
+    assert_story(
+        "deflected and not sent any more",
+        &[
+            ([full, full], still),
+            ([Nothing, At(0)], still),
+            ([Nothing, full], still),
+        ],
+    );
+    assert_story(
+        "deflected and then released",
+        &[
+            ([full, full], still),
+            ([Released, At(0)], still),
+            ([Nothing, full], moves),
+        ],
+    );
+    assert_story(
+        "deflected and then beyond its range",
+        &[
+            ([full, full], still),
+            ([Beyond, At(0)], still),
+            ([Beyond, full], still),
+        ],
+    );
+}
+
+#[test]
+fn an_axis_that_comes_back_deflected_waits_without_stopping_the_other() {
+    use Says::{At, Released};
+    for back in [Released, Says::Nothing] {
+        let mut room = Room::driven(&[BY_CHANNELS]);
+        assert!(room.say(0, [Released, At(DEFLECTION)], SECOND));
+        assert!(room.say(0, [back, At(DEFLECTION)], SECOND));
+        assert!(room.say(0, [At(DEFLECTION), At(DEFLECTION)], SECOND));
+        let straight = room.desk.vehicle().drives();
+        assert_eq!(straight.left, straight.right, "the steering waits");
+        // Centred while the other one drives.
+        assert!(room.say(0, [At(0), At(DEFLECTION)], SECOND));
+        assert!(room.say(0, [At(DEFLECTION), At(DEFLECTION)], SECOND));
+        let curve = room.desk.vehicle().drives();
+        assert_ne!(curve.left, curve.right);
+    }
+}
+
+#[test]
+// Requirement: OWN-2
+fn a_deflected_stick_that_is_not_sent_any_more_times_out_and_is_not_taken_over() {
+    for lost in [Says::Nothing, Says::Beyond] {
+        let mut room = Room::driven(&[BY_CHANNELS; 2]);
+        let frame = BY_CHANNELS.frame([Says::At(0), lost]);
+        for _ in 0..SECOND * 7 / 5 / TICK_US {
+            room.send(0, &frame);
+            room.sticks(1, 0);
+            room.sticks(1, -DEFLECTION);
+            let drives = room.tick();
+            assert!(
+                matches!(drives.left, MotorDrive::Turn(share) if share > 0.0),
+                "{lost:?}"
+            );
+        }
+        assert!(room.say(0, [Says::At(0), lost], SECOND / 5));
+        assert_eq!(room.mode(), Mode::Hold, "{lost:?}");
+        assert!(room.announced(1).contains(&RADIO_FAILSAFE.into()), "{lost:?}");
+    }
+}
+
+#[test]
+// Requirement: OWN-2
+fn the_successor_of_a_silent_driver_finds_hold_if_a_stick_was_deflected() {
+    use Says::{At, Nothing, Released};
+    let full = At(DEFLECTION);
+    for [driver, other] in pairs() {
+        // By MANUAL_CONTROL an axis is there or released.
+        let partly_released = match driver.message {
+            Sticks::ManualControl => Mode::Manual,
+            Sticks::ChannelOverride => Mode::Hold,
+        };
+        for (last, mode) in [
+            ([At(0), full], Mode::Hold),
+            ([full, At(0)], Mode::Hold),
+            ([Released, full], Mode::Hold),
+            ([Released, Nothing], partly_released),
+            ([Released; 2], Mode::Manual),
+            ([At(0); 2], Mode::Manual),
+        ] {
+            let case = format!("{driver:?}, {other:?}: {last:?}");
+            let mut room = Room::driven(&[driver, other]);
+            room.say(0, last, TICK_US);
+            let last_us = room.desk.now_us - TICK_US;
+            while room.desk.now_us < last_us + SECOND - TICK_US {
+                room.sticks(1, 0);
+                room.tick();
+                assert_eq!(room.mode(), Mode::Manual, "{case}");
+            }
+            for _ in 0..2 {
+                room.tick();
+                room.sticks(1, 0);
+            }
+            let drives = room.tick();
+            assert_eq!(room.mode(), mode, "{case}");
+            if mode == Mode::Manual {
+                assert!(room.hold_stick(1, DEFLECTION, SECOND / 2), "{case}");
+                continue;
+            }
+            assert_eq!(drives, SideDrives::BRAKE, "{case}");
+            assert_eq!(room.announced(0), [RADIO_FAILSAFE], "{case}");
+            assert_eq!(room.announced(1), [RADIO_FAILSAFE], "{case}");
+            assert!(!room.hold_stick(1, DEFLECTION, 2 * SECOND), "{case}");
+            room.sticks(1, 0);
+            room.send(1, &do_set_mode(MANUAL));
+            assert!(room.hold_stick(1, DEFLECTION, SECOND), "{case}");
+            assert_eq!(room.announced(1), [""; 0], "{case}");
+        }
+    }
+}
+
+#[test]
+fn a_driver_that_disarmed_with_a_deflected_stick_has_not_timed_out() {
+    for [driver, other] in pairs() {
+        let case = format!("{driver:?}, {other:?}");
+        let mut room = Room::driven(&[driver, other]);
+        room.sticks(0, DEFLECTION);
+        room.send(0, &disarm());
+        room.arm(1);
+        assert!(!room.hold_stick(1, 0, 2 * SECOND), "{case}");
+        assert_eq!(room.mode(), Mode::Manual, "{case}");
+        assert!(room.hold_stick(1, DEFLECTION, SECOND), "{case}");
+    }
+}
+
 #[test]
 // Requirement: OWN-2
 fn a_rover_whose_driver_has_left_stands_at_once_and_holds_after_the_time_out() {
@@ -277,15 +510,13 @@ fn a_rover_whose_driver_has_left_stands_at_once_and_holds_after_the_time_out() {
         room.send(1, &way.release());
         for _ in 0..(SECOND / TICK_US) {
             assert!(!turns(room.tick()));
-            assert_eq!(room.desk.vehicle().status().mode, Mode::Manual);
+            assert_eq!(room.mode(), Mode::Manual);
         }
         for _ in 0..(SECOND / TICK_US) {
             room.tick();
         }
-        assert_eq!(room.desk.vehicle().status().mode, Mode::Hold, "{way:?}");
-        let now = room.desk.now();
-        room.desk.autopilot.post_due(&mut room.stations[1].endpoint, now);
-        assert_eq!(room.texts(1), ["Radio Failsafe: Hold"]);
+        assert_eq!(room.mode(), Mode::Hold, "{way:?}");
+        assert_eq!(room.announced(1), [RADIO_FAILSAFE]);
     }
 }
 
@@ -304,7 +535,7 @@ fn after_a_reload_the_page_is_its_own_successor_at_once() {
 
 #[derive(Clone, Copy, Debug)]
 enum Step {
-    Sticks(usize, i16),
+    Sticks(usize, [i16; 2]),
     Release(usize),
     Arm(usize),
     Disarm(usize),
@@ -315,9 +546,9 @@ enum Step {
 
 fn step() -> impl Strategy<Value = Step> {
     let number = 0usize..2;
-    let throttle = prop::sample::select(vec![0, 0, 40, 600, DEFLECTION, -DEFLECTION]);
+    let axis = || prop::sample::select(vec![0, 0, 40, 600, DEFLECTION, -DEFLECTION]);
     prop_oneof![
-        8 => (number.clone(), throttle).prop_map(|(number, throttle)| Step::Sticks(number, throttle)),
+        8 => (number.clone(), [axis(), axis()]).prop_map(|(number, axes)| Step::Sticks(number, axes)),
         1 => number.clone().prop_map(Step::Release),
         2 => number.clone().prop_map(Step::Arm),
         1 => number.clone().prop_map(Step::Disarm),
@@ -331,7 +562,7 @@ fn step() -> impl Strategy<Value = Step> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1_000))]
 
-    /// Motors turn by the latest stick of one of the stations only, that was centred; HOLD always holds.
+    /// Motors turn by the latest sticks of one of the stations only, that were centred; HOLD always holds.
     #[test]
     // Requirement: L-1
     fn what_turns_was_centred_and_hold_always_holds(
@@ -345,9 +576,10 @@ proptest! {
         for step in steps {
             let before = room.desk.vehicle().status();
             match step {
-                Step::Sticks(place, throttle) => {
-                    room.sticks(at[place], throttle);
-                    heard[place].hear(Says::At(throttle), room.desk.now_us);
+                Step::Sticks(place, axes) => {
+                    let says = axes.map(Says::At);
+                    room.send(at[place], &ways[place].frame(says));
+                    heard[place].hear(says, room.desk.now_us, 0);
                 }
                 Step::Release(place) => {
                     room.send(at[place], &ways[place].release());
@@ -377,7 +609,9 @@ proptest! {
             let drives = room.desk.vehicle().drives();
             if let MotorDrive::Turn(share) = drives.left {
                 let may_turn = |heard: &Heard| {
-                    let wanted = heard.position(room.desk.now_us);
+                    let MotorDrive::Turn(wanted) = heard.drives(room.desk.now_us).left else {
+                        return false;
+                    };
                     // Less than is wanted while it reverses.
                     share * wanted > 0.0 && share.abs() < wanted.abs() + 1e-6
                 };

@@ -16,12 +16,12 @@ use support::desk::{Desk, LOW_VOLT, conversions, start_with};
 use support::firmware_version;
 use support::frames::{
     COMMAND_ACK, CRITICAL, Frame, Heartbeat, PARAM_ERROR, ParamValue, STATUSTEXT, SysStatus, frames,
-    of_message,
+    of_message, resealed,
 };
 use support::requests::{
     GCS, MANUAL, ONBOARD_CONTROLLER, VEHICLE, arm, arm_by_force, command_int, command_int_2, command_long,
-    command_long_2, disarm, do_set_mode, heartbeat, manual_control, param_request_list, param_set,
-    provoke_fault, rc_override, reboot, reboot_to_boot_loader, set_mode,
+    command_long_2, disarm, do_set_mode, heartbeat, heartbeat_from, manual_control, param_request_list,
+    param_set, provoke_fault, rc_override, reboot, reboot_to_boot_loader, set_mode,
 };
 
 use crate::builders::healthy;
@@ -35,6 +35,9 @@ const PERMISSION_DENIED: u8 = 3;
 const WARNING: u8 = 4;
 
 const HOLD: u32 = 4;
+
+/// A computer on the rover, with its system id.
+const COMPANION: [u8; 2] = [1, 191];
 
 const STANDBY_STATE: u8 = 3;
 const ACTIVE_STATE: u8 = 4;
@@ -834,10 +837,34 @@ fn only_ground_station_heartbeats_time_out() {
         assert_eq!(rover.wait(4_000_000), [""; 0]);
     }
     rover.deliver(&heartbeat(ONBOARD_CONTROLLER));
+    assert_eq!(rover.deliver(&heartbeat_from(COMPANION, GCS)), Event::Ignored);
     assert_eq!(rover.wait(1_200_000), ["GCS Failsafe: Hold"]);
+    rover.deliver(&heartbeat_from(COMPANION, GCS));
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
     rover.deliver(&heartbeat(GCS));
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, STANDBY_STATE));
+}
+
+#[test]
+// Requirement: L-2
+fn components_of_the_vehicle_are_no_ground_stations() {
+    // Alone they start no monitoring.
+    let mut rover = Rover::armed_in(0.0);
+    rover.deliver(&heartbeat_from(COMPANION, GCS));
+    assert_eq!(rover.wait(6_000_000), [""; 0]);
+    // Neither do their sticks stand for a station that was there. Those of another system do.
+    for (system_id, announced) in [(COMPANION[0], &["GCS Failsafe: Hold"][..]), (77, &[])] {
+        let mut rover = Rover::armed_in(0.0);
+        rover.deliver(&heartbeat(GCS));
+        let mut stick = manual_control(1, 0, 0);
+        stick[5] = system_id;
+        let mut texts = Vec::new();
+        for _ in 0..60 {
+            rover.deliver(&resealed(&stick));
+            texts.extend(rover.wait(100_000));
+        }
+        assert_eq!(texts, announced, "{system_id}");
+    }
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! Safety property, for any sequence of messages and gaps: motors turn only by a stick message that is not older than
-//! `FS_TIMEOUT`, has a permitted sender, and was received after arming and after MANUAL was entered; a stick that was not
-//! neutral then has to be neutral first. The expected outputs are computed from the messages by these rules alone.
+//! `FS_TIMEOUT`, has a permitted sender, and was received after arming and after MANUAL was entered. If a stick was not
+//! neutral then, all have to be neutral at the same time first; one that appears later, by itself while another one drives.
+//! Values beyond the range of a stick are no message about it. The expected outputs are computed from the messages by these
+//! rules alone.
 
 use std::collections::VecDeque;
 use std::future::pending;
@@ -37,6 +39,8 @@ pub enum Says {
     At(i16),
     Released,
     Nothing,
+    /// A value that no stick has.
+    Beyond,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -143,6 +147,7 @@ fn axis(says: Says) -> i16 {
     match says {
         Says::At(position) => position,
         Says::Released | Says::Nothing => i16::MAX,
+        Says::Beyond => 1001,
     }
 }
 
@@ -151,6 +156,7 @@ fn pulse_us(says: Says) -> u16 {
         Says::At(position) => (1500 + position / 2) as u16,
         Says::Released => 0,
         Says::Nothing => u16::MAX,
+        Says::Beyond => 2201,
     }
 }
 
@@ -160,6 +166,7 @@ fn says() -> impl Strategy<Value = Says> {
         6 => positions.prop_map(Says::At),
         1 => Just(Says::Released),
         3 => Just(Says::Nothing),
+        1 => Just(Says::Beyond),
     ]
 }
 
@@ -202,9 +209,16 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// The messages about a stick since its driver released it, in short.
+/// The messages of a driver about both sticks, in short.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Heard {
+    steering: HeardStick,
+    throttle: HeardStick,
+}
+
+/// The messages about a stick since its driver released it, in short.
+#[derive(Clone, Copy, Debug, Default)]
+struct HeardStick {
     /// The latest position, and when it was received.
     latest: Option<(u64, f32)>,
     /// It was received since the rover was armed, and since MANUAL was entered.
@@ -214,7 +228,44 @@ pub struct Heard {
 }
 
 impl Heard {
-    pub fn hear(&mut self, says: Says, received_us: u64) {
+    /// A message about steering and throttle, which has waited.
+    pub fn hear(&mut self, says: [Says; 2], now_us: u64, waited_us: u64) {
+        let rests = self
+            .sticks()
+            .iter()
+            .all(|stick| is_neutral(stick.position(now_us)));
+        self.steering.hear(says[0], now_us - waited_us);
+        self.throttle.hear(says[1], now_us - waited_us);
+        if rests && self.sticks().iter().any(|stick| stick.waits(now_us)) {
+            self.steering.is_centred = false;
+            self.throttle.is_centred = false;
+        }
+    }
+
+    /// The rover was armed, or has entered MANUAL.
+    pub fn enable(&mut self, now_us: u64) {
+        let are_neutral = self
+            .sticks()
+            .iter()
+            .all(|stick| stick.recent(now_us).is_none_or(is_neutral));
+        for stick in [&mut self.steering, &mut self.throttle] {
+            stick.is_since = false;
+            stick.is_centred &= are_neutral && stick.recent(now_us).is_some();
+        }
+    }
+
+    /// What the motors are to do.
+    pub fn drives(&self, now_us: u64) -> SideDrives {
+        mixed(self.throttle.position(now_us), self.steering.position(now_us))
+    }
+
+    fn sticks(&self) -> [HeardStick; 2] {
+        [self.steering, self.throttle]
+    }
+}
+
+impl HeardStick {
+    fn hear(&mut self, says: Says, received_us: u64) {
         match says {
             Says::At(position) => {
                 let position = f32::from(position) / 1000.0;
@@ -223,20 +274,19 @@ impl Heard {
                 self.is_centred |= is_neutral(position);
             }
             Says::Released => *self = Self::default(),
-            Says::Nothing => {}
+            Says::Nothing | Says::Beyond => {}
         }
     }
 
-    /// The rover was armed, or has entered MANUAL.
-    pub fn enable(&mut self, now_us: u64) {
-        self.is_since = false;
-        self.is_centred = self.recent(now_us).is_some_and(is_neutral);
-    }
-
     /// By how much the stick drives.
-    pub fn position(&self, now_us: u64) -> f32 {
+    fn position(&self, now_us: u64) -> f32 {
         let drives = self.is_since && self.is_centred;
         self.recent(now_us).filter(|_| drives).unwrap_or(0.0)
+    }
+
+    /// Whether it is deflected, and has to be centred.
+    fn waits(&self, now_us: u64) -> bool {
+        !self.is_centred && self.recent(now_us).is_some_and(|position| !is_neutral(position))
     }
 
     fn recent(&self, now_us: u64) -> Option<f32> {
@@ -312,7 +362,7 @@ fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCase
     desk.connect(LinkKind::Radio);
     desk.set(VehicleParameter::MotSlewrate, 0.0);
     desk.now_us = 10_000_000;
-    let mut sticks = [Heard::default(); 2];
+    let mut sticks = Heard::default();
     let (mut turned, mut wanted) = (Turned::default(), SideDrives::COAST);
     for step in steps {
         match *step {
@@ -348,26 +398,23 @@ fn check(steps: &[Step], message: Sticks, with_key: bool) -> Result<(), TestCase
                     .sticks(message)
                     .filter(|_| is_permitted && waited_us <= TIMEOUT_US)
                 {
-                    for (stick, says) in sticks.iter_mut().zip(says) {
-                        stick.hear(says, desk.now_us - waited_us);
-                    }
+                    sticks.hear(says, desk.now_us, waited_us);
                 }
                 let is_armed_now =
                     (before.arm_state, after.arm_state) == (ArmState::Disarmed, ArmState::Armed);
                 let is_manual_now = (before.mode, after.mode) == (Mode::Hold, Mode::Manual);
                 if is_armed_now || is_manual_now {
                     prop_assert!(waited_us <= TIMEOUT_US);
-                    sticks.iter_mut().for_each(|stick| stick.enable(desk.now_us));
+                    sticks.enable(desk.now_us);
                 }
                 desk.drive();
             }
         }
         let status = desk.vehicle().status();
-        let [steering, throttle] = sticks.map(|stick| stick.position(desk.now_us));
         let expected = match (status.arm_state, status.mode) {
             (ArmState::Disarmed, _) => SideDrives::COAST,
             (ArmState::Armed, Mode::Hold) => SideDrives::BRAKE,
-            (ArmState::Armed, Mode::Manual) => mixed(throttle, steering),
+            (ArmState::Armed, Mode::Manual) => sticks.drives(desk.now_us),
         };
         // The output that was wanted before may have lasted until now.
         turned.note(wanted, desk.now_us);

@@ -6,7 +6,9 @@ use rover_battmon::vehicle::{ArmState, MotorDrive, SideDrives};
 use support::commands::{PREFLIGHT_STORAGE, RESET};
 use support::desk::{Desk, id_of, start_with};
 use support::frames::{PARAM_ERROR, RC_CHANNELS_OVERRIDE, encode_v2, of_message, texts_of};
-use support::requests::{arm, arm_by_force, command_long, disarm, do_set_mode, param_set};
+use support::requests::{
+    VEHICLE, arm, arm_by_force, command_long, disarm, do_set_mode, manual_control, param_set, rc_override,
+};
 
 const NEUTRAL_US: u16 = 1500;
 
@@ -171,5 +173,59 @@ fn what_does_not_fit_refuses_arming_by_name_and_the_last_that_did_drives() {
         desk.ask(&disarm());
         load(&mut desk, &[("ARMING_CHECK", 64.0)]);
         assert_eq!(texts(&mut desk, &arm()), [text], "{values:?}");
+    }
+}
+
+#[test]
+// Requirement: OWN-2
+fn values_that_no_stick_has_refresh_none() {
+    let pulses_us = |pulse_us: u16| rc_override(VEHICLE, NEUTRAL_US, pulse_us);
+    let axis = |position: i16| manual_control(VEHICLE[0], 0, position);
+    let turn = |share| Some(MotorDrive::Turn(share));
+    for (centred, deflected, stick, expected) in [
+        (pulses_us(1500), pulses_us(1800), pulses_us(799), None),
+        (pulses_us(1500), pulses_us(1800), pulses_us(800), turn(-1.0)),
+        (pulses_us(1500), pulses_us(1800), pulses_us(2200), turn(1.0)),
+        (pulses_us(1500), pulses_us(1800), pulses_us(2201), None),
+        (pulses_us(1500), pulses_us(1800), pulses_us(1), None),
+        (pulses_us(1500), pulses_us(1800), pulses_us(65534), None),
+        (pulses_us(1500), pulses_us(1800), pulses_us(65535), None),
+        (
+            pulses_us(1500),
+            pulses_us(1800),
+            pulses_us(0),
+            Some(MotorDrive::Coast),
+        ),
+        (axis(0), axis(600), axis(-1001), None),
+        (axis(0), axis(600), axis(-1000), turn(-1.0)),
+        (axis(0), axis(600), axis(1000), turn(1.0)),
+        (axis(0), axis(600), axis(1001), None),
+        (axis(0), axis(600), axis(i16::MIN), None),
+        (axis(0), axis(600), axis(i16::MAX - 1), None),
+        (axis(0), axis(600), axis(i16::MAX), Some(MotorDrive::Coast)),
+    ] {
+        let mut desk = started();
+        desk.ask(&arm_by_force());
+        desk.ask(&do_set_mode(0.0));
+        let mut hold = |stick: &[u8], ticks| {
+            for _ in 0..ticks {
+                desk.receive_in_chunks(stick, 64);
+                wait(&mut desk);
+            }
+            desk.vehicle().drives().left
+        };
+        hold(&centred, 1);
+        assert_eq!(hold(&deflected, 5), MotorDrive::Turn(0.6), "{stick:?}");
+        // Shortly before the time-out, and after it.
+        let drives = [hold(&stick, 70), hold(&stick, 30)];
+        let expected = expected.map_or([MotorDrive::Turn(0.6), MotorDrive::Brake], |drive| [drive; 2]);
+        assert_eq!(drives, expected, "{stick:?}");
+    }
+    // Nor do they stand in the way of arming, or of another driver.
+    let mut desk = started();
+    for stick in [pulses_us(2201), axis(1001)] {
+        desk.receive_in_chunks(&stick, 64);
+        assert_eq!(texts(&mut desk, &arm()), [""; 0]);
+        desk.ask(&disarm());
     }
 }

@@ -367,19 +367,10 @@ fn request_data_stream(payload: &Payload<'_>) -> (Target, Request<'static>) {
 fn manual_control(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = payload.u8(10);
     let sticks = Request::Control {
-        steering: stick_of_axis(payload.i16(2)),
-        throttle: stick_of_axis(payload.i16(4)),
+        steering: StickInput::of_axis(payload.i16(2)),
+        throttle: StickInput::of_axis(payload.i16(4)),
     };
     (Target::OnlySystem(target), sticks)
-}
-
-fn stick_of_axis(position: i16) -> StickInput {
-    /// An axis that the sender does not have.
-    const NO_AXIS: i16 = i16::MAX;
-    match position {
-        NO_AXIS => StickInput::Released,
-        _ => StickInput::Position(position),
-    }
 }
 
 fn rc_channels_override(payload: &Payload<'_>) -> (Target, Request<'static>) {

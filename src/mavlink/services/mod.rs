@@ -19,7 +19,7 @@ use crate::mavlink::stations::Stations;
 use crate::parameter::Parameters;
 use crate::system::SystemState;
 use crate::time::Instant;
-use crate::vehicle::{Delivery, Vehicle};
+use crate::vehicle::{Presence, Vehicle};
 use crate::wifi::WifiCredentials;
 
 /// Why a restart, a reset of the parameters, a signing key or a download is refused.
@@ -48,8 +48,8 @@ pub struct Context<'a> {
     pub received_at: Instant,
     /// Upper bound of the request's age, by the clock of the page that sent it, in milliseconds; `None` if it is not known.
     pub age_ms: Option<u32>,
-    /// Whether it is in time by the time of its signature.
-    pub delivery: Delivery,
+    /// What the request says of ground stations.
+    pub presence: Presence,
     pub state: &'a SystemState<'a>,
     pub changeable: Changeable<'a>,
     pub rates: &'a mut Rates,

@@ -15,7 +15,7 @@ use crate::parameter::Parameters;
 use crate::system::{SystemState, arming_obstacles};
 use crate::time::Instant;
 use crate::vehicle::{
-    AnotherDrives, ArmState, ControlMessage, Delivery, DriverId, Fitness, Mode, Stick, StickInput, Vehicle,
+    AnotherDrives, ArmState, ControlMessage, DriverId, Fitness, Mode, Presence, Stick, StickInput, Vehicle,
     control_timeout_us,
 };
 
@@ -71,8 +71,8 @@ pub struct VehicleService<'a> {
     pub received_at: Instant,
     /// Upper bound of its age by its sender's clock, in milliseconds, if it is known.
     pub age_ms: Option<u32>,
-    /// Whether it is in time by the time of its signature.
-    pub delivery: Delivery,
+    /// What the request says of ground stations.
+    pub presence: Presence,
     /// The number of the link that it came by.
     pub link_number: u16,
     /// Decides, with the parameters, whether the rover is fit to be armed.
@@ -88,7 +88,7 @@ impl<'a> VehicleService<'a> {
             now: context.now,
             received_at: context.received_at,
             age_ms: context.age_ms,
-            delivery: context.delivery,
+            presence: context.presence,
             link_number: context.link_number,
             state: context.state,
             parameters: context.changeable.parameters,
@@ -224,8 +224,8 @@ impl<'a> VehicleService<'a> {
             component_id: from.component_id,
             message,
         };
-        let (at, delivery) = (self.received_at, self.delivery);
-        let result = self.vehicle.control(from, at, delivery, throttle, steering);
+        let (at, presence) = (self.received_at, self.presence);
+        let result = self.vehicle.control(from, at, presence, throttle, steering);
         self.driven(from, result)
     }
 

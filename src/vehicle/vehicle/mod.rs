@@ -1,5 +1,7 @@
 //! Vehicle state machine.
 
+use core::mem;
+
 use super::controls::Controls;
 use super::driver::{Admitted, DriverSeat};
 use super::failsafe::Effect;
@@ -7,8 +9,8 @@ use super::motor::{Ramp, Reversals};
 use super::power_limit::PowerLimiter;
 use super::timed_input::TimedInput;
 use super::{
-    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, Delivery, DriverId, FailsafeAction, FailsafeLevel,
-    Fitness, Indication, Mode, PowerLimit, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent,
+    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, DriverId, FailsafeAction, FailsafeLevel, Fitness,
+    Indication, Mode, PowerLimit, Presence, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent,
     VehicleSettings, VehicleStatus,
 };
 use crate::pack::Pack;
@@ -50,6 +52,8 @@ pub struct Vehicle {
     fitness: Fitness,
     controls: Controls,
     seat: DriverSeat,
+    /// Another driver has taken over from one that was silent with a deflected stick; the next update treats that as a time-out.
+    driver_lost: bool,
     /// Channels of the settings when it was disarmed last.
     channels: StickChannels,
     ground_stations: TimedInput<()>,
@@ -99,6 +103,7 @@ impl Vehicle {
         self.power = PowerLimiter::default();
         self.controls.disarm();
         self.seat.vacate();
+        self.driver_lost = false;
         self.ground_stations.clear_time_out();
     }
 
@@ -136,9 +141,9 @@ impl Vehicle {
         Ok(())
     }
 
-    /// A control message: throttle ahead and steering to the right are positive. Its sender is a ground station, so if it is not
-    /// late it also counts as a heartbeat if these are monitored. Returns a stick that its driver has to centre before it drives, if
-    /// that has to be reported now.
+    /// A control message: throttle ahead and steering to the right are positive. If it shows that a ground station is there, it also
+    /// counts as a heartbeat if these are monitored. Returns a stick that its driver has to centre before it drives, if that has to
+    /// be reported now.
     ///
     /// # Errors
     /// It has no effect: another station drives.
@@ -146,15 +151,20 @@ impl Vehicle {
         &mut self,
         from: DriverId,
         received_at: Instant,
-        delivery: Delivery,
+        presence: Presence,
         throttle: StickInput,
         steering: StickInput,
     ) -> Result<Option<Stick>, AnotherDrives> {
+        let was_driven = self.seat.is_taken() && self.arm_state == ArmState::Armed;
         if let Admitted::NewDriver(sticks) = self.seat.admit(from, received_at, throttle, steering)? {
+            self.driver_lost |= was_driven && self.controls.deflected().is_some();
             self.controls.hand_over(sticks);
         }
         let is_driver = self.controls.receive(received_at, throttle, steering);
-        if is_driver && delivery == Delivery::Prompt && self.ground_stations.value().is_some() {
+        if is_driver && self.controls.deflected().is_some() {
+            self.seat.note_deflected(received_at);
+        }
+        if is_driver && presence == Presence::GroundStation && self.ground_stations.value().is_some() {
             self.ground_stations.receive(received_at, ());
         }
         let waiting = self.controls.waiting().filter(|_| self.is_driving());
@@ -240,7 +250,8 @@ impl Vehicle {
 
     /// The input that has timed out; if both have, the second is returned by the next call.
     fn check_time_outs(&mut self, now: Instant, settings: &VehicleSettings) -> Option<VehicleEvent> {
-        if self.controls.times_out(now, settings.timeout_us, self.arm_state) {
+        let driver_lost = mem::take(&mut self.driver_lost);
+        if self.controls.times_out(now, settings.timeout_us, self.arm_state) || driver_lost {
             return Some(VehicleEvent::ControlsTimedOut);
         }
         self.ground_stations
@@ -382,7 +393,7 @@ impl Vehicle {
 
     /// Whether control inputs or ground stations have timed out and not resumed.
     fn has_timed_out(&self) -> bool {
-        self.controls.have_timed_out() || self.ground_stations.has_timed_out()
+        self.driver_lost || self.controls.have_timed_out() || self.ground_stations.has_timed_out()
     }
 }
 

@@ -48,7 +48,13 @@ fn run(vehicle: &mut Vehicle, from_us: u64, to_us: u64) -> Vec<(u64, VehicleEven
 }
 
 fn steer(vehicle: &mut Vehicle, at: Instant, throttle: StickInput, steering: StickInput) {
-    let result = vehicle.control(DriverId::default(), at, Delivery::Prompt, throttle, steering);
+    let result = vehicle.control(
+        DriverId::default(),
+        at,
+        Presence::GroundStation,
+        throttle,
+        steering,
+    );
     result.expect("no other one drives");
 }
 
@@ -71,7 +77,7 @@ fn sticks_of_a_station_that_does_not_drive_do_nothing() {
             ..DriverId::default()
         };
         let (throttle, steering) = (StickInput::Position(throttle), StickInput::Position(0));
-        vehicle.control(driver, at, Delivery::Prompt, throttle, steering)
+        vehicle.control(driver, at, Presence::GroundStation, throttle, steering)
     };
     let mut vehicle = armed_in(Mode::Manual);
     for ms in (0..4_000).step_by(50) {
@@ -364,7 +370,7 @@ enum Input {
 
 fn stick_input() -> impl Strategy<Value = StickInput> {
     prop_oneof![
-        4 => any::<i16>().prop_map(StickInput::Position),
+        4 => (-1000i16..=1000).prop_map(StickInput::Position),
         1 => Just(StickInput::Released),
         1 => Just(StickInput::Unchanged),
     ]
@@ -405,7 +411,7 @@ proptest! {
                 Input::Disarm => vehicle.disarm(),
                 Input::Mode(mode) => drop(vehicle.set_mode(mode)),
                 Input::Control(throttle, steering) => {
-                    let _ = vehicle.control(DriverId::default(), now, Delivery::Prompt, throttle, steering);
+                    let _ = vehicle.control(DriverId::default(), now, Presence::GroundStation, throttle, steering);
                 }
                 Input::GroundStation => vehicle.ground_station_seen(now),
                 Input::Failsafe(number) => {
