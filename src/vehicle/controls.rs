@@ -41,6 +41,8 @@ impl StickInput {
     }
 
     /// Reads the stick of an axis, from −1000 to 1000.
+    // Inlined, it would be repeated for each axis.
+    #[inline(never)]
     pub fn of_axis(position: i16) -> Self {
         /// An axis that the sender does not have.
         const NO_AXIS: i16 = i16::MAX;
@@ -93,7 +95,9 @@ pub struct Controls {
 impl Controls {
     /// Processes a control message. Returns whether it was about a stick at all.
     pub fn receive(&mut self, received_at: Instant, throttle: StickInput, steering: StickInput) -> bool {
-        let rests = !self.throttle.is_driving() && !self.steering.is_driving();
+        let rests = ![&self.throttle, &self.steering]
+            .into_iter()
+            .any(StickState::is_driving);
         self.throttle.receive(received_at, throttle);
         self.steering.receive(received_at, steering);
         if rests && self.waiting().is_some() {
@@ -248,6 +252,8 @@ impl StickState {
         f32::from(position.unwrap_or(0)) / f32::from(FULL_DEFLECTION)
     }
 
+    // Inlined, it would be repeated for each stick in each use.
+    #[inline(never)]
     fn is_deflected(&self) -> bool {
         self.input.value().is_some_and(|position| !is_neutral(position))
     }

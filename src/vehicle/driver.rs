@@ -120,7 +120,7 @@ pub enum Admitted {
 impl DriverSeat {
     /// Whether there is a driver, who has not left the seat.
     pub fn is_taken(&self) -> bool {
-        self.driver.is_some_and(|driver| driver.is_seated())
+        self.driver.as_ref().is_some_and(Driver::is_seated)
     }
 
     /// After a message of the driver a stick is deflected, which the message need not have repeated.

@@ -117,15 +117,15 @@ impl Ramp {
             self.value = target;
             return;
         };
-        // On the way to a reversal it pauses at neutral until the next call.
-        let target = if self.value * target < 0.0 { 0.0 } else { target };
-        let rate_per_s = if target.abs() < self.value.abs() {
-            rate_per_s.max(LEAST_RATE_TO_NEUTRAL_PER_S)
+        let change = target - self.value;
+        let elapsed_s = elapsed_us as f32 * 1e-6;
+        let max_change = if self.value * change < 0.0 {
+            // On the way to a reversal it pauses at neutral until the next call.
+            (rate_per_s.max(LEAST_RATE_TO_NEUTRAL_PER_S) * elapsed_s).min(self.value.abs())
         } else {
-            rate_per_s
+            rate_per_s * elapsed_s
         };
-        let max_change = rate_per_s * elapsed_us as f32 * 1e-6;
-        self.value += (target - self.value).max(-max_change).min(max_change);
+        self.value += change.max(-max_change).min(max_change);
     }
 }
 
