@@ -165,6 +165,9 @@ pub(crate) struct Lasting {
 }
 
 impl Lasting {
+    /// It does not last.
+    pub const NONE: Self = Self { seconds: 0.0 };
+
     /// Whether it has lasted for `required_s`, `dt_s` seconds after the call before; if so, or if it does not last, the
     /// count begins again.
     pub fn reaches(&mut self, required_s: f32, dt_s: f32, lasts: bool) -> bool {

@@ -235,8 +235,16 @@ mod tests {
                 "Battery 9 unhealthy: address already in use",
             ),
             (
-                PackEvent::PowerLimited(32_767.0),
+                PackEvent::PowerLimited(Some(32_767)),
                 "Battery 9 limits the motors: over 32767W",
+            ),
+            (
+                PackEvent::PowerLimited(None),
+                "Battery 9 no longer limits the motors",
+            ),
+            (
+                PackEvent::PowerUnknown,
+                "Battery 9 can't limit the motors: current unknown",
             ),
             (
                 PackEvent::NotFound {

@@ -4,7 +4,7 @@ use core::mem;
 
 use super::announcement::Notice;
 use super::{Autopilot, Work};
-use crate::battery::FailsafeLevel;
+use crate::battery::{FailsafeLevel, PackEvent};
 use crate::log::info;
 use crate::pack::Pack;
 use crate::parameter::VehicleParameter;
@@ -12,7 +12,8 @@ use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record, Subsystem};
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 use crate::vehicle::{
-    Alert, FailsafeAction, Fitness, Indication, SideDrives, VehicleEvent, VehicleSettings, VehicleStatus,
+    Alert, FailsafeAction, Fitness, Indication, PowerLimit, SideDrives, VehicleEvent, VehicleSettings,
+    VehicleStatus,
 };
 
 /// Time-outs of the driver above which arming is announced with them, in seconds.
@@ -80,7 +81,10 @@ impl Autopilot {
         }
         match (self.known_status.arm_state, status.arm_state) {
             (ArmState::Armed, ArmState::Disarmed) => self.save_after_disarming(),
-            (ArmState::Disarmed, ArmState::Armed) => self.announce_long_time_outs(now),
+            (ArmState::Disarmed, ArmState::Armed) => {
+                self.announce_long_time_outs(now);
+                self.announce_idle_limits(now);
+            }
             _ => {}
         }
         self.record_status(status, mode_reason);
@@ -93,6 +97,16 @@ impl Autopilot {
             let seconds = self.parameters.get(parameter);
             if seconds > longest_s {
                 self.announce(&Notice::LongTimeOut { parameter, seconds }, now);
+            }
+        }
+    }
+
+    /// Announces power limits that do nothing, since the power is not known.
+    fn announce_idle_limits(&mut self, now: Instant) {
+        for pack in Pack::ALL {
+            let is_limited = PowerLimit::from_parameters(&self.parameters, pack).is_some();
+            if is_limited && self.packs.kind(pack).is_some() && self.packs.bank.power_w(pack).is_none() {
+                self.announce_pack(pack, &PackEvent::PowerUnknown, now);
             }
         }
     }

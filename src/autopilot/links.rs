@@ -68,12 +68,15 @@ impl Autopilot {
         self.flash_wear == RegisterWear::EachPage && is_on(&self.parameters)
     }
 
-    /// The failsafe levels that were latched before the link was opened.
+    /// The failsafe levels that were latched, and the power limits that began, before the link was opened.
     fn send_levels(&self, endpoint: &mut Endpoint) {
         for (pack, state) in Pack::ALL.into_iter().zip(self.packs.bank.states()) {
             if state.failsafe != FailsafeLevel::None {
                 let event = PackEvent::failsafe(state.failsafe, state.readings.voltage_v, state);
                 notify(endpoint, &PackNotice(pack, &event));
+            }
+            if let limit @ Some(_) = self.vehicle.power_limit_w(pack) {
+                notify(endpoint, &PackNotice(pack, &PackEvent::PowerLimited(limit)));
             }
         }
     }

@@ -41,6 +41,8 @@ pub struct Packs {
     /// Present pulls of the analog pins.
     pub pulls: PinPulls,
     pub ticks: u32,
+    /// When the latest tick began.
+    pub ticked_at: Instant,
 }
 
 impl Packs {
@@ -62,6 +64,7 @@ impl Packs {
             thermometers: Thermometers::default(),
             pulls: PinPulls::default(),
             ticks: 0,
+            ticked_at: Instant::EPOCH,
         }
     }
 
@@ -270,8 +273,13 @@ impl Packs {
 
     /// The packs that are monitored, in the order of their instances.
     pub fn monitors(&self) -> impl Iterator<Item = (Pack, &BatteryMonitor)> {
-        let is_monitored = |pack: Pack| self.order.iter().any(|(monitored, _)| *monitored == pack);
-        self.bank.monitors().filter(move |(pack, _)| is_monitored(*pack))
+        self.bank.monitors().filter(|(pack, _)| self.kind(*pack).is_some())
+    }
+
+    /// The kind of a pack's monitor since boot; `None` if it is not monitored.
+    pub fn kind(&self, pack: Pack) -> Option<MonitorKind> {
+        let own = self.order.iter().find(|(monitored, _)| *monitored == pack);
+        own.map(|(_, kind)| *kind)
     }
 
     /// Whether a pack is of this kind since boot.

@@ -47,6 +47,8 @@ pub struct SamplingTick {
     tick: Tick,
     readings: AnalogReadings,
     temperatures: Temperatures,
+    /// Since the tick before, in seconds.
+    dt_s: f32,
     /// Position in the order of sampling.
     next: usize,
 }
@@ -90,11 +92,14 @@ impl Autopilot {
             readings.set(pin, Err(ReadError::PinOfRadio));
         }
         let thermometers = &self.packs.thermometers;
+        let tick = Tick {
+            now: now.before_us(now.as_micros() % SAMPLING_RESOLUTION_US),
+            arm_state: self.vehicle.arm_state(),
+        };
+        let before = mem::replace(&mut self.packs.ticked_at, tick.now);
         SamplingTick {
-            tick: Tick {
-                now: now.before_us(now.as_micros() % SAMPLING_RESOLUTION_US),
-                arm_state: self.vehicle.arm_state(),
-            },
+            tick,
+            dt_s: tick.now.us_since(before) as f32 * 1e-6,
             temperatures: thermometers.measure(&readings, now, &self.parameters),
             readings,
             next: 0,
@@ -140,6 +145,7 @@ impl Autopilot {
             &self.parameters,
             self.vehicle.effort(),
         );
+        let is_read = reading.is_some();
         if let Some(mut reading) = reading {
             if let Ok(measurement) = &mut reading {
                 sampling.temperatures.complete(pack, measurement);
@@ -147,6 +153,8 @@ impl Autopilot {
             self.update_pack(pack, sampling.tick, reading);
             self.record_extremes(pack, kind, &sampling.readings);
         }
+        let power_w = self.packs.bank.power_w(pack).filter(|_| is_read);
+        self.limit_power(pack, sampling, power_w);
         SamplingProgress::Sampled
     }
 
@@ -257,9 +265,6 @@ impl Autopilot {
             self.recording.describe(pack);
         }
         self.recording.add_timers(pack, state.failsafe_timers);
-        if error.is_none() {
-            self.limit_power(pack, tick.now);
-        }
         self.keep_learnt(pack);
         for event in &events {
             self.announce_pack(pack, event, tick.now);
@@ -277,13 +282,13 @@ impl Autopilot {
         }
     }
 
-    /// Limits the motors by the power that a pack supplies.
-    fn limit_power(&mut self, pack: Pack, now: Instant) {
+    /// Limits the motors by the power that a pack supplies, in watts, if this tick has read it: a limit that was set or
+    /// removed acts without a reading, too.
+    fn limit_power(&mut self, pack: Pack, sampling: &SamplingTick, power_w: Option<f32>) {
         let limit = PowerLimit::from_parameters(&self.parameters, pack);
-        let power_w = self.packs.bank.state(pack).power_w();
-        let has_begun = self.vehicle.limit_power(pack, now, limit, power_w);
-        if let Some(PowerLimit { max_w, .. }) = limit.filter(|_| has_begun) {
-            self.announce_pack(pack, &PackEvent::PowerLimited(max_w), now);
+        if self.vehicle.limit_power(pack, sampling.dt_s, limit, power_w) {
+            let event = PackEvent::PowerLimited(self.vehicle.power_limit_w(pack));
+            self.announce_pack(pack, &event, sampling.tick.now);
         }
     }
 

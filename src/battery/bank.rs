@@ -55,6 +55,13 @@ impl BatteryBank {
         (&mut self.monitors[pack as usize], &mut self.states[pack as usize])
     }
 
+    /// Power drawn from a pack, in watts, if its latest reading was valid and knows it: a reversed current does not.
+    pub fn power_w(&self, pack: Pack) -> Option<f32> {
+        let monitor = self.monitor(pack);
+        let is_known = monitor.failed_reads() == 0 && !monitor.is_current_reversed();
+        self.state(pack).power_w().filter(|_| is_known)
+    }
+
     /// All monitors, with their packs.
     pub fn monitors(&self) -> impl Iterator<Item = (Pack, &BatteryMonitor)> {
         Pack::ALL.into_iter().zip(&self.monitors)

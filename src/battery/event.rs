@@ -40,8 +40,10 @@ pub enum PackEvent {
     CurrentReversed,
     /// The voltage is above `MOT_DRV_VOLT` for the first time since the start; whether the pack supplies the motors is not known.
     AboveDrivers,
-    /// It supplies more than `BATT_WATT_MAX`, in watts, for the first time since the arming: the motors are limited.
-    PowerLimited(f32),
+    /// The motors are limited since it would supply more than `BATT_WATT_MAX`, in watts; `None`: no longer.
+    PowerLimited(Option<u16>),
+    /// The rover was armed with `BATT_WATT_MAX`, and the current is not known that this needs.
+    PowerUnknown,
     /// No part was found on the bus while disarmed, at its address if that is set, but others answer: the first of them.
     NotFound {
         /// Its address; `None` is all that such parts have.
@@ -182,6 +184,7 @@ impl Announce for PackNotice<'_> {
             | PackEvent::ContactRestored
             | PackEvent::Found { .. }
             | PackEvent::Charging
+            | PackEvent::PowerLimited(None)
             | PackEvent::Learnt { .. }
             | PackEvent::NotLearnt(_) => Severity::Notice,
             _ => Severity::Warning,
@@ -244,7 +247,9 @@ impl fmt::Display for PackEvent {
             Self::CurrentOverRange => f.write_str("current over range: consumption too low"),
             Self::CurrentReversed => f.write_str("current sensor reversed?"),
             Self::AboveDrivers => f.write_str("voltage above MOT_DRV_VOLT"),
-            Self::PowerLimited(max_w) => write!(f, "limits the motors: over {}W", round_to_i32(*max_w)),
+            Self::PowerLimited(Some(max_w)) => write!(f, "limits the motors: over {max_w}W"),
+            Self::PowerLimited(None) => f.write_str("no longer limits the motors"),
+            Self::PowerUnknown => f.write_str("can't limit the motors: current unknown"),
             Self::NotFound { address, answering } => {
                 f.write_str("not found")?;
                 if let Some(address) = address {

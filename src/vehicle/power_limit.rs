@@ -2,9 +2,9 @@
 
 use core::mem;
 
+use crate::announce::Lasting;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
-use crate::time::Instant;
 
 /// Least share of the duties, ArduPilot's: the rover still moves.
 const LEAST_SHARE: f32 = 0.05;
@@ -12,11 +12,18 @@ const LEAST_SHARE: f32 = 0.05;
 /// Longest interval between two readings that counts, in seconds: after a gap one reading does not decide alone.
 const MAX_INTERVAL_S: f32 = 1.0;
 
+/// A limit is announced once the share has been below this for so long, in seconds: a short peak is not worth a text.
+const ANNOUNCED_SHARE: f32 = 0.9;
+const ANNOUNCED_AFTER_S: f32 = 2.0;
+
+/// Its end is announced once the full share has lasted for so long, in seconds.
+const ENDED_AFTER_S: f32 = 10.0;
+
 /// Power limit of a pack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PowerLimit {
-    /// Maximum power (`BATT_WATT_MAX`), in watts.
-    pub max_w: f32,
+    /// Maximum power (`BATT_WATT_MAX`), in watts, at least 1.
+    pub max_w: u16,
     /// Time constant of its control (`MOT_BAT_WATT_TC`), in seconds.
     pub time_constant_s: f32,
 }
@@ -24,8 +31,9 @@ pub struct PowerLimit {
 impl PowerLimit {
     /// From the live parameters; `None` is unlimited.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Option<Self> {
-        let max_w = parameters.get(BatteryParameter::WattMax.of(pack));
-        (max_w > 0.0).then(|| Self {
+        // The table's range is 0 to 32767.
+        let max_w = parameters.get_whole(BatteryParameter::WattMax.of(pack)) as u16;
+        (max_w > 0).then(|| Self {
             max_w,
             time_constant_s: parameters.get(VehicleParameter::MotBatWattTc),
         })
@@ -33,29 +41,73 @@ impl PowerLimit {
 
     /// Share of the duties after `dt_s` at this power, as in ArduPilot.
     fn next_share(&self, share: f32, dt_s: f32, power_w: f32) -> f32 {
-        let step = dt_s / (dt_s + self.time_constant_s) * (1.0 - power_w / self.max_w);
+        let step = dt_s / (dt_s + self.time_constant_s) * (1.0 - power_w / f32::from(self.max_w));
         (share + step).clamp(LEAST_SHARE, 1.0)
+    }
+}
+
+/// Share of the motors' duties by the power limit of one pack, since they were armed.
+#[derive(Clone, Copy, Debug)]
+struct PackShare {
+    /// From [`LEAST_SHARE`] to 1.
+    share: f32,
+    /// Time since the latest known power, in seconds.
+    unmeasured_s: f32,
+    /// For how long the share has contradicted [`is_announced`](Self::is_announced).
+    contradicts: Lasting,
+    /// The maximum power that the share is by, in watts; 0 is unlimited.
+    max_w: u16,
+    /// Whether the pack is announced to limit the motors.
+    is_announced: bool,
+}
+
+impl PackShare {
+    const FULL: Self = Self {
+        share: 1.0,
+        unmeasured_s: 0.0,
+        contradicts: Lasting::NONE,
+        max_w: 0,
+        is_announced: false,
+    };
+
+    /// The share after `dt_s` seconds.
+    fn follow(&mut self, dt_s: f32, limit: Option<PowerLimit>, power_w: Option<f32>) {
+        self.unmeasured_s += dt_s;
+        let max_w = limit.map_or(0, |limit| limit.max_w);
+        if mem::replace(&mut self.max_w, max_w) != max_w {
+            self.share = 1.0;
+            self.unmeasured_s = 0.0;
+        } else if let (Some(limit), Some(power_w)) = (limit, power_w) {
+            let dt_s = mem::take(&mut self.unmeasured_s).min(MAX_INTERVAL_S);
+            self.share = limit.next_share(self.share, dt_s, power_w);
+        }
+    }
+
+    /// Whether the limit, or its end, is to be announced, `dt_s` seconds after the last call.
+    fn begins_or_ends(&mut self, dt_s: f32) -> bool {
+        let (contradicts, required_s) = if self.is_announced {
+            (self.share == 1.0, ENDED_AFTER_S)
+        } else {
+            (self.share < ANNOUNCED_SHARE, ANNOUNCED_AFTER_S)
+        };
+        let has_lasted = self.contradicts.reaches(required_s, dt_s, contradicts);
+        self.is_announced ^= has_lasted;
+        has_lasted
     }
 }
 
 /// Shares of the motors' duties by the power limits of all packs. The least counts.
 #[derive(Clone, Copy, Debug)]
 pub struct PowerLimiter {
-    /// Of each pack, from [`LEAST_SHARE`] to 1.
-    shares: [f32; MAX_PACKS],
-    updated_at: [Instant; MAX_PACKS],
+    packs: [PackShare; MAX_PACKS],
     least: f32,
-    /// Packs that have limited the motors since these were armed, a bit each.
-    has_limited: u16,
 }
 
 impl Default for PowerLimiter {
     fn default() -> Self {
         Self {
-            shares: [1.0; MAX_PACKS],
-            updated_at: [Instant::EPOCH; MAX_PACKS],
+            packs: [PackShare::FULL; MAX_PACKS],
             least: 1.0,
-            has_limited: 0,
         }
     }
 }
@@ -66,99 +118,96 @@ impl PowerLimiter {
         self.least
     }
 
-    /// Follows the power of a pack, in watts; while that is unknown the share is held. Returns whether the pack limits the
-    /// motors for the first time since they were armed.
+    /// Follows the power of a pack, in watts, `dt_s` seconds after the last call. While the power is unknown the share is
+    /// held; another maximum begins with the full share, whatever the power. Returns whether [`limits_to_w`](Self::limits_to_w)
+    /// is to be announced.
     pub fn follow(
         &mut self,
         pack: Pack,
-        now: Instant,
+        dt_s: f32,
         limit: Option<PowerLimit>,
         power_w: Option<f32>,
     ) -> bool {
-        let before = self.shares[pack as usize];
-        let share = match (limit, power_w) {
-            (None, _) => 1.0,
-            (Some(_), None) => return false,
-            (Some(limit), Some(power_w)) => {
-                let since = mem::replace(&mut self.updated_at[pack as usize], now);
-                let dt_s = (now.us_since(since) as f32 * 1e-6).min(MAX_INTERVAL_S);
-                limit.next_share(before, dt_s, power_w)
-            }
-        };
-        if share == before {
-            return false;
+        let own = &mut self.packs[pack as usize];
+        let before = own.share;
+        own.follow(dt_s, limit, power_w);
+        let is_news = own.begins_or_ends(dt_s);
+        if own.share != before {
+            let shares = self.packs.iter().map(|pack| pack.share);
+            self.least = shares.fold(1.0, f32::min);
         }
-        self.shares[pack as usize] = share;
-        self.least = self.shares.iter().copied().fold(1.0, f32::min);
-        let is_first = self.has_limited & pack.bit() == 0;
-        self.has_limited |= pack.bit();
-        is_first
+        is_news
+    }
+
+    /// The power that a pack is announced to limit the motors to, in watts; `None` if it does not, or its limit was removed.
+    pub fn limits_to_w(&self, pack: Pack) -> Option<u16> {
+        let own = &self.packs[pack as usize];
+        Some(own.max_w).filter(|max_w| own.is_announced && *max_w > 0)
     }
 
     /// Whether the motors can't be limited any further for a pack.
     pub fn is_exhausted(&self, pack: Pack) -> bool {
-        self.shares[pack as usize] <= LEAST_SHARE
+        self.packs[pack as usize].share <= LEAST_SHARE
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::time::at_us;
 
     const LIMIT: Option<PowerLimit> = Some(PowerLimit {
-        max_w: 20.0,
+        max_w: 20,
         time_constant_s: 2.0,
     });
 
-    /// A limiter, and the moment of its next reading in milliseconds.
-    #[derive(Default)]
-    struct Rig(PowerLimiter, u64);
+    const TICK_S: f32 = 0.1;
 
-    impl Rig {
-        fn new() -> Self {
-            let mut rig = Self::default();
-            rig.read(Pack::First, Some(0.0));
-            rig
-        }
+    /// A limiter in its first tick.
+    fn limiter() -> PowerLimiter {
+        let mut limiter = PowerLimiter::default();
+        follow(&mut limiter, 1, LIMIT, Some(0.0));
+        limiter
+    }
 
-        /// A reading every 100 ms. Returns whether the pack begins to limit.
-        fn read(&mut self, pack: Pack, power_w: Option<f32>) -> bool {
-            self.1 += 100;
-            self.0.follow(pack, at_us(1000 * self.1), LIMIT, power_w)
-        }
+    /// Ticks of the first pack. Returns those in which something is announced, from 1.
+    fn follow(
+        limiter: &mut PowerLimiter,
+        ticks: u32,
+        limit: Option<PowerLimit>,
+        power_w: Option<f32>,
+    ) -> Vec<u32> {
+        let is_news = |_: &u32| limiter.follow(Pack::First, TICK_S, limit, power_w);
+        (1..=ticks).filter(is_news).collect()
+    }
 
-        fn read_for(&mut self, readings: u32, power_w: Option<f32>) -> f32 {
-            for _ in 0..readings {
-                self.read(Pack::First, power_w);
-            }
-            self.0.share()
-        }
+    fn share_after(limiter: &mut PowerLimiter, ticks: u32, power_w: Option<f32>) -> f32 {
+        follow(limiter, ticks, LIMIT, power_w);
+        limiter.share()
     }
 
     #[test]
     fn the_share_moves_as_in_ardupilot_between_its_ends() {
-        let mut rig = Rig::new();
+        let mut limiter = limiter();
         // 0.1 / (0.1 + 2) of 1 - 30 / 20.
-        let after_one = rig.read_for(1, Some(30.0));
+        let after_one = share_after(&mut limiter, 1, Some(30.0));
         assert!((after_one - (1.0 - 0.5 / 21.0)).abs() < 1e-5, "{after_one}");
-        assert!(!rig.0.is_exhausted(Pack::First));
-        assert_eq!(rig.read_for(100, Some(30.0)), LEAST_SHARE);
-        assert!(rig.0.is_exhausted(Pack::First));
-        assert!(!rig.0.is_exhausted(Pack::Second));
-        let released = rig.read_for(1, Some(10.0));
+        assert!(!limiter.is_exhausted(Pack::First));
+        assert_eq!(share_after(&mut limiter, 100, Some(30.0)), LEAST_SHARE);
+        assert!(limiter.is_exhausted(Pack::First));
+        assert!(!limiter.is_exhausted(Pack::Second));
+        let released = share_after(&mut limiter, 1, Some(10.0));
         assert!((released - (LEAST_SHARE + 0.5 / 21.0)).abs() < 1e-5, "{released}");
-        assert_eq!(rig.read_for(100, Some(-10.0)), 1.0);
+        assert_eq!(share_after(&mut limiter, 100, Some(-10.0)), 1.0);
     }
 
     #[test]
     // Requirement: AP-28
     fn a_load_by_the_square_of_the_duty_settles_at_the_limit() {
         for full_w in [21.0, 52.0, 200.0] {
-            let mut rig = Rig::new();
+            let mut limiter = limiter();
             let mut share = 1.0_f32;
             for _ in 0..50 {
-                share = rig.read_for(1, Some(full_w * share * share));
+                share = share_after(&mut limiter, 1, Some(full_w * share * share));
             }
             let power_w = full_w * share * share;
             assert!((power_w / 20.0 - 1.0).abs() < 0.05, "{power_w} of {full_w}");
@@ -167,27 +216,96 @@ mod tests {
 
     #[test]
     fn an_unknown_power_holds_the_share_and_counts_for_a_second_at_most() {
-        let mut rig = Rig::new();
-        let limited = rig.read_for(10, Some(40.0));
-        assert_eq!(rig.read_for(1000, None), limited);
-        let step = rig.read_for(1, Some(0.0)) - limited;
+        let mut limiter = limiter();
+        let limited = share_after(&mut limiter, 10, Some(40.0));
+        assert_eq!(share_after(&mut limiter, 1000, None), limited);
+        let step = share_after(&mut limiter, 1, Some(0.0)) - limited;
         assert!((step - 1.0 / 3.0).abs() < 0.01, "{step}");
     }
 
     #[test]
-    fn the_strictest_pack_counts_and_each_begins_once() {
-        let mut rig = Rig::new();
-        rig.read(Pack::Ninth, Some(0.0));
-        assert!(!rig.read(Pack::Ninth, Some(20.0)), "at the limit");
-        assert!(rig.read(Pack::First, Some(30.0)));
-        let first = rig.0.share();
-        assert!(rig.read(Pack::Ninth, Some(100.0)));
-        let ninth = rig.0.share();
-        assert!(ninth < first);
-        assert!(!rig.read(Pack::First, Some(0.0)));
-        assert_eq!(rig.0.share(), ninth);
+    // Requirement: AP-28
+    fn another_maximum_begins_with_the_full_share_and_an_unchanged_one_does_not() {
+        let limit_of = |max_w, time_constant_s| {
+            Some(PowerLimit {
+                max_w,
+                time_constant_s,
+            })
+        };
+        for power_w in [None, Some(40.0)] {
+            let mut limited = limiter();
+            follow(&mut limited, 100, LIMIT, Some(40.0));
+            for (limit, restarts) in [
+                (LIMIT, false),
+                (limit_of(20, 5.0), false),
+                (None, true),
+                (limit_of(19, 2.0), true),
+                (limit_of(1000, 2.0), true),
+            ] {
+                let mut limiter = limited;
+                follow(&mut limiter, 1, limit, power_w);
+                assert_eq!(limiter.share() == 1.0, restarts, "{limit:?} {power_w:?}");
+                // A reading of the time before does not count.
+                follow(&mut limiter, 1, limit, power_w);
+                assert_eq!(limiter.share() > 0.8, restarts, "{limit:?} {power_w:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_tick_decides_nothing() {
+        let mut limiter = PowerLimiter::default();
+        assert_eq!(share_after(&mut limiter, 1, Some(2000.0)), 1.0);
+        let limited = share_after(&mut limiter, 1, Some(40.0));
+        assert!((limited - (1.0 - 1.0 / 21.0)).abs() < 1e-5, "{limited}");
+    }
+
+    #[test]
+    fn the_strictest_pack_counts() {
+        let mut limiter = limiter();
+        let mut ninth = |limiter: &mut PowerLimiter, limit, power_w| {
+            limiter.follow(Pack::Ninth, TICK_S, limit, Some(power_w));
+            limiter.share()
+        };
+        ninth(&mut limiter, LIMIT, 0.0);
+        let first = share_after(&mut limiter, 1, Some(30.0));
+        let strictest = ninth(&mut limiter, LIMIT, 100.0);
+        assert!(strictest < first);
+        assert_eq!(share_after(&mut limiter, 1, Some(0.0)), strictest);
         // Without a limit it is as if it never had one.
-        assert!(!rig.0.follow(Pack::Ninth, at_us(0), None, Some(100.0)));
-        assert!(rig.0.share() > ninth);
+        assert!(ninth(&mut limiter, None, 100.0) > strictest);
+    }
+
+    #[test]
+    // Requirement: AP-28
+    fn a_limit_is_announced_after_two_seconds_and_its_end_after_ten() {
+        let mut limiter = limiter();
+        // A peak: below 0.9 for less.
+        assert_eq!(follow(&mut limiter, 10, LIMIT, Some(30.0)), []);
+        assert!(limiter.share() < ANNOUNCED_SHARE);
+        assert_eq!(follow(&mut limiter, 100, LIMIT, Some(0.0)), []);
+        assert_eq!(limiter.limits_to_w(Pack::First), None);
+        // 0.9 is passed in the fifth tick.
+        assert_eq!(follow(&mut limiter, 100, LIMIT, Some(30.0)), [24]);
+        assert_eq!(limiter.limits_to_w(Pack::First), Some(20));
+        assert_eq!(limiter.limits_to_w(Pack::Second), None);
+        // Full for less than ten seconds.
+        assert_eq!(follow(&mut limiter, 100, LIMIT, Some(0.0)), []);
+        assert_eq!(follow(&mut limiter, 1, LIMIT, Some(30.0)), []);
+        assert_eq!(limiter.limits_to_w(Pack::First), Some(20));
+        // Full in the first tick again.
+        assert_eq!(follow(&mut limiter, 200, LIMIT, Some(0.0)), [100]);
+        assert_eq!(limiter.limits_to_w(Pack::First), None);
+        assert_eq!(follow(&mut limiter, 100, LIMIT, Some(30.0)), [24], "it begins again");
+    }
+
+    #[test]
+    fn a_limit_that_is_removed_ends_after_ten_seconds_and_an_unknown_power_ends_none() {
+        let mut limiter = limiter();
+        follow(&mut limiter, 100, LIMIT, Some(40.0));
+        assert_eq!(follow(&mut limiter, 1000, LIMIT, None), []);
+        assert_eq!(follow(&mut limiter, 50, None, None), []);
+        assert_eq!(limiter.limits_to_w(Pack::First), None, "for who asks meanwhile");
+        assert_eq!(follow(&mut limiter, 100, None, None), [50]);
     }
 }

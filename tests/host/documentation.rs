@@ -409,7 +409,9 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::ContactRestored,
         gap(Some(3.0)),
         gap(None),
-        PackEvent::PowerLimited(20.0),
+        PackEvent::PowerLimited(Some(20)),
+        PackEvent::PowerLimited(None),
+        PackEvent::PowerUnknown,
         PackEvent::NotFound {
             address: Some(0x40),
             answering: [Some(0x41), Some(0x44), None, None, None],

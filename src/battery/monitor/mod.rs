@@ -121,6 +121,11 @@ impl BatteryMonitor {
         self.failed_reads
     }
 
+    /// Whether the sensor was found to take a load for charging, since the start or another scale of the current.
+    pub fn is_current_reversed(&self) -> bool {
+        self.current_is_reversed
+    }
+
     /// Processes one reading, valid or failed. The result is in `state`, which was by default before the first one.
     pub fn update(
         &mut self,

@@ -266,16 +266,22 @@ impl Vehicle {
         self.mode = mode;
     }
 
-    /// Limits the motors while armed, by a pack's limit and what is supplied by it now, in watts; while that is unknown its
-    /// limit holds. Returns whether the pack limits them for the first time since the arming.
+    /// Limits the motors while armed, by a pack's limit and what is supplied by it now, in watts, `dt_s` seconds after the
+    /// last call; while that is unknown its limit holds. Returns whether [`power_limit_w`](Self::power_limit_w) is to be
+    /// announced.
     pub fn limit_power(
         &mut self,
         pack: Pack,
-        now: Instant,
+        dt_s: f32,
         limit: Option<PowerLimit>,
         power_w: Option<f32>,
     ) -> bool {
-        self.arm_state == ArmState::Armed && self.power.follow(pack, now, limit, power_w)
+        self.arm_state == ArmState::Armed && self.power.follow(pack, dt_s, limit, power_w)
+    }
+
+    /// The power to which a pack limits the motors, in watts, as it was announced; `None` if it does not.
+    pub fn power_limit_w(&self, pack: Pack) -> Option<u16> {
+        self.power.limits_to_w(pack)
     }
 
     /// Whether the motors are not the cause of a pack's load, or can't be limited any further.
