@@ -328,6 +328,20 @@ mod tests {
                 "Battery 9 fault: cell failed, deep discharge, over temperature, over current",
             ),
             (
+                PackEvent::ReportedState {
+                    state: ChargeState::Failed,
+                    cause: Faults::BAD_BATTERY | Faults::CELL_DIFFERS,
+                },
+                "Battery 9 reports: failed, bad battery, cells differ",
+            ),
+            (
+                PackEvent::ReportedState {
+                    state: ChargeState::Unhealthy,
+                    cause: Faults::empty(),
+                },
+                "Battery 9 reports: unhealthy",
+            ),
+            (
                 failsafe(FailsafeLevel::Low, Amount::Mah(-1e9)),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",
             ),

@@ -380,7 +380,7 @@ fn notify(endpoint: &mut Endpoint, notice: &dyn Announce) {
 fn log_admission(admission: Admission, component_id: u8, pack: Pack, endpoint: &mut Endpoint, now: Instant) {
     let number = pack.number();
     match admission {
-        Admission::Known => {}
+        Admission::Known | Admission::LessComplete => {}
         Admission::New => info!("battery {}: measured by component {}", number, component_id),
         Admission::OtherSource | Admission::TooLate => {
             if endpoint.refusal_log.take(now) {

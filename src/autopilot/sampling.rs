@@ -363,13 +363,13 @@ impl Autopilot {
         }
         let source = &mut self.packs.sources[pack as usize];
         let reading = match report {
-            ExternalReport::Reading(reading) => reading,
+            ExternalReport::Reading(reading) | ExternalReport::ReadingV2(reading) => reading,
             ExternalReport::Health(_, health) => {
                 source.set_health(component_id, *health);
                 return None;
             }
         };
-        let admission = source.admit(component_id, received_at, now);
+        let admission = source.admit(component_id, report, received_at, now);
         if let Admission::Known | Admission::New = admission {
             let measurement = Measurement {
                 details: source.details(),

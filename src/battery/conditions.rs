@@ -4,7 +4,7 @@
 
 use bitflags::bitflags;
 
-use super::{ArmingFailure, BatteryState, ChargeState, FailsafeLevel, Faults, PackStatus};
+use super::{ArmingFailure, BatteryState, ChargeState, FailsafeLevel, Faults, Modes, PackStatus};
 
 bitflags! {
     /// Consequences of a condition for ground stations.
@@ -30,6 +30,8 @@ enum Condition {
     /// Reported by the pack, or by the component that measures it.
     Reported(Faults),
     ReportedState(ChargeState),
+    /// As the pack reports it.
+    Mode(Modes),
 }
 
 /// A row of the table.
@@ -54,7 +56,7 @@ const NOT_READY: Consequences = Consequences::NOT_READY;
 const NONE: Consequences = Consequences::empty();
 
 /// A low or critical level is latched by a threshold: arming names that of the voltage, unless the charge is below its own.
-static TABLE: [Row; 19] = {
+static TABLE: [Row; 20] = {
     use ArmingFailure::*;
     use ChargeState::{Critical, Emergency, Failed as FailedState, Unhealthy as UnhealthyState};
     use Condition::*;
@@ -86,6 +88,7 @@ static TABLE: [Row; 19] = {
         ),
         row(State(Emergency), NOT_READY, Some(ArmingFailure::Emergency)),
         row(State(Critical), NOT_READY, None),
+        row(Mode(Modes::STORING), NOT_READY, None),
     ]
 };
 
@@ -97,6 +100,7 @@ impl Condition {
             Self::State(charge_state) => state.firm_charge_state() == charge_state,
             Self::Found(fault) => state.readings.faults.contains(fault),
             Self::Reported(fault) => state.readings.reported.faults.contains(fault),
+            Self::Mode(mode) => state.readings.reported.modes.contains(mode),
             Self::ReportedState(charge_state) => state.readings.reported.charge_state == Some(charge_state),
         }
     }

@@ -98,6 +98,13 @@ pub enum PackEvent {
     /// Its percentages can't act, since its charge is too uncertain, and no threshold in volts is in effect: the parameter
     /// to set.
     PercentagesInert(BatteryParameter),
+    /// The pack reports since now that it is FAILED or UNHEALTHY.
+    ReportedState {
+        /// Its charge state.
+        state: ChargeState,
+        /// The faults that it reports with it.
+        cause: Faults,
+    },
     /// A failsafe level was reached.
     Failsafe {
         /// The level.
@@ -114,8 +121,8 @@ pub const MAX_ANSWERING: usize = 5;
 
 /// The most events of one tick: cells detected, pack swapped or estimate
 /// restarted, gap, current over range or reversed, sensor failed or recovered, contact lost
-/// or restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults, learnt or not,
-/// capacity above the label, percentages that can't act.
+/// or restored, powering off or members left, two failsafe levels, charge state, charging, faults, reported faults or state, learnt
+/// or not, capacity above the label, percentages that can't act.
 const MAX_EVENTS: usize = 16;
 
 /// Charge that remains and is not usable is mentioned from here on, in percent.
@@ -316,6 +323,10 @@ impl fmt::Display for PackEvent {
             Self::NotLearnt(obstacle) => write!(f, "not learnt: {obstacle}"),
             Self::Faults(faults) => write_faults(f, "fault: ", *faults, &FAULT_NAMES),
             Self::ReportedFaults(faults) => write_faults(f, "reports: ", *faults, &REPORTED_NAMES),
+            Self::ReportedState { state, cause } => {
+                write!(f, "reports: {}", charge_state_name(*state))?;
+                write_faults(f, ", ", *cause, &REPORTED_NAMES)
+            }
             Self::Failsafe {
                 level,
                 voltage_v,
@@ -354,12 +365,13 @@ const FAULT_NAMES: [(Faults, &str); 11] = [
 ];
 
 /// Names that packs have for their faults.
-const REPORTED_NAMES: [(Faults, &str); 13] = [
+const REPORTED_NAMES: [(Faults, &str); 14] = [
     (Faults::BAD_BATTERY, "bad battery"),
     (Faults::NEEDS_SERVICE, "needs service"),
     (Faults::SWITCHED_OFF, "switched off by its protection"),
     (Faults::SHORT_CIRCUIT, "short circuit"),
     (Faults::CELL_FAIL, "cell failed"),
+    (Faults::CELL_DIFFERS, "cells differ"),
     (Faults::DEEP_DISCHARGE, "deep discharge"),
     (Faults::OVER_TEMPERATURE, "over temperature"),
     (Faults::UNDER_TEMPERATURE, "under temperature"),
@@ -389,6 +401,8 @@ fn charge_state_name(state: ChargeState) -> &'static str {
         ChargeState::Emergency => "emergency",
         ChargeState::Critical => "critical",
         ChargeState::Low => "low",
+        ChargeState::Failed => "failed",
+        ChargeState::Unhealthy => "unhealthy",
         _ => "fine",
     }
 }

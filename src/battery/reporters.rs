@@ -5,7 +5,8 @@ use super::charge_state::by_failsafe;
 use super::consumption::Gap;
 use super::event::push;
 use super::{
-    ArmState, BatteryState, ChargeState, Faults, LessonObstacle, PackEvent, PackEvents, PackStatus, ReadError,
+    ArmState, BatteryState, ChargeState, Faults, LessonObstacle, PackEvent, PackEvents, PackStatus,
+    ReadError, Reported,
 };
 use crate::announce::Lasting;
 
@@ -196,22 +197,42 @@ pub struct ChargeReporter {
     reported: AnnouncedFaults,
 }
 
-/// Faults that were announced.
+/// Faults that were announced, and the charge state FAILED or UNHEALTHY.
 #[derive(Clone, Copy, Debug, Default)]
 struct AnnouncedFaults {
     faults: Faults,
+    /// The worst state of those, as [`badness`].
+    badness: u8,
     some_absent: Lasting,
 }
 
+/// 2 of FAILED, 1 of UNHEALTHY.
+fn badness(state: Option<ChargeState>) -> u8 {
+    match state {
+        Some(ChargeState::Failed) => 2,
+        Some(ChargeState::Unhealthy) => 1,
+        _ => 0,
+    }
+}
+
 impl AnnouncedFaults {
-    /// The new faults, `dt_s` seconds after the ones before.
-    fn update(&mut self, dt_s: f32, present: Faults) -> Faults {
-        let new = present - self.faults;
-        self.faults |= present;
-        if self.some_absent.reaches(RECOVERY_S, dt_s, present != self.faults) {
-            self.faults = present;
+    /// The new faults and the state if it is worse, `dt_s` seconds after the ones before.
+    fn update(
+        &mut self,
+        dt_s: f32,
+        faults: Faults,
+        state: Option<ChargeState>,
+    ) -> (Faults, Option<ChargeState>) {
+        let badness = badness(state);
+        let new = faults - self.faults;
+        let worse = state.filter(|_| badness > self.badness);
+        self.faults |= faults;
+        self.badness = self.badness.max(badness);
+        let is_some_absent = faults != self.faults || badness != self.badness;
+        if self.some_absent.reaches(RECOVERY_S, dt_s, is_some_absent) {
+            (self.faults, self.badness) = (faults, badness);
         }
-        new
+        (new, worse)
     }
 }
 
@@ -251,13 +272,19 @@ impl ChargeReporter {
     }
 
     fn add_faults(&mut self, dt_s: f32, state: &BatteryState, events: &mut PackEvents) {
-        let faults = self.faults.update(dt_s, state.readings.faults);
+        let (faults, _) = self.faults.update(dt_s, state.readings.faults, None);
         if !faults.is_empty() {
             push(events, PackEvent::Faults(faults));
         }
-        let reported = self.reported.update(dt_s, state.readings.reported.faults);
-        if !reported.is_empty() {
-            push(events, PackEvent::ReportedFaults(reported));
+        let Reported {
+            faults: cause,
+            charge_state,
+            ..
+        } = state.readings.reported;
+        match self.reported.update(dt_s, cause, charge_state) {
+            (_, Some(state)) => push(events, PackEvent::ReportedState { state, cause }),
+            (faults, None) if !faults.is_empty() => push(events, PackEvent::ReportedFaults(faults)),
+            _ => {}
         }
     }
 
@@ -522,6 +549,48 @@ mod tests {
         assert_eq!(reported(&mut reporter, 31, &with(Faults::empty())), []);
         let again = reported(&mut reporter, 2, &with(two));
         assert_eq!(again, [PackEvent::ReportedFaults(two)]);
+    }
+
+    #[test]
+    // Requirement: L-10
+    fn a_state_that_the_pack_reports_is_announced_once_with_its_cause() {
+        use ChargeState::{Failed, Ok, Unhealthy};
+        let with = |charge_state, faults| {
+            let mut battery = state(ChargeState::Low);
+            battery.readings.reported.charge_state = Some(charge_state);
+            battery.readings.reported.faults = faults;
+            battery
+        };
+        let announced = |state, cause| PackEvent::ReportedState { state, cause };
+        let (hot, none) = (Faults::OVER_TEMPERATURE, Faults::empty());
+        let mut reporter = ChargeReporter::default();
+        assert_eq!(
+            reported(&mut reporter, 5, &with(Ok, none)),
+            [charge(ChargeState::Low)]
+        );
+        // Its cause was announced before, and is named once more.
+        assert_eq!(
+            reported(&mut reporter, 5, &with(Ok, hot)),
+            [PackEvent::ReportedFaults(hot)]
+        );
+        assert_eq!(
+            reported(&mut reporter, 5, &with(Unhealthy, hot)),
+            [announced(Unhealthy, hot)]
+        );
+        assert_eq!(
+            reported(&mut reporter, 5, &with(Failed, none)),
+            [announced(Failed, none)]
+        );
+        for _ in 0..20 {
+            for state in [Ok, Unhealthy, Failed] {
+                assert_eq!(reported(&mut reporter, 9, &with(state, hot)), []);
+            }
+        }
+        assert_eq!(reported(&mut reporter, 31, &with(Ok, hot)), []);
+        assert_eq!(
+            reported(&mut reporter, 5, &with(Failed, hot)),
+            [announced(Failed, hot)]
+        );
     }
 
     #[test]

@@ -47,6 +47,8 @@ pub struct ExternalHealth {
 pub enum ExternalReport {
     /// A reading.
     Reading(ExternalReading),
+    /// A reading without cells and time left, which a component may send beside the other one (BATTERY_STATUS_V2).
+    ReadingV2(ExternalReading),
     /// The health of this pack.
     Health(Pack, ExternalHealth),
 }
@@ -55,7 +57,7 @@ impl ExternalReport {
     /// The pack.
     pub fn pack(&self) -> Pack {
         match self {
-            Self::Reading(reading) => reading.pack,
+            Self::Reading(reading) | Self::ReadingV2(reading) => reading.pack,
             Self::Health(pack, _) => *pack,
         }
     }
@@ -100,10 +102,18 @@ impl defmt::Format for ExternalReport {
 /// The component that measures a pack: the first that reports it, until it is lost.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ExternalSource {
-    component_id: Option<u8>,
+    /// Its component id, and the readings that are taken of it.
+    source: Option<(u8, Readings)>,
     /// When its latest reading was received, or the board's start.
     heard: Instant,
     health: ExternalHealth,
+}
+
+/// The readings that are taken of a component: each, or those alone that have all it reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Readings {
+    V2,
+    Complete,
 }
 
 /// Whether a component's reading counts.
@@ -116,32 +126,49 @@ pub enum Admission {
     New,
     /// Another component measures the pack.
     OtherSource,
+    /// The component reports the pack more completely, too.
+    LessComplete,
     /// The reading may have waited for too long on its way.
     TooLate,
 }
 
 impl ExternalSource {
-    /// Judges a reading that can't have been received before `received_at`.
-    pub fn admit(&mut self, component_id: u8, received_at: Instant, now: Instant) -> Admission {
+    /// Judges a report that can't have been received before `received_at`, which is a reading.
+    pub fn admit(
+        &mut self,
+        component_id: u8,
+        report: &ExternalReport,
+        received_at: Instant,
+        now: Instant,
+    ) -> Admission {
         if now.us_since(received_at) >= EXTERNAL_TIMEOUT_US {
             return Admission::TooLate;
         }
-        let admission = match self.component_id {
-            Some(known) if known == component_id => Admission::Known,
+        let readings = match report {
+            ExternalReport::ReadingV2(_) => Readings::V2,
+            ExternalReport::Reading(_) | ExternalReport::Health(..) => Readings::Complete,
+        };
+        let admission = match self.source {
+            Some((known, Readings::Complete))
+                if known == component_id && readings == Readings::V2 && !self.is_lost(now) =>
+            {
+                return Admission::LessComplete;
+            }
+            Some((known, _)) if known == component_id => Admission::Known,
             Some(_) if !self.is_lost(now) => return Admission::OtherSource,
             _ => {
                 self.health = ExternalHealth::default();
                 Admission::New
             }
         };
-        self.component_id = Some(component_id);
+        self.source = Some((component_id, readings));
         self.heard = self.heard.max(received_at);
         admission
     }
 
     /// Takes what the component reports of the pack's health, if it measures the pack.
     pub fn set_health(&mut self, component_id: u8, health: ExternalHealth) {
-        if self.component_id == Some(component_id) {
+        if self.source.is_some_and(|(known, _)| known == component_id) {
             self.health = health;
         }
     }
@@ -171,10 +198,46 @@ mod tests {
     const SECOND: u8 = 192;
     const LAST_IN_TIME_US: u64 = EXTERNAL_TIMEOUT_US - 1;
 
+    fn reading() -> ExternalReading {
+        ExternalReading {
+            pack: Pack::First,
+            voltage_v: 12.0,
+            cells: CellVoltages::NONE,
+            current_a: None,
+            consumed_mah: None,
+            consumed_wh: None,
+            state_of_charge: None,
+            temperature_c: None,
+            reported: Reported::NONE,
+            time_remaining_s: None,
+        }
+    }
+
+    fn report() -> ExternalReport {
+        ExternalReport::Reading(reading())
+    }
+
+    #[test]
+    fn the_second_version_counts_unless_its_component_sends_the_first_too() {
+        let mut source = ExternalSource::default();
+        let mut at = |component_id, report, us| source.admit(component_id, &report, at_us(us), at_us(us));
+        let (v1, v2) = (report, || ExternalReport::ReadingV2(reading()));
+        assert_eq!(at(FIRST, v2(), 0), Admission::New);
+        assert_eq!(at(FIRST, v2(), 1_000_000), Admission::Known);
+        assert_eq!(at(FIRST, v1(), 1_500_000), Admission::Known);
+        assert_eq!(at(FIRST, v2(), 1_600_000), Admission::LessComplete);
+        assert_eq!(at(SECOND, v2(), 1_600_000), Admission::OtherSource);
+        // It sends the second version alone from now on.
+        let silent_at_us = 1_500_000 + EXTERNAL_TIMEOUT_US;
+        assert_eq!(at(FIRST, v2(), silent_at_us - 1), Admission::LessComplete);
+        assert_eq!(at(FIRST, v2(), silent_at_us), Admission::Known);
+        assert_eq!(at(FIRST, v2(), silent_at_us + 1), Admission::Known);
+    }
+
     #[test]
     fn first_component_is_kept_until_it_is_lost() {
         let mut source = ExternalSource::default();
-        let mut at = |component_id, us| source.admit(component_id, at_us(us), at_us(us));
+        let mut at = |component_id, us| source.admit(component_id, &report(), at_us(us), at_us(us));
         assert_eq!(at(FIRST, 0), Admission::New);
         assert_eq!(at(SECOND, 0), Admission::OtherSource);
         assert_eq!(at(FIRST, LAST_IN_TIME_US), Admission::Known);
@@ -189,14 +252,14 @@ mod tests {
         let mut source = ExternalSource::default();
         let now = at_us(10 * EXTERNAL_TIMEOUT_US);
         let late = now.before_us(EXTERNAL_TIMEOUT_US);
-        assert_eq!(source.admit(FIRST, late, now), Admission::TooLate);
+        assert_eq!(source.admit(FIRST, &report(), late, now), Admission::TooLate);
         assert!(source.is_lost(now));
         let in_time = now.before_us(LAST_IN_TIME_US);
-        assert_eq!(source.admit(FIRST, in_time, now), Admission::New);
+        assert_eq!(source.admit(FIRST, &report(), in_time, now), Admission::New);
         assert!(!source.is_lost(now) && source.is_lost(now.after_us(1)));
         // The same component by a faster link, then again by the slow one.
-        assert_eq!(source.admit(FIRST, now, now), Admission::Known);
-        assert_eq!(source.admit(FIRST, in_time, now), Admission::Known);
+        assert_eq!(source.admit(FIRST, &report(), now, now), Admission::Known);
+        assert_eq!(source.admit(FIRST, &report(), in_time, now), Admission::Known);
         assert!(!source.is_lost(now.after_us(LAST_IN_TIME_US)));
     }
 
@@ -211,7 +274,7 @@ mod tests {
             let mut last: Option<(u8, Instant)> = None;
             for (component_id, after_us) in steps {
                 now = now.after_us(after_us);
-                match source.admit(component_id, now, now) {
+                match source.admit(component_id, &report(), now, now) {
                     Admission::Known => prop_assert_eq!(last.map(|(known, _)| known), Some(component_id)),
                     Admission::New => {
                         prop_assert!(last.is_none_or(|(_, heard)| now.us_since(heard) >= EXTERNAL_TIMEOUT_US));
@@ -221,7 +284,7 @@ mod tests {
                         prop_assert!(known != component_id && now.us_since(heard) < EXTERNAL_TIMEOUT_US);
                         continue;
                     }
-                    Admission::TooLate => unreachable!("received now"),
+                    Admission::TooLate | Admission::LessComplete => unreachable!("received now, complete"),
                 }
                 last = Some((component_id, now));
             }

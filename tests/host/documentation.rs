@@ -412,6 +412,14 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::PowerLimited(Some(20)),
         PackEvent::PowerLimited(None),
         PackEvent::PowerUnknown,
+        PackEvent::ReportedState {
+            state: ChargeState::Failed,
+            cause: Faults::empty(),
+        },
+        PackEvent::ReportedState {
+            state: ChargeState::Unhealthy,
+            cause: Faults::empty(),
+        },
         PackEvent::NotFound {
             address: Some(0x40),
             answering: [Some(0x41), Some(0x44), None, None, None],

@@ -6,11 +6,12 @@ use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
+use rover_battmon::vehicle::ArmState;
 use support::charge_states::OK;
-use support::commands::{ACCEPTED, BATTERY_RESET, FAILED};
+use support::commands::{ACCEPTED, BATTERY_RESET, FAILED, REQUEST_MESSAGE};
 use support::desk::{Desk, start_with};
-use support::frames::{last_of, texts_of};
-use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, health_report};
+use support::frames::{BATTERY_STATUS_V2, last_of, of_message, texts_of};
+use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, health_report, report_v2};
 use support::requests::{arm, arm_by_force, command_long_2, disarm, setup_signing};
 use support::signer::{NEW_YEAR, OWNER, STRANGER, Signer};
 
@@ -120,6 +121,74 @@ fn faults_charge_state_and_time_left_of_a_component_are_shown() {
     let (charge_state, faults, time_remaining_s) = status(&mut desk);
     assert_eq!((charge_state, faults), (OK, 0));
     assert_ne!(time_remaining_s, 1234);
+}
+
+#[test]
+// Requirement: AP-11
+fn a_companion_that_sends_the_second_version_alone_is_a_source() {
+    let mut desk = desk();
+    let state = ticks(&mut desk, 3, &report_v2(0, [12.0, 2.5, 65.0], 0));
+    assert_eq!(state.status, PackStatus::Healthy);
+    let readings = state.readings;
+    assert_eq!((readings.voltage_v, readings.current_a), (Some(12.0), Some(2.5)));
+    assert_eq!(readings.remaining_pct.map(f32::round), Some(65.0));
+    assert_eq!(silence(&mut desk, 26).status, PackStatus::Unhealthy);
+    // With the first version beside it, that alone counts.
+    let v2 = report_v2(0, [11.0, 2.5, 65.0], 0);
+    for _ in 0..30 {
+        let state = tick(&mut desk, &[of_voltage(12_000).frame(), v2.clone()]);
+        assert_eq!(state.readings.voltage_v, Some(12.0));
+    }
+    assert_eq!(desk.autopilot.battery(Pack::First).status, PackStatus::Healthy);
+}
+
+#[test]
+// Requirement: V2-2, AP-11
+fn a_pack_that_reports_itself_not_ready_refuses_arming_and_one_that_stores_is_flagged() {
+    const NOT_READY: u32 = 1;
+    const STORING: u32 = 16;
+    const IMBALANCE: u32 = 8;
+    for (sent, accepted, shown) in [
+        (0, true, 0),
+        (STORING, true, STORING | NOT_READY),
+        (IMBALANCE, true, IMBALANCE),
+        (NOT_READY, false, NOT_READY),
+    ] {
+        let mut desk = desk();
+        ticks(&mut desk, 40, &report_v2(0, [12.0, 0.5, 65.0], sent));
+        let answers = desk.ask(&command_long_2(REQUEST_MESSAGE, 369.0, 0.0));
+        let status = of_message(&answers, BATTERY_STATUS_V2)[0];
+        assert_eq!(status.u32(20), shown, "{sent}");
+        let result = desk.result_of(&arm());
+        assert_eq!(result == ACCEPTED, accepted, "{sent}");
+    }
+}
+
+#[test]
+// Requirement: AP-11, L-10
+fn a_state_that_a_companion_reports_while_driving_is_announced_once_with_its_cause() {
+    for (state, text) in [
+        (5, "Battery 1 reports: failed, over temperature"),
+        (6, "Battery 1 reports: unhealthy, over temperature"),
+    ] {
+        let mut desk = desk();
+        ticks(&mut desk, 10, &half_full(12_000));
+        assert_eq!(desk.result_of(&arm()), ACCEPTED);
+        announced(&mut desk);
+        let mut report = of_voltage(12_000);
+        report.remaining_pct = 50;
+        report.charge_state = state;
+        report.fault_bitmask = 16;
+        let mut texts = Vec::new();
+        for _ in 0..300 {
+            tick(&mut desk, &[report.frame()]);
+            texts.extend(announced(&mut desk));
+        }
+        texts.retain(|text| text.contains("reports"));
+        assert_eq!(texts, [text]);
+        // It says so and drives on, and its HEARTBEAT does not say CRITICAL.
+        assert!(desk.autopilot.vehicle().arm_state() == ArmState::Armed);
+    }
 }
 
 #[test]

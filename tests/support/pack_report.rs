@@ -1,6 +1,6 @@
 //! BATTERY_STATUS as a companion computer sends it.
 
-use super::frames::{BATTERY_INFO, BATTERY_STATUS, encode_v2_from};
+use super::frames::{BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, encode_v2_from};
 
 /// System and component id of a companion computer of the vehicle (`MAV_COMP_ID_ONBOARD_COMPUTER`), and of another one.
 pub const COMPANION: [u8; 2] = [1, 191];
@@ -70,6 +70,19 @@ impl PackReport {
         payload.extend(self.fault_bitmask.to_le_bytes());
         encode_v2_from(sender, BATTERY_STATUS, &payload)
     }
+}
+
+/// BATTERY_STATUS_V2 of a companion computer: volts, amperes, percent and flags; consumption and temperature are unknown.
+pub fn report_v2(instance: u8, numbers: [f32; 3], status_flags: u32) -> Vec<u8> {
+    let [voltage_v, current_a, percent] = numbers;
+    let mut payload = Vec::new();
+    for number in [voltage_v, current_a, f32::NAN, f32::NAN, percent] {
+        payload.extend(number.to_le_bytes());
+    }
+    payload.extend(status_flags.to_le_bytes());
+    payload.extend(i16::MAX.to_le_bytes());
+    payload.push(instance);
+    encode_v2_from(COMPANION, BATTERY_STATUS_V2, &payload)
 }
 
 /// BATTERY_INFO of a companion computer, with these fields alone.

@@ -1,76 +1,11 @@
 //! BATTERY_STATUS_V2 (369).
 
 use super::units::{amp_hours, finite, number, temperature_cdegc};
-use crate::battery::{
-    Amount, BatteryState, ChargeSource, ChargeState, Consequences, Faults, Modes, PackStatus,
-};
+use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, Consequences, Faults, PackStatus};
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
+use crate::mavlink::requests::{FLAGS_OF_FAULTS, FLAGS_OF_MODES};
 use crate::pack::Pack;
 use crate::system::SystemState;
-
-/// The flag that goes with each fault.
-const FLAGS_OF_FAULTS: [(Faults, Flags); 14] = [
-    (
-        Faults::DEEP_DISCHARGE,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_VOLT,
-    ),
-    (Faults::SPIKES, Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_VOLT),
-    (
-        Faults::CELL_FAIL,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_CELL_IMBALANCE,
-    ),
-    (
-        Faults::CELL_DIFFERS,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_CELL_IMBALANCE,
-    ),
-    (
-        Faults::OVER_CURRENT,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_CURRENT,
-    ),
-    (
-        Faults::OVER_TEMPERATURE,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_TEMPERATURE,
-    ),
-    (
-        Faults::UNDER_TEMPERATURE,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_TEMPERATURE,
-    ),
-    (
-        Faults::INCOMPATIBLE_VOLTAGE,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_VOLTAGE,
-    ),
-    (
-        Faults::INCOMPATIBLE_FIRMWARE,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_FIRMWARE,
-    ),
-    (
-        Faults::CELLS_CONFIGURATION,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_CELLS_CONFIGURATION,
-    ),
-    (Faults::BAD_BATTERY, Flags::MAV_BATTERY_STATUS_FLAGS_BAD_BATTERY),
-    (
-        Faults::NEEDS_SERVICE,
-        Flags::MAV_BATTERY_STATUS_FLAGS_REQUIRES_SERVICE,
-    ),
-    (
-        Faults::SHORT_CIRCUIT,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_SHORT_CIRCUIT,
-    ),
-    (
-        Faults::SWITCHED_OFF,
-        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_PROTECTION_SYSTEM,
-    ),
-];
-
-/// The flag that goes with each mode.
-const FLAGS_OF_MODES: [(Modes, Flags); 3] = [
-    (Modes::BALANCING, Flags::MAV_BATTERY_STATUS_FLAGS_CELL_BALANCING),
-    (Modes::STORING, Flags::MAV_BATTERY_STATUS_FLAGS_AUTO_DISCHARGING),
-    (
-        Modes::PROTECTED,
-        Flags::MAV_BATTERY_STATUS_FLAGS_PROTECTIONS_ENABLED,
-    ),
-];
 
 /// Faults of the pack itself: it has to be looked at before it is used again. The others pass, or are the rover's.
 const FAULTS_TO_SERVICE: Faults = Faults::CELL_FAIL.union(Faults::DEEP_DISCHARGE);

@@ -1,8 +1,9 @@
-//! BATTERY_STATUS of another component: MAVLink's sentinels become `None`.
+//! BATTERY_STATUS and BATTERY_STATUS_V2 of another component: MAVLink's sentinels become `None`.
 
 use core::array;
 
 use crate::battery::{CellVoltages, ChargeState, Faults, Modes, Reported};
+use crate::mavlink::dialect::MavBatteryStatusFlags as Flags;
 use crate::mavlink::payload::Payload;
 use crate::pack::Pack;
 use crate::sensor::ExternalReading;
@@ -24,6 +25,17 @@ const VOLTAGES_EXT: usize = 41;
 const MODE: usize = 49;
 const FAULT_BITMASK: usize = 50;
 
+/// Fields of BATTERY_STATUS_V2.
+mod v2 {
+    pub const VOLTAGE: usize = 0;
+    pub const CURRENT: usize = 4;
+    pub const CAPACITY_CONSUMED: usize = 8;
+    pub const STATE_OF_CHARGE: usize = 16;
+    pub const STATUS_FLAGS: usize = 20;
+    pub const TEMPERATURE: usize = 24;
+    pub const ID: usize = 26;
+}
+
 /// `MAV_BATTERY_MODE_AUTO_DISCHARGING`
 const AUTO_DISCHARGING: u8 = 1;
 
@@ -37,9 +49,74 @@ const HIGHEST_CELL_MV: u16 = 5_000;
 // Divisors, since a product with the inverse is not the number nearest to what was sent: 10.5 V would be below 10.5 V.
 const MILLIVOLTS_PER_VOLT: f32 = 1e3;
 const HUNDREDTHS: f32 = 1e2;
+const MAH_PER_AH: f32 = 1e3;
 const HECTOJOULES_PER_WATT_HOUR: f32 = 36.0;
 
 type CellFields = [u16; CELLS + EXT_CELLS];
+
+/// The flag of BATTERY_STATUS_V2 that goes with each fault.
+pub const FLAGS_OF_FAULTS: [(Faults, Flags); 14] = [
+    (
+        Faults::DEEP_DISCHARGE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_VOLT,
+    ),
+    (Faults::SPIKES, Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_VOLT),
+    (
+        Faults::CELL_FAIL,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_CELL_IMBALANCE,
+    ),
+    (
+        Faults::CELL_DIFFERS,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_CELL_IMBALANCE,
+    ),
+    (
+        Faults::OVER_CURRENT,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_CURRENT,
+    ),
+    (
+        Faults::OVER_TEMPERATURE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_TEMPERATURE,
+    ),
+    (
+        Faults::UNDER_TEMPERATURE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_TEMPERATURE,
+    ),
+    (
+        Faults::INCOMPATIBLE_VOLTAGE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_VOLTAGE,
+    ),
+    (
+        Faults::INCOMPATIBLE_FIRMWARE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_FIRMWARE,
+    ),
+    (
+        Faults::CELLS_CONFIGURATION,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_CELLS_CONFIGURATION,
+    ),
+    (Faults::BAD_BATTERY, Flags::MAV_BATTERY_STATUS_FLAGS_BAD_BATTERY),
+    (
+        Faults::NEEDS_SERVICE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_REQUIRES_SERVICE,
+    ),
+    (
+        Faults::SHORT_CIRCUIT,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_SHORT_CIRCUIT,
+    ),
+    (
+        Faults::SWITCHED_OFF,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_PROTECTION_SYSTEM,
+    ),
+];
+
+/// The flag of BATTERY_STATUS_V2 that goes with each mode.
+pub const FLAGS_OF_MODES: [(Modes, Flags); 3] = [
+    (Modes::BALANCING, Flags::MAV_BATTERY_STATUS_FLAGS_CELL_BALANCING),
+    (Modes::STORING, Flags::MAV_BATTERY_STATUS_FLAGS_AUTO_DISCHARGING),
+    (
+        Modes::PROTECTED,
+        Flags::MAV_BATTERY_STATUS_FLAGS_PROTECTIONS_ENABLED,
+    ),
+];
 
 /// `None` if there is no such pack, or if its voltage is unknown: a component whose sensor has failed is not a source.
 pub fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
@@ -63,6 +140,54 @@ pub fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
         // 0 is unknown.
         time_remaining_s: (time_remaining_s > 0).then_some(time_remaining_s as f32),
     })
+}
+
+/// The same of BATTERY_STATUS_V2.
+pub fn pack_reading_v2(payload: &Payload<'_>) -> Option<ExternalReading> {
+    let known = |offset: usize| Some(payload.f32(offset)).filter(|value| value.is_finite());
+    let flags = Flags::from_bits_truncate(payload.u32(v2::STATUS_FLAGS));
+    let (faults, modes) = faults_and_modes(flags);
+    let is_share = |percent: &f32| (0.0..=HUNDREDTHS).contains(percent);
+    let temperature_cdegc = payload.i16(v2::TEMPERATURE);
+    Some(ExternalReading {
+        pack: Pack::from_instance(payload.u8(v2::ID))?,
+        voltage_v: known(v2::VOLTAGE).filter(|voltage_v| *voltage_v >= 0.0)?,
+        cells: CellVoltages::NONE,
+        current_a: known(v2::CURRENT),
+        consumed_mah: known(v2::CAPACITY_CONSUMED).map(|ah| ah * MAH_PER_AH),
+        consumed_wh: None,
+        state_of_charge: known(v2::STATE_OF_CHARGE)
+            .filter(is_share)
+            .map(|percent| percent / HUNDREDTHS),
+        temperature_c: (temperature_cdegc != TEMPERATURE_UNKNOWN_CDEGC)
+            .then(|| f32::from(temperature_cdegc) / HUNDREDTHS),
+        reported: Reported {
+            faults,
+            charge_state: charge_state_v2(flags),
+            modes,
+            ..Reported::NONE
+        },
+        time_remaining_s: None,
+    })
+}
+
+/// The faults and modes that go with these flags. Cells that are not balanced differ: that one has failed is not said.
+fn faults_and_modes(flags: Flags) -> (Faults, Modes) {
+    let faults = FLAGS_OF_FAULTS.iter().filter(|(_, flag)| flags.contains(*flag));
+    let faults = faults.fold(Faults::empty(), |all, (fault, _)| all | *fault);
+    let modes = FLAGS_OF_MODES.iter().filter(|(_, flag)| flags.contains(*flag));
+    let modes = modes.fold(Modes::empty(), |all, (mode, _)| all | *mode);
+    (faults - Faults::CELL_FAIL, modes)
+}
+
+/// A pack that is charged is not ready either.
+fn charge_state_v2(flags: Flags) -> Option<ChargeState> {
+    if flags.contains(Flags::MAV_BATTERY_STATUS_FLAGS_CHARGING) {
+        Some(ChargeState::Charging)
+    } else {
+        let is_unready = flags.contains(Flags::MAV_BATTERY_STATUS_FLAGS_NOT_READY_TO_USE);
+        is_unready.then_some(ChargeState::Unhealthy)
+    }
 }
 
 /// Bits that MAVLink does not have do not belong to a fault.
@@ -127,7 +252,7 @@ mod tests {
 
     use super::*;
     use crate::mavlink::dialect::{
-        BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryMode,
+        BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryMode,
     };
 
     const UNKNOWN: u16 = u16::MAX;
@@ -285,7 +410,101 @@ mod tests {
         }
     }
 
+    /// All that is known is the voltage of the first pack.
+    fn v2_at_12_volts() -> BATTERY_STATUS_V2_DATA {
+        BATTERY_STATUS_V2_DATA {
+            voltage: 12.0,
+            current: f32::NAN,
+            capacity_consumed: f32::NAN,
+            capacity_remaining: f32::NAN,
+            state_of_charge: f32::NAN,
+            status_flags: Flags::empty(),
+            temperature: i16::MAX,
+            id: 0,
+        }
+    }
+
+    fn decoded_v2(message: &BATTERY_STATUS_V2_DATA) -> Option<ExternalReading> {
+        let mut bytes = [0; 255];
+        let length = message.ser(MavlinkVersion::V2, &mut bytes);
+        pack_reading_v2(&Payload(&bytes[..length]))
+    }
+
+    #[test]
+    fn every_field_of_the_second_version_is_decoded() {
+        let message = BATTERY_STATUS_V2_DATA {
+            current: -2.5,
+            capacity_consumed: -0.5,
+            capacity_remaining: 7.0,
+            state_of_charge: 42.0,
+            status_flags: Flags::MAV_BATTERY_STATUS_FLAGS_AUTO_DISCHARGING
+                | Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_CELL_IMBALANCE
+                | Flags::MAV_BATTERY_STATUS_FLAGS_BAD_BATTERY
+                | Flags::MAV_BATTERY_STATUS_FLAGS_NOT_READY_TO_USE,
+            temperature: -550,
+            id: 2,
+            ..v2_at_12_volts()
+        };
+        let reading = decoded_v2(&message).expect("a reading");
+        let expected = ExternalReading {
+            pack: Pack::Third,
+            voltage_v: 12.0,
+            cells: CellVoltages::NONE,
+            current_a: Some(-2.5),
+            consumed_mah: Some(-500.0),
+            consumed_wh: None,
+            state_of_charge: Some(0.42),
+            temperature_c: Some(-5.5),
+            reported: Reported {
+                faults: Faults::CELL_DIFFERS | Faults::BAD_BATTERY,
+                charge_state: Some(ChargeState::Unhealthy),
+                modes: Modes::STORING,
+                ..Reported::NONE
+            },
+            time_remaining_s: None,
+        };
+        assert_eq!(reading, expected);
+    }
+
+    #[test]
+    fn sentinels_of_the_second_version_are_unknown() {
+        let reading = decoded_v2(&v2_at_12_volts()).expect("a reading");
+        assert_eq!(
+            reading,
+            ExternalReading {
+                pack: Pack::First,
+                ..decoded(&at_12_volts()).expect("a reading")
+            }
+        );
+        for state_of_charge in [-1.0, 101.0, f32::INFINITY] {
+            let message = BATTERY_STATUS_V2_DATA {
+                state_of_charge,
+                ..v2_at_12_volts()
+            };
+            assert_eq!(decoded_v2(&message), Some(reading), "{state_of_charge}");
+        }
+        for (voltage, id) in [(f32::NAN, 0), (-1.0, 0), (f32::INFINITY, 0), (12.0, 9)] {
+            let message = BATTERY_STATUS_V2_DATA {
+                voltage,
+                id,
+                ..v2_at_12_volts()
+            };
+            assert_eq!(decoded_v2(&message), None, "{voltage} {id}");
+        }
+    }
+
     proptest! {
+        /// Any payload of the second version gives no reading or finite values.
+        #[test]
+        fn any_payload_of_the_second_version_gives_finite_values_or_none(
+            payload in prop::collection::vec(any::<u8>(), 0..30)
+        ) {
+            let Some(reading) = pack_reading_v2(&Payload(&payload)) else { return Ok(()) };
+            prop_assert!(reading.voltage_v >= 0.0 && reading.voltage_v.is_finite());
+            prop_assert!(reading.state_of_charge.is_none_or(|share| (0.0..=1.0).contains(&share)));
+            prop_assert!(reading.current_a.is_none_or(f32::is_finite));
+        }
+
         /// Any payload, however short, gives no reading or one whose values are in the range of their fields.
         #[test]
         fn any_payload_gives_finite_values_or_none(payload in prop::collection::vec(any::<u8>(), 0..60)) {

@@ -12,20 +12,22 @@ use num_traits::FromPrimitive;
 
 use super::COMPONENT_ID;
 use super::dialect::{
-    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA,
-    HEARTBEAT_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA,
-    MANUAL_CONTROL_DATA, MISSION_CLEAR_ALL_DATA, MISSION_COUNT_DATA, MISSION_ITEM_INT_DATA,
-    MISSION_REQUEST_INT_DATA, MISSION_REQUEST_LIST_DATA, MISSION_REQUEST_PARTIAL_LIST_DATA,
-    MISSION_WRITE_PARTIAL_LIST_DATA, MavMissionType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
-    PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA,
-    SET_MODE_DATA, SETUP_SIGNING_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
+    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA,
+    FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA,
+    LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA, MISSION_CLEAR_ALL_DATA, MISSION_COUNT_DATA,
+    MISSION_ITEM_INT_DATA, MISSION_REQUEST_INT_DATA, MISSION_REQUEST_LIST_DATA,
+    MISSION_REQUEST_PARTIAL_LIST_DATA, MISSION_WRITE_PARTIAL_LIST_DATA, MavMissionType,
+    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA,
+    RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, SETUP_SIGNING_DATA, SYSTEM_TIME_DATA,
+    TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
 use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
 use crate::pack::Pack;
 use crate::sensor::{ExternalHealth, ExternalReport};
 use crate::vehicle::StickInput;
-use battery_status::pack_reading;
+pub(super) use battery_status::{FLAGS_OF_FAULTS, FLAGS_OF_MODES};
+use battery_status::{pack_reading, pack_reading_v2};
 
 /// MISSION_ITEM and MISSION_REQUEST, which are deprecated in the dialect and still sent.
 const MISSION_ITEM_ID: u32 = 39;
@@ -148,7 +150,7 @@ pub enum Request<'a> {
         system_type: u8,
     },
     SetUpSigning(SetUpSigning),
-    /// BATTERY_STATUS, BATTERY_INFO.
+    /// BATTERY_STATUS, BATTERY_STATUS_V2, BATTERY_INFO.
     PackReport(ExternalReport),
     WifiConfig(WifiConfig<'a>),
     Mission(Mission),
@@ -272,6 +274,7 @@ pub fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Req
         LOG_REQUEST_END_DATA::ID => (Target::Component(target_at(payload, 0)), Request::LogEnd),
         SETUP_SIGNING_DATA::ID => setup_signing(payload),
         BATTERY_STATUS_DATA::ID => battery_status(payload)?,
+        BATTERY_STATUS_V2_DATA::ID => battery_status_v2(payload)?,
         BATTERY_INFO_DATA::ID => battery_info(payload)?,
         WIFI_CONFIG_AP_DATA::ID => wifi_config_ap(payload)?,
         MISSION_REQUEST_LIST_DATA::ID => mission(payload, 0, MissionRequest::List)?,
@@ -451,6 +454,11 @@ fn system_time(payload: &Payload<'_>) -> (Target, Request<'static>) {
 
 fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {
     let report = ExternalReport::Reading(pack_reading(payload)?);
+    Some((Target::Everyone, Request::PackReport(report)))
+}
+
+fn battery_status_v2(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {
+    let report = ExternalReport::ReadingV2(pack_reading_v2(payload)?);
     Some((Target::Everyone, Request::PackReport(report)))
 }
 

@@ -8,8 +8,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    BatteryMonitor, BatteryState, CellVoltages, Chemistry, Date, Faults, GaugeReading, Measurement, Modes,
-    PackEvent, PackSettings, ReadError, Reported, Supply, Tick,
+    BatteryMonitor, BatteryState, CellVoltages, ChargeState, Chemistry, Date, Faults, GaugeReading,
+    Measurement, Modes, PackEvent, PackSettings, ReadError, Reported, Supply, Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind, Refused};
@@ -509,9 +509,11 @@ fn status_and_error_of_a_smart_battery_are_reported() {
     assert_eq!((full.faults, full.modes), (Faults::empty(), Modes::FULL));
     assert_eq!(full.gauge.error_pct, Some(4));
     let empty_and_hot = reported_by(&[(0x16, 0x18c0), (0x0c, 101)]);
+    assert_eq!(empty_and_hot.faults, Faults::OVER_TEMPERATURE);
     assert_eq!(
-        empty_and_hot.faults,
-        Faults::DEEP_DISCHARGE | Faults::OVER_TEMPERATURE
+        [full, empty_and_hot].map(|reported| reported.charge_state),
+        [None, Some(ChargeState::Emergency)],
+        "an alarm to end the discharge"
     );
     assert_eq!(empty_and_hot.gauge.error_pct, None, "out of range");
 }

@@ -8,8 +8,8 @@ pub(in crate::sensor::bus) use dialect::{
 };
 
 use crate::battery::{
-    BusError, Chemistry, Date, Faults, Gauge, GaugeReading, Measurement, Modes, Name, PackDetails, ReadError,
-    Reported, Supply,
+    BusError, ChargeState, Chemistry, Date, Faults, Gauge, GaugeReading, Measurement, Modes, Name,
+    PackDetails, ReadError, Reported, Supply,
 };
 use crate::log::info;
 use crate::sensor::bus::part::Part;
@@ -40,11 +40,10 @@ const CAPACITY_MODE: u16 = 1 << 15;
 /// Battery status: fully charged.
 const FULLY_CHARGED: u16 = 1 << 5;
 
-/// The faults that go with its alarms: over temperature, and terminate discharge.
-const ALARMS: [(u32, Faults); 2] = [
-    (1 << 12, Faults::OVER_TEMPERATURE),
-    (1 << 11, Faults::DEEP_DISCHARGE),
-];
+/// Its alarms: over temperature, and terminate discharge, with which a battery that is empty stops its load. That is no fault:
+/// charged, it is as good as before.
+const OVER_TEMPERATURE: u16 = 1 << 12;
+const TERMINATE_DISCHARGE: u16 = 1 << 11;
 
 /// The first version of the specification with a packet error code.
 const VERSION_WITH_CODE: u16 = 3;
@@ -271,7 +270,11 @@ impl SmartBattery {
             }
             BATTERY_STATUS => {
                 if let Some(status) = word {
-                    self.reported.faults = Faults::of_flags(status.into(), &ALARMS);
+                    let is_empty = status & TERMINATE_DISCHARGE != 0;
+                    self.reported.charge_state = is_empty.then_some(ChargeState::Emergency);
+                    self.reported
+                        .faults
+                        .set(Faults::OVER_TEMPERATURE, status & OVER_TEMPERATURE != 0);
                     self.reported.modes.set(Modes::FULL, status & FULLY_CHARGED != 0);
                 }
                 MAX_ERROR
