@@ -267,6 +267,10 @@ mod tests {
                 },
                 "Battery 9 found at 0x0b, 4 cells",
             ),
+            (
+                PackEvent::ActionTooLate(FailsafeLevel::Unhealthy),
+                "Battery 9 is missing already: acts next time, choose Hold",
+            ),
             (PackEvent::SensorRecovered, "Battery 9 healthy again"),
             (PackEvent::PoweringOff, "Battery 9 is powering off"),
             (PackEvent::MembersLeft(0b10), "Battery 9 sums without battery 2"),

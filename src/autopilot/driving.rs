@@ -59,7 +59,7 @@ impl Autopilot {
         self.recording.add(&Record::Error(Subsystem::BatteryFailsafe));
         self.mode_reason = ModeReason::BatteryFailsafe;
         let action = FailsafeAction::from_parameters(&self.parameters, pack, reached);
-        if let Some(event) = self.vehicle.battery_failsafe(action) {
+        if let Some(event) = self.vehicle.battery_failsafe(pack, action) {
             self.announce_vehicle(event);
         }
         self.work |= Work::DRIVE;

@@ -7,7 +7,7 @@ use super::start::ParameterLoad;
 use super::stores::FlashStore;
 use super::{Autopilot, Work, complete};
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Severity, announced_text};
-use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, SuggestedThresholds};
+use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, PackStatus, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::{
     Action, Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,
@@ -17,6 +17,7 @@ use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
 use crate::time::Instant;
+use crate::vehicle::FailsafeAction;
 
 /// Sent to a ground station that reads all parameters.
 const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
@@ -92,10 +93,10 @@ impl Autopilot {
     /// The parameter to set if packs are monitored and none of them has a failsafe threshold in effect: a timer that is
     /// missing, else a threshold of the first.
     fn missing_threshold(&self) -> Option<ParameterId> {
-        let is_monitored = |pack: &Pack| self.parameters.is_monitored(*pack);
+        let monitored = |pack| Some((pack, self.packs.kind(pack)?));
         let mut found = None;
-        for pack in Pack::ALL.into_iter().filter(is_monitored) {
-            let settings = PackSettings::from_parameters(&self.parameters, pack);
+        for (pack, kind) in Pack::ALL.into_iter().filter_map(monitored) {
+            let settings = PackSettings::from_parameters(&self.parameters, pack).of_kind(pack, kind);
             let missing = settings.failsafe.missing_parameter(self.battery(pack))?;
             if found.is_none() || missing == BatteryParameter::LowTimer {
                 found = Some(missing.of(pack));
@@ -250,7 +251,10 @@ impl Autopilot {
                 endpoint.say(Severity::Info, BANNER);
                 self.send_notices(endpoint);
             }
-            Event::ParameterSet(id) => return self.parameter_set(id, endpoint),
+            Event::ParameterSet(id) => {
+                self.announce_late_action(id, now);
+                return self.parameter_set(id, endpoint);
+            }
             Event::Triggered(id) => return self.triggered(id, endpoint),
             Event::Command(action) => {
                 info!("{}: {:?}", endpoint.name(), action);
@@ -321,6 +325,21 @@ impl Autopilot {
         self.parameters_changed()
     }
 
+    /// Announces that a failsafe action was chosen too late to act now: the pack has reached its level before.
+    fn announce_late_action(&mut self, id: ParameterId, now: Instant) {
+        let ParameterId::Battery(pack, parameter) = id else {
+            return;
+        };
+        let reached = self.battery(pack).failsafe.reached_with_action(parameter);
+        let Some(level) = reached.filter(|_| self.parameters.has_changed(id)) else {
+            return;
+        };
+        let action = FailsafeAction::from_parameters(&self.parameters, pack, &[level]);
+        if self.vehicle.would_act(action) {
+            self.announce_pack(pack, &PackEvent::ActionTooLate(level), now);
+        }
+    }
+
     fn parameters_changed(&mut self) -> Work {
         self.follow_wifi_parameters();
         Work::SAVE
@@ -356,9 +375,11 @@ impl Autopilot {
                 Work::empty()
             }
             Action::ResetBatteries { mask, percent } => {
-                self.packs.reset(mask, percent, &self.parameters);
+                self.packs
+                    .reset(mask, percent, &self.parameters, self.vehicle.arm_state());
+                self.update_vehicle();
                 self.was_reset = true;
-                Work::empty()
+                Work::DRIVE
             }
         }
     }

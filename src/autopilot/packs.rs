@@ -15,6 +15,7 @@ use crate::sensor::{
     tank, thermometer_pins, timeout_us,
 };
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 
 /// A pull for each analog pin, in the order of [`AnalogPin::ALL`].
 pub type PinPulls = [PinPull; AnalogPin::ALL.len()];
@@ -68,21 +69,21 @@ impl Packs {
         }
     }
 
-    /// Battery reset of the packs in `mask` (one bit per instance).
-    pub fn reset(&mut self, mask: u16, percent: f32, parameters: &Parameters) {
-        for (pack, _) in &self.order {
+    /// Battery reset of the packs in `mask` (one bit per instance), which is in force when this returns.
+    pub fn reset(&mut self, mask: u16, percent: f32, parameters: &Parameters, arm_state: ArmState) {
+        for (pack, kind) in &self.order {
             if mask & pack.bit() != 0 {
-                let settings = PackSettings::from_parameters(parameters, *pack);
+                let settings = PackSettings::from_parameters(parameters, *pack).of_kind(*pack, *kind);
                 let (monitor, state) = self.bank.get_mut(*pack);
-                monitor.reset(state, percent, &settings);
+                monitor.reset(state, arm_state, percent, &settings);
             }
         }
     }
 
     /// A changed scale of the measurements is one of the estimates.
     pub fn follow_scales(&mut self, parameters: &Parameters) {
-        for (pack, _) in &self.order {
-            if let Some(measuring) = Measuring::from_parameters(parameters, *pack) {
+        for (pack, kind) in &self.order {
+            if let Some(measuring) = Measuring::from_parameters(parameters, *pack, *kind) {
                 let (monitor, state) = self.bank.get_mut(*pack);
                 monitor.follow(&measuring, state.cell_count);
             }
@@ -273,7 +274,9 @@ impl Packs {
 
     /// The packs that are monitored, in the order of their instances.
     pub fn monitors(&self) -> impl Iterator<Item = (Pack, &BatteryMonitor)> {
-        self.bank.monitors().filter(|(pack, _)| self.kind(*pack).is_some())
+        self.bank
+            .monitors()
+            .filter(|(pack, _)| self.kind(*pack).is_some())
     }
 
     /// The kind of a pack's monitor since boot; `None` if it is not monitored.

@@ -3,11 +3,12 @@
 use core::mem;
 
 use super::Autopilot;
+use super::packs;
 use super::recording::Detail;
 use crate::announce::Announce;
 use crate::battery::{
-    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
-    ReadError, RetainedMemory, Tick, recall, retain,
+    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackStatus, PackUpdate, ReadError,
+    RetainedMemory, Tick, recall, retain,
 };
 use crate::log::{info, warn};
 use crate::pack::Pack;
@@ -150,7 +151,7 @@ impl Autopilot {
             if let Ok(measurement) = &mut reading {
                 sampling.temperatures.complete(pack, measurement);
             }
-            self.update_pack(pack, sampling.tick, reading);
+            self.update_pack(pack, kind, sampling.tick, reading);
             self.record_extremes(pack, kind, &sampling.readings);
         }
         let power_w = self.packs.bank.power_w(pack).filter(|_| is_read);
@@ -171,9 +172,7 @@ impl Autopilot {
 
     /// Ends a sampling tick. Once a second, and after a battery reset, `memory` is updated; once a second the arming checks run.
     pub fn end_sampling(&mut self, sampling: SamplingTick, memory: &mut RetainedMemory) {
-        let bank = &self.packs.bank;
-        self.vehicle
-            .update_batteries(bank.worst_failsafe(), bank.most_urgent_alert());
+        self.update_vehicle();
         let tick = self.packs.ticks % TICKS_PER_SECOND;
         if tick == RECORDING_TICK || mem::take(&mut self.was_reset) {
             retain(memory, &self.packs.bank.memory(&self.packs.read_from));
@@ -187,6 +186,13 @@ impl Autopilot {
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
         self.record_packs();
+    }
+
+    /// Hands the levels and alerts of all packs to the vehicle.
+    pub(super) fn update_vehicle(&mut self) {
+        let bank = &self.packs.bank;
+        self.vehicle
+            .update_batteries(bank.at_a_level(), bank.most_urgent_alert());
     }
 
     /// Announces packs that the motor drivers don't stand, once; one that is known to supply them does not arm instead. A sum
@@ -239,13 +245,19 @@ impl Autopilot {
         }
     }
 
-    fn update_pack(&mut self, pack: Pack, tick: Tick, reading: Result<Measurement, ReadError>) {
-        let mut settings = PackSettings::from_parameters(&self.parameters, pack);
+    fn update_pack(
+        &mut self,
+        pack: Pack,
+        kind: MonitorKind,
+        tick: Tick,
+        reading: Result<Measurement, ReadError>,
+    ) {
+        let mut settings = PackSettings::from_parameters(&self.parameters, pack).of_kind(pack, kind);
         if !self.vehicle.has_exhausted_power_limit(pack) {
             settings.overload_w = None;
         }
         let bank = &mut self.packs.bank;
-        if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated() {
+        if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated_by(pack) {
             bank.get_mut(pack).0.release_unhealthy();
         }
         let shown = |state: &BatteryState| (state.serial_number, state.revision);

@@ -142,10 +142,11 @@ impl BatteryBank {
         is_counted.then(|| self.monitor(member).drawn_mah())
     }
 
-    /// The worst failsafe level of all packs.
-    pub fn worst_failsafe(&self) -> FailsafeLevel {
-        let levels = self.states.iter().map(|state| state.failsafe);
-        levels.max().unwrap_or_default()
+    /// The packs that have a failsafe level, a bit each.
+    pub fn at_a_level(&self) -> u16 {
+        let packs = Pack::ALL.into_iter().zip(&self.states);
+        let at_a_level = packs.filter(|(_, state)| state.failsafe != FailsafeLevel::None);
+        at_a_level.fold(0, |mask, (pack, _)| mask | pack.bit())
     }
 
     /// The most urgent alert of all packs.

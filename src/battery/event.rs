@@ -114,6 +114,8 @@ pub enum PackEvent {
         /// Charge or fuel drawn, if known.
         consumed: Option<Amount>,
     },
+    /// An action was chosen for a failsafe level that was reached before.
+    ActionTooLate(FailsafeLevel),
 }
 
 /// Most addresses that answer in place of a part that was not found.
@@ -308,6 +310,9 @@ impl fmt::Display for PackEvent {
                     (Some(remaining_pct), _) => write!(f, " {}% left", round_to_i32(*remaining_pct)),
                     (None, _) => Ok(()),
                 }
+            }
+            Self::ActionTooLate(level) => {
+                write!(f, "is {} already: acts next time, choose Hold", name(*level))
             }
             Self::Charging => f.write_str("charging"),
             Self::Learnt {

@@ -1,7 +1,7 @@
 //! Factors of an analog voltage and current: what is estimated and learnt depends on them.
 
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 
 /// The scale of a pack's voltage and current, with the pin of the voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,10 +24,9 @@ pub struct MeasuringScale {
 }
 
 impl Measuring {
-    /// From the live parameters of a pack; `None` if its source does not use them.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Option<Self> {
+    /// From the live parameters of a pack of this kind since boot; `None` if it does not use them.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack, kind: MonitorKind) -> Option<Self> {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
-        let kind = parameters.monitor_kind(pack)?;
         kind.uses_divider().then(|| Self {
             scale: MeasuringScale {
                 volt_multiplier: value(BatteryParameter::VoltMult),
@@ -62,11 +61,9 @@ mod tests {
 
     #[test]
     fn a_converter_on_the_bus_measures_by_the_same_factors_as_a_pin() {
-        for (number, is_scaled) in [(3.0, true), (28.0, true), (21.0, false)] {
-            let mut parameters = Parameters::defaults();
-            let monitor = BatteryParameter::Monitor.of(Pack::First);
-            parameters.set(monitor, number).unwrap();
-            let measuring = Measuring::from_parameters(&parameters, Pack::First);
+        for (number, is_scaled) in [(3, true), (28, true), (21, false)] {
+            let kind = MonitorKind::from_number(number).expect("a kind");
+            let measuring = Measuring::from_parameters(&Parameters::defaults(), Pack::First, kind);
             assert_eq!(measuring.is_some(), is_scaled, "{number}");
         }
     }

@@ -11,8 +11,7 @@ pub struct PackSettings {
     pub chemistry: Chemistry,
     /// Cells in series (`BATT_CELLS`); `None` detects them.
     pub cell_count: Option<u8>,
-    /// Full capacity (`BATT_CAPACITY`), in milliampere-hours; millilitres of fuel. That of a sum is not set at the default:
-    /// it is that of its members together.
+    /// Full capacity (`BATT_CAPACITY`), in milliampere-hours; millilitres of fuel.
     pub capacity_mah: Option<f32>,
     /// The parameter that scales the measured current, if there is one: `BATT_AMP_PERVLT`, `BATT_SHUNT` or `BATT_CURR_MULT`.
     pub current_scale: Option<BatteryParameter>,
@@ -171,14 +170,13 @@ impl PackSettings {
         Some(number).filter(|number| *number >= 0)
     }
 
-    /// From the live parameters of a pack.
+    /// From the live parameters of a pack, whatever its kind.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
         let whole = |parameter: BatteryParameter| parameters.get_whole(parameter.of(pack));
         // 0 is disabled or not set.
         let above_zero = |parameter| Some(value(parameter)).filter(|value| *value > 0.0);
         let options = whole(BatteryParameter::Options);
-        let default_capacity_mah = BatteryParameter::Capacity.of(pack).default_value();
         let charge_limits = ChargeLimits {
             low_pct: above_zero(BatteryParameter::LowPct),
             critical_pct: above_zero(BatteryParameter::CrtPct),
@@ -186,16 +184,13 @@ impl PackSettings {
         };
         let percent_acts = whole(BatteryParameter::FsPctEn) == PERCENT_ACTS;
         let if_it_acts = |limit_pct: Option<f32>| limit_pct.filter(|_| percent_acts);
-        let kind = parameters.monitor_kind(pack);
-        let is_sum = kind == Some(MonitorKind::Sum);
         Self {
             chemistry: Chemistry::from_number(whole(BatteryParameter::Chem)).unwrap_or_default(),
             cell_count: u8::try_from(whole(BatteryParameter::Cells))
                 .ok()
                 .filter(|count| *count > 0),
-            capacity_mah: above_zero(BatteryParameter::Capacity)
-                .filter(|capacity_mah| !is_sum || *capacity_mah != default_capacity_mah),
-            current_scale: kind.and_then(MonitorKind::current_scale),
+            capacity_mah: above_zero(BatteryParameter::Capacity),
+            current_scale: None,
             overload_w: above_zero(BatteryParameter::WattMax).map(|max_w| OVERLOAD * max_w),
             serial_number: Self::serial_number(parameters, pack),
             reported_voltage: if options & SEND_RESTING_VOLTAGE != 0 {
@@ -211,9 +206,7 @@ impl PackSettings {
             charge_limits,
             failsafe: FailsafeSettings {
                 timer_s: above_zero(BatteryParameter::LowTimer),
-                voltage_source: if kind.is_some_and(|kind| !kind.may_measure_voltage()) {
-                    VoltageSource::NotMeasured
-                } else if whole(BatteryParameter::FsVoltsrc) == SAG_COMPENSATED {
+                voltage_source: if whole(BatteryParameter::FsVoltsrc) == SAG_COMPENSATED {
                     VoltageSource::Resting
                 } else {
                     VoltageSource::Terminal
@@ -234,6 +227,26 @@ impl PackSettings {
                 remaining_mah: above_zero(BatteryParameter::ArmMah),
                 usable_pct: None,
             },
+        }
+    }
+
+    /// The same of a pack of this kind. The capacity of a sum is not set at the default: it is that of its members together.
+    pub fn of_kind(self, pack: Pack, kind: MonitorKind) -> Self {
+        let default_mah = BatteryParameter::Capacity.of(pack).default_value();
+        let is_set = |capacity_mah: &f32| kind != MonitorKind::Sum || *capacity_mah != default_mah;
+        let voltage_source = if kind.may_measure_voltage() {
+            self.failsafe.voltage_source
+        } else {
+            VoltageSource::NotMeasured
+        };
+        Self {
+            capacity_mah: self.capacity_mah.filter(is_set),
+            current_scale: kind.current_scale(),
+            failsafe: FailsafeSettings {
+                voltage_source,
+                ..self.failsafe
+            },
+            ..self
         }
     }
 }
@@ -288,14 +301,16 @@ mod tests {
         assert_eq!(settings, expected);
     }
 
-    /// Parameters that are no settings of the monitor: sensors, sums, failsafe actions and learning read them.
+    /// Parameters that are no settings of the monitor: its kind since boot, sensors, sums, failsafe actions and learning read them.
     fn is_read_elsewhere(parameter: BatteryParameter) -> bool {
         use BatteryParameter::*;
         let of_sensors = [
             VoltPin, VoltMult, VltOffset, CurrPin, AmpPervlt, AmpOffset, MaxVolt, I2cBus, I2cAddr, Shunt,
             MaxAmps, Channel, FlVltMin, FlVMult, FlFltr, FlPin, FlFf, FlFs, FlFt, FlOff, CurrMult, EscMask,
         ];
-        let of_others = [SumMask, FsLowAct, FsCrtAct, FsUnhAct, LrnCap, LrnRes, LrnErase];
+        let of_others = [
+            Monitor, SumMask, FsLowAct, FsCrtAct, FsUnhAct, LrnCap, LrnRes, LrnErase,
+        ];
         of_sensors.contains(&parameter) || of_others.contains(&parameter)
     }
 
@@ -327,7 +342,6 @@ mod tests {
     #[test]
     fn the_scale_of_a_current_is_that_of_the_kind_which_measures_it() {
         for (monitor, scale) in [
-            (0.0, None),
             (3.0, None),
             (4.0, Some(BatteryParameter::AmpPervlt)),
             (21.0, Some(BatteryParameter::Shunt)),
@@ -338,8 +352,10 @@ mod tests {
             let mut parameters = Parameters::defaults();
             let id = BatteryParameter::Monitor.of(Pack::Second);
             parameters.set(id, monitor).unwrap();
+            let kind = parameters.monitor_kind(Pack::Second).unwrap();
             let settings = PackSettings::from_parameters(&parameters, Pack::Second);
-            assert_eq!(settings.current_scale, scale, "{monitor}");
+            let current_scale = settings.of_kind(Pack::Second, kind).current_scale;
+            assert_eq!(current_scale, scale, "{monitor}");
         }
     }
 
@@ -473,7 +489,7 @@ mod tests {
 
     #[test]
     fn what_has_no_voltage_has_no_threshold_in_volts() {
-        for (kind, source) in [
+        for (monitor, source) in [
             (4.0, VoltageSource::Terminal),
             (10.0, VoltageSource::Terminal),
             (11.0, VoltageSource::NotMeasured),
@@ -481,10 +497,12 @@ mod tests {
         ] {
             let mut parameters = Parameters::defaults();
             parameters
-                .set(BatteryParameter::Monitor.of(Pack::Second), kind)
+                .set(BatteryParameter::Monitor.of(Pack::Second), monitor)
                 .unwrap();
+            let kind = parameters.monitor_kind(Pack::Second).unwrap();
             let settings = PackSettings::from_parameters(&parameters, Pack::Second);
-            assert_eq!(settings.failsafe.voltage_source, source, "BATT2_MONITOR {kind}");
+            let failsafe = settings.of_kind(Pack::Second, kind).failsafe;
+            assert_eq!(failsafe.voltage_source, source, "BATT2_MONITOR {monitor}");
         }
     }
 }

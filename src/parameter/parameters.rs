@@ -158,6 +158,11 @@ impl Parameters {
         self.listed.checksum()
     }
 
+    /// Whether the value has changed since [`take_changed`](Self::take_changed) was called.
+    pub fn has_changed(&self, id: ParameterId) -> bool {
+        self.changed.contains(id)
+    }
+
     /// The parameters whose value has changed since the last call, from any source.
     pub fn take_changed(&mut self) -> ParameterIdSet {
         core::mem::take(&mut self.changed)

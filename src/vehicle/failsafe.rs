@@ -22,6 +22,29 @@ pub enum FailsafeLevel {
     Critical = 3,
 }
 
+impl FailsafeLevel {
+    /// The parameter of its action.
+    fn action_parameter(self) -> Option<BatteryParameter> {
+        match self {
+            Self::None => None,
+            Self::Unhealthy => Some(BatteryParameter::FsUnhAct),
+            Self::Low => Some(BatteryParameter::FsLowAct),
+            Self::Critical => Some(BatteryParameter::FsCrtAct),
+        }
+    }
+
+    /// The level whose action this parameter chooses, if a pack at this level has reached it. A lost pack reaches no
+    /// threshold, and a higher level does not say that it was lost.
+    pub fn reached_with_action(self, parameter: BatteryParameter) -> Option<Self> {
+        let levels: &[Self] = match self {
+            Self::Critical => &[Self::Low, Self::Critical],
+            _ => &[self],
+        };
+        let mut levels = levels.iter().copied();
+        levels.find(|level| level.action_parameter() == Some(parameter))
+    }
+}
+
 /// Failsafe action of a low (`BATT_FS_LOW_ACT`), critical (`BATT_FS_CRT_ACT`) or unhealthy (`BATT_FS_UNH_ACT`) pack, with ArduPilot Rover's names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -78,11 +101,8 @@ impl FailsafeAction {
     }
 
     fn of_level(parameters: &Parameters, pack: Pack, level: FailsafeLevel) -> Self {
-        let parameter = match level {
-            FailsafeLevel::None => return Self::Warn,
-            FailsafeLevel::Unhealthy => BatteryParameter::FsUnhAct,
-            FailsafeLevel::Low => BatteryParameter::FsLowAct,
-            FailsafeLevel::Critical => BatteryParameter::FsCrtAct,
+        let Some(parameter) = level.action_parameter() else {
+            return Self::Warn;
         };
         Self::from_number(parameters.get_whole(parameter.of(pack))).unwrap_or(Self::Warn)
     }

@@ -121,13 +121,7 @@ impl PowerLimiter {
     /// Follows the power of a pack, in watts, `dt_s` seconds after the last call. While the power is unknown the share is
     /// held; another maximum begins with the full share, whatever the power. Returns whether [`limits_to_w`](Self::limits_to_w)
     /// is to be announced.
-    pub fn follow(
-        &mut self,
-        pack: Pack,
-        dt_s: f32,
-        limit: Option<PowerLimit>,
-        power_w: Option<f32>,
-    ) -> bool {
+    pub fn follow(&mut self, pack: Pack, dt_s: f32, limit: Option<PowerLimit>, power_w: Option<f32>) -> bool {
         let own = &mut self.packs[pack as usize];
         let before = own.share;
         own.follow(dt_s, limit, power_w);
@@ -296,7 +290,11 @@ mod tests {
         // Full in the first tick again.
         assert_eq!(follow(&mut limiter, 200, LIMIT, Some(0.0)), [100]);
         assert_eq!(limiter.limits_to_w(Pack::First), None);
-        assert_eq!(follow(&mut limiter, 100, LIMIT, Some(30.0)), [24], "it begins again");
+        assert_eq!(
+            follow(&mut limiter, 100, LIMIT, Some(30.0)),
+            [24],
+            "it begins again"
+        );
     }
 
     #[test]

@@ -412,6 +412,7 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::PowerLimited(Some(20)),
         PackEvent::PowerLimited(None),
         PackEvent::PowerUnknown,
+        PackEvent::ActionTooLate(FailsafeLevel::Low),
         PackEvent::ReportedState {
             state: ChargeState::Failed,
             cause: Faults::empty(),

@@ -12,11 +12,11 @@ use rover_battmon::sensor::{
 };
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::SideDrives;
-use support::commands::{ACCEPTED, PREFLIGHT_STORAGE, RESET};
+use support::commands::{ACCEPTED, BATTERY_RESET, PREFLIGHT_STORAGE, RESET};
 use support::desk::{DIVIDER, Desk, conversions, start_with};
 use support::frames::texts_of;
 use support::pack_report::{PackReport, UNKNOWN_MV};
-use support::requests::{arm, command_long, do_set_mode, manual_control, param_set};
+use support::requests::{arm, command_long, command_long_2, do_set_mode, manual_control, param_set};
 use support::time::SECOND;
 use workbench::can::Transfer;
 use workbench::can::transfers::{A, A_LATER};
@@ -614,5 +614,55 @@ fn packs_that_are_not_on_the_boards_divider_are_announced_once_above_what_the_dr
         assert_eq!(refused, is_on_divider, "{kind}, GP{pin}");
         let is_announced = has_voltage && !is_on_divider && kind != SUM;
         assert_eq!(announced, usize::from(is_announced), "{kind}, GP{pin}: {texts:?}");
+    }
+}
+
+#[test]
+// Requirement: S-4
+fn a_kind_that_is_set_while_driving_acts_after_the_restart_alone() {
+    const INA2XX: f32 = 21.0;
+    for kind in [0.0, SUM as f32, SYNTHETIC as f32] {
+        let mut desk = Desk::starting(start_with(&[
+            ("BATT_MONITOR", INA2XX),
+            ("BATT_CELLS", 3.0),
+            ("BATT_LOW_MAH", 3290.0),
+            ("BATT_FS_LOW_ACT", HOLD),
+        ]));
+        let tick = |desk: &mut Desk| {
+            desk.now_us += TICK_US;
+            let measured = Measurement {
+                voltage_v: Some(12.5),
+                current_a: Some(10.0),
+                ..Measurement::default()
+            };
+            let now = desk.now();
+            desk.autopilot.add_bus_reading(Pack::First, Ok(measured), now);
+            desk.sample(AnalogReadings::NONE);
+        };
+        tick(&mut desk);
+        desk.ask(&command_long_2(BATTERY_RESET, 1.0, 100.0));
+        for request in [arm(), do_set_mode(MANUAL)] {
+            assert_eq!(desk.result_of(&request), ACCEPTED);
+        }
+        desk.ask(&param_set("BATT_MONITOR", kind));
+        // 10 mAh are drawn in 3.6 s.
+        for _ in 0..30 {
+            tick(&mut desk);
+        }
+        assert_eq!(
+            desk.autopilot.battery(Pack::First).failsafe,
+            FailsafeLevel::None,
+            "{kind}"
+        );
+        for _ in 0..20 {
+            tick(&mut desk);
+        }
+        assert_eq!(
+            desk.autopilot.battery(Pack::First).failsafe,
+            FailsafeLevel::Low,
+            "{kind}"
+        );
+        desk.drive();
+        assert_eq!(desk.vehicle().drives(), SideDrives::BRAKE, "{kind}");
     }
 }

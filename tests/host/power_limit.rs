@@ -117,7 +117,7 @@ impl Limited {
     }
 
     /// The texts for a station whose link is opened now.
-    fn told_to_another(&mut self) -> Vec<String> {
+    fn seen_by_another(&mut self) -> Vec<String> {
         let none = Endpoint::new("another", LinkKind::Direct, 100_000, self.desk.now());
         let first = std::mem::replace(&mut self.desk.endpoint, none);
         self.desk.autopilot.open(&mut self.desk.endpoint);
@@ -147,7 +147,11 @@ fn straight_ahead_a_pack_supplies_its_limit_and_all_again_when_the_load_falls() 
     assert_eq!(released.last(), Some(&15.0), "{released:.1?}");
     rover.full_w = 52.0;
     rover.assert_limited(0, 1000);
-    assert_eq!(rover.announced("limits the motors"), 1, "it was released for less than ten seconds");
+    assert_eq!(
+        rover.announced("limits the motors"),
+        1,
+        "it was released for less than ten seconds"
+    );
     assert_eq!(rover.announced("fault"), 0);
 }
 
@@ -157,20 +161,20 @@ fn a_limit_and_its_end_are_announced_also_to_a_station_that_connects_meanwhile()
     const LIMITS: &str = "Battery 1 limits the motors: over 20W";
     let mut rover = Limited::new();
     rover.steer_for(1, 0, 1000);
-    assert_eq!(rover.told_to_another(), [""; 0]);
+    assert_eq!(rover.seen_by_another(), [""; 0]);
     rover.assert_limited(0, 1000);
-    assert_eq!(rover.told_to_another(), [LIMITS]);
+    assert_eq!(rover.seen_by_another(), [LIMITS]);
     rover.full_w = 15.0;
     rover.steer_for(8, 0, 1000);
-    assert_eq!(rover.told_to_another(), [LIMITS], "not ended yet");
+    assert_eq!(rover.seen_by_another(), [LIMITS], "not ended yet");
     rover.steer_for(8, 0, 1000);
-    assert_eq!(rover.told_to_another(), [""; 0]);
+    assert_eq!(rover.seen_by_another(), [""; 0]);
     assert_eq!(rover.announced("Battery 1 no longer limits the motors"), 1);
     rover.full_w = 52.0;
     rover.assert_limited(0, 1000);
     assert_eq!(rover.announced(LIMITS), 2);
     rover.desk.ask(&disarm());
-    assert_eq!(rover.told_to_another(), [""; 0], "disarmed, nothing is limited");
+    assert_eq!(rover.seen_by_another(), [""; 0], "disarmed, nothing is limited");
 }
 
 #[test]
@@ -201,7 +205,12 @@ fn a_limit_without_a_current_is_announced_once_at_each_arming() {
             rover.desk.set(id_of("ARMING_CHECK"), 0.0);
         });
         rover.steer_for(20, 0, 1000);
-        assert_eq!(rover.announced(&format!("Battery 1 {IDLE}")), 1, "{:?}", rover.texts);
+        assert_eq!(
+            rover.announced(&format!("Battery 1 {IDLE}")),
+            1,
+            "{:?}",
+            rover.texts
+        );
         rover.desk.ask(&disarm());
         rover.steer_for(1, 0, 0);
         rover.desk.ask(&arm());
@@ -228,7 +237,10 @@ fn a_current_that_was_found_reversed_limits_nothing_and_the_next_arming_says_so(
     rover.steer_for(1, 0, 0);
     rover.desk.ask(&arm());
     rover.steer_for(1, 0, 0);
-    assert_eq!(rover.announced("Battery 1 can't limit the motors: current unknown"), 1);
+    assert_eq!(
+        rover.announced("Battery 1 can't limit the motors: current unknown"),
+        1
+    );
 }
 
 #[test]

@@ -277,16 +277,21 @@ fn failsafes_that_are_off_name_the_parameter_that_is_missing() {
     let no_timer = "Battery failsafes are off: set BATT_LOW_TIMER";
     assert_eq!(texts(&mut untimed), [no_timer]);
     let mut second_untimed = Rover::new()
-        .with(second(BatteryParameter::Monitor), 3.0)
         .with(second(BatteryParameter::LowVolt), 10.5)
         .with(second(BatteryParameter::LowTimer), 0.0);
+    second_untimed.0.set_batteries(&[healthy(11.1), healthy(11.1)]);
     let second_has_no_timer = "Battery failsafes are off: set BATT2_LOW_TIMER";
     assert_eq!(texts(&mut second_untimed), [second_has_no_timer]);
     let mut by_charge = second_untimed.with(second(BatteryParameter::LowMah), 500.0);
     assert_eq!(texts(&mut by_charge), [""; 0]);
-    let mut only_second = Rover::new()
-        .with(BatteryParameter::Monitor.of(Pack::First), 0.0)
-        .with(second(BatteryParameter::Monitor), 3.0);
+    // Until the restart the first is monitored, whatever is set.
+    let mut first_is_switched_off = Rover::new().with(BatteryParameter::Monitor.of(Pack::First), 0.0);
+    let of_first = "Battery failsafes are off: set BATT_LOW_VOLT";
+    assert_eq!(texts(&mut first_is_switched_off), [of_first]);
+    let mut only_second = Rover::new();
+    only_second
+        .0
+        .set_batteries(&[BatteryState::disabled(), healthy(11.1)]);
     let no_threshold = "Battery failsafes are off: set BATT2_LOW_VOLT";
     assert_eq!(texts(&mut only_second), [no_threshold]);
 }
@@ -843,6 +848,130 @@ fn only_ground_station_heartbeats_time_out() {
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
     rover.deliver(&heartbeat(GCS));
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, STANDBY_STATE));
+}
+
+/// Two packs at the same pin, which trip at different voltages.
+fn two_packs(of_second: &[(&str, f32)]) -> Rover {
+    let both = [
+        ("BATT_CELLS", 3.0),
+        ("BATT_LOW_TIMER", 1.0),
+        ("BATT_CRT_VOLT", 9.5),
+        ("BATT_FS_CRT_ACT", 5.0),
+        ("BATT2_MONITOR", 3.0),
+        ("BATT2_VOLT_PIN", 26.0),
+        ("BATT2_CELLS", 3.0),
+        ("BATT2_LOW_TIMER", 1.0),
+    ];
+    let mut rover = Rover(Desk::starting(start_with(&[&both[..], of_second].concat())));
+    rover.sample(11.1, 2);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    rover.sample(9.3, 3);
+    rover.sample(11.1, 2);
+    rover.wait(20_000);
+    assert_eq!(rover.heartbeat(), (HOLD, 1, EMERGENCY_STATE));
+    rover
+}
+
+#[test]
+// Requirement: AP-16, L-5
+fn a_termination_ends_with_the_reset_of_its_pack_before_the_command_is_acknowledged() {
+    let reset = |rover: &mut Rover, mask: f32| {
+        let request = command_long_2(BATTERY_RESET, mask, 100.0);
+        rover.assert_ack(&request, BATTERY_RESET, ACCEPTED);
+    };
+    // The level of the second pack only warns: it goes on refusing, unless arming is forced.
+    let low = [("BATT2_LOW_VOLT", 10.5)];
+    let mut rover = two_packs(&low);
+    reset(&mut rover, 2.0);
+    rover.assert_refused("Arm: Terminated: reset the battery or restart");
+    let mut rover = two_packs(&low);
+    reset(&mut rover, 1.0);
+    assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+    rover.assert_refused("Arm: Battery 2 low voltage failsafe");
+    rover.assert_ack(&arm_by_force(), ARM_DISARM, ACCEPTED);
+    let mut rover = two_packs(&low);
+    reset(&mut rover, 3.0);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    // Both have terminated, in the same tick.
+    let critical = [("BATT2_CRT_VOLT", 9.5), ("BATT2_FS_CRT_ACT", 5.0)];
+    for first_reset in [1.0, 2.0] {
+        let mut rover = two_packs(&critical);
+        reset(&mut rover, first_reset);
+        for _ in 0..2 {
+            let texts = rover.ask(&arm_by_force(), ARM_DISARM, FAILED);
+            assert_eq!(texts[0].1, "Arm: Terminated: reset the battery or restart");
+            rover.sample(11.1, 1);
+        }
+        reset(&mut rover, 3.0 - first_reset);
+        rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    }
+}
+
+#[test]
+// Requirement: AP-16
+fn a_charge_that_is_set_counts_in_the_next_request() {
+    let start = start_with(&[("BATT_CELLS", 3.0), ("BATT_ARM_MAH", 500.0)]);
+    let mut rover = Rover(Desk::starting(start));
+    rover.sample(11.1, 10);
+    for (percent, refused) in [
+        (100.0, None),
+        (10.0, Some("Arm: Battery 1 below minimum arming capacity")),
+        (4.0, Some("Arm: Battery 1 is nearly empty")),
+        (0.0, Some("Arm: Battery 1 is nearly empty")),
+        (60.0, None),
+    ] {
+        let request = command_long_2(BATTERY_RESET, 1.0, percent);
+        rover.assert_ack(&request, BATTERY_RESET, ACCEPTED);
+        match refused {
+            Some(reason) => rover.assert_refused(reason),
+            None => rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED),
+        }
+        rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+    }
+}
+
+#[test]
+// Requirement: AP-19
+fn an_action_that_is_chosen_after_its_level_says_that_it_comes_too_late() {
+    const LOW: &str = "Battery 1 is low already: acts next time, choose Hold";
+    let mut rover = Rover(Desk::starting(start_with(&THRESHOLDS)));
+    rover.0.autopilot.open(&mut rover.0.endpoint);
+    let set = |rover: &mut Rover, name, value| {
+        rover.deliver(&param_set(name, value));
+        let mut texts = rover.wait(20_000);
+        texts.retain(|text| text.contains("already"));
+        texts
+    };
+    rover.sample(11.1, 2);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    assert_eq!(
+        set(&mut rover, "BATT_FS_LOW_ACT", 2.0),
+        [""; 0],
+        "not reached yet"
+    );
+    assert_eq!(set(&mut rover, "BATT_FS_LOW_ACT", 0.0), [""; 0]);
+    rover.sample(10.0, 2);
+    rover.wait(20_000);
+    for (name, action, texts) in [
+        ("BATT_FS_LOW_ACT", 2.0, &[LOW][..]),
+        ("BATT_FS_LOW_ACT", 2.0, &[]),
+        ("BATT_FS_LOW_ACT", 5.0, &[LOW]),
+        ("BATT_FS_LOW_ACT", 0.0, &[]),
+        ("BATT_FS_CRT_ACT", 2.0, &[]),
+        ("BATT2_FS_LOW_ACT", 2.0, &[]),
+        ("BATT_LOW_VOLT", 10.4, &[]),
+    ] {
+        assert_eq!(set(&mut rover, name, action), texts, "{name} {action}");
+    }
+    rover.assert_ack(&do_set_mode(HOLD as f32), DO_SET_MODE, ACCEPTED);
+    assert_eq!(
+        set(&mut rover, "BATT_FS_LOW_ACT", 1.0),
+        [""; 0],
+        "it holds already"
+    );
+    rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+    assert_eq!(set(&mut rover, "BATT_FS_LOW_ACT", 5.0), [""; 0]);
 }
 
 #[test]

@@ -60,7 +60,7 @@ impl BankBench {
         bench.run(1.0, readings);
         for pack in [Pack::First, Pack::Second, SUM] {
             let (monitor, state) = bench.bank.get_mut(pack);
-            monitor.reset(state, remaining_pct, &bench.settings);
+            monitor.reset(state, ArmState::Disarmed, remaining_pct, &bench.settings);
         }
         bench.run(1.0, readings);
         bench

@@ -7,7 +7,7 @@ use crate::battery::failsafe::{Failsafe, Observation, ReachedLevels};
 use crate::battery::reporters::ChargeReporter;
 use crate::battery::settings::PackSettings;
 use crate::battery::swap::Replacement;
-use crate::battery::{BatteryState, Faults, PackEvent, PackEvents, Tick};
+use crate::battery::{ArmState, BatteryState, Faults, PackEvent, PackEvents, Tick};
 use crate::time::Instant;
 
 /// Evaluates the state of one pack after every tick.
@@ -56,6 +56,20 @@ impl Evaluation {
         let reached = self.update_failsafe(basis, state, settings, events);
         state.failsafe = self.failsafe.level();
         state.failsafe_timers = self.failsafe.timers();
+        let is_improving = self.update_charge_state(dt_s, tick.arm_state, state, settings);
+        self.charge_reporter
+            .update(dt_s, tick.arm_state, state, is_improving, events);
+        reached
+    }
+
+    /// Returns whether the charge state is about to improve.
+    fn update_charge_state(
+        &mut self,
+        dt_s: f32,
+        arm_state: ArmState,
+        state: &mut BatteryState,
+        settings: &PackSettings,
+    ) -> bool {
         let inputs = Inputs {
             status: state.status,
             faults: state.readings.faults,
@@ -64,16 +78,13 @@ impl Evaluation {
             usable_pct: state.readings.usable_pct,
             remaining_pct: state.readings.remaining_pct,
             limits: settings.charge_limits,
-            arm_state: tick.arm_state,
+            arm_state,
             current_a: state.readings.current_a,
             capacity_mah: state.capacity_mah(),
         };
         state.charge_state = self.charge_state.update(dt_s, &inputs);
         state.without_reserve = self.charge_state.without_reserve(&inputs);
-        let is_improving = self.charge_state.is_improving(&inputs);
-        self.charge_reporter
-            .update(dt_s, tick.arm_state, state, is_improving, events);
-        reached
+        self.charge_state.is_improving(&inputs)
     }
 
     fn update_failsafe(
@@ -126,9 +137,12 @@ impl Evaluation {
     }
 
     /// Battery reset: clears failsafe level and charge state.
-    pub fn reset(&mut self) {
+    pub fn reset(&mut self, state: &mut BatteryState, arm_state: ArmState, settings: &PackSettings) {
         self.charge_state = ChargeStateMachine::default();
         self.charge_reporter = ChargeReporter::default();
         self.failsafe.clear();
+        state.failsafe = self.failsafe.level();
+        state.failsafe_timers = self.failsafe.timers();
+        let _ = self.update_charge_state(0.0, arm_state, state, settings);
     }
 }

@@ -677,15 +677,26 @@ impl BatteryMonitor {
     }
 
     /// Battery reset: clears the failsafe level and sets the remaining charge, in percent (0 to 100), unless that is
-    /// reported by the pack or its sensor. Ignored if it is not finite.
-    pub fn reset(&mut self, state: &BatteryState, remaining_pct: f32, settings: &PackSettings) {
+    /// reported by the pack or its sensor. `state` shows it at once: an arming may follow before the next reading. Ignored if
+    /// the charge is not finite.
+    pub fn reset(
+        &mut self,
+        state: &mut BatteryState,
+        arm_state: ArmState,
+        remaining_pct: f32,
+        settings: &PackSettings,
+    ) {
         if !remaining_pct.is_finite() {
             return;
         }
-        self.evaluation.reset();
-        if state.charge_source != ChargeSource::Estimated {
-            return;
+        if state.charge_source == ChargeSource::Estimated {
+            self.set_charge(state, remaining_pct, settings);
         }
+        self.evaluation.reset(state, arm_state, settings);
+    }
+
+    /// Sets the remaining charge, in percent, of a pack whose charge is estimated.
+    fn set_charge(&mut self, state: &mut BatteryState, remaining_pct: f32, settings: &PackSettings) {
         let soc = (remaining_pct / 100.0).clamp(0.0, 1.0);
         let capacity_mah = state.full_capacity().or(settings.capacity_mah);
         let charge_mah = (1.0 - soc) * capacity_mah.unwrap_or(0.0);
@@ -694,6 +705,13 @@ impl BatteryMonitor {
             energy_wh: charge_mah / 1000.0 * state.readings.voltage_v.unwrap_or(0.0),
         });
         self.estimator.set_state_of_charge(soc);
+        if state.consumed.is_some() {
+            state.consumed = Some(Amount::of(state.contents, charge_mah));
+        }
+        if state.readings.remaining_pct.is_some() {
+            state.readings.remaining_pct = Some(soc * 100.0);
+            state.readings.usable_pct = Some(soc * 100.0);
+        }
     }
 }
 

@@ -69,7 +69,8 @@ impl MonitorBench {
 
     /// A battery reset.
     fn reset(&mut self, remaining_pct: f32) {
-        self.monitor.reset(&self.state, remaining_pct, &self.settings);
+        self.monitor
+            .reset(&mut self.state, self.arm_state, remaining_pct, &self.settings);
     }
 
     /// Another one after a processor reset, with what is retained.

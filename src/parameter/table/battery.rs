@@ -312,7 +312,8 @@ parameters! {
         range: FAILSAFE_ACTIONS,
         label: "Action when low",
         description: "Action when the pack is low. RTL, SmartRTL and Loiter need a position and enter Hold. Terminate \
-                      disarms until a restart, a battery reset or a fuller pack.",
+                      disarms until a restart, a battery reset or a fuller pack. Chosen when the pack is low already, it \
+                      acts the next time.",
     }
     FsCrtAct {
         key: 86,
@@ -322,7 +323,8 @@ parameters! {
         range: FAILSAFE_ACTIONS,
         label: "Action when critical",
         description: "Action when the pack is critical. RTL, SmartRTL and Loiter need a position and enter Hold. \
-                      Terminate disarms until a restart, a battery reset or a fuller pack.",
+                      Terminate disarms until a restart, a battery reset or a fuller pack. Chosen when the pack is \
+                      critical already, it acts the next time.",
     }
     ArmVolt {
         key: 87,
@@ -526,7 +528,7 @@ parameters! {
         range: FAILSAFE_ACTIONS,
         label: "Action when unhealthy",
         description: "Action when an armed rover has had no healthy reading of the pack for 5 s: no threshold can be \
-                      reached then. (ArduPilot has no such parameter and warns.)",
+                      reached then. Chosen when it is missing already, it acts the next time. (ArduPilot has no such parameter and warns.)",
     }
     LrnCap {
         key: 106,

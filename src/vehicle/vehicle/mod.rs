@@ -9,8 +9,8 @@ use super::motor::{Ramp, Reversals};
 use super::power_limit::PowerLimiter;
 use super::timed_input::TimedInput;
 use super::{
-    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, DriverId, FailsafeAction, FailsafeLevel, Fitness,
-    Indication, Mode, PowerLimit, Presence, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent,
+    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, DriverId, FailsafeAction, Fitness, Indication, Mode,
+    PowerLimit, Presence, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent,
     VehicleSettings, VehicleStatus,
 };
 use crate::pack::Pack;
@@ -62,8 +62,8 @@ pub struct Vehicle {
     reversals: Reversals,
     /// The most urgent alert of all packs.
     battery_alert: BatteryAlert,
-    /// The most severe failsafe action since no pack had a failsafe level.
-    action: Effect,
+    /// Packs whose failsafe has terminated the drive and that still have a failsafe level, a bit each.
+    terminated_by: u16,
     refused_at: Option<Instant>,
     pending_restart: Option<Restart>,
 }
@@ -192,16 +192,12 @@ impl Vehicle {
         self.ground_stations.receive(received_at, ());
     }
 
-    /// Executes the action of a failsafe level that a pack has reached, unless a more severe one was executed before. An
-    /// action that ends in Hold is as severe as Hold: a driver who has left it is held again.
-    pub fn battery_failsafe(&mut self, action: FailsafeAction) -> Option<VehicleEvent> {
-        let effect = action.effect();
-        if effect < self.action {
-            return None;
-        }
-        self.action = effect;
-        match effect {
+    /// Executes the action of a failsafe level that a pack has reached, unless the drive was terminated before. A driver who
+    /// has left Hold is held again.
+    pub fn battery_failsafe(&mut self, pack: Pack, action: FailsafeAction) -> Option<VehicleEvent> {
+        match action.effect() {
             Effect::None => None,
+            Effect::Hold if self.is_terminated() => None,
             Effect::Hold => {
                 self.enter(Mode::Hold);
                 action
@@ -210,18 +206,26 @@ impl Vehicle {
             }
             Effect::Terminate => {
                 self.disarm();
+                self.terminated_by |= pack.bit();
                 Some(VehicleEvent::Terminated)
             }
         }
     }
 
-    /// Updates the worst failsafe level and the most urgent alert of all packs. No level, after a battery reset or swap,
-    /// clears the latched action.
-    pub fn update_batteries(&mut self, worst: FailsafeLevel, alert: BatteryAlert) {
+    /// Whether an action would do more to the armed rover than is done now.
+    pub fn would_act(&self, action: FailsafeAction) -> bool {
+        let present = match self.mode {
+            Mode::Hold => Effect::Hold,
+            Mode::Manual => Effect::None,
+        };
+        self.arm_state == ArmState::Armed && action.effect() > present
+    }
+
+    /// Updates the packs that have a failsafe level, a bit each, and the most urgent alert of all. A termination ends when
+    /// each pack that has caused it has none, after a battery reset or swap.
+    pub fn update_batteries(&mut self, at_a_level: u16, alert: BatteryAlert) {
         self.battery_alert = alert;
-        if worst == FailsafeLevel::None {
-            self.action = Effect::None;
-        }
+        self.terminated_by &= at_a_level;
     }
 
     /// Follows changed channels of the sticks while disarmed. Positions from before mean something else now.
@@ -385,7 +389,12 @@ impl Vehicle {
 
     /// Whether a failsafe has terminated the drive: disarmed until a restart or a battery reset.
     pub fn is_terminated(&self) -> bool {
-        self.action == Effect::Terminate
+        self.terminated_by != 0
+    }
+
+    /// Whether the failsafe of this pack has.
+    pub fn is_terminated_by(&self, pack: Pack) -> bool {
+        self.terminated_by & pack.bit() != 0
     }
 
     /// The program after a pending restart.

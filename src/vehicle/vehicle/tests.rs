@@ -266,9 +266,11 @@ fn every_action_but_warn_holds_or_disarms() {
     ] {
         let mut vehicle = armed_in(Mode::Manual);
         // ArduPilot never executes 6 after a warning.
-        vehicle.battery_failsafe(FailsafeAction::Warn);
+        vehicle.battery_failsafe(Pack::First, FailsafeAction::Warn);
         let action = FailsafeAction::from_number(number).unwrap();
-        let text = vehicle.battery_failsafe(action).map(|event| event.to_string());
+        let text = vehicle
+            .battery_failsafe(Pack::First, action)
+            .map(|event| event.to_string());
         assert_eq!(text.as_deref(), event, "{number}");
         let status = vehicle.status();
         assert_eq!((status.mode, status.arm_state), (mode, arm_state), "{number}");
@@ -283,26 +285,49 @@ fn an_action_that_ends_in_hold_holds_again_whatever_held_before() {
         .flat_map(|before| holding.map(|action| (*before, action)))
     {
         let mut vehicle = armed_in(Mode::Manual);
-        vehicle.battery_failsafe(before);
+        vehicle.battery_failsafe(Pack::First, before);
         vehicle.set_mode(Mode::Manual).unwrap();
-        let event = vehicle.battery_failsafe(action);
+        let event = vehicle.battery_failsafe(Pack::First, action);
         assert_eq!(vehicle.status().mode, Mode::Hold, "{action:?} after {before:?}");
         assert_eq!(event.is_some(), action.needs_position());
         vehicle.set_mode(Mode::Manual).unwrap();
-        vehicle.battery_failsafe(FailsafeAction::Warn);
+        vehicle.battery_failsafe(Pack::First, FailsafeAction::Warn);
         assert_eq!(vehicle.status().mode, Mode::Manual);
     }
 }
 
 #[test]
+fn a_termination_ends_once_each_pack_that_caused_it_has_no_level() {
+    let bits = |packs: &[Pack]| packs.iter().fold(0, |mask, pack| mask | pack.bit());
+    let (first, second, third) = (Pack::First, Pack::Second, Pack::Third);
+    let mut vehicle = armed_in(Mode::Manual);
+    // The third pack only holds.
+    vehicle.battery_failsafe(third, FailsafeAction::Hold);
+    vehicle.battery_failsafe(first, FailsafeAction::Terminate);
+    vehicle.battery_failsafe(second, FailsafeAction::Terminate);
+    for (at_a_level, is_terminated) in [
+        (bits(&[first, second, third]), true),
+        (bits(&[second, third]), true),
+        // A level of the first that is reached later terminates nothing.
+        (bits(&[first, second, third]), true),
+        (bits(&[first, third]), false),
+        (bits(&[second]), false),
+    ] {
+        vehicle.update_batteries(at_a_level, BatteryAlert::Urgent);
+        assert_eq!(vehicle.is_terminated(), is_terminated, "{at_a_level:b}");
+    }
+    assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
+}
+
+#[test]
 fn battery_reset_ends_termination() {
     let mut vehicle = armed_in(Mode::Manual);
-    vehicle.battery_failsafe(FailsafeAction::Terminate);
-    vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
+    vehicle.battery_failsafe(Pack::First, FailsafeAction::Terminate);
+    vehicle.update_batteries(Pack::First.bit(), BatteryAlert::Urgent);
     assert_eq!(vehicle.status().alert, Alert::Terminated);
     let armed = vehicle.arm(Instant::EPOCH, Fitness::Checked);
     assert_eq!(armed, Err(ArmingRefused::Terminated));
-    vehicle.update_batteries(FailsafeLevel::None, BatteryAlert::None);
+    vehicle.update_batteries(0, BatteryAlert::None);
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
 }
@@ -330,11 +355,11 @@ fn lamps_and_buzzer_indicate_the_state() {
     assert_eq!(tones(&vehicle, 1_000_000, 10), "xxxxx.....");
     vehicle.arm(at_us(3_000_000), Fitness::Checked).unwrap();
     assert_eq!(colour(&vehicle), Colour::Blue);
-    vehicle.update_batteries(FailsafeLevel::Low, BatteryAlert::Warning);
+    vehicle.update_batteries(Pack::First.bit(), BatteryAlert::Warning);
     assert_eq!(colour(&vehicle), Colour::Yellow);
     let expected = "x...................x...................";
     assert_eq!(tones(&vehicle, 4_000_000, 40), expected);
-    vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
+    vehicle.update_batteries(Pack::First.bit(), BatteryAlert::Urgent);
     assert_eq!(colour(&vehicle), Colour::Red);
     assert_eq!(tones(&vehicle, 4_000_000, 20), "x.x.x.....x.x.x.....");
 }
@@ -348,7 +373,7 @@ fn a_charge_state_is_indicated_without_a_failsafe() {
         (BatteryAlert::Urgent, Colour::Red, "x.x.x.....x.x.x....."),
         (BatteryAlert::None, Colour::Green, "...................."),
     ] {
-        vehicle.update_batteries(FailsafeLevel::None, alert);
+        vehicle.update_batteries(0, alert);
         assert_eq!(vehicle.indication(Instant::EPOCH).colour, colour);
         assert_eq!(tones(&vehicle, 4_000_000, 20), expected_tones);
         assert_eq!(vehicle.status().alert, Alert::None, "{alert:?} is not a failsafe");
@@ -364,7 +389,8 @@ enum Input {
     Control(StickInput, StickInput),
     GroundStation,
     Failsafe(i32),
-    Batteries(FailsafeLevel),
+    /// Packs at a failsafe level.
+    Batteries(u16),
     Wait(u64),
 }
 
@@ -377,7 +403,6 @@ fn stick_input() -> impl Strategy<Value = StickInput> {
 }
 
 fn input() -> impl Strategy<Value = Input> {
-    use FailsafeLevel::{Critical, Low, None, Unhealthy};
     prop_oneof![
         prop::sample::select(vec![Fitness::Unfit, Fitness::Checked, Fitness::Forced]).prop_map(Input::Arm),
         Just(Input::Disarm),
@@ -385,7 +410,7 @@ fn input() -> impl Strategy<Value = Input> {
         (stick_input(), stick_input()).prop_map(|(throttle, steering)| Input::Control(throttle, steering)),
         Just(Input::GroundStation),
         (0..=6).prop_map(Input::Failsafe),
-        prop::sample::select(vec![None, Unhealthy, Low, Critical]).prop_map(Input::Batteries),
+        (0u16..4).prop_map(Input::Batteries),
         (0u64..3_000_000).prop_map(Input::Wait),
     ]
 }
@@ -415,9 +440,9 @@ proptest! {
                 }
                 Input::GroundStation => vehicle.ground_station_seen(now),
                 Input::Failsafe(number) => {
-                    vehicle.battery_failsafe(FailsafeAction::from_number(number).unwrap());
+                    vehicle.battery_failsafe(Pack::First, FailsafeAction::from_number(number).unwrap());
                 }
-                Input::Batteries(worst) => vehicle.update_batteries(worst, BatteryAlert::None),
+                Input::Batteries(at_a_level) => vehicle.update_batteries(at_a_level, BatteryAlert::None),
                 Input::Wait(us) => {
                     now = now.after_us(us);
                     vehicle.update(now, &settings);
@@ -438,7 +463,7 @@ proptest! {
 #[test]
 fn lamps_and_buzzer_are_off_before_the_boot_loader_alone() {
     let mut vehicle = Vehicle::new();
-    vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
+    vehicle.update_batteries(Pack::First.bit(), BatteryAlert::Urgent);
     vehicle.prepare_restart(Restart::Firmware);
     assert_eq!(vehicle.indication(Instant::EPOCH).colour, Colour::Red);
     vehicle.prepare_restart(Restart::BootLoader);

@@ -95,7 +95,7 @@ proptest! {
         let mut t_s = 0.0;
         for step in &steps {
             if let Some(percent) = step.reset_pct {
-                monitor.reset(&battery, percent, &settings);
+                monitor.reset(&mut battery, step.arm_state, percent, &settings);
             }
             for _ in 0..step.repeated {
                 t_s += step.dt_s;

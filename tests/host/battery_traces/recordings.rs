@@ -12,6 +12,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use rover_battmon::battery::LearntPack;
+use rover_battmon::vehicle::ArmState;
 
 use super::replay::{Sample, drawn_mah, li_ion_cell, replay, root_mean_square, rows, without_current};
 
@@ -371,7 +372,7 @@ fn a_half_empty_pack_believed_full_is_found_out() {
             &LearntPack::UNKNOWN,
             |number, monitor, battery| {
                 if number == half {
-                    monitor.reset(battery, 100.0, &settings);
+                    monitor.reset(&mut { *battery }, ArmState::Armed, 100.0, &settings);
                 }
                 if samples[number].t_s >= settled {
                     let remaining_pct = battery.readings.remaining_pct;

@@ -1,6 +1,7 @@
 //! Estimates do not depend on the sample rate.
 
 use rover_battmon::battery::{BatteryMonitor, BatteryState, PackSettings};
+use rover_battmon::vehicle::ArmState;
 
 use super::pack::{Pack, samples};
 use super::replay::{Moment, cells_and_capacity_set, cells_set, run_from, without_current};
@@ -42,7 +43,7 @@ impl Start {
     fn monitor(self, settings: &PackSettings) -> BatteryMonitor {
         let mut monitor = BatteryMonitor::new();
         if let Self::WrongReset = self {
-            monitor.reset(&BatteryState::default(), 100.0, settings);
+            monitor.reset(&mut BatteryState::default(), ArmState::Armed, 100.0, settings);
         }
         monitor
     }
