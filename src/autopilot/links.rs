@@ -60,6 +60,13 @@ impl Autopilot {
         notify_any(endpoint, self.log_wears_flash().then_some(Notice::LogWearsFlash));
         notify_any(endpoint, self.missing_threshold().map(Notice::FailsafesOff));
         for pack in Pack::ALL {
+            if self.packs.not_found & pack.bit() != 0 {
+                let event = PackEvent::NotFound {
+                    address: self.packs.part_addresses[pack as usize],
+                    answering: self.packs.answering,
+                };
+                notify(endpoint, &PackNotice(pack, &event));
+            }
             notify_any(endpoint, self.suggestion(pack));
         }
     }

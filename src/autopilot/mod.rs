@@ -222,6 +222,10 @@ impl Autopilot {
             PackEvent::Failsafe { .. } => self.broadcast.set_level(pack, *event),
             PackEvent::NotLearnt(_) => {}
             _ => {
+                if let PackEvent::NotFound { answering, .. } = event {
+                    self.packs.not_found |= pack.bit();
+                    self.packs.answering = *answering;
+                }
                 let mut rest = Some(*event);
                 while let Some(event) = rest {
                     let (event, further) = event.split();
@@ -271,6 +275,8 @@ fn complete<'a>(
         external_packs: packs.mask_of(|kind| kind == MonitorKind::External),
         can_packs: packs.mask_of(|kind| kind == MonitorKind::Can),
         pin_packs: packs.mask_of(MonitorKind::reads_voltage_pin),
+        kinds: &packs.order,
+        part_addresses: &packs.part_addresses,
         vehicle: vehicle.status(),
         logs: recording.files(),
         log: recording.health(),

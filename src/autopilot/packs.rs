@@ -3,16 +3,16 @@
 use heapless::Vec;
 
 use crate::battery::{
-    BatteryBank, BatteryMonitor, Measurement, Measuring, PackSettings, PackSource, ReadError, SumVoltage,
-    Tick,
+    BatteryBank, BatteryMonitor, MAX_ANSWERING, Measurement, Measuring, PackSettings, PackSource, ReadError,
+    SumVoltage, Tick,
 };
 use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
-    FuelReadings, Members, PinPull, Pulses, Samples, Thermometers, WantedReadings, capacity_ml, set_up_error,
-    tank, thermometer_pins, timeout_us,
+    FuelReadings, Members, PinPull, PinUse, Pulses, Samples, Thermometers, WantedReadings, capacity_ml,
+    part_address, set_up_error, tank, thermometer_pins, timeout_us,
 };
 use crate::time::Instant;
 use crate::vehicle::ArmState;
@@ -39,8 +39,16 @@ pub struct Packs {
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub thermometers: Thermometers,
+    /// Addresses on the I2C bus, by the parameters at boot, where a pack's part can have one only.
+    pub part_addresses: [Option<u8>; MAX_PACKS],
+    /// Packs whose part was announced as not found and has not answered since, a bit each.
+    pub not_found: u16,
+    /// Addresses that answered then.
+    pub answering: [Option<u8>; MAX_ANSWERING],
     /// Present pulls of the analog pins.
     pub pulls: PinPulls,
+    /// What the packs read at which pins in this tick.
+    pub pins: PinUse,
     pub ticks: u32,
     /// When the latest tick began.
     pub ticked_at: Instant,
@@ -63,7 +71,11 @@ impl Packs {
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
             thermometers: Thermometers::default(),
+            part_addresses: in_place(|| part_addresses(parameters)),
+            not_found: 0,
+            answering: [None; MAX_ANSWERING],
             pulls: PinPulls::default(),
+            pins: PinUse::default(),
             ticks: 0,
             ticked_at: Instant::EPOCH,
         }
@@ -209,20 +221,34 @@ impl Packs {
                 self.bank
                     .sum(pack, mask, self.mask_of(|_| true), voltage, tick.arm_state)
             }
-            MonitorKind::Fuel(kind) => {
+            MonitorKind::Fuel(fuel) => {
+                let is_taken = self.pins.is_taken(kind, parameters, pack);
                 let readings = FuelReadings {
                     pins: readings,
                     pulses: &self.pulses,
                     now: tick.now,
                 };
-                self.meters[pack as usize].measure(kind, parameters, pack, &readings)
+                // What is taken from the pulses meanwhile must not count later.
+                let measured = self.meters[pack as usize].measure(fuel, parameters, pack, &readings);
+                if is_taken {
+                    Err(ReadError::PinTaken)
+                } else {
+                    measured
+                }
             }
             MonitorKind::AnalogVoltage
             | MonitorKind::AnalogVoltageAndCurrent
             | MonitorKind::SyntheticCurrent
             | MonitorKind::AnalogCurrent => {
+                let is_taken = self.pins.is_taken(kind, parameters, pack);
                 let wiring = AnalogWiring::from_parameters(parameters, pack);
-                wiring.measure(kind, readings, effort)
+                match kind {
+                    MonitorKind::AnalogVoltageAndCurrent if is_taken => {
+                        wiring.measure(MonitorKind::AnalogVoltage, readings, effort)
+                    }
+                    _ if is_taken => Err(ReadError::PinTaken),
+                    _ => wiring.measure(kind, readings, effort),
+                }
             }
         })
     }
@@ -245,6 +271,7 @@ impl Packs {
     pub fn add_reading(&mut self, pack: Pack, reading: Result<Measurement, ReadError>, received_at: Instant) {
         self.samples[pack as usize].add(reading);
         if reading.is_ok() {
+            self.not_found &= !pack.bit();
             self.silences[pack as usize].hear(received_at);
         }
     }
@@ -325,6 +352,10 @@ fn sources(parameters: &Parameters) -> [PackSource; MAX_PACKS] {
 
 fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
     Pack::ALL.map(|pack| set_up_error(parameters.monitor_kind(pack)?, parameters))
+}
+
+fn part_addresses(parameters: &Parameters) -> [Option<u8>; MAX_PACKS] {
+    Pack::ALL.map(|pack| part_address(parameters, pack))
 }
 
 fn silences(parameters: &Parameters) -> [Silence; MAX_PACKS] {

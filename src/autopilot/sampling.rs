@@ -16,7 +16,7 @@ use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, AnalogWiring, CanEvent, CanReport, CanStatus, ControllerReading,
-    ExternalReport, PinPull, Pulses, SerialReading, Temperatures, WantedReadings,
+    ExternalReport, PinPull, PinUse, Pulses, SerialReading, Temperatures, WantedReadings,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
@@ -89,6 +89,7 @@ impl Autopilot {
     /// Begins a sampling tick with what the pins read until `now`; due every [`SAMPLING_INTERVAL_US`].
     pub fn begin_sampling(&mut self, now: Instant, mut readings: AnalogReadings) -> SamplingTick {
         self.change_pulls(&mut readings);
+        self.packs.pins = PinUse::of_packs(&self.packs.order, &self.parameters);
         if let Some(pin) = self.pin_of_radio() {
             readings.set(pin, Err(ReadError::PinOfRadio));
         }

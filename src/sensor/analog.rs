@@ -10,6 +10,14 @@ pub(super) fn level_pin(parameters: &Parameters, pack: Pack) -> Option<AnalogPin
     AnalogPin::from_gpio(parameters.get_whole(BatteryParameter::FlPin.of(pack)))
 }
 
+/// GPIO number of the pulse input (`BATT_CURR_PIN`).
+const PULSE_GPIO: i32 = 17;
+
+/// Whether a pack that is measured by pulses is wired to the pulse input (`BATT_CURR_PIN`).
+pub(super) fn uses_pulses(parameters: &Parameters, pack: Pack) -> bool {
+    parameters.get_whole(BatteryParameter::CurrPin.of(pack)) == PULSE_GPIO
+}
+
 /// Analog wiring of a pack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnalogWiring {

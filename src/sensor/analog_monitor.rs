@@ -1,17 +1,25 @@
-//! Analog battery monitor: voltage divider and current sensor on ADC pins.
+//! Analog battery monitor: voltage divider and current sensor on ADC pins, and what packs read at which pins.
 
+use super::analog::uses_pulses;
 use super::{AdcCount, AnalogPin, AnalogReadings, AnalogWiring};
 use crate::battery::{Extremes, Measurement, ReadError};
-use crate::parameter::{FuelKind, MonitorKind};
+use crate::pack::Pack;
+use crate::parameter::{FuelKind, MonitorKind, Parameters};
 
 impl AnalogWiring {
     /// The pins that a monitor of this kind reads.
     pub fn pins(&self, kind: MonitorKind) -> impl Iterator<Item = AnalogPin> {
-        let voltage_pin = self.voltage_pin.filter(|_| kind.reads_voltage_pin());
-        let current_pin = self.current_pin.filter(|_| kind.reads_current_pin());
+        self.pins_by_use(kind).into_iter().flatten()
+    }
+
+    /// The pins of voltage, current and level that a monitor of this kind reads.
+    pub(super) fn pins_by_use(&self, kind: MonitorKind) -> [Option<AnalogPin>; 3] {
         let is_level = kind == MonitorKind::Fuel(FuelKind::LevelAnalog);
-        let level_pin = self.level_pin.filter(|_| is_level);
-        voltage_pin.into_iter().chain(current_pin).chain(level_pin)
+        [
+            self.voltage_pin.filter(|_| kind.reads_voltage_pin()),
+            self.current_pin.filter(|_| kind.reads_current_pin()),
+            self.level_pin.filter(|_| is_level),
+        ]
     }
 
     /// The two pins of a monitor of this kind at which voltage and current are measured together.
@@ -85,12 +93,65 @@ impl AnalogWiring {
     }
 }
 
+/// What packs read at which pins, a bit for each analog pin. Several may read the same at a pin: a voltage that is measured
+/// once may be that of two packs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PinUse {
+    voltages: u8,
+    currents: u8,
+    levels: u8,
+    /// A flow, and the width of pulses, at the pulse input.
+    flow: bool,
+    width: bool,
+}
+
+impl PinUse {
+    /// By the live parameters of these packs, which are of these kinds since boot.
+    pub fn of_packs(packs: &[(Pack, MonitorKind)], parameters: &Parameters) -> Self {
+        let mut pins = Self::default();
+        for (pack, kind) in packs {
+            let wiring = AnalogWiring::from_parameters(parameters, *pack);
+            let [voltage, current, level] = wiring.pins_by_use(*kind).map(bit);
+            pins.voltages |= voltage;
+            pins.currents |= current;
+            pins.levels |= level;
+            pins.flow |= *kind == FLOW && uses_pulses(parameters, *pack);
+            pins.width |= *kind == WIDTH && uses_pulses(parameters, *pack);
+        }
+        pins
+    }
+
+    /// Whether anything is read at an analog pin.
+    pub fn contains(&self, pin: AnalogPin) -> bool {
+        (self.voltages | self.currents | self.levels) & bit(Some(pin)) != 0
+    }
+
+    /// Whether something else is read where a pack of this kind has its current, level or flow. A voltage is whatever else is
+    /// read there.
+    pub fn is_taken(&self, kind: MonitorKind, parameters: &Parameters, pack: Pack) -> bool {
+        match kind {
+            FLOW | WIDTH => self.flow && self.width && uses_pulses(parameters, pack),
+            _ => {
+                let wiring = AnalogWiring::from_parameters(parameters, pack);
+                let [_, current, level] = wiring.pins_by_use(kind).map(bit);
+                current & self.voltages != 0 || level & (self.voltages | self.currents) != 0
+            }
+        }
+    }
+}
+
+const FLOW: MonitorKind = MonitorKind::Fuel(FuelKind::Flow);
+const WIDTH: MonitorKind = MonitorKind::Fuel(FuelKind::LevelPwm);
+
+fn bit(pin: Option<AnalogPin>) -> u8 {
+    pin.map_or(0, |pin| 1 << pin as u8)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::battery::CurrentRange;
-    use crate::pack::Pack;
-    use crate::parameter::{BatteryParameter, Parameters};
+    use crate::parameter::BatteryParameter;
     use crate::sensor::Conversions;
 
     fn wiring() -> AnalogWiring {

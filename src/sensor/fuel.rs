@@ -3,7 +3,7 @@
 use core::f32::consts::TAU;
 
 use super::AnalogReadings;
-use super::analog::level_pin;
+use super::analog::{level_pin, uses_pulses};
 use crate::battery::{Contents, Counted, Gauge, GaugeReading, Measurement, ReadError};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, FuelKind, Parameters, VehicleParameter};
@@ -74,14 +74,10 @@ fn pulses<'a>(
     pack: Pack,
     readings: &FuelReadings<'a>,
 ) -> Result<&'a Pulses, ReadError> {
-    match parameters.get_whole(BatteryParameter::CurrPin.of(pack)) {
-        PULSE_GPIO => Ok(readings.pulses),
-        _ => Err(ReadError::NoPin),
-    }
+    uses_pulses(parameters, pack)
+        .then_some(readings.pulses)
+        .ok_or(ReadError::NoPin)
 }
-
-/// GPIO number of the pulse input (`BATT_CURR_PIN`).
-const PULSE_GPIO: i32 = 17;
 
 /// Count and timing of pulses since boot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

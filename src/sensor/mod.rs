@@ -14,8 +14,11 @@ mod set_up;
 mod thermometer;
 
 pub use analog::{AnalogWiring, CurrentSensor, VoltageDivider};
+pub use analog_monitor::PinUse;
 pub use analog_pin::AnalogPin;
-pub use bus::{Address, BusDevices, Buses, I2cBus, NoSpi, Samples, SensorBus, Wiring, bus_clock_hz};
+pub use bus::{
+    Address, BusDevices, Buses, I2cBus, NoSpi, Samples, SensorBus, Wiring, bus_clock_hz, part_address,
+};
 pub use can::{
     Acceptance, BitTiming, CanBus, CanEvent, CanFilters, CanFrame, CanInterrupt, CanNotice, CanOptions,
     CanPack, CanReport, CanSettings, CanSetup, CanState, CanStatus, ChargerPower, DroneCan, FRAME_BYTES,

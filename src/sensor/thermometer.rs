@@ -1,6 +1,6 @@
 //! Thermometers for packs whose own sensors have none.
 
-use super::{ADC_FULL_SCALE, AdcCount, AnalogPin, AnalogReadings, AnalogWiring};
+use super::{ADC_FULL_SCALE, AdcCount, AnalogPin, AnalogReadings, PinUse};
 use crate::battery::{Measurement, Thermometer};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, THERMOMETER_COUNT, TemperatureSensor, ThermometerParameter};
@@ -60,18 +60,11 @@ pub fn thermometer_pins(
 }
 
 /// A thermometer whose pin another thermometer or a pack reads, too.
-pub fn thermometer_on_shared_pin(parameters: &Parameters) -> Option<TemperatureSensor> {
-    let is_of_pack = |pin: AnalogPin| {
-        Pack::ALL.into_iter().any(|pack| {
-            let kind = parameters.monitor_kind(pack);
-            let wiring = AnalogWiring::from_parameters(parameters, pack);
-            kind.is_some_and(|kind| wiring.pins(kind).any(|other| other == pin))
-        })
-    };
+pub fn thermometer_on_shared_pin(parameters: &Parameters, of_packs: &PinUse) -> Option<TemperatureSensor> {
     let mut pins = thermometer_pins(parameters);
     let shared = pins.find(|(own, pin)| {
         let mut others = thermometer_pins(parameters).filter(|(other, _)| other != own);
-        others.any(|(_, other)| other == *pin) || is_of_pack(*pin)
+        others.any(|(_, other)| other == *pin) || of_packs.contains(*pin)
     });
     shared.map(|(own, _)| own)
 }
@@ -158,6 +151,7 @@ fn analog_c(count: AdcCount, coefficients: &[f32; 6]) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameter::MonitorKind;
     use crate::parameter::ThermometerParameter::{A0, A1, A2, MessageId, Pin, Source, SourceId, Type};
     use crate::sensor::Conversions;
     use crate::time::at_us;
@@ -219,21 +213,21 @@ mod tests {
     #[test]
     // Requirement: AP-30
     fn a_pin_that_a_pack_or_another_thermometer_reads_is_shared() {
+        let packs = [(Pack::First, MonitorKind::AnalogVoltage)];
+        let shared = |parameters: &Parameters| {
+            thermometer_on_shared_pin(parameters, &PinUse::of_packs(&packs, parameters))
+        };
         let mut parameters = analog();
-        assert_eq!(thermometer_on_shared_pin(&parameters), None);
+        assert_eq!(shared(&parameters), None);
         parameters.set(Pin.of(SECOND), 26.0).unwrap();
-        assert_eq!(
-            thermometer_on_shared_pin(&parameters),
-            Some(SECOND),
-            "the divider's"
-        );
+        assert_eq!(shared(&parameters), Some(SECOND), "the divider's");
         parameters.set(Type.of(SECOND), 6.0).unwrap();
-        assert_eq!(thermometer_on_shared_pin(&parameters), None, "not an analog one");
+        assert_eq!(shared(&parameters), None, "not an analog one");
         let mut parameters = analog();
         let first = TemperatureSensor::First;
         parameters.set(Pin.of(first), 28.0).unwrap();
         parameters.set(Type.of(first), 5.0).unwrap();
-        assert_eq!(thermometer_on_shared_pin(&parameters), Some(first));
+        assert_eq!(shared(&parameters), Some(first));
     }
 
     #[test]

@@ -1,16 +1,18 @@
 //! The checks before arming: one list for an attempt to arm, RUN_PREARM_CHECKS and SYS_STATUS.
 
+use core::fmt::Write;
+
 use heapless::String;
 
 use super::{ArmingReadiness, LogHealth, SystemState};
-use crate::battery::{ArmingFailure, PackSettings, ReadError, arming_failures};
+use crate::battery::{ArmingFailure, BusError, PackSettings, ReadError, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{
-    BatteryParameter, ParameterTrouble, Parameters, StickParameter, TemperatureSensor, ThermometerParameter,
-    VehicleParameter,
+    BatteryParameter, MonitorKind, ParameterTrouble, Parameters, StickParameter, TemperatureSensor,
+    ThermometerParameter, VehicleParameter,
 };
-use crate::sensor::{AnalogWiring, thermometer_on_shared_pin};
+use crate::sensor::{AnalogWiring, PinUse, thermometer_on_shared_pin};
 use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
@@ -30,8 +32,9 @@ pub enum ArmingObstacle {
     Parameters(ParameterTrouble),
     /// A check of this pack fails.
     Pack(Pack, ArmingFailure),
-    /// This pack is unhealthy: its latest reading failed.
-    Sensor(Pack, ReadError),
+    /// This pack's latest reading failed, or that of its current or level does: with the address of its part on the I2C bus,
+    /// if that is known.
+    Sensor(Pack, ReadError, Option<u8>),
     /// This stick is deflected, by the channel with this number.
     Stick(Stick, u8),
     /// These parameters of the sticks do not fit each other.
@@ -61,11 +64,17 @@ impl ArmingObstacle {
             Self::Pack(pack, failure) => {
                 text(format_args!("{checked_by}: Battery {} {failure}", pack.number()))
             }
-            Self::Sensor(pack, error) => text(format_args!(
-                "{checked_by}: Battery {} {}: {error}",
-                pack.number(),
-                ArmingFailure::Unhealthy
-            )),
+            Self::Sensor(pack, error, address) => {
+                let mut text: String<96> = text(format_args!(
+                    "{checked_by}: Battery {} {}: {error}",
+                    pack.number(),
+                    ArmingFailure::Unhealthy
+                ));
+                if let Some(address) = address.filter(|_| error == BusError::NoAnswer.into()) {
+                    let _ = write!(text, " at {address:#04x}");
+                }
+                text
+            }
             Self::Stick(stick, channel) => text(format_args!(
                 "{checked_by}: {} (RC{channel}) is not neutral",
                 stick.name()
@@ -129,19 +138,31 @@ pub fn arming_obstacles(
     let of_parameters = parameters.trouble().map(ArmingObstacle::Parameters);
     let packs = Pack::ALL.into_iter().zip(state.batteries);
     let checked = packs.filter(move |_| checks & BATTERY_CHECKED != 0);
-    let of_packs = checked.flat_map(|(pack, battery)| {
+    let of_packs = checked.flat_map(move |(pack, battery)| {
         let settings = PackSettings::from_parameters(parameters, pack);
         let read_error = battery.read_error;
         let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
         let above = is_above.then_some(ArmingFailure::AboveDrivers);
         arming_failures(battery, &settings, above).map(move |failure| match (failure, read_error) {
-            (ArmingFailure::Unhealthy, Some(error)) => ArmingObstacle::Sensor(pack, error),
+            (ArmingFailure::Unhealthy, Some(error)) => {
+                let address = state.part_addresses.get(pack as usize).copied().flatten();
+                ArmingObstacle::Sensor(pack, error, address)
+            }
             _ => ArmingObstacle::Pack(pack, failure),
         })
     });
-    let pin = thermometer_on_shared_pin(parameters)
-        .map(ArmingObstacle::PinTaken)
-        .filter(|_| checks & BATTERY_CHECKED != 0);
+    let pins = PinUse::of_packs(state.kinds, parameters);
+    // Of a pack that can't be read without this pin, the latest reading says so before long.
+    let is_taken = move |(pack, kind): &&(Pack, MonitorKind)| {
+        state.battery(*pack).read_error != Some(ReadError::PinTaken)
+            && pins.is_taken(*kind, parameters, *pack)
+    };
+    let of_pins = state.kinds.iter().filter(is_taken);
+    let of_pins = of_pins.map(|(pack, _)| ArmingObstacle::Sensor(*pack, ReadError::PinTaken, None));
+    let of_thermometer = thermometer_on_shared_pin(parameters, &pins).map(ArmingObstacle::PinTaken);
+    let of_pins = of_pins
+        .chain(of_thermometer)
+        .filter(move |_| checks & BATTERY_CHECKED != 0);
     let stick = vehicle.deflected_stick();
     let deflected = stick.map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));
     let misfits = parameters.stick_misfits();
@@ -156,7 +177,7 @@ pub fn arming_obstacles(
         .chain(restarting)
         .chain(of_parameters)
         .chain(of_packs)
-        .chain(pin)
+        .chain(of_pins)
         .chain(of_sticks)
         .chain(log)
 }

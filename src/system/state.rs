@@ -3,6 +3,7 @@
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::memory::identity::Identity;
 use crate::pack::Pack;
+use crate::parameter::MonitorKind;
 use crate::recorder::LogFile;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
@@ -19,6 +20,10 @@ pub struct SystemState<'a> {
     pub can_packs: u16,
     /// The packs whose voltage is read at an analog pin, a bit each, bit 0 for the first.
     pub pin_packs: u16,
+    /// The packs that are monitored, and their kinds, since boot.
+    pub kinds: &'a [(Pack, MonitorKind)],
+    /// Addresses of the packs' parts on the I2C bus, by their instance, where they are known.
+    pub part_addresses: &'a [Option<u8>],
     /// The rover's mode, and whether it is armed.
     pub vehicle: VehicleStatus,
     /// Whether the vehicle would be armed on request.

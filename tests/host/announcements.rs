@@ -1,13 +1,15 @@
 //! Announcements on a link that is too slow for all of them.
 
-use rover_battmon::battery::FailsafeLevel;
+use rover_battmon::battery::{BusError, FailsafeLevel, Measurement, PackEvent, ReadError};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::sensor::{AnalogPin, AnalogReadings, CanEvent, CanNotice, NodeId};
+use support::commands::RUN_PREARM_CHECKS;
 use support::desk::{DIVIDER, Desk, conversions, start_with};
-use support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT};
-use support::requests::{arm, arm_by_force, do_set_mode};
+use support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, texts_of};
+use support::monitor_types::{INA2XX, SMART_BATTERY};
+use support::requests::{VEHICLE, arm, arm_by_force, command_long, do_set_mode, param_request_list};
 
 const TICK_US: u64 = 100_000;
 const TICKS_PER_SECOND: u64 = 10;
@@ -219,4 +221,67 @@ fn other_packs_keep_their_places() {
         let texts = rover.sent.iter().filter(|(_, _, sent)| sent.starts_with(&text));
         assert_eq!(texts.count(), 1, "{text} once by {from_tick}");
     }
+}
+
+#[test]
+// Requirement: AP-12
+fn each_station_that_connects_learns_what_answers_in_place_of_a_part_until_that_is_found() {
+    let start = start_with(&[
+        ("BATT_MONITOR", 0.0),
+        ("BATT2_MONITOR", INA2XX),
+        ("BATT2_I2C_ADDR", 64.0),
+        ("BATT3_MONITOR", SMART_BATTERY),
+    ]);
+    let mut desk = Desk::starting(start);
+    let scans = |desk: &mut Desk| {
+        let mut texts = texts_of(&desk.sent());
+        texts.retain(|text| text.contains("not found"));
+        texts
+    };
+    let read = |desk: &mut Desk, pack, reading: Result<Measurement, ReadError>| {
+        for _ in 0..10 {
+            desk.now_us += TICK_US;
+            let now = desk.now();
+            desk.autopilot.add_bus_reading(pack, reading, now);
+            desk.sample(AnalogReadings::NONE);
+        }
+    };
+    read(&mut desk, Pack::Second, Err(BusError::NoAnswer.into()));
+    read(&mut desk, Pack::Third, Err(BusError::NoAnswer.into()));
+    desk.autopilot.open(&mut desk.endpoint);
+    assert_eq!(scans(&mut desk), [""; 0]);
+    let event = PackEvent::NotFound {
+        address: Some(0x40),
+        answering: [Some(0x41), Some(0x44), None, None, None],
+    };
+    let now = desk.now();
+    desk.autopilot.announce_pack(Pack::Second, &event, now);
+    // The first of two messages.
+    const SCAN: &str = "Battery 2 not found at 0x40: the bus answers at 0x";
+    // Its own address is the one at which it was asked, whatever is set since.
+    desk.set(BatteryParameter::I2cAddr.of(Pack::Second), 65.0);
+    for kind in [LinkKind::Direct, LinkKind::Wifi] {
+        desk.connect(kind);
+        desk.autopilot.open(&mut desk.endpoint);
+        assert_eq!(scans(&mut desk), [SCAN]);
+        // One that comes by a link which is open already.
+        desk.receive_in_chunks(&param_request_list(VEHICLE), 64);
+        assert_eq!(scans(&mut desk), [SCAN]);
+    }
+    desk.receive_in_chunks(&command_long(RUN_PREARM_CHECKS, 0.0), 64);
+    let texts = texts_of(&desk.sent());
+    for text in [
+        "PreArm: Battery 2 unhealthy: no answer at 0x40",
+        "PreArm: Battery 3 unhealthy: no answer at 0x0b",
+    ] {
+        assert!(texts.iter().any(|other| other == text), "{texts:?}");
+    }
+    let measured = Measurement {
+        voltage_v: Some(12.0),
+        ..Measurement::default()
+    };
+    read(&mut desk, Pack::Second, Ok(measured));
+    desk.connect(LinkKind::Direct);
+    desk.autopilot.open(&mut desk.endpoint);
+    assert_eq!(scans(&mut desk), [""; 0]);
 }

@@ -21,8 +21,10 @@ use rover_battmon::tasks::{
 };
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::clock;
+use support::commands::RUN_PREARM_CHECKS;
 use support::desk::{Desk, conversions, id_of, start_with};
 use support::frames::{last_of, texts_of};
+use support::requests::{arm, command_long};
 use support::time::SECOND;
 use support::vehicle::{OnHost, TestedVehicle};
 
@@ -474,6 +476,108 @@ fn an_engine_takes_what_its_injectors_let_through() {
     assert_eq!((tank.remaining_pct(), tank.voltage_mv(0)), (98, u16::MAX));
     let (_, frames) = run_at(90, 2);
     assert_eq!(last_of(&frames, 1).current_ca(), 0);
+}
+
+#[test]
+// Requirement: S-5
+fn a_pin_that_is_read_as_a_voltage_is_no_current_or_level_and_refuses_arming() {
+    let first = [("BATT_MONITOR", 3.0), ("BATT_CELLS", 3.0)];
+    let second = |kind: f32, pin: &'static str, gpio: f32| {
+        [("BATT2_MONITOR", kind), (pin, gpio), ("BATT2_CAPACITY", 2000.0)]
+    };
+    let (voltage_pin, current_pin, level_pin) = ("BATT2_VOLT_PIN", "BATT2_CURR_PIN", "BATT2_FL_PIN");
+    let none = [("BATT_CAPACITY", 3300.0)];
+    let third = [("BATT3_MONITOR", 31.0), ("BATT3_CURR_PIN", 28.0)];
+    // The state of the second pack: its voltage, current and level, and whether its pin is taken.
+    for (settings, more, voltage, rest, is_taken) in [
+        (second(3.0, voltage_pin, 26.0), &none[..], true, false, false),
+        (second(31.0, current_pin, 27.0), &none, false, true, false),
+        (second(31.0, current_pin, 26.0), &none, false, false, true),
+        (
+            second(4.0, current_pin, 27.0),
+            &[(voltage_pin, 26.0)],
+            true,
+            true,
+            false,
+        ),
+        // The voltage goes on.
+        (
+            second(4.0, current_pin, 26.0),
+            &[(voltage_pin, 26.0)],
+            true,
+            false,
+            true,
+        ),
+        (
+            second(4.0, current_pin, 27.0),
+            &[(voltage_pin, 27.0)],
+            true,
+            false,
+            true,
+        ),
+        (second(24.0, level_pin, 28.0), &none, false, true, false),
+        (second(24.0, level_pin, 26.0), &none, false, false, true),
+        (second(24.0, level_pin, 28.0), &third, false, false, true),
+    ] {
+        let mut desk = Desk::starting(start_with(&[&first[..], &settings, more].concat()));
+        let mut readings = AnalogReadings::NONE;
+        for (pin, pin_v) in [
+            (AnalogPin::Gp26, 3.1),
+            (AnalogPin::Gp27, 1.5),
+            (AnalogPin::Gp28, 1.5),
+        ] {
+            readings.set(pin, Ok(conversions(pin_v)));
+        }
+        for _ in 0..20 {
+            desk.now_us += 100_000;
+            desk.sample(readings);
+        }
+        let measured = desk.autopilot.battery(Pack::Second).readings;
+        let has_rest = measured.current_a.is_some() || measured.fuel_l_h.is_some();
+        let has_level = measured.remaining_pct.is_some() && measured.voltage_v.is_none();
+        assert_eq!(measured.voltage_v.is_some(), voltage, "{settings:?} {measured:?}");
+        assert_eq!(has_rest || has_level, rest, "{settings:?} {measured:?}");
+        desk.ask(&arm());
+        desk.receive_in_chunks(&command_long(RUN_PREARM_CHECKS, 0.0), 64);
+        let texts = texts_of(&desk.sent());
+        let refused = texts.iter().filter(|text| text.contains("pin already in use"));
+        assert_eq!(refused.count(), usize::from(is_taken), "{settings:?} {texts:?}");
+        assert_eq!(desk.autopilot.battery(Pack::First).status, PackStatus::Healthy);
+    }
+}
+
+#[test]
+// Requirement: S-5
+fn servo_pulses_and_a_flow_at_the_same_pin_are_neither() {
+    let both = [
+        ("BATT_MONITOR", 11.0),
+        ("BATT_CURR_PIN", 17.0),
+        ("BATT_AMP_PERVLT", 0.5),
+        ("BATT_CAPACITY", 100.0),
+        ("BATT2_MONITOR", 12.0),
+        ("BATT2_CAPACITY", 2000.0),
+    ];
+    for (pin, are_taken) in [(17.0, true), (-1.0, false)] {
+        let pins = [("BATT2_CURR_PIN", pin)];
+        let mut desk = Desk::starting(start_with(&[&both[..], &pins].concat()));
+        for _ in 0..20 {
+            desk.now_us += 100_000;
+            desk.sample(AnalogReadings::NONE);
+        }
+        let error = |pack| desk.autopilot.battery(pack).read_error;
+        let taken = Some(ReadError::PinTaken);
+        assert_eq!(
+            [Pack::First, Pack::Second].map(|pack| error(pack) == taken),
+            [are_taken; 2]
+        );
+        if are_taken {
+            // Another pin is set: at once it is a flow.
+            desk.set(id_of("BATT2_CURR_PIN"), -1.0);
+            desk.now_us += 100_000;
+            desk.sample(AnalogReadings::NONE);
+            assert_eq!(desk.autopilot.battery(Pack::First).read_error, None);
+        }
+    }
 }
 
 /// Neither the reading with the pull before nor one with the pull that it has from now on.

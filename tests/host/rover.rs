@@ -155,6 +155,7 @@ impl Rover {
     fn sample_pin(&mut self, reading: Result<Conversions, ReadError>, seconds: u64) {
         let mut readings = AnalogReadings::NONE;
         readings.set(AnalogPin::Gp26, reading);
+        readings.set(AnalogPin::Gp27, Ok(conversions(0.0)));
         for _ in 0..seconds * 10 {
             self.0.now_us += 100_000;
             self.0.sample(readings);
@@ -348,7 +349,7 @@ fn every_station_that_asks_learns_why_a_pack_is_unhealthy() {
 
 /// A board whose motor drivers stand the default voltage, with this monitor of its pack.
 fn with_drivers(monitor: f32) -> Rover {
-    let start = start_with(&[("BATT_MONITOR", monitor), ("BATT_CURR_PIN", 26.0)]);
+    let start = start_with(&[("BATT_MONITOR", monitor), ("BATT_CURR_PIN", 27.0)]);
     Rover(Desk::with_own_drivers(start))
 }
 

@@ -9,7 +9,7 @@ use super::registry::AnyPart;
 use super::{Address, SensorBus, Wiring};
 use crate::battery::{BusError, MAX_ANSWERING, Measurement, PackEvent, ReadError};
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{MonitorKind, Parameters, PartKind};
+use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
 use crate::time::{Cadence, Instant};
 use crate::vehicle::ArmState;
 
@@ -198,6 +198,21 @@ fn part_of(parameters: &Parameters, pack: Pack) -> Option<PartKind> {
     match parameters.monitor_kind(pack)? {
         MonitorKind::Bus(kind) => Some(kind),
         _ => None,
+    }
+}
+
+/// The address of a pack's part on the I2C bus: as set, or the only one that its kind can have. `None` if it is searched at
+/// several.
+pub fn part_address(parameters: &Parameters, pack: Pack) -> Option<u8> {
+    let set = Address::from_parameter(parameters.get_whole(BatteryParameter::I2cAddr.of(pack)));
+    let only = match part_of(parameters, pack)?.addresses() {
+        [Address::ChipSelect] => return None,
+        [only] => Some(*only),
+        _ => None,
+    };
+    match set.or(only)? {
+        Address::I2c(number) => Some(number),
+        Address::ChipSelect => None,
     }
 }
 

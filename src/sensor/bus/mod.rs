@@ -18,7 +18,7 @@ use embedded_hal_async::spi::{
     ErrorKind as SpiErrorKind, ErrorType as SpiErrorType, Operation as SpiOperation, SpiDevice,
 };
 
-pub use devices::{BusDevices, bus_clock_hz};
+pub use devices::{BusDevices, bus_clock_hz, part_address};
 pub use part::Wiring;
 pub use samples::Samples;
 

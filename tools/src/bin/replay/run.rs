@@ -93,6 +93,15 @@ pub struct Replay {
     assigned: Vec<ParameterId>,
 }
 
+/// The settings of a pack of the kind that is set.
+pub fn settings(parameters: &Parameters, pack: Pack) -> PackSettings {
+    let settings = PackSettings::from_parameters(parameters, pack);
+    match parameters.monitor_kind(pack) {
+        Some(kind) => settings.of_kind(pack, kind),
+        None => settings,
+    }
+}
+
 impl Replay {
     /// With the parameters of `pack`, of which this was learnt before. The user's assignments among them stay.
     pub fn new(
@@ -110,7 +119,7 @@ impl Replay {
             pack,
             monitor,
             state: BatteryState::default(),
-            settings: PackSettings::from_parameters(parameters, pack),
+            settings: settings(parameters, pack),
             inputs: Inputs::from_parameters(parameters, pack)?,
             parameters: parameters.clone(),
             known,
@@ -121,7 +130,7 @@ impl Replay {
     /// Takes a parameter that was set during the recording. A value that is out of range in this version does not matter.
     pub fn set(&mut self, Assignment { id, value }: Assignment) {
         if !self.assigned.contains(&id) && self.parameters.set(id, value).is_ok() {
-            self.settings = PackSettings::from_parameters(&self.parameters, self.pack);
+            self.settings = settings(&self.parameters, self.pack);
         }
     }
 

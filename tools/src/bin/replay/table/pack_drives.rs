@@ -92,7 +92,7 @@ impl PackDrives {
             let own = parameters(&[])?;
             let changed = parameters(what_if)?;
             let texts: Vec<String> = what_if.iter().map(ToString::to_string).collect();
-            let settings = PackSettings::from_parameters(&own, pack);
+            let settings = run::settings(&own, pack);
             Ok(Self {
                 pack,
                 own: replay(&own, &[])?,
