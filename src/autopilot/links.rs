@@ -7,7 +7,7 @@ use super::start::ParameterLoad;
 use super::stores::FlashStore;
 use super::{Autopilot, Work, complete};
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Severity, announced_text};
-use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, PackStatus, SuggestedThresholds};
+use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::{
     Action, Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,

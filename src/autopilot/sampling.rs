@@ -3,12 +3,11 @@
 use core::mem;
 
 use super::Autopilot;
-use super::packs;
 use super::recording::Detail;
 use crate::announce::Announce;
 use crate::battery::{
-    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackStatus, PackUpdate, ReadError,
-    RetainedMemory, Tick, recall, retain,
+    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
+    ReadError, RetainedMemory, Tick, recall, retain,
 };
 use crate::log::{info, warn};
 use crate::pack::Pack;

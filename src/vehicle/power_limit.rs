@@ -257,7 +257,7 @@ mod tests {
     #[test]
     fn the_strictest_pack_counts() {
         let mut limiter = limiter();
-        let mut ninth = |limiter: &mut PowerLimiter, limit, power_w| {
+        let ninth = |limiter: &mut PowerLimiter, limit, power_w| {
             limiter.follow(Pack::Ninth, TICK_S, limit, Some(power_w));
             limiter.share()
         };

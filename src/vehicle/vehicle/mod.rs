@@ -9,9 +9,9 @@ use super::motor::{Ramp, Reversals};
 use super::power_limit::PowerLimiter;
 use super::timed_input::TimedInput;
 use super::{
-    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, DriverId, FailsafeAction, Fitness, Indication, Mode,
-    PowerLimit, Presence, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent,
-    VehicleSettings, VehicleStatus,
+    Alert, AnotherDrives, ArmState, BatteryAlert, Colour, DriverId, FailsafeAction, Fitness, Indication,
+    Mode, PowerLimit, Presence, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings,
+    VehicleStatus,
 };
 use crate::pack::Pack;
 use crate::parameter::StickChannels;

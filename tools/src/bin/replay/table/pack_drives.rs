@@ -1,7 +1,7 @@
 //! The drives of one pack in a log, as its readings come.
 
 use rover_battmon::battery::{
-    BatteryState, FailsafeLevel, FailsafeTimer, Faults, LearntPack, PackSettings, PackStatus, ReachedLevels,
+    BatteryState, FailsafeLevel, FailsafeTimer, Faults, LearntPack, PackStatus, ReachedLevels,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
