@@ -43,6 +43,8 @@ pub struct Reading {
     pub mean_current_a: Option<f32>,
     /// Charge that the source has counted beyond this current, in milliampere-hours.
     pub unmeasured_mah: f32,
+    /// Time of a gap without the readings that were due, in seconds: its current is assumed.
+    pub missed_s: f32,
     /// The most that can be left by the source's count, from 0 to 1.
     pub soc_at_most: f32,
     /// Cells that the pack had before.
@@ -158,6 +160,7 @@ impl Estimator {
             reading.voltage_v,
             reading.mean_current_a,
             reading.unmeasured_mah * AH_PER_MAH,
+            reading.missed_s,
         );
         let second = second.map(|second| self.update_second(&second, reading, settings, learnt));
         Findings { event, second }

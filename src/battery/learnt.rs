@@ -261,7 +261,8 @@ pub enum LessonObstacle {
     NoCapacity,
     /// The current is not measured.
     NoCurrent,
-    /// The charge was not known at the start: the pack had not rested, or its curve is flat.
+    /// The charge was not known at the start: the pack had not rested, or its curve is flat. Or too much of the charge since
+    /// then was assumed.
     UnknownStart,
     /// Less than a third of the capacity was drawn.
     LittleDrawn,

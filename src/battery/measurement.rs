@@ -106,14 +106,26 @@ impl Extremes {
     }
 }
 
-/// A larger current, in amperes, is drawn from a pack whose voltage is missing: an unpowered sensor may read its offset.
+/// A larger current, in amperes, shows that the current sensor has power while the voltage is missing: without, it may read
+/// its offset. One that has power reads at least the negative of it.
 const DRAWN_A: f32 = 0.5;
 
 impl Measurement {
-    /// The reading of a pack that supplies the load although its voltage is missing, if it is one: a current is drawn, or
-    /// the source counts.
-    pub(super) fn without_voltage(&self) -> Option<Self> {
-        let current_a = self.current_a.filter(|current_a| *current_a > DRAWN_A);
+    /// Whether a current sensor has power by this reading, whose voltage is missing; `before`: by those before it.
+    pub(super) fn shows_powered_sensor(&self, before: bool) -> bool {
+        match self.current_a {
+            Some(current_a) if current_a > DRAWN_A => true,
+            Some(current_a) => before && current_a >= -DRAWN_A,
+            None => before,
+        }
+    }
+
+    /// The reading of a pack that supplies the load although its voltage is missing, if it is one: its current sensor is
+    /// known to have power, or the source counts.
+    pub(super) fn without_voltage(&self, sensor_has_power: bool) -> Option<Self> {
+        let current_a = self
+            .current_a
+            .filter(|_| self.shows_powered_sensor(sensor_has_power));
         (current_a.is_some() || self.counted.is_some()).then_some(Self {
             voltage_v: None,
             current_a,

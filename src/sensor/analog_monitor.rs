@@ -2,7 +2,7 @@
 
 use super::analog::uses_pulses;
 use super::{AdcCount, AnalogPin, AnalogReadings, AnalogWiring};
-use crate::battery::{Extremes, Measurement, ReadError};
+use crate::battery::{Extremes, MIN_CONNECTED_VOLTAGE_V, Measurement, ReadError};
 use crate::pack::Pack;
 use crate::parameter::{FuelKind, MonitorKind, Parameters};
 
@@ -55,8 +55,10 @@ impl AnalogWiring {
         }
         measurement.power_w = self.power_w(kind, &measurement, readings);
         if kind == MonitorKind::SyntheticCurrent {
+            // Without the voltage it is not known either.
             measurement.current_a = measurement
                 .voltage_v
+                .filter(|voltage_v| *voltage_v >= MIN_CONNECTED_VOLTAGE_V)
                 .map(|voltage_v| self.synthetic_current_a(voltage_v, throttle));
         }
         Ok(measurement)
@@ -265,6 +267,9 @@ mod tests {
         assert_close(current_a(0.0), 0.33);
         assert_close(current_a(0.5), 2.83);
         assert_close(current_a(-1.0), 10.33);
+        // A loose wire.
+        let measured = wiring().measure(MonitorKind::SyntheticCurrent, &readings(20, 0), 1.0);
+        assert_eq!(measured.unwrap().current_a, None);
     }
 
     #[test]

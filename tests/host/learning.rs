@@ -123,6 +123,14 @@ impl Rover {
         }
     }
 
+    /// The wire that measures the voltage is loose.
+    fn wait_without_voltage(&mut self, seconds: f32, load_a: f32) {
+        for _ in 0..(seconds / TICK_S) as u32 {
+            self.pack.draw(load_a, TICK_S);
+            self.measure(0.2, load_a);
+        }
+    }
+
     /// Drives by fits and starts until this share of the pack is left. Returns the largest error of the estimate, in percent.
     fn drive_to(&mut self, charge: f32) -> f32 {
         let mut largest_pct = 0.0_f32;
@@ -445,6 +453,43 @@ fn the_offset_of_a_sensor_is_not_learnt_while_parked() {
     rover.wait(5.0 * 3600.0, 0.0);
     // The offset alone counts 0.5 Ah.
     rover.assert_learnt_about(learnt_mah, 0.02 * learnt_mah);
+}
+
+#[test]
+// Requirement: L-11
+fn a_loose_wire_at_the_voltage_in_stop_and_go_invents_no_charge() {
+    let mut rover = Rover::new(&[], full());
+    rover.wait(5.0, RESTING_A);
+    rover.arm();
+    rover.drive_to(0.8);
+    while rover.pack.charge() > 0.4 {
+        rover.wait_without_voltage(20.0, HIGH_A);
+        rover.wait_without_voltage(30.0, RESTING_A);
+    }
+    let drawn_mah = (1.0 - rover.pack.charge()) * 2200.0;
+    assert_about(rover.state().consumed_mah(), drawn_mah, 0.03 * drawn_mah);
+    rover.drive_to(0.2);
+    rover.disarm();
+    rover.wait(40.0, RESTING_A);
+    rover.assert_learnt_about(2200.0, 200.0);
+}
+
+#[test]
+// Requirement: L-11
+fn what_was_assumed_of_a_drive_is_not_learnt() {
+    let mut rover = Rover::new(&[], full());
+    rover.wait(5.0, RESTING_A);
+    rover.arm();
+    // The wire holds while the rover drives, and is loose while it stands.
+    while rover.pack.charge() > 0.6 {
+        rover.wait(5.0, LOW_A);
+        rover.wait(15.0, HIGH_A);
+        rover.wait_without_voltage(30.0, RESTING_A);
+    }
+    rover.drive_to(0.25);
+    rover.disarm();
+    rover.wait(100.0, RESTING_A);
+    assert_eq!(rover.learnt_mah(), 0.0);
 }
 
 #[test]

@@ -163,6 +163,16 @@ fn a_member_whose_voltage_is_missing_is_lost_for_its_voltage_only() {
     let drawn_mah = state.consumed_mah().expect("counted") - before_mah;
     assert_about(drawn_mah, 60.0 * MAH_PER_SECOND, 1.0);
     assert_about(bench.remaining_pct(), after_pct(60.0 * MAH_PER_SECOND), 1.0);
+    // Standing for longer than a lost member is waited for.
+    let state = bench.run(30.0, &[Ok(at(0.2, 0.2)), Ok(at(11.6, 0.2))]);
+    assert_about(state.readings.current_a.expect("of both"), 0.4, 0.01);
+    let drawn_mah = 60.0 * MAH_PER_SECOND + 30.0 * 0.4 / 3.6;
+    assert_about(
+        state.consumed_mah().expect("counted") - before_mah,
+        drawn_mah,
+        1.0,
+    );
+    assert_about(bench.remaining_pct(), after_pct(drawn_mah), 1.0);
 }
 
 #[test]

@@ -64,6 +64,14 @@ impl Counting {
         }
     }
 
+    /// Of the charge that was counted this much was assumed, in ampere-hours. As it may be wrong in one direction all the
+    /// time, the lesson is less certain by all of it.
+    pub fn assume(&mut self, charge_ah: f32, capacity: &Capacity) {
+        if let Some(drive) = &mut self.drive {
+            drive.widen(charge_ah / capacity.ah);
+        }
+    }
+
     /// A charge was drawn that no measured current shows, in ampere-hours.
     pub fn draw(&mut self, charge_ah: f32, capacity: &Capacity) {
         self.filter.draw(charge_ah / capacity.ah);

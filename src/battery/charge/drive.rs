@@ -168,6 +168,11 @@ impl Drive {
         self.start.sigma = root_of_squares(self.start.sigma, sigma);
     }
 
+    /// The charge at its start is less certain by this share of the capacity.
+    pub fn widen(&mut self, share: f32) {
+        self.start.sigma += share;
+    }
+
     /// The pack rests with this estimate: a drive that has hardly begun starts from it.
     pub fn rest(&mut self, estimate: &Filter, capacity: &Capacity) {
         if self.drawn_ah.abs() < BEGUN * capacity.ah {

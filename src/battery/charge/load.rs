@@ -21,6 +21,7 @@ pub struct Gathering {
     voltage: MeasuredSum,
     current: MeasuredSum,
     unmeasured_ah: f32,
+    assumed_ah: f32,
 }
 
 /// A sum over most of a second.
@@ -48,6 +49,8 @@ pub struct Second {
     pub current_a: Option<f32>,
     /// Charge that the source has counted beyond this current, in ampere-hours.
     pub unmeasured_ah: f32,
+    /// Part of the current's charge that was assumed, as readings are missing, in ampere-hours.
+    pub assumed_ah: f32,
 }
 
 impl Sum {
@@ -110,12 +113,14 @@ impl Gathering {
             voltage: MeasuredSum::NEW,
             current: MeasuredSum::NEW,
             unmeasured_ah: 0.0,
+            assumed_ah: 0.0,
         }
     }
 
-    /// Takes a charge that the source has counted beyond the current.
-    pub fn add_unmeasured(&mut self, charge_ah: f32) {
-        self.unmeasured_ah += charge_ah;
+    /// Takes a charge that the source has counted beyond the current, and how much of the current's was assumed.
+    pub fn add_unread(&mut self, unmeasured_ah: f32, assumed_ah: f32) {
+        self.unmeasured_ah += unmeasured_ah;
+        self.assumed_ah += assumed_ah;
     }
 
     /// Takes a reading; returns the means once a second is complete.
@@ -132,6 +137,7 @@ impl Gathering {
             voltage_v: complete.voltage.mean(complete.duration_s),
             current_a: complete.current.mean(complete.duration_s),
             unmeasured_ah: complete.unmeasured_ah,
+            assumed_ah: complete.assumed_ah,
         })
     }
 }

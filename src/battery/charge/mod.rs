@@ -209,14 +209,15 @@ impl ChargeEstimator {
         }
     }
 
-    /// Takes a reading, with the charge that its source has counted beyond the current, and returns the means of a second
-    /// that it completes.
+    /// Takes a reading, with the charge that its source has counted beyond the current, and the time without readings that
+    /// were due. Returns the means of a second that it completes.
     pub fn add(
         &mut self,
         dt_s: f32,
-        voltage_v: Option<f32>,
-        current_a: Option<f32>,
+        mut voltage_v: Option<f32>,
+        mut current_a: Option<f32>,
         unmeasured_ah: f32,
+        missed_s: f32,
     ) -> Option<Second> {
         if dt_s > MAX_GAP_S {
             *self = Self::new();
@@ -224,16 +225,17 @@ impl ChargeEstimator {
         if let Phase::Starting(start) = &mut self.phase {
             start.add(dt_s, voltage_v, current_a);
         }
-        self.gathering.add_unmeasured(unmeasured_ah);
         if dt_s > GAP_S
-            && let (Phase::Counting(counting), Some(before_a)) =
-                (&mut self.phase, self.trace.polarisation.mean_a())
+            && let Phase::Counting(counting) = &mut self.phase
         {
             counting.inflate(GAP_RATE_PER_H * HOURS_PER_SECOND * dt_s);
-            return self
-                .gathering
-                .add(dt_s, None, Some(current_a.unwrap_or(before_a)));
+            if let Some(before_a) = self.trace.polarisation.mean_a() {
+                voltage_v = None;
+                current_a = current_a.or(Some(before_a));
+            }
         }
+        let assumed_ah = current_a.unwrap_or(0.0).abs() * missed_s * HOURS_PER_SECOND;
+        self.gathering.add_unread(unmeasured_ah, assumed_ah);
         self.gathering.add(dt_s, voltage_v, current_a)
     }
 
@@ -253,6 +255,9 @@ impl ChargeEstimator {
         let capacity = model.capacity();
         if let Some(capacity) = &capacity {
             self.phase.draw(second.unmeasured_ah, capacity);
+            if let Phase::Counting(counting) = &mut self.phase {
+                counting.assume(second.assumed_ah, capacity);
+            }
         }
         let was_starting = matches!(self.phase, Phase::Starting(_));
         let trace = &mut self.trace;

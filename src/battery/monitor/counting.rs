@@ -312,6 +312,7 @@ impl SourceCounter {
             }
             _ if self.progress != Progress::Counts => {}
             _ if reading.dt_s > 0.0 => {
+                reading.missed_s = 0.0;
                 reading.mean_current_a = Some(counted_mah / (reading.dt_s * MAH_PER_COULOMB));
             }
             _ => reading.unmeasured_mah = counted_mah,

@@ -72,6 +72,8 @@ pub struct BatteryMonitor {
     measuring: Option<Measuring>,
     /// Since the start.
     current_was_over_range: bool,
+    /// Whether the current sensor has shown that it has power since the voltage is missing, while armed.
+    sensor_has_power: bool,
     /// Since the start, or another scale of the current.
     current_is_reversed: bool,
 }
@@ -79,6 +81,8 @@ pub struct BatteryMonitor {
 /// One update of a pack.
 struct Turn<'a> {
     tick: Tick,
+    /// Since the tick before, in microseconds.
+    tick_us: u64,
     /// The owner's, overridden by what the pack reports of itself.
     settings: &'a PackSettings,
     state: &'a mut BatteryState,
@@ -107,6 +111,7 @@ impl BatteryMonitor {
             learnt: None,
             measuring: None,
             current_was_over_range: false,
+            sensor_has_power: false,
             current_is_reversed: false,
         }
     }
@@ -151,6 +156,7 @@ impl BatteryMonitor {
         let settings = reported.as_ref().unwrap_or(settings);
         let turn = &mut Turn {
             tick,
+            tick_us,
             settings,
             state,
             events,
@@ -241,13 +247,20 @@ impl BatteryMonitor {
         turn.state.thermometer = measurement.thermometer;
         let is_missing = |voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V;
         if !measurement.voltage_v.is_some_and(is_missing) {
+            self.sensor_has_power = false;
             turn.state.status = PackStatus::Healthy;
             self.accept(turn, dt_us, measurement);
             return true;
         }
         // While driving the wire that measures the voltage may be loose.
         let is_armed = turn.tick.arm_state == ArmState::Armed;
-        let drawn = measurement.without_voltage().filter(|_| is_armed);
+        let drawn = measurement
+            .without_voltage(self.sensor_has_power)
+            .filter(|_| is_armed);
+        // The first reading of a loss is a mean that includes the time before it.
+        let was_missing = turn.state.status == PackStatus::NotConnected;
+        self.sensor_has_power =
+            is_armed && was_missing && measurement.shows_powered_sensor(self.sensor_has_power);
         if let Some(drawn) = &drawn {
             self.accept(turn, dt_us, drawn);
         } else {
@@ -276,6 +289,11 @@ impl BatteryMonitor {
                     mean_current_a(dt_us, previous_a, current_a).or(parked_a)
                 }),
             unmeasured_mah: 0.0,
+            // A source that reports seldom has missed none.
+            missed_s: match dt_us {
+                0..=MAX_INTERVAL_US => 0.0,
+                _ => microseconds(dt_us.saturating_sub(turn.tick_us)) * 1e-6,
+            },
             soc_at_most: 1.0,
             known_cells: measurement.doubtful_cells,
             arm_state: tick.arm_state,

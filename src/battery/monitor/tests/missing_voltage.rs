@@ -1,9 +1,13 @@
 //! A current that is measured counts, whatever the voltage does.
 
+use super::rover::{IDLE_A, Pack, Rover};
 use super::*;
 
 /// A drive's, in amperes.
 const LOAD_A: f32 = 4.4;
+
+/// Reading of a current sensor for both directions without its supply, in amperes.
+const UNPOWERED_A: f32 = -3.0;
 
 /// A wire is loose: the pack supplies the load as before.
 fn voltage_missing(current_a: f32) -> Measurement {
@@ -113,7 +117,7 @@ fn dropouts_are_counted_and_their_gaps_announced_once_in_30_seconds() {
         bench.run(without_s, voltage_missing(LOAD_A));
         // Of every other one the current is missing, too.
         let unread_s = if dropout % 2 == 0 { 2.5 } else { 0.0 };
-        bench.run(unread_s, voltage_missing(0.0));
+        bench.run(unread_s, voltage_missing(UNPOWERED_A));
         bench.run(3.0, loaded(11.7, LOAD_A));
         seconds += [without_s, unread_s, 3.0]
             .map(|duration_s| (duration_s * 10.0).floor() / 10.0)
@@ -133,7 +137,7 @@ fn dropouts_are_counted_and_their_gaps_announced_once_in_30_seconds() {
 #[test]
 // Requirement: L-11
 fn an_unpowered_sensor_draws_nothing() {
-    for offset_a in [-3.0, 0.0, 0.5] {
+    for offset_a in [UNPOWERED_A, 0.0, 0.5] {
         let mut bench = driving();
         let before = bench.state;
         let state = bench.run(30.0, voltage_missing(offset_a));
@@ -148,6 +152,106 @@ fn an_unpowered_sensor_draws_nothing() {
             1.0,
         );
         assert!(gaps(&bench) > 0, "{:?}", bench.events);
+    }
+}
+
+#[test]
+// Requirement: L-11
+fn a_rover_that_stands_with_a_loose_wire_draws_what_its_sensor_shows() {
+    for standing_a in [0.1, 0.5, -0.5] {
+        let mut bench = driving();
+        let before_mah = bench.state.consumed_mah().expect("counted");
+        for _ in 0..5 {
+            bench.run(20.0, voltage_missing(LOAD_A));
+            let state = bench.run(30.0, voltage_missing(standing_a));
+            assert_eq!(state.readings.current_a, Some(standing_a));
+        }
+        bench.run(0.1, loaded(12.0, standing_a));
+        let expected_mah = before_mah + drawn_mah(100.0) + standing_a * 150.0 / 3.6;
+        assert_about(bench.state.consumed_mah(), expected_mah, 1.0);
+        assert_eq!(gaps(&bench), 0, "{standing_a} A");
+    }
+}
+
+#[test]
+// Requirement: L-11
+fn a_sensor_that_loses_its_power_draws_nothing_until_it_shows_a_load_again() {
+    let mut bench = driving();
+    bench.run(20.0, voltage_missing(LOAD_A));
+    let before_mah = bench.state.consumed_mah().expect("counted");
+    bench.run(5.0, voltage_missing(-0.51));
+    // It may be powered again: a load shows it, as at first.
+    assert_eq!(bench.run(5.0, voltage_missing(0.4)).readings.current_a, None);
+    bench.run(20.0, voltage_missing(LOAD_A));
+    assert_about(bench.state.consumed_mah(), before_mah + drawn_mah(30.0), 1.0);
+    let standing = bench.run(5.0, voltage_missing(0.4));
+    assert_eq!(standing.readings.current_a, Some(0.4));
+    // Another loss is to be shown anew, and a disarmed rover may have lost its pack.
+    bench.run(0.5, loaded(11.9, LOAD_A));
+    assert_eq!(bench.run(1.0, voltage_missing(0.4)).readings.current_a, None);
+    bench.run(1.0, voltage_missing(LOAD_A));
+    bench.arm_state = ArmState::Disarmed;
+    bench.run(1.0, voltage_missing(0.4));
+    bench.arm_state = ArmState::Armed;
+    assert_eq!(bench.run(1.0, voltage_missing(0.4)).readings.current_a, None);
+}
+
+#[test]
+// Requirement: L-11
+fn a_plug_that_is_pulled_shows_no_powered_sensor() {
+    // The first tick is a mean of the time before and after.
+    let mut bench = driving();
+    bench.run(0.1, voltage_missing(0.15 * LOAD_A));
+    let before = bench.state.consumed;
+    let state = bench.run(20.0, voltage_missing(0.0));
+    assert_eq!((state.readings.current_a, state.consumed), (None, before));
+    bench.run(1.0, loaded(11.7, LOAD_A));
+    assert!(gaps(&bench) > 0, "{:?}", bench.events);
+}
+
+#[test]
+// Requirement: L-11
+fn a_voltage_missing_from_the_start_counts_a_load_and_then_what_the_sensor_shows() {
+    let mut bench = MonitorBench::new();
+    bench.arm_state = ArmState::Armed;
+    assert_eq!(bench.run(5.0, voltage_missing(0.4)).consumed, None);
+    bench.run(10.0, voltage_missing(LOAD_A));
+    bench.run(10.0, voltage_missing(0.4));
+    let expected_mah = drawn_mah(10.0) + 4.0 / 3.6;
+    assert_about(bench.state.consumed_mah(), expected_mah, 1.0);
+}
+
+/// A rover on a full pack whose wire is loose, and holds again, while it stands for 30 s, in each of some stops.
+fn loose_at_stops(stops: u32, missing: Result<Measurement, ReadError>) -> Option<LessonObstacle> {
+    let mut rover = Rover::parked(Pack::rested(Chemistry::LiPo, 1.0));
+    rover.drive_to(0.75);
+    rover.bench.arm_state = ArmState::Armed;
+    for _ in 0..stops {
+        for _ in 0..300 {
+            rover.pack.draw(IDLE_A, 0.1);
+            rover.bench.tick(missing);
+        }
+        rover.run(10.0, LOAD_A);
+    }
+    rover.drive_to(0.2);
+    let MonitorBench {
+        monitor,
+        state,
+        settings,
+        ..
+    } = &rover.bench;
+    monitor.lesson_obstacle(state, settings)
+}
+
+#[test]
+// Requirement: L-11
+fn a_lesson_ends_when_much_of_its_charge_was_assumed() {
+    let loose = Ok(voltage_missing(0.1));
+    // Each stop is 1.7 % of the capacity.
+    for (stops, obstacle) in [(2, LessonObstacle::NoRest), (6, LessonObstacle::UnknownStart)] {
+        for missing in [loose, Err(ReadError::Conversion)] {
+            assert_eq!(loose_at_stops(stops, missing), Some(obstacle), "{stops} stops");
+        }
     }
 }
 
