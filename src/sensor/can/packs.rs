@@ -44,6 +44,8 @@ struct Entry {
     /// `None` if it is not measured by CAN.
     settings: Option<CanPack>,
     source: Option<Source>,
+    /// Whether `BATT_SERIAL_NUM` was changed since it was found.
+    id_is_changed: bool,
     /// When its latest reading was received.
     heard: Instant,
     aux: Option<Heard<BatteryAux>>,
@@ -239,6 +241,7 @@ impl Entry {
     const EMPTY: Self = Self {
         settings: None,
         source: None,
+        id_is_changed: false,
         heard: Instant::EPOCH,
         aux: None,
         nominal_v: None,
@@ -248,10 +251,10 @@ impl Entry {
     fn set_up(&mut self, settings: Option<&CanPack>, now: Instant) {
         let fits = |source: &Source| settings.is_some_and(|settings| settings.takes(source.battery_id));
         let battery_id = |settings: &CanPack| settings.battery_id;
-        let is_changed = self.settings.as_ref().map(battery_id) != settings.map(battery_id);
+        self.id_is_changed |= self.settings.as_ref().map(battery_id) != settings.map(battery_id);
         let is_wrong = self.source.is_some_and(|source| !fits(&source));
-        // A battery that still reports, and fits, stays.
-        if is_wrong || is_changed && self.is_lost(now) {
+        // One that still reports, and fits, stays until it is silent.
+        if is_wrong || self.id_is_changed && self.is_lost(now) {
             *self = Self::EMPTY;
         }
         self.settings = settings.copied();
@@ -261,6 +264,7 @@ impl Entry {
         *self = Self {
             settings: self.settings,
             source: Some(source),
+            id_is_changed: false,
             heard: now,
             aux: None,
             nominal_v: None,

@@ -355,6 +355,15 @@ fn changed_id_releases_a_silent_battery_and_keeps_one_that_reports() {
     bench.take_readings();
     bench.receive(&Battery::new(41, 8).frames(1));
     assert_eq!(bench.take_voltages().len(), 1, "the first is silent");
+
+    // Set within the time-out, and silent from then on.
+    bench.settings.packs[0].battery_id = Some(8);
+    bench.run_ms(1000);
+    bench.settings.packs[0].battery_id = None;
+    bench.run_ms(CAN_TIMEOUT_US / 1000 + 100);
+    bench.take_readings();
+    bench.receive(&Battery::new(40, 7).frames(2));
+    assert_eq!(bench.take_voltages().len(), 1, "the second is silent");
 }
 
 #[test]
