@@ -1,5 +1,7 @@
 //! The packs: sampled one after the other in each tick, sums last.
 
+use core::mem;
+
 use heapless::Vec;
 
 use crate::battery::{
@@ -12,7 +14,7 @@ use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
     FuelReadings, Members, PinPull, PinUse, Pulses, Samples, Thermometers, WantedReadings, capacity_ml,
-    part_address, set_up_error, tank, thermometer_pins, timeout_us,
+    packs_with_thermometer, part_address, set_up_error, tank, thermometer_pins, timeout_us,
 };
 use crate::time::Instant;
 use crate::vehicle::ArmState;
@@ -45,6 +47,8 @@ pub struct Packs {
     pub not_found: u16,
     /// Addresses that answered then.
     pub answering: [Option<u8>; MAX_ANSWERING],
+    /// The packs that had a thermometer a second ago, a bit each.
+    with_thermometer: u16,
     /// Present pulls of the analog pins.
     pub pulls: PinPulls,
     /// What the packs read at which pins in this tick.
@@ -74,6 +78,7 @@ impl Packs {
             part_addresses: in_place(|| part_addresses(parameters)),
             not_found: 0,
             answering: [None; MAX_ANSWERING],
+            with_thermometer: packs_with_thermometer(parameters),
             pulls: PinPulls::default(),
             pins: PinUse::default(),
             ticks: 0,
@@ -98,6 +103,18 @@ impl Packs {
             if let Some(measuring) = Measuring::from_parameters(parameters, *pack, *kind) {
                 let (monitor, state) = self.bank.get_mut(*pack);
                 monitor.follow(&measuring, state.cell_count);
+            }
+        }
+    }
+
+    /// A pack whose thermometer was taken away is not too hot any more, nor is a sum that it is a member of.
+    pub fn follow_thermometers(&mut self, parameters: &Parameters) {
+        let with_thermometer = packs_with_thermometer(parameters);
+        let without = mem::replace(&mut self.with_thermometer, with_thermometer) & !with_thermometer;
+        for pack in Pack::ALL {
+            let (monitor, state) = self.bank.get_mut(pack);
+            if without & (pack.bit() | state.members) != 0 {
+                monitor.forget_temperature();
             }
         }
     }

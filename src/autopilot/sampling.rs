@@ -179,6 +179,7 @@ impl Autopilot {
         }
         if tick == CHECKING_TICK {
             self.packs.follow_scales(&self.parameters);
+            self.packs.follow_thermometers(&self.parameters);
             self.record_health();
             let state = self.system_state(sampling.tick.now);
             self.own_state.readiness = arming_readiness(&state, &self.parameters, &self.vehicle);

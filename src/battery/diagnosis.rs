@@ -21,6 +21,9 @@ const MAX_SPREAD: f32 = 0.05;
 /// Difference between resting cells that is worth knowing, in volts.
 const NOTED_IMBALANCE_V: f32 = 0.2;
 
+/// Faults that last while the temperature is unknown: that of a burning pack may be beyond its thermometer's range.
+const OF_TEMPERATURE: Faults = Faults::OVER_TEMPERATURE.union(Faults::UNDER_TEMPERATURE);
+
 /// Maximum difference between the cells of a sound pack, in volts.
 const MAX_IMBALANCE_V: f32 = 0.3;
 
@@ -62,6 +65,30 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// No pack is connected: what its voltage and current have shown has ended. Returns the faults that are left.
+    pub fn disconnect(&mut self, state: &BatteryState) -> Faults {
+        *self = Self {
+            faults: self.faults & temperature_conditions(state, self.faults),
+            ..Self::default()
+        };
+        self.faults
+    }
+
+    /// Nothing measures the temperature any more.
+    pub fn forget_temperature(&mut self) {
+        self.faults.remove(OF_TEMPERATURE);
+    }
+
+    /// Whether the pack was too hot when its temperature was known last.
+    pub fn is_too_hot(&self) -> bool {
+        self.faults.contains(Faults::OVER_TEMPERATURE)
+    }
+
+    /// Continues with a pack that was too hot.
+    pub fn restore_too_hot(&mut self) {
+        self.faults.insert(Faults::OVER_TEMPERATURE);
+    }
+
     /// Updates the faults of a connected pack from its other values.
     pub fn update(
         &mut self,
@@ -72,6 +99,7 @@ impl Diagnosis {
     ) -> Faults {
         let mut present = conditions(state, settings);
         let contradiction = contradiction(state, at_rest, settings.chemistry.cell());
+        present |= temperature_conditions(state, self.faults);
         // As of the others below, until the next rest nothing is known.
         present |= contradiction.unwrap_or(self.faults & Faults::CONTRADICTIONS);
         for (fault, is_present) in [
@@ -125,24 +153,26 @@ impl Diagnosis {
 fn conditions(state: &BatteryState, settings: &PackSettings) -> Faults {
     let cell = settings.chemistry.cell();
     let mut faults = Faults::empty();
-    let temperature_c = state.pack_temperature_c();
     faults.set(
         Faults::OVER_CURRENT,
         is_below(settings.overload_w, state.power_w()),
-    );
-    faults.set(
-        Faults::OVER_TEMPERATURE,
-        is_below(Some(MAX_TEMPERATURE_C), temperature_c),
-    );
-    faults.set(
-        Faults::UNDER_TEMPERATURE,
-        is_below(temperature_c, Some(MIN_TEMPERATURE_C)),
     );
     faults.set(
         Faults::CELL_FAIL,
         is_below(Some(MAX_IMBALANCE_V), state.cells.imbalance_v()),
     );
     faults | cell_conditions(state, cell)
+}
+
+/// Faults by the temperature; those of `before` while it is unknown.
+fn temperature_conditions(state: &BatteryState, before: Faults) -> Faults {
+    let Some(temperature_c) = state.pack_temperature_c() else {
+        return before & OF_TEMPERATURE;
+    };
+    let mut faults = Faults::empty();
+    faults.set(Faults::OVER_TEMPERATURE, temperature_c > MAX_TEMPERATURE_C);
+    faults.set(Faults::UNDER_TEMPERATURE, temperature_c < MIN_TEMPERATURE_C);
+    faults
 }
 
 /// Faults by cell voltage: of the lowest cell if cells are measured, else of their mean.

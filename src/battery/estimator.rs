@@ -71,6 +71,8 @@ pub struct EstimatorMemory {
     pub charge: Option<KnownCharge>,
     pub estimated_for: Option<SetCells>,
     pub detected_cells: Option<u8>,
+    /// The fewest cells that the pack may have by its voltages at rest; 0 before the first one.
+    pub least_cells: u8,
 }
 
 /// The estimators of one pack.
@@ -221,6 +223,10 @@ impl Estimator {
         learnt: &LearntPack,
     ) -> Comparison {
         let model = self.model(settings, learnt);
+        if let AtRest::Rescaled(_) = at_rest {
+            // Others may fit.
+            self.cells = CellCount::new();
+        }
         let Some(count) = model.cell_count else {
             return Comparison::Same;
         };
@@ -229,11 +235,7 @@ impl Estimator {
         match *at_rest {
             AtRest::Replaced(_) => Comparison::Another,
             AtRest::Similar(resting_v) => self.charge.compare(cell(resting_v), current_a, &model),
-            AtRest::Rescaled(resting_v) => {
-                // Others may fit.
-                self.cells = CellCount::new();
-                self.charge.rescale(cell(resting_v), current_a, &model)
-            }
+            AtRest::Rescaled(resting_v) => self.charge.rescale(cell(resting_v), current_a, &model),
         }
     }
 
@@ -323,6 +325,7 @@ impl Estimator {
             charge: self.charge.known(),
             estimated_for: self.estimated_for,
             detected_cells: self.cells.cells(),
+            least_cells: self.cells.least(),
         }
     }
 
@@ -331,9 +334,7 @@ impl Estimator {
         if let Some(charge) = memory.charge {
             self.set_known(charge);
         }
-        if let Some(count) = memory.detected_cells {
-            self.cells.restore(count);
-        }
+        self.cells.restore(memory.detected_cells, memory.least_cells);
         self.estimated_for = memory.estimated_for;
     }
 

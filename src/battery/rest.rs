@@ -64,11 +64,13 @@ impl Rest {
 /// two full or three nearly empty cells, and from four cells on the ranges overlap.
 const DETECTABLE: [(u8, f32, f32); 3] = [(1, 2.5, 4.35), (2, 5.0, 8.7), (3, 9.0, 13.05)];
 
-/// Detects the number of cells once, from the voltage at rest.
+/// Detects the number of cells once, from the voltage at rest. While it is unclear, each later rest may show it.
 #[derive(Clone, Copy, Debug)]
 pub struct CellCount {
     detected: Detected,
-    /// The voltage at which they were detected, in volts.
+    /// The pack has rested above fewer full cells.
+    least: u8,
+    /// The voltage at the latest rest until they were detected, in volts.
     voltage_v: f32,
     rest: Rest,
 }
@@ -86,6 +88,7 @@ impl CellCount {
     pub const fn new() -> Self {
         Self {
             detected: Detected::Pending,
+            least: 0,
             voltage_v: 0.0,
             rest: Rest::new(),
         }
@@ -104,9 +107,15 @@ impl CellCount {
         matches!(self.detected, Detected::Doubtful(_))
     }
 
-    /// Takes over the number detected before a restart of the firmware.
-    pub fn restore(&mut self, count: u8) {
-        self.detected = Detected::Cells(count);
+    /// The fewest cells that the pack may have by its voltages at rest.
+    pub fn least(&self) -> u8 {
+        self.least
+    }
+
+    /// Takes over the number detected before a restart of the firmware, if it was, and the least one.
+    pub fn restore(&mut self, count: Option<u8>, least: u8) {
+        self.detected = count.map_or(Detected::Pending, Detected::Cells);
+        self.least = least;
     }
 
     /// Takes a reading, with the number of cells that the pack had before, if that is known. Returns an event when
@@ -119,21 +128,26 @@ impl CellCount {
         chemistry: Chemistry,
         known: Option<u8>,
     ) -> Option<PackEvent> {
-        let before = self.detected;
-        if before == Detected::Pending {
-            self.voltage_v = self.rest.update(dt_s, voltage_v, current_a)?;
-            self.detected =
-                cells_at_rest(self.voltage_v, chemistry).map_or(Detected::Ambiguous, Detected::Cells);
+        let (before, cells_before) = (self.detected, self.cells());
+        if !matches!(before, Detected::Cells(_))
+            && let Some(resting_v) = self.rest.update(dt_s, voltage_v, current_a)
+        {
+            self.rest_at(resting_v, chemistry);
         }
         if let Detected::Cells(count) | Detected::Doubtful(count) = self.detected {
             let least_v = |known: u8| f32::from(known) * chemistry.cell().min_v;
             let is_doubtful = known.is_some_and(|known| known > count && self.voltage_v >= least_v(known));
-            self.detected = match is_doubtful {
-                true => Detected::Doubtful(count),
-                false => Detected::Cells(count),
+            self.detected = if is_doubtful {
+                Detected::Doubtful(count)
+            } else if before == Detected::Doubtful(count) && least_cells(voltage_v) > count {
+                // Charged since then: the next rest shows it.
+                Detected::Pending
+            } else {
+                Detected::Cells(count)
             };
         }
-        if self.detected == before {
+        let has_ended = before == Detected::Pending && self.detected != before;
+        if !has_ended && self.cells() == cells_before {
             return None;
         }
         Some(match self.cells() {
@@ -143,6 +157,23 @@ impl CellCount {
             },
         })
     }
+
+    fn rest_at(&mut self, resting_v: f32, chemistry: Chemistry) {
+        self.voltage_v = resting_v;
+        self.least = self.least.max(least_cells(resting_v));
+        let fitting = cells_at_rest(resting_v, chemistry).filter(|count| *count >= self.least);
+        self.detected = match (fitting, self.detected) {
+            (Some(count), _) => Detected::Cells(count),
+            (None, Detected::Doubtful(count)) => Detected::Doubtful(count),
+            (None, _) => Detected::Ambiguous,
+        };
+    }
+}
+
+/// The fewest cells with this voltage: it is above that of fewer full ones.
+fn least_cells(voltage_v: f32) -> u8 {
+    let exceeded = DETECTABLE.into_iter().filter(|(.., to_v)| voltage_v > *to_v);
+    1 + exceeded.count() as u8
 }
 
 fn cells_at_rest(resting_v: f32, chemistry: Chemistry) -> Option<u8> {

@@ -36,7 +36,14 @@ pub struct PackMemory {
     pub source: PackSource,
     pub(super) consumption: Consumption,
     pub(super) estimate: EstimatorMemory,
+    /// Whether the pack was too hot when its temperature was known last.
+    pub(super) is_too_hot: bool,
 }
+
+/// Bits beside the fewest cells.
+const HAS_CHARGE: u8 = 1;
+const IS_TOO_HOT: u8 = 1 << 1;
+const LEAST_CELLS_SHIFT: u32 = 2;
 
 impl PackSource {
     /// By a pack's parameters at boot.
@@ -115,9 +122,12 @@ impl PackMemory {
             charge,
             estimated_for,
             detected_cells,
+            least_cells,
         } = self.estimate;
         let [soc, sigma] = charge.map_or([0; 2], KnownCharge::to_words);
-        let has_charge = u8::from(charge.is_some());
+        let has_charge = u8::from(charge.is_some()) * HAS_CHARGE;
+        let is_too_hot = u8::from(self.is_too_hot) * IS_TOO_HOT;
+        let flags = has_charge | is_too_hot | least_cells << LEAST_CELLS_SHIFT;
         let [chemistry, cells] = estimated_for.map_or([0; 2], bytes_of);
         let [monitor, address, channel] = self.source.0;
         [
@@ -127,7 +137,7 @@ impl PackMemory {
             energy_high,
             soc,
             sigma,
-            u32::from_le_bytes([detected_cells.unwrap_or(0), has_charge, chemistry, cells]),
+            u32::from_le_bytes([detected_cells.unwrap_or(0), flags, chemistry, cells]),
             u32::from_le_bytes([monitor, address, channel, 0]),
         ]
     }
@@ -143,18 +153,20 @@ impl PackMemory {
             estimate,
             source,
         ] = words;
-        let [detected_cells, has_charge, chemistry, cells] = estimate.to_le_bytes();
+        let [detected_cells, flags, chemistry, cells] = estimate.to_le_bytes();
         let [monitor, address, channel, _] = source.to_le_bytes();
         Self {
             source: PackSource([monitor, address, channel]),
             consumption: Consumption::from_words([charge_low, charge_high, energy_low, energy_high]),
             estimate: EstimatorMemory {
-                charge: (has_charge != 0)
+                charge: (flags & HAS_CHARGE != 0)
                     .then(|| KnownCharge::from_words([soc, sigma]))
                     .flatten(),
                 estimated_for: cells_of([chemistry, cells]),
                 detected_cells: (detected_cells > 0).then_some(detected_cells),
+                least_cells: flags >> LEAST_CELLS_SHIFT,
             },
+            is_too_hot: flags & IS_TOO_HOT != 0,
         }
     }
 }
@@ -184,7 +196,9 @@ mod tests {
             charge: Some(KnownCharge::set(0.625)),
             estimated_for: Some((Chemistry::NiMh, Some(16))),
             detected_cells: Some(3),
+            least_cells: 3,
         };
+        packs[3].is_too_hot = true;
         packs[3].source = PackSource([u8::MAX; 3]);
         packs
     }

@@ -37,4 +37,6 @@ pub use serial::{
     SerialNotice, SerialProtocol, SerialReading, SerialSetup, TorqeedoCondition, Wires,
 };
 pub use set_up::{set_up_error, timeout_us};
-pub use thermometer::{Temperatures, Thermometers, thermometer_on_shared_pin, thermometer_pins};
+pub use thermometer::{
+    Temperatures, Thermometers, packs_with_thermometer, thermometer_on_shared_pin, thermometer_pins,
+};

@@ -48,6 +48,23 @@ impl Input {
     }
 }
 
+/// The pack whose temperature a thermometer measures (`TEMP1_SRC`, `TEMP1_SRC_ID`).
+fn pack_of(parameters: &Parameters, sensor: TemperatureSensor) -> Option<Pack> {
+    let number = parameters.get_whole(ThermometerParameter::SourceId.of(sensor)) as u8;
+    let is_of_pack = parameters.get_whole(ThermometerParameter::Source.of(sensor)) == BATTERY_INDEX;
+    Pack::from_instance(number.checked_sub(1)?).filter(|_| is_of_pack)
+}
+
+/// The packs that have a thermometer, a bit each, whether or not it measures.
+pub fn packs_with_thermometer(parameters: &Parameters) -> u16 {
+    let in_use = TemperatureSensor::ALL
+        .into_iter()
+        .filter(|sensor| Input::from_parameters(parameters, *sensor).is_some());
+    in_use
+        .filter_map(|sensor| pack_of(parameters, sensor))
+        .fold(0, |packs, pack| packs | pack.bit())
+}
+
 /// The analog thermometers in use that have a pin.
 pub fn thermometer_pins(
     parameters: &Parameters,
@@ -124,11 +141,7 @@ impl Thermometers {
                     .filter(|(_, at)| now.us_since(*at) <= SILENCE_US)
                     .map(|(temperature_c, _)| temperature_c),
             };
-            let is_of_pack = parameters.get_whole(ThermometerParameter::Source.of(sensor)) == BATTERY_INDEX;
-            let number = parameters.get_whole(ThermometerParameter::SourceId.of(sensor)) as u8;
-            let pack = number.checked_sub(1).and_then(Pack::from_instance);
-            *place = pack
-                .filter(|_| is_of_pack)
+            *place = pack_of(parameters, sensor)
                 .zip(temperature_c.filter(|temperature_c| PLAUSIBLE_C.contains(temperature_c)));
         }
         temperatures

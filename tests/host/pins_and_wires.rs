@@ -10,7 +10,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
 use rover_battmon::autopilot::{Autopilot, Start, Wiring};
-use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
+use rover_battmon::battery::{BatteryState, Contents, Faults, PackStatus, ReadError, RetainedRecord};
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{
     AnalogIn, AnalogPin, AnalogReadings, BitTiming, DriverEnable, SerialSetup, WantedReadings, Wires,
@@ -22,7 +22,7 @@ use rover_battmon::tasks::{
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::sim::clock;
 use support::commands::RUN_PREARM_CHECKS;
-use support::desk::{Desk, conversions, id_of, start_with};
+use support::desk::{DIVIDER, Desk, conversions, id_of, start_with};
 use support::frames::{last_of, texts_of};
 use support::requests::{arm, command_long};
 use support::time::SECOND;
@@ -578,6 +578,55 @@ fn servo_pulses_and_a_flow_at_the_same_pin_are_neither() {
             assert_eq!(desk.autopilot.battery(Pack::First).read_error, None);
         }
     }
+}
+
+#[test]
+// Requirement: L-21
+fn a_hot_pack_is_hot_until_its_thermometer_reads_less_or_is_taken_away() {
+    let hot = || {
+        let mut desk = Desk::starting(start_with(&[
+            ("BATT_MONITOR", 3.0),
+            ("BATT_CELLS", 3.0),
+            ("BATT2_MONITOR", 10.0),
+            ("BATT2_CELLS", 3.0),
+            ("BATT2_SUM_MASK", 1.0),
+            ("TEMP1_TYPE", 5.0),
+            ("TEMP1_PIN", 28.0),
+            ("TEMP1_SRC", 3.0),
+            ("TEMP1_SRC_ID", 1.0),
+            ("TEMP1_A1", 100.0),
+        ]));
+        assert!(is_too_hot_at(&mut desk, 0.7));
+        desk
+    };
+    let mut desk = hot();
+    // Beyond the range, with a broken lead, and cool.
+    for (pin_v, is_too_hot) in [(1.56, true), (3.3, true), (0.3, false)] {
+        assert_eq!(is_too_hot_at(&mut desk, pin_v), is_too_hot, "{pin_v} V");
+    }
+    for (name, value) in [("TEMP1_TYPE", 0.0), ("TEMP1_SRC", 0.0), ("TEMP1_SRC_ID", 3.0)] {
+        let mut desk = hot();
+        assert!(is_too_hot_at(&mut desk, 1.56));
+        desk.set(id_of(name), value);
+        assert!(!is_too_hot_at(&mut desk, 1.56), "{name}");
+    }
+}
+
+/// Whether the first pack and its sum, not one of them, are too hot after some seconds with this voltage at the thermometer.
+fn is_too_hot_at(desk: &mut Desk, pin_v: f32) -> bool {
+    let mut readings = AnalogReadings::NONE;
+    readings.set(AnalogPin::Gp26, Ok(conversions(11.4 / DIVIDER)));
+    readings.set(AnalogPin::Gp28, Ok(conversions(pin_v)));
+    for _ in 0..50 {
+        desk.now_us += 100_000;
+        desk.sample(readings);
+    }
+    let [pack, sum] = [Pack::First, Pack::Second].map(|pack| {
+        let faults = desk.autopilot.battery(pack).readings.faults;
+        faults.contains(Faults::OVER_TEMPERATURE)
+    });
+    assert_eq!(pack, sum);
+    pack
 }
 
 /// Neither the reading with the pull before nor one with the pull that it has from now on.

@@ -507,6 +507,32 @@ fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
 }
 
 #[test]
+fn cells_of_a_sum_follow_a_member_that_is_charged_in_place() {
+    let mut bank = BatteryBank::default();
+    bank.get_mut(Pack::First)
+        .0
+        .restore_learnt("chemistry 1\ncells 3".parse().expect("a pack"));
+    let mut number = 0;
+    let mut run = |voltage_v, current_a| {
+        for _ in 0..40 {
+            number += 1;
+            let tick = Tick {
+                now: at_us(number * 100_000),
+                ..Tick::default()
+            };
+            let settings = PackSettings::default();
+            let _ = bank.update(Pack::First, tick, Ok(at(voltage_v, current_a)), &settings);
+            let sum = bank.sum(Pack::Third, 1, 7, SumVoltage::Mean, tick.arm_state);
+            let _ = bank.update(Pack::Third, tick, sum, &settings);
+        }
+        bank.state(Pack::Third).cell_count
+    };
+    assert_eq!(run(8.5, 0.1), None);
+    assert_eq!(run(12.5, -2.0), None, "being charged");
+    assert_eq!(run(12.5, 0.1), Some(3));
+}
+
+#[test]
 fn a_sum_is_over_range_while_a_healthy_member_is() {
     let mut member = BatteryState::UNKNOWN;
     member.status = PackStatus::Healthy;

@@ -13,7 +13,7 @@ use crate::time::Instant;
 /// Evaluates the state of one pack after every tick.
 #[derive(Clone, Debug, Default)]
 pub struct Evaluation {
-    diagnosis: Diagnosis,
+    pub(super) diagnosis: Diagnosis,
     pub(super) failsafe: Failsafe,
     charge_state: ChargeStateMachine,
     charge_reporter: ChargeReporter,
@@ -112,11 +112,6 @@ impl Evaluation {
             push(events, PackEvent::failsafe(*level, basis.last_voltage_v, state));
         }
         reached
-    }
-
-    /// No pack is connected: what was observed of it has ended.
-    pub fn disconnect(&mut self) {
-        self.diagnosis = Diagnosis::default();
     }
 
     /// The pack was swapped: the failsafe level stays latched until the new one disproves it.

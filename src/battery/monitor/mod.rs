@@ -266,8 +266,10 @@ impl BatteryMonitor {
         } else {
             // The voltage at the pin means nothing: the values become unknown, the pack is not empty. Until one is read
             // again it is a gap.
-            turn.state.readings = Readings::NONE;
-            self.evaluation.disconnect();
+            turn.state.readings = Readings {
+                faults: self.evaluation.diagnosis.disconnect(turn.state),
+                ..Readings::NONE
+            };
         }
         turn.state.status = PackStatus::NotConnected;
         drawn.is_some()
@@ -635,6 +637,7 @@ impl BatteryMonitor {
             source,
             consumption: self.counting.consumption(),
             estimate,
+            is_too_hot: self.evaluation.diagnosis.is_too_hot(),
         }
     }
 
@@ -642,6 +645,14 @@ impl BatteryMonitor {
     pub fn restore(&mut self, memory: &PackMemory) {
         self.counting.restore(memory.consumption);
         self.estimator.restore(&memory.estimate);
+        if memory.is_too_hot {
+            self.evaluation.diagnosis.restore_too_hot();
+        }
+    }
+
+    /// The pack's thermometer was taken away: faults of its temperature end.
+    pub fn forget_temperature(&mut self) {
+        self.evaluation.diagnosis.forget_temperature();
     }
 
     /// Learnt properties of the pack; `None` until [`restore_learnt`](Self::restore_learnt).

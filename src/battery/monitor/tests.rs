@@ -546,9 +546,64 @@ fn faults_begin_and_end() {
         bench.settings.overload_w = Some(200.0);
         assert_eq!(bench.run(1.0, loaded(11.4, 1.0)).readings.faults, Faults::empty());
         assert_eq!(bench.run(3.5, measurement).readings.faults, expected);
-        let after = bench.run(3.5, loaded(11.4, 1.0)).readings.faults;
+        let sound = Measurement {
+            current_a: Some(1.0),
+            ..at_c(25.0)
+        };
+        let after = bench.run(3.5, sound).readings.faults;
         assert_eq!(after, Faults::empty(), "{expected:?} stays");
     }
+}
+
+#[test]
+// Requirement: L-21
+fn a_hot_pack_stays_hot_while_its_temperature_is_unknown() {
+    let at_c = |temperature_c| Measurement {
+        temperature_c,
+        ..loaded(11.4, 0.1)
+    };
+    let hot = || {
+        let mut bench = MonitorBench::new();
+        bench.run(3.0, at_c(Some(70.0)));
+        bench
+    };
+    let faults = |bench: &MonitorBench| bench.state.readings.faults;
+    // Unknown, of a device, failed, and unplugged.
+    let device = Measurement {
+        thermometer: Thermometer::Device,
+        ..at_c(Some(30.0))
+    };
+    for reading in [
+        Ok(at_c(None)),
+        Ok(device),
+        Err(ReadError::Timeout),
+        Ok(loaded(0.2, 0.0)),
+    ] {
+        for arm_state in [ArmState::Disarmed, ArmState::Armed] {
+            let mut bench = hot();
+            bench.arm_state = arm_state;
+            for _ in 0..600 {
+                bench.tick(reading);
+            }
+            assert_eq!(faults(&bench), Faults::OVER_TEMPERATURE, "{reading:?}");
+            bench.run(3.0, at_c(None));
+            assert_eq!(faults(&bench), Faults::OVER_TEMPERATURE, "{reading:?}");
+            bench.run(3.0, at_c(Some(40.0)));
+            assert_eq!(faults(&bench), Faults::empty(), "{reading:?}");
+        }
+    }
+    let mut bench = hot().after_processor_reset();
+    assert_eq!(
+        bench.run(3.0, at_c(None)).readings.faults,
+        Faults::OVER_TEMPERATURE
+    );
+    bench.monitor.forget_temperature();
+    assert_eq!(bench.run(0.1, at_c(None)).readings.faults, Faults::empty());
+    // Another pack.
+    let mut bench = hot();
+    bench.run(2.0, loaded(0.2, 0.0));
+    bench.run(5.0, volts(12.5));
+    assert_eq!(faults(&bench), Faults::empty());
 }
 
 #[test]

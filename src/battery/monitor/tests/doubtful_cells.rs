@@ -1,3 +1,4 @@
+use super::rover::{IDLE_A, Pack, Rover, TRUE_SCALE};
 use super::*;
 use crate::battery::ArmingFailure;
 use crate::battery::learnt::LearntCapacity;
@@ -133,6 +134,79 @@ fn doubt_comes_with_what_is_read_later_and_outlasts_a_reset() {
         .restore(&before.monitor.memory(before.state.status, PackSource::default()));
     after.run(5.0, volts(8.5));
     assert_unclear(&after);
+}
+
+/// Rests at each of these voltages in turn, under a load between.
+fn rest_at(bench: &mut MonitorBench, voltages_v: &[f32]) -> Option<u8> {
+    for voltage_v in voltages_v {
+        bench.run(1.0, loaded(*voltage_v, 3.0));
+        bench.run(5.0, loaded(*voltage_v, 0.1));
+    }
+    bench.state.cell_count
+}
+
+#[test]
+// Requirement: L-11
+fn a_later_rest_that_fits_one_number_alone_ends_the_doubt() {
+    let cases: [(u8, &[f32], Option<u8>); 11] = [
+        // Charged in place, or below as many empty cells.
+        (3, &[8.5, 12.5], Some(3)),
+        (3, &[8.5, 9.05], Some(3)),
+        (3, &[8.5, 5.9], Some(2)),
+        (3, &[8.5, 6.1], None),
+        (3, &[8.5, 8.85], None),
+        // Neither kept nor clear.
+        (0, &[8.85, 9.1], Some(3)),
+        (0, &[8.85, 12.5], Some(3)),
+        (0, &[8.85, 8.6], None),
+        (0, &[8.85, 8.6, 9.2], Some(3)),
+        (0, &[4.7, 4.2], None),
+        (0, &[14.8, 12.0], None),
+    ];
+    for (kept, voltages_v, count) in cases {
+        let mut bench = bench(kept);
+        assert_eq!(
+            rest_at(&mut bench, voltages_v),
+            count,
+            "{kept} cells, {voltages_v:?} V"
+        );
+        assert_eq!(failures(&bench).is_empty(), count.is_some() || kept == 0);
+        let announced = bench
+            .events
+            .iter()
+            .filter(|event| matches!(event, PackEvent::CellsAmbiguous { .. }));
+        assert_eq!(announced.count(), 1, "{voltages_v:?} V");
+        // A number that is certain is not judged again.
+        if let Some(count) = count {
+            assert_eq!(rest_at(&mut bench, &[8.85, 8.5]), Some(count));
+        }
+    }
+}
+
+#[test]
+// Requirement: L-11
+fn what_a_pack_has_rested_at_excludes_fewer_cells_after_a_reset_but_not_after_a_swap() {
+    let mut before = bench(0);
+    assert_eq!(rest_at(&mut before, &[8.85]), None);
+    let mut after = before.after_processor_reset();
+    assert_eq!(rest_at(&mut after, &[8.6]), None);
+    assert_eq!(rest_at(&mut after, &[9.2]), Some(3));
+    before.run(2.0, volts(0.3));
+    assert_eq!(rest_at(&mut before, &[8.0]), Some(2), "another pack");
+}
+
+#[test]
+// Requirement: L-11, S-7
+fn a_calibration_judges_unclear_cells_once_more() {
+    let mut rover = Rover::with(Pack::rested(Chemistry::LiPo, 0.9));
+    rover.bench.settings.cell_count = None;
+    let true_v = rover.pack.voltage_v(IDLE_A);
+    rover.measuring.scale.volt_multiplier *= 14.8 / true_v;
+    rover.run(10.0, IDLE_A);
+    assert_eq!(rover.bench.state.cell_count, None);
+    rover.measuring.scale = TRUE_SCALE;
+    rover.run(10.0, IDLE_A);
+    assert_eq!(rover.bench.state.cell_count, Some(3));
 }
 
 #[test]
