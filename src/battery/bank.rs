@@ -131,8 +131,15 @@ impl BatteryBank {
             members_capacity_mah: states().map(BatteryState::full_capacity).sum(),
             members_spread: spread(monitors().map(BatteryMonitor::resting_v)),
             doubtful_cells: monitors().filter_map(BatteryMonitor::doubtful_cells).max(),
+            exchanges: self.exchanges(chosen),
             ..measurement
         })
+    }
+
+    /// Exchanges of these packs, whether or not they are connected (wraps).
+    fn exchanges(&self, packs: u16) -> u8 {
+        let chosen = self.monitors().filter(|(pack, _)| packs & pack.bit() != 0);
+        chosen.fold(0, |sum, (_, monitor)| sum.wrapping_add(monitor.exchanges()))
     }
 
     /// Charge drawn from a member, in milliampere-hours, if it is counted now.

@@ -85,6 +85,8 @@ pub struct Measurement {
     pub members_spread: Option<f32>,
     /// Cells that a sum's members may have although their voltage is that of fewer.
     pub doubtful_cells: Option<u8>,
+    /// Exchanges of the packs that are chosen for a sum, and charges elsewhere (wraps).
+    pub exchanges: u8,
 }
 
 /// Extremes of single conversions, where the board's converter measures: they show a spike that a mean hides.

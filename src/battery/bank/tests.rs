@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    BusError, ChargeSource, CurrentRange, FailsafeSettings, Faults, Gauge, GaugeReading, PackEvent,
-    PackSettings, Thermometer, Thresholds, Tick,
+    BusError, ChargeSource, Chemistry, CurrentRange, FailsafeSettings, Faults, Gauge, GaugeReading,
+    PackEvent, PackSettings, Thermometer, Thresholds, Tick,
 };
 use crate::time::{Instant, at_us};
 use crate::vehicle::FailsafeAction;
@@ -530,6 +530,35 @@ fn cells_of_a_sum_follow_a_member_that_is_charged_in_place() {
     assert_eq!(run(8.5, 0.1), None);
     assert_eq!(run(12.5, -2.0), None, "being charged");
     assert_eq!(run(12.5, 0.1), Some(3));
+}
+
+#[test]
+fn a_sum_learns_at_once_that_a_member_was_exchanged() {
+    let rested = |soc: f32| Ok(at(3.0 * Chemistry::LiPo.cell().curve.voltage_v(soc), 0.1));
+    let unplugged = Ok(at(0.3, 0.0));
+    let mut bench = BankBench::new();
+    bench.arm_state = ArmState::Disarmed;
+    bench.run(60.0, &[rested(0.9), rested(0.9)]);
+    assert_about(bench.remaining_pct(), 90.0, 3.0);
+    bench.run(3.0, &[rested(0.9), unplugged]);
+    // Too similar to be another pack by its voltage, and one that is.
+    for (soc, expected_pct) in [(0.6, 77.0), (0.1, 60.0)] {
+        bench.run(3.0, &[rested(0.9), unplugged]);
+        bench.events.clear();
+        bench.run(3.0, &[rested(0.9), rested(soc)]);
+        let restarts = bench
+            .events
+            .iter()
+            .filter(|event| **event == PackEvent::EstimateRestarted);
+        assert_eq!(restarts.count(), 1, "{:?}", bench.events);
+        assert_about(bench.remaining_pct(), expected_pct, 6.0);
+        // Driven off at once.
+        bench.arm_state = ArmState::Armed;
+        bench.run(20.0, &[rested(0.9), rested(soc)]);
+        assert_about(bench.remaining_pct(), expected_pct, 6.0);
+        bench.arm_state = ArmState::Disarmed;
+        assert_eq!(bench.sum().failsafe, FailsafeLevel::None);
+    }
 }
 
 #[test]

@@ -68,6 +68,8 @@ pub struct BatteryMonitor {
     swap_detector: SwapDetector,
     evaluation: Evaluation,
     learnt: Option<Learnt>,
+    /// Exchanges of the pack, and charges elsewhere; of a sum, those of its packs (wraps).
+    exchanges: u8,
     /// Scale and pin of the voltage on which the estimate is based.
     measuring: Option<Measuring>,
     /// Since the start.
@@ -109,6 +111,7 @@ impl BatteryMonitor {
             swap_detector: SwapDetector::new(),
             evaluation: Evaluation::default(),
             learnt: None,
+            exchanges: 0,
             measuring: None,
             current_was_over_range: false,
             sensor_has_power: false,
@@ -234,6 +237,17 @@ impl BatteryMonitor {
             self.replace_pack(replacement, state, events);
         }
         self.reports.update(tick, measurement, state, events);
+        if state.members != 0 && self.exchanges != measurement.exchanges {
+            self.exchanges = measurement.exchanges;
+            self.replace_member(events);
+        }
+    }
+
+    /// A member of the sum was exchanged: what was estimated is that of other packs. Its failsafe level stays latched.
+    fn replace_member(&mut self, events: &mut PackEvents) {
+        self.estimator = Estimator::new();
+        self.evaluation.diagnosis = diagnosis::Diagnosis::default();
+        push(events, PackEvent::EstimateRestarted);
     }
 
     fn remember(&mut self, now: Instant, measurement: &Measurement) {
@@ -365,6 +379,7 @@ impl BatteryMonitor {
     /// The pack was swapped: estimates and counts restart. The failsafe level stays latched until the new pack
     /// disproves it.
     fn replace_pack(&mut self, replacement: Replacement, state: &mut BatteryState, events: &mut PackEvents) {
+        self.exchanges = self.exchanges.wrapping_add(1);
         self.counting.replace_pack();
         self.reports.gauge = GaugeState::Absent;
         self.estimator = Estimator::new();
@@ -395,6 +410,7 @@ impl BatteryMonitor {
         let learnt = Learnt::of(learnt, settings, cell_count);
         let comparison = self.estimator.resolve(at_rest, reading, settings, learnt);
         if comparison == Comparison::Another {
+            self.exchanges = self.exchanges.wrapping_add(1);
             if let Some(learnt) = &mut self.learnt {
                 learnt.clear_charge();
             }
@@ -446,6 +462,11 @@ impl BatteryMonitor {
     /// Cells that the pack may have although its voltage is that of fewer.
     pub(super) fn doubtful_cells(&self) -> Option<u8> {
         self.kept_cells().filter(|_| self.estimator.cells_are_doubtful())
+    }
+
+    /// Exchanges of the pack, and charges elsewhere (wraps).
+    pub(super) fn exchanges(&self) -> u8 {
+        self.exchanges
     }
 
     /// Charge drawn since the start, in milliampere-hours.
