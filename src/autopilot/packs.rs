@@ -6,7 +6,7 @@ use heapless::Vec;
 
 use crate::battery::{
     BatteryBank, BatteryMonitor, MAX_ANSWERING, Measurement, Measuring, PackSettings, PackSource, ReadError,
-    SumVoltage, Tick,
+    SumVoltage, Tick, current_source, current_source_at_boot,
 };
 use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
@@ -32,6 +32,8 @@ pub struct Packs {
     pub announced_too_high: u16,
     /// Sources of the packs, by the parameters at boot.
     pub read_from: [PackSource; MAX_PACKS],
+    /// Sources of their currents, by the parameters at boot.
+    current_sources: [u16; MAX_PACKS],
     /// Why a pack can't be read with the parameters at boot.
     set_up_errors: [Option<ReadError>; MAX_PACKS],
     samples: [Samples; MAX_PACKS],
@@ -67,6 +69,7 @@ impl Packs {
             order: in_place(|| sampling_order(parameters)),
             announced_too_high: 0,
             read_from: in_place(|| sources(parameters)),
+            current_sources: Pack::ALL.map(|pack| current_source_at_boot(parameters, pack)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             silences: in_place(|| silences(parameters)),
@@ -105,6 +108,12 @@ impl Packs {
                 monitor.follow(&measuring, state.cell_count);
             }
         }
+    }
+
+    /// Follows the source of a pack's current, before its reading.
+    pub fn follow_current(&mut self, pack: Pack, parameters: &Parameters) {
+        let source = current_source(self.current_sources[pack as usize], parameters, pack);
+        self.bank.get_mut(pack).0.follow_current(source);
     }
 
     /// A pack whose thermometer was taken away is not too hot any more, nor is a sum that it is a member of.

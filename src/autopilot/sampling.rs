@@ -257,6 +257,7 @@ impl Autopilot {
         if !self.vehicle.has_exhausted_power_limit(pack) {
             settings.overload_w = None;
         }
+        self.packs.follow_current(pack, &self.parameters);
         let bank = &mut self.packs.bank;
         if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated_by(pack) {
             bank.get_mut(pack).0.release_unhealthy();

@@ -356,6 +356,11 @@ impl Estimator {
         self.resistance.is_reversed() && self.average_current_a().is_some_and(is_charging)
     }
 
+    /// The current is made of another source.
+    pub fn change_current(&mut self) {
+        self.charge.change_current();
+    }
+
     /// The current had another sign.
     pub fn clear_current(&mut self) {
         self.resistance = ResistanceEstimator::new();

@@ -202,6 +202,8 @@ pub(crate) struct OpenLesson {
     /// At each point of the curve: the voltage of a cell without the fast sag and what the slow one may be, in tenths of a
     /// millivolt, and the charge drawn by then, in 65535ths. Zeros where the drive was not.
     pub points: [[u16; 3]; OFFSET_POINTS],
+    /// The source of its current ([`current_source`](super::current_source)).
+    pub current_source: u16,
 }
 
 impl OpenLesson {
@@ -215,7 +217,7 @@ impl OpenLesson {
             self.rested_h.to_bits(),
             self.ohm.to_bits(),
         ]);
-        let mut halves = self.points.as_flattened().iter();
+        let mut halves = self.points.as_flattened().iter().chain([&self.current_source]);
         for word in points {
             let mut half = || halves.next().copied().unwrap_or(0);
             *word = pair(half(), half());
@@ -227,8 +229,8 @@ impl OpenLesson {
     fn from_words(words: &[u32; OPEN_LESSON_WORDS]) -> Option<Self> {
         let [start, drawn_ah, rested_h, ohm, halves @ ..] = words;
         let mut points = [[0; 3]; OFFSET_POINTS];
-        let halves = halves.iter().flat_map(|word| halves_of(*word));
-        for (point, half) in points.as_flattened_mut().iter_mut().zip(halves) {
+        let mut halves = halves.iter().flat_map(|word| halves_of(*word));
+        for (point, half) in points.as_flattened_mut().iter_mut().zip(&mut halves) {
             *point = half;
         }
         let lesson = Self {
@@ -237,6 +239,7 @@ impl OpenLesson {
             rested_h: f32::from_bits(*rested_h),
             ohm: f32::from_bits(*ohm),
             points,
+            current_source: halves.next().unwrap_or(0),
         };
         let is_plausible = lesson.start.iter().all(|part| *part <= 10_000)
             && CAPACITIES_MAH.contains(&(lesson.drawn_ah * 1e3))
@@ -766,6 +769,7 @@ mod tests {
                     [1, 2, 3],
                     [41_000, 0, 9],
                 ],
+                current_source: 4_711,
             }),
             collapse: Collapse::new(0.23, 0.041),
         };

@@ -13,6 +13,7 @@
 //! scale_volt_mult_offset_amp_pervlt 3.95 0 17
 //! open_drawn_ah_rested_h_ohm 1.9 0.1 0.029
 //! open_start_1e4_points 10000 100 34120 310 60211 0 0 0 36320 280 30100 37900 270 20500 41200 100 900
+//! open_current_source 4711
 //! collapse_1e4_10uohm 2300 4100
 //! ```
 
@@ -38,6 +39,7 @@ const SLOW: &str = "slow_share_sigma";
 const SCALE: &str = "scale_volt_mult_offset_amp_pervlt";
 const OPEN: &str = "open_drawn_ah_rested_h_ohm";
 const OPEN_POINTS: &str = "open_start_1e4_points";
+const OPEN_SOURCE: &str = "open_current_source";
 const COLLAPSE: &str = "collapse_1e4_10uohm";
 
 /// Why a text is not what was learnt of a pack.
@@ -106,6 +108,7 @@ impl fmt::Display for LearntPack {
             rested_h,
             ohm,
             points,
+            current_source,
         }) = self.open
         {
             writeln!(f, "{OPEN} {drawn_ah} {rested_h} {ohm}")?;
@@ -113,7 +116,7 @@ impl fmt::Display for LearntPack {
             for number in points.as_flattened() {
                 write!(f, " {number}")?;
             }
-            writeln!(f)?;
+            writeln!(f, "\n{OPEN_SOURCE} {current_source}")?;
         }
         if let Some(collapse) = self.collapse {
             let [soc, ohm] = collapse.to_numbers();
@@ -210,6 +213,7 @@ impl LearntPack {
                     rested_h,
                     ohm,
                     points: [[0; 3]; OFFSET_POINTS],
+                    current_source: 0,
                 });
             }
             OPEN_POINTS => {
@@ -219,6 +223,7 @@ impl LearntPack {
                 open.start = *start;
                 open.points.as_flattened_mut().copy_from_slice(points);
             }
+            OPEN_SOURCE => [self.open.as_mut()?.current_source] = parse(numbers)?,
             COLLAPSE => self.collapse = Some(Collapse::from_numbers(parse(numbers)?)?),
             _ => return None,
         }

@@ -38,6 +38,47 @@ impl Measuring {
     }
 }
 
+/// Parameters of a current.
+const OF_CURRENT: [BatteryParameter; 8] = [
+    BatteryParameter::CurrPin,
+    BatteryParameter::AmpPervlt,
+    BatteryParameter::AmpOffset,
+    BatteryParameter::MaxVolt,
+    BatteryParameter::CurrMult,
+    // Bit 1 chooses the side of a charger.
+    BatteryParameter::Options,
+    BatteryParameter::EscMask,
+    BatteryParameter::SumMask,
+];
+
+/// Parameters of a current that take effect at the next start.
+const OF_CURRENT_AT_BOOT: [BatteryParameter; 5] = [
+    BatteryParameter::Monitor,
+    BatteryParameter::I2cBus,
+    BatteryParameter::I2cAddr,
+    BatteryParameter::Channel,
+    BatteryParameter::Shunt,
+];
+
+/// Identifies the source of a pack's current by the parameters that take effect at a start.
+pub fn current_source_at_boot(parameters: &Parameters, pack: Pack) -> u16 {
+    hash(0, &OF_CURRENT_AT_BOOT, parameters, pack)
+}
+
+/// Identifies the source of a pack's current, where that of the start was `at_boot`. Counts of different ones are not added.
+pub fn current_source(at_boot: u16, parameters: &Parameters, pack: Pack) -> u16 {
+    hash(at_boot, &OF_CURRENT, parameters, pack)
+}
+
+/// A multiplicative hash (FNV-1a by words), folded.
+fn hash(start: u16, of: &[BatteryParameter], parameters: &Parameters, pack: Pack) -> u16 {
+    let values = of.iter().map(|parameter| parameters.get(parameter.of(pack)));
+    let hash = values.fold(u32::from(start) ^ 0x811c_9dc5, |hash, value| {
+        (hash ^ value.to_bits()).wrapping_mul(0x0100_0193).rotate_left(13)
+    });
+    (hash ^ hash >> 16) as u16
+}
+
 impl MeasuringScale {
     /// `None` if no parameters have these values.
     pub(super) fn if_plausible(self) -> Option<Self> {
@@ -58,6 +99,41 @@ impl MeasuringScale {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    // Requirement: S-7
+    fn each_parameter_that_makes_a_current_makes_another_source() {
+        use BatteryParameter::*;
+        let defaults = Parameters::defaults();
+        let source = |at_boot: &Parameters, now: &Parameters| {
+            current_source(current_source_at_boot(at_boot, Pack::Second), now, Pack::Second)
+        };
+        let before = source(&defaults, &defaults);
+        for (parameter, value, is_live) in [
+            (CurrPin, 28.0, true),
+            (AmpPervlt, 17.1, true),
+            (AmpPervlt, -17.0, true),
+            (AmpOffset, 0.001, true),
+            (MaxVolt, 12.7, true),
+            (CurrMult, 1.1, true),
+            (Options, 2.0, true),
+            (EscMask, 1.0, true),
+            (SumMask, 256.0, true),
+            (Monitor, 21.0, false),
+            (Shunt, 0.001, false),
+            (I2cAddr, 64.0, false),
+            (Channel, 2.0, false),
+        ] {
+            let mut changed = defaults.clone();
+            changed.set(parameter.of(Pack::Second), value).unwrap();
+            assert_eq!(source(&defaults, &changed) != before, is_live, "{parameter:?}");
+            assert_ne!(source(&changed, &changed), before, "{parameter:?}");
+            // Of another pack.
+            let mut other = defaults.clone();
+            other.set(parameter.of(Pack::First), value).unwrap();
+            assert_eq!(source(&other, &other), before, "{parameter:?}");
+        }
+    }
 
     #[test]
     fn a_converter_on_the_bus_measures_by_the_same_factors_as_a_pin() {

@@ -493,6 +493,48 @@ fn what_was_assumed_of_a_drive_is_not_learnt() {
 }
 
 #[test]
+// Requirement: S-7
+fn a_corrected_current_sensor_starts_the_lesson_over() {
+    let mut rover = Rover::new(&[], full());
+    // Read 1 A too high.
+    rover.zero_a = 1.0;
+    rover.wait(5.0, RESTING_A);
+    rover.drive_to(0.6);
+    rover.set("BATT_AMP_OFFSET", 1.0 / AMPERES_PER_VOLT);
+    rover.drive_to(0.1);
+    rover.wait(100.0, RESTING_A);
+    let learnt_mah = rover.learnt_mah();
+    assert!(
+        learnt_mah == 0.0 || (learnt_mah - 2200.0).abs() < 220.0,
+        "{learnt_mah} mAh"
+    );
+}
+
+#[test]
+// Requirement: S-7
+fn a_lesson_in_flash_does_not_go_on_with_another_source_of_the_current() {
+    let mut before = Rover::new(&[], full());
+    before.wait(5.0, RESTING_A);
+    before.arm();
+    before.drive_to(0.3);
+    before.disarm();
+    before.wait(3.0, LOW_A);
+    let mut rested = before.pack;
+    rested.draw(0.0, 3600.0);
+    for (change, is_learnt) in [
+        (None, true),
+        (Some(("BATT_LOW_VOLT", 10.5)), true),
+        (Some(("BATT_AMP_OFFSET", 0.01)), false),
+        (Some(("BATT_SHUNT", 0.001)), false),
+    ] {
+        let mut after = Rover::new(change.as_slice(), rested.clone());
+        after.flash = before.flash.clone();
+        after.wait(60.0, RESTING_A);
+        assert_eq!(after.learnt_mah() > 0.0, is_learnt, "{change:?}");
+    }
+}
+
+#[test]
 fn a_gap_counts_in_the_estimate_as_in_the_consumption() {
     let mut rover = Rover::new(&[], full());
     rover.wait(5.0, RESTING_A);

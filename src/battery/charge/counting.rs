@@ -56,6 +56,15 @@ impl Counting {
         }
     }
 
+    /// The current is made of another source. The present charge is as uncertain for a lesson as what was counted of it.
+    pub fn change_current(&mut self) {
+        if let Some(drive) = &mut self.drive {
+            let counted = drive.start_soc() - self.filter.soc();
+            *drive = Drive::new(&self.filter);
+            drive.widen(counted.abs());
+        }
+    }
+
     /// A charge with this standard deviation, in capacities, was drawn unseen.
     pub fn inflate(&mut self, sigma: f32) {
         self.filter.inflate(sigma);

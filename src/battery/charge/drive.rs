@@ -149,6 +149,7 @@ impl Drive {
             rested_h: self.rested_h,
             ohm: self.mean_ohm()?,
             points: self.parts.each_ref().map(|part| part.as_halves(self.drawn_ah)),
+            current_source: 0,
         })
     }
 
@@ -166,6 +167,11 @@ impl Drive {
     /// A charge with this standard deviation, in capacities, was drawn unseen.
     pub fn inflate(&mut self, sigma: f32) {
         self.start.sigma = root_of_squares(self.start.sigma, sigma);
+    }
+
+    /// State of charge at its start.
+    pub fn start_soc(&self) -> f32 {
+        self.start.soc
     }
 
     /// The charge at its start is less certain by this share of the capacity.

@@ -209,6 +209,14 @@ impl ChargeEstimator {
         }
     }
 
+    /// The current is made of another source: what was counted must not be learnt, nor do earlier loads show the rest of a sag.
+    pub fn change_current(&mut self) {
+        if let Phase::Counting(counting) = &mut self.phase {
+            counting.change_current();
+        }
+        self.trace.polarisation = Polarisation::unknown();
+    }
+
     /// Takes a reading, with the charge that its source has counted beyond the current, and the time without readings that
     /// were due. Returns the means of a second that it completes.
     pub fn add(

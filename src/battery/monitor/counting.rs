@@ -156,6 +156,18 @@ impl ChargeCounter {
         self.drawn.charge_mah()
     }
 
+    /// The current before is not one of this interval.
+    pub fn end_interval(&mut self) {
+        self.last_current = None;
+    }
+
+    /// A count that ran backwards restarts at 0.
+    pub fn discard_negative(&mut self) {
+        if self.charge_mah() < 0.0 {
+            self.restart(Consumed::default());
+        }
+    }
+
     /// The pack was swapped.
     pub fn replace_pack(&mut self) {
         self.consumption = Consumption::default();

@@ -94,6 +94,17 @@ impl Learnt {
         }
     }
 
+    /// A kept lesson whose current was made of another source does not go on.
+    pub fn follow_current(&mut self, current_source: u16) {
+        if self
+            .pack
+            .open
+            .is_some_and(|open| open.current_source != current_source)
+        {
+            self.pack = self.pack.without_open_lesson();
+        }
+    }
+
     /// Learnt properties of the pack, unless the settings say that it is another one.
     pub fn known(&self, settings: &PackSettings, cell_count: Option<u8>) -> Option<&LearntPack> {
         self.shown()

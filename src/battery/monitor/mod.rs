@@ -72,6 +72,7 @@ pub struct BatteryMonitor {
     exchanges: u8,
     /// Scale and pin of the voltage on which the estimate is based.
     measuring: Option<Measuring>,
+    current_source: Option<u16>,
     /// Since the start.
     current_was_over_range: bool,
     /// Whether the current sensor has shown that it has power since the voltage is missing, while armed.
@@ -113,6 +114,7 @@ impl BatteryMonitor {
             learnt: None,
             exchanges: 0,
             measuring: None,
+            current_source: None,
             current_was_over_range: false,
             sensor_has_power: false,
             current_is_reversed: false,
@@ -202,21 +204,36 @@ impl BatteryMonitor {
             learnt.follow_scale(&now.scale);
         }
         let before = self.measuring.get_or_insert(*now);
+        before.scale.amperes_per_volt = now.scale.amperes_per_volt;
         let Some(voltage_v) = self.last_voltage_v.filter(|_| before != now) else {
             return;
         };
-        if before.scale.amperes_per_volt != now.scale.amperes_per_volt {
-            before.scale.amperes_per_volt = now.scale.amperes_per_volt;
-            self.estimator.restart_drive();
-            if mem::take(&mut self.current_is_reversed) {
-                self.estimator.clear_current();
-            }
-        }
         let cells = f32::from(cell_count.unwrap_or(1));
         let change_v = now.scale.voltage_change_v(&before.scale, voltage_v) / cells;
         if before.voltage_pin != now.voltage_pin || change_v.abs() > SAME_VOLTAGE_V {
             self.measuring = Some(*now);
             self.swap_detector.rescale();
+        }
+    }
+
+    /// The current is made of another source than before if [`current_source`](super::current_source) is: charge that was
+    /// counted before is not that of a lesson, and none is filled in. In every tick, before the reading.
+    pub fn follow_current(&mut self, current_source: u16) {
+        if let Some(learnt) = &mut self.learnt {
+            learnt.follow_current(current_source);
+        }
+        let before = self.current_source.replace(current_source);
+        if before.is_none_or(|before| before == current_source) {
+            return;
+        }
+        self.estimator.change_current();
+        self.counting.end_interval();
+        if let Some((_, rate)) = &mut self.last_reading {
+            *rate = None;
+        }
+        if mem::take(&mut self.current_is_reversed) {
+            self.estimator.clear_current();
+            self.counting.discard_negative();
         }
     }
 
@@ -437,7 +454,10 @@ impl BatteryMonitor {
         if let Some(cell_ohm) = self.estimator.cell_resistance_ohm(settings) {
             learnt.compare(cell_ohm);
         }
-        if let Some(kept) = kept {
+        if let Some(mut kept) = kept {
+            if let (Some(open), Some(current_source)) = (&mut kept.open, self.current_source) {
+                open.current_source = current_source;
+            }
             learnt.update(&kept, settings, cell_count, turn.events);
         }
     }

@@ -109,6 +109,38 @@ fn on_a_flat_curve_a_count_is_doubted_and_goes_on() {
     assert!(before_sigma_pct < 5.0 && sigma_pct(&rover) > 10.0, "{what}");
 }
 
+#[test]
+// Requirement: S-7
+fn another_source_of_the_current_ends_a_gap_and_a_count_below_zero() {
+    let mut bench = MonitorBench::new();
+    bench.monitor.follow_current(1);
+    bench.run(10.0, loaded(12.0, 3.6));
+    let before_mah = bench.state.consumed_mah().expect("counted");
+    // Read by the wrong offset, not at all, and by the right one.
+    for _ in 0..200 {
+        bench.tick(Err(ReadError::NoPin));
+    }
+    bench.monitor.follow_current(2);
+    bench.run(0.1, loaded(12.0, 0.0));
+    assert_about(bench.state.consumed_mah(), before_mah, 0.1);
+    // Driven in reverse, as its sensor has it.
+    bench.arm_state = ArmState::Armed;
+    for _ in 0..40 {
+        bench.run(3.0, loaded(11.6, -8.0));
+        bench.run(3.0, loaded(11.9, -1.0));
+    }
+    assert_eq!(bench.count_of(PackEvent::CurrentReversed), 1);
+    assert!(bench.state.consumed_mah().expect("counted") < -100.0);
+    bench.monitor.follow_current(3);
+    bench.run(10.0, loaded(11.9, 3.6));
+    assert_about(bench.state.consumed_mah(), 10.0, 0.2);
+    // A charger has brought it below: that is its count.
+    bench.run(20.0, loaded(11.9, -3.6));
+    bench.monitor.follow_current(4);
+    bench.run(0.1, loaded(11.9, 0.0));
+    assert_about(bench.state.consumed_mah(), -10.0, 0.2);
+}
+
 fn learnt(scale: Option<MeasuringScale>) -> LearntPack {
     LearntPack {
         chemistry: Chemistry::LiPo,

@@ -161,6 +161,9 @@ impl Rover {
                     .monitor
                     .follow(&self.measuring, self.bench.state.cell_count);
             }
+            // The sign and the highest digits.
+            let current_source = (self.measuring.scale.amperes_per_volt.to_bits() >> 16) as u16;
+            self.bench.monitor.follow_current(current_source);
             self.pack.draw(current_a, TICK_S);
             let reading = self.reading(current_a);
             assert_eq!(self.bench.tick(Ok(reading)), None);
