@@ -688,7 +688,7 @@ fn a_gauge_counts_from_the_full_pack_and_what_remains_is_else_of_the_learnt_capa
 
 #[test]
 // Requirement: V2-2
-fn modes_that_a_pack_reports_have_their_flags_and_no_consequence() {
+fn modes_that_a_pack_reports_have_their_flags_and_leave_it_healthy() {
     for (modes, expected) in [
         (Modes::FULL, 0),
         (Modes::BALANCING, 4),
