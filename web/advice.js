@@ -2,6 +2,7 @@
 
 // The first that fits a text of the rover.
 const ADVICE = [
+  [/PARAM_CHECKED/, 'Settings were lost: look through Set up first.'],
   [/not neutral/, 'Let go of the stick.'],
   [/MOT_DRV_VOLT/, 'It may burn the motor drivers: unplug it.'],
   [/has failed|own report/, 'Do not use this pack.'],
@@ -14,7 +15,6 @@ const ADVICE = [
   [/^Radio/, 'No stick was received for too long, so it stopped. Go nearer, then choose Manual.'],
   [/^GCS/, 'No page or ground station was heard for too long, so it stopped. Go nearer, then choose Manual.'],
   [/^Terminated/, 'The pack is too low. Charge it, then restart the rover.'],
-  [/PARAM_CHECKED/, 'Settings were lost: look through Set up first.'],
   [/Logging/, 'Its log can’t be written. Under Set up, LOG_BITMASK 0 drives without.'],
 ];
 

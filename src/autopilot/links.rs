@@ -7,7 +7,7 @@ use super::start::ParameterLoad;
 use super::stores::FlashStore;
 use super::{Autopilot, Work, complete};
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Severity, announced_text};
-use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, SuggestedThresholds};
+use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, PackStatus, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::{
     Action, Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,
@@ -100,10 +100,11 @@ impl Autopilot {
     /// The parameter to set if packs are monitored and none of them has a failsafe threshold in effect: a timer that is
     /// missing, else a threshold of the first.
     fn missing_threshold(&self) -> Option<ParameterId> {
-        let monitored = |pack| Some((pack, self.packs.kind(pack)?));
+        let is_monitored = |pack: &Pack| self.battery(*pack).status != PackStatus::Disabled;
         let mut found = None;
-        for (pack, kind) in Pack::ALL.into_iter().filter_map(monitored) {
-            let settings = PackSettings::from_parameters(&self.parameters, pack).of_kind(pack, kind);
+        for pack in Pack::ALL.into_iter().filter(is_monitored) {
+            let settings = PackSettings::from_parameters(&self.parameters, pack);
+            let settings = settings.of_kind(pack, self.packs.kind(pack));
             let missing = settings.failsafe.missing_parameter(self.battery(pack))?;
             if found.is_none() || missing == BatteryParameter::LowTimer {
                 found = Some(missing.of(pack));

@@ -349,7 +349,8 @@ mod tests {
             // Each once, and whole.
             let mut expected: Vec<_> = named.collect();
             let mut sorted = names.clone();
-            (expected.sort(), sorted.sort());
+            expected.sort();
+            sorted.sort();
             assert_eq!(sorted, expected, "{texts:?}");
         }
     }

@@ -93,7 +93,7 @@ impl Packs {
     pub fn reset(&mut self, mask: u16, percent: f32, parameters: &Parameters, arm_state: ArmState) {
         for (pack, kind) in &self.order {
             if mask & pack.bit() != 0 {
-                let settings = PackSettings::from_parameters(parameters, *pack).of_kind(*pack, *kind);
+                let settings = PackSettings::from_parameters(parameters, *pack).of_kind(*pack, Some(*kind));
                 let (monitor, state) = self.bank.get_mut(*pack);
                 monitor.reset(state, arm_state, percent, &settings);
             }

@@ -253,7 +253,7 @@ impl Autopilot {
         tick: Tick,
         reading: Result<Measurement, ReadError>,
     ) {
-        let mut settings = PackSettings::from_parameters(&self.parameters, pack).of_kind(pack, kind);
+        let mut settings = PackSettings::from_parameters(&self.parameters, pack).of_kind(pack, Some(kind));
         if !self.vehicle.has_exhausted_power_limit(pack) {
             settings.overload_w = None;
         }

@@ -2,7 +2,7 @@
 
 use super::{BatteryState, Chemistry, ReportedVoltage, Visibility};
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
+use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
 
 /// Settings of a pack, from its parameters. `None` is not set or disabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -230,24 +230,39 @@ impl PackSettings {
         }
     }
 
-    /// The same of a pack of this kind. The capacity of a sum is not set at the default: it is that of its members together.
-    pub fn of_kind(self, pack: Pack, kind: MonitorKind) -> Self {
+    /// The same of a pack of this kind, if that is known. The capacity of a sum is not set at the default: it is that of its members together.
+    pub fn of_kind(self, pack: Pack, kind: Option<MonitorKind>) -> Self {
         let default_mah = BatteryParameter::Capacity.of(pack).default_value();
-        let is_set = |capacity_mah: &f32| kind != MonitorKind::Sum || *capacity_mah != default_mah;
-        let voltage_source = if kind.may_measure_voltage() {
+        let is_set = |capacity_mah: &f32| kind != Some(MonitorKind::Sum) || *capacity_mah != default_mah;
+        let voltage_source = if kind.is_none_or(MonitorKind::may_measure_voltage) {
             self.failsafe.voltage_source
         } else {
             VoltageSource::NotMeasured
         };
         Self {
             capacity_mah: self.capacity_mah.filter(is_set),
-            current_scale: kind.current_scale(),
+            current_scale: kind.and_then(current_scale),
             failsafe: FailsafeSettings {
                 voltage_source,
                 ..self.failsafe
             },
             ..self
         }
+    }
+}
+
+/// The parameter that scales the current of this kind, by the board's wiring or of a node on the CAN bus.
+fn current_scale(kind: MonitorKind) -> Option<BatteryParameter> {
+    match kind {
+        MonitorKind::AnalogVoltageAndCurrent
+        | MonitorKind::AnalogCurrent
+        | MonitorKind::SyntheticCurrent
+        | MonitorKind::Bus(PartKind::Ad7091r5) => Some(BatteryParameter::AmpPervlt),
+        MonitorKind::Bus(PartKind::Ina2xx | PartKind::Ina239 | PartKind::Ina3221 | PartKind::Ltc2946) => {
+            Some(BatteryParameter::Shunt)
+        }
+        MonitorKind::Can => Some(BatteryParameter::CurrMult),
+        _ => None,
     }
 }
 
@@ -352,7 +367,7 @@ mod tests {
             let mut parameters = Parameters::defaults();
             let id = BatteryParameter::Monitor.of(Pack::Second);
             parameters.set(id, monitor).unwrap();
-            let kind = parameters.monitor_kind(Pack::Second).unwrap();
+            let kind = parameters.monitor_kind(Pack::Second);
             let settings = PackSettings::from_parameters(&parameters, Pack::Second);
             let current_scale = settings.of_kind(Pack::Second, kind).current_scale;
             assert_eq!(current_scale, scale, "{monitor}");
@@ -499,7 +514,7 @@ mod tests {
             parameters
                 .set(BatteryParameter::Monitor.of(Pack::Second), monitor)
                 .unwrap();
-            let kind = parameters.monitor_kind(Pack::Second).unwrap();
+            let kind = parameters.monitor_kind(Pack::Second);
             let settings = PackSettings::from_parameters(&parameters, Pack::Second);
             let failsafe = settings.of_kind(Pack::Second, kind).failsafe;
             assert_eq!(failsafe.voltage_source, source, "BATT2_MONITOR {monitor}");

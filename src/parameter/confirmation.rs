@@ -3,19 +3,8 @@
 //! Damaged or half loaded parameters leave a mark in flash, under the key of `PARAM_CHECKED`: stored before any other value, and taken
 //! back after all of them. What does not fit needs none: the value stays stored under its key until the parameter is set.
 
-use super::trouble::{CHECKED, Doubts};
+use super::trouble::{CHECKED, Doubts, HalfFile};
 use super::{ParameterId, ParameterIdSet, ParameterTrouble, Parameters};
-
-/// Files of parameters that have begun since the start, and of which none has ended them.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct HalfFile {
-    /// Parameters that they have changed.
-    changed: ParameterIdSet,
-    /// The most parameters that one of their headers announced.
-    announced: u16,
-    /// Parameters that the latest one lacks of these.
-    missing: u16,
-}
 
 impl Parameters {
     /// Marks the values in flash as not read, until the next start: every value that is set has to be saved, even one that equals

@@ -2,10 +2,9 @@
 
 use core::iter;
 
-use super::confirmation::HalfFile;
 use super::stick_channel::Sticks;
 use super::table::THERMOMETER_DISABLED;
-use super::trouble::{CHECKED, Doubts};
+use super::trouble::{CHECKED, Doubts, HalfFile};
 use super::{
     Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, MonitorInput, MonitorKind,
     ParameterId, ParameterIdSet, ThermometerParameter, VehicleParameter,

@@ -4,7 +4,7 @@ use core::fmt;
 
 use bitflags::bitflags;
 
-use super::{ParameterId, VehicleParameter};
+use super::{ParameterId, ParameterIdSet, VehicleParameter};
 use crate::announce::{Announce, Severity};
 
 /// The parameter that confirms. Its key has the mark; it reads 0.
@@ -30,6 +30,17 @@ impl Doubts {
     pub fn marked(self) -> Self {
         self - Self::ENDED - Self::NOT_READ
     }
+}
+
+/// Files of parameters that have begun since the start, and were not ended by a whole one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HalfFile {
+    /// Parameters that they have changed.
+    pub changed: ParameterIdSet,
+    /// The most parameters that one of their headers announced.
+    pub announced: u16,
+    /// Parameters that the latest one lacks of these.
+    pub missing: u16,
 }
 
 /// Cause for which the live values may not be the owner's.

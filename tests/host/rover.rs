@@ -1,7 +1,7 @@
 //! Requests of a ground station to the rover: frames in, frames and motor outputs out.
 
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{BatteryState, FailsafeLevel, ReadError};
+use rover_battmon::battery::{Amount, BatteryState, FailsafeLevel, ReadError};
 use rover_battmon::mavlink::{Event, Framer, LinkKind, Stream};
 use rover_battmon::memory::flash_chip::RegisterWear;
 use rover_battmon::pack::Pack;
@@ -284,6 +284,13 @@ fn failsafes_that_are_off_name_the_parameter_that_is_missing() {
     let second_has_no_timer = "Battery failsafes are off: set BATT2_LOW_TIMER";
     assert_eq!(texts(&mut second_untimed), [second_has_no_timer]);
     let mut by_charge = second_untimed.with(second(BatteryParameter::LowMah), 500.0);
+    let no_capacity = "Battery failsafes are off: set BATT2_CAPACITY";
+    assert_eq!(texts(&mut by_charge), [no_capacity]);
+    let with_capacity = BatteryState {
+        capacity: Some(Amount::Mah(3300.0)),
+        ..healthy(11.1)
+    };
+    by_charge.0.set_batteries(&[healthy(11.1), with_capacity]);
     assert_eq!(texts(&mut by_charge), [""; 0]);
     // Until the restart the first is monitored, whatever is set.
     let mut first_is_switched_off = Rover::new().with(BatteryParameter::Monitor.of(Pack::First), 0.0);

@@ -1,6 +1,5 @@
 //! Kinds of battery monitors, the values of `BATT_MONITOR`.
 
-use super::BatteryParameter;
 use super::range::{Meaning, means};
 
 /// Longest time without a reading of a pack that is read in each sampling tick, or reported as often, in microseconds: a tick.
@@ -204,21 +203,6 @@ impl MonitorKind {
             self,
             Self::AnalogCurrent | Self::Fuel(_) | Self::GeneratorFuel | Self::Efi
         )
-    }
-
-    /// The parameter that scales a current measured by this board's wiring, or reported by a node on the CAN bus.
-    pub fn current_scale(self) -> Option<BatteryParameter> {
-        match self {
-            Self::AnalogVoltageAndCurrent
-            | Self::AnalogCurrent
-            | Self::SyntheticCurrent
-            | Self::Bus(PartKind::Ad7091r5) => Some(BatteryParameter::AmpPervlt),
-            Self::Bus(PartKind::Ina2xx | PartKind::Ina239 | PartKind::Ina3221 | PartKind::Ltc2946) => {
-                Some(BatteryParameter::Shunt)
-            }
-            Self::Can => Some(BatteryParameter::CurrMult),
-            _ => None,
-        }
     }
 
     /// Whether every reading has a voltage: one without is a failed reading.

@@ -95,11 +95,7 @@ pub struct Replay {
 
 /// The settings of a pack of the kind that is set.
 pub fn settings(parameters: &Parameters, pack: Pack) -> PackSettings {
-    let settings = PackSettings::from_parameters(parameters, pack);
-    match parameters.monitor_kind(pack) {
-        Some(kind) => settings.of_kind(pack, kind),
-        None => settings,
-    }
+    PackSettings::from_parameters(parameters, pack).of_kind(pack, parameters.monitor_kind(pack))
 }
 
 impl Replay {
