@@ -53,7 +53,7 @@ pub struct Packs {
     with_thermometer: u16,
     /// Present pulls of the analog pins.
     pub pulls: PinPulls,
-    /// What the packs read at which pins in this tick.
+    /// Pins that the packs read in this tick, and as what.
     pub pins: PinUse,
     pub ticks: u32,
     /// When the latest tick began.
@@ -254,7 +254,7 @@ impl Packs {
                     pulses: &self.pulses,
                     now: tick.now,
                 };
-                // What is taken from the pulses meanwhile must not count later.
+                // Pulses that are taken meanwhile must not count later.
                 let measured = self.meters[pack as usize].measure(fuel, parameters, pack, &readings);
                 if is_taken {
                     Err(ReadError::PinTaken)

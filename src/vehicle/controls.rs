@@ -441,7 +441,7 @@ mod tests {
         assert_eq!((positions(&controls), controls.deflected()), ((0.0, 0.0), None));
         controls.receive(Instant::EPOCH, Position(800), Unchanged);
         assert_eq!(positions(&controls), (0.8, 0.0));
-        // What it brings with its first message was not neutral before.
+        // Its first positions were not neutral before.
         controls.hand_over(heard);
         controls.receive(Instant::EPOCH, Position(800), Position(800));
         assert_eq!(positions(&controls), (0.0, 0.0));

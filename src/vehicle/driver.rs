@@ -37,7 +37,7 @@ pub enum ControlMessage {
     ChannelOverride,
 }
 
-/// What a message says about the presence of a ground station.
+/// Presence of a ground station by a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
     /// One has sent it, in time as far as is known.

@@ -48,7 +48,7 @@ pub struct Context<'a> {
     pub received_at: Instant,
     /// Upper bound of the request's age, by the clock of the page that sent it, in milliseconds; `None` if it is not known.
     pub age_ms: Option<u32>,
-    /// What the request says of ground stations.
+    /// Presence of a ground station by the request.
     pub presence: Presence,
     pub state: &'a SystemState<'a>,
     pub changeable: Changeable<'a>,

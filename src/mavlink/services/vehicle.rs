@@ -71,7 +71,7 @@ pub struct VehicleService<'a> {
     pub received_at: Instant,
     /// Upper bound of its age by its sender's clock, in milliseconds, if it is known.
     pub age_ms: Option<u32>,
-    /// What the request says of ground stations.
+    /// Presence of a ground station by the request.
     pub presence: Presence,
     /// The number of the link that it came by.
     pub link_number: u16,

@@ -53,7 +53,7 @@ struct Handled {
     event: Result<Event, Refusal>,
     /// Parameters that a file has not set.
     not_set: Option<NotSet>,
-    /// What a whole file has not ended: one before it did not come whole.
+    /// A file that did not come whole, and that a whole one has not ended.
     half_loaded: Option<ParameterTrouble>,
 }
 

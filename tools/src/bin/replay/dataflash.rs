@@ -49,7 +49,7 @@ const HUNDREDTHS: f64 = 0.01;
 pub struct DataFlash<R> {
     records: R,
     scales: Scales,
-    /// What was read behind a text, to see whether that goes on.
+    /// Message that was read behind a text, to see whether that goes on.
     following: Option<io::Result<Entry>>,
 }
 
