@@ -268,13 +268,13 @@ impl Packs {
             | MonitorKind::AnalogCurrent => {
                 let is_taken = self.pins.is_taken(kind, parameters, pack);
                 let wiring = AnalogWiring::from_parameters(parameters, pack);
-                match kind {
-                    MonitorKind::AnalogVoltageAndCurrent if is_taken => {
-                        wiring.measure(MonitorKind::AnalogVoltage, readings, effort)
-                    }
-                    _ if is_taken => Err(ReadError::PinTaken),
-                    _ => wiring.measure(kind, readings, effort),
-                }
+                // The voltage goes on.
+                let measured = match kind {
+                    MonitorKind::AnalogVoltageAndCurrent if is_taken => MonitorKind::AnalogVoltage,
+                    _ if is_taken => return Some(Err(ReadError::PinTaken)),
+                    _ => kind,
+                };
+                wiring.measure(measured, readings, effort)
             }
         })
     }

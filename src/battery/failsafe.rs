@@ -335,10 +335,7 @@ impl Failsafe {
             watch.is_reached
         };
         let is_critical = is_reached(&mut self.critical, critical, false);
-        let is_low_in_force = || {
-            seen.state
-                .is_some_and(|state| !settings.in_force(state).low.are_disabled())
-        };
+        let is_low_in_force = || seen.state.is_some_and(|state| settings.is_in_force(low, state));
         let is_low = is_reached(&mut self.low, low, is_critical && is_low_in_force());
         [is_low, is_critical]
     }

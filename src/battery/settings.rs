@@ -67,30 +67,23 @@ pub struct FailsafeSettings {
 }
 
 impl FailsafeSettings {
-    /// The thresholds that can act on a pack in this state: in volts where its kind measures a voltage and a timer is set, in
-    /// milliampere-hours where its capacity is known or may be yet.
-    pub fn in_force(&self, state: &BatteryState) -> Self {
-        let acts_by_voltage = self.timer_s.is_some() && self.voltage_source != VoltageSource::NotMeasured;
-        let in_force = |thresholds: &Thresholds| Thresholds {
-            voltage_v: thresholds.voltage_v.filter(|_| acts_by_voltage),
-            remaining_mah: thresholds.remaining_mah.filter(|_| !state.lacks_capacity()),
-            usable_pct: thresholds.usable_pct,
-        };
-        Self {
-            low: in_force(&self.low),
-            critical: in_force(&self.critical),
-            ..*self
-        }
+    /// Whether no threshold can act on a pack in this state.
+    pub fn is_disabled(&self, state: &BatteryState) -> bool {
+        !self.is_in_force(&self.low, state) && !self.is_in_force(&self.critical, state)
     }
 
-    /// Whether no threshold is set. Of those in force: whether none can act.
-    pub fn is_disabled(&self) -> bool {
-        self.low.are_disabled() && self.critical.are_disabled()
+    /// Whether one of these thresholds can act on a pack in this state: in volts where its kind measures a voltage and a timer
+    /// is set, in milliampere-hours where its capacity is known or may be yet, in percent always.
+    pub(super) fn is_in_force(&self, thresholds: &Thresholds, state: &BatteryState) -> bool {
+        let measures_voltage = self.voltage_source != VoltageSource::NotMeasured;
+        let by_voltage = thresholds.voltage_v.is_some() && self.timer_s.is_some() && measures_voltage;
+        let by_charge = thresholds.remaining_mah.is_some() && !state.lacks_capacity();
+        by_voltage || by_charge || thresholds.usable_pct.is_some()
     }
 
     /// The parameter to set, unless a threshold can act on a pack in this state.
     pub fn missing_parameter(&self, state: &BatteryState) -> Option<BatteryParameter> {
-        if !self.in_force(state).is_disabled() {
+        if !self.is_disabled(state) {
             return None;
         }
         match self.low.remaining_mah.or(self.critical.remaining_mah) {
@@ -128,11 +121,6 @@ pub struct Thresholds {
 }
 
 impl Thresholds {
-    /// Whether none is set.
-    pub fn are_disabled(&self) -> bool {
-        self.voltage_v.is_none() && !self.compares_charge()
-    }
-
     fn compares_charge(&self) -> bool {
         self.remaining_mah.is_some() || self.usable_pct.is_some()
     }
@@ -231,23 +219,16 @@ impl PackSettings {
     }
 
     /// The same of a pack of this kind, if that is known. The capacity of a sum is not set at the default: it is that of its members together.
-    pub fn of_kind(self, pack: Pack, kind: Option<MonitorKind>) -> Self {
+    pub fn of_kind(mut self, pack: Pack, kind: Option<MonitorKind>) -> Self {
         let default_mah = BatteryParameter::Capacity.of(pack).default_value();
-        let is_set = |capacity_mah: &f32| kind != Some(MonitorKind::Sum) || *capacity_mah != default_mah;
-        let voltage_source = if kind.is_none_or(MonitorKind::may_measure_voltage) {
-            self.failsafe.voltage_source
-        } else {
-            VoltageSource::NotMeasured
-        };
-        Self {
-            capacity_mah: self.capacity_mah.filter(is_set),
-            current_scale: kind.and_then(current_scale),
-            failsafe: FailsafeSettings {
-                voltage_source,
-                ..self.failsafe
-            },
-            ..self
+        if kind == Some(MonitorKind::Sum) && self.capacity_mah == Some(default_mah) {
+            self.capacity_mah = None;
         }
+        if kind.is_some_and(|kind| !kind.may_measure_voltage()) {
+            self.failsafe.voltage_source = VoltageSource::NotMeasured;
+        }
+        self.current_scale = kind.and_then(current_scale);
+        self
     }
 }
 

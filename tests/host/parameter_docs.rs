@@ -93,7 +93,7 @@ fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
             .filter(|pack| parameters.is_monitored(*pack))
             .map(|pack| PackSettings::from_parameters(&parameters, pack));
         let armed: Vec<_> = settings
-            .filter(|settings| !settings.failsafe.in_force(&BatteryState::UNKNOWN).is_disabled())
+            .filter(|settings| !settings.failsafe.is_disabled(&BatteryState::UNKNOWN))
             .collect();
         assert!(!armed.is_empty(), "{file}: nothing ever counts as low");
         // What fails of a pack of which nothing is known but that it is well are thresholds in the wrong order.

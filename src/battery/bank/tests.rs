@@ -709,7 +709,7 @@ proptest! {
                     }
                     watched.most_severe = watched.most_severe.max(action(pack, &update.failsafe));
                     let is_critical = watched.critical.is_first(seen, &critical, timer_s);
-                    let is_low = watched.low.is_first(seen, &low, timer_s) || (is_critical && !failsafe.in_force(state).low.are_disabled());
+                    let is_low = watched.low.is_first(seen, &low, timer_s) || (is_critical && failsafe.is_in_force(&low, state));
                     for (is_passed, level) in [(is_low, FailsafeLevel::Low), (is_critical, FailsafeLevel::Critical)] {
                         prop_assert!(
                             !is_passed || watched.most_severe >= action(pack, &[level]),

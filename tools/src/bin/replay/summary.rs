@@ -169,7 +169,7 @@ impl Summary<'_> {
     fn failsafe(&self) -> String {
         let set = &self.outcome.settings.failsafe;
         let last = self.outcome.rows.last();
-        if last.is_none_or(|row| set.in_force(&row.state).is_disabled()) {
+        if last.is_none_or(|row| set.is_disabled(&row.state)) {
             return self.suggestion();
         }
         let levels = [FailsafeLevel::Low, FailsafeLevel::Critical];
