@@ -36,7 +36,8 @@ fn write_fitting(text: &mut StringView, parts: fmt::Arguments<'_>) {
     }
     let room = text.floor_char_boundary(text.capacity().saturating_sub(CUT_OFF.len()));
     let (kept, rest) = text.split_at_checked(room).unwrap_or_default();
-    let words = match kept.rfind(' ') {
+    // Searching a character in a text may panic, for the compiler.
+    let words = match kept.bytes().rposition(|byte| byte == b' ') {
         Some(end) if !rest.starts_with(' ') => kept.get(..end).unwrap_or(kept),
         _ => kept,
     };

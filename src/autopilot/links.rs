@@ -97,8 +97,8 @@ impl Autopilot {
         }
     }
 
-    /// The parameter to set if packs are monitored and none of them has a failsafe threshold in effect: a timer that is
-    /// missing, else a threshold of the first.
+    /// The parameter to set if packs are monitored and none of them has a failsafe threshold in effect: a timer or
+    /// capacity that is missing, else a threshold of the first.
     fn missing_threshold(&self) -> Option<ParameterId> {
         let is_monitored = |pack: &Pack| self.battery(*pack).status != PackStatus::Disabled;
         let mut found = None;
@@ -106,7 +106,9 @@ impl Autopilot {
             let settings = PackSettings::from_parameters(&self.parameters, pack);
             let settings = settings.of_kind(pack, self.packs.kind(pack));
             let missing = settings.failsafe.missing_parameter(self.battery(pack))?;
-            if found.is_none() || missing == BatteryParameter::LowTimer {
+            let completes_another =
+                matches!(missing, BatteryParameter::LowTimer | BatteryParameter::Capacity);
+            if found.is_none() || completes_another {
                 found = Some(missing.of(pack));
             }
         }

@@ -108,10 +108,10 @@ impl Autopilot {
             parameters: in_place(|| start.parameters.clone()),
             vehicle: in_place(Vehicle::new),
             was_reset: false,
-            own_state: SystemState {
+            own_state: in_place(|| SystemState {
                 identity: start.identity,
                 ..SystemState::default()
-            },
+            }),
             flash_wear: start.flash_wear,
             save_states: Default::default(),
             save_reports: SaveReports::default(),
@@ -123,12 +123,12 @@ impl Autopilot {
             recording: in_place(|| Recording::new(start.crash.clone())),
             watched_as: ArmState::Disarmed,
             mode_reason: ModeReason::Command,
-            known_status: VehicleStatus::default(),
+            known_status: in_place(VehicleStatus::default),
             work: Work::empty(),
             opened_links: 0,
-            limit: AnnouncementLimit::default(),
+            limit: in_place(AnnouncementLimit::default),
             broadcast: Broadcast::new(),
-            changes: Changes::default(),
+            changes: in_place(Changes::default),
             packs: Packs::new(&start.parameters),
         }
     }

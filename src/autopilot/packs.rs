@@ -65,11 +65,10 @@ impl Packs {
     #[inline(never)]
     pub fn new(parameters: &Parameters) -> Self {
         Self {
-            bank: in_place(|| BatteryBank::new(|pack| parameters.is_monitored(pack))),
             order: in_place(|| sampling_order(parameters)),
             announced_too_high: 0,
             read_from: in_place(|| sources(parameters)),
-            current_sources: Pack::ALL.map(|pack| current_source_at_boot(parameters, pack)),
+            current_sources: in_place(|| current_sources(parameters)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             silences: in_place(|| silences(parameters)),
@@ -86,6 +85,8 @@ impl Packs {
             pins: PinUse::default(),
             ticks: 0,
             ticked_at: Instant::EPOCH,
+            // Last: behind too many others the compiler would build it on the stack.
+            bank: in_place(|| BatteryBank::new(|pack| parameters.is_monitored(pack))),
         }
     }
 
@@ -378,6 +379,10 @@ fn sources(parameters: &Parameters) -> [PackSource; MAX_PACKS] {
 
 fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
     Pack::ALL.map(|pack| set_up_error(parameters.monitor_kind(pack)?, parameters))
+}
+
+fn current_sources(parameters: &Parameters) -> [u16; MAX_PACKS] {
+    Pack::ALL.map(|pack| current_source_at_boot(parameters, pack))
 }
 
 fn part_addresses(parameters: &Parameters) -> [Option<u8>; MAX_PACKS] {

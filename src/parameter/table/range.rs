@@ -125,13 +125,16 @@ fn write_number(f: &mut fmt::Formatter<'_>, value: f32) -> fmt::Result {
     }
     let sign = if value < 0.0 { "-" } else { "" };
     let ten_thousandths = round_to_i32(value * 1e4).unsigned_abs();
-    let (whole, mut fraction) = (ten_thousandths / 10_000, ten_thousandths % 10_000);
-    let mut decimals = 4;
-    while fraction % 10 == 0 && decimals > 1 {
-        fraction /= 10;
-        decimals -= 1;
+    write!(f, "{sign}{}.", ten_thousandths / 10_000)?;
+    let mut fraction = ten_thousandths % 10_000;
+    loop {
+        fraction *= 10;
+        write!(f, "{}", fraction / 10_000)?;
+        fraction %= 10_000;
+        if fraction == 0 {
+            return Ok(());
+        }
     }
-    write!(f, "{sign}{whole}.{fraction:0decimals$}")
 }
 
 #[cfg(test)]
