@@ -7,8 +7,9 @@ param BATT_LOW_PCT 60
 param BATT_CRT_PCT 50
 param BATT_FS_LOW_ACT 0
 param BATT_FS_CRT_ACT 2
- 0.0  voltage 11.4 current 3.6 arm
+ 0.0  voltage 11.4 current 3.6
  1.0  reset 61
+ 2.0  arm
 expect 14.3 says Battery 1 low: 11.40V 60% left
 expect 16.3 low
 expect 16.3 says Battery 1 is low
