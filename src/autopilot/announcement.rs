@@ -346,6 +346,13 @@ mod tests {
                 "Battery 9 reports: unhealthy",
             ),
             (
+                PackEvent::ReportedState {
+                    state: ChargeState::Emergency,
+                    cause: Faults::empty(),
+                },
+                "Battery 9 reports: empty",
+            ),
+            (
                 failsafe(FailsafeLevel::Low, Amount::Mah(-1e9)),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",
             ),

@@ -98,7 +98,7 @@ pub enum PackEvent {
     /// Its percentages can't act, since its charge is too uncertain, and no threshold in volts is in effect: the parameter
     /// to set.
     PercentagesInert(BatteryParameter),
-    /// The pack reports since now that it is FAILED or UNHEALTHY.
+    /// The pack reports since now that it is FAILED or UNHEALTHY, or by its report alone it is LOW or worse.
     ReportedState {
         /// Its charge state.
         state: ChargeState,
@@ -185,6 +185,10 @@ impl Announce for PackNotice<'_> {
                 ..
             }
             | PackEvent::Charge {
+                state: ChargeState::Critical | ChargeState::Emergency,
+                ..
+            }
+            | PackEvent::ReportedState {
                 state: ChargeState::Critical | ChargeState::Emergency,
                 ..
             } => Severity::Critical,
@@ -329,7 +333,11 @@ impl fmt::Display for PackEvent {
             Self::Faults(faults) => write_faults(f, "fault: ", *faults, &FAULT_NAMES),
             Self::ReportedFaults(faults) => write_faults(f, "reports: ", *faults, &REPORTED_NAMES),
             Self::ReportedState { state, cause } => {
-                write!(f, "reports: {}", charge_state_name(*state))?;
+                let name = match state {
+                    ChargeState::Emergency => "empty",
+                    state => charge_state_name(*state),
+                };
+                write!(f, "reports: {name}")?;
                 write_faults(f, ", ", *cause, &REPORTED_NAMES)
             }
             Self::Failsafe {

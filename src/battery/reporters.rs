@@ -307,6 +307,14 @@ impl ChargeReporter {
         let is_news = present > before && present > by_failsafe(state.failsafe);
         // The voltage of a deep discharge contradicts any charge.
         let is_by_voltage = state.readings.faults.contains(Faults::DEEP_DISCHARGE);
+        let is_reported = state.readings.reported.charge_state == Some(present);
+        if is_news && is_reported && !is_by_voltage {
+            // Its faults are announced on their own.
+            return Some(PackEvent::ReportedState {
+                state: present,
+                cause: Faults::empty(),
+            });
+        }
         is_news.then_some(PackEvent::Charge {
             state: present,
             remaining_pct: state.readings.remaining_pct.filter(|_| !is_by_voltage),
@@ -452,6 +460,39 @@ mod tests {
             let expected: Vec<_> = expected.map(charge).into_iter().collect();
             let events = reported(&mut reporter, 60, &state(present));
             assert_eq!(events, expected, "{present:?}");
+        }
+    }
+
+    #[test]
+    // Requirement: AP-5
+    fn a_low_or_empty_pack_is_announced_as_its_own_report_unless_its_voltage_shows_that() {
+        let empty = |present, reported, faults| {
+            let mut battery = state(present);
+            battery.readings.reported.charge_state = Some(reported);
+            battery.readings.faults = faults;
+            battery
+        };
+        let none = Faults::empty();
+        for reported_state in [ChargeState::Low, ChargeState::Critical, ChargeState::Emergency] {
+            let mut reporter = ChargeReporter::default();
+            let events = reported(&mut reporter, 60, &empty(reported_state, reported_state, none));
+            let event = PackEvent::ReportedState {
+                state: reported_state,
+                cause: none,
+            };
+            assert_eq!(events, [event]);
+        }
+        for (present, reported_state, faults) in [
+            (ChargeState::Emergency, ChargeState::Low, none),
+            (
+                ChargeState::Emergency,
+                ChargeState::Emergency,
+                Faults::DEEP_DISCHARGE,
+            ),
+        ] {
+            let mut reporter = ChargeReporter::default();
+            let events = reported(&mut reporter, 60, &empty(present, reported_state, faults));
+            assert!(matches!(events[0], PackEvent::Charge { .. }), "{events:?}");
         }
     }
 
