@@ -17,7 +17,7 @@ use emulator::i2c_devices::{
 use emulator::spi_devices::Ina239;
 use emulator::{Ack, I2cDevice, I2cDirection, Random, SpiClock, SpiDevice as _, SpiMode};
 use rover_battmon::autopilot::Autopilot;
-use rover_battmon::battery::{BatteryState, BusError, PackStatus, RetainedRecord};
+use rover_battmon::battery::{BatteryState, BusError, PackStatus, RetainedRecord, Thermometer};
 use rover_battmon::mavlink::LinkId;
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{Buses, I2cBus};
@@ -391,9 +391,16 @@ fn a_stack_counts_its_charge_while_it_is_not_read_and_back_while_it_charges() {
     // 7.2 A are 2 mAh a second.
     let (after_mah, _) = drawn(&rover);
     assert_about(Some(after_mah - before_mah), 22.0, 1.0);
+    assert_eq!(rover.state(Pack::Second).thermometer, Thermometer::Device);
+    // It is set up for a thermistor of the cells and one of the transistors.
+    let thermistors = [(0x07, 22.0), (0, 0.0), (0x0f, 80.0)];
+    part.borrow_mut().set_thermistors(thermistors);
     part.borrow_mut().set(&[4000; 3], -7.2, 31.0);
     rover.run_for(10 * SECOND);
     assert_about(Some(drawn(&rover).0 - after_mah), -20.0, 1.0);
+    let state = rover.state(Pack::Second);
+    assert_about(state.temperature_c, 22.0, 0.05);
+    assert_eq!(state.thermometer, Thermometer::Pack);
 }
 
 #[test]

@@ -159,23 +159,18 @@ impl BusDevices {
         }
         let mut cells = None;
         let packs = self.packs.iter().filter(|pack| pack.device == number);
-        let is_new = device.part.is_none();
         let mut noted = |pack, reading: Result<Measurement, ReadError>| {
-            cells = reading.ok().and_then(|measurement| measurement.cells.number());
+            cells = reading.ok().map(|measurement| measurement.cells.number());
             deliver(pack, reading);
         };
         let result = device.read(bus, packs.clone(), &taken, &mut noted).await;
-        // Contacts bounce while a part is plugged in: what it did not answer then must not count as refused.
-        if is_new && device.kind.refuses_commands() && (device.failures > 0 || result.is_err()) {
-            device.part = None;
-        }
         device.note(result, now);
         if let Err(error) = result {
             packs.clone().for_each(|pack| deliver(pack.pack, Err(error)));
         }
         let pack = packs.clone().next()?.pack;
         let event = match result {
-            Ok(()) => device.met(cells),
+            Ok(()) => device.met(cells?),
             Err(_) if arm_state == ArmState::Armed => None,
             Err(error) => device.look_for_others(bus, &taken, error).await,
         };
@@ -249,8 +244,10 @@ impl BusDevice {
         };
         for BusPack { pack, wiring, .. } in packs {
             match part.read(bus, wiring).await {
-                // Another pack of the part may be wired all right.
-                Err(error) if error.is_configuration() => deliver(*pack, Err(error)),
+                // Another pack of the part may be wired all right, or the part has no reading yet.
+                Err(error) if error.is_configuration() || error == ReadError::Timeout => {
+                    deliver(*pack, Err(error));
+                }
                 reading => deliver(*pack, Ok(reading?)),
             }
         }
@@ -259,7 +256,7 @@ impl BusDevice {
 
     /// A smart battery answers for the first time: which one it is can't be seen otherwise.
     fn met(&mut self, cells: Option<u8>) -> Option<PackEvent> {
-        let address = self.place.number().filter(|_| self.kind.refuses_commands())?;
+        let address = self.place.number().filter(|_| self.kind.is_announced())?;
         let is_first = !mem::replace(&mut self.was_announced, true);
         is_first.then_some(PackEvent::Found { address, cells })
     }

@@ -20,8 +20,8 @@ pub(super) trait Part: Sized {
     /// Packs it can measure, one on each channel. They share the part if their address is set alike.
     const CHANNELS: usize = 1;
 
-    /// Whether it refuses commands that it does not know: set up while it answers in part, it would lack what it has.
-    const REFUSES_COMMANDS: bool = false;
+    /// Whether it is announced when it is met: which one it is can't be seen otherwise.
+    const IS_ANNOUNCED: bool = false;
 
     /// Addresses to search when none is set.
     fn addresses(model: &'static Self::Model) -> &'static [Address];
@@ -47,7 +47,7 @@ pub(super) trait Part: Sized {
     /// One reading of the pack that is wired like this.
     ///
     /// # Errors
-    /// The transfer failed, or the part answered nonsense.
+    /// The transfer failed, the part answered nonsense, or, [`ReadError::Timeout`], it has no reading yet.
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError>;
 }
 

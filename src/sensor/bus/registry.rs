@@ -42,9 +42,9 @@ macro_rules! parts {
                 }
             }
 
-            pub(super) fn refuses_commands(self) -> bool {
+            pub(super) fn is_announced(self) -> bool {
                 match self.selected() {
-                    $(Selected::$driver(_) => $driver::REFUSES_COMMANDS,)+
+                    $(Selected::$driver(_) => $driver::IS_ANNOUNCED,)+
                 }
             }
 

@@ -32,25 +32,14 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
         Self { bus, address, code }
     }
 
-    /// Read Word of each of the commands. `None` are those the device refuses.
-    pub async fn words<const N: usize>(&mut self, commands: [u8; N]) -> Result<[Option<u16>; N], ReadError> {
-        let mut words = [None; N];
-        for (word, command) in words.iter_mut().zip(commands) {
-            let mut bytes = [0; 2];
-            if self.is_answered(command, &mut bytes).await? {
-                *word = Some(u16::from_le_bytes(bytes));
-            }
+    /// Read Word; `None` if the device refuses it. If the device has gone altogether, the command that it can't refuse shows that.
+    pub async fn word(&mut self, command: u8) -> Result<Option<u16>, ReadError> {
+        let mut bytes = [0; 2];
+        match self.read(command, &mut bytes).await {
+            Ok(()) => Ok(Some(u16::from_le_bytes(bytes))),
+            Err(ReadError::Bus(BusError::NoAnswer)) => Ok(None),
+            Err(error) => Err(error),
         }
-        Ok(words)
-    }
-
-    /// Read Block of each of the commands, as names. Those the device refuses are empty.
-    pub async fn names<const N: usize>(&mut self, commands: [u8; N]) -> Result<[Name; N], ReadError> {
-        let mut names = [Name::EMPTY; N];
-        for (name, command) in names.iter_mut().zip(commands) {
-            *name = self.name(command).await?;
-        }
-        Ok(names)
     }
 
     /// Read Block of `N` bytes, with their packet error code if there is one.
@@ -73,30 +62,31 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
         Ok(answer)
     }
 
-    async fn name(&mut self, command: u8) -> Result<Name, ReadError> {
-        // The first byte of a block is its length, so it is read twice.
-        let mut answer = [0; 1 + BLOCK_BYTES];
-        let Some(length) = answer.first_mut() else {
-            return Ok(Name::EMPTY);
-        };
-        match self.transfer(command, core::slice::from_mut(length)).await {
-            Err(ReadError::Bus(BusError::NoAnswer)) => return Ok(Name::EMPTY),
-            other => other?,
-        }
-        let bytes = usize::from(*length);
-        let block = answer.get_mut(..=bytes).ok_or(ReadError::Implausible)?;
-        self.read(command, block).await?;
-        Ok(Name::from_ascii(block.get(1..).unwrap_or(&[])))
-    }
-
-    /// Reads `data`, unless the device refuses the command. If the device has gone altogether, the command that it can't
-    /// refuse shows that.
-    async fn is_answered(&mut self, command: u8, data: &mut [u8]) -> Result<bool, ReadError> {
-        match self.read(command, data).await {
-            Ok(()) => Ok(true),
-            Err(ReadError::Bus(BusError::NoAnswer)) => Ok(false),
+    /// Read Block, as a name. It is empty if the device refuses it, if it is longer than a block can be, or if it fails its
+    /// checksum: nothing depends on a name.
+    pub async fn name(&mut self, command: u8) -> Result<Name, ReadError> {
+        let mut block = [0; 1 + BLOCK_BYTES];
+        match self.read_block(command, &mut block).await {
+            Ok(bytes) => Ok(Name::from_ascii(block.get(1..=bytes).unwrap_or(&[]))),
+            Err(ReadError::Implausible | ReadError::Bus(BusError::NoAnswer | BusError::Checksum)) => {
+                Ok(Name::EMPTY)
+            }
             Err(error) => Err(error),
         }
+    }
+
+    /// Returns the length of the block, which is its first byte and so is read twice.
+    async fn read_block(
+        &mut self,
+        command: u8,
+        block: &mut [u8; 1 + BLOCK_BYTES],
+    ) -> Result<usize, ReadError> {
+        let mut length = 0;
+        self.transfer(command, core::slice::from_mut(&mut length)).await?;
+        let bytes = usize::from(length);
+        let block = block.get_mut(..=bytes).ok_or(ReadError::Implausible)?;
+        self.read(command, block).await?;
+        Ok(bytes)
     }
 
     /// Reads `data`, and the packet error code behind it if there is one.

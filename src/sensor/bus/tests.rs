@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     BatteryMonitor, BatteryState, CellVoltages, ChargeState, Chemistry, Date, Faults, GaugeReading,
-    Measurement, Modes, PackEvent, PackSettings, ReadError, Reported, Supply, Tick,
+    Measurement, Modes, PackEvent, PackSettings, ReadError, Reported, Supply, Thermometer, Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind, Refused};
@@ -78,7 +78,7 @@ impl Stack {
             (0x0001, vec![0x95, 0x76]),
             (0x0057, vec![0, 0]),
             (0x0076, charge.to_vec()),
-            (0x9303, units.to_vec()),
+            (0x92fd, [&[0; 6], &units[..]].concat()),
         ];
         Self {
             commands,
@@ -354,7 +354,7 @@ fn a_stack_is_read_in_the_units_and_at_the_inputs_it_is_set_up_for() {
 fn a_sealed_stack_is_read_in_the_units_it_has_by_default() {
     let mut stack = Stack::new(&stack_words(INPUTS_MV, 1500, -5000), [0; 12], [0; 3]);
     stack.commands[0x13] = 3;
-    stack.answers.remove(&0x9303);
+    stack.answers.remove(&0x92fd);
     let (mut devices, mut bus) = on_stack(stack);
     let reading = read_next(&mut devices, &mut bus)[0].1;
     assert_stack(reading, 15.0, 5.0, &[3900, 3800, 3700, 3600]);
@@ -398,6 +398,7 @@ fn a_stack_reports_what_its_protection_does() {
 fn battery(words: &[(u8, u16)]) -> Wires {
     let mut bus = wires(Tables::default());
     let own = [
+        (0x03, 0),
         (0x08, 2981),
         (0x09, 7400),
         (0x0a, 0x10000 - 1500),
@@ -510,11 +511,20 @@ fn status_and_error_of_a_smart_battery_are_reported() {
     assert_eq!(full.gauge.error_pct, Some(4));
     let empty_and_hot = reported_by(&[(0x16, 0x18c0), (0x0c, 101)]);
     assert_eq!(empty_and_hot.faults, Faults::OVER_TEMPERATURE);
-    assert_eq!(
-        [full, empty_and_hot].map(|reported| reported.charge_state),
-        [None, Some(ChargeState::Emergency)],
-        "an alarm to end the discharge"
-    );
+    // Fully discharged, an alarm to end the discharge, or both; an alarm of the remaining capacity.
+    for (status, charge_state) in [
+        (0x00e0, None),
+        (0x00d0, Some(ChargeState::Emergency)),
+        (0x08c0, Some(ChargeState::Emergency)),
+        (0x0ad0, Some(ChargeState::Emergency)),
+        (0x02c0, Some(ChargeState::Low)),
+    ] {
+        assert_eq!(
+            reported_by(&[(0x16, status)]).charge_state,
+            charge_state,
+            "{status:#x}"
+        );
+    }
     assert_eq!(empty_and_hot.gauge.error_pct, None, "out of range");
 }
 
@@ -942,7 +952,7 @@ fn each_dialect_is_read_as_its_maker_has_it() {
 #[test]
 // Requirement: AP-20
 fn a_solo_powers_off_while_its_button_is_held_for_seven_readings() {
-    let (mut devices, mut bus) = bench(PartKind::Solo, |_| true);
+    let (mut devices, mut bus) = bench(PartKind::Solo, |_| Ok(0));
     let mut press = |buttons: u8, readings: usize| {
         let answer = with_code(0x23, &block(&[0, buttons, 0, 0, 0, 0]));
         bus.i2c.battery.set(ADDRESS, 0x23, &answer);
@@ -956,47 +966,62 @@ fn a_solo_powers_off_while_its_button_is_held_for_seven_readings() {
     assert_eq!(press(0, 1), [Supply::On]);
 }
 
-/// A battery whose contacts close and open: by the number of each transfer.
+/// A battery whose contacts are bad: by the number of each transfer that fails, or the bits of its first byte that are inverted.
 struct Contacts<F> {
     battery: Tables,
     transfers: usize,
-    are_closed: F,
+    fault: F,
 }
 
-impl<F: Fn(usize) -> bool> I2cBus for Contacts<F> {
+impl<F: Fn(usize) -> Result<u8, BusError>> I2cBus for Contacts<F> {
     async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
         self.transfers += 1;
-        if !(self.are_closed)(self.transfers) {
-            return Err(BusError::NoAnswer);
+        let inverted = (self.fault)(self.transfers)?;
+        self.battery.transfer(address, operations).await?;
+        for operation in operations {
+            if let Operation::Read([first, ..]) = operation {
+                *first ^= inverted;
+            }
         }
-        self.battery.transfer(address, operations).await
+        Ok(())
+    }
+}
+
+/// They close and open.
+fn closed(are_closed: bool) -> Result<u8, BusError> {
+    if are_closed {
+        Ok(0)
+    } else {
+        Err(BusError::NoAnswer)
     }
 }
 
 type BusBench<F> = (BusDevices, Buses<Contacts<F>, NoSpi>);
 
-fn bench<F: Fn(usize) -> bool>(kind: PartKind, are_closed: F) -> BusBench<F> {
+fn bench<F: Fn(usize) -> Result<u8, BusError>>(kind: PartKind, fault: F) -> BusBench<F> {
     let bus = Contacts {
         battery: answers(kind),
         transfers: 0,
-        are_closed,
+        fault,
     };
     (devices_of(kind), Buses::i2c(bus))
 }
 
-fn read<F: Fn(usize) -> bool>((devices, bus): &mut BusBench<F>) -> Result<Measurement, ReadError> {
+fn read<F: Fn(usize) -> Result<u8, BusError>>(
+    (devices, bus): &mut BusBench<F>,
+) -> Result<Measurement, ReadError> {
     read_next(devices, bus)[0].1
 }
 
 /// What is known when everything has been read.
-fn settled<F: Fn(usize) -> bool>(bench: &mut BusBench<F>) -> Measurement {
-    let readings: Vec<_> = (0..12).map(|_| read(bench)).collect();
+fn settled<F: Fn(usize) -> Result<u8, BusError>>(bench: &mut BusBench<F>) -> Measurement {
+    let readings: Vec<_> = (0..30).map(|_| read(bench)).collect();
     readings[readings.len() - 1].expect("it answers")
 }
 
 /// The battery that was there at the start, and how many transfers its first reading takes.
 fn known(kind: PartKind) -> (Measurement, usize) {
-    let mut bench = bench(kind, |_| true);
+    let mut bench = bench(kind, |_| Ok(0));
     read(&mut bench).expect("it answers");
     let transfers = bench.1.i2c.transfers;
     (settled(&mut bench), transfers)
@@ -1013,7 +1038,7 @@ fn what_is_plugged_in_after_the_start_is_known_like_what_was_there() {
             "{kind:?}"
         );
         assert_eq!(expected.details.state_of_health_pct, Some(80), "{kind:?}");
-        let mut bench = bench(kind, |transfer| transfer > 10);
+        let mut bench = bench(kind, |transfer| closed(transfer > 10));
         while bench.1.i2c.transfers < 10 {
             assert_eq!(read(&mut bench), Err(BusError::NoAnswer.into()), "{kind:?}");
         }
@@ -1036,13 +1061,280 @@ fn contacts_that_bounce_leave_nothing_unknown() {
         for opens in 1..=transfers {
             for length in 1..=3 {
                 let gap = 10 + opens..10 + opens + length;
-                let mut bench = bench(kind, |transfer| transfer > 10 && !gap.contains(&transfer));
+                let mut bench = bench(kind, |transfer| closed(transfer > 10 && !gap.contains(&transfer)));
                 while bench.1.i2c.transfers < gap.end {
                     let _ = read(&mut bench);
                 }
                 assert_eq!(settled(&mut bench), expected, "{kind:?}, {gap:?}");
             }
         }
+    }
+}
+
+/// What one reading of a battery may be after a fault: as that of one without, or unknown in part.
+fn assert_is_part_of(reading: &Measurement, expected: &Measurement, context: &str) {
+    assert_eq!(reading.voltage_v, expected.voltage_v, "{context}");
+    let is_current = [None, expected.current_a].contains(&reading.current_a);
+    let is_gauge = [GaugeReading::Missing, expected.gauge].contains(&reading.gauge);
+    let are_cells = [CellVoltages::NONE, expected.cells].contains(&reading.cells);
+    assert!(is_current && is_gauge && are_cells, "{context}: {reading:?}");
+}
+
+#[test]
+// Requirement: S-6
+fn three_seconds_after_any_transfer_failed_a_battery_is_known_like_one_that_never_failed() {
+    const SECOND_US: u64 = 1_000_000;
+    let refused = Err(BusError::NoAnswer);
+    for kind in SMART {
+        let (expected, of_set_up) = known(kind);
+        let has_code = ![PartKind::Sui3Cells, PartKind::Sui6Cells].contains(&kind);
+        let later = (1..40).map(|number| of_set_up + 5 * number);
+        for first in (1..=of_set_up).chain(later) {
+            for (fault, transfers) in [
+                (refused, 1),
+                (refused, 4),
+                // Without its supply for seconds.
+                (refused, 15),
+                (Err(BusError::Timeout), 1),
+                (Ok(1), 1),
+                (Ok(0x10), 1),
+                (Ok(0xff), 1),
+            ] {
+                if fault.is_ok() && !has_code {
+                    continue;
+                }
+                let context = format!("{kind:?}: {fault:?} from transfer {first} on");
+                let faulty = first..first + transfers;
+                let mut bench = bench(kind, |transfer| match faulty.contains(&transfer) {
+                    true => fault,
+                    false => Ok(0),
+                });
+                let mut answers_again = None;
+                let mut last = None;
+                loop {
+                    let now = bench.0.next_due().expect("there is a part");
+                    if bench.1.i2c.transfers + 1 >= faulty.end {
+                        let since = *answers_again.get_or_insert(now);
+                        if now.us_since(since) > 3 * SECOND_US {
+                            break;
+                        }
+                    }
+                    last = Some(read(&mut bench));
+                    if let Some(Ok(reading)) = &last {
+                        assert_is_part_of(reading, &expected, &context);
+                    }
+                }
+                assert_eq!(last, Some(Ok(expected)), "{context}");
+            }
+        }
+    }
+}
+
+/// Reads a battery for so many seconds, and returns the latest reading and how many there were.
+fn read_for(
+    devices: &mut BusDevices,
+    bus: &mut Wires,
+    seconds: f32,
+) -> (Result<Measurement, ReadError>, usize) {
+    let until = devices.next_due().unwrap().after_us((seconds * 1e6) as u64);
+    let (mut last, mut readings) = (Err(ReadError::Timeout), 0);
+    while devices.next_due().unwrap() < until {
+        last = read_one(devices, bus);
+        readings += usize::from(last.is_ok());
+    }
+    (last, readings)
+}
+
+#[test]
+// Requirement: AP-5
+fn what_a_battery_refuses_three_times_is_missing_and_counts_once_it_is_answered() {
+    // Its currents and capacities are ten times as large.
+    let info = 0x1021u16;
+    let mut bus = battery(&[]);
+    bus.i2c.0.remove(&(0x0b, 0x1a));
+    let mut devices = devices_of(PartKind::SmartBattery);
+    let (last, readings) = read_for(&mut devices, &mut bus, 2.2);
+    assert_eq!((last, readings), (Err(ReadError::Timeout), 0), "it may be scaled");
+    let (last, _) = read_for(&mut devices, &mut bus, 1.0);
+    assert_near(last.expect("as if it were not scaled").current_a, 1.5);
+    bus.i2c.set(0x0b, 0x1a, &info.to_le_bytes());
+    let (last, _) = read_for(&mut devices, &mut bus, 1.3);
+    let scaled = last.expect("it answers");
+    assert_near(scaled.current_a, 15.0);
+    let gauge = scaled.gauge.read().expect("it has one");
+    assert_eq!((gauge.remaining_mah, gauge.full_mah), (13_000.0, 26_000.0));
+
+    let mut bus = battery(&[(0x1c, 0)]);
+    bus.i2c.0.remove(&(0x0b, 0x03));
+    let mut devices = devices_of(PartKind::SmartBattery);
+    let (last, readings) = read_for(&mut devices, &mut bus, 2.2);
+    let unsettled = last.expect("it is measured");
+    assert_eq!((readings, unsettled.gauge), (22, GaugeReading::Missing));
+    let details = unsettled.details;
+    assert_eq!((details.design_capacity_mah, details.serial_number), (None, None));
+    let (last, _) = read_for(&mut devices, &mut bus, 1.0);
+    let settled = last.expect("it is measured");
+    assert_eq!(settled.gauge.read().map(|gauge| gauge.full_mah), Some(2600.0));
+    // 26 Wh at 7.2 V.
+    bus.i2c.set(0x0b, 0x03, &(1u16 << 15).to_le_bytes());
+    bus.i2c.set(0x0b, 0x1c, &4711u16.to_le_bytes());
+    let (last, _) = read_for(&mut devices, &mut bus, 1.3);
+    let known = last.expect("it is measured");
+    let full_mah = known.gauge.read().map(|gauge| gauge.full_mah);
+    assert_near(full_mah, 26_000.0 / 7.2);
+    assert_eq!(known.details.serial_number, Some(4711));
+}
+
+#[test]
+fn capacities_follow_the_mode_in_which_they_are_read() {
+    let mut bus = battery(&[]);
+    let mut devices = devices_of(PartKind::SmartBattery);
+    read_one(&mut devices, &mut bus).expect("it answers");
+    // The same in steps of 10 mWh at 7.2 V.
+    for (command, word) in [(0x03, 1u16 << 15), (0x0f, 936), (0x10, 1872), (0x18, 2340)] {
+        bus.i2c.set(0x0b, command, &word.to_le_bytes());
+    }
+    for number in 0..15 {
+        let reading = read_one(&mut devices, &mut bus).expect("it answers");
+        match reading.gauge.read() {
+            Some(gauge) => assert_near(Some(gauge.remaining_mah / gauge.full_mah), 0.5),
+            None => assert!(number < 4, "unknown in reading {number}"),
+        }
+        if number == 14 {
+            assert_near(reading.gauge.read().map(|gauge| gauge.full_mah), 2600.0);
+            assert_near(reading.details.design_capacity_mah, 3250.0);
+        }
+    }
+}
+
+#[test]
+fn a_battery_that_was_silent_for_a_second_is_introduced_anew() {
+    let with =
+        |serial: u16, cycles: u16, design: u16| battery(&[(0x1c, serial), (0x17, cycles), (0x18, design)]);
+    for (serial, silent_s) in [(0, 0.5), (0, 1.5), (4711, 0.5), (4711, 1.5)] {
+        let mut devices = devices_of(PartKind::SmartBattery);
+        read_for(&mut devices, &mut with(serial, 12, 3250), 2.0)
+            .0
+            .expect("it answers");
+        read_for(&mut devices, &mut wires(Tables::default()), silent_s)
+            .0
+            .expect_err("it is gone");
+        let mut back = with(serial, 12, 5000);
+        for command in [0x1b, 0x20] {
+            back.i2c.0.remove(&(0x0b, command));
+        }
+        let (reading, _) = read_for(&mut devices, &mut back, 2.0);
+        let details = reading.expect("it is back").details;
+        let is_new = silent_s > 1.0;
+        let design_mah = if is_new { 5000.0 } else { 3250.0 };
+        assert_eq!(
+            details.design_capacity_mah,
+            Some(design_mah),
+            "{serial}, {silent_s} s"
+        );
+        // What it refuses now is that of the same battery, if its number says so.
+        let is_same = serial != 0 || !is_new;
+        let kept = (details.manufactured.is_some(), !details.manufacturer.is_empty());
+        assert_eq!(kept, (is_same, is_same), "{serial}, {silent_s} s");
+    }
+}
+
+#[test]
+fn a_name_that_is_too_long_or_fails_its_checksum_is_none_and_keeps_nothing_from_being_read() {
+    let bad_names = [vec![33, b'A', b'B'], vec![0xff], with_code(0x21, b"\x02XY")];
+    for (mut bad, code) in bad_names.into_iter().zip([0, 0, 1]) {
+        let mut bus = wires(answers(PartKind::SmartBattery));
+        if let Some(last) = bad.last_mut() {
+            *last ^= code;
+        }
+        bus.i2c.set(ADDRESS, 0x21, &bad);
+        let reading = read_one(&mut devices_of(PartKind::SmartBattery), &mut bus).expect("it answers");
+        assert!(reading.details.device.is_empty(), "{bad:?}");
+        assert_eq!(reading.details.manufacturer.as_bytes(), b"Acme");
+        assert_near(reading.voltage_v, 7.4);
+    }
+}
+
+#[test]
+// Requirement: AP-5
+fn cells_are_counted_for_15_s_and_given_once_they_add_up_to_the_pack() {
+    let with = |cells: &[u16], pack_mv: u16| {
+        let cells = (0..16).map(|input| (0x3f - input, cells.get(usize::from(input)).copied().unwrap_or(0)));
+        let words: Vec<_> = cells.chain([(0x09, pack_mv)]).collect();
+        battery(&words)
+    };
+    let cells_of = |devices: &mut BusDevices, mut bus: Wires, seconds: f32| {
+        let (last, _) = read_for(devices, &mut bus, seconds);
+        last.expect("it answers").cells.millivolts().to_vec()
+    };
+    for (answered_after_s, expected) in [(0.0, 3), (5.0, 3), (13.0, 3), (16.0, 0)] {
+        let mut devices = devices_of(PartKind::SmartBattery);
+        if answered_after_s > 0.0 {
+            let waiting = with(&[3700, 0, 0], 11_100);
+            assert!(cells_of(&mut devices, waiting, answered_after_s).is_empty());
+        }
+        let cells = cells_of(&mut devices, with(&[3700; 3], 11_100), 1.5);
+        assert_eq!(cells.len(), expected, "after {answered_after_s} s");
+    }
+    let mut devices = devices_of(PartKind::SmartBattery);
+    let sixteen: Vec<_> = [4200; 15].into_iter().chain([2500]).collect();
+    assert_eq!(cells_of(&mut devices, with(&sixteen, 65_500), 1.0), sixteen);
+    // 6 % beside the pack, and one that has failed.
+    let mut devices = devices_of(PartKind::SmartBattery);
+    assert!(cells_of(&mut devices, with(&[3700; 3], 11_800), 1.0).is_empty());
+    assert_eq!(cells_of(&mut devices, with(&[3700; 3], 11_600), 1.5).len(), 3);
+    assert_eq!(
+        cells_of(&mut devices, with(&[3700, 0, 3700], 7400), 1.0),
+        [3700, 0, 3700]
+    );
+}
+
+#[test]
+// Requirement: AP-7
+fn inputs_of_a_stack_are_its_cells_once_they_add_up_and_its_thermistors_are_the_packs() {
+    let stack = |cells_mv, thermistors: &[(u8, u16)], units: [u8; 3]| {
+        let mut stack = Stack::new(&stack_words(cells_mv, 1500, 0), [0; 12], units);
+        let memory = stack.answers.get_mut(&0x92fd).unwrap();
+        stack.commands[0x68..0x6a].copy_from_slice(&3331u16.to_le_bytes());
+        for ((pin, (usage, tenths_k)), command) in thermistors.iter().enumerate().zip([0x70, 0x72, 0x74]) {
+            memory[pin] = *usage;
+            stack.commands[command..command + 2].copy_from_slice(&tenths_k.to_le_bytes());
+        }
+        stack
+    };
+    let mut late_mv = INPUTS_MV;
+    late_mv[1] = 0;
+    for (late, expected) in [(0, 4), (149, 4), (151, 0)] {
+        let (mut devices, mut bus) = on_stack(stack(late_mv, &[], [5, 0, 0]));
+        for _ in 0..late {
+            let reading = read_next(&mut devices, &mut bus)[0].1.expect("it answers");
+            assert!(reading.cells.millivolts().is_empty());
+        }
+        bus.i2c = stack(INPUTS_MV, &[], [5, 0, 0]);
+        let reading = read_next(&mut devices, &mut bus)[0].1.expect("it answers");
+        assert_eq!(
+            reading.cells.millivolts().len(),
+            expected,
+            "after {late} readings"
+        );
+    }
+    let (of_cells, measured, of_transistors) = (0x07, 0x0b, 0x0f);
+    let not_connected = 1500;
+    for (thermistors, celsius, thermometer) in [
+        (&[][..], 59.95, Thermometer::Device),
+        (&[(of_transistors, 3431)], 59.95, Thermometer::Device),
+        (&[(of_cells, not_connected)], 59.95, Thermometer::Device),
+        (&[(0, 0), (of_cells, 2981)], 24.95, Thermometer::Pack),
+        (
+            &[(of_cells, 2981), (of_transistors, 3431), (measured, 3131)],
+            39.95,
+            Thermometer::Pack,
+        ),
+    ] {
+        let (mut devices, mut bus) = on_stack(stack(INPUTS_MV, thermistors, [5, 0, 0]));
+        let reading = read_next(&mut devices, &mut bus)[0].1.expect("it answers");
+        assert_near(reading.temperature_c, celsius);
+        assert_eq!(reading.thermometer, thermometer, "{thermistors:?}");
     }
 }
 

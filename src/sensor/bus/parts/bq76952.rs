@@ -7,8 +7,11 @@
 //! read at once (962018) and how the two halves of the charge go together (970294); published drivers alone have the meaning of
 //! the bits of the unit of current.
 
+use core::ops::RangeInclusive;
+
+use super::{CELL_SUM_TOLERANCE, COUNTING_READINGS, deviation};
 use crate::battery::{
-    BusError, CellVoltages, Consumed, Counted, Faults, Measurement, Modes, ReadError, Reported,
+    BusError, CellVoltages, Consumed, Counted, Faults, Measurement, Modes, ReadError, Reported, Thermometer,
 };
 use crate::log::info;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
@@ -21,7 +24,8 @@ use crate::sensor::bus::{Address, SensorBus, Wiring};
 const SAFETY: u8 = 0x02;
 const BATTERY_STATUS: u8 = 0x12;
 const ALARM_RAW_STATUS: u8 = 0x64;
-const INTERNAL_TEMPERATURE: u8 = 0x68;
+/// Temperatures of the chip, and of six pins, from the fourth on TS1 to TS3, in tenths of a kelvin.
+const TEMPERATURES: u8 = 0x68;
 
 // Subcommands are written to one place and answered at others.
 const SUBCOMMAND: u8 = 0x3e;
@@ -33,8 +37,17 @@ const DEVICE_NUMBER: u16 = 0x0001;
 const MANUFACTURING_STATUS: u16 = 0x0057;
 /// The charge that was counted, and the time since then.
 const DA_STATUS_6: u16 = 0x0076;
-/// In the data memory: the units of voltage and current, then the inputs that have a cell.
-const DA_CONFIGURATION: u16 = 0x9303;
+/// In the data memory: the uses of TS1 to TS3, those of three other pins, the units of voltage and current, then the inputs that
+/// have a cell.
+const CONFIGURATION: u16 = 0x92fd;
+
+/// Use of a pin: for a thermistor, of cells that are protected by it, or that is just measured. Another one is that of the
+/// transistors.
+const PIN_USE: u8 = 0x0f;
+const THERMISTORS_OF_CELLS: [u8; 2] = [0x07, 0x0b];
+
+/// A thermistor that is not connected, or is shorted, is outside of this.
+const THERMISTOR_C: RangeInclusive<f32> = -40.0..=125.0;
 
 const BQ76952: u16 = 0x7695;
 
@@ -92,8 +105,10 @@ const ADDRESSES: [Address; 1] = [Address::I2c(0x08)];
 pub(in crate::sensor::bus) struct Bq76952 {
     address: Address,
     setup: Setup,
-    /// Its inputs that have a cell, the first in bit 0.
-    cells: Option<u16>,
+    /// Its inputs that have a cell, the first in bit 0; 0 if they are not known.
+    cells: u16,
+    /// Readings in which they were counted.
+    counting: u8,
     last: Option<Charge>,
 }
 
@@ -103,6 +118,8 @@ struct Setup {
     units: u8,
     /// Inputs that have a cell, the first in bit 0; 0 if that is not set up.
     cells: u16,
+    /// Pins that have a thermistor of cells, TS1 in bit 0.
+    thermistors: u8,
     /// `PROTECTED`, or nothing.
     protection: Modes,
 }
@@ -143,7 +160,8 @@ impl Part for Bq76952 {
         Ok(Self {
             address,
             setup,
-            cells: None,
+            cells: setup.cells,
+            counting: 0,
             last: None,
         })
     }
@@ -158,7 +176,7 @@ impl Part for Bq76952 {
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
         let words: [u16; WORDS] = words_from(bus, self.address, SAFETY).await?;
         let [alarms] = words_from(bus, self.address, ALARM_RAW_STATUS).await?;
-        let [tenths_k] = words_from(bus, self.address, INTERNAL_TEMPERATURE).await?;
+        let temperatures = words_from(bus, self.address, TEMPERATURES).await?;
         let charge = Charge::read(bus, self.address).await?;
         let word = |place: usize| words.get(place).map_or(0.0, |word: &u16| f32::from(*word as i16));
         let voltage_v = word(STACK) * self.setup.unit_v();
@@ -166,6 +184,7 @@ impl Part for Bq76952 {
             return Err(ReadError::Implausible);
         }
         let last = self.last.replace(charge);
+        let (temperature_c, thermometer) = self.setup.temperature(temperatures);
         Ok(Measurement {
             voltage_v: Some(voltage_v),
             // It counts what flows into the pack.
@@ -177,8 +196,9 @@ impl Part for Bq76952 {
                     energy_wh: charge_mah * 1e-3 * voltage_v,
                 }))
             }),
-            temperature_c: Some(f32::from(tenths_k as i16) * 0.1 - ZERO_CELSIUS_K),
-            cells: self.cell_voltages(&words),
+            temperature_c: Some(temperature_c),
+            thermometer,
+            cells: self.cell_voltages(&words, voltage_v),
             reported: self.reported(&words, alarms),
             ..Measurement::default()
         })
@@ -199,18 +219,21 @@ impl Bq76952 {
         reported
     }
 
-    /// Which cells there are is set up, or shows the first reading: a cell that fails later is still one.
-    fn cell_voltages(&mut self, words: &[u16]) -> CellVoltages {
+    /// Which cells there are is set up, or shows a reading in which they add up to the stack. A cell that fails later is still one.
+    fn cell_voltages(&mut self, words: &[u16], stack_v: f32) -> CellVoltages {
         let inputs = || words.iter().skip(FIRST_CELL).take(CELLS).enumerate();
-        let set_up = Some(self.setup.cells).filter(|cells| *cells != 0);
-        let cells = *self.cells.get_or_insert_with(|| {
-            set_up.unwrap_or_else(|| {
-                let connected = inputs().filter(|(_, mv)| **mv >= LOWEST_CELL_MV);
-                connected.fold(0, |cells, (input, _)| cells | 1 << input)
-            })
-        });
+        if self.cells == 0 && self.counting < COUNTING_READINGS {
+            self.counting += 1;
+            let connected = inputs().filter(|(_, mv)| **mv >= LOWEST_CELL_MV);
+            let add =
+                |(cells, sum_mv), (input, mv): (usize, &u16)| (cells | 1 << input, sum_mv + u32::from(*mv));
+            let (cells, sum_mv) = connected.fold((0, 0), add);
+            if deviation(stack_v, sum_mv as f32 * 1e-3) <= CELL_SUM_TOLERANCE {
+                self.cells = cells;
+            }
+        }
         let mut voltages = CellVoltages::NONE;
-        for (_, mv) in inputs().filter(|(input, _)| cells >> input & 1 != 0) {
+        for (_, mv) in inputs().filter(|(input, _)| self.cells >> input & 1 != 0) {
             voltages.push(*mv);
         }
         voltages
@@ -229,15 +252,31 @@ impl Setup {
             return Ok(Self {
                 units: DEFAULT_UNITS,
                 cells: 0,
+                thermistors: 0,
                 protection,
             });
         }
-        let [units, low, high] = ask(bus, address, DA_CONFIGURATION).await?;
+        let [ts1, ts2, ts3, _, _, _, units, low, high] = ask(bus, address, CONFIGURATION).await?;
+        let pins = [ts1, ts2, ts3].into_iter().enumerate();
+        let of_cells = pins.filter(|(_, pin)| THERMISTORS_OF_CELLS.contains(&(pin & PIN_USE)));
         Ok(Self {
             units,
             cells: u16::from_le_bytes([low, high]),
+            thermistors: of_cells.fold(0, |thermistors, (pin, _)| thermistors | 1 << pin),
             protection,
         })
+    }
+
+    /// Of the hottest place at a thermistor of the pack; without one, of the chip.
+    fn temperature(self, [chip, _, _, _, pins @ ..]: [u16; 7]) -> (f32, Thermometer) {
+        let celsius = |tenths_k: u16| f32::from(tenths_k as i16) * 0.1 - ZERO_CELSIUS_K;
+        let pins = pins.map(celsius).into_iter().enumerate();
+        let of_cells = pins.filter(|(pin, _)| self.thermistors >> pin & 1 != 0);
+        let measured = of_cells.map(|(_, c)| c).filter(|c| THERMISTOR_C.contains(c));
+        match measured.reduce(f32::max) {
+            Some(temperature_c) => (temperature_c, Thermometer::Pack),
+            None => (celsius(chip), Thermometer::Device),
+        }
     }
 
     fn unit_v(self) -> f32 {

@@ -18,3 +18,14 @@ pub(super) use smart_battery::SmartBattery;
 
 /// `Manufacturer ID` of Texas Instruments' parts: "TI".
 const TEXAS_INSTRUMENTS: u16 = 0x5449;
+
+/// Cells are those of a pack if they add up to its voltage within this share: they are read a moment later.
+const CELL_SUM_TOLERANCE: f32 = 0.05;
+
+/// For how many readings cells are counted, 15 s: a part that has just got its supply has not measured all of them yet.
+const COUNTING_READINGS: u8 = 150;
+
+/// Deviation of the sum of cells from the voltage of their pack, as a share of that.
+fn deviation(pack_v: f32, sum_v: f32) -> f32 {
+    (sum_v / pack_v - 1.0).abs()
+}

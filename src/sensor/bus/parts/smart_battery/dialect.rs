@@ -7,6 +7,7 @@ use core::ops::RangeInclusive;
 
 use crate::battery::{CellVoltages, MAX_CELLS, ReadError};
 use crate::sensor::bus::SensorBus;
+use crate::sensor::bus::parts::{CELL_SUM_TOLERANCE, deviation};
 use crate::sensor::bus::smbus::{PacketErrorCode, SmBus};
 
 /// Differences of a maker's batteries from the specification.
@@ -150,9 +151,6 @@ const SPECIFIED: Dialect = Dialect {
 /// A cell's voltage can be one of these, in millivolts.
 const CELL_MV: RangeInclusive<u16> = 500..=5_000;
 
-/// The cells are the pack's if they amount to its voltage within this share: they are read a moment later.
-const CELL_SUM_TOLERANCE: f32 = 0.05;
-
 /// Bytes of a block of cells: four, whether there are as many or not.
 const BLOCK_BYTES: usize = 8;
 
@@ -174,23 +172,23 @@ pub(super) enum Cells {
 }
 
 impl Cells {
-    /// Their number.
-    pub async fn count<B: SensorBus>(
-        &self,
-        commands: &mut SmBus<'_, B>,
-        pack_v: Option<f32>,
-    ) -> Result<usize, ReadError> {
+    /// Their number, if every such battery has as many.
+    pub fn fixed(&self) -> usize {
         match self {
-            Self::None => Ok(0),
-            Self::WordsDownFrom(_) => {
-                let cells_mv = self.read(commands, MAX_CELLS).await?;
-                Ok(pack_v.map_or(0, |pack_v| cells_of(pack_v, &cells_mv)))
-            }
+            Self::Block { count, .. } => *count,
+            Self::None | Self::WordsDownFrom(_) | Self::Counted { .. } => 0,
+        }
+    }
+
+    /// The most that it may have.
+    pub async fn most<B: SensorBus>(&self, commands: &mut SmBus<'_, B>) -> Result<usize, ReadError> {
+        match self {
+            Self::WordsDownFrom(_) => Ok(MAX_CELLS),
             Self::Counted { count_command, .. } => {
-                let [count] = commands.words([*count_command]).await?;
+                let count = commands.word(*count_command).await?;
                 Ok(usize::from(count.unwrap_or(0)).min(MAX_CELLS))
             }
-            Self::Block { count, .. } => Ok(*count),
+            Self::None | Self::Block { .. } => Ok(self.fixed()),
         }
     }
 
@@ -215,8 +213,7 @@ impl Cells {
                 Self::Counted { first, .. } => first.wrapping_add(place),
                 Self::None | Self::Block { .. } => break,
             };
-            let [answer] = commands.words([command]).await?;
-            *cell_mv = answer;
+            *cell_mv = commands.word(command).await?;
         }
         Ok(cells_mv)
     }
@@ -229,24 +226,25 @@ pub(super) fn sum_v(cells_mv: &CellWords, count: usize) -> Option<f32> {
     sum_mv.map(|sum_mv| sum_mv as f32 * 1e-3)
 }
 
-/// As many of the cells as amount to the pack's voltage; none, if they don't.
-pub(super) fn cell_voltages(pack_v: f32, cells_mv: &CellWords) -> CellVoltages {
-    let cells = cells_of(pack_v, cells_mv);
+/// The first `count` of the cells; none, if one is missing, or if they don't add up to the pack.
+pub(super) fn cell_voltages(pack_v: f32, cells_mv: &CellWords, count: usize) -> CellVoltages {
+    let add_up = sum_v(cells_mv, count).is_some_and(|sum_v| deviation(pack_v, sum_v) <= CELL_SUM_TOLERANCE);
     let cells_mv = cells_mv.map(Option::unwrap_or_default);
-    CellVoltages::from_millivolts(cells_mv.get(..cells).unwrap_or(&[]))
+    CellVoltages::from_millivolts(cells_mv.get(..count).filter(|_| add_up).unwrap_or(&[]))
 }
 
-/// Number of these cells whose sum is the pack's voltage: makers use the commands for other things, too.
-fn cells_of(pack_v: f32, cells_mv: &CellWords) -> usize {
+/// Number of these cells whose sum is nearest to the pack's voltage, if it is near enough: makers use the commands for other
+/// things, too.
+pub(super) fn cells_of(pack_v: f32, cells_mv: &CellWords) -> usize {
     let cells_mv = cells_mv
         .iter()
         .map_while(|mv| mv.filter(|mv| CELL_MV.contains(mv)));
-    let mut sum_v = 0.0;
-    for (place, cell_mv) in cells_mv.enumerate() {
+    let (mut sum_v, mut nearest, mut cells) = (0.0, CELL_SUM_TOLERANCE, 0);
+    for (cell_mv, number) in cells_mv.zip(1..) {
         sum_v += f32::from(cell_mv) * 1e-3;
-        if (pack_v - sum_v).abs() <= pack_v * CELL_SUM_TOLERANCE {
-            return place + 1;
+        if deviation(pack_v, sum_v) <= nearest {
+            (nearest, cells) = (deviation(pack_v, sum_v), number);
         }
     }
-    0
+    cells
 }

@@ -2,17 +2,18 @@
 
 mod dialect;
 
-use dialect::{Button, Current, Framing, Voltage, cell_voltages, sum_v};
+use dialect::{Button, Current, Framing, Voltage, cell_voltages, cells_of, sum_v};
 pub(in crate::sensor::bus) use dialect::{
     Dialect, GENERIC, MAXELL, NEO_DESIGN, ROTOYE, SOLO, SUI_3_CELLS, SUI_6_CELLS,
 };
 
 use crate::battery::{
-    BusError, ChargeState, Chemistry, Date, Faults, Gauge, GaugeReading, Measurement, Modes, Name,
-    PackDetails, ReadError, Reported, Supply,
+    BusError, CellVoltages, ChargeState, Chemistry, Date, Faults, Gauge, GaugeReading, GaugeReport,
+    Measurement, Modes, Name, PackDetails, ReadError, Reported, Supply,
 };
 use crate::log::info;
 use crate::sensor::bus::part::Part;
+use crate::sensor::bus::parts::COUNTING_READINGS;
 use crate::sensor::bus::smbus::{PacketErrorCode, SmBus};
 use crate::sensor::bus::{Address, SensorBus, Wiring};
 
@@ -37,13 +38,14 @@ const DEVICE_CHEMISTRY: u8 = 0x22;
 /// Battery mode: capacities are in steps of 10 mWh instead of 1 mAh.
 const CAPACITY_MODE: u16 = 1 << 15;
 
-/// Battery status: fully charged.
+/// Battery status: fully charged; empty, which the alarm to terminate the discharge says, too; below the remaining capacity at
+/// which the battery warns. None of these is a fault: charged, it is as good as before.
 const FULLY_CHARGED: u16 = 1 << 5;
+const EMPTY: u16 = 1 << 4 | 1 << 11;
+const REMAINING_CAPACITY_ALARM: u16 = 1 << 9;
 
-/// Its alarms: over temperature, and terminate discharge, with which a battery that is empty stops its load. That is no fault:
-/// charged, it is as good as before.
+/// Its alarm of a fault.
 const OVER_TEMPERATURE: u16 = 1 << 12;
-const TERMINATE_DISCHARGE: u16 = 1 << 11;
 
 /// The first version of the specification with a packet error code.
 const VERSION_WITH_CODE: u16 = 3;
@@ -68,38 +70,63 @@ const ZERO_CELSIUS_K: f32 = 273.15;
 /// Years are counted from here.
 const FIRST_YEAR: u16 = 1980;
 
-/// Facts that a battery is asked for once.
-const INTRODUCTION: [u8; 8] = [
-    BATTERY_MODE,
-    VOLTAGE,
-    FULL_CHARGE_CAPACITY,
-    CYCLE_COUNT,
+/// Facts that a battery is asked for when it is met, once more in the turn after that, and then in each turn until it has answered.
+const FACTS: [u8; 8] = [
+    MANUFACTURER_NAME,
+    DEVICE_NAME,
+    DEVICE_CHEMISTRY,
     DESIGN_CAPACITY,
     DESIGN_VOLTAGE,
     MANUFACTURE_DATE,
     SERIAL_NUMBER,
+    SPECIFICATION_INFO,
 ];
+
+/// Values of which each reading has the next one.
+const SLOW: [u8; 4] = [CYCLE_COUNT, FULL_CHARGE_CAPACITY, BATTERY_STATUS, MAX_ERROR];
+
+/// Readings of a turn, which takes a little more than a second and ends with the facts.
+const TURN: u8 = 12;
+
+/// A fact that was refused when the battery was met, and in each of the turns in these readings, is taken as missing.
+const SETTLING: u8 = 2 * TURN;
+
+/// The last turn is repeated. It is after those in which cells are counted.
+const LAST_TURN: u8 = COUNTING_READINGS.next_multiple_of(TURN);
+
+/// After this many failed readings in a row a battery was silent for more than a second.
+const SILENT: u8 = 5;
 
 /// Address of every smart battery.
 const ADDRESSES: [Address; 1] = [Address::I2c(0x0b)];
 
-/// A smart battery that answered.
+/// A smart battery that answered. Its words are as it sent them; `None` are those that it has refused so far.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct SmartBattery {
     address: Address,
     dialect: &'static Dialect,
-    code: PacketErrorCode,
-    scale: Scale,
-    cells: usize,
+    info: Option<u16>,
+    mode: Option<u16>,
+    full: Option<u16>,
+    status: Option<u16>,
+    max_error: Option<u16>,
+    cycles: Option<u16>,
+    design_capacity: Option<u16>,
+    design_voltage: Option<u16>,
+    manufactured: Option<u16>,
+    /// To notice another battery.
+    serial: Option<u16>,
+    manufacturer: Name,
+    device: Name,
+    chemistry: Option<Chemistry>,
+    /// 0 if they are not known.
+    cells: u8,
     /// For how many readings in a row its button has been pressed.
     presses: u8,
-    /// Serial number, to notice another battery.
-    serial: Option<u16>,
-    details: PackDetails,
-    reported: Reported,
-    full_mah: Option<f32>,
-    /// The slow value that is read next, by turns.
-    slow_command: u8,
+    /// Readings that have failed in a row.
+    failures: u8,
+    /// Readings since it was met or was back after a silence, up to those of the last turn.
+    readings: u8,
 }
 
 /// Units of the words of a battery.
@@ -109,8 +136,8 @@ struct Scale {
     voltage: f32,
     /// Amperes.
     current: f32,
-    /// Milliampere-hours.
-    capacity: f32,
+    /// Milliampere-hours, once that is known.
+    capacity: Option<f32>,
 }
 
 impl Part for SmartBattery {
@@ -119,7 +146,7 @@ impl Part for SmartBattery {
     const INTERVAL_US: u64 = 100_000;
     /// The specification's limit.
     const HIGHEST_CLOCK_HZ: u32 = 100_000;
-    const REFUSES_COMMANDS: bool = true;
+    const IS_ANNOUNCED: bool = true;
 
     fn addresses(_: &Dialect) -> &'static [Address] {
         &ADDRESSES
@@ -131,104 +158,89 @@ impl Part for SmartBattery {
         _: &Wiring,
         dialect: &'static Dialect,
     ) -> Result<Self, ReadError> {
-        // A battery without packet error code can't send it, and one with it can be asked without.
-        let mut commands = SmBus::new(bus, address, dialect.code.unwrap_or(PacketErrorCode::Absent));
-        dialect.read_voltage(&mut commands).await?;
-        let mut commands = SmBus::new(bus, address, PacketErrorCode::Absent);
-        let [info] = commands.words([SPECIFICATION_INFO]).await?.map(known);
-        let [manufacturer] = commands.names([MANUFACTURER_NAME]).await?;
-        let code = dialect
-            .code
-            .unwrap_or_else(|| packet_error_code(info, manufacturer));
-        let mut commands = SmBus::new(bus, address, code);
-        let words = commands.words(INTRODUCTION).await?.map(known);
-        let [manufacturer, device, chemistry] = commands
-            .names([MANUFACTURER_NAME, DEVICE_NAME, DEVICE_CHEMISTRY])
-            .await?;
-        let [
-            mode,
-            voltage,
-            full,
-            cycles,
-            design_capacity,
-            design_voltage,
-            manufactured,
-            serial,
-        ] = words;
-        let scale = Scale::new(info.unwrap_or(0), dialect)?.in_mode(mode, design_voltage);
-        let pack_v = voltage.map(|voltage| f32::from(voltage) * scale.voltage);
-        let cells = dialect.cells.count(&mut commands, pack_v).await?;
-        info!("smart battery {:?}, {} cells", address, cells);
-        Ok(Self {
-            address,
-            dialect,
-            code,
-            scale,
-            cells,
-            presses: 0,
-            serial,
-            details: PackDetails {
-                manufacturer,
-                device,
-                serial_number: serial.map(i32::from),
-                manufactured: manufactured.and_then(date),
-                chemistry: chemistry_of(chemistry),
-                cycle_count: cycles,
-                design_capacity_mah: filled(design_capacity, scale.capacity),
-                design_voltage_v: filled(design_voltage, scale.voltage),
-                state_of_health_pct: None,
-            },
-            reported: Reported::NONE,
-            full_mah: filled(full, scale.capacity),
-            slow_command: CYCLE_COUNT,
-        })
+        let code = dialect.code.unwrap_or(PacketErrorCode::Absent);
+        dialect.read_voltage(&mut SmBus::new(bus, address, code)).await?;
+        let mut battery = Self::unknown(address, dialect);
+        // A battery without packet error code can't send it, and one with it can be asked without. What says whether it has
+        // one is checked with all other facts.
+        for fact in [MANUFACTURER_NAME, SPECIFICATION_INFO]
+            .iter()
+            .chain(&FACTS)
+            .chain(&SLOW)
+        {
+            battery.ask(bus, *fact).await?;
+        }
+        info!("smart battery {:?}, info {:?}", address, battery.info);
+        Ok(battery)
     }
 
     async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
-        if self.serial.is_none() {
+        let was_silent = self.failures >= SILENT;
+        // Until it was read.
+        self.failures = self.failures.saturating_add(1);
+        let Some(serial) = self.serial else {
+            if was_silent {
+                let mut commands = self.commands(bus);
+                self.dialect.read_voltage(&mut commands).await?;
+                return Err(ReadError::OtherPart);
+            }
             return Ok(());
+        };
+        let answer = self.commands(bus).word(SERIAL_NUMBER).await?;
+        if answer.ok_or(BusError::NoAnswer)? != serial {
+            return Err(ReadError::OtherPart);
         }
-        let [serial] = self.commands(bus).words([SERIAL_NUMBER]).await?;
-        match serial {
-            None => Err(BusError::NoAnswer.into()),
-            Some(_) if serial == self.serial => Ok(()),
-            Some(_) => Err(ReadError::OtherPart),
+        if was_silent {
+            self.readings = 0;
         }
+        Ok(())
     }
 
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
+        let has_scale = self.info.is_some() || self.is_settled();
         // First, and well after the voltages: SUI's batteries are known to stall otherwise.
         let current_a = self.current_a(bus).await?;
-        let [voltage, remaining, slow] = self
-            .commands(bus)
-            .words([VOLTAGE, REMAINING_CAPACITY, self.slow_command])
-            .await?
-            .map(known);
-        self.note_slow(slow);
-        let pack_v = voltage.map(|voltage| f32::from(voltage) * self.scale.voltage);
-        let cells_mv = self
-            .dialect
-            .cells
-            .read(&mut self.commands(bus), self.cells)
-            .await?;
-        let voltage_v = match self.dialect.voltage {
-            Voltage::OfPack => pack_v.ok_or(BusError::NoAnswer)?,
-            Voltage::SumOfCells => sum_v(&cells_mv, self.cells).ok_or(BusError::NoAnswer)?,
-        };
-        Ok(Measurement {
+        let mut commands = self.commands(bus);
+        let voltage = known(commands.word(VOLTAGE).await?);
+        let mode = known(commands.word(BATTERY_MODE).await?);
+        let remaining = known(commands.word(REMAINING_CAPACITY).await?);
+        self.note_mode(mode);
+        let counts_cells = self.ask_next(bus).await?;
+        if !has_scale {
+            self.failures = 0;
+            return Err(ReadError::Timeout);
+        }
+        let scale = self.scale();
+        let pack_v = voltage.map(|voltage| f32::from(voltage) * scale.voltage);
+        let (voltage_v, cells) = self.voltages(bus, pack_v, counts_cells).await?;
+        let of_capacity = |word: Option<u16>| filled(word, scale.capacity?);
+        let gauge = remaining.zip(of_capacity(self.full)).zip(scale.capacity);
+        let reading = Measurement {
             voltage_v: Some(voltage_v),
             current_a,
-            gauge: GaugeReading::expected(remaining.zip(self.full_mah).map(|(remaining, full_mah)| Gauge {
-                remaining_mah: f32::from(remaining) * self.scale.capacity,
+            gauge: GaugeReading::expected(gauge.map(|((remaining, full_mah), step_mah)| Gauge {
+                remaining_mah: f32::from(remaining) * step_mah,
                 full_mah,
             })),
             temperature_c: self.temperature_c(bus).await?,
-            cells: cell_voltages(voltage_v, &cells_mv),
-            details: self.details,
-            reported: self.reported,
+            cells,
+            details: PackDetails {
+                manufacturer: self.manufacturer,
+                device: self.device,
+                serial_number: self.serial.map(i32::from),
+                manufactured: self.manufactured.and_then(date),
+                chemistry: self.chemistry,
+                cycle_count: self.cycles,
+                design_capacity_mah: of_capacity(self.design_capacity),
+                design_voltage_v: filled(self.design_voltage, scale.voltage),
+                state_of_health_pct: self.state_of_health_pct(),
+            },
+            reported: self.reported(),
             supply: self.supply(bus).await?,
             ..Measurement::default()
-        })
+        };
+        self.failures = 0;
+        Ok(reading)
     }
 }
 
@@ -238,11 +250,11 @@ impl Dialect {
     async fn read_voltage<B: SensorBus>(&self, commands: &mut SmBus<'_, B>) -> Result<(), ReadError> {
         match self.voltage {
             Voltage::OfPack => {
-                let [voltage] = commands.words([VOLTAGE]).await?.map(known);
+                let voltage = known(commands.word(VOLTAGE).await?);
                 voltage.map(|_| ()).ok_or(BusError::NoAnswer.into())
             }
             Voltage::SumOfCells => {
-                let count = self.cells.count(commands, None).await?;
+                let count = self.cells.fixed();
                 let cells_mv = self.cells.read(commands, count).await?;
                 sum_v(&cells_mv, count)
                     .map(|_| ())
@@ -253,58 +265,219 @@ impl Dialect {
 }
 
 impl SmartBattery {
-    fn commands<'a, B: SensorBus>(&self, bus: &'a mut B) -> SmBus<'a, B> {
-        SmBus::new(bus, self.address, self.code)
+    fn unknown(address: Address, dialect: &'static Dialect) -> Self {
+        Self {
+            address,
+            dialect,
+            info: None,
+            mode: None,
+            full: None,
+            status: None,
+            max_error: None,
+            cycles: None,
+            design_capacity: None,
+            design_voltage: None,
+            manufactured: None,
+            serial: None,
+            manufacturer: Name::EMPTY,
+            device: Name::EMPTY,
+            chemistry: None,
+            cells: dialect.cells.fixed() as u8,
+            presses: 0,
+            failures: 0,
+            readings: 0,
+        }
     }
 
-    /// A word that is refused once stays as it was.
-    fn note_slow(&mut self, word: Option<u16>) {
-        self.slow_command = match self.slow_command {
-            CYCLE_COUNT => {
-                self.details.cycle_count = word.or(self.details.cycle_count);
-                FULL_CHARGE_CAPACITY
-            }
-            FULL_CHARGE_CAPACITY => {
-                self.full_mah = filled(word, self.scale.capacity).or(self.full_mah);
-                BATTERY_STATUS
-            }
-            BATTERY_STATUS => {
-                if let Some(status) = word {
-                    let is_empty = status & TERMINATE_DISCHARGE != 0;
-                    self.reported.charge_state = is_empty.then_some(ChargeState::Emergency);
-                    self.reported
-                        .faults
-                        .set(Faults::OVER_TEMPERATURE, status & OVER_TEMPERATURE != 0);
-                    self.reported.modes.set(Modes::FULL, status & FULLY_CHARGED != 0);
-                }
-                MAX_ERROR
-            }
-            _ => {
-                let error_pct = word.and_then(|word| u8::try_from(word).ok());
-                self.reported.gauge.error_pct = error_pct.filter(|percent| *percent <= 100);
-                CYCLE_COUNT
-            }
+    fn commands<'a, B: SensorBus>(&self, bus: &'a mut B) -> SmBus<'a, B> {
+        let code = self.dialect.code.unwrap_or_else(|| self.packet_error_code());
+        SmBus::new(bus, self.address, code)
+    }
+
+    fn packet_error_code(&self) -> PacketErrorCode {
+        let version = self.info.unwrap_or(0) >> 4 & 0xf;
+        if version >= VERSION_WITH_CODE && self.manufacturer.as_bytes() != WITHOUT_CODE {
+            PacketErrorCode::Sent
+        } else {
+            PacketErrorCode::Absent
+        }
+    }
+
+    /// Whether what it has refused until now is missing.
+    fn is_settled(&self) -> bool {
+        self.readings >= SETTLING
+    }
+
+    /// Asks for what is next. Returns whether cells are to be counted with it.
+    async fn ask_next(&mut self, bus: &mut impl SensorBus) -> Result<bool, ReadError> {
+        let reading = self.readings;
+        self.readings = match reading + 1 {
+            next if next == LAST_TURN + TURN => LAST_TURN,
+            next => next,
         };
-        self.details.state_of_health_pct = self.state_of_health_pct();
+        let place = usize::from(reading % TURN);
+        if let Some(slow) = SLOW.get(place % SLOW.len()) {
+            self.ask(bus, *slow).await?;
+        }
+        let fact = FACTS.get((place + FACTS.len()).wrapping_sub(TURN.into()));
+        if let Some(fact) = fact.filter(|fact| reading < TURN || self.is_unknown(**fact)) {
+            self.ask(bus, *fact).await?;
+        }
+        Ok(place == 0 && reading < COUNTING_READINGS && self.cells == 0)
+    }
+
+    /// A value that is refused stays as it was.
+    async fn ask(&mut self, bus: &mut impl SensorBus, command: u8) -> Result<(), ReadError> {
+        let mut commands = self.commands(bus);
+        let Some(place) = self.word(command) else {
+            let name = commands.name(command).await?;
+            self.note_name(command, name);
+            return Ok(());
+        };
+        let is_serial = command == SERIAL_NUMBER;
+        let answer = known(commands.word(command).await?);
+        let before = *place;
+        // A serial number of 0 is not filled in.
+        *place = answer.filter(|word| !is_serial || *word != 0).or(before);
+        match command {
+            SPECIFICATION_INFO | SERIAL_NUMBER if before.is_some() && *place != before => {
+                Err(ReadError::OtherPart)
+            }
+            SPECIFICATION_INFO => Scale::check(self.info),
+            _ => Ok(()),
+        }
+    }
+
+    fn note_name(&mut self, command: u8, name: Name) {
+        match command {
+            _ if name.is_empty() => {}
+            MANUFACTURER_NAME => self.manufacturer = name,
+            DEVICE_NAME => self.device = name,
+            _ => self.chemistry = chemistry_of(name),
+        }
+    }
+
+    fn is_unknown(&mut self, command: u8) -> bool {
+        match (self.word(command), command) {
+            (Some(word), _) => word.is_none(),
+            (None, MANUFACTURER_NAME) => self.manufacturer.is_empty(),
+            (None, DEVICE_NAME) => self.device.is_empty(),
+            (None, _) => self.chemistry.is_none(),
+        }
+    }
+
+    /// Takes the mode of a reading. In another one the capacities are other numbers.
+    fn note_mode(&mut self, mode: Option<u16>) {
+        let before = self.mode;
+        self.mode = mode.or(before);
+        if before.is_some_and(|before| (before ^ self.mode.unwrap_or(before)) & CAPACITY_MODE != 0) {
+            (self.full, self.design_capacity) = (None, None);
+        }
+    }
+
+    /// Place of the answer to a command; `None` if that is a name.
+    fn word(&mut self, command: u8) -> Option<&mut Option<u16>> {
+        Some(match command {
+            FULL_CHARGE_CAPACITY => &mut self.full,
+            BATTERY_STATUS => &mut self.status,
+            CYCLE_COUNT => &mut self.cycles,
+            MAX_ERROR => &mut self.max_error,
+            DESIGN_CAPACITY => &mut self.design_capacity,
+            DESIGN_VOLTAGE => &mut self.design_voltage,
+            SPECIFICATION_INFO => &mut self.info,
+            MANUFACTURE_DATE => &mut self.manufactured,
+            SERIAL_NUMBER => &mut self.serial,
+            _ => return None,
+        })
+    }
+    /// Its units. A battery that counts energy, in steps of 10 mWh, has the charge that is at its design voltage.
+    fn scale(&self) -> Scale {
+        let info = self.info.unwrap_or(0);
+        let [voltage, current] = exponents(info).map(power_of_ten);
+        let voltage_v = 1e-3 * voltage;
+        let charge_mah = current * self.dialect.capacity_factor;
+        let mode = self.mode.or(self.is_settled().then_some(0));
+        Scale {
+            voltage: voltage_v,
+            current: 1e-3 * current,
+            capacity: match mode.map(|mode| mode & CAPACITY_MODE) {
+                None => None,
+                Some(0) => Some(charge_mah),
+                Some(_) => {
+                    filled(self.design_voltage, voltage_v).map(|design_v| charge_mah * 10.0 / design_v)
+                }
+            },
+        }
+    }
+
+    /// The pack's, and those of its cells.
+    async fn voltages(
+        &mut self,
+        bus: &mut impl SensorBus,
+        pack_v: Option<f32>,
+        counts_cells: bool,
+    ) -> Result<(f32, CellVoltages), ReadError> {
+        let mut commands = self.commands(bus);
+        let cells = &self.dialect.cells;
+        let count = match self.cells {
+            0 if counts_cells => cells.most(&mut commands).await?,
+            known => known.into(),
+        };
+        let cells_mv = cells.read(&mut commands, count).await?;
+        let voltage_v = match self.dialect.voltage {
+            Voltage::OfPack => pack_v,
+            Voltage::SumOfCells => sum_v(&cells_mv, count),
+        };
+        let voltage_v = voltage_v.ok_or(BusError::NoAnswer)?;
+        if self.cells == 0 {
+            self.cells = cells_of(voltage_v, &cells_mv) as u8;
+        }
+        Ok((voltage_v, cell_voltages(voltage_v, &cells_mv, self.cells.into())))
+    }
+
+    fn reported(&self) -> Reported {
+        let status = self.status.unwrap_or(0);
+        let has = |flags: u16| status & flags != 0;
+        let mut reported = Reported {
+            charge_state: match () {
+                () if has(EMPTY) => Some(ChargeState::Emergency),
+                () if has(REMAINING_CAPACITY_ALARM) => Some(ChargeState::Low),
+                () => None,
+            },
+            gauge: GaugeReport {
+                error_pct: self
+                    .max_error
+                    .filter(|percent| *percent <= 100)
+                    .map(|percent| percent as u8),
+                ..GaugeReport::NONE
+            },
+            ..Reported::NONE
+        };
+        reported
+            .faults
+            .set(Faults::OVER_TEMPERATURE, has(OVER_TEMPERATURE));
+        reported.modes.set(Modes::FULL, has(FULLY_CHARGED));
+        reported
     }
 
     /// Its capacity as a share of that of its design. A new battery may hold more.
     fn state_of_health_pct(&self) -> Option<u8> {
-        let share = self.full_mah? / self.details.design_capacity_mah?;
-        Some((share * 100.0 + 0.5).min(100.0) as u8)
+        let share = filled(self.full, 100.0)? / filled(self.design_capacity, 1.0)?;
+        Some((share + 0.5).min(100.0) as u8)
     }
 
     /// The specification counts what flows into the battery.
     async fn current_a(&self, bus: &mut impl SensorBus) -> Result<Option<f32>, ReadError> {
         match self.dialect.current {
             Current::Word => {
-                let [current] = self.commands(bus).words([CURRENT]).await?;
-                Ok(current.map(|current| -f32::from(current as i16) * self.scale.current))
+                let current = self.commands(bus).word(CURRENT).await?;
+                Ok(current.map(|current| -f32::from(current as i16) * self.scale().current))
             }
             Current::WordOrTenths { tenths } => {
-                let [current, tenths] = self.commands(bus).words([CURRENT, tenths]).await?;
-                let current_a = current.map(|current| -f32::from(current as i16) * self.scale.current);
-                let tenths_a = known(tenths).map(|tenths| -f32::from(tenths as i16) * 0.1);
+                let current = self.commands(bus).word(CURRENT).await?;
+                let tenths = known(self.commands(bus).word(tenths).await?);
+                let current_a = current.map(|current| -f32::from(current as i16) * self.scale().current);
+                let tenths_a = tenths.map(|tenths| -f32::from(tenths as i16) * 0.1);
                 Ok(tenths_a.or(current_a))
             }
             Current::Long { command, framing } => {
@@ -322,7 +495,7 @@ impl SmartBattery {
     async fn temperature_c(&self, bus: &mut impl SensorBus) -> Result<Option<f32>, ReadError> {
         let mut hottest = None;
         for command in self.dialect.temperatures {
-            let [tenths_k] = self.commands(bus).words([*command]).await?.map(known);
+            let tenths_k = known(self.commands(bus).word(*command).await?);
             hottest = hottest.max(tenths_k.filter(|tenths_k| *tenths_k > 0));
         }
         Ok(hottest.map(|tenths_k| f32::from(tenths_k) * 0.1 - ZERO_CELSIUS_K))
@@ -348,39 +521,20 @@ impl SmartBattery {
     }
 }
 
-fn packet_error_code(info: Option<u16>, manufacturer: Name) -> PacketErrorCode {
-    let version = info.unwrap_or(0) >> 4 & 0xf;
-    if version >= VERSION_WITH_CODE && manufacturer.as_bytes() != WITHOUT_CODE {
-        PacketErrorCode::Sent
-    } else {
-        PacketErrorCode::Absent
+impl Scale {
+    /// Makes sure that a specification information has a scale that is known.
+    fn check(info: Option<u16>) -> Result<(), ReadError> {
+        let is_known = |exponent: &u16| *exponent <= HIGHEST_EXPONENT;
+        match exponents(info.unwrap_or(0)).iter().all(is_known) {
+            true => Ok(()),
+            false => Err(ReadError::OtherPart),
+        }
     }
 }
 
-impl Scale {
-    /// The specification info has powers of ten for voltages, and for currents and capacities.
-    fn new(info: u16, dialect: &Dialect) -> Result<Self, ReadError> {
-        let [voltage, current] = [8, 12].map(|at| info >> at & 0xf);
-        if voltage > HIGHEST_EXPONENT || current > HIGHEST_EXPONENT {
-            return Err(ReadError::OtherPart);
-        }
-        Ok(Self {
-            voltage: 1e-3 * power_of_ten(voltage),
-            current: 1e-3 * power_of_ten(current),
-            capacity: power_of_ten(current) * dialect.capacity_factor,
-        })
-    }
-
-    /// A battery that counts energy, in steps of 10 mWh, has the charge that is at its design voltage.
-    fn in_mode(self, mode: Option<u16>, design_voltage: Option<u16>) -> Self {
-        match filled(design_voltage, self.voltage) {
-            Some(design_voltage_v) if mode.unwrap_or(0) & CAPACITY_MODE != 0 => Self {
-                capacity: self.capacity * 10.0 / design_voltage_v,
-                ..self
-            },
-            _ => self,
-        }
-    }
+/// The specification information has powers of ten for voltages, and for currents and capacities.
+fn exponents(info: u16) -> [u16; 2] {
+    [8, 12].map(|at| info >> at & 0xf)
 }
 
 fn power_of_ten(exponent: u16) -> f32 {

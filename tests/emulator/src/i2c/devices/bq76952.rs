@@ -1,6 +1,6 @@
 //! BQ76952: monitor of up to 16 cells in series (SLUUBY2B, SLUAA11B).
 //!
-//! Left out: its protection, which finds nothing, thermistors, modes of less power, a sealed data memory, writes to it, the
+//! Left out: its protection, which finds nothing, thermistors at pins other than TS1 to TS3, modes of less power, a sealed data memory, writes to it, the
 //! check byte behind each byte that can be set up. The maker of the pack has changed nothing in its set-up.
 
 use super::super::super::clock::{CLK_SYS_HZ, Cycle, cycles};
@@ -23,10 +23,17 @@ const BUFFER_END: u8 = 0x5f;
 const CHECKSUM: u8 = 0x60;
 const LENGTH: u8 = 0x61;
 const INT_TEMPERATURE: u8 = 0x68;
+const TS1_TEMPERATURE: u8 = 0x70;
+const TS3_TEMPERATURE: u8 = 0x74;
 
 const DEVICE_NUMBER: u16 = 0x0001;
 const MANUFACTURING_STATUS: u16 = 0x0057;
 const DASTATUS6: u16 = 0x0076;
+/// The data memory, and what is set up in it.
+const DATA_MEMORY: u16 = 0x9180;
+const DATA_MEMORY_END: u16 = 0x93ff;
+const TS1_CONFIG: u16 = 0x92fd;
+const TS3_CONFIG: u16 = 0x92ff;
 const DA_CONFIGURATION: u16 = 0x9303;
 
 /// Battery Status: the data memory can be read.
@@ -68,6 +75,8 @@ pub struct Bq76952 {
     cells_mv: [u16; CELLS],
     amperes: f64,
     celsius: f64,
+    /// The use of each pin, and the temperature of the thermistor there.
+    thermistors: [(u8, f64); 3],
     state: State,
     now: Cycle,
     pointer: u8,
@@ -90,6 +99,7 @@ impl Bq76952 {
             cells_mv: [0; CELLS],
             amperes: 0.0,
             celsius: 25.0,
+            thermistors: [(0, 0.0); 3],
             state: State::after_reset(0),
             now: 0,
             pointer: 0,
@@ -104,6 +114,11 @@ impl Bq76952 {
         self.cells_mv[..cells_mv.len()].copy_from_slice(cells_mv);
         self.amperes = amperes;
         self.celsius = celsius;
+    }
+
+    /// Sets up TS1 to TS3 for these uses, with thermistors at these temperatures.
+    pub fn set_thermistors(&mut self, thermistors: [(u8, f64); 3]) {
+        self.thermistors = thermistors;
     }
 
     /// The supply of the device is gone and back. What it is connected to stays.
@@ -128,7 +143,11 @@ impl Bq76952 {
             FIRST_CELL..=LAST_CELL => self.cells_mv[usize::from(command - FIRST_CELL) / 2],
             STACK | PACK_PIN | LD_PIN => signed_code(stack_v, USER_VOLTS, 16) as u16,
             CC2_CURRENT => signed_code(-self.amperes, USER_AMPERES, 16) as u16,
-            INT_TEMPERATURE => signed_code(self.celsius + 273.15, 0.1, 16) as u16,
+            INT_TEMPERATURE => tenths_k(self.celsius),
+            TS1_TEMPERATURE..=TS3_TEMPERATURE => {
+                let (_, celsius) = self.thermistors[usize::from(command - TS1_TEMPERATURE) / 2];
+                tenths_k(celsius)
+            }
             _ => 0,
         }
     }
@@ -150,12 +169,20 @@ impl Bq76952 {
                 .concat()
             }
             // A read of the data memory gives a whole buffer.
-            DA_CONFIGURATION => {
-                let mut block = vec![0; 32];
-                block[0] = DA_CONFIGURATION_RESET;
-                block
+            DATA_MEMORY..=DATA_MEMORY_END => {
+                let addresses = (self.state.subcommand..).take(32);
+                addresses.map(|address| self.set_up(address)).collect()
             }
             _ => Vec::new(),
+        }
+    }
+
+    /// A byte of the data memory.
+    fn set_up(&self, address: u16) -> u8 {
+        match address {
+            TS1_CONFIG..=TS3_CONFIG => self.thermistors[usize::from(address - TS1_CONFIG)].0,
+            DA_CONFIGURATION => DA_CONFIGURATION_RESET,
+            _ => 0,
         }
     }
 
@@ -177,6 +204,10 @@ impl Bq76952 {
             _ => self.word(address & !1).to_le_bytes()[usize::from(address & 1)],
         }
     }
+}
+
+fn tenths_k(celsius: f64) -> u16 {
+    signed_code(celsius + 273.15, 0.1, 16) as u16
 }
 
 impl I2cDevice for Bq76952 {
