@@ -456,6 +456,14 @@ fn pack_events() -> Vec<PackEvent> {
         };
         events.extend([ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(entered));
     }
+    events.extend(
+        [ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(|state| {
+            PackEvent::ReportedState {
+                state,
+                cause: Faults::empty(),
+            }
+        }),
+    );
     // Some faults are found here, and some reported by packs only.
     let of_faults = [PackEvent::Faults, PackEvent::ReportedFaults].into_iter();
     let of_faults = of_faults.flat_map(|event| Faults::all().iter().map(event));

@@ -826,7 +826,8 @@ const SMART: [PartKind; 7] = [
 
 /// Two or four cells of 3.7 V, and 1.5 A, with the packet error code of each answer behind it.
 fn answers(kind: PartKind) -> Tables {
-    let mut tables = battery(&[(0x1a, 0x0031)]).i2c;
+    // Its currents and capacities are in steps of ten.
+    let mut tables = battery(&[(0x1a, 0x1031)]).i2c;
     let cells = [3700u16; 4].map(u16::to_le_bytes).concat();
     let current = (-1500i32).to_le_bytes();
     tables.set(ADDRESS, 0x28, &block(&cells));
@@ -1095,6 +1096,7 @@ fn three_seconds_after_any_transfer_failed_a_battery_is_known_like_one_that_neve
                 (refused, 4),
                 // Without its supply for seconds.
                 (refused, 15),
+                (refused, 120),
                 (Err(BusError::Timeout), 1),
                 (Ok(1), 1),
                 (Ok(0x10), 1),

@@ -70,7 +70,7 @@ const ZERO_CELSIUS_K: f32 = 273.15;
 /// Years are counted from here.
 const FIRST_YEAR: u16 = 1980;
 
-/// Facts that a battery is asked for when it is met, once more in the turn after that, and then in each turn until it has answered.
+/// Facts that a battery is asked for when it is met, or is back after a silence, and then in each turn until it has answered.
 const FACTS: [u8; 8] = [
     MANUFACTURER_NAME,
     DEVICE_NAME,
@@ -88,11 +88,13 @@ const SLOW: [u8; 4] = [CYCLE_COUNT, FULL_CHARGE_CAPACITY, BATTERY_STATUS, MAX_ER
 /// Readings of a turn, which takes a little more than a second and ends with the facts.
 const TURN: u8 = 12;
 
-/// A fact that was refused when the battery was met, and in each of the turns in these readings, is taken as missing.
-const SETTLING: u8 = 2 * TURN;
+/// A fact that was refused in the introduction, which takes the place of the first turn, and in each of the two turns after
+/// that is taken as missing.
+const SETTLED: u8 = 3 * TURN;
 
 /// The last turn is repeated. It is after those in which cells are counted.
-const LAST_TURN: u8 = COUNTING_READINGS.next_multiple_of(TURN);
+const LAST_COUNTING: u8 = TURN + COUNTING_READINGS;
+const LAST_TURN: u8 = LAST_COUNTING.next_multiple_of(TURN);
 
 /// After this many failed readings in a row a battery was silent for more than a second.
 const SILENT: u8 = 5;
@@ -125,7 +127,7 @@ pub(in crate::sensor::bus) struct SmartBattery {
     presses: u8,
     /// Readings that have failed in a row.
     failures: u8,
-    /// Readings since it was met or was back after a silence, up to those of the last turn.
+    /// Readings since the introduction began, up to those of the last turn.
     readings: u8,
 }
 
@@ -197,7 +199,7 @@ impl Part for SmartBattery {
     }
 
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
-        let has_scale = self.info.is_some() || self.is_settled();
+        let has_scale = self.has_scale();
         // First, and well after the voltages: SUI's batteries are known to stall otherwise.
         let current_a = self.current_a(bus).await?;
         let mut commands = self.commands(bus);
@@ -205,14 +207,14 @@ impl Part for SmartBattery {
         let mode = known(commands.word(BATTERY_MODE).await?);
         let remaining = known(commands.word(REMAINING_CAPACITY).await?);
         self.note_mode(mode);
-        let counts_cells = self.ask_next(bus).await?;
+        let scale = self.scale();
+        let pack_v = voltage.map(|voltage| f32::from(voltage) * scale.voltage);
+        let (voltage_v, cells) = self.voltages(bus, pack_v).await?;
+        self.ask_next(bus).await?;
         if !has_scale {
             self.failures = 0;
             return Err(ReadError::Timeout);
         }
-        let scale = self.scale();
-        let pack_v = voltage.map(|voltage| f32::from(voltage) * scale.voltage);
-        let (voltage_v, cells) = self.voltages(bus, pack_v, counts_cells).await?;
         let of_capacity = |word: Option<u16>| filled(word, scale.capacity?);
         let gauge = remaining.zip(of_capacity(self.full)).zip(scale.capacity);
         let reading = Measurement {
@@ -285,7 +287,7 @@ impl SmartBattery {
             cells: dialect.cells.fixed() as u8,
             presses: 0,
             failures: 0,
-            readings: 0,
+            readings: TURN,
         }
     }
 
@@ -305,11 +307,21 @@ impl SmartBattery {
 
     /// Whether what it has refused until now is missing.
     fn is_settled(&self) -> bool {
-        self.readings >= SETTLING
+        self.readings >= SETTLED
     }
 
-    /// Asks for what is next. Returns whether cells are to be counted with it.
-    async fn ask_next(&mut self, bus: &mut impl SensorBus) -> Result<bool, ReadError> {
+    /// Whether its voltages and currents are scaled as it has said, or it does not say that.
+    fn has_scale(&self) -> bool {
+        self.info.is_some() || self.is_settled()
+    }
+
+    /// Whether it is the turn of the cells to be counted.
+    fn counts_cells(&self) -> bool {
+        self.has_scale() && self.readings < LAST_COUNTING && self.readings.is_multiple_of(TURN)
+    }
+
+    /// Asks for what is next.
+    async fn ask_next(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
         let reading = self.readings;
         self.readings = match reading + 1 {
             next if next == LAST_TURN + TURN => LAST_TURN,
@@ -323,7 +335,7 @@ impl SmartBattery {
         if let Some(fact) = fact.filter(|fact| reading < TURN || self.is_unknown(**fact)) {
             self.ask(bus, *fact).await?;
         }
-        Ok(place == 0 && reading < COUNTING_READINGS && self.cells == 0)
+        Ok(())
     }
 
     /// A value that is refused stays as it was.
@@ -410,17 +422,16 @@ impl SmartBattery {
         }
     }
 
-    /// The pack's, and those of its cells.
+    /// The pack's, and those of its cells. Once in a turn they are counted.
     async fn voltages(
         &mut self,
         bus: &mut impl SensorBus,
         pack_v: Option<f32>,
-        counts_cells: bool,
     ) -> Result<(f32, CellVoltages), ReadError> {
         let mut commands = self.commands(bus);
         let cells = &self.dialect.cells;
         let count = match self.cells {
-            0 if counts_cells => cells.most(&mut commands).await?,
+            0 if self.counts_cells() => cells.most(&mut commands).await?,
             known => known.into(),
         };
         let cells_mv = cells.read(&mut commands, count).await?;
@@ -439,10 +450,10 @@ impl SmartBattery {
         let status = self.status.unwrap_or(0);
         let has = |flags: u16| status & flags != 0;
         let mut reported = Reported {
-            charge_state: match () {
-                () if has(EMPTY) => Some(ChargeState::Emergency),
-                () if has(REMAINING_CAPACITY_ALARM) => Some(ChargeState::Low),
-                () => None,
+            charge_state: if has(EMPTY) {
+                Some(ChargeState::Emergency)
+            } else {
+                has(REMAINING_CAPACITY_ALARM).then_some(ChargeState::Low)
             },
             gauge: GaugeReport {
                 error_pct: self
