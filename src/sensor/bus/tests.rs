@@ -968,13 +968,13 @@ fn a_solo_powers_off_while_its_button_is_held_for_seven_readings() {
 }
 
 /// A battery whose contacts are bad: by the number of each transfer that fails, or the bits of its first byte that are inverted.
-struct Contacts<F> {
-    battery: Tables,
+struct Contacts<B, F> {
+    battery: B,
     transfers: usize,
     fault: F,
 }
 
-impl<F: Fn(usize) -> Result<u8, BusError>> I2cBus for Contacts<F> {
+impl<B: I2cBus, F: Fn(usize) -> Result<u8, BusError>> I2cBus for Contacts<B, F> {
     async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
         self.transfers += 1;
         let inverted = (self.fault)(self.transfers)?;
@@ -997,7 +997,7 @@ fn closed(are_closed: bool) -> Result<u8, BusError> {
     }
 }
 
-type BusBench<F> = (BusDevices, Buses<Contacts<F>, NoSpi>);
+type BusBench<F> = (BusDevices, Buses<Contacts<Tables, F>, NoSpi>);
 
 fn bench<F: Fn(usize) -> Result<u8, BusError>>(kind: PartKind, fault: F) -> BusBench<F> {
     let bus = Contacts {
@@ -1128,6 +1128,42 @@ fn three_seconds_after_any_transfer_failed_a_battery_is_known_like_one_that_neve
                 }
                 assert_eq!(last, Some(Ok(expected)), "{context}");
             }
+        }
+    }
+}
+
+#[test]
+// Requirement: AP-7
+fn three_seconds_after_any_transfer_failed_a_stack_is_known_like_one_that_never_failed() {
+    let read_from = |fault: &dyn Fn(usize) -> Result<u8, BusError>, until: usize| {
+        let battery = Stack::new(&stack_words(INPUTS_MV, 1500, 0), [0; 12], [5, 0, 0]);
+        let mut bus = Buses::i2c(Contacts {
+            battery,
+            transfers: 0,
+            fault,
+        });
+        let mut devices = devices_of(PartKind::Bq76952);
+        while bus.i2c.transfers < until {
+            let _ = read_next(&mut devices, &mut bus);
+        }
+        let readings = (0..30).map(|_| read_next(&mut devices, &mut bus)[0].1);
+        readings.last().expect("30")
+    };
+    let expected = read_from(&|_| Ok(0), 0);
+    assert!(expected.is_ok_and(|reading| reading.cells.number() == Some(4)));
+    for first in 1..=80 {
+        for (fault, transfers) in [
+            (BusError::NoAnswer, 1),
+            (BusError::NoAnswer, 12),
+            (BusError::Timeout, 1),
+        ] {
+            let faulty = first..first + transfers;
+            let at = |transfer| match faulty.contains(&transfer) {
+                true => Err(fault),
+                false => Ok(0),
+            };
+            let reading = read_from(&at, faulty.end - 1);
+            assert_eq!(reading, expected, "{fault:?} from transfer {first} on");
         }
     }
 }
