@@ -179,7 +179,8 @@ mod tests {
     use super::*;
     use crate::announce::announced_text;
     use crate::battery::{
-        Amount, ChargeState, FailsafeLevel, Faults, Gap, LessonObstacle, PackEvent, PackNotice, ReadError,
+        Amount, ChargeState, CurrentRange, FailsafeLevel, Faults, Gap, LessonObstacle, PackEvent, PackNotice,
+        ReadError,
     };
     use crate::mavlink::{SigningChange, SigningTrouble};
     use crate::memory::storage::FlashFault;
@@ -227,7 +228,7 @@ mod tests {
                 "Battery 9 not measured for 1000000000s: consumption too low",
             ),
             (
-                PackEvent::CurrentOverRange,
+                PackEvent::CurrentOverRange(CurrentRange::Over),
                 "Battery 9 current over range: consumption too low",
             ),
             (
@@ -423,7 +424,7 @@ mod tests {
             PackEvent::ContactLost,
             PackEvent::ContactRestored,
             PackEvent::Gap(gap),
-            PackEvent::CurrentOverRange,
+            PackEvent::CurrentOverRange(CurrentRange::Over),
             PackEvent::CurrentReversed,
             PackEvent::AboveDrivers,
             PackEvent::SensorFailed(ReadError::Timeout),

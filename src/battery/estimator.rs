@@ -163,6 +163,7 @@ impl Estimator {
             reading.mean_current_a,
             reading.unmeasured_mah * AH_PER_MAH,
             reading.missed_s,
+            reading.current_range,
         );
         let second = second.map(|second| self.update_second(&second, reading, settings, learnt));
         Findings { event, second }

@@ -5,7 +5,9 @@ use core::fmt;
 use heapless::Vec;
 
 use super::consumption::Gap;
-use super::{Amount, BatteryState, ChargeState, FailsafeLevel, Faults, LessonObstacle, ReadError};
+use super::{
+    Amount, BatteryState, ChargeState, CurrentRange, FailsafeLevel, Faults, LessonObstacle, ReadError,
+};
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Limit, Severity};
 use crate::numbers::{Hundredths, round_to_i32};
 use crate::pack::Pack;
@@ -35,7 +37,7 @@ pub enum PackEvent {
     /// There was a gap in the current readings.
     Gap(Gap),
     /// The current is over its sensor's range for the first time since the start.
-    CurrentOverRange,
+    CurrentOverRange(CurrentRange),
     /// Its sensor takes a load for charging, since the start: the charge is estimated from the voltage alone.
     CurrentReversed,
     /// The voltage is above `MOT_DRV_VOLT` for the first time since the start; whether the pack supplies the motors is not known.
@@ -257,7 +259,13 @@ impl fmt::Display for PackEvent {
                     round_to_i32(*duration_s)
                 )
             }
-            Self::CurrentOverRange => f.write_str("current over range: consumption too low"),
+            Self::CurrentOverRange(range) => {
+                f.write_str("current over range")?;
+                match range {
+                    CurrentRange::Over => f.write_str(": consumption too low"),
+                    _ => Ok(()),
+                }
+            }
             Self::CurrentReversed => f.write_str("current sensor reversed?"),
             Self::AboveDrivers => f.write_str("voltage above MOT_DRV_VOLT"),
             Self::PowerLimited(Some(max_w)) => write!(f, "limits the motors: over {max_w}W"),

@@ -1,6 +1,7 @@
 //! Measurements of a pack, their times, and their errors.
 
 use core::fmt;
+use core::ops::RangeInclusive;
 
 use super::{PackDetails, Reported};
 use crate::time::Instant;
@@ -35,8 +36,32 @@ pub enum CurrentRange {
     /// It was measured.
     #[default]
     Within,
-    /// It is at least what the sensor shows.
+    /// It is at least what the sensor shows, whose own counter measures it all the same.
+    OverAndCounted,
+    /// It is at least what the sensor shows, and so is the charge that is counted from it.
     Over,
+}
+
+impl CurrentRange {
+    /// Of a current that has one of the end codes of its sensor's range, or lies beyond them.
+    pub fn of_code(code: i32, ends: RangeInclusive<i32>) -> Self {
+        if *ends.start() < code && code < *ends.end() {
+            Self::Within
+        } else {
+            Self::Over
+        }
+    }
+
+    /// Of a current in a word with a sign.
+    pub fn of_word(word: i16) -> Self {
+        Self::of_code(word.into(), i16::MIN.into()..=i16::MAX.into())
+    }
+
+    /// Of a sensor whose own counter measures what is over range, too.
+    #[must_use]
+    pub fn counted(self) -> Self {
+        self.min(Self::OverAndCounted)
+    }
 }
 
 /// One reading of a pack. `None` is not measured.

@@ -129,7 +129,7 @@ impl Conversions {
     pub fn within_range(self) -> Result<Self, ReadError> {
         match self.range() {
             CurrentRange::Within => Ok(self),
-            CurrentRange::Over => Err(ReadError::OverRange),
+            _ => Err(ReadError::OverRange),
         }
     }
 }

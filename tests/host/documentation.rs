@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use rover_battmon::autopilot::Notice;
 use rover_battmon::battery::{
-    Amount, ArmingFailure, BusError, ChargeState, FailsafeLevel, Faults, Gap, PackEvent, PackNotice,
-    ReadError,
+    Amount, ArmingFailure, BusError, ChargeState, CurrentRange, FailsafeLevel, Faults, Gap, PackEvent,
+    PackNotice, ReadError,
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
@@ -437,7 +437,8 @@ fn pack_events() -> Vec<PackEvent> {
         failsafe(FailsafeLevel::Critical, Amount::Mah(120.0)),
         failsafe(FailsafeLevel::Low, Amount::Ml(120.0)),
         PackEvent::Charging,
-        PackEvent::CurrentOverRange,
+        PackEvent::CurrentOverRange(CurrentRange::Over),
+        PackEvent::CurrentOverRange(CurrentRange::OverAndCounted),
         PackEvent::Learnt {
             capacity_mah: 2995.0,
             resistance_ohm: 0.087,

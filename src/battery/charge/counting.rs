@@ -81,6 +81,12 @@ impl Counting {
         }
     }
 
+    /// Of the charge that was counted this much, in ampere-hours, was at least so much: as much again may have been drawn.
+    pub fn exceed_range(&mut self, charge_ah: f32, capacity: &Capacity) {
+        self.filter.widen(charge_ah / capacity.ah);
+        self.assume(charge_ah, capacity);
+    }
+
     /// A charge was drawn that no measured current shows, in ampere-hours.
     pub fn draw(&mut self, charge_ah: f32, capacity: &Capacity) {
         self.filter.draw(charge_ah / capacity.ah);

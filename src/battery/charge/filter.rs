@@ -122,6 +122,12 @@ impl Filter {
         self.covariance[0][0] = (self.covariance[0][0] + square(sigma)).min(MAX_VARIANCE);
     }
 
+    /// Up to this charge more, in capacities, was drawn unseen, as in all that was so before: these errors add up.
+    pub fn widen(&mut self, share: f32) {
+        let sigma = libm::sqrtf(self.covariance[0][0]) + share;
+        self.covariance[0][0] = square(sigma).min(MAX_VARIANCE);
+    }
+
     /// Factor by which a drawn charge counts.
     pub fn counted(&self) -> f32 {
         1.0 + self.state[1]

@@ -20,8 +20,18 @@ pub struct Gathering {
     duration_s: f32,
     voltage: MeasuredSum,
     current: MeasuredSum,
-    unmeasured_ah: f32,
-    assumed_ah: f32,
+    unread: Unread,
+}
+
+/// Charge of a time that the current does not show, in ampere-hours.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unread {
+    /// Counted by the source beyond this current.
+    pub unmeasured_ah: f32,
+    /// Part of the current's charge that was assumed, as readings are missing.
+    pub assumed_ah: f32,
+    /// Part of it that was at least that much: the current was over its sensor's range.
+    pub over_range_ah: f32,
 }
 
 /// A sum over most of a second.
@@ -47,10 +57,8 @@ pub struct Second {
     pub voltage_v: Option<f32>,
     /// In amperes.
     pub current_a: Option<f32>,
-    /// Charge that the source has counted beyond this current, in ampere-hours.
-    pub unmeasured_ah: f32,
-    /// Part of the current's charge that was assumed, as readings are missing, in ampere-hours.
-    pub assumed_ah: f32,
+    /// Charge that this current does not show.
+    pub unread: Unread,
 }
 
 impl Sum {
@@ -112,15 +120,19 @@ impl Gathering {
             duration_s: 0.0,
             voltage: MeasuredSum::NEW,
             current: MeasuredSum::NEW,
-            unmeasured_ah: 0.0,
-            assumed_ah: 0.0,
+            unread: Unread {
+                unmeasured_ah: 0.0,
+                assumed_ah: 0.0,
+                over_range_ah: 0.0,
+            },
         }
     }
 
-    /// Takes a charge that the source has counted beyond the current, and how much of the current's was assumed.
-    pub fn add_unread(&mut self, unmeasured_ah: f32, assumed_ah: f32) {
-        self.unmeasured_ah += unmeasured_ah;
-        self.assumed_ah += assumed_ah;
+    /// Takes a charge that the current does not show.
+    pub fn add_unread(&mut self, more: &Unread) {
+        self.unread.unmeasured_ah += more.unmeasured_ah;
+        self.unread.assumed_ah += more.assumed_ah;
+        self.unread.over_range_ah += more.over_range_ah;
     }
 
     /// Takes a reading; returns the means once a second is complete.
@@ -136,8 +148,7 @@ impl Gathering {
             duration_s: complete.duration_s,
             voltage_v: complete.voltage.mean(complete.duration_s),
             current_a: complete.current.mean(complete.duration_s),
-            unmeasured_ah: complete.unmeasured_ah,
-            assumed_ah: complete.assumed_ah,
+            unread: complete.unread,
         })
     }
 }

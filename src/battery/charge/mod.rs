@@ -17,11 +17,11 @@ pub use load::Second;
 
 use super::learnt::{LastCharge, LessonObstacle, OpenLesson};
 use super::swap::Doubt;
-use super::{ArmState, LearntPack};
+use super::{ArmState, CurrentRange, LearntPack};
 use counting::Counting;
 use drive::{Drive, Rest, RestTimer};
 use filter::Filter;
-use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace};
+use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace, Unread};
 use reference::Reference;
 use start::{STEEP_SIGMA, Start, is_flat, is_idle, is_resting};
 use voltage_only::VoltageOnly;
@@ -217,8 +217,8 @@ impl ChargeEstimator {
         self.trace.polarisation = Polarisation::unknown();
     }
 
-    /// Takes a reading, with the charge that its source has counted beyond the current, and the time without readings that
-    /// were due. Returns the means of a second that it completes.
+    /// Takes a reading, with the charge that its source has counted beyond the current, the time without readings that were
+    /// due, and whether its current is over range. Returns the means of a second that it completes.
     pub fn add(
         &mut self,
         dt_s: f32,
@@ -226,6 +226,7 @@ impl ChargeEstimator {
         mut current_a: Option<f32>,
         unmeasured_ah: f32,
         missed_s: f32,
+        current_range: CurrentRange,
     ) -> Option<Second> {
         if dt_s > MAX_GAP_S {
             *self = Self::new();
@@ -242,8 +243,19 @@ impl ChargeEstimator {
                 current_a = current_a.or(Some(before_a));
             }
         }
-        let assumed_ah = current_a.unwrap_or(0.0).abs() * missed_s * HOURS_PER_SECOND;
-        self.gathering.add_unread(unmeasured_ah, assumed_ah);
+        if current_range == CurrentRange::Over {
+            // The sag of the load is not known either.
+            voltage_v = None;
+        }
+        let charge_ah = |duration_s: f32| current_a.unwrap_or(0.0).abs() * duration_s * HOURS_PER_SECOND;
+        self.gathering.add_unread(&Unread {
+            unmeasured_ah,
+            assumed_ah: charge_ah(missed_s),
+            over_range_ah: match current_range {
+                CurrentRange::Over => charge_ah(dt_s),
+                CurrentRange::Within | CurrentRange::OverAndCounted => 0.0,
+            },
+        });
         self.gathering.add(dt_s, voltage_v, current_a)
     }
 
@@ -262,9 +274,12 @@ impl ChargeEstimator {
         self.doubt = doubt;
         let capacity = model.capacity();
         if let Some(capacity) = &capacity {
-            self.phase.draw(second.unmeasured_ah, capacity);
+            self.phase.draw(second.unread.unmeasured_ah, capacity);
             if let Phase::Counting(counting) = &mut self.phase {
-                counting.assume(second.assumed_ah, capacity);
+                counting.assume(second.unread.assumed_ah, capacity);
+                if second.unread.over_range_ah > 0.0 {
+                    counting.exceed_range(second.unread.over_range_ah, capacity);
+                }
             }
         }
         let was_starting = matches!(self.phase, Phase::Starting(_));

@@ -73,8 +73,8 @@ pub struct BatteryMonitor {
     /// Scale and pin of the voltage on which the estimate is based.
     measuring: Option<Measuring>,
     current_source: Option<u16>,
-    /// Since the start.
-    current_was_over_range: bool,
+    /// The worst range of the current that was announced since the start.
+    announced_range: CurrentRange,
     /// Whether the current sensor has shown that it has power since the voltage is missing, while armed.
     sensor_has_power: bool,
     /// Since the start, or another scale of the current.
@@ -115,7 +115,7 @@ impl BatteryMonitor {
             exchanges: 0,
             measuring: None,
             current_source: None,
-            current_was_over_range: false,
+            announced_range: CurrentRange::Within,
             sensor_has_power: false,
             current_is_reversed: false,
         }
@@ -333,9 +333,12 @@ impl BatteryMonitor {
             doubt: Doubt::None,
         };
         turn.state.current_range = measurement.current_range;
-        if measurement.current_range == CurrentRange::Over && !self.current_was_over_range {
-            self.current_was_over_range = true;
-            push(turn.events, PackEvent::CurrentOverRange);
+        if measurement.current_range > self.announced_range {
+            self.announced_range = measurement.current_range;
+            push(
+                turn.events,
+                PackEvent::CurrentOverRange(measurement.current_range),
+            );
         }
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         match self.detect_swap(&reading) {

@@ -1,12 +1,14 @@
 //! The readings of a pack between two sampling ticks.
 
-use crate::battery::{Consumed, Counted, Measurement, ReadError};
+use crate::battery::{Consumed, Counted, CurrentRange, Measurement, ReadError};
 
 /// The readings of a pack since they were taken last.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Samples {
     voltage: Mean,
     current: Mean,
+    /// The worst of them: a mean with one that is over range is too low, too.
+    current_range: CurrentRange,
     /// Counts since the readings were taken.
     counted: Option<Consumed>,
     last: Option<Measurement>,
@@ -41,6 +43,7 @@ impl Samples {
         Self {
             voltage: Mean { sum: 0.0, count: 0 },
             current: Mean { sum: 0.0, count: 0 },
+            current_range: CurrentRange::Within,
             counted: None,
             last: None,
             was_read: false,
@@ -60,6 +63,7 @@ impl Samples {
     fn add_measurement(&mut self, measurement: &Measurement) {
         self.voltage.add(measurement.voltage_v);
         self.current.add(measurement.current_a);
+        self.current_range = self.current_range.max(measurement.current_range);
         if let Some(Counted::Increment(more)) = measurement.counted {
             let counted = self.counted.get_or_insert_default();
             counted.charge_mah += more.charge_mah;
@@ -69,8 +73,8 @@ impl Samples {
         self.error = None;
     }
 
-    /// The mean voltage and current, the sum of what was counted, and the latest of everything else; `None` if nothing was
-    /// added since the last call.
+    /// The mean voltage and current, the worst range of a current, the sum of what was counted, and the latest of everything
+    /// else; `None` if nothing was added since the last call.
     ///
     /// # Errors
     /// Every reading since the last call failed: the last reason.
@@ -95,6 +99,7 @@ impl Samples {
         Ok(Measurement {
             voltage_v: self.voltage.value(),
             current_a: self.current.value(),
+            current_range: self.current_range,
             counted: self.counted.map(Counted::Increment).or(last.counted),
             ..last
         })
@@ -137,6 +142,26 @@ mod tests {
             energy_wh: 0.5,
         };
         assert_eq!(mean.counted, Some(Counted::Increment(counted)));
+    }
+
+    #[test]
+    fn one_current_over_range_makes_that_of_the_tick_over_range() {
+        let mut samples = Samples::new();
+        for range in [
+            CurrentRange::OverAndCounted,
+            CurrentRange::Over,
+            CurrentRange::Within,
+        ] {
+            let reading = measured(12.0, 1.0, None).map(|measurement| Measurement {
+                current_range: range,
+                ..measurement
+            });
+            samples.add(reading);
+        }
+        let range = |samples: &mut Samples| samples.take().unwrap().unwrap().current_range;
+        assert_eq!(range(&mut samples), CurrentRange::Over);
+        samples.add(measured(12.0, 1.0, None));
+        assert_eq!(range(&mut samples), CurrentRange::Within, "of the next tick");
     }
 
     #[test]

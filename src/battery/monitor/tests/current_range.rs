@@ -1,4 +1,4 @@
-use super::rover::{IDLE_A, Pack, Rover, Sensors};
+use super::rover::{CLIPPED_A, IDLE_A, Pack, Rover, Sensors};
 use super::*;
 use crate::battery::CurrentRange;
 
@@ -21,11 +21,50 @@ fn a_current_over_range_counts_as_full_scale_and_is_announced_once() {
         bench.run(12.0, stalled(10.5));
         bench.run(1.0, loaded(11.0, 0.0));
     }
-    let said = bench.count_of(PackEvent::CurrentOverRange);
+    let said = bench.count_of(PackEvent::CurrentOverRange(CurrentRange::Over));
     assert_eq!(said, 1, "{:?}", bench.events);
     let state = bench.state;
     assert_eq!(state.status, PackStatus::Healthy);
     assert_about(state.consumed_mah(), 200.0, 3.0);
+}
+
+#[test]
+fn a_current_over_range_that_is_counted_all_the_same_is_announced_as_such_until_it_is_not() {
+    let mut bench = MonitorBench::new();
+    let counted = Measurement {
+        current_range: CurrentRange::OverAndCounted,
+        ..stalled(10.5)
+    };
+    let mut said = Vec::new();
+    for measurement in [counted, counted, stalled(10.5), counted] {
+        bench.run(1.0, measurement);
+        said.push(
+            [CurrentRange::OverAndCounted, CurrentRange::Over]
+                .map(|range| bench.count_of(PackEvent::CurrentOverRange(range))),
+        );
+    }
+    assert_eq!(said, [[1, 0], [1, 0], [1, 1], [1, 1]]);
+}
+
+#[test]
+fn a_charge_that_was_drawn_over_range_is_uncertain_by_as_much_again() {
+    let driven = |sensors: Sensors| {
+        let mut rover = Rover::with(Pack::rested(Chemistry::LiIon, 0.9));
+        rover.bench.settings.capacity_mah = Some(2200.0);
+        rover.run(40.0, IDLE_A);
+        rover.sensors = sensors;
+        // A quarter of the capacity, a third of which the clipped sensor shows.
+        rover.run(600.0, 3.0 * CLIPPED_A);
+        let sigma_pct = rover.bench.state.readings.remaining_sigma_pct;
+        (rover.error_pct().abs(), sigma_pct.expect("known"))
+    };
+    for sensors in [Sensors::VoltageAndCurrent, Sensors::VoltageAndClippedCurrent] {
+        let (error_pct, sigma_pct) = driven(sensors);
+        assert!(
+            error_pct < 2.0 * sigma_pct,
+            "{sensors:?}: {error_pct} ± {sigma_pct}"
+        );
+    }
 }
 
 #[test]

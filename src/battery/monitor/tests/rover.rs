@@ -107,8 +107,13 @@ pub enum Sensors {
     VoltageAndReversedCurrent,
     /// The board's own consumption is none to it.
     VoltageAndInsensitiveCurrent,
+    /// It ends at [`CLIPPED_A`].
+    VoltageAndClippedCurrent,
     Voltage,
 }
+
+/// End of a current sensor whose shunt is too large, in amperes.
+pub const CLIPPED_A: f32 = 1.1;
 
 impl Rover {
     pub fn with(pack: Pack) -> Self {
@@ -150,6 +155,11 @@ impl Rover {
             Sensors::VoltageAndReversedCurrent => loaded(voltage_v, -current_a * by_current),
             Sensors::VoltageAndInsensitiveCurrent if current_a <= IDLE_A => loaded(voltage_v, 0.0),
             Sensors::VoltageAndInsensitiveCurrent => loaded(voltage_v, current_a),
+            Sensors::VoltageAndClippedCurrent if current_a < CLIPPED_A => loaded(voltage_v, current_a),
+            Sensors::VoltageAndClippedCurrent => Measurement {
+                current_range: CurrentRange::Over,
+                ..loaded(voltage_v, CLIPPED_A)
+            },
             Sensors::Voltage => volts(voltage_v),
         }
     }

@@ -9,9 +9,10 @@
 
 use core::ops::RangeInclusive;
 
-use super::{CELL_SUM_TOLERANCE, COUNTING_READINGS, deviation};
+use super::{CELL_SUM_TOLERANCE, COUNTING_READINGS, deviation, positive_voltage};
 use crate::battery::{
-    BusError, CellVoltages, Consumed, Counted, Faults, Measurement, Modes, ReadError, Reported, Thermometer,
+    BusError, CellVoltages, Consumed, Counted, CurrentRange, Faults, Measurement, Modes, ReadError, Reported,
+    Thermometer,
 };
 use crate::log::info;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
@@ -178,17 +179,21 @@ impl Part for Bq76952 {
         let [alarms] = words_from(bus, self.address, ALARM_RAW_STATUS).await?;
         let temperatures = words_from(bus, self.address, TEMPERATURES).await?;
         let charge = Charge::read(bus, self.address).await?;
-        let word = |place: usize| words.get(place).map_or(0.0, |word: &u16| f32::from(*word as i16));
-        let voltage_v = word(STACK) * self.setup.unit_v();
-        if voltage_v < 0.0 {
-            return Err(ReadError::Implausible);
-        }
+        let value = |place: usize| {
+            let word = words.get(place).map_or(0, |word: &u16| *word as i16);
+            (f32::from(word), CurrentRange::of_word(word))
+        };
+        let (voltage, range) = value(STACK);
+        let voltage_v = positive_voltage(voltage * self.setup.unit_v(), range)?;
+        let (current, current_range) = value(CURRENT);
         let last = self.last.replace(charge);
         let (temperature_c, thermometer) = self.setup.temperature(temperatures);
         Ok(Measurement {
             voltage_v: Some(voltage_v),
             // It counts what flows into the pack.
-            current_a: Some(-word(CURRENT) * self.setup.unit_a()),
+            current_a: Some(-current * self.setup.unit_a()),
+            // The charge is counted in more bits.
+            current_range: current_range.counted(),
             counted: last.and_then(|last| {
                 let charge_mah = charge.since(&last)? * self.setup.unit_a() * 1e3;
                 Some(Counted::Increment(Consumed {

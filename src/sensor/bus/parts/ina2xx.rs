@@ -5,8 +5,10 @@
 //! from the voltage over the shunt, not from the part's current register: that one needs a calibration, which a part whose
 //! supply dipped has forgotten, and then it reads 0 A.
 
-use super::TEXAS_INSTRUMENTS;
-use crate::battery::{Consumed, Counted, Measurement, ReadError};
+use core::ops::RangeInclusive;
+
+use super::{TEXAS_INSTRUMENTS, positive_voltage};
+use crate::battery::{Consumed, Counted, CurrentRange, Measurement, ReadError};
 use crate::log::info;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
@@ -57,6 +59,17 @@ enum Width {
     Bits16,
     /// The upper 20 bits of three bytes; the others are always 0.
     Bits20,
+}
+
+impl Width {
+    /// The ends of the codes, which everything beyond them reads as, too.
+    fn ends(self) -> RangeInclusive<i32> {
+        let bits = match self {
+            Self::Bits16 => 16,
+            Self::Bits20 => 20,
+        };
+        -1 << (bits - 1)..=(1 << (bits - 1)) - 1
+    }
 }
 
 #[derive(Debug)]
@@ -288,22 +301,29 @@ impl Part for Ina2xx {
 
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
         let mut registers = Registers::new(bus, self.address);
-        let voltage_v = self.model.voltage.read(&mut registers).await?;
-        if voltage_v < 0.0 {
-            // The sign of a voltage is always 0.
-            return Err(ReadError::Implausible);
-        }
-        let current_a = match &self.model.current {
-            Current::OverShunt(shunt) => shunt.read(&mut registers).await? / wiring.shunt_ohm,
+        let (voltage_v, range) = self.model.voltage.read(&mut registers).await?;
+        // The sign of a voltage is always 0.
+        let voltage_v = positive_voltage(voltage_v, range)?;
+        let (current_a, mut current_range) = match &self.model.current {
+            Current::OverShunt(shunt) => {
+                let (shunt_v, range) = shunt.read(&mut registers).await?;
+                (shunt_v / wiring.shunt_ohm, range)
+            }
             Current::Inside(current) => current.read(&mut registers).await?,
         };
         let counted = match &mut self.counting {
-            Some(counting) => counting.read(&mut registers).await?,
+            Some(counting) => {
+                if current_a.abs() >= counting.full_scale_a() {
+                    current_range = CurrentRange::Over;
+                }
+                counting.read(&mut registers).await?
+            }
             None => None,
         };
         Ok(Measurement {
             voltage_v: Some(voltage_v),
             current_a: Some(current_a),
+            current_range,
             counted,
             ..Measurement::default()
         })
@@ -344,7 +364,11 @@ impl Model {
 }
 
 impl Quantity {
-    async fn read<B: SensorBus>(&self, registers: &mut Registers<'_, B>) -> Result<f32, ReadError> {
+    /// Its value, and whether that is within the range.
+    async fn read<B: SensorBus>(
+        &self,
+        registers: &mut Registers<'_, B>,
+    ) -> Result<(f32, CurrentRange), ReadError> {
         let code = match self.width {
             Width::Bits16 => i32::from(registers.read_u16(self.register).await? as i16),
             Width::Bits20 => {
@@ -353,7 +377,10 @@ impl Quantity {
                 i32::from_be_bytes([high, middle, low, 0]) >> 12
             }
         };
-        Ok(code as f32 * self.step)
+        Ok((
+            code as f32 * self.step,
+            CurrentRange::of_code(code, self.width.ends()),
+        ))
     }
 }
 
@@ -372,6 +399,11 @@ impl Counters {
 }
 
 impl Accumulators {
+    /// The current from which on its counters count too little, in amperes.
+    fn full_scale_a(&self) -> f32 {
+        self.step_a * self.counters.steps
+    }
+
     /// Counts since the last reading; `None` the first time.
     async fn read<B: SensorBus>(
         &mut self,

@@ -1,7 +1,7 @@
 //! Texas Instruments' INA3221 (SBOS576): three packs on one chip, each with a shunt of its own.
 
-use super::TEXAS_INSTRUMENTS;
-use crate::battery::{Measurement, ReadError};
+use super::{TEXAS_INSTRUMENTS, positive_voltage};
+use crate::battery::{CurrentRange, Measurement, ReadError};
 use crate::log::info;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
@@ -24,6 +24,9 @@ const BUS_STEP_V: f32 = 8e-3;
 
 /// Both are 13 bits from bit 3 on; the others are always 0.
 const UNUSED_BITS: u32 = 3;
+
+/// What is at either end is beyond the range, too; the data sheet ends the shunt's at 163.8 mV.
+const END: i32 = 4095;
 
 const ADDRESSES: [Address; 4] = [
     Address::I2c(0x40),
@@ -74,15 +77,18 @@ impl Part for Ina3221 {
             return Err(ReadError::NoPin);
         };
         let mut registers = Registers::new(bus, self.address);
-        let steps = |code: u16| f32::from(code as i16 >> UNUSED_BITS);
-        let voltage_v = steps(registers.read_u16(*voltage).await?) * BUS_STEP_V;
-        let shunt_v = steps(registers.read_u16(*shunt).await?) * SHUNT_STEP_V;
-        if voltage_v < 0.0 {
-            return Err(ReadError::Implausible);
-        }
+        let value = |code: u16, step_v: f32| {
+            let steps = code as i16 >> UNUSED_BITS;
+            let range = CurrentRange::of_code(steps.into(), -END..=END);
+            (f32::from(steps) * step_v, range)
+        };
+        let (voltage_v, range) = value(registers.read_u16(*voltage).await?, BUS_STEP_V);
+        let voltage_v = positive_voltage(voltage_v, range)?;
+        let (shunt_v, current_range) = value(registers.read_u16(*shunt).await?, SHUNT_STEP_V);
         Ok(Measurement {
             voltage_v: Some(voltage_v),
             current_a: Some(shunt_v / wiring.shunt_ohm),
+            current_range,
             ..Measurement::default()
         })
     }

@@ -3,7 +3,10 @@
 //! Its registers are as in the data sheet and in the maker's own examples; the counting of its accumulators was not seen on
 //! silicon. It measures no current that flows into the pack.
 
-use crate::battery::{Consumed, Counted, Measurement, ReadError};
+use core::ops::RangeInclusive;
+
+use super::positive_voltage;
+use crate::battery::{Consumed, Counted, CurrentRange, Measurement, ReadError};
 use crate::log::info;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
@@ -30,6 +33,9 @@ const ACCUMULATE: u8 = 0x00;
 const VOLTAGE_STEP_V: f32 = 102.4 / 4095.0;
 const SENSE_STEP_V: f32 = 0.1024 / 4095.0;
 const UNUSED_BITS: u32 = 4;
+
+/// The highest code is over range; at the lowest nothing flows.
+const CODES: RangeInclusive<i32> = -1..=0xfff;
 
 /// It adds up with every tick of its own oscillator, in seconds.
 const TICK_S: f32 = 4101.0 / 250_000.0;
@@ -92,15 +98,23 @@ impl Part for Ltc2946 {
 
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
         let mut registers = Registers::new(bus, self.address);
-        let steps = |code: u16| f32::from(code >> UNUSED_BITS);
-        let voltage_v = steps(registers.read_u16(VOLTAGE).await?) * VOLTAGE_STEP_V;
-        let sense_v = steps(registers.read_u16(SENSE).await?) * SENSE_STEP_V;
+        let value = |code: u16, step_v: f32| {
+            let steps = code >> UNUSED_BITS;
+            (
+                f32::from(steps) * step_v,
+                CurrentRange::of_code(steps.into(), CODES),
+            )
+        };
+        let (voltage_v, range) = value(registers.read_u16(VOLTAGE).await?, VOLTAGE_STEP_V);
+        let voltage_v = positive_voltage(voltage_v, range)?;
+        let (sense_v, current_range) = value(registers.read_u16(SENSE).await?, SENSE_STEP_V);
         let charge = u32::from_be_bytes(registers.read(CHARGE).await?);
         let energy = u32::from_be_bytes(registers.read(ENERGY).await?);
         let last = self.last.replace((charge, energy));
         Ok(Measurement {
             voltage_v: Some(voltage_v),
             current_a: Some(sense_v / wiring.shunt_ohm),
+            current_range,
             counted: last.and_then(|(last_charge, last_energy)| {
                 let charge_steps = steps_between(charge, last_charge)?;
                 let energy_steps = steps_between(energy, last_energy)?;

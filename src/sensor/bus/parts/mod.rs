@@ -16,6 +16,8 @@ pub(super) use ina3221::Ina3221;
 pub(super) use ltc2946::Ltc2946;
 pub(super) use smart_battery::SmartBattery;
 
+use crate::battery::{CurrentRange, ReadError};
+
 /// `Manufacturer ID` of Texas Instruments' parts: "TI".
 const TEXAS_INSTRUMENTS: u16 = 0x5449;
 
@@ -28,4 +30,16 @@ const COUNTING_READINGS: u8 = 150;
 /// Deviation of the sum of cells from the voltage of their pack, as a share of that.
 fn deviation(pack_v: f32, sum_v: f32) -> f32 {
     (sum_v / pack_v - 1.0).abs()
+}
+
+/// A voltage that a part measures, in volts, if its code is no end of its range, nor negative.
+///
+/// # Errors
+/// [`ReadError::Implausible`], [`ReadError::OverRange`].
+fn positive_voltage(voltage_v: f32, range: CurrentRange) -> Result<f32, ReadError> {
+    match range {
+        _ if voltage_v < 0.0 => Err(ReadError::Implausible),
+        CurrentRange::Within => Ok(voltage_v),
+        _ => Err(ReadError::OverRange),
+    }
 }

@@ -8,8 +8,8 @@ pub(in crate::sensor::bus) use dialect::{
 };
 
 use crate::battery::{
-    BusError, CellVoltages, ChargeState, Chemistry, Date, Faults, Gauge, GaugeReading, GaugeReport,
-    Measurement, Modes, Name, PackDetails, ReadError, Reported, Supply,
+    BusError, CellVoltages, ChargeState, Chemistry, CurrentRange, Date, Faults, Gauge, GaugeReading,
+    GaugeReport, Measurement, Modes, Name, PackDetails, ReadError, Reported, Supply,
 };
 use crate::log::info;
 use crate::sensor::bus::part::Part;
@@ -201,7 +201,7 @@ impl Part for SmartBattery {
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
         let has_scale = self.has_scale();
         // First, and well after the voltages: SUI's batteries are known to stall otherwise.
-        let current_a = self.current_a(bus).await?;
+        let (current_a, current_range) = self.current_a(bus).await?;
         let mut commands = self.commands(bus);
         let voltage = known(commands.word(VOLTAGE).await?);
         let mode = known(commands.word(BATTERY_MODE).await?);
@@ -220,6 +220,10 @@ impl Part for SmartBattery {
         let reading = Measurement {
             voltage_v: Some(voltage_v),
             current_a,
+            current_range: match gauge {
+                Some(_) => current_range.counted(),
+                None => current_range,
+            },
             gauge: GaugeReading::expected(gauge.map(|((remaining, full_mah), step_mah)| Gauge {
                 remaining_mah: f32::from(remaining) * step_mah,
                 full_mah,
@@ -477,19 +481,25 @@ impl SmartBattery {
         Some((share + 0.5).min(100.0) as u8)
     }
 
-    /// The specification counts what flows into the battery.
-    async fn current_a(&self, bus: &mut impl SensorBus) -> Result<Option<f32>, ReadError> {
+    /// The current, and whether its word shows it. The specification counts what flows into the battery.
+    async fn current_a(&self, bus: &mut impl SensorBus) -> Result<(Option<f32>, CurrentRange), ReadError> {
+        let value = |word: Option<u16>, step_a: f32| {
+            let current_a = word.map(|word| -f32::from(word as i16) * step_a);
+            let range = word.map(|word| CurrentRange::of_word(word as i16));
+            (current_a, range.unwrap_or_default())
+        };
         match self.dialect.current {
             Current::Word => {
                 let current = self.commands(bus).word(CURRENT).await?;
-                Ok(current.map(|current| -f32::from(current as i16) * self.scale().current))
+                Ok(value(current, self.scale().current))
             }
             Current::WordOrTenths { tenths } => {
                 let current = self.commands(bus).word(CURRENT).await?;
                 let tenths = known(self.commands(bus).word(tenths).await?);
-                let current_a = current.map(|current| -f32::from(current as i16) * self.scale().current);
-                let tenths_a = tenths.map(|tenths| -f32::from(tenths as i16) * 0.1);
-                Ok(tenths_a.or(current_a))
+                Ok(match tenths {
+                    None => value(current, self.scale().current),
+                    tenths => value(tenths, 0.1),
+                })
             }
             Current::Long { command, framing } => {
                 let mut commands = self.commands(bus);
@@ -497,7 +507,8 @@ impl SmartBattery {
                     Framing::Block => commands.block(command).await?,
                     Framing::Bare => commands.bare(command).await?,
                 };
-                Ok(Some(-(i32::from_le_bytes(milliamperes) as f32) * 1e-3))
+                let current_a = -(i32::from_le_bytes(milliamperes) as f32) * 1e-3;
+                Ok((Some(current_a), CurrentRange::Within))
             }
         }
     }
