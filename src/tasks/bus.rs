@@ -10,7 +10,10 @@ pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &Check
         mark(check_in);
         let wake = now().after_us(LONGEST_SLEEP.as_micros());
         timer_at(devices.next_due().unwrap_or(wake).min(wake)).await;
-        let arm_state = shared.with(|autopilot| autopilot.vehicle().arm_state());
+        let arm_state = shared.with(|autopilot| {
+            devices.follow(autopilot.parameters());
+            autopilot.vehicle().arm_state()
+        });
         let finding = devices
             .read_next(&mut bus, now(), arm_state, |pack, reading| {
                 shared.with(|autopilot| autopilot.add_bus_reading(pack, reading, now()));

@@ -616,6 +616,55 @@ fn a_part_that_lost_its_supply_for_a_moment_is_set_up_again() {
     assert_eq!(rover.health(2), [""; 0]);
 }
 
+/// Writes the first register as another board would.
+fn configure(part: &Device, now_us: u64, word: u16) {
+    let mut part = part.borrow_mut();
+    part.start(I2cDirection::Write, now_us * CYCLES_PER_US);
+    for byte in [&[0][..], &word.to_be_bytes()].concat() {
+        assert_eq!(part.write(byte), Ack::Ack);
+    }
+    part.stop();
+}
+
+#[test]
+fn a_narrow_range_that_was_set_before_or_comes_later_shows_no_other_current() {
+    let narrow = 1 << 4;
+    let ina228 = device(Ina228::new(SHUNT_OHM), |part| part.set(12.0, 36.0, 60.0));
+    let ina238 = device(Ina238::new(SHUNT_OHM), |part| part.set(12.0, 36.0, 60.0));
+    for part in [ina228 as Device, ina238 as Device] {
+        configure(&part, 0, narrow);
+        let wires = Wires::with([(MONITOR_AT, part.clone())]);
+        let mut rover = Rover::with(&wires, &[("BATT2_MONITOR", INA2XX)]);
+        rover.assert_measures(Pack::Second, (12.0, 3.2e-3), (36.0, 10e-3));
+        configure(&part, rover.now_us, narrow);
+        for _ in 0..20 {
+            rover.run_for(SECOND / 20);
+            rover.assert_measures(Pack::Second, (12.0, 3.2e-3), (36.0, 10e-3));
+        }
+        assert_eq!(rover.health(2), [""; 0]);
+    }
+}
+
+#[test]
+fn a_converters_scale_offset_and_pins_follow_their_parameters_at_once() {
+    let part = converter([2.0, 1.0, 1.5, 0.5]);
+    let mut rover = Rover::with(&Wires::with([(CONVERTER_AT, part as Device)]), &AT_50_AND_51);
+    rover.assert_measures(Pack::Second, (12.0, 4.9e-3), (10.0, 8.1e-3));
+    for (name, value, volts, amperes) in [
+        ("BATT2_VOLT_MULT", 5.0, 10.0, 10.0),
+        ("BATT2_VLT_OFFSET", 0.2, 9.0, 10.0),
+        ("BATT2_VOLT_PIN", 52.0, 6.5, 10.0),
+        ("BATT2_AMP_PERVLT", 20.0, 6.5, 20.0),
+        ("BATT2_AMP_OFFSET", 0.1, 6.5, 18.0),
+        ("BATT2_CURR_PIN", 53.0, 6.5, 8.0),
+    ] {
+        let set = |autopilot: &mut Autopilot| autopilot.parameters_mut().set(id_of(name), value);
+        assert_eq!(rover.shared.with(set), Ok(()), "{name}");
+        rover.run_for(SECOND / 4);
+        rover.assert_measures(Pack::Second, (volts, 9e-3), (amperes, 17e-3));
+    }
+}
+
 #[test]
 // Requirement: S-11
 fn a_kind_that_is_set_while_the_board_runs_freezes_no_pack() {

@@ -4,7 +4,7 @@ use core::mem;
 
 use heapless::Vec;
 
-use super::part::FAST_MODE_HZ;
+use super::part::{FAST_MODE_HZ, Sharing};
 use super::registry::AnyPart;
 use super::{Address, SensorBus, Wiring};
 use crate::battery::{BusError, MAX_ANSWERING, Measurement, PackEvent, ReadError};
@@ -50,6 +50,8 @@ impl DeviceAddress {
 struct BusDevice {
     kind: PartKind,
     place: DeviceAddress,
+    /// Where the search goes on, among the addresses of its kind.
+    next_address: u8,
     part: Option<AnyPart>,
     failures: u8,
     /// Whether another part was looked for in its place, or it was announced.
@@ -88,23 +90,31 @@ impl BusDevices {
     }
 
     fn add(&mut self, kind: PartKind, pack: Pack, wiring: Wiring, now: Instant) {
-        let shared = (0..self.devices.len()).find(|device| self.has_room_for(*device, kind, &wiring));
-        let device = shared.unwrap_or_else(|| self.add_device(kind, &wiring, now));
+        let shared = (0..self.devices.len()).find(|device| self.is_shared(*device, kind, &wiring));
+        let device = match shared {
+            Some(device) if self.has_room_for(device, kind, &wiring) => device,
+            Some(_) => self.add_device(kind, DeviceAddress::Taken, now),
+            None => self.add_device(kind, self.place_of(&wiring), now),
+        };
         // There is room for every pack.
         let _ = self.packs.push(BusPack { pack, wiring, device });
     }
 
-    /// Returns its number.
-    fn add_device(&mut self, kind: PartKind, wiring: &Wiring, now: Instant) -> usize {
-        let place = match wiring.address {
+    fn place_of(&self, wiring: &Wiring) -> DeviceAddress {
+        match wiring.address {
             Some(address) if self.taken().any(|taken| taken == address) => DeviceAddress::Taken,
             Some(address) => DeviceAddress::Set(address),
             None => DeviceAddress::Unknown,
-        };
+        }
+    }
+
+    /// Returns its number.
+    fn add_device(&mut self, kind: PartKind, place: DeviceAddress, now: Instant) -> usize {
         let interval_us = kind.interval_us();
         let _ = self.devices.push(BusDevice {
             kind,
             place,
+            next_address: 0,
             part: None,
             failures: 0,
             was_announced: false,
@@ -115,14 +125,36 @@ impl BusDevices {
         self.devices.len() - 1
     }
 
-    /// Whether a part has a channel for another pack that is set alike.
-    fn has_room_for(&self, device: usize, kind: PartKind, wiring: &Wiring) -> bool {
+    /// Whether a pack that is set alike measures with this part, too.
+    fn is_shared(&self, device: usize, kind: PartKind, wiring: &Wiring) -> bool {
         let is_of_kind = self.devices.get(device).is_some_and(|device| device.kind == kind);
-        let mut packs = self.packs.iter().filter(|other| other.device == device);
-        let is_set_alike = packs
-            .next()
-            .is_some_and(|first| first.wiring.address == wiring.address);
-        is_of_kind && is_set_alike && 1 + packs.count() < kind.channels()
+        let is_set_alike = |first: &BusPack| first.wiring.address == wiring.address;
+        is_of_kind
+            && kind.sharing() != Sharing::None
+            && self.packs_of(device).next().is_some_and(is_set_alike)
+    }
+
+    /// Whether no other pack of this part uses the channel.
+    fn has_room_for(&self, device: usize, kind: PartKind, wiring: &Wiring) -> bool {
+        let is_at_channel = |other: &BusPack| other.wiring.channel == wiring.channel;
+        kind.sharing() == Sharing::ByPin || !self.packs_of(device).any(is_at_channel)
+    }
+
+    fn packs_of(&self, device: usize) -> impl Iterator<Item = &BusPack> {
+        self.packs.iter().filter(move |pack| pack.device == device)
+    }
+
+    /// Packs at the pins of the part that is due next follow the parameters.
+    pub fn follow(&mut self, parameters: &Parameters) {
+        let devices = self.devices.iter().enumerate();
+        let Some((number, device)) = devices.min_by_key(|(_, device)| device.cadence.due()) else {
+            return;
+        };
+        if device.kind.sharing() == Sharing::ByPin {
+            for pack in self.packs.iter_mut().filter(|pack| pack.device == number) {
+                pack.wiring = Wiring::from_parameters(parameters, pack.pack, pack.wiring.i2c_clock_hz);
+            }
+        }
     }
 
     fn taken(&self) -> impl Iterator<Item = Address> {
@@ -163,7 +195,7 @@ impl BusDevices {
             cells = reading.ok().map(|measurement| measurement.cells.number());
             deliver(pack, reading);
         };
-        let result = device.read(bus, packs.clone(), &taken, &mut noted).await;
+        let result = device.read(bus, now, packs.clone(), &taken, &mut noted).await;
         device.note(result, now);
         if let Err(error) = result {
             packs.clone().for_each(|pack| deliver(pack.pack, Err(error)));
@@ -224,6 +256,7 @@ impl BusDevice {
     async fn read<'a>(
         &mut self,
         bus: &mut impl SensorBus,
+        now: Instant,
         packs: impl Iterator<Item = &'a BusPack> + Clone,
         taken: &[Address],
         deliver: &mut impl FnMut(Pack, Result<Measurement, ReadError>),
@@ -235,17 +268,27 @@ impl BusDevice {
             }
             none => {
                 let first = packs.clone().next().ok_or(ReadError::NoPin)?;
-                let (address, part) = find(self.kind, self.place, &first.wiring, bus, taken).await?;
+                let next = &mut self.next_address;
+                let (address, part) = find(self.kind, self.place, next, &first.wiring, bus, taken).await?;
                 if self.place == DeviceAddress::Unknown {
                     self.place = DeviceAddress::Found(address);
                 }
-                none.insert(part)
+                let part = none.insert(part);
+                let first_result_us = self.kind.first_result_us();
+                if first_result_us > 0 {
+                    self.cadence.skip_until(now.after_us(first_result_us));
+                    return Ok(());
+                }
+                part
             }
         };
         for BusPack { pack, wiring, .. } in packs {
             match part.read(bus, wiring).await {
-                // Another pack of the part may be wired all right, or the part has no reading yet.
-                Err(error) if error.is_configuration() || error == ReadError::Timeout => {
+                // Another pack of the part may be wired all right, and within its range; or the part has no reading yet.
+                Err(error)
+                    if error.is_configuration()
+                        || matches!(error, ReadError::OverRange | ReadError::Timeout) =>
+                {
                     deliver(*pack, Err(error));
                 }
                 reading => deliver(*pack, Ok(reading?)),
@@ -312,10 +355,11 @@ impl BusDevice {
     }
 }
 
-/// Sets up the part where it has to be, or where it is found.
+/// Sets up the part where it has to be, or where it is found, in a search from `next` on among the addresses of its kind.
 async fn find(
     kind: PartKind,
     place: DeviceAddress,
+    next: &mut u8,
     wiring: &Wiring,
     bus: &mut impl SensorBus,
     taken: &[Address],
@@ -326,15 +370,23 @@ async fn find(
             Ok((address, kind.set_up(bus, address, wiring).await?))
         }
         DeviceAddress::Unknown => {
-            let free = kind.addresses().iter().filter(|address| !taken.contains(address));
             let mut error = ReadError::Bus(BusError::NoAnswer);
-            for address in free {
+            let from = mem::take(next);
+            for (address, behind) in kind.addresses().iter().zip(1..).skip(from.into()) {
+                if taken.contains(address) {
+                    continue;
+                }
                 match kind.set_up(bus, *address, wiring).await {
                     Ok(part) => return Ok((*address, part)),
+                    // It holds up the other parts: those behind it are looked at in the next turn.
+                    Err(error @ ReadError::Bus(BusError::Timeout)) => {
+                        *next = behind;
+                        return Err(error);
+                    }
+                    Err(error @ ReadError::Bus(BusError::Stuck)) => return Err(error),
                     Err(ReadError::Bus(BusError::NoAnswer)) => {}
                     // It may be another part's.
-                    Err(ReadError::OtherPart) => error = ReadError::OtherPart,
-                    Err(error) => return Err(error),
+                    Err(other) => error = other,
                 }
             }
             Err(error)

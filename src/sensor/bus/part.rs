@@ -17,8 +17,12 @@ pub(super) trait Part: Sized {
     /// The fastest clock it stands, in Hz. The slowest part sets the pace of the bus.
     const HIGHEST_CLOCK_HZ: u32;
 
-    /// Packs it can measure, one on each channel. They share the part if their address is set alike.
-    const CHANNELS: usize = 1;
+    /// Time from the set-up until its results are wholly of it, in µs; 0 if it is read as it is. Nothing is read before, nor
+    /// in the turn that sets it up.
+    const FIRST_RESULT_US: u64 = 0;
+
+    /// Which packs may share it.
+    const SHARING: Sharing = Sharing::None;
 
     /// Whether it is announced when it is met: which one it is can't be seen otherwise.
     const IS_ANNOUNCED: bool = false;
@@ -49,6 +53,17 @@ pub(super) trait Part: Sized {
     /// # Errors
     /// The transfer failed, the part answered nonsense, or, [`ReadError::Timeout`], it has no reading yet.
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError>;
+}
+
+/// Which packs may share a part, if their address is set alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sharing {
+    /// It measures one.
+    None,
+    /// One on each channel (`BATT_CHANNEL`).
+    ByChannel,
+    /// Any, each by its pins. Those and their scale follow the parameters.
+    ByPin,
 }
 
 /// An I2C part of ordinary speed ("fast mode").

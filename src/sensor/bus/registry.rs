@@ -1,6 +1,6 @@
 //! Which parts there are.
 
-use super::part::Part;
+use super::part::{Part, Sharing};
 use super::parts::{Ad7091r5, Bebop, Bq76952, Ina2xx, Ina3221, Ltc2946, SmartBattery, ina2xx, smart_battery};
 use super::{Address, SensorBus, Wiring};
 use crate::battery::{Measurement, ReadError};
@@ -48,9 +48,15 @@ macro_rules! parts {
                 }
             }
 
-            pub(super) fn channels(self) -> usize {
+            pub(super) fn first_result_us(self) -> u64 {
                 match self.selected() {
-                    $(Selected::$driver(_) => $driver::CHANNELS,)+
+                    $(Selected::$driver(_) => $driver::FIRST_RESULT_US,)+
+                }
+            }
+
+            pub(super) fn sharing(self) -> Sharing {
+                match self.selected() {
+                    $(Selected::$driver(_) => $driver::SHARING,)+
                 }
             }
 

@@ -8,9 +8,8 @@
 
 use crate::battery::{Measurement, ReadError};
 use crate::log::info;
-use crate::pack::MAX_PACKS;
 use crate::sensor::Conversions;
-use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
+use crate::sensor::bus::part::{FAST_MODE_HZ, Part, Sharing};
 use crate::sensor::bus::registers::Registers;
 use crate::sensor::bus::{Address, SensorBus, Wiring};
 
@@ -66,8 +65,8 @@ impl Part for Ad7091r5 {
 
     const INTERVAL_US: u64 = 100_000;
     const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
-    /// Packs can share its pins as they like.
-    const CHANNELS: usize = MAX_PACKS;
+    const FIRST_RESULT_US: u64 = Self::INTERVAL_US;
+    const SHARING: Sharing = Sharing::ByPin;
 
     fn addresses((): &()) -> &'static [Address] {
         &ADDRESSES
@@ -97,10 +96,12 @@ impl Part for Ad7091r5 {
         Registers::new(bus, self.address)
             .expect_u16(CONFIGURATION, BY_COMMAND)
             .await?;
-        let mut buffer = [[0; 2]; PINS * MOST_ROUNDS];
-        let results = buffer.get_mut(..PINS * self.rounds).unwrap_or_default();
+        let mut buffer = [[0; 2]; 1 + PINS * MOST_ROUNDS];
+        let results = buffer.get_mut(..=PINS * self.rounds).unwrap_or_default();
         bus.write_read(self.address, &[RESULT], results.as_flattened_mut())
             .await?;
+        // The first was converted at the end of the read before, or before the set-up.
+        let results = results.get(1..).unwrap_or_default();
         for (pin, place) in self.conversions.iter_mut().enumerate() {
             // Each has its channel with it, so its place does not matter.
             let words = results.iter().map(|bytes| u16::from_be_bytes(*bytes));

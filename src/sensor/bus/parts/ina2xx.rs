@@ -17,11 +17,18 @@ use crate::sensor::bus::{Address, SensorBus, Wiring};
 /// The lowest four bits of an identification are the revision.
 const REVISION: u16 = 0xf;
 
+/// Values of [`Model::range_register`].
+const RESET: u16 = 1 << 15;
+const WIDE_RANGE: u16 = 0;
+
 /// Identification, set-up and registers of a part.
 #[derive(Debug)]
 struct Model {
     name: &'static str,
     identity: Identity,
+    /// Another register, which resets the part by its highest bit, and is 0 for the wide range of the shunt's voltage. A narrow
+    /// one that was set before would show four times the current.
+    range_register: Option<u8>,
     configuration_register: u8,
     /// Continuous conversions, averaged over a little less than the polling interval, so that little is missed between two
     /// readings.
@@ -136,6 +143,7 @@ static I2C_MODELS: [Model; 5] = [
     Model {
         name: "INA260",
         identity: numbered(0xfe, 0xff, 0x2270),
+        range_register: None,
         configuration_register: 0x00,
         // As the INA226.
         configuration: 0x64df,
@@ -154,6 +162,7 @@ static I2C_MODELS: [Model; 5] = [
     Model {
         name: "INA228",
         identity: numbered(0x3e, 0x3f, 0x2280),
+        range_register: Some(0x00),
         configuration_register: 0x01,
         // 16 times 540 µs for each of both voltages: 17.3 ms. The temperature would be the chip's, not the pack's.
         configuration: 0xb92a,
@@ -189,6 +198,7 @@ static I2C_MODELS: [Model; 5] = [
 const INA226: Model = Model {
     name: "INA226",
     identity: numbered(0xfe, 0xff, 0x2260),
+    range_register: None,
     configuration_register: 0x00,
     // 16 times 588 µs for each of both voltages: 18.8 ms.
     configuration: 0x44df,
@@ -209,6 +219,7 @@ const INA226: Model = Model {
 const INA238: Model = Model {
     name: "INA238",
     identity: numbered(0x3e, 0x3f, 0x2380),
+    range_register: Some(0x00),
     configuration_register: 0x01,
     // As the INA228.
     configuration: 0xb92a,
@@ -256,6 +267,8 @@ impl Part for Ina2xx {
 
     const INTERVAL_US: u64 = 25_000;
     const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
+    /// The conversions of a result, a tenth longer at the most, and the transfers of the set-up.
+    const FIRST_RESULT_US: u64 = 30_000;
 
     fn addresses(family: &'static Family) -> &'static [Address] {
         family.addresses
@@ -269,6 +282,10 @@ impl Part for Ina2xx {
     ) -> Result<Self, ReadError> {
         let mut registers = Registers::new(bus, address);
         let model = recognise(&mut registers, family).await?;
+        if let Some(register) = model.range_register {
+            registers.write_u16(register, RESET).await?;
+            registers.write_u16(register, WIDE_RANGE).await?;
+        }
         registers
             .write_u16(model.configuration_register, model.configuration)
             .await?;
@@ -288,6 +305,9 @@ impl Part for Ina2xx {
 
     async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
         let mut registers = Registers::new(bus, self.address);
+        if let Some(register) = self.model.range_register {
+            registers.expect_u16(register, WIDE_RANGE).await?;
+        }
         registers
             .expect_u16(self.model.configuration_register, self.model.configuration)
             .await?;

@@ -3,7 +3,7 @@
 use super::{TEXAS_INSTRUMENTS, positive_voltage};
 use crate::battery::{CurrentRange, Measurement, ReadError};
 use crate::log::info;
-use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
+use crate::sensor::bus::part::{FAST_MODE_HZ, Part, Sharing};
 use crate::sensor::bus::registers::Registers;
 use crate::sensor::bus::{Address, SensorBus, Wiring};
 
@@ -45,7 +45,9 @@ impl Part for Ina3221 {
     type Model = ();
     const INTERVAL_US: u64 = 100_000;
     const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
-    const CHANNELS: usize = BUS_VOLTAGE.len();
+    /// Its conversions, a tenth longer at the most.
+    const FIRST_RESULT_US: u64 = 65_000;
+    const SHARING: Sharing = Sharing::ByChannel;
 
     fn addresses((): &()) -> &'static [Address] {
         &ADDRESSES

@@ -70,6 +70,8 @@ impl Part for Ltc2946 {
 
     const INTERVAL_US: u64 = 25_000;
     const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
+    /// A conversion that runs, then its offset, the voltage and the current, 16.4 ms each.
+    const FIRST_RESULT_US: u64 = 75_000;
 
     fn addresses((): &()) -> &'static [Address] {
         &ADDRESSES

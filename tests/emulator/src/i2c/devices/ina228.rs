@@ -1,10 +1,13 @@
 //! INA228: 20-bit power, energy and charge monitor with an external shunt (SLYS021).
 //!
-//! Left out: CONFIG with the narrow range, the temperature coefficient, current and power, alerts.
+//! Left out: CONFIG but its reset and the narrow range, the temperature coefficient, current and power, alerts.
 
 use super::super::super::clock::{CLK_SYS_HZ, Cycle};
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina228, field_of, signed_code, unsigned_code};
+use super::{
+    CONFIG, CONFIG_RESET, Load, TEXAS_INSTRUMENTS, conversion_of_ina228, field_of, shunt_step, signed_code,
+    unsigned_code,
+};
 
 const ADC_CONFIG: u8 = 0x01;
 const SHUNT_CAL: u8 = 0x02;
@@ -31,6 +34,7 @@ const ACCUMULATOR_BITS: u32 = 40;
 pub struct Ina228 {
     shunt_ohm: f64,
     load: Load,
+    config: u16,
     adc_config: u16,
     shunt_cal: u16,
     /// Since the accumulators were reset: what was measured, in joules and coulombs.
@@ -49,6 +53,7 @@ impl Ina228 {
         Self {
             shunt_ohm,
             load,
+            config: 0,
             adc_config: ADC_CONFIG_RESET,
             shunt_cal: SHUNT_CAL_RESET,
             energy_j: 0.0,
@@ -70,22 +75,34 @@ impl Ina228 {
         self.shunt_cal
     }
 
-    fn shunt_code(&self) -> i64 {
-        signed_code(self.load.amperes * self.shunt_ohm, SHUNT_LSB_V, 20)
+    fn shunt_step_v(&self) -> f64 {
+        shunt_step(self.config, SHUNT_LSB_V)
     }
 
-    /// The current as the shunt shows it: no more than its range.
+    fn shunt_code(&self) -> i64 {
+        signed_code(self.load.amperes * self.shunt_ohm, self.shunt_step_v(), 20)
+    }
+
+    /// The current as the shunt shows it, no more than its range, nor than CURRENT's 20 bits.
     fn current_a(&self) -> f64 {
-        self.shunt_code() as f64 * SHUNT_LSB_V / self.shunt_ohm
+        let by_shunt_a = self.shunt_code() as f64 * self.shunt_step_v() / self.shunt_ohm;
+        let limit_a = self.current_lsb_a() * f64::from(1 << 19);
+        by_shunt_a.clamp(-limit_a, limit_a)
+    }
+
+    fn current_lsb_a(&self) -> f64 {
+        f64::from(self.shunt_cal) / (CALIBRATION * self.shunt_ohm)
     }
 
     /// Energy and charge overflow and start again from 0. "If SHUNT_CAL is zero, the current value is also zero", and so is
     /// what follows from it.
     fn accumulator(&self, value: f64, steps: f64) -> u64 {
-        let current_lsb_a = f64::from(self.shunt_cal) / (CALIBRATION * self.shunt_ohm);
         match self.shunt_cal {
             0 => 0,
-            _ => field_of((value / (steps * current_lsb_a)).round() as i64, ACCUMULATOR_BITS),
+            _ => field_of(
+                (value / (steps * self.current_lsb_a())).round() as i64,
+                ACCUMULATOR_BITS,
+            ),
         }
     }
 }
@@ -102,6 +119,7 @@ impl Registers for Ina228 {
     /// The 20-bit registers have their value from bit 4 on.
     fn read(&self, pointer: u8) -> u64 {
         match pointer {
+            CONFIG => self.config.into(),
             ADC_CONFIG => self.adc_config.into(),
             SHUNT_CAL => self.shunt_cal.into(),
             VSHUNT => field_of(self.shunt_code(), 20) << 4,
@@ -117,6 +135,8 @@ impl Registers for Ina228 {
 
     fn write(&mut self, pointer: u8, value: u16) {
         match pointer {
+            CONFIG if value & CONFIG_RESET != 0 => self.reset(),
+            CONFIG => self.config = value,
             ADC_CONFIG => self.adc_config = value,
             SHUNT_CAL => self.shunt_cal = value & 0x7fff,
             _ => {}

@@ -1,10 +1,13 @@
 //! INA238: 16-bit power monitor with an external shunt (SLYS025).
 //!
-//! Left out: CONFIG with the narrow range, the calibration with current and power, alerts.
+//! Left out: the conversion delay in CONFIG, the calibration with current and power, alerts.
 
 use super::super::super::clock::Cycle;
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina228, field_of, signed_code, unsigned_code};
+use super::{
+    CONFIG, CONFIG_RESET, Load, TEXAS_INSTRUMENTS, conversion_of_ina228, field_of, shunt_step, signed_code,
+    unsigned_code,
+};
 
 const ADC_CONFIG: u8 = 0x01;
 const VSHUNT: u8 = 0x04;
@@ -22,6 +25,7 @@ pub struct Ina238 {
     device_id: u16,
     shunt_ohm: f64,
     load: Load,
+    config: u16,
     adc_config: u16,
 }
 
@@ -39,6 +43,7 @@ impl Ina238 {
             device_id,
             shunt_ohm,
             load: Load::default(),
+            config: 0,
             adc_config: ADC_CONFIG_RESET,
         }
     }
@@ -60,8 +65,12 @@ impl Registers for Ina238 {
             celsius,
         } = self.load;
         match pointer {
+            CONFIG => self.config.into(),
             ADC_CONFIG => self.adc_config.into(),
-            VSHUNT => field_of(signed_code(amperes * self.shunt_ohm, SHUNT_LSB_V, 16), 16),
+            VSHUNT => {
+                let step_v = shunt_step(self.config, SHUNT_LSB_V);
+                field_of(signed_code(amperes * self.shunt_ohm, step_v, 16), 16)
+            }
             VBUS => field_of(unsigned_code(volts, BUS_LSB_V, 15), 16),
             DIETEMP => field_of(signed_code(celsius, TEMPERATURE_LSB_C, 12), 12) << 4,
             MANUFACTURER_ID => TEXAS_INSTRUMENTS,
@@ -71,8 +80,11 @@ impl Registers for Ina238 {
     }
 
     fn write(&mut self, pointer: u8, value: u16) {
-        if pointer == ADC_CONFIG {
-            self.adc_config = value;
+        match pointer {
+            CONFIG if value & CONFIG_RESET != 0 => self.reset(),
+            CONFIG => self.config = value,
+            ADC_CONFIG => self.adc_config = value,
+            _ => {}
         }
     }
 
@@ -85,6 +97,7 @@ impl Registers for Ina238 {
     }
 
     fn reset(&mut self) {
+        self.config = 0;
         self.adc_config = ADC_CONFIG_RESET;
     }
 }

@@ -67,6 +67,19 @@ fn conversion_of_ina228(adc_config: u16) -> Cycle {
     conversion_of(adc_config, [adc_config >> 9, adc_config >> 6], TIMES_US)
 }
 
+/// CONFIG of the INA228 and INA238: a reset, and the narrow range of the shunt's voltage, in a quarter of the steps.
+const CONFIG: u8 = 0x00;
+const CONFIG_RESET: u16 = 1 << 15;
+const NARROW_RANGE: u16 = 1 << 4;
+
+/// A step of the shunt's voltage with this CONFIG, where it is `wide` in the wide range.
+fn shunt_step(config: u16, wide: f64) -> f64 {
+    match config & NARROW_RANGE {
+        0 => wide,
+        _ => wide / 4.0,
+    }
+}
+
 /// A value as a two's complement code of `bits` bits, held at the ends of its range.
 fn signed_code(value: f64, lsb: f64, bits: u32) -> i64 {
     let limit = (1i64 << (bits - 1)) as f64;
