@@ -269,6 +269,13 @@ mod tests {
                 "Battery 9 found at 0x0b, 4 cells",
             ),
             (
+                PackEvent::Range {
+                    part: "INA3221",
+                    current_a: 163.84,
+                },
+                "Battery 9 INA3221 up to 163.8 A",
+            ),
+            (
                 PackEvent::ActionTooLate(FailsafeLevel::Unhealthy),
                 "Battery 9 is missing already: acts next time, choose Hold",
             ),

@@ -60,6 +60,13 @@ pub enum PackEvent {
         /// Its cells, if known.
         cells: Option<u8>,
     },
+    /// A part that measures over a shunt was set up for the first time since the start.
+    Range {
+        /// Its name.
+        part: &'static str,
+        /// The largest current that it measures with the shunt that is set, in amperes.
+        current_a: f32,
+    },
     /// Its sensor has failed repeatedly, with the latest error.
     SensorFailed(ReadError),
     /// Its sensor has recovered.
@@ -198,6 +205,7 @@ impl Announce for PackNotice<'_> {
             | PackEvent::SensorRecovered
             | PackEvent::ContactRestored
             | PackEvent::Found { .. }
+            | PackEvent::Range { .. }
             | PackEvent::Charging
             | PackEvent::PowerLimited(None)
             | PackEvent::Learnt { .. }
@@ -291,6 +299,10 @@ impl fmt::Display for PackEvent {
                 address,
                 cells: Some(cells),
             } => write!(f, "found at {address:#04x}, {cells} cells"),
+            Self::Range { part, current_a } => {
+                let tenths = round_to_i32(current_a * 10.0);
+                write!(f, "{part} up to {}.{} A", tenths / 10, tenths % 10)
+            }
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
             Self::PercentagesInert(_) => f.write_str("percentages can't act"),

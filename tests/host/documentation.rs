@@ -429,6 +429,10 @@ fn pack_events() -> Vec<PackEvent> {
             address: 0x0b,
             cells: Some(4),
         },
+        PackEvent::Range {
+            part: "INA226",
+            current_a: 0.8,
+        },
         PackEvent::SensorRecovered,
         PackEvent::PoweringOff,
         PackEvent::MembersLeft(0b10),

@@ -66,6 +66,8 @@ struct BusPack {
     wiring: Wiring,
     /// Which of the parts.
     device: usize,
+    /// Whether the range of its current was announced, or need not be.
+    range_was_announced: bool,
 }
 
 /// All parts on the bus, and the packs that they measure.
@@ -97,7 +99,12 @@ impl BusDevices {
             None => self.add_device(kind, self.place_of(&wiring), now),
         };
         // There is room for every pack.
-        let _ = self.packs.push(BusPack { pack, wiring, device });
+        let _ = self.packs.push(BusPack {
+            pack,
+            wiring,
+            device,
+            range_was_announced: false,
+        });
     }
 
     fn place_of(&self, wiring: &Wiring) -> DeviceAddress {
@@ -171,7 +178,7 @@ impl BusDevices {
     }
 
     /// Reads the part that has waited longest, if it is due at `now`, and hands over its reading of each of its packs. Returns
-    /// something to announce: a smart battery that was met, or what answers in place of a part that is not found.
+    /// something to announce: a smart battery that was met, the range of a current, or what answers in place of a part that is not found.
     pub async fn read_next(
         &mut self,
         bus: &mut impl SensorBus,
@@ -202,7 +209,12 @@ impl BusDevices {
         }
         let pack = packs.clone().next()?.pack;
         let event = match result {
-            Ok(()) => device.met(cells?),
+            Ok(()) => match device.met(cells?) {
+                None => {
+                    return device.announce_range(self.packs.iter_mut().filter(|pack| pack.device == number));
+                }
+                found => found,
+            },
             Err(_) if arm_state == ArmState::Armed => None,
             Err(error) => device.look_for_others(bus, &taken, error).await,
         };
@@ -302,6 +314,19 @@ impl BusDevice {
         let address = self.place.number().filter(|_| self.kind.is_announced())?;
         let is_first = !mem::replace(&mut self.was_announced, true);
         is_first.then_some(PackEvent::Found { address, cells })
+    }
+
+    /// The range of the current of one of its packs, once for each.
+    fn announce_range<'a>(
+        &self,
+        packs: impl IntoIterator<Item = &'a mut BusPack>,
+    ) -> Option<(Pack, PackEvent)> {
+        let part = self.part.as_ref()?;
+        packs.into_iter().find_map(|pack| {
+            let was_announced = mem::replace(&mut pack.range_was_announced, true);
+            let (part, current_a) = part.range(&pack.wiring).filter(|_| !was_announced)?;
+            Some((pack.pack, PackEvent::Range { part, current_a }))
+        })
     }
 
     /// Nothing was ever found: reads a byte, once, wherever parts are searched.

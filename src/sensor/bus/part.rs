@@ -48,6 +48,12 @@ pub(super) trait Part: Sized {
     /// [`ReadError::OtherPart`] if it has to be set up again.
     async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError>;
 
+    /// Its name, and the largest current it measures, in amperes, over the shunt of the pack that is wired like this; `None` if
+    /// no setting decides that.
+    fn range(&self, _: &Wiring) -> Option<(&'static str, f32)> {
+        None
+    }
+
     /// One reading of the pack that is wired like this.
     ///
     /// # Errors

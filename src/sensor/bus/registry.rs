@@ -87,6 +87,12 @@ macro_rules! parts {
                 }
             }
 
+            pub fn range(&self, wiring: &Wiring) -> Option<(&'static str, f32)> {
+                match self {
+                    $(Self::$driver(part) => part.range(wiring),)+
+                }
+            }
+
             pub async fn read(
                 &mut self,
                 bus: &mut impl SensorBus,

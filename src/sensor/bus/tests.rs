@@ -242,6 +242,65 @@ fn a_smart_battery_is_announced_once() {
 }
 
 #[test]
+fn the_range_of_a_current_over_a_shunt_is_announced_once_for_each_pack() {
+    for (part, shunt_ohm, expected) in [
+        (ina226(), 0.1, Some("INA226 up to 0.8 A")),
+        (ina231(), 0.0005, Some("INA231 up to 163.8 A")),
+        (ina238(), 0.1, Some("INA238 up to 1.6 A")),
+        (ina260(), 0.1, None),
+        // Its counters end at BATT_MAX_AMPS, 90 A.
+        (ina228(), 0.0015, Some("INA228 up to 90.0 A")),
+        (ina228(), 0.1, Some("INA228 up to 1.6 A")),
+        (ltc2946(), 0.002, Some("LTC2946 up to 51.2 A")),
+        (ina3221(), 0.1, Some("INA3221 up to 1.6 A")),
+    ] {
+        let mut bus = wires(Tables::default());
+        for (register, bytes) in &part.registers {
+            bus.i2c.set(part.address, *register, bytes);
+        }
+        let mut devices = BusDevices::from_parameters(
+            &parameters(&[
+                (
+                    Pack::Second,
+                    BatteryParameter::Monitor,
+                    MonitorKind::Bus(part.kind).number() as f32,
+                ),
+                (Pack::Second, BatteryParameter::Shunt, shunt_ohm),
+            ]),
+            Instant::EPOCH,
+        );
+        let found = findings(&mut devices, &mut bus, ArmState::Armed);
+        let texts: Vec<_> = found.iter().map(|(_, event)| event.to_string()).collect();
+        assert_eq!(texts, Vec::from_iter(expected));
+    }
+    let monitor = MonitorKind::Bus(PartKind::Ina3221).number() as f32;
+    let mut devices = BusDevices::from_parameters(
+        &parameters(&[
+            (Pack::Second, BatteryParameter::Monitor, monitor),
+            (Pack::Third, BatteryParameter::Monitor, monitor),
+            (Pack::Third, BatteryParameter::Channel, 2.0),
+            (Pack::Third, BatteryParameter::Shunt, 0.01),
+        ]),
+        Instant::EPOCH,
+    );
+    let mut bus = wires(Tables::default());
+    for (register, bytes) in ina3221().registers {
+        bus.i2c.set(0x40, register, &bytes);
+    }
+    for register in 1..=4 {
+        bus.i2c.set(0x40, register, &[0, 0]);
+    }
+    let found = findings(&mut devices, &mut bus, ArmState::Armed);
+    let texts = found
+        .iter()
+        .map(|(pack, event)| format!("{} {event}", pack.number()));
+    assert_eq!(
+        Vec::from_iter(texts),
+        ["2 INA3221 up to 327.6 A", "3 INA3221 up to 16.4 A"]
+    );
+}
+
+#[test]
 fn an_address_that_is_set_twice_is_the_first_packs() {
     let [second, third] = [Pack::Second, Pack::Third].map(|pack| {
         [

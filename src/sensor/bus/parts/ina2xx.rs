@@ -319,6 +319,16 @@ impl Part for Ina2xx {
         Ok(())
     }
 
+    fn range(&self, wiring: &Wiring) -> Option<(&'static str, f32)> {
+        let Current::OverShunt(shunt) = &self.model.current else {
+            return None;
+        };
+        let by_shunt_a = *shunt.width.ends().end() as f32 * shunt.step / wiring.shunt_ohm;
+        let by_counters_a = self.counting.as_ref().map(Accumulators::full_scale_a);
+        let current_a = by_counters_a.map_or(by_shunt_a, |limit_a| limit_a.min(by_shunt_a));
+        Some((self.model.name, current_a))
+    }
+
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
         let mut registers = Registers::new(bus, self.address);
         let (voltage_v, range) = self.model.voltage.read(&mut registers).await?;

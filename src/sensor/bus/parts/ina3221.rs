@@ -73,6 +73,10 @@ impl Part for Ina3221 {
             .await
     }
 
+    fn range(&self, wiring: &Wiring) -> Option<(&'static str, f32)> {
+        Some(("INA3221", END as f32 * SHUNT_STEP_V / wiring.shunt_ohm))
+    }
+
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
         let channel = usize::from(wiring.channel).wrapping_sub(1);
         let (Some(shunt), Some(voltage)) = (SHUNT_VOLTAGE.get(channel), BUS_VOLTAGE.get(channel)) else {

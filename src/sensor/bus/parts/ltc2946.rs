@@ -98,6 +98,10 @@ impl Part for Ltc2946 {
             .await
     }
 
+    fn range(&self, wiring: &Wiring) -> Option<(&'static str, f32)> {
+        Some(("LTC2946", *CODES.end() as f32 * SENSE_STEP_V / wiring.shunt_ohm))
+    }
+
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
         let mut registers = Registers::new(bus, self.address);
         let value = |code: u16, step_v: f32| {
