@@ -57,6 +57,11 @@ impl CurrentRange {
         Self::of_code(word.into(), i16::MIN.into()..=i16::MAX.into())
     }
 
+    /// Of a current in a word without a sign.
+    pub fn of_unsigned_word(word: u16) -> Self {
+        Self::of_code(word.into(), -1..=u16::MAX.into())
+    }
+
     /// Of a sensor whose own counter measures what is over range, too.
     #[must_use]
     pub fn counted(self) -> Self {

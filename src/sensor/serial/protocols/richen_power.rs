@@ -15,7 +15,7 @@
 use super::super::conditions::{RichenPowerErrors, SerialNotice};
 use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
 use crate::announce::LastAnnounced;
-use crate::battery::Measurement;
+use crate::battery::{CurrentRange, Measurement};
 use crate::parameter::MonitorKind;
 use crate::time::Instant;
 
@@ -85,9 +85,11 @@ fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<(RichenPowerErrors, Measurement)>
     if !is_frame {
         return None;
     }
+    let current = word(CURRENT)?;
     let measurement = Measurement {
         voltage_v: Some(f32::from(word(VOLTAGE)?) * 0.01),
-        current_a: Some(f32::from(word(CURRENT)?) * 0.01),
+        current_a: Some(f32::from(current) * 0.01),
+        current_range: CurrentRange::of_unsigned_word(current),
         ..Measurement::default()
     };
     Some((RichenPowerErrors(word(ERRORS)?), measurement))
@@ -209,12 +211,28 @@ mod tests {
         assert_eq!(read(&mut protocol, &frame[40..]), []);
     }
 
+    #[test]
+    // Requirement: S-3
+    fn the_highest_current_of_a_word_is_over_range() {
+        for (centiamperes, range) in [
+            (0, CurrentRange::Within),
+            (0xfffe, CurrentRange::Within),
+            (0xffff, CurrentRange::Over),
+        ] {
+            let found = read(&mut RichenPower::new(&()), &frame(0, 4381, centiamperes));
+            let [SerialReading::GeneratorElectrical(measurement)] = found[..] else {
+                panic!("{found:?}");
+            };
+            assert_eq!(measurement.current_range, range, "{centiamperes}");
+        }
+    }
+
     proptest! {
         #[test]
         fn valid_frame_is_found_right_after_garbage(
             garbage in prop::collection::vec(any::<u8>(), 0..200),
             centivolts: u16,
-            centiamperes: u16,
+            centiamperes in 0..u16::MAX,
         ) {
             let frame = frame(0, centivolts, centiamperes);
             let bytes = [&garbage[..], &frame].concat();

@@ -20,7 +20,7 @@
 use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
 
 use crate::announce::LastAnnounced;
-use crate::battery::{Measurement, Thermometer};
+use crate::battery::{CurrentRange, Measurement, Thermometer};
 use crate::parameter::MonitorKind;
 use crate::sensor::serial::conditions::{SerialNotice, TorqeedoCondition};
 use crate::sensor::serial::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
@@ -210,6 +210,7 @@ impl Message {
         let measurement = Measurement {
             voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
             current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.1),
+            current_range: CurrentRange::of_unsigned_word(u16::from_be_bytes([c1, c0])),
             state_of_charge: (flags & CHARGE_VALID != 0).then_some(charge),
             temperature_c: Some(f32::from(switch_c.max(input_c))),
             thermometer: Thermometer::Device,
@@ -228,6 +229,7 @@ impl Message {
         Some(Self::MotorParameters(Measurement {
             voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
             current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.1),
+            current_range: CurrentRange::of_unsigned_word(u16::from_be_bytes([c1, c0])),
             temperature_c: Some(f32::from(board.max(stator)) * 0.1),
             thermometer: Thermometer::Device,
             ..Measurement::default()
@@ -428,6 +430,23 @@ mod tests {
         assert!((measurement.current_a.unwrap() - 21.5).abs() < 1e-4);
         assert!((measurement.temperature_c.unwrap() - 30.5).abs() < 1e-4);
         assert_eq!(measurement.state_of_charge, None);
+    }
+
+    #[test]
+    // Requirement: S-3
+    fn the_highest_current_of_a_word_is_over_range() {
+        for (current, range) in [
+            (0, CurrentRange::Within),
+            (0xfffe, CurrentRange::Within),
+            (0xffff, CurrentRange::Over),
+        ] {
+            let battery = measured(tiller(), &system_state(0, 0, 50, 2594, current));
+            let motor = measured(master(), &motor_parameters(2480, current, [305, -12]));
+            assert_eq!(
+                [battery, motor].map(|measurement| measurement.current_range),
+                [range; 2]
+            );
+        }
     }
 
     #[test]
