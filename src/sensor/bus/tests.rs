@@ -9,7 +9,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     BatteryMonitor, BatteryState, CellVoltages, ChargeState, Chemistry, CurrentRange, Date, Faults,
-    GaugeReading, Measurement, Modes, PackEvent, PackSettings, ReadError, Reported, Supply, Thermometer, Tick,
+    GaugeReading, Measurement, Modes, PackEvent, PackSettings, ReadError, Reported, Supply, Thermometer,
+    Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind, Refused};
