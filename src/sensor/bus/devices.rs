@@ -209,7 +209,7 @@ impl BusDevices {
         }
         let pack = packs.clone().next()?.pack;
         let event = match result {
-            Ok(()) => match device.met(cells?) {
+            Ok(()) => match cells.and_then(|cells| device.met(cells)) {
                 None => {
                     return device.announce_range(self.packs.iter_mut().filter(|pack| pack.device == number));
                 }
