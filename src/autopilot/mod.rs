@@ -126,9 +126,9 @@ impl Autopilot {
             known_status: in_place(VehicleStatus::default),
             work: Work::empty(),
             opened_links: 0,
-            limit: in_place(AnnouncementLimit::default),
+            limit: AnnouncementLimit::default(),
             broadcast: Broadcast::new(),
-            changes: in_place(Changes::default),
+            changes: Changes::default(),
             packs: Packs::new(&start.parameters),
         }
     }

@@ -53,8 +53,12 @@ pub struct Packs {
     with_thermometer: u16,
     /// Present pulls of the analog pins.
     pub pulls: PinPulls,
-    /// Pins that the packs read in this tick, and as what.
-    pub pins: PinUse,
+    /// Revision of the parameters by which the two below are, once there is one.
+    followed: Option<u32>,
+    /// Pins that the packs read, and as what.
+    pins: PinUse,
+    /// Sources of the packs' currents.
+    sources_of_current: [u16; MAX_PACKS],
     pub ticks: u32,
     /// When the latest tick began.
     pub ticked_at: Instant,
@@ -82,7 +86,9 @@ impl Packs {
             answering: [None; MAX_ANSWERING],
             with_thermometer: packs_with_thermometer(parameters),
             pulls: PinPulls::default(),
+            followed: None,
             pins: PinUse::default(),
+            sources_of_current: [0; MAX_PACKS],
             ticks: 0,
             ticked_at: Instant::EPOCH,
             // Last: behind too many others the compiler would build it on the stack.
@@ -111,9 +117,21 @@ impl Packs {
         }
     }
 
+    /// Follows the pins and the sources of currents. Nine packs have too many parameters for every tick.
+    pub fn follow_wiring(&mut self, parameters: &Parameters) {
+        if self.followed.replace(parameters.revision()) == Some(parameters.revision()) {
+            return;
+        }
+        self.pins = PinUse::of_packs(&self.order, parameters);
+        let sources = self.sources_of_current.iter_mut().zip(self.current_sources);
+        for (pack, (source, at_boot)) in Pack::ALL.into_iter().zip(sources) {
+            *source = current_source(at_boot, parameters, pack);
+        }
+    }
+
     /// Follows the source of a pack's current, before its reading.
-    pub fn follow_current(&mut self, pack: Pack, parameters: &Parameters) {
-        let source = current_source(self.current_sources[pack as usize], parameters, pack);
+    pub fn follow_current(&mut self, pack: Pack) {
+        let source = self.sources_of_current[pack as usize];
         self.bank.get_mut(pack).0.follow_current(source);
     }
 

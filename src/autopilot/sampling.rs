@@ -15,7 +15,7 @@ use crate::parameter::MonitorKind;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, AnalogWiring, CanEvent, CanReport, CanStatus, ControllerReading,
-    ExternalReport, PinPull, PinUse, Pulses, SerialReading, Temperatures, WantedReadings,
+    ExternalReport, PinPull, Pulses, SerialReading, Temperatures, WantedReadings,
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
@@ -88,7 +88,7 @@ impl Autopilot {
     /// Begins a sampling tick with what the pins read until `now`; due every [`SAMPLING_INTERVAL_US`].
     pub fn begin_sampling(&mut self, now: Instant, mut readings: AnalogReadings) -> SamplingTick {
         self.change_pulls(&mut readings);
-        self.packs.pins = PinUse::of_packs(&self.packs.order, &self.parameters);
+        self.packs.follow_wiring(&self.parameters);
         if let Some(pin) = self.pin_of_radio() {
             readings.set(pin, Err(ReadError::PinOfRadio));
         }
@@ -257,7 +257,7 @@ impl Autopilot {
         if !self.vehicle.has_exhausted_power_limit(pack) {
             settings.overload_w = None;
         }
-        self.packs.follow_current(pack, &self.parameters);
+        self.packs.follow_current(pack);
         let bank = &mut self.packs.bank;
         if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated_by(pack) {
             bank.get_mut(pack).0.release_unhealthy();

@@ -26,6 +26,8 @@ const CAN_DISABLED: f32 = 0.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     values: ForEachParameter<f32>,
+    /// Changes of values (wraps).
+    revision: u32,
     /// Parameters whose values have to be written.
     pub(super) unsaved: ParameterIdSet,
     /// The failed ones among them, until a retry.
@@ -73,6 +75,7 @@ impl Parameters {
     pub fn defaults() -> Self {
         let mut parameters = Self {
             values: ForEachParameter::from_fn(ParameterId::default_value),
+            revision: 0,
             unsaved: ParameterIdSet::default(),
             waiting: ParameterIdSet::default(),
             misfits: ParameterIdSet::default(),
@@ -217,10 +220,16 @@ impl Parameters {
         }
     }
 
+    /// Differs from an earlier one if a value has changed meanwhile (wraps).
+    pub fn revision(&self) -> u32 {
+        self.revision
+    }
+
     /// Writes a live value, which nothing else does, and updates what follows from it.
     pub(super) fn write(&mut self, id: ParameterId, value: f32) {
         if value.to_bits() != self.values.get(id).to_bits() {
             self.changed.insert(id);
+            self.revision = self.revision.wrapping_add(1);
         }
         self.values.set(id, value);
         match id {
