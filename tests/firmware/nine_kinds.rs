@@ -277,6 +277,7 @@ fn nine_packs_of_nine_kinds_are_each_reported_200_times_in_20_seconds() {
     assert_eq!(rig.can.chip.borrow().lost_frames(), 0);
     assert_eq!(bench.resets().len(), 1, "the one for the parameters");
     assert!(bench.bus_errors().is_empty());
-    // A third of it is spent waiting for lines of flash.
-    assert!(awake_permille < 150 && u64::from(highest_load) < 150);
+    // A third of it is spent waiting for lines of flash. With each reading parts are asked for their set-up, and batteries for
+    // their mode.
+    assert!(awake_permille < 155 && u64::from(highest_load) < 155);
 }
