@@ -33,7 +33,7 @@ pub struct Packs {
     /// Sources of the packs, by the parameters at boot.
     pub read_from: [PackSource; MAX_PACKS],
     /// Sources of their currents, by the parameters at boot.
-    current_sources: [u16; MAX_PACKS],
+    current_sources_at_boot: [u16; MAX_PACKS],
     /// Why a pack can't be read with the parameters at boot.
     set_up_errors: [Option<ReadError>; MAX_PACKS],
     samples: [Samples; MAX_PACKS],
@@ -53,12 +53,14 @@ pub struct Packs {
     with_thermometer: u16,
     /// Present pulls of the analog pins.
     pub pulls: PinPulls,
-    /// Revision of the parameters by which the two below are, once there is one.
+    /// Revision of the parameters by which the three below are, once there is one.
     followed: Option<u32>,
     /// Pins that the packs read, and as what.
     pins: PinUse,
+    /// Readings that packs and thermometers need.
+    wanted: WantedReadings,
     /// Sources of the packs' currents.
-    sources_of_current: [u16; MAX_PACKS],
+    current_sources: [u16; MAX_PACKS],
     pub ticks: u32,
     /// When the latest tick began.
     pub ticked_at: Instant,
@@ -72,7 +74,7 @@ impl Packs {
             order: in_place(|| sampling_order(parameters)),
             announced_too_high: 0,
             read_from: in_place(|| sources(parameters)),
-            current_sources: in_place(|| current_sources(parameters)),
+            current_sources_at_boot: in_place(|| current_sources_at_boot(parameters)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             silences: in_place(|| silences(parameters)),
@@ -88,7 +90,8 @@ impl Packs {
             pulls: PinPulls::default(),
             followed: None,
             pins: PinUse::default(),
-            sources_of_current: [0; MAX_PACKS],
+            wanted: WantedReadings::NONE,
+            current_sources: [0; MAX_PACKS],
             ticks: 0,
             ticked_at: Instant::EPOCH,
             // Last: behind too many others the compiler would build it on the stack.
@@ -117,13 +120,19 @@ impl Packs {
         }
     }
 
-    /// Follows the pins and the sources of currents. Nine packs have too many parameters for every tick.
+    /// Follows the pins, the readings at them and the sources of currents. Nine packs have too many parameters for every tick.
     pub fn follow_wiring(&mut self, parameters: &Parameters) {
-        if self.followed.replace(parameters.revision()) == Some(parameters.revision()) {
-            return;
+        if self.followed.replace(parameters.revision()) != Some(parameters.revision()) {
+            self.change_wiring(parameters);
         }
+    }
+
+    // Inlined, it would be among what runs in every tick.
+    #[inline(never)]
+    fn change_wiring(&mut self, parameters: &Parameters) {
         self.pins = PinUse::of_packs(&self.order, parameters);
-        let sources = self.sources_of_current.iter_mut().zip(self.current_sources);
+        self.wanted = self.needed_readings(parameters);
+        let sources = self.current_sources.iter_mut().zip(self.current_sources_at_boot);
         for (pack, (source, at_boot)) in Pack::ALL.into_iter().zip(sources) {
             *source = current_source(at_boot, parameters, pack);
         }
@@ -131,7 +140,7 @@ impl Packs {
 
     /// Follows the source of a pack's current, before its reading.
     pub fn follow_current(&mut self, pack: Pack) {
-        let source = self.sources_of_current[pack as usize];
+        let source = self.current_sources[pack as usize];
         self.bank.get_mut(pack).0.follow_current(source);
     }
 
@@ -150,28 +159,22 @@ impl Packs {
     /// Pulls that the parameters want: up at a thermometer, unless a pack has its pin.
     pub fn wanted_pulls(&self, parameters: &Parameters) -> PinPulls {
         let mut pulls = PinPulls::default();
-        // Without one, the packs need not be asked.
-        if thermometer_pins(parameters).next().is_none() {
-            return pulls;
-        }
-        let mut set = |pin: AnalogPin, wanted| {
-            if let Some(pull) = pulls.get_mut(pin as usize) {
-                *pull = wanted;
-            }
-        };
         for (_, pin) in thermometer_pins(parameters) {
-            set(pin, PinPull::Up);
-        }
-        for (pack, kind) in &self.order {
-            for pin in AnalogWiring::from_parameters(parameters, *pack).pins(*kind) {
-                set(pin, PinPull::None);
+            if let Some(pull) = pulls.get_mut(pin as usize)
+                && !self.pins.contains(pin)
+            {
+                *pull = PinPull::Up;
             }
         }
         pulls
     }
 
-    /// The readings that packs and thermometers need. Packs may share a pin.
-    pub fn wanted_readings(&self, parameters: &Parameters) -> WantedReadings {
+    /// The readings that packs and thermometers need, by the wiring that is followed. Packs may share a pin.
+    pub fn wanted_readings(&self) -> WantedReadings {
+        self.wanted
+    }
+
+    fn needed_readings(&self, parameters: &Parameters) -> WantedReadings {
         let mut wanted = WantedReadings::NONE;
         for (_, pin) in thermometer_pins(parameters) {
             wanted.add(pin);
@@ -285,8 +288,8 @@ impl Packs {
             | MonitorKind::AnalogVoltageAndCurrent
             | MonitorKind::SyntheticCurrent
             | MonitorKind::AnalogCurrent => {
-                let is_taken = self.pins.is_taken(kind, parameters, pack);
                 let wiring = AnalogWiring::from_parameters(parameters, pack);
+                let is_taken = self.pins.has_other_use(&wiring, kind);
                 // The voltage goes on.
                 let measured = match kind {
                     MonitorKind::AnalogVoltageAndCurrent if is_taken => MonitorKind::AnalogVoltage,
@@ -399,7 +402,7 @@ fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
     Pack::ALL.map(|pack| set_up_error(parameters.monitor_kind(pack)?, parameters))
 }
 
-fn current_sources(parameters: &Parameters) -> [u16; MAX_PACKS] {
+fn current_sources_at_boot(parameters: &Parameters) -> [u16; MAX_PACKS] {
     Pack::ALL.map(|pack| current_source_at_boot(parameters, pack))
 }
 

@@ -73,8 +73,9 @@ impl Autopilot {
     }
 
     /// The readings of the converter that the next tick needs.
-    pub fn wanted_readings(&self) -> WantedReadings {
-        self.packs.wanted_readings(&self.parameters)
+    pub fn wanted_readings(&mut self) -> WantedReadings {
+        self.packs.follow_wiring(&self.parameters);
+        self.packs.wanted_readings()
     }
 
     /// The pin that a radio takes from the packs: on a Pico W its clock is at GP29.
@@ -87,8 +88,8 @@ impl Autopilot {
 
     /// Begins a sampling tick with what the pins read until `now`; due every [`SAMPLING_INTERVAL_US`].
     pub fn begin_sampling(&mut self, now: Instant, mut readings: AnalogReadings) -> SamplingTick {
-        self.change_pulls(&mut readings);
         self.packs.follow_wiring(&self.parameters);
+        self.change_pulls(&mut readings);
         if let Some(pin) = self.pin_of_radio() {
             readings.set(pin, Err(ReadError::PinOfRadio));
         }

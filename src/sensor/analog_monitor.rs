@@ -24,8 +24,7 @@ impl AnalogWiring {
 
     /// The two pins of a monitor of this kind at which voltage and current are measured together.
     pub fn power_pins(&self, kind: MonitorKind) -> Option<(AnalogPin, AnalogPin)> {
-        let voltage_pin = self.voltage_pin.filter(|_| kind.reads_voltage_pin());
-        let current_pin = self.current_pin.filter(|_| kind.reads_current_pin());
+        let [voltage_pin, current_pin, _] = self.pins_by_use(kind);
         voltage_pin.zip(current_pin)
     }
 
@@ -95,7 +94,7 @@ impl AnalogWiring {
     }
 }
 
-/// What packs read at which pins, a bit for each analog pin. Several may read the same at a pin: a voltage that is measured
+/// Pins that packs read, and as what, a bit for each analog pin. Several may read the same at a pin: a voltage that is measured
 /// once may be that of two packs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PinUse {
@@ -133,12 +132,14 @@ impl PinUse {
     pub fn is_taken(&self, kind: MonitorKind, parameters: &Parameters, pack: Pack) -> bool {
         match kind {
             FLOW | WIDTH => self.flow && self.width && uses_pulses(parameters, pack),
-            _ => {
-                let wiring = AnalogWiring::from_parameters(parameters, pack);
-                let [_, current, level] = wiring.pins_by_use(kind).map(bit);
-                current & self.voltages != 0 || level & (self.voltages | self.currents) != 0
-            }
+            _ => self.has_other_use(&AnalogWiring::from_parameters(parameters, pack), kind),
         }
+    }
+
+    /// The same of the current and level that are read at analog pins.
+    pub fn has_other_use(&self, wiring: &AnalogWiring, kind: MonitorKind) -> bool {
+        let [_, current, level] = wiring.pins_by_use(kind).map(bit);
+        current & self.voltages != 0 || level & (self.voltages | self.currents) != 0
     }
 }
 
