@@ -1,5 +1,6 @@
 //! Factors of an analog voltage and current: what is estimated and learnt depends on them.
 
+use crate::memory::checksum::crc32;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
 
@@ -70,13 +71,10 @@ pub fn current_source(at_boot: u16, parameters: &Parameters, pack: Pack) -> u16 
     hash(at_boot, &OF_CURRENT, parameters, pack)
 }
 
-/// A multiplicative hash (FNV-1a by words), folded.
+/// Half of a checksum of these values and of what they follow.
 fn hash(start: u16, of: &[BatteryParameter], parameters: &Parameters, pack: Pack) -> u16 {
     let values = of.iter().map(|parameter| parameters.get(parameter.of(pack)));
-    let hash = values.fold(u32::from(start) ^ 0x811c_9dc5, |hash, value| {
-        (hash ^ value.to_bits()).wrapping_mul(0x0100_0193).rotate_left(13)
-    });
-    (hash ^ hash >> 16) as u16
+    crc32([u32::from(start)].into_iter().chain(values.map(f32::to_bits))) as u16
 }
 
 impl MeasuringScale {
