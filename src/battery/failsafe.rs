@@ -3,7 +3,6 @@
 use core::mem;
 
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
-use super::state::BOUND_SIGMAS;
 use super::swap::Replacement;
 use super::{
     ArmState, BatteryState, ChargeSource, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, PackStatus,
@@ -136,11 +135,7 @@ impl Timer {
             (Comparison::Below, Some(below_us)) => Some(below_us.saturating_add(dt_us)),
             (Comparison::Unknown, before) => before,
         };
-        let is_expired = self
-            .below_us
-            .zip(limit_us)
-            .is_some_and(|(below_us, limit_us)| below_us > limit_us);
-        is_expired && comparison == Comparison::Below
+        limit_us.is_some_and(|limit_us| self.has_lasted(limit_us)) && comparison == Comparison::Below
     }
 }
 
@@ -401,9 +396,8 @@ fn is_certain(state: &BatteryState, percentage: Option<f32>) -> bool {
 
 /// Whether an estimate that is as uncertain as this one would act on an empty pack. A gauge's is awaited.
 fn can_act(state: &BatteryState, percentage: f32) -> bool {
-    let uncertain_pct = BOUND_SIGMAS * state.readings.remaining_sigma_pct.unwrap_or(0.0);
     let is_known = credible_usable_pct(state).is_some() || state.charge_source == ChargeSource::Gauge;
-    is_known && uncertain_pct < percentage + MOST_ABOVE_PCT
+    is_known && state.remaining_uncertainty_pct() < percentage + MOST_ABOVE_PCT
 }
 
 /// `BATT_LOW_TIMER`, in microseconds, unless it is off.
@@ -996,27 +990,15 @@ mod tests {
                 assert_eq!(failsafe.find_inert_percentage(&disarmed, &settings), None);
             }
         }
-        // It is passed at 20 s, and does not act.
-        let becomes_uncertain = |second| {
-            if second < 20 {
-                certain
-            } else {
-                usable(Some(0.0), Some(25.0))
-            }
-        };
-        let found = suggested(&mut Failsafe::default(), &plain, 200, becomes_uncertain);
-        assert_eq!(found, [(90, LowVolt)]);
-        let becomes_empty = |second| {
-            if second < 20 {
-                certain
-            } else {
-                usable(Some(0.0), Some(3.0))
-            }
-        };
-        assert_eq!(
-            suggested(&mut Failsafe::default(), &plain, 200, becomes_empty),
-            []
-        );
+        // It is passed at 20 s, and acts only where the charge is certain.
+        for (sigma_pct, expected) in [(25.0, &[(90, LowVolt)][..]), (3.0, &[])] {
+            let becomes_empty = |second| match second {
+                ..20 => certain,
+                _ => usable(Some(0.0), Some(sigma_pct)),
+            };
+            let found = suggested(&mut Failsafe::default(), &plain, 200, becomes_empty);
+            assert_eq!(found, expected);
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::{
 };
 
 /// Standard deviations from an estimated charge to its bounds.
-pub const BOUND_SIGMAS: f32 = 2.0;
+const BOUND_SIGMAS: f32 = 2.0;
 
 /// The timer of a threshold in volts or percent, up to its level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -325,10 +325,14 @@ impl BatteryState {
         Some(self.full_capacity()? * self.readings.remaining_pct? / 100.0)
     }
 
-    /// The most that may remain, in percent of a full pack: two standard deviations above the estimate.
+    /// By how much the remaining charge may differ from its estimate, in percent of a full pack; 0 where it is not estimated.
+    pub fn remaining_uncertainty_pct(&self) -> f32 {
+        BOUND_SIGMAS * self.readings.remaining_sigma_pct.unwrap_or(0.0)
+    }
+
+    /// The most that may remain, in percent of a full pack.
     pub fn remaining_at_most_pct(&self) -> Option<f32> {
-        let sigma_pct = self.readings.remaining_sigma_pct.unwrap_or(0.0);
-        Some((self.readings.remaining_pct? + BOUND_SIGMAS * sigma_pct).min(100.0))
+        Some((self.readings.remaining_pct? + self.remaining_uncertainty_pct()).min(100.0))
     }
 
     /// Volume of the full tank, in millilitres; `None` also for a pack with a charge.
