@@ -254,7 +254,7 @@ impl Heard {
         }
     }
 
-    /// What the motors are to do.
+    /// Drives of the motors.
     pub fn drives(&self, now_us: u64) -> SideDrives {
         mixed(self.throttle.position(now_us), self.steering.position(now_us))
     }

@@ -50,7 +50,7 @@ impl DeviceAddress {
 struct BusDevice {
     kind: PartKind,
     place: DeviceAddress,
-    /// Where the search goes on, among the addresses of its kind.
+    /// Place among the addresses of its kind at which the search goes on.
     next_address: u8,
     part: Option<AnyPart>,
     failures: u8,

@@ -1521,7 +1521,7 @@ fn contacts_that_bounce_leave_nothing_unknown() {
     }
 }
 
-/// What one reading of a battery may be after a fault: as that of one without, or unknown in part.
+/// A reading of a battery after a fault: as that of one without, or unknown in part.
 fn assert_is_part_of(reading: &Measurement, expected: &Measurement, context: &str) {
     assert_eq!(reading.voltage_v, expected.voltage_v, "{context}");
     let is_current = [None, expected.current_a].contains(&reading.current_a);
@@ -1617,7 +1617,7 @@ fn three_seconds_after_any_transfer_failed_a_stack_is_known_like_one_that_never_
     }
 }
 
-/// Reads a battery for so many seconds, and returns the latest reading and how many there were.
+/// Reads a battery for `seconds`, and returns the latest reading and their number.
 fn read_for(
     devices: &mut BusDevices,
     bus: &mut Wires,
@@ -1719,7 +1719,7 @@ fn a_battery_that_was_silent_for_a_second_is_introduced_anew() {
             Some(design_mah),
             "{serial}, {silent_s} s"
         );
-        // What it refuses now is that of the same battery, if its number says so.
+        // Facts that it refuses now are those of the same battery, if its number says so.
         let is_same = serial != 0 || !is_new;
         let kept = (details.manufactured.is_some(), !details.manufacturer.is_empty());
         assert_eq!(kept, (is_same, is_same), "{serial}, {silent_s} s");

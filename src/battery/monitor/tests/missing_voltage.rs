@@ -186,7 +186,7 @@ fn a_sensor_that_loses_its_power_draws_nothing_until_it_shows_a_load_again() {
     assert_about(bench.state.consumed_mah(), before_mah + drawn_mah(30.0), 1.0);
     let standing = bench.run(5.0, voltage_missing(0.4));
     assert_eq!(standing.readings.current_a, Some(0.4));
-    // Another loss is to be shown anew, and a disarmed rover may have lost its pack.
+    // In another loss the sensor has to show it again, and a disarmed rover may have lost its pack.
     bench.run(0.5, loaded(11.9, LOAD_A));
     assert_eq!(bench.run(1.0, voltage_missing(0.4)).readings.current_a, None);
     bench.run(1.0, voltage_missing(LOAD_A));

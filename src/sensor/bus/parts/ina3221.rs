@@ -25,7 +25,7 @@ const BUS_STEP_V: f32 = 8e-3;
 /// Both are 13 bits from bit 3 on; the others are always 0.
 const UNUSED_BITS: u32 = 3;
 
-/// What is at either end is beyond the range, too; the data sheet ends the shunt's at 163.8 mV.
+/// Codes at either end are beyond the range, too; the data sheet ends the shunt's at 163.8 mV.
 const END: i32 = 4095;
 
 const ADDRESSES: [Address; 4] = [
