@@ -412,7 +412,9 @@ fn log_admission(admission: Admission, component_id: u8, pack: Pack, endpoint: &
     let number = pack.number();
     match admission {
         Admission::Known | Admission::LessComplete => {}
-        Admission::New => info!("battery {}: measured by component {}", number, component_id),
+        Admission::New | Admission::Successor => {
+            info!("battery {}: measured by component {}", number, component_id)
+        }
         Admission::OtherSource | Admission::TooLate => {
             if endpoint.refusal_log.take(now) {
                 let link = endpoint.name();

@@ -385,12 +385,18 @@ impl Autopilot {
             }
         };
         let admission = source.admit(component_id, report, received_at, now);
-        if let Admission::Known | Admission::New = admission {
+        if admission == Admission::Successor {
+            self.packs.bank.get_mut(pack).0.change_counter();
+        }
+        if let Admission::Known | Admission::New | Admission::Successor = admission {
             let measurement = Measurement {
                 details: source.details(),
                 ..reading.into()
             };
             self.packs.add_reading(pack, Ok(measurement), received_at);
+        }
+        if admission == Admission::Successor {
+            self.announce_pack(pack, &PackEvent::MeasuredBy(component_id), now);
         }
         Some(admission)
     }

@@ -117,15 +117,10 @@ impl BatteryBank {
         let states = || summed.iter().map(|pack| self.state(*pack));
         let monitors = || summed.iter().map(|pack| self.monitor(*pack));
         let measurement = sum(states(), voltage)?;
-        let counted = measurement.counted.map(|counted| match counted {
-            Counted::Members { consumed, .. } => Counted::Members {
-                consumed,
-                drawn_mah: summed.iter().map(|pack| self.drawn_mah(*pack)).sum(),
-            },
-            other => other,
-        });
+        let counted = consumed(states(), monitors().map(BatteryMonitor::consumed));
+        let drawn_mah = summed.iter().map(|pack| self.drawn_mah(*pack)).sum();
         Ok(Measurement {
-            counted,
+            counted: counted.map(|consumed| Counted::Members { consumed, drawn_mah }),
             members,
             lost_members,
             members_capacity_mah: states().map(BatteryState::full_capacity).sum(),
@@ -248,23 +243,22 @@ fn sum<'a>(
             .map(|pack| pack.current_range)
             .max()
             .unwrap_or_default(),
-        counted: consumed(packs).map(|consumed| Counted::Members {
-            consumed,
-            drawn_mah: None,
-        }),
         temperature_c: mean(healthy.clone().filter_map(|pack| pack.temperature_c)),
         thermometer: healthy.filter_map(thermometer).max().unwrap_or_default(),
         ..Measurement::default()
     })
 }
 
-/// Total consumption, including lost packs.
-fn consumed<'a>(packs: impl Iterator<Item = &'a BatteryState> + Clone) -> Option<Consumed> {
-    let monitored = packs.filter(|pack| pack.consumed_mah().is_some());
-    monitored.clone().next()?;
-    Some(Consumed {
-        charge_mah: monitored.clone().filter_map(|pack| pack.consumed_mah()).sum(),
-        energy_wh: monitored.filter_map(|pack| pack.consumed_wh).sum(),
+/// Total consumption, including what is known of packs that are lost, or whose current is; `None` if none was ever counted.
+fn consumed<'a>(
+    mut packs: impl Iterator<Item = &'a BatteryState>,
+    consumed: impl Iterator<Item = Consumed> + Clone,
+) -> Option<Consumed> {
+    let charge_mah = consumed.clone().map(|consumed| consumed.charge_mah).sum();
+    let is_counted = charge_mah != 0.0 || packs.any(|pack| pack.consumed.is_some());
+    is_counted.then(|| Consumed {
+        charge_mah,
+        energy_wh: consumed.map(|consumed| consumed.energy_wh).sum(),
     })
 }
 

@@ -135,14 +135,21 @@ impl Consumption {
     }
 }
 
-/// Mean current in the `dt_us` since the previous reading; `None` in a gap that is not interpolated.
+/// Mean current in the `dt_us` since the previous reading; `None` in a gap that is not interpolated. A charger feeds all
+/// through a gap if it feeds at both ends; a braking motor at one end says nothing of the rest.
 pub fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32) -> Option<f32> {
     if dt_us <= MAX_INTERVAL_US {
         return Some(current_a);
     }
     previous_a
         .filter(|_| dt_us <= MAX_INTERPOLATED_GAP_US)
-        .map(|previous_a| 0.5 * (previous_a + current_a))
+        .map(|previous_a| {
+            if previous_a < 0.0 && current_a < 0.0 {
+                0.5 * (previous_a + current_a)
+            } else {
+                0.5 * (previous_a.max(0.0) + current_a.max(0.0))
+            }
+        })
 }
 
 /// A duration as a float, up to 71 minutes (saturating): of 32 bits the conversion takes fewer instructions.

@@ -1,7 +1,8 @@
 //! Estimates of a pack: resistance, resting voltage, cell count, state of charge, remaining time.
 
 use super::charge::{
-    CellModel, ChargeEstimate, ChargeEstimator, Comparison, EndVoltage, KnownCharge, Second,
+    CellModel, ChargeEstimate, ChargeEstimator, Comparison, CurrentOrigin, EndVoltage, KnownCharge, Sample,
+    Second,
 };
 use super::event::PackEvent;
 use super::learnt::LessonObstacle;
@@ -51,6 +52,15 @@ pub struct Reading {
     pub known_cells: Option<u8>,
     pub arm_state: ArmState,
     pub doubt: Doubt,
+}
+
+impl Reading {
+    /// Charge that has gone into a disarmed pack, in milliampere-hours.
+    pub fn charged_mah(&self) -> Option<f32> {
+        let mean_a = self.mean_current_a?;
+        let is_charging = self.arm_state == ArmState::Disarmed && mean_a < -RESTING_CURRENT_A;
+        is_charging.then(|| -mean_a * self.dt_s / (SECONDS_PER_HOUR * AH_PER_MAH))
+    }
 }
 
 /// Outcome of an update of the estimators.
@@ -157,14 +167,18 @@ impl Estimator {
             // The estimate so far was made with wrong settings, or for wrong cells.
             self.charge = ChargeEstimator::new();
         }
-        let second = self.charge.add(
-            reading.dt_s,
-            reading.voltage_v,
-            reading.mean_current_a,
-            reading.unmeasured_mah * AH_PER_MAH,
-            reading.missed_s,
-            reading.current_range,
-        );
+        let second = self.charge.add(&Sample {
+            dt_s: reading.dt_s,
+            voltage_v: reading.voltage_v,
+            current_a: reading.mean_current_a,
+            origin: match reading.current_a {
+                Some(_) => CurrentOrigin::Sensor,
+                None => CurrentOrigin::SourceCounter,
+            },
+            range: reading.current_range,
+            unmeasured_ah: reading.unmeasured_mah * AH_PER_MAH,
+            missed_s: reading.missed_s,
+        });
         let second = second.map(|second| self.update_second(&second, reading, settings, learnt));
         Findings { event, second }
     }
@@ -355,6 +369,11 @@ impl Estimator {
     pub fn is_current_reversed(&self) -> bool {
         let is_charging = |average_a| average_a < -RESTING_CURRENT_A;
         self.resistance.is_reversed() && self.average_current_a().is_some_and(is_charging)
+    }
+
+    /// The current of a pack, of which `learnt` is known, is lost.
+    pub fn lose_current(&mut self, settings: &PackSettings, learnt: &LearntPack) {
+        self.charge.lose_current(&self.model(settings, learnt));
     }
 
     /// The current is made of another source.

@@ -38,6 +38,10 @@ pub enum PackEvent {
     Gap(Gap),
     /// The current is over its sensor's range for the first time since the start.
     CurrentOverRange(CurrentRange),
+    /// Its current was measured before, and is not any more, as nothing else that counts the charge; no threshold needs it.
+    CurrentLost,
+    /// The component with this id measures it from now on, in place of another.
+    MeasuredBy(u8),
     /// Its sensor takes a load for charging, since the start: the charge is estimated from the voltage alone.
     CurrentReversed,
     /// The voltage is above `MOT_DRV_VOLT` for the first time since the start; whether the pack supplies the motors is not known.
@@ -274,6 +278,8 @@ impl fmt::Display for PackEvent {
                     _ => Ok(()),
                 }
             }
+            Self::CurrentLost => f.write_str("current lost: charge by voltage alone"),
+            Self::MeasuredBy(component_id) => write!(f, "measured by component {component_id}"),
             Self::CurrentReversed => f.write_str("current sensor reversed?"),
             Self::AboveDrivers => f.write_str("voltage above MOT_DRV_VOLT"),
             Self::PowerLimited(Some(max_w)) => write!(f, "limits the motors: over {max_w}W"),

@@ -357,13 +357,16 @@ pub fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f3
     }
 }
 
-/// Remaining charge or fuel by the state of charge; while that is unknown, capacity minus consumption. In mAh or ml, as
-/// the thresholds.
+/// Remaining charge or fuel by the state of charge; while that is unknown, the most that the source's count leaves, or
+/// capacity minus consumption. In mAh or ml, as the thresholds.
 pub fn remaining(state: &BatteryState) -> Option<f32> {
     // A sum with a lost member has counted only a part, and a pack that is not connected may be another one.
     let is_unsure = matches!(state.status, PackStatus::Unhealthy | PackStatus::NotConnected);
     let counted = state.consumed.filter(|_| !is_unsure);
-    let by_count = || Some(state.full_capacity()? - counted?.number());
+    let by_count = || {
+        let (full, counted) = (state.full_capacity()?, counted?.number());
+        Some(state.left_at_most.map_or(full - counted, |most| full * most))
+    };
     state.remaining().or_else(by_count)
 }
 

@@ -351,6 +351,8 @@ pub enum ReadError {
     Conversion,
     /// The pack's own fuel gauge has not reported in time what is left.
     GaugeTimeout,
+    /// The current was measured before, and is not any more; nothing else counts the charge.
+    CurrentLost,
     /// The value is not finite or beyond its plausible range.
     Implausible,
     /// The voltage is at or above the end of the converter's range.
@@ -422,6 +424,7 @@ impl fmt::Display for ReadError {
             Self::Timeout | Self::Bus(BusError::Timeout) => "no reading in time",
             Self::Conversion => "conversion failed",
             Self::GaugeTimeout => "its gauge reports no charge",
+            Self::CurrentLost => "current lost",
             Self::Implausible => "impossible value",
             Self::OverRange => "over range",
             Self::OtherPart => "unknown part",

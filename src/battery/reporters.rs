@@ -70,11 +70,15 @@ const SENSOR_RECOVERY_S: f32 = 5.0;
 /// The same of a contact: a loose wire may hold for longer while driving.
 const CONTACT_RECOVERY_S: f32 = 30.0;
 
+/// The same of a current: its sensor may have a loose wire, too.
+const CURRENT_RECOVERY_S: f32 = 30.0;
+
 /// The reported faults of one pack.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HealthReporter {
     sensor: Condition,
     contact: Condition,
+    current: Condition,
 }
 
 impl HealthReporter {
@@ -89,6 +93,16 @@ impl HealthReporter {
             Change::Begins => PackEvent::SensorFailed(error?),
             Change::Ends => PackEvent::SensorRecovered,
         })
+    }
+
+    /// Updates the fault of a current that a healthy pack has lost, or has not.
+    pub fn current(&mut self, dt_s: f32, status: PackStatus, is_lost: bool) -> Option<PackEvent> {
+        let evidence = match (status, is_lost) {
+            (PackStatus::Healthy, is_lost) => Evidence::of(is_lost),
+            _ => Evidence::Ambiguous,
+        };
+        let change = self.current.update(dt_s, evidence, CURRENT_RECOVERY_S)?;
+        (change == Change::Begins).then_some(PackEvent::CurrentLost)
     }
 
     /// Updates the contact's fault. A disarmed rover may have no pack.

@@ -1,12 +1,10 @@
 //! The state of a pack.
 
+use super::charge::BOUND_SIGMAS;
 use super::{
     Amount, CellVoltages, ChargeState, Chemistry, Contents, CurrentRange, Extremes, FailsafeLevel, Faults,
     PackDetails, ReadError, Reported, Thermometer,
 };
-
-/// Standard deviations from an estimated charge to its bounds.
-const BOUND_SIGMAS: f32 = 2.0;
 
 /// The timer of a threshold in volts or percent, up to its level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -195,6 +193,8 @@ pub struct BatteryState {
     pub capacity: Option<Amount>,
     /// Capacity that was learnt, in milliampere-hours.
     pub learnt_capacity_mah: Option<f32>,
+    /// The most that a count at the source leaves, from 0 to 1; `None` if the source does not count.
+    pub left_at_most: Option<f32>,
     /// State of health, in percent, as reported by a smart battery, else as learnt.
     pub state_of_health_pct: Option<u8>,
     /// Critical voltage (`BATT_CRT_VOLT`), in volts, if set.
@@ -237,6 +237,7 @@ impl BatteryState {
         chemistry: Chemistry::LiPo,
         capacity: None,
         learnt_capacity_mah: None,
+        left_at_most: None,
         state_of_health_pct: None,
         critical_voltage_v: None,
         serial_number: None,

@@ -122,8 +122,10 @@ enum Readings {
 pub enum Admission {
     /// The component measures the pack.
     Known,
-    /// The component measures the pack from now on.
+    /// The component measures the pack from now on, as the first.
     New,
+    /// The component measures the pack from now on, in place of another.
+    Successor,
     /// Another component measures the pack.
     OtherSource,
     /// The component reports the pack more completely, too.
@@ -156,9 +158,9 @@ impl ExternalSource {
             }
             Some((known, _)) if known == component_id => Admission::Known,
             Some(_) if !self.is_lost(now) => return Admission::OtherSource,
-            _ => {
+            other => {
                 self.health = ExternalHealth::default();
-                Admission::New
+                other.map_or(Admission::New, |_| Admission::Successor)
             }
         };
         self.source = Some((component_id, readings));
@@ -243,7 +245,7 @@ mod tests {
         assert_eq!(at(FIRST, LAST_IN_TIME_US), Admission::Known);
         assert_eq!(at(SECOND, EXTERNAL_TIMEOUT_US), Admission::OtherSource);
         let lost_at_us = LAST_IN_TIME_US + EXTERNAL_TIMEOUT_US;
-        assert_eq!(at(SECOND, lost_at_us), Admission::New);
+        assert_eq!(at(SECOND, lost_at_us), Admission::Successor);
         assert_eq!(at(FIRST, lost_at_us), Admission::OtherSource);
     }
 
@@ -276,8 +278,10 @@ mod tests {
                 now = now.after_us(after_us);
                 match source.admit(component_id, &report(), now, now) {
                     Admission::Known => prop_assert_eq!(last.map(|(known, _)| known), Some(component_id)),
-                    Admission::New => {
-                        prop_assert!(last.is_none_or(|(_, heard)| now.us_since(heard) >= EXTERNAL_TIMEOUT_US));
+                    Admission::New => prop_assert_eq!(last, None),
+                    Admission::Successor => {
+                        let (known, heard) = last.expect("one was heard");
+                        prop_assert!(known != component_id && now.us_since(heard) >= EXTERNAL_TIMEOUT_US);
                     }
                     Admission::OtherSource => {
                         let (known, heard) = last.expect("one was heard");

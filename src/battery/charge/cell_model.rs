@@ -27,6 +27,9 @@ const MIN_SLOPE_V: f32 = 0.01;
 /// Standard deviation of a learnt slow share from one drive to the next.
 const LEARNT_SLOW_SIGMA: f32 = 0.25;
 
+/// Standard deviations that bound a charge.
+pub const BOUND_SIGMAS: f32 = 2.0;
+
 /// Standard deviation of a state of charge that the owner sets.
 const SET_SIGMA: f32 = 0.01;
 
@@ -113,6 +116,16 @@ impl KnownCharge {
             soc,
             sigma: SET_SIGMA,
         }
+    }
+
+    /// Two standard deviations below, from 0 to 1.
+    pub fn lowest(&self) -> f32 {
+        (self.soc - BOUND_SIGMAS * self.sigma).max(0.0)
+    }
+
+    /// Two standard deviations above, from 0 to 1.
+    pub fn highest(&self) -> f32 {
+        (self.soc + BOUND_SIGMAS * self.sigma).min(1.0)
     }
 
     pub fn to_words(self) -> [u32; 2] {

@@ -1,12 +1,14 @@
 //! Counting of the current from a charge that was found, corrected by the voltage.
 
-use super::cell_model::{Capacity, CellModel};
+use super::cell_model::{Capacity, CellModel, KnownCharge};
 use super::drive::{Drive, Rest};
 use super::filter::Filter;
-use super::load::{Block, Load, Reserve, SagGrowth, Trace};
+use super::load::{Block, HOURS_PER_SECOND, Load, Reserve, SagGrowth, Trace};
 use super::start::{
     Relaxation, charged, full, has_plateau, is_resting, may_have_surface_charge, provisional, was_charged,
 };
+use super::voltage_only::VoltageOnly;
+use super::{CurrentOrigin, SILENCE_S};
 use crate::battery::LearntPack;
 use crate::battery::learnt::Collapse;
 
@@ -95,6 +97,17 @@ impl Counting {
         }
     }
 
+    /// The estimate to go on with when the current is lost: for [`SILENCE_S`] the pack has drawn what it drew before.
+    pub fn by_voltage(&self, trace: &Trace, model: &CellModel) -> VoltageOnly {
+        let KnownCharge { soc, sigma } = self.filter.charge();
+        let counted_ah = trace.block.drawn_ah() * self.filter.counted();
+        let assumed_ah = trace.polarisation.mean_a().unwrap_or(0.0) * SILENCE_S * HOURS_PER_SECOND;
+        let drawn = model
+            .capacity()
+            .map_or(0.0, |capacity| (counted_ah + assumed_ah) / capacity.ah);
+        VoltageOnly::from_soc((soc - drawn.max(0.0)).max(0.0), sigma)
+    }
+
     /// Takes a second.
     pub fn update(
         &mut self,
@@ -173,8 +186,16 @@ impl Counting {
     }
 
     /// Takes the voltage of a cell that rests as one measurement. What the offset of the current sensor has counted meanwhile is
-    /// unknown.
-    pub fn rest(&mut self, rest: &Rest, load: &Load, cell_v: f32, model: &CellModel, capacity: &Capacity) {
+    /// unknown; what has charged the pack, too, unless its current was measured.
+    pub fn rest(
+        &mut self,
+        rest: &Rest,
+        load: &Load,
+        cell_v: f32,
+        origin: CurrentOrigin,
+        model: &CellModel,
+        capacity: &Capacity,
+    ) {
         if rest.relaxation == Relaxation::Relaxed {
             self.relaxation = Relaxation::Relaxed;
         }
@@ -182,14 +203,18 @@ impl Counting {
         if self.relaxation == Relaxation::Unknown {
             by_voltage = provisional(by_voltage);
         }
+        let may_be_charged = origin == CurrentOrigin::SourceCounter && by_voltage.soc() > self.filter.soc();
         let is_provisional = self.is_provisional();
         let filter = &mut self.filter;
         filter.inflate(Drive::rest_drift(rest.duration_s));
         if is_provisional && may_have_surface_charge(&by_voltage) {
-            if by_voltage.soc() < filter.soc() {
+            if by_voltage.soc() < filter.soc() || may_be_charged {
                 *filter = by_voltage;
             }
         } else {
+            if may_be_charged {
+                filter.inflate(by_voltage.soc() - filter.soc());
+            }
             filter.rest(&by_voltage);
         }
         if has_plateau(model, capacity)

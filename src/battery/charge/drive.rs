@@ -371,6 +371,9 @@ fn known<'a>(model: &CellModel, learnt: &'a LearntPack, ohm: f32) -> CellModel<'
     }
 }
 
+/// A rested cell does not rise further by itself, in volts.
+const CHARGED_V: f32 = 0.03;
+
 /// Measures a rest. It is evaluated after half a minute, and again whenever it has lasted twice as long, or half an hour more.
 #[derive(Clone, Copy, Debug)]
 pub struct RestTimer {
@@ -400,6 +403,11 @@ impl RestTimer {
     /// Whether this rest was evaluated.
     pub fn is_evaluated(&self) -> bool {
         self.evaluated_s > 0.0
+    }
+
+    /// Whether the voltage of a cell has risen so far since it was evaluated that the pack was charged.
+    pub fn has_risen(&self, cell_v: f32) -> bool {
+        self.is_evaluated() && cell_v > self.evaluated_v + CHARGED_V
     }
 
     /// The pack rested at this voltage of a cell for another `dt_s` seconds. Returns the evaluation that is due.

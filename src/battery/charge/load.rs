@@ -2,6 +2,7 @@
 //!
 //! All that follows a second runs once a second, at any sampling rate.
 
+use super::CurrentOrigin;
 use super::cell_model::{CellModel, root_of_squares};
 use crate::battery::VoltageSource;
 use crate::battery::learnt::Collapse;
@@ -57,6 +58,8 @@ pub struct Second {
     pub voltage_v: Option<f32>,
     /// In amperes.
     pub current_a: Option<f32>,
+    /// Origin of the latest.
+    pub origin: CurrentOrigin,
     /// Charge that this current does not show.
     pub unread: Unread,
 }
@@ -136,7 +139,13 @@ impl Gathering {
     }
 
     /// Takes a reading; returns the means once a second is complete.
-    pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) -> Option<Second> {
+    pub fn add(
+        &mut self,
+        dt_s: f32,
+        voltage_v: Option<f32>,
+        current_a: Option<f32>,
+        origin: CurrentOrigin,
+    ) -> Option<Second> {
         self.duration_s += dt_s;
         self.voltage.add(dt_s, voltage_v);
         self.current.add(dt_s, current_a);
@@ -148,6 +157,7 @@ impl Gathering {
             duration_s: complete.duration_s,
             voltage_v: complete.voltage.mean(complete.duration_s),
             current_a: complete.current.mean(complete.duration_s),
+            origin,
             unread: complete.unread,
         })
     }

@@ -12,7 +12,7 @@ mod reference;
 mod start;
 mod voltage_only;
 
-pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
+pub use cell_model::{BOUND_SIGMAS, Capacity, CellModel, EndVoltage, KnownCharge};
 pub use load::Second;
 
 use super::learnt::{LastCharge, LessonObstacle, OpenLesson};
@@ -32,6 +32,10 @@ const GAP_S: f32 = 15.0;
 
 /// After a longer gap the estimate restarts, in seconds.
 const MAX_GAP_S: f32 = 600.0;
+
+/// What counts the charge of a pack has been lost after this time, in seconds: more than two of the slowest period of
+/// batteries, 5 s.
+pub const SILENCE_S: f32 = 12.0;
 
 /// Standard deviation of a load in a gap, in capacities per hour.
 const GAP_RATE_PER_H: f32 = 1.0;
@@ -63,6 +67,32 @@ enum Phase {
     VoltageOnly(VoltageOnly),
 }
 
+/// Origin of a current.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CurrentOrigin {
+    #[default]
+    Sensor,
+    /// A counter at the source, which need not count what charges the pack.
+    SourceCounter,
+}
+
+/// A reading of a pack.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sample {
+    /// Since the reading before, in seconds.
+    pub dt_s: f32,
+    /// In volts.
+    pub voltage_v: Option<f32>,
+    /// Mean since the reading before, in amperes.
+    pub current_a: Option<f32>,
+    pub origin: CurrentOrigin,
+    pub range: CurrentRange,
+    /// Charge that the source has counted beyond this current, in ampere-hours.
+    pub unmeasured_ah: f32,
+    /// Time without readings that were due, in seconds.
+    pub missed_s: f32,
+}
+
 /// Whether a pack is the one that was counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Comparison {
@@ -86,6 +116,10 @@ pub struct ChargeEstimate {
     pub usable_sigma: f32,
     /// Charge drawn, in capacities per hour, where the current is not measured.
     pub rate_per_h: Option<f32>,
+    /// The state of charge, whatever the source's count leaves.
+    pub by_itself: KnownCharge,
+    /// Whether the pack rests.
+    pub rests: bool,
 }
 
 impl ChargeEstimator {
@@ -108,6 +142,8 @@ impl ChargeEstimator {
             usable_soc: charge.soc,
             usable_sigma: charge.sigma,
             rate_per_h: None,
+            by_itself: charge,
+            rests: false,
         });
         known
     }
@@ -209,6 +245,14 @@ impl ChargeEstimator {
         }
     }
 
+    /// The current is lost: the estimate goes on by the voltage.
+    pub fn lose_current(&mut self, model: &CellModel) {
+        if let Phase::Counting(counting) = &self.phase {
+            self.phase = Phase::VoltageOnly(counting.by_voltage(&self.trace, model));
+            self.trace.polarisation = Polarisation::at_rest();
+        }
+    }
+
     /// The current is made of another source: what was counted must not be learnt, nor do earlier loads show the rest of a sag.
     pub fn change_current(&mut self) {
         if let Phase::Counting(counting) = &mut self.phase {
@@ -217,17 +261,14 @@ impl ChargeEstimator {
         self.trace.polarisation = Polarisation::unknown();
     }
 
-    /// Takes a reading, with the charge that its source has counted beyond the current, the time without readings that were
-    /// due, and whether its current is over range. Returns the means of a second that it completes.
-    pub fn add(
-        &mut self,
-        dt_s: f32,
-        mut voltage_v: Option<f32>,
-        mut current_a: Option<f32>,
-        unmeasured_ah: f32,
-        missed_s: f32,
-        current_range: CurrentRange,
-    ) -> Option<Second> {
+    /// Takes a reading. Returns the means of a second that it completes.
+    pub fn add(&mut self, sample: &Sample) -> Option<Second> {
+        let Sample {
+            dt_s,
+            mut voltage_v,
+            mut current_a,
+            ..
+        } = *sample;
         if dt_s > MAX_GAP_S {
             *self = Self::new();
         }
@@ -243,20 +284,20 @@ impl ChargeEstimator {
                 current_a = current_a.or(Some(before_a));
             }
         }
-        if current_range == CurrentRange::Over {
+        if sample.range == CurrentRange::Over {
             // The sag of the load is not known either.
             voltage_v = None;
         }
         let charge_ah = |duration_s: f32| current_a.unwrap_or(0.0).abs() * duration_s * HOURS_PER_SECOND;
         self.gathering.add_unread(&Unread {
-            unmeasured_ah,
-            assumed_ah: charge_ah(missed_s),
-            over_range_ah: match current_range {
+            unmeasured_ah: sample.unmeasured_ah,
+            assumed_ah: charge_ah(sample.missed_s),
+            over_range_ah: match sample.range {
                 CurrentRange::Over => charge_ah(dt_s),
                 CurrentRange::Within | CurrentRange::OverAndCounted => 0.0,
             },
         });
-        self.gathering.add(dt_s, voltage_v, current_a)
+        self.gathering.add(dt_s, voltage_v, current_a, sample.origin)
     }
 
     /// Takes a second. Returns what is to be kept of the pack, when it was learnt or came to rest.
@@ -312,7 +353,9 @@ impl ChargeEstimator {
             let soc = counting.filter.soc();
             self.reference = Some(Reference { soc, cell_v, load });
         }
-        if !rests {
+        let is_charged =
+            |cell_v| second.origin == CurrentOrigin::SourceCounter && self.rest.has_risen(cell_v);
+        if !rests || cell_v.is_some_and(is_charged) {
             self.rest = RestTimer::new();
         }
         let kept = if let Some(cell_v) = cell_v
@@ -327,7 +370,7 @@ impl ChargeEstimator {
             };
             match rest {
                 Some(rest) => {
-                    let learnt = self.evaluate(&rest, &load, cell_v, model);
+                    let learnt = self.evaluate(&rest, &load, cell_v, second.origin, model);
                     self.record(&load, cell_v, learnt, model)
                 }
                 None if was_disarmed => self.record(&load, cell_v, None, model),
@@ -343,19 +386,27 @@ impl ChargeEstimator {
         self.estimate = self.estimate_now(
             kept.as_ref()
                 .map_or(*model, |learnt| CellModel { learnt, ..*model }),
+            rests,
         );
         kept
     }
 
     /// Evaluates a rest: learns the pack, or corrects the estimate.
-    fn evaluate(&mut self, rest: &Rest, load: &Load, cell_v: f32, model: &CellModel) -> Option<LearntPack> {
+    fn evaluate(
+        &mut self,
+        rest: &Rest,
+        load: &Load,
+        cell_v: f32,
+        origin: CurrentOrigin,
+        model: &CellModel,
+    ) -> Option<LearntPack> {
         let Phase::Counting(counting) = &mut self.phase else {
             return None;
         };
         let learnt = counting.learn(load, cell_v, model);
         match (&learnt, model.capacity()) {
             (Some(_), _) => self.trace.reserve.restart(),
-            (None, Some(capacity)) => counting.rest(rest, load, cell_v, model, &capacity),
+            (None, Some(capacity)) => counting.rest(rest, load, cell_v, origin, model, &capacity),
             (None, None) => {}
         }
         learnt
@@ -432,10 +483,11 @@ impl ChargeEstimator {
             kept.collapse = counting.collapse(model);
             ohm = counting.mean_ohm().unwrap_or(0.0);
         }
-        let estimate = self.estimate_now(CellModel {
+        let model = CellModel {
             learnt: &kept,
             ..*model
-        })?;
+        };
+        let estimate = self.estimate_now(model, true)?;
         kept.charge = Some(LastCharge {
             soc: estimate.soc,
             sigma: estimate.sigma,
@@ -445,8 +497,9 @@ impl ChargeEstimator {
         LearntPack::from_words(&kept.to_words())
     }
 
-    fn estimate_now(&self, model: CellModel) -> Option<ChargeEstimate> {
-        let KnownCharge { soc, sigma } = self.phase.charge(&self.trace, &model)?;
+    fn estimate_now(&self, model: CellModel, rests: bool) -> Option<ChargeEstimate> {
+        let by_itself = self.phase.charge(&self.trace, &model)?;
+        let KnownCharge { soc, sigma } = by_itself;
         let soc = soc.min(model.soc_at_most).max(0.0);
         let sigma = sigma.min(model.soc_at_most);
         Some(ChargeEstimate {
@@ -459,6 +512,8 @@ impl ChargeEstimator {
                 Phase::VoltageOnly(estimate) => estimate.rate_per_h(),
                 Phase::Starting(_) | Phase::Known(_) | Phase::Counting(_) => None,
             },
+            by_itself,
+            rests,
         })
     }
 }
@@ -522,16 +577,16 @@ impl Phase {
         false
     }
 
-    /// A charge was drawn that no measured current shows. Before the first estimate the voltage shows it.
+    /// A charge was drawn that no measured current shows. Before the first estimate, and where it is one by the voltage, this
+    /// shows it.
     fn draw(&mut self, charge_ah: f32, capacity: &Capacity) {
         if charge_ah <= 0.0 {
             return;
         }
         match self {
-            Self::Starting(_) => {}
+            Self::Starting(_) | Self::VoltageOnly(_) => {}
             Self::Known(charge) => charge.soc = (charge.soc - charge_ah / capacity.ah).max(0.0),
             Self::Counting(counting) => counting.draw(charge_ah, capacity),
-            Self::VoltageOnly(estimate) => estimate.draw(charge_ah / capacity.ah),
         }
     }
 

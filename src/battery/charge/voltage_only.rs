@@ -142,11 +142,6 @@ impl VoltageOnly {
         self.unsettled_s <= SETTLING_S - FIRST_ESTIMATE_S
     }
 
-    /// A charge was drawn, in capacities.
-    pub fn draw(&mut self, drawn: f32) {
-        self.soc = (self.soc - drawn).max(0.0);
-    }
-
     /// Charge drawn, in capacities per hour, averaged over two minutes, once there was a load for as long.
     pub fn rate_per_h(&self) -> Option<f32> {
         self.rate_per_h.settled()

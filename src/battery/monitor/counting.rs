@@ -1,8 +1,10 @@
 //! Charge and energy drawn from a pack, wherever they are counted: here, at the source, or by the pack's own fuel gauge.
 
-use crate::battery::consumption::{Consumption, Gap};
+use super::source_counter::SourceCounter;
+use crate::battery::charge::{ChargeEstimate, KnownCharge, SILENCE_S};
+use crate::battery::consumption::{Consumption, Gap, mean_current_a, microseconds};
 use crate::battery::estimator::Reading;
-use crate::battery::{Consumed, Counted, Gauge, GaugeReading, Measurement};
+use crate::battery::{ArmState, Consumed, Counted, Gauge, GaugeReading, Measurement};
 use crate::time::Instant;
 
 /// Counts what is drawn from one pack.
@@ -12,9 +14,13 @@ pub struct ChargeCounter {
     counter: SourceCounter,
     /// Drawn since the start: neither a battery reset nor another pack changes it.
     drawn: Consumption,
+    most: MostLeft,
     /// The latest known current, in amperes, with its time: a reading may come without one.
     last_current: Option<(Instant, f32)>,
 }
+
+/// An ampere draws a milliampere-hour in this time, in seconds.
+const SECONDS_PER_MILLIHOUR: f32 = 3.6;
 
 /// Contribution of a reading to the consumption.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,25 +40,44 @@ impl Count {
 }
 
 impl ChargeCounter {
-    /// Takes a reading, with what is known of the pack's gauge.
-    pub fn update(&mut self, now: Instant, measurement: &Measurement, gauge: &GaugeState) -> Count {
+    /// Takes a reading, `dt_s` seconds after the one before, with what is known of the pack's gauge and its capacity.
+    pub fn update(
+        &mut self,
+        now: Instant,
+        dt_s: f32,
+        measurement: &Measurement,
+        gauge: &GaugeState,
+        capacity_mah: Option<f32>,
+    ) -> Count {
+        self.most.wait(dt_s);
         match measurement.counted {
             Some(Counted::Increment(consumed)) => self.add_counted(consumed),
             // A tank's millilitres are counted as a pack's milliampere-hours.
             Some(Counted::Volume(volume_ml)) => self.add_counted(Consumed::charge(volume_ml)),
-            Some(Counted::Total(total)) => match self.counter.total(total) {
-                None => {
-                    self.consumption.restart(total);
-                    Count::at_source(0.0)
+            Some(Counted::Total(total)) => {
+                let Consumed {
+                    charge_mah,
+                    energy_wh,
+                } = total;
+                match self
+                    .counter
+                    .total(charge_mah, Some(energy_wh), dt_s, capacity_mah)
+                {
+                    None => {
+                        self.consumption.restart(total);
+                        self.begin_at(charge_mah)
+                    }
+                    Some(increase) => self.add_counted(increase),
                 }
-                Some(increase) => self.add_counted(increase),
-            },
+            }
             Some(Counted::TotalCharge(total_mah)) => {
+                let before_wh = self.energy_wh();
                 self.integrate_energy(now, measurement);
-                match self.counter.total(Consumed::charge(total_mah)) {
+                self.counter.add_integrated_wh(self.energy_wh() - before_wh);
+                match self.counter.total(total_mah, None, dt_s, capacity_mah) {
                     None => {
                         self.consumption.set_charge_mah(total_mah);
-                        Count::at_source(0.0)
+                        self.begin_at(total_mah)
                     }
                     Some(increase) => self.add_counted(increase),
                 }
@@ -65,8 +90,14 @@ impl ChargeCounter {
                 self.drawn.add_counted(Consumed::charge(charge_mah));
                 Count::at_source(charge_mah)
             }
-            None => self.count_here(now, measurement, gauge),
+            None => self.count_here(now, dt_s, measurement, gauge),
         }
+    }
+
+    /// The first total, in milliampere-hours, was drawn from this pack, unless its rest denies it.
+    fn begin_at(&mut self, total_mah: f32) -> Count {
+        self.most.begin(self.drawn_mah(), total_mah);
+        Count::at_source(0.0)
     }
 
     fn add_counted(&mut self, consumed: Consumed) -> Count {
@@ -76,14 +107,20 @@ impl ChargeCounter {
     }
 
     /// Integrates the current; the charge is a gauge's, where there is one.
-    fn count_here(&mut self, now: Instant, measurement: &Measurement, gauge: &GaugeState) -> Count {
+    fn count_here(
+        &mut self,
+        now: Instant,
+        dt_s: f32,
+        measurement: &Measurement,
+        gauge: &GaugeState,
+    ) -> Count {
         if gauge.full_mah().is_some() {
             // A gap does not matter.
             self.integrate_energy(now, measurement);
             if let Some(gauge) = gauge.valid() {
                 let charge_mah = gauge.consumed_mah();
                 self.consumption.set_charge_mah(charge_mah);
-                if let Some(increase) = self.counter.total(Consumed::charge(charge_mah)) {
+                if let Some(increase) = self.counter.total(charge_mah, None, dt_s, Some(gauge.full_mah)) {
                     self.drawn.add_counted(increase);
                 }
             }
@@ -116,6 +153,21 @@ impl ChargeCounter {
             .integrate(now.us_since(last), last_a, current_a, voltage_v, power_w)
     }
 
+    /// Completes a reading whose current is known by the charge of the readings before it that came without one, which is
+    /// assumed as [`integrate`](Self::integrate) does.
+    pub fn complete(&self, now: Instant, reading: &mut Reading) {
+        let (Some((known_at, before_a)), Some(current_a)) = (self.last_current, reading.current_a) else {
+            return;
+        };
+        let since_us = now.us_since(known_at);
+        let unknown_s = microseconds(since_us) * 1e-6 - reading.dt_s;
+        let mean_a = mean_current_a(since_us, Some(before_a), current_a);
+        if let Some(mean_a) = mean_a.filter(|_| unknown_s > 0.0) {
+            reading.unmeasured_mah += mean_a.max(0.0) * unknown_s / SECONDS_PER_MILLIHOUR;
+            reading.missed_s += unknown_s;
+        }
+    }
+
     /// The current of a reading, from which the next interval is integrated.
     pub fn remember(&mut self, now: Instant, current_a: Option<f32>) {
         let known = current_a.map(|current_a| (now, current_a));
@@ -127,13 +179,49 @@ impl ChargeCounter {
         self.counter.correct(reading, counted_mah, is_measured);
     }
 
-    /// The most that a count at the source leaves of the larger of these capacities, from 0 to 1.
-    pub fn soc_at_most(&self, capacities_mah: [Option<f32>; 2]) -> f32 {
-        if !self.counter.has_counted() {
-            return 1.0;
-        }
-        let largest = capacities_mah.into_iter().flatten().reduce(f32::max);
-        largest.map_or(1.0, |capacity_mah| self.soc_left(capacity_mah))
+    /// The most that a count at the source leaves of a pack with this capacity, from 0 to 1; `None` if the source does not
+    /// count.
+    pub fn soc_at_most(&self, capacity_mah: Option<f32>) -> Option<f32> {
+        self.counter.exists().then(|| {
+            if self.awaits_rest() {
+                1.0
+            } else {
+                self.most.soc(self.drawn_mah(), capacity_mah)
+            }
+        })
+    }
+
+    /// Whether the source counts: its current is not needed.
+    pub fn source_counts(&self) -> bool {
+        self.counter.counts()
+    }
+
+    /// Whether a first total may have been drawn from another pack: until this one has rested, at most for some seconds,
+    /// nothing is known of its charge.
+    pub fn awaits_rest(&self) -> bool {
+        self.most.awaits_rest()
+    }
+
+    /// Takes the estimate of a second, if there is one, of a pack with this capacity.
+    pub fn follow_estimate(
+        &mut self,
+        estimate: Option<&ChargeEstimate>,
+        arm_state: ArmState,
+        capacity_mah: Option<f32>,
+    ) {
+        let drawn_mah = self.drawn_mah();
+        self.most.follow(estimate, arm_state, drawn_mah, capacity_mah);
+    }
+
+    /// A measured current has charged the pack, in milliampere-hours.
+    pub fn add_charged(&mut self, charged_mah: f32, capacity_mah: Option<f32>) {
+        let drawn_mah = self.drawn_mah();
+        self.most.charge(charged_mah, drawn_mah, capacity_mah);
+    }
+
+    /// Another component counts from now on: its total is not this pack's consumption.
+    pub fn change_source(&mut self) {
+        self.counter = SourceCounter::of_another_source();
     }
 
     /// Share of this capacity that is left, from 0 to 1.
@@ -164,7 +252,8 @@ impl ChargeCounter {
     /// A count that ran backwards restarts at 0.
     pub fn discard_negative(&mut self) {
         if self.charge_mah() < 0.0 {
-            self.restart(Consumed::default());
+            self.consumption = Consumption::default();
+            self.counter.rebase();
         }
     }
 
@@ -172,14 +261,16 @@ impl ChargeCounter {
     pub fn replace_pack(&mut self) {
         self.consumption = Consumption::default();
         self.counter.rebase();
+        self.most = MostLeft::unknown(self.drawn_mah());
         // The time without a pack was not measured of this one.
         self.last_current = None;
     }
 
-    /// Restarts at `consumed`.
-    pub fn restart(&mut self, consumed: Consumed) {
+    /// Restarts at `consumed`, with this charge left, from 0 to 1.
+    pub fn restart(&mut self, consumed: Consumed, soc: f32) {
         self.consumption.restart(consumed);
         self.counter.rebase();
+        self.most.set(&KnownCharge::set(soc), self.drawn_mah());
     }
 
     /// The part to retain over a reset of the processor.
@@ -187,154 +278,130 @@ impl ChargeCounter {
         self.consumption
     }
 
-    /// Continues with what was retained.
-    pub fn restore(&mut self, consumption: Consumption) {
+    /// Continues with what was retained, and the charge that was left.
+    pub fn restore(&mut self, consumption: Consumption, left: Option<&KnownCharge>) {
         self.consumption = consumption;
         if consumption != Consumption::default() {
             self.counter.rebase();
         }
-    }
-}
-
-/// Steps of a counter, in milliampere-hours: BATTERY_STATUS and motor controllers count whole ones.
-const STEP_MAH: f32 = 1.0;
-
-/// A counter that falls below this share of what it was has restarted. One that falls less follows a braking motor, or a
-/// frame that was overtaken: it counts again above its maximum.
-const RESTARTED_BELOW: f32 = 0.5;
-
-const MAH_PER_COULOMB: f32 = 1.0 / 3.6;
-
-/// A total at the source.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum Total {
-    /// Not read yet: what it has counted so far was drawn from this pack.
-    #[default]
-    Unread,
-    /// The next one is where counting goes on: what it has counted so far is known, or was drawn from the pack before.
-    Rebased,
-    /// The highest since it started.
-    At(f32),
-}
-
-impl Total {
-    fn increase(&mut self, total: f32) -> f32 {
-        match *self {
-            Self::At(highest) if total <= highest && total >= RESTARTED_BELOW * highest => 0.0,
-            Self::At(highest) => {
-                *self = Self::At(total);
-                (total - highest).max(0.0)
-            }
-            Self::Unread | Self::Rebased => {
-                *self = Self::At(total);
-                0.0
-            }
+        if let Some(left) = left {
+            self.most.set(left, self.drawn_mah());
         }
     }
 }
 
-/// The counter of one pack's source.
-#[derive(Clone, Copy, Debug, Default)]
-struct SourceCounter {
-    charge: Total,
-    energy: Total,
-    /// A sum's members, and the latest of what was drawn from them, which may fall.
-    drawn_mah: Option<(u16, f32)>,
-    /// Charge counted beyond the measured current, in milliampere-hours; negative by up to a step, of a sum by more:
-    /// its members are counted less often than it is.
-    ahead_mah: f32,
-    progress: Progress,
+/// For how long a first total is compared with the pack's rest before a charge is estimated by it, in seconds.
+const REST_WITHIN_S: f32 = 10.0;
+
+/// The most that may be left of a pack whose source counts: what it had at most, less what was counted since.
+#[derive(Clone, Copy, Debug)]
+struct MostLeft {
+    /// From 0 to 1, when `drawn_mah` had been drawn since the start.
+    soc: f32,
+    drawn_mah: f32,
+    base: Base,
 }
 
-/// Whether the source counts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Progress {
-    /// Nothing was read of a counter.
-    #[default]
-    None,
-    /// It has always stood still, which says nothing about an unknown current.
-    StandsStill,
-    Counts,
+/// Knowledge of what a pack had at most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Base {
+    /// It may have been full.
+    Unknown,
+    /// It was full when its source began to count, for all that is known for this long, in seconds.
+    Assumed(f32),
+    /// It had more than was left by the count: until it is armed its rest shows how much.
+    Denied,
+    /// It was estimated or set.
+    Known,
 }
 
-impl SourceCounter {
-    /// Goes on from the next total: the pack was swapped, or its charge was set.
-    pub fn rebase(&mut self) {
+impl Default for MostLeft {
+    fn default() -> Self {
+        Self::unknown(0.0)
+    }
+}
+
+impl MostLeft {
+    fn unknown(drawn_mah: f32) -> Self {
+        Self {
+            soc: 1.0,
+            drawn_mah,
+            base: Base::Unknown,
+        }
+    }
+
+    /// The source had counted this much when it was read first.
+    fn begin(&mut self, drawn_mah: f32, total_mah: f32) {
+        if self.base == Base::Unknown && total_mah > 0.0 {
+            self.drawn_mah = drawn_mah - total_mah;
+            self.base = Base::Assumed(0.0);
+        }
+    }
+
+    fn wait(&mut self, dt_s: f32) {
+        if let Base::Assumed(waited_s) = &mut self.base {
+            *waited_s += dt_s;
+        }
+    }
+
+    fn awaits_rest(&self) -> bool {
+        matches!(self.base, Base::Assumed(_))
+    }
+
+    /// This charge is left.
+    fn set(&mut self, charge: &KnownCharge, drawn_mah: f32) {
         *self = Self {
-            charge: Total::Rebased,
-            energy: Total::Rebased,
-            ..Self::default()
+            soc: charge.highest(),
+            drawn_mah,
+            base: Base::Known,
         };
     }
 
-    /// Whether there is one.
-    pub fn has_counted(&self) -> bool {
-        self.progress != Progress::None
+    fn soc(&self, drawn_mah: f32, capacity_mah: Option<f32>) -> f32 {
+        let share = capacity_mah.map_or(0.0, |capacity_mah| (drawn_mah - self.drawn_mah) / capacity_mah);
+        (self.soc - share).clamp(0.0, 1.0)
     }
 
-    /// Takes the totals of a reading. A total that falls is a restart of the source. Returns what was drawn since the reading
-    /// before; `None` at the first one, whose totals were drawn before.
-    pub fn total(&mut self, total: Consumed) -> Option<Consumed> {
-        let is_first = self.charge == Total::Unread;
-        let increase = Consumed {
-            charge_mah: self.charge.increase(total.charge_mah),
-            energy_wh: self.energy.increase(total.energy_wh),
-        };
-        (!is_first).then_some(increase)
-    }
-
-    /// Takes what was drawn from a sum's members since the start. Returns what was drawn since the reading before, which
-    /// includes the time in which the current was unknown. Where the current counted instead, or the members are others,
-    /// counting restarts from 0.
-    pub fn members(&mut self, measurement: &Measurement, drawn_mah: Option<f32>) -> Option<f32> {
-        let Some(drawn_mah) = drawn_mah else {
-            if measurement.current_a.is_some() {
-                self.drawn_mah = None;
+    /// A disarmed pack that rests shows what it has: more than was counted if it was charged, or if another one was counted.
+    fn follow(
+        &mut self,
+        estimate: Option<&ChargeEstimate>,
+        arm_state: ArmState,
+        drawn_mah: f32,
+        capacity_mah: Option<f32>,
+    ) {
+        if arm_state == ArmState::Armed {
+            self.base = Base::Known;
+            return;
+        }
+        // By then the voltage of a disarmed pack shows no load.
+        let has_waited = matches!(self.base, Base::Assumed(waited_s) if waited_s >= REST_WITHIN_S);
+        if let Some(estimate) = estimate.filter(|estimate| estimate.rests || has_waited) {
+            let shown = &estimate.by_itself;
+            let most = self.soc(drawn_mah, capacity_mah);
+            let is_denied = self.base == Base::Denied || shown.lowest() > most;
+            if is_denied || self.base != Base::Known && shown.highest() < most {
+                self.set(shown, drawn_mah);
             }
-            return None;
-        };
-        let members = measurement.members;
-        match self.drawn_mah.replace((members, drawn_mah)) {
-            Some((before, before_mah)) if before == members => Some(drawn_mah - before_mah),
-            _ => {
-                self.ahead_mah = 0.0;
-                Some(0.0)
-            }
+            self.base = if is_denied { Base::Denied } else { Base::Known };
+        } else if has_waited {
+            self.base = Base::Known;
         }
     }
 
-    /// Corrects a reading by the charge that was counted since the one before, in milliampere-hours. `is_measured`: its
-    /// mean current is that of a sensor, without a gap. The larger of the two counts.
-    pub fn correct(&mut self, reading: &mut Reading, counted_mah: f32, is_measured: bool) {
-        if counted_mah != 0.0 {
-            self.progress = Progress::Counts;
-        } else if self.progress == Progress::None {
-            self.progress = Progress::StandsStill;
-        }
-        match reading.mean_current_a {
-            Some(mean_a) if is_measured => {
-                let measured_mah = mean_a * reading.dt_s * MAH_PER_COULOMB;
-                // A counter that does not count down stands still while a charger does its work.
-                if measured_mah >= 0.0 {
-                    let lowest_mah = self.drawn_mah.map_or(-STEP_MAH, |_| f32::NEG_INFINITY);
-                    let ahead_mah = (self.ahead_mah + counted_mah - measured_mah).max(lowest_mah);
-                    reading.unmeasured_mah = ahead_mah.max(0.0);
-                    self.ahead_mah = ahead_mah.min(0.0);
-                }
-            }
-            _ if self.progress != Progress::Counts => {}
-            _ if reading.dt_s > 0.0 => {
-                reading.missed_s = 0.0;
-                reading.mean_current_a = Some(counted_mah / (reading.dt_s * MAH_PER_COULOMB));
-            }
-            _ => reading.unmeasured_mah = counted_mah,
-        }
+    /// The pack was charged by a measured current.
+    fn charge(&mut self, charged_mah: f32, drawn_mah: f32, capacity_mah: Option<f32>) {
+        let full_at_mah = capacity_mah.map_or(f32::INFINITY, |capacity_mah| {
+            drawn_mah + (1.0 - self.soc) * capacity_mah
+        });
+        self.drawn_mah = (self.drawn_mah + charged_mah)
+            .min(full_at_mah)
+            .max(self.drawn_mah);
     }
 }
 
-/// A gauge that has not reported for longer has timed out, in microseconds: more than two of the slowest period of
-/// batteries, 5 s.
-const TIMEOUT_US: u64 = 12_000_000;
+/// A gauge that has not reported for longer has timed out, in microseconds.
+pub const TIMEOUT_US: u64 = (SILENCE_S * 1e6) as u64;
 
 /// Whether what counts the charge, and has been silent `since` then, has timed out.
 pub fn has_timed_out(since: Instant, now: Instant) -> bool {

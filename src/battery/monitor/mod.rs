@@ -4,6 +4,7 @@ mod counting;
 mod evaluation;
 mod learning;
 mod reports;
+mod source_counter;
 
 use core::mem;
 
@@ -23,7 +24,7 @@ use super::reporters::{GapReporter, HealthReporter, LessonReporter};
 use super::settings::PackSettings;
 use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
 use super::{
-    Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, CurrentRange, LearntPack,
+    Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, CurrentRange, LearntPack,
     LessonObstacle, Measurement, Measuring, PackEvent, PackEvents, PackMemory, PackSource, PackStatus,
     ReadError, Readings, Tick,
 };
@@ -35,6 +36,9 @@ pub const MIN_CONNECTED_VOLTAGE_V: f32 = 2.1;
 
 /// Consecutive failed reads after which a pack is unhealthy: half a second at 10 Hz.
 pub const FAILED_READS_UNTIL_UNHEALTHY: u32 = 5;
+
+/// The longest period of a source whose current is compared with its counter, in microseconds.
+const SLOWEST_PERIOD_US: u64 = 6_000_000;
 
 /// Outcome of an update, besides the new state.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -57,6 +61,8 @@ pub struct BatteryMonitor {
     /// Time, and what was drawn, of the latest valid reading that was that of a pack.
     last_reading: Option<(Instant, Option<f32>)>,
     last_healthy: Option<Instant>,
+    /// When the charge was counted last of a pack whose current was known, since the source of this current was set.
+    counted_at: Option<Instant>,
     /// The latest voltage while connected, in volts.
     last_voltage_v: Option<f32>,
     reports: Reports,
@@ -102,6 +108,7 @@ impl BatteryMonitor {
             last_tick: None,
             last_reading: None,
             last_healthy: None,
+            counted_at: None,
             last_voltage_v: None,
             reports: Reports::new(),
             health: HealthReporter::default(),
@@ -183,6 +190,10 @@ impl BatteryMonitor {
         if let Some(event) = self.health.sensor(dt_s, status, error) {
             push(turn.events, event);
         }
+        let has_lost_current = self.has_lost_current(tick.now, turn.state) && !self.reports.is_incomplete();
+        if let Some(event) = self.health.current(dt_s, status, has_lost_current) {
+            push(turn.events, event);
+        }
         if let Some(event) = self.health.contact(dt_s, status, error, tick.arm_state) {
             push(turn.events, event);
         }
@@ -226,6 +237,7 @@ impl BatteryMonitor {
         if before.is_none_or(|before| before == current_source) {
             return;
         }
+        self.counted_at = None;
         self.estimator.change_current();
         self.counting.end_interval();
         if let Some((_, rate)) = &mut self.last_reading {
@@ -235,6 +247,11 @@ impl BatteryMonitor {
             self.estimator.clear_current();
             self.counting.discard_negative();
         }
+    }
+
+    /// Another component measures the pack from now on: its total is not what was drawn from it.
+    pub fn change_counter(&mut self) {
+        self.counting.change_source();
     }
 
     /// Takes over what the pack reports of itself, and notices another serial number.
@@ -270,6 +287,19 @@ impl BatteryMonitor {
     fn remember(&mut self, now: Instant, measurement: &Measurement) {
         self.last_reading = Some((now, measurement.rate()));
         self.counting.remember(now, measurement.rate());
+    }
+
+    /// Follows whether the charge of a pack whose current was known is counted. A time without readings is no loss.
+    fn follow_count(&mut self, now: Instant, dt_us: u64, measurement: &Measurement) {
+        let is_counted_at_source = match measurement.counted {
+            Some(Counted::Members { drawn_mah, .. }) => drawn_mah.is_some(),
+            Some(_) => self.counting.source_counts(),
+            None => false,
+        };
+        let goes_on = is_counted_at_source || dt_us > counting::TIMEOUT_US;
+        if measurement.rate().is_some() || goes_on && self.counted_at.is_some() {
+            self.counted_at = Some(now);
+        }
     }
 
     /// Takes a valid reading. Returns whether it is that of a pack.
@@ -353,18 +383,10 @@ impl BatteryMonitor {
             None => {}
         }
         reading.doubt = self.swap_detector.doubt();
-        let count = self.counting.update(tick.now, measurement, &self.reports.gauge);
-        if let Some(gap) = self.gaps.update(reading.dt_s, count.gap) {
-            push(turn.events, PackEvent::Gap(gap));
-        }
-        if let Some(counted_mah) = count.at_source_mah {
-            let is_measured = measurement.rate().is_some() && dt_us <= MAX_INTERVAL_US;
-            self.counting.correct(&mut reading, counted_mah, is_measured);
-        }
-        let capacities_mah = [turn.state.learnt_capacity_mah, settings.capacity_mah];
-        reading.soc_at_most = self.counting.soc_at_most(capacities_mah);
+        self.count(turn, dt_us, measurement, &mut reading);
         reading.known_cells = reading.known_cells.or(self.kept_cells());
         let findings = self.update_estimates(turn, &reading);
+        self.limit_by_count(turn, findings.second.is_some());
         self.update_state(turn, measurement);
         if let Some(event) = findings.event {
             turn.state.revision = turn.state.revision.wrapping_add(1);
@@ -385,6 +407,48 @@ impl BatteryMonitor {
             }
         }
         self.remember(tick.now, measurement);
+    }
+
+    /// Counts the charge of a reading, and corrects the reading by what the source has counted.
+    fn count(&mut self, turn: &mut Turn<'_>, dt_us: u64, measurement: &Measurement, reading: &mut Reading) {
+        let now = turn.tick.now;
+        let capacity_mah = largest_capacity_mah(turn.state, turn.settings);
+        let gauge = &self.reports.gauge;
+        let count = self
+            .counting
+            .update(now, reading.dt_s, measurement, gauge, capacity_mah);
+        if let Some(gap) = self.gaps.update(reading.dt_s, count.gap) {
+            push(turn.events, PackEvent::Gap(gap));
+        }
+        match count.at_source_mah {
+            Some(counted_mah) => {
+                let is_measured = measurement.rate().is_some() && dt_us <= SLOWEST_PERIOD_US;
+                self.counting.correct(reading, counted_mah, is_measured);
+            }
+            None => self.counting.complete(now, reading),
+        }
+        if let Some(charged_mah) = reading.charged_mah() {
+            self.counting.add_charged(charged_mah, capacity_mah);
+        }
+        turn.state.left_at_most = self.counting.soc_at_most(capacity_mah);
+        reading.soc_at_most = turn.state.left_at_most.unwrap_or(1.0);
+        self.follow_count(now, dt_us, measurement);
+        if self.has_lost_current(now, turn.state) && !self.reports.is_incomplete() {
+            self.lose_current(turn);
+        }
+    }
+
+    /// What a count at the source leaves follows the estimate of a disarmed pack.
+    fn limit_by_count(&mut self, turn: &mut Turn<'_>, is_new: bool) {
+        let is_followed = is_new || self.counting.awaits_rest();
+        if turn.state.left_at_most.is_none() || !is_followed {
+            return;
+        }
+        let capacity_mah = largest_capacity_mah(turn.state, turn.settings);
+        let estimate = self.estimator.charge();
+        self.counting
+            .follow_estimate(estimate, turn.tick.arm_state, capacity_mah);
+        turn.state.left_at_most = self.counting.soc_at_most(capacity_mah);
     }
 
     fn detect_swap(&mut self, reading: &Reading) -> Option<AtRest> {
@@ -436,6 +500,13 @@ impl BatteryMonitor {
             }
             push(turn.events, PackEvent::EstimateRestarted);
         }
+    }
+
+    fn lose_current(&mut self, turn: &Turn<'_>) {
+        let settings = turn.settings;
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn(turn.state));
+        let learnt = Learnt::of(learnt, settings, self.estimator.cell_count(settings));
+        self.estimator.lose_current(settings, learnt);
     }
 
     fn update_estimates(&mut self, turn: &Turn<'_>, reading: &Reading) -> Findings {
@@ -490,6 +561,14 @@ impl BatteryMonitor {
     /// Exchanges of the pack, and charges elsewhere (wraps).
     pub(super) fn exchanges(&self) -> u8 {
         self.exchanges
+    }
+
+    /// Charge and energy drawn since the start or the last battery reset, though they may not be counted any more.
+    pub(super) fn consumed(&self) -> Consumed {
+        Consumed {
+            charge_mah: self.counting.charge_mah(),
+            energy_wh: self.counting.energy_wh(),
+        }
     }
 
     /// Charge drawn since the start, in milliampere-hours.
@@ -567,6 +646,7 @@ impl BatteryMonitor {
             (GaugeState::TimedOut { .. }, ..) => (reported.map(percent), ChargeSource::Gauge),
             (_, Some(soc), _) => (Some(percent(soc)), ChargeSource::Reported),
             (GaugeState::Awaited { .. }, ..) => (None, ChargeSource::Gauge),
+            (_, _, Contents::Charge) if self.counting.awaits_rest() => (None, ChargeSource::Estimated),
             (_, _, Contents::Charge) => {
                 let estimated = self.estimator.reported();
                 let remaining_pct = estimated.map(|charge| charge.remaining_pct);
@@ -620,12 +700,25 @@ impl BatteryMonitor {
         }
         let time_out = self.reports.charge_time_out(tick.now);
         let is_unknown = turn.state.readings.remaining_pct.is_none();
-        if settings.failsafe.needs_charge() && time_out.is_some() && is_unknown {
+        let lost = self
+            .has_lost_current(tick.now, turn.state)
+            .then(|| match self.reports.is_incomplete() {
+                true => ReadError::LostMember,
+                false => ReadError::CurrentLost,
+            });
+        let cause = time_out.filter(|_| is_unknown).or(lost);
+        if settings.failsafe.needs_charge() && cause.is_some() {
             turn.state.status = PackStatus::Unhealthy;
-            return time_out;
+            return cause;
         }
         self.last_healthy = Some(tick.now);
         None
+    }
+
+    /// Whether a pack whose charge was counted by its current has been measured without one for long.
+    fn has_lost_current(&self, now: Instant, state: &BatteryState) -> bool {
+        let is_over = |counted_at| counting::has_timed_out(counted_at, now);
+        state.has_estimated_charge() && self.counted_at.is_some_and(is_over)
     }
 
     fn reject(&mut self, state: &mut BatteryState) {
@@ -687,7 +780,8 @@ impl BatteryMonitor {
 
     /// Continues with what was retained over a reset of the processor.
     pub fn restore(&mut self, memory: &PackMemory) {
-        self.counting.restore(memory.consumption);
+        self.counting
+            .restore(memory.consumption, memory.estimate.charge.as_ref());
         self.estimator.restore(&memory.estimate);
         if memory.is_too_hot {
             self.evaluation.diagnosis.restore_too_hot();
@@ -773,10 +867,11 @@ impl BatteryMonitor {
         let soc = (remaining_pct / 100.0).clamp(0.0, 1.0);
         let capacity_mah = state.full_capacity().or(settings.capacity_mah);
         let charge_mah = (1.0 - soc) * capacity_mah.unwrap_or(0.0);
-        self.counting.restart(Consumed {
+        let consumed = Consumed {
             charge_mah,
             energy_wh: charge_mah / 1000.0 * state.readings.voltage_v.unwrap_or(0.0),
-        });
+        };
+        self.counting.restart(consumed, soc);
         self.estimator.set_state_of_charge(soc);
         if state.consumed.is_some() {
             state.consumed = Some(Amount::of(state.contents, charge_mah));
@@ -786,6 +881,12 @@ impl BatteryMonitor {
             state.readings.usable_pct = Some(soc * 100.0);
         }
     }
+}
+
+/// The larger of the capacities that a pack may have, in milliampere-hours.
+fn largest_capacity_mah(state: &BatteryState, settings: &PackSettings) -> Option<f32> {
+    let capacities_mah = [state.learnt_capacity_mah, settings.capacity_mah];
+    capacities_mah.into_iter().flatten().reduce(f32::max)
 }
 
 impl Default for BatteryMonitor {

@@ -68,6 +68,11 @@ impl Reports {
         self.gauge.update(tick.now, measurement.gauge);
     }
 
+    /// Whether a member of the sum is lost.
+    pub fn is_incomplete(&self) -> bool {
+        self.incomplete_since.is_some()
+    }
+
     /// Cause of an unknown charge, whatever is estimated: its counter has been silent for too long.
     pub fn charge_time_out(&self, now: Instant) -> Option<ReadError> {
         let is_incomplete = self

@@ -12,8 +12,10 @@ use crate::vehicle::ArmState;
 mod another_pack;
 mod changed_scale;
 mod collapse;
+mod counters;
 mod current_range;
 mod doubtful_cells;
+mod lost_current;
 mod missing_voltage;
 mod rests;
 mod rover;
@@ -47,7 +49,12 @@ impl MonitorBench {
     }
 
     fn tick(&mut self, reading: Result<Measurement, ReadError>) -> Option<ReadError> {
-        self.now = self.now.after_us(100_000);
+        self.tick_after(0.1, reading)
+    }
+
+    /// The same, some seconds after the tick before.
+    fn tick_after(&mut self, seconds: f32, reading: Result<Measurement, ReadError>) -> Option<ReadError> {
+        self.now = self.now.after_us((seconds * 1e6) as u64);
         let tick = Tick {
             now: self.now,
             arm_state: self.arm_state,

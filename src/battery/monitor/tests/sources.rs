@@ -253,8 +253,12 @@ fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
     bench.run(1.0, reading(0.01, Some(0.36)));
     bench.reset(100.0);
     bench.run(60.0, reading(0.0, None));
-    bench.tick(Ok(reading(1100.0, Some(0.36))));
-    let state = bench.run(10.0, reading(0.01, Some(0.36)));
+    let half_full = |charge_mah: f32| Measurement {
+        voltage_v: Some(3.0 * Chemistry::LiPo.cell().curve.voltage_v(0.5)),
+        ..reading(charge_mah, Some(0.36))
+    };
+    bench.tick(Ok(half_full(1100.0)));
+    let state = bench.run(10.0, half_full(0.01));
     assert_about(state.readings.remaining_pct, 50.0, 1.0);
     assert_about(state.consumed_mah(), 1101.0, 1.0);
 }
