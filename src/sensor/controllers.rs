@@ -109,9 +109,11 @@ impl ControllerBank {
                 .filter(|latest| !latest.is_lost(now))
         };
         let readings = || present().map(|latest| &latest.reading);
+        // One that does not measure its supply may report 0 V.
+        let voltages = || readings().filter_map(|reading| reading.voltage_v);
         let all_count = self.members(members).all(Latest::has_counter);
         Some(Measurement {
-            voltage_v: mean(readings().filter_map(|reading| reading.voltage_v)),
+            voltage_v: mean(voltages().filter(|voltage_v| *voltage_v > 0.0)).or(voltages().next()),
             current_a: self.current_a(members, now),
             counted: reported
                 .reading
@@ -190,6 +192,54 @@ mod tests {
                 "only of the one that reports"
             );
         }
+    }
+
+    #[test]
+    fn no_voltage_of_a_controller_counts_only_if_no_other_has_one() {
+        for (voltages_v, expected) in [
+            ([Some(0.0), Some(12.0)], Some(12.0)),
+            ([Some(12.0), Some(0.0)], Some(12.0)),
+            ([None, Some(12.0)], Some(12.0)),
+            ([Some(0.0), Some(0.0)], Some(0.0)),
+            ([Some(0.0), None], Some(0.0)),
+            ([None, None], None),
+        ] {
+            let mut bank = ControllerBank::default();
+            for (index, voltage_v) in (0..).zip(voltages_v) {
+                let reading = ControllerReading {
+                    voltage_v,
+                    ..reading(12.0, 3.0, None)
+                };
+                bank.add(index, reading, Instant::EPOCH);
+            }
+            let measure = |reporting| bank.measure(Members::All, reporting, Instant::EPOCH).unwrap();
+            for reporting in [0, 1] {
+                assert_eq!(measure(reporting).voltage_v, expected, "{voltages_v:?}");
+                assert_eq!(measure(reporting).current_a, Some(6.0));
+            }
+        }
+        // The other one is lost.
+        let mut bank = two();
+        bank.add(0, reading(0.0, 3.0, None), at_us(LOST_AFTER_US));
+        let alone = bank.measure(Members::All, 0, at_us(LOST_AFTER_US)).unwrap();
+        assert_eq!(alone.voltage_v, Some(0.0));
+    }
+
+    #[test]
+    fn current_is_unknown_while_that_of_a_member_is_and_the_voltage_stays() {
+        let mut bank = two();
+        let mut after_0_reports = |current_a| {
+            let reading = ControllerReading {
+                current_a,
+                ..reading(12.0, 0.0, None)
+            };
+            bank.add(0, reading, Instant::EPOCH);
+            let measured = bank.measure(Members::All, 0, Instant::EPOCH).unwrap();
+            (measured.voltage_v, measured.current_a)
+        };
+        assert_eq!(after_0_reports(Some(3.0)), (Some(11.5), Some(5.0)));
+        assert_eq!(after_0_reports(None), (Some(11.5), None));
+        assert_eq!(after_0_reports(Some(4.0)), (Some(11.5), Some(6.0)));
     }
 
     #[test]
