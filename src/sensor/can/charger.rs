@@ -18,8 +18,10 @@ pub(super) struct Charger {
 #[derive(Debug)]
 struct Wanted {
     power: ChargerPower,
-    /// The latest request, and when it was sent.
-    sent: Option<(u8, Instant)>,
+    /// Id of the latest request; `None` before the first.
+    transfer_id: Option<u8>,
+    /// When the next request is due.
+    due: Instant,
 }
 
 /// A request that is due.
@@ -70,10 +72,11 @@ impl Charger {
             _ => {}
         }
         let wanted = self.wanted.as_mut()?;
-        if wanted.sent.is_some_and(|(_, sent)| now.us_since(sent) < RETRY_US) {
+        if now < wanted.due {
             return None;
         }
-        let before = wanted.sent.replace((transfer_id, now));
+        wanted.due = now.after_us(RETRY_US);
+        let before = wanted.transfer_id.replace(transfer_id);
         Some(SwitchRequest {
             power: wanted.power,
             is_repeated: before.is_some(),
@@ -82,9 +85,7 @@ impl Charger {
 
     /// Takes the answer to the request with this id: what the output is now.
     pub fn confirm(&mut self, transfer_id: u8, power: ChargerPower) {
-        let is_done = |wanted: &Wanted| {
-            wanted.power == power && wanted.sent.is_some_and(|(sent_id, _)| sent_id == transfer_id)
-        };
+        let is_done = |wanted: &Wanted| wanted.power == power && wanted.transfer_id == Some(transfer_id);
         if self.wanted.as_ref().is_some_and(is_done) {
             self.wanted = None;
         }
@@ -93,6 +94,10 @@ impl Charger {
 
 impl Wanted {
     fn new(power: ChargerPower) -> Self {
-        Self { power, sent: None }
+        Self {
+            power,
+            transfer_id: None,
+            due: Instant::EPOCH,
+        }
     }
 }
