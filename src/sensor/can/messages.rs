@@ -151,9 +151,9 @@ const UNKNOWN_PCT: u8 = 127;
 impl BatteryInfo {
     pub fn parse(payload: &[u8]) -> Option<Self> {
         let mut reader = BitReader::new(payload);
-        let percentage = |value: u8| Some(value).filter(|value| *value != UNKNOWN_PCT);
+        let percentage = |value: u8| (value != UNKNOWN_PCT).then_some(value.min(100));
         let temperature_k = reader.known()?;
-        let voltage_v = reader.known()?;
+        let voltage_v = reader.voltage_v()?;
         let current_a = reader.known()?;
         let _average_power_w = reader.known()?;
         let remaining_wh = reader.known()?;
@@ -270,7 +270,7 @@ impl ChargerReading {
 impl Side {
     fn parse(reader: &mut BitReader) -> Option<Self> {
         let side = Self {
-            voltage_v: reader.known()?,
+            voltage_v: reader.voltage_v()?,
             current_a: reader.known()?,
         };
         let _power_w = reader.known()?;
@@ -293,7 +293,7 @@ pub(super) fn parse_controller(payload: &[u8]) -> Option<(u8, ControllerReading)
     let mut reader = BitReader::new(payload);
     let _error_count = reader.unsigned(32)?;
     let reading = ControllerReading {
-        voltage_v: reader.known()?,
+        voltage_v: reader.voltage_v()?,
         current_a: reader.known()?,
         temperature_c: celsius(reader.known()?),
         drawn_mah: None,
@@ -392,6 +392,12 @@ impl<'a> BitReader<'a> {
     pub fn known(&mut self) -> Option<Option<f32>> {
         self.float16()
             .map(|value| Some(value).filter(|value| value.is_finite()))
+    }
+
+    /// The next voltage; a negative one is as unknown as one that is not a number.
+    pub fn voltage_v(&mut self) -> Option<Option<f32>> {
+        self.known()
+            .map(|voltage_v| voltage_v.filter(|voltage_v| *voltage_v >= 0.0))
     }
 
     /// Leaves out the next bits.

@@ -311,11 +311,6 @@ impl Entry {
     }
 }
 
-/// A negative voltage is as unknown as one that is not a number.
-fn plausible(voltage_v: Option<f32>) -> Option<f32> {
-    voltage_v.filter(|voltage_v| *voltage_v >= 0.0)
-}
-
 fn measurement(
     info: &BatteryInfo,
     aux: Option<&BatteryAux>,
@@ -323,14 +318,13 @@ fn measurement(
     settings: &CanPack,
 ) -> Measurement {
     let counts = !settings.options.has(CanOptions::IGNORE_CHARGE);
-    let share = info
-        .state_of_charge_pct
-        .map(|percent| f32::from(percent.min(100)) / 100.0);
+    let share = info.state_of_charge_pct.map(|percent| f32::from(percent) / 100.0);
     // Unknown energies are 0.
     let full_wh = info.full_wh.filter(|full_wh| *full_wh > 0.0);
-    let energies_wh = info.remaining_wh.zip(full_wh);
+    let remaining_wh = info.remaining_wh.filter(|remaining_wh| *remaining_wh >= 0.0);
+    let energies_wh = remaining_wh.zip(full_wh);
     Measurement {
-        voltage_v: plausible(info.voltage_v),
+        voltage_v: info.voltage_v,
         current_a: info
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
@@ -385,7 +379,7 @@ fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Measurem
         reading.output
     };
     Measurement {
-        voltage_v: plausible(side.voltage_v),
+        voltage_v: side.voltage_v,
         current_a: side
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
@@ -399,8 +393,8 @@ fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Measurem
 /// `STATUS_FLAG_CHARGING` of `uavcan.equipment.power.BatteryInfo`.
 const CHARGING: u16 = 1 << 1;
 
-/// `STATUS_FLAG_CHARGED`.
-const CHARGED: u16 = 1 << 9;
+/// `STATUS_FLAG_CHARGED`: charging is complete, and the charger is still connected.
+const CHARGED: u16 = 1 << 2;
 
 /// The fault that goes with each of its other flags: hot, cold, overload, bad battery, service needed, and an error of its
 /// management system.
@@ -426,7 +420,7 @@ const OF_CHARGERS: [(u32, Faults); 4] = [
 fn of_battery(flags: u16) -> Reported {
     Reported {
         faults: Faults::of_flags(flags.into(), &OF_BATTERIES),
-        charge_state: (flags & CHARGING != 0).then_some(ChargeState::Charging),
+        charge_state: (flags & (CHARGING | CHARGED) != 0).then_some(ChargeState::Charging),
         modes: match flags & CHARGED {
             0 => Modes::empty(),
             _ => Modes::FULL,
@@ -448,24 +442,47 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_flag_of_a_battery_has_its_fault_or_none() {
-        for (bit, fault) in [
-            (0, Faults::empty()),
-            (1, Faults::empty()),
-            (2, Faults::empty()),
-            (3, Faults::OVER_TEMPERATURE),
-            (4, Faults::UNDER_TEMPERATURE),
-            (5, Faults::OVER_CURRENT),
-            (6, Faults::BAD_BATTERY),
-            (7, Faults::NEEDS_SERVICE),
-            (8, Faults::NEEDS_SERVICE),
-            (9, Faults::empty()),
-            (10, Faults::empty()),
+    fn every_flag_of_a_battery_is_its_fault_or_state() {
+        let charging = Reported {
+            charge_state: Some(ChargeState::Charging),
+            ..Reported::NONE
+        };
+        let charged = Reported {
+            modes: Modes::FULL,
+            ..charging
+        };
+        let fault = |faults| Reported {
+            faults,
+            ..Reported::NONE
+        };
+        let all = Faults::OVER_TEMPERATURE
+            | Faults::UNDER_TEMPERATURE
+            | Faults::OVER_CURRENT
+            | Faults::BAD_BATTERY
+            | Faults::NEEDS_SERVICE;
+        // As the constants of 1092.BatteryInfo.uavcan.
+        for (flags, expected) in [
+            (0, Reported::NONE),
+            (1, Reported::NONE),
+            (2, charging),
+            (4, charged),
+            (8, fault(Faults::OVER_TEMPERATURE)),
+            (16, fault(Faults::UNDER_TEMPERATURE)),
+            (32, fault(Faults::OVER_CURRENT)),
+            (64, fault(Faults::BAD_BATTERY)),
+            (128, fault(Faults::NEEDS_SERVICE)),
+            (256, fault(Faults::NEEDS_SERVICE)),
+            (512, Reported::NONE),
+            (1024, Reported::NONE),
+            (
+                0x7ff,
+                Reported {
+                    faults: all,
+                    ..charged
+                },
+            ),
         ] {
-            let reported = of_battery(1 << bit);
-            assert_eq!(reported.faults, fault, "bit {bit}");
-            let charging = (bit == 1).then_some(ChargeState::Charging);
-            assert_eq!(reported.charge_state, charging, "bit {bit}");
+            assert_eq!(of_battery(flags), expected, "{flags}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The node as a bus sees it: a node, and what other nodes send.
 
 mod golden;
+mod limits;
 mod nodes;
 mod packs;
 mod transfers;
@@ -125,6 +126,13 @@ impl CanBench {
             _ => None,
         };
         self.events.drain(..).filter_map(of).collect()
+    }
+
+    /// The only reading.
+    pub fn take_reading(&mut self) -> Measurement {
+        let readings = self.take_readings();
+        assert_eq!(readings.len(), 1, "{readings:?}");
+        readings[0].1
     }
 
     /// Packs and voltages of the readings.
