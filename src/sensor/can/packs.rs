@@ -22,6 +22,10 @@ pub(super) const CAN_TIMEOUT_US: u64 = MonitorKind::Can.timeout_us();
 /// period of batteries, 5 s.
 const AUX_US: u64 = 12_000_000;
 
+/// A pack that takes any battery waits for one for this long before a charger may measure it, in microseconds: two of the
+/// slowest period of batteries.
+const CHARGER_WAIT_US: u64 = 10_000_000;
+
 /// A battery on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Source {
@@ -46,7 +50,7 @@ struct Entry {
     source: Option<Source>,
     /// Whether `BATT_SERIAL_NUM` was changed since it was found.
     id_is_changed: bool,
-    /// When its latest reading was received.
+    /// When its latest reading was received; before the first, since when it may have one.
     heard: Instant,
     aux: Option<Heard<BatteryAux>>,
     /// The battery's nominal voltage, in volts, which does not change.
@@ -102,13 +106,11 @@ impl CanPacks {
             node,
             battery_id: info.battery_id,
         };
-        if let Some((entry, settings)) = self.entry_of(source, now, deliver) {
+        if let Some((entry, settings)) = self.entry_of(source, 0, now, deliver) {
             entry.heard = now;
-            let aux = entry.aux.filter(|aux| now.us_since(aux.at) <= AUX_US);
-            let aux = aux.as_ref().map(|aux| &aux.content);
             deliver(CanEvent::Reading(
                 settings.pack,
-                measurement(info, aux, entry.nominal_v, &settings),
+                measurement(info, entry, &settings, now),
             ));
         }
     }
@@ -143,7 +145,7 @@ impl CanPacks {
             node,
             battery_id: node.number(),
         };
-        let Some((entry, settings)) = self.entry_of(source, now, deliver) else {
+        let Some((entry, settings)) = self.entry_of(source, CHARGER_WAIT_US, now, deliver) else {
             return;
         };
         entry.heard = now;
@@ -158,8 +160,7 @@ impl CanPacks {
 
     /// Takes a charger's answer: whether its output is on now.
     pub fn charger_answer(&mut self, node: NodeId, transfer_id: u8, power: ChargerPower) {
-        let of_node = |entry: &&mut Entry| entry.source.is_some_and(|source| source.node == node);
-        for entry in self.entries.iter_mut().filter(of_node) {
+        for entry in self.entries.iter_mut().filter(|entry| entry.is_of(node)) {
             if let Some(charger) = &mut entry.charger {
                 charger.confirm(transfer_id, power);
             }
@@ -190,18 +191,21 @@ impl CanPacks {
         }
     }
 
-    /// The pack that this source measures, if any: its own one, else one whose source is lost and may be replaced, else the
-    /// first one that has none.
+    /// The pack that this source measures, if any: its own one, else the first of the best rank. One that takes any battery
+    /// has to have been without one for `wait_us`.
     fn entry_of(
         &mut self,
         source: Source,
+        wait_us: u64,
         now: Instant,
         deliver: &mut impl FnMut(CanEvent),
     ) -> Option<(&mut Entry, CanPack)> {
-        let ranks = self.entries.iter().map(|entry| entry.rank(source, now));
+        let is_expected = self.entries.iter().any(|entry| entry.expects(source));
+        let ranks = self.entries.iter().map(|entry| entry.rank(source, wait_us, now));
         let (index, rank) = ranks
             .enumerate()
             .filter_map(|(index, rank)| rank.map(|rank| (index, rank)))
+            .filter(|(_, rank)| *rank <= Rank::Named || !is_expected)
             .min_by_key(|(_, rank)| *rank)?;
         let entry = self.entries.get_mut(index)?;
         let settings = entry.settings?;
@@ -233,7 +237,11 @@ impl CanPacks {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Rank {
     Own,
+    /// The pack names this battery, and has none, or has lost one that may be replaced.
+    Named,
+    /// It takes any, and has lost one that may be replaced.
     Replaced,
+    /// It takes any, and has none.
     Free,
 }
 
@@ -253,9 +261,15 @@ impl Entry {
         let battery_id = |settings: &CanPack| settings.battery_id;
         self.id_is_changed |= self.settings.as_ref().map(battery_id) != settings.map(battery_id);
         let is_wrong = self.source.is_some_and(|source| !fits(&source));
+        if self.settings.is_none() {
+            self.heard = now;
+        }
         // One that still reports, and fits, stays until it is silent.
         if is_wrong || self.id_is_changed && self.is_lost(now) {
-            *self = Self::EMPTY;
+            *self = Self {
+                heard: self.heard,
+                ..Self::EMPTY
+            };
         }
         self.settings = settings.copied();
     }
@@ -264,26 +278,38 @@ impl Entry {
         *self = Self {
             settings: self.settings,
             source: Some(source),
-            id_is_changed: false,
             heard: now,
-            aux: None,
-            nominal_v: None,
-            charger: None,
+            ..Self::EMPTY
         };
     }
 
-    fn rank(&self, source: Source, now: Instant) -> Option<Rank> {
+    fn rank(&self, source: Source, wait_us: u64, now: Instant) -> Option<Rank> {
         let settings = self
             .settings
             .filter(|settings| settings.takes(source.battery_id))?;
+        let is_replaced = settings.options.has(CanOptions::DYNAMIC_NODE) && self.is_lost(now);
         match self.source {
             Some(own) if own == source => Some(Rank::Own),
-            Some(_) if self.is_lost(now) && settings.options.has(CanOptions::DYNAMIC_NODE) => {
-                Some(Rank::Replaced)
-            }
-            Some(_) => None,
+            Some(_) if !is_replaced => None,
+            _ if settings.battery_id.is_some() => Some(Rank::Named),
+            _ if now.us_since(self.heard) < wait_us => None,
+            Some(_) => Some(Rank::Replaced),
             None => Some(Rank::Free),
         }
+    }
+
+    /// Whether the pack names this battery and takes it from another node once its own is lost: a battery that moves to
+    /// another node has to wait for that.
+    fn expects(&self, source: Source) -> bool {
+        let names = |settings: &CanPack| {
+            settings.options.has(CanOptions::DYNAMIC_NODE)
+                && settings.battery_id == Some(source.battery_id.into())
+        };
+        self.settings.as_ref().is_some_and(names)
+    }
+
+    fn is_of(&self, node: NodeId) -> bool {
+        self.source.is_some_and(|source| source.node == node)
     }
 
     /// Whether another battery may take its source's place.
@@ -311,14 +337,11 @@ impl Entry {
     }
 }
 
-fn measurement(
-    info: &BatteryInfo,
-    aux: Option<&BatteryAux>,
-    nominal_v: Option<f32>,
-    settings: &CanPack,
-) -> Measurement {
-    let counts = !settings.options.has(CanOptions::IGNORE_CHARGE);
+fn measurement(info: &BatteryInfo, entry: &Entry, settings: &CanPack, now: Instant) -> Measurement {
     let share = info.state_of_charge_pct.map(|percent| f32::from(percent) / 100.0);
+    let aux = entry.aux.as_ref().filter(|aux| now.us_since(aux.at) <= AUX_US);
+    let aux = aux.map(|aux| &aux.content);
+    let counts = !settings.options.has(CanOptions::IGNORE_CHARGE);
     // Unknown energies are 0.
     let full_wh = info.full_wh.filter(|full_wh| *full_wh > 0.0);
     let remaining_wh = info.remaining_wh.filter(|remaining_wh| *remaining_wh >= 0.0);
@@ -329,7 +352,7 @@ fn measurement(
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
         gauge: if counts {
-            GaugeReading::expected(nominal_v.and_then(|nominal_v| gauge(info, nominal_v)))
+            GaugeReading::expected(entry.nominal_v.and_then(|nominal_v| gauge(info, nominal_v)))
         } else {
             GaugeReading::Absent
         },

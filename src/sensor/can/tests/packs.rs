@@ -261,6 +261,76 @@ fn batteries_go_to_the_packs_with_their_ids() {
 }
 
 #[test]
+fn a_pack_that_names_its_battery_comes_before_one_that_takes_any() {
+    // One that takes any, and two that name theirs.
+    let packs = [
+        pack(Pack::First),
+        of_battery(Pack::Second, 7),
+        of_battery(Pack::Third, 3),
+    ];
+    let batteries =
+        [(40, 7, 14.0), (41, 3, 13.0), (42, 9, 15.0)].map(|(node, battery_id, voltage_v)| Battery {
+            voltage_v,
+            ..Battery::new(node, battery_id)
+        });
+    let expected = [(Pack::First, 15.0), (Pack::Second, 14.0), (Pack::Third, 13.0)];
+    for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+        let mut bench = CanBench::with_packs(&packs);
+        let voltages = |bench: &mut CanBench, order: [usize; 3]| {
+            for index in order {
+                bench.receive(&batteries[index].frames(0));
+            }
+            let mut voltages = bench.take_voltages();
+            voltages.sort_by_key(|(pack, _)| *pack);
+            voltages
+        };
+        assert_eq!(voltages(&mut bench, order), expected, "{order:?}");
+        // All nodes restart, and return in another order.
+        bench.run_ms(20_000);
+        let reversed = [order[2], order[1], order[0]];
+        assert_eq!(voltages(&mut bench, reversed), expected, "{order:?} reversed");
+    }
+}
+
+#[test]
+fn second_battery_with_a_named_id_is_any_battery() {
+    let mut bench = CanBench::with_packs(&[pack(Pack::First), of_battery(Pack::Second, 7)]);
+    for node in [40, 41, 42] {
+        let voltage_v = node.into();
+        bench.receive(
+            &Battery {
+                voltage_v,
+                ..Battery::new(node, 7)
+            }
+            .frames(0),
+        );
+    }
+    assert_eq!(bench.take_voltages(), [(Pack::Second, 40.0), (Pack::First, 41.0)]);
+}
+
+#[test]
+// Requirement: L-20
+fn battery_that_moves_to_another_node_waits_for_the_pack_that_names_it() {
+    let named = CanPack {
+        options: CanOptions::DYNAMIC_NODE,
+        ..of_battery(Pack::Second, 7)
+    };
+    let mut bench = CanBench::with_packs(&[pack(Pack::First), named]);
+    bench.receive(&Battery::new(40, 7).frames(0));
+    bench.run_ms(2000);
+    bench.take_readings();
+    let moved = Battery {
+        voltage_v: 13.0,
+        ..Battery::new(41, 7)
+    };
+    bench.run_with(3, &moved.frames(0));
+    assert_eq!(bench.take_voltages(), [], "the pack is not lost yet");
+    bench.run_ms(100);
+    bench.receive(&moved.frames(1));
+    assert_eq!(bench.take_voltages(), [(Pack::Second, 13.0)]);
+}
+
+#[test]
 fn batteries_take_the_packs_in_order_if_these_take_any() {
     let mut bench = CanBench::with_packs(&[pack(Pack::Second), pack(Pack::Fourth)]);
     // Two of one node, and one too many.
@@ -446,11 +516,12 @@ fn a_temperature_is_that_of_its_device_and_passes_the_filters_when_it_is_wanted(
 /// Requests of node 10 to the charger, node 33.
 const SWITCH: u32 = 0x00f0_a18a;
 
+/// A pack that names the charger.
 fn charger_with(options: &[i32]) -> CanBench {
     let bits = options.iter().map(|bit| 1 << bit).sum();
     CanBench::with_packs(&[CanPack {
         options: CanOptions::from_bits(bits),
-        ..pack(Pack::First)
+        ..of_battery(Pack::First, 33)
     }])
 }
 
@@ -484,6 +555,56 @@ fn charger_of_the_reference_is_read_at_its_output_or_input() {
         assert_eq!(reading.state_of_charge, None);
         assert_eq!(reading.gauge, GaugeReading::Absent);
     }
+}
+
+/// Voltage of the output of `charger`.
+const CHARGER_V: f32 = 24.0;
+
+#[test]
+fn it_gets_a_pack_that_takes_any_after_ten_seconds_without_a_battery() {
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
+    bench.run_with(10, &charger(33, 0));
+    assert_eq!(bench.take_voltages(), []);
+    bench.receive(&charger(33, 0));
+    assert_eq!(bench.take_voltages(), [(Pack::First, CHARGER_V)]);
+    // A battery does not displace it, not even after its silence.
+    bench.run_with(20, &Battery::new(40, 0).frames(0));
+    assert_eq!(bench.take_voltages(), []);
+    bench.receive(&charger(33, 0));
+    assert_eq!(bench.take_voltages(), [(Pack::First, CHARGER_V)]);
+}
+
+#[test]
+fn it_leaves_the_first_pack_to_a_battery_that_comes_later() {
+    let mut bench = CanBench::with_packs(&[pack(Pack::First), pack(Pack::Second)]);
+    bench.run_with(9, &charger(33, 0));
+    bench.receive(&Battery::new(40, 0).frames(0));
+    bench.run_with(2, &charger(33, 0));
+    let expected = [(Pack::First, 12.0), (Pack::Second, CHARGER_V)];
+    assert_eq!(bench.take_voltages(), expected);
+    // Its battery is silent for a minute, and returns.
+    bench.run_with(60, &charger(33, 0));
+    assert!(
+        bench
+            .take_voltages()
+            .iter()
+            .all(|reading| *reading == expected[1])
+    );
+    bench.receive(&Battery::new(40, 0).frames(1));
+    assert_eq!(bench.take_voltages(), [expected[0]]);
+}
+
+#[test]
+// Requirement: L-20
+fn it_takes_a_lost_batterys_place_by_option_after_ten_seconds() {
+    let mut bench = CanBench::with_packs(&[with(CanOptions::DYNAMIC_NODE)]);
+    bench.run_ms(20_000);
+    bench.receive(&Battery::new(40, 0).frames(0));
+    bench.take_readings();
+    bench.run_with(10, &charger(33, 0));
+    assert_eq!(bench.take_voltages(), []);
+    bench.receive(&charger(33, 0));
+    assert_eq!(bench.take_voltages(), [(Pack::First, CHARGER_V)]);
 }
 
 #[test]
