@@ -19,7 +19,7 @@ use support::pack_report::{PackReport, UNKNOWN_MV};
 use support::requests::{arm, command_long, command_long_2, do_set_mode, manual_control, param_set};
 use support::time::SECOND;
 use workbench::can::Transfer;
-use workbench::can::transfers::{A, A_LATER};
+use workbench::can::transfers::{A, A_LATER, MODULE};
 
 const TICK_US: u64 = 100_000;
 
@@ -291,20 +291,22 @@ impl Rig {
     }
 
     fn battery_on_the_bus(&mut self, does: Does) {
-        let now = self.desk.now();
-        let transfer = match does {
-            Does::Measures => A,
-            Does::MeasuresLess => A_LATER,
+        match does {
+            Does::Measures => self.receive(&A),
+            Does::MeasuresLess => self.receive(&A_LATER),
             _ => {
                 if let Some(Ok(measurement)) = does.reading() {
                     let event = CanEvent::Reading(Pack::First, measurement);
-                    self.desk.autopilot.add_can_event(&event, now);
+                    self.desk.autopilot.add_can_event(&event, self.desk.now());
                 }
-                return;
             }
-        };
+        }
+    }
+
+    fn receive(&mut self, transfer: &Transfer) {
+        let now = self.desk.now();
         self.transfers = self.transfers.wrapping_add(1) & 0x1f;
-        for frame in frames(&transfer, self.transfers) {
+        for frame in frames(transfer, self.transfers) {
             let deliver = |event| self.desk.autopilot.add_can_event(&event, now);
             self.bus.as_mut().expect("a bus").receive(&frame, now, deliver);
         }
@@ -534,6 +536,21 @@ fn reading_without_the_voltage_that_its_kind_measures_is_a_failed_one() {
             "kind {kind}"
         );
     }
+}
+
+#[test]
+fn charge_of_a_module_that_knows_none_is_estimated_here() {
+    let mut rig = Rig::new(DRONECAN);
+    for _ in 0..20 * SECOND / TICK_US {
+        rig.receive(&MODULE);
+        rig.tick(Does::Nothing);
+        assert_ne!(rig.state().readings.remaining_pct, Some(0.0));
+    }
+    let readings = &rig.state().readings;
+    assert_eq!(readings.voltage_v, Some(VOLTAGE_V));
+    // Three resting cells of 4.17 V.
+    let remaining_pct = readings.remaining_pct.expect("an estimate");
+    assert!(remaining_pct > 80.0, "{remaining_pct} %");
 }
 
 fn any_step() -> impl Strategy<Value = (Does, u8, Option<Change>)> {

@@ -52,6 +52,8 @@ struct Entry {
     id_is_changed: bool,
     /// When its latest reading was received; before the first, since when it may have one.
     heard: Instant,
+    /// Whether its source has reported a percentage above 0.
+    has_had_charge: bool,
     aux: Option<Heard<BatteryAux>>,
     /// The battery's nominal voltage, in volts, which does not change.
     nominal_v: Option<f32>,
@@ -108,6 +110,7 @@ impl CanPacks {
         };
         if let Some((entry, settings)) = self.entry_of(source, 0, now, deliver) {
             entry.heard = now;
+            entry.has_had_charge |= info.state_of_charge_pct.is_some_and(|percent| percent > 0);
             deliver(CanEvent::Reading(
                 settings.pack,
                 measurement(info, entry, &settings, now),
@@ -251,6 +254,7 @@ impl Entry {
         source: None,
         id_is_changed: false,
         heard: Instant::EPOCH,
+        has_had_charge: false,
         aux: None,
         nominal_v: None,
         charger: None,
@@ -312,6 +316,14 @@ impl Entry {
         self.source.is_some_and(|source| source.node == node)
     }
 
+    /// The state of charge that the battery reports, 0 to 1. A node that knows neither this nor its energies may send 0
+    /// for all of them (ArduPilot's AP_Periph): that counts once it has reported another percentage.
+    fn state_of_charge(&self, info: &BatteryInfo) -> Option<f32> {
+        let is_known = self.has_had_charge || [info.remaining_wh, info.full_wh] != [Some(0.0); 2];
+        let percent = info.state_of_charge_pct.filter(|_| is_known)?;
+        Some(f32::from(percent) / 100.0)
+    }
+
     /// Whether another battery may take its source's place.
     fn is_lost(&self, now: Instant) -> bool {
         now.us_since(self.heard) > CAN_TIMEOUT_US
@@ -338,7 +350,7 @@ impl Entry {
 }
 
 fn measurement(info: &BatteryInfo, entry: &Entry, settings: &CanPack, now: Instant) -> Measurement {
-    let share = info.state_of_charge_pct.map(|percent| f32::from(percent) / 100.0);
+    let share = entry.state_of_charge(info);
     let aux = entry.aux.as_ref().filter(|aux| now.us_since(aux.at) <= AUX_US);
     let aux = aux.map(|aux| &aux.content);
     let counts = !settings.options.has(CanOptions::IGNORE_CHARGE);

@@ -40,6 +40,18 @@ def battery(number, volts, amperes, celsius, percent, watt_hours, full_watt_hour
     )
 
 
+def module(volts):
+    """ArduPilot's AP_Periph without a current sensor: 0 for all that it does not know."""
+    return message(
+        "uavcan.equipment.power.BatteryInfo",
+        voltage=volts,
+        state_of_health_pct=127,
+        battery_id=1,
+        model_instance_id=1,
+        model_name="org.ardupilot.ap_periph -1",
+    )
+
+
 def auxiliary(number, cells, cycles, nominal):
     return message(
         "ardupilot.equipment.power.BatteryInfoAux",
@@ -68,6 +80,7 @@ BROADCASTS = [
     ("STATUS_A", "NodeStatus of battery A", BATTERY_A, status(), 24),
     ("A", "Battery 1: 12.5 V, 3.25 A, 25.1 C, 76 %", BATTERY_A, battery(1, 12.5, 3.25, 25.1, 76, 50, 66), 16),
     ("A_LATER", "Battery 1: 12.25 V, 8.5 A, 30.1 C, 75 %", BATTERY_A, battery(1, 12.25, 8.5, 30.1, 75, 49, 66), 16),
+    ("MODULE", "Battery 1: 12.5 V, and nothing else is known", BATTERY_A, module(12.5), 16),
     ("B", "Battery 2: 25 V, 16 A, 10.1 C, 40 %", BATTERY_B, battery(2, 25.0, 16.0, 10.1, 40, 100, 250), 16),
     ("B_LATER", "Battery 2: 24.5 V, 12 A, 12.1 C, 39 %", BATTERY_B, battery(2, 24.5, 12.0, 12.1, 39, 98, 250), 16),
     ("A_CELLS", "Cells of battery 1: 4.125, 4.1875, 4.15625 V", BATTERY_A, auxiliary(1, CELLS, 17, 11.1), 16),

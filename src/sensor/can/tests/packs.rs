@@ -123,6 +123,45 @@ fn what_the_battery_does_not_know_is_unknown() {
 }
 
 #[test]
+// AP_Periph sends 0 for all that it does not know, and never sends energies.
+fn no_charge_beside_no_energies_is_unknown_until_another_charge_was_reported() {
+    let of = |charge_pct, remaining_wh, full_wh| Battery {
+        charge_pct,
+        remaining_wh,
+        full_wh,
+        ..Battery::new(42, 0)
+    };
+    let mut bench = CanBench::with_packs(&[with(CanOptions::DYNAMIC_NODE)]);
+    for (place, (battery, expected)) in [
+        (of(0, 0.0, 0.0), None),
+        (of(0, 0.0, 60.0), Some(0.0)),
+        (of(0, f32::NAN, f32::NAN), Some(0.0)),
+        (of(0, 0.0, 0.0), None),
+        (of(127, 0.0, 0.0), None),
+        (of(0, 0.0, 0.0), None),
+        (of(1, 0.0, 0.0), Some(0.01)),
+        (of(0, 0.0, 0.0), Some(0.0)),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        bench.receive(&battery.frames(0));
+        assert_eq!(bench.take_reading().state_of_charge, expected, "{place}");
+    }
+    // Silence changes nothing; another battery is another one.
+    bench.run_ms(CAN_TIMEOUT_US / 1000 + 100);
+    bench.receive(&of(0, 0.0, 0.0).frames(0));
+    assert_eq!(bench.take_reading().state_of_charge, Some(0.0));
+    bench.run_ms(CAN_TIMEOUT_US / 1000 + 100);
+    let other = Battery {
+        node: 43,
+        ..of(0, 0.0, 0.0)
+    };
+    bench.receive(&other.frames(0));
+    assert_eq!(bench.take_reading().state_of_charge, None);
+}
+
+#[test]
 fn charge_is_ignored_by_option() {
     let mut bench = CanBench::with_packs(&[with(CanOptions::IGNORE_CHARGE)]);
     let battery = Battery::new(42, 0);
