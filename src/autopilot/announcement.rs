@@ -569,6 +569,7 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
             &CanNotice::Assigned(node),
             &CanNotice::NoIdLeft,
             &CanNotice::Source(Pack::Second, node),
+            &CanNotice::Critical(Pack::Second, node),
             &CanNotice::Charger(Pack::Second, ChargerPower::On),
             &CanNotice::Charger(Pack::Second, ChargerPower::Off),
             &SigningChange::KeySet,
@@ -649,6 +650,7 @@ warning: CAN node id 10 used twice
 info: CAN node id 10 assigned
 warning: CAN: no node id left to assign
 info: Battery 2 measured by CAN node 10
+warning: Battery 2 CAN node 10 reports critical health
 info: Battery 2 charger switched on
 info: Battery 2 charger switched off
 info: Signing key set

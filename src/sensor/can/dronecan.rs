@@ -196,8 +196,11 @@ impl Node {
         match data_type {
             DataType::Allocation => {}
             DataType::NodeStatus => {
-                let notice = self.nodes.report(source, &NodeStatus::parse(payload)?, now);
-                announce(notice?, deliver);
+                let status = NodeStatus::parse(payload)?;
+                let health = self.packs.health(source, status.is_critical, now);
+                for notice in self.nodes.report(source, &status, now).into_iter().chain(health) {
+                    announce(notice, deliver);
+                }
             }
             DataType::Controller => {
                 let (index, reading) = parse_controller(payload)?;

@@ -42,6 +42,8 @@ pub enum CanNotice {
     NoIdLeft,
     /// A node measures the pack from now on.
     Source(Pack, NodeId),
+    /// A node that measures the pack reports a fatal malfunction of its own.
+    Critical(Pack, NodeId),
     /// The pack's charger is switched.
     Charger(Pack, ChargerPower),
 }
@@ -60,7 +62,7 @@ impl CanNotice {
     /// The pack that it is about, if it is about one.
     fn pack(&self) -> Option<Pack> {
         match self {
-            Self::Source(pack, _) | Self::Charger(pack, _) => Some(*pack),
+            Self::Source(pack, _) | Self::Critical(pack, _) | Self::Charger(pack, _) => Some(*pack),
             _ => None,
         }
     }
@@ -70,7 +72,7 @@ impl Announce for CanNotice {
     fn severity(&self) -> Severity {
         Severity::of_fault(matches!(
             self,
-            Self::Lost(_) | Self::Restarted(_) | Self::SameId(_) | Self::NoIdLeft
+            Self::Lost(_) | Self::Restarted(_) | Self::SameId(_) | Self::NoIdLeft | Self::Critical(..)
         ))
     }
 
@@ -93,6 +95,14 @@ impl fmt::Display for CanNotice {
                 write!(
                     f,
                     "Battery {} measured by CAN node {}",
+                    pack.number(),
+                    node.number()
+                )
+            }
+            Self::Critical(pack, node) => {
+                write!(
+                    f,
+                    "Battery {} CAN node {} reports critical health",
                     pack.number(),
                     node.number()
                 )

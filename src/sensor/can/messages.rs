@@ -97,6 +97,8 @@ impl DataType {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct NodeStatus {
     pub uptime_s: u32,
+    /// It reports a fatal malfunction of its own.
+    pub is_critical: bool,
     /// It is about to switch off.
     pub is_leaving: bool,
 }
@@ -104,18 +106,22 @@ pub(super) struct NodeStatus {
 impl NodeStatus {
     pub const BYTES: usize = 7;
 
+    /// `HEALTH_CRITICAL`.
+    const CRITICAL: u8 = 3;
+
     /// `MODE_OFFLINE`.
     const OFFLINE: u8 = 7;
 
     pub fn parse(payload: &[u8]) -> Option<Self> {
         let mut reader = BitReader::new(payload);
         let uptime_s = reader.unsigned(32)?;
-        let _health = reader.byte(2)?;
+        let health = reader.byte(2)?;
         let mode = reader.byte(3)?;
         // Sub-mode and the vendor's code.
         reader.skip(3 + 16)?;
         Some(Self {
             uptime_s,
+            is_critical: health == Self::CRITICAL,
             is_leaving: mode == Self::OFFLINE,
         })
     }

@@ -26,6 +26,10 @@ const AUX_US: u64 = 12_000_000;
 /// slowest period of batteries.
 const CHARGER_WAIT_US: u64 = 10_000_000;
 
+/// Time without a critical health after which another one is announced, in microseconds, as for faults of packs: a node
+/// that toggles must not flood the link.
+const CRITICAL_RECOVERY_US: u64 = 30_000_000;
+
 /// A battery on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Source {
@@ -54,6 +58,8 @@ struct Entry {
     heard: Instant,
     /// Whether its source has reported a percentage above 0.
     has_had_charge: bool,
+    /// When its node last reported a critical health that was announced; `None` once it has recovered.
+    critical: Option<Instant>,
     aux: Option<Heard<BatteryAux>>,
     /// The battery's nominal voltage, in volts, which does not change.
     nominal_v: Option<f32>,
@@ -134,6 +140,22 @@ impl CanPacks {
                 at: now,
             });
         }
+    }
+
+    /// Takes the health of a node. Returns what is to be announced: once for a node, whatever number of packs it measures.
+    pub fn health(&mut self, node: NodeId, is_critical: bool, now: Instant) -> Option<CanNotice> {
+        let (entry, pack) = self
+            .entries
+            .iter_mut()
+            .zip(Pack::ALL)
+            .find(|(entry, _)| entry.is_of(node))?;
+        if !is_critical {
+            let is_lasting = |at: &Instant| now.us_since(*at) < CRITICAL_RECOVERY_US;
+            entry.critical = entry.critical.filter(is_lasting);
+            return None;
+        }
+        let before = entry.critical.replace(now);
+        before.is_none().then_some(CanNotice::Critical(pack, node))
     }
 
     /// Takes a charger's reading. Its battery id is that of its node.
@@ -255,6 +277,7 @@ impl Entry {
         id_is_changed: false,
         heard: Instant::EPOCH,
         has_had_charge: false,
+        critical: None,
         aux: None,
         nominal_v: None,
         charger: None,

@@ -1,12 +1,14 @@
 //! Every field of every message that is read, at and beyond its ends: its value comes out, or it is unknown. Other fields
 //! keep theirs.
 
-use super::{Battery, CanBench, Fields, message, pack};
+use super::{Battery, CanBench, Fields, message, node, pack, status};
 use crate::battery::{Faults, Gauge, GaugeReading, Measurement, Supply};
 use crate::pack::Pack;
 use crate::sensor::can::frame::{CanFrame, Tail};
-use crate::sensor::can::messages::{BATTERY_AUX, BATTERY_INFO, CHARGER, CONTROLLER, DataType, TEMPERATURE};
-use crate::sensor::{CanEvent, CanOptions, CanPack, ControllerReading};
+use crate::sensor::can::messages::{
+    BATTERY_AUX, BATTERY_INFO, CHARGER, CONTROLLER, DataType, NODE_STATUS, TEMPERATURE,
+};
+use crate::sensor::{CanEvent, CanNotice, CanOptions, CanPack, ControllerReading};
 
 /// The node that sends them.
 const NODE: u8 = 42;
@@ -413,5 +415,48 @@ fn fields_of_a_thermometer() {
     }
     for raw in [1, 2, 0xff] {
         assert_eq!(temperature_with(2, raw), known);
+    }
+}
+
+/// Seconds since its start, health, mode, sub-mode, the vendor's code.
+const STATUS: Layout = &[(5, 32), (0, 2), (0, 3), (0, 3), (0, 16)];
+
+/// What is announced of a battery's node, which was up for 5 s before.
+fn notices_with(changed: usize, raw: u64) -> Vec<CanNotice> {
+    let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
+    bench.receive(&Battery::new(NODE, 0).frames(0));
+    bench.receive(&status(NODE, 5, 0));
+    bench.take_notices();
+    let payload = payload_with(STATUS, changed, raw);
+    bench.receive(&message(NODE, NODE_STATUS, DataType::NodeStatus, 0, &payload));
+    bench.take_notices()
+}
+
+#[test]
+fn fields_of_a_nodes_status() {
+    let restarted = CanNotice::Restarted(node(NODE));
+    let critical = CanNotice::Critical(Pack::First, node(NODE));
+    let lost = CanNotice::Lost(node(NODE));
+    for (place, raw, expected) in [
+        (0, 0, Some(restarted)),
+        (0, 4, Some(restarted)),
+        (0, 5, None),
+        (0, 0xffff_ffff, None),
+        (1, 0, None),
+        (1, 1, None),
+        (1, 2, None),
+        (1, 3, Some(critical)),
+        (2, 0, None),
+        (2, 1, None),
+        (2, 6, None),
+        (2, 7, Some(lost)),
+        (3, 7, None),
+        (4, 0xffff, None),
+    ] {
+        assert_eq!(
+            notices_with(place, raw),
+            Vec::from_iter(expected),
+            "field {place}: {raw:#x}"
+        );
     }
 }

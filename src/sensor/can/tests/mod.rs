@@ -283,9 +283,13 @@ pub fn controller(node: u8, index: u8, transfer_id: u8) -> Vec<CanFrame> {
 }
 
 pub fn status(node: u8, uptime_s: u32, mode: u8) -> Vec<CanFrame> {
+    status_with(node, uptime_s, 0, mode)
+}
+
+pub fn status_with(node: u8, uptime_s: u32, health: u8, mode: u8) -> Vec<CanFrame> {
     let payload = Fields::default()
         .bits(uptime_s.into(), 32)
-        .bits(0, 2)
+        .bits(health.into(), 2)
         .bits(mode.into(), 3)
         .bits(0, 19)
         .bytes();

@@ -3,9 +3,10 @@
 use proptest::prelude::*;
 
 use super::golden::{self, frames};
-use super::{CanBench, OWN_ID, message, node, setup, status};
+use super::{Battery, CanBench, OWN_ID, charger, message, node, pack, setup, status, status_with};
 use crate::announce::{Announce, Severity};
 use crate::memory::identity::FirmwareHash;
+use crate::pack::Pack;
 use crate::sensor::can::MAX_NODES;
 use crate::sensor::can::allocation::Allocator;
 use crate::sensor::can::frame::{Identifier, Priority};
@@ -357,6 +358,76 @@ fn nodes_appear_restart_and_are_lost() {
     assert_eq!(bench.take_notices(), [CanNotice::Appeared(node(42))]);
 }
 
+/// A node's health, once in a second for this many seconds, and how often a critical one was announced.
+fn announced_critical(bench: &mut CanBench, id: u8, health: u8, seconds: u32) -> usize {
+    for _ in 0..seconds {
+        let uptime_s = (bench.now.as_micros() / 1_000_000) as u32;
+        bench.receive(&status_with(id, uptime_s, health, 0));
+        bench.run_ms(1000);
+    }
+    let notices = bench.take_notices();
+    let critical = notices
+        .iter()
+        .filter(|notice| matches!(notice, CanNotice::Critical(..)));
+    critical.count()
+}
+
+/// `HEALTH_OK` to `HEALTH_CRITICAL`.
+const HEALTHS: [u8; 4] = [0, 1, 2, 3];
+
+#[test]
+// Requirement: L-10
+fn critical_health_of_a_batterys_node_is_announced_once_until_it_was_better_for_long() {
+    let [ok, warning, error, critical] = HEALTHS;
+    let mut bench = CanBench::with_packs(&[pack(Pack::Second), pack(Pack::Third)]);
+    assert_eq!(
+        announced_critical(&mut bench, 42, critical, 5),
+        0,
+        "it measures nothing"
+    );
+    // Two batteries of one node.
+    bench.receive(&Battery::new(42, 0).frames(0));
+    bench.receive(&Battery::new(42, 1).frames(0));
+    bench.take_notices();
+    bench.receive(&status_with(42, 6, critical, 0));
+    assert_eq!(
+        bench.take_notices(),
+        [CanNotice::Critical(Pack::Second, node(42))]
+    );
+    assert_eq!(announced_critical(&mut bench, 42, critical, 60), 0);
+    for _ in 0..30 {
+        for other in [ok, warning, error] {
+            assert_eq!(announced_critical(&mut bench, 42, other, 1), 0);
+            assert_eq!(announced_critical(&mut bench, 42, critical, 1), 0, "it toggles");
+        }
+    }
+    // It is lost, and restarts.
+    bench.run_ms(5_000);
+    bench.receive(&status_with(42, 0, critical, 0));
+    let notices = bench.take_notices();
+    assert_eq!(
+        notices,
+        [CanNotice::Lost(node(42)), CanNotice::Appeared(node(42))]
+    );
+    assert_eq!(announced_critical(&mut bench, 42, error, 29), 0);
+    assert_eq!(announced_critical(&mut bench, 42, critical, 1), 0, "after 29 s");
+    assert_eq!(announced_critical(&mut bench, 42, error, 31), 0);
+    assert_eq!(announced_critical(&mut bench, 42, critical, 5), 1, "after 31 s");
+}
+
+#[test]
+fn critical_health_of_a_chargers_node_is_announced_and_that_of_others_is_not() {
+    let named = crate::sensor::CanPack {
+        battery_id: Some(33),
+        ..pack(Pack::First)
+    };
+    let mut bench = CanBench::with_packs(&[named]);
+    bench.receive(&charger(33, 0));
+    let [_, _, _, critical] = HEALTHS;
+    assert_eq!(announced_critical(&mut bench, 33, critical, 3), 1);
+    assert_eq!(announced_critical(&mut bench, 34, critical, 3), 0);
+}
+
 #[test]
 fn many_nodes_are_served_though_not_all_are_watched() {
     let mut bench = CanBench::with_packs(&[]);
@@ -388,4 +459,10 @@ fn texts_name_node_and_pack() {
         assert_eq!(notice.severity(), Severity::Info);
     }
     assert_eq!(CanNotice::Lost(node(1)).severity(), Severity::Warning);
+    let critical = CanNotice::Critical(Pack::Ninth, node(127));
+    assert_eq!(critical.severity(), Severity::Warning);
+    assert_eq!(
+        critical.to_string(),
+        "Battery 9 CAN node 127 reports critical health"
+    );
 }
