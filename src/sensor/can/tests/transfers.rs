@@ -4,11 +4,11 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 
 use super::golden::{self, frames};
-use super::{Battery, CanBench, controller, message, pack, setup};
+use super::{Battery, CanBench, charger, controller, message, pack, setup, status};
 use crate::pack::Pack;
 use crate::parameter::MAX_CONTROLLERS;
 use crate::sensor::can::MAX_NODES;
-use crate::sensor::can::messages::{BATTERY_INFO, DataType};
+use crate::sensor::can::messages::{BATTERY_INFO, DataType, TEMPERATURE};
 use crate::sensor::{CanEvent, CanFrame, CanPack};
 
 /// Three packs, and batteries of three nodes for them.
@@ -275,7 +275,127 @@ fn likely_frame() -> impl Strategy<Value = CanFrame> {
     })
 }
 
+/// Transfers of all devices in a period: batteries of a pack that takes any and of one that names its own, with their
+/// cells, controllers, a charger, a thermometer, and what their nodes report. Their values differ from those of the
+/// period before.
+fn period(number: u8) -> Vec<Vec<CanFrame>> {
+    let temperature = [1, 0, number, 0x5c, 0];
+    let batteries = [(40, 3), (41, 7)].map(|(node, battery_id)| Battery {
+        voltage_v: f32::from(node - 28) + f32::from(number) / 8.0,
+        current_a: number.into(),
+        charge_pct: 50 - number,
+        ..Battery::new(node, battery_id)
+    });
+    let of_batteries = batteries.into_iter().flat_map(|battery| {
+        let cell_v = 3.0 + f32::from(number) / 64.0;
+        [
+            status(battery.node, number.into(), 0),
+            battery.frames(number),
+            battery.aux(&[cell_v; 3], 11.0),
+        ]
+    });
+    let others = [
+        controller(50, number, number),
+        controller(51, 2 * number, number),
+        message(60, TEMPERATURE, DataType::Temperature, number, &temperature),
+        charger(33, number),
+    ];
+    of_batteries.chain(others).collect()
+}
+
+/// Failure of a bus in one period.
+#[derive(Clone, Copy, Debug)]
+enum BusFailure {
+    Drop,
+    Repeat,
+    Swap,
+    /// Bits of one byte of the data, or of the identifier.
+    Corrupt(u8, Index),
+}
+
+impl BusFailure {
+    /// At one frame, or at one transfer.
+    fn apply(
+        self,
+        transfers: Vec<Vec<CanFrame>>,
+        is_of_frame: bool,
+        at: Index,
+        other: Index,
+    ) -> Vec<CanFrame> {
+        let mut parts: Vec<Vec<CanFrame>> = if is_of_frame {
+            transfers.into_iter().flatten().map(|frame| vec![frame]).collect()
+        } else {
+            transfers
+        };
+        let place = at.index(parts.len());
+        match self {
+            Self::Drop => drop(parts.remove(place)),
+            Self::Repeat => parts.insert(other.index(parts.len()), parts[place].clone()),
+            Self::Swap => {
+                let other = other.index(parts.len());
+                parts.swap(place, other);
+            }
+            Self::Corrupt(mask, byte) => {
+                for frame in &mut parts[place] {
+                    *frame = corrupted(frame, mask, byte);
+                }
+            }
+        }
+        parts.concat()
+    }
+}
+
+fn corrupted(frame: &CanFrame, mask: u8, byte: Index) -> CanFrame {
+    const ID_BYTES: usize = 4;
+    let mut bytes = [&frame.id().to_be_bytes(), frame.data()].concat();
+    let place = byte.index(bytes.len());
+    bytes[place] ^= mask;
+    let (id, data) = bytes.split_at(ID_BYTES);
+    let id = u32::from_be_bytes(id.try_into().expect("four bytes"));
+    CanFrame::new(id & 0x1fff_ffff, data).expect("a frame")
+}
+
 proptest! {
+    /// Three periods after any failure of the bus all readings are those of a bus that never failed.
+    #[test]
+    fn readings_recover_from_a_failure_of_the_bus(
+        failed_period in 0u8..12,
+        is_of_frame: bool,
+        failure in prop_oneof![
+            Just(BusFailure::Drop),
+            Just(BusFailure::Repeat),
+            Just(BusFailure::Swap),
+            (1u8.., any::<Index>()).prop_map(|(mask, byte)| BusFailure::Corrupt(mask, byte)),
+        ],
+        at: Index,
+        other: Index,
+    ) {
+        let named = CanPack { battery_id: Some(7), ..pack(Pack::Second) };
+        let packs = [pack(Pack::First), named, pack(Pack::Third)];
+        let [mut failing, mut healthy] = [0; 2].map(|_| CanBench::with_packs(&packs));
+        for number in 0..16 {
+            let transfers = period(number);
+            let received = transfers.concat();
+            healthy.receive(&received);
+            if number == failed_period {
+                failing.receive(&failure.apply(transfers, is_of_frame, at, other));
+            } else {
+                failing.receive(&received);
+            }
+            let [readings, expected] = [&mut failing, &mut healthy].map(|bench| {
+                bench.run_ms(1000);
+                let mut events = core::mem::take(&mut bench.events);
+                events.retain(|event| !matches!(event, CanEvent::Announce(_)));
+                events
+            });
+            // Both batteries, both controllers, the thermometer, and the charger after 10 s.
+            prop_assert_eq!(expected.len(), if number < 10 { 5 } else { 6 });
+            if number >= failed_period + 3 {
+                prop_assert_eq!(readings, expected, "period {}", number);
+            }
+        }
+    }
+
     #[test]
     fn interleaved_transfers_are_all_read(order in prop::collection::vec(0usize..3, 40)) {
         let mut bench = three_packs();
