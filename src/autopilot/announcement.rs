@@ -469,6 +469,8 @@ warning: Battery 1 not connected
 notice: Battery 1 connected again
 warning: Battery 1 not measured for 3s: consumption too low
 warning: Battery 1 current over range: consumption too low
+warning: Battery 1 current lost: charge by voltage alone
+warning: Battery 1 measured by component 191
 warning: Battery 1 current sensor reversed?
 warning: Battery 1 voltage above MOT_DRV_VOLT
 warning: Battery 1 unhealthy: no reading in time
