@@ -1,9 +1,12 @@
 //! Integration of charge and energy drawn from a pack.
 
-use super::Consumed;
+use super::{Consumed, Contents};
 
 /// Up to this interval the latest reading is integrated over all of it, as in ArduPilot and PX4.
 pub const MAX_INTERVAL_US: u64 = 2_000_000;
+
+/// An engine whose control unit has been silent for longer is off, in microseconds: as long as the unit stays healthy.
+const ENGINE_SILENCE_US: u64 = 1_000_000;
 
 /// Up to this gap the mean of the readings before and after is integrated; a longer one is not counted.
 const MAX_INTERPOLATED_GAP_US: u64 = 60_000_000;
@@ -150,6 +153,12 @@ pub fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32) -> Op
                 0.5 * (previous_a.max(0.0) + current_a.max(0.0))
             }
         })
+}
+
+/// Whether nothing was drawn since the previous reading, `dt_us` ago: a flow is measured by a control unit, which is supplied
+/// while its engine runs. A pack supplies its load while it is not measured, too.
+pub fn was_off(contents: Contents, dt_us: u64) -> bool {
+    contents == Contents::Fuel && dt_us > ENGINE_SILENCE_US
 }
 
 /// A duration as a float, up to 71 minutes (saturating): of 32 bits the conversion takes fewer instructions.

@@ -2,7 +2,7 @@
 
 use super::source_counter::SourceCounter;
 use crate::battery::charge::{ChargeEstimate, KnownCharge, SILENCE_S};
-use crate::battery::consumption::{Consumption, Gap, mean_current_a, microseconds};
+use crate::battery::consumption::{Consumption, Gap, mean_current_a, microseconds, was_off};
 use crate::battery::estimator::Reading;
 use crate::battery::{ArmState, Consumed, Counted, Gauge, GaugeReading, Measurement};
 use crate::time::Instant;
@@ -146,11 +146,15 @@ impl ChargeCounter {
     fn integrate(&mut self, now: Instant, measurement: &Measurement) -> Option<Gap> {
         let current_a = measurement.rate()?;
         let (last, last_a) = self.last_current?;
+        let dt_us = now.us_since(last);
         let Measurement {
             voltage_v, power_w, ..
         } = *measurement;
+        if was_off(measurement.contents, dt_us) {
+            return None;
+        }
         self.consumption
-            .integrate(now.us_since(last), last_a, current_a, voltage_v, power_w)
+            .integrate(dt_us, last_a, current_a, voltage_v, power_w)
     }
 
     /// Completes a reading whose current is known by the charge of the readings before it that came without one, which is

@@ -15,7 +15,7 @@ use reports::Reports;
 
 use super::charge::Comparison;
 use super::chemistry::SAME_VOLTAGE_V;
-use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
+use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds, was_off};
 use super::diagnosis;
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading, ReportedCharge};
 use super::event::push;
@@ -348,6 +348,9 @@ impl BatteryMonitor {
                 .rate()
                 .filter(|_| !self.current_is_reversed)
                 .and_then(|current_a| {
+                    if was_off(measurement.contents, dt_us) {
+                        return Some(0.0);
+                    }
                     let parked_a = (tick.arm_state == ArmState::Disarmed).then_some(current_a);
                     mean_current_a(dt_us, previous_a, current_a).or(parked_a)
                 }),

@@ -1026,6 +1026,33 @@ fn battery_reset_sets_the_fill_level() {
 }
 
 #[test]
+fn an_engine_whose_control_unit_is_silent_is_off() {
+    // 6 l/h, which its control unit does not count: 100 ml a minute.
+    let running = Measurement {
+        counted: None,
+        ..fuel_flow(0.0, 6.0)
+    };
+    for silent_ticks in [10, 11, 19, 21, 450, 700] {
+        let mut bench = MonitorBench::new();
+        bench.arm_state = ArmState::Armed;
+        bench.run(21.0, running);
+        for _ in 1..silent_ticks {
+            bench.tick(Err(ReadError::Timeout));
+        }
+        bench.run(0.1, running);
+        // A unit that is late, but not silent, still drives its engine.
+        let late_s = if silent_ticks <= 10 { 1.0 } else { 0.0 };
+        assert_about(bench.state.consumed_ml(), (20.9 + late_s) / 0.6, 0.01);
+        let is_gap = |event: &PackEvent| matches!(event, PackEvent::Gap(_));
+        assert!(!bench.events.iter().any(is_gap), "{:?}", bench.events);
+        // The pauses belong to the average, as stops of a rover do.
+        bench.run(60.0, running);
+        let average_l_h = bench.state.readings.average_current_a.unwrap_or(0.0);
+        assert!(average_l_h < 6.01, "{average_l_h}");
+    }
+}
+
+#[test]
 fn charge_failsafe_applies_to_a_tank() {
     let mut bench = MonitorBench::new();
     bench.settings.failsafe.low.remaining_mah = Some(500.0);
