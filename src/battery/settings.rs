@@ -485,20 +485,50 @@ mod tests {
 
     #[test]
     fn what_has_no_voltage_has_no_threshold_in_volts() {
+        use BatteryParameter::{Capacity, LowMah, LowVolt, Monitor};
+        let (terminal, not_measured) = (VoltageSource::Terminal, VoltageSource::NotMeasured);
+        // Packs, a sum, and the output of a generator; a flow, levels, a current alone, a generator's tank, an engine.
         for (monitor, source) in [
-            (4.0, VoltageSource::Terminal),
-            (10.0, VoltageSource::Terminal),
-            (11.0, VoltageSource::NotMeasured),
-            (31.0, VoltageSource::NotMeasured),
+            (4.0, terminal),
+            (10.0, terminal),
+            (17.0, terminal),
+            (11.0, not_measured),
+            (12.0, not_measured),
+            (24.0, not_measured),
+            (31.0, not_measured),
+            (18.0, not_measured),
+            (27.0, not_measured),
         ] {
-            let mut parameters = Parameters::defaults();
-            parameters
-                .set(BatteryParameter::Monitor.of(Pack::Second), monitor)
-                .unwrap();
-            let kind = parameters.monitor_kind(Pack::Second);
-            let settings = PackSettings::from_parameters(&parameters, Pack::Second);
-            let failsafe = settings.of_kind(Pack::Second, kind).failsafe;
-            assert_eq!(failsafe.voltage_source, source, "BATT2_MONITOR {monitor}");
+            let failsafe = |changes: &[(BatteryParameter, f32)]| {
+                let mut parameters = Parameters::defaults();
+                for (parameter, value) in [(Monitor, monitor)].iter().chain(changes) {
+                    parameters.set(parameter.of(Pack::Second), *value).unwrap();
+                }
+                let kind = parameters.monitor_kind(Pack::Second);
+                let settings = PackSettings::from_parameters(&parameters, Pack::Second);
+                settings.of_kind(Pack::Second, kind).failsafe
+            };
+            assert_eq!(failsafe(&[]).voltage_source, source, "BATT2_MONITOR {monitor}");
+            let state = |capacity| BatteryState {
+                status: PackStatus::Healthy,
+                capacity,
+                ..BatteryState::UNKNOWN
+            };
+            let full = state(Some(Amount::Ml(2000.0)));
+            let (none, in_volts) = match source {
+                VoltageSource::NotMeasured => (LowMah, Some(LowMah)),
+                _ => (LowVolt, None),
+            };
+            for (changes, missing) in [
+                (&[][..], Some(none)),
+                (&[(LowVolt, 9.9)], in_volts),
+                (&[(LowVolt, 9.9), (LowMah, 100.0)], None),
+            ] {
+                let found = failsafe(changes).missing_parameter(&full);
+                assert_eq!(found, missing, "BATT2_MONITOR {monitor}, {changes:?}");
+            }
+            let by_charge = failsafe(&[(LowMah, 100.0)]);
+            assert_eq!(by_charge.missing_parameter(&state(None)), Some(Capacity));
         }
     }
 }
