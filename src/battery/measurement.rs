@@ -369,6 +369,8 @@ pub enum ReadError {
     NoPin,
     /// Configuration: no capacity is set, which the fill level is computed from.
     NoCapacity,
+    /// Configuration: what scales the reading is not set, such as the volume of a pulse.
+    NoScale,
     /// Configuration: another pack's sensor uses the address.
     AddressTaken,
     /// Configuration: the pin is the clock of this board's Wi-Fi radio.
@@ -410,6 +412,7 @@ impl ReadError {
             self,
             Self::NoPin
                 | Self::NoCapacity
+                | Self::NoScale
                 | Self::AddressTaken
                 | Self::PinOfRadio
                 | Self::PinTaken
@@ -436,6 +439,7 @@ impl fmt::Display for ReadError {
             Self::Bus(BusError::Transfer) => "bus error",
             Self::NoPin => "no pin set",
             Self::NoCapacity => "no capacity set",
+            Self::NoScale => "no scale set",
             Self::AddressTaken => "address already in use",
             Self::PinOfRadio => "GP29 is the Wi-Fi radio's",
             Self::PinTaken => "pin already in use",

@@ -28,7 +28,18 @@ impl AdcCount {
     pub fn pin_voltage_v(self) -> f32 {
         self.0 * VOLTS_PER_COUNT
     }
+
+    /// Whether it is near an end of the scale, as a broken or a shorted lead is.
+    // Inlined, it would be repeated for each use.
+    #[inline(never)]
+    pub(super) fn is_near_rail(self) -> bool {
+        let share = self.0 / f32::from(ADC_FULL_SCALE);
+        !(RAIL_SHARE..=1.0 - RAIL_SHARE).contains(&share)
+    }
 }
+
+/// Share of the scale at either end that is near a rail.
+const RAIL_SHARE: f32 = 0.03;
 
 const VOLTS_PER_COUNT: f32 = ADC_REFERENCE_V / ADC_FULL_SCALE as f32;
 

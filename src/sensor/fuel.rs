@@ -1,9 +1,10 @@
 //! Fuel: flow meters, level sensors of a tank, and what an engine takes by its injectors.
 
 use core::f32::consts::TAU;
+use core::ops::RangeInclusive;
 
-use super::AnalogReadings;
 use super::analog::{level_pin, uses_pulses};
+use super::{AdcCount, AnalogReadings};
 use crate::battery::{Contents, Counted, Gauge, GaugeReading, Measurement, ReadError};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, FuelKind, Parameters, VehicleParameter};
@@ -31,7 +32,7 @@ impl FuelMeter {
     /// Measurement of a sensor of this kind, with the wiring of its pack's parameters.
     ///
     /// # Errors
-    /// The pin or the capacity is not set, the read failed or timed out, or the reading is implausible.
+    /// The pin, the capacity or the scale is not set, the read failed or timed out, or the reading is implausible.
     pub fn measure(
         &mut self,
         kind: FuelKind,
@@ -46,17 +47,21 @@ impl FuelMeter {
             FuelKind::Flow => {
                 let pulses = pulses(parameters, pack, readings)?;
                 let ml_per_pulse = value(BatteryParameter::AmpPervlt);
-                Ok(self.flow.measure(pulses, ml_per_pulse, now))
+                // Pulses without a scale must not count once it is set.
+                let measurement = self.flow.measure(pulses, ml_per_pulse, now);
+                if ml_per_pulse > 0.0 {
+                    Ok(measurement)
+                } else {
+                    Err(ReadError::NoScale)
+                }
             }
             FuelKind::LevelPwm => level_by_pulses(pulses(parameters, pack, readings)?, capacity_ml, now),
             FuelKind::LevelAnalog => {
-                // At full scale a tank is full.
                 let conversions = readings
                     .pins
                     .pin(level_pin(parameters, pack).ok_or(ReadError::NoPin)?)?;
-                let pin_v = conversions.mean().pin_voltage_v();
                 let scale = LevelScale::from_parameters(parameters, pack);
-                self.level.measure(&scale, pin_v, capacity_ml, now)
+                self.level.measure(&scale, conversions.mean(), capacity_ml, now)
             }
         }
     }
@@ -214,7 +219,15 @@ impl LevelScale {
     fn linearised_v(&self, pin_v: f32) -> f32 {
         self.offset_v + pin_v * (self.first_order + pin_v * (self.second_order + pin_v * self.third_order))
     }
+
+    /// Fill level, from 0 to 1, unless it is beyond empty or full.
+    fn fill_level(&self, level_v: f32) -> f32 {
+        (level_v - self.empty_v) * self.share_per_volt
+    }
 }
+
+/// Fill levels of a broken or a shorted lead are beyond these, and near a rail. Many tanks are empty at 0 V.
+const CONNECTED_LEVELS: RangeInclusive<f32> = -0.1..=1.1;
 
 /// Analog level meter with a low-pass filter against sloshing.
 #[derive(Clone, Copy, Debug, Default)]
@@ -228,12 +241,16 @@ impl LevelMeter {
     pub fn measure(
         &mut self,
         scale: &LevelScale,
-        pin_v: f32,
+        pin: AdcCount,
         capacity_ml: Option<f32>,
         now: Instant,
     ) -> Result<Measurement, ReadError> {
-        let level_v = self.filter(scale.linearised_v(pin_v), scale.cutoff_hz, now);
-        tank((level_v - scale.empty_v) * scale.share_per_volt, capacity_ml)
+        let level_v = scale.linearised_v(pin.pin_voltage_v());
+        if pin.is_near_rail() && !CONNECTED_LEVELS.contains(&scale.fill_level(level_v)) {
+            return Err(ReadError::Implausible);
+        }
+        let filtered_v = self.filter(level_v, scale.cutoff_hz, now);
+        tank(scale.fill_level(filtered_v), capacity_ml)
     }
 
     fn filter(&mut self, voltage_v: f32, cutoff_hz: Option<f32>, now: Instant) -> f32 {
@@ -374,9 +391,77 @@ mod tests {
 
     #[test]
     fn a_level_at_full_scale_is_a_full_tank() {
-        let changes = [(BatteryParameter::FlPin, 28.0)];
-        let full = measure_level(FuelKind::LevelAnalog, &changes, 4095);
-        assert_eq!(remaining_ml(full), 3300.0);
+        use BatteryParameter::{FlPin, FlVMult, FlVltMin};
+        let read = |empty_v, full_v, code| {
+            let changes = [
+                (FlPin, 28.0),
+                (FlVltMin, empty_v),
+                (FlVMult, 1.0 / (full_v - empty_v)),
+            ];
+            measure_level(FuelKind::LevelAnalog, &changes, code)
+        };
+        // The span ends at the rail, or less than a tenth before it.
+        assert_eq!(remaining_ml(read(0.01, 3.3, 4095)), 3300.0);
+        assert_eq!(remaining_ml(read(0.01, 3.01, 4095)), 3300.0);
+        assert_eq!(remaining_ml(read(0.01, 3.3, 0)), 0.0);
+        assert_eq!(remaining_ml(read(0.29, 3.3, 0)), 0.0);
+    }
+
+    #[test]
+    fn a_level_far_beyond_its_span_at_a_rail_is_impossible() {
+        let wired = [(BatteryParameter::FlPin, 28.0)];
+        let read = |code| measure_level(FuelKind::LevelAnalog, &wired, code);
+        // The default span is 0.5 to 2.5 V: a tenth beyond is 0.3 V and 2.7 V.
+        for (code, expected_ml) in [
+            (0, None),
+            (122, None),
+            (123, Some(0.0)),
+            (3972, Some(3300.0)),
+            (3973, None),
+            (4095, None),
+        ] {
+            let expected = expected_ml.ok_or(ReadError::Implausible);
+            assert_eq!(
+                read(code).map(|level| remaining_ml(Ok(level))),
+                expected,
+                "{code}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_level_that_is_impossible_does_not_enter_the_filter() {
+        let scale = scale(&[]);
+        let mut meter = LevelMeter::default();
+        let mut at = |pin_v, tick| meter.measure(&scale, count(pin_v), Some(2000.0), at_us(tick * TICK_US));
+        assert_remaining(at(1.5, 0), 1000.0);
+        assert_eq!(at(0.0, 1), Err(ReadError::Implausible));
+        assert_remaining(at(1.5, 2), 1000.0);
+    }
+
+    #[test]
+    fn a_flow_needs_millilitres_a_pulse_and_counts_none_from_before() {
+        let mut meter = FuelMeter::default();
+        let mut pulses = Pulses::NONE;
+        let mut measure = |ml_per_pulse| {
+            pulses.rise(at_us(1));
+            let changes = [
+                (BatteryParameter::CurrPin, 17.0),
+                (BatteryParameter::AmpPervlt, ml_per_pulse),
+            ];
+            let readings = FuelReadings {
+                pins: &AnalogReadings::NONE,
+                pulses: &pulses,
+                now: at_us(2),
+            };
+            let parameters = changed(&changes, Pack::First);
+            let measured = meter.measure(FuelKind::Flow, &parameters, Pack::First, &readings)?;
+            Ok(measured.counted)
+        };
+        for ml_per_pulse in [0.0, -0.5] {
+            assert_eq!(measure(ml_per_pulse), Err(ReadError::NoScale));
+        }
+        assert_eq!(measure(0.5), Ok(Some(Counted::Volume(0.5))));
     }
 
     #[test]
@@ -554,14 +639,18 @@ mod tests {
         assert_eq!((measurement.voltage_v, measurement.fuel_l_h), (None, None));
     }
 
+    fn count(pin_v: f32) -> AdcCount {
+        AdcCount(pin_v / AdcCount(1.0).pin_voltage_v())
+    }
+
     fn read(scale: &LevelScale, pin_v: f32) -> Result<Measurement, ReadError> {
-        LevelMeter::default().measure(scale, pin_v, Some(2000.0), Instant::EPOCH)
+        LevelMeter::default().measure(scale, count(pin_v), Some(2000.0), Instant::EPOCH)
     }
 
     #[test]
     fn default_scale_is_empty_at_500_mv_and_full_at_2500_mv() {
         let scale = scale(&[]);
-        for (pin_v, remaining_ml) in [(0.5, 0.0), (1.0, 500.0), (2.5, 2000.0), (0.2, 0.0), (3.3, 2000.0)] {
+        for (pin_v, remaining_ml) in [(0.5, 0.0), (1.0, 500.0), (2.5, 2000.0), (0.2, 0.0), (3.1, 2000.0)] {
             assert_remaining(read(&scale, pin_v), remaining_ml);
         }
     }
@@ -584,11 +673,14 @@ mod tests {
     fn sloshing_is_low_pass_filtered() {
         let scale = scale(&[]);
         let mut meter = LevelMeter::default();
-        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), Instant::EPOCH), 2000.0);
+        assert_remaining(
+            meter.measure(&scale, count(2.5), Some(2000.0), Instant::EPOCH),
+            2000.0,
+        );
         // The time constant is 1 / (2 π 0.3 Hz) = 0.53 s: 1/e of a step remains, less the effect of the tick.
         let at = |tick: u64| at_us(tick * TICK_US);
         let measured: Vec<_> = (1..=61)
-            .map(|tick| meter.measure(&scale, 0.5, Some(2000.0), at(tick)).unwrap())
+            .map(|tick| meter.measure(&scale, count(0.5), Some(2000.0), at(tick)).unwrap())
             .collect();
         let remaining_ml = measured[4].gauge.read().unwrap().remaining_mah;
         assert!((800.0..900.0).contains(&remaining_ml), "{remaining_ml} ml");
@@ -599,13 +691,19 @@ mod tests {
     fn disabled_filter_follows_at_once() {
         let scale = scale(&[(BatteryParameter::FlFltr, -1.0)]);
         let mut meter = LevelMeter::default();
-        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), Instant::EPOCH), 2000.0);
-        assert_remaining(meter.measure(&scale, 1.5, Some(2000.0), at_us(TICK_US)), 1000.0);
+        assert_remaining(
+            meter.measure(&scale, count(2.5), Some(2000.0), Instant::EPOCH),
+            2000.0,
+        );
+        assert_remaining(
+            meter.measure(&scale, count(1.5), Some(2000.0), at_us(TICK_US)),
+            1000.0,
+        );
     }
 
     #[test]
     fn level_needs_a_capacity() {
-        let measured = LevelMeter::default().measure(&scale(&[]), 1.0, None, Instant::EPOCH);
+        let measured = LevelMeter::default().measure(&scale(&[]), count(1.0), None, Instant::EPOCH);
         assert_eq!(measured, Err(ReadError::NoCapacity));
     }
 

@@ -1,6 +1,6 @@
 //! Thermometers for packs whose own sensors have none.
 
-use super::{ADC_FULL_SCALE, AdcCount, AnalogPin, AnalogReadings, PinUse};
+use super::{AdcCount, AnalogPin, AnalogReadings, PinUse};
 use crate::battery::{Measurement, Thermometer};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, THERMOMETER_COUNT, TemperatureSensor, ThermometerParameter};
@@ -12,9 +12,6 @@ const DRONE_CAN: i32 = 6;
 
 /// `TEMP1_SRC`: a pack by its number.
 const BATTERY_INDEX: i32 = 3;
-
-/// Share of the scale at either end that shows a broken or a shorted lead.
-const RAIL_SHARE: f32 = 0.03;
 
 /// Range of the sensors that are in use, in degrees Celsius.
 const PLAUSIBLE_C: core::ops::RangeInclusive<f32> = -40.0..=125.0;
@@ -151,10 +148,8 @@ impl Thermometers {
 /// Temperature by the voltage at a pin, in degrees Celsius; `None` while no coefficient is set, or a lead is broken or
 /// shorted.
 fn analog_c(count: AdcCount, coefficients: &[f32; 6]) -> Option<f32> {
-    let share = count.0 / f32::from(ADC_FULL_SCALE);
-    let is_connected = (RAIL_SHARE..=1.0 - RAIL_SHARE).contains(&share);
     let is_set = coefficients.iter().any(|coefficient| *coefficient != 0.0);
-    (is_connected && is_set).then(|| {
+    (is_set && !count.is_near_rail()).then(|| {
         let pin_v = count.pin_voltage_v();
         let powers = coefficients.iter().rev();
         powers.fold(0.0, |sum, coefficient| sum * pin_v + coefficient)

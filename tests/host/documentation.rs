@@ -306,11 +306,12 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 19] = [
+const READ_ERRORS: [ReadError; 20] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
     ReadError::NoCapacity,
+    ReadError::NoScale,
     ReadError::NoHealthyMember,
     ReadError::LostMember,
     ReadError::GaugeTimeout,
