@@ -7,10 +7,15 @@ use super::{PackDetails, Reported};
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 
-/// Plausibility limits of a reading, in volts, amperes and degrees Celsius.
+/// Plausibility limits of a reading, in volts and amperes.
 const HIGHEST_VOLTAGE_V: f32 = 1_000.0;
 const HIGHEST_CURRENT_A: f32 = 10_000.0;
-const HIGHEST_TEMPERATURE_C: f32 = 1_000.0;
+
+/// Range of a temperature, in degrees Celsius: that of the usual sensors of packs, and the highest of motors, controllers and
+/// generators.
+const LOWEST_TEMPERATURE_C: f32 = -40.0;
+const HIGHEST_OF_PACKS_C: f32 = 125.0;
+const HIGHEST_OF_DEVICES_C: f32 = 200.0;
 
 /// Plausibility limits of charge, energy and capacity, in milliampere-hours and watt-hours.
 const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
@@ -171,7 +176,12 @@ impl Measurement {
         self.current_a.or(self.fuel_l_h)
     }
 
-    /// The reading, if each value is finite and possible.
+    /// The temperature, in degrees Celsius, if it is possible.
+    pub fn possible_temperature_c(&self) -> Option<f32> {
+        self.thermometer.possible_c(self.temperature_c)
+    }
+
+    /// The reading, if each value is finite and possible. An impossible temperature alone is unknown.
     ///
     /// # Errors
     /// [`ReadError::Implausible`].
@@ -200,7 +210,6 @@ impl Measurement {
         if is_within(self.voltage_v, HIGHEST_VOLTAGE_V)
             && is_within(self.rate(), HIGHEST_CURRENT_A)
             && is_within(self.power_w, HIGHEST_VOLTAGE_V * HIGHEST_CURRENT_A)
-            && is_within(self.temperature_c, HIGHEST_TEMPERATURE_C)
             && self.gauge.read().is_none_or(is_gauge)
             && self.state_of_charge.is_none_or(|soc| (0.0..=1.0).contains(&soc))
             && self.counted.is_none_or(is_count)
@@ -220,6 +229,20 @@ pub enum Thermometer {
     Pack,
     /// A device that it supplies, or is charged by: a motor or its controller, or a charger. 70 °C are usual there.
     Device,
+}
+
+impl Thermometer {
+    /// A temperature that was measured there, in degrees Celsius; `None` if it is unknown or impossible, as that of a broken
+    /// sensor is.
+    // Inlined, it would be repeated for each source.
+    #[inline(never)]
+    pub fn possible_c(self, temperature_c: Option<f32>) -> Option<f32> {
+        let highest_c = match self {
+            Self::Pack => HIGHEST_OF_PACKS_C,
+            Self::Device => HIGHEST_OF_DEVICES_C,
+        };
+        temperature_c.filter(|temperature_c| (LOWEST_TEMPERATURE_C..=highest_c).contains(temperature_c))
+    }
 }
 
 /// Whether a pack is about to power off.

@@ -120,7 +120,9 @@ impl ControllerBank {
                 .drawn()
                 .filter(|_| all_count)
                 .map(Counted::Increment),
-            temperature_c: mean(readings().filter_map(|reading| reading.temperature_c)),
+            temperature_c: mean(
+                readings().filter_map(|reading| Thermometer::Device.possible_c(reading.temperature_c)),
+            ),
             thermometer: Thermometer::Device,
             ..Measurement::default()
         })
@@ -240,6 +242,20 @@ mod tests {
         assert_eq!(after_0_reports(Some(3.0)), (Some(11.5), Some(5.0)));
         assert_eq!(after_0_reports(None), (Some(11.5), None));
         assert_eq!(after_0_reports(Some(4.0)), (Some(11.5), Some(6.0)));
+    }
+
+    #[test]
+    fn a_broken_thermometer_has_no_part_in_the_mean() {
+        for broken_c in [-41.0, 201.0, 1e6, f32::NAN] {
+            let mut bank = two();
+            let broken = ControllerReading {
+                temperature_c: Some(broken_c),
+                ..reading(11.0, 2.0, None)
+            };
+            bank.add(1, broken, Instant::EPOCH);
+            let measurement = bank.measure(Members::All, 0, Instant::EPOCH).unwrap();
+            assert_eq!(measurement.temperature_c, Some(24.0), "{broken_c}");
+        }
     }
 
     #[test]

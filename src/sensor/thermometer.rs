@@ -13,9 +13,6 @@ const DRONE_CAN: i32 = 6;
 /// `TEMP1_SRC`: a pack by its number.
 const BATTERY_INDEX: i32 = 3;
 
-/// Range of the sensors that are in use, in degrees Celsius.
-const PLAUSIBLE_C: core::ops::RangeInclusive<f32> = -40.0..=125.0;
-
 /// A temperature from the CAN bus is unknown after this time, in microseconds.
 const SILENCE_US: u64 = 5_000_000;
 
@@ -96,7 +93,8 @@ pub struct Temperatures([Option<(Pack, f32)>; THERMOMETER_COUNT]);
 impl Temperatures {
     /// Completes a measurement whose sensor does not measure the pack's temperature.
     pub fn complete(&self, pack: Pack, measurement: &mut Measurement) {
-        let has_own = measurement.temperature_c.is_some() && measurement.thermometer == Thermometer::Pack;
+        let has_own =
+            measurement.possible_temperature_c().is_some() && measurement.thermometer == Thermometer::Pack;
         let mut measured = self.0.iter().flatten().filter(|(of_pack, _)| *of_pack == pack);
         if let Some((_, temperature_c)) = measured.next().filter(|_| !has_own) {
             measurement.temperature_c = Some(*temperature_c);
@@ -138,8 +136,7 @@ impl Thermometers {
                     .filter(|(_, at)| now.us_since(*at) <= SILENCE_US)
                     .map(|(temperature_c, _)| temperature_c),
             };
-            *place = pack_of(parameters, sensor)
-                .zip(temperature_c.filter(|temperature_c| PLAUSIBLE_C.contains(temperature_c)));
+            *place = pack_of(parameters, sensor).zip(Thermometer::Pack.possible_c(temperature_c));
         }
         temperatures
     }
@@ -242,9 +239,13 @@ mod tests {
     // Requirement: AP-30
     fn a_sensors_own_temperature_of_the_pack_has_priority() {
         let temperatures = Temperatures([None, Some((Pack::Third, 20.0)), None]);
-        for (thermometer, expected_c) in [(Thermometer::Pack, 35.0), (Thermometer::Device, 20.0)] {
+        for (thermometer, own_c, expected_c) in [
+            (Thermometer::Pack, 35.0, 35.0),
+            (Thermometer::Pack, 126.0, 20.0),
+            (Thermometer::Device, 35.0, 20.0),
+        ] {
             let mut measurement = Measurement {
-                temperature_c: Some(35.0),
+                temperature_c: Some(own_c),
                 thermometer,
                 ..Measurement::default()
             };

@@ -304,7 +304,7 @@ impl BatteryMonitor {
 
     /// Takes a valid reading. Returns whether it is that of a pack.
     fn take(&mut self, turn: &mut Turn<'_>, dt_us: u64, measurement: &Measurement) -> bool {
-        turn.state.temperature_c = measurement.temperature_c;
+        turn.state.temperature_c = measurement.possible_temperature_c();
         turn.state.thermometer = measurement.thermometer;
         let is_missing = |voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V;
         if !measurement.voltage_v.is_some_and(is_missing) {

@@ -631,6 +631,36 @@ fn cells_that_differ_at_rest_are_a_fault_until_the_next_rest_and_refuse_nothing(
 }
 
 #[test]
+// Requirement: S-3
+fn an_impossible_temperature_is_unknown_and_the_rest_of_its_reading_counts() {
+    use Thermometer::{Device, Pack};
+    for (thermometer, temperature_c, is_possible) in [
+        (Pack, -40.1, false),
+        (Pack, -40.0, true),
+        (Pack, 125.0, true),
+        (Pack, 125.1, false),
+        (Device, -40.1, false),
+        (Device, 125.1, true),
+        (Device, 200.0, true),
+        (Device, 200.1, false),
+        (Device, 6279.4, false),
+        (Pack, f32::NAN, false),
+        (Pack, f32::INFINITY, false),
+    ] {
+        let mut bench = MonitorBench::new();
+        let measurement = Measurement {
+            temperature_c: Some(temperature_c),
+            thermometer,
+            ..volts(11.1)
+        };
+        assert_eq!(bench.tick(Ok(measurement)), None);
+        assert_eq!(bench.state.readings.voltage_v, Some(11.1));
+        let expected = is_possible.then_some(temperature_c);
+        assert_eq!(bench.state.temperature_c, expected, "{thermometer:?}");
+    }
+}
+
+#[test]
 // Requirement: AP-10
 fn the_temperature_of_a_device_is_no_fault_of_the_pack() {
     for temperature_c in [90.0, -30.0] {

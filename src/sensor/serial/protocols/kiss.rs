@@ -2,7 +2,7 @@
 //!
 //! | byte | content, big-endian |
 //! |---|---|
-//! | 0 | temperature, in °C |
+//! | 0 | temperature, in °C; from 216 on as −40 |
 //! | 1, 2 | voltage, in 10 mV |
 //! | 3, 4 | current, in 10 mA |
 //! | 5, 6 | charge drawn, in mAh |
@@ -21,6 +21,9 @@ const MAX_GAP_US: u64 = 5_000;
 
 /// Maximum plausible increment between two frames; a larger one is a restarted counter.
 const MAX_STEP_MAH: u16 = 5_000;
+
+/// From here on a temperature is below zero: the lowest possible one is −40 °C.
+const BELOW_ZERO: u8 = 216;
 
 /// Frame decoder of a controller's telemetry.
 #[derive(Clone, Copy, Debug)]
@@ -67,7 +70,7 @@ impl Kiss {
         Some(ControllerReading {
             voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
             current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.01),
-            temperature_c: Some(f32::from(temperature_c)),
+            temperature_c: Some(celsius(temperature_c)),
             drawn_mah: self.drawn_mah(u16::from_be_bytes([q1, q0])),
         })
     }
@@ -79,6 +82,14 @@ impl Kiss {
         let step_mah = counted_mah.wrapping_sub(before_mah);
         let drawn_mah = if step_mah <= MAX_STEP_MAH { step_mah } else { 0 };
         (counted_mah > 0).then(|| f32::from(drawn_mah))
+    }
+}
+
+/// Temperature, in degrees Celsius: below zero as a byte with a sign.
+fn celsius(byte: u8) -> f32 {
+    match byte {
+        ..BELOW_ZERO => byte.into(),
+        BELOW_ZERO.. => byte.cast_signed().into(),
     }
 }
 
