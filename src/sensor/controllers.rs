@@ -1,6 +1,6 @@
 //! Motor controllers: several may measure a pack together.
 
-use crate::battery::{Consumed, Counted, Measurement, Thermometer};
+use crate::battery::{Consumed, Counted, CurrentRange, Measurement, Thermometer};
 use crate::numbers::mean;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MAX_CONTROLLERS, Parameters};
@@ -17,6 +17,8 @@ pub struct ControllerReading {
     pub voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes.
     pub current_a: Option<f32>,
+    /// Whether the current is within its sensor's range, whatever the controller counts.
+    pub current_range: CurrentRange,
     /// Temperature, in degrees Celsius.
     pub temperature_c: Option<f32>,
     /// Charge drawn since its previous reading, in milliampere-hours, by a counter of its own.
@@ -93,7 +95,7 @@ impl ControllerBank {
     }
 
     /// Measurement of all members when the controller `reporting` has just reported: mean voltage, sum of the
-    /// currents, mean temperature, and what that controller has drawn. `None` if it is not one of them.
+    /// currents with the worst of their ranges, mean temperature, and what that controller has drawn. `None` if it is not one of them.
     ///
     /// The current is unknown while a member is lost. The charge is counted only if every member has a counter, whose
     /// difference includes a time in which it was lost; else the current has to be integrated.
@@ -112,9 +114,12 @@ impl ControllerBank {
         // One that does not measure its supply may report 0 V.
         let voltages = || readings().filter_map(|reading| reading.voltage_v);
         let all_count = self.members(members).all(Latest::has_counter);
+        let ranges = readings().map(|reading| reading.current_range);
+        let worst = ranges.max().unwrap_or_default();
         Some(Measurement {
             voltage_v: mean(voltages().filter(|voltage_v| *voltage_v > 0.0)).or(voltages().next()),
             current_a: self.current_a(members, now),
+            current_range: if all_count { worst.counted() } else { worst },
             counted: reported
                 .reading
                 .drawn()
@@ -160,6 +165,7 @@ mod tests {
         ControllerReading {
             voltage_v: Some(voltage_v),
             current_a: Some(current_a),
+            current_range: CurrentRange::Within,
             temperature_c: Some(voltage_v * 2.0),
             drawn_mah,
         }
@@ -242,6 +248,40 @@ mod tests {
         assert_eq!(after_0_reports(Some(3.0)), (Some(11.5), Some(5.0)));
         assert_eq!(after_0_reports(None), (Some(11.5), None));
         assert_eq!(after_0_reports(Some(4.0)), (Some(11.5), Some(6.0)));
+    }
+
+    #[test]
+    // Requirement: S-3
+    fn a_sum_with_a_current_over_range_is_over_range_unless_all_are_counted() {
+        use CurrentRange::{Over, OverAndCounted, Within};
+        for (first, second, drawn_mah, expected) in [
+            (Within, Within, None, Within),
+            (Over, Within, None, Over),
+            (Within, Over, None, Over),
+            (Within, Over, Some(1.0), OverAndCounted),
+        ] {
+            let mut bank = ControllerBank::default();
+            for (index, current_range, drawn_mah) in [(0, first, Some(1.0)), (1, second, drawn_mah)] {
+                let reading = ControllerReading {
+                    current_range,
+                    ..reading(12.0, 3.0, drawn_mah)
+                };
+                bank.add(index, reading, Instant::EPOCH);
+            }
+            for reporting in [0, 1] {
+                let sum = bank.measure(Members::All, reporting, Instant::EPOCH).unwrap();
+                assert_eq!(
+                    sum.current_range, expected,
+                    "{first:?}, {second:?}, {drawn_mah:?}"
+                );
+            }
+            let first_alone = bank.measure(Members::Mask(1), 0, Instant::EPOCH).unwrap();
+            assert_eq!(
+                first_alone.current_range,
+                first.counted(),
+                "the other is no member"
+            );
+        }
     }
 
     #[test]

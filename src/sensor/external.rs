@@ -1,6 +1,6 @@
 //! Packs that another component of the vehicle measures, such as a companion computer.
 
-use crate::battery::{CellVoltages, Consumed, Counted, Measurement, PackDetails, Reported};
+use crate::battery::{CellVoltages, Consumed, Counted, CurrentRange, Measurement, PackDetails, Reported};
 use crate::pack::Pack;
 use crate::parameter::MonitorKind;
 use crate::time::Instant;
@@ -19,6 +19,8 @@ pub struct ExternalReading {
     pub cells: CellVoltages,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
+    /// Whether the current is within the range of its field, whatever the component counts.
+    pub current_range: CurrentRange,
     /// Charge drawn, as the component counts it, in milliampere-hours.
     pub consumed_mah: Option<f32>,
     /// Energy drawn, as the component counts it, in watt-hours.
@@ -81,6 +83,10 @@ impl From<&ExternalReading> for Measurement {
         Self {
             voltage_v: Some(reading.voltage_v),
             current_a: reading.current_a,
+            current_range: match reading.consumed_mah {
+                Some(_) => reading.current_range.counted(),
+                None => reading.current_range,
+            },
             counted: reading.counted(),
             state_of_charge: reading.state_of_charge,
             temperature_c: reading.temperature_c,
@@ -206,6 +212,7 @@ mod tests {
             voltage_v: 12.0,
             cells: CellVoltages::NONE,
             current_a: None,
+            current_range: CurrentRange::Within,
             consumed_mah: None,
             consumed_wh: None,
             state_of_charge: None,

@@ -26,7 +26,7 @@ fn reading(voltage_v: f32, current_a: f32) -> ControllerReading {
         voltage_v: Some(voltage_v),
         current_a: Some(current_a),
         temperature_c: Some(40.0),
-        drawn_mah: None,
+        ..ControllerReading::default()
     }
 }
 

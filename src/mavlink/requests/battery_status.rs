@@ -1,8 +1,9 @@
 //! BATTERY_STATUS and BATTERY_STATUS_V2 of another component: MAVLink's sentinels become `None`.
 
 use core::array;
+use core::ops::RangeInclusive;
 
-use crate::battery::{CellVoltages, ChargeState, Faults, Modes, Reported};
+use crate::battery::{CellVoltages, ChargeState, CurrentRange, Faults, Modes, Reported};
 use crate::mavlink::dialect::MavBatteryStatusFlags as Flags;
 use crate::mavlink::payload::Payload;
 use crate::pack::Pack;
@@ -42,6 +43,9 @@ const AUTO_DISCHARGING: u8 = 1;
 const VOLTAGE_UNKNOWN_MV: u16 = u16::MAX;
 const TEMPERATURE_UNKNOWN_CDEGC: i16 = i16::MAX;
 const CURRENT_UNKNOWN_CA: i16 = -1;
+
+/// The ends of a current, in hundredths of an ampere: senders that limit it to the field do so on either side of 0.
+const CURRENT_ENDS_CA: RangeInclusive<i32> = -32_767..=32_767;
 
 /// A cell has no more, in millivolts: what is above is the voltage of several.
 const HIGHEST_CELL_MV: u16 = 5_000;
@@ -131,6 +135,7 @@ pub fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
         voltage_v: sum_v(known),
         cells: cells(known),
         current_a: (current_ca != CURRENT_UNKNOWN_CA).then(|| f32::from(current_ca) / HUNDREDTHS),
+        current_range: CurrentRange::of_code(current_ca.into(), CURRENT_ENDS_CA),
         consumed_mah: amount(payload.i32(CURRENT_CONSUMED)),
         consumed_wh: amount(payload.i32(ENERGY_CONSUMED)).map(|hj| hj / HECTOJOULES_PER_WATT_HOUR),
         state_of_charge: share(payload.u8(BATTERY_REMAINING)),
@@ -154,6 +159,7 @@ pub fn pack_reading_v2(payload: &Payload<'_>) -> Option<ExternalReading> {
         voltage_v: known(v2::VOLTAGE).filter(|voltage_v| *voltage_v >= 0.0)?,
         cells: CellVoltages::NONE,
         current_a: known(v2::CURRENT),
+        current_range: CurrentRange::Within,
         consumed_mah: known(v2::CAPACITY_CONSUMED).map(|ah| ah * MAH_PER_AH),
         consumed_wh: None,
         state_of_charge: known(v2::STATE_OF_CHARGE)
@@ -251,6 +257,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::battery::Measurement;
     use crate::mavlink::dialect::{
         BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryMode,
     };
@@ -308,6 +315,7 @@ mod tests {
             voltage_v: 12.0,
             cells: CellVoltages::from_millivolts(&[4000, 3900, 4100]),
             current_a: Some(-2.5),
+            current_range: CurrentRange::Within,
             consumed_mah: Some(1234.0),
             consumed_wh: Some(2.0),
             state_of_charge: Some(0.42),
@@ -330,6 +338,7 @@ mod tests {
             voltage_v: 12.0,
             cells: CellVoltages::NONE,
             current_a: None,
+            current_range: CurrentRange::Within,
             consumed_mah: None,
             consumed_wh: None,
             state_of_charge: None,
@@ -353,6 +362,40 @@ mod tests {
                 ..at_12_volts()
             };
             assert_eq!(decoded(&message), Some(expected), "out of range");
+        }
+    }
+
+    #[test]
+    // Requirement: S-3
+    fn the_ends_of_a_current_are_over_range_and_what_the_component_counts_goes_on() {
+        use CurrentRange::{Over, OverAndCounted, Within};
+        for (current_battery, current_a, range) in [
+            (i16::MIN, Some(-327.68), Over),
+            (-32_767, Some(-327.67), Over),
+            (-32_766, Some(-327.66), Within),
+            (-1, None, Within),
+            (0, Some(0.0), Within),
+            (32_766, Some(327.66), Within),
+            (i16::MAX, Some(327.67), Over),
+        ] {
+            for current_consumed in [-1, 100] {
+                let message = BATTERY_STATUS_DATA {
+                    current_battery,
+                    current_consumed,
+                    ..at_12_volts()
+                };
+                let measurement = Measurement::from(&decoded(&message).unwrap());
+                let expected = match (range, current_consumed) {
+                    (Over, 100) => OverAndCounted,
+                    _ => range,
+                };
+                let found = (measurement.current_a, measurement.current_range);
+                assert_eq!(
+                    found,
+                    (current_a, expected),
+                    "{current_battery}, {current_consumed}"
+                );
+            }
         }
     }
 
@@ -451,6 +494,7 @@ mod tests {
             voltage_v: 12.0,
             cells: CellVoltages::NONE,
             current_a: Some(-2.5),
+            current_range: CurrentRange::Within,
             consumed_mah: Some(-500.0),
             consumed_wh: None,
             state_of_charge: Some(0.42),

@@ -302,7 +302,7 @@ pub(super) fn parse_controller(payload: &[u8]) -> Option<(u8, ControllerReading)
         voltage_v: reader.voltage_v()?,
         current_a: reader.known()?,
         temperature_c: celsius(reader.known()?),
-        drawn_mah: None,
+        ..ControllerReading::default()
     };
     let _rpm = reader.unsigned(18)?;
     let _power_pct = reader.byte(7)?;

@@ -10,6 +10,7 @@
 //! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
 use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
+use crate::battery::CurrentRange;
 use crate::parameter::MonitorKind;
 use crate::sensor::ControllerReading;
 use crate::time::Instant;
@@ -67,9 +68,11 @@ impl Kiss {
     /// Takes a byte, and returns the reading if it completes a frame.
     fn take(&mut self, byte: u8) -> Option<ControllerReading> {
         let [temperature_c, v1, v0, c1, c0, q1, q0, ..] = self.window.push(byte, valid)?;
+        let current = u16::from_be_bytes([c1, c0]);
         Some(ControllerReading {
             voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
-            current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.01),
+            current_a: Some(f32::from(current) * 0.01),
+            current_range: CurrentRange::of_unsigned_word(current),
             temperature_c: Some(celsius(temperature_c)),
             drawn_mah: self.drawn_mah(u16::from_be_bytes([q1, q0])),
         })
