@@ -266,8 +266,9 @@ impl Packs {
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
                 let voltage = SumVoltage::from_parameters(parameters, pack);
-                self.bank
-                    .sum(pack, mask, self.mask_of(|_| true), voltage, tick.arm_state)
+                // The packs of another sum would count twice.
+                let summable = self.mask_of(|kind| kind != MonitorKind::Sum);
+                self.bank.sum(pack, mask, summable, voltage, tick.arm_state)
             }
             MonitorKind::Fuel(fuel) => {
                 let is_taken = self.pins.is_taken(kind, parameters, pack);

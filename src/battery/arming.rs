@@ -15,6 +15,8 @@ pub enum ArmingFailure {
     AboveDrivers,
     /// No pack is connected, its sensor has failed, or an unhealthy failsafe is latched.
     Unhealthy,
+    /// Its mask names another sum, which has no part in it.
+    SumsASum,
     /// The pack has failed: a cell is broken, or it reports that it has failed or is bad.
     Failed,
     /// The voltage does not fit `BATT_CELLS`: what the charge is computed from is wrong.
@@ -56,6 +58,7 @@ impl fmt::Display for ArmingFailure {
         f.write_str(match self {
             Self::AboveDrivers => "voltage above MOT_DRV_VOLT",
             Self::Unhealthy => "unhealthy",
+            Self::SumsASum => "sums another sum",
             Self::Failed => "has failed",
             Self::WrongCells => "voltage does not fit cells",
             Self::UnclearCells => "cells unclear",
@@ -79,10 +82,11 @@ impl fmt::Display for ArmingFailure {
 
 impl ArmingFailure {
     /// All, in the order in which they are reported.
-    const ALL: [Self; 19] = [
+    const ALL: [Self; 20] = [
         // First: at full scale the pack is unhealthy, too.
         Self::AboveDrivers,
         Self::Unhealthy,
+        Self::SumsASum,
         Self::Failed,
         Self::WrongCells,
         Self::UnclearCells,

@@ -79,8 +79,8 @@ impl BatteryBank {
         monitor.update(state, tick, reading, settings)
     }
 
-    /// The sum of the packs in `mask` (`BATT_SUM_MASK`) that are monitored, by their latest states. Bit 0 is the first; an
-    /// empty mask means all packs after `own`. A sum never includes itself. A pack that is unplugged while disarmed is no
+    /// The sum of the packs in `mask` (`BATT_SUM_MASK`) that are among the `summable` ones, by their latest states. Bit 0 is the
+    /// first; an empty mask means all packs after `own`. A sum never includes itself. A pack that is unplugged while disarmed is no
     /// member until it measures again.
     ///
     /// # Errors
@@ -89,12 +89,12 @@ impl BatteryBank {
         &self,
         own: Pack,
         mask: u16,
-        monitored: u16,
+        summable: u16,
         voltage: SumVoltage,
         arm_state: ArmState,
     ) -> Result<Measurement, ReadError> {
         let all_after = !(own.bit() - 1);
-        let chosen = monitored & !own.bit() & if mask == 0 { all_after } else { mask };
+        let chosen = summable & !own.bit() & if mask == 0 { all_after } else { mask };
         let before = self.state(own).members;
         let (mut members, mut lost_members) = (0, 0);
         let mut summed = heapless::Vec::<Pack, MAX_PACKS>::new();

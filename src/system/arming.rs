@@ -142,8 +142,12 @@ pub fn arming_obstacles(
         let settings = PackSettings::from_parameters(parameters, pack);
         let read_error = battery.read_error;
         let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
-        let above = is_above.then_some(ArmingFailure::AboveDrivers);
-        arming_failures(battery, &settings, above).map(move |failure| match (failure, read_error) {
+        let found = if is_above {
+            Some(ArmingFailure::AboveDrivers)
+        } else {
+            sums_a_sum(state.kinds, parameters, pack).then_some(ArmingFailure::SumsASum)
+        };
+        arming_failures(battery, &settings, found).map(move |failure| match (failure, read_error) {
             (ArmingFailure::Unhealthy, Some(error)) => {
                 let address = state.part_addresses.get(pack as usize).copied().flatten();
                 ArmingObstacle::Sensor(pack, error, address)
@@ -180,6 +184,17 @@ pub fn arming_obstacles(
         .chain(of_pins)
         .chain(of_sticks)
         .chain(log)
+}
+
+/// Whether this pack is a sum whose mask names another sum.
+fn sums_a_sum(kinds: &[(Pack, MonitorKind)], parameters: &Parameters, pack: Pack) -> bool {
+    let is_sum = |pack: Pack| kinds.contains(&(pack, MonitorKind::Sum));
+    if !is_sum(pack) {
+        return false;
+    }
+    let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
+    let mut others = Pack::ALL.into_iter().filter(|other| *other != pack);
+    others.any(|other| mask & other.bit() != 0 && is_sum(other))
 }
 
 /// Whether the vehicle would be armed on request now.

@@ -366,9 +366,10 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 19] = [
+const ARMING_FAILURES: [ArmingFailure; 20] = [
     ArmingFailure::AboveDrivers,
     ArmingFailure::Unhealthy,
+    ArmingFailure::SumsASum,
     ArmingFailure::Failed,
     ArmingFailure::WrongCells,
     ArmingFailure::UnclearCells,

@@ -547,6 +547,47 @@ fn a_pin_that_is_read_as_a_voltage_is_no_current_or_level_and_refuses_arming() {
 }
 
 #[test]
+// Requirement: AP-4
+fn a_sum_has_no_part_in_another_and_one_in_a_mask_refuses_arming() {
+    let (own, other_sum, third, fourth) = (1.0, 2.0, 4.0, 8.0);
+    for (mask, members, is_refused) in [
+        (0.0, 0b1100, false),
+        (own + third, 0b0100, false),
+        (third + fourth, 0b1100, false),
+        (other_sum + third, 0b0100, true),
+    ] {
+        let mut desk = Desk::starting(start_with(&[
+            ("BATT_MONITOR", 10.0),
+            ("BATT_SUM_MASK", mask),
+            ("BATT2_MONITOR", 10.0),
+            ("BATT2_SUM_MASK", third + fourth),
+            ("BATT3_MONITOR", 3.0),
+            ("BATT3_VOLT_PIN", 26.0),
+            ("BATT4_MONITOR", 3.0),
+            ("BATT4_VOLT_PIN", 26.0),
+        ]));
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, Ok(conversions(3.0)));
+        for _ in 0..20 {
+            desk.now_us += 100_000;
+            desk.sample(readings);
+        }
+        let members_of = |pack| desk.autopilot.battery(pack).members;
+        assert_eq!(
+            [Pack::First, Pack::Second].map(members_of),
+            [members, 0b1100],
+            "{mask}"
+        );
+        desk.receive_in_chunks(&command_long(RUN_PREARM_CHECKS, 0.0), 64);
+        let texts = texts_of(&desk.sent());
+        let refused = texts
+            .iter()
+            .filter(|text| *text == "PreArm: Battery 1 sums another sum");
+        assert_eq!(refused.count(), usize::from(is_refused), "{mask} {texts:?}");
+    }
+}
+
+#[test]
 // Requirement: S-5
 fn servo_pulses_and_a_flow_at_the_same_pin_are_neither() {
     let both = [

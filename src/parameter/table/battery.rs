@@ -192,7 +192,7 @@ parameters! {
             (8, means("pack 9")),
         ]),
         label: "Packs of a sum",
-        description: "Members of a sum of packs. 0: all packs with a higher number.",
+        description: "Members of a sum of packs. 0: all packs with a higher number, without other sums.",
     }
     MaxVolt {
         key: 75,
