@@ -333,6 +333,7 @@ impl Autopilot {
             }
             SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, Ok(measurement)),
             SerialReading::Efi(reading) => (MonitorKind::Efi, reading.measure(&self.parameters)),
+            SerialReading::Refused(kind, error) => (kind, Err(error)),
             SerialReading::Notice(notice) => return self.announce(&notice, now),
         };
         self.packs.add_to_all(kind, measured, now);

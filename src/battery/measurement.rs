@@ -378,7 +378,7 @@ pub enum ReadError {
     CurrentLost,
     /// The value is not finite or beyond its plausible range.
     Implausible,
-    /// The voltage is at or above the end of the converter's range.
+    /// The voltage is at or above the end of the converter's range, or another value that a pack needs is at the end of its own.
     OverRange,
     /// The part at the address is not the one that is set, or is not set up any more.
     OtherPart,

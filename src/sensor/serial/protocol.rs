@@ -2,7 +2,7 @@
 //! fixed length.
 
 use super::conditions::SerialNotice;
-use crate::battery::Measurement;
+use crate::battery::{Measurement, ReadError};
 use crate::parameter::{MonitorKind, TICK_TIMEOUT_US};
 use crate::sensor::{ControllerReading, EngineReading};
 use crate::time::Instant;
@@ -56,6 +56,8 @@ pub enum SerialReading {
     Torqeedo(Measurement),
     /// The reading of an engine control unit.
     Efi(EngineReading),
+    /// A frame for packs of this kind is refused: it has a value that the device can't have, or that is over range.
+    Refused(MonitorKind, ReadError),
     /// The state of the device itself has changed.
     Notice(SerialNotice),
 }
@@ -91,6 +93,17 @@ pub(super) trait Protocol: Sized {
     /// When [`Self::next_request`] has to be called again; `None` if not before something was received.
     fn next_due(&self) -> Option<Instant> {
         None
+    }
+}
+
+/// Voltage of a word, in volts, which has steps of 10 mV.
+///
+/// # Errors
+/// The end of the word is over range.
+pub(super) fn centivolts(word: u16) -> Result<f32, ReadError> {
+    match word {
+        u16::MAX => Err(ReadError::OverRange),
+        word => Ok(f32::from(word) * 0.01),
     }
 }
 

@@ -14,8 +14,9 @@ use heapless::Vec;
 
 use super::super::conditions::{FuelCellError, FuelCellState, SerialNotice};
 use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Wires};
+use super::is_output;
 use crate::announce::LastAnnounced;
-use crate::battery::{Contents, Measurement};
+use crate::battery::{Contents, Measurement, ReadError};
 use crate::parameter::MonitorKind;
 use crate::time::Instant;
 
@@ -31,6 +32,9 @@ const MAX_GAP_US: u64 = 200_000;
 /// An empty and a full tank, in bar.
 const EMPTY_BAR: f32 = 5.0;
 const FULL_BAR: f32 = 300.0;
+
+/// The highest share of a tank or battery without a checksum: a full one may exceed its nominal content.
+const HIGHEST_SHARE: f32 = 1.1;
 
 /// Which fuel cell it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,8 +85,14 @@ impl Protocol for IntelligentEnergy {
         match byte {
             b'<' | b'[' => self.sentence.clear(),
             b'>' => {
-                if let Some(report) = self.decode() {
-                    self.deliver(&report, deliver);
+                match self.decode() {
+                    Some(report) if report.is_possible() => self.deliver(&report, deliver),
+                    Some(_) => {
+                        for kind in Self::KINDS {
+                            deliver(SerialReading::Refused(*kind, ReadError::Implausible));
+                        }
+                    }
+                    None => {}
                 }
                 return self.sentence.clear();
             }
@@ -99,9 +109,28 @@ impl Protocol for IntelligentEnergy {
 struct Report {
     state: Option<FuelCellState>,
     error: FuelCellError,
+    /// A charge may be above 1.
     electrical: Measurement,
-    /// 0 to 1.
+    /// From 0; 1 is full.
     tank: f32,
+    /// The highest share that is possible.
+    highest_share: f32,
+}
+
+impl Report {
+    /// Whether the fuel cell can have these values.
+    fn is_possible(&self) -> bool {
+        let is_share = |share: f32| (0.0..=self.highest_share).contains(&share);
+        let Measurement {
+            voltage_v,
+            current_a,
+            state_of_charge,
+            ..
+        } = self.electrical;
+        is_share(self.tank)
+            && state_of_charge.is_none_or(is_share)
+            && is_output(voltage_v.unwrap_or(0.0), current_a.unwrap_or(0.0))
+    }
 }
 
 impl IntelligentEnergy {
@@ -121,7 +150,8 @@ impl IntelligentEnergy {
                     state: FuelCellState::of_code(whole(state)?),
                     error: FuelCellError::Code(whole(error)?, 0),
                     electrical: of_battery(decimal(voltage)?, decimal(power)?),
-                    tank: (decimal(tank)? - EMPTY_BAR) / (FULL_BAR - EMPTY_BAR),
+                    tank: share_of_pressure(decimal(tank)?),
+                    highest_share: HIGHEST_SHARE,
                 })
             }
             (
@@ -151,6 +181,7 @@ impl IntelligentEnergy {
                     error: FuelCellError::Code(whole(error)?, whole(detail)?),
                     electrical: of_battery(decimal(voltage)?, decimal(power)?),
                     tank: decimal(tank)? * 0.01,
+                    highest_share: f32::INFINITY,
                 })
             }
             _ => None,
@@ -166,10 +197,13 @@ impl IntelligentEnergy {
         if self.error.has_changed(report.error) {
             deliver(SerialReading::Notice(SerialNotice::FuelCellError(report.error)));
         }
-        deliver(SerialReading::GeneratorElectrical(report.electrical));
+        deliver(SerialReading::GeneratorElectrical(Measurement {
+            state_of_charge: report.electrical.state_of_charge.map(|share| share.min(1.0)),
+            ..report.electrical
+        }));
         deliver(SerialReading::GeneratorFuel(Measurement {
             contents: Contents::Fuel,
-            state_of_charge: Some(report.tank.clamp(0.0, 1.0)),
+            state_of_charge: Some(report.tank.min(1.0)),
             ..Measurement::default()
         }));
     }
@@ -177,16 +211,24 @@ impl IntelligentEnergy {
 
 /// The sentence of 650 W and 800 W, which have neither voltage nor current.
 fn small(tank: &[u8], battery: &[u8], state: &[u8], flags: &[u8]) -> Option<Report> {
-    let share = |term: &[u8]| decimal(term).filter(|percent| (0.0..=100.0).contains(percent));
     Some(Report {
         state: FuelCellState::of_code(whole(state)?),
         error: FuelCellError::of_flags(hexadecimal(flags)?),
         electrical: Measurement {
-            state_of_charge: Some(share(battery)? * 0.01),
+            state_of_charge: Some(decimal(battery)? * 0.01),
             ..Measurement::default()
         },
-        tank: share(tank)? * 0.01,
+        tank: decimal(tank)? * 0.01,
+        highest_share: HIGHEST_SHARE,
     })
+}
+
+/// Share of a full tank at this pressure, in bar: negative if there is no such pressure.
+fn share_of_pressure(bar: f32) -> f32 {
+    if bar < 0.0 {
+        return bar;
+    }
+    ((bar - EMPTY_BAR) / (FULL_BAR - EMPTY_BAR)).max(0.0)
 }
 
 /// The battery at this voltage, and with this power into it, in watts.
@@ -339,10 +381,16 @@ mod tests {
             (None, None, Some(91.5 * 0.01), Some(76.0 * 0.01))
         );
         assert_eq!(values(&read(&mut protocol, b"<0,100,2,0>")).3, Some(0.0));
+        let full = values(&read(&mut protocol, b"<101,110,2,0>"));
+        assert_eq!(full, (None, None, Some(1.0), Some(1.0)));
+        for impossible in ["<111,50,2,0>", "<50,110.1,2,0>", "<-1,50,3,0x20000>"] {
+            let refused = IntelligentEnergy::KINDS
+                .iter()
+                .map(|kind| SerialReading::Refused(*kind, ReadError::Implausible));
+            let found = read(&mut protocol, impossible.as_bytes());
+            assert!(found.into_iter().eq(refused), "{impossible}");
+        }
         for wrong in [
-            "<101,50,2,0>",
-            "<-1,50,2,0>",
-            "<50,101,2,0>",
             "<50,50,2>",
             "<50,50,2,0,0>",
             "<50,50,2,>",

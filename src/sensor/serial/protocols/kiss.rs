@@ -9,7 +9,7 @@
 //! | 7, 8 | electrical speed, in 100 rpm |
 //! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
-use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
+use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires, centivolts};
 use crate::battery::CurrentRange;
 use crate::parameter::MonitorKind;
 use crate::sensor::ControllerReading;
@@ -70,7 +70,7 @@ impl Kiss {
         let [temperature_c, v1, v0, c1, c0, q1, q0, ..] = self.window.push(byte, valid)?;
         let current = u16::from_be_bytes([c1, c0]);
         Some(ControllerReading {
-            voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
+            voltage_v: centivolts(u16::from_be_bytes([v1, v0])).ok(),
             current_a: Some(f32::from(current) * 0.01),
             current_range: CurrentRange::of_unsigned_word(current),
             temperature_c: Some(celsius(temperature_c)),
@@ -194,13 +194,13 @@ mod tests {
             garbage in prop::collection::vec(any::<u8>(), 0..40),
             body: [u8; 9],
         ) {
-            prop_assume!(body[1] != 0 || body[2] != 0);
+            let voltage = u16::from_be_bytes([body[1], body[2]]);
+            prop_assume!(![0, u16::MAX].contains(&voltage));
             let bytes = [&garbage[..], &sealed(body)].concat();
             prop_assume!(!has_false_frame(&bytes, garbage.len()));
             let found = read(&mut Kiss::new(&()), &bytes);
             prop_assert_eq!(found.len(), 1);
-            let voltage_v = f32::from(u16::from_be_bytes([body[1], body[2]])) * 0.01;
-            prop_assert_eq!(found[0].voltage_v, Some(voltage_v));
+            prop_assert_eq!(found[0].voltage_v, Some(f32::from(voltage) * 0.01));
         }
 
         #[test]

@@ -11,6 +11,7 @@
 //! | 6, 7 | speed, in revolutions per minute |
 
 use super::super::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
+use crate::battery::ReadError;
 use crate::memory::checksum::file_crc32;
 use crate::parameter::MonitorKind;
 use crate::sensor::EngineReading;
@@ -57,8 +58,10 @@ impl Protocol for MegaSquirt {
 
     /// The rest of an answer is dropped with the next request: the unit may pause within one.
     fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
-        if let Some(reading) = self.take(byte) {
-            deliver(SerialReading::Efi(reading));
+        match self.take(byte) {
+            Some(Ok(reading)) => deliver(SerialReading::Efi(reading)),
+            Some(Err(error)) => deliver(SerialReading::Refused(MonitorKind::Efi, error)),
+            None => {}
         }
     }
 
@@ -78,7 +81,7 @@ impl Protocol for MegaSquirt {
 
 impl MegaSquirt {
     /// Takes a byte, and returns the reading if it completes an answer.
-    fn take(&mut self, byte: u8) -> Option<EngineReading> {
+    fn take(&mut self, byte: u8) -> Option<Result<EngineReading, ReadError>> {
         if self.length == ANSWER_BYTES {
             // No answer starts at the oldest byte, but one may at any other.
             self.window.rotate_left(1);
@@ -95,7 +98,10 @@ impl MegaSquirt {
     }
 
     /// Decodes the window, if it is a valid answer.
-    fn decode(&self) -> Option<EngineReading> {
+    ///
+    /// # Errors
+    /// Duration or speed is at the end of its word, which no engine reaches: it is over range.
+    fn decode(&self) -> Option<Result<EngineReading, ReadError>> {
         let [_, _, content @ .., c3, c2, c1, c0] = &self.window;
         let [_, injection1, injection0, _, _, speed1, speed0] = *content;
         let is_answer = self.window.starts_with(&ANSWER_START);
@@ -104,10 +110,15 @@ impl MegaSquirt {
         if !is_answer || crc != u32::from_be_bytes([*c3, *c2, *c1, *c0]) {
             return None;
         }
-        Some(EngineReading {
-            injection_ms: f32::from(u16::from_be_bytes([injection1, injection0])) * 1e-3,
-            speed_rpm: u16::from_be_bytes([speed1, speed0]),
-        })
+        let injection_us = u16::from_be_bytes([injection1, injection0]);
+        let speed_rpm = u16::from_be_bytes([speed1, speed0]);
+        if injection_us == u16::MAX || speed_rpm == u16::MAX {
+            return Some(Err(ReadError::OverRange));
+        }
+        Some(Ok(EngineReading {
+            injection_ms: f32::from(injection_us) * 1e-3,
+            speed_rpm,
+        }))
     }
 }
 
@@ -135,7 +146,11 @@ mod tests {
     }
 
     fn read(decoder: &mut MegaSquirt, bytes: &[u8]) -> Vec<EngineReading> {
-        bytes.iter().filter_map(|byte| decoder.take(*byte)).collect()
+        bytes
+            .iter()
+            .filter_map(|byte| decoder.take(*byte))
+            .map(|reading| reading.unwrap())
+            .collect()
     }
 
     fn reading(injection_us: u16, speed_rpm: u16) -> EngineReading {
@@ -195,8 +210,8 @@ mod tests {
         #[test]
         fn answer_is_found_right_after_garbage(
             garbage in prop::collection::vec(any::<u8>(), 0..60),
-            injection_us: u16,
-            speed_rpm: u16,
+            injection_us in 0..u16::MAX,
+            speed_rpm in 0..u16::MAX,
         ) {
             let mut decoder = MegaSquirt::new(&());
             prop_assert_eq!(read(&mut decoder, &garbage), []);

@@ -13,9 +13,10 @@
 //! | 68, 69 | 0x55, 0xAA |
 
 use super::super::conditions::{RichenPowerErrors, SerialNotice};
-use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires};
+use super::super::protocol::{Baud, Gaps, Line, Protocol, SerialReading, Window, Wires, centivolts};
+use super::is_output;
 use crate::announce::LastAnnounced;
-use crate::battery::{CurrentRange, Measurement};
+use crate::battery::{CurrentRange, Measurement, ReadError};
 use crate::parameter::MonitorKind;
 use crate::time::Instant;
 
@@ -65,8 +66,13 @@ impl Protocol for RichenPower {
     }
 
     fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
-        let Some((errors, measurement)) = self.window.push(byte, decode) else {
+        let Some((errors, measured)) = self.window.push(byte, decode) else {
             return;
+        };
+        let measurement = match measured {
+            Ok(measurement) => measurement,
+            // The errors are not protected either.
+            Err(error) => return deliver(SerialReading::Refused(MonitorKind::GeneratorElectrical, error)),
         };
         if self.errors.has_changed(errors) {
             deliver(SerialReading::Notice(SerialNotice::RichenPower(errors)));
@@ -75,7 +81,7 @@ impl Protocol for RichenPower {
     }
 }
 
-fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<(RichenPowerErrors, Measurement)> {
+fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<(RichenPowerErrors, Result<Measurement, ReadError>)> {
     let word = |at: usize| Some(u16::from_be_bytes(*bytes.get(at..)?.first_chunk()?));
     let summed = bytes.get(SUMMED)?.as_chunks().0;
     let sum = summed
@@ -85,14 +91,23 @@ fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<(RichenPowerErrors, Measurement)>
     if !is_frame {
         return None;
     }
-    let current = word(CURRENT)?;
-    let measurement = Measurement {
-        voltage_v: Some(f32::from(word(VOLTAGE)?) * 0.01),
-        current_a: Some(f32::from(current) * 0.01),
-        current_range: CurrentRange::of_unsigned_word(current),
+    let measured = measured(word(VOLTAGE)?, word(CURRENT)?);
+    Some((RichenPowerErrors(word(ERRORS)?), measured))
+}
+
+/// Measurement of words for voltage and current.
+fn measured(voltage: u16, current: u16) -> Result<Measurement, ReadError> {
+    let (voltage_v, current_a) = (centivolts(voltage)?, f32::from(current) * 0.01);
+    let current_range = CurrentRange::of_unsigned_word(current);
+    if current_range == CurrentRange::Within && !is_output(voltage_v, current_a) {
+        return Err(ReadError::Implausible);
+    }
+    Ok(Measurement {
+        voltage_v: Some(voltage_v),
+        current_a: Some(current_a),
+        current_range,
         ..Measurement::default()
-    };
-    Some((RichenPowerErrors(word(ERRORS)?), measurement))
+    })
 }
 
 #[cfg(test)]
@@ -216,7 +231,7 @@ mod tests {
     fn the_highest_current_of_a_word_is_over_range() {
         for (centiamperes, range) in [
             (0, CurrentRange::Within),
-            (0xfffe, CurrentRange::Within),
+            (20_000, CurrentRange::Within),
             (0xffff, CurrentRange::Over),
         ] {
             let found = read(&mut RichenPower::new(&()), &frame(0, 4381, centiamperes));
@@ -231,8 +246,8 @@ mod tests {
         #[test]
         fn valid_frame_is_found_right_after_garbage(
             garbage in prop::collection::vec(any::<u8>(), 0..200),
-            centivolts: u16,
-            centiamperes in 0..u16::MAX,
+            centivolts in 0..=10_000u16,
+            centiamperes in 0..=20_000u16,
         ) {
             let frame = frame(0, centivolts, centiamperes);
             let bytes = [&garbage[..], &frame].concat();

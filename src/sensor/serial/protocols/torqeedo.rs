@@ -20,10 +20,10 @@
 use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
 
 use crate::announce::LastAnnounced;
-use crate::battery::{CurrentRange, Measurement, Thermometer};
+use crate::battery::{CurrentRange, Measurement, ReadError, Thermometer};
 use crate::parameter::MonitorKind;
 use crate::sensor::serial::conditions::{SerialNotice, TorqeedoCondition};
-use crate::sensor::serial::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
+use crate::sensor::serial::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires, centivolts};
 use crate::time::Instant;
 
 const MASTER: u8 = 0x00;
@@ -141,11 +141,11 @@ impl Torqeedo {
     fn handle(&mut self, message: Option<Message>, now: Instant, deliver: &mut impl FnMut(SerialReading)) {
         match message {
             Some(Message::SpeedRequest) => self.speed_awaited = Some(now.after_us(ANSWER_TIME_US)),
-            Some(Message::SystemState(measurement, condition)) => {
-                deliver(SerialReading::Torqeedo(measurement));
+            Some(Message::SystemState(measured, condition)) => {
+                deliver(reading(measured));
                 self.announce(condition, deliver);
             }
-            Some(Message::MotorParameters(measurement)) => deliver(SerialReading::Torqeedo(measurement)),
+            Some(Message::MotorParameters(measured)) => deliver(reading(measured)),
             Some(Message::MotorStatus(condition)) => self.announce(condition, deliver),
             None => {}
         }
@@ -158,12 +158,19 @@ impl Torqeedo {
     }
 }
 
+fn reading(measured: Result<Measurement, ReadError>) -> SerialReading {
+    match measured {
+        Ok(measurement) => SerialReading::Torqeedo(measurement),
+        Err(error) => SerialReading::Refused(MonitorKind::Torqeedo, error),
+    }
+}
+
 /// A message to this board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Message {
     SpeedRequest,
-    SystemState(Measurement, TorqeedoCondition),
-    MotorParameters(Measurement),
+    SystemState(Result<Measurement, ReadError>, TorqeedoCondition),
+    MotorParameters(Result<Measurement, ReadError>),
     MotorStatus(TorqeedoCondition),
 }
 
@@ -207,17 +214,10 @@ impl Message {
         ] = *state;
         let flags = u16::from_be_bytes([f1, f0]);
         let charge = f32::from(charge_pct.min(100)) * 0.01;
-        let measurement = Measurement {
-            voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
-            current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.1),
-            current_range: CurrentRange::of_unsigned_word(u16::from_be_bytes([c1, c0])),
-            state_of_charge: (flags & CHARGE_VALID != 0).then_some(charge),
-            temperature_c: Some(f32::from(switch_c.max(input_c))),
-            thermometer: Thermometer::Device,
-            ..Measurement::default()
-        };
+        let is_charge_known = flags & CHARGE_VALID != 0 && charge_pct != u8::MAX;
+        let hottest_c = f32::from(switch_c.max(input_c));
         Some(Self::SystemState(
-            measurement,
+            measured([v1, v0], [c1, c0], hottest_c, is_charge_known.then_some(charge)),
             TorqeedoCondition::of_system(flags, code),
         ))
     }
@@ -226,15 +226,33 @@ impl Message {
         let [_, _, _, _, v1, v0, c1, c0, b1, b0, s1, s0] = *values;
         let board = i16::from_be_bytes([b1, b0]);
         let stator = i16::from_be_bytes([s1, s0]);
-        Some(Self::MotorParameters(Measurement {
-            voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
-            current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.1),
-            current_range: CurrentRange::of_unsigned_word(u16::from_be_bytes([c1, c0])),
-            temperature_c: Some(f32::from(board.max(stator)) * 0.1),
-            thermometer: Thermometer::Device,
-            ..Measurement::default()
-        }))
+        let hottest_c = f32::from(board.max(stator)) * 0.1;
+        Some(Self::MotorParameters(measured(
+            [v1, v0],
+            [c1, c0],
+            hottest_c,
+            None,
+        )))
     }
+}
+
+/// Measurement of words for voltage and current, a temperature in degrees Celsius, and a charge from 0 to 1.
+fn measured(
+    voltage: [u8; 2],
+    current: [u8; 2],
+    temperature_c: f32,
+    state_of_charge: Option<f32>,
+) -> Result<Measurement, ReadError> {
+    let current = u16::from_be_bytes(current);
+    Ok(Measurement {
+        voltage_v: Some(centivolts(u16::from_be_bytes(voltage))?),
+        current_a: Some(f32::from(current) * 0.1),
+        current_range: CurrentRange::of_unsigned_word(current),
+        temperature_c: Some(temperature_c),
+        thermometer: Thermometer::Device,
+        state_of_charge,
+        ..Measurement::default()
+    })
 }
 
 /// Without a table, as of contents of a few bytes.
@@ -526,7 +544,7 @@ mod tests {
         #[test]
         fn values_are_found_right_after_garbage(
             garbage in prop::collection::vec(any::<u8>(), 0..100),
-            voltage: u16,
+            voltage in 0..u16::MAX,
             current: u16,
         ) {
             for (mut torqeedo, bytes) in [
