@@ -36,6 +36,7 @@ mod power_limit;
 mod regions;
 mod rover;
 mod safe_driving;
+mod serial_devices;
 mod signing;
 mod signing_storage;
 mod simulated_packs;
