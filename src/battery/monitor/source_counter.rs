@@ -229,7 +229,7 @@ impl SourceCounter {
             None => self.lag_mah(mean_a),
         };
         reading.unmeasured_mah = ahead_mah.max(0.0);
-        self.ahead_mah = ahead_mah.clamp(-lag_mah, 0.0);
+        self.ahead_mah = ahead_mah.min(0.0).max(-lag_mah);
     }
 
     /// By how much the counter may be late at this current, in milliampere-hours.
