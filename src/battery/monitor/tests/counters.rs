@@ -86,13 +86,13 @@ impl Counted3S {
         self.bench.arm_state = ArmState::Disarmed;
     }
 
-    fn told_pct(&self) -> f32 {
-        self.bench.state.readings.remaining_pct.expect("told")
+    fn remaining_pct(&self) -> f32 {
+        self.bench.state.readings.remaining_pct.expect("reported")
     }
 
-    /// How far the told charge is off, in points, beyond what is allowed for.
+    /// How far the reported charge is off, in points, beyond what is allowed for.
     fn excess_pct(&self) -> f32 {
-        let error_pct = (self.told_pct() - self.soc() * 100.0).abs();
+        let error_pct = (self.remaining_pct() - self.soc() * 100.0).abs();
         let step_pct = self.step_mah / self.capacity_mah * 100.0;
         let allowed_pct = match self.current {
             Current::Measured => 2.0,
@@ -113,7 +113,11 @@ fn steps_of_a_counter_are_not_counted_on_top_of_the_current() {
         let mut pack = Counted3S::full(5000.0, step_mah);
         pack.run(30.0, 0.0);
         pack.drive(1800.0, 4.0);
-        println!("{step_mah} mAh: {} of {}", pack.told_pct(), pack.soc() * 100.0);
+        println!(
+            "{step_mah} mAh: {} of {}",
+            pack.remaining_pct(),
+            pack.soc() * 100.0
+        );
         assert!(pack.excess_pct() < 0.0);
         assert_about(pack.bench.state.consumed_mah(), 2000.0, step_mah + 1.0);
     }
@@ -136,9 +140,9 @@ fn what_a_counter_shows_beyond_the_current_is_drawn_whatever_its_step() {
             pack.bench.tick(Ok(reading));
         }
         assert!(
-            (pack.told_pct() - 60.0).abs() < 3.0,
+            (pack.remaining_pct() - 60.0).abs() < 3.0,
             "{step_mah}: {}",
-            pack.told_pct()
+            pack.remaining_pct()
         );
     }
 }
@@ -151,18 +155,22 @@ fn a_pack_that_is_charged_in_place_has_what_it_was_charged_to() {
         pack.current = current;
         pack.run(30.0, 0.0);
         pack.drive(3600.0, 3.0);
-        assert!((pack.told_pct() - 40.0).abs() < 10.0, "{}", pack.told_pct());
+        assert!(
+            (pack.remaining_pct() - 40.0).abs() < 10.0,
+            "{}",
+            pack.remaining_pct()
+        );
         pack.run(3600.0, -3.0);
         pack.run(120.0, 0.0);
-        let told_pct = pack.told_pct();
-        println!("{current:?}: {told_pct} of {}", pack.soc() * 100.0);
-        assert!(told_pct > 85.0);
+        let remaining_pct = pack.remaining_pct();
+        println!("{current:?}: {remaining_pct} of {}", pack.soc() * 100.0);
+        assert!(remaining_pct > 85.0);
         // The counter stays a limit of what is left from there.
         pack.drive(1800.0, 3.0);
         assert!(
-            (pack.told_pct() - 70.0).abs() < 12.0,
+            (pack.remaining_pct() - 70.0).abs() < 12.0,
             "{current:?}: {}",
-            pack.told_pct()
+            pack.remaining_pct()
         );
     }
 }
@@ -175,27 +183,30 @@ fn a_first_total_that_the_rest_denies_was_drawn_from_another_pack() {
         pack.current = current;
         pack.bench.settings.failsafe.low.remaining_mah = Some(500.0);
         pack.counted_mah = 3000.0;
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for _ in 0..60 {
             pack.run(1.0, 0.0);
-            told.extend(pack.bench.state.readings.remaining_pct);
+            reported.extend(pack.bench.state.readings.remaining_pct);
             let remaining = crate::battery::failsafe::remaining(&pack.bench.state);
             assert!(
                 remaining.is_none_or(|mah| mah > 2000.0),
                 "{current:?}: {remaining:?}"
             );
         }
-        assert!(told.iter().all(|pct| *pct > 90.0), "{current:?}: {told:?}");
-        assert!(told.len() > 49, "within ten seconds");
+        assert!(
+            reported.iter().all(|pct| *pct > 90.0),
+            "{current:?}: {reported:?}"
+        );
+        assert!(reported.len() > 49, "within ten seconds");
         assert_eq!(pack.bench.state.consumed_mah(), Some(3000.0), "as it is sent");
         let states = [ChargeState::Undefined, ChargeState::Ok];
         assert!(states.contains(&pack.bench.state.charge_state));
         pack.drive(600.0, 3.0);
         let expected = pack.soc() * 100.0;
         assert!(
-            (pack.told_pct() - expected).abs() < 5.0,
+            (pack.remaining_pct() - expected).abs() < 5.0,
             "{current:?}: {}",
-            pack.told_pct()
+            pack.remaining_pct()
         );
     }
 }
@@ -205,7 +216,11 @@ fn a_first_total_that_fits_the_rest_is_this_packs() {
     let mut pack = Counted3S::full(5000.0, 1.0);
     (pack.left_mah, pack.counted_mah) = (2000.0, 3000.0);
     pack.run(30.0, 0.0);
-    assert!((pack.told_pct() - 40.0).abs() < 5.0, "{}", pack.told_pct());
+    assert!(
+        (pack.remaining_pct() - 40.0).abs() < 5.0,
+        "{}",
+        pack.remaining_pct()
+    );
     assert!(pack.bench.state.left_at_most.expect("counted") < 0.5);
 }
 
@@ -309,7 +324,7 @@ fn a_braking_motor_at_one_end_of_a_gap_charges_nothing() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// A pack behind a counter with any step, read seldom or often, that restarts and is charged in place, is told as what
+    /// A pack behind a counter with any step, read seldom or often, that restarts and is charged in place, is reported as what
     /// flowed, and learns what it learns without the counter.
     #[test]
     fn counters_of_others_are_followed_as_what_flowed(

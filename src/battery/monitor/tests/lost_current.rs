@@ -175,7 +175,7 @@ fn a_sum_keeps_what_was_drawn_from_a_pack_that_loses_its_current() {
         ..PackSettings::default()
     };
     let mut now = Instant::EPOCH;
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     let mut named = Vec::new();
     for second in 0..600 {
         now = now.after_us(1_000_000);
@@ -194,10 +194,10 @@ fn a_sum_keeps_what_was_drawn_from_a_pack_that_loses_its_current() {
         let sum = bank.sum(Pack::Third, 0b11, 0b111, SumVoltage::Mean, ArmState::Armed);
         let update = bank.update(Pack::Third, tick, sum, &settings);
         named.extend(update.events.iter().map(|event| (Pack::Third, *event)));
-        told.extend(bank.state(Pack::Third).consumed_mah());
+        reported.extend(bank.state(Pack::Third).consumed_mah());
     }
-    assert!(told.is_sorted(), "{told:?}");
-    assert_about(told.last().copied(), 600.0 + 300.0, 5.0);
+    assert!(reported.is_sorted(), "{reported:?}");
+    assert_about(reported.last().copied(), 600.0 + 300.0, 5.0);
     let lost = [
         (Pack::Second, PackEvent::CurrentLost),
         (Pack::Third, PackEvent::CurrentLost),
@@ -235,7 +235,7 @@ proptest! {
         let mut now = Instant::EPOCH;
         let mut flowed_mah = [0.0f32; 2];
         let mut assumed_mah = [0.0f32; 2];
-        let mut told_mah = [0.0f32; 3];
+        let mut reported_mah = [0.0f32; 3];
         let mut uncounted_s = [0.0f32; 3];
         let mut was_counted = [false; 3];
         let mut was_lost = [false; 2];
@@ -277,8 +277,8 @@ proptest! {
             for (index, pack) in [Pack::First, Pack::Second, Pack::Third].into_iter().enumerate() {
                 let state = bank.state(pack);
                 if let Some(consumed_mah) = state.consumed_mah() {
-                    prop_assert!(consumed_mah >= told_mah[index] - 0.01, "{pack:?} fell at {second} s");
-                    told_mah[index] = consumed_mah;
+                    prop_assert!(consumed_mah >= reported_mah[index] - 0.01, "{pack:?} fell at {second} s");
+                    reported_mah[index] = consumed_mah;
                 }
                 was_counted[index] |= state.readings.current_a.is_some();
                 let is_counted = state.readings.current_a.is_some() || state.status != PackStatus::Healthy;
@@ -288,10 +288,10 @@ proptest! {
         }
         // Gaps that follow one another are announced together after a while: none was lost in the last minute.
         for index in 0..2 {
-            let excess_mah = told_mah[index] - flowed_mah[index];
+            let excess_mah = reported_mah[index] - flowed_mah[index];
             prop_assert!(excess_mah <= assumed_mah[index] + 1.0, "{index}: {excess_mah} mAh too much");
         }
-        let sum_mah = told_mah[2] - flowed_mah.iter().sum::<f32>();
+        let sum_mah = reported_mah[2] - flowed_mah.iter().sum::<f32>();
         prop_assert!(sum_mah <= assumed_mah.iter().sum::<f32>() + 1.0, "sum: {sum_mah} mAh too much");
     }
 }
