@@ -426,6 +426,42 @@ fn another_component_that_takes_over_has_not_reported_a_health_yet() {
     assert_eq!(state.details.state_of_health_pct, None);
 }
 
+#[test]
+fn what_another_component_has_counted_was_not_drawn_from_the_pack() {
+    let mut desk = desk();
+    let mut report = of_voltage(12_000);
+    report.consumed_mah = 500;
+    ticks(&mut desk, 20, &report.frame());
+    silence(&mut desk, TIMEOUT_TICKS);
+    announced(&mut desk);
+    report.consumed_mah = 1_900;
+    let state = ticks(&mut desk, 3, &report.frame_from(OTHER_COMPANION));
+    assert_eq!(state.consumed_mah(), Some(500.0));
+    let by_other = "Battery 1 measured by component 192".to_owned();
+    assert!(announced(&mut desk).contains(&by_other));
+    report.consumed_mah = 1_902;
+    let state = ticks(&mut desk, 3, &report.frame_from(OTHER_COMPANION));
+    assert_eq!(state.consumed_mah(), Some(502.0));
+}
+
+#[test]
+// Requirement: S-8
+fn a_companion_that_loses_its_current_is_announced_and_keeps_its_pack() {
+    let mut desk = desk();
+    let mut report = of_voltage(12_000);
+    report.current_ca = 300;
+    ticks(&mut desk, 50, &report.frame());
+    announced(&mut desk);
+    report.current_ca = -1;
+    ticks(&mut desk, 120, &report.frame());
+    assert_eq!(announced(&mut desk), [""; 0], "it may come back");
+    let state = ticks(&mut desk, 10, &report.frame());
+    let lost = "Battery 1 current lost: charge by voltage alone".to_owned();
+    assert_eq!(announced(&mut desk), [lost]);
+    assert_eq!(state.status, PackStatus::Healthy, "no threshold needs it");
+    assert!(state.readings.remaining_pct.is_some() && state.consumed.is_none());
+}
+
 /// A desk with a key, at a radio.
 fn protected() -> Desk {
     let mut desk = desk();
