@@ -141,7 +141,10 @@ impl ErrorType for Wires {
 impl SpiDevice for Wires {
     async fn transaction(&mut self, operations: &mut [SpiOperation<'_, u8>]) -> Result<(), Infallible> {
         let mut device = self.behind_select.borrow_mut();
-        device.iter_mut().for_each(|device| device.select());
+        for device in device.iter_mut() {
+            device.advance(Instant::now().as_micros() * CYCLES_PER_US);
+            device.select();
+        }
         // Nothing else drives the line.
         let mut exchange = |byte| {
             let answer = device.as_mut().map(|device| device.exchange(byte, SPI_CLOCK));

@@ -42,6 +42,8 @@ pub struct Circuit {
     drives: Vec<Drive>,
     network: Network,
     longest_step_s: f64,
+    /// Largest current that the monitors convert, in amperes.
+    monitored_amperes: f64,
     next_edge: Cycle,
     totals: Totals,
     terminals: Terminals,
@@ -60,6 +62,7 @@ impl Circuit {
                 branches: [None; BRIDGES],
             },
             longest_step_s: 0.0,
+            monitored_amperes: f64::INFINITY,
             next_edge: NEVER,
             totals: Totals::default(),
             terminals: Terminals::default(),
@@ -122,6 +125,11 @@ impl Circuit {
     pub fn set_supply(&mut self, supply: Supply) {
         self.supply = supply;
         self.follow_inputs();
+    }
+
+    /// The monitors at the I2C bus cut a current off at the ends of their range, before they average it.
+    pub fn set_range_of_monitors(&mut self, amperes: f64) {
+        self.monitored_amperes = amperes;
     }
 
     /// Plugs another motor into a bridge, at a standstill and without current, or unplugs it.
@@ -188,17 +196,23 @@ impl Circuit {
 
     fn pass_without_motors(&mut self, seconds: f64) -> f64 {
         let Terminals { volts, amperes } = self.terminals;
-        self.totals.coulombs += amperes * seconds;
+        self.draw(amperes * seconds, seconds);
         self.totals.joules += amperes * volts * seconds;
         self.totals.volt_seconds += volts * seconds;
         self.drives.iter_mut().for_each(|drive| drive.turn(0.0, seconds));
         seconds
     }
 
+    fn draw(&mut self, coulombs: f64, seconds: f64) {
+        let most = self.monitored_amperes * seconds;
+        self.totals.coulombs += coulombs;
+        self.totals.shown_coulombs += coulombs.clamp(-most, most);
+    }
+
     /// Returns how many seconds have passed.
     fn step(&mut self, seconds: f64) -> f64 {
         let step = self.network.step(&self.currents(), seconds);
-        self.totals.coulombs += step.pack_coulombs;
+        self.draw(step.pack_coulombs, step.seconds);
         self.totals.joules += step.pack_joules;
         let Supply {
             open_circuit_v,

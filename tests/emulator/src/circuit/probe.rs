@@ -1,6 +1,5 @@
 //! Probes, sensors and meters at the pack's terminals.
 
-use super::super::clock::Cycle;
 use super::totals::{Means, Terminals, Totals};
 
 /// A voltage that follows the circuit, for an input of a converter.
@@ -48,20 +47,16 @@ impl CurrentSensor {
     }
 }
 
-/// A part that averages, conversion after conversion.
+/// Looks at a circuit from time to time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Meter {
-    began: Option<Totals>,
+    before: Option<Totals>,
 }
 
 impl Meter {
-    /// The means of a conversion, if one that takes `length` is over: of all of the time since the one before.
-    pub fn finish_conversion(&mut self, totals: Totals, length: Cycle) -> Option<Means> {
-        let began = *self.began.get_or_insert(totals);
-        if totals.at - began.at < length {
-            return None;
-        }
-        self.began = Some(totals);
-        totals.since(began)
+    /// The means since the look before.
+    pub fn means(&mut self, totals: Totals) -> Option<Means> {
+        let before = self.before.replace(totals)?;
+        totals.since(before)
     }
 }

@@ -480,8 +480,12 @@ fn a_sensor_for_one_direction_shows_no_current_that_flows_back() {
 
 /// Runs a board with a stalled motor at 40 %, with this device at I2C0, and returns the means of the last half second.
 fn run_with<D: I2cDevice + 'static>(device: &Rc<RefCell<D>>) -> (Board, Means) {
+    run_circuit_with(stalled_motor(), device)
+}
+
+fn run_circuit_with<D: I2cDevice + 'static>(circuit: Circuit, device: &Rc<RefCell<D>>) -> (Board, Means) {
     let mut board = idle_board();
-    start(&mut board, stalled_motor(), 25_000);
+    start(&mut board, circuit, 25_000);
     board.i2c(0).attach(0x40, Box::new(Rc::clone(device)));
     (0..500).for_each(|_| board.run_for(1_000));
     let start = board.circuit().totals();
@@ -494,12 +498,13 @@ fn run_with<D: I2cDevice + 'static>(device: &Rc<RefCell<D>>) -> (Board, Means) {
 fn monitors_give_the_means_of_their_conversions() {
     // Sixteen samples of 1.1 ms of both.
     let mut ina226 = Ina226::new(0.01).measuring_circuit();
-    driver::write(&mut ina226, 0, 0x4527);
+    driver::write_at(&mut ina226, 0, 0x4527, 0);
     let device = Rc::new(RefCell::new(ina226));
-    let (_, means) = run_with(&device);
+    let (board, means) = run_with(&device);
+    let now = board.time_cycles();
     let (by_hand_a, _) = by_hand(PACK, Switches::DRV8837, 0.0, 0.4);
     assert_close(means.amperes, by_hand_a, 1e-4);
-    let read = |pointer| driver::read(&mut *device.borrow_mut(), pointer, 2) as f64;
+    let read = |pointer| driver::read_at(&mut *device.borrow_mut(), pointer, 2, now) as f64;
     // 35.2 ms are no whole number of periods.
     assert_close(read(1) * 2.5e-6 / 0.01, means.amperes, 0.03 * means.amperes);
     assert_close(read(2) * 1.25e-3, means.volts, 0.01);
@@ -517,12 +522,28 @@ fn monitors_give_the_means_of_their_conversions() {
 }
 
 #[test]
+fn a_current_above_the_range_of_a_monitor_is_cut_off_before_it_is_averaged() {
+    // 81.92 mV over 0.1 Ohm.
+    let mut circuit = stalled_motor();
+    circuit.set_range_of_monitors(0.8192);
+    let device = Rc::new(RefCell::new(Ina226::new(0.1).measuring_circuit()));
+    let (board, means) = run_circuit_with(circuit, &device);
+    let now = board.time_cycles();
+    let shown = driver::read_at(&mut *device.borrow_mut(), 1, 2, now) as f64 * 2.5e-6 / 0.1;
+    assert_close(shown, means.shown_amperes, 0.05);
+    assert!(
+        shown < 0.6 && means.amperes < 0.8 && means.amperes > 1.15 * shown,
+        "{means:?}"
+    );
+}
+
+#[test]
 fn a_monitor_that_counts_charge_counts_that_of_the_circuit() {
     const SHUNT_CAL: u8 = 0x02;
     const CHARGE: u8 = 0x0a;
     // Steps of 20 µA.
     let mut ina228 = Ina228::new(0.01).measuring_circuit();
-    driver::write(&mut ina228, SHUNT_CAL, 2621);
+    driver::write_at(&mut ina228, SHUNT_CAL, 2621, 0);
     let device = Rc::new(RefCell::new(ina228));
     let (mut board, _) = run_with(&device);
     let now = board.time_cycles();
@@ -560,8 +581,10 @@ fn a_converter_at_the_bus_gives_the_instant_of_each_result() {
         board.read_register(DATA_CMD) as u8
     });
     let bytes: Vec<u8> = bytes.collect();
+    // The first was there before.
     let amperes: Vec<f64> = bytes
         .chunks(2)
+        .skip(1)
         .map(|pair| f64::from(u16::from_be_bytes([pair[0], pair[1]]) & 0xfff))
         .map(|code| (code * 2.5 / 4096.0 - 1.65) / 0.1)
         .collect();

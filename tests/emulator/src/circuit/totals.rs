@@ -9,6 +9,8 @@ pub struct Totals {
     pub at: Cycle,
     /// Charge that the pack has given, in coulombs.
     pub coulombs: f64,
+    /// The same of a current that is cut off at the ends of a monitor's range.
+    pub shown_coulombs: f64,
     /// Energy that the pack has given at its terminals, in joules.
     pub joules: f64,
     /// Voltage at its terminals, times time.
@@ -21,6 +23,8 @@ pub struct Means {
     pub seconds: f64,
     pub volts: f64,
     pub amperes: f64,
+    /// The mean of a current that is cut off at the ends of a monitor's range.
+    pub shown_amperes: f64,
     /// The mean of voltage × current, which is not the product of the means.
     pub watts: f64,
 }
@@ -34,6 +38,7 @@ impl Totals {
             seconds,
             volts: (self.volt_seconds - earlier.volt_seconds) / seconds,
             amperes: (self.coulombs - earlier.coulombs) / seconds,
+            shown_amperes: (self.shown_coulombs - earlier.shown_coulombs) / seconds,
             watts: (self.joules - earlier.joules) / seconds,
         })
     }

@@ -325,7 +325,8 @@ fn two_dma_channels_read_a_register() {
     const INCREMENT_WRITE: u32 = 1 << 5;
     let control = |channel: u32, request: u32| request << 15 | channel << 11 | ENABLE_BYTES;
     let mut board = selecting_board(&[store(0, 1), HANG]);
-    board.run_for(1);
+    // Its first conversion takes 3.2 ms.
+    board.run_for(4_000);
     board.write_memory(RAM + 0x100, &[0x15, 0, 0, 0]);
     let (data, transmit, receive) = (SPI1 + SSPDR, DMA, DMA + 0x40);
     for (register, value) in [

@@ -1,8 +1,9 @@
 //! AD7091R-5: 12-bit converter with four inputs.
 //!
-//! In command mode each result that is read is followed by that of the next enabled channel; the channel a result says it
-//! belongs to lags a changed selection by one, as drivers have found. Left out: the CONVST pin, autocycle mode, alerts,
-//! conversion times. What is not confirmed is said where it stands.
+//! In command mode the next enabled channel is converted when a result has been read (figure 41 of the AD7291, its sibling), so the
+//! first result of a read is as old as the read before, and after a reset none; a changed selection comes one result later, as
+//! drivers have found. Each conversion is of an instant: codes end at 0 and 4095. Left out: the CONVST pin, autocycle mode,
+//! alerts, conversion times. What is not confirmed is said where it stands.
 
 use super::super::super::circuit::{Circuit, Probe};
 use super::super::super::clock::Cycle;
@@ -28,8 +29,10 @@ struct State {
     enabled: u8,
     config: u16,
     pointer: u8,
-    /// The channel of the next result.
+    /// The channel of the result that is ready.
     converted: u8,
+    /// Its code.
+    result: u16,
 }
 
 impl State {
@@ -39,6 +42,7 @@ impl State {
             config: CONFIG_RESET,
             pointer: RESULT,
             converted: 0,
+            result: 0,
         }
     }
 }
@@ -80,6 +84,12 @@ impl Ad7091r5 {
         self.probes[channel] = Some(probe);
     }
 
+    /// The supply of the device is gone and back. What it is connected to stays.
+    pub fn power_cycle(&mut self) {
+        self.state = State::after_reset();
+        self.written.clear();
+    }
+
     fn code(&self, channel: u8) -> u16 {
         let reference_v = match self.state.config & INTERNAL_REFERENCE {
             0 => self.external_reference_v,
@@ -97,13 +107,15 @@ impl Ad7091r5 {
     }
 
     fn take_result(&mut self) -> u16 {
-        let channel = self.state.converted;
+        let State {
+            converted, result, ..
+        } = self.state;
         if self.state.config & CMD != 0
             && let Some(next) = self.next_channel()
         {
-            self.state.converted = next;
+            (self.state.converted, self.state.result) = (next, self.code(next));
         }
-        u16::from(channel) << CHANNEL_SHIFT | self.code(channel)
+        u16::from(converted) << CHANNEL_SHIFT | result
     }
 
     fn read_word(&mut self) -> u16 {
@@ -218,6 +230,20 @@ mod tests {
         assert_eq!(results(&mut device, 4), expected);
         assert_eq!(read(&mut device, CONFIG, 2), 0x0400);
         assert_eq!(read(&mut device, CHANNEL, 1), 0x0f);
+    }
+
+    #[test]
+    fn the_first_result_was_converted_at_the_end_of_the_read_before() {
+        let mut device = example();
+        send(&mut device, &[0x02, 0x04, 0x00, 0x01, 0b0010, 0x00]);
+        device.set(1, 3.0);
+        assert_eq!(results(&mut device, 2), [(0, 0), (1, 3724)]);
+        device.set(1, 0.825);
+        assert_eq!(results(&mut device, 3), [(1, 3724), (1, 1024), (1, 1024)]);
+        device.power_cycle();
+        assert_eq!(read(&mut device, CONFIG, 2), 0x00c0);
+        device.pointer_was_sent = false;
+        assert_eq!(results(&mut device, 1), [(0, 192)], "the register at the pointer");
     }
 
     #[test]

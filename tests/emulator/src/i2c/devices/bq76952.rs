@@ -1,7 +1,10 @@
 //! BQ76952: monitor of up to 16 cells in series (SLUUBY2B, SLUAA11B).
 //!
-//! Left out: its protection, which finds nothing, thermistors at pins other than TS1 to TS3, modes of less power, a sealed data memory, writes to it, the
-//! check byte behind each byte that can be set up. The maker of the pack has changed nothing in its set-up.
+//! Its words are in the units of DA Configuration (SLUUBY2B table 13-23); the current ends at 200 mV over its shunt (SLUSDZ7 7.18),
+//! in its word at 16 bits, while the charge is counted on. Left out: its protection, which finds nothing, thermistors at pins
+//! other than TS1 to TS3, modes of less power, a sealed data memory, writes to it, the check byte behind each byte that can be
+//! set up. Its set-up is in its one-time memory, so it is there again after a reset. The time of its first measurements is
+//! assumed.
 
 use super::super::super::clock::{CLK_SYS_HZ, Cycle, cycles};
 use super::super::device::{Ack, I2cDevice, I2cDirection};
@@ -35,14 +38,20 @@ const DATA_MEMORY_END: u16 = 0x93ff;
 const TS1_CONFIG: u16 = 0x92fd;
 const TS3_CONFIG: u16 = 0x92ff;
 const DA_CONFIGURATION: u16 = 0x9303;
+const VCELL_MODE: u16 = 0x9304;
 
 /// Battery Status: the data memory can be read.
 const FULL_ACCESS: u16 = 1 << 8;
 
-/// DA Configuration after a reset, and what it says.
+/// DA Configuration unless it is set up: 10 mV and 1 mA.
 const DA_CONFIGURATION_RESET: u8 = 0x05;
-const USER_VOLTS: f64 = 0.01;
-const USER_AMPERES: f64 = 0.001;
+
+/// The shunt, and the end of what is measured over it.
+const SHUNT_OHM: f64 = 0.001;
+const MOST_SENSE_V: f64 = 0.2;
+
+/// Until all cells have been measured after a reset.
+const FIRST_SCAN: Cycle = cycles(100_000);
 
 /// The time that a subcommand takes.
 const BUSY: Cycle = cycles(500);
@@ -56,6 +65,7 @@ struct State {
     /// In 2^-32 of the unit of current times an hour.
     charge: i64,
     charge_since: Cycle,
+    measured_at: Cycle,
     subcommand: u16,
     ready_at: Cycle,
 }
@@ -65,6 +75,7 @@ impl State {
         Self {
             charge: CHARGE_RESET,
             charge_since: now,
+            measured_at: now + FIRST_SCAN,
             subcommand: 0,
             ready_at: 0,
         }
@@ -74,7 +85,11 @@ impl State {
 pub struct Bq76952 {
     cells_mv: [u16; CELLS],
     amperes: f64,
+    /// Share of the time in which the current flows.
+    pulses: f64,
     celsius: f64,
+    da_configuration: u8,
+    vcell_mode: u16,
     /// The use of each pin, and the temperature of the thermistor there.
     thermistors: [(u8, f64); 3],
     state: State,
@@ -98,7 +113,10 @@ impl Bq76952 {
         Self {
             cells_mv: [0; CELLS],
             amperes: 0.0,
+            pulses: 1.0,
             celsius: 25.0,
+            da_configuration: DA_CONFIGURATION_RESET,
+            vcell_mode: 0,
             thermistors: [(0, 0.0); 3],
             state: State::after_reset(0),
             now: 0,
@@ -116,6 +134,16 @@ impl Bq76952 {
         self.celsius = celsius;
     }
 
+    /// The current flows for this share of the time, in pulses that are much shorter than its 3 ms.
+    pub fn set_pulses(&mut self, share: f64) {
+        self.pulses = share;
+    }
+
+    /// Sets up DA Configuration, and Vcell Mode: the inputs that have a cell, the first in bit 0.
+    pub fn set_up_units(&mut self, da_configuration: u8, vcell_mode: u16) {
+        (self.da_configuration, self.vcell_mode) = (da_configuration, vcell_mode);
+    }
+
     /// Sets up TS1 to TS3 for these uses, with thermistors at these temperatures.
     pub fn set_thermistors(&mut self, thermistors: [(u8, f64); 3]) {
         self.thermistors = thermistors;
@@ -128,10 +156,28 @@ impl Bq76952 {
         self.written.clear();
     }
 
+    fn user_volts(&self) -> f64 {
+        if self.da_configuration & 1 << 2 != 0 {
+            1e-2
+        } else {
+            1e-3
+        }
+    }
+
+    fn user_amperes(&self) -> f64 {
+        [1e-4, 1e-3, 1e-2, 1e-1][usize::from(self.da_configuration & 0b11)]
+    }
+
+    /// The mean current that it measures.
+    fn shown_amperes(&self) -> f64 {
+        let most = MOST_SENSE_V / SHUNT_OHM;
+        self.amperes.clamp(-most, most) * self.pulses
+    }
+
     /// Counts the charge until `now`.
     fn advance(&mut self, now: Cycle) {
         let hours = (now - self.now) as f64 / CLK_SYS_HZ as f64 / 3600.0;
-        let into = -self.amperes / USER_AMPERES * hours;
+        let into = -self.shown_amperes() / self.user_amperes() * hours;
         self.state.charge += (into * 2f64.powi(32)).round() as i64;
         self.now = now;
     }
@@ -140,9 +186,10 @@ impl Bq76952 {
         let stack_v = f64::from(self.cells_mv.iter().map(|mv| u32::from(*mv)).sum::<u32>()) / 1000.0;
         match command {
             BATTERY_STATUS => FULL_ACCESS,
+            FIRST_CELL..=CC2_CURRENT if self.now < self.state.measured_at => 0,
             FIRST_CELL..=LAST_CELL => self.cells_mv[usize::from(command - FIRST_CELL) / 2],
-            STACK | PACK_PIN | LD_PIN => signed_code(stack_v, USER_VOLTS, 16) as u16,
-            CC2_CURRENT => signed_code(-self.amperes, USER_AMPERES, 16) as u16,
+            STACK | PACK_PIN | LD_PIN => signed_code(stack_v, self.user_volts(), 16) as u16,
+            CC2_CURRENT => signed_code(-self.shown_amperes(), self.user_amperes(), 16) as u16,
             INT_TEMPERATURE => tenths_k(self.celsius),
             TS1_TEMPERATURE..=TS3_TEMPERATURE => {
                 let (_, celsius) = self.thermistors[usize::from(command - TS1_TEMPERATURE) / 2];
@@ -181,7 +228,9 @@ impl Bq76952 {
     fn set_up(&self, address: u16) -> u8 {
         match address {
             TS1_CONFIG..=TS3_CONFIG => self.thermistors[usize::from(address - TS1_CONFIG)].0,
-            DA_CONFIGURATION => DA_CONFIGURATION_RESET,
+            DA_CONFIGURATION => self.da_configuration,
+            VCELL_MODE => self.vcell_mode as u8,
+            address if address == VCELL_MODE + 1 => (self.vcell_mode >> 8) as u8,
             _ => 0,
         }
     }
@@ -271,7 +320,44 @@ mod tests {
         ] {
             let mut device = Bq76952::new();
             device.set(cells, -0.007, 25.05);
-            assert_eq!(read_at(&mut device, command, 2, 0), bytes, "{command:#x}");
+            assert_eq!(
+                read_at(&mut device, command, 2, FIRST_SCAN),
+                bytes,
+                "{command:#x}"
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_is_measured_before_the_first_scan() {
+        let mut device = Bq76952::new();
+        device.set(&[3700; 4], 1.0, 25.0);
+        let words = |device: &mut Bq76952, now| [FIRST_CELL, STACK].map(|at| read_at(device, at, 2, now));
+        assert_eq!(words(&mut device, FIRST_SCAN - 1), [[0; 2]; 2]);
+        assert_eq!(words(&mut device, FIRST_SCAN), [[0x74, 0x0e], [0xc8, 0x05]]);
+        device.power_cycle();
+        assert_eq!(words(&mut device, 2 * FIRST_SCAN - 1), [[0; 2]; 2]);
+    }
+
+    #[test]
+    fn the_word_of_the_current_ends_before_the_count_which_ends_at_200_mv() {
+        let mut device = Bq76952::new();
+        let mut now = FIRST_SCAN;
+        device.advance(now);
+        for (amperes, pulses, word, counted_a) in [
+            (32.0, 1.0, -32_000, 32.0),
+            (100.0, 1.0, i16::MIN, 100.0),
+            (-100.0, 1.0, i16::MAX, -100.0),
+            // 200 A are shown of 300.
+            (300.0, 0.1, -20_000, 20.0),
+        ] {
+            device.set(&[3700; 4], amperes, 25.0);
+            device.set_pulses(pulses);
+            let before = device.state.charge;
+            now += CLK_SYS_HZ;
+            assert_eq!(read_at(&mut device, CC2_CURRENT, 2, now), word.to_le_bytes());
+            let into = (device.state.charge - before) as f64 / 2f64.powi(32) * 3.6;
+            assert!((into + counted_a).abs() < 0.01 * counted_a.abs(), "{into}");
         }
     }
 

@@ -1,10 +1,12 @@
-//! INA226: 16-bit power monitor with an external shunt (SBOS547).
+//! INA226: 16-bit power monitor with an external shunt (SBOS547B: registers in table 7-1, the configuration in 7.1.1).
 //!
 //! Left out: alerts, and the calibration. Current and power read zero, as they do without one.
 
 use super::super::super::clock::Cycle;
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina226, field_of, signed_code, unsigned_code};
+use super::{
+    Converter, Load, TEXAS_INSTRUMENTS, field_of, setup_of_ina226, shunt_range, signed_code, unsigned_code,
+};
 
 const CONFIGURATION: u8 = 0x00;
 const SHUNT_VOLTAGE: u8 = 0x01;
@@ -16,11 +18,15 @@ const CONFIGURATION_RESET: u16 = 0x4127;
 const RESET: u16 = 1 << 15;
 const SHUNT_LSB_V: f64 = 2.5e-6;
 const BUS_LSB_V: f64 = 1.25e-3;
+/// The ADC's range; the pin must not be above 36 V.
+const MOST_VOLTS: f64 = 40.96;
 
 pub struct Ina226 {
     shunt_ohm: f64,
-    load: Load,
+    converter: Converter,
     configuration: u16,
+    shunt: i64,
+    bus: i64,
 }
 
 impl Ina226 {
@@ -32,33 +38,44 @@ impl Ina226 {
     pub(super) fn unmapped(shunt_ohm: f64) -> Self {
         Self {
             shunt_ohm,
-            load: Load::default(),
+            converter: Converter::default(),
             configuration: CONFIGURATION_RESET,
+            shunt: 0,
+            bus: 0,
         }
     }
 
     /// It measures no temperature.
     pub fn set(&mut self, volts: f64, amperes: f64) {
-        self.load = Load {
-            volts,
-            amperes,
-            ..self.load
-        };
+        self.set_load(volts, amperes);
+    }
+
+    /// The current flows for this share of the time, in pulses that are much shorter than a conversion.
+    pub fn set_pulses(&mut self, share: f64) {
+        self.converter.set_pulses(share);
     }
 
     pub fn configuration(&self) -> u16 {
         self.configuration
     }
+
+    fn configure(&mut self, configuration: u16) {
+        self.configuration = configuration;
+        self.converter.restart(0);
+    }
+
+    fn reset(&mut self) {
+        self.configure(CONFIGURATION_RESET);
+        (self.shunt, self.bus) = (0, 0);
+    }
 }
 
 impl Registers for Ina226 {
     fn read(&self, pointer: u8) -> u64 {
-        let Load { volts, amperes, .. } = self.load;
         match pointer {
             CONFIGURATION => self.configuration.into(),
-            SHUNT_VOLTAGE => field_of(signed_code(amperes * self.shunt_ohm, SHUNT_LSB_V, 16), 16),
-            // Of its 16 bits the highest is always 0.
-            BUS_VOLTAGE => field_of(unsigned_code(volts, BUS_LSB_V, 15), 16),
+            SHUNT_VOLTAGE => field_of(self.shunt, 16),
+            BUS_VOLTAGE => field_of(self.bus, 16),
             MANUFACTURER_ID => TEXAS_INSTRUMENTS,
             DIE_ID => 0x2260,
             _ => 0,
@@ -68,27 +85,42 @@ impl Registers for Ina226 {
     fn write(&mut self, pointer: u8, value: u16) {
         match pointer {
             CONFIGURATION if value & RESET != 0 => self.reset(),
-            CONFIGURATION => self.configuration = value,
+            CONFIGURATION => self.configure(value),
             _ => {}
         }
     }
 
-    fn conversion(&self) -> Cycle {
-        conversion_of_ina226(self.configuration)
+    fn note_time(&mut self, now: Cycle) {
+        let amperes = shunt_range(SHUNT_LSB_V, 16, self.shunt_ohm);
+        let setup = setup_of_ina226(self.configuration, MOST_VOLTS, amperes);
+        for results in self.converter.advance(now, &setup) {
+            if setup.measures_current {
+                self.shunt = signed_code(results.amperes * self.shunt_ohm, SHUNT_LSB_V, 16);
+            }
+            if setup.measures_voltage {
+                // Of its 16 bits the highest is always 0.
+                self.bus = unsigned_code(results.volts, BUS_LSB_V, 15);
+            }
+        }
     }
 
-    fn set_result(&mut self, volts: f64, amperes: f64) {
-        self.set(volts, amperes);
+    fn set_load(&mut self, volts: f64, amperes: f64) {
+        self.converter.set_load(Load {
+            volts,
+            amperes,
+            ..Load::default()
+        });
     }
 
-    fn reset(&mut self) {
-        self.configuration = CONFIGURATION_RESET;
+    fn power_cycle(&mut self) {
+        self.reset();
+        self.converter.power_cycle();
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::register_map::driver::read;
+    use super::super::register_map::driver::{now, read, read_at, write};
     use super::*;
 
     #[test]
@@ -113,8 +145,48 @@ mod tests {
         device.set(11.98, -10.0);
         assert_eq!(read(&mut device, SHUNT_VOLTAGE, 2), 0x1_0000 - 0x1f40);
         // 81.92 mV and 40.96 V at the most.
-        device.set(50.0, 100.0);
-        let values = [SHUNT_VOLTAGE, BUS_VOLTAGE].map(|pointer| read(&mut device, pointer, 2));
-        assert_eq!(values, [0x7fff; 2]);
+        for (amperes, shunt) in [(100.0, 0x7fff), (-100.0, 0x8000)] {
+            device.set(50.0, amperes);
+            let values = [SHUNT_VOLTAGE, BUS_VOLTAGE].map(|pointer| read(&mut device, pointer, 2));
+            assert_eq!(values, [shunt, 0x7fff]);
+        }
+    }
+
+    #[test]
+    fn pulses_above_the_range_read_too_low() {
+        let mut device = Ina226::new(0.002);
+        device.set(12.0, 80.0);
+        device.set_pulses(0.25);
+        // 20 A, of which 40.96 A for a quarter of the time are shown.
+        assert_eq!(read(&mut device, SHUNT_VOLTAGE, 2), 0x2000);
+    }
+
+    #[test]
+    fn a_new_configuration_begins_a_conversion_and_keeps_the_result_before() {
+        let mut device = Ina226::new(0.002);
+        device.set(12.0, 1.0);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 9600);
+        device.set(10.0, 1.0);
+        write(&mut device, CONFIGURATION, 0x44df);
+        device.set(11.0, 1.0);
+        // The load before was converted until it was written.
+        let [before, after] = [18_815, 18_816].map(super::super::cycles);
+        let at = now();
+        assert_eq!(read_at(&mut device, BUS_VOLTAGE, 2, at + before), 8000);
+        assert_eq!(read_at(&mut device, BUS_VOLTAGE, 2, at + after), 8800);
+    }
+
+    #[test]
+    fn shut_down_it_keeps_its_results_and_triggered_it_converts_once() {
+        let mut device = Ina226::new(0.002);
+        device.set(12.0, 1.0);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 9600);
+        write(&mut device, CONFIGURATION, 0x4120);
+        device.set(11.0, 1.0);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 9600);
+        write(&mut device, CONFIGURATION, 0x4123);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 8800);
+        device.set(10.0, 1.0);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 8800);
     }
 }

@@ -1,4 +1,4 @@
-//! INA231: an INA226 without identification (SBOS644).
+//! INA231: an INA226 without identification, whose pin must not be above 28 V (SBOS644D table 8-3, 6.3).
 
 use std::ops::{Deref, DerefMut};
 
@@ -57,16 +57,16 @@ impl Registers for Ina231 {
         self.registers.write(pointer, value);
     }
 
-    fn conversion(&self) -> Cycle {
-        self.registers.conversion()
+    fn note_time(&mut self, now: Cycle) {
+        self.registers.note_time(now);
     }
 
-    fn set_result(&mut self, volts: f64, amperes: f64) {
-        self.registers.set_result(volts, amperes);
+    fn set_load(&mut self, volts: f64, amperes: f64) {
+        self.registers.set_load(volts, amperes);
     }
 
-    fn reset(&mut self) {
-        self.registers.reset();
+    fn power_cycle(&mut self) {
+        self.registers.power_cycle();
     }
 }
 

@@ -1,8 +1,8 @@
-//! INA260: power monitor with a shunt of its own (SBOS656). Left out: power and alerts.
+//! INA260: power monitor with a shunt of its own (SBOS656C 8.6). Left out: power and alerts.
 
 use super::super::super::clock::Cycle;
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina226, field_of, signed_code, unsigned_code};
+use super::{Converter, Load, TEXAS_INSTRUMENTS, field_of, setup_of_ina226, signed_code, unsigned_code};
 
 const CONFIGURATION: u8 = 0x00;
 const CURRENT: u8 = 0x01;
@@ -14,37 +14,49 @@ const CONFIGURATION_RESET: u16 = 0x6127;
 const RESET: u16 = 1 << 15;
 const CURRENT_LSB_A: f64 = 1.25e-3;
 const BUS_LSB_V: f64 = 1.25e-3;
+/// The ADC's ranges; the shunt stands 15 A, the pin 36 V.
+const MOST_VOLTS: f64 = 40.96;
+const AMPERES: [f64; 2] = [-40.96, 40.96];
 
 pub struct Ina260 {
-    load: Load,
+    converter: Converter,
     configuration: u16,
+    current: i64,
+    bus: i64,
 }
 
 impl Ina260 {
     pub fn new() -> RegisterMap<Self> {
         RegisterMap::of(Self {
-            load: Load::default(),
+            converter: Converter::default(),
             configuration: CONFIGURATION_RESET,
+            current: 0,
+            bus: 0,
         })
     }
 
     /// It measures no temperature.
     pub fn set(&mut self, volts: f64, amperes: f64) {
-        self.load = Load {
-            volts,
-            amperes,
-            ..self.load
-        };
+        self.set_load(volts, amperes);
+    }
+
+    fn configure(&mut self, configuration: u16) {
+        self.configuration = configuration;
+        self.converter.restart(0);
+    }
+
+    fn reset(&mut self) {
+        self.configure(CONFIGURATION_RESET);
+        (self.current, self.bus) = (0, 0);
     }
 }
 
 impl Registers for Ina260 {
     fn read(&self, pointer: u8) -> u64 {
-        let Load { volts, amperes, .. } = self.load;
         match pointer {
             CONFIGURATION => self.configuration.into(),
-            CURRENT => field_of(signed_code(amperes, CURRENT_LSB_A, 16), 16),
-            BUS_VOLTAGE => field_of(unsigned_code(volts, BUS_LSB_V, 15), 16),
+            CURRENT => field_of(self.current, 16),
+            BUS_VOLTAGE => field_of(self.bus, 16),
             MANUFACTURER_ID => TEXAS_INSTRUMENTS,
             DIE_ID => 0x2270,
             _ => 0,
@@ -54,21 +66,34 @@ impl Registers for Ina260 {
     fn write(&mut self, pointer: u8, value: u16) {
         match pointer {
             CONFIGURATION if value & RESET != 0 => self.reset(),
-            CONFIGURATION => self.configuration = value,
+            CONFIGURATION => self.configure(value),
             _ => {}
         }
     }
 
-    fn conversion(&self) -> Cycle {
-        conversion_of_ina226(self.configuration)
+    fn note_time(&mut self, now: Cycle) {
+        let setup = setup_of_ina226(self.configuration, MOST_VOLTS, AMPERES);
+        for results in self.converter.advance(now, &setup) {
+            if setup.measures_current {
+                self.current = signed_code(results.amperes, CURRENT_LSB_A, 16);
+            }
+            if setup.measures_voltage {
+                self.bus = unsigned_code(results.volts, BUS_LSB_V, 15);
+            }
+        }
     }
 
-    fn set_result(&mut self, volts: f64, amperes: f64) {
-        self.set(volts, amperes);
+    fn set_load(&mut self, volts: f64, amperes: f64) {
+        self.converter.set_load(Load {
+            volts,
+            amperes,
+            ..Load::default()
+        });
     }
 
-    fn reset(&mut self) {
-        self.configuration = CONFIGURATION_RESET;
+    fn power_cycle(&mut self) {
+        self.reset();
+        self.converter.power_cycle();
     }
 }
 
@@ -90,6 +115,16 @@ mod tests {
             (DIE_ID, 0x2270),
         ] {
             assert_eq!(read(&mut device, pointer, 2), value, "{pointer:#x}");
+        }
+    }
+    #[test]
+    fn the_ends_of_its_codes_are_held() {
+        let mut device = Ina260::new();
+        // 40.96 A and 40.96 V, more than it stands.
+        for (amperes, current) in [(41.0, 0x7fff), (-41.0, 0x8000)] {
+            device.set(41.0, amperes);
+            let values = [CURRENT, BUS_VOLTAGE].map(|pointer| read(&mut device, pointer, 2));
+            assert_eq!(values, [current, 0x7fff]);
         }
     }
 }

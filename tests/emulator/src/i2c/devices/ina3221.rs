@@ -1,8 +1,8 @@
-//! INA3221: shunt and bus voltage of three channels (SBOS576). Left out: alerts.
+//! INA3221: shunt and bus voltage of three channels (SBOS576C 7.6.2). Left out: alerts.
 
 use super::super::super::clock::Cycle;
 use super::register_map::{RegisterMap, Registers};
-use super::{Load, TEXAS_INSTRUMENTS, conversion_of_ina226, field_of, signed_code};
+use super::{Converter, Load, TEXAS_INSTRUMENTS, field_of, setup_of_ina226, shunt_range, signed_code};
 
 pub const CHANNELS: usize = 3;
 
@@ -18,16 +18,23 @@ const RESET: u16 = 1 << 15;
 const FIRST_CHANNEL_ENABLE: usize = 14;
 const SHUNT_LSB_V: f64 = 40e-6;
 const BUS_LSB_V: f64 = 8e-3;
+/// The ADC's range; the pin must not be above 26 V.
+const MOST_VOLTS: f64 = 32.76;
 /// Both are 13 bits with their sign, from bit 3 on.
 const CODE_BITS: u32 = 13;
 const CODE_SHIFT: u32 = 3;
 
 pub struct Ina3221 {
     shunt_ohm: f64,
-    loads: [Load; CHANNELS],
-    /// What was measured when the channel was enabled last.
-    measured: [Load; CHANNELS],
+    channels: [Channel; CHANNELS],
     configuration: u16,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Channel {
+    converter: Converter,
+    shunt: i64,
+    bus: i64,
 }
 
 impl Ina3221 {
@@ -35,43 +42,41 @@ impl Ina3221 {
     pub fn new(shunt_ohm: f64) -> RegisterMap<Self> {
         RegisterMap::of(Self {
             shunt_ohm,
-            loads: [Load::default(); CHANNELS],
-            measured: [Load::default(); CHANNELS],
+            channels: [Channel::default(); CHANNELS],
             configuration: CONFIGURATION_RESET,
         })
     }
 
     /// Channels count from 1, as in the datasheet.
     pub fn set(&mut self, channel: usize, volts: f64, amperes: f64) {
-        self.loads[channel - 1] = Load {
+        self.channels[channel - 1].converter.set_load(Load {
             volts,
             amperes,
             ..Load::default()
-        };
-        self.measure();
+        });
     }
 
-    fn measure(&mut self) {
-        for (index, load) in self.loads.iter().enumerate() {
-            if self.configuration >> (FIRST_CHANNEL_ENABLE - index) & 1 != 0 {
-                self.measured[index] = *load;
-            }
-        }
+    /// The current of a channel flows for this share of the time, in pulses that are much shorter than a conversion.
+    pub fn set_pulses(&mut self, channel: usize, share: f64) {
+        self.channels[channel - 1].converter.set_pulses(share);
+    }
+
+    fn is_enabled(&self, index: usize) -> bool {
+        self.configuration >> (FIRST_CHANNEL_ENABLE - index) & 1 != 0
     }
 
     fn configure(&mut self, value: u16) {
         self.configuration = value;
-        self.measure();
+        for channel in &mut self.channels {
+            channel.converter.restart(0);
+        }
     }
 
-    fn voltage(&self, pointer: u8) -> u64 {
-        let index = usize::from(pointer - FIRST_SHUNT);
-        let Load { volts, amperes, .. } = self.measured[index / 2];
-        let code = match index % 2 {
-            0 => signed_code(amperes * self.shunt_ohm, SHUNT_LSB_V, CODE_BITS),
-            _ => signed_code(volts.max(0.0), BUS_LSB_V, CODE_BITS),
-        };
-        field_of(code << CODE_SHIFT, 16)
+    fn reset(&mut self) {
+        self.configure(CONFIGURATION_RESET);
+        for channel in &mut self.channels {
+            (channel.shunt, channel.bus) = (0, 0);
+        }
     }
 }
 
@@ -79,7 +84,11 @@ impl Registers for Ina3221 {
     fn read(&self, pointer: u8) -> u64 {
         match pointer {
             CONFIGURATION => self.configuration.into(),
-            FIRST_SHUNT..=LAST_BUS => self.voltage(pointer),
+            FIRST_SHUNT..=LAST_BUS => {
+                let index = usize::from(pointer - FIRST_SHUNT);
+                let Channel { shunt, bus, .. } = self.channels[index / 2];
+                field_of([shunt, bus][index % 2] << CODE_SHIFT, 16)
+            }
             MANUFACTURER_ID => TEXAS_INSTRUMENTS,
             DIE_ID => 0x3220,
             _ => 0,
@@ -95,18 +104,35 @@ impl Registers for Ina3221 {
     }
 
     /// The enabled channels take turns.
-    fn conversion(&self) -> Cycle {
-        let channels = ((self.configuration >> (FIRST_CHANNEL_ENABLE - 2)) & 0b111).count_ones();
-        conversion_of_ina226(self.configuration) * u64::from(channels)
+    fn note_time(&mut self, now: Cycle) {
+        let amperes = shunt_range(SHUNT_LSB_V, CODE_BITS, self.shunt_ohm);
+        let mut setup = setup_of_ina226(self.configuration, MOST_VOLTS, amperes);
+        let of_one = setup.result;
+        let enabled: [bool; CHANNELS] = std::array::from_fn(|index| self.is_enabled(index));
+        let of_all = of_one * enabled.iter().filter(|is_enabled| **is_enabled).count() as Cycle;
+        for (channel, is_enabled) in self.channels.iter_mut().zip(enabled) {
+            setup.result = if is_enabled { of_all } else { 0 };
+            for results in channel.converter.advance(now, &setup) {
+                if setup.measures_current {
+                    channel.shunt = signed_code(results.amperes * self.shunt_ohm, SHUNT_LSB_V, CODE_BITS);
+                }
+                if setup.measures_voltage {
+                    channel.bus = signed_code(results.volts, BUS_LSB_V, CODE_BITS);
+                }
+            }
+        }
     }
 
     /// Channel 1 is the one at the pack.
-    fn set_result(&mut self, volts: f64, amperes: f64) {
+    fn set_load(&mut self, volts: f64, amperes: f64) {
         self.set(1, volts, amperes);
     }
 
-    fn reset(&mut self) {
-        self.configure(CONFIGURATION_RESET);
+    fn power_cycle(&mut self) {
+        self.reset();
+        for channel in &mut self.channels {
+            channel.converter.power_cycle();
+        }
     }
 }
 
@@ -140,6 +166,7 @@ mod tests {
     fn a_channel_that_is_off_keeps_what_it_measured_last() {
         let mut device = Ina3221::new(0.001);
         device.set(2, 8.0, 0.0);
+        assert_eq!(read(&mut device, 0x04, 2), 1000 << 3);
         write(&mut device, CONFIGURATION, 0x5127);
         device.set(2, 9.6, 0.0);
         assert_eq!(read(&mut device, 0x04, 2), 1000 << 3);

@@ -1,13 +1,15 @@
-//! LTC2946: 12-bit power monitor with charge and energy accumulators (datasheet table 2).
+//! LTC2946: 12-bit power monitor with charge and energy accumulators (2946fa: registers in table 2, CTRLA and CTRLB in 3 and 4).
 //!
-//! Left out: power, the accumulator of time, extremes, thresholds and alerts, ADIN and GPIO pins, the external clock, the
-//! order in which the converter takes its inputs, snapshots, "auto-reset" of the accumulators. What is not measured reads
-//! back what was written. A current in the other direction reads as zero.
+//! After a reset nothing is in its results before it has taken offset, voltage and current, and what was under way (the data sheet
+//! has "XXh" there). Left out: power, the accumulator of time, extremes, thresholds and alerts, ADIN and GPIO pins, the external
+//! clock, the order in which the converter takes its inputs later, snapshots, "auto-reset" of the accumulators. What is not
+//! measured reads back what was written. A current in the other direction reads as zero.
 
 use super::super::super::circuit::{Circuit, Meter};
 use super::super::super::clock::{CLK_SYS_HZ, Cycle};
 use super::super::device::{Ack, I2cDevice, I2cDirection};
-use super::unsigned_code;
+use super::converter::{Converter, Setup};
+use super::{Load, unsigned_code};
 
 const CTRLA: u8 = 0x00;
 const CTRLB: u8 = 0x01;
@@ -25,12 +27,17 @@ const SPECIAL_ID: u8 = 0x60;
 const FULL_SCALE: f64 = 4095.0;
 const DELTA_SENSE_LSB_V: f64 = 0.1024 / FULL_SCALE;
 const VIN_LSB_V: f64 = 102.4 / FULL_SCALE;
+/// The ADC's ranges; the pins must not be above 100 V.
+const MOST_VOLTS: f64 = 102.4;
+const MOST_SENSE_V: f64 = 0.1024;
 const RESULT_BITS: u32 = 12;
 /// A result is in the upper bits of its two bytes.
 const LEFT_ALIGNED: u32 = 4;
 
 /// The accumulators take the last result 250 kHz / 4101 times a second.
-const TICK: f64 = CLK_SYS_HZ as f64 * 4101.0 / 250_000.0;
+const TICK: Cycle = CLK_SYS_HZ * 4101 / 250_000;
+/// Of the first results after a reset, before the last one begins.
+const FIRST_RESULTS: Cycle = 3 * TICK;
 /// The number of bits of a sum that are below the 32 that can be read.
 const CHARGE_FRACTION: u32 = 4;
 const ENERGY_FRACTION: u32 = 16;
@@ -45,6 +52,9 @@ const RESET_ALL: u8 = 0b11;
 #[derive(Clone, Copy)]
 struct State {
     registers: [u8; 256],
+    /// The results.
+    sense: u32,
+    voltage: u32,
     /// Sums that start again from 0 when the bits that can be read are full.
     charge: u64,
     energy: u64,
@@ -56,6 +66,8 @@ impl State {
         registers[usize::from(CTRLA)] = CTRLA_RESET;
         Self {
             registers,
+            sense: 0,
+            voltage: 0,
             charge: 0,
             energy: 0,
         }
@@ -64,11 +76,8 @@ impl State {
 
 pub struct Ltc2946 {
     shunt_ohm: f64,
-    volts: f64,
-    amperes: f64,
+    converter: Converter,
     state: State,
-    /// Ticks counted since the emulation began; `None`: from the moment it is addressed next.
-    ticked: Option<u64>,
     pointer: Option<u8>,
     /// `None`: it measures what a test sets.
     meter: Option<Meter>,
@@ -76,18 +85,18 @@ pub struct Ltc2946 {
 
 impl Ltc2946 {
     pub fn new(shunt_ohm: f64) -> Self {
-        Self {
+        let mut device = Self {
             shunt_ohm,
-            volts: 0.0,
-            amperes: 0.0,
+            converter: Converter::default(),
             state: State::after_reset(),
-            ticked: Some(0),
             pointer: None,
             meter: None,
-        }
+        };
+        device.reset();
+        device
     }
 
-    /// Connected to the pack of the board's circuit: it gives the means of its conversions.
+    /// Connected to the pack of the board's circuit.
     pub fn measuring_circuit(self) -> Self {
         Self {
             meter: Some(Meter::default()),
@@ -95,30 +104,30 @@ impl Ltc2946 {
         }
     }
 
-    /// The accumulators take this load from the moment it was addressed last. SENSE+ and VDD are
-    /// connected to each other.
+    /// From the moment on at which it was addressed last. SENSE+ and VDD are connected to each other.
     pub fn set(&mut self, volts: f64, amperes: f64) {
-        (self.volts, self.amperes) = (volts, amperes);
+        self.converter.set_load(Load {
+            volts,
+            amperes,
+            ..Load::default()
+        });
     }
 
-    /// The supply of the device is gone and back. What it is connected to stays.
+    /// The current flows for this share of the time, in pulses that are much shorter than a conversion.
+    pub fn set_pulses(&mut self, share: f64) {
+        self.converter.set_pulses(share);
+    }
+
+    /// The supply of the device is gone, and back when it is addressed next. What it is connected to stays.
     pub fn power_cycle(&mut self) {
-        self.state = State::after_reset();
-        self.ticked = None;
+        self.reset();
+        self.converter.power_cycle();
         self.pointer = None;
     }
 
-    fn delta_sense_code(&self) -> u32 {
-        unsigned_code(self.amperes * self.shunt_ohm, DELTA_SENSE_LSB_V, RESULT_BITS) as u32
-    }
-
-    /// The voltage that CTRLA has selected: the current input, VDD, ADIN, to which nothing is connected, or SENSE+.
-    fn voltage_code(&self) -> u32 {
-        match self.register(CTRLA) >> 3 & 3 {
-            0 => self.delta_sense_code(),
-            2 => 0,
-            _ => unsigned_code(self.volts, VIN_LSB_V, RESULT_BITS) as u32,
-        }
+    fn reset(&mut self) {
+        self.state = State::after_reset();
+        self.converter.restart(FIRST_RESULTS);
     }
 
     fn register(&self, address: u8) -> u8 {
@@ -126,27 +135,46 @@ impl Ltc2946 {
     }
 
     fn is_accumulating(&self) -> bool {
-        let stopped = ACCUMULATE | SHUT_DOWN;
         let ctrlb = self.register(CTRLB);
-        ctrlb & stopped == 0 && ctrlb & RESET_MASK != RESET_ACCUMULATORS
+        ctrlb & ACCUMULATE == 0 && ctrlb & RESET_MASK != RESET_ACCUMULATORS
     }
 
-    fn count_ticks(&mut self, now: Cycle) {
-        let ticks = (now as f64 / TICK) as u64;
-        let elapsed = ticks - self.ticked.replace(ticks).unwrap_or(ticks);
-        if self.is_accumulating() {
-            let charge = u64::from(self.delta_sense_code());
-            let energy = charge * u64::from(self.voltage_code());
-            self.state.charge += elapsed * charge;
-            self.state.energy += elapsed * energy;
+    fn setup(&self) -> Setup {
+        let is_on = self.register(CTRLB) & SHUT_DOWN == 0;
+        Setup {
+            result: if is_on { TICK } else { 0 },
+            measures_voltage: true,
+            measures_current: true,
+            is_continuous: true,
+            most_volts: MOST_VOLTS,
+            amperes: [0.0, MOST_SENSE_V / self.shunt_ohm],
+        }
+    }
+
+    fn advance(&mut self, now: Cycle) {
+        for results in self.converter.advance(now, &self.setup()) {
+            let sense =
+                unsigned_code(results.amperes * self.shunt_ohm, DELTA_SENSE_LSB_V, RESULT_BITS) as u32;
+            self.state.sense = sense;
+            // The voltage that CTRLA has selected: the current input, VDD, ADIN, to which nothing is connected, or SENSE+.
+            self.state.voltage = match self.register(CTRLA) >> 3 & 3 {
+                0 => sense,
+                2 => 0,
+                _ => unsigned_code(results.volts, VIN_LSB_V, RESULT_BITS) as u32,
+            };
+            if self.is_accumulating() {
+                let charge = results.count * u64::from(sense);
+                self.state.charge += charge;
+                self.state.energy += charge * u64::from(self.state.voltage);
+            }
         }
     }
 
     fn byte_at(&self, address: u8) -> u8 {
         let aligned = |code: u32| code << LEFT_ALIGNED;
         let (first, value, size) = match address {
-            DELTA_SENSE..0x16 => (DELTA_SENSE, aligned(self.delta_sense_code()), 2),
-            VIN..0x20 => (VIN, aligned(self.voltage_code()), 2),
+            DELTA_SENSE..0x16 => (DELTA_SENSE, aligned(self.state.sense), 2),
+            VIN..0x20 => (VIN, aligned(self.state.voltage), 2),
             CHARGE..ENERGY => (CHARGE, (self.state.charge >> CHARGE_FRACTION) as u32, 4),
             ENERGY..ENERGY_END => (ENERGY, (self.state.energy >> ENERGY_FRACTION) as u32, 4),
             MFR_SPECIAL_ID => return SPECIAL_ID,
@@ -157,7 +185,7 @@ impl Ltc2946 {
 
     fn store(&mut self, address: u8, byte: u8) {
         match address {
-            CTRLB if byte & RESET_MASK == RESET_ALL => self.state = State::after_reset(),
+            CTRLB if byte & RESET_MASK == RESET_ALL => self.reset(),
             CTRLB if byte & RESET_MASK == RESET_ACCUMULATORS => {
                 (self.state.charge, self.state.energy) = (0, 0);
                 self.state.registers[usize::from(CTRLB)] = byte;
@@ -170,15 +198,15 @@ impl Ltc2946 {
 impl I2cDevice for Ltc2946 {
     fn sense(&mut self, circuit: &Circuit) {
         let totals = circuit.totals();
-        let meter = self.meter.as_mut();
-        if let Some(means) = meter.and_then(|meter| meter.finish_conversion(totals, TICK as Cycle)) {
-            self.count_ticks(totals.at);
-            self.set(means.volts, means.amperes);
+        let means = self.meter.as_mut().and_then(|meter| meter.means(totals));
+        if let Some(means) = means {
+            self.set(means.volts, means.shown_amperes);
+            self.advance(totals.at);
         }
     }
 
     fn start(&mut self, direction: I2cDirection, now: Cycle) -> Ack {
-        self.count_ticks(now);
+        self.advance(now);
         if direction == I2cDirection::Write {
             self.pointer = None;
         }
@@ -206,8 +234,7 @@ impl I2cDevice for Ltc2946 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::super::clock::cycles;
-    use super::super::register_map::driver::{read, read_at};
+    use super::super::register_map::driver::{now, read, read_at};
     use super::*;
 
     const SECOND: Cycle = CLK_SYS_HZ;
@@ -226,9 +253,9 @@ mod tests {
         device
     }
 
-    /// The time at which this many ticks of 16.404 ms are over.
-    fn after_ticks(ticks: u64) -> Cycle {
-        ticks * cycles(16_404)
+    /// The time at which this many ticks have been counted since the first results after a reset at `reset`.
+    fn after(reset: Cycle, ticks: u64) -> Cycle {
+        reset + (3 + ticks) * TICK
     }
 
     #[test]
@@ -251,20 +278,48 @@ mod tests {
         let mut device = example();
         assert_eq!(read(&mut device, CTRLA, 1), 0x18);
         for (ctrla, voltage) in [(0x00, 800), (0x08, 2000), (0x10, 0), (0x18, 2000)] {
-            write(&mut device, CTRLA, ctrla, 0);
+            write(&mut device, CTRLA, ctrla, now());
             assert_eq!(read(&mut device, VIN, 2), voltage << 4, "{ctrla:#x}");
         }
     }
 
     #[test]
+    fn nothing_is_in_its_results_before_four_conversions_after_a_reset() {
+        let mut device = example();
+        let results =
+            |device: &mut Ltc2946, now| [VIN, DELTA_SENSE].map(|at| read_at(device, at, 2, now) >> 4);
+        let resets: [fn(&mut Ltc2946, Cycle); 3] = [
+            |_, _| (),
+            |device, _| device.power_cycle(),
+            |device, now| write(device, CTRLB, RESET_ALL, now),
+        ];
+        for (reset_device, seconds) in resets.into_iter().zip(0..) {
+            let reset = seconds * SECOND;
+            reset_device(&mut device, reset);
+            read_at(&mut device, CTRLA, 1, reset);
+            assert_eq!(results(&mut device, reset + 4 * TICK - 1), [0, 0]);
+            assert_eq!(results(&mut device, reset + 4 * TICK), [2000, 800]);
+        }
+    }
+
+    #[test]
+    fn pulses_above_102_4_mv_are_cut_off() {
+        let mut device = example();
+        device.set(12.0, 400.0);
+        device.set_pulses(0.25);
+        // 204.8 of 400 A.
+        assert_eq!(read(&mut device, DELTA_SENSE, 2), 1024 << 4);
+    }
+
+    #[test]
     fn the_accumulators_add_up_a_result_at_every_tick() {
         let mut device = example();
-        let now = after_ticks(1000);
+        let now = after(0, 1000);
         assert_eq!(read_at(&mut device, CHARGE, 4, now - 1), 800 * 999 / 16);
         assert_eq!(read_at(&mut device, CHARGE, 4, now), 800 * 1000 / 16);
         assert_eq!(read_at(&mut device, ENERGY, 4, now), 1_600_000 * 1000 / 65_536);
         // Steps of 13.1264 mC and 1.344471 J.
-        let hour = after_ticks(1000) + 3600 * SECOND;
+        let hour = now + 3600 * SECOND;
         let both = read_at(&mut device, CHARGE, 8, hour);
         let coulombs = (both >> 32) as f64 * 13.1264e-3;
         assert!((coulombs - 40.0 * 3616.404).abs() < 50.0, "{coulombs}");
@@ -275,17 +330,17 @@ mod tests {
     #[test]
     fn ctrlb_stops_and_resets_them() {
         let mut device = example();
-        write(&mut device, CTRLB, 0b01 << 2, after_ticks(1000));
-        assert_eq!(read_at(&mut device, CHARGE, 4, after_ticks(2000)), 50_000);
-        write(&mut device, CTRLB, RESET_ACCUMULATORS, after_ticks(2000));
-        let held = read_at(&mut device, CHARGE, 4, after_ticks(3000));
+        write(&mut device, CTRLB, 0b01 << 2, after(0, 1000));
+        assert_eq!(read_at(&mut device, CHARGE, 4, after(0, 2000)), 50_000);
+        write(&mut device, CTRLB, RESET_ACCUMULATORS, after(0, 2000));
+        let held = read_at(&mut device, CHARGE, 4, after(0, 3000));
         assert_eq!(held, 0, "held at zero");
-        write(&mut device, CTRLB, 0, after_ticks(3000));
-        assert_eq!(read_at(&mut device, CHARGE, 4, after_ticks(3016)), 800);
-        write(&mut device, CTRLA, 0, after_ticks(3016));
-        write(&mut device, CTRLB, RESET_ALL, after_ticks(3016));
-        assert_eq!(read_at(&mut device, CTRLA, 2, after_ticks(3016)), 0x1800);
-        assert_eq!(read_at(&mut device, CHARGE, 4, after_ticks(3016)), 0);
+        write(&mut device, CTRLB, 0, after(0, 3000));
+        assert_eq!(read_at(&mut device, CHARGE, 4, after(0, 3016)), 800);
+        write(&mut device, CTRLA, 0, after(0, 3016));
+        write(&mut device, CTRLB, RESET_ALL, after(0, 3016));
+        assert_eq!(read_at(&mut device, CTRLA, 2, after(0, 3016)), 0x1800);
+        assert_eq!(read_at(&mut device, CHARGE, 4, after(0, 3016)), 0);
     }
 
     #[test]
@@ -294,19 +349,20 @@ mod tests {
         device.set(102.4, 204.8);
         // 2^36 / 4095 ticks are 3.2 days.
         let full = (1 << 36) / 4095;
-        assert_eq!(read_at(&mut device, CHARGE, 4, after_ticks(full)) >> 16, 0xffff);
-        assert!(read_at(&mut device, CHARGE, 4, after_ticks(full + 17)) < 5000);
+        assert_eq!(read_at(&mut device, CHARGE, 4, after(0, full)) >> 16, 0xffff);
+        assert!(read_at(&mut device, CHARGE, 4, after(0, full + 17)) < 5000);
     }
 
     #[test]
-    fn a_power_cycle_forgets_what_it_has_counted() {
+    fn a_power_cycle_sets_everything_to_its_reset_value_and_measuring_goes_on() {
         let mut device = example();
-        write(&mut device, CTRLA, 0x10, after_ticks(1000));
+        write(&mut device, CTRLA, 0x10, after(0, 1000));
         device.power_cycle();
-        assert_eq!(read_at(&mut device, CHARGE, 4, after_ticks(2000)), 0);
-        assert_eq!(read_at(&mut device, CTRLA, 1, after_ticks(2000)), 0x18);
-        let since = read_at(&mut device, CHARGE, 4, after_ticks(2016));
+        let reset = after(0, 2000);
+        assert_eq!(read_at(&mut device, CHARGE, 4, reset), 0);
+        assert_eq!(read_at(&mut device, CTRLA, 1, reset), 0x18);
+        let since = read_at(&mut device, CHARGE, 4, after(reset, 16));
         assert_eq!(since, 800, "from then on");
-        assert_eq!(read_at(&mut device, DELTA_SENSE, 2, after_ticks(2016)), 800 << 4);
+        assert_eq!(read_at(&mut device, DELTA_SENSE, 2, after(reset, 16)), 800 << 4);
     }
 }

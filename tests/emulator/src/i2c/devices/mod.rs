@@ -1,14 +1,17 @@
 //! Devices to put on a bus: power monitors, a converter and a smart battery.
 //!
-//! Each is what its datasheet says of the registers a driver uses. They measure at once what a test
-//! sets: conversion times, averaging, shut-down modes and alert pins are left out. A test that wants
-//! to go on setting values attaches an `Rc<RefCell<_>>`. Those with a [`RegisterMap`] can measure the
-//! pack of the board's circuit instead, with their averaging; the converter samples it.
+//! Each is what its datasheet says of the registers a driver uses. Power monitors measure what a test sets as they are
+//! configured: in their modes, with their averaging, and within their ranges; alert pins are left out. A test that wants to go on
+//! setting values attaches an `Rc<RefCell<_>>`. Those with a [`RegisterMap`] can measure the pack of the board's circuit instead;
+//! the AD7091R-5 samples it.
 
 use super::super::clock::{Cycle, cycles};
+use converter::{Converter, Setup};
 
 mod ad7091r5;
+mod bebop;
 mod bq76952;
+mod converter;
 mod garbled;
 mod ina226;
 mod ina228;
@@ -21,6 +24,7 @@ mod register_map;
 mod smart_battery;
 
 pub use ad7091r5::Ad7091r5;
+pub use bebop::Bebop;
 pub use bq76952::Bq76952;
 pub use garbled::{Garbled, Reads};
 pub use ina226::Ina226;
@@ -46,31 +50,83 @@ pub struct Load {
     pub celsius: f64,
 }
 
-/// The time in which a monitor of Texas Instruments measures voltage and current: `samples` and the times of both, as they are
-/// encoded in its configuration.
-fn conversion_of(samples: u16, times: [u16; 2], times_us: [u64; 8]) -> Cycle {
+/// The time of a number of samples of this length, as a monitor's configuration has them.
+fn samples(count: u16, sample_us: u64) -> Cycle {
     const SAMPLES: [u64; 8] = [1, 4, 16, 64, 128, 256, 512, 1024];
-    let of_both = times.map(|code| times_us[usize::from(code & 7)]);
-    cycles(SAMPLES[usize::from(samples & 7)] * of_both.iter().sum::<u64>())
+    cycles(SAMPLES[usize::from(count & 7)] * sample_us)
 }
 
-/// Of the INA226, INA231, INA260 and INA3221, whose configurations have them at the same place.
-fn conversion_of_ina226(configuration: u16) -> Cycle {
+/// The set-up by the configuration of an INA226, INA231, INA260 (SBOS547B 7.1.1, SBOS656C table 5 to 8) or INA3221 (SBOS576C
+/// 7.6.2.1), which have the same bits: MODE 0 and 4 are shut down.
+fn setup_of_ina226(configuration: u16, most_volts: f64, amperes: [f64; 2]) -> Setup {
     const TIMES_US: [u64; 8] = [140, 204, 332, 588, 1100, 2116, 4156, 8244];
-    let times = [configuration >> 6, configuration >> 3];
-    conversion_of(configuration >> 9, times, TIMES_US)
+    let has = |bit: u32| configuration >> bit & 1 != 0;
+    let (measures_current, measures_voltage) = (has(0), has(1));
+    let time_us = |at: u32, is_on: bool| match is_on {
+        true => TIMES_US[usize::from(configuration >> at & 7)],
+        false => 0,
+    };
+    Setup {
+        result: samples(
+            configuration >> 9,
+            time_us(6, measures_voltage) + time_us(3, measures_current),
+        ),
+        measures_voltage,
+        measures_current,
+        is_continuous: has(2),
+        most_volts,
+        amperes,
+    }
 }
 
-/// Of the INA228 and INA238.
-fn conversion_of_ina228(adc_config: u16) -> Cycle {
+/// The set-up by ADC_CONFIG of an INA228 (SLYS021A table 7-6), INA238 or INA239, which have the same bits.
+fn setup_of_ina228(adc_config: u16, most_volts: f64, amperes: [f64; 2]) -> Setup {
     const TIMES_US: [u64; 8] = [50, 84, 150, 280, 540, 1052, 2074, 4120];
-    conversion_of(adc_config, [adc_config >> 9, adc_config >> 6], TIMES_US)
+    let has = |bit: u32| adc_config >> bit & 1 != 0;
+    let (measures_voltage, measures_current, measures_temperature) = (has(12), has(13), has(14));
+    let times = [
+        (9, measures_voltage),
+        (6, measures_current),
+        (3, measures_temperature),
+    ];
+    let times_us = times.map(|(at, is_on)| match is_on {
+        true => TIMES_US[usize::from(adc_config >> at & 7)],
+        false => 0,
+    });
+    Setup {
+        result: samples(adc_config, times_us.iter().sum()),
+        measures_voltage,
+        measures_current,
+        is_continuous: has(15),
+        most_volts,
+        amperes,
+    }
 }
 
-/// CONFIG of the INA228 and INA238: a reset, and the narrow range of the shunt's voltage, in a quarter of the steps.
+/// CONFIG of the INA228 and INA238: RST, RSTACC, which clear themselves, and ADCRANGE, the narrow range of the shunt's voltage in a
+/// quarter of the steps (SLYS021A table 7-5).
 const CONFIG: u8 = 0x00;
 const CONFIG_RESET: u16 = 1 << 15;
+const RESET_ACCUMULATORS: u16 = 1 << 14;
 const NARROW_RANGE: u16 = 1 << 4;
+
+/// SHUNT_CAL of both after a reset, and CURRENT in steps of the shunt's voltage times SHUNT_CAL: their scale is that of the wide
+/// range (SLYS021A equations 2 and 3, SLYS025 2 and 3).
+const SHUNT_CAL_RESET: u16 = 0x1000;
+const CURRENT_BY_SHUNT: i64 = 4096;
+
+/// CURRENT, "zero if SHUNT_CAL is zero", held at its ends: what an overflow gives is not documented.
+fn current_code(shunt_code: i64, shunt_cal: u16, bits: u32) -> i64 {
+    let limit = 1i64 << (bits - 1);
+    let code = (shunt_code * CURRENT_BY_SHUNT).checked_div(shunt_cal.into());
+    code.unwrap_or(0).clamp(-limit, limit - 1)
+}
+
+/// The ends of what the shunt's voltage shows as a current, in amperes.
+fn shunt_range(step_v: f64, bits: u32, shunt_ohm: f64) -> [f64; 2] {
+    let most = step_v * (1u64 << (bits - 1)) as f64 / shunt_ohm;
+    [-most, most]
+}
 
 /// A step of the shunt's voltage with this CONFIG, where it is `wide` in the wide range.
 fn shunt_step(config: u16, wide: f64) -> f64 {
@@ -99,7 +155,7 @@ fn field_of(code: i64, bits: u32) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::register_map::driver::{read, write};
+    use super::register_map::driver::{now, read, read_at, write};
     use super::*;
 
     /// The devices have their configuration at `configuration`, and the voltage at `voltage`.
@@ -108,40 +164,83 @@ mod tests {
         [configuration, voltage]: [u8; 2],
         ways: &[fn(&mut RegisterMap<R>)],
     ) {
-        let registers =
-            |device: &mut RegisterMap<R>| [configuration, voltage].map(|pointer| read(device, pointer, 2));
-        let before = registers(&mut device);
-        assert_ne!(before[1], 0);
+        let at_reset = read(&mut device, configuration, 2);
+        let volts = read(&mut device, voltage, 2);
+        assert_ne!(volts, 0);
         for way in ways {
-            write(&mut device, configuration, 0x1234);
-            assert_ne!(read(&mut device, configuration, 2), before[0]);
+            write(&mut device, configuration, at_reset as u16 ^ 1 << 9);
+            assert_ne!(read(&mut device, configuration, 2), at_reset);
             way(&mut device);
-            assert_eq!(registers(&mut device), before);
+            let now = now();
+            assert_eq!(read_at(&mut device, voltage, 2, now), 0, "not converted yet");
+            assert_eq!(read_at(&mut device, configuration, 2, now), at_reset);
+            assert_eq!(read(&mut device, voltage, 2), volts);
         }
     }
 
+    fn set<R: Registers>(mut device: RegisterMap<R>) -> RegisterMap<R> {
+        device.set_load(12.0, 1.0);
+        device
+    }
+
+    fn bit_15<R: Registers>(device: &mut RegisterMap<R>) {
+        write(device, 0x00, 1 << 15);
+    }
+
     #[test]
-    fn a_power_cycle_and_bit_15_forget_what_was_written_not_what_is_measured() {
-        fn bit_15<R: Registers>(device: &mut RegisterMap<R>) {
-            write(device, 0x00, 1 << 15);
+    fn a_power_cycle_and_bit_15_forget_what_was_written_and_converted_not_what_is_measured() {
+        assert_forgets(
+            set(Ina226::new(0.002)),
+            [0, 2],
+            &[RegisterMap::power_cycle, bit_15],
+        );
+        assert_forgets(
+            set(Ina231::new(0.002)),
+            [0, 2],
+            &[RegisterMap::power_cycle, bit_15],
+        );
+        assert_forgets(set(Ina260::new()), [0, 2], &[RegisterMap::power_cycle, bit_15]);
+        assert_forgets(
+            set(Ina3221::new(0.002)),
+            [0, 2],
+            &[RegisterMap::power_cycle, bit_15],
+        );
+        assert_forgets(
+            set(Ina228::new(0.002)),
+            [1, 5],
+            &[RegisterMap::power_cycle, bit_15],
+        );
+        assert_forgets(
+            set(Ina238::new(0.002)),
+            [1, 5],
+            &[RegisterMap::power_cycle, bit_15],
+        );
+    }
+
+    #[test]
+    fn modes_select_what_is_converted_how_often_and_how_long_that_takes() {
+        let ina226 = |configuration| setup_of_ina226(configuration, 40.96, [-1.0, 1.0]);
+        let ina228 = |adc_config| setup_of_ina228(adc_config, 102.4, [-1.0, 1.0]);
+        for (setup, result_us, measures, is_continuous) in [
+            // After a reset: 1.1 ms of each; SBOS547B table 7-6.
+            (ina226(0x4127), 2_200, [true, true], true),
+            // 16 times 588 us of each; of the current alone; of the voltage, once; none.
+            (ina226(0x44df), 18_816, [true, true], true),
+            (ina226(0x44dd), 9_408, [false, true], true),
+            (ina226(0x44da), 9_408, [true, false], false),
+            (ina226(0x44dc), 0, [false, false], true),
+            (ina226(0x44d8), 0, [false, false], false),
+            // After a reset: 1052 us of voltage, current and temperature; SLYS021A table 7-6.
+            (ina228(0xfb68), 3_156, [true, true], true),
+            // 16 times 540 us of voltage and current; once; of the temperature alone; none.
+            (ina228(0xb92a), 17_280, [true, true], true),
+            (ina228(0x392a), 17_280, [true, true], false),
+            (ina228(0xc92a), 16 * 1_052, [false, false], true),
+            (ina228(0x892a), 0, [false, false], true),
+        ] {
+            assert_eq!(setup.result, cycles(result_us), "{setup:?}");
+            assert_eq!([setup.measures_voltage, setup.measures_current], measures);
+            assert_eq!(setup.is_continuous, is_continuous);
         }
-        let mut ina226 = Ina226::new(0.002);
-        ina226.set(12.0, 1.0);
-        assert_forgets(ina226, [0x00, 0x02], &[RegisterMap::power_cycle, bit_15]);
-        let mut ina231 = Ina231::new(0.002);
-        ina231.set(12.0, 1.0);
-        assert_forgets(ina231, [0x00, 0x02], &[RegisterMap::power_cycle, bit_15]);
-        let mut ina260 = Ina260::new();
-        ina260.set(12.0, 1.0);
-        assert_forgets(ina260, [0x00, 0x02], &[RegisterMap::power_cycle, bit_15]);
-        let mut ina3221 = Ina3221::new(0.002);
-        ina3221.set(1, 12.0, 1.0);
-        assert_forgets(ina3221, [0x00, 0x02], &[RegisterMap::power_cycle, bit_15]);
-        let mut ina228 = Ina228::new(0.002);
-        ina228.set(12.0, 1.0, 25.0);
-        assert_forgets(ina228, [0x01, 0x05], &[RegisterMap::power_cycle]);
-        let mut ina238 = Ina238::new(0.002);
-        ina238.set(12.0, 1.0, 25.0);
-        assert_forgets(ina238, [0x01, 0x05], &[RegisterMap::power_cycle]);
     }
 }

@@ -16,19 +16,14 @@ pub trait Registers {
 
     fn write(&mut self, pointer: u8, value: u16);
 
-    /// Every register at its reset value; what is measured stays.
-    fn reset(&mut self);
+    /// It is addressed at this time: what has been converted until then is in its registers.
+    fn note_time(&mut self, now: Cycle);
 
-    /// It is addressed at this time.
-    fn note_time(&mut self, _now: Cycle) {}
+    /// What it is connected to, from the moment on at which it was addressed last.
+    fn set_load(&mut self, volts: f64, amperes: f64);
 
-    /// Time for which it measures voltage and current, with its averaging, until there is a result.
-    fn conversion(&self) -> Cycle {
-        0
-    }
-
-    /// The result of a conversion.
-    fn set_result(&mut self, _volts: f64, _amperes: f64) {}
+    /// The supply is gone, and back when it is addressed next.
+    fn power_cycle(&mut self);
 }
 
 /// The byte after the address sets the pointer, two more are written to its register; a read gives
@@ -57,8 +52,7 @@ impl<R: Registers> RegisterMap<R> {
         }
     }
 
-    /// Connected to the pack of the board's circuit: it gives the means of its conversions, which follow each other without a
-    /// pause and end when the bus is looked at.
+    /// Connected to the pack of the board's circuit.
     pub fn measuring_circuit(self) -> Self {
         Self {
             meter: Some(Meter::default()),
@@ -68,7 +62,7 @@ impl<R: Registers> RegisterMap<R> {
 
     /// The supply of the device is gone and back. What it is connected to stays.
     pub fn power_cycle(&mut self) {
-        self.registers.reset();
+        self.registers.power_cycle();
         self.pointer = 0;
         self.written.clear();
         self.latched = 0;
@@ -95,9 +89,9 @@ impl<R: Registers> I2cDevice for RegisterMap<R> {
             return;
         };
         let totals = circuit.totals();
-        if let Some(means) = meter.finish_conversion(totals, self.registers.conversion()) {
+        if let Some(means) = meter.means(totals) {
+            self.registers.set_load(means.volts, means.shown_amperes);
             self.registers.note_time(totals.at);
-            self.registers.set_result(means.volts, means.amperes);
         }
     }
 
@@ -131,13 +125,30 @@ impl<R: Registers> I2cDevice for RegisterMap<R> {
     }
 }
 
-/// Reads and writes registers as a driver does, for the tests of the devices.
+/// Reads and writes registers as a driver does, for the tests of the devices: each of these a second after the one before.
 #[cfg(test)]
 pub mod driver {
+    use std::cell::Cell;
+
+    use super::super::super::super::clock::{CLK_SYS_HZ, Cycle};
     use super::super::super::device::{Ack, I2cDevice, I2cDirection};
 
+    thread_local! {
+        static NOW: Cell<Cycle> = const { Cell::new(0) };
+    }
+
+    /// The time of the last access.
+    pub fn now() -> Cycle {
+        NOW.get()
+    }
+
+    fn a_second_later() -> Cycle {
+        NOW.set(NOW.get() + CLK_SYS_HZ);
+        NOW.get()
+    }
+
     pub fn read(device: &mut impl I2cDevice, pointer: u8, bytes: usize) -> u64 {
-        read_at(device, pointer, bytes, 0)
+        read_at(device, pointer, bytes, a_second_later())
     }
 
     pub fn read_at(device: &mut impl I2cDevice, pointer: u8, bytes: usize, now: u64) -> u64 {
@@ -150,7 +161,11 @@ pub mod driver {
     }
 
     pub fn write(device: &mut impl I2cDevice, pointer: u8, value: u16) {
-        device.start(I2cDirection::Write, 0);
+        write_at(device, pointer, value, a_second_later());
+    }
+
+    pub fn write_at(device: &mut impl I2cDevice, pointer: u8, value: u16, now: u64) {
+        device.start(I2cDirection::Write, now);
         device.write(pointer);
         for byte in value.to_be_bytes() {
             device.write(byte);
@@ -175,7 +190,11 @@ mod tests {
             self.0[usize::from(pointer)] = value;
         }
 
-        fn reset(&mut self) {
+        fn note_time(&mut self, _: Cycle) {}
+
+        fn set_load(&mut self, _: f64, _: f64) {}
+
+        fn power_cycle(&mut self) {
             self.0 = [0; 2];
         }
     }

@@ -1,5 +1,5 @@
-//! A smart battery on SMBus (Smart Battery Data Specification 1.1): words, blocks, and the packet
-//! error code of SMBus 1.1.
+//! A smart battery on SMBus (Smart Battery Data Specification 1.1, chapter 5.1): words, blocks, and the packet error code of
+//! SMBus 1.1. Makers' own commands are what a test sets.
 
 use std::collections::BTreeMap;
 
@@ -50,7 +50,9 @@ pub enum Pec {
 #[derive(Clone)]
 enum Value {
     Word(u16),
-    Block(&'static [u8]),
+    Block(Vec<u8>),
+    /// As some makers send it: without a length, and without a packet error code.
+    Bare(Vec<u8>),
 }
 
 impl Value {
@@ -58,7 +60,8 @@ impl Value {
     fn bytes(&self) -> Vec<u8> {
         match self {
             Self::Word(word) => word.to_le_bytes().to_vec(),
-            Self::Block(bytes) => [&[bytes.len() as u8], *bytes].concat(),
+            Self::Block(bytes) => [&[bytes.len() as u8], &bytes[..]].concat(),
+            Self::Bare(bytes) => bytes.clone(),
         }
     }
 }
@@ -105,7 +108,7 @@ impl SmartBattery {
             (DEVICE_NAME, b"3S5200"),
             (DEVICE_CHEMISTRY, b"LION"),
         ] {
-            battery.values.insert(command, Value::Block(bytes));
+            battery.set_block(command, bytes);
         }
         battery.set(12.6, 0.0, 25.0);
         battery
@@ -130,6 +133,20 @@ impl SmartBattery {
         self.values.insert(command, Value::Word(word));
     }
 
+    pub fn set_block(&mut self, command: u8, bytes: &[u8]) {
+        self.values.insert(command, Value::Block(bytes.to_vec()));
+    }
+
+    /// Bytes without a length before them and a packet error code behind them.
+    pub fn set_bare(&mut self, command: u8, bytes: &[u8]) {
+        self.values.insert(command, Value::Bare(bytes.to_vec()));
+    }
+
+    /// From now on it refuses this command.
+    pub fn refuse(&mut self, command: u8) {
+        self.values.remove(&command);
+    }
+
     /// Hold SCL for this many cycles after every byte, as a busy fuel gauge does.
     pub fn set_stretch(&mut self, cycles: Cycle) {
         self.stretch = cycles;
@@ -137,7 +154,11 @@ impl SmartBattery {
 
     /// `None` if it does not know the command.
     fn answer(&self, command: u8) -> Option<Vec<u8>> {
-        let mut bytes = self.values.get(&command)?.bytes();
+        let value = self.values.get(&command)?;
+        let mut bytes = value.bytes();
+        if matches!(value, Value::Bare(_)) {
+            return Some(bytes);
+        }
         let sent = [&[ADDRESS << 1, command, ADDRESS << 1 | 1], &bytes[..]].concat();
         match self.pec {
             Pec::Right => bytes.push(crc8(&sent)),
@@ -269,6 +290,16 @@ mod tests {
             sent[5],
             crc8(&[&[0x16, DEVICE_CHEMISTRY, 0x17], &sent[..5]].concat())
         );
+    }
+
+    #[test]
+    fn bare_bytes_have_neither_length_nor_code() {
+        let mut battery = SmartBattery::new(Pec::Right);
+        battery.set_bare(0x2a, &[1, 2, 3, 4]);
+        assert_eq!(read(&mut battery, 0x2a, 5), [1, 2, 3, 4, 0xff]);
+        battery.refuse(0x2a);
+        battery.start(I2cDirection::Write, 0);
+        assert_eq!(battery.write(0x2a), Ack::Nack);
     }
 
     #[test]

@@ -1,8 +1,9 @@
-//! INA239: an INA238 behind SPI (SLYS027). A frame is a command, register number and direction, and the
+//! INA239: an INA238 behind SPI (SLYS027, 7.5.1). A frame is a command, register number and direction, and the
 //! bytes of the register after it, the highest first.
 
 use std::ops::{Deref, DerefMut};
 
+use super::super::super::clock::Cycle;
 use super::super::super::i2c::devices::{Ina238, Registers};
 use super::super::device::{SpiClock, SpiDevice, SpiMode};
 
@@ -27,6 +28,12 @@ impl Ina239 {
             received: Vec::new(),
             answer: Vec::new(),
         }
+    }
+
+    /// The supply is gone, and back when it is selected next.
+    pub fn power_cycle(&mut self) {
+        self.registers.power_cycle();
+        self.deselect();
     }
 
     /// A write is answered with what the register held before.
@@ -72,6 +79,10 @@ impl SpiDevice for Ina239 {
         self.answer.clear();
     }
 
+    fn advance(&mut self, now: Cycle) {
+        self.registers.note_time(now);
+    }
+
     /// With a clock it does not understand it neither takes nor sends anything; silicon shifts bits by
     /// one instead.
     fn exchange(&mut self, byte: u8, clock: SpiClock) -> Option<u8> {
@@ -87,6 +98,7 @@ impl SpiDevice for Ina239 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::super::clock::CLK_SYS_HZ;
     use super::*;
 
     const ADC_CONFIG: u8 = 0x01;
@@ -110,6 +122,7 @@ mod tests {
     fn example() -> Ina239 {
         let mut device = Ina239::new(0.0162);
         device.set(48.0, 6.0, 25.0);
+        device.advance(CLK_SYS_HZ);
         device
     }
 
