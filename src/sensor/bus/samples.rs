@@ -9,7 +9,8 @@ pub struct Samples {
     current: Mean,
     /// The worst of them: a mean with one that is over range is too low, too.
     current_range: CurrentRange,
-    /// Counts since the readings were taken.
+    /// Counts since the readings were taken; `None` if one of them has none: it is the first after a set-up, and what was drawn
+    /// before it is as unknown as without a counter.
     counted: Option<Consumed>,
     last: Option<Measurement>,
     /// Whether the pack was read since the readings were taken.
@@ -64,11 +65,17 @@ impl Samples {
         self.voltage.add(measurement.voltage_v);
         self.current.add(measurement.current_a);
         self.current_range = self.current_range.max(measurement.current_range);
-        if let Some(Counted::Increment(more)) = measurement.counted {
-            let counted = self.counted.get_or_insert_default();
-            counted.charge_mah += more.charge_mah;
-            counted.energy_wh += more.energy_wh;
-        }
+        let before = match self.last {
+            Some(_) => self.counted,
+            None => Some(Consumed::default()),
+        };
+        self.counted = before.and_then(|before| match measurement.counted {
+            Some(Counted::Increment(more)) => Some(Consumed {
+                charge_mah: before.charge_mah + more.charge_mah,
+                energy_wh: before.energy_wh + more.energy_wh,
+            }),
+            _ => None,
+        });
         self.last = Some(*measurement);
         self.error = None;
     }
@@ -100,7 +107,10 @@ impl Samples {
             voltage_v: self.voltage.value(),
             current_a: self.current.value(),
             current_range: self.current_range,
-            counted: self.counted.map(Counted::Increment).or(last.counted),
+            counted: match last.counted {
+                Some(Counted::Increment(_)) => self.counted.map(Counted::Increment),
+                other => other,
+            },
             ..last
         })
     }
@@ -130,7 +140,7 @@ mod tests {
     // Requirement: AP-13
     fn voltage_and_current_are_averaged_what_was_counted_is_added_up_the_rest_is_the_latest() {
         let mut samples = Samples::new();
-        samples.add(measured(12.0, 1.0, None));
+        samples.add(measured(12.0, 1.0, Some(0.0)));
         samples.add(measured(11.0, 2.0, Some(0.5)));
         samples.add(Err(ReadError::Bus(BusError::NoAnswer)));
         samples.add(measured(10.0, 6.0, Some(1.0)));
@@ -139,9 +149,21 @@ mod tests {
         assert_eq!(mean.temperature_c, Some(10.0));
         let counted = Consumed {
             charge_mah: 1.5,
-            energy_wh: 0.5,
+            energy_wh: 0.75,
         };
         assert_eq!(mean.counted, Some(Counted::Increment(counted)));
+    }
+
+    #[test]
+    // Requirement: S-10
+    fn a_tick_in_which_a_counter_began_is_counted_by_its_current() {
+        let mut samples = Samples::new();
+        for counted_mah in [None, Some(0.5)] {
+            samples.add(measured(12.0, 1.0, counted_mah));
+        }
+        assert_eq!(samples.take().unwrap().unwrap().counted, None);
+        samples.add(measured(12.0, 1.0, Some(0.5)));
+        assert!(samples.take().unwrap().unwrap().counted.is_some());
     }
 
     #[test]
