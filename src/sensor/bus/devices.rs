@@ -275,7 +275,7 @@ impl BusDevice {
     ) -> Result<(), ReadError> {
         let part = match &mut self.part {
             Some(part) => {
-                part.check(bus).await?;
+                part.begin_turn(bus).await?;
                 part
             }
             none => {

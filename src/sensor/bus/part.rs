@@ -41,12 +41,13 @@ pub(super) trait Part: Sized {
         model: &'static Self::Model,
     ) -> Result<Self, ReadError>;
 
-    /// Makes sure that it is still the part that was set up, as it was set up. It may have lost its supply, or
-    /// another one may be plugged in.
+    /// Precedes the readings of a turn: reads what the packs of the part share, or makes sure that a battery is still the same.
     ///
     /// # Errors
     /// [`ReadError::OtherPart`] if it has to be set up again.
-    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError>;
+    async fn begin_turn(&mut self, _: &mut impl SensorBus) -> Result<(), ReadError> {
+        Ok(())
+    }
 
     /// Its name, and the largest current it measures, in amperes, over the shunt of the pack that is wired like this; `None` if
     /// no setting decides that.
@@ -54,10 +55,12 @@ pub(super) trait Part: Sized {
         None
     }
 
-    /// One reading of the pack that is wired like this.
+    /// One reading of the pack that is wired like this. Its last transfer makes sure that the part is still set up as it was:
+    /// one that has just lost its supply gives zeros, and another one may be plugged in.
     ///
     /// # Errors
-    /// The transfer failed, the part answered nonsense, or, [`ReadError::Timeout`], it has no reading yet.
+    /// The transfer failed, the part answered nonsense, [`ReadError::OtherPart`] if it has to be set up again, or,
+    /// [`ReadError::Timeout`], it has no reading yet.
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError>;
 }
 

@@ -81,9 +81,9 @@ macro_rules! parts {
         }
 
         impl AnyPart {
-            pub async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
+            pub async fn begin_turn(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
                 match self {
-                    $(Self::$driver(part) => part.check(bus).await,)+
+                    $(Self::$driver(part) => part.begin_turn(bus).await,)+
                 }
             }
 

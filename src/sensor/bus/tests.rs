@@ -805,7 +805,7 @@ fn ltc2946() -> Recorded {
     let mut part = Recorded::new(PartKind::Ltc2946, 0x6f, &[], [0x1e, 0x14]);
     part.registers = vec![
         (0xe7, vec![0x60]),
-        (0x00, vec![0x18]),
+        (0x00, vec![0x98]),
         (0x01, vec![0]),
         (0x38, vec![0; 4]),
         (0x3c, vec![0; 4]),

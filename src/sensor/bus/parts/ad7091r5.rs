@@ -91,14 +91,14 @@ impl Part for Ad7091r5 {
         })
     }
 
-    /// Reads all pins for the packs that share them.
-    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
-        Registers::new(bus, self.address)
-            .expect_u16(CONFIGURATION, BY_COMMAND)
-            .await?;
+    /// Reads all pins for the packs that share them, and then makes sure that it is set up.
+    async fn begin_turn(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
         let mut buffer = [[0; 2]; 1 + PINS * MOST_ROUNDS];
         let results = buffer.get_mut(..=PINS * self.rounds).unwrap_or_default();
         bus.write_read(self.address, &[RESULT], results.as_flattened_mut())
+            .await?;
+        Registers::new(bus, self.address)
+            .expect_u16(CONFIGURATION, BY_COMMAND)
             .await?;
         // The first was converted at the end of the read before, or before the set-up.
         let results = results.get(1..).unwrap_or_default();

@@ -50,10 +50,6 @@ impl Part for Bebop {
     }
 
     /// Nothing is set up that could be lost, and each reading has a checksum.
-    async fn check(&mut self, _: &mut impl SensorBus) -> Result<(), ReadError> {
-        Ok(())
-    }
-
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
         let observed: [u8; OBSERVED_BYTES] = Registers::new(bus, self.address).read(OBSERVED).await?;
         // The checksum makes it zero.

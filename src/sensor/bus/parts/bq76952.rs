@@ -167,24 +167,24 @@ impl Part for Bq76952 {
         })
     }
 
-    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
-        match Setup::read(bus, self.address).await? == self.setup {
-            true => Ok(()),
-            false => Err(ReadError::OtherPart),
-        }
-    }
-
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
         let words: [u16; WORDS] = words_from(bus, self.address, SAFETY).await?;
         let [alarms] = words_from(bus, self.address, ALARM_RAW_STATUS).await?;
         let temperatures = words_from(bus, self.address, TEMPERATURES).await?;
         let charge = Charge::read(bus, self.address).await?;
+        if Setup::read(bus, self.address).await? != self.setup {
+            return Err(ReadError::OtherPart);
+        }
         let value = |place: usize| {
             let word = words.get(place).map_or(0, |word: &u16| *word as i16);
             (f32::from(word), CurrentRange::of_word(word))
         };
         let (voltage, range) = value(STACK);
         let voltage_v = positive_voltage(voltage * self.setup.unit_v(), range)?;
+        if voltage_v == 0.0 {
+            // The stack supplies it: nothing has been measured yet.
+            return Err(ReadError::Implausible);
+        }
         let (current, current_range) = value(CURRENT);
         let last = self.last.replace(charge);
         let (temperature_c, thermometer) = self.setup.temperature(temperatures);

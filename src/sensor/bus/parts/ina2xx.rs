@@ -303,22 +303,6 @@ impl Part for Ina2xx {
         })
     }
 
-    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
-        let mut registers = Registers::new(bus, self.address);
-        if let Some(register) = self.model.range_register {
-            registers.expect_u16(register, WIDE_RANGE).await?;
-        }
-        registers
-            .expect_u16(self.model.configuration_register, self.model.configuration)
-            .await?;
-        if let Some(counting) = &self.counting {
-            registers
-                .expect_u16(counting.counters.calibration_register, counting.calibration)
-                .await?;
-        }
-        Ok(())
-    }
-
     fn range(&self, wiring: &Wiring) -> Option<(&'static str, f32)> {
         let Current::OverShunt(shunt) = &self.model.current else {
             return None;
@@ -332,8 +316,6 @@ impl Part for Ina2xx {
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
         let mut registers = Registers::new(bus, self.address);
         let (voltage_v, range) = self.model.voltage.read(&mut registers).await?;
-        // The sign of a voltage is always 0.
-        let voltage_v = positive_voltage(voltage_v, range)?;
         let (current_a, mut current_range) = match &self.model.current {
             Current::OverShunt(shunt) => {
                 let (shunt_v, range) = shunt.read(&mut registers).await?;
@@ -341,15 +323,20 @@ impl Part for Ina2xx {
             }
             Current::Inside(current) => current.read(&mut registers).await?,
         };
-        let counted = match &mut self.counting {
+        let codes = match &self.counting {
             Some(counting) => {
                 if current_a.abs() >= counting.full_scale_a() {
                     current_range = CurrentRange::Over;
                 }
-                counting.read(&mut registers).await?
+                Some(counting.counters.read(&mut registers).await?)
             }
             None => None,
         };
+        self.verify(&mut registers).await?;
+        // The sign of a voltage is always 0.
+        let voltage_v = positive_voltage(voltage_v, range)?;
+        let counting = self.counting.as_mut().zip(codes);
+        let counted = counting.and_then(|(counting, codes)| counting.advance(codes));
         Ok(Measurement {
             voltage_v: Some(voltage_v),
             current_a: Some(current_a),
@@ -357,6 +344,23 @@ impl Part for Ina2xx {
             counted,
             ..Measurement::default()
         })
+    }
+}
+
+impl Ina2xx {
+    /// Makes sure that it is set up.
+    async fn verify<B: SensorBus>(&self, registers: &mut Registers<'_, B>) -> Result<(), ReadError> {
+        if let Some(register) = self.model.range_register {
+            registers.expect_u16(register, WIDE_RANGE).await?;
+        }
+        if let Some(counting) = &self.counting {
+            registers
+                .expect_u16(counting.counters.calibration_register, counting.calibration)
+                .await?;
+        }
+        registers
+            .expect_u16(self.model.configuration_register, self.model.configuration)
+            .await
     }
 }
 
@@ -426,6 +430,13 @@ impl Counters {
             last: None,
         }
     }
+
+    async fn read<B: SensorBus>(&self, registers: &mut Registers<'_, B>) -> Result<Codes, ReadError> {
+        Ok(Codes {
+            charge: registers.read(self.charge_register).await?,
+            energy: registers.read(self.energy_register).await?,
+        })
+    }
 }
 
 impl Accumulators {
@@ -434,17 +445,10 @@ impl Accumulators {
         self.step_a * self.counters.steps
     }
 
-    /// Counts since the last reading; `None` the first time.
-    async fn read<B: SensorBus>(
-        &mut self,
-        registers: &mut Registers<'_, B>,
-    ) -> Result<Option<Counted>, ReadError> {
-        let codes = Codes {
-            charge: registers.read(self.counters.charge_register).await?,
-            energy: registers.read(self.counters.energy_register).await?,
-        };
-        let last = self.last.replace(codes);
-        Ok(last.map(|last| Counted::Increment(self.counted(&codes, &last))))
+    /// Takes a reading whose counts are used. Returns those since the one before; `None` the first time.
+    fn advance(&mut self, codes: Codes) -> Option<Counted> {
+        let last = self.last.replace(codes)?;
+        Some(Counted::Increment(self.counted(&codes, &last)))
     }
 
     /// The energy counts up whichever way the current flows, so it goes by the sign of the charge.

@@ -67,12 +67,6 @@ impl Part for Ina3221 {
         Ok(Self { address })
     }
 
-    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
-        Registers::new(bus, self.address)
-            .expect_u16(CONFIGURATION, CONTINUOUS)
-            .await
-    }
-
     fn range(&self, wiring: &Wiring) -> Option<(&'static str, f32)> {
         Some(("INA3221", END as f32 * SHUNT_STEP_V / wiring.shunt_ohm))
     }
@@ -89,10 +83,10 @@ impl Part for Ina3221 {
             (f32::from(steps) * step_v, range)
         };
         let (voltage_v, range) = value(registers.read_u16(*voltage).await?, BUS_STEP_V);
-        let voltage_v = positive_voltage(voltage_v, range)?;
         let (shunt_v, current_range) = value(registers.read_u16(*shunt).await?, SHUNT_STEP_V);
+        registers.expect_u16(CONFIGURATION, CONTINUOUS).await?;
         Ok(Measurement {
-            voltage_v: Some(voltage_v),
+            voltage_v: Some(positive_voltage(voltage_v, range)?),
             current_a: Some(shunt_v / wiring.shunt_ohm),
             current_range,
             ..Measurement::default()

@@ -23,8 +23,9 @@ const SPECIAL_ID: u8 = 0xe7;
 /// The first byte of the identification.
 const LTC2946: u8 = 0x60;
 
-/// The voltage at SENSE+ and the current by turns.
-const MEASURE_SENSE_PLUS: u8 = 0x18;
+/// The voltage at SENSE+ and the current by turns. ADIN, which is not measured, is referred to INTVCC: that shows a part which
+/// has lost its supply, since it is set up for the rest by a reset, too.
+const MEASURE_SENSE_PLUS: u8 = 0x98;
 
 /// The accumulators run, and nothing resets them.
 const ACCUMULATE: u8 = 0x00;
@@ -91,13 +92,6 @@ impl Part for Ltc2946 {
         Ok(Self { address, last: None })
     }
 
-    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
-        let mut registers = Registers::new(bus, self.address);
-        registers
-            .expect([(SPECIAL_ID, LTC2946), (CONTROL_A, MEASURE_SENSE_PLUS)])
-            .await
-    }
-
     fn range(&self, wiring: &Wiring) -> Option<(&'static str, f32)> {
         Some(("LTC2946", *CODES.end() as f32 * SENSE_STEP_V / wiring.shunt_ohm))
     }
@@ -112,10 +106,13 @@ impl Part for Ltc2946 {
             )
         };
         let (voltage_v, range) = value(registers.read_u16(VOLTAGE).await?, VOLTAGE_STEP_V);
-        let voltage_v = positive_voltage(voltage_v, range)?;
         let (sense_v, current_range) = value(registers.read_u16(SENSE).await?, SENSE_STEP_V);
         let charge = u32::from_be_bytes(registers.read(CHARGE).await?);
         let energy = u32::from_be_bytes(registers.read(ENERGY).await?);
+        registers
+            .expect([(SPECIAL_ID, LTC2946), (CONTROL_A, MEASURE_SENSE_PLUS)])
+            .await?;
+        let voltage_v = positive_voltage(voltage_v, range)?;
         let last = self.last.replace((charge, energy));
         Ok(Measurement {
             voltage_v: Some(voltage_v),

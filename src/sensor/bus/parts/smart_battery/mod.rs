@@ -176,7 +176,7 @@ impl Part for SmartBattery {
         Ok(battery)
     }
 
-    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
+    async fn begin_turn(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
         let was_silent = self.failures >= SILENT;
         // Until it was read.
         self.failures = self.failures.saturating_add(1);
