@@ -60,6 +60,7 @@ impl Part for Bebop {
         match u16::from_be_bytes([high, low]) {
             // A data line that is low.
             0 => Err(ReadError::Implausible),
+            u16::MAX => Err(ReadError::OverRange),
             millivolts => Ok(Measurement {
                 voltage_v: Some(f32::from(millivolts) * 1e-3),
                 ..Measurement::default()

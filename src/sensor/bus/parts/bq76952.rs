@@ -226,12 +226,15 @@ impl Bq76952 {
 
     /// Which cells there are is set up, or shows a reading in which they add up to the stack. A cell that fails later is still one.
     fn cell_voltages(&mut self, words: &[u16], stack_v: f32) -> CellVoltages {
-        let inputs = || words.iter().skip(FIRST_CELL).take(CELLS).enumerate();
+        let inputs = || {
+            let words = words.iter().skip(FIRST_CELL).take(CELLS);
+            words.map(|word| cell_mv(*word)).enumerate()
+        };
         if self.cells == 0 && self.counting < COUNTING_READINGS {
             self.counting += 1;
-            let connected = inputs().filter(|(_, mv)| **mv >= LOWEST_CELL_MV);
+            let connected = inputs().filter(|(_, mv)| *mv >= LOWEST_CELL_MV);
             let add =
-                |(cells, sum_mv), (input, mv): (usize, &u16)| (cells | 1 << input, sum_mv + u32::from(*mv));
+                |(cells, sum_mv), (input, mv): (usize, u16)| (cells | 1u16 << input, sum_mv + u32::from(mv));
             let (cells, sum_mv) = connected.fold((0, 0), add);
             if deviation(stack_v, sum_mv as f32 * 1e-3) <= CELL_SUM_TOLERANCE {
                 self.cells = cells;
@@ -239,7 +242,7 @@ impl Bq76952 {
         }
         let mut voltages = CellVoltages::NONE;
         for (_, mv) in inputs().filter(|(input, _)| self.cells >> input & 1 != 0) {
-            voltages.push(*mv);
+            voltages.push(mv);
         }
         voltages
     }
@@ -314,6 +317,11 @@ impl Charge {
         let into = self.count.wrapping_sub(earlier.count) as i64;
         (self.duration_s >= earlier.duration_s).then(|| -(into as f32) / STEPS)
     }
+}
+
+/// The voltage of an input in millivolts; a cell that has reversed has none.
+fn cell_mv(word: u16) -> u16 {
+    (word as i16).max(0) as u16
 }
 
 /// The words at this command and at those after it.

@@ -5,6 +5,7 @@
 
 use core::ops::RangeInclusive;
 
+use super::known;
 use crate::battery::{CellVoltages, MAX_CELLS, ReadError};
 use crate::sensor::bus::SensorBus;
 use crate::sensor::bus::parts::{CELL_SUM_TOLERANCE, deviation};
@@ -203,7 +204,7 @@ impl Cells {
             let block: [u8; BLOCK_BYTES] = commands.block(*command).await?;
             let words = block.as_chunks().0.iter().map(|word| u16::from_le_bytes(*word));
             for (cell_mv, word) in cells_mv.iter_mut().zip(words).take(count) {
-                *cell_mv = Some(word);
+                *cell_mv = known(Some(word));
             }
             return Ok(cells_mv);
         }
@@ -213,7 +214,7 @@ impl Cells {
                 Self::Counted { first, .. } => first.wrapping_add(place),
                 Self::None | Self::Block { .. } => break,
             };
-            *cell_mv = commands.word(command).await?;
+            *cell_mv = known(commands.word(command).await?);
         }
         Ok(cells_mv)
     }
