@@ -229,7 +229,7 @@ impl Packs {
             return Some(Err(error));
         }
         if self.ticks == 0 {
-            self.silences[pack as usize].start(tick.now);
+            self.silences[pack as usize].restart(tick.now);
         }
         match self.read(pack, kind, tick, readings, parameters, effort) {
             Some(Ok(Measurement { voltage_v: None, .. })) if kind.measures_voltage() => {
@@ -438,8 +438,8 @@ impl Silence {
         }
     }
 
-    /// The first tick: the time-out begins.
-    fn start(&mut self, now: Instant) {
+    /// The time-out begins: it is the first tick, or the source answers without a reading.
+    pub fn restart(&mut self, now: Instant) {
         self.valid_at = now;
     }
 

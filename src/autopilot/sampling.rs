@@ -309,7 +309,11 @@ impl Autopilot {
 
     /// Takes a reading of a pack's part on the bus, or the reason why there is none.
     pub fn add_bus_reading(&mut self, pack: Pack, reading: Result<Measurement, ReadError>, now: Instant) {
-        self.packs.add_reading(pack, reading, now);
+        match reading {
+            // It answers, and is still asked for what its readings need.
+            Err(ReadError::Timeout) => self.packs.silences[pack as usize].restart(now),
+            reading => self.packs.add_reading(pack, reading, now),
+        }
     }
 
     /// Takes the reading of a motor controller with this index, from 0, for every pack that it supplies (kind 9 and
