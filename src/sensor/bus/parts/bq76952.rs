@@ -311,11 +311,13 @@ impl Charge {
         })
     }
 
-    /// Charge drawn from the pack since `earlier`, in the unit of current times an hour. `None` if the count was restarted.
+    /// Charge drawn from the pack since `earlier`, in the unit of current times an hour. `None` if the count was restarted, as it
+    /// may have been within its first second.
     fn since(&self, earlier: &Self) -> Option<f32> {
         const STEPS: f32 = (1u64 << 32) as f32;
         let into = self.count.wrapping_sub(earlier.count) as i64;
-        (self.duration_s >= earlier.duration_s).then(|| -(into as f32) / STEPS)
+        let goes_on = (1..=self.duration_s).contains(&earlier.duration_s);
+        goes_on.then(|| -(into as f32) / STEPS)
     }
 }
 
@@ -400,5 +402,6 @@ mod tests {
     // Requirement: S-10
     fn a_count_that_was_restarted_is_no_charge() {
         assert_eq!(charge(0, 1 << 31, 0).since(&charge(-500, 0, 1_000)), None);
+        assert_eq!(charge(0, 1 << 31, 0).since(&charge(-5, 0, 0)), None);
     }
 }
