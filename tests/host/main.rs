@@ -31,6 +31,7 @@ mod page_age;
 mod page_messages;
 mod parameter_changes;
 mod parameter_docs;
+mod parts;
 mod pins_and_wires;
 mod power_limit;
 mod regions;

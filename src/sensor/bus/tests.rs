@@ -703,17 +703,15 @@ fn counters_go_on_over_their_end_and_their_sign() {
     }
 }
 
-/// A part of this kind, its address, the registers by which it is recognised and set up, and those of its voltage and current.
+/// A part of this kind, its address, and the registers by which it is recognised and set up.
 struct Recorded {
     kind: PartKind,
     address: u8,
     registers: Vec<(u8, Vec<u8>)>,
-    voltage: u8,
-    current: u8,
 }
 
 impl Recorded {
-    fn new(kind: PartKind, address: u8, words: &[(u8, u16)], [voltage, current]: [u8; 2]) -> Self {
+    fn new(kind: PartKind, address: u8, words: &[(u8, u16)]) -> Self {
         let registers = words
             .iter()
             .map(|(register, word)| (*register, word.to_be_bytes().to_vec()));
@@ -721,88 +719,53 @@ impl Recorded {
             kind,
             address,
             registers: registers.collect(),
-            voltage,
-            current,
         }
-    }
-
-    /// The reading with these codes of voltage and current.
-    fn read(&self, voltage: &[u8], current: &[u8]) -> Result<Measurement, ReadError> {
-        let mut bus = wires(Tables::default());
-        for (register, bytes) in &self.registers {
-            bus.i2c.set(self.address, *register, bytes);
-        }
-        bus.i2c.set(self.address, self.voltage, voltage);
-        bus.i2c.set(self.address, self.current, current);
-        let mut devices = BusDevices::from_parameters(
-            &parameters(&[
-                (
-                    Pack::Second,
-                    BatteryParameter::Monitor,
-                    MonitorKind::Bus(self.kind).number() as f32,
-                ),
-                (Pack::Second, BatteryParameter::Shunt, 0.002),
-                (Pack::Second, BatteryParameter::MaxAmps, 60.0),
-            ]),
-            Instant::EPOCH,
-        );
-        read_one(&mut devices, &mut bus)
     }
 }
 
 /// With an identification and a configuration.
-fn ina(kind: PartKind, identity: &[(u8, u16)], configured: &[(u8, u16)], quantities: [u8; 2]) -> Recorded {
+fn ina(kind: PartKind, identity: &[(u8, u16)], configured: &[(u8, u16)]) -> Recorded {
     // Registers of the others of the family.
     let absent = [(0xfe, 0), (0xff, 0), (0x3e, 0), (0x3f, 0)];
     let words = [&absent[..], identity, configured].concat();
-    Recorded::new(kind, 0x40, &words, quantities)
+    Recorded::new(kind, 0x40, &words)
 }
 
 const TI: u16 = 0x5449;
 
 fn ina226() -> Recorded {
-    ina(
-        PartKind::Ina2xx,
-        &[(0xfe, TI), (0xff, 0x2260)],
-        &[(0, 0x44df)],
-        [2, 1],
-    )
+    ina(PartKind::Ina2xx, &[(0xfe, TI), (0xff, 0x2260)], &[(0, 0x44df)])
 }
 
 fn ina231() -> Recorded {
-    ina(PartKind::Ina2xx, &[], &[(0, 0x44df)], [2, 1])
+    ina(PartKind::Ina2xx, &[], &[(0, 0x44df)])
 }
 
 fn ina260() -> Recorded {
-    ina(
-        PartKind::Ina2xx,
-        &[(0xfe, TI), (0xff, 0x2270)],
-        &[(0, 0x64df)],
-        [2, 1],
-    )
+    ina(PartKind::Ina2xx, &[(0xfe, TI), (0xff, 0x2270)], &[(0, 0x64df)])
 }
 
 fn ina238() -> Recorded {
     let identity = [(0x3e, TI), (0x3f, 0x2380)];
-    ina(PartKind::Ina2xx, &identity, &[(0, 0), (1, 0xb92a)], [5, 4])
+    ina(PartKind::Ina2xx, &identity, &[(0, 0), (1, 0xb92a)])
 }
 
 fn ina228() -> Recorded {
     let identity = [(0x3e, TI), (0x3f, 0x2281)];
     // 13107.2e6 x 60 A / 2^19 x 2 mOhm.
     let configured = [(0, 0), (1, 0xb92a), (2, 3000)];
-    let mut part = ina(PartKind::Ina2xx, &identity, &configured, [5, 4]);
+    let mut part = ina(PartKind::Ina2xx, &identity, &configured);
     part.registers.extend([(0x09, vec![0; 5]), (0x0a, vec![0; 5])]);
     part
 }
 
 fn ina3221() -> Recorded {
     let words = [(0xfe, TI), (0xff, 0x3220), (0, 0x74df)];
-    Recorded::new(PartKind::Ina3221, 0x40, &words, [2, 1])
+    Recorded::new(PartKind::Ina3221, 0x40, &words)
 }
 
 fn ltc2946() -> Recorded {
-    let mut part = Recorded::new(PartKind::Ltc2946, 0x6f, &[], [0x1e, 0x14]);
+    let mut part = Recorded::new(PartKind::Ltc2946, 0x6f, &[]);
     part.registers = vec![
         (0xe7, vec![0x60]),
         (0x00, vec![0x98]),
@@ -914,138 +877,6 @@ fn the_second_of_two_packs_at_one_channel_has_its_address_taken() {
             third_at(address, 2.0),
             [Some(Ok(Some(12.0))), Some(Ok(Some(8.0)))]
         );
-    }
-}
-
-#[test]
-// Requirement: S-3
-fn the_ends_of_each_parts_current_are_over_range() {
-    use CurrentRange::{Over, Within};
-    /// The end codes as the data sheets have them; amperes through 2 mOhm.
-    type Row<'a> = (&'a [u8], f32, CurrentRange);
-    let bits_16 = |step: f32| -> Vec<(Vec<u8>, f32, CurrentRange)> {
-        [
-            (0, Within),
-            (1, Within),
-            (-1, Within),
-            (0x7ffe, Within),
-            (0x7fff, Over),
-            (-0x7fff, Within),
-            (-0x8000, Over),
-        ]
-        .map(|(code, range)| (i16::to_be_bytes(code).to_vec(), f32::from(code) * step, range))
-        .to_vec()
-    };
-    let rows = |rows: &[Row<'_>]| -> Vec<_> {
-        rows.iter()
-            .map(|(bytes, amperes, range)| (bytes.to_vec(), *amperes, *range))
-            .collect()
-    };
-    let of_228 = rows(&[
-        (&[0, 0, 0], 0.0, Within),
-        // Its shunt's 163.84 mV; the counters end at 60 A before that.
-        (&[0x7f, 0xff, 0xf0], 81.92, Over),
-        (&[0x80, 0x00, 0x00], -81.92, Over),
-        (&[0xff, 0xff, 0xf0], -156.25e-6, Within),
-        (&[0x5d, 0xb8, 0x00], 59.98, Within),
-        (&[0x5d, 0xe0, 0x00], 60.08, Over),
-        (&[0xa2, 0x20, 0x00], -60.08, Over),
-    ]);
-    let of_3221 = rows(&[
-        (&[0, 0], 0.0, Within),
-        (&[0x7f, 0xf0], 81.88, Within),
-        (&[0x7f, 0xf8], 81.9, Over),
-        (&[0x80, 0x10], -81.88, Within),
-        (&[0x80, 0x08], -81.9, Over),
-        (&[0x80, 0x00], -81.92, Over),
-        (&[0xff, 0xff], -0.02, Within),
-    ]);
-    let of_2946 = rows(&[
-        (&[0, 0], 0.0, Within),
-        (&[0xff, 0xe0], 51.187_5, Within),
-        (&[0xff, 0xf0], 51.2, Over),
-        (&[0xff, 0xff], 51.2, Over),
-    ]);
-    for (part, rows) in [
-        (ina226(), bits_16(1.25e-3)),
-        (ina231(), bits_16(1.25e-3)),
-        (ina260(), bits_16(1.25e-3)),
-        (ina238(), bits_16(2.5e-3)),
-        (ina228(), of_228),
-        (ina3221(), of_3221),
-        (ltc2946(), of_2946),
-    ] {
-        for (code, amperes, range) in rows {
-            let reading = part
-                .read(&[0x10, 0, 0], &code)
-                .expect("a voltage within its range");
-            assert_eq!(reading.current_range, range, "{:?} {code:x?}", part.kind);
-            assert_near(reading.current_a, amperes);
-        }
-    }
-}
-
-#[test]
-// Requirement: S-3
-fn the_end_of_each_parts_voltage_is_over_range_and_a_negative_one_impossible() {
-    use ReadError::{Implausible, OverRange};
-    type Row<'a> = (Recorded, &'a [(&'a [u8], Result<f32, ReadError>)]);
-    let end_of_226: [(&[u8], _); 5] = [
-        (&[0, 0], Ok(0.0)),
-        (&[0x7f, 0xfe], Ok(40.957_5)),
-        (&[0x7f, 0xff], Err(OverRange)),
-        (&[0x80, 0], Err(Implausible)),
-        (&[0xff, 0xff], Err(Implausible)),
-    ];
-    let table: [Row<'_>; 7] = [
-        (ina226(), &end_of_226),
-        (ina231(), &end_of_226),
-        (ina260(), &end_of_226),
-        (
-            ina238(),
-            &[
-                (&[0, 0], Ok(0.0)),
-                (&[0x7f, 0xfe], Ok(102.393_75)),
-                (&[0x7f, 0xff], Err(OverRange)),
-                (&[0xff, 0xff], Err(Implausible)),
-            ],
-        ),
-        (
-            ina228(),
-            &[
-                (&[0, 0, 0], Ok(0.0)),
-                (&[0x7f, 0xff, 0xe0], Ok(102.399_61)),
-                (&[0x7f, 0xff, 0xf0], Err(OverRange)),
-                (&[0xff, 0xff, 0xff], Err(Implausible)),
-            ],
-        ),
-        (
-            ina3221(),
-            &[
-                (&[0, 0], Ok(0.0)),
-                (&[0x7f, 0xf0], Ok(32.752)),
-                (&[0x7f, 0xf8], Err(OverRange)),
-                (&[0xff, 0xff], Err(Implausible)),
-            ],
-        ),
-        (
-            ltc2946(),
-            &[
-                (&[0, 0], Ok(0.0)),
-                (&[0xff, 0xe0], Ok(102.375)),
-                (&[0xff, 0xf0], Err(OverRange)),
-                (&[0xff, 0xff], Err(OverRange)),
-            ],
-        ),
-    ];
-    for (part, rows) in table {
-        for (code, expected) in rows {
-            let reading = part.read(code, &[0, 0, 0]);
-            match (reading, expected) {
-                (Ok(reading), Ok(volts)) => assert_near(reading.voltage_v, *volts),
-                (reading, _) => assert_eq!(reading.map(|_| 0.0), *expected, "{:?} {code:x?}", part.kind),
-            }
-        }
     }
 }
 
@@ -1417,13 +1248,13 @@ fn a_solo_powers_off_while_its_button_is_held_for_seven_readings() {
 }
 
 /// A battery whose contacts are bad: by the number of each transfer that fails, or the bits of its first byte that are inverted.
-struct Contacts<B, F> {
-    battery: B,
+struct Contacts<F> {
+    battery: Tables,
     transfers: usize,
     fault: F,
 }
 
-impl<B: I2cBus, F: Fn(usize) -> Result<u8, BusError>> I2cBus for Contacts<B, F> {
+impl<F: Fn(usize) -> Result<u8, BusError>> I2cBus for Contacts<F> {
     async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
         self.transfers += 1;
         let inverted = (self.fault)(self.transfers)?;
@@ -1446,7 +1277,7 @@ fn closed(are_closed: bool) -> Result<u8, BusError> {
     }
 }
 
-type BusBench<F> = (BusDevices, Buses<Contacts<Tables, F>, NoSpi>);
+type BusBench<F> = (BusDevices, Buses<Contacts<F>, NoSpi>);
 
 fn bench<F: Fn(usize) -> Result<u8, BusError>>(kind: PartKind, fault: F) -> BusBench<F> {
     let bus = Contacts {
@@ -1577,42 +1408,6 @@ fn three_seconds_after_any_transfer_failed_a_battery_is_known_like_one_that_neve
                 }
                 assert_eq!(last, Some(Ok(expected)), "{context}");
             }
-        }
-    }
-}
-
-#[test]
-// Requirement: AP-7
-fn three_seconds_after_any_transfer_failed_a_stack_is_known_like_one_that_never_failed() {
-    let read_from = |fault: &dyn Fn(usize) -> Result<u8, BusError>, until: usize| {
-        let battery = Stack::new(&stack_words(INPUTS_MV, 1500, 0), [0; 12], [5, 0, 0]);
-        let mut bus = Buses::i2c(Contacts {
-            battery,
-            transfers: 0,
-            fault,
-        });
-        let mut devices = devices_of(PartKind::Bq76952);
-        while bus.i2c.transfers < until {
-            let _ = read_next(&mut devices, &mut bus);
-        }
-        let readings = (0..30).map(|_| read_next(&mut devices, &mut bus)[0].1);
-        readings.last().expect("30")
-    };
-    let expected = read_from(&|_| Ok(0), 0);
-    assert!(expected.is_ok_and(|reading| reading.cells.number() == Some(4)));
-    for first in 1..=80 {
-        for (fault, transfers) in [
-            (BusError::NoAnswer, 1),
-            (BusError::NoAnswer, 12),
-            (BusError::Timeout, 1),
-        ] {
-            let faulty = first..first + transfers;
-            let at = |transfer| match faulty.contains(&transfer) {
-                true => Err(fault),
-                false => Ok(0),
-            };
-            let reading = read_from(&at, faulty.end - 1);
-            assert_eq!(reading, expected, "{fault:?} from transfer {first} on");
         }
     }
 }

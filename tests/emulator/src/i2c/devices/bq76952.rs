@@ -144,6 +144,11 @@ impl Bq76952 {
         (self.da_configuration, self.vcell_mode) = (da_configuration, vcell_mode);
     }
 
+    /// The charge that it has counted, in 2^-32 of the unit of current times an hour, into the pack.
+    pub fn set_charge(&mut self, charge: i64) {
+        self.state.charge = charge;
+    }
+
     /// Sets up TS1 to TS3 for these uses, with thermistors at these temperatures.
     pub fn set_thermistors(&mut self, thermistors: [(u8, f64); 3]) {
         self.thermistors = thermistors;
