@@ -80,7 +80,12 @@ fn a_lost_conversion_is_found_in_the_next_tick_and_moves_no_reading_to_another_p
         let lost_us = bench.time_us();
         bench.run_for(250 * MILLISECOND);
         let found_us = failures(&mut bench, "Conversion");
-        assert_eq!(found_us.len(), 1, "{lost} lost at {lost_us}: {found_us:?}");
+        // A tick may lie between two of them: then the next one finds the rest.
+        let found = 1..=lost as usize;
+        assert!(
+            found.contains(&found_us.len()),
+            "{lost} lost at {lost_us}: {found_us:?}"
+        );
         assert!(
             found_us[0] - lost_us < 105 * MILLISECOND,
             "{lost_us}: {found_us:?}"

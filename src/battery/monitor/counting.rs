@@ -159,14 +159,16 @@ impl ChargeCounter {
 
     /// Completes a reading whose current is known by the charge of the readings before it that came without one, which is
     /// assumed as [`integrate`](Self::integrate) does.
-    pub fn complete(&self, now: Instant, reading: &mut Reading) {
+    pub fn complete(&self, now: Instant, dt_us: u64, reading: &mut Reading) {
         let (Some((known_at, before_a)), Some(current_a)) = (self.last_current, reading.current_a) else {
             return;
         };
         let since_us = now.us_since(known_at);
-        let unknown_s = microseconds(since_us) * 1e-6 - reading.dt_s;
-        let mean_a = mean_current_a(since_us, Some(before_a), current_a);
-        if let Some(mean_a) = mean_a.filter(|_| unknown_s > 0.0) {
+        if since_us <= dt_us {
+            return;
+        }
+        if let Some(mean_a) = mean_current_a(since_us, Some(before_a), current_a) {
+            let unknown_s = microseconds(since_us - dt_us) * 1e-6;
             reading.unmeasured_mah += mean_a.max(0.0) * unknown_s / SECONDS_PER_MILLIHOUR;
             reading.missed_s += unknown_s;
         }

@@ -428,7 +428,7 @@ impl BatteryMonitor {
                 let is_measured = measurement.rate().is_some() && dt_us <= SLOWEST_PERIOD_US;
                 self.counting.correct(reading, counted_mah, is_measured);
             }
-            None => self.counting.complete(now, reading),
+            None => self.counting.complete(now, dt_us, reading),
         }
         if let Some(charged_mah) = reading.charged_mah() {
             self.counting.add_charged(charged_mah, capacity_mah);
