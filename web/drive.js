@@ -47,7 +47,7 @@ function obstacle() {
 
 function sendStick() {
   const scaled = (share) => Math.round(share * FULL * $('limit').value);
-  send('MANUAL_CONTROL', { target: roverSystem, y: scaled(stickX), z: scaled(stickY) });
+  ask('MANUAL_CONTROL', { target: roverSystem, y: scaled(stickX), z: scaled(stickY) });
 }
 
 function moveStick(x, y) {

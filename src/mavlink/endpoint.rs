@@ -11,6 +11,7 @@ use super::parser::FrameParser;
 use super::rates::Rates;
 use super::sender_clocks::SenderClocks;
 use super::services::log_download::LogRead;
+use super::services::vehicle::LateSticksTexts;
 use super::services::{Changeable, Context};
 use super::signing::{Access, LinkKind};
 use super::stations::Stations;
@@ -61,6 +62,7 @@ pub struct Endpoint {
     /// Received messages that were not signed as they would have to be.
     unauthorized: u32,
     shortfall_said: bool,
+    late_sticks_texts: LateSticksTexts,
     /// Announcements to all links that this one has sent.
     pub(crate) position: BroadcastPosition,
     /// When latched failsafe levels were reported last; at the start, when it was opened.
@@ -93,6 +95,7 @@ impl Endpoint {
             streams_dropped: 0,
             unauthorized: 0,
             shortfall_said: false,
+            late_sticks_texts: LateSticksTexts::default(),
             position: BroadcastPosition::default(),
             levels_reported_at: now,
             drop_log: RateLimit::default(),
@@ -381,6 +384,7 @@ impl Endpoint {
             access: self.access,
             link_number: self.number,
             unauthorized: &mut self.unauthorized,
+            late_sticks_texts: &mut self.late_sticks_texts,
             outbox: &mut self.outbox,
         };
         Some(dispatch(&frame, &mut self.services, &mut context))

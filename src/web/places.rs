@@ -130,7 +130,7 @@ impl<'a> Place<'a> {
 
     /// Notes that it was used just now. That of a foreign page gives way all the same.
     pub fn note_use(&self) {
-        if self.sender == Sender::Own {
+        if self.sender != Sender::Foreign {
             self.state.gives_way_at.set(Some(now().after_us(PATIENCE_US)));
         }
     }

@@ -25,8 +25,10 @@ const SCHEME: &str = "http://";
 /// Origin of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sender {
-    /// Ours, or no page: a program.
+    /// Our page, in a browser.
     Own,
+    /// No page: browsers state an origin with each WebSocket.
+    Program,
     /// A page of someone else, in a browser that reaches us.
     Foreign,
 }
@@ -170,12 +172,18 @@ fn sender(headers: &Headers<'_>, authority: Option<&str>, names: &[&str]) -> Res
             "This is not the address of the rover.",
         ));
     }
-    let mut origins = headers.all("Origin");
-    let is_own = origins.all(|origin| {
+    let is_own = |origin: &str| {
         let origin = origin.strip_prefix(SCHEME);
         origin.is_some_and(|origin| origin.eq_ignore_ascii_case(host))
-    });
-    Ok(if is_own { Sender::Own } else { Sender::Foreign })
+    };
+    let mut origins = headers.all("Origin").peekable();
+    Ok(if origins.peek().is_none() {
+        Sender::Program
+    } else if origins.all(is_own) {
+        Sender::Own
+    } else {
+        Sender::Foreign
+    })
 }
 
 /// Whether a host is `name`, at whatever port.

@@ -58,6 +58,7 @@ impl Sender {
     pub fn access(self) -> Access {
         match self {
             Self::Own => Access::Page,
+            Self::Program => Access::Full,
             Self::Foreign => Access::Listen,
         }
     }

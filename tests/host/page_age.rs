@@ -9,7 +9,7 @@ use support::desk::Desk;
 use support::frames::{COMMAND_ACK, LOG_ERASE, encode_v2, of_message, texts_of};
 use support::requests::{
     VEHICLE, VEHICLE_ID, arm_by_force, command_int, command_long, command_long_2, disarm, do_set_mode, ftp,
-    manual_control, param_set, reboot, set_mode, stated_time, system_time,
+    manual_control, param_set, reboot, set_mode, stated_times, system_time,
 };
 
 const TOO_LATE: &str = "Command waited for too long: refused";
@@ -24,9 +24,16 @@ const LEAST_DELAY_MS: u64 = 40;
 const MOTION_MS: u64 = 1_500;
 const CHANGE_MS: u64 = 3_000;
 
+/// The time in UTC when the rover has started, in ms.
+const UNIX_MS: u64 = 1_790_000_000_000;
+
 /// A page whose clock is three seconds behind the rover's.
 struct Page {
     desk: Desk,
+    /// For how long its phone has slept, which stops the first of its clocks.
+    slept_ms: u64,
+    /// By how much its time in UTC is slow.
+    slow_ms: u64,
 }
 
 impl Page {
@@ -44,7 +51,11 @@ impl Page {
         desk.connect(kind);
         desk.endpoint.set_access(access);
         desk.now_us = 10_000_000;
-        let mut page = Self { desk };
+        let mut page = Self {
+            desk,
+            slept_ms: 0,
+            slow_ms: 0,
+        };
         for _ in 0..10 {
             page.send(LEAST_DELAY_MS, &[]);
         }
@@ -63,12 +74,22 @@ impl Page {
         page
     }
 
+    /// The page's statement of its time, sent this long ago.
+    fn statement(&self, delay_ms: u64) -> Vec<u8> {
+        let sent_ms = self.desk.now_us / 1_000 - delay_ms;
+        let boot_ms = sent_ms - 3_000 - self.slept_ms;
+        stated_times(boot_ms as u32, (UNIX_MS + sent_ms - self.slow_ms) * 1_000)
+    }
+
     /// A second later a request arrives that was sent this long ago, behind a statement of the page's time then. Returns the
     /// event, and the texts of the answer.
     fn send(&mut self, delay_ms: u64, request: &[u8]) -> (Event, Vec<String>) {
-        self.desk.now_us += 1_000_000;
-        let stated_ms = self.desk.now_us / 1_000 - 3_000 - delay_ms;
-        self.desk.receive_in_chunks(&stated_time(stated_ms as u32), 64);
+        self.send_after(1_000, delay_ms, request)
+    }
+
+    fn send_after(&mut self, pause_ms: u64, delay_ms: u64, request: &[u8]) -> (Event, Vec<String>) {
+        self.desk.now_us += pause_ms * 1_000;
+        self.desk.receive_in_chunks(&self.statement(delay_ms), 64);
         let events = self.desk.receive_in_chunks(request, 64);
         self.desk.drive();
         let answers = self.desk.sent();
@@ -158,6 +179,66 @@ fn old_deflected_sticks_of_the_page_are_dropped() {
         );
         let (event, _) = page.send(LEAST_DELAY_MS + MOTION_MS, &sticks);
         assert_eq!(event, Event::Driven);
+    }
+}
+
+#[test]
+fn late_sticks_are_announced_every_five_seconds() {
+    let mut page = Page::armed_in(0.0);
+    page.send(LEAST_DELAY_MS, &manual_control(VEHICLE_ID, 0, 900));
+    let mut announced_ms = Vec::new();
+    for ms in (0..12_000).step_by(50) {
+        let delay_ms = LEAST_DELAY_MS + MOTION_MS + 1;
+        let (event, texts) = page.send_after(50, delay_ms, &manual_control(VEHICLE_ID, 0, 900));
+        assert_eq!(event, Event::ControlTooLate);
+        let late = texts.iter().filter(|text| *text == "Sticks ignored: too late");
+        announced_ms.extend(late.map(|_| ms));
+    }
+    assert_eq!(announced_ms, [0, 5_000, 10_000]);
+}
+
+#[test]
+fn sticks_are_as_old_as_the_statement_before_them() {
+    let mut page = Page::armed_in(0.0);
+    for delay_ms in [700, 1_400] {
+        // The page states its time with each message of the sticks, else its latest one would be a second older.
+        page.desk.now_us += 950_000;
+        let (event, texts) = page.send_after(50, delay_ms, &manual_control(VEHICLE_ID, 0, 900));
+        assert_eq!((event, texts), (Event::Driven, vec![]), "{delay_ms}");
+    }
+}
+
+#[test]
+fn a_clock_that_stops_or_is_corrected_makes_nothing_late() {
+    for (slept_ms, slow_ms) in [(60_000, 0), (3_600_000, 400), (0, 5_000), (0, 86_400_000)] {
+        let mut page = Page::own();
+        page.desk.now_us += slept_ms * 1_000;
+        page.slept_ms = slept_ms;
+        page.slow_ms = slow_ms;
+        let case = format!("slept {slept_ms} ms, slow by {slow_ms} ms");
+        let (event, texts) = page.send(LEAST_DELAY_MS, &arm_by_force());
+        assert_eq!((event, texts), (Event::Driven, vec![]), "{case}");
+        let (event, texts) = page.send(LEAST_DELAY_MS, &do_set_mode(0.0));
+        assert_eq!((event, texts), (Event::Driven, vec![]), "{case}");
+        // The other clock shows what is late.
+        let late = page.send(LEAST_DELAY_MS + MOTION_MS + 1, &do_set_mode(0.0));
+        assert_eq!(late.1, [TOO_LATE], "{case}");
+    }
+}
+
+#[test]
+fn what_comes_late_after_a_silence_is_refused_however_long_that_was() {
+    for silence_ms in [10_000, 33_500, 40_000, 90_000, 3_600_000] {
+        let mut page = Page::own();
+        let late = page.send_after(silence_ms, silence_ms, &arm_by_force());
+        assert_eq!(late.1, [TOO_LATE], "{silence_ms}");
+        // The next piece of the same backlog.
+        let late = page.send_after(17_000, silence_ms, &arm_by_force());
+        assert_eq!(late.1, [TOO_LATE], "{silence_ms}");
+        assert_eq!(
+            page.send(LEAST_DELAY_MS, &arm_by_force()),
+            (Event::Driven, vec![])
+        );
     }
 }
 

@@ -17,6 +17,7 @@ use rover_battmon::mavlink::dialect::{MavMessage, PARAM_REQUEST_READ_DATA};
 use rover_battmon::mavlink::{Endpoint, LinkKind};
 use rover_battmon::recorder::{LogSource, ReadFailed, Ring};
 use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, now};
+use rover_battmon::vehicle::ArmState;
 use rover_battmon::web::{
     Attended, BUFFER_BYTES, Place, Places, Sender, Site, attend, refuse, serve_web_socket,
 };
@@ -24,7 +25,7 @@ use rover_battmon_tools::frames::{FrameReader, frame};
 use rover_battmon_tools::sim::clock::run_for;
 use support::desk::LOW_VOLT;
 use support::repository;
-use support::requests::{arm_by_force, param_set, setup_signing};
+use support::requests::{arm_by_force, param_set, setup_signing, stated_time};
 use support::signer::{NEW_YEAR, OWNER, Signer};
 
 use crate::logged_rover;
@@ -791,6 +792,32 @@ impl ByteSource for &Flood {
         self.left.update(|left| left - 1);
         buffer[..self.frame.len()].copy_from_slice(&self.frame);
         Ok(self.frame.len())
+    }
+}
+
+#[test]
+fn only_a_browser_is_judged_by_the_time_that_it_states() {
+    const TOO_LATE: &str = "Command waited for too long: refused";
+    let stated = masked(BINARY, &stated_time(1_000));
+    let arm = masked(BINARY, &arm_by_force());
+    for (sender, is_armed) in [("", true), ("Origin: http://192.168.4.1\r\n", false)] {
+        play(async |site| {
+            let place = open(site, sender).await.expect("it is the first");
+            // MAVProxy states its time every ten seconds.
+            let wire = Wire::with([(100, stated.clone()), (8_000, arm.clone())]);
+            let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(place.sender.access());
+            let serving = serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN);
+            select(serving, Timer::after_secs(9)).await;
+            let arm_state = site.shared.with(|autopilot| autopilot.vehicle().arm_state());
+            assert_eq!(arm_state == ArmState::Armed, is_armed, "{sender}");
+            let sent = sent_frames(&wire.sent());
+            let text = sent.iter().any(|(_, bytes)| {
+                bytes
+                    .windows(TOO_LATE.len())
+                    .any(|part| part == TOO_LATE.as_bytes())
+            });
+            assert_eq!(text, !is_armed, "{sender}");
+        });
     }
 }
 

@@ -152,7 +152,15 @@ pub fn system_time_from(sender: [u8; 2], unix_us: u64) -> Vec<u8> {
 
 /// A station states its time since its own start, in ms.
 pub fn stated_time(boot_ms: u32) -> Vec<u8> {
-    encode_v2(SYSTEM_TIME, &[&[0; 8][..], &boot_ms.to_le_bytes()].concat())
+    stated_times(boot_ms, 0)
+}
+
+/// The same, and what time it is, in µs since 1970.
+pub fn stated_times(boot_ms: u32, unix_us: u64) -> Vec<u8> {
+    encode_v2(
+        SYSTEM_TIME,
+        &[&unix_us.to_le_bytes()[..], &boot_ms.to_le_bytes()].concat(),
+    )
 }
 
 /// A SiK radio reports how much of its transmit buffer is free, in percent.

@@ -11,6 +11,8 @@ pub mod time;
 pub mod vehicle;
 pub mod wifi;
 
+use vehicle::LateSticksTexts;
+
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::rates::Rates;
 use crate::mavlink::sender_clocks::SenderClocks;
@@ -62,6 +64,8 @@ pub struct Context<'a> {
     pub link_number: u16,
     /// Messages on this link that were not signed as they would have to be.
     pub unauthorized: &'a mut u32,
+    /// Limits the texts about sticks that come too late.
+    pub late_sticks_texts: &'a mut LateSticksTexts,
     /// Takes the answers.
     pub outbox: &'a mut Outbox,
 }

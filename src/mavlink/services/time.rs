@@ -44,11 +44,11 @@ pub fn timesync(answered_ns: i64, asked_ns: i64, from: Peer, context: &mut Conte
     Event::Answered
 }
 
-/// Takes the time of a ground station. Vehicles and cameras near by say theirs to everyone, too. The time since its start is
-/// by what the age of the page's own commands is known.
+/// Takes the time of a ground station. Vehicles and cameras near by say theirs to everyone, too. Both of its clocks show the age
+/// of the page's own commands.
 pub fn system_time(unix_us: u64, boot_ms: u32, from: Peer, context: &mut Context<'_>) -> Event {
     if context.access == Access::Page {
-        context.clocks.state(from, boot_ms, context.now);
+        context.clocks.state(from, boot_ms, unix_us, context.now);
     }
     let utc = Utc::from_micros(unix_us);
     let is_plausible = utc >= EARLIEST && utc.seconds().is_some();

@@ -4,7 +4,7 @@ use ::mavlink::MessageData;
 use heapless::String;
 
 use super::{Context, TOO_LATE};
-use crate::announce::Severity;
+use crate::announce::{RateLimit, Severity};
 use crate::mavlink::Peer;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, SET_MODE_DATA};
 use crate::mavlink::event::Event;
@@ -34,9 +34,16 @@ const FORCE: [f32; 2] = [21196.0, 2989.0];
 /// 100 s.
 const MAX_AGE_MS: u32 = 1_500;
 
+/// Minimum time between two texts on a link about sticks that come too late, in µs.
+const LATE_STICKS_INTERVAL_US: u64 = 5_000_000;
+
+/// Limits the texts on a link about sticks that come too late.
+pub type LateSticksTexts = RateLimit<LATE_STICKS_INTERVAL_US>;
+
 /// Why the sticks of a station are ignored.
 const ANOTHER_STATION: &str = "Sticks ignored: another station drives";
 const ANOTHER_MESSAGE: &str = "Sticks ignored: this station drives by another message";
+const STICKS_TOO_LATE: &str = "Sticks ignored: too late";
 
 const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
@@ -80,6 +87,7 @@ pub struct VehicleService<'a> {
     pub parameters: &'a Parameters,
     pub vehicle: &'a mut Vehicle,
     pub outbox: &'a mut Outbox,
+    pub late_sticks_texts: &'a mut LateSticksTexts,
 }
 
 impl<'a> VehicleService<'a> {
@@ -94,6 +102,7 @@ impl<'a> VehicleService<'a> {
             parameters: context.changeable.parameters,
             vehicle: context.changeable.vehicle,
             outbox: context.outbox,
+            late_sticks_texts: context.late_sticks_texts,
         }
     }
 
@@ -214,8 +223,14 @@ impl<'a> VehicleService<'a> {
         message: ControlMessage,
         from: Peer,
     ) -> Event {
+        if self.has_waited() {
+            return Event::ControlTooLate;
+        }
         let is_deflected = throttle.is_deflected() || steering.is_deflected();
-        if self.has_waited() || (is_deflected && self.is_late()) {
+        if is_deflected && self.is_late() {
+            if self.late_sticks_texts.take(self.now) {
+                self.outbox.explain(Severity::Warning, STICKS_TOO_LATE);
+            }
             return Event::ControlTooLate;
         }
         let from = DriverId {
