@@ -280,7 +280,8 @@ fn complete<'a>(
         vehicle: vehicle.status(),
         logs: recording.files(),
         log: recording.health(),
-        log_readers: recording.readers,
+        log_readers: &recording.readers,
+        armings: vehicle.armings(),
         now,
         ..*own_state
     }

@@ -12,6 +12,7 @@ use crate::memory::save_state::SaveState;
 use crate::memory::storage::{Erase, StorageError};
 use crate::parameter::Unsaved;
 use crate::recorder::{Erasure, FlashOutcome, Piece, Ring};
+use crate::system::LogReader;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 
@@ -259,16 +260,16 @@ impl Autopilot {
         self.recording.erased(erasure, outcome);
     }
 
-    /// The place in flash of a log's bytes from `offset` on, to be read at `now` for the link of this number, or for a browser's
-    /// download.
-    pub fn locate_log(&mut self, number: u16, offset: u32, link: Option<u16>, now: Instant) -> Option<Piece> {
-        self.recording.readers.note(link, now);
-        self.recording.locate(number, offset)
+    /// The place in flash of a log's bytes from `offset` on, to be read at `now` by `reader`, for which the file is kept from now
+    /// on. `None` if it has no such bytes, or there are too many readers.
+    pub fn locate_log(&mut self, number: u16, offset: u32, reader: LogReader, now: Instant) -> Option<Piece> {
+        let is_kept = self.recording.readers.note(reader, number, now);
+        is_kept.then(|| self.recording.locate(number, offset)).flatten()
     }
 
-    /// A browser's download is complete.
-    pub fn browser_download_ended(&mut self) {
-        self.recording.readers.browser_ended();
+    /// A download is complete.
+    pub fn log_download_ended(&mut self, reader: LogReader) {
+        self.recording.readers.end(reader);
     }
 
     /// Whether logs are listed and read on a link of this kind without a signature.

@@ -182,6 +182,7 @@ fn is_expected(request: &Request<'_>, from: Peer, system_id: u8, external_packs:
 fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &mut Context<'_>) -> Event {
     let (now, state) = (context.now, context.state);
     let Services { list, downloads } = services;
+    downloads.end_by_arming(state);
     match request {
         Request::ParameterList => {
             list.start(now);
@@ -207,7 +208,7 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             Event::Answered
         }
         Request::LogErase => {
-            let result = downloads.logs.erase(from, context.link_number, state);
+            let result = downloads.erase_logs(from, context.link_number, state);
             explained(result.map(|()| Event::LogsErased), downloads, context)
         }
         Request::DataStream { stream_id, rate_hz } => {

@@ -225,10 +225,12 @@ impl Endpoint {
         self.services.downloads.next_read(state, parameters)
     }
 
-    /// Takes the bytes that were read: fewer than requested at the end of the file, or where it can't be read. What is not
-    /// wanted any more is ignored.
+    /// Takes the bytes that were read: fewer than requested where the file is gone or can't be read, which ends its download. What
+    /// is not wanted any more is ignored.
     pub fn supply(&mut self, read: LogRead, bytes: &[u8]) {
-        self.services.downloads.supply(read, bytes);
+        if let Err(refusal) = self.services.downloads.supply(read, bytes) {
+            self.say(Severity::Warning, refusal.text());
+        }
     }
 
     /// Counts the bytes of a frame that leaves.

@@ -355,20 +355,23 @@ impl Ring {
         if !is_wanted || self.erased_to >= self.kept_from() + self.geometry.sectors() {
             return None;
         }
-        let erased_sequence = self.erased_to - self.geometry.sectors();
-        if self
-            .directory
-            .oldest_sequence()
-            .is_some_and(|oldest| oldest <= erased_sequence)
-        {
+        if self.next_erased_file().is_some() {
             self.directory.remove_oldest();
         }
+        let erased_sequence = self.erased_to - self.geometry.sectors();
         Some(Erasure {
             address: self.geometry.address(self.erased_to),
             sequence: self.erased_to,
             mark: mark(self.erased_to, self.geometry.sectors()),
             is_first_use: erased_sequence < self.geometry.first_sequence(),
         })
+    }
+
+    /// The file that the next erase removes, if it removes one.
+    pub fn next_erased_file(&self) -> Option<LogFile> {
+        let oldest = self.directory.oldest_sequence()?;
+        let is_erased = oldest + self.geometry.sectors() <= self.erased_to;
+        is_erased.then(|| self.files().first().copied()).flatten()
     }
 
     /// Sectors without a file: they can be erased ahead, and no file has to go for it. In an empty ring one is left out: a

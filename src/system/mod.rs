@@ -5,4 +5,7 @@ mod arming;
 mod state;
 
 pub use arming::{ArmingObstacle, MeasuredAt, above_drivers, arming_obstacles, arming_readiness};
-pub use state::{ArmingReadiness, LinkStatistics, LogHealth, LogReaders, ReceiveStatistics, SystemState};
+pub use state::{
+    ArmingReadiness, LOG_READER_SILENCE_US, LinkStatistics, LogHealth, LogProtocol, LogReader, LogReaders,
+    ReceiveStatistics, SystemState,
+};

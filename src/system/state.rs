@@ -41,7 +41,9 @@ pub struct SystemState<'a> {
     /// Whether the log can be written.
     pub log: LogHealth,
     /// Readers of log files.
-    pub log_readers: LogReaders,
+    pub log_readers: &'a LogReaders,
+    /// How often the rover was armed. It wraps.
+    pub armings: u8,
 }
 
 impl SystemState<'_> {
@@ -134,42 +136,99 @@ pub enum LogHealth {
     Off,
 }
 
-/// The latest readers of log files: a download must not lose its file to another station's LOG_ERASE.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LogReaders {
-    latest: Option<LogReader>,
-    /// The latest one by another link than that of `latest`.
-    other: Option<LogReader>,
+/// The protocol by which a link reads log files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum LogProtocol {
+    /// LOG_REQUEST_DATA.
+    LogData,
+    /// MAVLink FTP.
+    FileTransfer,
 }
 
+/// A reader of log files: of one at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct LogReader {
-    /// The number of the link; `None` for a browser's download, which has none.
-    link: Option<u16>,
+pub enum LogReader {
+    /// The link of this number.
+    Link(u16, LogProtocol),
+    /// The browser that has this place.
+    Browser(u8),
+}
+
+/// A reader, the number of its file, and when it read last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct LogReading {
+    reader: LogReader,
+    file: u16,
     at: Instant,
 }
 
+impl LogReading {
+    fn is_active(&self, now: Instant) -> bool {
+        now.us_since(self.at) < LOG_READER_SILENCE_US
+    }
+}
+
+/// A reader that has taken nothing for this long does not keep its file from being erased, in µs.
+pub const LOG_READER_SILENCE_US: u64 = 10_000_000;
+
+/// Readers at a time.
+const LOG_READERS: usize = 8;
+
+/// The latest readers of log files, which keep theirs from being erased.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LogReaders([Option<LogReading>; LOG_READERS]);
+
 impl LogReaders {
-    /// A piece of a log file is read for this link at `now`.
-    pub fn note(&mut self, link: Option<u16>, now: Instant) {
-        if self.latest.is_some_and(|latest| latest.link != link) {
-            self.other = self.latest;
-        }
-        self.latest = Some(LogReader { link, at: now });
+    /// Nothing is being read.
+    pub const NONE: Self = Self([None; LOG_READERS]);
+
+    /// A piece of a file is read at `now`. Returns whether there is room for its reader: without it the file would not be kept.
+    pub fn note(&mut self, reader: LogReader, file: u16, now: Instant) -> bool {
+        let rank = |reading: &Option<LogReading>| match reading {
+            Some(reading) if reading.reader == reader => 0,
+            Some(reading) if reading.is_active(now) => 2,
+            Some(_) | None => 1,
+        };
+        let place = self.0.iter_mut().min_by_key(|reading| rank(reading));
+        let Some(place) = place.filter(|reading| rank(reading) < 2) else {
+            return false;
+        };
+        *place = Some(LogReading {
+            reader,
+            file,
+            at: now,
+        });
+        true
     }
 
-    /// A browser has its file.
-    pub fn browser_ended(&mut self) {
-        for reader in [&mut self.latest, &mut self.other] {
-            reader.take_if(|reader| reader.link.is_none());
+    /// A reader has its file.
+    pub fn end(&mut self, reader: LogReader) {
+        for reading in &mut self.0 {
+            reading.take_if(|reading| reading.reader == reader);
         }
     }
 
-    /// When a log file was last read for another link than this one.
-    pub fn read_for_another_at(&self, link: u16) -> Option<Instant> {
-        let readers = [self.latest, self.other].into_iter().flatten();
-        let mut others = readers.filter(|reader| reader.link != Some(link));
-        others.next().map(|reader| reader.at)
+    /// Whether the file of this number is being read.
+    pub fn is_read(&self, file: u16, now: Instant) -> bool {
+        self.active(now).any(|reading| reading.file == file)
+    }
+
+    /// Whether anything is being read, but on this link.
+    pub fn is_read_for_another(&self, link: u16, now: Instant) -> bool {
+        let is_of_link = |reader| matches!(reader, LogReader::Link(number, _) if number == link);
+        self.active(now).any(|reading| !is_of_link(reading.reader))
+    }
+
+    fn active(&self, now: Instant) -> impl Iterator<Item = &LogReading> {
+        let readings = self.0.iter().flatten();
+        readings.filter(move |reading| reading.is_active(now))
+    }
+}
+
+impl Default for &LogReaders {
+    fn default() -> Self {
+        &LogReaders::NONE
     }
 }
 
@@ -225,16 +284,50 @@ mod tests {
     use super::*;
     use crate::time::at_us;
 
+    const BROWSER: LogReader = LogReader::Browser(0);
+
+    fn by_ftp(link: u16) -> LogReader {
+        LogReader::Link(link, LogProtocol::FileTransfer)
+    }
+
     #[test]
-    fn a_station_that_reads_logs_is_not_hidden_by_the_one_that_asks() {
-        let mut readers = LogReaders::default();
-        assert_eq!(readers.read_for_another_at(1), None);
-        for (link, at) in [(Some(1), 1), (None, 2), (Some(1), 3), (Some(1), 4)] {
-            readers.note(link, at_us(at));
+    fn each_reader_keeps_its_file_for_ten_seconds() {
+        let mut readers = LogReaders::NONE;
+        let by_log_data = LogReader::Link(1, LogProtocol::LogData);
+        for (number, reader) in (1..).zip([by_log_data, by_ftp(1), by_ftp(2), BROWSER]) {
+            assert!(readers.note(reader, number, at_us(u64::from(number))));
         }
-        let of_others = |readers: &LogReaders| [1, 2].map(|link| readers.read_for_another_at(link));
-        assert_eq!(of_others(&readers), [Some(at_us(2)), Some(at_us(4))]);
-        readers.browser_ended();
-        assert_eq!(of_others(&readers), [None, Some(at_us(4))]);
+        for number in 1..5 {
+            let last_us = LOG_READER_SILENCE_US + u64::from(number);
+            assert!(readers.is_read(number, at_us(last_us - 1)));
+            assert!(!readers.is_read(number, at_us(last_us)), "{number}");
+        }
+        assert!(!readers.is_read(5, at_us(4)));
+        readers.end(BROWSER);
+        assert!(!readers.is_read(4, at_us(4)));
+    }
+
+    #[test]
+    fn the_readers_of_a_link_are_no_others_for_it() {
+        let mut readers = LogReaders::NONE;
+        readers.note(by_ftp(1), 1, at_us(0));
+        assert_eq!(
+            [1, 2].map(|link| readers.is_read_for_another(link, at_us(1))),
+            [false, true]
+        );
+        readers.note(BROWSER, 1, at_us(0));
+        assert!(readers.is_read_for_another(1, at_us(1)));
+        assert!(!readers.is_read_for_another(1, at_us(LOG_READER_SILENCE_US)));
+    }
+
+    #[test]
+    fn one_reader_too_many_waits_for_the_place_of_a_silent_one() {
+        let mut readers = LogReaders::NONE;
+        for link in 0..LOG_READERS as u16 {
+            assert!(readers.note(by_ftp(link), 1, at_us(u64::from(link))));
+        }
+        assert!(!readers.note(BROWSER, 1, at_us(LOG_READER_SILENCE_US - 1)));
+        assert!(readers.note(by_ftp(3), 2, at_us(LOG_READER_SILENCE_US - 1)));
+        assert!(readers.note(BROWSER, 1, at_us(LOG_READER_SILENCE_US)));
     }
 }

@@ -10,7 +10,7 @@ use crate::autopilot::Autopilot;
 use crate::mavlink::{Access, Endpoint, LinkId, LinkKind};
 use crate::parameter::{VehicleParameter, serial_baud};
 use crate::recorder::LogSource;
-use crate::system::LinkStatistics;
+use crate::system::{LinkStatistics, LogReader};
 
 /// A link: our end of it, and wake-ups for its tasks.
 ///
@@ -121,8 +121,8 @@ impl<'a> Link<'a> {
         let wanted = bytes.get_mut(..read.bytes.into()).unwrap_or_default();
         let filled = match self.log {
             Some(source) => {
-                let link = self.with(|endpoint| endpoint.number());
-                read_file(read.number, read.offset, wanted, Some(link), source, shared)
+                let reader = LogReader::Link(self.with(|endpoint| endpoint.number()), read.protocol);
+                read_file(read.number, read.offset, wanted, reader, source, shared)
             }
             None => 0,
         };
@@ -133,19 +133,19 @@ impl<'a> Link<'a> {
 }
 
 /// Fills `wanted` with what the log file `number` has from `offset` on, as far as it goes and can be read, and returns how far
-/// that is. `link` is the number of the link that it is for; a browser's download has none.
+/// that is.
 pub fn read_file(
     number: u16,
     offset: u32,
     wanted: &mut [u8],
-    link: Option<u16>,
+    reader: LogReader,
     source: &dyn LogSource,
     shared: &Shared,
 ) -> usize {
     let mut filled = 0;
     while let Some(rest) = wanted.get_mut(filled..).filter(|rest| !rest.is_empty()) {
         let offset = offset.saturating_add(filled as u32);
-        let Some(piece) = shared.with(|autopilot| autopilot.locate_log(number, offset, link, now())) else {
+        let Some(piece) = shared.with(|autopilot| autopilot.locate_log(number, offset, reader, now())) else {
             break;
         };
         let bytes = rest.len().min(piece.bytes as usize);

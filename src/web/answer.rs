@@ -44,6 +44,8 @@ pub struct LogPart {
     pub end: u32,
     /// Whether the whole was asked for.
     pub status: Status,
+    /// How often the rover was armed before it was asked for.
+    pub armings: u8,
     /// The board that has recorded it, if it is known.
     pub board_id: Option<BoardId>,
 }
@@ -102,6 +104,7 @@ fn log(number: u16, request: &Request, autopilot: &Autopilot) -> Result<LogPart,
         first: 0,
         end: file.bytes,
         status: Status::Ok,
+        armings: autopilot.vehicle().armings(),
         board_id: autopilot.identity().board_id,
     };
     let is_of_this_file = match &request.has {

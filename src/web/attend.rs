@@ -12,6 +12,7 @@ use super::head::{Refusal, Status, refusal};
 use super::places::{Place, Places, Purpose};
 use super::request::{Method, Request};
 use crate::recorder::LogSource;
+use crate::system::LogReader;
 use crate::tasks::{ByteSource, Shared};
 
 /// The shortest buffer: it takes the head of a request, of which browsers send 400 to 700 bytes, the head of an answer, and the
@@ -193,13 +194,15 @@ async fn send_answer(
         method,
         place,
     } = admitted;
+    // A log needs a place.
+    let reader = LogReader::Browser(place.as_ref().map_or(0, |place| place.index as u8));
     let send_pieces = async {
         let mut content = Content::of(answer, *method);
         let mut bytes = answer.head(buffer).len();
         while bytes > 0 {
             send(buffer.get(..bytes).unwrap_or_default(), writer).await?;
             place.iter().for_each(Place::note_use);
-            bytes = content.next_piece(buffer, site.logs, site.shared);
+            bytes = content.next_piece(buffer, reader, site.logs, site.shared);
         }
         Some(())
     };

@@ -2,10 +2,10 @@
 
 use super::answer::{Answer, LogPart, list_entry};
 use super::request::Method;
-use crate::autopilot::Autopilot;
 use crate::recorder::LogSource;
+use crate::system::LogReader;
 use crate::tasks::{Shared, read_file};
-use crate::vehicle::ArmState;
+use crate::vehicle::{ArmState, Vehicle};
 
 /// The part of an answer behind its head that is still to be sent.
 pub enum Content {
@@ -28,9 +28,15 @@ impl Content {
         }
     }
 
-    /// Writes the next piece into `buffer` and returns its length, 0 at the end. A log ends early when the rover is armed, or the
-    /// log is erased: a browser that has received less than announced asks for the rest.
-    pub fn next_piece(&mut self, buffer: &mut [u8], logs: &dyn LogSource, shared: &Shared) -> usize {
+    /// Writes the next piece for `reader` into `buffer` and returns its length, 0 at the end. A log ends early when the rover was
+    /// armed, or the log is erased: a browser that has received less than announced asks for the rest.
+    pub fn next_piece(
+        &mut self,
+        buffer: &mut [u8],
+        reader: LogReader,
+        logs: &dyn LogSource,
+        shared: &Shared,
+    ) -> usize {
         match self {
             Self::Bytes(rest) => {
                 let (piece, after) = rest.split_at_checked(buffer.len()).unwrap_or((rest, &[]));
@@ -49,16 +55,19 @@ impl Content {
                 }
             },
             Self::Log(part) => {
-                if shared.with(|autopilot| autopilot.vehicle().arm_state() == ArmState::Armed) {
+                let ends = |vehicle: &Vehicle| {
+                    vehicle.arm_state() == ArmState::Armed || vehicle.armings() != part.armings
+                };
+                if shared.with(|autopilot| ends(autopilot.vehicle())) {
                     return 0;
                 }
                 let bytes = buffer.len().min(part.end.saturating_sub(part.first) as usize);
                 if bytes == 0 {
-                    shared.with(Autopilot::browser_download_ended);
+                    shared.with(|autopilot| autopilot.log_download_ended(reader));
                     return 0;
                 }
                 let wanted = buffer.get_mut(..bytes).unwrap_or_default();
-                let filled = read_file(part.file.number, part.first, wanted, None, logs, shared);
+                let filled = read_file(part.file.number, part.first, wanted, reader, logs, shared);
                 part.first = part.first.saturating_add(filled as u32);
                 filled
             }

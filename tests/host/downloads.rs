@@ -1,5 +1,6 @@
 //! Files over a link: frames in, frames out, and a log of bytes.
 
+use std::num::NonZeroU32;
 use std::{fs, iter};
 
 use proptest::prelude::*;
@@ -7,7 +8,7 @@ use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, Sign
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::recorder::LogFile;
-use rover_battmon::system::SystemState;
+use rover_battmon::system::{LogProtocol, LogReader, SystemState};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{Fitness, Vehicle};
 use rover_battmon::wifi::WifiCredentials;
@@ -15,12 +16,13 @@ use support::commands::REQUEST_MESSAGE;
 use support::desk::EXTRA1;
 use support::frames::{
     COMPONENT_METADATA, FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY,
-    LOG_ERASE, LOG_REQUEST_DATA, LOG_REQUEST_END, STATUSTEXT, SYS_STATUS, encode_v2_from, frames, of_message,
-    texts_of,
+    LOG_REQUEST_DATA, LOG_REQUEST_END, STATUSTEXT, SYS_STATUS, encode_v2_from, frames, of_message, texts_of,
 };
 use support::repository;
-use support::requests::{VEHICLE, command_long, log_data, log_list};
+use support::requests::{VEHICLE, command_long, log_data, log_erase, log_list};
 use support::time::SECOND;
+
+use crate::logged_rover::Rover;
 
 const OTHER_STATION: [u8; 2] = [254, 190];
 
@@ -70,6 +72,7 @@ impl Bench {
         SystemState {
             now: Instant::from_micros(self.now_us),
             vehicle: self.vehicle.status(),
+            armings: self.vehicle.armings(),
             logs,
             ..SystemState::default()
         }
@@ -116,7 +119,7 @@ impl Bench {
         while let Some(read) = self.endpoint.next_read(&state, &self.parameters) {
             let mut files = self.files.iter();
             let found = files.find(|(file, _)| file.number == read.number);
-            let (_, content) = found.expect("there is this file");
+            let content = found.map_or(&[][..], |(_, content)| content);
             let rest = &content[content.len().min(read.offset as usize)..];
             let bytes = &rest[..rest.len().min(read.bytes.into())];
             self.endpoint.supply(read, bytes);
@@ -151,10 +154,6 @@ impl Bench {
 
 fn log_end(station: [u8; 2]) -> Vec<u8> {
     encode_v2_from(station, LOG_REQUEST_END, &VEHICLE)
-}
-
-fn log_erase() -> Vec<u8> {
-    encode_v2_from(GROUND_STATION, LOG_ERASE, &VEHICLE)
 }
 
 /// Puts the bytes of LOG_DATA messages in their places.
@@ -251,6 +250,129 @@ fn while_armed_downloads_are_refused_and_arming_ends_one() {
 }
 
 #[test]
+fn arming_ends_a_download_also_where_the_link_took_nothing_meanwhile() {
+    let mut bench = Bench::new(&[900_000]);
+    let mut client = Client::new(OTHER_STATION);
+    assert_eq!(client.with_path(&mut bench, OPEN, "/LOGS/00000003.BIN").0, ACK);
+    bench.handle(&log_data(1, 0, u32::MAX));
+    assert_eq!(bench.sent_at_most(10).len(), 10);
+    bench.arm();
+    bench.vehicle.disarm();
+    assert!(bench.sent().len() <= 1, "what was built leaves");
+    let answer = client.one(&mut bench, READ, 90, 0, &[]);
+    assert_eq!(answer, (NAK, vec![INVALID_SESSION]));
+    assert_eq!(bench.ask(&log_data(1, 0, 90)).len(), 1, "another one may begin");
+}
+
+#[test]
+fn of_a_log_that_is_gone_there_is_a_text_and_no_data() {
+    const GONE: &str = "There is no such log: read the list again";
+    let mut bench = Bench::new(&[9000, 500]);
+    bench.ask(&log_list(0, u16::MAX));
+    bench.handle(&log_data(1, 0, u32::MAX));
+    assert_eq!(bench.sent_at_most(10).len(), 10);
+    bench.files.remove(0);
+    let sent = bench.sent();
+    assert_eq!(texts_of(&sent), ["Log can't be read: download broken off"]);
+    assert!(of_message(&sent, LOG_DATA).len() <= 1, "what was built leaves");
+    for (seconds, texts) in [(0, &[GONE][..]), (1, &[]), (5, &[GONE])] {
+        bench.now_us = seconds * SECOND;
+        let sent = bench.ask(&log_data(1, 900, 180));
+        assert_eq!(texts_of(&sent), texts, "{seconds}");
+        assert_eq!(of_message(&sent, LOG_DATA).len(), 0, "{seconds}");
+    }
+    let sent = bench.ask(&log_data(2, 0, u32::MAX));
+    let mut whole = vec![0; 500];
+    put(&mut whole, &sent);
+    assert_eq!(whole, bench.files[0].1, "the other one is there");
+}
+
+#[test]
+fn ftp_reports_a_log_that_is_gone_as_failed() {
+    let mut bench = Bench::new(&[9000]);
+    let mut client = Client::new(GROUND_STATION);
+    assert_eq!(client.with_path(&mut bench, OPEN, "/LOGS/00000003.BIN").0, ACK);
+    bench.files.clear();
+    assert_eq!(client.one(&mut bench, READ, 90, 0, &[]), (NAK, vec![FAIL]));
+    assert_eq!(client.one(&mut bench, BURST, 90, 0, &[]), (NAK, vec![FAIL]));
+}
+
+#[test]
+fn another_station_that_reads_by_ftp_on_the_same_link_keeps_the_logs() {
+    let mut bench = Bench::new(&[900]);
+    let mut client = Client::new(OTHER_STATION);
+    assert_eq!(client.with_path(&mut bench, OPEN, "/LOGS/00000003.BIN").0, ACK);
+    for second in [4, 8] {
+        bench.now_us = second * SECOND;
+        assert_eq!(client.one(&mut bench, READ, 90, 0, &[]).0, ACK);
+    }
+    bench.now_us = 18 * SECOND - 1;
+    assert_eq!(
+        bench.texts(&log_erase()),
+        ["Log download in use by another station"]
+    );
+    bench.now_us = 18 * SECOND;
+    assert_eq!(bench.handle(&log_erase()), [Event::LogsErased]);
+}
+
+/// A rover whose oldest file is erased ahead as soon as nothing reads it: it was disarmed just now.
+fn about_to_erase(drives: u32) -> Rover {
+    let mut rover = Rover::new();
+    rover.desk.set(VehicleParameter::LogFileDsrmrot, 1.0);
+    for drive in 0..drives {
+        rover.drive(2);
+        if drive + 1 < drives {
+            rover.run(20);
+        }
+    }
+    rover
+}
+
+fn has_file(rover: &Rover, number: u16) -> bool {
+    rover
+        .desk
+        .autopilot
+        .logs()
+        .iter()
+        .any(|file| file.number == number)
+}
+
+#[test]
+fn erasing_ahead_waits_for_each_reader_of_that_file() {
+    let drives = (2..9).find(|drives| {
+        let mut rover = about_to_erase(*drives);
+        assert!(has_file(&rover, 1));
+        rover.run(30);
+        !has_file(&rover, 1)
+    });
+    let drives = drives.expect("the ring is small");
+    let others = [LogReader::Browser(0), LogReader::Link(9, LogProtocol::LogData)];
+    for reader in [
+        LogReader::Browser(1),
+        LogReader::Link(7, LogProtocol::LogData),
+        LogReader::Link(7, LogProtocol::FileTransfer),
+    ] {
+        let mut rover = about_to_erase(drives);
+        let newest = rover.desk.autopilot.logs().last().expect("one").number;
+        for _ in 0..5 {
+            let now = rover.desk.now();
+            let autopilot = &mut rover.desk.autopilot;
+            assert!(autopilot.locate_log(1, 0, reader, now).is_some());
+            for other in others {
+                autopilot.locate_log(newest, 0, other, now);
+            }
+            rover.run(9);
+            assert!(has_file(&rover, 1), "{reader:?}");
+        }
+        rover.run(21);
+        assert!(
+            !has_file(&rover, 1),
+            "{reader:?} has taken nothing for ten seconds"
+        );
+    }
+}
+
+#[test]
 fn erasing_is_up_to_the_core() {
     let mut bench = Bench::new(&[900]);
     assert_eq!(bench.handle(&log_erase()), [Event::LogsErased]);
@@ -299,6 +421,7 @@ const CREATE: u8 = 6;
 const WRITE: u8 = 7;
 const CHECKSUM: u8 = 14;
 const BURST: u8 = 15;
+const LIST_WITH_TIME: u8 = 16;
 
 const ACK: u8 = 128;
 const NAK: u8 = 129;
@@ -452,6 +575,13 @@ fn logs_are_listed_in_their_directory() {
     }
     let expected: Vec<_> = (3..23).map(|number| format!("F{number:08}.BIN\t500")).collect();
     assert_eq!(names, expected);
+    bench.files[0].0.began_utc_s = NonZeroU32::new(1_790_000_000);
+    let (opcode, with_times) = client.with_path(&mut bench, LIST_WITH_TIME, "/LOGS");
+    let expected = b"F00000003.BIN\t500\t1790000000\0F00000004.BIN\t500\t0\0";
+    assert!(
+        opcode == ACK && with_times.starts_with(expected),
+        "{with_times:?}"
+    );
     let (opcode, root) = client.with_path(&mut bench, LIST, "/");
     assert!(opcode == ACK && root.starts_with(b"DLOGS\0"), "{root:?}");
     assert_eq!(client.with_path(&mut bench, LIST, "/etc"), (NAK, vec![NOT_FOUND]));
@@ -778,7 +908,7 @@ fn what_is_not_possible_is_refused_with_its_reason() {
         (READ, "x", INVALID_SESSION),
         (BURST, "x", INVALID_SESSION),
         (WRITE, "x", INVALID_SESSION),
-        (16, "x", UNKNOWN_COMMAND),
+        (17, "x", UNKNOWN_COMMAND),
         (127, "x", UNKNOWN_COMMAND),
     ] {
         let answer = client.with_path(&mut bench, opcode, path);

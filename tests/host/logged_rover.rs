@@ -6,6 +6,7 @@ use nor_flash::FlashModel;
 use rover_battmon::autopilot::LogStep;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::recorder::{FlashOutcome, Ring};
+use rover_battmon::system::LogReader;
 use support::desk::Desk;
 use support::requests::{arm_by_force, disarm};
 use support::time::SECOND;
@@ -87,11 +88,12 @@ impl Rover {
     /// The content of a file.
     pub fn file(&mut self, number: u16) -> Vec<u8> {
         let mut content = Vec::new();
-        while let Some(piece) =
-            self.desk
-                .autopilot
-                .locate_log(number, content.len() as u32, None, self.desk.now())
-        {
+        while let Some(piece) = self.desk.autopilot.locate_log(
+            number,
+            content.len() as u32,
+            LogReader::Browser(0),
+            self.desk.now(),
+        ) {
             content.extend_from_slice(&self.chip()[piece.address as usize..][..piece.bytes as usize]);
         }
         content

@@ -25,7 +25,7 @@ use rover_battmon_tools::frames::{FrameReader, frame};
 use rover_battmon_tools::sim::clock::run_for;
 use support::desk::LOW_VOLT;
 use support::repository;
-use support::requests::{arm_by_force, param_set, setup_signing, stated_time};
+use support::requests::{arm_by_force, disarm, log_erase, param_set, setup_signing, stated_time};
 use support::signer::{NEW_YEAR, OWNER, Signer};
 
 use crate::logged_rover;
@@ -432,6 +432,46 @@ fn a_log_is_listed_and_sent_whole_or_in_part_unless_armed() {
 }
 
 #[test]
+fn arming_breaks_off_a_log_also_where_the_browser_took_nothing_meanwhile() {
+    play_with_a_log(async |site, whole| {
+        let wire = Wire::default();
+        wire.send(get("/logs/1.BIN", "").as_bytes());
+        let mut buffer = [0; BUFFER_BYTES];
+        let sending = attend(Slow(&wire), &wire, &mut buffer, &["192.168.4.1"], site);
+        let arming = async {
+            Timer::after_secs(5).await;
+            ask_by_cable(site, &arm_by_force());
+            ask_by_cable(site, &disarm());
+        };
+        join(sending, arming).await;
+        let sent = wire.sent().len();
+        assert!(sent > BUFFER_BYTES, "it had begun");
+        assert!(sent < whole.len(), "{sent} of {}", whole.len());
+        assert_eq!(status(&fetched(site, "/logs/1.BIN", "").await.0), "200");
+    });
+}
+
+#[test]
+fn each_browser_keeps_its_log_until_it_is_complete() {
+    play_with_a_log(async |site, _| {
+        let wire = Wire::default();
+        wire.send(get("/logs/1.BIN", "").as_bytes());
+        let mut buffer = [0; BUFFER_BYTES];
+        let sending = attend(Slow(&wire), &wire, &mut buffer, &["192.168.4.1"], site);
+        let erasing = async {
+            Timer::after_secs(7).await;
+            // Another browser's is complete.
+            assert_eq!(status(&fetched(site, "/logs/1.BIN", "").await.0), "200");
+            ask_by_cable(site, &log_erase());
+            site.shared.with(|autopilot| autopilot.logs().len())
+        };
+        assert_eq!(join(sending, erasing).await.1, 1, "it is being read");
+        ask_by_cable(site, &log_erase());
+        assert_eq!(site.shared.with(|autopilot| autopilot.logs().len()), 0);
+    });
+}
+
+#[test]
 fn with_a_key_logs_are_read_as_sign_wifi_allow_says() {
     play_with_a_log(async |site, _| {
         ask_by_cable(site, &setup_signing([OWNER; 32], NEW_YEAR));
@@ -741,6 +781,32 @@ fn messages_are_pieces_of_a_stream_in_both_directions() {
 }
 
 #[test]
+fn only_a_browser_is_judged_by_the_time_that_it_states() {
+    const TOO_LATE: &str = "Command waited for too long: refused";
+    let stated = masked(BINARY, &stated_time(1_000));
+    let arm = masked(BINARY, &arm_by_force());
+    for (sender, is_armed) in [("", true), ("Origin: http://192.168.4.1\r\n", false)] {
+        play(async |site| {
+            let place = open(site, sender).await.expect("it is the first");
+            // MAVProxy states its time every ten seconds.
+            let wire = Wire::with([(100, stated.clone()), (8_000, arm.clone())]);
+            let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(place.sender.access());
+            let serving = serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN);
+            select(serving, Timer::after_secs(9)).await;
+            let arm_state = site.shared.with(|autopilot| autopilot.vehicle().arm_state());
+            assert_eq!(arm_state == ArmState::Armed, is_armed, "{sender}");
+            let sent = sent_frames(&wire.sent());
+            let text = sent.iter().any(|(_, bytes)| {
+                bytes
+                    .windows(TOO_LATE.len())
+                    .any(|part| part == TOO_LATE.as_bytes())
+            });
+            assert_eq!(text, !is_armed, "{sender}");
+        });
+    }
+}
+
+#[test]
 fn only_mavlink_frames_of_right_checksum_keep_a_place() {
     let request = read_parameter("BATT_CAPACITY");
     let mut broken = request.clone();
@@ -792,32 +858,6 @@ impl ByteSource for &Flood {
         self.left.update(|left| left - 1);
         buffer[..self.frame.len()].copy_from_slice(&self.frame);
         Ok(self.frame.len())
-    }
-}
-
-#[test]
-fn only_a_browser_is_judged_by_the_time_that_it_states() {
-    const TOO_LATE: &str = "Command waited for too long: refused";
-    let stated = masked(BINARY, &stated_time(1_000));
-    let arm = masked(BINARY, &arm_by_force());
-    for (sender, is_armed) in [("", true), ("Origin: http://192.168.4.1\r\n", false)] {
-        play(async |site| {
-            let place = open(site, sender).await.expect("it is the first");
-            // MAVProxy states its time every ten seconds.
-            let wire = Wire::with([(100, stated.clone()), (8_000, arm.clone())]);
-            let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(place.sender.access());
-            let serving = serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN);
-            select(serving, Timer::after_secs(9)).await;
-            let arm_state = site.shared.with(|autopilot| autopilot.vehicle().arm_state());
-            assert_eq!(arm_state == ArmState::Armed, is_armed, "{sender}");
-            let sent = sent_frames(&wire.sent());
-            let text = sent.iter().any(|(_, bytes)| {
-                bytes
-                    .windows(TOO_LATE.len())
-                    .any(|part| part == TOO_LATE.as_bytes())
-            });
-            assert_eq!(text, !is_armed, "{sender}");
-        });
     }
 }
 

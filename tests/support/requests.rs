@@ -2,10 +2,10 @@
 
 use super::commands::{ARM_DISARM, FORCED, PREFLIGHT_REBOOT_SHUTDOWN};
 use super::frames::{
-    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_REQUEST_DATA,
-    LOG_REQUEST_LIST, MANUAL_CONTROL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS,
-    RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, SYSTEM_TIME, TIMESYNC,
-    WIFI_CONFIG_AP, encode_v2, encode_v2_from,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_ERASE,
+    LOG_REQUEST_DATA, LOG_REQUEST_LIST, MANUAL_CONTROL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
+    PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, SYSTEM_TIME,
+    TIMESYNC, WIFI_CONFIG_AP, encode_v2, encode_v2_from,
 };
 
 /// The vehicle's system and component id.
@@ -116,6 +116,10 @@ pub fn ftp(sequence: u16, opcode: u8, size: u8, offset: u32, data: &[u8]) -> Vec
 pub fn log_list(start: u16, end: u16) -> Vec<u8> {
     let payload = [&start.to_le_bytes()[..], &end.to_le_bytes(), &VEHICLE];
     encode_v2(LOG_REQUEST_LIST, &payload.concat())
+}
+
+pub fn log_erase() -> Vec<u8> {
+    encode_v2(LOG_ERASE, &VEHICLE)
 }
 
 /// This many bytes of a log file from an offset on.

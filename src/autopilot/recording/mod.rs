@@ -134,7 +134,7 @@ impl Recording {
     pub fn new(crash: Option<CrashRecord>) -> Self {
         Self {
             ring: None,
-            readers: LogReaders::default(),
+            readers: LogReaders::NONE,
             state: State::Idle,
             stream: Stream::default(),
             chunk: Chunk::default(),
@@ -204,7 +204,10 @@ impl Recording {
         self.now = self.now.max(now);
         let arm_state = vehicle.arm_state();
         match arm_state {
-            ArmState::Armed => self.armed_at = Some(self.now),
+            ArmState::Armed => {
+                self.armed_at = Some(self.now);
+                self.readers = LogReaders::NONE;
+            }
             ArmState::Disarmed if self.is_full() => self.failure = None,
             ArmState::Disarmed => {}
         }

@@ -7,7 +7,7 @@ use super::stream::Subject;
 use super::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
 use crate::log::warn;
 use crate::memory::storage::Erase;
-use crate::recorder::{AppendError, Erasure, FlashOutcome, Program};
+use crate::recorder::{AppendError, Erasure, FlashOutcome, LogFile, Program};
 use crate::time::Instant;
 
 /// With the interval at which the flash is looked after, at most a second is lost when the power goes.
@@ -113,6 +113,10 @@ impl Recording {
             return None;
         }
         let ring = self.ring.as_mut()?;
+        let is_read = |file: LogFile| self.readers.is_read(file.number, self.now);
+        if ring.next_erased_file().is_some_and(is_read) {
+            return None;
+        }
         let target = if is_on(subject.parameters) {
             erase_target(ring)
         } else {

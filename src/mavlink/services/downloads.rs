@@ -1,8 +1,10 @@
 //! Files on their way to a ground station, one message at a time.
 
+use core::mem;
+
 use super::file_transfer::FileTransfers;
-use super::log_download::{LogDownload, LogRead, Step};
-use crate::mavlink::Outgoing;
+use super::log_download::{LogDownload, LogRead, Refusal, Step};
+use crate::mavlink::{Outgoing, Peer};
 use crate::parameter::Parameters;
 use crate::system::SystemState;
 
@@ -19,21 +21,29 @@ pub struct Downloads {
     ready: Option<Outgoing>,
     /// Messages since the last one of a stream.
     since_stream: u8,
+    /// How often the rover was armed when that was looked at last.
+    armings: u8,
 }
 
 impl Downloads {
-    /// Builds the next message if that needs no log to be read, else returns what to read. Arming ends every download of a log.
-    pub fn next_read(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<LogRead> {
-        if state.is_armed() {
+    /// Arming ends every download of a log, also of a link that took nothing while the rover was armed.
+    pub fn end_by_arming(&mut self, state: &SystemState<'_>) {
+        let armings = mem::replace(&mut self.armings, state.armings);
+        if state.is_armed() || armings != state.armings {
             self.logs.stop();
             self.files.stop_while_armed();
         }
+    }
+
+    /// Builds the next message if that needs no log to be read, else returns what to read.
+    pub fn next_read(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<LogRead> {
+        self.end_by_arming(state);
         [self.are_files_next, !self.are_files_next]
             .into_iter()
             .find_map(|is_of_files| self.step(is_of_files, state, parameters))
     }
 
-    /// The same of MAVLink FTP or of the log protocol. What they read is alike, so that either takes what is supplied.
+    /// The same of MAVLink FTP or of the log protocol.
     fn step(
         &mut self,
         is_of_files: bool,
@@ -65,16 +75,31 @@ impl Downloads {
     }
 
     /// Builds the next message from what was read of the log. What is not wanted any more is ignored.
-    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) {
+    ///
+    /// # Errors
+    /// The log protocol, which has no error of its own, has broken off its download.
+    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) -> Result<(), Refusal> {
         if self.ready.is_some() {
-            return;
+            return Ok(());
         }
         if let Some(message) = self.logs.supply(read, bytes) {
-            self.apply(Step::Send(Outgoing::Message(message)), false);
+            self.apply(Step::Send(Outgoing::Message(message?)), false);
         } else {
             let step = self.files.supply(read, bytes);
             self.apply(step, true);
         }
+        Ok(())
+    }
+
+    /// LOG_ERASE on the link of this number.
+    ///
+    /// # Errors
+    /// The rover is armed, or another reader has taken a piece of a log in the last ten seconds.
+    pub fn erase_logs(&mut self, from: Peer, link: u16, state: &SystemState<'_>) -> Result<(), Refusal> {
+        if self.files.is_log_read_by_another(from, state.now) {
+            return Err(Refusal::InUse);
+        }
+        self.logs.erase(from, link, state)
     }
 
     /// Whether something is being sent.

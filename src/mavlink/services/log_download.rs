@@ -11,7 +11,7 @@ use crate::mavlink::dialect::{LOG_DATA_DATA, LOG_ENTRY_DATA};
 use crate::mavlink::requests::{LogDataRequest, LogListRequest};
 use crate::mavlink::{Message, Outgoing, Peer};
 use crate::recorder::LogFile;
-use crate::system::SystemState;
+use crate::system::{LOG_READER_SILENCE_US, LogProtocol, SystemState};
 use crate::time::Instant;
 
 /// Bytes of the file in one LOG_DATA; a message with fewer is the last one.
@@ -42,6 +42,8 @@ pub struct LogRead {
     pub offset: u32,
     /// Number of bytes, at least one.
     pub bytes: u8,
+    /// The protocol that it is for.
+    pub protocol: LogProtocol,
 }
 
 /// The next step of a download.
@@ -63,8 +65,12 @@ pub enum Step {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     Armed,
-    /// Another ground station is downloading.
+    /// Another reader is downloading.
     InUse,
+    /// There is no such log.
+    Gone,
+    /// A log can't be read any further: it was erased meanwhile, or the flash fails.
+    Unreadable,
 }
 
 impl Refusal {
@@ -73,6 +79,8 @@ impl Refusal {
         match self {
             Self::Armed => super::DISARM_FIRST,
             Self::InUse => "Log download in use by another station",
+            Self::Gone => "There is no such log: read the list again",
+            Self::Unreadable => "Log can't be read: download broken off",
         }
     }
 }
@@ -148,7 +156,7 @@ impl LogDownload {
     /// LOG_REQUEST_DATA: replaces what is being sent.
     ///
     /// # Errors
-    /// The rover is armed, or another station is downloading.
+    /// The rover is armed, another station is downloading, or the file is gone.
     pub fn request_data(
         &mut self,
         request: &LogDataRequest,
@@ -159,10 +167,7 @@ impl LogDownload {
             return Err(Refusal::Armed);
         }
         self.check_use(from, state.now)?;
-        self.holder = Some(Holder {
-            station: from,
-            active_at: state.now,
-        });
+        self.stop();
         let oldest = state.logs.first().map(|oldest| oldest.number);
         self.first = self.first.or(oldest);
         let file = self.first.and_then(|first| {
@@ -171,11 +176,15 @@ impl LogDownload {
                 .find(|file| id_of(file.number, first) == request.id)
                 .copied()
         });
-        let bytes = file.map_or(0, |file| file.bytes);
+        let LogFile { number, bytes, .. } = file.ok_or(Refusal::Gone)?;
+        self.holder = Some(Holder {
+            station: from,
+            active_at: state.now,
+        });
         let requested_end = request.offset.saturating_add(request.bytes);
         self.sending = Some(Sending {
             id: request.id,
-            number: file.map_or(0, |file| file.number),
+            number,
             offset: request.offset,
             end: requested_end.min(bytes),
             says_end: requested_end > bytes,
@@ -193,14 +202,16 @@ impl LogDownload {
     /// LOG_ERASE on the link of this number: there is nothing left to download.
     ///
     /// # Errors
-    /// The rover is armed, or another station is downloading, on this link or another one.
+    /// The rover is armed, or another station has downloaded by the log protocol on this link, or any on another one, in the last
+    /// ten seconds.
     pub fn erase(&mut self, from: Peer, link: u16, state: &SystemState<'_>) -> Result<(), Refusal> {
         if state.is_armed() {
             return Err(Refusal::Armed);
         }
-        self.check_use(from, state.now)?;
-        let read_at = state.log_readers.read_for_another_at(link);
-        if read_at.is_some_and(|at| state.now.us_since(at) < HOLD_US) {
+        let reads = |holder: Holder| {
+            holder.station != from && state.now.us_since(holder.active_at) < LOG_READER_SILENCE_US
+        };
+        if self.holder.is_some_and(reads) || state.log_readers.is_read_for_another(link, state.now) {
             return Err(Refusal::InUse);
         }
         self.stop();
@@ -304,19 +315,25 @@ impl LogDownload {
     }
 
     /// The next LOG_DATA, of the bytes that were read; `None` if they are not those that come next.
-    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) -> Option<Message> {
+    ///
+    /// # Errors
+    /// They are fewer than the file had: the download is broken off, since LOG_DATA with fewer would be its end.
+    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) -> Option<Result<Message, Refusal>> {
         let sending = self.sending.as_mut()?;
         if sending.next_read() != Some(read) {
             return None;
         }
-        let bytes = bytes.get(..usize::from(read.bytes)).unwrap_or(bytes);
+        let Some(bytes) = bytes.get(..usize::from(read.bytes)) else {
+            self.stop();
+            return Some(Err(Refusal::Unreadable));
+        };
         let message = log_data(sending, bytes);
         sending.offset += bytes.len() as u32;
         let is_last = bytes.len() < DATA_BYTES || (sending.offset == sending.end && !sending.says_end);
         if is_last {
             self.sending = None;
         }
-        Some(message)
+        Some(Ok(message))
     }
 }
 
@@ -327,6 +344,7 @@ impl Sending {
             number: self.number,
             offset: self.offset,
             bytes: rest as u8,
+            protocol: LogProtocol::LogData,
         })
     }
 }

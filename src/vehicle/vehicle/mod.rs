@@ -48,6 +48,8 @@ pub struct ModeRefused;
 pub struct Vehicle {
     mode: Mode,
     arm_state: ArmState,
+    /// How often it was armed. It wraps.
+    armings: u8,
     /// When it was armed last.
     fitness: Fitness,
     controls: Controls,
@@ -87,6 +89,7 @@ impl Vehicle {
             ArmingRefused::Unfit
         } else {
             self.arm_state = ArmState::Armed;
+            self.armings = self.armings.wrapping_add(1);
             self.fitness = fitness;
             self.controls.close();
             self.refused_at = None;
@@ -385,6 +388,11 @@ impl Vehicle {
     /// Whether it is armed.
     pub fn arm_state(&self) -> ArmState {
         self.arm_state
+    }
+
+    /// How often it was armed. It wraps: what is done while disarmed sees by it that the rover was armed meanwhile.
+    pub fn armings(&self) -> u8 {
+        self.armings
     }
 
     /// Whether a failsafe has terminated the drive: disarmed until a restart or a battery reset.

@@ -1,5 +1,8 @@
 //! The directories: what a path leads to, and what is listed.
 
+use core::fmt::Write;
+use core::num::NonZeroU32;
+
 use heapless::{String, Vec};
 
 use crate::mavlink::messages::MAX_FILE_BYTES;
@@ -20,8 +23,11 @@ const DIGITS: usize = 8;
 
 const EXTENSION: &str = "BIN";
 
-/// The longest entry: a file's name and the largest size.
-const ENTRY_BYTES: usize = 32;
+/// The longest entry: a log's name, the largest size and time.
+const ENTRY_BYTES: usize = 40;
+
+/// A time that is unknown, as in PX4.
+const TIME_UNKNOWN: u32 = 0;
 
 /// The target of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +44,15 @@ pub(super) enum Path {
 pub(super) enum Directory {
     Root,
     Logs,
+}
+
+/// Content of a directory's entries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Listed {
+    /// ListDirectory.
+    Sizes,
+    /// ListDirectoryWithTime: also when a log began, in seconds since 1970 (UTC).
+    SizesAndTimes,
 }
 
 /// The wanted part of the packed parameters.
@@ -110,13 +125,22 @@ impl Selection {
 }
 
 /// The entries from number `skip` on, as many as fit a message: `F`, name, tab and size of a file, `D` and name of a
-/// directory, a zero behind each.
-pub(super) fn list(directory: Directory, skip: u32, logs: &[LogFile]) -> Vec<u8, MAX_FILE_BYTES> {
+/// directory, a zero behind each. With times, a tab and the time are at the end of each.
+pub(super) fn list(
+    directory: Directory,
+    listed: Listed,
+    skip: u32,
+    logs: &[LogFile],
+) -> Vec<u8, MAX_FILE_BYTES> {
     let mut list = Vec::new();
     for place in skip as usize..usize::MAX {
-        let Some(entry) = entry(directory, place, logs) else {
+        let Some((mut entry, time_utc_s)) = entry(directory, place, logs) else {
             break;
         };
+        if listed == Listed::SizesAndTimes {
+            // It fits.
+            let _ = write!(entry, "\t{time_utc_s}");
+        }
         let is_full = list.len() + entry.len() + 1 > list.capacity();
         if is_full || list.extend_from_slice(entry.as_bytes()).is_err() || list.push(0).is_err() {
             break;
@@ -125,19 +149,22 @@ pub(super) fn list(directory: Directory, skip: u32, logs: &[LogFile]) -> Vec<u8,
     list
 }
 
-fn entry(directory: Directory, place: usize, logs: &[LogFile]) -> Option<String<ENTRY_BYTES>> {
-    // Both fit.
+/// An entry without its time, and the time.
+fn entry(directory: Directory, place: usize, logs: &[LogFile]) -> Option<(String<ENTRY_BYTES>, u32)> {
+    // All fit.
     match directory {
         Directory::Root => match place.checked_sub(1) {
-            None => Some(text(format_args!("D{LOG_DIRECTORY}"))),
+            None => Some((text(format_args!("D{LOG_DIRECTORY}")), TIME_UNKNOWN)),
             Some(place) => {
                 let file = DescriptionFile::ALL.get(place)?;
-                Some(text(format_args!("F{}\t{}", file.name(), file.content().len())))
+                let entry = text(format_args!("F{}\t{}", file.name(), file.content().len()));
+                Some((entry, TIME_UNKNOWN))
             }
         },
         Directory::Logs => {
             let file = logs.get(place)?;
-            Some(text(format_args!("F{:08}.BIN\t{}", file.number, file.bytes)))
+            let entry = text(format_args!("F{:08}.BIN\t{}", file.number, file.bytes));
+            Some((entry, file.began_utc_s.map_or(TIME_UNKNOWN, NonZeroU32::get)))
         }
     }
 }
@@ -215,12 +242,15 @@ mod tests {
     fn the_root_has_the_logs_and_the_descriptions() {
         let [general, parameters] = DescriptionFile::ALL.map(|file| file.content().len());
         let expected = format!("DLOGS\0Fgeneral.json\t{general}\0Fparameters.json.xz\t{parameters}\0");
-        assert_eq!(list(Directory::Root, 0, &[]).as_slice(), expected.as_bytes());
         assert_eq!(
-            list(Directory::Root, 1, &[]).as_slice(),
+            list(Directory::Root, Listed::Sizes, 0, &[]).as_slice(),
+            expected.as_bytes()
+        );
+        assert_eq!(
+            list(Directory::Root, Listed::Sizes, 1, &[]).as_slice(),
             &expected.as_bytes()[6..]
         );
-        assert!(list(Directory::Root, 3, &[]).is_empty());
+        assert!(list(Directory::Root, Listed::Sizes, 3, &[]).is_empty());
     }
 
     fn undated(number: u16, bytes: u32) -> LogFile {
@@ -235,10 +265,37 @@ mod tests {
     fn log_files_have_name_and_size() {
         let logs = [(7, 1234), (65535, u32::MAX)].map(|(number, bytes)| undated(number, bytes));
         let expected = b"F00000007.BIN\t1234\0F00065535.BIN\t4294967295\0";
-        assert_eq!(list(Directory::Logs, 0, &logs).as_slice(), expected);
-        assert_eq!(list(Directory::Logs, 1, &logs).as_slice(), &expected[19..]);
-        assert!(list(Directory::Logs, 2, &logs).is_empty());
-        assert!(list(Directory::Logs, u32::MAX, &logs).is_empty());
+        assert_eq!(
+            list(Directory::Logs, Listed::Sizes, 0, &logs).as_slice(),
+            expected
+        );
+        assert_eq!(
+            list(Directory::Logs, Listed::Sizes, 1, &logs).as_slice(),
+            &expected[19..]
+        );
+        assert!(list(Directory::Logs, Listed::Sizes, 2, &logs).is_empty());
+        assert!(list(Directory::Logs, Listed::Sizes, u32::MAX, &logs).is_empty());
+    }
+
+    #[test]
+    fn times_are_listed_where_they_are_known() {
+        let dated = LogFile {
+            began_utc_s: NonZeroU32::new(u32::MAX),
+            ..undated(65535, u32::MAX)
+        };
+        assert_eq!(
+            list(
+                Directory::Logs,
+                Listed::SizesAndTimes,
+                0,
+                &[undated(7, 1234), dated]
+            )
+            .as_slice(),
+            b"F00000007.BIN\t1234\t0\0F00065535.BIN\t4294967295\t4294967295\0"
+        );
+        assert!(
+            list(Directory::Root, Listed::SizesAndTimes, 0, &[]).starts_with(b"DLOGS\t0\0Fgeneral.json\t")
+        );
     }
 
     proptest! {
@@ -254,7 +311,7 @@ mod tests {
             let logs: Vec<LogFile, 60> = files.iter().map(|(number, bytes)| undated(*number, *bytes)).collect();
             let mut listed = std::vec::Vec::new();
             loop {
-                let part = list(Directory::Logs, listed.len() as u32, &logs);
+                let part = list(Directory::Logs, Listed::Sizes, listed.len() as u32, &logs);
                 if part.is_empty() {
                     break;
                 }

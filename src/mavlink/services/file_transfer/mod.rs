@@ -14,7 +14,7 @@ mod request;
 mod session;
 mod upload;
 
-use directory::Path;
+use directory::{Listed, Path};
 use heapless::Deque;
 use parameter_file::ParameterFile;
 use reading::{BurstRead, Checksum, Job, PartOf, PartRequest};
@@ -136,9 +136,6 @@ impl FileTransfers {
         context: &mut Context<'_>,
     ) -> Result<Handled, FileError> {
         let (state, parameters) = (context.state, &mut *context.changeable.parameters);
-        if state.is_armed() {
-            self.stop_while_armed();
-        }
         if let Some(session) = self.session_of(header) {
             session.active_at = state.now;
         }
@@ -149,7 +146,7 @@ impl FileTransfers {
             Operation::None => Ok(done()),
             Operation::TerminateSession => Ok(self.terminate(header, parameters)),
             Operation::ResetSessions => Ok(self.reset(header.to, parameters)),
-            Operation::ListDirectory => self.list(header, request),
+            Operation::ListDirectory(listed) => self.list(header, request, listed),
             Operation::OpenForReading => self.open(header, request, state, parameters),
             Operation::Read => self.read(header, request),
             Operation::OpenForWriting => self.open_upload(header, request, state),
@@ -222,9 +219,22 @@ impl FileTransfers {
         }
     }
 
-    fn list(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>) -> Result<Handled, FileError> {
+    /// Whether another station reads a log, or has a moment ago.
+    pub fn is_log_read_by_another(&self, from: Peer, now: Instant) -> bool {
+        let is_log = |session: &Session| matches!(session.file, OpenFile::Log(_));
+        self.session.as_ref().is_some_and(is_log) && self.check_free(from, now).is_err()
+    }
+
+    fn list(
+        &mut self,
+        header: FileAnswerHeader,
+        request: &FileTransfer<'_>,
+        listed: Listed,
+    ) -> Result<Handled, FileError> {
         match path_of(request)? {
-            Path::Directory(directory) => Ok(self.wait(header, request.offset, PartOf::Directory(directory))),
+            Path::Directory(directory) => {
+                Ok(self.wait(header, request.offset, PartOf::Directory(directory, listed)))
+            }
             Path::Log(_) | Path::Parameters(_) | Path::Description(_) => Err(FileError::FileNotFound),
         }
     }
@@ -427,8 +437,9 @@ impl FileTransfers {
         if job.log_read(self.session.as_mut()) != Some(read) {
             return Step::Idle;
         }
-        let bytes = bytes.get(..usize::from(read.bytes)).unwrap_or(bytes);
-        let content = Bytes::from_slice(bytes).ok().filter(|bytes| !bytes.is_empty());
+        // Fewer are not the end of the file: it is gone, or can't be read.
+        let bytes = bytes.get(..usize::from(read.bytes));
+        let content = bytes.and_then(|bytes| Bytes::from_slice(bytes).ok());
         self.send(job, content.ok_or(FileError::Fail))
     }
 

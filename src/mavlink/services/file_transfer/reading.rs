@@ -1,6 +1,6 @@
 //! Answers being sent: parts of a file or list, a burst, a checksum.
 
-use super::directory::{Directory, list};
+use super::directory::{Directory, Listed, list};
 use super::session::{Bytes, Session, log_read, unless_empty};
 use crate::mavlink::messages::{
     Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
@@ -65,9 +65,9 @@ impl Job {
         match self {
             Self::Part(PartRequest {
                 offset,
-                of: PartOf::Directory(directory),
+                of: PartOf::Directory(directory, listed),
                 ..
-            }) => unless_empty(list(*directory, *offset, state.logs)),
+            }) => unless_empty(list(*directory, *listed, *offset, state.logs)),
             Self::Part(PartRequest {
                 offset,
                 of: PartOf::File { bytes },
@@ -92,7 +92,7 @@ pub(super) struct PartRequest {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PartOf {
-    Directory(Directory),
+    Directory(Directory, Listed),
     /// This many bytes of the open file.
     File {
         bytes: u8,

@@ -4,7 +4,7 @@ use core::str;
 
 use heapless::Vec;
 
-use super::directory::Path;
+use super::directory::{Listed, Path};
 use crate::mavlink::messages::FileError;
 use crate::mavlink::requests::FileTransfer;
 
@@ -17,7 +17,7 @@ pub(super) enum Operation {
     None,
     TerminateSession,
     ResetSessions,
-    ListDirectory,
+    ListDirectory(Listed),
     OpenForReading,
     Read,
     OpenForWriting,
@@ -34,7 +34,8 @@ impl Operation {
             0 => Self::None,
             1 => Self::TerminateSession,
             2 => Self::ResetSessions,
-            3 => Self::ListDirectory,
+            3 => Self::ListDirectory(Listed::Sizes),
+            16 => Self::ListDirectory(Listed::SizesAndTimes),
             4 => Self::OpenForReading,
             5 => Self::Read,
             6 | 11 => Self::OpenForWriting,

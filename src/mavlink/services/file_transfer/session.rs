@@ -9,6 +9,7 @@ use crate::mavlink::messages::{FileAnswerHeader, FileError, MAX_FILE_BYTES};
 use crate::mavlink::services::log_download::LogRead;
 use crate::parameter::{DescriptionFile, Parameters};
 use crate::recorder::LogFile;
+use crate::system::LogProtocol;
 use crate::time::Instant;
 
 /// Bytes of a file or of a list, for one message.
@@ -66,6 +67,7 @@ pub(super) fn log_read(log: &LogFile, offset: u32, bytes: u8) -> Option<LogRead>
         number: log.number,
         offset,
         bytes: rest as u8,
+        protocol: LogProtocol::FileTransfer,
     })
 }
 

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::system::LogReaders;
+use crate::system::{LogReader, LogReaders};
 use crate::time::at_us;
 use crate::vehicle::ArmState;
 use crate::vehicle::VehicleStatus;
@@ -70,7 +70,8 @@ fn sent(download: &mut LogDownload, state: &SystemState<'_>) -> Vec<Message> {
             Step::Send(other) => panic!("{other:?}"),
             Step::Read(read) => {
                 let bytes = content(read.number, read.offset, u32::from(read.bytes));
-                sent.push(download.supply(read, &bytes).expect("it was asked for"));
+                let message = download.supply(read, &bytes).expect("it was asked for");
+                sent.push(message.expect("it is whole"));
             }
         }
     }
@@ -166,8 +167,8 @@ fn ids_stay_while_the_oldest_file_is_dropped_until_everything_is_listed_again() 
     // The number after 65535 is 1.
     let third = read(&mut download, after, 3, 0, 10);
     assert_eq!(third, [(3, 0, content(1, 0, 10))]);
-    let dropped = read(&mut download, after, 1, 0, 10);
-    assert_eq!(dropped, [(1, 0, vec![])], "the one that was dropped");
+    let dropped = download.request_data(&request(1, 0, 10), STATION, &state(after));
+    assert_eq!(dropped, Err(Refusal::Gone), "the one that was dropped");
     assert_eq!(ids(list(&mut download, after, 0, u16::MAX)), [1, 2, 3]);
 }
 
@@ -209,14 +210,34 @@ fn exactly_what_was_requested_is_sent() {
 }
 
 #[test]
-fn beyond_the_end_and_of_an_unknown_file_one_empty_message_is_sent() {
+fn beyond_the_end_one_empty_message_is_sent() {
     let logs = files(1, &[1000]);
     let mut download = LogDownload::default();
-    for (id, offset) in [(1, 1000), (1, 1001), (1, u32::MAX), (2, 0), (0, 0), (u16::MAX, 5)] {
+    for offset in [1000, 1001, u32::MAX] {
         for bytes in [1, 90, u32::MAX] {
-            let messages = read(&mut download, &logs, id, offset, bytes);
-            assert_eq!(messages, [(id, offset, vec![])]);
+            let messages = read(&mut download, &logs, 1, offset, bytes);
+            assert_eq!(messages, [(1, offset, vec![])]);
         }
+    }
+}
+
+#[test]
+fn of_an_unknown_file_nothing_is_sent() {
+    let logs = files(1, &[1000]);
+    let state = state(&logs);
+    let mut download = LogDownload::default();
+    for id in [0, 2, u16::MAX] {
+        let before = download.request_data(&request(1, 0, u32::MAX), STATION, &state);
+        assert_eq!(before, Ok(()));
+        let requested = download.request_data(&request(id, 0, 90), STATION, &state);
+        assert_eq!(requested, Err(Refusal::Gone));
+        assert_eq!(
+            download.step(&state),
+            Step::Idle,
+            "it has replaced the one before"
+        );
+        assert_eq!(download.request_data(&request(1, 0, 90), OTHER, &state), Ok(()));
+        download.stop();
     }
 }
 
@@ -239,7 +260,7 @@ fn another_request_replaces_what_is_being_sent() {
 }
 
 #[test]
-fn what_can_not_be_read_ends_the_file() {
+fn what_can_not_be_read_breaks_off_the_download() {
     let logs = files(1, &[1000]);
     let state = state(&logs);
     let mut download = LogDownload::default();
@@ -248,8 +269,7 @@ fn what_can_not_be_read_ends_the_file() {
     let Step::Read(read) = download.step(&state) else {
         panic!("nothing to read");
     };
-    let message = download.supply(read, &[9; 17]).expect("it was asked for");
-    assert_eq!(data(&[message]), [(1, 0, vec![9; 17])]);
+    assert_eq!(download.supply(read, &[9; 17]), Some(Err(Refusal::Unreadable)));
     assert_eq!(download.step(&state), Step::Idle);
 }
 
@@ -268,7 +288,6 @@ fn the_second_station_waits_until_the_first_ends_or_is_silent() {
     assert_eq!(ask(&mut download, OTHER, 100 * SECOND), Err(Refusal::InUse));
     let during = at(100 * SECOND);
     assert_eq!(download.list(&EVERYTHING, OTHER, &during), Err(Refusal::InUse));
-    assert_eq!(download.erase(OTHER, LINK, &during), Err(Refusal::InUse));
     download.end(OTHER);
     assert_eq!(sent(&mut download, &at(100 * SECOND)).len(), 3);
     // And for five seconds after that, in which gaps are requested again.
@@ -280,13 +299,14 @@ fn the_second_station_waits_until_the_first_ends_or_is_silent() {
 }
 
 #[test]
-fn what_was_read_on_another_link_is_not_erased_for_five_seconds() {
+fn what_was_read_on_another_link_is_not_erased_for_ten_seconds() {
     let logs = files(1, &[200]);
-    let mut log_readers = LogReaders::default();
-    log_readers.note(Some(LINK + 1), at_us(0));
+    let mut readers = LogReaders::NONE;
+    readers.note(LogReader::Link(LINK + 1, LogProtocol::FileTransfer), 1, at_us(0));
+    let log_readers = &readers;
     for (link, us, expected) in [
-        (LINK, 5 * SECOND - 1, Err(Refusal::InUse)),
-        (LINK, 5 * SECOND, Ok(())),
+        (LINK, 10 * SECOND - 1, Err(Refusal::InUse)),
+        (LINK, 10 * SECOND, Ok(())),
         (LINK + 1, 1, Ok(())),
     ] {
         let state = SystemState {
@@ -297,6 +317,28 @@ fn what_was_read_on_another_link_is_not_erased_for_five_seconds() {
         let erased = LogDownload::default().erase(STATION, link, &state);
         assert_eq!(erased, expected, "link {link} after {us} us");
     }
+}
+
+#[test]
+fn what_another_station_has_taken_on_the_same_link_is_not_erased_for_ten_seconds() {
+    let logs = files(1, &[200]);
+    let at = |us| SystemState {
+        now: at_us(us),
+        ..state(&logs)
+    };
+    let mut download = LogDownload::default();
+    assert_eq!(
+        download.request_data(&request(1, 0, u32::MAX), STATION, &at(0)),
+        Ok(())
+    );
+    let Step::Read(_) = download.step(&at(SECOND)) else {
+        panic!("nothing to read");
+    };
+    assert_eq!(
+        download.erase(OTHER, LINK, &at(11 * SECOND - 1)),
+        Err(Refusal::InUse)
+    );
+    assert_eq!(download.erase(OTHER, LINK, &at(11 * SECOND)), Ok(()));
 }
 
 #[test]
@@ -352,11 +394,9 @@ proptest! {
         let mut download = LogDownload::default();
         for (id, offset, bytes) in requests {
             let file = usize::from(id).checked_sub(1).and_then(|place| logs.get(place));
-            let size = file.map_or(0, |file| file.bytes);
-            let end = offset.saturating_add(bytes).min(size);
-            let expected = file.map_or(vec![], |file| {
-                content(file.number, offset, end.saturating_sub(offset))
-            });
+            let Some(file) = file else { continue };
+            let end = offset.saturating_add(bytes).min(file.bytes);
+            let expected = content(file.number, offset, end.saturating_sub(offset));
             let messages = read(&mut download, &logs, id, offset, bytes);
             let whole: Vec<u8> = messages.iter().flat_map(|(.., data)| data.clone()).collect();
             prop_assert_eq!(whole, expected);
