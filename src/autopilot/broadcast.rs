@@ -150,6 +150,11 @@ impl Changes {
         }
     }
 
+    /// Whether changes are kept for the link `number`.
+    pub fn is_open(&self, number: u16) -> bool {
+        self.0.iter().flatten().any(|(open, _)| *open == number)
+    }
+
     /// Keeps no changes for the link `number` any more.
     pub fn close(&mut self, number: u16) {
         for place in &mut self.0 {

@@ -25,12 +25,21 @@ const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
 impl Autopilot {
     /// A link has been opened: sends what every ground station has to know. Announcements follow from now on.
     pub fn open(&mut self, endpoint: &mut Endpoint) {
-        self.opened_links = self.opened_links.wrapping_add(1);
-        endpoint.set_number(self.opened_links);
+        endpoint.set_number(self.next_link_number());
         endpoint.position = self.broadcast.end();
         self.changes.open(self.opened_links);
         self.send_levels(endpoint);
         self.send_notices(endpoint);
+    }
+
+    /// A number that no open link has. They begin again after the last one, and some links stay open for days.
+    fn next_link_number(&mut self) -> u16 {
+        loop {
+            self.opened_links = self.opened_links.wrapping_add(1);
+            if !self.changes.is_open(self.opened_links) {
+                return self.opened_links;
+            }
+        }
     }
 
     /// A link has been closed: its stations drive no more.

@@ -47,7 +47,8 @@ pub struct ReceivedFrame<'a> {
 /// After a start byte that turns out to start no good frame it goes on at the very next byte, so a frame is never lost
 /// to garbage before it, and at most 512 bytes pass before it is found. A frame is taken whole, also if it is useless: what
 /// looks like a frame inside its payload is not one. One that can't be judged, since its message or one of its flags is
-/// unknown here, counts as a frame between a frame or a pause right before it, and one right behind it.
+/// unknown here, counts as a frame between a frame or a pause right before it, and a frame, a pause or as many more such frames as
+/// the buffer holds right behind it.
 #[derive(Debug)]
 pub struct FrameParser {
     buffer: [u8; BUFFER_BYTES],
@@ -238,7 +239,7 @@ fn examine(bytes: &[u8]) -> Candidate {
 }
 
 /// Judges a frame of `frame_bytes` that can't be judged by itself, by the bytes behind it, which are all there are until the
-/// sender goes on. More such frames may follow, as far as the buffer reaches.
+/// sender goes on. More such frames may follow: a chain of them that reaches the end of the buffer is hardly noise.
 fn judge_unknown(bytes: &[u8], frame_bytes: usize, sender_paused: bool) -> Candidate {
     let mut end = frame_bytes;
     while end + HEADER_V2_BYTES <= BUFFER_BYTES {
@@ -255,7 +256,7 @@ fn judge_unknown(bytes: &[u8], frame_bytes: usize, sender_paused: bool) -> Candi
             None => return Candidate::Incomplete,
         }
     }
-    Candidate::NoFrame
+    Candidate::Unknown(frame_bytes)
 }
 
 /// The parts of the frame that starts with `bytes`, whose first one is a start byte; `None` if they are too few.

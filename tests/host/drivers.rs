@@ -117,6 +117,15 @@ impl Room {
         number
     }
 
+    /// This many links are opened and closed.
+    fn come_and_go(&mut self, links: u32) {
+        let mut endpoint = Endpoint::new("guest", LinkKind::Wifi, 100_000, self.desk.now());
+        for _ in 0..links {
+            self.desk.autopilot.open(&mut endpoint);
+            self.desk.autopilot.close(&endpoint);
+        }
+    }
+
     /// A station's link is closed.
     fn leave(&mut self, number: usize) {
         self.desk.autopilot.close(&self.stations[number].endpoint);
@@ -221,6 +230,14 @@ fn turns(drives: SideDrives) -> bool {
 fn pairs() -> impl Iterator<Item = [Way; 2]> {
     WAYS.into_iter()
         .flat_map(|one| WAYS.into_iter().map(move |other| [one, other]))
+}
+
+#[test]
+fn the_numbers_of_links_do_not_wrap_onto_open_ones() {
+    let mut room = Room::driven(&WAYS[1..2]);
+    room.come_and_go(70_000);
+    room.sticks(0, DEFLECTION);
+    assert!(turns(room.tick()), "a closed link has taken the driver along");
 }
 
 #[test]

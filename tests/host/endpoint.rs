@@ -1168,7 +1168,7 @@ proptest! {
         flags in prop_oneof![Just(0u8), Just(1), 2u8..],
         id in prop_oneof![Just(172u32), Just(0x123456), Just(23)],
         before in 0usize..80,
-        frames in 1usize..3,
+        frames in 1usize..8,
         is_last in any::<bool>(),
         chunk in 1usize..200,
     ) {
