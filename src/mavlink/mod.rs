@@ -41,7 +41,7 @@ pub use messages::{
     Subject, ToFrame, build_autopilot_version, build_available_mode, build_battery_info,
     build_battery_status, build_battery_status_v2, build_charge_deviation, build_component_metadata,
     build_fuel_status, build_heartbeat, build_protocol_version, build_resistance, build_resting_voltage,
-    build_smart_battery_info, build_sys_status, status_texts,
+    build_smart_battery_info, build_sys_status, build_usable_charge, status_texts,
 };
 pub use outbox::{Outbox, Posted};
 pub use parser::{FrameParser, ReceivedFrame, begins_with_frame};

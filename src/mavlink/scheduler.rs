@@ -13,7 +13,7 @@ const MICROSECONDS_PER_SECOND: f32 = 1e6;
 const RARELY_US: u32 = 10_000_000;
 
 /// 50 Hz, the highest rate a stream is sent at.
-const SHORTEST_INTERVAL_US: u64 = 20_000;
+const SHORTEST_INTERVAL_US: u32 = 20_000;
 
 /// Half an hour: not much more can be reported by MESSAGE_INTERVAL.
 const LONGEST_INTERVAL_US: u32 = 1_800_000_000;
@@ -27,7 +27,7 @@ pub enum Interval {
     /// Never.
     Off,
     /// At this interval, in microseconds.
-    Every(u64),
+    Every(u32),
 }
 
 /// Decides when which message of one link is due. It reads no clock: the time comes in.
@@ -61,10 +61,10 @@ impl Entry {
         match (self.kind.default_rate(), interval) {
             (_, Interval::Default) => true,
             (DefaultRate::EverySecond, Interval::Off) => false,
-            (DefaultRate::EverySecond, Interval::Every(interval_us)) => interval_us == u64::from(SECOND_US),
+            (DefaultRate::EverySecond, Interval::Every(interval_us)) => interval_us == SECOND_US,
             (_, Interval::Off) => true,
             (_, Interval::Every(interval_us)) => {
-                (SHORTEST_INTERVAL_US..=u64::from(LONGEST_INTERVAL_US)).contains(&interval_us)
+                (SHORTEST_INTERVAL_US..=LONGEST_INTERVAL_US).contains(&interval_us)
             }
         }
     }
@@ -74,7 +74,7 @@ impl Entry {
         match self.interval {
             Interval::Default => self.default_us.map(u64::from),
             Interval::Off => None,
-            Interval::Every(interval_us) => Some(interval_us),
+            Interval::Every(interval_us) => Some(u64::from(interval_us)),
         }
     }
 
@@ -95,7 +95,7 @@ impl Entry {
         if !self.cadence.as_mut()?.take(now) {
             return None;
         }
-        self.earliest = now.after_us(SHORTEST_INTERVAL_US);
+        self.earliest = now.after_us(SHORTEST_INTERVAL_US.into());
         Some(self.kind)
     }
 }
@@ -412,7 +412,7 @@ mod tests {
         for other in [
             Interval::Off,
             Interval::Default,
-            Interval::Every(u64::from(LONGEST_INTERVAL_US)),
+            Interval::Every(LONGEST_INTERVAL_US),
         ] {
             let sent = sent_while(|scheduler, now| {
                 for interval in [other, Interval::Every(SHORTEST_INTERVAL_US)] {
@@ -440,7 +440,7 @@ mod tests {
             (20_000, Ok(())),
             (1_800_000_000, Ok(())),
             (1_800_000_001, Err(IntervalRefused::OutOfRange)),
-            (u64::MAX, Err(IntervalRefused::OutOfRange)),
+            (u32::MAX, Err(IntervalRefused::OutOfRange)),
         ] {
             let interval = Interval::Every(interval_us);
             let answer = scheduler.set_interval(SYS_STATUS, interval, Instant::EPOCH);

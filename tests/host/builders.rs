@@ -19,7 +19,7 @@ use rover_battmon::mavlink::dialect::{
 use rover_battmon::mavlink::{
     BroadcastCommand, Endpoint, Framer, LinkKind, Message, ToFrame, build_battery_info, build_battery_status,
     build_battery_status_v2, build_charge_deviation, build_fuel_status, build_heartbeat, build_resistance,
-    build_resting_voltage, build_smart_battery_info, build_sys_status,
+    build_resting_voltage, build_smart_battery_info, build_sys_status, build_usable_charge,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
@@ -599,6 +599,7 @@ fn messages_that_no_autopilot_sends_yet_are_byte_exact() {
     estimated.resistance_ohm = Some(0.04525);
     estimated.readings.resting_voltage_v = Some(11.5);
     estimated.readings.remaining_sigma_pct = Some(3.5);
+    estimated.readings.usable_pct = Some(18.75);
     let batteries = [estimated; 9];
     let state = SystemState {
         now: Instant::from_micros(1_234_567_890),
@@ -607,6 +608,7 @@ fn messages_that_no_autopilot_sends_yet_are_byte_exact() {
     let resistance = Message::Resistance(build_resistance(&state, Pack::First));
     let resting_voltage = Message::RestingVoltage(build_resting_voltage(&state, Pack::Ninth));
     let deviation = Message::ChargeDeviation(build_charge_deviation(&state, Pack::First));
+    let usable = Message::UsableCharge(build_usable_charge(&state, Pack::First));
     for (row, message) in [
         // Only the voltage is known.
         (
@@ -617,6 +619,7 @@ fn messages_that_no_autopilot_sends_yet_are_byte_exact() {
         ("named_value_float_resistance", resistance),
         ("named_value_float_resting_voltage", resting_voltage),
         ("named_value_float_charge_deviation", deviation),
+        ("named_value_float_usable_charge", usable),
     ] {
         assert_golden(row, &message);
     }
@@ -1195,6 +1198,7 @@ proptest! {
             (build_resistance(&state, pack), format!("BAT{number}_RES"), 8),
             (build_resting_voltage(&state, pack), format!("BAT{number}_VREST"), 10),
             (build_charge_deviation(&state, pack), format!("BAT{number}_SIGMA"), 10),
+            (build_usable_charge(&state, pack), format!("BAT{number}_USABL"), 10),
         ] {
             prop_assert_eq!(&data.name[..length], name.as_bytes());
             prop_assert!(data.name[length..].iter().all(|byte| *byte == 0));

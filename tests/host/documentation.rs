@@ -261,6 +261,7 @@ fn row_of_stream(kind: StreamKind) -> String {
         Subject::EachKnownResistance => "each pack whose resistance is known",
         Subject::EachKnownRestingVoltage => "each pack whose resting voltage is known",
         Subject::EachKnownDeviation => "each pack whose charge is estimated",
+        Subject::EachKnownUsableCharge => "each pack whose usable charge is known",
     };
     format!("| {} ({}) | {comes} | {of} |", kind.name(), kind.message_id())
 }

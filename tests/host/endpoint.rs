@@ -744,9 +744,11 @@ fn estimates_are_sent_on_request_while_they_are_known() {
     known.resistance_ohm = Some(0.0625);
     known.readings.resting_voltage_v = Some(11.5);
     known.readings.remaining_sigma_pct = Some(3.5);
+    known.readings.usable_pct = Some(18.75);
     let mut resistance_only = known;
     resistance_only.readings.resting_voltage_v = None;
     resistance_only.readings.remaining_sigma_pct = None;
+    resistance_only.readings.usable_pct = None;
     let unused = BatteryState {
         status: PackStatus::Disabled,
         ..known
@@ -758,6 +760,7 @@ fn estimates_are_sent_on_request_while_they_are_known() {
         ("BAT1_RES".into(), 62.5),
         ("BAT1_VREST".into(), 11.5),
         ("BAT1_SIGMA".into(), 3.5),
+        ("BAT1_USABL".into(), 18.75),
     ];
     let of_third = [("BAT3_RES".into(), 62.5)];
     for (instance, expected) in [(0.0, &of_first[..]), (f32::NAN, &of_first), (2.0, &of_third)] {
@@ -774,13 +777,13 @@ fn estimates_are_sent_on_request_while_they_are_known() {
     assert_denied(&mut desk, NAMED_VALUE_FLOAT, &[1.0, 3.0, 4.0, 9.0]);
 
     set_interval(&mut desk, NAMED_VALUE_FLOAT, 1_000_000.0);
-    let once = ["BAT1_RES", "BAT3_RES", "BAT1_VREST", "BAT1_SIGMA"];
+    let once = ["BAT1_RES", "BAT3_RES", "BAT1_VREST", "BAT1_SIGMA", "BAT1_USABL"];
     let names = |sent: &[Frame]| of_each(sent, NAMED_VALUE_FLOAT, |frame| frame.text(8, 10));
     assert_eq!(names(&sent_for(&mut desk, 5)), once.repeat(5));
     desk.change_battery(Pack::First, |battery| battery.resistance_ohm = None);
     assert_eq!(
         names(&sent_for(&mut desk, 2)),
-        ["BAT3_RES", "BAT1_VREST", "BAT1_SIGMA"].repeat(2)
+        ["BAT3_RES", "BAT1_VREST", "BAT1_SIGMA", "BAT1_USABL"].repeat(2)
     );
     // By default it is off.
     set_interval(&mut desk, NAMED_VALUE_FLOAT, 0.0);

@@ -31,7 +31,9 @@ pub use file_transfer::{
 };
 pub use fuel_status::build_fuel_status;
 pub use heartbeat::build_heartbeat;
-pub use named_value_float::{build_charge_deviation, build_resistance, build_resting_voltage};
+pub use named_value_float::{
+    build_charge_deviation, build_resistance, build_resting_voltage, build_usable_charge,
+};
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
 pub use stream::{DefaultRate, StreamGroup, Subject};
@@ -64,6 +66,7 @@ declare::messages! {
         Resistance(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownResistance, build_resistance;
         RestingVoltage(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownRestingVoltage, build_resting_voltage;
         ChargeDeviation(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownDeviation, build_charge_deviation;
+        UsableCharge(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownUsableCharge, build_usable_charge;
     }
     answers {
         Ping(PING_DATA);

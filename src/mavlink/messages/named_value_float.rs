@@ -34,6 +34,16 @@ pub fn build_charge_deviation(state: &SystemState<'_>, pack: Pack) -> NAMED_VALU
     )
 }
 
+/// The usable charge of `pack`, in percent of a full pack's: `BAT1_USABL` of the first one. NaN while it is unknown.
+pub fn build_usable_charge(state: &SystemState<'_>, pack: Pack) -> NAMED_VALUE_FLOAT_DATA {
+    named_value(
+        state,
+        pack,
+        *b"BAT#_USABL",
+        state.battery(pack).readings.usable_pct,
+    )
+}
+
 /// A value under a name whose `#` becomes the number of the pack.
 fn named_value(
     state: &SystemState<'_>,

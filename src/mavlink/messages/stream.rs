@@ -19,6 +19,8 @@ pub enum Subject {
     EachKnownRestingVoltage,
     /// A pack whose remaining charge is estimated here.
     EachKnownDeviation,
+    /// A pack whose usable charge is known.
+    EachKnownUsableCharge,
 }
 
 /// The group of streams in which ArduPilot sends a message (MAV_DATA_STREAM).
@@ -79,6 +81,7 @@ impl Stream {
                 Subject::EachKnownResistance => battery.resistance_ohm.is_some(),
                 Subject::EachKnownRestingVoltage => battery.readings.resting_voltage_v.is_some(),
                 Subject::EachKnownDeviation => battery.readings.remaining_sigma_pct.is_some(),
+                Subject::EachKnownUsableCharge => battery.readings.usable_pct.is_some(),
             }
     }
 }

@@ -217,7 +217,7 @@ impl Command {
             INTERVAL_OFF => Interval::Off,
             INTERVAL_DEFAULT => Interval::Default,
             // A negative value or NaN becomes 0, which no message can have.
-            interval_us => Interval::Every(interval_us as u64),
+            interval_us => Interval::Every(interval_us as u32),
         };
         match scheduler.set_interval(message_id, interval, now) {
             Ok(()) => ACCEPTED,
