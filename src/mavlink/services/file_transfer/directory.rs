@@ -1,6 +1,5 @@
 //! The directories: what a path leads to, and what is listed.
 
-use core::fmt::Write;
 use core::num::NonZeroU32;
 
 use heapless::{String, Vec};
@@ -139,7 +138,7 @@ pub(super) fn list(
         };
         if listed == Listed::SizesAndTimes {
             // It fits.
-            let _ = write!(entry, "\t{time_utc_s}");
+            entry = text(format_args!("{entry}\t{time_utc_s}"));
         }
         let is_full = list.len() + entry.len() + 1 > list.capacity();
         if is_full || list.extend_from_slice(entry.as_bytes()).is_err() || list.push(0).is_err() {
