@@ -486,7 +486,7 @@ mod tests {
             let mut now = Instant::EPOCH;
             for (rate_hz, interval_us, percent, wait_us) in changes {
                 scheduler.set_extra1_rate(rate_hz, now);
-                let _ = scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us.into()), now);
+                let _ = scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us), now);
                 scheduler.radio_buffer_free(percent, now);
                 for _ in 0..=StreamKind::COUNT {
                     scheduler.poll(now);
