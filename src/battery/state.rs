@@ -1,10 +1,12 @@
 //! The state of a pack.
 
-use super::charge::BOUND_SIGMAS;
 use super::{
     Amount, CellVoltages, ChargeState, Chemistry, Contents, CurrentRange, Extremes, FailsafeLevel, Faults,
     PackDetails, ReadError, Reported, Thermometer,
 };
+
+/// Standard deviations from an estimated charge to its bounds.
+pub const BOUND_SIGMAS: f32 = 2.0;
 
 /// The timer of a threshold in volts or percent, up to its level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

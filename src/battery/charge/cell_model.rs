@@ -2,6 +2,7 @@
 
 use crate::battery::chemistry::{Cell, POINTS, SAME_VOLTAGE_V};
 use crate::battery::learnt::{LastCharge, LearntPack, Offset};
+use crate::battery::state::BOUND_SIGMAS;
 use crate::battery::{Chemistry, FailsafeSettings, PackSettings, VoltageSource};
 
 /// Standard deviation of a rated capacity, relative to it.
@@ -26,9 +27,6 @@ const MIN_SLOPE_V: f32 = 0.01;
 
 /// Standard deviation of a learnt slow share from one drive to the next.
 const LEARNT_SLOW_SIGMA: f32 = 0.25;
-
-/// Standard deviations that bound a charge.
-pub const BOUND_SIGMAS: f32 = 2.0;
 
 /// Standard deviation of a state of charge that the owner sets.
 const SET_SIGMA: f32 = 0.01;

@@ -3,12 +3,11 @@
 use super::cell_model::{Capacity, CellModel, KnownCharge};
 use super::drive::{Drive, Rest};
 use super::filter::Filter;
-use super::load::{Block, HOURS_PER_SECOND, Load, Reserve, SagGrowth, Trace};
+use super::load::{Block, CurrentOrigin, HOURS_PER_SECOND, Load, Reserve, SILENCE_S, SagGrowth, Trace};
 use super::start::{
     Relaxation, charged, full, has_plateau, is_resting, may_have_surface_charge, provisional, was_charged,
 };
 use super::voltage_only::VoltageOnly;
-use super::{CurrentOrigin, SILENCE_S};
 use crate::battery::LearntPack;
 use crate::battery::learnt::Collapse;
 

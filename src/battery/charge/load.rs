@@ -2,7 +2,6 @@
 //!
 //! All that follows a second runs once a second, at any sampling rate.
 
-use super::CurrentOrigin;
 use super::cell_model::{CellModel, root_of_squares};
 use crate::battery::VoltageSource;
 use crate::battery::learnt::Collapse;
@@ -13,6 +12,19 @@ const SECOND_S: f32 = 0.999;
 
 /// The very first one is shorter, in seconds: there is an estimate soon after the start.
 const FIRST_SECOND_S: f32 = 0.249;
+
+/// What counts the charge of a pack has been lost after this time, in seconds: more than two of the slowest period of
+/// batteries, 5 s.
+pub const SILENCE_S: f32 = 12.0;
+
+/// Origin of a current.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CurrentOrigin {
+    #[default]
+    Sensor,
+    /// A counter at the source, which need not count what charges the pack.
+    SourceCounter,
+}
 
 /// Sums up to a second.
 #[derive(Clone, Copy, Debug)]

@@ -12,8 +12,8 @@ mod reference;
 mod start;
 mod voltage_only;
 
-pub use cell_model::{BOUND_SIGMAS, Capacity, CellModel, EndVoltage, KnownCharge};
-pub use load::Second;
+pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
+pub use load::{CurrentOrigin, SILENCE_S, Second};
 
 use super::learnt::{LastCharge, LessonObstacle, OpenLesson};
 use super::swap::Doubt;
@@ -32,10 +32,6 @@ const GAP_S: f32 = 15.0;
 
 /// After a longer gap the estimate restarts, in seconds.
 const MAX_GAP_S: f32 = 600.0;
-
-/// What counts the charge of a pack has been lost after this time, in seconds: more than two of the slowest period of
-/// batteries, 5 s.
-pub const SILENCE_S: f32 = 12.0;
 
 /// Standard deviation of a load in a gap, in capacities per hour.
 const GAP_RATE_PER_H: f32 = 1.0;
@@ -65,15 +61,6 @@ enum Phase {
     Counting(Counting),
     /// By the voltage alone.
     VoltageOnly(VoltageOnly),
-}
-
-/// Origin of a current.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CurrentOrigin {
-    #[default]
-    Sensor,
-    /// A counter at the source, which need not count what charges the pack.
-    SourceCounter,
 }
 
 /// A reading of a pack.

@@ -11,8 +11,7 @@ pub mod time;
 pub mod vehicle;
 pub mod wifi;
 
-use vehicle::LateSticksTexts;
-
+use crate::announce::RateLimit;
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::rates::Rates;
 use crate::mavlink::sender_clocks::SenderClocks;
@@ -23,6 +22,12 @@ use crate::system::SystemState;
 use crate::time::Instant;
 use crate::vehicle::{Presence, Vehicle};
 use crate::wifi::WifiCredentials;
+
+/// Minimum time between two texts on a link about sticks that come too late, in µs.
+const LATE_STICKS_INTERVAL_US: u64 = 5_000_000;
+
+/// Limits the texts on a link about sticks that come too late.
+pub type LateSticksTexts = RateLimit<LATE_STICKS_INTERVAL_US>;
 
 /// Why a restart, a reset of the parameters, a signing key or a download is refused.
 pub const DISARM_FIRST: &str = "Not while armed: disarm first";

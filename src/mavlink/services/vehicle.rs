@@ -3,8 +3,8 @@
 use ::mavlink::MessageData;
 use heapless::String;
 
-use super::{Context, TOO_LATE};
-use crate::announce::{RateLimit, Severity};
+use super::{Context, LateSticksTexts, TOO_LATE};
+use crate::announce::Severity;
 use crate::mavlink::Peer;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, SET_MODE_DATA};
 use crate::mavlink::event::Event;
@@ -33,12 +33,6 @@ const FORCE: [f32; 2] = [21196.0, 2989.0];
 /// The oldest request of the page that may set the rover in motion, in milliseconds. A figure of its own: `FS_TIMEOUT` may be
 /// 100 s.
 const MAX_AGE_MS: u32 = 1_500;
-
-/// Minimum time between two texts on a link about sticks that come too late, in µs.
-const LATE_STICKS_INTERVAL_US: u64 = 5_000_000;
-
-/// Limits the texts on a link about sticks that come too late.
-pub type LateSticksTexts = RateLimit<LATE_STICKS_INTERVAL_US>;
 
 /// Why the sticks of a station are ignored.
 const ANOTHER_STATION: &str = "Sticks ignored: another station drives";

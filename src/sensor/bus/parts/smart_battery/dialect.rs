@@ -5,11 +5,18 @@
 
 use core::ops::RangeInclusive;
 
-use super::known;
 use crate::battery::{CellVoltages, MAX_CELLS, ReadError};
 use crate::sensor::bus::SensorBus;
 use crate::sensor::bus::parts::{CELL_SUM_TOLERANCE, deviation};
 use crate::sensor::bus::smbus::{PacketErrorCode, SmBus};
+
+/// A word that is not filled in.
+const BLANK: u16 = 0xffff;
+
+/// A word that is filled in. Undriven lines read as one that is not.
+pub(super) fn known(word: Option<u16>) -> Option<u16> {
+    word.filter(|word| *word != BLANK)
+}
 
 /// Differences of a maker's batteries from the specification.
 #[derive(Debug)]

@@ -2,7 +2,7 @@
 
 mod dialect;
 
-use dialect::{Button, Current, Framing, Voltage, cell_voltages, cells_of, sum_v};
+use dialect::{Button, Current, Framing, Voltage, cell_voltages, cells_of, known, sum_v};
 pub(in crate::sensor::bus) use dialect::{
     Dialect, GENERIC, MAXELL, NEO_DESIGN, ROTOYE, SOLO, SUI_3_CELLS, SUI_6_CELLS,
 };
@@ -55,9 +55,6 @@ const WITHOUT_CODE: &[u8] = b"Hitachi maxell";
 
 /// The highest power of ten that values are in steps of.
 const HIGHEST_EXPONENT: u16 = 3;
-
-/// A word that is not filled in.
-const BLANK: u16 = 0xffff;
 
 /// Bytes that a battery with a button reports of it.
 const BUTTON_BYTES: usize = 6;
@@ -566,11 +563,6 @@ fn power_of_ten(exponent: u16) -> f32 {
 /// Value of a word; 0 is not filled in.
 fn filled(word: Option<u16>, step: f32) -> Option<f32> {
     word.filter(|word| *word > 0).map(|word| f32::from(word) * step)
-}
-
-/// A word that is filled in. Undriven lines read as one that is not.
-fn known(word: Option<u16>) -> Option<u16> {
-    word.filter(|word| *word != BLANK)
 }
 
 /// (year − 1980) × 512 + month × 32 + day.
