@@ -279,7 +279,11 @@ function startDrive() {
   const arm = $('arm');
   const press = () => taken || pressArm(now());
   const cancel = () => pressArm();
-  arm.onpointerdown = (event) => event.button || press();
+  arm.onpointerdown = (event) => {
+    // A touch is captured by what it began on, and would never leave it.
+    arm.releasePointerCapture(event.pointerId);
+    if (!event.button) press();
+  };
   arm.onpointerup = arm.onpointerleave = arm.onpointercancel = arm.onblur = arm.onkeyup = cancel;
   arm.onkeydown = (event) => {
     if (!/Space|Enter/.test(event.code)) return;

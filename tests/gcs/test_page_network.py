@@ -444,6 +444,21 @@ def test_arm_is_let_go(rover, page, how):
     assert not rover.is_armed and ARM not in [number for _, number, value, _ in commands_sent(page) if value == 1]
 
 
+@pytest.mark.parametrize("onto", ["#stop", "#hint", "#manual"])
+def test_a_finger_that_slides_off_arm_lets_go_of_it(rover, page, onto):
+    x, y, _ = page.middle("#arm")
+    page.touch("touchStart", (x, y))
+    time.sleep(0.3)
+    page.touch("touchMove", page.middle(onto)[:2])
+    time.sleep(1.5)
+    page.touch("touchEnd")
+    assert not rover.is_armed and not arms_sent(page)
+
+
+def arms_sent(page):
+    return [number for _, number, value, _ in commands_sent(page) if number == ARM and value == 1]
+
+
 # 9. Lost releases let go.
 
 
