@@ -23,24 +23,49 @@ function advised(text) {
   return advice ? text + '. ' + advice : text;
 }
 
-// The latest text since arming on a pack's failsafe, until that has ended.
-let acting = '';
-// The latest text on limited power, which has no text for its end.
-let limited = {};
-const LIMITED_MS = 20000;
+// Levels of a pack, as texts name them and by number of the charge state.
+const LEVELS = { low: 2, critical: 3, emergency: 4, missing: 6, unhealthy: 6 };
+const LEVEL_NAMES = { 2: 'is low', 3: 'is critical', 4: 'is nearly empty', 5: 'has failed', 6: 'is unhealthy' };
+const UNHEALTHY = 6;
+
+// A text that belongs to a pack's own notice: the pack, whether a failsafe acts, and the level.
+const levelText = (text) => /^Battery (\d) (is )?(low|critical|emergency|missing|unhealthy)/.exec(text);
 
 on('text', ({ text }) => {
-  if (/^Battery \d (is (low|critical|missing)|unhealthy)/.test(text)) acting = text;
-  if (/^Battery \d healthy/.test(text)) acting = '';
-  if (/^Battery \d limits/.test(text)) limited = { text, at: now() };
+  const [, limiting, isOver] = /^Battery (\d) (no longer )?limits/.exec(text) || [];
+  if (packs.has(limiting - 1)) packs.get(limiting - 1).limit = !isOver && text;
+  const [, number, isFailsafe, word] = levelText(text) || [];
+  const pack = packs.get(number - 1);
+  if (!pack) return;
+  const level = LEVELS[word];
+  if (level < UNHEALTHY) {
+    alarm();
+    if (isFailsafe) pack.failsafe = level;
+  }
+  if (isFailsafe || pack.failsafe != level) pack.causes[level] = text;
 });
 
-// That text, and what it means for the driver.
-function actingNow() {
-  const [, pack, level] = /^Battery (\d) is (low|critical)/.exec(acting) || [];
-  if (!level) return advised(acting);
-  const does = levelOf(level == 'low' ? 'LOW' : 'CRT', 'BATT' + (pack > 1 ? pack : '') + '_')?.action;
-  return acting + (does ? '. The rover stops to spare the pack: charge it.' : '. Nothing stops the rover: drive home, and charge the pack.');
+// A level that was left, also by a reset, has no notice any more.
+on('pack', (pack) => {
+  const { state, alarmed } = pack;
+  if (!LEVEL_NAMES[state]) Object.assign(pack, { causes: {}, failsafe: 0, alarmed: 0 });
+  else if (state < UNHEALTHY && !(alarmed >= state)) {
+    pack.alarmed = state;
+    alarm();
+  }
+});
+
+on('state', () => armed || packs.forEach((pack) => (pack.limit = 0)));
+
+// What is low or fails of a pack, and what it means for the driver.
+function levelNotice({ name, prefix, state, volts, percent, causes, failsafe }) {
+  const reading = [volts && digits(volts, 2) + ' V', percent != null && percent + ' %'].filter((part) => part).join(', ');
+  const text = causes[state] || causes[failsafe] || name + ' ' + LEVEL_NAMES[state] + (reading && ': ' + reading);
+  if (state > 4 || /already/.test(text)) return advised(text);
+  const levels = levelsOf(prefix);
+  const isObeyed = failsafe && value(prefix + 'FS_' + (failsafe == 2 ? 'LOW' : 'CRT') + '_ACT');
+  if (isObeyed) return text + '. The rover stops to spare the pack: charge it.';
+  return text + (levels && mode != HOLD && !stopsWhenLow(levels) ? '. Nothing stops the rover: drive home, and charge the pack.' : '. Charge the pack.');
 }
 
 // Obstacles to driving in the rover's own words, with advice.
@@ -51,8 +76,11 @@ function notices() {
   if (!isFresh()) return found;
   if (status == STATE_TERMINATED) found.push(advised(textLike(/^Terminated/) || 'Terminated'));
   if (status == STATE_TIMED_OUT) found.push(advised(textLike(/Failsafe: Hold$/) || 'Failsafe: Hold'));
-  if (armed && acting) found.push(actingNow());
-  if (armed && now() - limited.at < LIMITED_MS) found.push(advised(limited.text));
+  if (armed) {
+    const reported = allPacks().filter(({ state }) => LEVEL_NAMES[state]);
+    found.push(...reported.sort((one, other) => other.state - one.state).map(levelNotice));
+    found.push(...allPacks().filter(({ limit }) => limit).map(({ limit }) => advised(limit)));
+  }
   if (ready == false && !armed) found.push(...(obstacles[0] ? obstacles : ['not ready']).map((text) => 'Does not arm: ' + advised(text)));
   return found;
 }
@@ -64,20 +92,30 @@ function renderNotices() {
   }
 }
 
-// Action and text of a level; undefined if no threshold leads to it.
-function levelOf(level, prefix) {
-  const of = (name) => value(prefix + name);
-  const volts = of('LOW_TIMER') && of(level + '_VOLT');
-  const mah = of(level + '_MAH');
-  const action = of('FS_' + level + '_ACT');
-  const bounds = [volts && digits(volts, 2) + ' V for ' + of('LOW_TIMER') + ' s', mah && mah + ' mAh'].filter((bound) => bound);
-  return bounds[0] && { action, text: 'Below ' + bounds.join(' or ') + (!action ? ' it only warns' : action == TERMINATE ? ' it disarms' : ' it stops in Hold') };
+// Of both levels, low and critical: what the rover does then, as far as a threshold leads to it. Undefined until all is known.
+function levelsOf(prefix) {
+  let isUnknown;
+  const of = (name) => {
+    isUnknown ||= value(prefix + name) == null;
+    return value(prefix + name);
+  };
+  const seconds = of('LOW_TIMER');
+  const byPercent = of('FS_PCT_EN');
+  const levels = ['LOW', 'CRT'].map((level) => {
+    const volts = of(level + '_VOLT');
+    const mah = of(level + '_MAH');
+    const action = of('FS_' + level + '_ACT');
+    const percent = Math.max(of(level + '_PCT'), level == 'CRT' && of('EMR_PCT'));
+    const bounds = [seconds && volts && digits(volts, 2) + ' V for ' + seconds + ' s', mah && mah + ' mAh', byPercent && percent && percent + ' %'].filter((bound) => bound);
+    return bounds[0] && { action, text: 'Below ' + bounds.join(' or ') + (!action ? ' it only warns' : action == TERMINATE ? ' it disarms' : ' it stops in Hold') };
+  });
+  return isUnknown ? undefined : levels.filter((level) => level);
 }
+
+const stopsWhenLow = (levels) => levels.some(({ action }) => action);
 
 // One line on the rover's reaction to a low pack.
 function whenLow() {
-  const prefix = parameterOf('');
-  if (!params.has(prefix + 'LOW_VOLT')) return '';
-  const levels = ['LOW', 'CRT'].map((level) => levelOf(level, prefix)).filter((level) => level);
-  return levels.map(({ text }) => text + '. ').join('') + (levels.some(({ action }) => action) ? '' : 'A low pack does not stop the rover.');
+  const levels = levelsOf(parameterOf(''));
+  return levels ? levels.map(({ text }) => text + '. ').join('') + (stopsWhenLow(levels) ? '' : 'A low pack does not stop the rover.') : '';
 }

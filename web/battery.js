@@ -8,7 +8,6 @@ const CHARGE_STATES = [
   ['Unknown'], ['OK', 'good'], ['Low', 'low'], ['Critical', 'bad'], ['Nearly empty', 'bad'],
   ['Failed', 'bad'], ['Unhealthy', 'bad'], ['Charging', 'info'],
 ];
-const UNHEALTHY = 6;
 
 const FIGURES = {
   volts: ['Voltage', 2, ' V'], amps: ['Current', 1, ' A'], watts: ['Power', 0, ' W'],

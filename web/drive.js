@@ -22,6 +22,8 @@ let drives = false;
 // Why the stick was taken from the driver, and whether the rover followed it until then.
 let taken = '';
 let wasFollowed;
+// Whether the hand was at the centre since the rover drives by the stick, or was told to: until then it does not follow.
+let wasCentred;
 let fullTicks = 0;
 // What holds the stick: a pointer by its number, keys, or a game pad by its index.
 let holder = null;
@@ -31,6 +33,10 @@ const centred = new Set();
 let stopsByPad;
 // Since when Arm is pressed, if it is.
 let armPressedAt;
+// Why Stop is not confirmed, as it was announced by the alarm.
+let unconfirmed;
+// A driver learns once that a dark screen stops the rover.
+let hasDriven;
 // The rover's latest text on sticks without effect.
 let blocked = {};
 // The rover's latest text.
@@ -39,7 +45,7 @@ let said = '';
 function obstacle() {
   if (!isFresh()) return 'The rover is not heard.';
   if (lacksKey()) return NO_KEY;
-  if (!isIdentified) return 'Asking which rover it is.';
+  if (!isIdentified || (isUnsigned() && allowed() == null)) return 'Asking which rover it is.';
   if (delay() > SLOW_MS) return 'The link is too slow to drive.';
   if (fullTicks >= FULL_TICKS) return 'The network takes nothing.';
   return document.hidden || !document.hasFocus() ? 'Touch the page: it has lost the focus.' : '';
@@ -82,13 +88,19 @@ function takeStick(by, x, y) {
 }
 
 const isBlocked = () => now() - blocked.at < TEXT_MS;
+const isDeflected = () => stickX || stickY;
+
+function lookAtHand() {
+  const isToDrive = wish.isObeyed && !wish.isStop && !wish.done && !wish.why;
+  wasCentred = ((armed && mode == MANUAL) || isToDrive) && (wasCentred || !isDeflected());
+}
 
 // Looks whether the driver still has the stick.
 function look() {
   const was = taken;
   taken = obstacle();
   if (!taken || was) return;
-  wasFollowed = drives && armed && mode == MANUAL && !isBlocked();
+  wasFollowed = drives && armed && mode == MANUAL && wasCentred && !isBlocked();
   letGo();
 }
 
@@ -100,6 +112,7 @@ function tick() {
   if ($('arm').disabled) pressArm();
   if (now() - armPressedAt >= SECOND) want(ARMED);
   repeatStop();
+  lookAtHand();
   if (!taken && drives && armed && !fullTicks) sendStick();
 }
 
@@ -194,6 +207,7 @@ function begin(what) {
   const at = Math.floor(now());
   wish = { param1: 1, at, since: at, before: texts[0], ...what };
   letGo();
+  lookAtHand();
   sendWish();
   renderDrive();
 }
@@ -210,7 +224,7 @@ function sendWish() {
 function want(what) {
   look();
   if (taken) return;
-  drives = true;
+  drives = hasDriven = true;
   begin(what);
 }
 
@@ -237,6 +251,7 @@ on('COMMAND_ACK', ({ command, result }) => {
   wish.why = inItsWords(result && REFUSED, wish.before);
 });
 
+on('state', lookAtHand);
 on('state', () => {
   if (answeredAt < wish.at) return;
   drives &&= armed;
@@ -246,17 +261,20 @@ on('state', () => {
 });
 
 on('text', ({ text }) => {
-  // Its greeting is no answer; thresholds have a line of their own.
-  if (!/^(Set BATT|Battery failsafes|rover-)/.test(text)) said = text;
+  // Its greeting is no answer; thresholds, levels of packs and sticks have lines of their own.
+  if (!/^(Set BATT|Battery failsafes|rover-|Sticks|Centre)/.test(text) && !levelText(text)) said = text;
   if (/^(Sticks|Centre)/.test(text)) blocked = { text, at: now() };
 });
+
+const NOT_CONFIRMED = 'Stop is not confirmed: touch again.';
+const MAY_DRIVE_ON = 'No answer: it may drive on. Switch it off.';
 
 function wishText() {
   const { isStop, done, lost, answered, why, failure } = wish;
   if (done) return isStop && mode == HOLD ? 'Stopped: Hold' : '';
   if (why) return failure + why;
-  if (lost) return 'Stop is not confirmed: touch again.';
-  if (isStop) return waited() < STOP_OFTEN_MS ? 'Stopping…' : 'No answer: it may drive on. Switch it off.';
+  if (lost) return NOT_CONFIRMED;
+  if (isStop) return waited() < STOP_OFTEN_MS ? 'Stopping…' : MAY_DRIVE_ON;
   return waited() > ANSWER_MS && !answered ? failure + NO_ANSWER : '';
 }
 
@@ -279,6 +297,9 @@ function startDrive() {
   const arm = $('arm');
   const press = () => taken || pressArm(now());
   const cancel = () => pressArm();
+  // Focused by a pointer, it would take the keys of the stick.
+  const limit = $('limit');
+  limit.onpointerup = limit.onclick = limit.onchange = () => limit.matches(':focus-visible') || limit.blur();
   arm.onpointerdown = (event) => {
     // A touch is captured by what it began on, and would never leave it.
     arm.releasePointerCapture(event.pointerId);
@@ -306,16 +327,21 @@ function startDrive() {
 function renderDrive() {
   const fresh = isFresh();
   const isManual = fresh && mode == MANUAL;
-  const isReady = isManual && armed && !taken && !isBlocked();
+  const isReady = isManual && armed && !taken && !isBlocked() && (wasCentred || !isDeflected());
   let hint = 'To drive, arm and choose Manual.';
   if (taken) hint = taken + (wasFollowed && !(isStopWanted() && waited() > STOP_OFTEN_MS) ? ' The rover stops by itself.' : '');
   else if (armed && !isManual) hint = 'In Hold it stands: choose Manual to drive.';
   else if (armed && isBlocked()) hint = blocked.text;
-  else if (armed) hint = stickX || stickY ? 'The rover follows the stick.' : 'Move the stick to drive.';
+  else if (armed && isDeflected()) hint = wasCentred ? 'The rover follows the stick.' : 'Let go of the stick first.';
+  else if (armed) hint = 'Move the stick to drive.';
   const answer = wishText();
+  const isUnconfirmed = [NOT_CONFIRMED, MAY_DRIVE_ON].includes(answer) && answer;
+  if (isUnconfirmed && isUnconfirmed != unconfirmed) alarm();
+  unconfirmed = isUnconfirmed;
   put('hint', !taken && !armed && notices()[0] ? '' : hint);
+  hide('screen', hasDriven);
   put('stop-state', wish.isStop ? answer : '');
-  put('drive-answer', (!wish.isStop && answer) || (said == acting ? '' : said));
+  put('drive-answer', (!wish.isStop && answer) || said);
   $('hold').ariaPressed = fresh && mode == HOLD;
   $('manual').ariaPressed = isManual;
   $('manual').disabled = !isKnown();

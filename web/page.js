@@ -21,6 +21,24 @@ function fill(list, items) {
 const put = (id, text) => show($(id), text);
 const hide = (id, isHidden) => ($(id).hidden = isHidden);
 
+// Vibrates and beeps, as a driver looks at the rover. Browsers allow both once the page was touched.
+let sound;
+let alarmedAt = -Infinity;
+
+function alarm() {
+  if (!sound || now() - alarmedAt < SECOND) return;
+  alarmedAt = now();
+  navigator.vibrate?.([300, 100, 300]);
+  const beep = sound.createOscillator();
+  beep.connect(sound.destination);
+  beep.start();
+  beep.stop(sound.currentTime + .5);
+}
+
+for (const type of ['pointerup', 'keydown']) {
+  addEventListener(type, () => navigator.userActivation?.hasBeenActive && (sound ||= new AudioContext()).resume());
+}
+
 // For screen readers.
 const say = (text) => put('say', text);
 

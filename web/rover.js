@@ -64,12 +64,16 @@ const parameterOf = (name) => (chosenPack().prefix || 'BATT_') + name;
 
 const isKnown = () => isFresh() && isIdentified;
 const UNSIGNED_ALLOWED = 2;
-const lacksKey = () => roverSigns && !signer && value('SIGN_WIFI_ALLOW') != UNSIGNED_ALLOWED;
+const allowed = () => value('SIGN_WIFI_ALLOW');
+// While it is unknown what the rover allows without the key, a PING that is never answered shows it.
+const PINGS_MS = 3000;
+const isPingIgnored = () => answeredAt < openedAt && now() - openedAt > PINGS_MS;
+const isUnsigned = () => roverSigns && !signer;
+const lacksKey = () => isUnsigned() && (allowed() == null ? isPingIgnored() : allowed() != UNSIGNED_ALLOWED);
 
 on('HEARTBEAT', ({ base_mode, custom_mode, system_status }) => {
   const isArmed = !!(base_mode & ARMED_FLAG);
   if (armed != isArmed && armed != null) say(isArmed ? 'Armed' : 'Disarmed');
-  if (!isArmed) acting = '';
   armed = isArmed;
   mode = custom_mode;
   status = system_status;
@@ -118,7 +122,7 @@ on('NAMED_VALUE_FLOAT', ({ name, value }) => {
 
 function packOf(id) {
   if (!packs.has(id)) {
-    packs.set(id, { id, name: 'Battery ' + (id + 1), prefix: 'BATT' + (id ? id + 1 : '') + '_', history: [] });
+    packs.set(id, { id, name: 'Battery ' + (id + 1), prefix: 'BATT' + (id ? id + 1 : '') + '_', history: [], causes: {} });
     request('BATTERY_INFO', id);
   }
   return packs.get(id);
@@ -187,11 +191,14 @@ function next(name, fits = () => 1, ms = SECOND) {
 const request = (name, param2) => ask('COMMAND_LONG', { command: REQUEST_MESSAGE, param1: MESSAGES[name].id, param2 });
 
 on('PARAM_VALUE', (fields) => {
+  const { param_id, param_index, param_count } = fields;
+  if (paramCount && paramCount != param_count) readParameters();
+  paramCount = param_count;
   // What another station has set comes without its index.
-  const param_index = fields.param_index == UNKNOWN ? params.get(fields.param_id)?.param_index : fields.param_index;
-  if (paramCount && paramCount != fields.param_count) readParameters();
-  else if (param_index >= 0) params.set(fields.param_id, { ...fields, param_index });
-  paramCount = fields.param_count;
+  if (param_index != UNKNOWN) listed.set(param_id, param_index);
+  else if (!params.has(param_id)) return;
+  params.set(param_id, fields);
+  emit('param', param_id);
 });
 
 // The rover's own words, if it has said any since, say best why not.
@@ -221,19 +228,24 @@ const command = (number, param1) => exchange('COMMAND_LONG', { command: number, 
 const setParameter = (name, param_value) =>
   exchange('PARAM_SET', { param_id: name, param_value, param_type: params.get(name)?.param_type || REAL32 }, (answer) => answer.param_id == name);
 
-// Reads the list, then by index what was missed.
+// Reads the list, then by index what was missed. What was known stays until the list is whole.
 let listing = 0;
+// Index of each parameter that has come since the list began.
+const listed = new Map();
 async function readParameters() {
   const run = ++listing;
-  params.clear();
+  listed.clear();
   paramCount = 0;
   ask('PARAM_REQUEST_LIST');
   while (run == listing && isOpen()) {
     if (await next('PARAM_VALUE', undefined, 1500)) continue;
     if (!paramCount) ask('PARAM_REQUEST_LIST');
-    const read = new Set([...params.values()].map((param) => param.param_index));
+    const read = new Set(listed.values());
     const missing = [...Array(paramCount).keys()].filter((index) => !read.has(index));
-    if (paramCount && !missing.length) return emit('params');
+    if (paramCount && !missing.length) {
+      for (const name of params.keys()) listed.has(name) || params.delete(name);
+      return emit('params');
+    }
     for (const param_index of missing.slice(0, 10)) ask('PARAM_REQUEST_READ', { param_index });
   }
 }

@@ -153,14 +153,14 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
 
 function renderSetup() {
   const volts = suggestion();
-  hide('suggestion', !volts);
+  hide('suggestion', !volts || !whenLow());
   put('suggest', volts ? 'Use what suits the cells: ' + volts.map((one) => digits(one, 2) + ' V').join(', ') : '');
   put('low-line', whenLow());
   const { cellCount } = chosenPack();
   put('detected', cellCount ? 'The rover counts ' + cellCount + ' cells.' : '');
   $('restart').parentNode.hidden = !restarts.size;
   put('restarts', [...restarts].join(', '));
-  if (params.size < paramCount) put('setup-state', 'Reading parameters: ' + params.size + ' of ' + paramCount);
+  if (listed.size < paramCount) put('setup-state', 'Reading parameters: ' + listed.size + ' of ' + paramCount);
   emit('setup');
 }
 

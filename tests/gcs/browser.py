@@ -16,6 +16,7 @@ import threading
 import time
 
 import pytest
+from pymavlink.dialects.v20 import all as dialect
 from pymavlink.dialects.v20.all import mavlink_map, x25crc
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
@@ -44,6 +45,29 @@ addEventListener('unhandledrejection', (event) => window.errors.push(String(even
 
 MANUAL_CONTROL = 69
 
+# Runs in the page before it: a rover of which nothing is true but what a test says. `state` is heard five times a second.
+STAGE = """
+window.state = {};
+window.WebSocket = class {
+  constructor() {
+    this.readyState = this.bufferedAmount = 0;
+    this.binaryType = '';
+    window.hear = (bytes) => this.onmessage({ data: Uint8Array.from(bytes).buffer });
+    setTimeout(() => {
+      this.readyState = 1;
+      this.onopen();
+      clearInterval(window.telling);
+      window.telling = setInterval(() => Object.values(window.state).forEach(window.hear), 200);
+    });
+  }
+  send(frame) {
+    // A PING is its own answer.
+    if (frame[7] == 4) setTimeout(() => window.hear(frame));
+  }
+  close() {}
+};
+"""
+
 
 def require_chromium():
     """Skips the test where there is no Chromium, by the name of what is missing; on a build server that is a failure."""
@@ -58,7 +82,7 @@ def require_chromium():
 class Page:
     """The page in a headless Chromium of its own."""
 
-    def __init__(self, url, size=PHONE, scheme="dark", downloads=None, arguments=()):
+    def __init__(self, url, size=PHONE, scheme="dark", downloads=None, arguments=(), script=""):
         require_chromium()
         from selenium import webdriver
 
@@ -69,7 +93,7 @@ class Page:
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self.driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(CHROMEDRIVER))
         self.driver.set_script_timeout(60)
-        self.devtools("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
+        self.devtools("Page.addScriptToEvaluateOnNewDocument", source=script + WATCH)
         if downloads:
             self.devtools("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(downloads))
         self.resize(size, scheme)
@@ -204,6 +228,53 @@ class Page:
     def close(self):
         with contextlib.suppress(Exception):
             self.driver.quit()
+
+
+class Stage(Page):
+    """The page as it was built, and in place of a rover the messages that a test has it hear: states that no simulator reaches soon."""
+
+    def __init__(self, parameters=(), **how):
+        self.sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+        super().__init__((REPOSITORY / "web" / "page.html").as_uri(), script=STAGE, **how)
+        self.wait(lambda: self.run("return !!window.telling"))
+        version = dialect.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0x0A2C)
+        self.state("version", version)
+        self.drive(False)
+        self.ready(True)
+        if parameters:
+            self.parameters(parameters)
+
+    def hear(self, *messages):
+        for message in messages:
+            self.run("window.hear(arguments[0])", list(message.pack(self.sender)))
+
+    def state(self, key, message):
+        self.run("window.state[arguments[0]] = arguments[1]; window.hear(arguments[1])", key, list(message.pack(self.sender)))
+
+    def drive(self, is_armed, mode=0, status=4):
+        self.state("heartbeat", dialect.MAVLink_heartbeat_message(10, 3, 81 + 128 * is_armed, mode, status, 3))
+
+    def ready(self, is_ready):
+        self.state("status", dialect.MAVLink_sys_status_message(0, 0, is_ready << 28, *[0] * 10))
+
+    def announce(self, text, severity=4):
+        self.hear(dialect.MAVLink_statustext_message(severity, text.encode(), 0, 0))
+
+    def pack(self, number=1, charge_state=1, volts=12.0, amps=-0.01, percent=80, drawn=-1, left=0, celsius=327.67):
+        cells = [65535 if volts is None else round(volts * 1000), *[65535] * 9]
+        status = (number - 1, 0, 1, round(celsius * 100), cells, round(amps * 100), drawn, -1, percent, left, charge_state, [0] * 4)
+        self.state(f"pack {number}", dialect.MAVLink_battery_status_message(*status))
+
+    def parameters(self, values):
+        """The whole list: these, and of the first pack those that a rover has by default."""
+        described = json.loads((REPOSITORY / "docs" / "parameters.json").read_text())["parameters"]
+        packs = {name.split("_")[0] for name in values if name.startswith("BATT")} | {"BATT"}
+        values = {
+            **{one["name"].replace("BATT", pack): one["default"] for one in described if one["name"].startswith("BATT_") for pack in packs},
+            "SIGN_WIFI_ALLOW": 0,
+            **values,
+        }
+        self.hear(*(dialect.MAVLink_param_value_message(name.encode(), value, 9, len(values), index) for index, (name, value) in enumerate(values.items())))
 
 
 class Way:
