@@ -52,8 +52,13 @@ function duration(seconds) {
 
 const clock = (date) => date.toTimeString().slice(0, 8);
 
-// As typed anywhere.
-const numberIn = (input) => (input.value.trim() ? +input.value.replace(',', '.').replace('−', '-') : NaN);
+// As typed anywhere: 0,125 is clear and so is 2200,5, but 2,200 may be two numbers.
+function numberIn({ value }) {
+  const text = value.trim().replace('−', '-');
+  return !text || (/,\d{3}$/.test(text) && !/^-?0,/.test(text)) ? NaN : +text.replace(',', '.');
+}
+
+const misread = ({ value }) => (/,/.test(value) ? 'Unclear: leave the comma out, or write a point' : 'Not a number');
 
 // A button that acts when it is pressed a second time before it loses the focus, where that is needed.
 function askTwice(button, question, act, isNeeded = () => 1) {

@@ -225,8 +225,13 @@ async function exchange(name, values, fits) {
 
 const command = (number, param1) => exchange('COMMAND_LONG', { command: number, param1 }, (answer) => answer.command == number);
 
-const setParameter = (name, param_value) =>
-  exchange('PARAM_SET', { param_id: name, param_value, param_type: params.get(name)?.param_type || REAL32 }, (answer) => answer.param_id == name);
+// What another station sets is no answer; whole numbers are rounded.
+function setParameter(name, wanted) {
+  const param_type = params.get(name)?.param_type || REAL32;
+  const isStored = (stored) => (param_type == REAL32 ? stored == Math.fround(wanted) : Math.abs(stored - wanted) < 1);
+  return exchange('PARAM_SET', { param_id: name, param_value: wanted, param_type },
+    ({ param_id, error, param_value }) => param_id == name && (error || isStored(param_value)));
+}
 
 // Reads the list, then by index what was missed. What was known stays until the list is whole.
 let listing = 0;

@@ -43,30 +43,51 @@ const short = (number) => '' + +number.toPrecision(7);
 async function change(name, wanted, state, input = {}) {
   show(state, 'Saving…');
   const why = await setParameter(name, wanted);
-  const stored = short(value(name));
-  input.value = stored;
+  input.value = input.shown = short(value(name));
+  const choice = described(name).values?.find((one) => one.value == value(name));
   // Its own refusal says so itself.
-  show(state, why ? (/refused:/.test(why) ? '' : 'Failed: ') + why : 'Saved: ' + stored);
+  show(state, why ? (/refused:/.test(why) ? '' : 'Failed: ') + why : 'Saved: ' + (choice?.description || input.value));
   if (!why && described(name).rebootRequired) restarts.add(name);
   if (!why && /MONITOR|TYPE|DRIVER|PROTOCOL/.test(name)) readParameters();
   renderSetup();
   return !why;
 }
 
+// A field shows what is stored, until something else is typed.
+function follow(input) {
+  const stored = short(value(input.name));
+  if (input.value != input.shown || stored == input.shown) return;
+  input.value = stored;
+  if (input.value != stored) input.append(el('option', { selected: true }, stored));
+  input.shown = stored;
+  const state = input.closest('.field')?.querySelector('output');
+  if (state) show(state, '');
+}
+
+on('param', (name) => document.getElementsByName(name).forEach(follow));
+
+// Fields that are shown already stay, with what is typed and was answered.
+function fillForm(id, names) {
+  const form = $(id);
+  const shown = names + descriptions.size;
+  if (form.shown == shown) return;
+  form.shown = shown;
+  form.replaceChildren(...names.map(fieldOf));
+}
+
 // One parameter, to be read and changed.
 function fieldOf(name) {
   const { shortDesc = name, longDesc = '', units = '', min, max, values = [], bitmask = [], readOnly, rebootRequired } = described(name);
   const state = el('output');
-  const current = value(name);
-  const options = values.some((one) => one.value == current) ? values : [...values, { value: current, description: short(current) }];
   const input = values[0] && !readOnly
-    ? el('select', {}, ...options.map((one) => el('option', { value: one.value }, one.description)))
+    ? el('select', {}, ...values.map((one) => el('option', { value: one.value }, one.description)))
     : el('input', { inputMode: 'decimal', readOnly });
-  input.value = short(current);
   input.name = name;
+  input.shown = input.value;
+  follow(input);
   input.onchange = () => {
     const wanted = numberIn(input);
-    if (Number.isNaN(wanted)) show(state, 'Not a number');
+    if (Number.isNaN(wanted)) show(state, misread(input));
     else change(name, wanted, state, input);
   };
   const details = [min == null ? '' : min + ' to ' + max, units, readOnly && 'read only', rebootRequired && 'after a restart'];
@@ -80,9 +101,8 @@ function fieldOf(name) {
 function renderForms() {
   for (const [form, names] of Object.entries(FORMS)) {
     const known = names.map(parameterOf).filter((name) => params.has(name));
-    const element = $('form-' + form);
-    element.replaceChildren(...known.map(fieldOf));
-    element.parentNode.hidden = !known[0] || (form == 'sensor' && isVoltageOnly(chosenPack()));
+    fillForm('form-' + form, known);
+    $('form-' + form).parentNode.hidden = !known[0] || (form == 'sensor' && isVoltageOnly(chosenPack()));
   }
   renderList();
   renderSetup();
@@ -95,7 +115,7 @@ function renderList() {
     const text = (name + shortDesc + longDesc).toUpperCase();
     return words.every((word) => text.includes(word));
   });
-  $('list').replaceChildren(...found.slice(0, MAX_LISTED).map(fieldOf));
+  fillForm('list', found.slice(0, MAX_LISTED));
   put('found', found.length + ' of ' + params.size + ' parameters' + (found[MAX_LISTED] ? ', the first ' + MAX_LISTED + ' shown' : ''));
 }
 
@@ -141,7 +161,7 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
     show(reported, measured == null ? 'nothing' : digits(measured, 2) + unit);
     apply.disabled = !then || !isKnown();
     undo.disabled = !isKnown();
-    show(effect, then ? name + ' changes from ' + short(is) + ' to ' + short(then) : '');
+    show(effect, then ? name + ' changes from ' + short(is) + ' to ' + short(then) : input.value && misread(input));
     undo.hidden = before == null;
     show(undo, before == null ? '' : 'Undo: back to ' + short(before));
   };

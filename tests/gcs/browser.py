@@ -21,6 +21,8 @@ from pymavlink.dialects.v20.all import mavlink_map, x25crc
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 
+DESCRIPTIONS = REPOSITORY / "docs" / "parameters.json"
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 CHROMEDRIVER = shutil.which("chromedriver")
 
@@ -48,6 +50,7 @@ MANUAL_CONTROL = 69
 # Runs in the page before it: a rover of which nothing is true but what a test says. `state` is heard five times a second.
 STAGE = """
 window.state = {};
+window.fetch = async (path) => ({ ok: true, json: async () => window.files[path] });
 window.WebSocket = class {
   constructor() {
     this.readyState = this.bufferedAmount = 0;
@@ -235,7 +238,8 @@ class Stage(Page):
 
     def __init__(self, parameters=(), **how):
         self.sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
-        super().__init__((REPOSITORY / "web" / "page.html").as_uri(), script=STAGE, **how)
+        files = {"/parameters.json": json.loads(DESCRIPTIONS.read_text())}
+        super().__init__((REPOSITORY / "web" / "page.html").as_uri(), script=STAGE + f"window.files = {json.dumps(files)};", **how)
         self.wait(lambda: self.run("return !!window.telling"))
         version = dialect.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0x0A2C)
         self.state("version", version)
@@ -267,7 +271,7 @@ class Stage(Page):
 
     def parameters(self, values):
         """The whole list: these, and of the first pack those that a rover has by default."""
-        described = json.loads((REPOSITORY / "docs" / "parameters.json").read_text())["parameters"]
+        described = json.loads(DESCRIPTIONS.read_text())["parameters"]
         packs = {name.split("_")[0] for name in values if name.startswith("BATT")} | {"BATT"}
         values = {
             **{one["name"].replace("BATT", pack): one["default"] for one in described if one["name"].startswith("BATT_") for pack in packs},

@@ -582,7 +582,7 @@ def test_settings(rover):
     search.send_keys("batt_monitor")
     page.wait(lambda: page.read("found").startswith("1 of "))
     page.run("const list = document.querySelector('#list select'); list.value = 4; list.dispatchEvent(new Event('change'))")
-    page.wait_for("Saved: 4")
+    page.wait_for("Saved: Analog Voltage and Current")
     page.wait(lambda: page.element("#form-sensor").is_displayed())
     page.wait_for("After a restart: BATT_MONITOR")
     page.press("Restart the rover")

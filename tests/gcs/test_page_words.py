@@ -149,6 +149,87 @@ def test_the_phone_vibrates_and_beeps_at_low_and_critical_and_if_stop_is_not_con
     assert alarms() == ["vibrate", "beep"]
 
 
+# Forms show what is.
+
+
+def value_of(name, value, count=65535, index=65535):
+    return dialect.MAVLink_param_value_message(name.encode(), value, 9, count, index)
+
+
+@pytest.fixture
+def forms(stage):
+    page = stage({"BATT_MONITOR": 4, "BATT_CAPACITY": 2200})
+    page.pack()
+    page.enter("setup")
+    page.wait_for("Battery monitoring")
+    page.count = page.run("return Number(document.getElementById('found').innerText.match(/of (\\d+)/)[1])")
+    return page
+
+
+def type_into(page, css, text):
+    page.run("const input = document.querySelector(arguments[0]); input.focus(); input.value = arguments[1]; input.dispatchEvent(new Event('input')); input.onchange?.()", css, text)
+
+
+CAPACITY = "#form-pack [name=BATT_CAPACITY]"
+
+
+def field_text(page, css=CAPACITY):
+    return page.run("return document.querySelector(arguments[0]).closest('.field').innerText", css)
+
+
+def test_a_field_follows_another_station_but_not_over_what_is_typed(forms):
+    page = forms
+    page.hear(value_of("BATT_CAPACITY", 1300, page.count), value_of("BATT_CHEM", 3, page.count))
+    assert page.run("return document.querySelector(arguments[0]).value", CAPACITY) == "1300"
+    assert page.run("return document.querySelector('[name=BATT_CHEM]').selectedOptions[0].text") == "Li-ion"
+    page.run("document.querySelector(arguments[0]).value = '15'", CAPACITY)
+    page.hear(value_of("BATT_CAPACITY", 1400, page.count))
+    assert page.run("return document.querySelector(arguments[0]).value", CAPACITY) == "15"
+
+
+@pytest.mark.parametrize("typed, sent", [("2,200", None), ("12,345", None), ("2200,5", 2200.5), ("0,125", 0.125), ("−0,125", -0.125), ("1.234", 1.234), ("", None)])
+def test_a_comma_before_three_digits_is_asked_for_again(forms, typed, sent):
+    page = forms
+    type_into(page, CAPACITY, typed)
+    if sent is None:
+        page.wait(lambda: ("Unclear" if typed else "Not a number") in field_text(page))
+        assert not values_set(page)
+    else:
+        assert values_set(page) == [pytest.approx(sent)]
+
+
+def values_set(page):
+    return page.run(
+        "return window.sent.filter(([, ...frame]) => frame[7] == 23).map(([, ...frame]) => new DataView(Uint8Array.from(frame).buffer).getFloat32(10, true))"
+    )
+
+
+def test_an_unclear_figure_of_the_multimeter_is_not_used(forms):
+    page = forms
+    type_into(page, "#voltage input", "12,345")
+    page.wait_for("Unclear: leave the comma out, or write a point")
+    assert page.run("return document.querySelector('#voltage button').disabled")
+
+
+def test_saved_is_the_answer_to_what_was_sent(forms):
+    page = forms
+    type_into(page, CAPACITY, "2000")
+    page.hear(value_of("BATT_CAPACITY", 1300, page.count))
+    time.sleep(0.6)
+    assert "Saved" not in field_text(page)
+    page.hear(value_of("BATT_CAPACITY", 2000, page.count))
+    page.wait(lambda: "Saved: 2000" in field_text(page))
+    # Never glued to what stands before it.
+    assert "\nSaved: 2000" in field_text(page)
+
+
+def test_saved_names_the_choice(forms):
+    page = forms
+    type_into(page, "[name=BATT_CHEM]", "3")
+    page.hear(value_of("BATT_CHEM", 3, page.count))
+    page.wait_for("Saved: Li-ion")
+
+
 # Keys, fingers and sticks.
 
 
