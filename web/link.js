@@ -115,12 +115,10 @@ function receive(frame) {
   emit('any', fields);
 }
 
-// Which rover's key it is, is known once that has been heard.
+// Nowhere but in this variable: what a browser stores for the rover's address, any page of the same address can read.
 function useKey(key) {
   signer = key && newSigner(key);
   ignored = 0;
-  sessionStorage.signingKey = key || '';
-  sessionStorage.rover = '';
 }
 
 function keepLink() {
@@ -130,8 +128,3 @@ function keepLink() {
   connect();
 }
 
-function startLink() {
-  const stored = sessionStorage.signingKey;
-  if (stored) signer = newSigner(stored.split(','));
-  connect();
-}

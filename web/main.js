@@ -59,5 +59,5 @@ startLogs();
 startAbout();
 onhashchange = enter;
 enter();
-startLink();
+connect();
 setInterval(render, 250);

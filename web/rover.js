@@ -156,16 +156,12 @@ on('opened', () => {
   for (const pack of allPacks()) pack.deviation = null;
 });
 
-// For another rover the page starts again, without a key that is another's. One without an id is the same.
+// For another rover the page starts again, without the key. One without an id is the same.
+let knownId;
 on('AUTOPILOT_VERSION', (fields) => {
-  const before = boardId();
   version = fields;
   const id = boardId();
-  const isAnother = (known) => known && id && known != id;
-  const hasAnothersKey = isAnother(sessionStorage.rover);
-  if (hasAnothersKey) sessionStorage.clear();
-  if (id) sessionStorage.rover = id;
-  if (hasAnothersKey || isAnother(before)) return location.reload();
+  if (id && (knownId ||= id) != id) return location.reload();
   if (isIdentified) return;
   isIdentified = 1;
   ask('COMMAND_LONG', { command: SET_INTERVAL, param1: MESSAGES['NAMED_VALUE_FLOAT'].id, param2: ESTIMATES_US });

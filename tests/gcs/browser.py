@@ -236,10 +236,10 @@ class Page:
 class Stage(Page):
     """The page as it was built, and in place of a rover the messages that a test has it hear: states that no simulator reaches soon."""
 
-    def __init__(self, parameters=(), **how):
+    def __init__(self, parameters=(), script="", **how):
         self.sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
         files = {"/parameters.json": json.loads(DESCRIPTIONS.read_text())}
-        super().__init__((REPOSITORY / "web" / "page.html").as_uri(), script=STAGE + f"window.files = {json.dumps(files)};", **how)
+        super().__init__((REPOSITORY / "web" / "page.html").as_uri(), script=STAGE + f"window.files = {json.dumps(files)};" + script, **how)
         self.wait(lambda: self.run("return !!window.telling"))
         version = dialect.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0x0A2C)
         self.state("version", version)

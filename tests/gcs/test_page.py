@@ -768,12 +768,15 @@ def test_a_rover_with_a_key(rover, tmp_path):
     (file,) = page.wait(lambda: list(tmp_path.glob("*.BIN")), 30)
     assert file.read_bytes()[:2] == b"\xa3\x95" and file.name == name
 
-    # The key lasts as long as the tab.
-    page.driver.refresh()
-    page.wait_for("Live")
+    # It is stored nowhere: a reload asks for it again.
+    assert page.run("return [sessionStorage.length, localStorage.length, document.cookie]") == [0, 0, ""]
     page.enter("about")
     page.wait_for("this page signs")
     page.press("Forget the key")
+    page.wait_for("the rover signs, this page does not")
+    page.element("#passphrase").send_keys("a good passphrase\n")
+    page.wait_for("this page signs")
+    page.driver.refresh()
     page.wait_for("the rover signs, this page does not")
 
 

@@ -230,6 +230,17 @@ def test_saved_names_the_choice(forms):
     page.wait_for("Saved: Li-ion")
 
 
+# Browsers that block a site's data.
+
+
+def test_a_browser_that_blocks_site_data_shows_the_rover(stage):
+    blocked = "for (const name of ['localStorage', 'sessionStorage']) Object.defineProperty(window, name, { get() { throw new DOMException('denied', 'SecurityError'); } });"
+    page = stage({"BATT_LOW_VOLT": 0}, script=blocked)
+    page.pack()
+    page.wait_for("rover-A2C")
+    page.wait_for("80 %")
+
+
 # Keys, fingers and sticks.
 
 
@@ -270,7 +281,7 @@ def test_sticks_ignored_goes_when_they_are_not(stage):
     page.wait_for("Move the stick to drive.")
     page.push_stick()
     page.announce("Sticks ignored: another station drives")
-    page.wait_for("Sticks ignored: another station drives")
+    page.wait(lambda: "Sticks ignored: another station drives" in page.read("drive"))
     page.wait(lambda: "Sticks ignored" not in page.read("drive"), 8)
 
 
