@@ -9,6 +9,7 @@ const ADVICE = [
   [/cells|contradicts/, 'Check chemistry and cells under Set up.'],
   [/over temperature/, 'Let the pack cool down.'],
   [/>=/, 'Under Set up, critical has to be below low.'],
+  [/no pin|no capacity|in use|not set up|over range|GP29/, 'Look at its pins, its capacity and the kind of sensor under Set up.'],
   [/unhealthy|missing|not connected/, 'Check the plug and the wires of the pack.'],
   [/low|critical|empty|below/, 'Charge the pack, or plug in a full one.'],
   [/limits the motors/, 'It drives slower, to spare the pack. Push the stick less.'],
@@ -115,7 +116,7 @@ function levelsOf(prefix) {
 const stopsWhenLow = (levels) => levels.some(({ action }) => action);
 
 // One line on the rover's reaction to a low pack.
-function whenLow() {
-  const levels = levelsOf(parameterOf(''));
+function whenLow(prefix = parameterOf('')) {
+  const levels = levelsOf(prefix);
   return levels ? levels.map(({ text }) => text + '. ').join('') + (stopsWhenLow(levels) ? '' : 'A low pack does not stop the rover.') : '';
 }

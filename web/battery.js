@@ -11,8 +11,9 @@ const CHARGE_STATES = [
 
 const FIGURES = {
   volts: ['Voltage', 2, ' V'], amps: ['Current', 1, ' A'], watts: ['Power', 0, ' W'],
-  drawn: ['Drawn', 0, ' mAh'], left: ['Time left'], celsius: ['Temperature', 0, ' °C'],
+  drawn: ['Drawn', 0, ' mAh'], left: ['Time left'], celsius: ['Temperature', 0, ' °C'], health: ['Health', 0, ' %'],
 };
+const FUEL_UNITS = { amps: ' l/h', drawn: ' ml' };
 
 // Chemistries whose voltage hardly changes.
 const FLAT = [2, 4];
@@ -28,7 +29,7 @@ const SEVERITIES = ['Emergency', 'Alert', 'Critical', 'Error', 'Warning', 'Notic
 function newCard(pack) {
   const html = '<header><h2></h2><span></span></header><p class="muted"></p><div class="charge"><b></b><small></small></div><div class="bar"><i></i></div>'
     + '<div class="figures">' + Object.values(FIGURES).map(([name]) => `<div><span>${name}</span><b></b><small></small></div>`).join('')
-    + '</div><p class="muted"></p><div class="cells"></div><p class="muted"></p>';
+    + '</div><p class="muted"></p><div class="cells"></div><p class="muted"></p><p class="muted"></p>';
   const card = el('article', { className: 'card live', innerHTML: html });
   show(card.querySelector('h2'), pack.name);
   $('packs').append(card);
@@ -40,33 +41,47 @@ const NOT_YET = 'not known yet';
 
 // Why something of a pack is not known.
 function reason(pack, key) {
-  const { prefix, volts, state, cellCount } = pack;
+  const { prefix, volts, state, cellCount, percent } = pack;
   const hasNoCurrent = isVoltageOnly(pack);
-  if (volts == null) return state == UNHEALTHY ? 'the sensor fails' : 'no pack is connected';
+  if (isAbsent(pack)) return state == UNHEALTHY ? 'the sensor fails' : 'no pack is connected';
+  if (volts == null && /volts|watts|cells/.test(key)) return 'not measured';
   if (key == 'celsius') return 'no sensor for it';
-  if (hasNoCurrent && (key != 'percent' || FLAT.includes(value(prefix + 'CHEM')))) return 'no current sensor';
-  return key != 'percent' || cellCount ? NOT_YET : 'set the number of cells';
+  if (hasNoCurrent && (/amps|watts|drawn|health/.test(key) || FLAT.includes(value(prefix + 'CHEM')))) return 'no current sensor';
+  if (key == 'left' && percent != null) return `after ${hasNoCurrent ? 'two minutes' : 'a minute'} of driving`;
+  return key != 'percent' || cellCount || volts == null ? NOT_YET : 'set the number of cells';
 }
 
-// Cells, chemistry and capacity, in a line.
-function contents({ cellCount, chemistry, design, full }) {
-  const mah = (ampHours) => digits(ampHours * 1000) + ' mAh';
-  const cells = cellCount && cellCount + (cellCount > 1 ? ' cells' : ' cell');
-  return [cells, CHEMISTRIES[chemistry], design > 0 && mah(design), full > 0 && 'learnt ' + mah(full)].filter((part) => part).join(', ');
+// Nothing is known of it.
+const isAbsent = ({ volts, amps, percent, drawn }) => [volts, amps, percent, drawn].every((number) => number == null);
+
+// Cells, chemistry and capacity in a line: first what the owner has set or the pack reports, then what is assumed.
+function contents(pack) {
+  const { prefix, cells, cellCount, chemistry, design, full } = pack;
+  const amount = (number) => digits(number) + (isTank(pack) ? ' ml' : ' mAh');
+  const parts = [
+    [cellCount && cellCount + (cellCount > 1 ? ' cells' : ' cell'), value(prefix + 'CELLS') == 0],
+    [CHEMISTRIES[chemistry], value(prefix + 'CHEM') == 1],
+    [design > 0 && amount(design), value(prefix + 'CAPACITY') == 3300],
+  ].filter(([part]) => part);
+  const join = (isDefault) => parts.filter((part) => (part[1] && !cells[0]) == isDefault).map(([part]) => part).join(', ');
+  const assumed = join(true);
+  return [join(false), assumed && 'assumed: ' + assumed, full > 0 && 'learnt ' + amount(full)].filter((part) => part).join('; ');
 }
 
 function renderPack(pack) {
   const card = (pack.card ||= newCard(pack));
   const [, state, percent, why, bar] = card.querySelectorAll('h2,header span,.charge *,i');
-  const [what, missing] = card.querySelectorAll('p');
+  const [what, missing, low] = card.querySelectorAll('p');
   const [word, colour = ''] = CHARGE_STATES[pack.state] || CHARGE_STATES[0];
   const old = now() - pack.at;
   card.classList.toggle('old', old > DEAD_MS);
-  show(state, pack.volts == null && !pack.state ? 'Not connected' : word);
+  // Why it is low, where the percentage does not show it.
+  const usable = pack.USABL == null || pack.percent == null ? '' : digits(pack.USABL) + ' % usable';
+  show(state, isAbsent(pack) && !pack.state ? 'Not connected' : word + (usable && LEVEL_NAMES[pack.state] ? ': ' + usable : ''));
   state.className = 'chip ' + colour;
   show(percent, pack.percent == null ? '–' : pack.percent + ' %');
   // Two standard deviations: it is within them 19 times of 20.
-  const band = pack.deviation == null ? '' : '± ' + digits(2 * pack.deviation) + ' %';
+  const band = [pack.SIGMA != null && '± ' + digits(2 * pack.SIGMA) + ' %', usable].filter((part) => part).join(', ');
   show(why, old > FRESH_MS ? duration(old / SECOND) + ' old' : pack.percent == null ? 'Charge unknown: ' + reason(pack, 'percent') : band);
   show(what, contents(pack));
   bar.style.width = +pack.percent + '%';
@@ -77,14 +92,16 @@ function renderPack(pack) {
     const field = card.querySelectorAll('.figures>div')[index];
     const [, figure, why] = field.children;
     const number = pack[key];
+    if (isTank(pack)) unit = FUEL_UNITS[key] || unit;
     const cause = number == null ? reason(pack, key) : '';
     const isTransient = cause == NOT_YET;
     field.hidden = cause && !isTransient;
     if (field.hidden) (lacks[cause] ||= []).push(name);
-    show(figure, cause ? '–' : unit ? digits(number, places) + unit : duration(number));
+    show(figure, cause ? '–' : unit ? digits(number, places) + unit : number > 1 ? duration(number) : 'none');
     show(why, cause);
   });
   show(missing, Object.entries(lacks).map(([cause, names]) => names.join(', ') + ': ' + cause + '.').join(' '));
+  show(low, whenLow(pack.prefix));
   const cells = card.querySelector('.cells');
   if (cells.children.length != pack.cells.length) {
     cells.replaceChildren(...pack.cells.map((_, index) => el('div', { innerHTML: `Cell ${index + 1}<div class="bar"><i></i></div><b></b>` })));

@@ -23,5 +23,5 @@ AUTOPILOT_VERSION 148 178 uid:Q8 middleware_sw_version:I20 flight_custom_version
 NAMED_VALUE_FLOAT 251 170 value:f4 name:s8x10
 STATUSTEXT 253 83 severity:B0 text:s1x50 id:H51 chunk_seq:B53
 PARAM_ERROR 345 209 param_id:s4x16 error:B20
-BATTERY_INFO 372 26 design_capacity:f32 full_charge_capacity:f36 id:B44 type:B46 cells_in_series:B48
+BATTERY_INFO 372 26 design_capacity:f32 full_charge_capacity:f36 id:B44 type:B46 state_of_health:B47 cells_in_series:B48
 `;

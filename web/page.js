@@ -42,7 +42,7 @@ for (const type of ['pointerup', 'keydown']) {
 // For screen readers.
 const say = (text) => put('say', text);
 
-const digits = (number, places = 0) => number.toFixed(places).replace('-', '−');
+const digits = (number, places = 0) => number.toFixed(places).replace(/^-(?=[0.]+$)/, '').replace('-', '−');
 
 function duration(seconds) {
   const minutes = Math.round(seconds / 60);

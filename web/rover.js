@@ -32,6 +32,8 @@ const ESTIMATES_US = 2000000;
 
 // Kinds of pack that have a voltage only.
 const VOLTAGE_ONLY = [3, 6];
+// Kinds that measure fuel: its flow is in the current's field.
+const TANKS = [11, 12, 18, 24, 27];
 const CHUNK_CHARACTERS = 50;
 // A cell that is not there, or an index that is not known.
 const UNKNOWN = 65535;
@@ -59,7 +61,9 @@ const allPacks = () => [...packs.values()].filter((pack) => pack.at);
 const chosenPack = () => packs.get(+$('pack').value) || {};
 const textLike = (pattern) => texts.find(({ text }) => pattern.test(text))?.text;
 const value = (name) => params.get(name)?.param_value;
-const isVoltageOnly = ({ prefix }) => VOLTAGE_ONLY.includes(value(prefix + 'MONITOR'));
+const kindOf = ({ prefix }) => value(prefix + 'MONITOR');
+const isVoltageOnly = (pack) => VOLTAGE_ONLY.includes(kindOf(pack));
+const isTank = (pack) => TANKS.includes(kindOf(pack));
 const parameterOf = (name) => (chosenPack().prefix || 'BATT_') + name;
 
 const isKnown = () => isFresh() && isIdentified;
@@ -112,12 +116,16 @@ on('BATTERY_STATUS', (fields) => {
   emit('pack', pack);
 });
 
-on('BATTERY_INFO', ({ id, type, cells_in_series, design_capacity, full_charge_capacity }) =>
-  Object.assign(packOf(id), { chemistry: type, cellCount: cells_in_series, design: design_capacity, full: full_charge_capacity }));
+on('BATTERY_INFO', ({ id, type, cells_in_series, design_capacity, full_charge_capacity, state_of_health }) =>
+  Object.assign(packOf(id), {
+    chemistry: type, cellCount: cells_in_series, design: design_capacity * 1000, full: full_charge_capacity * 1000,
+    health: state_of_health > 100 ? null : state_of_health,
+  }));
 
+// The standard deviation of the charge, and what of it is usable, in percent.
 on('NAMED_VALUE_FLOAT', ({ name, value }) => {
-  const [, number] = /^BAT(\d)_SIGMA/.exec(name) || [];
-  if (number) packOf(number - 1).deviation = value;
+  const [, number, key] = /^BAT(\d)_(SIGMA|USABL)/.exec(name) || [];
+  if (number) packOf(number - 1)[key] = Number.isNaN(value) ? null : value;
 });
 
 function packOf(id) {
@@ -153,7 +161,7 @@ const boardId = () => (version?.uid || undefined)?.toString(16).toUpperCase();
 
 on('opened', () => {
   isIdentified = 0;
-  for (const pack of allPacks()) pack.deviation = null;
+  for (const pack of allPacks()) pack.SIGMA = pack.USABL = null;
 });
 
 // For another rover the page starts again, without the key. One without an id is the same.

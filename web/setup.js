@@ -3,6 +3,12 @@
 // Voltages under load of a cell that is low and critical, by BATT_CHEM.
 const CELL_VOLTS = { 1: [3.5, 3.4], 2: [3, 2.8], 3: [3.3, 3], 4: [1.1, 1] };
 
+// Kinds of sensor that most rovers have.
+const COMMON_KINDS = [3, 4, 21, 9, 7];
+
+// What most look for first in the list of all parameters.
+const USES = ['BATT', 'FS', 'ARMING', 'MOT', 'WIFI', 'SIGN', 'LOG', 'RC'];
+
 const FORMS = {
   pack: ['MONITOR', 'CHEM', 'CELLS', 'CAPACITY'],
   thresholds: ['LOW_VOLT', 'CRT_VOLT', 'LOW_TIMER', 'FS_LOW_ACT', 'FS_CRT_ACT', 'ARM_VOLT'],
@@ -75,12 +81,23 @@ function fillForm(id, names) {
   form.replaceChildren(...names.map(fieldOf));
 }
 
+// What is written elsewhere by a parameter's name is called as its field here.
+const readable = (text, name) => text.replace(/[A-Z]+\d?_[A-Z\d_]+/g, (other) => {
+  const label = described(other).shortDesc || described(name.replace(/_.*/, '_') + other).shortDesc;
+  return label ? '“' + label + '”' : other;
+});
+
+const isUnused = (name) => /^BATT\d_MONITOR/.test(name) && !value(name);
+
+const kindRank = ({ value }) => (COMMON_KINDS.includes(value) ? COMMON_KINDS.indexOf(value) : COMMON_KINDS.length);
+
 // One parameter, to be read and changed.
 function fieldOf(name) {
   const { shortDesc = name, longDesc = '', units = '', min, max, values = [], bitmask = [], readOnly, rebootRequired } = described(name);
   const state = el('output');
+  const choices = /MONITOR/.test(name) ? [...values].sort((one, other) => kindRank(one) - kindRank(other)) : values;
   const input = values[0] && !readOnly
-    ? el('select', {}, ...values.map((one) => el('option', { value: one.value }, one.description)))
+    ? el('select', {}, ...choices.map((one) => el('option', { value: one.value }, one.description)))
     : el('input', { inputMode: 'decimal', readOnly });
   input.name = name;
   input.shown = input.value;
@@ -95,7 +112,7 @@ function fieldOf(name) {
   return el('div', { className: 'field' },
     el('label', {}, el('span', {}, shortDesc), el('code', {}, name), input),
     el('small', {}, details.filter((part) => part).join(' ')), state,
-    el('p', { className: 'muted' }, longDesc, bits && ' The sum of ' + bits));
+    isUnused(name) ? '' : el('p', { className: 'muted' }, readable(longDesc, name), bits && ' The sum of ' + bits));
 }
 
 function renderForms() {
@@ -110,7 +127,8 @@ function renderForms() {
 
 function renderList() {
   const words = $('search').value.toUpperCase().split(' ');
-  const found = [...params.keys()].sort().filter((name) => {
+  const rank = (name) => 20 * !!described(name).readOnly + 10 * isUnused(name) + (USES.findIndex((use) => name.startsWith(use)) + 9) % 9;
+  const found = [...params.keys()].sort((one, other) => rank(one) - rank(other)).filter((name) => {
     const { shortDesc, longDesc } = described(name);
     const text = (name + shortDesc + longDesc).toUpperCase();
     return words.every((word) => text.includes(word));

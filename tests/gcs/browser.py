@@ -11,6 +11,7 @@ import re
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import threading
 import time
@@ -269,10 +270,22 @@ class Stage(Page):
         status = (number - 1, 0, 1, round(celsius * 100), cells, round(amps * 100), drawn, -1, percent, left, charge_state, [0] * 4)
         self.state(f"pack {number}", dialect.MAVLink_battery_status_message(*status))
 
+    def info(self, number=1, cells=3, chemistry=1, design_ah=3.3, full_ah=float("nan"), health=255):
+        """BATTERY_INFO, which pymavlink 2.4.50 does not know."""
+        payload = bytearray(140)
+        struct.pack_into("<ff", payload, 32, design_ah, full_ah)
+        payload[44:49] = bytes([number - 1, 0, chemistry, health, cells])
+        head = bytes([len(payload), 0, 0, 0, 1, 1, *(372).to_bytes(3, "little")])
+        checksum = x25crc(head + payload + bytes([26])).crc
+        self.run("window.hear(arguments[0])", [0xFD, *head, *payload, checksum & 255, checksum >> 8])
+
+    def value(self, name, value):
+        self.hear(dialect.MAVLink_named_value_float_message(0, name.encode(), value))
+
     def parameters(self, values):
         """The whole list: these, and of the first pack those that a rover has by default."""
         described = json.loads(DESCRIPTIONS.read_text())["parameters"]
-        packs = {name.split("_")[0] for name in values if name.startswith("BATT")} | {"BATT"}
+        packs = {name.split("_")[0] for name, value in values.items() if name.startswith("BATT") and (name[-7:], value) != ("MONITOR", 0)} | {"BATT"}
         values = {
             **{one["name"].replace("BATT", pack): one["default"] for one in described if one["name"].startswith("BATT_") for pack in packs},
             "SIGN_WIFI_ALLOW": 0,

@@ -297,7 +297,7 @@ def test_each_page_signs_by_a_link_of_its_own(codec):
 def test_the_pack_and_what_is_unknown_of_it(rover):
     page = rover.open()
     page.wait_for("100 %")
-    page.wait_for("Current, Power, Drawn, Time left: no current sensor. Temperature: no sensor for it.")
+    page.wait_for("Current, Power, Drawn, Health: no current sensor. Temperature: no sensor for it.")
     page.wait_for("3 cells, LiPo, 3300 mAh")
     # Two standard deviations, as the rover estimates it.
     page.wait(lambda: re.search(r"100 %\s*± \d+ %", page.read("packs")))

@@ -230,6 +230,105 @@ def test_saved_names_the_choice(forms):
     page.wait_for("Saved: Li-ion")
 
 
+# What an owner asks of the pack.
+
+
+def test_how_long_it_still_drives(stage):
+    page = stage({"BATT_MONITOR": 3})
+    page.pack(amps=-0.01)
+    page.wait_for("Time left: after two minutes of driving.")
+    page.pack(left=1500)
+    page.wait(lambda: "Time left\n25 min" in page.read("packs"))
+    page.pack(left=1)
+    page.wait(lambda: "Time left\nnone" in page.read("packs"))
+    # One with a current sensor.
+    page.parameters({"BATT_MONITOR": 4})
+    page.pack()
+    page.wait_for("Time left: after a minute of driving.")
+
+
+def test_a_chip_says_why_it_is_low_at_19_percent(stage):
+    page = stage({"BATT_MONITOR": 4})
+    page.pack(charge_state=LOW, percent=19)
+    page.value("BAT1_SIGMA", 3)
+    page.value("BAT1_USABL", 9.4)
+    page.wait(lambda: "Low: 9 % usable" in page.read("packs"))
+    page.wait(lambda: "± 6 %, 9 % usable" in page.read("packs"))
+    page.value("BAT1_USABL", float("nan"))
+    page.wait(lambda: "usable" not in page.read("packs"))
+
+
+def test_what_no_owner_has_set_is_assumed(stage):
+    page = stage({"BATT_MONITOR": 4, "BATT_LOW_VOLT": 10.5, "BATT_FS_LOW_ACT": 2})
+    page.pack()
+    page.info()
+    page.wait_for("assumed: 3 cells, LiPo, 3300 mAh")
+    page.wait_for("Below 10.50 V for 10 s it stops in Hold.")
+    page.parameters({"BATT_MONITOR": 4, "BATT_CELLS": 3, "BATT_CHEM": 3, "BATT_CAPACITY": 2200, "BATT_LOW_VOLT": 0})
+    page.info(chemistry=3, design_ah=2.2, full_ah=2.05, health=93)
+    page.wait_for("3 cells, Li-ion, 2200 mAh; learnt 2050 mAh")
+    page.wait(lambda: "Health\n93 %" in page.read("packs"))
+    assert "assumed" not in page.text()
+
+
+def test_health_needs_a_current_sensor(stage):
+    page = stage({"BATT_MONITOR": 3})
+    page.pack(amps=-0.01)
+    page.info()
+    page.wait_for("Current, Power, Drawn, Health: no current sensor.")
+
+
+def test_a_pack_without_a_voltage_is_not_measured_and_a_tank_has_litres(stage):
+    page = stage({"BATT_MONITOR": 31, "BATT2_MONITOR": 11, "BATT2_CAPACITY": 5000})
+    page.pack(1, volts=None, amps=4.2, percent=-1)
+    page.pack(2, volts=None, amps=1.5, percent=60, drawn=2000)
+    page.wait_for("Voltage, Power: not measured.")
+    page.wait_for("1.5 l/h")
+    page.wait_for("2000 ml")
+    assert "No pack" not in page.read("packs") and "no pack is connected" not in page.text() and "Not connected" not in page.text()
+    page.pack(1, volts=None, percent=-1)
+    page.wait_for("no pack is connected")
+
+
+def test_figures_are_rounded_before_their_sign(stage):
+    page = stage({"BATT_MONITOR": 4})
+    page.pack(amps=-0.04)
+    page.wait_for("0.0 A")
+    assert "−0.0" not in page.text()
+
+
+@pytest.mark.parametrize("cause", ["no pin set", "no capacity set", "pin already in use", "port not set up", "over range"])
+def test_what_is_set_up_wrongly_leads_to_set_up(stage, cause):
+    page = stage({"BATT_MONITOR": 4})
+    page.pack()
+    page.ready(False)
+    page.announce(f"PreArm: Battery 1 unhealthy: {cause}")
+    page.wait_for(f"Does not arm: Battery 1 unhealthy: {cause}. Look at its pins, its capacity and the kind of sensor under Set up.")
+    assert "plug" not in page.text()
+
+
+def test_parameters_are_sorted_by_use(forms):
+    page = forms
+    page.parameters({"BATT_MONITOR": 3, "BATT3_MONITOR": 0, "FS_ACTION": 0, "AHRS_ORIENTATION": 0, "SYSID_THISMAV": 1, "FS_TIMEOUT": 1.5, "BATT_LRN_CAP": 0})
+    page.wait(lambda: page.run("return document.querySelector('#form-pack select').value") == "3")
+    kinds = page.run("return [...document.querySelector('#form-pack [name=BATT_MONITOR]').options].slice(0, 5).map((one) => one.value)")
+    assert kinds == ["3", "4", "21", "9", "7"]
+    assert "executes FS_LOW_ACT" not in page.text() and "executes “Action when low”" in page.text()
+    search = page.element("#search")
+    names = "return [...document.querySelectorAll('#list code')].map((one) => one.innerText)"
+    for words, expected in (("system id", "SYSID_THISMAV"), (" ", "BATT_MONITOR")):
+        search.clear()
+        search.send_keys(words)
+        page.wait(lambda: page.run(names)[0] == expected)
+    search.send_keys("monitor")
+    page.wait(lambda: page.run(names)[-1] == "BATT3_MONITOR")
+    last = page.run("return [...document.querySelectorAll('#list .field')].at(-1).innerText")
+    assert "Kind of sensor" not in last and "Battery monitoring" in last
+    search.clear()
+    search.send_keys("for ground")
+    page.wait(lambda: page.run(names) == ["FS_ACTION", "AHRS_ORIENTATION"])
+
+
 # Browsers that block a site's data.
 
 

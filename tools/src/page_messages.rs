@@ -142,7 +142,7 @@ pub fn messages_js() -> String {
         NAMED_VALUE_FLOAT_DATA { value name }
         STATUSTEXT_DATA { severity text id chunk_seq }
         PARAM_ERROR_DATA { param_id error }
-        BATTERY_INFO_DATA { design_capacity full_charge_capacity id mavtype cells_in_series }
+        BATTERY_INFO_DATA { design_capacity full_charge_capacity id mavtype state_of_health cells_in_series }
     };
     format!("{HEAD}{}\n`;\n", rows.join("\n"))
 }
