@@ -14,7 +14,7 @@ const ADVICE = [
   [/low|critical|empty|below/, 'Charge the pack, or plug in a full one.'],
   [/limits the motors/, 'It drives slower, to spare the pack. Push the stick less.'],
   [/^Radio/, 'No stick was received for too long, so it stopped. Go nearer, then choose Manual.'],
-  [/^GCS/, 'No page or ground station was heard for too long, so it stopped. Go nearer, then choose Manual.'],
+  [/^GCS/, 'No ground station was heard for too long, so it stopped. Go nearer, then choose Manual.'],
   [/^Terminated/, 'The pack is too low. Charge it, then restart the rover.'],
   [/Logging/, 'Its log can’t be written. Under Set up, LOG_BITMASK 0 drives without.'],
 ];
@@ -26,7 +26,7 @@ function advised(text) {
 
 // Levels of a pack, as texts name them and by number of the charge state.
 const LEVELS = { low: 2, critical: 3, emergency: 4, missing: 6, unhealthy: 6 };
-const LEVEL_NAMES = { 2: 'is low', 3: 'is critical', 4: 'is nearly empty', 5: 'has failed', 6: 'is unhealthy' };
+const isLevel = (state) => state > 1 && state < 7;
 const UNHEALTHY = 6;
 
 // A text that belongs to a pack's own notice: the pack, whether a failsafe acts, and the level.
@@ -49,7 +49,7 @@ on('text', ({ text }) => {
 // A level that was left, also by a reset, has no notice any more.
 on('pack', (pack) => {
   const { state, alarmed } = pack;
-  if (!LEVEL_NAMES[state]) Object.assign(pack, { causes: {}, failsafe: 0, alarmed: 0 });
+  if (!isLevel(state)) Object.assign(pack, { causes: {}, failsafe: 0, alarmed: 0 });
   else if (state < UNHEALTHY && !(alarmed >= state)) {
     pack.alarmed = state;
     alarm();
@@ -60,8 +60,8 @@ on('state', () => armed || packs.forEach((pack) => (pack.limit = 0)));
 
 // What is low or fails of a pack, and what it means for the driver.
 function levelNotice({ name, prefix, state, volts, percent, causes, failsafe }) {
-  const reading = [volts && digits(volts, 2) + ' V', percent != null && percent + ' %'].filter((part) => part).join(', ');
-  const text = causes[state] || causes[failsafe] || name + ' ' + LEVEL_NAMES[state] + (reading && ': ' + reading);
+  const reading = () => joined([CHARGE_STATES[state][0].toLowerCase(), volts && digits(volts, 2) + ' V', percent != null && percent + ' %']);
+  const text = causes[state] || causes[failsafe] || name + ': ' + reading();
   if (state > 4 || /already/.test(text)) return advised(text);
   const levels = levelsOf(prefix);
   const isObeyed = failsafe && value(prefix + 'FS_' + (failsafe == 2 ? 'LOW' : 'CRT') + '_ACT');
@@ -78,7 +78,7 @@ function notices() {
   if (status == STATE_TERMINATED) found.push(advised(textLike(/^Terminated/) || 'Terminated'));
   if (status == STATE_TIMED_OUT) found.push(advised(textLike(/Failsafe: Hold$/) || 'Failsafe: Hold'));
   if (armed) {
-    const reported = allPacks().filter(({ state }) => LEVEL_NAMES[state]);
+    const reported = allPacks().filter(({ state }) => isLevel(state));
     found.push(...reported.sort((one, other) => other.state - one.state).map(levelNotice));
     found.push(...allPacks().filter(({ limit }) => limit).map(({ limit }) => advised(limit)));
   }
@@ -107,8 +107,8 @@ function levelsOf(prefix) {
     const mah = of(level + '_MAH');
     const action = of('FS_' + level + '_ACT');
     const percent = Math.max(of(level + '_PCT'), level == 'CRT' && of('EMR_PCT'));
-    const bounds = [seconds && volts && digits(volts, 2) + ' V for ' + seconds + ' s', mah && mah + ' mAh', byPercent && percent && percent + ' %'].filter((bound) => bound);
-    return bounds[0] && { action, text: 'Below ' + bounds.join(' or ') + (!action ? ' it only warns' : action == TERMINATE ? ' it disarms' : ' it stops in Hold') };
+    const bounds = joined([seconds && volts && digits(volts, 2) + ' V for ' + seconds + ' s', mah && mah + ' mAh', byPercent && percent && percent + ' %'], ' or ');
+    return bounds && { action, text: 'Below ' + bounds + (!action ? ' it only warns' : action == TERMINATE ? ' it disarms' : ' it stops in Hold') };
   });
   return isUnknown ? undefined : levels.filter((level) => level);
 }

@@ -65,7 +65,7 @@ function contents(pack) {
   ].filter(([part]) => part);
   const join = (isDefault) => parts.filter((part) => (part[1] && !cells[0]) == isDefault).map(([part]) => part).join(', ');
   const assumed = join(true);
-  return [join(false), assumed && 'assumed: ' + assumed, full > 0 && 'learnt ' + amount(full)].filter((part) => part).join('; ');
+  return joined([join(false), assumed && 'assumed: ' + assumed, full > 0 && 'learnt ' + amount(full)], '; ');
 }
 
 function renderPack(pack) {
@@ -77,11 +77,11 @@ function renderPack(pack) {
   card.classList.toggle('old', old > DEAD_MS);
   // Why it is low, where the percentage does not show it.
   const usable = pack.USABL == null || pack.percent == null ? '' : digits(pack.USABL) + ' % usable';
-  show(state, isAbsent(pack) && !pack.state ? 'Not connected' : word + (usable && LEVEL_NAMES[pack.state] ? ': ' + usable : ''));
+  show(state, isAbsent(pack) && !pack.state ? 'Not connected' : word + (usable && isLevel(pack.state) ? ': ' + usable : ''));
   state.className = 'chip ' + colour;
   show(percent, pack.percent == null ? '–' : pack.percent + ' %');
   // Two standard deviations: it is within them 19 times of 20.
-  const band = [pack.SIGMA != null && '± ' + digits(2 * pack.SIGMA) + ' %', usable].filter((part) => part).join(', ');
+  const band = joined([pack.SIGMA != null && '± ' + digits(2 * pack.SIGMA) + ' %', usable]);
   show(why, old > FRESH_MS ? duration(old / SECOND) + ' old' : pack.percent == null ? 'Charge unknown: ' + reason(pack, 'percent') : band);
   show(what, contents(pack));
   bar.style.width = +pack.percent + '%';

@@ -40,7 +40,7 @@ function read(payload, { type, at, count }) {
 }
 
 function bytesOf(type, value) {
-  return type == 's' ? new TextEncoder().encode(value) : new Uint8Array(new TYPES[type]([value]).buffer);
+  return type == 's' ? new TextEncoder().encode(value) : new Uint8Array(new TYPES[type]([value].flat()).buffer);
 }
 
 // A frame; fields that aren't given are 0, and zeros at the end are left out. With `sign`, which gets all that stands before

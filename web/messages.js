@@ -12,10 +12,11 @@ PARAM_SET 23 168 param_value:f0 target_system:B4 param_id:s6x16 param_type:B22
 MANUAL_CONTROL 69 243 y:h2 z:h4 target:B10
 COMMAND_LONG 76 152 param1:f0 param2:f4 command:H28 target_system:B30
 COMMAND_ACK 77 143 command:H0 result:B2
+FILE_TRANSFER_PROTOCOL 110 84 target_system:B1 payload:B3x251
 LOG_REQUEST_LIST 117 128 end:H2 target_system:B4
 LOG_ENTRY 118 56 time_utc:I0 size:I4 id:H8 num_logs:H10
 LOG_REQUEST_DATA 119 116 ofs:I0 count:I4 id:H8 target_system:B10
-LOG_DATA 120 134 ofs:I0 id:H4 data:B7x90
+LOG_DATA 120 134 ofs:I0 id:H4 count:B6 data:B7x90
 LOG_ERASE 121 237 target_system:B0
 LOG_REQUEST_END 122 203 target_system:B0
 BATTERY_STATUS 147 154 current_consumed:i0 temperature:h8 voltages:H10x10 current_battery:h30 id:B32 battery_remaining:b35 time_remaining:i36 charge_state:B40 voltages_ext:H41x4

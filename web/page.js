@@ -35,9 +35,10 @@ function alarm() {
   beep.stop(sound.currentTime + .5);
 }
 
-for (const type of ['pointerup', 'keydown']) {
-  addEventListener(type, () => navigator.userActivation?.hasBeenActive && (sound ||= new AudioContext()).resume());
-}
+onpointerup = () => (sound ||= new AudioContext()).resume();
+
+// What there is of these, in one text.
+const joined = (parts, by = ', ') => parts.filter((part) => part).join(by);
 
 // For screen readers.
 const say = (text) => put('say', text);

@@ -111,7 +111,7 @@ function fieldOf(name) {
   const bits = bitmask.map(({ index, description }) => 2 ** index + ': ' + description).join(', ');
   return el('div', { className: 'field' },
     el('label', {}, el('span', {}, shortDesc), el('code', {}, name), input),
-    el('small', {}, details.filter((part) => part).join(' ')), state,
+    el('small', {}, joined(details, ' ')), state,
     isUnused(name) ? '' : el('p', { className: 'muted' }, readable(longDesc, name), bits && ' The sum of ' + bits));
 }
 

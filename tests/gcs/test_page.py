@@ -297,7 +297,7 @@ def test_each_page_signs_by_a_link_of_its_own(codec):
 def test_the_pack_and_what_is_unknown_of_it(rover):
     page = rover.open()
     page.wait_for("100 %")
-    page.wait_for("Current, Power, Drawn, Health: no current sensor. Temperature: no sensor for it.")
+    page.wait_for("Current, Power, Drawn, Health: no current sensor. Time left: after two minutes of driving. Temperature: no sensor for it.")
     page.wait_for("3 cells, LiPo, 3300 mAh")
     # Two standard deviations, as the rover estimates it.
     page.wait(lambda: re.search(r"100 %\s*± \d+ %", page.read("packs")))
@@ -778,6 +778,28 @@ def test_a_rover_with_a_key(rover, tmp_path):
     page.wait_for("this page signs")
     page.driver.refresh()
     page.wait_for("the rover signs, this page does not")
+
+
+@pytest.mark.parametrize("signs", [False, True])
+def test_a_log_has_one_name(rover, signs, tmp_path):
+    # The first file is erased, so that the second one's number is not its place.
+    rover.record_a_drive()
+    rover.station.mav.log_erase_send(1, 1)
+    time.sleep(1)
+    name = rover.record_a_drive().replace("-00000001", "-00000002")
+    if signs:
+        rover.station.mav.setup_signing_send(1, 1, list(KEY), ticks_now())
+        wait_for_text(rover.station, "Signing key set")
+    page = rover.open(downloads=tmp_path)
+    if signs:
+        page.enter("about")
+        page.element("#passphrase").send_keys("a good passphrase\n")
+        page.wait_for("This page signs")
+    page.enter("logs")
+    page.wait_for("Log 2, ")
+    page.press("Download")
+    (file,) = page.wait(lambda: list(tmp_path.glob("*.BIN")), 30)
+    assert file.name == name and file.read_bytes()[:2] == b"\xa3\x95"
 
 
 def test_a_lost_rover_is_greyed_with_its_age_and_found_again(rover):

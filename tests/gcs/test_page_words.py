@@ -104,7 +104,7 @@ def test_a_page_that_is_opened_after_a_failsafe_shows_the_worst_level_with_its_c
     page.pack(1, LOW, 10.4, percent=14)
     page.pack(2, CRITICAL, 10.1, percent=6)
     page.drive(True, HOLD)
-    page.wait(lambda: page.read("texts").find("Battery 2 is critical: 10.10 V, 6 %. Charge the pack.") in range(page.read("texts").find("Battery 1 is low: 10.40 V")))
+    page.wait(lambda: page.read("texts").find("Battery 2: critical, 10.10 V, 6 %. Charge the pack.") in range(page.read("texts").find("Battery 1: low, 10.40 V")))
 
 
 def test_a_power_limit_is_shown_as_long_as_the_rover_limits(stage):

@@ -6,7 +6,7 @@ use ::mavlink::types::CharArray;
 use ::mavlink::{MavlinkVersion, MessageData};
 use rover_battmon::mavlink::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA,
-    HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA,
+    FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA,
     LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA, MavAutopilot, MavBatteryChargeState,
     MavBatteryType, MavCmd, MavModeFlag, MavParamError, MavParamType, MavResult, MavSeverity, MavState,
     MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_ERROR_DATA, PARAM_REQUEST_LIST_DATA,
@@ -55,6 +55,7 @@ fields! {
     f32: "f" "", f32::from_bits(1);
     [u8; 8]: "s" "x8", [1; 8];
     [u8; 90]: "B" "x90", [1; 90];
+    [u8; 251]: "B" "x251", [1; 251];
     [u16; 4]: "H" "x4", [1; 4];
     [u16; 10]: "H" "x10", [1; 10];
     CharArray<10>: "s" "x10", CharArray::from([1; 10]);
@@ -128,10 +129,11 @@ pub fn messages_js() -> String {
         MANUAL_CONTROL_DATA { y z target }
         COMMAND_LONG_DATA { param1 param2 command target_system }
         COMMAND_ACK_DATA { command result }
+        FILE_TRANSFER_PROTOCOL_DATA { target_system payload }
         LOG_REQUEST_LIST_DATA { end target_system }
         LOG_ENTRY_DATA { time_utc size id num_logs }
         LOG_REQUEST_DATA_DATA { ofs count id target_system }
-        LOG_DATA_DATA { ofs id data }
+        LOG_DATA_DATA { ofs id count data }
         LOG_ERASE_DATA { target_system }
         LOG_REQUEST_END_DATA { target_system }
         BATTERY_STATUS_DATA {
