@@ -9,7 +9,7 @@ const ADVICE = [
   [/cells|contradicts/, 'Check chemistry and cells under Set up.'],
   [/over temperature/, 'Let the pack cool down.'],
   [/>=/, 'Under Set up, critical has to be below low.'],
-  [/no pin|no capacity|in use|not set up|over range|GP29/, 'Look at its pins, its capacity and the kind of sensor under Set up.'],
+  [/no pin|no capacity|in use|not set up|over range|GP29/, 'Check pins, capacity and kind of sensor under Set up.'],
   [/unhealthy|missing|not connected/, 'Check the plug and the wires of the pack.'],
   [/low|critical|empty|below/, 'Charge the pack, or plug in a full one.'],
   [/limits the motors/, 'It drives slower, to spare the pack. Push the stick less.'],

@@ -24,7 +24,7 @@ const CHEMISTRIES = ['', 'LiPo', 'LiFe', 'Li-ion', 'NiMH'];
 const CELL_EMPTY_V = 2.8;
 const CELL_RANGE_V = 1.4;
 
-const SEVERITIES = ['Emergency', 'Alert', 'Critical', 'Error', 'Warning', 'Notice', 'Info', 'Debug'];
+const SEVERITIES = ['Emergency', 'Alert', 'Critical', 'Error', 'Warning'];
 
 function newCard(pack) {
   const html = '<header><h2></h2><span></span></header><p class="muted"></p><div class="charge"><b></b><small></small></div><div class="bar"><i></i></div>'
@@ -124,7 +124,7 @@ function renderBattery() {
 on('text', ({ at, severity, text }) => {
   const colour = severity < 4 ? 'bad' : severity < 5 ? 'low' : '';
   const list = $('messages');
-  list.prepend(el('li', {}, el('time', {}, clock(at)), el('span', { className: colour }, SEVERITIES[severity]), el('span', {}, text)));
+  list.prepend(el('li', {}, el('time', {}, clock(at)), el('span', { className: colour }, SEVERITIES[severity] || ''), el('span', {}, text)));
   list.children[MAX_TEXTS]?.remove();
 });
 

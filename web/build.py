@@ -11,7 +11,7 @@ import gzip
 import pathlib
 import re
 import sys
-from string import ascii_uppercase
+from string import ascii_lowercase, ascii_uppercase
 
 import minify
 import zopfli.gzip
@@ -19,7 +19,7 @@ import zopfli.gzip
 FOLDER = pathlib.Path(__file__).resolve().parent
 
 # Each uses what stands before it.
-SCRIPTS = "messages codec signing link page rover advice drive battery plot about setup logs main".split()
+SCRIPTS = "messages codec signing link page rover advice drive setup battery plot about logs main".split()
 
 # Fields of messages that the rover has in its lists of logs, too.
 NAMES_IN_JSON = {"time_utc"}
@@ -58,9 +58,17 @@ def scripts(*names):
     return "(()=>{" + text.replace("const ", "let ") + "})()"
 
 
+def style():
+    """The style sheet with its variables shortened."""
+    text = source("page.css")
+    for name, letter in zip(dict.fromkeys(re.findall(r"--[a-z]+", text)), ascii_lowercase):
+        text = re.sub(rf"{name}\b", "--" + letter, text)
+    return text
+
+
 def page():
     text = source("index.html")
-    for place, content in {"/* page.css */": source("page.css"), "/* scripts */": scripts(*SCRIPTS)}.items():
+    for place, content in {"/* page.css */": style(), "/* scripts */": scripts(*SCRIPTS)}.items():
         assert text.count(place) == 1, place
         text = text.replace(place, content)
     return minify.string("text/html", text).encode()

@@ -33,10 +33,6 @@ const centred = new Set();
 let stopsByPad;
 // Since when Arm is pressed, if it is.
 let armPressedAt;
-// Why Stop is not confirmed, as it was announced by the alarm.
-let unconfirmed;
-// A driver learns once that a dark screen stops the rover.
-let hasDriven;
 // The rover's latest text on sticks without effect.
 let blocked = {};
 // The rover's latest text.
@@ -100,7 +96,7 @@ function look() {
   const was = taken;
   taken = obstacle();
   if (!taken || was) return;
-  wasFollowed = drives && armed && mode == MANUAL && wasCentred && !isBlocked();
+  wasFollowed = drives && wasCentred && !isBlocked();
   letGo();
 }
 
@@ -224,7 +220,9 @@ function sendWish() {
 function want(what) {
   look();
   if (taken) return;
-  drives = hasDriven = true;
+  drives = true;
+  // Read once.
+  hide('screen', true);
   begin(what);
 }
 
@@ -238,7 +236,12 @@ function stop() {
 function repeatStop() {
   if (!isStopWanted()) return;
   wish.lost ||= now() - Math.max(heardAt, wish.since) > STOP_LOST_MS;
-  const interval = waited() < STOP_OFTEN_MS ? STOP_MS : SECOND;
+  const isLate = waited() >= STOP_OFTEN_MS;
+  if (isLate && wish.alarmed != wish.lost) {
+    wish.alarmed = wish.lost;
+    alarm();
+  }
+  const interval = isLate ? SECOND : STOP_MS;
   if (!wish.why && !wish.lost && now() - wish.sentAt >= interval) sendWish();
 }
 
@@ -266,15 +269,12 @@ on('text', ({ text }) => {
   if (/^(Sticks|Centre)/.test(text)) blocked = { text, at: now() };
 });
 
-const NOT_CONFIRMED = 'Stop is not confirmed: touch again.';
-const MAY_DRIVE_ON = 'No answer: it may drive on. Switch it off.';
-
 function wishText() {
   const { isStop, done, lost, answered, why, failure } = wish;
   if (done) return isStop && mode == HOLD ? 'Stopped: Hold' : '';
   if (why) return failure + why;
-  if (lost) return NOT_CONFIRMED;
-  if (isStop) return waited() < STOP_OFTEN_MS ? 'Stopping…' : MAY_DRIVE_ON;
+  if (lost) return 'Stop is not confirmed: touch again.';
+  if (isStop) return waited() < STOP_OFTEN_MS ? 'Stopping…' : 'No answer: it may drive on. Switch it off.';
   return waited() > ANSWER_MS && !answered ? failure + NO_ANSWER : '';
 }
 
@@ -299,7 +299,7 @@ function startDrive() {
   const cancel = () => pressArm();
   // Focused by a pointer, it would take the keys of the stick.
   const limit = $('limit');
-  limit.onpointerup = limit.onclick = limit.onchange = () => limit.matches(':focus-visible') || limit.blur();
+  limit.onclick = limit.onchange = () => limit.matches(':focus-visible') || limit.blur();
   arm.onpointerdown = (event) => {
     // A touch is captured by what it began on, and would never leave it.
     arm.releasePointerCapture(event.pointerId);
@@ -327,7 +327,7 @@ function startDrive() {
 function renderDrive() {
   const fresh = isFresh();
   const isManual = fresh && mode == MANUAL;
-  const isReady = isManual && armed && !taken && !isBlocked() && (wasCentred || !isDeflected());
+  const isReady = isManual && armed && wasCentred && !taken && !isBlocked();
   let hint = 'To drive, arm and choose Manual.';
   if (taken) hint = taken + (wasFollowed && !(isStopWanted() && waited() > STOP_OFTEN_MS) ? ' The rover stops by itself.' : '');
   else if (armed && !isManual) hint = 'In Hold it stands: choose Manual to drive.';
@@ -335,11 +335,7 @@ function renderDrive() {
   else if (armed && isDeflected()) hint = wasCentred ? 'The rover follows the stick.' : 'Let go of the stick first.';
   else if (armed) hint = 'Move the stick to drive.';
   const answer = wishText();
-  const isUnconfirmed = [NOT_CONFIRMED, MAY_DRIVE_ON].includes(answer) && answer;
-  if (isUnconfirmed && isUnconfirmed != unconfirmed) alarm();
-  unconfirmed = isUnconfirmed;
   put('hint', !taken && !armed && notices()[0] ? '' : hint);
-  hide('screen', hasDriven);
   put('stop-state', wish.isStop ? answer : '');
   put('drive-answer', (!wish.isStop && answer) || said);
   $('hold').ariaPressed = fresh && mode == HOLD;
@@ -350,5 +346,5 @@ function renderDrive() {
   $('pad').className = isReady ? 'follows' : '';
   put('limit-value', $('limit').value + ' %');
   const line = whenLow();
-  put('when-low', line && line + ' → Set up');
+  put('when-low', line && !(armed && notices()[0]) ? line + ' → Set up' : '');
 }

@@ -34,6 +34,8 @@ function render() {
   put('mode', armed == null ? '' : MODES[mode] || 'Mode ' + mode);
   const { percent, volts } = chosenPack();
   put('charge', (percent == null ? '' : percent + ' %  ') + (volts == null ? '' : digits(volts, 1) + ' V'));
+  // Where nothing can move, Stop is quiet.
+  $('stop').className = fresh && !armed ? 'quiet' : '';
   hide('while-armed', !armed);
   renderNotices();
   renderBattery();

@@ -59,7 +59,7 @@ function numberIn({ value }) {
   return !text || (/,\d{3}$/.test(text) && !/^-?0,/.test(text)) ? NaN : +text.replace(',', '.');
 }
 
-const misread = ({ value }) => (/,/.test(value) ? 'Unclear: leave the comma out, or write a point' : 'Not a number');
+const MISREAD = 'Not a clear number';
 
 // A button that acts when it is pressed a second time before it loses the focus, where that is needed.
 function askTwice(button, question, act, isNeeded = () => 1) {

@@ -9,9 +9,9 @@ const SPANS = { volts: 0.2, amps: 1 };
 // From 0, ten minutes ago, to 1, now.
 let cursor = 1;
 
-on('pack', ({ history, at, volts, percent, amps }) => {
+on('pack', ({ history, at, volts, percent, amps, SIGMA }) => {
   if (at - history.at(-1)?.at < SAMPLE_MS) return;
-  history.push({ at, volts, percent, amps });
+  history.push({ at, volts, percent, amps, SIGMA });
   while (at - history[0].at > PLOT_MS) history.shift();
 });
 
@@ -29,16 +29,23 @@ function drawPlot({ history }) {
     const span = Math.max(SPANS[key] || 100, high - low);
     const x = (time) => (time - start) / PLOT_MS * 600;
     const bottom = SPANS[key] ? (low + high - span) / 2 : 0;
+    const y = (number) => 100 - (number - bottom) / span * 100;
     let last;
+    // What is not sure of the charge: two standard deviations to both sides.
+    let band = '';
     // A gap in what was heard is a gap in the line.
     const path = points.map((sample) => {
       const isGap = !(sample.at - last < DEAD_MS);
       last = sample.at;
-      return (isGap ? 'M' : 'L') + x(last) + ' ' + (99 - (sample[key] - bottom) / span * 98);
+      const { percent, SIGMA } = sample;
+      if (key == 'percent' && SIGMA != null) band += 'M' + x(last) + ' ' + y(percent - 2 * SIGMA) + 'V' + y(percent + 2 * SIGMA);
+      return (isGap ? 'M' : 'L') + x(last) + ' ' + y(sample[key]);
     });
     $('plot').children[index].setAttribute('d', path.join(''));
     $('plot').children[2].setAttribute('d', 'M' + x(nearest.at) + ' 0V100');
-    put('range' + index, path[0] ? name + ' from ' + figure(bottom) + ' to ' + figure(bottom + span) : '');
+    $('plot').children[3].setAttribute('d', band);
+    // A number at each line of the grid.
+    put('range' + index, path[0] ? [4, 3, 2, 1, 0].map((quarter) => figure(bottom + span * quarter / 4)).join('\n') : '');
     return name + ' ' + (nearest[key] == null ? 'unknown' : figure(nearest[key]));
   });
   put('reading', (cursor < 1 ? duration((now() - nearest.at) / SECOND) + ' ago' : 'Now') + ': ' + said.join(', '));

@@ -66,8 +66,7 @@ function follow(input) {
   input.value = stored;
   if (input.value != stored) input.append(el('option', { selected: true }, stored));
   input.shown = stored;
-  const state = input.closest('.field')?.querySelector('output');
-  if (state) show(state, '');
+  show(input.state, '');
 }
 
 on('param', (name) => document.getElementsByName(name).forEach(follow));
@@ -87,32 +86,27 @@ const readable = (text, name) => text.replace(/[A-Z]+\d?_[A-Z\d_]+/g, (other) =>
   return label ? '“' + label + '”' : other;
 });
 
-const isUnused = (name) => /^BATT\d_MONITOR/.test(name) && !value(name);
-
-const kindRank = ({ value }) => (COMMON_KINDS.includes(value) ? COMMON_KINDS.indexOf(value) : COMMON_KINDS.length);
-
 // One parameter, to be read and changed.
 function fieldOf(name) {
   const { shortDesc = name, longDesc = '', units = '', min, max, values = [], bitmask = [], readOnly, rebootRequired } = described(name);
   const state = el('output');
-  const choices = /MONITOR/.test(name) ? [...values].sort((one, other) => kindRank(one) - kindRank(other)) : values;
+  const common = /MONITOR/.test(name) ? COMMON_KINDS.map((kind) => values.find((one) => one.value == kind)) : [];
   const input = values[0] && !readOnly
-    ? el('select', {}, ...choices.map((one) => el('option', { value: one.value }, one.description)))
+    ? el('select', {}, ...[...new Set([...common, ...values])].map((one) => el('option', { value: one.value }, one.description)))
     : el('input', { inputMode: 'decimal', readOnly });
-  input.name = name;
+  Object.assign(input, { name, state });
   input.shown = input.value;
   follow(input);
   input.onchange = () => {
     const wanted = numberIn(input);
-    if (Number.isNaN(wanted)) show(state, misread(input));
+    if (Number.isNaN(wanted)) show(state, MISREAD);
     else change(name, wanted, state, input);
   };
   const details = [min == null ? '' : min + ' to ' + max, units, readOnly && 'read only', rebootRequired && 'after a restart'];
   const bits = bitmask.map(({ index, description }) => 2 ** index + ': ' + description).join(', ');
   return el('div', { className: 'field' },
-    el('label', {}, el('span', {}, shortDesc), el('code', {}, name), input),
-    el('small', {}, joined(details, ' ')), state,
-    isUnused(name) ? '' : el('p', { className: 'muted' }, readable(longDesc, name), bits && ' The sum of ' + bits));
+    el('label', {}, shortDesc, input), state,
+    el('details', {}, el('summary', {}, el('code', {}, name), ' ', joined(details, ' ')), readable(longDesc, name), bits && ' The sum of ' + bits));
 }
 
 function renderForms() {
@@ -127,7 +121,7 @@ function renderForms() {
 
 function renderList() {
   const words = $('search').value.toUpperCase().split(' ');
-  const rank = (name) => 20 * !!described(name).readOnly + 10 * isUnused(name) + (USES.findIndex((use) => name.startsWith(use)) + 9) % 9;
+  const rank = (name) => 20 * !!described(name).readOnly + 10 * (/^BATT\d_MONITOR/.test(name) && !value(name)) + (USES.findIndex((use) => name.startsWith(use)) + 9) % 9;
   const found = [...params.keys()].sort((one, other) => rank(one) - rank(other)).filter((name) => {
     const { shortDesc, longDesc } = described(name);
     const text = (name + shortDesc + longDesc).toUpperCase();
@@ -179,7 +173,7 @@ function startCalibration([id, [key, factor, unit, question, advice]]) {
     show(reported, measured == null ? 'nothing' : digits(measured, 2) + unit);
     apply.disabled = !then || !isKnown();
     undo.disabled = !isKnown();
-    show(effect, then ? name + ' changes from ' + short(is) + ' to ' + short(then) : input.value && misread(input));
+    show(effect, then ? name + ' changes from ' + short(is) + ' to ' + short(then) : input.value && MISREAD);
     undo.hidden = before == null;
     show(undo, before == null ? '' : 'Undo: back to ' + short(before));
   };

@@ -1,5 +1,7 @@
 """What the page says of a rover, by the messages that it hears: nothing that it does not know."""
 
+import pathlib
+import re
 import time
 
 import pytest
@@ -136,7 +138,7 @@ def test_the_phone_vibrates_and_beeps_at_low_and_critical_and_if_stop_is_not_con
     page.enter("drive")
     page.pack()
     page.drive(True)
-    page.wait_for("lengthen the phone’s screen time-out")
+    page.wait_for("set the phone’s screen time-out long")
     touch(page, "#manual")
     page.wait_until_gone("screen time-out")
     assert alarms() == []
@@ -192,7 +194,7 @@ def test_a_comma_before_three_digits_is_asked_for_again(forms, typed, sent):
     page = forms
     type_into(page, CAPACITY, typed)
     if sent is None:
-        page.wait(lambda: ("Unclear" if typed else "Not a number") in field_text(page))
+        page.wait(lambda: "Not a clear number" in field_text(page))
         assert not values_set(page)
     else:
         assert values_set(page) == [pytest.approx(sent)]
@@ -207,7 +209,7 @@ def values_set(page):
 def test_an_unclear_figure_of_the_multimeter_is_not_used(forms):
     page = forms
     type_into(page, "#voltage input", "12,345")
-    page.wait_for("Unclear: leave the comma out, or write a point")
+    page.wait_for("Not a clear number")
     assert page.run("return document.querySelector('#voltage button').disabled")
 
 
@@ -313,7 +315,8 @@ def test_parameters_are_sorted_by_use(forms):
     page.wait(lambda: page.run("return document.querySelector('#form-pack select').value") == "3")
     kinds = page.run("return [...document.querySelector('#form-pack [name=BATT_MONITOR]').options].slice(0, 5).map((one) => one.value)")
     assert kinds == ["3", "4", "21", "9", "7"]
-    assert "executes FS_LOW_ACT" not in page.text() and "executes “Action when low”" in page.text()
+    described = page.run("return document.getElementById('form-thresholds').textContent")
+    assert "executes FS_LOW_ACT" not in described and "executes “Action when low”" in described
     search = page.element("#search")
     names = "return [...document.querySelectorAll('#list code')].map((one) => one.innerText)"
     for words, expected in (("system id", "SYSID_THISMAV"), (" ", "BATT_MONITOR")):
@@ -322,6 +325,7 @@ def test_parameters_are_sorted_by_use(forms):
         page.wait(lambda: page.run(names)[0] == expected)
     search.send_keys("monitor")
     page.wait(lambda: page.run(names)[-1] == "BATT3_MONITOR")
+    # Its text is folded.
     last = page.run("return [...document.querySelectorAll('#list .field')].at(-1).innerText")
     assert "Kind of sensor" not in last and "Battery monitoring" in last
     search.clear()
@@ -398,3 +402,79 @@ def test_the_rover_follows_only_a_hand_that_was_at_the_centre(stage):
     page.wait_for("In Hold it stands")
     page.drive(True)
     page.wait_for("Let go of the stick first.")
+
+
+# The layout: five sizes, at rest and with two packs at critical, the longest texts and a refusal.
+
+SIZES = [(320, 568), (390, 780), (780, 360), (820, 1180), (1440, 900)]
+WITHIN = """
+const box = (css) => document.querySelector(css).getBoundingClientRect();
+const [outer, inner] = [box(arguments[0]), box(arguments[1])];
+return inner.top >= outer.top - 1 && inner.bottom <= outer.bottom + 1 && inner.height > arguments[2];
+"""
+
+
+def critical_twice(page):
+    page.drive(True)
+    for number in (1, 2):
+        page.pack(number, CRITICAL, 10.1, amps=3.2, percent=6, drawn=900, left=60)
+        page.info(number)
+        page.announce(f"Battery {number} is critical 10.10V used 900 mAh", 2)
+    page.announce("Arm: Battery 1 below minimum arming capacity")
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
+def test_layout(stage, size, pytestconfig):
+    page = stage({"BATT_MONITOR": 4, "BATT_LOW_VOLT": 10.5, "BATT_CRT_VOLT": 10.2, "BATT_FS_LOW_ACT": 2, "BATT_FS_CRT_ACT": 2, "BATT2_MONITOR": 4, "BATT2_LOW_TIMER": 0}, size=size)
+    pictures = pytestconfig.getoption("--pictures")
+    page.pack(amps=3.2, drawn=900, left=1500)
+    page.info()
+    page.value("BAT1_SIGMA", 4)
+    loud = lambda: page.run("return getComputedStyle(document.getElementById('stop')).backgroundColor") == "rgb(204, 34, 34)"
+    for state in ("rest", "critical"):
+        if state == "critical":
+            critical_twice(page)
+            page.wait_for("Battery 2 is critical")
+        # Loud where something can move only.
+        page.wait(lambda: loud() == (state == "critical"))
+        for room in ("battery", "drive", "setup"):
+            page.enter(room)
+            time.sleep(0.4)
+            if pictures:
+                page.picture(pathlib.Path(pictures) / f"{size[0]}x{size[1]}-{state}-{room}.png")
+            assert page.run("const main = document.querySelector('main'); return main.scrollWidth <= main.clientWidth"), (state, room)
+            assert page.run(WITHIN, "body", "#stop", 43), (state, room)
+        page.enter("drive")
+        assert page.run(WITHIN, "main", "#pad", 99), state
+        for failsafe in ("#texts .notices",) if state == "critical" else ("#when-low",):
+            assert page.run(WITHIN, "#texts", failsafe, 10), (state, page.read("texts"))
+        page.enter("battery")
+        edges = page.run("return [...document.querySelectorAll('#packs > *')].map((one) => one.getBoundingClientRect()).map(({ top, bottom }) => [top, bottom])")
+        in_a_row = [bottom for top, bottom in edges if top == edges[0][0]]
+        assert max(in_a_row) - min(in_a_row) < 1
+        # No hole beside the plot: it is as wide as the room, or something as high stands beside it.
+        assert page.run(
+            """
+            const box = (one) => one.getBoundingClientRect();
+            const plot = document.getElementById('history');
+            const isBeside = (one) => one != plot && Math.abs(box(one).top - box(plot).top) < 1 && Math.abs(box(one).bottom - box(plot).bottom) < 1;
+            return box(plot).width > 0.95 * box(document.getElementById('battery')).width || [...document.querySelectorAll('#battery .card')].some(isBeside);
+            """
+        ), state
+    page.enter("setup")
+    if size[0] < 500:
+        assert page.run("return document.getElementById('list').parentNode.offsetTop - document.querySelector('main').offsetTop") <= 3 * max(size[1], 780)
+
+
+def test_the_plot_has_numbers_at_its_axes_and_a_band_of_what_is_not_sure(stage):
+    page = stage({"BATT_MONITOR": 4}, size=DESKTOP)
+    for percent in (70, 69, 68):
+        page.pack(percent=percent, volts=12)
+        page.value("BAT1_SIGMA", 5)
+        time.sleep(0.5)
+    page.wait(lambda: page.read("range1").split("\n") == ["100 %", "75 %", "50 %", "25 %", "0 %"])
+    assert page.read("range0").split("\n") == ["12.10 V", "12.05 V", "12.00 V", "11.95 V", "11.90 V"]
+    assert page.read("axes").endswith("10 min\n8\n6\n4\n2\nnow")
+    band = page.run("return document.querySelector('.band').getAttribute('d')")
+    heights = [tuple(float(y) for y in re.findall(r" ([\d.]+)V([\d.]+)", line)[0]) for line in band.split("M")[1:]]
+    assert heights[-1] == pytest.approx((42, 22))
