@@ -42,7 +42,7 @@ pub struct SystemState<'a> {
     pub log: LogHealth,
     /// Readers of log files.
     pub log_readers: &'a LogReaders,
-    /// How often the rover was armed. It wraps.
+    /// Number of armings. It wraps.
     pub armings: u8,
 }
 

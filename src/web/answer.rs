@@ -44,7 +44,7 @@ pub struct LogPart {
     pub end: u32,
     /// Whether the whole was asked for.
     pub status: Status,
-    /// How often the rover was armed before it was asked for.
+    /// Number of armings before it was requested.
     pub armings: u8,
     /// The board that has recorded it, if it is known.
     pub board_id: Option<BoardId>,

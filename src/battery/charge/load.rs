@@ -13,7 +13,7 @@ const SECOND_S: f32 = 0.999;
 /// The very first one is shorter, in seconds: there is an estimate soon after the start.
 const FIRST_SECOND_S: f32 = 0.249;
 
-/// What counts the charge of a pack has been lost after this time, in seconds: more than two of the slowest period of
+/// A counter of a pack has been lost after this time, in seconds: more than two of the slowest period of
 /// batteries, 5 s.
 pub const SILENCE_S: f32 = 12.0;
 

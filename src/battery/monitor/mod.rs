@@ -441,7 +441,7 @@ impl BatteryMonitor {
         }
     }
 
-    /// What a count at the source leaves follows the estimate of a disarmed pack.
+    /// The limit by a count at the source follows the estimate of a disarmed pack.
     fn limit_by_count(&mut self, turn: &mut Turn<'_>, is_new: bool) {
         let is_followed = is_new || self.counting.awaits_rest();
         if turn.state.left_at_most.is_none() || !is_followed {

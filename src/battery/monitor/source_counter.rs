@@ -38,7 +38,7 @@ enum Total {
     },
 }
 
-/// How a total has changed.
+/// Change of a total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
     /// By what may have been drawn, or not at all.

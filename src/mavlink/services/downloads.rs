@@ -21,7 +21,7 @@ pub struct Downloads {
     ready: Option<Outgoing>,
     /// Messages since the last one of a stream.
     since_stream: u8,
-    /// How often the rover was armed when that was looked at last.
+    /// Number of armings when it was read last.
     armings: u8,
 }
 

@@ -48,7 +48,7 @@ pub struct ModeRefused;
 pub struct Vehicle {
     mode: Mode,
     arm_state: ArmState,
-    /// How often it was armed. It wraps.
+    /// Number of armings. It wraps.
     armings: u8,
     /// When it was armed last.
     fitness: Fitness,
@@ -390,7 +390,7 @@ impl Vehicle {
         self.arm_state
     }
 
-    /// How often it was armed. It wraps: what is done while disarmed sees by it that the rover was armed meanwhile.
+    /// Number of armings (wraps): it shows a task for a disarmed rover that this one was armed meanwhile.
     pub fn armings(&self) -> u8 {
         self.armings
     }

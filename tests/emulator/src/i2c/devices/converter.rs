@@ -9,7 +9,7 @@
 use super::super::super::clock::Cycle;
 use super::Load;
 
-/// What a converter is set up for.
+/// Set-up of a converter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setup {
     /// Time of a result with its averaging; 0 while it is shut down.

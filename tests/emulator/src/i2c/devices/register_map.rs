@@ -19,7 +19,7 @@ pub trait Registers {
     /// It is addressed at this time: what has been converted until then is in its registers.
     fn note_time(&mut self, now: Cycle);
 
-    /// What it is connected to, from the moment on at which it was addressed last.
+    /// Its connections, from the moment on at which it was addressed last.
     fn set_load(&mut self, volts: f64, amperes: f64);
 
     /// The supply is gone, and back when it is addressed next.
