@@ -237,10 +237,20 @@ class Page:
 class Stage(Page):
     """The page as it was built, and in place of a rover the messages that a test has it hear: states that no simulator reaches soon."""
 
-    def __init__(self, parameters=(), script="", **how):
-        self.sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    def __init__(self):
         files = {"/parameters.json": json.loads(DESCRIPTIONS.read_text())}
-        super().__init__((REPOSITORY / "web" / "page.html").as_uri(), script=STAGE + f"window.files = {json.dumps(files)};" + script, **how)
+        super().__init__("about:blank", script=STAGE + f"window.files = {json.dumps(files)};")
+
+    def start(self, parameters=(), size=PHONE, script=""):
+        """Opens the page, where `script` runs before it; of a rover that has these parameters, if there are any."""
+        self.sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+        # Not only another fragment of the same page.
+        self.driver.get("about:blank")
+        added = self.devtools("Page.addScriptToEvaluateOnNewDocument", source=script)
+        self.driver.get((REPOSITORY / "web" / "page.html").as_uri())
+        self.devtools("Page.removeScriptToEvaluateOnNewDocument", **added)
+        # Another process has no emulation of touch yet.
+        self.resize(size)
         self.wait(lambda: self.run("return !!window.telling"))
         version = dialect.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0x0A2C)
         self.state("version", version)
@@ -248,6 +258,7 @@ class Stage(Page):
         self.ready(True)
         if parameters:
             self.parameters(parameters)
+        return self
 
     def hear(self, *messages):
         for message in messages:

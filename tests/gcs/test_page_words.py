@@ -16,18 +16,17 @@ MANUAL, HOLD = 0, 4
 OK, LOW, CRITICAL, UNHEALTHY = 1, 2, 3, 6
 
 
+@pytest.fixture(scope="module")
+def browser():
+    page = Stage()
+    yield page
+    page.close()
+
+
 @pytest.fixture
-def stage():
-    opened = []
-
-    def start(*arguments, **how):
-        opened.append(Stage(*arguments, **how))
-        return opened[-1]
-
-    yield start
-    for page in opened:
-        assert [error for error in page.errors() if "file:" not in error] == []
-        page.close()
+def stage(browser):
+    yield browser.start
+    assert browser.errors() == []
 
 
 def touch(page, css):
@@ -76,6 +75,7 @@ def test_a_longer_list_of_parameters_does_not_take_the_stick(stage):
     time.sleep(1)
     assert page.run("return [...hints]") == ["The rover follows the stick."]
     assert page.read("when-low").startswith("A low pack does not stop the rover.")
+    page.release_stick()
 
 
 # Each pack has its own notice.
@@ -139,6 +139,7 @@ def test_the_phone_vibrates_and_beeps_at_low_and_critical_and_if_stop_is_not_con
     page.pack()
     page.drive(True)
     page.wait_for("set the phone’s screen time-out long")
+    page.wait_for("Move the stick to drive.")
     touch(page, "#manual")
     page.wait_until_gone("screen time-out")
     assert alarms() == []
@@ -305,7 +306,7 @@ def test_what_is_set_up_wrongly_leads_to_set_up(stage, cause):
     page.pack()
     page.ready(False)
     page.announce(f"PreArm: Battery 1 unhealthy: {cause}")
-    page.wait_for(f"Does not arm: Battery 1 unhealthy: {cause}. Look at its pins, its capacity and the kind of sensor under Set up.")
+    page.wait_for(f"Does not arm: Battery 1 unhealthy: {cause}. Check pins, capacity and kind of sensor under Set up.")
     assert "plug" not in page.text()
 
 
@@ -386,12 +387,14 @@ def test_sticks_ignored_goes_when_they_are_not(stage):
     page.announce("Sticks ignored: another station drives")
     page.wait(lambda: "Sticks ignored: another station drives" in page.read("drive"))
     page.wait(lambda: "Sticks ignored" not in page.read("drive"), 8)
+    page.release_stick()
 
 
 def test_the_rover_follows_only_a_hand_that_was_at_the_centre(stage):
     page = stage()
     page.enter("drive")
     page.pack()
+    page.wait_for("To drive, arm and choose Manual.")
     page.push_stick()
     page.drive(True)
     page.wait_for("Let go of the stick first.")
@@ -402,6 +405,7 @@ def test_the_rover_follows_only_a_hand_that_was_at_the_centre(stage):
     page.wait_for("In Hold it stands")
     page.drive(True)
     page.wait_for("Let go of the stick first.")
+    page.release_stick()
 
 
 # The layout: five sizes, at rest and with two packs at critical, the longest texts and a refusal.
