@@ -399,6 +399,7 @@ def test_the_rover_follows_only_a_hand_that_was_at_the_centre(stage):
     page.drive(True)
     page.wait_for("Let go of the stick first.")
     page.release_stick()
+    page.wait_for("Move the stick to drive.")
     page.push_stick()
     page.wait_for("The rover follows the stick.")
     page.drive(True, HOLD)
