@@ -105,8 +105,8 @@ def test_what_there_is_no_time_for_is_read_and_listed(tmp_path):
     ],
 )
 def test_what_runs_until_it_is_stopped_has_to_stay_and_to_end(tmp_path, monkeypatch, program, outcome):
-    monkeypatch.setattr(documented, "STAY_S", 1)
-    monkeypatch.setattr(documented, "END_S", 5)
+    monkeypatch.setattr(documented, "STAY_S", 3)
+    monkeypatch.setattr(documented, "END_S", 10)
     text = f"import signal, sys, time\nprint('here', flush=True)\n{program}\n"
     assert run(tmp_path, text, "python", ["until stopped"]) == [(text, outcome)]
 
