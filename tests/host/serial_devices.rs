@@ -160,7 +160,7 @@ fn protocol_4(tank_pct: i64, voltage_v: i64, power_w: i64) -> Vec<u8> {
     format!("{body}{}>\n", 255 - sum).into_bytes()
 }
 
-/// What a field comes out as.
+/// Outcome of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Found {
     Is(f32),
@@ -612,7 +612,7 @@ const STREAMS: &[Stream] = &[
     },
 ];
 
-/// What happens to one frame.
+/// Fault of one frame.
 #[derive(Clone, Copy, Debug)]
 enum Fault {
     Missing,
@@ -685,7 +685,7 @@ impl Stream {
     }
 }
 
-/// What a device reports of a pack. A charge that is estimated here depends on when it was read.
+/// Report of a device on a pack. A charge that is estimated here depends on when it was read.
 fn reported(state: &BatteryState) -> impl PartialEq + std::fmt::Debug + use<> {
     let is_reported = state.charge_source != ChargeSource::Estimated;
     (

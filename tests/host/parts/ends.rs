@@ -1,4 +1,4 @@
-//! What comes out of the drivers where a field of a part is at its ends: its value, *over range*, or nothing. The limits are those of
+//! Readings of the drivers where a field of a part is at its ends: its value, *over range*, or nothing. The limits are those of
 //! the data sheets.
 
 use emulator::i2c_devices::{
@@ -15,7 +15,7 @@ struct Field {
     name: &'static str,
     /// Sets its code.
     set: Setter,
-    /// What a reading says of it.
+    /// Its value in a reading.
     get: fn(&Measurement) -> Option<f32>,
     codes: &'static [(i64, Outcome)],
 }
@@ -205,7 +205,7 @@ const SHUNT_OF_226: &[(i64, Outcome)] = &[
     (-1, Is(-1.25e-3)),
 ];
 
-/// What is not as it was set up, or another part.
+/// A field that is not as it was set up, or another part.
 const CONFIGURATION_OF_226: &[(i64, Outcome)] = &[
     (0x44df, Is(12.0)),
     (0, Fails(OtherPart)),
@@ -839,7 +839,7 @@ fn a_bq76952_at_its_ends() {
                 (-0x8000, Odd(-3_549.95)),
             ],
         ),
-        // Those of a thermistor of cells at TS1.
+        // The figures of a thermistor of cells at TS1.
         field(
             "temperature of the pack",
             |bench, code| {

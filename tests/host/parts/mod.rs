@@ -392,7 +392,7 @@ struct Times {
     drawn_before_mah: f64,
     /// The latest one.
     read_us: u64,
-    /// How long there was none.
+    /// For how long there was none.
     unread_us: u64,
 }
 

@@ -90,7 +90,7 @@ impl Counted3S {
         self.bench.state.readings.remaining_pct.expect("reported")
     }
 
-    /// How far the reported charge is off, in points, beyond what is allowed for.
+    /// Error of the reported charge, in points, beyond what is allowed for.
     fn excess_pct(&self) -> f32 {
         let error_pct = (self.remaining_pct() - self.soc() * 100.0).abs();
         let step_pct = self.step_mah / self.capacity_mah * 100.0;
@@ -275,7 +275,7 @@ fn a_total_that_falls_and_comes_back_was_never_drawn() {
     }
     assert_about(bench.state.consumed_mah(), 1010.0, 0.1);
     assert_about(bench.state.consumed_wh, 10.1, 0.01);
-    // What it has counted beyond is drawn, and what it counts after a restart.
+    // Its count beyond that is drawn, and so is its count after a restart.
     bench.run(1.0, total(0.0, 0.0));
     bench.run(1.0, total(1030.0, 10.3));
     assert_about(bench.state.consumed_mah(), 1030.0, 0.1);

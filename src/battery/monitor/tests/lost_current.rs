@@ -205,7 +205,7 @@ fn a_sum_keeps_what_was_drawn_from_a_pack_that_loses_its_current() {
     assert_eq!(named, lost);
 }
 
-/// What is lost for some time.
+/// A reading that is lost for some time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Lost {
     Voltage,

@@ -421,7 +421,7 @@ fn fields_of_a_thermometer() {
 /// Seconds since its start, health, mode, sub-mode, the vendor's code.
 const STATUS: Layout = &[(5, 32), (0, 2), (0, 3), (0, 3), (0, 16)];
 
-/// What is announced of a battery's node, which was up for 5 s before.
+/// Announcements of a battery's node, which was up for 5 s before.
 fn notices_with(changed: usize, raw: u64) -> Vec<CanNotice> {
     let mut bench = CanBench::with_packs(&[pack(Pack::First)]);
     bench.receive(&Battery::new(NODE, 0).frames(0));

@@ -150,14 +150,6 @@ mod tests {
         amperes: [-10.0, 10.0],
     };
 
-    fn load(volts: f64, amperes: f64) -> Load {
-        Load {
-            volts,
-            amperes,
-            ..Load::default()
-        }
-    }
-
     fn advance(converter: &mut Converter, now: Cycle, setup: &Setup) -> Vec<(f64, f64, u64)> {
         let results = converter.advance(now, setup);
         results
@@ -168,10 +160,10 @@ mod tests {
     #[test]
     fn results_are_means_of_whole_conversions_and_none_is_there_before_the_first() {
         let mut converter = Converter::default();
-        converter.set_load(load(12.0, 4.0));
+        converter.set_load(Load::of(12.0, 4.0));
         assert_eq!(advance(&mut converter, 99, &SETUP), []);
         assert_eq!(advance(&mut converter, 150, &SETUP), [(12.0, 4.0, 1)]);
-        converter.set_load(load(10.0, 8.0));
+        converter.set_load(Load::of(10.0, 8.0));
         // A half of each, then two of the new load, and 30 cycles.
         assert_eq!(
             advance(&mut converter, 430, &SETUP),
@@ -198,7 +190,7 @@ mod tests {
     fn pulses_are_cut_off_before_they_are_averaged() {
         let mut converter = Converter::default();
         for (amperes, share, shown) in [(8.0, 0.5, 4.0), (40.0, 0.25, 2.5), (-40.0, 0.5, -5.0)] {
-            converter.set_load(load(12.0, amperes));
+            converter.set_load(Load::of(12.0, amperes));
             converter.set_pulses(share);
             converter.restart(0);
             let now = converter.until.unwrap() + 100;

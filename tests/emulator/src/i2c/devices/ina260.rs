@@ -84,11 +84,7 @@ impl Registers for Ina260 {
     }
 
     fn set_load(&mut self, volts: f64, amperes: f64) {
-        self.converter.set_load(Load {
-            volts,
-            amperes,
-            ..Load::default()
-        });
+        self.converter.set_load(Load::of(volts, amperes));
     }
 
     fn power_cycle(&mut self) {

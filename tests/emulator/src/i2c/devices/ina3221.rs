@@ -49,11 +49,9 @@ impl Ina3221 {
 
     /// Channels count from 1, as in the datasheet.
     pub fn set(&mut self, channel: usize, volts: f64, amperes: f64) {
-        self.channels[channel - 1].converter.set_load(Load {
-            volts,
-            amperes,
-            ..Load::default()
-        });
+        self.channels[channel - 1]
+            .converter
+            .set_load(Load::of(volts, amperes));
     }
 
     /// The current of a channel flows for this share of the time, in pulses that are much shorter than a conversion.

@@ -106,11 +106,7 @@ impl Ltc2946 {
 
     /// From the moment on at which it was addressed last. SENSE+ and VDD are connected to each other.
     pub fn set(&mut self, volts: f64, amperes: f64) {
-        self.converter.set_load(Load {
-            volts,
-            amperes,
-            ..Load::default()
-        });
+        self.converter.set_load(Load::of(volts, amperes));
     }
 
     /// The current flows for this share of the time, in pulses that are much shorter than a conversion.

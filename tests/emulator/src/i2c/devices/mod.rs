@@ -50,6 +50,17 @@ pub struct Load {
     pub celsius: f64,
 }
 
+impl Load {
+    /// Where no temperature is measured.
+    pub fn of(volts: f64, amperes: f64) -> Self {
+        Self {
+            volts,
+            amperes,
+            ..Self::default()
+        }
+    }
+}
+
 /// The time of a number of samples of this length, as a monitor's configuration has them.
 fn samples(count: u16, sample_us: u64) -> Cycle {
     const SAMPLES: [u64; 8] = [1, 4, 16, 64, 128, 256, 512, 1024];
