@@ -285,7 +285,8 @@ pub struct Consumed {
     pub energy_wh: f32,
 }
 
-const COULOMBS_PER_MAH: f32 = 3.6;
+/// A charge of a milliampere-hour, in coulombs.
+pub(super) const COULOMBS_PER_MAH: f32 = 3.6;
 const JOULES_PER_WH: f32 = 3600.0;
 
 impl Consumed {

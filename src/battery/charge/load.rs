@@ -18,9 +18,8 @@ const FIRST_SECOND_S: f32 = 0.249;
 pub const SILENCE_S: f32 = 12.0;
 
 /// Origin of a current.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurrentOrigin {
-    #[default]
     Sensor,
     /// A counter at the source, which need not count what charges the pack.
     SourceCounter,

@@ -64,7 +64,7 @@ enum Phase {
 }
 
 /// A reading of a pack.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Sample {
     /// Since the reading before, in seconds.
     pub dt_s: f32,

@@ -4,6 +4,7 @@ use super::source_counter::SourceCounter;
 use crate::battery::charge::{ChargeEstimate, KnownCharge, SILENCE_S};
 use crate::battery::consumption::{Consumption, Gap, mean_current_a, microseconds, was_off};
 use crate::battery::estimator::Reading;
+use crate::battery::measurement::COULOMBS_PER_MAH;
 use crate::battery::{ArmState, Consumed, Counted, Gauge, GaugeReading, Measurement};
 use crate::time::Instant;
 
@@ -18,9 +19,6 @@ pub struct ChargeCounter {
     /// The latest known current, in amperes, with its time: a reading may come without one.
     last_current: Option<(Instant, f32)>,
 }
-
-/// An ampere draws a milliampere-hour in this time, in seconds.
-const SECONDS_PER_MILLIHOUR: f32 = 3.6;
 
 /// Contribution of a reading to the consumption.
 #[derive(Clone, Copy, Debug, Default)]
@@ -169,7 +167,7 @@ impl ChargeCounter {
         }
         if let Some(mean_a) = mean_current_a(since_us, Some(before_a), current_a) {
             let unknown_s = microseconds(since_us - dt_us) * 1e-6;
-            reading.unmeasured_mah += mean_a.max(0.0) * unknown_s / SECONDS_PER_MILLIHOUR;
+            reading.unmeasured_mah += mean_a.max(0.0) * unknown_s / COULOMBS_PER_MAH;
             reading.missed_s += unknown_s;
         }
     }

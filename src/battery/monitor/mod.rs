@@ -17,7 +17,7 @@ use super::charge::Comparison;
 use super::chemistry::SAME_VOLTAGE_V;
 use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds, was_off};
 use super::diagnosis;
-use super::estimator::{Estimator, EstimatorMemory, Findings, Reading, ReportedCharge};
+use super::estimator::{Estimator, EstimatorMemory, Reading, ReportedCharge};
 use super::event::push;
 use super::failsafe::ReachedLevels;
 use super::reporters::{GapReporter, HealthReporter, LessonReporter};
@@ -190,7 +190,7 @@ impl BatteryMonitor {
         if let Some(event) = self.health.sensor(dt_s, status, error) {
             push(turn.events, event);
         }
-        let has_lost_current = self.has_lost_current(tick.now, turn.state) && !self.reports.is_incomplete();
+        let has_lost_current = self.lost_count(tick.now, turn.state) == Some(ReadError::CurrentLost);
         if let Some(event) = self.health.current(dt_s, status, has_lost_current) {
             push(turn.events, event);
         }
@@ -388,7 +388,8 @@ impl BatteryMonitor {
         reading.doubt = self.swap_detector.doubt();
         self.count(turn, dt_us, measurement, &mut reading);
         reading.known_cells = reading.known_cells.or(self.kept_cells());
-        let findings = self.update_estimates(turn, &reading);
+        let (estimator, learnt) = self.estimator_of(turn);
+        let findings = estimator.update(&reading, settings, learnt);
         self.limit_by_count(turn, findings.second.is_some());
         self.update_state(turn, measurement);
         if let Some(event) = findings.event {
@@ -436,8 +437,9 @@ impl BatteryMonitor {
         turn.state.left_at_most = self.counting.soc_at_most(capacity_mah);
         reading.soc_at_most = turn.state.left_at_most.unwrap_or(1.0);
         self.follow_count(now, dt_us, measurement);
-        if self.has_lost_current(now, turn.state) && !self.reports.is_incomplete() {
-            self.lose_current(turn);
+        if self.lost_count(now, turn.state) == Some(ReadError::CurrentLost) {
+            let (estimator, learnt) = self.estimator_of(turn);
+            estimator.lose_current(turn.settings, learnt);
         }
     }
 
@@ -491,11 +493,8 @@ impl BatteryMonitor {
 
     /// A pack that rests near the voltage of the one before may still have another charge.
     fn resolve_doubt(&mut self, turn: &mut Turn<'_>, at_rest: &AtRest, reading: &Reading) {
-        let settings = turn.settings;
-        let cell_count = self.estimator.cell_count(settings);
-        let learnt = self.learnt.as_ref().filter(|_| self.can_learn(turn.state));
-        let learnt = Learnt::of(learnt, settings, cell_count);
-        let comparison = self.estimator.resolve(at_rest, reading, settings, learnt);
+        let (estimator, learnt) = self.estimator_of(turn);
+        let comparison = estimator.resolve(at_rest, reading, turn.settings, learnt);
         if comparison == Comparison::Another {
             self.exchanges = self.exchanges.wrapping_add(1);
             if let Some(learnt) = &mut self.learnt {
@@ -505,19 +504,13 @@ impl BatteryMonitor {
         }
     }
 
-    fn lose_current(&mut self, turn: &Turn<'_>) {
-        let settings = turn.settings;
-        let learnt = self.learnt.as_ref().filter(|_| self.can_learn(turn.state));
-        let learnt = Learnt::of(learnt, settings, self.estimator.cell_count(settings));
-        self.estimator.lose_current(settings, learnt);
-    }
-
-    fn update_estimates(&mut self, turn: &Turn<'_>, reading: &Reading) -> Findings {
-        let settings = turn.settings;
-        let cell_count = self.estimator.cell_count(settings);
-        let learnt = self.learnt.as_ref().filter(|_| self.can_learn(turn.state));
-        let learnt = Learnt::of(learnt, settings, cell_count);
-        self.estimator.update(reading, settings, learnt)
+    /// The estimator, and what is known of the pack that it estimates.
+    fn estimator_of(&mut self, turn: &Turn<'_>) -> (&mut Estimator, &LearntPack) {
+        let cell_count = self.estimator.cell_count(turn.settings);
+        let can_learn = self.can_learn(turn.state);
+        let learnt = self.learnt.as_ref().filter(|_| can_learn);
+        let learnt = Learnt::of(learnt, turn.settings, cell_count);
+        (&mut self.estimator, learnt)
     }
 
     /// Keeps what was learnt of a pack, or of its rest.
@@ -703,13 +696,9 @@ impl BatteryMonitor {
         }
         let time_out = self.reports.charge_time_out(tick.now);
         let is_unknown = turn.state.readings.remaining_pct.is_none();
-        let lost = self
-            .has_lost_current(tick.now, turn.state)
-            .then(|| match self.reports.is_incomplete() {
-                true => ReadError::LostMember,
-                false => ReadError::CurrentLost,
-            });
-        let cause = time_out.filter(|_| is_unknown).or(lost);
+        let cause = time_out
+            .filter(|_| is_unknown)
+            .or_else(|| self.lost_count(tick.now, turn.state));
         if settings.failsafe.needs_charge() && cause.is_some() {
             turn.state.status = PackStatus::Unhealthy;
             return cause;
@@ -718,10 +707,17 @@ impl BatteryMonitor {
         None
     }
 
-    /// Whether a pack whose charge was counted by its current has been measured without one for long.
-    fn has_lost_current(&self, now: Instant, state: &BatteryState) -> bool {
+    /// Cause for which a pack whose charge was counted by its current has been measured without one for long.
+    fn lost_count(&self, now: Instant, state: &BatteryState) -> Option<ReadError> {
         let is_over = |counted_at| counting::has_timed_out(counted_at, now);
-        state.has_estimated_charge() && self.counted_at.is_some_and(is_over)
+        let is_lost = state.has_estimated_charge() && self.counted_at.is_some_and(is_over);
+        is_lost.then(|| {
+            if self.reports.is_incomplete() {
+                ReadError::LostMember
+            } else {
+                ReadError::CurrentLost
+            }
+        })
     }
 
     fn reject(&mut self, state: &mut BatteryState) {

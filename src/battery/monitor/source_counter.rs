@@ -1,6 +1,7 @@
 //! A counter that the source of a measurement keeps: in steps, late, and from another start after it has lost power.
 
 use crate::battery::estimator::Reading;
+use crate::battery::measurement::COULOMBS_PER_MAH;
 use crate::battery::{Consumed, Measurement};
 
 /// Largest step of a counter that a lag is allowed for, in milliampere-hours, and its step before it has shown one:
@@ -19,7 +20,7 @@ const USUAL_CAPACITY_MAH: f32 = 5000.0;
 /// frame that was overtaken: it counts again above its maximum.
 const RESTARTED_BELOW: f32 = 0.5;
 
-const MAH_PER_COULOMB: f32 = 1.0 / 3.6;
+const MAH_PER_COULOMB: f32 = 1.0 / COULOMBS_PER_MAH;
 const SECONDS_PER_HOUR: f32 = 3600.0;
 
 /// A total at the source.
