@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::recording::LogFailure;
+use super::recording::{LOG_FULL, LogFailure};
 use super::start::ParameterLoad;
 use crate::announce::{Announce, Limit, Severity};
 use crate::battery::SuggestedThresholds;
@@ -54,13 +54,17 @@ pub enum Notice {
     },
     /// Each page of the log stores a register of the flash chip.
     LogWearsFlash,
+    /// The power went off while armed before this start. Many owners switch off so.
+    PowerWentOff,
+    /// The board was reset while armed before this start.
+    ResetWhileArmed,
 }
 
 impl Announce for Notice {
     fn severity(&self) -> Severity {
         match self {
             Self::Suggestion(..) => Severity::Notice,
-            Self::ParametersSaved => Severity::Info,
+            Self::ParametersSaved | Self::PowerWentOff | Self::ResetWhileArmed => Severity::Info,
             _ => Severity::Warning,
         }
     }
@@ -117,6 +121,8 @@ impl fmt::Display for Notice {
                 parameter.row().name,
                 Hundredths(*seconds)
             ),
+            Self::PowerWentOff => f.write_str("Power went off while armed"),
+            Self::ResetWhileArmed => f.write_str("Reset while armed"),
             Self::LogWearsFlash => f.write_str("Logging wears out this flash chip: set LOG_BITMASK 0"),
         }
     }
@@ -152,7 +158,7 @@ impl Announce for LogFailure {
 impl fmt::Display for LogFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Full => "Log full until disarmed",
+            Self::Full => LOG_FULL,
             Self::NotWritten => "Log not written: flash worn out?",
         })
     }

@@ -38,6 +38,7 @@ impl Autopilot {
         let event = self.vehicle.update(now, &settings);
         let begun = self.recording.follow(now, &self.parameters, &self.vehicle);
         if begun.is_some() {
+            self.record_last_run();
             self.record_known_status();
         }
         if let Some(event) = event {
@@ -82,6 +83,7 @@ impl Autopilot {
         match (self.known_status.arm_state, status.arm_state) {
             (ArmState::Armed, ArmState::Disarmed) => self.save_after_disarming(),
             (ArmState::Disarmed, ArmState::Armed) => {
+                self.end_interruption(now);
                 self.announce_long_time_outs(now);
                 self.announce_idle_limits(now);
             }
@@ -148,6 +150,7 @@ impl Autopilot {
             method,
         });
         self.recording.add(&Record::Event(status.arm_state));
+        self.work |= Work::LOG;
     }
 
     /// Records a failsafe of sticks or ground stations.

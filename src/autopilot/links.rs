@@ -1,5 +1,7 @@
 //! Links to ground stations: what is sent and received, and what a request leads to.
 
+use core::mem;
+
 use super::announcement::Notice;
 use super::broadcast::{Announced, Next};
 use super::recording::is_on;
@@ -19,7 +21,10 @@ use crate::sensor::Admission;
 use crate::time::Instant;
 use crate::vehicle::FailsafeAction;
 
-/// Sent to a ground station that reads all parameters.
+/// A station that is heard this soon has opened the link itself, and has had its notices.
+const OPENED_BY_STATION_US: u64 = 200_000;
+
+/// Sent to the first ground station of a link, and to one that reads all parameters.
 const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
 
 impl Autopilot {
@@ -51,8 +56,20 @@ impl Autopilot {
         self.work |= Work::DRIVE;
     }
 
+    /// The first station of a link: one that listens since the link was opened has had the other notices.
+    fn greet(&self, endpoint: &mut Endpoint, now: Instant) {
+        if mem::replace(&mut endpoint.is_greeted, true) {
+            return;
+        }
+        endpoint.say(Severity::Info, BANNER);
+        if now.us_since(endpoint.levels_reported_at) >= OPENED_BY_STATION_US {
+            self.notify_of_interruption(endpoint);
+        }
+    }
+
     /// Notices for a ground station that connects: about the start, and about what can't be saved or trusted now.
     fn send_notices(&self, endpoint: &mut Endpoint) {
+        self.notify_of_interruption(endpoint);
         if self.parameter_load != ParameterLoad::Loaded {
             notify(endpoint, &self.parameter_load);
         }
@@ -258,11 +275,10 @@ impl Autopilot {
     /// Acts on a handled frame, and returns the tasks to wake.
     fn react(&mut self, event: &Event, endpoint: &mut Endpoint, now: Instant, received_at: Instant) -> Work {
         match *event {
-            Event::Ignored | Event::Answered => {}
-            Event::GroundStationHeard => return Work::GROUND_STATION_HEARD,
+            Event::Ignored | Event::Answered | Event::GroundStationHeard => {}
             Event::GroundStationIntroduced => {
+                self.greet(endpoint, now);
                 self.repeat_levels(endpoint, now);
-                return Work::GROUND_STATION_HEARD;
             }
             Event::TimeHeard(utc) => self.recording.set_time(utc, now),
             Event::Driven => return Work::DRIVE,
@@ -411,7 +427,7 @@ fn notify_any(endpoint: &mut Endpoint, notice: Option<impl Announce>) {
 }
 
 /// Sends `notice` on this link only.
-fn notify(endpoint: &mut Endpoint, notice: &dyn Announce) {
+pub(super) fn notify(endpoint: &mut Endpoint, notice: &dyn Announce) {
     let text = announced_text(notice);
     info!("{}: {}", endpoint.name(), text.as_str());
     endpoint.say(notice.severity(), &text);

@@ -9,6 +9,7 @@ mod announcement_limit;
 mod broadcast;
 mod can_watch;
 mod driving;
+mod interruption;
 mod learnt;
 mod links;
 mod packs;
@@ -23,7 +24,7 @@ mod wiring;
 
 pub use announcement::{CrashLine, Notice};
 pub use driving::Outputs;
-pub use recording::{LogFailure, LogStep};
+pub use recording::{LOG_FULL, LogFailure, LogStep};
 pub use sampling::{SAMPLING_INTERVAL_US, SAMPLING_RESOLUTION_US, SamplingProgress, SamplingTick};
 pub use start::{ParameterLoad, Start};
 pub use stores::{FlashJob, FlashResult, FlashStore, PackIdentity};
@@ -51,6 +52,7 @@ use crate::vehicle::{ArmState, Vehicle, VehicleEvent, VehicleStatus};
 use announcement_limit::AnnouncementLimit;
 use broadcast::{Announced, Broadcast, Changes};
 use can_watch::CanWatch;
+use interruption::LastRun;
 use packs::Packs;
 use recording::Recording;
 use stores::SaveReports;
@@ -85,6 +87,7 @@ pub struct Autopilot {
     /// To be done by the CAN task: a ground station switches the solar chargers.
     charger_switch: Option<ChargerPower>,
     recording: Recording,
+    last_run: LastRun,
     /// The watchdog has the time-out of this state.
     watched_as: ArmState,
     /// Why the mode changes next, if it does.
@@ -120,7 +123,8 @@ impl Autopilot {
             wifi: in_place(|| WifiState::new(start)),
             can: CanWatch::new(start),
             charger_switch: None,
-            recording: in_place(|| Recording::new(start.crash.clone())),
+            recording: in_place(|| Recording::new(start.has_crashed)),
+            last_run: in_place(|| LastRun::new(start)),
             watched_as: ArmState::Disarmed,
             mode_reason: ModeReason::Command,
             known_status: in_place(VehicleStatus::default),
@@ -299,8 +303,8 @@ bitflags! {
         const SAVE = 1 << 2;
         /// A ground station requested a restart.
         const RESTART = 1 << 3;
-        /// A ground station sent a HEARTBEAT.
-        const GROUND_STATION_HEARD = 1 << 4;
+        /// The log has something to write at once.
+        const LOG = 1 << 4;
         /// The radio's set-up may have changed: [`Autopilot::wifi_setup`](Autopilot::wifi_setup).
         const WIFI = 1 << 5;
         /// The vehicle was armed or disarmed, so that the watchdog gets another time-out: [`Autopilot::watched`](Autopilot::watched).

@@ -1,7 +1,9 @@
 //! The start: what was read from flash, and what it announces.
 
+use core::ops::Range;
+
 use crate::announce::announced_text;
-use crate::crash::CrashRecord;
+use crate::crash::{CrashRecord, RunEnd};
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
 use crate::memory::flash_chip::RegisterWear;
@@ -24,8 +26,14 @@ pub struct Start {
     pub flash_wear: RegisterWear,
     /// Whether the board has a Wi-Fi radio.
     pub radio: Radio,
-    /// The crash by which the run before this one ended.
+    /// How the run before this one ended.
+    pub run_end: RunEnd,
+    /// Whether it ended by a crash.
+    pub has_crashed: bool,
+    /// The latest crash, of that run or an earlier one.
     pub crash: Option<CrashRecord>,
+    /// Address range of the program, for the call sites of a crash.
+    pub program_code: Range<u32>,
     /// Number of runs in a row that crashed during the radio's turn.
     pub radio_crashes: u8,
 }
@@ -53,7 +61,10 @@ impl Default for Start {
             identity: Identity::default(),
             flash_wear: RegisterWear::None,
             radio: Radio::Absent,
+            run_end: RunEnd::Complete,
+            has_crashed: false,
             crash: None,
+            program_code: 0..0,
             radio_crashes: 0,
             parameters: Parameters::defaults(),
         }

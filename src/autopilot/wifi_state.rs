@@ -101,7 +101,10 @@ impl WifiState {
 /// not restart the board again and again. Anything may hang or be interrupted during its turn: once in a row that is not blamed
 /// on it.
 fn is_radio_to_blame(start: &Start) -> bool {
-    let crash = start.crash.as_ref().filter(|crash| crash.is_during(RADIO_TASK));
+    let crash = start
+        .crash
+        .as_ref()
+        .filter(|crash| start.has_crashed && crash.is_during(RADIO_TASK));
     start.radio == Radio::Present
         && crash.is_some_and(|crash| crash.is_fault_of_task() || start.radio_crashes > 1)
 }

@@ -28,6 +28,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     retained::write_crash(&CrashRecord {
         task: running::running_task(),
         cause: CrashCause::Fault(site(frame)),
+        firmware: running::firmware(),
     });
     reset::restart_after_fault()
 }

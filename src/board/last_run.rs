@@ -5,15 +5,20 @@ use embassy_rp::pac::WATCHDOG;
 use super::reset::{Predecessor, take_reset_reason};
 use super::running::{Notes, take_notes};
 use super::{ResetReason, retained};
-use crate::crash::{CrashCause, CrashRecord, CrashesInARow, StartKind, headline};
+use crate::crash::{
+    CrashCause, CrashRecord, CrashesInARow, DriveMark, RunEnd, StartCause, StartKind, headline,
+};
 use crate::log::warn;
+use crate::vehicle::ArmState;
 use crate::wifi::RADIO_TASK;
 
 /// The program that ran before this start.
 pub struct LastRun {
     /// Why it ended.
     pub reset_reason: ResetReason,
-    /// The crash that was not reported to a ground station yet. It may be older than the last run.
+    /// How it ended, for its driver.
+    pub end: RunEnd,
+    /// The latest crash. It may be older than the last run.
     pub crash: Option<CrashRecord>,
     /// Number of programs that crashed one after the other.
     pub crashes_in_a_row: CrashesInARow,
@@ -46,6 +51,7 @@ impl LastRun {
         };
         Self {
             reset_reason,
+            end: take_end(cause(reset_reason)),
             crash,
             crashes_in_a_row: count(|before| before.with(start)),
             start,
@@ -60,10 +66,40 @@ impl LastRun {
     /// Logs everything about the crash.
     pub fn log(&self) {
         let Some(crash) = &self.crash else { return };
-        warn!("{}", headline(crash).as_str());
+        warn!("{}", headline(crash, crash.firmware).as_str());
         if let CrashCause::Fault(site) = &crash.cause {
             warn!("xPSR {=u32:#010x}, stack {=[?]:#010x}", site.xpsr, site.stack);
         }
+    }
+}
+
+fn cause(reset_reason: ResetReason) -> StartCause {
+    match reset_reason {
+        ResetReason::PowerOn => StartCause::Power,
+        ResetReason::WatchdogTimeout | ResetReason::Fault => StartCause::Crash,
+        ResetReason::RunPin | ResetReason::Debugger | ResetReason::Processor => StartCause::Reset,
+        ResetReason::Software => StartCause::Request,
+    }
+}
+
+/// How the last run ended. An interruption is marked for the starts until the next arming.
+fn take_end(cause: StartCause) -> RunEnd {
+    let mark = DriveMark::after(retained::drive_mark(), cause);
+    if let Some(mark) = mark {
+        retained::set_drive_mark(mark);
+    }
+    RunEnd::new(mark)
+}
+
+/// Marks the state of the drive for the next start. Disarmed, an interruption stays marked.
+pub(super) fn mark_drive(arm_state: ArmState) {
+    let before = retained::drive_mark();
+    let now = match arm_state {
+        ArmState::Armed => DriveMark::Armed,
+        ArmState::Disarmed => DriveMark::Disarmed,
+    };
+    if before != Some(now) && (before == Some(DriveMark::Armed) || now == DriveMark::Armed) {
+        retained::set_drive_mark(now);
     }
 }
 
@@ -73,10 +109,12 @@ fn starved(notes: Notes) -> CrashRecord {
         Some(task) => CrashRecord {
             task: Some(task),
             cause: CrashCause::Overdue,
+            firmware: notes.firmware,
         },
         None => CrashRecord {
             task: notes.running,
             cause: CrashCause::Hung,
+            firmware: notes.firmware,
         },
     }
 }

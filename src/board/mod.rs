@@ -42,8 +42,8 @@ pub use memory_map::{program, program_code};
 pub use motors::{BoardMotors, MotorPeripherals, MotorPins};
 pub use pulses::{PULSES_SEEN, PulseInput, pulse_input};
 pub use reset::{ResetReason, restart};
-pub use retained::{RETAINED_LEASES, forget_crash, retained_memory};
-pub use running::{name_task, name_this_task};
+pub use retained::{RETAINED_LEASES, retained_memory};
+pub use running::{name_task, name_this_task, note_firmware};
 pub use spi::{SensorSpi, SharedSpi, SpiPeripherals};
 pub use stack_guard::guard_stack;
 pub use uart::{

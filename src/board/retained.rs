@@ -1,4 +1,5 @@
-//! RAM that keeps its content over a reset of the processor: the state of the packs, leases, and the record of a crash.
+//! RAM that keeps its content over a reset of the processor: the state of the packs, leases, the record of a crash, and whether
+//! the rover was armed.
 #![expect(
     unsafe_code,
     reason = "the section has no initialiser, and its content is only bytes until it was checked"
@@ -8,7 +9,7 @@ use core::mem::MaybeUninit;
 
 use super::ResetReason;
 use crate::battery::{RetainedMemory, RetainedRecord};
-use crate::crash::{CrashRecord, CrashWords};
+use crate::crash::{CrashRecord, CrashWords, DriveMark, MarkWords};
 use crate::memory::retained::RetainedWords;
 use crate::net::RetainedLeases;
 
@@ -48,18 +49,28 @@ const WORDS: usize = size_of::<CrashWords>() / 4;
 #[unsafe(link_section = ".uninit.CRASH")]
 static CRASH: RetainedWords<WORDS> = RetainedWords::new();
 
-/// Writes a crash down. The latest takes the place of one that was not reported yet: it is what keeps the board from
-/// running now, and the log has the other.
+/// Words of a mark.
+const MARK_WORDS: usize = size_of::<MarkWords>() / 4;
+
+#[unsafe(link_section = ".uninit.DRIVE_MARK")]
+static DRIVE_MARK: RetainedWords<MARK_WORDS> = RetainedWords::new();
+
+/// State of the drive before this start, or that was noted since.
+pub(super) fn drive_mark() -> Option<DriveMark> {
+    DriveMark::from_words(&DRIVE_MARK.get())
+}
+
+/// Notes the state of the drive for the next start.
+pub(super) fn set_drive_mark(mark: DriveMark) {
+    DRIVE_MARK.set(mark.to_words());
+}
+
+/// Writes a crash down. The latest replaces an older one: it is what keeps the board from running now, and the log has the other.
 pub(super) fn write_crash(record: &CrashRecord) {
     CRASH.set(record.to_words());
 }
 
-/// The crash that was not reported yet.
+/// The latest crash.
 pub(super) fn crash() -> Option<CrashRecord> {
     CrashRecord::from_words(&CRASH.get())
-}
-
-/// The crash was reported.
-pub fn forget_crash() {
-    CRASH.set([0; WORDS]);
 }

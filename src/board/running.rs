@@ -14,6 +14,7 @@ use embassy_rp::pac::WATCHDOG;
 
 use crate::crash::{TaskName, TaskNameWords};
 use crate::log::warn;
+use crate::memory::identity::FirmwareHash;
 use crate::memory::retained::RetainedWords;
 
 /// Content of a register that was not written since power-on or RUN.
@@ -30,6 +31,10 @@ const ENTRY_WORDS: usize = 1 + size_of::<TaskNameWords>() / 4;
 static NAMES: [RetainedWords<ENTRY_WORDS>; MAX_TASKS] = [const { RetainedWords::new() }; MAX_TASKS];
 static NAMED: AtomicUsize = AtomicUsize::new(0);
 
+/// Hash of the program that runs, once known. Retained as the names are.
+#[unsafe(link_section = ".uninit.FIRMWARE")]
+static FIRMWARE: RetainedWords<1> = RetainedWords::new();
+
 /// The note before a task in an interrupt began. Only one executor runs in an interrupt.
 static INTERRUPTED: AtomicU32 = AtomicU32::new(NOTHING);
 
@@ -41,6 +46,7 @@ pub(super) struct Notes {
     pub running: Option<TaskName>,
     /// The task because of which the watchdog was not fed.
     pub overdue: Option<TaskName>,
+    pub firmware: Option<FirmwareHash>,
 }
 
 /// The notes of the program before this start; `None` if it makes none. From now on this program's are made.
@@ -49,7 +55,9 @@ pub(super) fn take_notes() -> Option<Notes> {
     let notes = Notes {
         running: name_of(running),
         overdue: name_of(WATCHDOG.scratch1().read()),
+        firmware: firmware(),
     };
+    FIRMWARE.set([FirmwareHash::to_word(None)]);
     WATCHDOG.scratch1().write_value(NOTHING);
     WATCHDOG.scratch0().write_value(MAIN);
     NOTES_WERE_READ.store(true, Ordering::Relaxed);
@@ -74,6 +82,17 @@ pub fn name_task(id: u32, name: &str) {
 pub async fn name_this_task(name: &str) {
     let own_id = poll_fn(|context| Poll::Ready(task_from_waker(context.waker()).id()));
     name_task(own_id.await, name);
+}
+
+/// Notes which program runs, for a crash record.
+pub fn note_firmware(hash: FirmwareHash) {
+    FIRMWARE.set([FirmwareHash::to_word(Some(hash))]);
+}
+
+/// The program that runs, if noted.
+pub(super) fn firmware() -> Option<FirmwareHash> {
+    let [word] = FIRMWARE.get();
+    FirmwareHash::from_word(word)
 }
 
 /// The task that is running.

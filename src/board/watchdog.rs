@@ -57,6 +57,7 @@ impl Watchdog for BoardWatchdog {
         running::note_overdue(None);
         alarm_watch::follow(arm_state);
         last_run::end_quick_crashes(Instant::now().as_secs());
+        last_run::mark_drive(arm_state);
         self.0.feed(match arm_state {
             ArmState::Armed => TIMEOUT_WHILE_ARMED,
             ArmState::Disarmed => TIMEOUT,

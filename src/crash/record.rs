@@ -3,16 +3,17 @@
 use core::fmt::{self, Display, Formatter, Write};
 use core::ops::Range;
 
+use crate::memory::identity::FirmwareHash;
 use crate::memory::retained::{is_sealed, seal};
 
 /// Identifies this layout.
-const MAGIC: u32 = u32::from_le_bytes(*b"CRS1");
+const MAGIC: u32 = u32::from_le_bytes(*b"CRS2");
 
 /// Recorded words of the stack: a few frames, the innermost first.
 pub const STACK_WORDS: usize = 32;
 
-/// Magic number, cause, task name, three registers, stack, checksum.
-const RECORD_WORDS: usize = 2 + 4 + 3 + STACK_WORDS + 1;
+/// Magic number, cause, task name, firmware, three registers, stack, checksum.
+const RECORD_WORDS: usize = 2 + 4 + 1 + 3 + STACK_WORDS + 1;
 
 /// A record as words.
 pub type CrashWords = [u32; RECORD_WORDS];
@@ -33,6 +34,8 @@ pub struct CrashRecord {
     pub task: Option<TaskName>,
     /// The cause.
     pub cause: CrashCause,
+    /// The firmware that crashed, unless it crashed before it had computed its hash.
+    pub firmware: Option<FirmwareHash>,
 }
 
 /// Cause of a crash.
@@ -90,8 +93,9 @@ impl CrashRecord {
     /// The record as words with magic number and checksum.
     pub fn to_words(&self) -> CrashWords {
         let mut words = [0; RECORD_WORDS];
-        let [_, code, a, b, c, d, pc, lr, xpsr, stack @ .., _] = &mut words;
+        let [_, code, a, b, c, d, firmware, pc, lr, xpsr, stack @ .., _] = &mut words;
         [*a, *b, *c, *d] = self.task.map_or([0; 4], TaskName::to_words);
+        *firmware = FirmwareHash::to_word(self.firmware);
         *code = match &self.cause {
             CrashCause::Overdue => OVERDUE,
             CrashCause::Hung => HUNG,
@@ -109,7 +113,7 @@ impl CrashRecord {
         if !is_sealed(words, MAGIC) {
             return None;
         }
-        let &[_, code, a, b, c, d, pc, lr, xpsr, stack @ .., _] = words;
+        let &[_, code, a, b, c, d, firmware, pc, lr, xpsr, stack @ .., _] = words;
         let cause = match code {
             FAULT => CrashCause::Fault(FaultSite { pc, lr, xpsr, stack }),
             OVERDUE => CrashCause::Overdue,
@@ -119,6 +123,7 @@ impl CrashRecord {
         Some(Self {
             task: TaskName::from_words([a, b, c, d]),
             cause,
+            firmware: FirmwareHash::from_word(firmware),
         })
     }
 }
@@ -184,9 +189,10 @@ mod tests {
 
     fn record() -> impl Strategy<Value = CrashRecord> {
         let task = prop::option::of("[ -~]{1,16}");
-        (task, cause()).prop_map(|(task, cause)| CrashRecord {
+        (task, cause(), any::<u32>()).prop_map(|(task, cause, firmware)| CrashRecord {
             task: task.and_then(|name| TaskName::new(&name)),
             cause,
+            firmware: FirmwareHash::from_word(firmware),
         })
     }
 
@@ -214,6 +220,7 @@ mod tests {
         let mut words = CrashRecord {
             task: None,
             cause: CrashCause::Hung,
+            firmware: None,
         }
         .to_words();
         words[1] = HUNG + 1;

@@ -67,6 +67,8 @@ pub struct Endpoint {
     pub(crate) position: BroadcastPosition,
     /// When latched failsafe levels were reported last; at the start, when it was opened.
     pub(crate) levels_reported_at: Instant,
+    /// Whether a station was heard since it was opened.
+    pub(crate) is_greeted: bool,
     pub(crate) drop_log: RateLimit<LOG_INTERVAL_US>,
     pub(crate) refusal_log: RateLimit<LOG_INTERVAL_US>,
     /// The command that was refused last.
@@ -98,6 +100,7 @@ impl Endpoint {
             late_sticks_texts: LateSticksTexts::default(),
             position: BroadcastPosition::default(),
             levels_reported_at: now,
+            is_greeted: false,
             drop_log: RateLimit::default(),
             refusal_log: RateLimit::default(),
             refused_command: LastAnnounced::default(),

@@ -73,6 +73,16 @@ impl FirmwareHash {
         Self(crc32(program))
     }
 
+    /// As a word in RAM, where 0 stands for one that is not known yet.
+    pub fn to_word(hash: Option<Self>) -> u32 {
+        hash.map_or(0, Self::number)
+    }
+
+    /// From [`Self::to_word`].
+    pub fn from_word(word: u32) -> Option<Self> {
+        (word != 0).then_some(Self(word))
+    }
+
     /// As a number: its hexadecimal digits are those of [`Self::digits`].
     pub fn number(self) -> u32 {
         self.0

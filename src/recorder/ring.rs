@@ -183,6 +183,12 @@ impl Ring {
         self.directory.files()
     }
 
+    /// The newest file, unless a later one was begun in vain: that was a failed write, and what happened since is not known.
+    pub fn newest(&self) -> Option<LogFile> {
+        let newest = self.files().last().copied();
+        newest.filter(|file| after(file.number) == self.next_number)
+    }
+
     /// Place of a file's bytes from `offset` on, as far as they follow one another; `None` beyond its end, or if
     /// there is no such file.
     pub fn locate(&self, number: u16, offset: u32) -> Option<Piece> {

@@ -13,7 +13,7 @@ use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::{CheckIn, Shared, mark, now};
-use crate::autopilot::{FlashJob, FlashResult, FlashStore, LogStep, ParameterLoad, Start};
+use crate::autopilot::{FlashJob, FlashResult, FlashStore, LOG_FULL, LogStep, ParameterLoad, Start};
 use crate::battery::{LEARNT_WORDS, OLDER_LEARNT_WORDS};
 use crate::crash::ParameterSource;
 use crate::log::warn;
@@ -21,6 +21,7 @@ use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::memory::flash_map;
 use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Records, Storage, StorageError};
 use crate::parameter::{Parameters, Refused, Unsaved, VehicleParameter};
+use crate::recorder::dataflash::ends_armed;
 use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS};
 
@@ -280,6 +281,11 @@ pub async fn keep_flash<F: NorFlash>(
     }
     let scan = async {
         let ring = Ring::scan(&mut log, log_range).await;
+        if shared.with(|autopilot| autopilot.needs_last_arming())
+            && ends_armed(&mut log, &ring, LOG_FULL).await
+        {
+            shared.with(|autopilot| autopilot.last_run_ended_armed(now()));
+        }
         shared.with(|autopilot| autopilot.logs_found(ring));
     };
     storages.save_during(pin!(scan), shared, check_in).await;
@@ -290,9 +296,10 @@ pub async fn keep_flash<F: NorFlash>(
             make_password(&mut entropy, shared).await;
         }
         let pause = keep_log(&mut log, shared).await;
-        storages
-            .save_during(pin!(Timer::after(pause)), shared, check_in)
-            .await;
+        let pause = pin!(async {
+            select(Timer::after(pause), shared.to_write_log.wait()).await;
+        });
+        storages.save_during(pause, shared, check_in).await;
     }
 }
 

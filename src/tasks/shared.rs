@@ -27,7 +27,7 @@ pub struct Shared {
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
     /// The radio's set-up may have changed.
     pub(crate) to_set_up_wifi: Signal<NoopRawMutex, ()>,
-    pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
+    pub(super) to_write_log: Signal<NoopRawMutex, ()>,
     pub(super) to_feed_watchdog: Signal<NoopRawMutex, ()>,
 }
 
@@ -43,7 +43,7 @@ impl Shared {
             to_save: Signal::new(),
             to_reboot: Signal::new(),
             to_set_up_wifi: Signal::new(),
-            ground_station_heard: Signal::new(),
+            to_write_log: Signal::new(),
             to_feed_watchdog: Signal::new(),
         }
     }
@@ -71,7 +71,7 @@ impl Shared {
             (Work::SAVE, &self.to_save),
             (Work::RESTART, &self.to_reboot),
             (Work::WIFI, &self.to_set_up_wifi),
-            (Work::GROUND_STATION_HEARD, &self.ground_station_heard),
+            (Work::LOG, &self.to_write_log),
             (Work::WATCHDOG, &self.to_feed_watchdog),
         ];
         for (kind, signal) in signals {

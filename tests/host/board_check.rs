@@ -7,7 +7,8 @@ use std::rc::Rc;
 use support::time::SECOND;
 
 use proptest::prelude::*;
-use rover_battmon::autopilot::{CrashLine, ParameterLoad, Start, Work};
+use rover_battmon::autopilot::{ParameterLoad, Start, Work};
+use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, Interruption, RunEnd, STACK_WORDS, TaskName};
 use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
@@ -103,8 +104,6 @@ struct DeskBoard {
     started_us: u64,
     now_us: u64,
     restart_at_us: Option<u64>,
-    /// A crash to be reported to the first ground station.
-    has_crashed: bool,
     noise: fastrand::Rng,
     /// Duty of each side, from −1 to 1.
     duties: [f32; 2],
@@ -134,7 +133,6 @@ impl DeskBoard {
             started_us: 0,
             now_us: 0,
             restart_at_us: None,
-            has_crashed: false,
             noise: fastrand::Rng::with_seed(1),
             duties: [0.0; 2],
             turned,
@@ -163,13 +161,20 @@ impl DeskBoard {
                 .set(VehicleParameter::Sr0Params, 10.0)
                 .expect("in range");
         }
-        self.desk = Desk::with_own_drivers(Start::with_parameters(parameters));
+        let has_record = how == Restart::Fault && self.fault != Fault::NoCrashRecord;
+        self.desk = Desk::with_own_drivers(Start {
+            run_end: match how {
+                Restart::Fault => RunEnd::Interrupted(Interruption::Crash),
+                Restart::Firmware | Restart::BootLoader => RunEnd::Complete,
+            },
+            crash: has_record.then(|| crash(self.fault)),
+            ..Start::with_parameters(parameters)
+        });
         self.started_us = self.now_us
             + match self.fault {
                 Fault::BootsIn(boot_us) => boot_us,
                 _ => BOOT_US,
             };
-        self.has_crashed = how == Restart::Fault && self.fault != Fault::NoCrashRecord;
         self.open();
     }
 
@@ -253,14 +258,6 @@ impl DeskBoard {
         if work.contains(Work::RESTART) {
             self.restart_at_us = Some(self.now_us + SHUTDOWN_US);
         }
-        if work.contains(Work::GROUND_STATION_HEARD) && std::mem::take(&mut self.has_crashed) {
-            let text = match self.fault {
-                Fault::OtherCrashRecord => "Crash: battery was overdue",
-                _ => "Crash: hard fault in reboot, PC 0x10001234 LR 0x10005679",
-            };
-            let now = self.desk.now();
-            self.desk.autopilot.announce(&CrashLine(text), now);
-        }
     }
 
     fn sent(&mut self) -> Vec<Vec<u8>> {
@@ -278,6 +275,27 @@ impl DeskBoard {
         if self.now_us >= self.started_us {
             self.desk.receive_in_chunks(bytes, 64);
         }
+    }
+}
+
+/// The record of the crash that was requested, or of another one.
+fn crash(fault: Fault) -> CrashRecord {
+    let (task, cause) = match fault {
+        Fault::OtherCrashRecord => ("battery", CrashCause::Overdue),
+        _ => (
+            "reboot",
+            CrashCause::Fault(FaultSite {
+                pc: 0x1000_1234,
+                lr: 0x1000_5679,
+                xpsr: 0,
+                stack: [0; STACK_WORDS],
+            }),
+        ),
+    };
+    CrashRecord {
+        task: TaskName::new(task),
+        cause,
+        firmware: None,
     }
 }
 

@@ -52,6 +52,7 @@ fn file() -> Vec<u8> {
             xpsr: 0x6100_0000,
             stack: [0; STACK_WORDS],
         }),
+        firmware: None,
     };
     let vehicle = [
         Record::Message("Rover 0.1.0"),

@@ -526,7 +526,16 @@ fn announced() -> Vec<String> {
     let causes = [CrashCause::Fault(site), CrashCause::Overdue, CrashCause::Hung];
     let crashes = causes.map(|cause| {
         let task = TaskName::new("drive");
-        headline(&CrashRecord { task, cause }).to_string()
+        let firmware = None;
+        headline(
+            &CrashRecord {
+                task,
+                cause,
+                firmware,
+            },
+            None,
+        )
+        .to_string()
     });
     let id = BatteryParameter::Cells.of(Pack::First);
     let why = Refused::OutOfRange;

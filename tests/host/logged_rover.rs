@@ -55,7 +55,8 @@ impl Rover {
         }
     }
 
-    fn obey(&mut self, step: LogStep) {
+    /// Does what the log needs, in flash that works.
+    pub fn obey(&mut self, step: LogStep) {
         match step {
             LogStep::Program { address, bytes } => {
                 block_on(self.flash.write(address, &bytes)).expect("it works");

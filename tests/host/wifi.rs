@@ -328,7 +328,12 @@ fn a_radio_stays_off_after_a_fault_of_its_task_or_a_second_hang_in_its_turn() {
         let case = format!("{task} {cause:?} {radio_crashes}");
         let task = TaskName::new(task);
         let mut desk = Desk::starting(Start {
-            crash: Some(CrashRecord { task, cause }),
+            has_crashed: true,
+            crash: Some(CrashRecord {
+                task,
+                cause,
+                firmware: None,
+            }),
             radio_crashes,
             ..start(Radio::Present)
         });

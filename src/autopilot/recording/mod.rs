@@ -18,7 +18,6 @@ use stream::{Stream, parameter_record};
 
 use crate::announce::LastAnnounced;
 use crate::battery::{Extremes, FailsafeTimers};
-use crate::crash::CrashRecord;
 use crate::log::{info, warn};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterId, ParameterTrouble, Parameters, VehicleParameter};
@@ -69,6 +68,9 @@ pub enum LogFailure {
     NotWritten,
 }
 
+/// Announced once the log is full, and its last record.
+pub const LOG_FULL: &str = "Log full until disarmed";
+
 /// Records on their way to flash.
 #[derive(Debug)]
 pub struct Recording {
@@ -90,8 +92,10 @@ pub struct Recording {
     failure: Option<LogFailure>,
     announced: LastAnnounced<Option<LogFailure>>,
     retry_at: Instant,
-    /// The crash before this start, until it is in flash.
-    crash: Option<CrashRecord>,
+    /// Whether the crash before this start has to get into flash.
+    crash_is_due: bool,
+    /// What waits has to be in flash at once.
+    is_urgent: bool,
     date: Date,
     /// The timers of each pack's failsafe as the file has them.
     timers: [FailsafeTimers; MAX_PACKS],
@@ -131,7 +135,7 @@ enum Wish {
 impl Recording {
     // Not inlined: see `in_place`.
     #[inline(never)]
-    pub fn new(crash: Option<CrashRecord>) -> Self {
+    pub fn new(has_crashed: bool) -> Self {
         Self {
             ring: None,
             readers: LogReaders::NONE,
@@ -147,7 +151,8 @@ impl Recording {
             failure: None,
             announced: LastAnnounced::default(),
             retry_at: Instant::EPOCH,
-            crash,
+            crash_is_due: has_crashed,
+            is_urgent: false,
             date: Date::default(),
             timers: [FailsafeTimers::STOPPED; MAX_PACKS],
             reports_at: [None; MAX_PACKS],
@@ -255,10 +260,15 @@ impl Recording {
         }
     }
 
+    /// Whether the crash before this start has to be recorded.
+    pub fn crash_is_due(&self) -> bool {
+        self.crash_is_due
+    }
+
     /// Whether a file is begun for the crash before this start. Not after quick crashes: the owner's `LOG_BITMASK` is unknown, and
     /// a loop would take the place of drives.
     fn has_crash_to_record(&self, parameters: &Parameters) -> bool {
-        self.crash.is_some() && parameters.trouble() != Some(ParameterTrouble::NotRead)
+        self.crash_is_due && parameters.trouble() != Some(ParameterTrouble::NotRead)
     }
 
     /// Whether the log ends until the rover is disarmed.
@@ -307,16 +317,17 @@ impl Recording {
         self.extremes = [Extremes::default(); MAX_PACKS];
         self.flushed_at = self.now;
         self.add(&Record::Message(GREETING));
-        if let Some(crash) = &self.crash {
-            let record = Record::Crash(crash).encode(self.now.as_micros());
-            self.stream.add(&record);
-        }
         Some(number)
     }
 
     fn fail(&mut self, failure: LogFailure) {
         if failure == LogFailure::NotWritten {
-            self.retry_at = self.now.after_us(RETRY_INTERVAL_US);
+            // Once at once, in another sector: the begun file shows the next start that this one does not end the drive.
+            let pause_us = match self.failure {
+                Some(LogFailure::NotWritten) => RETRY_INTERVAL_US,
+                _ => 0,
+            };
+            self.retry_at = self.now.after_us(pause_us);
         }
         if self.failure != Some(failure) {
             warn!("log: {:?}", failure);
@@ -329,6 +340,8 @@ impl Recording {
         if self.state != State::Recording {
             return 0;
         }
+        // The next start sees by it whether the power has ended a drive.
+        self.is_urgent |= matches!(record, Record::Arm { .. });
         let bytes = record.encode(self.now.as_micros());
         let has_room = self.stream.add(&bytes);
         if let Record::Estimate(pack, ..) = record

@@ -82,7 +82,7 @@ impl Recording {
             Erase::Allowed => FLUSH_INTERVAL_WITH_ERASES_US,
             Erase::Forbidden => FLUSH_INTERVAL_US,
         };
-        self.state == State::Closing || now.us_since(self.flushed_at) >= interval_us
+        self.is_urgent || self.state == State::Closing || now.us_since(self.flushed_at) >= interval_us
     }
 
     /// Takes as much out of the stream as a page holds.
@@ -148,7 +148,8 @@ impl Recording {
     /// Everything is in flash.
     fn flushed(&mut self, now: Instant) {
         self.flushed_at = now;
-        self.crash = None;
+        self.crash_is_due = false;
+        self.is_urgent = false;
         if self.failure == Some(LogFailure::NotWritten) {
             self.failure = None;
         }

@@ -42,11 +42,11 @@ struct RecordingBench {
 
 impl RecordingBench {
     fn new() -> Self {
-        Self::with(Flash::blank(), Ring::new(Flash::REGION), None)
+        Self::with(Flash::blank(), Ring::new(Flash::REGION), false)
     }
 
-    fn with(flash: Flash, ring: Ring, crash: Option<CrashRecord>) -> Self {
-        let mut recording = Recording::new(crash);
+    fn with(flash: Flash, ring: Ring, has_crashed: bool) -> Self {
+        let mut recording = Recording::new(has_crashed);
         recording.found(ring);
         Self {
             recording,
@@ -64,7 +64,7 @@ impl RecordingBench {
     fn restarted(mut self) -> Self {
         self.flash.power_up();
         let ring = block_on(Ring::scan(&mut self.flash, Flash::REGION));
-        Self::with(self.flash, ring, None)
+        Self::with(self.flash, ring, false)
     }
 
     /// Disarmed long enough to have space erased, then armed.
@@ -106,7 +106,10 @@ impl RecordingBench {
     /// A tenth of a second without the flash.
     fn tick(&mut self) {
         self.now = self.now.after_us(100_000);
-        self.recording.follow(self.now, &self.parameters, &self.vehicle);
+        let begun = self.recording.follow(self.now, &self.parameters, &self.vehicle);
+        if begun.is_some() && self.recording.crash_is_due() {
+            self.recording.add(&Record::Crash(&CRASH));
+        }
         self.recording.tick();
         if let Some(failure) = self.recording.take_report() {
             self.announced.push(failure);
@@ -379,7 +382,7 @@ fn another_pack_is_recorded_also_in_a_pause() {
 #[test]
 fn a_file_begins_when_the_flash_was_read_after_arming() {
     let mut bench = RecordingBench::armed().restarted();
-    bench.recording = Recording::new(None);
+    bench.recording = Recording::new(false);
     bench.arm();
     bench.run(1);
     let ring = block_on(Ring::scan(&mut bench.flash, Flash::REGION));
@@ -576,26 +579,27 @@ fn a_failing_flash_is_announced_once_until_it_works() {
     let mut bench = RecordingBench::under_way();
     bench.is_chatty = true;
     bench.flash.cut_power_after(0, 1);
-    bench.run(60);
+    bench.run(50);
     assert_eq!(bench.announced, [LogFailure::NotWritten]);
     bench.flash.power_up();
     bench.run(15);
     let newest = *bench.numbers().last().unwrap();
     assert!(newest > 1 && contains(&bench.file(newest), GREETING));
     bench.flash.cut_power_after(0, 1);
-    bench.run(15);
+    bench.run(5);
     assert_eq!(bench.announced, [LogFailure::NotWritten; 2]);
 }
 
 const CRASH: CrashRecord = CrashRecord {
     task: None,
     cause: CrashCause::Hung,
+    firmware: None,
 };
 
 impl RecordingBench {
     /// At a start after a crash.
     fn crashed() -> Self {
-        Self::with(Flash::blank(), Ring::new(Flash::REGION), Some(CRASH))
+        Self::with(Flash::blank(), Ring::new(Flash::REGION), true)
     }
 
     /// Number of times a file has the crash.

@@ -20,7 +20,6 @@ mod firmware {
         PulseInput, SensorI2c, SensorSpi, SerialPort, SerialUart, SharedSpi, SpiPeripherals, TelemetryUart,
         UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
-    use rover_battmon::crash::CrashRecord;
     use rover_battmon::mavlink::LinkId;
     use rover_battmon::memory::flash_map;
     use rover_battmon::memory::identity::BoardId;
@@ -196,14 +195,7 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn hash_program(shared: &'static Shared) {
-        tasks::hash_program(board::program(), shared).await;
-    }
-
-    #[embassy_executor::task]
-    async fn report_crash(crash: Option<CrashRecord>, shared: &'static Shared) {
-        if let Some(crash) = crash {
-            tasks::report_crash(&crash, board::program_code(), board::forget_crash, shared).await;
-        }
+        tasks::hash_program(board::program(), board::note_firmware, shared).await;
     }
 
     /// Starts everything, and serves USB from then on: the future of that lies where that of the start was. A task of its own
@@ -262,9 +254,10 @@ mod firmware {
         stored.radio = radio;
         stored.flash_wear = chip.wear;
         stored.identity.board_id = id;
-        if last_run.has_crashed() {
-            stored.crash = last_run.crash.clone();
-        }
+        stored.run_end = last_run.end;
+        stored.has_crashed = last_run.has_crashed();
+        stored.crash = last_run.crash;
+        stored.program_code = board::program_code();
         stored.radio_crashes = last_run.crashes_in_a_row.of_radio();
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
@@ -391,7 +384,6 @@ mod firmware {
         }
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
-        start(spawner, "crash report", report_crash(last_run.crash, shared));
         start(spawner, "program hash", hash_program(shared));
         start(spawner, "supervisor", supervisor(shared, watchdog, radio));
         (usb_port, logs, shared)

@@ -10,9 +10,11 @@
 //! ArduPilot's values for what is unknown; the functions that encode the records have them.
 
 mod format;
+mod last_arming;
 mod packet;
 mod record;
 
+pub use last_arming::ends_armed;
 pub use packet::{MAX_RECORD_BYTES, RecordBytes, opening_record};
 pub use record::{ArmingMethod, MESSAGE_BYTES, ModeReason, Record, Subsystem};
 

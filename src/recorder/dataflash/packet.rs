@@ -14,7 +14,8 @@ pub const MAX_RECORD_BYTES: usize = 89;
 /// A record as it is in a file.
 pub type RecordBytes = Vec<u8, MAX_RECORD_BYTES>;
 
-const SYNCHRONISATION: [u8; 2] = [0xa3, 0x95];
+/// Begins every record.
+pub const SYNCHRONISATION: [u8; 2] = [0xa3, 0x95];
 
 /// Always the same bits for an unknown number.
 const UNKNOWN: f32 = f32::from_bits(0x7fc0_0000);

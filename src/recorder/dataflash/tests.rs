@@ -63,6 +63,7 @@ fn fault() -> CrashRecord {
             xpsr: 0x6100_0000,
             stack: [0; STACK_WORDS],
         }),
+        firmware: None,
     }
 }
 
@@ -314,7 +315,11 @@ fn records_of_the_vehicle_have_each_field_in_its_place() {
 #[test]
 fn a_crash_without_a_fault_has_no_registers() {
     for (cause, number) in [(CrashCause::Overdue, 2), (CrashCause::Hung, 3)] {
-        let crash = CrashRecord { task: None, cause };
+        let crash = CrashRecord {
+            task: None,
+            cause,
+            firmware: None,
+        };
         let bytes = Record::Crash(&crash).encode(TIME_US);
         assert_eq!(bytes[11], number);
         assert!(bytes[12..].iter().all(|byte| *byte == 0));
