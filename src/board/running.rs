@@ -55,7 +55,7 @@ pub(super) fn take_notes() -> Option<Notes> {
     let notes = Notes {
         running: name_of(running),
         overdue: name_of(WATCHDOG.scratch1().read()),
-        firmware: firmware(),
+        firmware: retained_firmware(),
     };
     FIRMWARE.set([FirmwareHash::to_word(None)]);
     WATCHDOG.scratch1().write_value(NOTHING);
@@ -91,6 +91,12 @@ pub fn note_firmware(hash: FirmwareHash) {
 
 /// The program that runs, if noted.
 pub(super) fn firmware() -> Option<FirmwareHash> {
+    // Before that, the word is an earlier program's, or anything.
+    let is_own = NOTES_WERE_READ.load(Ordering::Relaxed);
+    retained_firmware().filter(|_| is_own)
+}
+
+fn retained_firmware() -> Option<FirmwareHash> {
     let [word] = FIRMWARE.get();
     FirmwareHash::from_word(word)
 }

@@ -1,8 +1,10 @@
 //! Crash records, and to which systems they are reported after the restart.
 
 use emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
-use support::frames::{CRITICAL, STATUSTEXT, of_message};
-use support::requests::{GCS, ONBOARD_CONTROLLER, heartbeat};
+use support::frames::{CRITICAL, STATUSTEXT, of_message, texts_of};
+use support::requests::{
+    GCS, ONBOARD_CONTROLLER, VEHICLE, arm_by_force, disarm, heartbeat, param_request_list,
+};
 use workbench::bench::{
     Bench, DIVIDER_CODE, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, TestedVehicle,
 };
@@ -73,16 +75,29 @@ fn said_to(bench: &mut Bench, kind: u8) -> Vec<String> {
     said_since(bench, from_us)
 }
 
-/// The report to the first ground station. Panics if there is one before it, or another after it.
-fn reported_once(bench: &mut Bench) -> Vec<String> {
-    assert_eq!(said_since(bench, 0), [""; 0], "before a ground station was heard");
+/// The report to the first ground station. Panics if there is none to a link that opens, or one after the next arming.
+fn reported(bench: &mut Bench) -> Vec<String> {
+    let at_start = said_since(bench, 0);
     assert!(said_to(bench, ONBOARD_CONTROLLER).is_empty());
     let reported = said_to(bench, GCS);
-    assert!(said_to(bench, GCS).is_empty(), "reported twice");
+    // Without addresses, until it is known which version runs.
+    assert!(reported[0].starts_with(&at_start[0]), "{at_start:?}");
+    assert!(said_to(bench, GCS).is_empty(), "once a station");
     bench.reboot();
-    assert!(said_to(bench, GCS).is_empty(), "reported again after a restart");
+    assert_eq!(said_to(bench, GCS)[0], reported[0], "it was not armed");
+    arm_and_disarm(bench);
+    bench.reboot();
+    assert!(
+        said_to(bench, GCS).is_empty(),
+        "reported again after it was armed"
+    );
     println!("{reported:?}");
     reported
+}
+
+fn arm_and_disarm(bench: &mut Bench) {
+    bench.ask(&arm_by_force());
+    bench.ask(&disarm());
 }
 
 fn assert_logged(bench: &Bench, text: &str) {
@@ -101,7 +116,7 @@ fn an_undefined_instruction_is_reported_with_its_address_and_task() {
         format!("Crash: hard fault in drive, PC {UNDEFINED_INSTRUCTION:#010x} LR {link_register:#010x}");
     assert_logged(&bench, &headline);
     assert_logged(&bench, "xPSR 0x");
-    assert_eq!(reported_once(&mut bench)[0], headline);
+    assert_eq!(reported(&mut bench)[0], headline);
 }
 
 #[test]
@@ -250,6 +265,7 @@ fn intended_resets_are_not_reported_as_crashes() {
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
     assert_eq!(said_to(&mut bench, GCS).len(), 1);
+    arm_and_disarm(&mut bench);
 
     // A debugger resets the processor alone, and the watchdog still has the reason of the last reset.
     bench.reset_processor();
@@ -266,4 +282,78 @@ fn intended_resets_are_not_reported_as_crashes() {
     bench.run_for(500 * MILLISECOND);
     assert_eq!(bench.logged(LogLevel::Info, "started by PowerOn").len(), 2);
     assert!(said_to(&mut bench, GCS).is_empty());
+}
+
+const POWER_WENT_OFF: &str = "Power went off while armed";
+const RESET: &str = "Reset while armed";
+
+/// The texts since `from_us` that report how a drive ended.
+fn ends_since(bench: &mut Bench, from_us: u64) -> Vec<String> {
+    let mut texts = texts_of(&bench.frames_since(from_us));
+    texts.retain(|text| [POWER_WENT_OFF, RESET].contains(&text.as_str()));
+    texts
+}
+
+/// The same in the two seconds after a request.
+fn ends_after(bench: &mut Bench, request: &[u8]) -> Vec<String> {
+    let from_us = bench.time_us();
+    bench.uart_send(0, from_us, request);
+    bench.run_for(2 * SECOND);
+    ends_since(bench, from_us)
+}
+
+#[test]
+fn a_drive_that_power_or_a_reset_has_ended_is_reported_until_the_next_arming() {
+    type End = fn(&mut Bench);
+    for (name, end, text, at_arming) in [
+        ("a dip", (|bench| bench.dip_power(0)) as End, POWER_WENT_OFF, true),
+        (
+            "a power cycle",
+            |bench| bench.power_cycle(),
+            POWER_WENT_OFF,
+            false,
+        ),
+        ("RUN", |bench| bench.press_run(), RESET, false),
+        ("a debugger", |bench| bench.reset_processor(), RESET, false),
+    ] {
+        let mut bench = between_ticks();
+        bench.ask(&arm_by_force());
+        bench.run_for(2 * SECOND);
+        end(&mut bench);
+        let from_us = bench.time_us();
+        // A radio that the pack feeds does not listen yet.
+        bench.run_for(5 * SECOND);
+        assert_eq!(ends_since(&mut bench, from_us), [text], "{name}");
+        assert_eq!(ends_after(&mut bench, &heartbeat(GCS)), [text], "{name}");
+        assert_eq!(
+            ends_after(&mut bench, &param_request_list(VEHICLE)),
+            [text],
+            "{name}"
+        );
+        let expected = if at_arming { vec![text] } else { vec![] };
+        assert_eq!(ends_after(&mut bench, &arm_by_force()), expected, "{name}");
+        bench.ask(&disarm());
+        bench.dip_power(0);
+        bench.run_for(2 * SECOND);
+        assert!(ends_after(&mut bench, &heartbeat(GCS)).is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn the_next_log_begins_with_the_end_of_the_drive_before() {
+    let mut bench = between_ticks();
+    bench.ask(&arm_by_force());
+    bench.run_for(2 * SECOND);
+    bench.dip_power(0);
+    bench.run_for(2 * SECOND);
+    bench.ask(&arm_by_force());
+    bench.run_for(3 * SECOND);
+    bench.ask(&disarm());
+    bench.run_for(5 * SECOND);
+    let file = list(&mut bench).pop().expect("a log");
+    let records = records(&download(&mut bench, file));
+    let texts: Vec<_> = named(&records, "MSG")
+        .filter_map(|record| record.get_str("Message"))
+        .collect();
+    assert_eq!(texts[1], POWER_WENT_OFF, "{texts:?}");
 }

@@ -62,6 +62,19 @@ impl Board {
         self.reset(ResetCause::PowerCycle);
     }
 
+    /// Switch the power off and on again so soon that RAM keeps its content, but for this many random bits.
+    pub fn dip_power(&mut self, lost_bits: usize) {
+        self.cut_power();
+        self.powered = true;
+        let mut random = Random::new(self.next_seed());
+        for _ in 0..lost_bits {
+            let ram = &mut self.bus.memory.ram;
+            let bit = random.below(8 * ram.len());
+            ram[bit / 8] ^= 1 << (bit % 8);
+        }
+        self.reset(ResetCause::PowerCycle);
+    }
+
     /// Press and release a button at the RUN pin.
     pub fn press_run(&mut self) {
         assert!(self.powered, "without power the RUN pin does nothing");
