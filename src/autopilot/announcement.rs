@@ -6,6 +6,7 @@ use super::recording::{LOG_FULL, LogFailure};
 use super::start::ParameterLoad;
 use crate::announce::{Announce, Limit, Severity};
 use crate::battery::SuggestedThresholds;
+use crate::mavlink::Peer;
 use crate::memory::storage::StorageError;
 use crate::numbers::Hundredths;
 use crate::pack::Pack;
@@ -37,6 +38,13 @@ pub enum Notice {
     TooOld {
         /// The link they came from.
         link: &'static str,
+    },
+    /// Signed messages were ignored since others with the same ids were signed later.
+    SharedIds {
+        /// The link they came from.
+        link: &'static str,
+        /// The ids.
+        station: Peer,
     },
     /// A ground station tried to set a parameter and was refused.
     ParameterRefused {
@@ -71,7 +79,9 @@ impl Announce for Notice {
 
     fn limit(&self) -> Limit {
         match self {
-            Self::Unauthorized { .. } | Self::TooOld { .. } => Limit::of(self).one_at_once(),
+            Self::Unauthorized { .. } | Self::TooOld { .. } | Self::SharedIds { .. } => {
+                Limit::of(self).one_at_once()
+            }
             Self::ParameterRefused { .. } => Limit::of(self),
             _ => Limit::BOARD,
         }
@@ -109,6 +119,11 @@ impl fmt::Display for Notice {
                     "{link}: signed frames too old: does the station hear the rover?"
                 )
             }
+            Self::SharedIds { link, station } => write!(
+                f,
+                "{link}: two stations are {}/{}? Give each its own id",
+                station.system_id, station.component_id
+            ),
             Self::ParameterRefused { id, why } => match why {
                 Refused::OutOfRange => write!(f, "{} refused: valid {}", id.name(), id.row().range),
                 // ArduPilot's text.
@@ -589,6 +604,13 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
                 count: 5,
             },
             &Notice::TooOld { link: "UART" },
+            &Notice::SharedIds {
+                link: "UART",
+                station: Peer {
+                    system_id: 255,
+                    component_id: 190,
+                },
+            },
             &refused(Refused::OutOfRange),
             &refused(Refused::ReadOnly),
             &refused(Refused::Armed),
@@ -667,6 +689,7 @@ critical: Signing key lost: set up by USB (used Pico: erase)
 critical: Signing not saved: set it up again after a restart
 warning: UART: not signed with the key, ignored: 5
 warning: UART: signed frames too old: does the station hear the rover?
+warning: UART: two stations are 255/190? Give each its own id
 warning: BATT_CAPACITY refused: valid 0 to 1000000
 warning: Param write denied (BATT_CAPACITY)
 warning: BATT_CAPACITY refused: not raised while armed

@@ -319,8 +319,10 @@ impl Autopilot {
                 self.announce(&Notice::Unauthorized { link, count }, now);
             }
             Event::TooOld => {
-                if self.signing.reports_old() {
-                    let link = endpoint.name();
+                let link = endpoint.name();
+                if let Some(station) = self.signing.overtaken() {
+                    self.announce(&Notice::SharedIds { link, station }, now);
+                } else if self.signing.reports_old() {
                     self.announce(&Notice::TooOld { link }, now);
                 }
             }

@@ -11,14 +11,14 @@ use super::services::commands::{Answer, requested_streams};
 use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
-use super::services::vehicle::{VehicleService, only_stops};
+use super::services::vehicle::{VehicleService, disarms, holds, only_stops};
 use super::services::{
     Changeable, Context, DISARM_FIRST, TOO_LATE, file_transfer, mission, signing, time, wifi,
 };
-use super::signing::{AcceptUnsigned, Access, Authenticity, Effect, LinkKind, Role, is_permitted};
+use super::signing::{Access, Authenticity, Effect, LinkKind, Role, Signing, Timestamp};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::announce::Severity;
-use crate::vehicle::{ArmState, ControlMessage, Mode, Presence};
+use crate::vehicle::{ArmState, ControlMessage, Mode, Presence, VehicleStatus};
 
 /// The type in the HEARTBEAT of a ground station.
 const GROUND_STATION: u8 = MavType::MAV_TYPE_GCS as u8;
@@ -70,46 +70,74 @@ pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mu
     let Some((target, request)) = requests::decode(frame.message_id, &frame.payload) else {
         return Event::Ignored;
     };
-    let from = Peer {
-        system_id: frame.system_id,
-        component_id: frame.component_id,
-    };
+    let from = frame.sender();
     if !target.is_ours(system_id) || !is_expected(&request, from, system_id, context.state.external_packs) {
         return Event::Ignored;
     }
     let authenticity = context.changeable.signing.check(frame, context.now);
+    context.authenticity = authenticity;
     context.presence = match authenticity {
         // A companion sends as long as the rover has power.
-        _ if permits(&request, authenticity, context) => {
+        _ if permits(&request, context) => {
             if from.system_id == system_id {
                 Presence::Unknown
             } else {
+                note_station(&request, from, context);
                 Presence::GroundStation
             }
         }
         Authenticity::Late if only_stops(&request, context.changeable.vehicle) => Presence::Unknown,
+        Authenticity::Overtaken(time) if may_stop(&request, time, context.changeable.signing) => {
+            Presence::Unknown
+        }
         _ => return refuse(&request, authenticity, context.unauthorized),
     };
     context.age_ms = context.clocks.age_ms(from, context.now);
     if changes_for_good(&request) && context.age_ms.is_some_and(|age_ms| age_ms > MAX_AGE_MS) {
         return refuse_late(&request, from, context);
     }
-    let before = context.changeable.vehicle.arm_state();
+    let before = context.changeable.vehicle.status();
     let event = serve(&request, from, services, context);
     if matches!(event, Event::Driven) {
-        keep_sender(&request, before, context);
+        note_driven(&request, before, context);
     }
     event
 }
 
-/// The station that drives or has armed the rover can always stop it: signing does not forget its time.
-fn keep_sender(request: &Request<'_>, before: ArmState, context: &mut Context<'_>) {
+/// A message of another system than ours keeps its station's place, apart from heartbeats, which every stranger sends. Autopilots
+/// state their time, too, and are no stations.
+fn note_station(request: &Request<'_>, from: Peer, context: &mut Context<'_>) {
+    match request {
+        Request::Heartbeat { .. } => {}
+        Request::SystemTime { .. } if from.component_id != COMPONENT_ID => {
+            context.stations.time_stated(from, context.now);
+        }
+        _ => context.stations.other_message(from, context.now),
+    }
+}
+
+/// The station that drives or has armed the rover can always stop it: signing does not forget its time. A second one with the same
+/// ids can by what it has signed since.
+fn note_driven(request: &Request<'_>, before: VehicleStatus, context: &mut Context<'_>) {
+    let now = context.now;
     let Changeable { vehicle, signing, .. } = &mut context.changeable;
+    let after = vehicle.status();
     if matches!(request, Request::Control { .. } | Request::ChannelOverride(_)) {
         signing.keep_sender(Role::Drives);
-    } else if before != vehicle.arm_state() {
+    } else if before.arm_state != after.arm_state {
         signing.keep_sender(Role::Armed);
+        if after.arm_state == ArmState::Armed {
+            signing.mark_armed(now);
+        }
+    } else if before.mode != after.mode && after.mode == Mode::Manual {
+        signing.mark_manual(now);
     }
+}
+
+/// Whether an overtaken frame of this time stops the rover. Neutral sticks would do more: repeated, they open a gate and hold off
+/// a failsafe.
+fn may_stop(request: &Request<'_>, time: Option<Timestamp>, signing: &Signing) -> bool {
+    disarms(request) && signing.may_disarm(time) || holds(request) && signing.may_hold(time)
 }
 
 /// Whether a request has to be recent, apart from those that move the rover.
@@ -134,21 +162,26 @@ fn refuse_late(request: &Request<'_>, from: Peer, context: &mut Context<'_>) -> 
 }
 
 /// Whether the sender of a request may do what it asks for.
-fn permits(request: &Request<'_>, authenticity: Authenticity, context: &Context<'_>) -> bool {
-    let accepted = AcceptUnsigned::on(context.link, context.changeable.parameters);
+fn permits(request: &Request<'_>, context: &Context<'_>) -> bool {
     let is_direct = context.link == LinkKind::Direct;
+    let is_proven = context.authenticity == Authenticity::Proven;
     match request {
-        _ if context.access == Access::Listen => authenticity == Authenticity::Proven,
+        _ if context.access == Access::Listen => is_proven,
         // Over radio a password needs a signature, even without a key.
-        Request::WifiConfig(_) if !is_direct && authenticity != Authenticity::Proven => false,
+        Request::WifiConfig(_) if !is_direct && !is_proven => false,
         // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
         Request::SetUpSigning(_) if is_direct && context.changeable.signing.has_lost_key() => true,
-        _ => is_permitted(effect(request), authenticity, accepted),
+        _ => context.permits(effect(request)),
     }
 }
 
 /// Counts a request that is not permitted.
 fn refuse(request: &Request<'_>, authenticity: Authenticity, unauthorized: &mut u32) -> Event {
+    match authenticity {
+        Authenticity::Overtaken(_) => return Event::TooOld,
+        Authenticity::Repeated => return Event::Ignored,
+        _ => {}
+    }
     let is_old = matches!(authenticity, Authenticity::Late | Authenticity::TooOld);
     match request {
         // Every vehicle and ground station around has a heartbeat, many have a clock, and none has a key of ours.

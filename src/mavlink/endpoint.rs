@@ -13,7 +13,7 @@ use super::sender_clocks::SenderClocks;
 use super::services::LateSticksTexts;
 use super::services::log_download::LogRead;
 use super::services::{Changeable, Context};
-use super::signing::{Access, LinkKind};
+use super::signing::{Access, Authenticity, LinkKind};
 use super::stations::Stations;
 use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
 use crate::announce::{LastAnnounced, RateLimit, Severity};
@@ -379,6 +379,7 @@ impl Endpoint {
             now,
             received_at,
             age_ms: None,
+            authenticity: Authenticity::Unproven,
             presence: Presence::Unknown,
             state: &state,
             changeable,

@@ -62,7 +62,7 @@ pub enum Event {
         /// Their number on this link.
         count: u32,
     },
-    /// It was signed with the key, but is too old, and had no effect.
+    /// It was signed with the key, but is too old, or not later than the latest frame of its ids, and had no effect.
     TooOld,
 }
 

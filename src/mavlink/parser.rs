@@ -3,6 +3,7 @@
 use ::mavlink::{Message as _, calculate_crc};
 
 use super::dialect::MavMessage;
+use super::Peer;
 use super::payload::Payload;
 use crate::system::ReceiveStatistics;
 
@@ -40,6 +41,16 @@ pub struct ReceivedFrame<'a> {
     pub payload: Payload<'a>,
     /// The whole frame, if it is signed.
     pub signed: Option<&'a [u8]>,
+}
+
+impl ReceivedFrame<'_> {
+    /// The ids of its sender.
+    pub(super) fn sender(&self) -> Peer {
+        Peer {
+            system_id: self.system_id,
+            component_id: self.component_id,
+        }
+    }
 }
 
 /// Finds the frames of MAVLink 1 and 2 in what is received.

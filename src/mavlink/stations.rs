@@ -12,17 +12,33 @@ pub const STATION_SILENCE_US: u64 = 30_000_000;
 /// Minimum time between two introductions, in µs: strangers with changing ids must not flood the link.
 const INTRODUCTION_INTERVAL_US: u64 = 10_000_000;
 
+/// Progress of a station.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Progress {
+    /// It has stated its time; its HEARTBEAT is expected.
+    Expected,
+    /// Its HEARTBEAT came, and its introduction waits.
+    Known,
+    Introduced,
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Heard {
     station: Peer,
-    /// When its last HEARTBEAT came.
-    at: Instant,
+    progress: Progress,
+    /// When its last HEARTBEAT came; until then, when its place was taken.
+    heartbeat_at: Instant,
+    /// When its last other message came; the start, if none came.
+    other_at: Instant,
 }
 
 impl Heard {
-    /// Whether it is of this station, which has not been silent for long since.
-    fn is_of(&self, station: Peer, now: Instant) -> bool {
-        self.station == station && now.us_since(self.at) <= STATION_SILENCE_US
+    fn is_known(&self, now: Instant) -> bool {
+        self.progress != Progress::Expected && now.us_since(self.heartbeat_at) <= STATION_SILENCE_US
+    }
+
+    fn is_silent(&self, now: Instant) -> bool {
+        now.us_since(self.heartbeat_at.max(self.other_at)) > STATION_SILENCE_US
     }
 }
 
@@ -38,30 +54,61 @@ impl Stations {
     /// Whether a HEARTBEAT of this station came a while ago at most.
     pub fn knows(&self, station: Peer, now: Instant) -> bool {
         let mut heard = self.heard.iter().flatten();
-        heard.any(|heard| heard.is_of(station, now))
+        heard.any(|heard| heard.station == station && heard.is_known(now))
     }
 
     /// HEARTBEAT of a ground station. Returns whether what smart batteries are has to be sent for it, its introduction. That of
     /// one that is too early for it is due at a later HEARTBEAT.
     pub fn heartbeat(&mut self, station: Peer, now: Instant) -> bool {
-        let mut heard = self.heard.iter_mut().flatten();
-        if let Some(known) = heard.find(|heard| heard.is_of(station, now)) {
-            known.at = now;
+        let earliest = self.earliest;
+        let Some(heard) = self.place(station, now) else {
+            // There is always one.
+            return false;
+        };
+        if !heard.is_known(now) {
+            heard.progress = Progress::Known;
+        }
+        heard.heartbeat_at = now;
+        if heard.progress == Progress::Introduced || now < earliest {
             return false;
         }
-        if now < self.earliest {
-            return false;
-        }
+        heard.progress = Progress::Introduced;
         self.earliest = now.after_us(INTRODUCTION_INTERVAL_US);
-        // It replaces the one that has been silent for longest.
-        if let Some(place) = self
-            .heard
-            .iter_mut()
-            .min_by_key(|heard| heard.map(|heard| heard.at))
-        {
-            *place = Some(Heard { station, at: now });
-        }
         true
+    }
+
+    /// Another message of a station, which keeps its place, if it has one, while others send heartbeats alone.
+    pub fn other_message(&mut self, station: Peer, now: Instant) {
+        let mut heard = self.heard.iter_mut().flatten();
+        if let Some(heard) = heard.find(|heard| heard.station == station) {
+            heard.other_at = now;
+        }
+    }
+
+    /// A station has stated its time, and has a place until its HEARTBEAT comes: among strangers with changing ids, which send more,
+    /// that one may have none any more when its next statement comes.
+    pub fn time_stated(&mut self, station: Peer, now: Instant) {
+        if let Some(heard) = self.place(station, now) {
+            heard.other_at = now;
+        }
+    }
+
+    /// The place of a station. A new one takes that of a silent one, or of one that has sent heartbeats alone, or of the one
+    /// whose other messages are oldest.
+    fn place(&mut self, station: Peer, now: Instant) -> Option<&mut Heard> {
+        let rank = |place: &&mut Option<Heard>| match place {
+            Some(heard) if heard.station == station => None,
+            Some(heard) if !heard.is_silent(now) => Some(Some((heard.other_at, heard.heartbeat_at))),
+            _ => Some(None),
+        };
+        let place = self.heard.iter_mut().min_by_key(rank)?;
+        place.take_if(|heard| heard.station != station);
+        Some(place.get_or_insert(Heard {
+            station,
+            progress: Progress::Expected,
+            heartbeat_at: now,
+            other_at: Instant::EPOCH,
+        }))
     }
 }
 

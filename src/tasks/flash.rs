@@ -44,6 +44,9 @@ const NOT_ARMED_US: u64 = 0;
 /// Of the mark that damaged or half loaded parameters leave.
 const MARK_KEY: u16 = VehicleParameter::ParamChecked.row().key;
 
+/// Of the parameter that a reset keeps in flash: it may be lower than its default.
+const KEPT_KEY: u16 = VehicleParameter::SignUsbAllow.row().key;
+
 /// All storages but the log's.
 pub struct Storages<F> {
     parameters: Storage<F>,
@@ -194,7 +197,7 @@ impl<F: NorFlash> Storages<F> {
     async fn run(&mut self, job: &FlashJob, shared: &Shared) -> FlashResult {
         let may_erase = || shared.may_erase();
         match job {
-            FlashJob::Parameter(Unsaved::Reset) => self.parameters.clear(&may_erase).await?,
+            FlashJob::Parameter(Unsaved::Reset) => self.parameters.clear_but(KEPT_KEY, &may_erase).await?,
             FlashJob::Parameter(Unsaved::Value(id, value)) => {
                 let word = value.to_bits();
                 self.parameters.store(id.key(), word, &may_erase).await?;

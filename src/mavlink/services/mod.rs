@@ -15,7 +15,9 @@ use crate::announce::RateLimit;
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::rates::Rates;
 use crate::mavlink::sender_clocks::SenderClocks;
-use crate::mavlink::signing::{Access, LinkKind, Signing};
+use crate::mavlink::signing::{
+    AcceptUnsigned, Access, Authenticity, Effect, LinkKind, Signing, is_permitted,
+};
 use crate::mavlink::stations::Stations;
 use crate::parameter::Parameters;
 use crate::system::SystemState;
@@ -55,6 +57,8 @@ pub struct Context<'a> {
     pub received_at: Instant,
     /// Upper bound of the request's age, by the clock of the page that sent it, in milliseconds; `None` if it is not known.
     pub age_ms: Option<u32>,
+    /// Whether the frame was sent by a holder of the key.
+    pub authenticity: Authenticity,
     /// Presence of a ground station by the request.
     pub presence: Presence,
     pub state: &'a SystemState<'a>,
@@ -73,4 +77,12 @@ pub struct Context<'a> {
     pub late_sticks_texts: &'a mut LateSticksTexts,
     /// Takes the answers.
     pub outbox: &'a mut Outbox,
+}
+
+impl Context<'_> {
+    /// Whether the frame may have this effect by its link and its signature.
+    pub fn permits(&self, effect: Effect) -> bool {
+        let accepted = AcceptUnsigned::on(self.link, self.changeable.parameters);
+        is_permitted(effect, self.authenticity, accepted)
+    }
 }

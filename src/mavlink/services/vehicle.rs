@@ -45,24 +45,27 @@ const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
 /// Whether all that a request can do is stop the rover: then it is obeyed however old it is.
 pub fn only_stops(request: &Request<'_>, vehicle: &Vehicle) -> bool {
-    let hold = Mode::Hold.number();
     let (throttle, steering) = match request {
-        Request::Command(Command {
-            number: ARM_DISARM,
-            param1,
-            ..
-        }) => return *param1 == DISARM,
-        Request::Command(Command {
-            number: DO_SET_MODE,
-            param2,
-            ..
-        }) => return *param2 == hold as f32,
-        Request::SetMode { custom_mode, .. } => return *custom_mode == hold,
         Request::Control { throttle, steering } => (*throttle, *steering),
         Request::ChannelOverride(pulses_us) => vehicle.stick_inputs(pulses_us),
-        _ => return false,
+        _ => return disarms(request) || holds(request),
     };
     throttle.is_neutral() && steering.is_neutral()
+}
+
+/// Whether a request disarms.
+pub fn disarms(request: &Request<'_>) -> bool {
+    matches!(request, Request::Command(command) if command.number == ARM_DISARM && command.param1 == DISARM)
+}
+
+/// Whether a request changes the mode to Hold.
+pub fn holds(request: &Request<'_>) -> bool {
+    let hold = Mode::Hold.number();
+    match request {
+        Request::Command(command) => command.number == DO_SET_MODE && command.param2 == hold as f32,
+        Request::SetMode { custom_mode, .. } => *custom_mode == hold,
+        _ => false,
+    }
 }
 
 /// Handles one request for the vehicle: executes it, or refuses it and says why.
@@ -116,7 +119,10 @@ impl<'a> VehicleService<'a> {
             ARM_DISARM if command.param1 == ARM && self.is_late() => self.refuse_late(),
             ARM_DISARM if command.param1 == ARM => self.arm(FORCE.contains(&command.param2)),
             ARM_DISARM if command.param1 == DISARM => {
-                self.vehicle.disarm();
+                // A recording must not take the seat from a driver who has come since.
+                if self.vehicle.arm_state() == ArmState::Armed {
+                    self.vehicle.disarm();
+                }
                 ACCEPTED
             }
             RUN_PREARM_CHECKS => self.check(),

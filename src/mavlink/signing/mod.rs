@@ -24,11 +24,16 @@ pub use time::Timestamp;
 use streams::{StreamId, Streams};
 use time::{Mark, SigningClock, lower_mark, next_mark};
 
+use super::Peer;
 use super::parser::{ReceivedFrame, TRAILER_BYTES};
 use crate::announce::{Announce, Severity};
 use crate::time::Instant;
 
 const LINK_BYTES: usize = 1;
+
+/// Frames that are known when they come twice.
+const LATEST_FRAMES: usize = 16;
+
 const _: () = assert!(TRAILER_BYTES == LINK_BYTES + time::BYTES + key::SIGNATURE_BYTES);
 
 /// State of signing: the key, the time, and the senders heard.
@@ -37,8 +42,15 @@ pub struct Signing {
     protection: Protection,
     clock: SigningClock,
     streams: Streams,
-    /// The sender of the frame that was judged last, if it was signed with our key.
+    /// The sender of the frame that was judged last, if it was signed with our key and not overtaken.
     sender: Option<StreamId>,
+    /// The sender of the frame that was judged last, if it was overtaken.
+    overtaken: Option<Peer>,
+    /// From the signatures of the latest frames that were signed with our key, beginning with the last one.
+    latest: [u32; LATEST_FRAMES],
+    /// Our time when the rover was armed last, and when it last came to Manual: an overtaken frame from before does not stop it.
+    armed_at: Timestamp,
+    manual_at: Timestamp,
     /// The last sender that was reported for frames that are too old, until a new one of it comes.
     reported_old: Option<StreamId>,
     in_flash: InFlash,
@@ -122,6 +134,10 @@ impl Signing {
             clock: SigningClock::starting_at(mark.time()),
             streams: Streams::after(mark.time()),
             sender: None,
+            overtaken: None,
+            latest: [0; LATEST_FRAMES],
+            armed_at: Timestamp::default(),
+            manual_at: Timestamp::default(),
             reported_old: None,
             in_flash,
             stored_mark: mark,
@@ -160,13 +176,14 @@ impl Signing {
         if is_new && !self.clock.time_at(now).leaves_a_year() {
             self.clock = SigningClock::starting_at(Timestamp::default());
             self.streams.forget(time);
+            (self.armed_at, self.manual_at) = (time, time);
         }
         self.clock.follow(time, now);
     }
 
     /// Judges who sent a frame.
     pub(super) fn check(&mut self, frame: &ReceivedFrame<'_>, now: Instant) -> Authenticity {
-        self.sender = None;
+        (self.sender, self.overtaken) = (None, None);
         let key = match &self.protection {
             Protection::Off => return Authenticity::Unprotected,
             Protection::KeyLost => return Authenticity::Unproven,
@@ -187,12 +204,59 @@ impl Signing {
         }
         // This has an effect, so it comes after what proves who asks for it.
         let authenticity = self.streams.hear(stream, time, self.clock.time_at(now), now);
+        let is_repeated = self.is_repeated(*signature);
+        if let Authenticity::Overtaken(_) = authenticity {
+            if is_repeated {
+                return Authenticity::Repeated;
+            }
+            self.overtaken = Some(frame.sender());
+            return authenticity;
+        }
         self.sender = Some(stream);
         if authenticity == Authenticity::Proven {
             self.reported_old.take_if(|reported| *reported == stream);
             self.clock.follow(time, now);
         }
         authenticity
+    }
+
+    /// Whether the frame with this signature is one of the latest. From now on it is the last one.
+    fn is_repeated(&mut self, [a, b, c, d, ..]: [u8; key::SIGNATURE_BYTES]) -> bool {
+        let frame = u32::from_le_bytes([a, b, c, d]);
+        let mut later = frame;
+        for place in &mut self.latest {
+            let known = mem::replace(place, later);
+            if known == frame {
+                return true;
+            }
+            later = known;
+        }
+        false
+    }
+
+    /// The sender of the frame that was judged last, if another station with the same ids has overtaken it.
+    pub(crate) fn overtaken(&self) -> Option<Peer> {
+        self.overtaken
+    }
+
+    /// The rover was armed.
+    pub(super) fn mark_armed(&mut self, now: Instant) {
+        self.armed_at = self.clock.time_at(now);
+    }
+
+    /// The mode has become Manual.
+    pub(super) fn mark_manual(&mut self, now: Instant) {
+        self.manual_at = self.clock.time_at(now);
+    }
+
+    /// Whether an overtaken frame of this time may disarm the rover: it was signed after the last arming.
+    pub(super) fn may_disarm(&self, time: Option<Timestamp>) -> bool {
+        time > Some(self.armed_at)
+    }
+
+    /// Whether an overtaken frame of this time may have the rover hold: it was signed after the last change to Manual.
+    pub(super) fn may_hold(&self, time: Option<Timestamp>) -> bool {
+        time > Some(self.manual_at)
     }
 
     /// The sender of the frame that was judged last is not forgotten while it has this role.
@@ -324,7 +388,7 @@ mod tests {
     fn a_frame_that_pymavlink_has_signed_is_accepted_once() {
         let mut signing = with_key();
         assert_eq!(check(&mut signing, &HEARTBEAT), Authenticity::Proven);
-        assert_eq!(check(&mut signing, &HEARTBEAT), Authenticity::Unproven);
+        assert_eq!(check(&mut signing, &HEARTBEAT), Authenticity::Repeated);
         assert_eq!(
             signing.clock.time_at(Instant::EPOCH).ticks(),
             0x0123_4567_89ab,
@@ -533,7 +597,9 @@ mod tests {
         assert_eq!(hear(94_000_000, ours), Authenticity::Proven);
         // Recorded while it was jammed, and held back.
         assert_eq!(hear(94_000_001, ours.later(2)), Authenticity::Late);
-        assert_eq!(hear(94_000_001, ours.later(1)), Authenticity::Unproven);
+        let overtaken = Authenticity::Overtaken;
+        assert_eq!(hear(94_000_001, ours.later(1)), overtaken(Some(time(94_000_001))));
+        assert_eq!(hear(94_000_001, ours.later(2)), overtaken(None));
         assert_eq!(hear(94_000_002, ours.later(2)), Authenticity::Proven);
     }
 

@@ -1,5 +1,6 @@
 //! Permissions of unsigned messages, by link.
 
+use super::Timestamp;
 use crate::parameter::{Parameters, VehicleParameter};
 
 /// The kind of a link.
@@ -79,7 +80,12 @@ pub(in crate::mavlink) enum Authenticity {
     Late,
     /// It is signed with our key, and too old to be obeyed.
     TooOld,
-    /// Not signed, with another key, or a repetition of what was heard before.
+    /// It is signed with our key, and not later than the latest frame of its ids: by a second station with the same ids, whose
+    /// frames take longer, or recorded. With its time if that is a minute old at most: then it may stop the rover.
+    Overtaken(Option<Timestamp>),
+    /// It is signed with our key, and one of the latest frames once more.
+    Repeated,
+    /// Not signed, or with another key.
     Unproven,
 }
 
@@ -102,7 +108,11 @@ pub(in crate::mavlink) fn is_permitted(
 ) -> bool {
     match authenticity {
         Authenticity::Unprotected | Authenticity::Proven => true,
-        Authenticity::Late | Authenticity::TooOld | Authenticity::Unproven => match (effect, accepted) {
+        Authenticity::Late
+        | Authenticity::TooOld
+        | Authenticity::Overtaken(_)
+        | Authenticity::Repeated
+        | Authenticity::Unproven => match (effect, accepted) {
             (Effect::RadioReport, _) | (_, AcceptUnsigned::Everything) => true,
             (Effect::Reads, AcceptUnsigned::Requests) => true,
             (Effect::Reads, AcceptUnsigned::Nothing) => false,
@@ -126,7 +136,13 @@ mod tests {
             (AcceptUnsigned::Requests, [true, true, false]),
             (AcceptUnsigned::Nothing, [true, false, false]),
         ] {
-            for authenticity in [Authenticity::Late, Authenticity::TooOld, Authenticity::Unproven] {
+            for authenticity in [
+                Authenticity::Late,
+                Authenticity::TooOld,
+                Authenticity::Overtaken(Some(Timestamp::default())),
+                Authenticity::Repeated,
+                Authenticity::Unproven,
+            ] {
                 assert_eq!(
                     of_each(authenticity, accepted),
                     permitted,

@@ -69,8 +69,8 @@ impl Streams {
         self.forgotten = forgotten;
     }
 
-    /// Judges a frame with this time; no frame of its sender with this time or an earlier one counts from now on. `ours` is our
-    /// own time.
+    /// Judges a frame with this time; every frame of its sender with this time or an earlier one is overtaken from now on. `ours`
+    /// is our own time.
     pub fn hear(&mut self, id: StreamId, time: Timestamp, ours: Timestamp, now: Instant) -> Authenticity {
         let is_recent = time.later(MAX_AGE) >= ours;
         let heard = Stream {
@@ -79,7 +79,9 @@ impl Streams {
             heard_at: (now.as_micros() >> 16) as u32,
         };
         match self.known.iter_mut().find(|stream| stream.id == id) {
-            Some(known) if time <= known.latest => return Authenticity::Unproven,
+            Some(known) if time <= known.latest => {
+                return Authenticity::Overtaken(is_recent.then_some(time));
+            }
             Some(known) => *known = heard,
             None if !is_recent || time <= self.forgotten => return Authenticity::TooOld,
             None => self.add(heard),

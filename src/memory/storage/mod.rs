@@ -410,6 +410,28 @@ impl<F: NorFlash> Records<F> {
         self.clear_with(IfInterrupted::KeepAll, may_erase)
     }
 
+    /// Erases all values but that of `key`, atomically: a power cut leaves all, or this one.
+    ///
+    /// # Errors
+    /// As of [`clear`](Self::clear).
+    pub async fn clear_but(&mut self, key: u16, may_erase: MayErase<'_>) -> Result<(), StorageError> {
+        let mut kept = StoredRecord::new(key.into(), &[]);
+        if !self.read_record(&mut kept).await? {
+            return self.clear(may_erase).await;
+        }
+        let Some(log) = self.log.take_if(|log| !log.is_intact || log.used > 1) else {
+            return Ok(());
+        };
+        let next = NextSector::Moved {
+            old: &log,
+            newest: &kept,
+            left_out: u32::MAX,
+            is_dispensable: &|_| true,
+        };
+        self.log = Some(self.start_sector(next, may_erase).await?);
+        Ok(())
+    }
+
     /// Erases all values. A power cut or failure leaves no value or [`Condition::Damaged`], unless no write takes
     /// effect at all.
     ///

@@ -3,9 +3,17 @@
 use core::fmt;
 
 use super::trouble::{CHECKED, Doubts};
-use super::{Access, ParameterId, ParameterIdSet, Parameters};
+use super::{Access, ParameterId, ParameterIdSet, Parameters, VehicleParameter};
 use crate::announce::{Announce, Severity};
 use crate::memory::storage::StorageError;
+
+/// Unsigned messages that are accepted. The defaults of the others are the lowest values, so that a reset keeps only this one.
+const KEPT: ParameterId = ParameterId::Vehicle(VehicleParameter::SignUsbAllow);
+const PERMISSIONS: [ParameterId; 3] = [
+    KEPT,
+    ParameterId::Vehicle(VehicleParameter::SignUartAllow),
+    ParameterId::Vehicle(VehicleParameter::SignWifiAllow),
+];
 
 /// A change that has to be written to flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,13 +56,19 @@ impl fmt::Display for SaveFailure {
 
 impl Parameters {
     /// Resets all settings to their defaults, and marks the stored ones to be erased: nothing is left of what was damaged, half
-    /// loaded or did not fit.
+    /// loaded or did not fit. No link accepts more without the key than before.
     pub fn reset(&mut self) {
+        let keeps_unsaved = self.unsaved.contains(KEPT) || self.misfits.contains(KEPT);
         for changes in [&mut self.unsaved, &mut self.waiting, &mut self.misfits] {
             *changes = ParameterIdSet::default();
         }
+        if keeps_unsaved {
+            self.unsaved.insert(KEPT);
+        }
         for id in ParameterId::all().filter(|id| matches!(id.row().access, Access::Setting(_))) {
-            self.write(id, self.default_of(id));
+            let default = self.default_of(id);
+            let value = if PERMISSIONS.contains(&id) { default.min(self.get(id)) } else { default };
+            self.write(id, value);
         }
         self.doubts &= Doubts::NOT_READ;
         self.half_file = None;
@@ -89,6 +103,9 @@ impl Parameters {
         } else {
             ParameterId::all().find(|id| self.is_due(*id))
         };
+        if self.reset && self.is_due(KEPT) {
+            return Some(Unsaved::Value(KEPT, self.to_store(KEPT)));
+        }
         if self.reset {
             // Values stored before the reset would be erased with it.
             return (!self.reset_waits || changed.is_some()).then_some(Unsaved::Reset);

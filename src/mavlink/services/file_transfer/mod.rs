@@ -2,7 +2,8 @@
 //! to write.
 //!
 //! One session is open on a link. It ends by request, when the rover is armed unless it reads descriptions, when its ground station opens
-//! another file, and when another station opens one after it has been silent. A new `SYSID_THISMAV` takes effect when the session of its
+//! another file, and when another station opens one after it has been silent. One that a signed request has opened is not ended by
+//! unsigned ones before that, unless its link accepts every command of theirs. A new `SYSID_THISMAV` takes effect when the session of its
 //! file ends by request, since all requests of a session are addressed to the same system id. A request that comes again is served again, which has the
 //! same result; only what is being worked on is not begun a second time.
 
@@ -30,6 +31,7 @@ use crate::mavlink::event::Event;
 use crate::mavlink::messages::{Burst, FileAnswer, FileAnswerHeader, FileError, FileOutcome, MAX_FILE_BYTES};
 use crate::mavlink::rates::Rates;
 use crate::mavlink::requests::FileTransfer;
+use crate::mavlink::signing::{Authenticity, Effect};
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{ParameterTrouble, Parameters};
 use crate::recorder::LogFile;
@@ -135,8 +137,11 @@ impl FileTransfers {
         header: FileAnswerHeader,
         context: &mut Context<'_>,
     ) -> Result<Handled, FileError> {
+        let protected_until = self.protected_until(context);
         let (state, parameters) = (context.state, &mut *context.changeable.parameters);
-        if let Some(session) = self.session_of(header) {
+        if protected_until.is_none()
+            && let Some(session) = self.session_of(header)
+        {
             session.active_at = state.now;
         }
         if usize::from(request.size) > MAX_FILE_BYTES {
@@ -144,12 +149,17 @@ impl FileTransfers {
         }
         match Operation::from_opcode(request.opcode).ok_or(FileError::UnknownCommand)? {
             Operation::None => Ok(done()),
+            Operation::TerminateSession | Operation::ResetSessions | Operation::OpenForReading
+                if protected_until.is_some_and(|end| state.now < end) =>
+            {
+                Err(FileError::NoSessionsAvailable)
+            }
             Operation::TerminateSession => Ok(self.terminate(header, parameters)),
             Operation::ResetSessions => Ok(self.reset(header.to, parameters)),
             Operation::ListDirectory(listed) => self.list(header, request, listed),
-            Operation::OpenForReading => self.open(header, request, state, parameters),
+            Operation::OpenForReading => self.open(header, request, context),
             Operation::Read => self.read(header, request),
-            Operation::OpenForWriting => self.open_upload(header, request, state),
+            Operation::OpenForWriting => self.open_upload(header, request, context),
             Operation::Write => self.write(header, request, parameters, context.rates),
             Operation::Checksum => self.start_checksum(header, request, state),
             Operation::BurstRead => self.start_burst(header, request, state.now),
@@ -249,14 +259,24 @@ impl FileTransfers {
         Ok(())
     }
 
-    fn begin(&mut self, header: FileAnswerHeader, file: OpenFile, now: Instant) {
+    /// When an open session may be ended or replaced by this request at the earliest; `None` if it may at any time, or there is none.
+    /// Of one that a signed request has opened this takes a signature, while its station is not silent, or a link that accepts
+    /// everything.
+    fn protected_until(&self, context: &Context<'_>) -> Option<Instant> {
+        let session = self.session.as_ref()?;
+        let is_signed = session.authenticity == Authenticity::Proven;
+        (is_signed && !context.permits(Effect::Changes)).then(|| session.active_at.after_us(SILENCE_US))
+    }
+
+    fn begin(&mut self, header: FileAnswerHeader, file: OpenFile, context: &Context<'_>) {
         self.stop();
         self.last_end = None;
         self.session = Some(Session {
             station: header.to,
             id: header.session,
             file,
-            active_at: now,
+            authenticity: context.authenticity,
+            active_at: context.state.now,
         });
     }
 
@@ -264,30 +284,30 @@ impl FileTransfers {
         &mut self,
         header: FileAnswerHeader,
         request: &FileTransfer<'_>,
-        state: &SystemState<'_>,
-        parameters: &Parameters,
+        context: &Context<'_>,
     ) -> Result<Handled, FileError> {
+        let (state, parameters) = (context.state, &*context.changeable.parameters);
         let path = path_of(request)?;
         self.check_free(header.to, state.now)?;
         match path {
             Path::Log(_) if state.is_armed() => Ok(refused_armed()),
             Path::Log(number) => {
                 let log = log_of(number, state)?;
-                self.begin(header, OpenFile::Log(log), state.now);
+                self.begin(header, OpenFile::Log(log), context);
                 Ok(Some(FileOutcome::Number(log.bytes)).into())
             }
             // With this error QGroundControl reads the parameters one by one at once; with others it waits for 10 s first.
             Path::Parameters(_) if state.is_armed() => Err(FileError::FileNotFound),
             Path::Parameters(selection) => {
                 let file = ParameterFile::open(selection, parameters).ok_or(FileError::Fail)?;
-                self.begin(header, OpenFile::Parameters(file), state.now);
+                self.begin(header, OpenFile::Parameters(file), context);
                 Ok(Handled {
                     event: Ok(Event::ListRequested),
                     ..Some(FileOutcome::Number(file.bytes(parameters))).into()
                 })
             }
             Path::Description(file) => {
-                self.begin(header, OpenFile::Description(file), state.now);
+                self.begin(header, OpenFile::Description(file), context);
                 Ok(Some(FileOutcome::Number(file.content().len() as u32)).into())
             }
             Path::Directory(_) => Err(FileError::FileNotFound),
@@ -298,8 +318,9 @@ impl FileTransfers {
         &mut self,
         header: FileAnswerHeader,
         request: &FileTransfer<'_>,
-        state: &SystemState<'_>,
+        context: &Context<'_>,
     ) -> Result<Handled, FileError> {
+        let state = context.state;
         let path = path_of(request).map_err(|error| match error {
             FileError::FileNotFound => FileError::FileProtected,
             other => other,
@@ -308,7 +329,7 @@ impl FileTransfers {
         match path {
             Path::Parameters(_) if state.is_armed() => Err(FileError::Fail),
             Path::Parameters(_) => {
-                self.begin(header, OpenFile::Upload(Upload::default()), state.now);
+                self.begin(header, OpenFile::Upload(Upload::default()), context);
                 Ok(done())
             }
             Path::Directory(_) | Path::Log(_) | Path::Description(_) => Err(FileError::FileProtected),

@@ -7,6 +7,7 @@ use super::upload::Upload;
 use crate::mavlink::Peer;
 use crate::mavlink::messages::{FileAnswerHeader, FileError, MAX_FILE_BYTES};
 use crate::mavlink::services::log_download::LogRead;
+use crate::mavlink::signing::Authenticity;
 use crate::parameter::{DescriptionFile, Parameters};
 use crate::recorder::LogFile;
 use crate::system::LogProtocol;
@@ -20,6 +21,8 @@ pub(super) struct Session {
     pub station: Peer,
     pub id: u8,
     pub file: OpenFile,
+    /// Of the request that has opened it.
+    pub authenticity: Authenticity,
     /// When its last request or answer was.
     pub active_at: Instant,
 }
