@@ -148,18 +148,67 @@ mod tests {
     }
 
     #[test]
-    fn more_stations_than_are_remembered_are_introduced_in_turn() {
-        let mut stations = Stations::default();
-        let mut introduced = Vec::new();
-        for at_s in 0..300 {
-            for system_id in 1..=6 {
-                if stations.heartbeat(station(system_id, 190), at_us(at_s * SECOND)) {
-                    introduced.push(system_id);
+    fn as_many_stations_as_are_remembered_are_introduced_in_turn_and_more_every_ten_seconds() {
+        for (count, expected) in [(4, 4), (6, 30)] {
+            let mut stations = Stations::default();
+            let mut introduced = Vec::new();
+            for at_s in 0..300 {
+                for system_id in 1..=count {
+                    if stations.heartbeat(station(system_id, 190), at_us(at_s * SECOND)) {
+                        introduced.push(system_id);
+                    }
                 }
             }
+            assert_eq!(introduced.len(), expected, "{count}");
+            if count == 4 {
+                assert_eq!(introduced, [1, 2, 3, 4]);
+            }
         }
-        assert_eq!(introduced[..4], [1, 2, 3, 4]);
-        assert_eq!(introduced.len(), 30, "every ten seconds");
+    }
+
+    #[test]
+    fn the_first_to_go_is_silent_then_one_with_heartbeats_alone_then_the_one_with_the_oldest_other_message() {
+        let mut stations = Stations::default();
+        let [a, b, c, d] = [1, 2, 3, 4].map(|system_id| station(system_id, 190));
+        let known = |stations: &Stations, at_s| [a, b, c, d].map(|id| stations.knows(id, at_us(at_s * SECOND)));
+        let strangers = |stations: &mut Stations, at_s, from, count| {
+            for number in 0..count {
+                stations.heartbeat(station(from + number, 33), at_us(at_s * SECOND));
+            }
+        };
+        for (at_s, id) in [(0, a), (1, b), (2, c), (3, d)] {
+            stations.heartbeat(id, at_us(at_s * SECOND));
+        }
+        for (at_s, id) in [(4, c), (5, a), (6, d)] {
+            stations.other_message(id, at_us(at_s * SECOND));
+        }
+        // Strangers take turns at the place of the one with heartbeats alone.
+        strangers(&mut stations, 7, 100, 50);
+        assert_eq!(known(&stations, 7), [true, false, true, true]);
+        // One of them sends something else: now the oldest is that of c.
+        stations.other_message(station(149, 33), at_us(8 * SECOND));
+        strangers(&mut stations, 9, 200, 50);
+        assert_eq!(known(&stations, 9), [true, false, false, true]);
+        // A silent one goes before those with heartbeats alone.
+        stations.heartbeat(d, at_us(35 * SECOND));
+        stations.heartbeat(station(249, 33), at_us(35 * SECOND));
+        stations.heartbeat(b, at_us(36 * SECOND));
+        assert_eq!(known(&stations, 36), [false, true, false, true]);
+        assert!(stations.knows(station(249, 33), at_us(36 * SECOND)));
+    }
+
+    #[test]
+    fn a_stated_time_holds_a_place_until_the_heartbeat_and_makes_no_station_known() {
+        let mut stations = Stations::default();
+        let slow = station(255, 190);
+        stations.time_stated(slow, at_us(0));
+        for number in 1..=100 {
+            stations.heartbeat(station(number, 33), at_us(u64::from(number) * 9_000));
+        }
+        assert!(!stations.knows(slow, at_us(SECOND)));
+        assert!(!stations.heartbeat(slow, at_us(SECOND)), "one was introduced a moment ago");
+        assert!(stations.knows(slow, at_us(SECOND)));
+        assert!(stations.heartbeat(slow, at_us(11 * SECOND)));
     }
 
     #[test]

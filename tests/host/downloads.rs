@@ -708,7 +708,7 @@ fn a_file_of_parameters_is_announced_as_a_list() {
 }
 
 /// A file as MAVProxy packs it, of numbers with a fraction.
-fn packed(values: &[(&str, f32)]) -> Vec<u8> {
+pub fn packed(values: &[(&str, f32)]) -> Vec<u8> {
     const FLOAT: u8 = 4;
     let mut records = Vec::new();
     for (name, value) in values {

@@ -44,5 +44,7 @@ mod simulated_packs;
 mod starts;
 mod sticks;
 mod stories;
+mod strangers;
+mod two_stations;
 mod web;
 mod wifi;
