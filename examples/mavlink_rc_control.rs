@@ -96,6 +96,7 @@ mod firmware {
                     now,
                     &state,
                     Changeable {
+                        command: &mut None,
                         parameters: &mut parameters,
                         vehicle: &mut vehicle,
                         signing: &mut signing,

@@ -1,5 +1,7 @@
 //! Which packs there are.
 
+use core::fmt;
+
 /// Maximum number of packs, instances 0 to 8: `BATT_`, `BATT2_` to `BATT9_`.
 pub const MAX_PACKS: usize = 9;
 
@@ -81,6 +83,16 @@ impl Pack {
             Self::Ninth => "BATT9_",
         }
     }
+}
+
+/// Writes the numbers of the packs in `mask`, a bit each, with commas between them.
+pub(crate) fn write_packs(f: &mut fmt::Formatter<'_>, mask: u16) -> fmt::Result {
+    let mut separator = "";
+    for pack in Pack::ALL.into_iter().filter(|pack| mask & pack.bit() != 0) {
+        write!(f, "{separator}{}", pack.number())?;
+        separator = ", ";
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -8,8 +8,8 @@ use crate::announce::{Announce, Limit, Severity};
 use crate::battery::SuggestedThresholds;
 use crate::mavlink::Peer;
 use crate::memory::storage::StorageError;
-use crate::numbers::Hundredths;
-use crate::pack::Pack;
+use crate::numbers::{Hundredths, round_to_i32};
+use crate::pack::{Pack, write_packs};
 use crate::parameter::{BatteryParameter, ParameterId, Refused, VehicleParameter};
 
 /// An announcement of the autopilot itself.
@@ -62,6 +62,27 @@ pub enum Notice {
     },
     /// Each page of the log stores a register of the flash chip.
     LogWearsFlash,
+    /// A ground station has ended failsafe levels of packs and set their charge.
+    BatteriesReset {
+        /// Its link.
+        link: &'static str,
+        /// The packs, a bit each.
+        mask: u16,
+        /// Their charge, in percent.
+        percent: f32,
+    },
+    /// A ground station has erased all logs.
+    LogsErased {
+        /// Its link.
+        link: &'static str,
+    },
+    /// A ground station has erased what is learnt of a pack.
+    LearntErased {
+        /// Its link.
+        link: &'static str,
+        /// The pack.
+        pack: Pack,
+    },
     /// The power went off while armed before this start. Many owners switch off so.
     PowerWentOff,
     /// The board was reset while armed before this start.
@@ -71,7 +92,10 @@ pub enum Notice {
 impl Announce for Notice {
     fn severity(&self) -> Severity {
         match self {
-            Self::Suggestion(..) => Severity::Notice,
+            Self::Suggestion(..)
+            | Self::BatteriesReset { .. }
+            | Self::LogsErased { .. }
+            | Self::LearntErased { .. } => Severity::Notice,
             Self::ParametersSaved | Self::PowerWentOff | Self::ResetWhileArmed => Severity::Info,
             _ => Severity::Warning,
         }
@@ -82,7 +106,10 @@ impl Announce for Notice {
             Self::Unauthorized { .. } | Self::TooOld { .. } | Self::SharedIds { .. } => {
                 Limit::of(self).one_at_once()
             }
-            Self::ParameterRefused { .. } => Limit::of(self),
+            Self::ParameterRefused { .. }
+            | Self::BatteriesReset { .. }
+            | Self::LogsErased { .. }
+            | Self::LearntErased { .. } => Limit::of(self),
             _ => Limit::BOARD,
         }
     }
@@ -129,6 +156,7 @@ impl fmt::Display for Notice {
                 // ArduPilot's text.
                 Refused::ReadOnly => write!(f, "Param write denied ({})", id.name()),
                 Refused::Armed => write!(f, "{} refused: not raised while armed", id.name()),
+                Refused::NotWhileArmed => write!(f, "{} refused: not changed while armed", id.name()),
             },
             Self::LongTimeOut { parameter, seconds } => write!(
                 f,
@@ -136,6 +164,14 @@ impl fmt::Display for Notice {
                 parameter.row().name,
                 Hundredths(*seconds)
             ),
+            Self::BatteriesReset { link, mask, percent } => {
+                write!(f, "{link}: reset to {}%, battery ", round_to_i32(*percent))?;
+                write_packs(f, *mask)
+            }
+            Self::LogsErased { link } => write!(f, "{link}: logs erased"),
+            Self::LearntErased { link, pack } => {
+                write!(f, "{link}: learnt data of battery {} erased", pack.number())
+            }
             Self::PowerWentOff => f.write_str("Power went off while armed"),
             Self::ResetWhileArmed => f.write_str("Reset while armed"),
             Self::LogWearsFlash => f.write_str("Logging wears out this flash chip: set LOG_BITMASK 0"),
@@ -614,6 +650,19 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
             &refused(Refused::OutOfRange),
             &refused(Refused::ReadOnly),
             &refused(Refused::Armed),
+            &refused(Refused::NotWhileArmed),
+            &Notice::BatteriesReset {
+                link: "UART",
+                mask: 0b101,
+                percent: 100.0,
+            },
+            &Notice::LogsErased { link: "UART" },
+            &Notice::LearntErased {
+                link: "UART",
+                pack: Pack::Second,
+            },
+            &Notice::PowerWentOff,
+            &Notice::ResetWhileArmed,
             &Notice::LongTimeOut {
                 parameter: VehicleParameter::FsTimeout,
                 seconds: 7.5,
@@ -693,6 +742,12 @@ warning: UART: two stations are 255/190? Give each its own id
 warning: BATT_CAPACITY refused: valid 0 to 1000000
 warning: Param write denied (BATT_CAPACITY)
 warning: BATT_CAPACITY refused: not raised while armed
+warning: BATT_CAPACITY refused: not changed while armed
+notice: UART: reset to 100%, battery 1, 3
+notice: UART: logs erased
+notice: UART: learnt data of battery 2 erased
+info: Power went off while armed
+info: Reset while armed
 warning: Armed with FS_TIMEOUT 7.50: drives on for long without a driver
 warning: Log full until disarmed
 warning: Log not written: flash worn out?

@@ -251,6 +251,7 @@ impl Autopilot {
         received_at: Instant,
     ) -> Option<Event> {
         let state = complete(&self.own_state, &self.packs, &self.recording, &self.vehicle, now);
+        let mut command = None;
         let event = endpoint.handle_next(
             now,
             received_at,
@@ -260,8 +261,13 @@ impl Autopilot {
                 vehicle: &mut self.vehicle,
                 signing: &mut self.signing,
                 wifi: &mut self.wifi.credentials,
+                command: &mut command,
             },
         )?;
+        if let Some(command) = &command {
+            self.recording.add_command(command, now);
+            self.work |= Work::LOG;
+        }
         if endpoint.kind() == LinkKind::Wifi {
             self.wifi.heard_at = Some(now);
         }
@@ -290,14 +296,15 @@ impl Autopilot {
                 self.announce_late_action(id, now);
                 return self.parameter_set(id, endpoint);
             }
-            Event::Triggered(id) => return self.triggered(id, endpoint),
+            Event::Triggered(id) => return self.triggered(id, endpoint, now),
             Event::Command(action) => {
                 info!("{}: {:?}", endpoint.name(), action);
-                return self.act(action, now);
+                return self.act(action, endpoint.name(), now);
             }
             Event::LogsErased => {
-                info!("{}: logs erased", endpoint.name());
                 self.recording.erase_all();
+                let link = endpoint.name();
+                self.announce(&Notice::LogsErased { link }, now);
             }
             Event::ParametersSet => {
                 info!("{}: parameters set by a file", endpoint.name());
@@ -382,10 +389,14 @@ impl Autopilot {
         Work::SAVE
     }
 
-    fn triggered(&mut self, id: ParameterId, endpoint: &mut Endpoint) -> Work {
+    fn triggered(&mut self, id: ParameterId, endpoint: &mut Endpoint, now: Instant) -> Work {
         info!("{}: {}", endpoint.name(), id.name().as_str());
         match id {
-            ParameterId::Battery(pack, BatteryParameter::LrnErase) => self.erase_learnt(pack),
+            ParameterId::Battery(pack, BatteryParameter::LrnErase) => {
+                self.erase_learnt(pack);
+                let link = endpoint.name();
+                self.announce(&Notice::LearntErased { link, pack }, now);
+            }
             ParameterId::Vehicle(VehicleParameter::WifiShow) => self.show_wifi(endpoint),
             ParameterId::Vehicle(VehicleParameter::ParamChecked) => {
                 self.parameters.confirm();
@@ -398,7 +409,7 @@ impl Autopilot {
         Work::empty()
     }
 
-    fn act(&mut self, action: Action, now: Instant) -> Work {
+    fn act(&mut self, action: Action, link: &'static str, now: Instant) -> Work {
         match action {
             Action::Restart(_) => Work::RESTART,
             Action::ResetParameters => {
@@ -416,6 +427,7 @@ impl Autopilot {
                     .reset(mask, percent, &self.parameters, self.vehicle.arm_state());
                 self.update_vehicle();
                 self.was_reset = true;
+                self.announce(&Notice::BatteriesReset { link, mask, percent }, now);
                 Work::DRIVE
             }
         }

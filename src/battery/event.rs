@@ -10,7 +10,7 @@ use super::{
 };
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Limit, Severity};
 use crate::numbers::{Hundredths, round_to_i32};
-use crate::pack::Pack;
+use crate::pack::{Pack, write_packs};
 use crate::parameter::BatteryParameter;
 
 /// An event of a pack. Its text follows "Battery 1 ".
@@ -314,12 +314,8 @@ impl fmt::Display for PackEvent {
             Self::PercentagesInert(_) => f.write_str("percentages can't act"),
             Self::PoweringOff => f.write_str("is powering off"),
             Self::MembersLeft(left) => {
-                let mut separator = "sums without battery ";
-                for pack in Pack::ALL.iter().filter(|pack| left & pack.bit() != 0) {
-                    write!(f, "{separator}{}", pack.number())?;
-                    separator = ", ";
-                }
-                Ok(())
+                f.write_str("sums without battery ")?;
+                write_packs(f, *left)
             }
             Self::Charge {
                 state,

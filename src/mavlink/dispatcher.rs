@@ -98,6 +98,11 @@ pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mu
     }
     let before = context.changeable.vehicle.status();
     let event = serve(&request, from, services, context);
+    if let Request::Command(command) = &request
+        && command.changes_for_all()
+    {
+        *context.changeable.command = Some(requests::command_record(frame, context.outbox.latest_result()));
+    }
     if matches!(event, Event::Driven) {
         note_driven(&request, before, context);
     }

@@ -51,6 +51,8 @@ pub struct Outbox {
     dropped: u32,
     /// Long texts so far, of which each has a number.
     texts: u16,
+    /// Of the last acknowledgement.
+    result: MavResult,
 }
 
 impl Outbox {
@@ -79,6 +81,11 @@ impl Outbox {
         }
     }
 
+    /// The result that was acknowledged last.
+    pub fn latest_result(&self) -> MavResult {
+        self.result
+    }
+
     /// Posts an answer. One for which there is no room is dropped and counted: its sender will ask again.
     pub fn answer(&mut self, message: Message) {
         if self.replies.push_back(message).is_err() {
@@ -95,6 +102,7 @@ impl Outbox {
 
     /// Acknowledges a command to its sender.
     pub fn acknowledge(&mut self, command: u16, result: MavResult, to: Peer) {
+        self.result = result;
         self.answer(Message::CommandAck(CommandAck {
             command,
             result,

@@ -2,8 +2,8 @@
 
 use ::mavlink::{Message as _, calculate_crc};
 
-use super::dialect::MavMessage;
 use super::Peer;
+use super::dialect::MavMessage;
 use super::payload::Payload;
 use crate::system::ReceiveStatistics;
 

@@ -170,8 +170,9 @@ mod tests {
     fn the_first_to_go_is_silent_then_one_with_heartbeats_alone_then_the_one_with_the_oldest_other_message() {
         let mut stations = Stations::default();
         let [a, b, c, d] = [1, 2, 3, 4].map(|system_id| station(system_id, 190));
-        let known = |stations: &Stations, at_s| [a, b, c, d].map(|id| stations.knows(id, at_us(at_s * SECOND)));
-        let strangers = |stations: &mut Stations, at_s, from, count| {
+        let known =
+            |stations: &Stations, at_s| [a, b, c, d].map(|id| stations.knows(id, at_us(at_s * SECOND)));
+        let strangers = |stations: &mut Stations, at_s, from: u8, count| {
             for number in 0..count {
                 stations.heartbeat(station(from + number, 33), at_us(at_s * SECOND));
             }
@@ -206,7 +207,10 @@ mod tests {
             stations.heartbeat(station(number, 33), at_us(u64::from(number) * 9_000));
         }
         assert!(!stations.knows(slow, at_us(SECOND)));
-        assert!(!stations.heartbeat(slow, at_us(SECOND)), "one was introduced a moment ago");
+        assert!(
+            !stations.heartbeat(slow, at_us(SECOND)),
+            "one was introduced a moment ago"
+        );
         assert!(stations.knows(slow, at_us(SECOND)));
         assert!(stations.heartbeat(slow, at_us(11 * SECOND)));
     }

@@ -76,6 +76,8 @@ pub enum Refused {
     ReadOnly,
     /// A time-out is not raised while the rover is armed.
     Armed,
+    /// The system id is not changed while the rover is armed.
+    NotWhileArmed,
 }
 
 /// The value by which a trigger acts.
@@ -286,7 +288,8 @@ impl Parameters {
         Ok(())
     }
 
-    /// Sets the live value while the rover is armed: a time-out that is raised would let a rover without a driver go on for longer.
+    /// Sets the live value while the rover is armed: a time-out that is raised would let a rover without a driver go on for longer,
+    /// and with another system id its driver's DISARM would be for another rover.
     ///
     /// # Errors
     /// The value is refused; the old one is kept.
@@ -297,6 +300,9 @@ impl Parameters {
             .contains(&id);
         if is_time_out && checked(id, value)? > self.get(id) {
             return Err(Refused::Armed);
+        }
+        if id == VehicleParameter::SysidThismav.into() && checked(id, value)? != self.get(id) {
+            return Err(Refused::NotWhileArmed);
         }
         self.set(id, value)
     }

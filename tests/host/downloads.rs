@@ -95,6 +95,7 @@ impl Bench {
                     state.now,
                     &state,
                     Changeable {
+                        command: &mut None,
                         parameters: &mut self.parameters,
                         vehicle: &mut self.vehicle,
                         signing: &mut self.signing,

@@ -1,5 +1,6 @@
 //! What runs on the host: the core, the tasks in stepped time, programs for a desk, and what documentation says.
 
+mod actions_of_others;
 mod adc_to_wire;
 mod announcements;
 mod armed_storage;

@@ -159,7 +159,11 @@ fn strangers_with_changing_ids_do_not_keep_the_time_of_a_station_away() {
         const QUADROTOR: u8 = 2;
         let heard = seconds_heard(per_second, |number| {
             let sender = [number as u8 % 250, 1];
-            [heartbeat_from(sender, QUADROTOR), system_time_from(sender, UNIX_US + 1)].concat()
+            [
+                heartbeat_from(sender, QUADROTOR),
+                system_time_from(sender, UNIX_US + 1),
+            ]
+            .concat()
         });
         assert!(heard >= 58, "{heard} at {per_second}");
     }

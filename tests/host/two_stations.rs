@@ -102,7 +102,10 @@ impl Field {
     fn near(&mut self, request: &[u8]) {
         let frame = self.signed(self.ticks(), request);
         let events = self.deliver(LinkKind::Wifi, &frame);
-        assert!(!matches!(events[..], [Event::TooOld | Event::Ignored]), "{events:?}");
+        assert!(
+            !matches!(events[..], [Event::TooOld | Event::Ignored]),
+            "{events:?}"
+        );
     }
 
     /// A frame of the farther station, by radio.
@@ -118,7 +121,13 @@ impl Field {
 
     /// Arms and drives, a second apart, with a heartbeat after each.
     fn drive(&mut self, by_cable: bool) {
-        for request in [heartbeat(GCS), arm(), heartbeat(GCS), manual_mode(), heartbeat(GCS)] {
+        for request in [
+            heartbeat(GCS),
+            arm(),
+            heartbeat(GCS),
+            manual_mode(),
+            heartbeat(GCS),
+        ] {
             self.desk.now_us += SECOND;
             if by_cable && request != heartbeat(GCS) {
                 self.deliver(LinkKind::Direct, &request);
@@ -317,7 +326,11 @@ fn the_text_comes_every_ten_seconds_at_most_and_not_of_frames_that_come_twice() 
         assert_eq!(format!("{:?}", field.desk.vehicle()), before);
         assert_eq!(shared_ids(&field.said(), STATIONS), 0);
     }
-    assert_eq!(field.on(LinkKind::Radio, |desk| desk.sent()).len(), 0, "no answer");
+    assert_eq!(
+        field.on(LinkKind::Radio, |desk| desk.sent()).len(),
+        0,
+        "no answer"
+    );
     field.deliver(LinkKind::Radio, &sent[0]);
     assert_eq!(shared_ids(&field.said(), STATIONS), 1, "the seventeenth");
 }
@@ -355,7 +368,9 @@ fn after_a_restart_no_recording_from_before_stops_the_rover() {
     let mut stored = StoredSigning::default();
     let now = field.desk.now();
     while let Some(job) = field.desk.autopilot.next_flash_job(FlashStore::Signing, now) {
-        let FlashJob::Signing(unsaved) = &job else { panic!("{job:?}") };
+        let FlashJob::Signing(unsaved) = &job else {
+            panic!("{job:?}")
+        };
         for (key, word) in stored.words(unsaved) {
             stored.found(key, word);
         }
@@ -464,7 +479,11 @@ fn deliveries(story: &[Scene], ids: [u8; 2]) -> Vec<(u64, LinkKind, Vec<u8>)> {
 }
 
 /// The vehicle's state at the end, and after each delivery.
-fn told(deliveries: &[(u64, LinkKind, Vec<u8>)], repeated: &[(usize, usize, LinkKind)], ids: [u8; 2]) -> Vec<String> {
+fn told(
+    deliveries: &[(u64, LinkKind, Vec<u8>)],
+    repeated: &[(usize, usize, LinkKind)],
+    ids: [u8; 2],
+) -> Vec<String> {
     let mut field = Field::new(ids);
     let mut states = Vec::new();
     for (number, (at_ms, link, frame)) in deliveries.iter().enumerate() {
@@ -479,7 +498,11 @@ fn told(deliveries: &[(u64, LinkKind, Vec<u8>)], repeated: &[(usize, usize, Link
             field.deliver(*link, frame);
         }
         field.desk.drive();
-        states.push(format!("{:?} {:?}", field.desk.vehicle(), field.desk.vehicle().drives()));
+        states.push(format!(
+            "{:?} {:?}",
+            field.desk.vehicle(),
+            field.desk.vehicle().drives()
+        ));
     }
     assert!(!field.said().iter().any(|text| text.contains("not signed")));
     states

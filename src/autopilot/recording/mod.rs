@@ -16,12 +16,12 @@ pub use step::LogStep;
 pub use stream::Subject;
 use stream::{Stream, parameter_record};
 
-use crate::announce::LastAnnounced;
+use crate::announce::{LastAnnounced, RateLimit};
 use crate::battery::{Extremes, FailsafeTimers};
 use crate::log::{info, warn};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterId, ParameterTrouble, Parameters, VehicleParameter};
-use crate::recorder::dataflash::{MESSAGE_BYTES, Record};
+use crate::recorder::dataflash::{CommandRecord, MESSAGE_BYTES, Record};
 use crate::recorder::{LogFile, Piece, Ring};
 use crate::system::{LogHealth, LogReaders};
 use crate::time::{Instant, Utc};
@@ -68,6 +68,10 @@ pub enum LogFailure {
     NotWritten,
 }
 
+/// Commands that are recorded at once, and the time after which one more is: five a second at most.
+const COMMANDS_AT_ONCE: u8 = 5;
+const COMMAND_INTERVAL_US: u64 = 1_000_000;
+
 /// Announced once the log is full, and its last record.
 pub const LOG_FULL: &str = "Log full until disarmed";
 
@@ -96,6 +100,7 @@ pub struct Recording {
     crash_is_due: bool,
     /// What waits has to be in flash at once.
     is_urgent: bool,
+    command_rate: RateLimit<COMMAND_INTERVAL_US>,
     date: Date,
     /// The timers of each pack's failsafe as the file has them.
     timers: [FailsafeTimers; MAX_PACKS],
@@ -153,6 +158,7 @@ impl Recording {
             retry_at: Instant::EPOCH,
             crash_is_due: has_crashed,
             is_urgent: false,
+            command_rate: RateLimit::default(),
             date: Date::default(),
             timers: [FailsafeTimers::STOPPED; MAX_PACKS],
             reports_at: [None; MAX_PACKS],
@@ -395,6 +401,15 @@ impl Recording {
         for (level, timer) in timers.changes(before) {
             let bytes = self.add(&Record::FailsafeTimer(pack, level, timer));
             self.spend(bytes);
+        }
+    }
+
+    /// Records a command, whatever is left of the packs' share, unless there were five in the last seconds.
+    pub fn add_command(&mut self, command: &CommandRecord, now: Instant) {
+        if self.state == State::Recording && self.command_rate.take_of(COMMANDS_AT_ONCE, now) {
+            let bytes = self.add(&Record::Command(command));
+            self.spend(bytes);
+            self.is_urgent = true;
         }
     }
 

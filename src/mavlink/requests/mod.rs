@@ -11,6 +11,7 @@ use heapless::Vec;
 use num_traits::FromPrimitive;
 
 use super::COMPONENT_ID;
+use super::dialect::MavResult;
 use super::dialect::{
     BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA,
     FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA,
@@ -21,9 +22,11 @@ use super::dialect::{
     RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, SETUP_SIGNING_DATA, SYSTEM_TIME_DATA,
     TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
+use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
 use crate::pack::Pack;
+use crate::recorder::dataflash::CommandRecord;
 use crate::sensor::{ExternalHealth, ExternalReport};
 use crate::vehicle::StickInput;
 pub(super) use battery_status::{FLAGS_OF_FAULTS, FLAGS_OF_MODES};
@@ -393,6 +396,30 @@ fn command(payload: &Payload<'_>) -> (Target, Request<'static>) {
         number: payload.u16(28),
     };
     (Target::Component(target), Request::Command(command))
+}
+
+/// The record of a command in the log, with its result. `message_id` is that of COMMAND_LONG or COMMAND_INT.
+pub fn command_record(frame: &ReceivedFrame<'_>, result: MavResult) -> CommandRecord {
+    let payload = &frame.payload;
+    let was_long = frame.message_id == COMMAND_LONG_DATA::ID;
+    CommandRecord {
+        target: payload.bytes(30),
+        sender: [frame.system_id, frame.component_id],
+        // Of COMMAND_LONG it is the confirmation.
+        frame: if was_long { 0 } else { payload.u8(32) },
+        number: payload.u16(28),
+        parameters: core::array::from_fn(|index| payload.f32(4 * index)),
+        position: [16, 20].map(|at| {
+            if was_long {
+                payload.f32(at) as i32
+            } else {
+                payload.i32(at)
+            }
+        }),
+        z: payload.f32(24),
+        result: result as u8,
+        was_long,
+    }
 }
 
 fn radio_status(payload: &Payload<'_>) -> (Target, Request<'static>) {

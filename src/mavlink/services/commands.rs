@@ -2,6 +2,7 @@
 
 use ::mavlink::MessageData;
 
+use super::vehicle::VehicleService;
 use crate::mavlink::dialect::{
     AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, COMPONENT_METADATA_DATA, MESSAGE_INTERVAL_DATA, MavCmd,
     MavResult, PROTOCOL_VERSION_DATA,
@@ -161,6 +162,11 @@ impl Command {
             self.number,
             PREFLIGHT_STORAGE | PREFLIGHT_REBOOT_SHUTDOWN | BATTERY_RESET
         )
+    }
+
+    /// Whether it changes something for all stations, whatever it asks of its own link.
+    pub fn changes_for_all(&self) -> bool {
+        self.changes_for_good() || self.number == DO_AUX_FUNCTION || VehicleService::changes_by(self.number)
     }
 
     /// Whether it requests the message with this id.

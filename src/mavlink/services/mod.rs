@@ -20,6 +20,7 @@ use crate::mavlink::signing::{
 };
 use crate::mavlink::stations::Stations;
 use crate::parameter::Parameters;
+use crate::recorder::dataflash::CommandRecord;
 use crate::system::SystemState;
 use crate::time::Instant;
 use crate::vehicle::{Presence, Vehicle};
@@ -48,6 +49,8 @@ pub struct Changeable<'a> {
     pub signing: &'a mut Signing,
     /// Names and passwords of Wi-Fi networks.
     pub wifi: &'a mut WifiCredentials,
+    /// A command that changes something for all stations, to be recorded.
+    pub command: &'a mut Option<CommandRecord>,
 }
 
 /// State that a request may use and change.

@@ -108,6 +108,11 @@ impl<'a> VehicleService<'a> {
         [ARM_DISARM, RUN_PREARM_CHECKS, DO_SET_MODE].contains(&number)
     }
 
+    /// Whether commands of this number change the vehicle.
+    pub fn changes_by(number: u16) -> bool {
+        [ARM_DISARM, DO_SET_MODE].contains(&number)
+    }
+
     /// Does what a command asks of the rover, says why if it can't, and acknowledges it.
     pub fn execute(&mut self, command: &Command, from: Peer) -> Event {
         let result = self.result_of(command);

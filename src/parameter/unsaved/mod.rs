@@ -67,7 +67,11 @@ impl Parameters {
         }
         for id in ParameterId::all().filter(|id| matches!(id.row().access, Access::Setting(_))) {
             let default = self.default_of(id);
-            let value = if PERMISSIONS.contains(&id) { default.min(self.get(id)) } else { default };
+            let value = if PERMISSIONS.contains(&id) {
+                default.min(self.get(id))
+            } else {
+                default
+            };
             self.write(id, value);
         }
         self.doubts &= Doubts::NOT_READ;

@@ -29,6 +29,7 @@ pub enum Kind {
     Curve = 147,
     FailsafeTimer = 148,
     Report = 149,
+    Command = 150,
 }
 
 /// A format, as its FMT and FMTU records say it: a character and a name for each field.
@@ -73,7 +74,7 @@ fn field_bytes(field_type: u8) -> usize {
 }
 
 /// All formats, FMT first, since a reader needs it to read the others.
-pub const FORMATS: [Format; 22] = [
+pub const FORMATS: [Format; 23] = [
     Format {
         kind: Kind::Format,
         name: "FMT",
@@ -250,6 +251,14 @@ pub const FORMATS: [Format; 22] = [
         columns: "TimeUS,Inst,Err,OvD,WhR,WhF,Mode",
         units: "s#%-XX-",
         multipliers: "F-0-00-",
+    },
+    Format {
+        kind: Kind::Command,
+        name: "MAVC",
+        types: "QBBBBBHffffiifBB",
+        columns: "TimeUS,TS,TC,SS,SC,Fr,Cmd,P1,P2,P3,P4,X,Y,Z,Res,WL",
+        units: "s---------------",
+        multipliers: "F---------------",
     },
 ];
 

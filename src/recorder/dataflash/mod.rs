@@ -16,7 +16,7 @@ mod record;
 
 pub use last_arming::ends_armed;
 pub use packet::{MAX_RECORD_BYTES, RecordBytes, opening_record};
-pub use record::{ArmingMethod, MESSAGE_BYTES, ModeReason, Record, Subsystem};
+pub use record::{ArmingMethod, CommandRecord, MESSAGE_BYTES, ModeReason, Record, Subsystem};
 
 #[cfg(test)]
 mod tests;

@@ -83,6 +83,31 @@ pub enum Record<'a> {
     Report(Pack, &'a Reported),
     /// FSTM: the timer of a level of a pack's failsafe starts, is reset or expires.
     FailsafeTimer(Pack, FailsafeLevel, FailsafeTimer),
+    /// MAVC: a command that changes something, and its result.
+    Command(&'a CommandRecord),
+}
+
+/// Fields of COMMAND_LONG or COMMAND_INT and its acknowledgement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommandRecord {
+    /// `target_system` and `target_component`.
+    pub target: [u8; 2],
+    /// System and component that have sent it.
+    pub sender: [u8; 2],
+    /// `frame`, 0 in COMMAND_LONG.
+    pub frame: u8,
+    /// `command`, a MAV_CMD.
+    pub number: u16,
+    /// `param1` to `param4`.
+    pub parameters: [f32; 4],
+    /// `x` and `y`, or `param5` and `param6` as whole numbers.
+    pub position: [i32; 2],
+    /// `z` or `param7`.
+    pub z: f32,
+    /// A MAV_RESULT.
+    pub result: u8,
+    /// Whether it was a COMMAND_LONG.
+    pub was_long: bool,
 }
 
 impl<'a> Record<'a> {
@@ -154,6 +179,7 @@ impl<'a> Record<'a> {
                 .u8(level as u8)
                 .u8(timer as u8)
                 .finish(),
+            Self::Command(command) => encode_command(time_us, command),
         }
     }
 }
@@ -355,6 +381,26 @@ fn encode_crash(time_us: u64, crash: &CrashRecord) -> RecordBytes {
         .u32(lr)
         .u32(xpsr)
         .text(TASK_CHARACTERS, &task.unwrap_or_default())
+        .finish()
+}
+
+fn encode_command(time_us: u64, command: &CommandRecord) -> RecordBytes {
+    let mut packet = Packet::at(Kind::Command, time_us);
+    packet
+        .bytes(&command.target)
+        .bytes(&command.sender)
+        .u8(command.frame)
+        .u16(command.number);
+    for parameter in command.parameters {
+        packet.f32(parameter);
+    }
+    for coordinate in command.position {
+        packet.i32(coordinate);
+    }
+    packet
+        .f32(command.z)
+        .u8(command.result)
+        .u8(u8::from(command.was_long))
         .finish()
 }
 
