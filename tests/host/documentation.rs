@@ -10,6 +10,7 @@ use rover_battmon::battery::{
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
+use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterTrouble, Refused, StickParameter};
 use rover_battmon::sensor::{CanReport, FuelCellState};
@@ -537,6 +538,13 @@ fn announced() -> Vec<String> {
         )
         .to_string()
     });
+    let [crashed, running] = [1, 2].map(|word| Some(FirmwareHash::of([word])));
+    let of_another_version = CrashRecord {
+        task: TaskName::new("drive"),
+        cause: CrashCause::Hung,
+        firmware: crashed,
+    };
+    let of_another_version = headline(&of_another_version, running).to_string();
     let id = BatteryParameter::Cells.of(Pack::First);
     let why = Refused::OutOfRange;
     let all = packs
@@ -545,9 +553,23 @@ fn announced() -> Vec<String> {
         .chain(CAN_REPORTS.map(|report| report.to_string()))
         .chain(FUEL_CELL_STATES.map(|state| state.to_string()))
         .chain(logging)
-        .chain([Notice::ParameterRefused { id, why }.to_string()])
+        .chain(
+            [
+                Notice::ParameterRefused { id, why },
+                Notice::BatteriesReset {
+                    link: "UART0",
+                    mask: Pack::First.bit(),
+                    percent: 100.0,
+                },
+                Notice::LogsErased { link: "UDP 1" },
+                Notice::PowerWentOff,
+                Notice::ResetWhileArmed,
+            ]
+            .map(|notice| notice.to_string()),
+        )
         .chain(rover)
-        .chain(crashes);
+        .chain(crashes)
+        .chain([of_another_version]);
     all.map(|text| without_numbers(&text)).collect()
 }
 

@@ -84,6 +84,18 @@ fn learnt() -> LearntPack {
 
 const BOARD_ID: BoardId = BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c]);
 
+const COMMAND: CommandRecord = CommandRecord {
+    target: [1, 0],
+    sender: [255, 190],
+    frame: 3,
+    number: 400,
+    parameters: [1.0, 21196.0, 0.0, f32::NAN],
+    position: [-2, 7],
+    z: 0.5,
+    result: 4,
+    was_long: true,
+};
+
 /// A record of every format that is not of the opening.
 fn one_of_each<'a>(
     state: &'a BatteryState,
@@ -124,6 +136,7 @@ fn one_of_each<'a>(
         Record::Curve(Pack::First, learnt),
         Record::FailsafeTimer(Pack::First, FailsafeLevel::Low, FailsafeTimer::Running),
         Record::Report(Pack::First, &state.readings.reported),
+        Record::Command(&COMMAND),
     ]
 }
 
@@ -379,6 +392,12 @@ fn a_file_says_everything_about_its_formats_once() {
         .collect();
     assert_eq!(kinds, expected);
     assert_eq!(opening_record(usize::MAX, 0), None);
+}
+
+#[test]
+fn a_command_has_each_field_in_its_place() {
+    let expected = "a395960807060504030201 0100 ffbe 03 9001 0000803f 0098a546 00000000 0000c07f feffffff 07000000 0000003f 04 01";
+    assert_eq!(encoded(Record::Command(&COMMAND)), expected.replace(' ', ""));
 }
 
 #[test]

@@ -73,6 +73,9 @@ fn origin(drive: &Drive, arguments: &Arguments) -> String {
     if let Some(utc_s) = drive.began_utc_s() {
         text += &format!("Recorded from {} on\n", utc(utc_s));
     }
+    if let Some(end) = &survey.run_before {
+        text += &format!("Before: {end}\n");
+    }
     if let Some(id) = survey.system_id.filter(|_| !survey.other_systems.is_empty()) {
         let others: Vec<String> = survey.other_systems.iter().map(ToString::to_string).collect();
         text += &format!("Replayed vehicle {id}; the log also has {}\n", others.join(", "));

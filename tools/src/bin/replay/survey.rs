@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io;
 
+use rover_battmon::autopilot::Notice;
 use rover_battmon::battery::{LEARNT_CURVE, LEARNT_WORDS, LearntPack};
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{ParameterId, Parameters};
@@ -21,6 +22,9 @@ const SYSTEM_ID: [&str; 2] = ["SYSID_THISMAV", "MAV_SYSID"];
 const LOG_DISARMED: &str = "LOG_DISARMED";
 const FROM_ARMING: f64 = 0.0;
 
+/// The beginning of the board's text about a crash.
+const CRASH: &str = "Crash";
+
 /// Facts of a log as a whole; `None` if it lacks one.
 #[derive(Debug, Default)]
 pub struct Survey {
@@ -34,6 +38,8 @@ pub struct Survey {
     pub system_id: Option<i32>,
     /// The board's serial number.
     pub board_id: Option<String>,
+    /// How the run before it ended, if its driver did not end it.
+    pub run_before: Option<String>,
     /// When the recorder started, in seconds since 1970 (UTC).
     pub started_utc_s: Option<f64>,
     /// Measured quantities of each pack that has a reading.
@@ -244,6 +250,10 @@ impl Survey {
         if let Some(((pack, level), time_s)) = announced(text).zip(time_s) {
             self.recorded.levels[usize::from(pack.instance())].reach(level, time_s);
         }
+        let interruptions = [Notice::PowerWentOff, Notice::ResetWhileArmed].map(|notice| notice.to_string());
+        if text.starts_with(CRASH) || interruptions.iter().any(|interruption| text == interruption) {
+            self.run_before.get_or_insert_with(|| text.to_string());
+        }
     }
 
     /// The first record of a pack is what was known at the beginning.
@@ -261,6 +271,20 @@ impl Survey {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_end_of_the_run_before_is_the_first_text_about_it() {
+        let mut survey = Survey::default();
+        for text in [
+            "rover-battmon 0.1.0",
+            "Power went off while armed",
+            "Battery 1 is low",
+            "Crash: drive was overdue",
+        ] {
+            survey.announcement(text, None);
+        }
+        assert_eq!(survey.run_before.as_deref(), Some("Power went off while armed"));
+    }
 
     #[test]
     fn a_curve_belongs_to_the_pack_before_it() {
