@@ -172,7 +172,7 @@ mod tests {
         let [a, b, c, d] = [1, 2, 3, 4].map(|system_id| station(system_id, 190));
         let known =
             |stations: &Stations, at_s| [a, b, c, d].map(|id| stations.knows(id, at_us(at_s * SECOND)));
-        let strangers = |stations: &mut Stations, at_s, from: u8, count| {
+        let strangers = |stations: &mut Stations, at_s, from, count| {
             for number in 0..count {
                 stations.heartbeat(station(from + number, 33), at_us(at_s * SECOND));
             }

@@ -471,9 +471,9 @@ fn protected() -> Desk {
     desk
 }
 
-fn is_unauthorized(desk: &mut Desk, frame: &[u8]) -> bool {
+fn is_refused_report(desk: &mut Desk, frame: &[u8]) -> bool {
     match desk.receive_in_chunks(frame, 64)[..] {
-        [Event::Unauthorized { .. }] => true,
+        [Event::Unauthorized { .. } | Event::Ignored] => true,
         [Event::Measured { .. }] => false,
         ref other => panic!("{other:?}"),
     }
@@ -483,20 +483,20 @@ fn is_unauthorized(desk: &mut Desk, frame: &[u8]) -> bool {
 fn with_a_key_only_signed_reports_count_and_each_once() {
     let mut desk = protected();
     let report = of_voltage(12_000).frame();
-    assert!(is_unauthorized(&mut desk, &report));
-    assert!(is_unauthorized(&mut desk, &health_report(COMPANION, 0, 1, 99)));
-    assert!(is_unauthorized(&mut desk, &Signer::new(STRANGER).sign(&report)));
+    assert!(is_refused_report(&mut desk, &report));
+    assert!(is_refused_report(&mut desk, &health_report(COMPANION, 0, 1, 99)));
+    assert!(is_refused_report(&mut desk, &Signer::new(STRANGER).sign(&report)));
     let mut owner = Signer::new(OWNER);
     let signed = owner.sign(&report);
-    assert!(!is_unauthorized(&mut desk, &signed));
+    assert!(!is_refused_report(&mut desk, &signed));
     assert_eq!(tick(&mut desk, &[]).readings.voltage_v, Some(12.0));
     // A recording keeps no pack alive.
-    assert!(is_unauthorized(&mut desk, &signed));
+    assert!(is_refused_report(&mut desk, &signed));
     assert_eq!(ticks(&mut desk, 30, &signed).status, PackStatus::Unhealthy);
-    assert!(!is_unauthorized(&mut desk, &owner.sign(&report)));
+    assert!(!is_refused_report(&mut desk, &owner.sign(&report)));
     for (allowed, is_refused) in [(1.0, true), (2.0, false)] {
         desk.set(VehicleParameter::SignUartAllow, allowed);
-        assert_eq!(is_unauthorized(&mut desk, &report), is_refused, "{allowed}");
+        assert_eq!(is_refused_report(&mut desk, &report), is_refused, "{allowed}");
     }
 }
 

@@ -171,13 +171,24 @@ fn strangers_with_changing_ids_do_not_keep_the_time_of_a_station_away() {
 
 #[test]
 fn busy_strangers_lock_no_station_out() {
-    // Four of them have all places at first.
-    let heard = seconds_heard(30, |number| {
-        let sender = [number as u8 % 4 + 1, 190];
-        [heartbeat_from(sender, GCS), from(sender, &ping(1, 1))].concat()
+    let of_stranger = |number: u64| {
+        let sender = [number as u8 + 11, 190];
+        [heartbeat_from(sender, GCS), from(sender, &ping(1, 1))]
+    };
+    // Four of them have all places at first, and go on at a station's rate.
+    for phase in 0..7 {
+        let heard = seconds_heard(30, |number| match (number + phase) % 7 {
+            stranger @ 0..4 if number % 30 < 7 => of_stranger(stranger).concat(),
+            _ => Vec::new(),
+        });
+        assert!(heard >= 20, "{heard} at {phase}");
+    }
+    // They have been busy, and send heartbeats alone from now on.
+    let heard = seconds_heard(30, |number| match of_stranger(number % 4) {
+        messages if number < 4 => messages.concat(),
+        [heartbeat, _] => heartbeat,
     });
-    assert!(heard >= 1, "{heard}");
-    eprintln!("XX {heard}");
+    assert!(heard >= 58, "{heard}");
 }
 
 #[test]

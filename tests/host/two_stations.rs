@@ -479,7 +479,7 @@ fn deliveries(story: &[Scene], ids: [u8; 2]) -> Vec<(u64, LinkKind, Vec<u8>)> {
 }
 
 /// The vehicle's state at the end, and after each delivery.
-fn told(
+fn played(
     deliveries: &[(u64, LinkKind, Vec<u8>)],
     repeated: &[(usize, usize, LinkKind)],
     ids: [u8; 2],
@@ -530,6 +530,6 @@ proptest! {
             // What comes by cable is not signed.
             .filter(|(_, recorded, _)| deliveries[*recorded].1 != LinkKind::Direct)
             .collect();
-        prop_assert_eq!(told(&deliveries, &repeated, ids), told(&deliveries, &[], ids));
+        prop_assert_eq!(played(&deliveries, &repeated, ids), played(&deliveries, &[], ids));
     }
 }
