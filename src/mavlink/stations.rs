@@ -172,9 +172,9 @@ mod tests {
         let [a, b, c, d] = [1, 2, 3, 4].map(|system_id| station(system_id, 190));
         let known =
             |stations: &Stations, at_s| [a, b, c, d].map(|id| stations.knows(id, at_us(at_s * SECOND)));
-        let strangers = |stations: &mut Stations, at_s, from, count| {
-            for number in 0..count {
-                stations.heartbeat(station(from + number, 33), at_us(at_s * SECOND));
+        let strangers = |stations: &mut Stations, at_s, ids: std::ops::Range<u8>| {
+            for number in ids {
+                stations.heartbeat(station(number, 33), at_us(at_s * SECOND));
             }
         };
         for (at_s, id) in [(0, a), (1, b), (2, c), (3, d)] {
@@ -184,11 +184,11 @@ mod tests {
             stations.other_message(id, at_us(at_s * SECOND));
         }
         // Strangers take turns at the place of the one with heartbeats alone.
-        strangers(&mut stations, 7, 100, 50);
+        strangers(&mut stations, 7, 100..150);
         assert_eq!(known(&stations, 7), [true, false, true, true]);
         // One of them sends something else: now the oldest is that of c.
         stations.other_message(station(149, 33), at_us(8 * SECOND));
-        strangers(&mut stations, 9, 200, 50);
+        strangers(&mut stations, 9, 200..250);
         assert_eq!(known(&stations, 9), [true, false, false, true]);
         // A silent one goes before those with heartbeats alone.
         stations.heartbeat(d, at_us(35 * SECOND));
@@ -202,17 +202,19 @@ mod tests {
     fn a_stated_time_holds_a_place_until_the_heartbeat_and_makes_no_station_known() {
         let mut stations = Stations::default();
         let slow = station(255, 190);
-        stations.time_stated(slow, at_us(0));
-        for number in 1..=100 {
-            stations.heartbeat(station(number, 33), at_us(u64::from(number) * 9_000));
-        }
-        assert!(!stations.knows(slow, at_us(SECOND)));
-        assert!(
-            !stations.heartbeat(slow, at_us(SECOND)),
-            "one was introduced a moment ago"
-        );
-        assert!(stations.knows(slow, at_us(SECOND)));
-        assert!(stations.heartbeat(slow, at_us(11 * SECOND)));
+        let strangers = |stations: &mut Stations, at_s| {
+            for number in 1..=100 {
+                stations.heartbeat(station(number, 33), at_us(at_s * SECOND));
+            }
+        };
+        stations.time_stated(slow, at_us(SECOND));
+        strangers(&mut stations, 2);
+        assert!(!stations.knows(slow, at_us(2 * SECOND)));
+        // Another one was introduced a second ago.
+        assert!(!stations.heartbeat(slow, at_us(3 * SECOND)));
+        strangers(&mut stations, 4);
+        assert!(stations.knows(slow, at_us(4 * SECOND)));
+        assert!(stations.heartbeat(slow, at_us(12 * SECOND)));
     }
 
     #[test]

@@ -101,7 +101,10 @@ impl Rover {
             let mut storage = Storage::new(self.chip.clone(), SmallFlash::REGION);
             let written = block_on(async {
                 match unsaved {
-                    Unsaved::Reset => storage.clear(&Erase::always).await,
+                    Unsaved::Reset => {
+                        let kept = VehicleParameter::SignUsbAllow.row().key;
+                        storage.clear_but(kept, &Erase::always).await
+                    }
                     Unsaved::Value(id, value) => {
                         let stored = storage.store(id.key(), value.to_bits(), &Erase::always);
                         stored.await.map(drop)

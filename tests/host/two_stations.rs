@@ -239,7 +239,9 @@ fn a_stop_is_late_only_by_the_arming_before_it_not_by_manual_again_in_manual() {
     assert_eq!(field.state(), (ArmState::Armed, Mode::Hold));
     field.far(signed_at, &disarm());
     assert_eq!(field.state(), (ArmState::Disarmed, Mode::Hold));
-    // Who disarms a disarmed rover is answered, and does nothing.
+    // Who disarms a disarmed rover is answered, and takes the seat from no driver.
+    field.desk.now_us += SECOND;
+    field.near(&manual_control(1, 0, 0));
     let before = format!("{:?}", field.desk.vehicle());
     field.far(signed_at + 1, &disarm());
     assert_eq!(format!("{:?}", field.desk.vehicle()), before);

@@ -8,6 +8,7 @@ use super::*;
 pub(super) enum Step {
     Store(u16, u32),
     Clear,
+    ClearBut(u16),
     Prepare,
 }
 
@@ -16,6 +17,7 @@ impl Step {
         match self {
             Self::Store(key, value) => block_on(storage.store(key, value, &Erase::always)).map(drop),
             Self::Clear => block_on(storage.clear(&Erase::always)),
+            Self::ClearBut(key) => block_on(storage.clear_but(key, &Erase::always)),
             Self::Prepare => prepare(storage, &Erase::always),
         }
     }
@@ -26,6 +28,7 @@ impl Step {
                 values.insert(key, value);
             }
             Self::Clear => values.clear(),
+            Self::ClearBut(kept) => values.retain(|key, _| *key == kept),
             Self::Prepare => {}
         }
     }
@@ -37,6 +40,7 @@ pub(super) fn step() -> impl Strategy<Value = Step> {
         30 => (0..8_u16, 0..6_u8).prop_map(|(key, value)| Step::Store(key, u32::from(value))),
         3 => (any::<u16>(), any::<u32>()).prop_map(|(key, bits)| Step::Store(key % 10, bits)),
         1 => Just(Step::Clear),
+        1 => (0..8_u16).prop_map(Step::ClearBut),
         4 => Just(Step::Prepare),
     ]
 }
@@ -110,6 +114,8 @@ fn power_cut_in_any_operation_leaves_old_or_new_value() {
     let steps: Vec<Step> = (0..45_u16)
         .map(|number| match number {
             20 => Step::Clear,
+            // Once with the value, and once more with nothing else.
+            30 | 31 => Step::ClearBut(4),
             21 => Step::Store(9, u32::MAX),
             _ => Step::Store(number % 5, u32::from(number)),
         })
