@@ -2,9 +2,11 @@
 
 use core::mem;
 
-use super::announcement::Notice;
+use super::announcement::{CrashLine, Notice};
 use super::{Autopilot, Work};
+use crate::announce::announced_text;
 use crate::battery::{FailsafeLevel, PackEvent};
+use crate::crash::{Interruption, RunEnd, headline};
 use crate::log::info;
 use crate::pack::Pack;
 use crate::parameter::VehicleParameter;
@@ -91,6 +93,37 @@ impl Autopilot {
         }
         self.record_status(status, mode_reason);
         self.known_status = status;
+    }
+
+    /// The rover is armed: interruptions are over. One that is still a danger to the drive is announced once more.
+    pub(super) fn end_interruption(&mut self, now: Instant) {
+        match mem::take(&mut self.last_run.end) {
+            RunEnd::Interrupted(Interruption::PowerDip) => self.announce(&Notice::PowerWentOff, now),
+            RunEnd::Interrupted(Interruption::Crash) => {
+                let crash = self.last_run.crash.take();
+                if let Some(crash) = &crash {
+                    let text = headline(crash, self.identity().firmware_hash);
+                    self.announce(&CrashLine(&text), now);
+                }
+                // The log may have yet to take it.
+                self.last_run.crash = crash;
+            }
+            _ => {}
+        }
+    }
+
+    /// Records how the last run ended, as a file begins.
+    pub(super) fn record_last_run(&mut self) {
+        if self.recording.crash_is_due()
+            && let Some(crash) = &self.last_run.crash
+        {
+            self.recording.add(&Record::Crash(crash));
+        }
+        if self.last_run.end != RunEnd::Interrupted(Interruption::Crash) {
+            let recording = &mut self.recording;
+            self.last_run
+                .report(None, &mut |notice| recording.add_text(&announced_text(notice)));
+        }
     }
 
     /// Announces time-outs by which an armed rover goes on for long without a driver.

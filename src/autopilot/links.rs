@@ -67,6 +67,13 @@ impl Autopilot {
         }
     }
 
+    /// Sends what interrupted the last run on this link only.
+    pub(super) fn notify_of_interruption(&self, endpoint: &mut Endpoint) {
+        let running = self.identity().firmware_hash;
+        self.last_run
+            .report(running, &mut |notice| notify(endpoint, notice));
+    }
+
     /// Notices for a ground station that connects: about the start, and about what can't be saved or trusted now.
     fn send_notices(&self, endpoint: &mut Endpoint) {
         self.notify_of_interruption(endpoint);
@@ -441,7 +448,7 @@ fn notify_any(endpoint: &mut Endpoint, notice: Option<impl Announce>) {
 }
 
 /// Sends `notice` on this link only.
-pub(super) fn notify(endpoint: &mut Endpoint, notice: &dyn Announce) {
+fn notify(endpoint: &mut Endpoint, notice: &dyn Announce) {
     let text = announced_text(notice);
     info!("{}: {}", endpoint.name(), text.as_str());
     endpoint.say(notice.severity(), &text);

@@ -6,6 +6,7 @@ use super::announcement::Notice;
 use super::recording::{LogStep, Subject};
 use super::stores::{FlashJob, FlashResult, FlashStore, PackIdentity};
 use super::{Autopilot, Work};
+use crate::crash::{Interruption, RunEnd};
 use crate::log::{info, warn};
 use crate::mavlink::{AcceptUnsigned, LinkKind, SigningChange, SigningTrouble, ToStore};
 use crate::memory::save_state::SaveState;
@@ -232,6 +233,19 @@ impl Autopilot {
         self.signing_change = Some(change);
         self.save_states[FlashStore::Signing as usize] = SaveState::New;
         self.work |= Work::SAVE;
+    }
+
+    /// Whether the newest log has to show how the last run ended.
+    pub fn needs_last_arming(&self) -> bool {
+        self.last_run.end == RunEnd::Unknown
+    }
+
+    /// The newest log ends while armed.
+    pub fn last_run_ended_armed(&mut self, now: Instant) {
+        if self.needs_last_arming() {
+            self.last_run.end = RunEnd::Interrupted(Interruption::PowerOff);
+            self.announce(&Notice::PowerWentOff, now);
+        }
     }
 
     /// The logs in flash were looked for. Nothing is recorded before.

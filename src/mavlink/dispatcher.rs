@@ -4,9 +4,9 @@ use ::mavlink::MessageData;
 
 use super::dialect::{MavResult, MavType, WIFI_CONFIG_AP_DATA};
 use super::event::{Action, Event};
-use super::parser::ReceivedFrame;
+use super::parser::{Peer, ReceivedFrame};
 use super::rates::is_radio;
-use super::requests::{self, Command, Peer, Request};
+use super::requests::{self, Command, Request};
 use super::services::commands::{Answer, requested_streams};
 use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
@@ -101,7 +101,9 @@ pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mu
     if let Request::Command(command) = &request
         && command.changes_for_all()
     {
-        *context.changeable.command = Some(requests::command_record(frame, context.outbox.latest_result()));
+        let result = context.outbox.latest_result();
+        let record = requests::command_record(frame.message_id, &frame.payload, from, result);
+        *context.changeable.command = Some(record);
     }
     if matches!(event, Event::Driven) {
         note_driven(&request, before, context);

@@ -44,9 +44,9 @@ pub use messages::{
     build_smart_battery_info, build_sys_status, build_usable_charge, status_texts,
 };
 pub use outbox::{Outbox, Posted};
+pub use parser::Peer;
 pub use parser::{FrameParser, ReceivedFrame, begins_with_frame};
 pub use payload::{Name, Payload};
-pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, StreamScheduler};
 pub use services::Changeable;
 pub use services::log_download::LogRead;

@@ -2,7 +2,6 @@
 
 use ::mavlink::{Message as _, calculate_crc};
 
-use super::Peer;
 use super::dialect::MavMessage;
 use super::payload::Payload;
 use crate::system::ReceiveStatistics;
@@ -41,6 +40,15 @@ pub struct ReceivedFrame<'a> {
     pub payload: Payload<'a>,
     /// The whole frame, if it is signed.
     pub signed: Option<&'a [u8]>,
+}
+
+/// The sender of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peer {
+    /// Its system id.
+    pub system_id: u8,
+    /// Its component id.
+    pub component_id: u8,
 }
 
 impl ReceivedFrame<'_> {

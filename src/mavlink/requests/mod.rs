@@ -22,7 +22,7 @@ use super::dialect::{
     RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, SETUP_SIGNING_DATA, SYSTEM_TIME_DATA,
     TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
-use super::parser::ReceivedFrame;
+use super::parser::Peer;
 use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
 use crate::pack::Pack;
@@ -38,15 +38,6 @@ const MISSION_REQUEST_ID: u32 = 40;
 
 /// Channels of RC_CHANNELS_OVERRIDE that a stick can have.
 const CHANNELS: usize = 8;
-
-/// The sender of a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Peer {
-    /// Its system id.
-    pub system_id: u8,
-    /// Its component id.
-    pub component_id: u8,
-}
 
 /// The system or component that a message is addressed to. Id 0 stands for all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -399,12 +390,16 @@ fn command(payload: &Payload<'_>) -> (Target, Request<'static>) {
 }
 
 /// The record of a command in the log, with its result. `message_id` is that of COMMAND_LONG or COMMAND_INT.
-pub fn command_record(frame: &ReceivedFrame<'_>, result: MavResult) -> CommandRecord {
-    let payload = &frame.payload;
-    let was_long = frame.message_id == COMMAND_LONG_DATA::ID;
+pub fn command_record(
+    message_id: u32,
+    payload: &Payload<'_>,
+    from: Peer,
+    result: MavResult,
+) -> CommandRecord {
+    let was_long = message_id == COMMAND_LONG_DATA::ID;
     CommandRecord {
         target: payload.bytes(30),
-        sender: [frame.system_id, frame.component_id],
+        sender: [from.system_id, from.component_id],
         // Of COMMAND_LONG it is the confirmation.
         frame: if was_long { 0 } else { payload.u8(32) },
         number: payload.u16(28),
