@@ -11,11 +11,11 @@ use super::services::commands::{Answer, requested_streams};
 use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
-use super::services::vehicle::{VehicleService, disarms, holds, only_stops};
+use super::services::vehicle::{VehicleService, may_stop};
 use super::services::{
     Changeable, Context, DISARM_FIRST, TOO_LATE, file_transfer, mission, signing, time, wifi,
 };
-use super::signing::{Access, Authenticity, Effect, LinkKind, Role, Signing, Timestamp};
+use super::signing::{Access, Authenticity, Effect, LinkKind, Role};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::announce::Severity;
 use crate::vehicle::{ArmState, ControlMessage, Mode, Presence, VehicleStatus};
@@ -76,21 +76,18 @@ pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mu
     }
     let authenticity = context.changeable.signing.check(frame, context.now);
     context.authenticity = authenticity;
-    context.presence = match authenticity {
+    context.presence = if permits(&request, context) {
         // A companion sends as long as the rover has power.
-        _ if permits(&request, context) => {
-            if from.system_id == system_id {
-                Presence::Unknown
-            } else {
-                note_station(&request, from, context);
-                Presence::GroundStation
-            }
-        }
-        Authenticity::Late if only_stops(&request, context.changeable.vehicle) => Presence::Unknown,
-        Authenticity::Overtaken(time) if may_stop(&request, time, context.changeable.signing) => {
+        if from.system_id == system_id {
             Presence::Unknown
+        } else {
+            note_station(&request, from, context);
+            Presence::GroundStation
         }
-        _ => return refuse(&request, authenticity, context.unauthorized),
+    } else if may_stop(&request, authenticity, context.changeable.vehicle) {
+        Presence::Unknown
+    } else {
+        return refuse(&request, authenticity, context.unauthorized);
     };
     context.age_ms = context.clocks.age_ms(from, context.now);
     if changes_for_good(&request) && context.age_ms.is_some_and(|age_ms| age_ms > MAX_AGE_MS) {
@@ -141,12 +138,6 @@ fn note_driven(request: &Request<'_>, before: VehicleStatus, context: &mut Conte
     }
 }
 
-/// Whether an overtaken frame of this time stops the rover. Neutral sticks would do more: repeated, they open a gate and hold off
-/// a failsafe.
-fn may_stop(request: &Request<'_>, time: Option<Timestamp>, signing: &Signing) -> bool {
-    disarms(request) && signing.may_disarm(time) || holds(request) && signing.may_hold(time)
-}
-
 /// Whether a request has to be recent, apart from those that move the rover.
 fn changes_for_good(request: &Request<'_>) -> bool {
     match request {
@@ -185,7 +176,7 @@ fn permits(request: &Request<'_>, context: &Context<'_>) -> bool {
 /// Counts a request that is not permitted.
 fn refuse(request: &Request<'_>, authenticity: Authenticity, unauthorized: &mut u32) -> Event {
     match authenticity {
-        Authenticity::Overtaken(_) => return Event::TooOld,
+        Authenticity::Overtaken { .. } => return Event::TooOld,
         Authenticity::Repeated => return Event::Ignored,
         _ => {}
     }

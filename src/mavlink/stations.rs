@@ -97,9 +97,9 @@ impl Stations {
     /// whose other messages are oldest.
     fn place(&mut self, station: Peer, now: Instant) -> Option<&mut Heard> {
         let rank = |place: &&mut Option<Heard>| match place {
-            Some(heard) if heard.station == station => None,
-            Some(heard) if !heard.is_silent(now) => Some(Some((heard.other_at, heard.heartbeat_at))),
-            _ => Some(None),
+            Some(heard) if heard.station == station => 0,
+            Some(heard) if !heard.is_silent(now) => 2 + heard.other_at.as_micros(),
+            _ => 1,
         };
         let place = self.heard.iter_mut().min_by_key(rank)?;
         place.take_if(|heard| heard.station != station);

@@ -10,6 +10,7 @@ use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, SET_MODE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::requests::{Command, Request};
+use crate::mavlink::signing::Authenticity;
 use crate::numbers::text;
 use crate::parameter::Parameters;
 use crate::system::{SystemState, arming_obstacles};
@@ -43,29 +44,32 @@ const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
 const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
-/// Whether all that a request can do is stop the rover: then it is obeyed however old it is.
-pub fn only_stops(request: &Request<'_>, vehicle: &Vehicle) -> bool {
+/// Whether all that a request can do is stop the rover, and it is obeyed for that. Neutral sticks of an overtaken frame are not:
+/// repeated, they open a gate and hold off a failsafe.
+pub fn may_stop(request: &Request<'_>, authenticity: Authenticity, vehicle: &Vehicle) -> bool {
+    let (may_disarm, may_hold, is_late) = match authenticity {
+        Authenticity::Late => (true, true, true),
+        Authenticity::Overtaken { may_disarm, may_hold } => (may_disarm, may_hold, false),
+        _ => return false,
+    };
+    let hold = Mode::Hold.number();
     let (throttle, steering) = match request {
+        Request::Command(Command {
+            number: ARM_DISARM,
+            param1,
+            ..
+        }) => return may_disarm && *param1 == DISARM,
+        Request::Command(Command {
+            number: DO_SET_MODE,
+            param2,
+            ..
+        }) => return may_hold && *param2 == hold as f32,
+        Request::SetMode { custom_mode, .. } => return may_hold && *custom_mode == hold,
         Request::Control { throttle, steering } => (*throttle, *steering),
         Request::ChannelOverride(pulses_us) => vehicle.stick_inputs(pulses_us),
-        _ => return disarms(request) || holds(request),
+        _ => return false,
     };
-    throttle.is_neutral() && steering.is_neutral()
-}
-
-/// Whether a request disarms.
-pub fn disarms(request: &Request<'_>) -> bool {
-    matches!(request, Request::Command(command) if command.number == ARM_DISARM && command.param1 == DISARM)
-}
-
-/// Whether a request changes the mode to Hold.
-pub fn holds(request: &Request<'_>) -> bool {
-    let hold = Mode::Hold.number();
-    match request {
-        Request::Command(command) => command.number == DO_SET_MODE && command.param2 == hold as f32,
-        Request::SetMode { custom_mode, .. } => *custom_mode == hold,
-        _ => false,
-    }
+    is_late && throttle.is_neutral() && steering.is_neutral()
 }
 
 /// Handles one request for the vehicle: executes it, or refuses it and says why.

@@ -205,12 +205,15 @@ impl Signing {
         // This has an effect, so it comes after what proves who asks for it.
         let authenticity = self.streams.hear(stream, time, self.clock.time_at(now), now);
         let is_repeated = self.is_repeated(*signature);
-        if let Authenticity::Overtaken(_) = authenticity {
+        if let Authenticity::Overtaken { may_disarm, may_hold } = authenticity {
             if is_repeated {
                 return Authenticity::Repeated;
             }
             self.overtaken = Some(frame.sender());
-            return authenticity;
+            return Authenticity::Overtaken {
+                may_disarm: may_disarm && time > self.armed_at,
+                may_hold: may_hold && time > self.manual_at,
+            };
         }
         self.sender = Some(stream);
         if authenticity == Authenticity::Proven {
@@ -247,16 +250,6 @@ impl Signing {
     /// The mode has become Manual.
     pub(super) fn mark_manual(&mut self, now: Instant) {
         self.manual_at = self.clock.time_at(now);
-    }
-
-    /// Whether an overtaken frame of this time may disarm the rover: it was signed after the last arming.
-    pub(super) fn may_disarm(&self, time: Option<Timestamp>) -> bool {
-        time > Some(self.armed_at)
-    }
-
-    /// Whether an overtaken frame of this time may have the rover hold: it was signed after the last change to Manual.
-    pub(super) fn may_hold(&self, time: Option<Timestamp>) -> bool {
-        time > Some(self.manual_at)
     }
 
     /// The sender of the frame that was judged last is not forgotten while it has this role.
@@ -597,9 +590,13 @@ mod tests {
         assert_eq!(hear(94_000_000, ours), Authenticity::Proven);
         // Recorded while it was jammed, and held back.
         assert_eq!(hear(94_000_001, ours.later(2)), Authenticity::Late);
-        let overtaken = Authenticity::Overtaken;
-        assert_eq!(hear(94_000_001, ours.later(1)), overtaken(Some(time(94_000_001))));
-        assert_eq!(hear(94_000_001, ours.later(2)), overtaken(None));
+        for (later, is_recent) in [(1, true), (2, false)] {
+            let overtaken = Authenticity::Overtaken {
+                may_disarm: is_recent,
+                may_hold: is_recent,
+            };
+            assert_eq!(hear(94_000_001, ours.later(later)), overtaken);
+        }
         assert_eq!(hear(94_000_002, ours.later(2)), Authenticity::Proven);
     }
 

@@ -1,6 +1,5 @@
 //! Permissions of unsigned messages, by link.
 
-use super::Timestamp;
 use crate::parameter::{Parameters, VehicleParameter};
 
 /// The kind of a link.
@@ -81,8 +80,13 @@ pub(in crate::mavlink) enum Authenticity {
     /// It is signed with our key, and too old to be obeyed.
     TooOld,
     /// It is signed with our key, and not later than the latest frame of its ids: by a second station with the same ids, whose
-    /// frames take longer, or recorded. With its time if that is a minute old at most: then it may stop the rover.
-    Overtaken(Option<Timestamp>),
+    /// frames take longer, or recorded. It may stop the rover if it is a minute old at most, and later than what it would stop.
+    Overtaken {
+        /// It was signed after the last arming.
+        may_disarm: bool,
+        /// It was signed after the last change to Manual.
+        may_hold: bool,
+    },
     /// It is signed with our key, and one of the latest frames once more.
     Repeated,
     /// Not signed, or with another key.
@@ -110,7 +114,7 @@ pub(in crate::mavlink) fn is_permitted(
         Authenticity::Unprotected | Authenticity::Proven => true,
         Authenticity::Late
         | Authenticity::TooOld
-        | Authenticity::Overtaken(_)
+        | Authenticity::Overtaken { .. }
         | Authenticity::Repeated
         | Authenticity::Unproven => match (effect, accepted) {
             (Effect::RadioReport, _) | (_, AcceptUnsigned::Everything) => true,
@@ -139,7 +143,10 @@ mod tests {
             for authenticity in [
                 Authenticity::Late,
                 Authenticity::TooOld,
-                Authenticity::Overtaken(Some(Timestamp::default())),
+                Authenticity::Overtaken {
+                    may_disarm: true,
+                    may_hold: true,
+                },
                 Authenticity::Repeated,
                 Authenticity::Unproven,
             ] {

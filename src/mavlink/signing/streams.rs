@@ -80,7 +80,10 @@ impl Streams {
         };
         match self.known.iter_mut().find(|stream| stream.id == id) {
             Some(known) if time <= known.latest => {
-                return Authenticity::Overtaken(is_recent.then_some(time));
+                return Authenticity::Overtaken {
+                    may_disarm: is_recent,
+                    may_hold: is_recent,
+                };
             }
             Some(known) => *known = heard,
             None if !is_recent || time <= self.forgotten => return Authenticity::TooOld,

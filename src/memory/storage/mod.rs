@@ -144,12 +144,10 @@ enum IfInterrupted {
 enum NextSector<'a> {
     /// Empty; there is none before it.
     First,
-    /// Empty, instead of this one.
-    Cleared(&'a Log),
     /// `newest`, and the latest record of every other key in `old` but for the first `left_out` that are dispensable.
     Moved {
         old: &'a Log,
-        newest: &'a StoredRecord,
+        newest: Option<&'a StoredRecord>,
         left_out: u32,
         is_dispensable: &'a dyn Fn(u32) -> bool,
     },
@@ -159,7 +157,7 @@ impl<'a> NextSector<'a> {
     fn old(self) -> Option<&'a Log> {
         match self {
             Self::First => None,
-            Self::Cleared(old) | Self::Moved { old, .. } => Some(old),
+            Self::Moved { old, .. } => Some(old),
         }
     }
 }
@@ -387,7 +385,7 @@ impl<F: NorFlash> Records<F> {
             let left_out = self.find_place(record.key(), &log, is_dispensable).await?;
             let next = NextSector::Moved {
                 old: &log,
-                newest: &record,
+                newest: Some(&record),
                 left_out,
                 is_dispensable,
             };
@@ -407,29 +405,19 @@ impl<F: NorFlash> Records<F> {
     /// # Errors
     /// [`StorageError::Flash`] leaves all or none, too. [`StorageError::NoErasedSpace`] leaves all.
     pub fn clear(&mut self, may_erase: MayErase<'_>) -> impl Future<Output = Result<(), StorageError>> {
-        self.clear_with(IfInterrupted::KeepAll, may_erase)
+        self.clear_with(IfInterrupted::KeepAll, None, may_erase)
     }
 
     /// Erases all values but that of `key`, atomically: a power cut leaves all, or this one.
     ///
     /// # Errors
     /// As of [`clear`](Self::clear).
-    pub async fn clear_but(&mut self, key: u16, may_erase: MayErase<'_>) -> Result<(), StorageError> {
-        let mut kept = StoredRecord::new(key.into(), &[]);
-        if !self.read_record(&mut kept).await? {
-            return self.clear(may_erase).await;
-        }
-        let Some(log) = self.log.take_if(|log| !log.is_intact || log.used > 1) else {
-            return Ok(());
-        };
-        let next = NextSector::Moved {
-            old: &log,
-            newest: &kept,
-            left_out: u32::MAX,
-            is_dispensable: &|_| true,
-        };
-        self.log = Some(self.start_sector(next, may_erase).await?);
-        Ok(())
+    pub fn clear_but(
+        &mut self,
+        key: u16,
+        may_erase: MayErase<'_>,
+    ) -> impl Future<Output = Result<(), StorageError>> {
+        self.clear_with(IfInterrupted::KeepAll, Some(key.into()), may_erase)
     }
 
     /// Erases all values. A power cut or failure leaves no value or [`Condition::Damaged`], unless no write takes
@@ -439,12 +427,13 @@ impl<F: NorFlash> Records<F> {
     /// [`StorageError::Flash`]: a write failed. [`StorageError::NoErasedSpace`]: an erase was forbidden; if not from the
     /// beginning, this counts as an interruption.
     pub fn start_over(&mut self, may_erase: MayErase<'_>) -> impl Future<Output = Result<(), StorageError>> {
-        self.clear_with(IfInterrupted::LeaveDamage, may_erase)
+        self.clear_with(IfInterrupted::LeaveDamage, None, may_erase)
     }
 
     async fn clear_with(
         &mut self,
         if_interrupted: IfInterrupted,
+        kept: Option<u32>,
         may_erase: MayErase<'_>,
     ) -> Result<(), StorageError> {
         self.log = None;
@@ -463,7 +452,13 @@ impl<F: NorFlash> Records<F> {
             }
             self.region.retire(log.sector).await?;
         }
-        let next = log.as_ref().map_or(NextSector::First, NextSector::Cleared);
+        let is_dispensable = |key| Some(key) != kept;
+        let next = log.as_ref().map_or(NextSector::First, |old| NextSector::Moved {
+            old,
+            newest: None,
+            left_out: u32::MAX,
+            is_dispensable: &is_dispensable,
+        });
         self.log = Some(self.start_sector(next, may_erase).await?);
         Ok(())
     }
@@ -511,7 +506,7 @@ impl<F: NorFlash> Records<F> {
             let mut from = 0;
             while let Some(slot) = self.next(old, from, &mut record).await? {
                 from = slot + 1;
-                if record.key() == newest.key() {
+                if newest.is_some_and(|newest| record.key() == newest.key()) {
                     continue;
                 }
                 if left_out > 0 && is_dispensable(record.key()) {
@@ -525,8 +520,10 @@ impl<F: NorFlash> Records<F> {
                 used += 1;
             }
             self.region.set_words(self.words);
-            self.region.write_record(sector, used, newest).await?;
-            used += 1;
+            if let Some(newest) = newest {
+                self.region.write_record(sector, used, newest).await?;
+                used += 1;
+            }
         }
         self.region.set_words(self.words);
         // Commit: a power cut before this leaves the old sector active, one after it the new sector.

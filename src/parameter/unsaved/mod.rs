@@ -7,13 +7,8 @@ use super::{Access, ParameterId, ParameterIdSet, Parameters, VehicleParameter};
 use crate::announce::{Announce, Severity};
 use crate::memory::storage::StorageError;
 
-/// Unsigned messages that are accepted. The defaults of the others are the lowest values, so that a reset keeps only this one.
+/// What a link accepts without the key may be lower than the default here alone: on others, nothing is the default.
 const KEPT: ParameterId = ParameterId::Vehicle(VehicleParameter::SignUsbAllow);
-const PERMISSIONS: [ParameterId; 3] = [
-    KEPT,
-    ParameterId::Vehicle(VehicleParameter::SignUartAllow),
-    ParameterId::Vehicle(VehicleParameter::SignWifiAllow),
-];
 
 /// A change that has to be written to flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,12 +62,9 @@ impl Parameters {
         }
         for id in ParameterId::all().filter(|id| matches!(id.row().access, Access::Setting(_))) {
             let default = self.default_of(id);
-            let value = if PERMISSIONS.contains(&id) {
-                default.min(self.get(id))
-            } else {
-                default
-            };
-            self.write(id, value);
+            if id != KEPT || self.get(id) > default {
+                self.write(id, default);
+            }
         }
         self.doubts &= Doubts::NOT_READ;
         self.half_file = None;

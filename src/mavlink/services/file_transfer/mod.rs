@@ -20,7 +20,7 @@ use heapless::Deque;
 use parameter_file::ParameterFile;
 use reading::{BurstRead, Checksum, Job, PartOf, PartRequest};
 pub(in crate::mavlink) use request::writes;
-use request::{Operation, path_of};
+use request::{Operation, ends_session, path_of};
 use session::{Bytes, OpenFile, Session};
 use upload::{NotSet, Upload, Written};
 
@@ -113,7 +113,20 @@ impl FileTransfers {
             session: request.session,
             request_opcode: request.opcode,
         };
-        let result = self.serve(request, header, context);
+        let now = context.state.now;
+        let may_change = context.permits(Effect::Changes);
+        let is_protected = |session: &Session| session.is_signed && !may_change;
+        let is_in_use = |session: &Session| now.us_since(session.active_at) < SILENCE_US;
+        let result = match &self.session {
+            Some(session) if is_protected(session) && is_in_use(session) && ends_session(request.opcode) => {
+                Err(FileError::NoSessionsAvailable)
+            }
+            _ => self.serve(request, header, context),
+        };
+        if let Some(session) = self.session_of(header).filter(|session| !is_protected(session)) {
+            session.active_at = now;
+            session.is_signed |= context.authenticity == Authenticity::Proven;
+        }
         let handled = result.unwrap_or_else(|error| Some(FileOutcome::Failed(error)).into());
         let answer = handled.outcome.map(|outcome| FileAnswer {
             header,
@@ -137,29 +150,18 @@ impl FileTransfers {
         header: FileAnswerHeader,
         context: &mut Context<'_>,
     ) -> Result<Handled, FileError> {
-        let protected_until = self.protected_until(context);
         let (state, parameters) = (context.state, &mut *context.changeable.parameters);
-        if protected_until.is_none()
-            && let Some(session) = self.session_of(header)
-        {
-            session.active_at = state.now;
-        }
         if usize::from(request.size) > MAX_FILE_BYTES {
             return Err(FileError::InvalidDataSize);
         }
         match Operation::from_opcode(request.opcode).ok_or(FileError::UnknownCommand)? {
             Operation::None => Ok(done()),
-            Operation::TerminateSession | Operation::ResetSessions | Operation::OpenForReading
-                if protected_until.is_some_and(|end| state.now < end) =>
-            {
-                Err(FileError::NoSessionsAvailable)
-            }
             Operation::TerminateSession => Ok(self.terminate(header, parameters)),
             Operation::ResetSessions => Ok(self.reset(header.to, parameters)),
             Operation::ListDirectory(listed) => self.list(header, request, listed),
-            Operation::OpenForReading => self.open(header, request, context),
+            Operation::OpenForReading => self.open(header, request, state, parameters),
             Operation::Read => self.read(header, request),
-            Operation::OpenForWriting => self.open_upload(header, request, context),
+            Operation::OpenForWriting => self.open_upload(header, request, state),
             Operation::Write => self.write(header, request, parameters, context.rates),
             Operation::Checksum => self.start_checksum(header, request, state),
             Operation::BurstRead => self.start_burst(header, request, state.now),
@@ -259,24 +261,15 @@ impl FileTransfers {
         Ok(())
     }
 
-    /// When an open session may be ended or replaced by this request at the earliest; `None` if it may at any time, or there is none.
-    /// Of one that a signed request has opened this takes a signature, while its station is not silent, or a link that accepts
-    /// everything.
-    fn protected_until(&self, context: &Context<'_>) -> Option<Instant> {
-        let session = self.session.as_ref()?;
-        let is_signed = session.authenticity == Authenticity::Proven;
-        (is_signed && !context.permits(Effect::Changes)).then(|| session.active_at.after_us(SILENCE_US))
-    }
-
-    fn begin(&mut self, header: FileAnswerHeader, file: OpenFile, context: &Context<'_>) {
+    fn begin(&mut self, header: FileAnswerHeader, file: OpenFile, now: Instant) {
         self.stop();
         self.last_end = None;
         self.session = Some(Session {
             station: header.to,
             id: header.session,
             file,
-            authenticity: context.authenticity,
-            active_at: context.state.now,
+            is_signed: false,
+            active_at: now,
         });
     }
 
@@ -284,30 +277,30 @@ impl FileTransfers {
         &mut self,
         header: FileAnswerHeader,
         request: &FileTransfer<'_>,
-        context: &Context<'_>,
+        state: &SystemState<'_>,
+        parameters: &Parameters,
     ) -> Result<Handled, FileError> {
-        let (state, parameters) = (context.state, &*context.changeable.parameters);
         let path = path_of(request)?;
         self.check_free(header.to, state.now)?;
         match path {
             Path::Log(_) if state.is_armed() => Ok(refused_armed()),
             Path::Log(number) => {
                 let log = log_of(number, state)?;
-                self.begin(header, OpenFile::Log(log), context);
+                self.begin(header, OpenFile::Log(log), state.now);
                 Ok(Some(FileOutcome::Number(log.bytes)).into())
             }
             // With this error QGroundControl reads the parameters one by one at once; with others it waits for 10 s first.
             Path::Parameters(_) if state.is_armed() => Err(FileError::FileNotFound),
             Path::Parameters(selection) => {
                 let file = ParameterFile::open(selection, parameters).ok_or(FileError::Fail)?;
-                self.begin(header, OpenFile::Parameters(file), context);
+                self.begin(header, OpenFile::Parameters(file), state.now);
                 Ok(Handled {
                     event: Ok(Event::ListRequested),
                     ..Some(FileOutcome::Number(file.bytes(parameters))).into()
                 })
             }
             Path::Description(file) => {
-                self.begin(header, OpenFile::Description(file), context);
+                self.begin(header, OpenFile::Description(file), state.now);
                 Ok(Some(FileOutcome::Number(file.content().len() as u32)).into())
             }
             Path::Directory(_) => Err(FileError::FileNotFound),
@@ -318,9 +311,8 @@ impl FileTransfers {
         &mut self,
         header: FileAnswerHeader,
         request: &FileTransfer<'_>,
-        context: &Context<'_>,
+        state: &SystemState<'_>,
     ) -> Result<Handled, FileError> {
-        let state = context.state;
         let path = path_of(request).map_err(|error| match error {
             FileError::FileNotFound => FileError::FileProtected,
             other => other,
@@ -329,7 +321,7 @@ impl FileTransfers {
         match path {
             Path::Parameters(_) if state.is_armed() => Err(FileError::Fail),
             Path::Parameters(_) => {
-                self.begin(header, OpenFile::Upload(Upload::default()), context);
+                self.begin(header, OpenFile::Upload(Upload::default()), state.now);
                 Ok(done())
             }
             Path::Directory(_) | Path::Log(_) | Path::Description(_) => Err(FileError::FileProtected),

@@ -54,6 +54,14 @@ pub(in crate::mavlink) fn writes(opcode: u8) -> bool {
     matches!(operation, Some(Operation::OpenForWriting | Operation::Write))
 }
 
+/// Whether a request with this opcode, which only reads, ends the session or replaces it by another one.
+pub(super) fn ends_session(opcode: u8) -> bool {
+    matches!(
+        Operation::from_opcode(opcode),
+        Some(Operation::TerminateSession | Operation::ResetSessions | Operation::OpenForReading)
+    )
+}
+
 /// The path that a request names: its data, up to a zero.
 pub(super) fn path_of(request: &FileTransfer<'_>) -> Result<Path, FileError> {
     if request.size == 0 {

@@ -7,7 +7,6 @@ use super::upload::Upload;
 use crate::mavlink::Peer;
 use crate::mavlink::messages::{FileAnswerHeader, FileError, MAX_FILE_BYTES};
 use crate::mavlink::services::log_download::LogRead;
-use crate::mavlink::signing::Authenticity;
 use crate::parameter::{DescriptionFile, Parameters};
 use crate::recorder::LogFile;
 use crate::system::LogProtocol;
@@ -21,8 +20,8 @@ pub(super) struct Session {
     pub station: Peer,
     pub id: u8,
     pub file: OpenFile,
-    /// Of the request that has opened it.
-    pub authenticity: Authenticity,
+    /// Whether a request for it was signed with the key.
+    pub is_signed: bool,
     /// When its last request or answer was.
     pub active_at: Instant,
 }
