@@ -111,12 +111,12 @@ pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mu
 /// A message of another system than ours keeps its station's place, apart from heartbeats, which every stranger sends. Autopilots
 /// state their time, too, and are no stations.
 fn note_station(request: &Request<'_>, from: Peer, context: &mut Context<'_>) {
-    match request {
-        Request::Heartbeat { .. } => {}
-        Request::SystemTime { .. } if from.component_id != COMPONENT_ID => {
-            context.stations.time_stated(from, context.now);
-        }
-        _ => context.stations.other_message(from, context.now),
+    let (stations, now) = (&mut *context.stations, context.now);
+    if matches!(request, Request::SystemTime { .. }) && from.component_id != COMPONENT_ID {
+        stations.expect_heartbeat(from, now);
+    }
+    if !matches!(request, Request::Heartbeat { .. }) {
+        stations.other_message(from, now);
     }
 }
 

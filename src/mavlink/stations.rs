@@ -85,12 +85,10 @@ impl Stations {
         }
     }
 
-    /// A station has stated its time, and has a place until its HEARTBEAT comes: among strangers with changing ids, which send more,
-    /// that one may have none any more when its next statement comes.
-    pub fn time_stated(&mut self, station: Peer, now: Instant) {
-        if let Some(heard) = self.place(station, now) {
-            heard.other_at = now;
-        }
+    /// A station has stated its time. It has a place until its HEARTBEAT comes: among strangers with changing ids, which send more,
+    /// the place of that one may be gone before its next statement.
+    pub fn expect_heartbeat(&mut self, station: Peer, now: Instant) {
+        self.place(station, now);
     }
 
     /// The place of a station. A new one takes that of a silent one, or of one that has sent heartbeats alone, or of the one
@@ -98,7 +96,7 @@ impl Stations {
     fn place(&mut self, station: Peer, now: Instant) -> Option<&mut Heard> {
         let rank = |place: &&mut Option<Heard>| match place {
             Some(heard) if heard.station == station => 0,
-            Some(heard) if !heard.is_silent(now) => 2 + heard.other_at.as_micros(),
+            Some(heard) if !heard.is_silent(now) => 2 + (heard.other_at.as_micros() >> 16) as u32,
             _ => 1,
         };
         let place = self.heard.iter_mut().min_by_key(rank)?;
@@ -207,7 +205,8 @@ mod tests {
                 stations.heartbeat(station(number, 33), at_us(at_s * SECOND));
             }
         };
-        stations.time_stated(slow, at_us(SECOND));
+        stations.expect_heartbeat(slow, at_us(SECOND));
+        stations.other_message(slow, at_us(SECOND));
         strangers(&mut stations, 2);
         assert!(!stations.knows(slow, at_us(2 * SECOND)));
         // Another one was introduced a second ago.

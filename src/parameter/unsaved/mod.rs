@@ -53,6 +53,7 @@ impl Parameters {
     /// Resets all settings to their defaults, and marks the stored ones to be erased: nothing is left of what was damaged, half
     /// loaded or did not fit. No link accepts more without the key than before.
     pub fn reset(&mut self) {
+        let kept = self.get(KEPT);
         let keeps_unsaved = self.unsaved.contains(KEPT) || self.misfits.contains(KEPT);
         for changes in [&mut self.unsaved, &mut self.waiting, &mut self.misfits] {
             *changes = ParameterIdSet::default();
@@ -61,10 +62,10 @@ impl Parameters {
             self.unsaved.insert(KEPT);
         }
         for id in ParameterId::all().filter(|id| matches!(id.row().access, Access::Setting(_))) {
-            let default = self.default_of(id);
-            if id != KEPT || self.get(id) > default {
-                self.write(id, default);
-            }
+            self.write(id, self.default_of(id));
+        }
+        if kept < self.get(KEPT) {
+            self.write(KEPT, kept);
         }
         self.doubts &= Doubts::NOT_READ;
         self.half_file = None;

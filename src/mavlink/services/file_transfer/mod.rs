@@ -38,9 +38,6 @@ use crate::recorder::LogFile;
 use crate::system::SystemState;
 use crate::time::Instant;
 
-/// After this long without a request or an answer, another ground station gets the session, in µs.
-const SILENCE_US: u64 = 10_000_000;
-
 /// Requests for a part of a file or list that can wait. Ground stations send a few ahead.
 const MAX_WAITING: usize = 8;
 
@@ -113,18 +110,9 @@ impl FileTransfers {
             session: request.session,
             request_opcode: request.opcode,
         };
-        let now = context.state.now;
         let may_change = context.permits(Effect::Changes);
-        let is_protected = |session: &Session| session.is_signed && !may_change;
-        let is_in_use = |session: &Session| now.us_since(session.active_at) < SILENCE_US;
-        let result = match &self.session {
-            Some(session) if is_protected(session) && is_in_use(session) && ends_session(request.opcode) => {
-                Err(FileError::NoSessionsAvailable)
-            }
-            _ => self.serve(request, header, context),
-        };
-        if let Some(session) = self.session_of(header).filter(|session| !is_protected(session)) {
-            session.active_at = now;
+        let result = self.serve(request, header, may_change, context);
+        if may_change && let Some(session) = self.session_of(header) {
             session.is_signed |= context.authenticity == Authenticity::Proven;
         }
         let handled = result.unwrap_or_else(|error| Some(FileOutcome::Failed(error)).into());
@@ -144,13 +132,27 @@ impl FileTransfers {
         handled.event
     }
 
+    // In its only caller it would leave no room to inline what it calls.
+    #[inline(never)]
     fn serve(
         &mut self,
         request: &FileTransfer<'_>,
         header: FileAnswerHeader,
+        may_change: bool,
         context: &mut Context<'_>,
     ) -> Result<Handled, FileError> {
         let (state, parameters) = (context.state, &mut *context.changeable.parameters);
+        let protected = self
+            .session
+            .as_ref()
+            .filter(|session| session.is_signed && !may_change);
+        if let Some(session) = protected {
+            if ends_session(request.opcode) && session.is_in_use(state.now) {
+                return Err(FileError::NoSessionsAvailable);
+            }
+        } else if let Some(session) = self.session_of(header) {
+            session.active_at = state.now;
+        }
         if usize::from(request.size) > MAX_FILE_BYTES {
             return Err(FileError::InvalidDataSize);
         }
@@ -253,8 +255,7 @@ impl FileTransfers {
 
     /// Whether the station may open a file: there is no session, it is its own, or its station has been silent.
     fn check_free(&self, from: Peer, now: Instant) -> Result<(), FileError> {
-        let is_in_use =
-            |session: &Session| session.station != from && now.us_since(session.active_at) < SILENCE_US;
+        let is_in_use = |session: &Session| session.station != from && session.is_in_use(now);
         if self.session.as_ref().is_some_and(is_in_use) {
             return Err(FileError::NoSessionsAvailable);
         }

@@ -12,6 +12,9 @@ use crate::recorder::LogFile;
 use crate::system::LogProtocol;
 use crate::time::Instant;
 
+/// After this long without a request or an answer, another ground station gets the session, in µs.
+const SILENCE_US: u64 = 10_000_000;
+
 /// Bytes of a file or of a list, for one message.
 pub(super) type Bytes = Vec<u8, MAX_FILE_BYTES>;
 
@@ -36,6 +39,13 @@ pub(super) enum OpenFile {
 }
 
 impl Session {
+    /// Whether it is kept from others: it is not silent.
+    // Inlined, it would be repeated in each use.
+    #[inline(never)]
+    pub fn is_in_use(&self, now: Instant) -> bool {
+        now.us_since(self.active_at) < SILENCE_US
+    }
+
     /// Whether a request belongs to it.
     pub fn has(&self, header: FileAnswerHeader) -> bool {
         self.station == header.to && self.id == header.session
