@@ -16,7 +16,7 @@ const ADVICE = [
   [/^Radio/, 'No stick was received for too long, so it stopped. Go nearer, then choose Manual.'],
   [/^GCS/, 'No ground station was heard for too long, so it stopped. Go nearer, then choose Manual.'],
   [/^Terminated/, 'The pack is too low. Charge it, then restart the rover.'],
-  [/Logging/, 'Its log can’t be written. Under Set up, LOG_BITMASK 0 drives without.'],
+  [/Logging/, 'Set LOG_BITMASK 0 to drive without a log.'],
 ];
 
 function advised(text) {

@@ -40,12 +40,13 @@ def with_numbers(text):
 
 
 def with_short_names(text):
-    """These scripts with MAVLink's names shortened: none is on the wire. Messages have their numbers, and fields that are written
-    with an underscore, as nothing else in the scripts is, letters."""
+    """These scripts with MAVLink's names shortened: none is on the wire. Messages have their numbers, and letters those fields that
+    are written with an underscore, as nothing else in the scripts is, and our own names that no browser has."""
     table = re.search("MESSAGE_TABLE = `(.*?)`", text, re.DOTALL)[1]
     for name, number in re.findall(r"^([A-Z_]+) (\d+) ", table, re.MULTILINE):
         text = re.sub(rf"'{name}'|^{name}(?= )", number, text, flags=re.MULTILINE)
     fields = dict.fromkeys(field for field in re.findall(r"\b([a-z]+_[a-z_]+):", table) if field not in NAMES_IN_JSON)
+    fields.update(dict.fromkeys(re.findall(r"\b(?:is[A-Z][a-z]+|[a-z]+(?:Count|At))\b", text)))
     letters = [one + other for one in ("", *ascii_uppercase) for other in ascii_uppercase]
     for field, letter in zip(fields, letters):
         text = re.sub(rf"\b{field}\b", letter, text)

@@ -153,8 +153,6 @@ function startPad() {
   const held = (act) => (event) => event.pointerId === holder && act(event);
   pad.onpointermove = held(follow);
   pad.onpointerup = pad.onpointercancel = pad.onlostpointercapture = held(letGo);
-  // Browsers without touch-action scroll and zoom otherwise.
-  pad.ontouchmove = (event) => event.preventDefault();
 }
 
 function startKeys() {

@@ -110,9 +110,11 @@ async function save(log, button) {
 function startLogs() {
   $('read-logs').onclick = listLogs;
   askTwice($('erase'), 'Press again to erase all for good', async () => {
+    const [before] = texts;
     if (isKnown()) ask('LOG_ERASE');
     put('logs-state', 'Erasing…');
     await after(LOG_MS);
-    listLogs();
+    await listLogs();
+    $('erase').hidden || put('logs-state', inItsWords('Not erased', before));
   });
 }

@@ -25,7 +25,7 @@ const NO_KEY = 'Without the key nothing is obeyed.';
 const REAL32 = 9;
 
 const MAX_TEXTS = 100;
-// The greeting to a new station may come more than once.
+// The greeting to a new station may come more than once by one connection.
 const GREETING_MS = 5000;
 // Interval of NAMED_VALUE_FLOAT.
 const ESTIMATES_US = 2000000;
@@ -146,7 +146,8 @@ on('STATUSTEXT', ({ severity, text: part, id, chunk_seq }) => {
     if (!obstacles.includes(obstacle)) obstacles.push(obstacle);
     return;
   }
-  if (now() - openedAt < GREETING_MS && texts.some(({ at, text }) => text == chunks && Date.now() - at < GREETING_MS)) return;
+  const linkAge = now() - openedAt;
+  if (linkAge < GREETING_MS && texts.some(({ at, text }) => text == chunks && Date.now() - at < linkAge)) return;
   const entry = { at: new Date(), severity, text: chunks };
   texts.unshift(entry);
   texts.splice(MAX_TEXTS);
@@ -161,7 +162,7 @@ const boardId = () => (version?.uid || undefined)?.toString(16).toUpperCase();
 
 on('opened', () => {
   isIdentified = 0;
-  for (const pack of allPacks()) pack.SIGMA = pack.USABL = null;
+  for (const pack of allPacks()) pack.SIGMA = pack.USABL = pack.limit = null;
 });
 
 // For another rover the page starts again, without the key. One without an id is the same.

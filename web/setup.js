@@ -102,11 +102,11 @@ function fieldOf(name) {
     if (Number.isNaN(wanted)) show(state, MISREAD);
     else change(name, wanted, state, input);
   };
-  const details = [min == null ? '' : min + ' to ' + max, units, readOnly && 'read only', rebootRequired && 'after a restart'];
-  const bits = bitmask.map(({ index, description }) => 2 ** index + ': ' + description).join(', ');
+  const bits = bitmask.map(({ index, description }) => 2 ** index + ': ' + description);
+  const details = joined([min != null && min + ' to ' + max, readOnly && 'read only', rebootRequired && 'after a restart', bits[0] && 'the sum of ' + joined(bits)]);
   return el('div', { className: 'field' },
-    el('label', {}, shortDesc, input), state,
-    el('details', {}, el('summary', {}, el('code', {}, name), ' ', joined(details, ' ')), readable(longDesc, name), bits && ' The sum of ' + bits));
+    el('label', {}, shortDesc, input),
+    el('details', {}, el('summary', {}, el('code', {}, name), ' ' + units), readable(longDesc, name) + ' ' + details), state);
 }
 
 function renderForms() {
