@@ -34,7 +34,7 @@ const levelText = (text) => /^Battery (\d) (is )?(low|critical|emergency|missing
 
 on('text', ({ text }) => {
   const [, limiting, isOver] = /^Battery (\d) (no longer )?limits/.exec(text) || [];
-  if (packs.has(limiting - 1)) packs.get(limiting - 1).limit = !isOver && text;
+  if (packs.has(limiting - 1)) packs.get(limiting - 1).limit = !isOver && { text, at: now() };
   const [, number, isFailsafe, word] = levelText(text) || [];
   const pack = packs.get(number - 1);
   if (!pack) return;
@@ -80,7 +80,9 @@ function notices() {
   if (armed) {
     const reported = allPacks().filter(({ state }) => isLevel(state));
     found.push(...reported.sort((one, other) => other.state - one.state).map(levelNotice));
-    found.push(...allPacks().filter(({ limit }) => limit).map(({ limit }) => advised(limit)));
+    // To a new connection the rover says it again, if it still limits.
+    const limits = allPacks().map(({ limit }) => limit).filter((limit) => limit && (limit.at > openedAt || now() - openedAt < GREETING_MS));
+    found.push(...limits.map(({ text }) => advised(text)));
   }
   if (ready == false && !armed) found.push(...(obstacles[0] ? obstacles : ['not ready']).map((text) => 'Does not arm: ' + advised(text)));
   return found;

@@ -162,7 +162,7 @@ const boardId = () => (version?.uid || undefined)?.toString(16).toUpperCase();
 
 on('opened', () => {
   isIdentified = 0;
-  for (const pack of allPacks()) pack.SIGMA = pack.USABL = pack.limit = null;
+  for (const pack of allPacks()) pack.SIGMA = pack.USABL = null;
 });
 
 // For another rover the page starts again, without the key. One without an id is the same.

@@ -38,7 +38,7 @@ async function readDescriptions() {
     descriptions = new Map(parameters.map((parameter) => [parameter.name, parameter]));
     renderForms();
   } catch {
-    put('setup-state', 'The rover sent no descriptions.');
+    put('setup-state', 'No descriptions came.');
   }
 }
 

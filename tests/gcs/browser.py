@@ -57,6 +57,7 @@ window.WebSocket = class {
     this.readyState = this.bufferedAmount = 0;
     this.binaryType = '';
     window.hear = (bytes) => this.onmessage({ data: Uint8Array.from(bytes).buffer });
+    window.hang_up = () => this.onclose();
     setTimeout(() => {
       this.readyState = 1;
       this.onopen();
@@ -212,8 +213,13 @@ class Page:
     def now_ms(self):
         return self.run("return performance.now()")
 
-    def picture(self, path):
-        data = self.devtools("Page.captureScreenshot", format="png")["data"]
+    def picture(self, path, pixels=None):
+        """With so many pixels for one of the style sheet's, where the screen has others."""
+        clip = {}
+        if pixels:
+            width, height, ratio = self.run("return [innerWidth, innerHeight, devicePixelRatio]")
+            clip = {"clip": {"x": 0, "y": 0, "width": width, "height": height, "scale": pixels / ratio}}
+        data = self.devtools("Page.captureScreenshot", format="png", **clip)["data"]
         pathlib.Path(path).write_bytes(base64.b64decode(data))
 
     def errors(self):

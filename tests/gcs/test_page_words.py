@@ -1,5 +1,6 @@
 """What the page says of a rover, by the messages that it hears: nothing that it does not know."""
 
+import hashlib
 import pathlib
 import re
 import time
@@ -121,6 +122,16 @@ def test_a_power_limit_is_shown_as_long_as_the_rover_limits(stage):
     assert "It drives slower" in page.text()
     page.announce("Battery 1 no longer limits the motors")
     page.wait_until_gone("It drives slower")
+    # Its end came to nobody: to a new connection the rover says whether it still limits.
+    page.announce("Battery 1 limits the motors: over 20W")
+    page.wait_for("It drives slower")
+    for is_said in (True, False):
+        page.run("window.hang_up()")
+        time.sleep(1.5)
+        if is_said:
+            page.announce("Battery 1 limits the motors: over 20W")
+        time.sleep(5)
+        assert ("It drives slower" in page.text()) == is_said
 
 
 ALARMS = """
@@ -138,10 +149,10 @@ def test_the_phone_vibrates_and_beeps_at_low_and_critical_and_if_stop_is_not_con
     page.enter("drive")
     page.pack()
     page.drive(True)
-    page.wait_for("set the phone’s screen time-out long")
     page.wait_for("Move the stick to drive.")
+    # The first touch permits sound.
     touch(page, "#manual")
-    page.wait_until_gone("screen time-out")
+    time.sleep(0.3)
     assert alarms() == []
     for state in (LOW, CRITICAL):
         page.pack(charge_state=state)
@@ -150,6 +161,102 @@ def test_the_phone_vibrates_and_beeps_at_low_and_critical_and_if_stop_is_not_con
     touch(page, "#stop")
     page.wait_for("No answer: it may drive on. Switch it off.")
     assert alarms() == ["vibrate", "beep"]
+
+
+def test_the_drivers_room_hints_at_the_screens_time_out_once(stage):
+    page = stage()
+    page.enter("drive")
+    page.wait_for("A dark screen stops the rover: set the phone’s screen time-out long.")
+    page.enter("battery")
+    page.enter("drive")
+    page.wait_for("screen time-out")
+    # Once it was read: a driver goes on to arm.
+    page.hold_to_arm()
+    page.drive(True)
+    page.wait_until_gone("screen time-out")
+    page.drive(False)
+    page.enter("battery")
+    page.enter("drive")
+    page.wait_for("To drive, arm and choose Manual.")
+    assert "screen time-out" not in page.text()
+    page.resize(DESKTOP)
+    assert not page.element("#screen").is_displayed()
+
+
+# Logs.
+
+PASSPHRASE = "a good passphrase"
+FILE_TRANSFER_PROTOCOL, LOG_REQUEST_LIST, LOG_REQUEST_DATA = 110, 117, 119
+LOG_BYTES = 200
+
+
+def requests(page, message):
+    """Payloads of this message that have left."""
+    frames = page.run("return window.sent.filter(([, ...frame]) => frame[7] == arguments[0])", message)
+    return [bytes(frame[11 : 11 + frame[2]]).ljust(255, b"\0") for frame in frames]
+
+
+@pytest.fixture
+def signed_logs(stage, tmp_path):
+    """A rover with a key and two logs of 200 bytes, 7 and 9, to be downloaded by the page."""
+    page = stage()
+    page.devtools("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    page.sender.signing.secret_key, page.sender.signing.sign_outgoing = hashlib.sha256(PASSPHRASE.encode()).digest(), True
+    page.drive(False)
+    page.enter("about")
+    page.element("#passphrase").send_keys(PASSPHRASE + "\n")
+    page.wait_for("this page signs")
+    page.enter("logs")
+    for asked, (opcode, entries) in enumerate(((128, b"F00000007.BIN\t200\0F00000009.BIN\t200\0"), (129, b"\x06"))):
+        page.wait(lambda: len(requests(page, FILE_TRANSFER_PROTOCOL)) > asked)
+        sequence = requests(page, FILE_TRANSFER_PROTOCOL)[asked][3] + 1
+        page.hear(dialect.MAVLink_file_transfer_protocol_message(0, 0, 0, [sequence, 0, 0, opcode, len(entries), *[0] * 7, *entries.ljust(239, b"\0")]))
+    page.wait(lambda: requests(page, LOG_REQUEST_LIST))
+    page.hear(*(dialect.MAVLink_log_entry_message(place, 2, 2, 1_795_694_400, LOG_BYTES) for place in (1, 2)))
+    page.wait_for("Log 9, ")
+    page.files = lambda: list(tmp_path.glob("*.BIN"))
+    return page
+
+
+def data_of(place, offset, count):
+    return dialect.MAVLink_log_data_message(place, offset, count, [byte % 256 for byte in range(offset, offset + 90)])
+
+
+def test_a_download_has_the_bytes_that_count(signed_logs):
+    page = signed_logs
+    page.press("Download")
+    page.wait(lambda: requests(page, LOG_REQUEST_DATA))
+    # The newest is the first row; those of another log are not of this one.
+    page.hear(data_of(2, 0, 90), data_of(1, 90, 90), data_of(2, 90, 30), data_of(2, 120, 80))
+    (file,) = page.wait(page.files)
+    assert file.read_bytes() == bytes(range(LOG_BYTES)) and file.name.endswith("-2026-11-26-00000009.BIN")
+
+
+@pytest.mark.parametrize("sent", [[], [(0, 90), (90, 90)]])
+def test_a_log_that_is_gone_is_no_file_of_zeros(signed_logs, sent):
+    page = signed_logs
+    page.press("Download")
+    page.wait(lambda: requests(page, LOG_REQUEST_DATA))
+    page.hear(*(data_of(2, *one) for one in sent), data_of(2, 90 * len(sent), 0))
+    page.wait_for("Broken off")
+    assert page.files() == [] and len(requests(page, LOG_REQUEST_DATA)) == 1
+
+
+def test_a_refused_erase_is_said(stage):
+    page = stage()
+    page.run("window.files['/logs/'] = [{ number: 1, bytes: 200, name: 'rover.BIN' }]")
+    page.enter("logs")
+    for text in ("Log download in use by another station", None):
+        page.press("Erase all logs")
+        page.press("Press again to erase all for good")
+        page.wait_for("Erasing…")
+        if text:
+            page.announce(text)
+        page.wait(lambda: page.read("logs-state") == (text or "Not erased"))
+    page.run("window.files['/logs/'] = []")
+    page.press("Erase all logs")
+    page.press("Press again to erase all for good")
+    page.wait_for("No logs: recorded from arming on.")
 
 
 # Forms show what is.
@@ -409,7 +516,7 @@ def test_the_rover_follows_only_a_hand_that_was_at_the_centre(stage):
     page.release_stick()
 
 
-# The layout: five sizes, at rest and with two packs at critical, the longest texts and a refusal.
+# The layout: five sizes, at rest, driven with two packs at critical, and refused with them; each with the longest texts.
 
 SIZES = [(320, 568), (390, 780), (780, 360), (820, 1180), (1440, 900)]
 WITHIN = """
@@ -417,58 +524,106 @@ const box = (css) => document.querySelector(css).getBoundingClientRect();
 const [outer, inner] = [box(arguments[0]), box(arguments[1])];
 return inner.top >= outer.top - 1 && inner.bottom <= outer.bottom + 1 && inner.height > arguments[2];
 """
+LOUD = "rgb(204, 34, 34)"
+LEVELS = {
+    **{f"BATT_{level}": value for level, value in (("MONITOR", 4), ("FS_PCT_EN", 1), ("LOW_VOLT", 43.2), ("CRT_VOLT", 40.8), ("LOW_MAH", 3300))},
+    **{f"BATT_{level}": value for level, value in (("CRT_MAH", 1100), ("LOW_PCT", 15), ("CRT_PCT", 10), ("FS_LOW_ACT", 2), ("FS_CRT_ACT", 2))},
+    **{"BATT2_MONITOR": 4, "BATT2_LOW_TIMER": 0, "BATT2_CAPACITY": 12000},
+}
+
+
+def drive_for_ten_minutes(page):
+    """What the plot shows: the charge falls, and is less and less sure; the voltage sags under each load."""
+    page.run("window.ahead = 0; const now = performance.now.bind(performance); performance.now = () => now() + window.ahead")
+    for step in range(150):
+        page.run("window.ahead += 4000")
+        amps = 18 if step % 12 > 6 else 2
+        page.drive(False)
+        page.value("BAT1_SIGMA", 1 + step / 40)
+        page.pack(volts=49.6 - step / 45 - amps / 14, amps=amps, percent=97 - step // 3, drawn=40 * step, left=1500)
+    # A slow answer to a ping is forgotten.
+    time.sleep(1.5)
 
 
 def critical_twice(page):
-    page.drive(True)
     for number in (1, 2):
-        page.pack(number, CRITICAL, 10.1, amps=3.2, percent=6, drawn=900, left=60)
-        page.info(number)
-        page.announce(f"Battery {number} is critical 10.10V used 900 mAh", 2)
+        page.pack(number, CRITICAL, 40.1, amps=18.2, percent=6, drawn=11900, left=60)
+        page.info(number, cells=12, design_ah=12)
+        page.announce(f"Battery {number} is critical 40.10V used 11900 mAh", 2)
+
+
+def drive_at_critical(page):
+    page.drive(True)
+    critical_twice(page)
     page.announce("Arm: Battery 1 below minimum arming capacity")
+    page.wait_for("Battery 2 is critical 40.10V used 11900 mAh. Nothing stops the rover: drive home, and charge the pack.")
+
+
+def refuse_to_arm(page):
+    page.drive(False)
+    page.ready(False)
+    for number in (1, 2):
+        page.state(f"obstacle {number}", dialect.MAVLink_statustext_message(4, f"PreArm: Battery {number} below minimum arming capacity".encode(), 0, 0))
+    page.announce("Arm: Battery 1 below minimum arming capacity")
+    page.wait_for("Does not arm: Battery 2 below minimum arming capacity.")
+
+
+# How the page gets there, the line of a failsafe, whether the answer to the driver is seen, too, and whether something can move.
+STATES = {
+    "rest": (lambda page: page.drive(False), "#when-low", "#hint", False),
+    "critical": (drive_at_critical, "#texts .notices", "#hint", True),
+    "refused": (refuse_to_arm, "#when-low", "#texts li", False),
+}
 
 
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 def test_layout(stage, size, pytestconfig):
-    page = stage({"BATT_MONITOR": 4, "BATT_LOW_VOLT": 10.5, "BATT_CRT_VOLT": 10.2, "BATT_FS_LOW_ACT": 2, "BATT_FS_CRT_ACT": 2, "BATT2_MONITOR": 4, "BATT2_LOW_TIMER": 0}, size=size)
+    page = stage(LEVELS, size=size)
     pictures = pytestconfig.getoption("--pictures")
-    page.pack(amps=3.2, drawn=900, left=1500)
-    page.info()
-    page.value("BAT1_SIGMA", 4)
-    loud = lambda: page.run("return getComputedStyle(document.getElementById('stop')).backgroundColor") == "rgb(204, 34, 34)"
-    for state in ("rest", "critical"):
-        if state == "critical":
-            critical_twice(page)
-            page.wait_for("Battery 2 is critical")
+    page.pack(volts=49.6)
+    page.info(cells=12, design_ah=12)
+    drive_for_ten_minutes(page)
+    for state, (begin, failsafe, answer, can_move) in STATES.items():
+        begin(page)
         # Loud where something can move only.
-        page.wait(lambda: loud() == (state == "critical"))
+        page.wait(lambda: (page.run("return getComputedStyle(document.getElementById('stop')).backgroundColor") == LOUD) == can_move)
         for room in ("battery", "drive", "setup"):
             page.enter(room)
             time.sleep(0.4)
-            if pictures:
-                page.picture(pathlib.Path(pictures) / f"{size[0]}x{size[1]}-{state}-{room}.png")
+            if state == "refused":
+                # It is asked for why every few seconds.
+                page.wait(lambda: page.run("return document.querySelectorAll('#texts li').length") == 2)
+            if pictures and (state, room) not in (("refused", "battery"), ("refused", "setup")):
+                page.picture(pathlib.Path(pictures) / f"{size[0]}x{size[1]}-{state}-{room}.png", 1)
             assert page.run("const main = document.querySelector('main'); return main.scrollWidth <= main.clientWidth"), (state, room)
             assert page.run(WITHIN, "body", "#stop", 43), (state, room)
+        # Three screens, also of what is between strip and Stop where a phone is as high as most.
+        if size != (1440, 900) and size != (820, 1180):
+            place, height = page.run("const main = document.querySelector('main'); return [document.getElementById('list').parentNode.offsetTop - main.offsetTop, main.clientHeight]")
+            assert place <= 3 * (height if size == (390, 780) else size[1]), state
         page.enter("drive")
         assert page.run(WITHIN, "main", "#pad", 99), state
-        for failsafe in ("#texts .notices",) if state == "critical" else ("#when-low",):
-            assert page.run(WITHIN, "#texts", failsafe, 10), (state, page.read("texts"))
+        for seen in (failsafe, answer):
+            assert page.run(WITHIN, "#texts", seen, 10), (state, seen, page.read("texts"))
         page.enter("battery")
-        edges = page.run("return [...document.querySelectorAll('#packs > *')].map((one) => one.getBoundingClientRect()).map(({ top, bottom }) => [top, bottom])")
-        in_a_row = [bottom for top, bottom in edges if top == edges[0][0]]
-        assert max(in_a_row) - min(in_a_row) < 1
-        # No hole beside the plot: it is as wide as the room, or something as high stands beside it.
-        assert page.run(
-            """
-            const box = (one) => one.getBoundingClientRect();
-            const plot = document.getElementById('history');
-            const isBeside = (one) => one != plot && Math.abs(box(one).top - box(plot).top) < 1 && Math.abs(box(one).bottom - box(plot).bottom) < 1;
-            return box(plot).width > 0.95 * box(document.getElementById('battery')).width || [...document.querySelectorAll('#battery .card')].some(isBeside);
-            """
-        ), state
-    page.enter("setup")
-    if size[0] < 500:
-        assert page.run("return document.getElementById('list').parentNode.offsetTop - document.querySelector('main').offsetTop") <= 3 * max(size[1], 780)
+        assert_edges_are_in_line(page)
+        page.run("document.getElementById('history').scrollIntoView()")
+        if pictures and state == "critical":
+            page.picture(pathlib.Path(pictures) / f"{size[0]}x{size[1]}-plot.png", 1)
+
+
+def assert_edges_are_in_line(page):
+    """Cards stand in one column or two; those beside one another begin and end together, also beside the plot."""
+    cards = page.run("return [...document.querySelectorAll('#battery .card, #battery .notices li')].map((one) => one.getBoundingClientRect().toJSON())")
+    cards = [{edge: round(at) for edge, at in card.items()} for card in cards if card["height"] and card["width"] > 200]
+    lefts, rights = ({card[edge] for card in cards} for edge in ("left", "right"))
+    assert len(lefts) <= 2 and len(rights) <= 2, (lefts, rights)
+    for card in cards:
+        beside = [other for other in cards if other["left"] != card["left"] and other["top"] < card["bottom"] and card["top"] < other["bottom"]]
+        assert all((other["top"], other["bottom"]) == (card["top"], card["bottom"]) for other in beside), cards
+        # No hole: a row is as wide as the room.
+        assert {card["left"], *(other["left"] for other in beside)} >= {min(lefts)}, cards
+        assert {card["right"], *(other["right"] for other in beside)} >= {max(rights)}, cards
 
 
 def test_the_plot_has_numbers_at_its_axes_and_a_band_of_what_is_not_sure(stage):
@@ -480,6 +635,10 @@ def test_the_plot_has_numbers_at_its_axes_and_a_band_of_what_is_not_sure(stage):
     page.wait(lambda: page.read("range1").split("\n") == ["100 %", "75 %", "50 %", "25 %", "0 %"])
     assert page.read("range0").split("\n") == ["12.10 V", "12.05 V", "12.00 V", "11.95 V", "11.90 V"]
     assert page.read("axes").endswith("10 min\n8\n6\n4\n2\nnow")
-    band = page.run("return document.querySelector('.band').getAttribute('d')")
-    heights = [tuple(float(y) for y in re.findall(r" ([\d.]+)V([\d.]+)", line)[0]) for line in band.split("M")[1:]]
-    assert heights[-1] == pytest.approx((42, 22))
+
+    def is_drawn():
+        """68 % with ten to each side, as the height is that of 100 %."""
+        band = page.run("return document.querySelector('.band').getAttribute('d')")
+        return [float(y) for y in re.findall(r" ([\d.]+)V([\d.]+)", band)[-1]] == pytest.approx((42, 22))
+
+    page.wait(is_drawn)
