@@ -492,8 +492,8 @@ class Firefox:
     def enter(self, room):
         self.run(f"document.querySelector('nav a[href=\"#{room}\"]').click()")
 
-    def pointer(self, *actions):
-        """Actions of a mouse: ("move", x, y), "down", "up", or a pause in seconds."""
+    def pointer(self, *actions, kind="mouse"):
+        """Actions of a mouse, or another kind of pointer: ("move", x, y), "down", "up", or a pause in seconds."""
         steps = []
         for action in actions:
             if action in ("down", "up"):
@@ -502,7 +502,7 @@ class Firefox:
                 steps.append({"type": "pointerMove", "x": round(action[1]), "y": round(action[2])})
             else:
                 steps.append({"type": "pause", "duration": round(action * 1000)})
-        source = {"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"}, "actions": steps}
+        source = {"type": "pointer", "id": kind, "parameters": {"pointerType": kind}, "actions": steps}
         self.send("input.performActions", context=self.context, actions=[source])
 
     def middle(self, css):

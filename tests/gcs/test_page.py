@@ -934,7 +934,10 @@ def test_a_drive_in_firefox(rover, tmp_path, pytestconfig):
             firefox.wait_for(words)
             if pictures := pytestconfig.getoption("--pictures"):
                 firefox.picture(pathlib.Path(pictures) / f"firefox-{room}.png")
-        firefox.pointer(("move", *firefox.middle("#arm")), "down", 1.3, "up")
+        # A finger that slides off Arm lets go of it, also onto Stop.
+        firefox.pointer(("move", *firefox.middle("#arm")), "down", 0.3, ("move", *firefox.middle("#stop")), 1.5, "up", kind="touch")
+        assert not rover.is_armed
+        firefox.pointer(("move", *firefox.middle("#arm")), "down", 1.3, "up", kind="touch")
         firefox.wait_for("Armed")
         firefox.pointer(("move", *firefox.middle("#manual")), "down", "up")
         firefox.wait_for("Move the stick to drive")
