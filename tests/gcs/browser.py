@@ -220,6 +220,7 @@ class Page:
             width, height, ratio = self.run("return [innerWidth, innerHeight, devicePixelRatio]")
             clip = {"clip": {"x": 0, "y": 0, "width": width, "height": height, "scale": pixels / ratio}}
         data = self.devtools("Page.captureScreenshot", format="png", **clip)["data"]
+        pathlib.Path(path).parent.mkdir(parents=True, exist_ok=True)
         pathlib.Path(path).write_bytes(base64.b64decode(data))
 
     def errors(self):

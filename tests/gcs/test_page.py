@@ -858,7 +858,6 @@ def test_everything_is_on_the_screen_and_legible(rover, pytestconfig):
                 page.enter(room)
                 time.sleep(0.4)
                 if pictures:
-                    pathlib.Path(pictures).mkdir(parents=True, exist_ok=True)
                     page.picture(pathlib.Path(pictures) / f"{name}-{scheme}-{room}.png")
                 where = f"{name} {scheme} {room}"
                 box = page.run("const { left, top, right, bottom, height } = document.getElementById('stop').getBoundingClientRect(); return [left, top, right, bottom, height]")

@@ -122,7 +122,7 @@ def test_a_power_limit_is_shown_as_long_as_the_rover_limits(stage):
     assert "It drives slower" in page.text()
     page.announce("Battery 1 no longer limits the motors")
     page.wait_until_gone("It drives slower")
-    # Its end came to nobody: to a new connection the rover says whether it still limits.
+    # Its end was lost with a connection: to a new one the rover says whether it still limits.
     page.announce("Battery 1 limits the motors: over 20W")
     page.wait_for("It drives slower")
     for is_said in (True, False):
@@ -517,6 +517,7 @@ def test_the_rover_follows_only_a_hand_that_was_at_the_centre(stage):
 
 
 # The layout: five sizes, at rest, driven with two packs at critical, and refused with them; each with the longest texts.
+# `--pictures` draws what is in tests/gcs/pictures, where `pngquant --nofs 16` has made it smaller.
 
 SIZES = [(320, 568), (390, 780), (780, 360), (820, 1180), (1440, 900)]
 WITHIN = """
