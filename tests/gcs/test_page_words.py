@@ -541,12 +541,14 @@ def drive_for_ten_minutes(page):
         amps = 18 if step % 12 > 6 else 2
         page.drive(False)
         page.value("BAT1_SIGMA", 1 + step / 40)
+        page.value("BAT1_USABL", 93 - step // 3)
         page.pack(volts=49.6 - step / 45 - amps / 14, amps=amps, percent=97 - step // 3, drawn=40 * step, left=1500)
     # A slow answer to a ping is forgotten.
     time.sleep(1.5)
 
 
 def critical_twice(page):
+    page.value("BAT1_USABL", 2)
     for number in (1, 2):
         page.pack(number, CRITICAL, 40.1, amps=18.2, percent=6, drawn=11900, left=60)
         page.info(number, cells=12, design_ah=12)
