@@ -12,7 +12,7 @@ use crate::mavlink::{AcceptUnsigned, LinkKind, SigningChange, SigningTrouble, To
 use crate::memory::save_state::SaveState;
 use crate::memory::storage::{Erase, StorageError};
 use crate::parameter::Unsaved;
-use crate::recorder::{Erasure, FlashOutcome, Piece, Ring};
+use crate::recorder::{Erasure, FlashOutcome, LogFile, Piece, Ring};
 use crate::system::LogReader;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
@@ -235,22 +235,24 @@ impl Autopilot {
         self.work |= Work::SAVE;
     }
 
-    /// Whether the newest log has to show how the last run ended.
-    pub fn needs_last_arming(&self) -> bool {
-        self.last_run.end == RunEnd::Unknown
-    }
-
     /// The newest log ends while armed.
     pub fn last_run_ended_armed(&mut self, now: Instant) {
-        if self.needs_last_arming() {
+        if self.last_run.end == RunEnd::Unknown {
             self.last_run.end = RunEnd::Interrupted(Interruption::PowerOff);
             self.announce(&Notice::PowerWentOff, now);
         }
     }
 
-    /// The logs in flash were looked for. Nothing is recorded before.
-    pub fn logs_found(&mut self, ring: Ring) {
+    /// The logs in flash were looked for. Nothing is recorded before. Returns the one that has to show how the last run ended.
+    pub fn logs_found(&mut self, ring: Ring) -> Option<LogFile> {
+        let newest = ring.newest();
         self.recording.found(ring);
+        newest.filter(|_| self.last_run.end == RunEnd::Unknown)
+    }
+
+    /// Place of a log's bytes from `offset` on; `None` if it has none.
+    pub fn log_piece(&self, number: u16, offset: u32) -> Option<Piece> {
+        self.recording.locate(number, offset)
     }
 
     /// The next flash operation of the log at `now`, if there is one.

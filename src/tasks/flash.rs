@@ -21,8 +21,8 @@ use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::memory::flash_map;
 use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Records, Storage, StorageError};
 use crate::parameter::{Parameters, Refused, Unsaved, VehicleParameter};
-use crate::recorder::dataflash::ends_armed;
-use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
+use crate::recorder::dataflash::LastArming;
+use crate::recorder::{Erasure, FlashOutcome, LogFile, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS};
 
 /// Interval of checks for work without a request: of the log, or because a retry is due.
@@ -284,12 +284,12 @@ pub async fn keep_flash<F: NorFlash>(
     }
     let scan = async {
         let ring = Ring::scan(&mut log, log_range).await;
-        if shared.with(|autopilot| autopilot.needs_last_arming())
-            && ends_armed(&mut log, &ring, LOG_FULL).await
+        let newest = shared.with(|autopilot| autopilot.logs_found(ring));
+        if let Some(newest) = newest
+            && ends_armed(&mut log, newest, shared).await
         {
             shared.with(|autopilot| autopilot.last_run_ended_armed(now()));
         }
-        shared.with(|autopilot| autopilot.logs_found(ring));
     };
     storages.save_during(pin!(scan), shared, check_in).await;
     let mut entropy_due = now().after_us(ENTROPY_RETRY_US);
@@ -304,6 +304,29 @@ pub async fn keep_flash<F: NorFlash>(
         });
         storages.save_during(pause, shared, check_in).await;
     }
+}
+
+/// Whether a log ends while armed. Read in blocks, of which a payload has whole ones, some at a turn.
+async fn ends_armed<F: NorFlash>(flash: &mut F, log: LogFile, shared: &Shared) -> bool {
+    const BLOCK_BYTES: usize = 32;
+    const TURN_BYTES: u32 = 256;
+    const { assert!(PAYLOAD_BYTES.is_multiple_of(BLOCK_BYTES as u32)) };
+    let mut read = LastArming::new(LOG_FULL);
+    let mut block = [0; BLOCK_BYTES];
+    for at in (0..log.bytes).step_by(BLOCK_BYTES) {
+        let Some(piece) = shared.with(|autopilot| autopilot.log_piece(log.number, at)) else {
+            return false;
+        };
+        if flash.read(piece.address, &mut block).await.is_err() {
+            return false;
+        }
+        let bytes = block.iter().take(piece.bytes as usize);
+        bytes.for_each(|byte| read.add(*byte));
+        if at % TURN_BYTES == 0 {
+            yield_now().await;
+        }
+    }
+    read.is_armed()
 }
 
 /// Does what the log needs next, if anything, and returns how long others have the flash and the processor then.

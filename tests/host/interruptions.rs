@@ -7,8 +7,8 @@ use rover_battmon::autopilot::{LOG_FULL, LogStep, Start};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, Interruption, RunEnd, STACK_WORDS, TaskName};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::memory::identity::FirmwareHash;
-use rover_battmon::recorder::dataflash::ends_armed;
-use rover_battmon::recorder::{FlashOutcome, Ring};
+use rover_battmon::recorder::dataflash::LastArming;
+use rover_battmon::recorder::{FlashOutcome, LogFile, Ring};
 use support::desk::Desk;
 use support::frames::{STATUSTEXT, of_message, texts_of};
 use support::requests::{
@@ -210,10 +210,23 @@ fn nothing_is_reported_without_a_log() {
 }
 
 impl Rover {
+    /// The content of a file of this ring.
+    fn content_of(&mut self, ring: &Ring, file: LogFile) -> Vec<u8> {
+        let mut content = Vec::new();
+        while let Some(piece) = ring.locate(file.number, content.len() as u32) {
+            content.extend_from_slice(&self.chip()[piece.address as usize..][..piece.bytes as usize]);
+        }
+        content
+    }
+
     /// Whether its log ends armed.
     fn ends_armed(&mut self) -> bool {
         let ring = block_on(Ring::scan(&mut self.flash, Flash::REGION));
-        block_on(ends_armed(&mut self.flash, &ring, LOG_FULL))
+        let Some(newest) = ring.newest() else { return false };
+        let mut read = LastArming::new(LOG_FULL);
+        let content = self.content_of(&ring, newest);
+        content.into_iter().for_each(|byte| read.add(byte));
+        read.is_armed()
     }
 }
 

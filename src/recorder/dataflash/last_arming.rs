@@ -1,106 +1,90 @@
-//! Whether the newest log ends while the rover is armed: then the power has ended the drive.
+//! Whether a log ends while the rover is armed: then the power has ended the drive.
 
-use embassy_futures::yield_now;
-use embedded_storage_async::nor_flash::ReadNorFlash;
-
-use super::format::{FORMATS, Format, HEADER_BYTES, Kind};
+use super::format::{FORMATS, HEADER_BYTES, Kind};
 use super::packet::SYNCHRONISATION;
-use crate::recorder::{PAYLOAD_BYTES, Ring};
-
-/// Records that are read in one turn, in some 0.3 ms.
-const RECORDS_A_TURN: u32 = 32;
 
 /// Offset of the fields behind `TimeUS`, in bytes.
-const FIELDS_AT: u32 = HEADER_BYTES as u32 + 8;
+const FIELDS_AT: usize = HEADER_BYTES + 8;
 
-/// Whether the newest file of `ring` ends while the rover is armed. `last_text` is the message after which nothing is recorded
-/// although the rover may be disarmed. A file without arming says nothing. Yields to other tasks every few records.
-pub async fn ends_armed<F: ReadNorFlash>(flash: &mut F, ring: &Ring, last_text: &str) -> bool {
-    let Some(file) = ring.newest() else { return false };
-    let mut reader = Reader {
-        flash,
-        ring,
-        number: file.number,
-        block: [0; _],
-        block_at: None,
+/// Reads a log from its beginning.
+#[derive(Debug)]
+pub struct LastArming<'a> {
+    /// The message after which nothing is recorded, although the rover may be disarmed.
+    last_text: &'a [u8],
+    is_armed: bool,
+    record: Record,
+}
+
+/// The record that is being read.
+#[derive(Clone, Copy, Debug)]
+struct Record {
+    /// Bytes of it so far.
+    read: usize,
+    /// Its length and kind, once its header was read.
+    format: Option<(usize, Kind)>,
+    /// Whether the rover is armed by this record; for a message whether it is the last text so far.
+    says_armed: bool,
+    is_last_text: bool,
+}
+
+impl Record {
+    const NONE: Self = Self {
+        read: 0,
+        format: None,
+        says_armed: false,
+        is_last_text: true,
     };
-    let (mut is_armed, mut at, mut records) = (false, 0, 0);
-    while at < file.bytes {
-        match reader.format(at).await {
-            // Torn or damaged: the next record is searched for.
-            None => at += 1,
-            Some(format) => {
-                let end = at + format.record_bytes() as u32;
-                if end <= file.bytes {
-                    match format.kind {
-                        Kind::Arming => is_armed = reader.is_armed(at).await,
-                        Kind::Message => is_armed &= !reader.has_text(at, last_text).await,
-                        _ => {}
+}
+
+impl<'a> LastArming<'a> {
+    /// Nothing was read. `last_text` is the message after which nothing is recorded, although the rover may be disarmed.
+    pub fn new(last_text: &'a str) -> Self {
+        Self {
+            last_text: last_text.as_bytes(),
+            is_armed: false,
+            record: Record::NONE,
+        }
+    }
+
+    /// Whether what was read so far ends while armed. Without an arming it says nothing.
+    pub fn is_armed(&self) -> bool {
+        self.is_armed
+    }
+
+    /// Takes the next byte. A record counts once it is complete; what is torn or damaged is skipped.
+    pub fn add(&mut self, byte: u8) {
+        let record = &mut self.record;
+        let at = record.read;
+        record.read += 1;
+        let Some((length, kind)) = record.format else {
+            match SYNCHRONISATION.get(at) {
+                Some(expected) if *expected == byte => {}
+                None => {
+                    let format = FORMATS.iter().find(|format| format.kind as u8 == byte);
+                    record.format = format.map(|format| (format.record_bytes(), format.kind));
+                    if format.is_none() {
+                        *record = Record::NONE;
                     }
                 }
-                at = end;
+                _ => {
+                    let [first, _] = SYNCHRONISATION;
+                    *record = Record::NONE;
+                    record.read = usize::from(byte == first);
+                }
             }
+            return;
+        };
+        if let Some(field) = at.checked_sub(FIELDS_AT) {
+            record.says_armed |= field == 0 && byte != 0;
+            record.is_last_text &= self.last_text.get(field).is_none_or(|expected| *expected == byte);
         }
-        records += 1;
-        if records % RECORDS_A_TURN == 0 {
-            yield_now().await;
-        }
-    }
-    is_armed
-}
-
-/// Bytes that are read at once. A payload has whole blocks of them.
-const BLOCK_BYTES: u32 = 32;
-
-const _: () = assert!(PAYLOAD_BYTES.is_multiple_of(BLOCK_BYTES));
-
-/// Reads a file.
-struct Reader<'a, F> {
-    flash: &'a mut F,
-    ring: &'a Ring,
-    number: u16,
-    block: [u8; BLOCK_BYTES as usize],
-    /// Offset of the block, once one was read.
-    block_at: Option<u32>,
-}
-
-impl<F: ReadNorFlash> Reader<'_, F> {
-    /// The format of the record at `offset`, if there is one.
-    async fn format(&mut self, offset: u32) -> Option<&'static Format> {
-        for (place, expected) in SYNCHRONISATION.into_iter().enumerate() {
-            if self.byte(offset + place as u32).await? != expected {
-                return None;
+        if record.read == length {
+            match kind {
+                Kind::Arming => self.is_armed = record.says_armed,
+                Kind::Message => self.is_armed &= !record.is_last_text,
+                _ => {}
             }
+            *record = Record::NONE;
         }
-        let kind = self.byte(offset + SYNCHRONISATION.len() as u32).await?;
-        FORMATS.iter().find(|format| format.kind as u8 == kind)
-    }
-
-    async fn is_armed(&mut self, record: u32) -> bool {
-        self.byte(record + FIELDS_AT)
-            .await
-            .is_some_and(|state| state != 0)
-    }
-
-    async fn has_text(&mut self, record: u32, expected: &str) -> bool {
-        for (offset, expected) in (record + FIELDS_AT..).zip(expected.bytes()) {
-            if self.byte(offset).await != Some(expected) {
-                return false;
-            }
-        }
-        true
-    }
-
-    /// The byte at `offset`; `None` if the file ends before, or can't be read.
-    async fn byte(&mut self, offset: u32) -> Option<u8> {
-        let in_block = offset % BLOCK_BYTES;
-        let at = offset - in_block;
-        if self.block_at != Some(at) {
-            let piece = self.ring.locate(self.number, at)?;
-            self.block_at = None;
-            self.flash.read(piece.address, &mut self.block).await.ok()?;
-            self.block_at = Some(at);
-        }
-        self.block.get(in_block as usize).copied()
     }
 }

@@ -14,7 +14,7 @@ mod last_arming;
 mod packet;
 mod record;
 
-pub use last_arming::ends_armed;
+pub use last_arming::LastArming;
 pub use packet::{MAX_RECORD_BYTES, RecordBytes, opening_record};
 pub use record::{ArmingMethod, CommandRecord, MESSAGE_BYTES, ModeReason, Record, Subsystem};
 
