@@ -112,8 +112,10 @@ impl FileTransfers {
         };
         let may_change = context.permits(Effect::Changes);
         let result = self.serve(request, header, may_change, context);
-        if may_change && let Some(session) = self.session_of(header) {
-            session.is_signed |= context.authenticity == Authenticity::Proven;
+        if context.authenticity == Authenticity::Proven
+            && let Some(session) = self.session_of(header)
+        {
+            session.is_signed = true;
         }
         let handled = result.unwrap_or_else(|error| Some(FileOutcome::Failed(error)).into());
         let answer = handled.outcome.map(|outcome| FileAnswer {
