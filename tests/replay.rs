@@ -563,3 +563,29 @@ fn a_recording_without_arming_is_taken_for_armed_on_request() {
         "{said}"
     );
 }
+
+#[test]
+fn a_parameter_that_is_not_of_the_pack_is_refused() {
+    for (pack, assignment, said) in [
+        (
+            "1",
+            "BATT2_LOW_VOLT=10",
+            "error: BATT2_LOW_VOLT is not of pack 1\n",
+        ),
+        ("2", "BATT_LOW_VOLT=10", "error: BATT_LOW_VOLT is not of pack 2\n"),
+        ("1", "SR0_EXTRA1=4", "error: SR0_EXTRA1 is not of pack 1\n"),
+    ] {
+        assert_eq!(refused(&["--pack", pack, "--param", assignment, TRACE]), said);
+    }
+    let table = no_file("not-of-a-pack.parquet");
+    let errors = refused(&["--table", &table, "--param", "SR0_EXTRA1=4", "tests/data/logs"]);
+    assert_eq!(errors, "error: SR0_EXTRA1 is not of a pack\n");
+    assert!(!Path::new(&table).exists());
+}
+
+#[test]
+fn rows_go_to_standard_output_also_by_name() {
+    let text = printed(replay(&["--csv", "-", TRACE]));
+    assert_eq!(text, printed(replay(&[TRACE])));
+    assert!(!root().join("-").exists());
+}

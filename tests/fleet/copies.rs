@@ -102,3 +102,24 @@ fn logs_that_differ_are_no_copies() {
         )
     );
 }
+
+/// As those of one day, of which each has the same parameters and a long rest in front.
+#[test]
+fn many_logs_that_begin_alike_take_seconds() {
+    const LOGS: usize = 3_000;
+    let folder = folder("many_alike");
+    let mut log = Owned::new(0).drive();
+    log.resize(100_000, 0);
+    for number in 0..LOGS {
+        log.truncate(100_000 - 8);
+        log.extend((number as u64 / 2).to_le_bytes());
+        log.extend(vec![0; number / 2]);
+        write(&folder, &format!("{number:04}.BIN"), &log);
+    }
+    let (said, logs) = logs_of_table(&folder, "many_alike");
+    assert!(
+        said.starts_with(&format!("left out {} copies of logs\n", LOGS / 2)),
+        "{said}"
+    );
+    assert_eq!(logs.len(), LOGS / 2);
+}

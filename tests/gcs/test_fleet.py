@@ -84,10 +84,10 @@ def address(logs):
 
 def test_logs_elsewhere_are_fetched_and_keep_their_names(address, tmp_path):
     table = tmp_path / "drives.parquet"
-    logs = [f"{address}{number:08}.BIN" for number in (2, 1, 99)]
+    logs = [f"{address}{number:08}.BIN" for number in (2, 1)]
     subprocess.run([sys.executable, FLEET, "--table", table, "--replay", REPLAY, *logs], check=True)
     assert pyarrow.parquet.read_table(table)["path"].to_pylist() == [logs[1], logs[0]]
-    assert [failure[0] for failure in failures_of(table)] == ["path", logs[2]]
+    assert failures_of(table) == [["path", "reason"]]
 
 
 def test_duckdb_reads_the_table(logs, tmp_path):
@@ -95,3 +95,49 @@ def test_duckdb_reads_the_table(logs, tmp_path):
     query = f"SELECT pack_id, count(*), max(sag_max_v) > 0 FROM '{table}' GROUP BY pack_id ORDER BY pack_id"
     rows = duckdb.sql(query).fetchall()
     assert [row[1:] for row in rows] == [(20, True)] * PACKS
+
+
+def fleet(table, *arguments):
+    return subprocess.run(
+        [sys.executable, FLEET, "--table", table, "--replay", REPLAY, *arguments], capture_output=True, text=True, timeout=100
+    )
+
+
+def test_without_logs_the_table_of_before_stays(logs, address, tmp_path):
+    first = next(logs.rglob("00000001.BIN"))
+    table = on_this_machine(first, tmp_path / "drives.parquet")
+    before = table.read_bytes()
+    (tmp_path / "unmounted").mkdir()
+    text = logs / "text.BIN"
+    for named, said in [
+        ([first, tmp_path / "gone"], f"{tmp_path}/gone: there is no such file or folder\n"),
+        ([first, f"{address}99.BIN"], f"{address}99.BIN: there is no such file or folder\n"),
+        ([tmp_path / "unmounted"], "no log (.BIN) there\n"),
+        ([text], "\nno row: nothing was written\n"),
+        ([first, "--scheduler", "tcp://127.0.0.1:1"], "\n"),
+        ([first, "--replay", "no-such-program"], "No such file or directory: 'no-such-program'\n"),
+        ([first, "--param", "SR0_EXTRA1=4"], "error: SR0_EXTRA1 is not of a pack\n"),
+        ([first, "--batch", "0"], "at least 1\n"),
+    ]:
+        ended = fleet(table, *named)
+        assert ended.returncode == 2 and ended.stderr.endswith(said) and "Traceback" not in ended.stderr, ended
+        assert table.read_bytes() == before
+
+
+def test_nothing_but_a_table_is_replaced_and_replay_replaces_it_too(logs, tmp_path):
+    first = next(logs.rglob("00000001.BIN"))
+    for name in ["note", "log"]:
+        (tmp_path / name).write_bytes(b"a note" if name == "note" else first.read_bytes())
+        before = (tmp_path / name).read_bytes()
+        ended = fleet(tmp_path / name, first)
+        assert ended.returncode == 2 and "was not written by this program" in ended.stderr, ended
+        assert (tmp_path / name).read_bytes() == before
+    table = tmp_path / "drives.parquet"
+    on_this_machine(first, table)
+    # A batch without a row is none of the table's.
+    ended = fleet(table, "--batch", "1", first, logs / "text.BIN")
+    assert (ended.returncode, ended.stdout) == (0, "1 rows of 2 logs, 1 failures\n"), ended
+    expected = pyarrow.parquet.read_table(table)
+    on_this_machine(first, table)
+    assert pyarrow.parquet.read_table(table).equals(expected)
+    assert fleet(table, first).returncode == 0

@@ -737,6 +737,51 @@ fn the_parameter_has_its_old_value_afterwards() {
     }
 }
 
+/// Of a run that lost its board before the value was set back.
+#[test]
+fn the_value_of_an_earlier_check_is_not_taken_for_the_original() {
+    for (found, original) in [(11.0, 10.0), (12.0, 10.0), (13.0, 13.0), (50.0, 50.0)] {
+        let mut owner = Watcher::default();
+        let mut line = TamperedLine::new(Fault::None, owner.turned.clone());
+        line.board.desk.set(VehicleParameter::Sr0Params, found);
+        let report = run(&mut line, &mut owner, &Plan::default());
+        assert_eq!(failed(&report), [""; 0], "{found}");
+        let rate = line.board.desk.parameters().get(VehicleParameter::Sr0Params);
+        assert_eq!(rate, original, "{found}");
+        let is_said = report
+            .markdown("desk")
+            .contains(&format!("an earlier check has left {found}"));
+        assert_eq!(is_said, found != original);
+    }
+}
+
+#[test]
+fn an_answer_that_is_no_voltage_is_asked_again_and_an_empty_line_skips() {
+    for (multimeter, asked_again, outcome) in [
+        ("12.6V|about 8|-7.93|nan|7,93", 4, None),
+        ("12.6V|", 1, Some("calibration")),
+        (" |7.93", 0, Some("calibration")),
+    ] {
+        let mut owner = Watcher {
+            multimeter,
+            ..Watcher::default()
+        };
+        let plan = Plan {
+            multimeter: Multimeter::Ask,
+            ..Plan::default()
+        };
+        let (report, _) = check_beside(&mut owner, Fault::None, &plan);
+        let lines = owner
+            .shown
+            .iter()
+            .filter(|line| line.contains("A number above 0"));
+        assert_eq!(lines.count(), asked_again, "{multimeter}");
+        let not_measured = not_measured(&report);
+        let found = not_measured.iter().find(|name| **name == "calibration");
+        assert_eq!(found.copied(), outcome, "{multimeter}");
+    }
+}
+
 #[test]
 fn ctrl_c_behind_the_set_parameter_sets_it_back() {
     let mut owner = Watcher {
@@ -764,6 +809,11 @@ fn a_port_that_vanishes_while_the_board_restarts_is_opened_again() {
     let report = check(Fault::NeverComesBack, &EVERYTHING);
     assert_eq!(failed(&report), ["connection", "parameter kept"]);
     assert!(not_measured(&report).contains(&"crash record"));
+    let findings = report.findings();
+    assert!(
+        findings[1].contains("it was 10, and may be 11. Set 10."),
+        "{findings:?}"
+    );
 }
 
 proptest! {

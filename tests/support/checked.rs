@@ -46,7 +46,7 @@ impl Turned {
 #[derive(Default)]
 pub struct Watcher {
     pub turned: Rc<RefCell<Turned>>,
-    /// What the multimeter shows.
+    /// Answers to what the multimeter shows, separated by bars.
     pub multimeter: &'static str,
     /// Presses Ctrl-C as soon as a wheel turns.
     pub is_startled: bool,
@@ -64,7 +64,11 @@ impl Owner for Watcher {
     fn ask(&mut self, question: &str) {
         let answer = match question {
             _ if question.contains("all wheels off the ground") => "y",
-            _ if question.contains("multimeter") => self.multimeter,
+            _ if question.contains("multimeter") => {
+                let (answer, others) = self.multimeter.split_once('|').unwrap_or((self.multimeter, ""));
+                self.multimeter = others;
+                answer
+            }
             _ => self.turned.take().answer(question),
         };
         self.answer = Some(answer.into());

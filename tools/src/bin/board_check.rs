@@ -1,8 +1,9 @@
 //! Checks a board: arguments, port, clock and terminal, nothing else.
 
-use std::io::{self, ErrorKind, Read, Write};
+use std::fs::File;
+use std::io::{self, ErrorKind, IsTerminal, Read, Write};
 use std::net::TcpStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
@@ -12,7 +13,9 @@ use std::{fs, thread};
 use clap::Parser;
 use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::time::Instant;
-use rover_battmon_tools::board_check::{Divider, Multimeter, Owner, Plan, Port, Verdict, hash_of_elf, run};
+use rover_battmon_tools::board_check::{
+    Divider, Multimeter, Owner, Plan, Port, REPORT_HEAD, Verdict, hash_of_elf, run,
+};
 use serialport::SerialPort;
 
 /// Between two attempts to open a port that vanished.
@@ -184,10 +187,9 @@ impl Port for NamedPort<'_> {
 /// Whether the check has to end.
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// The user at the terminal.
-#[derive(Default)]
+/// The user at the terminal, or a program that has written all answers beforehand.
 struct Terminal {
-    /// Lines that were typed; read by a thread, since the board has to be listened to meanwhile.
+    /// Lines that are typed, if there will be a question; read by a thread, since the board has to be listened to meanwhile.
     lines: Option<Receiver<String>>,
 }
 
@@ -209,8 +211,11 @@ impl Owner for Terminal {
     }
 
     fn ask(&mut self, question: &str) {
+        if io::stdin().is_terminal() {
+            // It was typed before the question, so it is no answer to it.
+            while self.answer().is_ok() {}
+        }
         println!("{question}");
-        self.lines.get_or_insert_with(read_lines);
     }
 
     fn answer(&mut self) -> Result<String, TryRecvError> {
@@ -220,6 +225,23 @@ impl Owner for Terminal {
 
     fn has_stopped(&mut self) -> bool {
         STOP.load(Ordering::Relaxed)
+    }
+}
+
+/// Whether the report can be written, before the board is touched. A file that is there is replaced only if it is a report.
+fn try_report(path: &Path) -> Result<(), String> {
+    match fs::metadata(path) {
+        Ok(file) if file.is_file() && file.len() > 0 => {
+            let mut head = [0; REPORT_HEAD.len()];
+            let read = File::open(path).and_then(|mut file| file.read_exact(&mut head));
+            if read.is_err() || head != *REPORT_HEAD.as_bytes() {
+                return Err("it is no report of board-check; remove it, or name another file".into());
+            }
+            let opened = File::options().append(true).open(path);
+            opened.map(drop).map_err(|error| error.to_string())
+        }
+        Ok(file) if !file.is_file() && !file.is_dir() => Ok(()),
+        _ => fs::write(path, REPORT_HEAD).map_err(|error| error.to_string()),
     }
 }
 
@@ -236,18 +258,27 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
+    let file = arguments.report.display();
+    if let Err(error) = try_report(&arguments.report) {
+        eprintln!("Can't write {file}: {error}.");
+        return ExitCode::from(2);
+    }
     let mut port = NamedPort {
         name: &arguments.port,
         baud: arguments.baud,
         line,
         began: Clock::now(),
     };
-    let report = run(&mut port, &mut Terminal::default(), &arguments.plan());
-    let file = arguments.report.display();
-    match fs::write(&arguments.report, report.markdown(&arguments.port)) {
+    let asks = arguments.motors || arguments.multimeter;
+    let mut terminal = Terminal {
+        lines: asks.then(read_lines),
+    };
+    let report = run(&mut port, &mut terminal, &arguments.plan());
+    let text = report.markdown(&arguments.port);
+    match fs::write(&arguments.report, &text) {
         Ok(()) => println!("The report is in {file}."),
         Err(error) => {
-            eprintln!("Can't write {file}: {error}.");
+            eprintln!("Can't write {file}: {error}. The report:\n\n{text}");
             return ExitCode::FAILURE;
         }
     }

@@ -227,15 +227,27 @@ fn open_log_folder(path: &Path, role: Role<'_>, flash: &SimulatedFlash) -> Resul
 #[embassy_executor::task]
 async fn log_copier(folders: &'static RefCell<Vec<LogFolder>>, interval: Duration) {
     let mut copies = Ticker::every(interval);
-    while copy_logs(folders).is_ok() {
+    let mut had_failed = false;
+    loop {
+        let copied = copy_logs(folders);
+        if let Err(error) = &copied
+            && !had_failed
+        {
+            console::print_error(format_args!("Can't copy the log: {error}. It is tried again."));
+        }
+        had_failed = copied.is_err();
         copies.next().await;
     }
 }
 
-/// Copies what is new. A failure is shown.
+/// Copies what is new of each rover's log.
+///
+/// # Errors
+/// The first failure.
 fn copy_logs(folders: &RefCell<Vec<LogFolder>>) -> io::Result<()> {
-    let copied = folders.borrow_mut().iter_mut().try_for_each(LogFolder::update);
-    copied.inspect_err(|error| console::print_error(format_args!("Can't copy the log: {error}.")))
+    let mut folders = folders.borrow_mut();
+    let failures = folders.iter_mut().map(LogFolder::update).filter_map(Result::err);
+    failures.reduce(|first, _| first).map_or(Ok(()), Err)
 }
 
 fn pace(speedup: f64) -> String {
@@ -357,9 +369,9 @@ fn simulate(arguments: Arguments) -> Result<(), String> {
     );
     console::end();
     // What was written since the last copy.
-    let _ = copy_logs(log_folders);
+    let copied = copy_logs(log_folders);
     console::print_plain(format_args!("Stopped."));
-    Ok(())
+    copied.map_err(|error| format!("The logs are incomplete: {error}."))
 }
 
 #[cfg(target_os = "none")]

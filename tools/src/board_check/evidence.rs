@@ -178,6 +178,8 @@ pub struct KeptTrial {
     /// Its name.
     pub name: &'static str,
     /// Its value before.
+    pub found: f32,
+    /// Its original value: another one if an earlier check has left the one that was found.
     pub old: f32,
     /// The value it was given.
     pub new: f32,

@@ -16,7 +16,7 @@ pub use checks::{CHECKS, Check, Outcome};
 pub use evidence::Divider;
 pub use plan::{Multimeter, Plan, hash_of_elf};
 pub use port::{Owner, Port};
-pub use report::{Report, Verdict};
+pub use report::{REPORT_HEAD, Report, Verdict};
 
 use evidence::{Evidence, Interruption};
 use procedures::{

@@ -5,6 +5,9 @@ use std::fmt::Write;
 use super::checks::{Check, Outcome, judge_all};
 use super::evidence::{Evidence, Text};
 
+/// Beginning of each report.
+pub const REPORT_HEAD: &str = "# Board check\n";
+
 /// Result of all checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
@@ -78,7 +81,7 @@ impl Report {
     /// The report as Markdown. `port` is where the board was.
     pub fn markdown(&self, port: &str) -> String {
         let mut text = format!(
-            "# Board check\n\nPort {port}, board-check {}: {}.\n",
+            "{REPORT_HEAD}\nPort {port}, board-check {}: {}.\n",
             env!("CARGO_PKG_VERSION"),
             self.summary()
         );

@@ -23,6 +23,10 @@ pub struct LogFolder {
     /// The files in the flash, by number; without a copy if they began before the folder was opened.
     known: HashMap<u16, Option<File>>,
     next_number: u32,
+    /// The last copy has failed.
+    is_behind: bool,
+    /// A file was erased before all of it was copied.
+    has_lost: bool,
 }
 
 impl LogFolder {
@@ -41,21 +45,34 @@ impl LogFolder {
             flash,
             known: HashMap::new(),
             next_number: newest + 1,
+            is_behind: false,
+            has_lost: false,
         };
         let ring = folder.ring();
         folder.known = ring.files().iter().map(|file| (file.number, None)).collect();
         Ok(folder)
     }
 
-    /// Copies what was written to the flash since the last time.
+    /// Copies what was written to the flash since the last time that this succeeded.
     ///
     /// # Errors
-    /// A file can't be written.
+    /// A file can't be written now, or its content is lost since it could not be before.
     pub fn update(&mut self) -> io::Result<()> {
+        let copied = self.copy();
+        self.is_behind = copied.is_err();
+        match copied {
+            Ok(()) if self.has_lost => Err(io::Error::other("a log was erased before it was copied")),
+            copied => copied,
+        }
+    }
+
+    fn copy(&mut self) -> io::Result<()> {
         let ring = self.ring();
+        let before = self.known.values().flatten().count();
         // After an erase and a restart numbers come again.
         self.known
             .retain(|number, _| ring.files().iter().any(|file| file.number == *number));
+        self.has_lost |= self.is_behind && self.known.values().flatten().count() < before;
         for file in ring.files() {
             if !self.known.contains_key(&file.number) {
                 let copy = self.new_copy()?;
@@ -77,11 +94,14 @@ impl LogFolder {
     fn new_copy(&mut self) -> io::Result<File> {
         loop {
             let name = format!("{:08}.BIN", self.next_number);
-            self.next_number += 1;
             match File::create_new(self.path.join(name)) {
                 // Another simulator uses the folder.
-                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                created => return created,
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => self.next_number += 1,
+                Err(error) => return Err(error),
+                Ok(copy) => {
+                    self.next_number += 1;
+                    return Ok(copy);
+                }
             }
         }
     }
@@ -267,6 +287,34 @@ mod tests {
         fs::remove_dir(&folder.0).unwrap();
         recorder.begin(b"new");
         assert!(copies.update().is_err());
+    }
+
+    #[test]
+    fn copy_that_failed_is_made_up_for() {
+        let (folder, mut recorder) = (Folder::new(), Recorder::new());
+        let mut copies = recorder.folder(&folder);
+        fs::remove_dir(&folder.0).unwrap();
+        recorder.begin(b"begun");
+        copies.update().unwrap_err();
+        recorder.append(b" and gone on");
+        fs::create_dir(&folder.0).unwrap();
+        copies.update().unwrap();
+        assert_eq!(files(&folder), [file("00000001.BIN", b"begun and gone on")]);
+    }
+
+    #[test]
+    fn log_that_was_erased_before_it_was_copied_is_an_error_from_then_on() {
+        let (folder, mut recorder) = (Folder::new(), Recorder::new());
+        let mut copies = recorder.folder(&folder);
+        recorder.begin(b"copied");
+        copies.update().unwrap();
+        fs::remove_dir_all(&folder.0).unwrap();
+        recorder.begin(b"not copied");
+        copies.update().unwrap_err();
+        recorder.erase_and_restart();
+        fs::create_dir(&folder.0).unwrap();
+        copies.update().unwrap_err();
+        copies.update().unwrap_err();
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The command line.
 
 use std::io::{self, IsTerminal};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use rover_battmon::pack::Pack;
@@ -35,7 +35,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
 
-    /// Write a row for each reading; without this they go to standard output, unless that is a terminal
+    /// Write a row for each reading, - to standard output; without this they go there unless that is a terminal
     #[arg(long, value_name = "FILE.csv")]
     pub csv: Option<PathBuf>,
 
@@ -62,7 +62,16 @@ impl Arguments {
     /// Whether rows go to standard output.
     pub fn prints_rows(&self) -> bool {
         let is_of_many = self.table.is_some() || self.history.is_some();
-        !is_of_many && self.csv.is_none() && !io::stdout().is_terminal()
+        let is_wanted = match &self.csv {
+            Some(_) => self.csv_file().is_none(),
+            None => !io::stdout().is_terminal(),
+        };
+        !is_of_many && is_wanted
+    }
+
+    /// The file for rows, if they go to one.
+    pub fn csv_file(&self) -> Option<&Path> {
+        self.csv.as_deref().filter(|path| *path != Path::new("-"))
     }
 }
 

@@ -18,7 +18,7 @@ use crate::recording::LogFormat;
 use crate::run::{self, Replay};
 use crate::table::{self, Drives, Row};
 use crate::trace::Inputs;
-use crate::words::{copies, shown};
+use crate::words::{about, copies, shown};
 use crate::{copies, history, outputs};
 
 /// Results of many logs.
@@ -32,9 +32,13 @@ struct Found {
 /// Writes what was asked for.
 ///
 /// # Errors
-/// An error of an argument, or of a file that can't be written, in words.
+/// An error of an argument, or of a file that can't be written, in words; and if there is no row, so that what a folder that is
+/// not mounted lacks replaces no earlier output.
 pub fn replay(arguments: &Arguments) -> Result<(), String> {
     check(&arguments.assignments)?;
+    for path in &arguments.paths {
+        fs::metadata(path).map_err(|error| about(path, &error))?;
+    }
     let mut files = Files::find(&arguments.paths);
     outputs::check(arguments, &files.logs)?;
     let left_out = copies::take_out(&mut files.logs);
@@ -48,12 +52,14 @@ pub fn replay(arguments: &Arguments) -> Result<(), String> {
     if left_out > 0 {
         eprintln!("left out {} of logs", copies(left_out));
     }
+    if found.rows.is_empty() {
+        return Err("no row: nothing was written".into());
+    }
     write(arguments, &found)
 }
 
 fn write(arguments: &Arguments, found: &Found) -> Result<(), String> {
     let Found { rows, failures, .. } = found;
-    let about = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", shown(path));
     if let Some(path) = &arguments.table {
         table::write(path, rows, failures).map_err(|error| about(path, &error))?;
         eprintln!("wrote {} with {} rows", shown(path), rows.len());
@@ -71,6 +77,7 @@ fn check(assignments: &[Assignment]) -> Result<(), String> {
         voltage: true,
         current: true,
     };
+    run::check_packs(assignments, &Pack::ALL)?;
     for pack in Pack::ALL {
         let parameters = run::assign(Parameters::defaults(), assignments, pack, measured)?;
         Replay::new(pack, &parameters, assignments, LearntPack::UNKNOWN)?;

@@ -84,7 +84,7 @@ impl Output {
             ),
             (
                 "--csv",
-                arguments.csv.clone(),
+                arguments.csv_file().map(Into::into),
                 Some(|file| report::is_csv(&head(file))),
             ),
             ("--table", arguments.table.clone(), Some(table::is_table)),

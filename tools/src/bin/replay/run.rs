@@ -41,6 +41,19 @@ pub fn assign(
     Ok(parameters)
 }
 
+/// Refuses assignments that no replay of these packs reads.
+pub fn check_packs(assignments: &[Assignment], packs: &[Pack]) -> Result<(), String> {
+    let is_of_pack = |id| matches!(id, ParameterId::Battery(pack, _) if packs.contains(&pack));
+    let Some(other) = assignments.iter().find(|assignment| !is_of_pack(assignment.id)) else {
+        return Ok(());
+    };
+    let name = other.id.name();
+    Err(match packs {
+        [pack] => format!("{name} is not of pack {}", pack.number()),
+        _ => format!("{name} is not of a pack"),
+    })
+}
+
 /// The parameters among the assignments that are not as they were, with both values.
 pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment]) -> Vec<String> {
     let mut changes = vec![];

@@ -19,7 +19,7 @@ use crate::summary::Summary;
 use crate::survey::Survey;
 use crate::trace::Trace;
 use crate::vehicle::Vehicle;
-use crate::words::{clock, shown, utc};
+use crate::words::{about, clock, shown, utc};
 use crate::{outputs, plot, report, run};
 
 /// Settings without which the charge is not known.
@@ -35,6 +35,7 @@ const LISTED_TIMERS: usize = 20;
 pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
     outputs::check(arguments, &arguments.paths)?;
     let pack = arguments.pack;
+    run::check_packs(&arguments.assignments, &[pack])?;
     let mut drive = read(path, pack)?;
     if arguments.armed {
         drive.trace.arm_throughout();
@@ -166,15 +167,14 @@ fn write_files(recording: &Path, arguments: &Arguments, outcome: &Outcome) -> Re
     let files = [
         arguments
             .learned
-            .as_ref()
+            .as_deref()
             .map(|path| (path, outcome.learnt.to_string())),
         arguments
             .plot
-            .as_ref()
+            .as_deref()
             .map(|path| (path, picture(recording, arguments, outcome))),
         arguments
-            .csv
-            .as_ref()
+            .csv_file()
             .map(|path| (path, report::csv(&outcome.rows))),
     ];
     let mut written = String::new();
@@ -241,10 +241,6 @@ fn read_log(path: &Path, format: LogFormat, pack: Pack) -> Result<Drive, String>
         );
     }
     Ok(drive)
-}
-
-fn about(path: &Path, error: &dyn std::fmt::Display) -> String {
-    format!("{}: {error}", shown(path))
 }
 
 /// Learnt data of earlier drives; none before the first, and in a pipe.

@@ -1,8 +1,15 @@
 //! Times, quantities and names of files, as a person reads them.
 
 use std::ffi::OsStr;
+use std::fmt::Display;
+use std::path::Path;
 
 use rover_battmon::time::{Day, Utc};
+
+/// An error of a file.
+pub fn about(path: &Path, error: &dyn Display) -> String {
+    format!("{}: {error}", shown(path))
+}
 
 /// A moment of the recording: minutes and seconds, as 12:04, with hours in front from the first on.
 pub fn clock(time_s: f64) -> String {

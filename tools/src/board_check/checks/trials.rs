@@ -51,7 +51,8 @@ fn judge_kept(trial: &KeptTrial) -> Outcome {
     let measured = measured(trial);
     let KeptTrial { name, old, new, .. } = *trial;
     if trial.restored != Some(old) {
-        let sentence = format!("That {name} was set back is not certain: it was {old}, and may be {new}.");
+        let sentence =
+            format!("That {name} was set back is not certain: it was {old}, and may be {new}. Set {old}.");
         return failed(measured, sentence);
     }
     let against = match trial.restarted {
@@ -73,7 +74,13 @@ fn measured(trial: &KeptTrial) -> String {
     let read = trial
         .read
         .map_or(", not read".into(), |read| format!(", read {read}"));
-    format!("{} set to {}{after}{read}", trial.name, trial.new)
+    let left = match trial {
+        KeptTrial { found, old, .. } if found != old => {
+            format!(", set back to {old}: an earlier check has left {found}")
+        }
+        _ => String::new(),
+    };
+    format!("{} set to {}{after}{read}{left}", trial.name, trial.new)
 }
 
 /// The fault is provoked in the task that restarts the board.

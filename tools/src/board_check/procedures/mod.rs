@@ -12,6 +12,7 @@ use super::plan::{Multimeter, Plan};
 use super::session::Session;
 use parameters::{answer_of, post_set, read, set};
 use rover_battmon::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavCmd, MavMessage};
+use rover_battmon::parameter::{ParameterId, VehicleParameter};
 
 pub(super) use parameters::download;
 pub(super) use turn_motors::turn_motors;
@@ -95,9 +96,18 @@ pub(super) fn calibrate(
 }
 
 fn ask_voltage(session: &mut Session<'_>) -> Result<Option<f32>, Interruption> {
-    let answer = session.ask("What does the multimeter show at the pack, in volts? (return to skip)")?;
-    let number = answer.and_then(|line| line.trim().replace(',', ".").parse().ok());
-    Ok(number.filter(|measured_v: &f32| measured_v.is_finite() && *measured_v > 0.0))
+    loop {
+        let answer = session.ask("What does the multimeter show at the pack, in volts? (return to skip)")?;
+        let Some(line) = answer.filter(|line| !line.trim().is_empty()) else {
+            return Ok(None);
+        };
+        let number = line.trim().replace(',', ".").parse().ok();
+        let voltage_v = number.filter(|number: &f32| number.is_finite() && *number > 0.0);
+        if voltage_v.is_some() {
+            return Ok(voltage_v);
+        }
+        session.show("A number above 0 is needed, as 12.6.");
+    }
 }
 
 /// The mean of what the board reports from now on, in volts; `None` if no pack is connected.
@@ -118,19 +128,36 @@ const KEPT: &str = "SR0_PARAMS";
 /// End of its range.
 const KEPT_MAX: f32 = 50.0;
 
+/// Original and new value of the trial. One that the trial gives to the default was left by a run that lost its board: the
+/// default was the original, and the new one has to be another again.
+fn originals(found: f32) -> (f32, f32) {
+    let default = ParameterId::from(VehicleParameter::Sr0Params).default_value();
+    if found == default + 1.0 {
+        (default, default + 2.0)
+    } else if found == default + 2.0 {
+        (default, default + 1.0)
+    } else if found < KEPT_MAX {
+        (found, found + 1.0)
+    } else {
+        (found, found - 1.0)
+    }
+}
+
 /// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: restart the autopilot.
 const RESTART: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
 
-/// Sets a parameter, restarts the board, and reads it, if the list had the parameter. Whatever ends it, the old value is set
-/// again.
+/// Sets a parameter, restarts the board, and reads it, if the list had the parameter. Whatever ends it, the original value is
+/// set again.
 pub(super) fn keep_parameter(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
-    let Some(old) = evidence.parameter(KEPT) else {
+    let Some(found) = evidence.parameter(KEPT) else {
         return Ok(());
     };
+    let (old, new) = originals(found);
     let trial = evidence.kept.insert(KeptTrial {
         name: KEPT,
+        found,
         old,
-        new: if old < KEPT_MAX { old + 1.0 } else { old - 1.0 },
+        new,
         answered: None,
         restarted: None,
         read: None,

@@ -20,12 +20,17 @@ use super::row::Row;
 /// Begins the name of the program in the file's metadata, before its version.
 const CREATED_BY: &str = "rover-battmon version ";
 
-/// Whether a file is a table that this program wrote.
+/// Key of the version among the meanings of columns. Programs that put tables together, as `examples/fleet.py`, keep it.
+const MARK: &str = "rover-battmon";
+
+/// Whether a file is a table that this program wrote, or one that was made of such tables.
 pub fn is_table(file: File) -> bool {
     let table = SerializedFileReader::new(file);
     table.is_ok_and(|table| {
-        let created_by = table.metadata().file_metadata().created_by();
-        created_by.is_some_and(|program| program.starts_with(CREATED_BY))
+        let metadata = table.metadata().file_metadata();
+        let created_by = metadata.created_by();
+        let mut keys = metadata.key_value_metadata().into_iter().flatten();
+        created_by.is_some_and(|program| program.starts_with(CREATED_BY)) || keys.any(|pair| pair.key == MARK)
     })
 }
 
@@ -34,9 +39,10 @@ pub fn write(rows: &[Row], file: impl Write + Send) -> Result<()> {
     let meanings = COLUMNS
         .iter()
         .map(|column| KeyValue::new(column.name.into(), column.meaning.to_owned()));
+    let mark = KeyValue::new(MARK.into(), env!("CARGO_PKG_VERSION").to_owned());
     let properties = WriterProperties::builder()
         .set_created_by(format!("{CREATED_BY}{}", env!("CARGO_PKG_VERSION")))
-        .set_key_value_metadata(Some(meanings.collect()));
+        .set_key_value_metadata(Some(meanings.chain([mark]).collect()));
     let mut writer = SerializedFileWriter::new(file, Arc::new(schema()?), Arc::new(properties.build()))?;
     let mut group = writer.next_row_group()?;
     for column in COLUMNS {
