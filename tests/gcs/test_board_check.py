@@ -133,3 +133,46 @@ def test_a_silent_port_is_no_board(tmp_path):
     assert "No autopilot's heartbeat was received." in ended.stdout
     ended = board_check("/dev/no-such-port", tmp_path / "report.md")
     assert ended.returncode == 2 and "Can't open /dev/no-such-port" in ended.stderr
+
+
+def test_a_report_that_cannot_be_written_is_said_before_the_first_frame(tmp_path):
+    note = tmp_path / "note.md"
+    note.write_text("A note.\n")
+    for report, said in [(tmp_path / "none" / "report.md", "No such file"), (tmp_path, "directory"), (note, "no report of board-check")]:
+        with socket.create_server(("127.0.0.1", 0)) as board:
+            ended = board_check(f"tcp:127.0.0.1:{board.getsockname()[1]}", report)
+            assert board.accept()[0].recv(1) == b""
+        assert ended.returncode == 2 and ended.stderr.startswith(f"Can't write {report}: "), ended
+        assert said in ended.stderr and ended.stdout == ""
+    assert note.read_text() == "A note.\n"
+
+
+def test_an_earlier_report_is_replaced(tmp_path):
+    report = tmp_path / "report.md"
+    report.write_text("# Board check\n\nYesterday.\n")
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        ended = board_check(f"tcp:127.0.0.1:{silent.getsockname()[1]}", report)
+    assert ended.returncode == 2 and "The report is in" in ended.stdout
+    assert report.read_text().startswith("# Board check\n") and "Yesterday" not in report.read_text()
+
+
+def test_what_was_typed_before_a_question_does_not_turn_the_wheels(start_simulator, tmp_path):
+    ours, theirs = os.openpty()
+    arguments = [start_simulator().url, "--report", tmp_path / "report.md", "--motors"]
+    process = subprocess.Popen(
+        [*BOARD_CHECK, *arguments], cwd=REPOSITORY, stdin=theirs, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        for line in process.stdout:
+            if "Listening" in line:
+                os.write(ours, b"y\ny\n")
+            if "all wheels off the ground" in line:
+                time.sleep(1)
+                os.write(ours, b"n\n")
+            assert "Did both left wheels" not in line
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(timeout=10)
+        os.close(ours)
+        os.close(theirs)
+    assert rows(tmp_path / "report.md")["left wheels ahead"] == "not measured"

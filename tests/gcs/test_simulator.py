@@ -5,6 +5,7 @@ import os
 import pty
 import re
 import subprocess
+import time
 
 import pytest
 
@@ -147,3 +148,29 @@ def test_help_says_what_it_is_and_gives_examples():
     text = run("--help").stdout
     assert text.startswith("Simulates a rover with a battery pack, "), text
     assert "Examples" in text and "--scenario drain" in text
+
+
+def wait_for(condition, seconds=20):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("comes_back", [True, False])
+def test_logs_that_could_not_be_copied_are_tried_again_and_else_said(start_simulator, tmp_path, comes_back):
+    folder = tmp_path / "logs"
+    simulator = start_simulator("--scenario", "drain", "--speedup", "20", "--log", str(folder))
+    folder.rmdir()
+    wait_for(lambda: any(line.startswith("Can't copy the log: ") for line in simulator.output))
+    time.sleep(2.5)
+    if comes_back:
+        folder.mkdir()
+        wait_for(lambda: list(folder.glob("*.BIN")))
+    code, printed = simulator.interrupt()
+    assert printed.count("Can't copy the log: ") == 1
+    assert ("The logs are incomplete: " in printed) == (not comes_back), printed
+    assert code == (0 if comes_back else 1)
+    for log in folder.glob("*.BIN"):
+        # From its first record on.
+        assert b"BATT_MONITOR" in log.read_bytes()

@@ -21,7 +21,7 @@ use serialport::SerialPort;
 /// Between two attempts to open a port that vanished.
 const REOPEN_INTERVAL: Duration = Duration::from_millis(200);
 
-/// Checks a board over MAVLink and writes a report: 0 no check failed, 1 some did, 2 no board answered
+/// Checks a board over MAVLink and writes a report: 0 no check failed, 1 some did, 2 no board answered or the report can't be written
 #[derive(Parser)]
 #[command(name = "board-check", version)]
 struct Arguments {
