@@ -293,6 +293,19 @@ def test_the_guides_script_finds_a_rover_that_was_off_for_minutes(external_rover
     subprocess.run([sys.executable, "-c", later + script], timeout=10, check=True)
 
 
+@pytest.mark.parametrize("options", [["--voltage", "12"], ["--readings", "-"]])
+def test_heartbeats_come_first_and_readings_only_after_an_answer(options):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rover:
+        rover.bind(("127.0.0.1", 0))
+        rover.settimeout(5)
+        with running(f"udpout:127.0.0.1:{rover.getsockname()[1]}", *options, stdin=subprocess.PIPE) as script:
+            script.process.stdin.write("12\n" * 10)
+            script.process.stdin.flush()
+            parser = mavlink.MAVLink(None)
+            names = [parser.parse_char(rover.recv(300)).get_type() for _ in range(6)]
+    assert names == ["HEARTBEAT", "PARAM_REQUEST_READ"] * 3
+
+
 def test_a_rover_is_asked_whether_it_takes_readings(start_simulator):
     url = start_simulator().url
     with running(url, "--voltage", "11.5", "--system", "2") as other, running(url, "--voltage", "11.5", "--pack", "2") as script:
