@@ -1,6 +1,6 @@
 //! Log files in a folder of the host, as ArduPilot's simulator writes them.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Seek, Write};
@@ -23,8 +23,8 @@ pub struct LogFolder {
     /// The files in the flash, by number; without a copy if they began before the folder was opened.
     known: HashMap<u16, Option<File>>,
     next_number: u32,
-    /// The last copy has failed.
-    is_behind: bool,
+    /// Those whose latest copy has failed.
+    behind: HashSet<u16>,
     /// A file was erased before all of it was copied.
     has_lost: bool,
 }
@@ -45,7 +45,7 @@ impl LogFolder {
             flash,
             known: HashMap::new(),
             next_number: newest + 1,
-            is_behind: false,
+            behind: HashSet::new(),
             has_lost: false,
         };
         let ring = folder.ring();
@@ -58,31 +58,35 @@ impl LogFolder {
     /// # Errors
     /// A file can't be written now, or its content is lost since it could not be before.
     pub fn update(&mut self) -> io::Result<()> {
-        let copied = self.copy();
-        self.is_behind = copied.is_err();
-        match copied {
-            Ok(()) if self.has_lost => Err(io::Error::other("a log was erased before it was copied")),
-            copied => copied,
+        let ring = self.ring();
+        let is_there = |number: u16| ring.files().iter().any(|file| file.number == number);
+        self.has_lost |= self.behind.iter().any(|number| !is_there(*number));
+        // After an erase and a restart numbers come again.
+        self.known.retain(|number, _| is_there(*number));
+        self.behind.clear();
+        let mut failure = None;
+        for file in ring.files() {
+            if let Err(error) = self.copy(file.number, &ring) {
+                self.behind.insert(file.number);
+                failure = Some(error);
+            }
+        }
+        match failure {
+            Some(error) => Err(error),
+            None if self.has_lost => Err(io::Error::other("a log was erased before it was copied")),
+            None => Ok(()),
         }
     }
 
-    fn copy(&mut self) -> io::Result<()> {
-        let ring = self.ring();
-        let before = self.known.values().flatten().count();
-        // After an erase and a restart numbers come again.
-        self.known
-            .retain(|number, _| ring.files().iter().any(|file| file.number == *number));
-        self.has_lost |= self.is_behind && self.known.values().flatten().count() < before;
-        for file in ring.files() {
-            if !self.known.contains_key(&file.number) {
-                let copy = self.new_copy()?;
-                self.known.insert(file.number, Some(copy));
-            }
-            if let Some(Some(copy)) = self.known.get_mut(&file.number) {
-                extend(copy, file.number, &ring, &self.flash)?;
-            }
+    fn copy(&mut self, number: u16, ring: &Ring) -> io::Result<()> {
+        if !self.known.contains_key(&number) {
+            let copy = self.new_copy()?;
+            self.known.insert(number, Some(copy));
         }
-        Ok(())
+        match self.known.get_mut(&number) {
+            Some(Some(copy)) => extend(copy, number, ring, &self.flash),
+            _ => Ok(()),
+        }
     }
 
     /// Present content of the flash.
@@ -315,6 +319,21 @@ mod tests {
         fs::create_dir(&folder.0).unwrap();
         copies.update().unwrap_err();
         copies.update().unwrap_err();
+    }
+
+    #[test]
+    fn log_that_was_copied_may_be_erased_while_another_is_not() {
+        let (folder, mut recorder) = (Folder::new(), Recorder::new());
+        let mut copies = recorder.folder(&folder);
+        recorder.begin(b"copied");
+        copies.update().unwrap();
+        fs::remove_dir_all(&folder.0).unwrap();
+        recorder.erase_and_restart();
+        copies.update().unwrap();
+        recorder.begin(b"not copied");
+        copies.update().unwrap_err();
+        fs::create_dir(&folder.0).unwrap();
+        copies.update().unwrap();
     }
 
     #[test]
