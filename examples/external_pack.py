@@ -263,10 +263,12 @@ class Pipe:
         threading.Thread(target=self.read, daemon=True).start()
 
     def read(self):
-        # A file of this thread's own: Python can't end while another thread reads sys.stdin.
-        with open(0, encoding="utf-8", errors="replace", closefd=False) as pipe:
-            for line in pipe:
-                self.lines.append((time.monotonic(), line))
+        # It may be closed, and ends then.
+        with contextlib.suppress(OSError):
+            # A file of this thread's own: Python can't end while another thread reads sys.stdin.
+            with open(0, encoding="utf-8", errors="replace", closefd=False) as pipe:
+                for line in pipe:
+                    self.lines.append((time.monotonic(), line))
         self.is_over = True
 
     def due_lines(self):
