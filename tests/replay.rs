@@ -574,6 +574,17 @@ fn a_parameter_that_is_not_of_the_pack_is_refused() {
         ),
         ("2", "BATT_LOW_VOLT=10", "error: BATT_LOW_VOLT is not of pack 2\n"),
         ("1", "SR0_EXTRA1=4", "error: SR0_EXTRA1 is not of pack 1\n"),
+        // The recording is in volts, and has no actions.
+        (
+            "1",
+            "BATT_VOLT_MULT=4",
+            "error: BATT_VOLT_MULT is not of pack 1 in a replay\n",
+        ),
+        (
+            "1",
+            "BATT_FS_LOW_ACT=2",
+            "error: BATT_FS_LOW_ACT is not of pack 1 in a replay\n",
+        ),
     ] {
         assert_eq!(refused(&["--pack", pack, "--param", assignment, TRACE]), said);
     }
@@ -581,6 +592,30 @@ fn a_parameter_that_is_not_of_the_pack_is_refused() {
     let errors = refused(&["--table", &table, "--param", "SR0_EXTRA1=4", "tests/data/logs"]);
     assert_eq!(errors, "error: SR0_EXTRA1 is not of a pack\n");
     assert!(!Path::new(&table).exists());
+}
+
+#[test]
+fn every_parameter_that_a_replay_reads_is_taken() {
+    for name in [
+        "MONITOR",
+        "CHEM",
+        "CELLS",
+        "CAPACITY",
+        "WATT_MAX",
+        "LOW_PCT",
+        "CRT_PCT",
+        "EMR_PCT",
+        "FS_PCT_EN",
+        "LOW_TIMER",
+        "FS_VOLTSRC",
+        "LOW_VOLT",
+        "LOW_MAH",
+        "CRT_VOLT",
+        "CRT_MAH",
+    ] {
+        let value = if name == "MONITOR" { "4" } else { "1" };
+        said_of(&["--param", &format!("BATT_{name}={value}"), TRACE]);
+    }
 }
 
 #[test]

@@ -41,17 +41,49 @@ pub fn assign(
     Ok(parameters)
 }
 
-/// Refuses assignments that no replay of these packs reads.
+/// Values of which each parameter takes some, and that make a difference where it is read.
+const TRIED: [f32; 9] = [0.0, 1.0, 2.0, 3.0, 10.0, 25.0, 64.0, 256.0, 1000.0];
+
+/// Refuses assignments that no replay of these packs reads: of another pack, of the vehicle, or what a recording has the effect
+/// of, as a scale.
 pub fn check_packs(assignments: &[Assignment], packs: &[Pack]) -> Result<(), String> {
-    let is_of_pack = |id| matches!(id, ParameterId::Battery(pack, _) if packs.contains(&pack));
-    let Some(other) = assignments.iter().find(|assignment| !is_of_pack(assignment.id)) else {
-        return Ok(());
+    for Assignment { id, .. } in assignments {
+        let name = id.name();
+        match (*id, packs) {
+            (ParameterId::Battery(pack, _), packs) if packs.contains(&pack) => {
+                if !is_read(*id, pack) {
+                    return Err(format!("{name} is not of pack {} in a replay", pack.number()));
+                }
+            }
+            (_, [pack]) => return Err(format!("{name} is not of pack {}", pack.number())),
+            _ => return Err(format!("{name} is not of a pack")),
+        }
+    }
+    Ok(())
+}
+
+/// Whether a value of the parameter changes the settings of a pack. One that can't be set is refused elsewhere.
+fn is_read(id: ParameterId, pack: Pack) -> bool {
+    let mut parameters = Parameters::defaults();
+    // The percentages are read if they act.
+    for (parameter, value) in [
+        (
+            BatteryParameter::Monitor,
+            MonitorKind::AnalogVoltageAndCurrent.number() as f32,
+        ),
+        (BatteryParameter::LowPct, 20.0),
+    ] {
+        let _ = parameters.set(parameter.of(pack), value);
+    }
+    let own = settings(&parameters, pack);
+    let mut accepted = TRIED.into_iter().filter_map(|value| {
+        let mut changed = parameters.clone();
+        changed.set(id, value).ok().map(|()| settings(&changed, pack))
+    });
+    let Some(first) = accepted.next() else {
+        return true;
     };
-    let name = other.id.name();
-    Err(match packs {
-        [pack] => format!("{name} is not of pack {}", pack.number()),
-        _ => format!("{name} is not of a pack"),
-    })
+    first != own || accepted.any(|changed| changed != own)
 }
 
 /// The parameters among the assignments that are not as they were, with both values.
