@@ -26,7 +26,7 @@ use super::parser::Peer;
 use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
 use crate::pack::Pack;
-use crate::recorder::dataflash::CommandRecord;
+use crate::recorder::dataflash::{COMMAND_FIELD_BYTES, CommandRecord};
 use crate::sensor::{ExternalHealth, ExternalReport};
 use crate::vehicle::StickInput;
 pub(super) use battery_status::{FLAGS_OF_FAULTS, FLAGS_OF_MODES};
@@ -397,21 +397,23 @@ pub fn command_record(
     result: MavResult,
 ) -> CommandRecord {
     let was_long = message_id == COMMAND_LONG_DATA::ID;
+    // Byte by byte: from an array of this size the compiler would unroll the loop.
+    let mut fields = [0; COMMAND_FIELD_BYTES];
+    for (at, byte) in fields.iter_mut().enumerate() {
+        *byte = payload.u8(at);
+    }
+    if was_long {
+        for (at, place) in fields.as_chunks_mut().0.iter_mut().enumerate().skip(4).take(2) {
+            *place = (payload.f32(4 * at) as i32).to_le_bytes();
+        }
+    }
     CommandRecord {
         target: payload.bytes(30),
         sender: [from.system_id, from.component_id],
         // Of COMMAND_LONG it is the confirmation.
         frame: if was_long { 0 } else { payload.u8(32) },
         number: payload.u16(28),
-        parameters: core::array::from_fn(|index| payload.f32(4 * index)),
-        position: [16, 20].map(|at| {
-            if was_long {
-                payload.f32(at) as i32
-            } else {
-                payload.i32(at)
-            }
-        }),
-        z: payload.f32(24),
+        fields,
         result: result as u8,
         was_long,
     }

@@ -16,7 +16,9 @@ mod record;
 
 pub use last_arming::LastArming;
 pub use packet::{MAX_RECORD_BYTES, RecordBytes, opening_record};
-pub use record::{ArmingMethod, CommandRecord, MESSAGE_BYTES, ModeReason, Record, Subsystem};
+pub use record::{
+    ArmingMethod, COMMAND_FIELD_BYTES, CommandRecord, MESSAGE_BYTES, ModeReason, Record, Subsystem,
+};
 
 #[cfg(test)]
 mod tests;

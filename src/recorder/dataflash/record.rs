@@ -87,6 +87,9 @@ pub enum Record<'a> {
     Command(&'a CommandRecord),
 }
 
+/// Bytes of the parameters of a command.
+pub const COMMAND_FIELD_BYTES: usize = 28;
+
 /// Fields of COMMAND_LONG or COMMAND_INT and its acknowledgement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandRecord {
@@ -98,12 +101,8 @@ pub struct CommandRecord {
     pub frame: u8,
     /// `command`, a MAV_CMD.
     pub number: u16,
-    /// `param1` to `param4`.
-    pub parameters: [f32; 4],
-    /// `x` and `y`, or `param5` and `param6` as whole numbers.
-    pub position: [i32; 2],
-    /// `z` or `param7`.
-    pub z: f32,
+    /// `param1` to `param4`, `x`, `y` and `z` as they are on the wire; of COMMAND_LONG `param5` and `param6` as whole numbers.
+    pub fields: [u8; COMMAND_FIELD_BYTES],
     /// A MAV_RESULT.
     pub result: u8,
     /// Whether it was a COMMAND_LONG.
@@ -385,20 +384,12 @@ fn encode_crash(time_us: u64, crash: &CrashRecord) -> RecordBytes {
 }
 
 fn encode_command(time_us: u64, command: &CommandRecord) -> RecordBytes {
-    let mut packet = Packet::at(Kind::Command, time_us);
-    packet
+    Packet::at(Kind::Command, time_us)
         .bytes(&command.target)
         .bytes(&command.sender)
         .u8(command.frame)
-        .u16(command.number);
-    for parameter in command.parameters {
-        packet.f32(parameter);
-    }
-    for coordinate in command.position {
-        packet.i32(coordinate);
-    }
-    packet
-        .f32(command.z)
+        .u16(command.number)
+        .bytes(&command.fields)
         .u8(command.result)
         .u8(u8::from(command.was_long))
         .finish()

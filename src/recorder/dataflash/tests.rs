@@ -89,9 +89,7 @@ const COMMAND: CommandRecord = CommandRecord {
     sender: [255, 190],
     frame: 3,
     number: 400,
-    parameters: [1.0, 21196.0, 0.0, f32::NAN],
-    position: [-2, 7],
-    z: 0.5,
+    fields: *b"0123456789abcdefghijklmnopqr",
     result: 4,
     was_long: true,
 };
@@ -396,7 +394,8 @@ fn a_file_says_everything_about_its_formats_once() {
 
 #[test]
 fn a_command_has_each_field_in_its_place() {
-    let expected = "a395960807060504030201 0100 ffbe 03 9001 0000803f 0098a546 00000000 0000c07f feffffff 07000000 0000003f 04 01";
+    let expected = "a395960807060504030201 0100 ffbe 03 9001 \
+                    303132333435363738396162636465666768696a6b6c6d6e6f707172 04 01";
     assert_eq!(encoded(Record::Command(&COMMAND)), expected.replace(' ', ""));
 }
 
