@@ -1,8 +1,8 @@
 //! Estimates of a pack: resistance, resting voltage, cell count, state of charge, remaining time.
 
 use super::charge::{
-    CellModel, ChargeEstimate, ChargeEstimator, Comparison, CurrentOrigin, EndVoltage, KnownCharge, Sample,
-    Second,
+    CellModel, ChargeEstimate, ChargeEstimator, Comparison, CurrentOrigin, EndVoltage, KnownCharge,
+    Reference, Sample, Second,
 };
 use super::event::PackEvent;
 use super::learnt::LessonObstacle;
@@ -64,10 +64,12 @@ impl Reading {
 }
 
 /// Outcome of an update of the estimators.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Findings {
     /// Cell detection ended.
     pub event: Option<PackEvent>,
+    /// Whether the pack is the one that was counted before a restart.
+    pub comparison: Comparison,
     /// A second is complete, with what is to be kept of the pack, if it was learnt or rests.
     pub second: Option<Option<LearntPack>>,
 }
@@ -79,6 +81,8 @@ pub type SetCells = (Chemistry, Option<u8>);
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EstimatorMemory {
     pub charge: Option<KnownCharge>,
+    /// With which another pack is compared.
+    pub reference: Option<Reference>,
     pub estimated_for: Option<SetCells>,
     pub detected_cells: Option<u8>,
     /// The fewest cells that the pack may have by its voltages at rest; 0 before the first one.
@@ -179,8 +183,20 @@ impl Estimator {
             unmeasured_ah: reading.unmeasured_mah * AH_PER_MAH,
             missed_s: reading.missed_s,
         });
-        let second = second.map(|second| self.update_second(&second, reading, settings, learnt));
-        Findings { event, second }
+        let mut comparison = Comparison::Same;
+        let second = second.map(|second| {
+            if reading.doubt == Doubt::ContactLoss {
+                comparison = self
+                    .charge
+                    .compare_under_load(&second, &self.model(settings, learnt));
+            }
+            self.update_second(&second, reading, settings, learnt)
+        });
+        Findings {
+            event,
+            comparison,
+            second,
+        }
     }
 
     fn detect_cells(&mut self, reading: &Reading, settings: &PackSettings) -> Option<PackEvent> {
@@ -248,7 +264,7 @@ impl Estimator {
         let cell = |resting_v: f32| resting_v / f32::from(count);
         let current_a = reading.current_a.unwrap_or(0.0);
         match *at_rest {
-            AtRest::Replaced(_) => Comparison::Another,
+            AtRest::Replaced(_) => Comparison::Swapped,
             AtRest::Similar(resting_v) => self.charge.compare(cell(resting_v), current_a, &model),
             AtRest::Rescaled(resting_v) => self.charge.rescale(cell(resting_v), current_a, &model),
         }
@@ -338,6 +354,7 @@ impl Estimator {
     pub fn memory(&self) -> EstimatorMemory {
         EstimatorMemory {
             charge: self.charge.known(),
+            reference: self.charge.reference(),
             estimated_for: self.estimated_for,
             detected_cells: self.cells.cells(),
             least_cells: self.cells.least(),
@@ -345,9 +362,10 @@ impl Estimator {
     }
 
     /// Continues with what was retained over a reset. With other cells set the first reading drops it.
-    pub fn restore(&mut self, memory: &EstimatorMemory) {
+    pub fn restore(&mut self, memory: &EstimatorMemory, doubt: Doubt) {
         if let Some(charge) = memory.charge {
-            self.set_known(charge);
+            self.charge = ChargeEstimator::restored(charge, memory.reference, doubt);
+            self.report();
         }
         self.cells.restore(memory.detected_cells, memory.least_cells);
         self.estimated_for = memory.estimated_for;
@@ -356,7 +374,8 @@ impl Estimator {
     /// Sets the state of charge, from 0 to 1, on a battery reset; ignored while the cells are in doubt.
     pub fn set_state_of_charge(&mut self, soc: f32) {
         if !self.cells_are_doubtful {
-            self.set_known(KnownCharge::set(soc));
+            self.charge = ChargeEstimator::from_known(KnownCharge::set(soc));
+            self.report();
         }
     }
 
@@ -396,10 +415,5 @@ impl Estimator {
     /// Discards the observations so far: they must not be learnt.
     pub fn restart_drive(&mut self) {
         self.charge.restart_drive();
-    }
-
-    fn set_known(&mut self, charge: KnownCharge) {
-        self.charge = ChargeEstimator::from_known(charge);
-        self.report();
     }
 }

@@ -45,7 +45,7 @@ pub use measurement::{
 };
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
 pub use reported::{ChargeState, Faults, GaugeReport, Modes, Reported};
-pub use retained::{PackMemory, PackSource, RetainedMemory, RetainedRecord, recall, retain};
+pub use retained::{PackMemory, PackSource, RetainedMemory, RetainedRecord, lose_power, recall, retain};
 pub use scale::{Measuring, MeasuringScale, current_source, current_source_at_boot};
 pub use settings::{
     ChargeLimits, FailsafeSettings, PackSettings, SuggestedThresholds, Thresholds, VoltageSource,

@@ -1,18 +1,19 @@
-//! Pack data retained over a reset of the processor, in RAM that start-up code leaves alone.
+//! Pack data retained over a restart, in RAM that start-up code leaves alone.
 
 use super::Chemistry;
-use super::charge::KnownCharge;
+use super::charge::{KnownCharge, Reference};
 use super::consumption::Consumption;
 use super::estimator::{EstimatorMemory, SetCells};
+use super::swap::Doubt;
 use crate::memory::retained::{is_sealed, seal};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 
 /// Identifies this layout.
-const MAGIC: u32 = u32::from_le_bytes(*b"BAT3");
+const MAGIC: u32 = u32::from_le_bytes(*b"BAT4");
 
 const HEADER_WORDS: usize = 2;
-const PACK_WORDS: usize = 8;
+const PACK_WORDS: usize = 12;
 /// With the checksum as the last word.
 const RECORD_WORDS: usize = HEADER_WORDS + PACK_WORDS * MAX_PACKS + 1;
 
@@ -36,6 +37,10 @@ pub struct PackMemory {
     pub source: PackSource,
     pub(super) consumption: Consumption,
     pub(super) estimate: EstimatorMemory,
+    /// Whether that may be of another pack than the one that is connected.
+    pub(super) doubt: Doubt,
+    /// What a smart battery reports.
+    pub(super) serial_number: Option<i32>,
     /// Whether the pack was too hot when its temperature was known last.
     pub(super) is_too_hot: bool,
 }
@@ -44,6 +49,11 @@ pub struct PackMemory {
 const HAS_CHARGE: u8 = 1;
 const IS_TOO_HOT: u8 = 1 << 1;
 const LEAST_CELLS_SHIFT: u32 = 2;
+
+/// Bits beside the source.
+const HAS_SERIAL_NUMBER: u8 = 1;
+const IS_IN_DOUBT: u8 = 1 << 1;
+const IS_RESCALED: u8 = 1 << 2;
 
 impl PackSource {
     /// By a pack's parameters at boot.
@@ -70,6 +80,12 @@ impl RetainedRecord {
         }
         seal(&mut record, MAGIC);
         Self(record)
+    }
+
+    /// A bit of RAM is lost.
+    #[cfg(test)]
+    pub(super) fn flip(&mut self, bit: usize) {
+        self.0[bit / 32 % RECORD_WORDS] ^= 1 << (bit % 32);
     }
 
     /// The sequence number, if the record is valid.
@@ -104,6 +120,13 @@ pub fn retain(memory: &mut RetainedMemory, packs: &[PackMemory; MAX_PACKS]) {
     }
 }
 
+/// Power was off: another pack may be connected. A count without a charge to compare it by is forgotten.
+pub fn lose_power(memory: &mut RetainedMemory) {
+    if let Some(packs) = recall(memory) {
+        retain(memory, &packs.map(PackMemory::after_power_loss));
+    }
+}
+
 fn newest(memory: &RetainedMemory) -> Option<(usize, &RetainedRecord)> {
     let [first, second] = memory;
     match (first.sequence(), second.sequence()) {
@@ -116,10 +139,22 @@ fn newest(memory: &RetainedMemory) -> Option<(usize, &RetainedRecord)> {
 }
 
 impl PackMemory {
+    fn after_power_loss(self) -> Self {
+        if self.estimate.reference.is_none() || self.doubt == Doubt::Rescaled {
+            return Self::default();
+        }
+        Self {
+            doubt: Doubt::ContactLoss,
+            is_too_hot: false,
+            ..self
+        }
+    }
+
     fn to_words(self) -> [u32; PACK_WORDS] {
         let [charge_low, charge_high, energy_low, energy_high] = self.consumption.to_words();
         let EstimatorMemory {
             charge,
+            reference,
             estimated_for,
             detected_cells,
             least_cells,
@@ -130,6 +165,13 @@ impl PackMemory {
         let flags = has_charge | is_too_hot | least_cells << LEAST_CELLS_SHIFT;
         let [chemistry, cells] = estimated_for.map_or([0; 2], bytes_of);
         let [monitor, address, channel] = self.source.0;
+        let [cell_v, sigma_v, slow_a] = reference.map_or([0; 3], Reference::to_words);
+        let doubt = match self.doubt {
+            Doubt::None => 0,
+            Doubt::ShortLoss | Doubt::ContactLoss => IS_IN_DOUBT,
+            Doubt::Rescaled => IS_RESCALED,
+        };
+        let has_serial_number = u8::from(self.serial_number.is_some()) * HAS_SERIAL_NUMBER;
         [
             charge_low,
             charge_high,
@@ -138,7 +180,11 @@ impl PackMemory {
             soc,
             sigma,
             u32::from_le_bytes([detected_cells.unwrap_or(0), flags, chemistry, cells]),
-            u32::from_le_bytes([monitor, address, channel, 0]),
+            u32::from_le_bytes([monitor, address, channel, doubt | has_serial_number]),
+            self.serial_number.unwrap_or(0) as u32,
+            cell_v,
+            sigma_v,
+            slow_a,
         ]
     }
 
@@ -152,20 +198,35 @@ impl PackMemory {
             sigma,
             estimate,
             source,
+            serial_number,
+            cell_v,
+            sigma_v,
+            slow_a,
         ] = words;
         let [detected_cells, flags, chemistry, cells] = estimate.to_le_bytes();
-        let [monitor, address, channel, _] = source.to_le_bytes();
+        let [monitor, address, channel, bits] = source.to_le_bytes();
+        let charge = (flags & HAS_CHARGE != 0)
+            .then(|| KnownCharge::from_words([soc, sigma]))
+            .flatten();
         Self {
             source: PackSource([monitor, address, channel]),
             consumption: Consumption::from_words([charge_low, charge_high, energy_low, energy_high]),
             estimate: EstimatorMemory {
-                charge: (flags & HAS_CHARGE != 0)
-                    .then(|| KnownCharge::from_words([soc, sigma]))
-                    .flatten(),
+                charge,
+                reference: charge
+                    .and_then(|charge| Reference::from_words(charge.soc, [cell_v, sigma_v, slow_a])),
                 estimated_for: cells_of([chemistry, cells]),
                 detected_cells: (detected_cells > 0).then_some(detected_cells),
                 least_cells: flags >> LEAST_CELLS_SHIFT,
             },
+            doubt: if bits & IS_RESCALED != 0 {
+                Doubt::Rescaled
+            } else if bits & IS_IN_DOUBT != 0 {
+                Doubt::ContactLoss
+            } else {
+                Doubt::None
+            },
+            serial_number: (bits & HAS_SERIAL_NUMBER != 0).then_some(serial_number as i32),
             is_too_hot: flags & IS_TOO_HOT != 0,
         }
     }
@@ -194,11 +255,15 @@ mod tests {
         });
         packs[3].estimate = EstimatorMemory {
             charge: Some(KnownCharge::set(0.625)),
+            reference: Reference::from_words(0.625, [3.75, 0.01, -2.0].map(f32::to_bits)),
             estimated_for: Some((Chemistry::NiMh, Some(16))),
             detected_cells: Some(3),
             least_cells: 3,
         };
         packs[3].is_too_hot = true;
+        packs[3].serial_number = Some(-7);
+        packs[3].doubt = Doubt::ContactLoss;
+        packs[4].doubt = Doubt::Rescaled;
         packs[3].source = PackSource([u8::MAX; 3]);
         packs
     }

@@ -8,7 +8,7 @@ const MIN_CONTACT_LOSS_S: f32 = 1.0;
 
 /// Relative change of the resting voltage that still is the same pack: 0.25 V of a lithium cell, more than a cell
 /// recovers after a heavy load once its voltage is stable.
-const MAX_RECOVERY: f32 = 0.08;
+pub const MAX_RECOVERY: f32 = 0.08;
 
 /// Consecutive readings that confirm a changed serial number: half a second at 10 Hz.
 const CONFIRMING_READINGS: u8 = 5;
@@ -143,6 +143,16 @@ impl SwapDetector {
         self.rest.voltage_v()
     }
 
+    /// Continues with the doubt that was retained over a restart.
+    pub fn restore(&mut self, doubt: Doubt) {
+        self.doubt = doubt;
+    }
+
+    /// The owner says what the charge of this pack is.
+    pub fn end_doubt(&mut self) {
+        self.doubt = Doubt::None;
+    }
+
     /// Forgets the voltages of the previous pack.
     pub fn reset(&mut self) {
         self.clear_rest();
@@ -170,6 +180,19 @@ pub struct SerialNumber {
 }
 
 impl SerialNumber {
+    /// Continues with the number that was retained over a restart.
+    pub fn restored(known: Option<i32>) -> Self {
+        Self {
+            known,
+            candidate: None,
+        }
+    }
+
+    /// The number to retain over a restart.
+    pub fn known(&self) -> Option<i32> {
+        self.known
+    }
+
     /// Processes the serial number of a reading, if it has one.
     pub fn update(&mut self, serial_number: Option<i32>, arm_state: ArmState) -> Option<Replacement> {
         let before = self.candidate.take();

@@ -5,43 +5,40 @@
     reason = "the section has no initialiser, and its content is only bytes until it was checked"
 )]
 
-use core::mem::MaybeUninit;
-
 use super::ResetReason;
-use crate::battery::{RetainedMemory, RetainedRecord};
+use crate::battery::{RetainedMemory, RetainedRecord, lose_power};
 use crate::crash::{CrashRecord, CrashWords, DriveMark, MarkWords};
 use crate::memory::retained::RetainedWords;
 use crate::net::RetainedLeases;
 
-/// `.uninit` is neither cleared nor copied at start-up.
+/// `.uninit` is neither cleared nor copied at start-up: the zeros are for the compiler.
 #[unsafe(link_section = ".uninit.BATTERY_MEMORY")]
-static mut BATTERY_MEMORY: MaybeUninit<RetainedMemory> = MaybeUninit::uninit();
+static mut BATTERY_MEMORY: RetainedMemory = [RetainedRecord::BLANK; 2];
 
 /// Leases of the access point. Valid after every reset, RUN too: a lease that is too old ends in ten minutes.
 #[unsafe(link_section = ".uninit.LEASES")]
 pub static RETAINED_LEASES: RetainedLeases = RetainedLeases::new();
 
-/// Records that the firmware before this start has retained, yet to be checked. After a power cycle, or when
-/// RUN was pressed, there is nothing to continue from: another pack may be plugged in.
+/// Records that the firmware before this start has retained, yet to be checked. RAM may outlast a dip of power, but another
+/// pack may be plugged in since then. When RUN was pressed, or by a debugger, there is nothing to continue from.
 ///
 /// It may be called once: `main` does.
 // Inlined, it would add to the stack of everything `main` calls.
 #[inline(never)]
 pub fn retained_memory(reset_reason: ResetReason) -> &'static mut RetainedMemory {
     let memory = &raw mut BATTERY_MEMORY;
+    // SAFETY: no other reference exists: this is called once, before the tasks run. The records are plain words, of which
+    // every bit pattern is valid.
+    let memory = unsafe { &mut *memory };
     match reset_reason {
         ResetReason::WatchdogTimeout
         | ResetReason::Fault
         | ResetReason::Software
         | ResetReason::Processor => {}
-        ResetReason::PowerOn | ResetReason::RunPin | ResetReason::Debugger => {
-            // SAFETY: no other reference exists: this is called once, before the tasks run.
-            unsafe { memory.write(MaybeUninit::new([RetainedRecord::BLANK; 2])) };
-        }
+        ResetReason::PowerOn => lose_power(memory),
+        ResetReason::RunPin | ResetReason::Debugger => *memory = [RetainedRecord::BLANK; 2],
     }
-    // SAFETY: no other reference exists, as above. The records are plain words, of which every bit pattern is valid; the
-    // RAM behind them has been written since power came on, by the firmware before this start.
-    unsafe { (*memory).assume_init_mut() }
+    memory
 }
 
 const WORDS: usize = size_of::<CrashWords>() / 4;

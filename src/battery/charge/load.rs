@@ -290,9 +290,14 @@ impl Polarisation {
 
     /// The cells have rested.
     pub fn at_rest() -> Self {
+        Self::steady(0.0)
+    }
+
+    /// The current was this for long, in amperes.
+    pub fn steady(current_a: f32) -> Self {
         let mut polarisation = Self::unknown();
         for part in &mut polarisation.0 {
-            part.initialise(0.0);
+            part.initialise(current_a);
         }
         polarisation
     }

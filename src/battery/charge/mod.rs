@@ -14,15 +14,16 @@ mod voltage_only;
 
 pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
 pub use load::{CurrentOrigin, SILENCE_S, Second};
+pub use reference::Reference;
 
 use super::learnt::{LastCharge, LessonObstacle, OpenLesson};
 use super::swap::Doubt;
 use super::{ArmState, CurrentRange, LearntPack};
+use cell_model::root_of_squares;
 use counting::Counting;
 use drive::{Drive, Rest, RestTimer};
 use filter::Filter;
 use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace, Unread};
-use reference::Reference;
 use start::{STEEP_SIGMA, Start, is_flat, is_idle, is_resting};
 use voltage_only::VoltageOnly;
 
@@ -84,8 +85,12 @@ pub struct Sample {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Comparison {
     Same,
+    /// It has another charge, or its voltage another scale.
+    OtherCharge,
     /// Or the same after charging.
     Another,
+    /// One that rests at a voltage far from that of the one before.
+    Swapped,
 }
 
 /// The estimate of a second.
@@ -135,6 +140,21 @@ impl ChargeEstimator {
         known
     }
 
+    /// Continues with what was retained over a restart.
+    pub fn restored(charge: KnownCharge, reference: Option<Reference>, doubt: Doubt) -> Self {
+        let mut restored = Self::from_known(charge);
+        restored.doubt = doubt;
+        restored.reference = reference.map(Reference::retained);
+        if let Some(reference) = reference {
+            restored.trace.polarisation = Polarisation::steady(reference.slow_a());
+        }
+        if restored.is_of_pack_before() {
+            // Until its voltage says how certain that is.
+            restored.estimate = None;
+        }
+        restored
+    }
+
     const fn in_phase(phase: Phase) -> Self {
         Self {
             gathering: Gathering::NEW,
@@ -158,13 +178,21 @@ impl ChargeEstimator {
         self.doubt == Doubt::ContactLoss && self.reference.is_some()
     }
 
-    /// The charge to retain over a reset.
+    /// The charge to retain over a reset: as it was counted, if that may not be this pack's.
     pub fn known(&self) -> Option<KnownCharge> {
-        if self.is_of_pack_before() {
-            return None;
+        if let Phase::Known(charge) = self.phase {
+            return Some(charge);
         }
-        let ChargeEstimate { soc, sigma, .. } = self.estimate?;
-        Some(KnownCharge { soc, sigma })
+        let estimate = self.estimate?;
+        Some(KnownCharge {
+            soc: estimate.soc,
+            sigma: estimate.sigma.min(estimate.by_itself.sigma),
+        })
+    }
+
+    /// The pack as it was counted last while nothing was in doubt.
+    pub fn reference(&self) -> Option<Reference> {
+        self.reference
     }
 
     /// The owner says that this is another pack. Under load, counting goes on: a start there is worse.
@@ -176,28 +204,63 @@ impl ChargeEstimator {
     }
 
     /// A pack rests at this voltage of a cell and current after its contact was lost. If it is not the one whose current was
-    /// counted, or was charged meanwhile, the estimate restarts.
+    /// counted, or was charged meanwhile, the estimate restarts; else it is as uncertain as the voltage leaves it.
     pub fn compare(&mut self, cell_v: f32, current_a: f32, model: &CellModel) -> Comparison {
-        let (Phase::Counting(counting), Some(capacity)) = (&self.phase, model.capacity()) else {
+        let load = Load {
+            current_a,
+            slow_a: self.trace.polarisation.current_a(),
+            ..Load::NONE
+        };
+        let Some((before, now, capacity)) = self.before_and_now(cell_v, &load, model) else {
             return Comparison::Same;
         };
-        let now = Reference {
-            soc: counting.filter.soc(),
-            cell_v,
-            load: Load {
-                duration_s: 0.0,
-                current_a,
-                slow_a: self.trace.polarisation.current_a(),
-            },
-        };
-        if self
-            .reference
-            .is_none_or(|before| before.fits(&now, model, &capacity))
-        {
-            return Comparison::Same;
+        let comparison = before.compare(&now, model, &capacity);
+        if comparison != Comparison::Same {
+            *self = Self::new();
+        } else if let Phase::Counting(counting) = &mut self.phase {
+            counting.inflate(before.contradiction(&now, model, &capacity));
         }
-        *self = Self::new();
-        Comparison::Another
+        comparison
+    }
+
+    /// A pack whose charge was retained over a restart is not the one that was counted, if its voltage in this second is
+    /// above all at which that one can rest.
+    pub fn compare_under_load(&mut self, second: &Second, model: &CellModel) -> Comparison {
+        let Some((count, voltage_v)) = model.cell_count.zip(second.voltage_v) else {
+            return Comparison::Same;
+        };
+        // Only charging raises a voltage.
+        let load = Load {
+            current_a: second.current_a.unwrap_or(0.0).min(0.0),
+            slow_a: self.trace.polarisation.current_a().min(0.0),
+            ..Load::NONE
+        };
+        let Some((before, now, capacity)) = self
+            .before_and_now(voltage_v / f32::from(count), &load, model)
+            .filter(|(before, ..)| before.is_retained())
+        else {
+            return Comparison::Same;
+        };
+        let comparison = before.compare_under_load(&now, model, &capacity);
+        if comparison != Comparison::Same {
+            *self = Self::new();
+        }
+        comparison
+    }
+
+    /// The pack before, at the charge that was counted since, and the one with this voltage of a cell under this load.
+    fn before_and_now(
+        &self,
+        cell_v: f32,
+        load: &Load,
+        model: &CellModel,
+    ) -> Option<(Reference, Reference, Capacity)> {
+        let (mut before, capacity) = (self.reference?, model.capacity()?);
+        if let Phase::Counting(_) = self.phase {
+            before.follow(self.phase.charge(&self.trace, model)?.soc, model);
+        }
+        let now = Reference::new(before.soc, cell_v, load, model, &capacity);
+        Some((before, now, capacity))
     }
 
     /// A pack rests at this voltage of a cell after the scale of its voltage was changed: an estimate that was based on the
@@ -222,7 +285,7 @@ impl ChargeEstimator {
             _ => {}
         }
         *self = Self::new();
-        Comparison::Another
+        Comparison::OtherCharge
     }
 
     /// Discards the observations so far: they must not be learnt.
@@ -311,6 +374,8 @@ impl ChargeEstimator {
             }
         }
         let was_starting = matches!(self.phase, Phase::Starting(_));
+        // A count that may be another pack's is not corrected by this one's voltage.
+        let counted_v = cell_v.filter(|_| !self.is_of_pack_before());
         let trace = &mut self.trace;
         let (load, rests) = match (second.current_a, capacity) {
             (Some(current_a), Some(capacity)) => {
@@ -320,7 +385,7 @@ impl ChargeEstimator {
                     current_a,
                     slow_a: trace.polarisation.current_a(),
                 };
-                self.phase.count(&load, cell_v, trace, model, &capacity);
+                self.phase.count(&load, counted_v, trace, model, &capacity);
                 let rests = is_resting(current_a, &capacity)
                     || arm_state == ArmState::Disarmed
                         && is_idle(&load, &trace.polarisation, model, &capacity);
@@ -334,12 +399,7 @@ impl ChargeEstimator {
                 (Load::none_for(second.duration_s), rests)
             }
         };
-        if doubt == Doubt::None
-            && let (Phase::Counting(counting), Some(cell_v)) = (&self.phase, cell_v)
-        {
-            let soc = counting.filter.soc();
-            self.reference = Some(Reference { soc, cell_v, load });
-        }
+        let contradiction = self.refer(&load, cell_v, model);
         let is_charged =
             |cell_v| second.origin == CurrentOrigin::SourceCounter && self.rest.has_risen(cell_v);
         if !rests || cell_v.is_some_and(is_charged) {
@@ -375,7 +435,41 @@ impl ChargeEstimator {
                 .map_or(*model, |learnt| CellModel { learnt, ..*model }),
             rests,
         );
+        if contradiction > 0.0
+            && let Some(estimate) = &mut self.estimate
+        {
+            for sigma in [&mut estimate.sigma, &mut estimate.usable_sigma] {
+                *sigma = root_of_squares(*sigma, contradiction);
+            }
+        }
         kept
+    }
+
+    /// Keeps the pack as it is counted. While that may not be this one, returns by how much the voltage of a cell
+    /// contradicts the count, relative to the capacity.
+    fn refer(&mut self, load: &Load, cell_v: Option<f32>, model: &CellModel) -> f32 {
+        match (&self.phase, self.doubt) {
+            (Phase::VoltageOnly(_), Doubt::None) => self.reference = None,
+            (Phase::Counting(_), Doubt::None | Doubt::ContactLoss) => {
+                let Some((capacity, cell_v)) = model.capacity().zip(cell_v) else {
+                    return 0.0;
+                };
+                let Some(charge) = self.phase.charge(&self.trace, model) else {
+                    return 0.0;
+                };
+                let now = Reference::new(charge.soc, cell_v, load, model, &capacity);
+                match &mut self.reference {
+                    Some(before) if self.doubt == Doubt::ContactLoss => {
+                        before.follow(charge.soc, model);
+                        return before.contradiction(&now, model, &capacity);
+                    }
+                    None if self.doubt == Doubt::ContactLoss => {}
+                    reference => *reference = Some(now),
+                }
+            }
+            _ => {}
+        }
+        0.0
     }
 
     /// Evaluates a rest: learns the pack, or corrects the estimate.

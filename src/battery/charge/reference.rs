@@ -1,33 +1,139 @@
-//! The pack before a loss of contact, and whether the one that rests after it is the same.
+//! The pack before a loss of contact or a restart, and whether the one that rests after it is the same.
 
+use super::Comparison;
 use super::cell_model::{Capacity, CellModel};
 use super::filter::{OFFSET_SPAN, SAG_NOISE};
 use super::load::Load;
 use crate::battery::chemistry::SAME_VOLTAGE_V;
+use crate::battery::swap::MAX_RECOVERY;
 
-/// A state of charge with the voltage and load under which a cell had it.
-#[derive(Clone, Copy, Debug)]
+/// Limits of what a record may hold: a voltage of a cell, in volts, and a current, in amperes.
+const MAX_CELL_V: f32 = 10.0;
+const MAX_CURRENT_A: f32 = 1e4;
+
+/// A state of charge with the voltage at which a cell had it.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
     pub soc: f32,
-    pub cell_v: f32,
-    pub load: Load,
+    /// Without the immediate part of the load's sag, in volts.
+    cell_v: f32,
+    /// How uncertain that is, in volts.
+    sigma_v: f32,
+    /// What is left of earlier loads, in amperes.
+    slow_a: f32,
+    /// Over a restart the cell may have relaxed for any time.
+    is_retained: bool,
 }
 
 impl Reference {
-    /// Whether a cell that was like this is now at the voltage that count and relaxation predict.
-    pub fn fits(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> bool {
+    /// A cell with this state of charge has this voltage under this load.
+    pub fn new(soc: f32, cell_v: f32, load: &Load, model: &CellModel, capacity: &Capacity) -> Self {
+        let sag_v = model.resistance_ohm(capacity) * load.current_a;
+        Self {
+            soc,
+            cell_v: cell_v + sag_v,
+            sigma_v: SAG_NOISE * sag_v.abs(),
+            slow_a: load.slow_a,
+            is_retained: false,
+        }
+    }
+
+    /// The same after a restart.
+    pub fn retained(self) -> Self {
+        Self {
+            is_retained: true,
+            ..self
+        }
+    }
+
+    pub fn is_retained(&self) -> bool {
+        self.is_retained
+    }
+
+    /// What is left of earlier loads, in amperes.
+    pub fn slow_a(&self) -> f32 {
+        self.slow_a
+    }
+
+    /// The charge was counted to this one since.
+    pub fn follow(&mut self, soc: f32, model: &CellModel) {
+        let counted = (soc - self.soc).abs() / OFFSET_SPAN;
+        self.cell_v += model.voltage_v(soc) - model.voltage_v(self.soc);
+        self.sigma_v += model.cell.curve_sigma_v * counted;
+        self.soc = soc;
+    }
+
+    /// By how much the voltage of a cell that was like this exceeds what count and relaxation predict, and how well that is
+    /// known, in volts.
+    fn unexplained_v(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> (f32, f32) {
         let ohm = model.resistance_ohm(capacity);
-        let recovered_a = self.load.current_a - now.load.current_a;
-        let relaxed_a = self.load.slow_a - now.load.slow_a;
-        let relaxation_v = ohm * (recovered_a + model.slow_share() * relaxed_a);
-        let counted_v = model.voltage_v(now.soc) - model.voltage_v(self.soc);
-        let expected_v = self.cell_v + relaxation_v + counted_v;
+        let relaxed_v = ohm * (self.slow_a - now.slow_a);
         // Each is known as well as the filter knows it.
-        let relaxation_sigma_v =
-            ohm * (SAG_NOISE * recovered_a.abs() + model.slow_share_sigma() * relaxed_a.abs());
-        let counted = (now.soc - self.soc).abs() / OFFSET_SPAN;
-        let counted_sigma_v = model.cell.curve_sigma_v * counted.min(1.0);
-        let tolerance_v = SAME_VOLTAGE_V + relaxation_sigma_v + counted_sigma_v;
-        (now.cell_v - expected_v).abs() <= tolerance_v
+        let relaxation_sigma_v = model.slow_share_sigma() * relaxed_v.abs();
+        let tolerance_v = SAME_VOLTAGE_V + self.sigma_v + now.sigma_v + relaxation_sigma_v;
+        let unexplained_v = now.cell_v - self.cell_v - model.slow_share() * relaxed_v;
+        (unexplained_v, tolerance_v)
+    }
+
+    /// Whether a cell that was like this may be the one that rests now.
+    pub fn compare(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> Comparison {
+        let (unexplained_v, tolerance_v) = self.unexplained_v(now, model, capacity);
+        let unseen_v = if self.is_retained {
+            model.slow_share() * model.resistance_ohm(capacity) * now.slow_a.max(0.0)
+        } else {
+            0.0
+        };
+        if (-tolerance_v..=unseen_v + tolerance_v).contains(&unexplained_v) {
+            Comparison::Same
+        } else {
+            self.other(now)
+        }
+    }
+
+    /// Whether a cell that was like this may be the one that is now under a load.
+    pub fn compare_under_load(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> Comparison {
+        let (unexplained_v, tolerance_v) = self.unexplained_v(now, model, capacity);
+        if unexplained_v > tolerance_v {
+            self.other(now)
+        } else {
+            Comparison::Same
+        }
+    }
+
+    fn other(&self, now: &Self) -> Comparison {
+        if !self.is_retained {
+            Comparison::OtherCharge
+        } else if (now.cell_v - self.cell_v).abs() > MAX_RECOVERY * self.cell_v {
+            Comparison::Swapped
+        } else {
+            Comparison::Another
+        }
+    }
+
+    /// By how much a cell with the present voltage is fuller or emptier than what was counted, relative to the capacity.
+    pub fn contradiction(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> f32 {
+        let (unexplained_v, _) = self.unexplained_v(now, model, capacity);
+        let shown_v = model.voltage_v(self.soc) + unexplained_v;
+        (model.soc(shown_v) - self.soc).abs()
+    }
+
+    /// But for the state of charge.
+    pub fn to_words(self) -> [u32; 3] {
+        [self.cell_v, self.sigma_v, self.slow_a].map(f32::to_bits)
+    }
+
+    /// At this state of charge; `None` if no cell is like that.
+    pub fn from_words(soc: f32, words: [u32; 3]) -> Option<Self> {
+        let [cell_v, sigma_v, slow_a] = words.map(f32::from_bits);
+        let is_possible = (f32::MIN_POSITIVE..=MAX_CELL_V).contains(&cell_v)
+            && (0.0..=MAX_CELL_V).contains(&sigma_v)
+            && slow_a.abs() <= MAX_CURRENT_A;
+        is_possible.then_some(Self {
+            soc,
+            cell_v,
+            sigma_v,
+            slow_a,
+            is_retained: false,
+        })
     }
 }

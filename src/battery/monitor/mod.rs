@@ -22,7 +22,7 @@ use super::event::push;
 use super::failsafe::ReachedLevels;
 use super::reporters::{GapReporter, HealthReporter, LessonReporter};
 use super::settings::PackSettings;
-use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
+use super::swap::{AtRest, Doubt, Replacement, SerialNumber, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, CurrentRange, LearntPack,
     LessonObstacle, Measurement, Measuring, PackEvent, PackEvents, PackMemory, PackSource, PackStatus,
@@ -375,14 +375,13 @@ impl BatteryMonitor {
         }
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         match self.detect_swap(&reading) {
-            Some(AtRest::Replaced(replacement)) => {
-                if let Some(learnt) = &mut self.learnt {
-                    learnt.swap(settings.serial_number);
-                }
-                self.replace_pack(replacement, turn.state, turn.events);
-                self.reports.gauge.update(tick.now, measurement.gauge);
+            Some(AtRest::Replaced(replacement)) => self.swap_pack(turn, replacement, measurement),
+            Some(at_rest) => {
+                // A pack that rests near the voltage of the one before may still have another charge.
+                let (estimator, learnt) = self.estimator_of(turn);
+                let comparison = estimator.resolve(&at_rest, &reading, settings, learnt);
+                self.follow_comparison(turn, comparison, measurement);
             }
-            Some(at_rest) => self.resolve_doubt(turn, &at_rest, &reading),
             None => {}
         }
         reading.doubt = self.swap_detector.doubt();
@@ -390,6 +389,10 @@ impl BatteryMonitor {
         reading.known_cells = reading.known_cells.or(self.kept_cells());
         let (estimator, learnt) = self.estimator_of(turn);
         let findings = estimator.update(&reading, settings, learnt);
+        if findings.comparison != Comparison::Same {
+            self.swap_detector.reset();
+            self.follow_comparison(turn, findings.comparison, measurement);
+        }
         self.limit_by_count(turn, findings.second.is_some());
         self.update_state(turn, measurement);
         if let Some(event) = findings.event {
@@ -491,17 +494,28 @@ impl BatteryMonitor {
         push(turn.events, PackEvent::CurrentReversed);
     }
 
-    /// A pack that rests near the voltage of the one before may still have another charge.
-    fn resolve_doubt(&mut self, turn: &mut Turn<'_>, at_rest: &AtRest, reading: &Reading) {
-        let (estimator, learnt) = self.estimator_of(turn);
-        let comparison = estimator.resolve(at_rest, reading, turn.settings, learnt);
-        if comparison == Comparison::Another {
-            self.exchanges = self.exchanges.wrapping_add(1);
-            if let Some(learnt) = &mut self.learnt {
-                learnt.clear_charge();
-            }
-            push(turn.events, PackEvent::EstimateRestarted);
+    /// The pack was swapped, by its voltage.
+    fn swap_pack(&mut self, turn: &mut Turn<'_>, replacement: Replacement, measurement: &Measurement) {
+        if let Some(learnt) = &mut self.learnt {
+            learnt.swap(turn.settings.serial_number);
         }
+        self.replace_pack(replacement, turn.state, turn.events);
+        self.reports.gauge.update(turn.tick.now, measurement.gauge);
+    }
+
+    /// What is known of another pack starts over. While the board runs a count goes on unless a pack was swapped for certain.
+    fn follow_comparison(&mut self, turn: &mut Turn<'_>, comparison: Comparison, measurement: &Measurement) {
+        match comparison {
+            Comparison::Same => return,
+            Comparison::Swapped => return self.swap_pack(turn, Replacement::Likely, measurement),
+            Comparison::Another => self.counting.replace_pack(),
+            Comparison::OtherCharge => {}
+        }
+        self.exchanges = self.exchanges.wrapping_add(1);
+        if let Some(learnt) = &mut self.learnt {
+            learnt.clear_charge();
+        }
+        push(turn.events, PackEvent::EstimateRestarted);
     }
 
     /// The estimator, and what is known of the pack that it estimates.
@@ -764,15 +778,27 @@ impl BatteryMonitor {
 
     /// The part to retain over a reset of the processor, of a pack that is read from `source`.
     pub fn memory(&self, status: PackStatus, source: PackSource) -> PackMemory {
-        let estimate = match status {
+        let doubt = match (self.swap_detector.doubt(), status) {
+            (Doubt::Rescaled, _) => Doubt::Rescaled,
             // After the reset another pack may be connected.
-            PackStatus::NotConnected => EstimatorMemory::default(),
-            _ => self.estimator.memory(),
+            (Doubt::None, PackStatus::NotConnected) | (Doubt::ShortLoss | Doubt::ContactLoss, _) => {
+                Doubt::ContactLoss
+            }
+            (Doubt::None, _) => Doubt::None,
         };
+        let mut estimate = self.estimator.memory();
+        if self.reports.gauge.full_mah().is_some() {
+            estimate.reference = None;
+        }
+        if doubt == Doubt::ContactLoss && estimate.reference.is_none() {
+            estimate = EstimatorMemory::default();
+        }
         PackMemory {
             source,
             consumption: self.counting.consumption(),
             estimate,
+            doubt,
+            serial_number: self.reports.serial_number.known(),
             is_too_hot: self.evaluation.diagnosis.is_too_hot(),
         }
     }
@@ -781,7 +807,9 @@ impl BatteryMonitor {
     pub fn restore(&mut self, memory: &PackMemory) {
         self.counting
             .restore(memory.consumption, memory.estimate.charge.as_ref());
-        self.estimator.restore(&memory.estimate);
+        self.estimator.restore(&memory.estimate, memory.doubt);
+        self.swap_detector.restore(memory.doubt);
+        self.reports.serial_number = SerialNumber::restored(memory.serial_number);
         if memory.is_too_hot {
             self.evaluation.diagnosis.restore_too_hot();
         }
@@ -872,6 +900,7 @@ impl BatteryMonitor {
         };
         self.counting.restart(consumed, soc);
         self.estimator.set_state_of_charge(soc);
+        self.swap_detector.end_doubt();
         if state.consumed.is_some() {
             state.consumed = Some(Amount::of(state.contents, charge_mah));
         }

@@ -3,9 +3,10 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     Amount, BusError, CellVoltages, ChargeState, Chemistry, Consequences, Contents, Counted, FailsafeLevel,
-    Faults, Gauge, GaugeReading, LessonObstacle, PackDetails, Reported, Supply, Thermometer, Thresholds,
-    VoltageSource, arming_failures,
+    Faults, Gauge, GaugeReading, LessonObstacle, PackDetails, Reported, RetainedMemory, RetainedRecord,
+    Supply, Thermometer, Thresholds, VoltageSource, arming_failures, lose_power, recall, retain,
 };
+use crate::pack::MAX_PACKS;
 use crate::time::{Instant, at_us};
 use crate::vehicle::ArmState;
 
@@ -80,13 +81,44 @@ impl MonitorBench {
             .reset(&mut self.state, self.arm_state, remaining_pct, &self.settings);
     }
 
-    /// Another one after a processor reset, with what is retained.
-    fn after_processor_reset(&self) -> Self {
+    /// What RAM holds of the pack.
+    fn record(&self) -> RetainedMemory {
+        let mut packs = [PackMemory::default(); MAX_PACKS];
+        packs[0] = self.monitor.memory(self.state.status, PackSource::default());
+        let mut memory = [RetainedRecord::BLANK; 2];
+        retain(&mut memory, &packs);
+        memory
+    }
+
+    /// The same after a loss of power.
+    fn record_without_power(&self) -> RetainedMemory {
+        let mut memory = self.record();
+        lose_power(&mut memory);
+        memory
+    }
+
+    /// Another one that starts with this memory.
+    fn started(&self, memory: &RetainedMemory) -> Self {
         let mut after = Self::new();
         after.settings = self.settings;
-        let memory = self.monitor.memory(self.state.status, PackSource::default());
-        after.monitor.restore(&memory);
+        after.recall(memory);
         after
+    }
+
+    fn recall(&mut self, memory: &RetainedMemory) {
+        if let Some([pack, ..]) = recall(memory) {
+            self.monitor.restore(&pack);
+        }
+    }
+
+    /// Another one after a processor reset, with what is retained.
+    fn after_processor_reset(&self) -> Self {
+        self.started(&self.record())
+    }
+
+    /// Another one after a loss of power that RAM has outlasted.
+    fn after_power_loss(&self) -> Self {
+        self.started(&self.record_without_power())
     }
 
     /// The board restarts; nothing is retained.

@@ -129,9 +129,7 @@ fn doubt_comes_with_what_is_read_later_and_outlasts_a_reset() {
     before.run(0.1, volts(8.5));
     assert_unclear(&before);
     let mut after = bench(3);
-    after
-        .monitor
-        .restore(&before.monitor.memory(before.state.status, PackSource::default()));
+    after.recall(&before.record());
     after.run(5.0, volts(8.5));
     assert_unclear(&after);
 }

@@ -197,6 +197,20 @@ impl Rover {
         self.bench.monitor.restore_learnt(kept);
     }
 
+    /// The board restarts with what RAM and flash hold.
+    pub fn restart(&mut self, memory: &RetainedMemory) {
+        self.power_cycle();
+        self.bench.arm_state = ArmState::Disarmed;
+        self.bench.recall(memory);
+    }
+
+    /// Power fails for a time that RAM outlasts, in which the pack rests.
+    pub fn dip_power(&mut self, seconds: f32) {
+        let memory = self.bench.record_without_power();
+        self.pack.draw(0.0, seconds);
+        self.restart(&memory);
+    }
+
     /// The pack is out for this time.
     pub fn unplug(&mut self, seconds: f32) {
         for _ in 0..(seconds / TICK_S).round() as u32 {
@@ -233,10 +247,14 @@ impl Rover {
         learnt.last_charge().map(|charge| charge.soc)
     }
 
+    /// The charge that was counted.
+    pub fn count_mah(&self) -> f32 {
+        self.bench.state.consumed_mah().expect("counted")
+    }
+
     pub fn retained_charge(&self) -> Option<f32> {
-        let MonitorBench { monitor, state, .. } = &self.bench;
-        let memory = monitor.memory(state.status, PackSource::default());
-        memory.estimate.charge.map(|charge| charge.soc)
+        let [pack, ..] = recall(&self.bench.record())?;
+        pack.estimate.charge.map(|charge| charge.soc)
     }
 }
 
