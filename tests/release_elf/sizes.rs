@@ -1,6 +1,6 @@
 //! What the firmware takes: flash, RAM, the future of each task; and that it has no allocator.
 
-use workbench::program::{FLASH_BUDGET_BYTES, Program, RAM_BUDGET_BYTES, Symbol, release_firmware};
+use workbench::program::{FLASH_BUDGET_BYTES, Program, RAM_BUDGET_BYTES, Section, Symbol, release_firmware};
 
 /// A task that is `async fn name` in main.rs has its future in a static of this name.
 fn task_of(symbol: &Symbol) -> Option<&str> {
@@ -28,6 +28,17 @@ fn flash_and_ram_are_within_the_budget() {
     }
     assert!(flash > 0 && flash <= FLASH_BUDGET_BYTES, "{flash} bytes of flash");
     assert!(ram > 0 && ram <= RAM_BUDGET_BYTES, "{ram} bytes of RAM");
+}
+
+/// The boot ROM's stack grows down from here.
+const BOOT_ROM_STACK: u32 = 0x2004_1F00;
+
+#[test]
+fn what_outlives_a_restart_is_a_kilobyte_below_the_boot_roms_stack() {
+    let is_uninit = |section: &&Section| section.name == ".uninit";
+    let section = release_firmware().sections.iter().find(is_uninit);
+    let section = section.expect("something outlives a restart");
+    assert!(section.address + section.size <= BOOT_ROM_STACK - 1024);
 }
 
 #[test]

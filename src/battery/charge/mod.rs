@@ -211,14 +211,14 @@ impl ChargeEstimator {
             slow_a: self.trace.polarisation.current_a(),
             ..Load::NONE
         };
-        let Some((before, now, capacity)) = self.before_and_now(cell_v, &load, model) else {
+        let Some((before, now)) = self.before_and_now(cell_v, &load, model) else {
             return Comparison::Same;
         };
-        let comparison = before.compare(&now, model, &capacity);
+        let comparison = before.compare(&now, model);
         if comparison != Comparison::Same {
             *self = Self::new();
         } else if let Phase::Counting(counting) = &mut self.phase {
-            counting.inflate(before.contradiction(&now, model, &capacity));
+            counting.inflate(before.contradiction(&now, model));
         }
         comparison
     }
@@ -235,32 +235,25 @@ impl ChargeEstimator {
             slow_a: self.trace.polarisation.current_a().min(0.0),
             ..Load::NONE
         };
-        let Some((before, now, capacity)) = self
+        let Some((before, now)) = self
             .before_and_now(voltage_v / f32::from(count), &load, model)
-            .filter(|(before, ..)| before.is_retained())
+            .filter(|(before, _)| before.is_retained())
         else {
             return Comparison::Same;
         };
-        let comparison = before.compare_under_load(&now, model, &capacity);
+        let comparison = before.compare_under_load(&now, model);
         if comparison != Comparison::Same {
             *self = Self::new();
         }
         comparison
     }
 
-    /// The pack before, at the charge that was counted since, and the one with this voltage of a cell under this load.
-    fn before_and_now(
-        &self,
-        cell_v: f32,
-        load: &Load,
-        model: &CellModel,
-    ) -> Option<(Reference, Reference, Capacity)> {
-        let (mut before, capacity) = (self.reference?, model.capacity()?);
-        if let Phase::Counting(_) = self.phase {
-            before.follow(self.phase.charge(&self.trace, model)?.soc, model);
-        }
-        let now = Reference::new(before.soc, cell_v, load, model, &capacity);
-        Some((before, now, capacity))
+    /// The pack before, and the one with this voltage of a cell under this load.
+    fn before_and_now(&self, cell_v: f32, load: &Load, model: &CellModel) -> Option<(Reference, Reference)> {
+        let before = self.reference?;
+        let charge = self.phase.charge(&self.trace, model)?;
+        let now = Reference::new(charge.soc, cell_v, load, model);
+        Some((before, now))
     }
 
     /// A pack rests at this voltage of a cell after the scale of its voltage was changed: an estimate that was based on the
@@ -374,8 +367,9 @@ impl ChargeEstimator {
             }
         }
         let was_starting = matches!(self.phase, Phase::Starting(_));
-        // A count that may be another pack's is not corrected by this one's voltage.
-        let counted_v = cell_v.filter(|_| !self.is_of_pack_before());
+        // A count that may be another pack's is not corrected by this one's voltage: the rest has to deny it.
+        let is_retained = self.reference.is_some_and(|before| before.is_retained());
+        let counted_v = cell_v.filter(|_| !is_retained || !self.is_of_pack_before());
         let trace = &mut self.trace;
         let (load, rests) = match (second.current_a, capacity) {
             (Some(current_a), Some(capacity)) => {
@@ -399,7 +393,7 @@ impl ChargeEstimator {
                 (Load::none_for(second.duration_s), rests)
             }
         };
-        let contradiction = self.refer(&load, cell_v, model);
+        let contradiction = self.refer(&load, second, cell_v, model);
         let is_charged =
             |cell_v| second.origin == CurrentOrigin::SourceCounter && self.rest.has_risen(cell_v);
         if !rests || cell_v.is_some_and(is_charged) {
@@ -447,26 +441,24 @@ impl ChargeEstimator {
 
     /// Keeps the pack as it is counted. While that may not be this one, returns by how much the voltage of a cell
     /// contradicts the count, relative to the capacity.
-    fn refer(&mut self, load: &Load, cell_v: Option<f32>, model: &CellModel) -> f32 {
-        match (&self.phase, self.doubt) {
-            (Phase::VoltageOnly(_), Doubt::None) => self.reference = None,
-            (Phase::Counting(_), Doubt::None | Doubt::ContactLoss) => {
-                let Some((capacity, cell_v)) = model.capacity().zip(cell_v) else {
-                    return 0.0;
-                };
-                let Some(charge) = self.phase.charge(&self.trace, model) else {
-                    return 0.0;
-                };
-                let now = Reference::new(charge.soc, cell_v, load, model, &capacity);
-                match &mut self.reference {
-                    Some(before) if self.doubt == Doubt::ContactLoss => {
-                        before.follow(charge.soc, model);
-                        return before.contradiction(&now, model, &capacity);
-                    }
-                    None if self.doubt == Doubt::ContactLoss => {}
-                    reference => *reference = Some(now),
-                }
-            }
+    fn refer(&mut self, load: &Load, second: &Second, cell_v: Option<f32>, model: &CellModel) -> f32 {
+        let is_counted = matches!(self.phase, Phase::Counting(_));
+        if let (Some(before), Doubt::ContactLoss, Some(capacity)) =
+            (&mut self.reference, self.doubt, model.capacity())
+        {
+            let drawn_ah = load.drawn_ah() + second.unread.unmeasured_ah;
+            before.draw(drawn_ah / capacity.ah, model);
+        }
+        if self.doubt == Doubt::None && matches!(self.phase, Phase::VoltageOnly(_)) {
+            self.reference = None;
+        }
+        let Some((charge, cell_v)) = self.phase.charge(&self.trace, model).zip(cell_v) else {
+            return 0.0;
+        };
+        let now = Reference::new(charge.soc, cell_v, load, model);
+        match (&mut self.reference, self.doubt) {
+            (reference, Doubt::None) if is_counted => *reference = Some(now),
+            (Some(before), Doubt::ContactLoss) => return before.contradiction(&now, model),
             _ => {}
         }
         0.0

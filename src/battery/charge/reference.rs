@@ -1,7 +1,7 @@
 //! The pack before a loss of contact or a restart, and whether the one that rests after it is the same.
 
 use super::Comparison;
-use super::cell_model::{Capacity, CellModel};
+use super::cell_model::CellModel;
 use super::filter::{OFFSET_SPAN, SAG_NOISE};
 use super::load::Load;
 use crate::battery::chemistry::SAME_VOLTAGE_V;
@@ -10,6 +10,10 @@ use crate::battery::swap::MAX_RECOVERY;
 /// Limits of what a record may hold: a voltage of a cell, in volts, and a current, in amperes.
 const MAX_CELL_V: f32 = 10.0;
 const MAX_CURRENT_A: f32 = 1e4;
+
+/// A restart keeps the sum of what is left of earlier loads, not for how long each part lasts: standard deviation of their
+/// sum later, relative to it.
+const SUM_SIGMA: f32 = 0.2;
 
 /// A state of charge with the voltage at which a cell had it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +31,8 @@ pub struct Reference {
 
 impl Reference {
     /// A cell with this state of charge has this voltage under this load.
-    pub fn new(soc: f32, cell_v: f32, load: &Load, model: &CellModel, capacity: &Capacity) -> Self {
-        let sag_v = model.resistance_ohm(capacity) * load.current_a;
+    pub fn new(soc: f32, cell_v: f32, load: &Load, model: &CellModel) -> Self {
+        let sag_v = resistance_ohm(model) * load.current_a;
         Self {
             soc,
             cell_v: cell_v + sag_v,
@@ -55,35 +59,37 @@ impl Reference {
         self.slow_a
     }
 
-    /// The charge was counted to this one since.
-    pub fn follow(&mut self, soc: f32, model: &CellModel) {
-        let counted = (soc - self.soc).abs() / OFFSET_SPAN;
+    /// A charge was drawn since, in capacities.
+    pub fn draw(&mut self, drawn: f32, model: &CellModel) {
+        let soc = (self.soc - drawn).clamp(0.0, 1.0);
         self.cell_v += model.voltage_v(soc) - model.voltage_v(self.soc);
-        self.sigma_v += model.cell.curve_sigma_v * counted;
+        self.sigma_v += model.cell.curve_sigma_v * drawn.abs() / OFFSET_SPAN;
         self.soc = soc;
     }
 
     /// By how much the voltage of a cell that was like this exceeds what count and relaxation predict, and how well that is
     /// known, in volts.
-    fn unexplained_v(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> (f32, f32) {
-        let ohm = model.resistance_ohm(capacity);
+    fn unexplained_v(&self, now: &Self, model: &CellModel) -> (f32, f32) {
+        let ohm = resistance_ohm(model);
         let relaxed_v = ohm * (self.slow_a - now.slow_a);
+        let sum_sigma_v = if self.is_retained {
+            SUM_SIGMA * model.slow_share() * ohm * now.slow_a.abs()
+        } else {
+            0.0
+        };
         // Each is known as well as the filter knows it.
-        let relaxation_sigma_v = model.slow_share_sigma() * relaxed_v.abs();
+        let relaxation_sigma_v = model.slow_share_sigma() * relaxed_v.abs() + sum_sigma_v;
         let tolerance_v = SAME_VOLTAGE_V + self.sigma_v + now.sigma_v + relaxation_sigma_v;
         let unexplained_v = now.cell_v - self.cell_v - model.slow_share() * relaxed_v;
         (unexplained_v, tolerance_v)
     }
 
     /// Whether a cell that was like this may be the one that rests now.
-    pub fn compare(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> Comparison {
-        let (unexplained_v, tolerance_v) = self.unexplained_v(now, model, capacity);
-        let unseen_v = if self.is_retained {
-            model.slow_share() * model.resistance_ohm(capacity) * now.slow_a.max(0.0)
-        } else {
-            0.0
-        };
-        if (-tolerance_v..=unseen_v + tolerance_v).contains(&unexplained_v) {
+    pub fn compare(&self, now: &Self, model: &CellModel) -> Comparison {
+        let either = [*now, self.relaxed(now)].map(|now| self.unexplained_v(&now, model));
+        let is_above = |(unexplained_v, tolerance_v): (f32, f32)| unexplained_v > tolerance_v;
+        let is_below = |(unexplained_v, tolerance_v): (f32, f32)| unexplained_v < -tolerance_v;
+        if !either.into_iter().all(is_above) && !either.into_iter().all(is_below) {
             Comparison::Same
         } else {
             self.other(now)
@@ -91,12 +97,20 @@ impl Reference {
     }
 
     /// Whether a cell that was like this may be the one that is now under a load.
-    pub fn compare_under_load(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> Comparison {
-        let (unexplained_v, tolerance_v) = self.unexplained_v(now, model, capacity);
+    pub fn compare_under_load(&self, now: &Self, model: &CellModel) -> Comparison {
+        let (unexplained_v, tolerance_v) = self.unexplained_v(now, model);
         if unexplained_v > tolerance_v {
             self.other(now)
         } else {
             Comparison::Same
+        }
+    }
+
+    /// The present cell, if nothing is left of earlier loads over a restart.
+    fn relaxed(&self, now: &Self) -> Self {
+        Self {
+            slow_a: if self.is_retained { 0.0 } else { now.slow_a },
+            ..*now
         }
     }
 
@@ -110,11 +124,14 @@ impl Reference {
         }
     }
 
-    /// By how much a cell with the present voltage is fuller or emptier than what was counted, relative to the capacity.
-    pub fn contradiction(&self, now: &Self, model: &CellModel, capacity: &Capacity) -> f32 {
-        let (unexplained_v, _) = self.unexplained_v(now, model, capacity);
-        let shown_v = model.voltage_v(self.soc) + unexplained_v;
-        (model.soc(shown_v) - self.soc).abs()
+    /// By how much a cell with the present voltage may be fuller or emptier than is estimated, relative to the capacity, as a
+    /// standard deviation.
+    pub fn contradiction(&self, now: &Self, model: &CellModel) -> f32 {
+        let beyond = |now: &Self| {
+            let (unexplained_v, _) = self.unexplained_v(now, model);
+            (model.soc(model.voltage_v(self.soc) + unexplained_v) - now.soc).abs()
+        };
+        beyond(now).max(0.5 * beyond(&self.relaxed(now)))
     }
 
     /// But for the state of charge.
@@ -136,4 +153,14 @@ impl Reference {
             is_retained: false,
         })
     }
+}
+
+/// The resistance of a cell, in ohms: measured, else typical, else learnt.
+fn resistance_ohm(model: &CellModel) -> f32 {
+    let by_capacity = |capacity| model.resistance_ohm(&capacity);
+    model
+        .capacity()
+        .map(by_capacity)
+        .or(model.known_ohm())
+        .unwrap_or(0.0)
 }

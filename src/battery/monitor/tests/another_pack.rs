@@ -532,7 +532,7 @@ fn any_restart() -> impl Strategy<Value = Restart> {
         Just(Before::PluggedIn),
     ];
     let other_v = prop_oneof![
-        2 => Just(None),
+        1 => Just(None),
         1 => (0.01_f32..0.5).prop_map(Some),
         1 => (-0.5_f32..-0.01).prop_map(Some),
     ];
