@@ -183,19 +183,14 @@ impl Estimator {
             unmeasured_ah: reading.unmeasured_mah * AH_PER_MAH,
             missed_s: reading.missed_s,
         });
-        let mut comparison = Comparison::Same;
-        let second = second.map(|second| {
-            if reading.doubt == Doubt::ContactLoss {
-                comparison = self
-                    .charge
-                    .compare_under_load(&second, &self.model(settings, learnt));
-            }
-            self.update_second(&second, reading, settings, learnt)
-        });
+        let second = second.map(|second| self.update_second(&second, reading, settings, learnt));
+        let comparison = second
+            .as_ref()
+            .map_or(Comparison::Same, |(comparison, _)| *comparison);
         Findings {
             event,
             comparison,
-            second,
+            second: second.map(|(_, kept)| kept),
         }
     }
 
@@ -218,7 +213,7 @@ impl Estimator {
         reading: &Reading,
         settings: &PackSettings,
         learnt: &LearntPack,
-    ) -> Option<LearntPack> {
+    ) -> (Comparison, Option<LearntPack>) {
         self.resistance.solve();
         if let Some(current_a) = second.current_a {
             self.average_current.update(second.duration_s, current_a);
@@ -228,11 +223,17 @@ impl Estimator {
             soc_at_most: reading.soc_at_most,
             ..self.model(settings, learnt)
         };
+        let mut comparison = Comparison::Same;
+        if self.charge.is_exceeded_by(second, reading.doubt, &model) {
+            self.charge = ChargeEstimator::new();
+            self.cells = CellCount::new();
+            comparison = Comparison::Another;
+        }
         let kept = self
             .charge
             .update(second, reading.arm_state, reading.doubt, &model);
         self.report();
-        kept
+        (comparison, kept)
     }
 
     /// Averages the load of a drive, pauses included.
@@ -263,11 +264,15 @@ impl Estimator {
         };
         let cell = |resting_v: f32| resting_v / f32::from(count);
         let current_a = reading.current_a.unwrap_or(0.0);
-        match *at_rest {
-            AtRest::Replaced(_) => Comparison::Swapped,
+        let comparison = match *at_rest {
+            AtRest::Replaced(_) => Comparison::Another,
             AtRest::Similar(resting_v) => self.charge.compare(cell(resting_v), current_a, &model),
             AtRest::Rescaled(resting_v) => self.charge.rescale(cell(resting_v), current_a, &model),
+        };
+        if comparison == Comparison::Another {
+            self.cells = CellCount::new();
         }
+        comparison
     }
 
     /// Why the drive so far has taught nothing; `None` if it has.
@@ -364,8 +369,10 @@ impl Estimator {
     /// Continues with what was retained over a reset. With other cells set the first reading drops it.
     pub fn restore(&mut self, memory: &EstimatorMemory, doubt: Doubt) {
         if let Some(charge) = memory.charge {
-            self.charge = ChargeEstimator::restored(charge, memory.reference, doubt);
-            self.report();
+            self.set_known(charge);
+            if let Some(reference) = memory.reference {
+                self.charge.restore(reference, doubt);
+            }
         }
         self.cells.restore(memory.detected_cells, memory.least_cells);
         self.estimated_for = memory.estimated_for;
@@ -374,8 +381,7 @@ impl Estimator {
     /// Sets the state of charge, from 0 to 1, on a battery reset; ignored while the cells are in doubt.
     pub fn set_state_of_charge(&mut self, soc: f32) {
         if !self.cells_are_doubtful {
-            self.charge = ChargeEstimator::from_known(KnownCharge::set(soc));
-            self.report();
+            self.set_known(KnownCharge::set(soc));
         }
     }
 
@@ -415,5 +421,10 @@ impl Estimator {
     /// Discards the observations so far: they must not be learnt.
     pub fn restart_drive(&mut self) {
         self.charge.restart_drive();
+    }
+
+    fn set_known(&mut self, charge: KnownCharge) {
+        self.charge = ChargeEstimator::from_known(charge);
+        self.report();
     }
 }

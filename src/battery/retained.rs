@@ -13,6 +13,10 @@ use crate::parameter::{BatteryParameter, Parameters};
 const MAGIC: u32 = u32::from_le_bytes(*b"BAT4");
 
 const HEADER_WORDS: usize = 2;
+
+/// Beside the sequence number: power was off since.
+const WAS_OFF: u32 = 1 << 31;
+
 const PACK_WORDS: usize = 12;
 /// With the checksum as the last word.
 const RECORD_WORDS: usize = HEADER_WORDS + PACK_WORDS * MAX_PACKS + 1;
@@ -52,8 +56,8 @@ const LEAST_CELLS_SHIFT: u32 = 2;
 
 /// Bits beside the source.
 const HAS_SERIAL_NUMBER: u8 = 1;
-const IS_IN_DOUBT: u8 = 1 << 1;
-const IS_RESCALED: u8 = 1 << 2;
+const DOUBT_SHIFT: u32 = 1;
+const DOUBTS: [Doubt; 4] = [Doubt::None, Doubt::ShortLoss, Doubt::ContactLoss, Doubt::Rescaled];
 
 impl PackSource {
     /// By a pack's parameters at boot.
@@ -74,7 +78,7 @@ impl RetainedRecord {
     fn new(sequence: u32, packs: &[PackMemory; MAX_PACKS]) -> Self {
         let mut record = [0; RECORD_WORDS];
         let (header, rest) = record.split_at_mut(HEADER_WORDS);
-        header.copy_from_slice(&[MAGIC, sequence]);
+        header.copy_from_slice(&[MAGIC, sequence & !WAS_OFF]);
         for (words, pack) in rest.chunks_exact_mut(PACK_WORDS).zip(packs) {
             words.copy_from_slice(&pack.to_words());
         }
@@ -90,14 +94,19 @@ impl RetainedRecord {
 
     /// The sequence number, if the record is valid.
     fn sequence(&self) -> Option<u32> {
-        self.0.get(1).copied().filter(|_| is_sealed(&self.0, MAGIC))
+        let word = self.0.get(1).filter(|_| is_sealed(&self.0, MAGIC));
+        word.map(|word| word & !WAS_OFF)
     }
 
     fn packs(&self) -> [PackMemory; MAX_PACKS] {
         let mut packs = [PackMemory::default(); MAX_PACKS];
         let words = self.0.get(HEADER_WORDS..).unwrap_or(&[]);
+        let was_off = self.0.get(1).is_some_and(|word| word & WAS_OFF != 0);
         for (pack, words) in packs.iter_mut().zip(words.as_chunks().0) {
             *pack = PackMemory::from_words(words);
+            if was_off {
+                pack.lose_power();
+            }
         }
         packs
     }
@@ -120,10 +129,13 @@ pub fn retain(memory: &mut RetainedMemory, packs: &[PackMemory; MAX_PACKS]) {
     }
 }
 
-/// Power was off: another pack may be connected. A count without a charge to compare it by is forgotten.
+/// Power was off: another pack may be connected.
 pub fn lose_power(memory: &mut RetainedMemory) {
-    if let Some(packs) = recall(memory) {
-        retain(memory, &packs.map(PackMemory::after_power_loss));
+    for record in memory {
+        if let (Some(_), Some(word)) = (record.sequence(), record.0.get_mut(1)) {
+            *word |= WAS_OFF;
+            seal(&mut record.0, MAGIC);
+        }
     }
 }
 
@@ -131,7 +143,7 @@ fn newest(memory: &RetainedMemory) -> Option<(usize, &RetainedRecord)> {
     let [first, second] = memory;
     match (first.sequence(), second.sequence()) {
         // Sequence numbers wrap; the two are one apart.
-        (Some(a), Some(b)) if b.wrapping_sub(a) == 1 => Some((1, second)),
+        (Some(a), Some(b)) if b.wrapping_sub(a) & !WAS_OFF == 1 => Some((1, second)),
         (Some(_), _) => Some((0, first)),
         (None, Some(_)) => Some((1, second)),
         (None, None) => None,
@@ -139,15 +151,13 @@ fn newest(memory: &RetainedMemory) -> Option<(usize, &RetainedRecord)> {
 }
 
 impl PackMemory {
-    fn after_power_loss(self) -> Self {
+    /// A count without a charge to compare it by is forgotten.
+    fn lose_power(&mut self) {
         if self.estimate.reference.is_none() || self.doubt == Doubt::Rescaled {
-            return Self::default();
+            *self = Self::default();
         }
-        Self {
-            doubt: Doubt::ContactLoss,
-            is_too_hot: false,
-            ..self
-        }
+        self.doubt = Doubt::ContactLoss;
+        self.is_too_hot = false;
     }
 
     fn to_words(self) -> [u32; PACK_WORDS] {
@@ -166,11 +176,7 @@ impl PackMemory {
         let [chemistry, cells] = estimated_for.map_or([0; 2], bytes_of);
         let [monitor, address, channel] = self.source.0;
         let [cell_v, sigma_v, slow_a] = reference.map_or([0; 3], Reference::to_words);
-        let doubt = match self.doubt {
-            Doubt::None => 0,
-            Doubt::ShortLoss | Doubt::ContactLoss => IS_IN_DOUBT,
-            Doubt::Rescaled => IS_RESCALED,
-        };
+        let doubt = (self.doubt as u8) << DOUBT_SHIFT;
         let has_serial_number = u8::from(self.serial_number.is_some()) * HAS_SERIAL_NUMBER;
         [
             charge_low,
@@ -219,13 +225,10 @@ impl PackMemory {
                 detected_cells: (detected_cells > 0).then_some(detected_cells),
                 least_cells: flags >> LEAST_CELLS_SHIFT,
             },
-            doubt: if bits & IS_RESCALED != 0 {
-                Doubt::Rescaled
-            } else if bits & IS_IN_DOUBT != 0 {
-                Doubt::ContactLoss
-            } else {
-                Doubt::None
-            },
+            doubt: DOUBTS
+                .get(usize::from(bits >> DOUBT_SHIFT))
+                .copied()
+                .unwrap_or_default(),
             serial_number: (bits & HAS_SERIAL_NUMBER != 0).then_some(serial_number as i32),
             is_too_hot: flags & IS_TOO_HOT != 0,
         }
@@ -315,8 +318,8 @@ mod tests {
     #[test]
     fn sequence_numbers_wrap() {
         let mut memory = [
-            RetainedRecord::new(u32::MAX - 1, &used(1.0)),
-            RetainedRecord::new(u32::MAX, &used(2.0)),
+            RetainedRecord::new(WAS_OFF - 2, &used(1.0)),
+            RetainedRecord::new(WAS_OFF - 1, &used(2.0)),
         ];
         for charge_mah in [3.0, 4.0, 5.0] {
             retain(&mut memory, &used(charge_mah));

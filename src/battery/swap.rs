@@ -8,7 +8,7 @@ const MIN_CONTACT_LOSS_S: f32 = 1.0;
 
 /// Relative change of the resting voltage that still is the same pack: 0.25 V of a lithium cell, more than a cell
 /// recovers after a heavy load once its voltage is stable.
-pub const MAX_RECOVERY: f32 = 0.08;
+const MAX_RECOVERY: f32 = 0.08;
 
 /// Consecutive readings that confirm a changed serial number: half a second at 10 Hz.
 const CONFIRMING_READINGS: u8 = 5;
@@ -181,11 +181,8 @@ pub struct SerialNumber {
 
 impl SerialNumber {
     /// Continues with the number that was retained over a restart.
-    pub fn restored(known: Option<i32>) -> Self {
-        Self {
-            known,
-            candidate: None,
-        }
+    pub fn restore(&mut self, known: Option<i32>) {
+        self.known = known;
     }
 
     /// The number to retain over a restart.

@@ -89,8 +89,6 @@ pub enum Comparison {
     OtherCharge,
     /// Or the same after charging.
     Another,
-    /// One that rests at a voltage far from that of the one before.
-    Swapped,
 }
 
 /// The estimate of a second.
@@ -140,19 +138,15 @@ impl ChargeEstimator {
         known
     }
 
-    /// Continues with what was retained over a restart.
-    pub fn restored(charge: KnownCharge, reference: Option<Reference>, doubt: Doubt) -> Self {
-        let mut restored = Self::from_known(charge);
-        restored.doubt = doubt;
-        restored.reference = reference.map(Reference::retained);
-        if let Some(reference) = reference {
-            restored.trace.polarisation = Polarisation::steady(reference.slow_a());
-        }
-        if restored.is_of_pack_before() {
+    /// The known charge was retained over a restart.
+    pub fn restore(&mut self, reference: Reference, doubt: Doubt) {
+        self.doubt = doubt;
+        self.reference = Some(reference);
+        self.trace.polarisation = Polarisation::steady(reference.slow_a);
+        if self.is_of_pack_before() {
             // Until its voltage says how certain that is.
-            restored.estimate = None;
+            self.estimate = None;
         }
-        restored
     }
 
     const fn in_phase(phase: Phase) -> Self {
@@ -206,54 +200,34 @@ impl ChargeEstimator {
     /// A pack rests at this voltage of a cell and current after its contact was lost. If it is not the one whose current was
     /// counted, or was charged meanwhile, the estimate restarts; else it is as uncertain as the voltage leaves it.
     pub fn compare(&mut self, cell_v: f32, current_a: f32, model: &CellModel) -> Comparison {
+        let (Some(before), Some(estimate)) = (&self.reference, &self.estimate) else {
+            return Comparison::Same;
+        };
         let load = Load {
             current_a,
             slow_a: self.trace.polarisation.current_a(),
             ..Load::NONE
         };
-        let Some((before, now)) = self.before_and_now(cell_v, &load, model) else {
-            return Comparison::Same;
-        };
-        let comparison = before.compare(&now, model);
+        let now = Reference::new(estimate.by_itself.soc, cell_v, &load, model);
+        let (comparison, contradiction) = before.compare(&now, model);
         if comparison != Comparison::Same {
             *self = Self::new();
         } else if let Phase::Counting(counting) = &mut self.phase {
-            counting.inflate(before.contradiction(&now, model));
+            counting.inflate(contradiction);
         }
         comparison
     }
 
-    /// A pack whose charge was retained over a restart is not the one that was counted, if its voltage in this second is
-    /// above all at which that one can rest.
-    pub fn compare_under_load(&mut self, second: &Second, model: &CellModel) -> Comparison {
-        let Some((count, voltage_v)) = model.cell_count.zip(second.voltage_v) else {
-            return Comparison::Same;
-        };
-        // Only charging raises a voltage.
-        let load = Load {
-            current_a: second.current_a.unwrap_or(0.0).min(0.0),
-            slow_a: self.trace.polarisation.current_a().min(0.0),
-            ..Load::NONE
-        };
-        let Some((before, now)) = self
-            .before_and_now(voltage_v / f32::from(count), &load, model)
-            .filter(|(before, _)| before.is_retained())
+    /// Whether a pack whose charge was retained over a restart can't be the one that was counted, as its voltage in this
+    /// second is above all at which that one can rest, and no charger raises it.
+    pub fn is_exceeded_by(&self, second: &Second, doubt: Doubt, model: &CellModel) -> bool {
+        let before = self.reference.filter(|before| before.is_retained);
+        let (Some(before), Some(voltage_v), Some(count)) = (before, second.voltage_v, model.cell_count)
         else {
-            return Comparison::Same;
+            return false;
         };
-        let comparison = before.compare_under_load(&now, model);
-        if comparison != Comparison::Same {
-            *self = Self::new();
-        }
-        comparison
-    }
-
-    /// The pack before, and the one with this voltage of a cell under this load.
-    fn before_and_now(&self, cell_v: f32, load: &Load, model: &CellModel) -> Option<(Reference, Reference)> {
-        let before = self.reference?;
-        let charge = self.phase.charge(&self.trace, model)?;
-        let now = Reference::new(charge.soc, cell_v, load, model);
-        Some((before, now))
+        let is_charging = second.current_a.is_some_and(|current_a| current_a < 0.0);
+        doubt == Doubt::ContactLoss && !is_charging && voltage_v > f32::from(count) * before.highest_v(model)
     }
 
     /// A pack rests at this voltage of a cell after the scale of its voltage was changed: an estimate that was based on the
@@ -368,7 +342,7 @@ impl ChargeEstimator {
         }
         let was_starting = matches!(self.phase, Phase::Starting(_));
         // A count that may be another pack's is not corrected by this one's voltage: the rest has to deny it.
-        let is_retained = self.reference.is_some_and(|before| before.is_retained());
+        let is_retained = self.reference.is_some_and(|before| before.is_retained);
         let counted_v = cell_v.filter(|_| !is_retained || !self.is_of_pack_before());
         let trace = &mut self.trace;
         let (load, rests) = match (second.current_a, capacity) {
@@ -393,7 +367,6 @@ impl ChargeEstimator {
                 (Load::none_for(second.duration_s), rests)
             }
         };
-        let contradiction = self.refer(&load, second, cell_v, model);
         let is_charged =
             |cell_v| second.origin == CurrentOrigin::SourceCounter && self.rest.has_risen(cell_v);
         if !rests || cell_v.is_some_and(is_charged) {
@@ -429,39 +402,34 @@ impl ChargeEstimator {
                 .map_or(*model, |learnt| CellModel { learnt, ..*model }),
             rests,
         );
-        if contradiction > 0.0
-            && let Some(estimate) = &mut self.estimate
-        {
-            for sigma in [&mut estimate.sigma, &mut estimate.usable_sigma] {
-                *sigma = root_of_squares(*sigma, contradiction);
-            }
-        }
+        self.refer(&load, second, cell_v, model);
         kept
     }
 
-    /// Keeps the pack as it is counted. While that may not be this one, returns by how much the voltage of a cell
-    /// contradicts the count, relative to the capacity.
-    fn refer(&mut self, load: &Load, second: &Second, cell_v: Option<f32>, model: &CellModel) -> f32 {
-        let is_counted = matches!(self.phase, Phase::Counting(_));
-        if let (Some(before), Doubt::ContactLoss, Some(capacity)) =
-            (&mut self.reference, self.doubt, model.capacity())
-        {
-            let drawn_ah = load.drawn_ah() + second.unread.unmeasured_ah;
-            before.draw(drawn_ah / capacity.ah, model);
-        }
-        if self.doubt == Doubt::None && matches!(self.phase, Phase::VoltageOnly(_)) {
-            self.reference = None;
-        }
-        let Some((charge, cell_v)) = self.phase.charge(&self.trace, model).zip(cell_v) else {
-            return 0.0;
+    /// Keeps the pack as it is counted. While that may not be this one, the estimate is as uncertain as the voltage of a cell
+    /// contradicts it.
+    fn refer(&mut self, load: &Load, second: &Second, cell_v: Option<f32>, model: &CellModel) {
+        let (Some(estimate), Some(cell_v)) = (&mut self.estimate, cell_v) else {
+            return;
         };
-        let now = Reference::new(charge.soc, cell_v, load, model);
+        let now = Reference::new(estimate.by_itself.soc, cell_v, load, model);
         match (&mut self.reference, self.doubt) {
-            (reference, Doubt::None) if is_counted => *reference = Some(now),
-            (Some(before), Doubt::ContactLoss) => return before.contradiction(&now, model),
+            (reference, Doubt::None) => {
+                let is_counted = matches!(self.phase, Phase::Counting(_));
+                *reference = is_counted.then_some(now);
+            }
+            (Some(before), Doubt::ContactLoss) => {
+                if let Some(capacity) = model.capacity() {
+                    let drawn_ah = load.drawn_ah() + second.unread.unmeasured_ah;
+                    before.draw(drawn_ah / capacity.ah, model);
+                }
+                let (_, contradiction) = before.compare(&now, model);
+                for sigma in [&mut estimate.sigma, &mut estimate.usable_sigma] {
+                    *sigma = root_of_squares(*sigma, contradiction);
+                }
+            }
             _ => {}
         }
-        0.0
     }
 
     /// Evaluates a rest: learns the pack, or corrects the estimate.

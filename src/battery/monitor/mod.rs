@@ -22,7 +22,7 @@ use super::event::push;
 use super::failsafe::ReachedLevels;
 use super::reporters::{GapReporter, HealthReporter, LessonReporter};
 use super::settings::PackSettings;
-use super::swap::{AtRest, Doubt, Replacement, SerialNumber, SwapDetector};
+use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, CurrentRange, LearntPack,
     LessonObstacle, Measurement, Measuring, PackEvent, PackEvents, PackMemory, PackSource, PackStatus,
@@ -374,13 +374,19 @@ impl BatteryMonitor {
             );
         }
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
+        let mut comparison = Comparison::Same;
         match self.detect_swap(&reading) {
-            Some(AtRest::Replaced(replacement)) => self.swap_pack(turn, replacement, measurement),
+            Some(AtRest::Replaced(replacement)) => {
+                if let Some(learnt) = &mut self.learnt {
+                    learnt.swap(settings.serial_number);
+                }
+                self.replace_pack(replacement, turn.state, turn.events);
+                self.reports.gauge.update(tick.now, measurement.gauge);
+            }
             Some(at_rest) => {
                 // A pack that rests near the voltage of the one before may still have another charge.
                 let (estimator, learnt) = self.estimator_of(turn);
-                let comparison = estimator.resolve(&at_rest, &reading, settings, learnt);
-                self.follow_comparison(turn, comparison, measurement);
+                comparison = estimator.resolve(&at_rest, &reading, settings, learnt);
             }
             None => {}
         }
@@ -391,8 +397,9 @@ impl BatteryMonitor {
         let findings = estimator.update(&reading, settings, learnt);
         if findings.comparison != Comparison::Same {
             self.swap_detector.reset();
-            self.follow_comparison(turn, findings.comparison, measurement);
+            comparison = findings.comparison;
         }
+        self.follow_comparison(comparison, turn.events);
         self.limit_by_count(turn, findings.second.is_some());
         self.update_state(turn, measurement);
         if let Some(event) = findings.event {
@@ -494,28 +501,19 @@ impl BatteryMonitor {
         push(turn.events, PackEvent::CurrentReversed);
     }
 
-    /// The pack was swapped, by its voltage.
-    fn swap_pack(&mut self, turn: &mut Turn<'_>, replacement: Replacement, measurement: &Measurement) {
-        if let Some(learnt) = &mut self.learnt {
-            learnt.swap(turn.settings.serial_number);
-        }
-        self.replace_pack(replacement, turn.state, turn.events);
-        self.reports.gauge.update(turn.tick.now, measurement.gauge);
-    }
-
     /// What is known of another pack starts over. While the board runs a count goes on unless a pack was swapped for certain.
-    fn follow_comparison(&mut self, turn: &mut Turn<'_>, comparison: Comparison, measurement: &Measurement) {
-        match comparison {
-            Comparison::Same => return,
-            Comparison::Swapped => return self.swap_pack(turn, Replacement::Likely, measurement),
-            Comparison::Another => self.counting.replace_pack(),
-            Comparison::OtherCharge => {}
+    fn follow_comparison(&mut self, comparison: Comparison, events: &mut PackEvents) {
+        if comparison == Comparison::Same {
+            return;
+        }
+        if comparison == Comparison::Another {
+            self.counting.replace_pack();
         }
         self.exchanges = self.exchanges.wrapping_add(1);
         if let Some(learnt) = &mut self.learnt {
             learnt.clear_charge();
         }
-        push(turn.events, PackEvent::EstimateRestarted);
+        push(events, PackEvent::EstimateRestarted);
     }
 
     /// The estimator, and what is known of the pack that it estimates.
@@ -778,13 +776,11 @@ impl BatteryMonitor {
 
     /// The part to retain over a reset of the processor, of a pack that is read from `source`.
     pub fn memory(&self, status: PackStatus, source: PackSource) -> PackMemory {
-        let doubt = match (self.swap_detector.doubt(), status) {
-            (Doubt::Rescaled, _) => Doubt::Rescaled,
+        let doubt = match self.swap_detector.doubt() {
             // After the reset another pack may be connected.
-            (Doubt::None, PackStatus::NotConnected) | (Doubt::ShortLoss | Doubt::ContactLoss, _) => {
-                Doubt::ContactLoss
-            }
-            (Doubt::None, _) => Doubt::None,
+            Doubt::ShortLoss => Doubt::ContactLoss,
+            Doubt::None if status == PackStatus::NotConnected => Doubt::ContactLoss,
+            doubt => doubt,
         };
         let mut estimate = self.estimator.memory();
         if self.reports.gauge.full_mah().is_some() {
@@ -809,7 +805,7 @@ impl BatteryMonitor {
             .restore(memory.consumption, memory.estimate.charge.as_ref());
         self.estimator.restore(&memory.estimate, memory.doubt);
         self.swap_detector.restore(memory.doubt);
-        self.reports.serial_number = SerialNumber::restored(memory.serial_number);
+        self.reports.serial_number.restore(memory.serial_number);
         if memory.is_too_hot {
             self.evaluation.diagnosis.restore_too_hot();
         }

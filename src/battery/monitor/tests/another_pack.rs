@@ -393,11 +393,11 @@ fn a_drive_that_begins_right_after_a_dip_of_power_is_judged_at_its_rest() {
             "nothing is kept"
         );
         let readings = rover.bench.state.readings;
-        let told = readings.remaining_pct.zip(readings.remaining_sigma_pct);
+        let known = readings.remaining_pct.zip(readings.remaining_sigma_pct);
         let is_right = |(_, sigma_pct): (f32, f32)| rover.error_pct().abs() <= 2.0 * sigma_pct;
-        assert!(told.is_none_or(is_right), "{told:?}");
+        assert!(known.is_none_or(is_right), "{known:?}");
         assert_eq!(
-            told.is_some(),
+            known.is_some(),
             is_the_same,
             "the voltage contradicts only another pack"
         );
@@ -425,7 +425,7 @@ fn cells_are_detected_once_more_of_a_pack_that_a_dip_of_power_has_changed() {
         let state = after.run(10.0, loaded(after_v, 0.2));
         assert_eq!(state.cell_count, Some(count));
         assert!(state.consumed_mah().expect("counted") < 1.0);
-        assert_eq!(after.count_of(PackEvent::Swapped), 1);
+        assert_eq!(after.count_of(PackEvent::EstimateRestarted), 1);
     }
 }
 
@@ -583,7 +583,7 @@ fn lose_bits(memory: &mut RetainedMemory, count: usize) {
 // Requirement: PX-6, L-11
 fn over_any_restart_a_count_and_its_charge_are_those_of_the_pack() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
-    let (mut told, mut covered, mut kept, mut dropped) = (0, 0, 0, 0);
+    let (mut known, mut covered, mut kept, mut dropped) = (0, 0, 0, 0);
     for chemistry in STEEP {
         for _ in 0..120 {
             let restart = any_restart().new_tree(&mut runner).expect("a restart").current();
@@ -638,7 +638,7 @@ fn over_any_restart_a_count_and_its_charge_are_those_of_the_pack() {
                     rover.run(0.5, current_a);
                     let readings = rover.bench.state.readings;
                     if let Some(sigma_pct) = readings.remaining_sigma_pct {
-                        told += 1;
+                        known += 1;
                         if rover.error_pct().abs() <= 2.0 * sigma_pct + 0.5 {
                             covered += 1;
                         } else {
@@ -675,9 +675,9 @@ fn over_any_restart_a_count_and_its_charge_are_those_of_the_pack() {
             }
         }
     }
-    println!("{covered} of {told}; {kept} kept, {dropped} dropped");
+    println!("{covered} of {known}; {kept} kept, {dropped} dropped");
     assert!(
-        f64::from(covered) >= 0.98 * f64::from(told),
-        "{covered} of {told}"
+        f64::from(covered) >= 0.98 * f64::from(known),
+        "{covered} of {known}"
     );
 }
