@@ -6,7 +6,6 @@ use super::recording::{LOG_FULL, LogFailure};
 use super::start::ParameterLoad;
 use crate::announce::{Announce, Limit, Severity};
 use crate::battery::SuggestedThresholds;
-use crate::mavlink::Peer;
 use crate::memory::storage::StorageError;
 use crate::numbers::{Hundredths, round_to_i32};
 use crate::pack::{Pack, write_packs};
@@ -43,8 +42,8 @@ pub enum Notice {
     SharedIds {
         /// The link they came from.
         link: &'static str,
-        /// The ids.
-        station: Peer,
+        /// System and component id.
+        ids: [u8; 2],
     },
     /// A ground station tried to set a parameter and was refused.
     ParameterRefused {
@@ -146,10 +145,12 @@ impl fmt::Display for Notice {
                     "{link}: signed frames too old: does the station hear the rover?"
                 )
             }
-            Self::SharedIds { link, station } => write!(
+            Self::SharedIds {
+                link,
+                ids: [system_id, component_id],
+            } => write!(
                 f,
-                "{link}: two stations are {}/{}? Give each its own id",
-                station.system_id, station.component_id
+                "{link}: two stations are {system_id}/{component_id}? Give each its own id"
             ),
             Self::ParameterRefused { id, why } => match why {
                 Refused::OutOfRange => write!(f, "{} refused: valid {}", id.name(), id.row().range),
@@ -642,10 +643,7 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
             &Notice::TooOld { link: "UART" },
             &Notice::SharedIds {
                 link: "UART",
-                station: Peer {
-                    system_id: 255,
-                    component_id: 190,
-                },
+                ids: [255, 190],
             },
             &refused(Refused::OutOfRange),
             &refused(Refused::ReadOnly),

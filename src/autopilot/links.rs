@@ -334,8 +334,8 @@ impl Autopilot {
             }
             Event::TooOld => {
                 let link = endpoint.name();
-                if let Some(station) = self.signing.overtaken() {
-                    self.announce(&Notice::SharedIds { link, station }, now);
+                if let Some(ids) = self.signing.overtaken() {
+                    self.announce(&Notice::SharedIds { link, ids }, now);
                 } else if self.signing.reports_old() {
                     self.announce(&Notice::TooOld { link }, now);
                 }

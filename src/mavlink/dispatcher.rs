@@ -70,7 +70,10 @@ pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mu
     let Some((target, request)) = requests::decode(frame.message_id, &frame.payload) else {
         return Event::Ignored;
     };
-    let from = frame.sender();
+    let from = Peer {
+        system_id: frame.system_id,
+        component_id: frame.component_id,
+    };
     if !target.is_ours(system_id) || !is_expected(&request, from, system_id, context.state.external_packs) {
         return Event::Ignored;
     }

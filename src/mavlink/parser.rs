@@ -51,16 +51,6 @@ pub struct Peer {
     pub component_id: u8,
 }
 
-impl ReceivedFrame<'_> {
-    /// The ids of its sender.
-    pub(super) fn sender(&self) -> Peer {
-        Peer {
-            system_id: self.system_id,
-            component_id: self.component_id,
-        }
-    }
-}
-
 /// Finds the frames of MAVLink 1 and 2 in what is received.
 ///
 /// After a start byte that turns out to start no good frame it goes on at the very next byte, so a frame is never lost

@@ -12,20 +12,11 @@ pub const STATION_SILENCE_US: u64 = 30_000_000;
 /// Minimum time between two introductions, in µs: strangers with changing ids must not flood the link.
 const INTRODUCTION_INTERVAL_US: u64 = 10_000_000;
 
-/// Progress of a station.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Progress {
-    /// It has stated its time; its HEARTBEAT is expected.
-    Expected,
-    /// Its HEARTBEAT came, and its introduction waits.
-    Known,
-    Introduced,
-}
-
 #[derive(Clone, Copy, Debug)]
 struct Heard {
     station: Peer,
-    progress: Progress,
+    /// Whether it was introduced; `None` of one that has stated its time and whose HEARTBEAT is expected.
+    is_introduced: Option<bool>,
     /// When its last HEARTBEAT came; until then, when its place was taken.
     heartbeat_at: Instant,
     /// When its last other message came; the start, if none came.
@@ -34,7 +25,7 @@ struct Heard {
 
 impl Heard {
     fn is_known(&self, now: Instant) -> bool {
-        self.progress != Progress::Expected && now.us_since(self.heartbeat_at) <= STATION_SILENCE_US
+        self.is_introduced.is_some() && now.us_since(self.heartbeat_at) <= STATION_SILENCE_US
     }
 
     fn is_silent(&self, now: Instant) -> bool {
@@ -66,13 +57,13 @@ impl Stations {
             return false;
         };
         if !heard.is_known(now) {
-            heard.progress = Progress::Known;
+            heard.is_introduced = Some(false);
         }
         heard.heartbeat_at = now;
-        if heard.progress == Progress::Introduced || now < earliest {
+        if heard.is_introduced == Some(true) || now < earliest {
             return false;
         }
-        heard.progress = Progress::Introduced;
+        heard.is_introduced = Some(true);
         self.earliest = now.after_us(INTRODUCTION_INTERVAL_US);
         true
     }
@@ -103,7 +94,7 @@ impl Stations {
         place.take_if(|heard| heard.station != station);
         Some(place.get_or_insert(Heard {
             station,
-            progress: Progress::Expected,
+            is_introduced: None,
             heartbeat_at: now,
             other_at: Instant::EPOCH,
         }))

@@ -24,7 +24,6 @@ pub use time::Timestamp;
 use streams::{StreamId, Streams};
 use time::{Mark, SigningClock, lower_mark, next_mark};
 
-use super::Peer;
 use super::parser::{ReceivedFrame, TRAILER_BYTES};
 use crate::announce::{Announce, Severity};
 use crate::time::Instant;
@@ -44,8 +43,8 @@ pub struct Signing {
     streams: Streams,
     /// The sender of the frame that was judged last, if it was signed with our key and not overtaken.
     sender: Option<StreamId>,
-    /// The sender of the frame that was judged last, if it was overtaken.
-    overtaken: Option<Peer>,
+    /// System and component id of the frame that was judged last, if it was overtaken.
+    overtaken: Option<[u8; 2]>,
     /// From the signatures of the latest frames that were signed with our key, beginning with the last one.
     latest: [u32; LATEST_FRAMES],
     /// Our time when the rover was armed last, and when it last came to Manual: an overtaken frame from before does not stop it.
@@ -209,7 +208,7 @@ impl Signing {
             if is_repeated {
                 return Authenticity::Repeated;
             }
-            self.overtaken = Some(frame.sender());
+            self.overtaken = Some([frame.system_id, frame.component_id]);
             return Authenticity::Overtaken {
                 may_disarm: may_disarm && time > self.armed_at,
                 may_hold: may_hold && time > self.manual_at,
@@ -237,8 +236,8 @@ impl Signing {
         false
     }
 
-    /// The sender of the frame that was judged last, if another station with the same ids has overtaken it.
-    pub(crate) fn overtaken(&self) -> Option<Peer> {
+    /// System and component id of the frame that was judged last, if another station with the same ids has overtaken it.
+    pub(crate) fn overtaken(&self) -> Option<[u8; 2]> {
         self.overtaken
     }
 
