@@ -14,7 +14,7 @@ mod voltage_only;
 
 pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
 pub use load::{CurrentOrigin, SILENCE_S, Second};
-pub use reference::Reference;
+pub use reference::{Comparison, Reference};
 
 use super::learnt::{LastCharge, LessonObstacle, OpenLesson};
 use super::swap::Doubt;
@@ -79,16 +79,6 @@ pub struct Sample {
     pub unmeasured_ah: f32,
     /// Time without readings that were due, in seconds.
     pub missed_s: f32,
-}
-
-/// Whether a pack is the one that was counted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Comparison {
-    Same,
-    /// It has another charge, or its voltage another scale.
-    OtherCharge,
-    /// Or the same after charging.
-    Another,
 }
 
 /// The estimate of a second.

@@ -1,6 +1,5 @@
 //! The pack before a loss of contact or a restart, and whether the one that rests after it is the same.
 
-use super::Comparison;
 use super::cell_model::CellModel;
 use super::filter::{OFFSET_SPAN, SAG_NOISE};
 use super::load::Load;
@@ -13,6 +12,16 @@ const MAX_VALUE: f32 = 1e4;
 /// as much as the time that each part of it lasts is unknown.
 const UNSEEN_SHARE: f32 = 0.5;
 const UNSEEN_SIGMA: f32 = 0.7;
+
+/// Whether a pack is the one that was counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Comparison {
+    Same,
+    /// It has another charge, or its voltage another scale.
+    OtherCharge,
+    /// Or the same after charging.
+    Another,
+}
 
 /// A state of charge with the voltage at which a cell had it.
 #[derive(Clone, Copy, Debug, PartialEq)]
