@@ -26,7 +26,7 @@ pub struct Start {
     pub flash_wear: RegisterWear,
     /// Whether the board has a Wi-Fi radio.
     pub radio: Radio,
-    /// How the run before this one ended.
+    /// The end of the run before this one.
     pub run_end: RunEnd,
     /// Whether it ended by a crash.
     pub has_crashed: bool,

@@ -43,7 +43,7 @@ pub struct PackMemory {
     pub(super) estimate: EstimatorMemory,
     /// Whether that may be of another pack than the one that is connected.
     pub(super) doubt: Doubt,
-    /// What a smart battery reports.
+    /// Reported by a smart battery.
     pub(super) serial_number: Option<i32>,
     /// Whether the pack was too hot when its temperature was known last.
     pub(super) is_too_hot: bool,

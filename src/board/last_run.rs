@@ -16,7 +16,7 @@ use crate::wifi::RADIO_TASK;
 pub struct LastRun {
     /// Why it ended.
     pub reset_reason: ResetReason,
-    /// How it ended, for its driver.
+    /// Its end, for its driver.
     pub end: RunEnd,
     /// The latest crash. It may be older than the last run.
     pub crash: Option<CrashRecord>,
@@ -82,7 +82,7 @@ fn cause(reset_reason: ResetReason) -> StartCause {
     }
 }
 
-/// How the last run ended. An interruption is marked for the starts until the next arming.
+/// The end of the last run. An interruption is marked for the starts until the next arming.
 fn take_end(cause: StartCause) -> RunEnd {
     let mark = DriveMark::after(retained::drive_mark(), cause);
     if let Some(mark) = mark {

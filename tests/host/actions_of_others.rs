@@ -1,4 +1,4 @@
-//! What one station does to all the others: it is announced on each link, and its commands are in the log.
+//! Actions of one station that concern all the others: each is announced on each link, and commands are in the log.
 
 use std::io::Cursor;
 

@@ -66,7 +66,7 @@ fn reports(mut texts: Vec<String>) -> Vec<String> {
 
 /// A ground station's side of the desk.
 trait Station {
-    /// What a link reports as it opens.
+    /// The reports of a link that opens.
     fn opened(&mut self, kind: LinkKind) -> Vec<String>;
 
     /// The reports that follow a request.
@@ -167,7 +167,7 @@ fn rover() -> OnHost {
     OnHost::configured(&[("ARMING_CHECK", 0.0)])
 }
 
-/// What is reported in these seconds.
+/// The reports in these seconds.
 fn reported(rover: &mut OnHost, seconds: u64) -> Vec<String> {
     let from_us = rover.time_us();
     rover.run_for(seconds * SECOND);

@@ -239,7 +239,7 @@ fn a_stop_is_late_only_by_the_arming_before_it_not_by_manual_again_in_manual() {
     assert_eq!(field.state(), (ArmState::Armed, Mode::Hold));
     field.far(signed_at, &disarm());
     assert_eq!(field.state(), (ArmState::Disarmed, Mode::Hold));
-    // Who disarms a disarmed rover is answered, and takes the seat from no driver.
+    // A station that disarms a disarmed rover is answered, and takes the seat from no driver.
     field.desk.now_us += SECOND;
     field.near(&manual_control(1, 0, 0));
     let before = format!("{:?}", field.desk.vehicle());
@@ -399,7 +399,7 @@ fn after_a_restart_no_recording_from_before_stops_the_rover() {
         field.deliver(LinkKind::Radio, frame);
     }
     assert_eq!(format!("{:?}", field.desk.vehicle()), before);
-    // What was signed since does.
+    // Later ones do.
     let stop = signer.sign(&disarm());
     field.deliver(LinkKind::Wifi, &signer.sign(&heartbeat(GCS)));
     field.deliver(LinkKind::Radio, &stop);
@@ -459,7 +459,7 @@ fn scene() -> impl Strategy<Value = Scene> {
     })
 }
 
-/// What reaches the rover, when and by which link, and whether a stranger can record it.
+/// A frame at the rover: when and by which link it comes, and whether a stranger can record it.
 fn deliveries(story: &[Scene], ids: [u8; 2]) -> Vec<(u64, LinkKind, Vec<u8>)> {
     let field = Field::new(ids);
     let mut sent_ms = 0;
@@ -529,7 +529,7 @@ proptest! {
                 let link = if *by_radio { LinkKind::Radio } else { LinkKind::Wifi };
                 (after, recorded.index(after + 1), link)
             })
-            // What comes by cable is not signed.
+            // Frames by cable are not signed.
             .filter(|(_, recorded, _)| deliveries[*recorded].1 != LinkKind::Direct)
             .collect();
         prop_assert_eq!(played(&deliveries, &repeated, ids), played(&deliveries, &[], ids));

@@ -98,7 +98,7 @@ pub struct Recording {
     retry_at: Instant,
     /// Whether the crash before this start has to get into flash.
     crash_is_due: bool,
-    /// What waits has to be in flash at once.
+    /// Waiting records have to be in flash at once.
     is_urgent: bool,
     command_rate: RateLimit<COMMAND_INTERVAL_US>,
     date: Date,

@@ -29,9 +29,9 @@ pub struct Reference {
     pub soc: f32,
     /// Without the immediate part of the load's sag, in volts.
     cell_v: f32,
-    /// How uncertain that is, in volts.
+    /// Its standard deviation, in volts.
     sigma_v: f32,
-    /// What is left of earlier loads, in amperes.
+    /// The rest of earlier loads, in amperes.
     pub slow_a: f32,
     /// Over a restart the cell may have relaxed for any time.
     pub is_retained: bool,

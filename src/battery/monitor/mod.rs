@@ -501,7 +501,7 @@ impl BatteryMonitor {
         push(turn.events, PackEvent::CurrentReversed);
     }
 
-    /// What is known of another pack starts over. While the board runs a count goes on unless a pack was swapped for certain.
+    /// Knowledge of another pack starts over. While the board runs a count goes on unless a pack was swapped for certain.
     fn follow_comparison(&mut self, comparison: Comparison, events: &mut PackEvents) {
         if comparison == Comparison::Same {
             return;

@@ -81,7 +81,7 @@ impl MonitorBench {
             .reset(&mut self.state, self.arm_state, remaining_pct, &self.settings);
     }
 
-    /// What RAM holds of the pack.
+    /// The record of the pack in RAM.
     fn record(&self) -> RetainedMemory {
         let mut packs = [PackMemory::default(); MAX_PACKS];
         packs[0] = self.monitor.memory(self.state.status, PackSource::default());

@@ -7,7 +7,7 @@ use super::{Access, ParameterId, ParameterIdSet, Parameters, VehicleParameter};
 use crate::announce::{Announce, Severity};
 use crate::memory::storage::StorageError;
 
-/// What a link accepts without the key may be lower than the default here alone: on others, nothing is the default.
+/// Here alone a link may accept less without the key than by default: on others the default is nothing.
 const KEPT: ParameterId = ParameterId::Vehicle(VehicleParameter::SignUsbAllow);
 
 /// A change that has to be written to flash.

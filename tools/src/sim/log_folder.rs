@@ -23,7 +23,7 @@ pub struct LogFolder {
     /// The files in the flash, by number; without a copy if they began before the folder was opened.
     known: HashMap<u16, Option<File>>,
     next_number: u32,
-    /// Those whose latest copy has failed.
+    /// Files whose latest copy has failed.
     behind: HashSet<u16>,
     /// A file was erased before all of it was copied.
     has_lost: bool,

@@ -489,7 +489,7 @@ fn another_serial_number_after_a_restart_is_another_pack() {
     }
 }
 
-/// What a board does with the pack around a restart.
+/// The course of a restart, with the pack around it.
 #[derive(Clone, Copy, Debug)]
 struct Restart {
     /// Charge of the pack before.

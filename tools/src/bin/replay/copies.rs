@@ -42,7 +42,7 @@ pub fn take_out(logs: &mut Vec<PathBuf>) -> usize {
     copies.len()
 }
 
-/// Those of sorted beginnings that may be copies, or have some.
+/// Sorted beginnings that may be copies, or have some.
 fn alike(sorted: &[Beginning]) -> Vec<&Beginning> {
     let mut found = vec![false; sorted.len()];
     let mut alike_until = 0;

@@ -38,7 +38,7 @@ pub struct Survey {
     pub system_id: Option<i32>,
     /// The board's serial number.
     pub board_id: Option<String>,
-    /// How the run before it ended, if its driver did not end it.
+    /// The end of the run before it, if its driver did not end it.
     pub run_before: Option<String>,
     /// When the recorder started, in seconds since 1970 (UTC).
     pub started_utc_s: Option<f64>,
