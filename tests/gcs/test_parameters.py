@@ -9,7 +9,7 @@ import pytest
 from pymavlink import mavutil
 
 from conftest import failed_start
-from station import command, connect, read, read_list, receive, set_to
+from station import command, connect, fresh, read, read_list, receive, restarted, set_to
 
 mavlink = mavutil.mavlink
 
@@ -111,6 +111,19 @@ def test_what_was_set_outlasts_a_restart_and_the_simulator(start_simulator, tmp_
     assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2) == mavlink.MAV_RESULT_ACCEPTED
     time.sleep(0.5)
     assert read(vehicle, "SR0_EXTRA1").param_value == 2
+
+
+def test_a_count_outlasts_a_restart(start_simulator):
+    simulator = start_simulator()
+    vehicle = connect(simulator.url)
+    time.sleep(3)
+    set_to(vehicle, "SR0_EXTRA1", 4)
+    assert command(vehicle, mavlink.MAV_CMD_BATTERY_RESET, 1, 40) == mavlink.MAV_RESULT_ACCEPTED
+    used_mah = fresh(vehicle, "BATTERY_STATUS").current_consumed
+    assert used_mah > 500
+    vehicle = restarted(vehicle, simulator.url)
+    time.sleep(2)
+    assert fresh(vehicle, "BATTERY_STATUS").current_consumed == pytest.approx(used_mah, abs=10)
 
 
 def test_a_flash_file_belongs_to_one_simulator_at_a_time(start_simulator, tmp_path):

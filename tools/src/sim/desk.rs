@@ -7,7 +7,7 @@ use embassy_futures::join::{join, join_array, join3};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::RetainedRecord;
+use rover_battmon::battery::{RetainedMemory, RetainedRecord};
 use rover_battmon::crash::RunEnd;
 use rover_battmon::mavlink::{LinkKind, SIMULATED_LINKS};
 use rover_battmon::pack::Pack;
@@ -52,7 +52,7 @@ pub struct Setup<'a> {
     pub status_interval: Duration,
 }
 
-/// Runs the vehicle, and restarts it at a ground station's request. Pack and flash survive a restart, connections don't.
+/// Runs the vehicle, and restarts it at a ground station's request. Pack, flash and retained RAM survive a restart, connections don't.
 /// Returns when a ground station requests the boot loader, which is not simulated.
 pub async fn run(setup: Setup<'_>) {
     let pack = RefCell::new(match setup.scenario {
@@ -61,8 +61,9 @@ pub async fn run(setup: Setup<'_>) {
     });
     let rover = SimulatedRover::default();
     let mut scenario = setup.scenario;
+    let mut memory = [RetainedRecord::BLANK; 2];
     loop {
-        match run_until_restart(&setup, scenario.take(), &pack, &rover).await {
+        match run_until_restart(&setup, scenario.take(), &pack, &rover, &mut memory).await {
             Restart::Firmware => setup.role.show_line("Restarted."),
             Restart::Fault => setup.role.show_line("A board would have crashed. Restarted."),
             Restart::BootLoader => {
@@ -79,6 +80,7 @@ async fn run_until_restart(
     scenario: Option<&'static Scenario>,
     pack: &RefCell<SimulatedPack>,
     rover: &SimulatedRover,
+    memory: &mut RetainedMemory,
 ) -> Restart {
     let (desk, storages) = start(setup.role, &setup.flash, scenario, pack).await;
     let links = join3(
@@ -95,7 +97,7 @@ async fn run_until_restart(
         },
     );
     let vehicle = join3(
-        desk.run_vehicle(storages, rover),
+        desk.run_vehicle(storages, rover, memory),
         links,
         desk.show_status(setup.role, setup.status_interval),
     );
@@ -156,8 +158,12 @@ impl<'a> Desk<'a> {
     }
 
     /// Runs the vehicle's tasks, all but those of its links.
-    async fn run_vehicle(&self, storages: Storages<SimulatedFlash>, rover: &SimulatedRover) {
-        let mut memory = [RetainedRecord::BLANK; 2];
+    async fn run_vehicle(
+        &self,
+        storages: Storages<SimulatedFlash>,
+        rover: &SimulatedRover,
+        memory: &mut RetainedMemory,
+    ) {
         let pack = PackSimulation::new(self.pack, rover, &self.shared);
         let hardware = Hardware {
             pins: SimulatedPackInput::new(&pack),
@@ -168,7 +174,7 @@ impl<'a> Desk<'a> {
             entropy: None,
         };
         hardware
-            .run(storages, self.flash.clone(), &mut memory, &self.shared)
+            .run(storages, self.flash.clone(), memory, &self.shared)
             .await;
     }
 

@@ -38,7 +38,7 @@ fn shown(name: &str) -> Vec<Shown> {
             });
         };
         join(
-            desk.run_vehicle(storages, &rover),
+            desk.run_vehicle(storages, &rover, &mut [RetainedRecord::BLANK; 2]),
             desk.serve_station(Some(scenario), show),
         )
         .await;
@@ -61,7 +61,12 @@ fn after_ten_seconds<R>(number: u8, look: impl FnOnce(&Autopilot) -> R) -> R {
             Timer::after_secs(10).await;
             desk.shared.with(|autopilot| look(autopilot))
         };
-        match select(desk.run_vehicle(storages, &rover), look).await {
+        match select(
+            desk.run_vehicle(storages, &rover, &mut [RetainedRecord::BLANK; 2]),
+            look,
+        )
+        .await
+        {
             Either::First(()) => unreachable!("it runs on"),
             Either::Second(seen) => seen,
         }
