@@ -142,6 +142,8 @@ impl Autopilot {
         let before = mem::replace(&mut self.watched_as, as_state);
         if (before, as_state) == (ArmState::Armed, ArmState::Disarmed) {
             self.save_after_disarming();
+            // The disarming may have waited.
+            self.work |= Work::LOG;
         }
     }
 

@@ -31,9 +31,10 @@ const ENTRY_WORDS: usize = 1 + size_of::<TaskNameWords>() / 4;
 static NAMES: [RetainedWords<ENTRY_WORDS>; MAX_TASKS] = [const { RetainedWords::new() }; MAX_TASKS];
 static NAMED: AtomicUsize = AtomicUsize::new(0);
 
-/// Hash of the program that runs, once known. Retained as the names are.
+/// Hash of the program that runs, once known, and its complement: before it is first written it is arbitrary. Retained as the names
+/// are.
 #[unsafe(link_section = ".uninit.FIRMWARE")]
-static FIRMWARE: RetainedWords<1> = RetainedWords::new();
+static FIRMWARE: RetainedWords<2> = RetainedWords::new();
 
 /// The note before a task in an interrupt began. Only one executor runs in an interrupt.
 static INTERRUPTED: AtomicU32 = AtomicU32::new(NOTHING);
@@ -55,9 +56,9 @@ pub(super) fn take_notes() -> Option<Notes> {
     let notes = Notes {
         running: name_of(running),
         overdue: name_of(WATCHDOG.scratch1().read()),
-        firmware: retained_firmware(),
+        firmware: firmware(),
     };
-    FIRMWARE.set([FirmwareHash::to_word(None)]);
+    FIRMWARE.set([0; 2]);
     WATCHDOG.scratch1().write_value(NOTHING);
     WATCHDOG.scratch0().write_value(MAIN);
     NOTES_WERE_READ.store(true, Ordering::Relaxed);
@@ -86,19 +87,14 @@ pub async fn name_this_task(name: &str) {
 
 /// Notes which program runs, for a crash record.
 pub fn note_firmware(hash: FirmwareHash) {
-    FIRMWARE.set([FirmwareHash::to_word(Some(hash))]);
+    let word = hash.number();
+    FIRMWARE.set([word, !word]);
 }
 
 /// The program that runs, if noted.
 pub(super) fn firmware() -> Option<FirmwareHash> {
-    // Before that, the word is an earlier program's, or anything.
-    let is_own = NOTES_WERE_READ.load(Ordering::Relaxed);
-    retained_firmware().filter(|_| is_own)
-}
-
-fn retained_firmware() -> Option<FirmwareHash> {
-    let [word] = FIRMWARE.get();
-    FirmwareHash::from_word(word)
+    let [word, complement] = FIRMWARE.get();
+    FirmwareHash::from_word(word).filter(|_| complement == !word)
 }
 
 /// The task that is running.

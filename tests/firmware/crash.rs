@@ -340,6 +340,21 @@ fn a_drive_that_power_or_a_reset_has_ended_is_reported_until_the_next_arming() {
 }
 
 #[test]
+fn a_disarming_is_in_flash_before_the_power_goes() {
+    let mut bench = between_ticks();
+    for drive_s in [1, 5] {
+        bench.request(&arm_by_force());
+        bench.run_for(drive_s * SECOND);
+        bench.request(&disarm());
+        bench.run_for(60 * MILLISECOND);
+        bench.power_cycle();
+        let from_us = bench.time_us();
+        bench.run_for(5 * SECOND);
+        assert!(ends_since(&mut bench, from_us).is_empty(), "after {drive_s} s");
+    }
+}
+
+#[test]
 fn the_next_log_begins_with_the_end_of_the_drive_before() {
     let mut bench = between_ticks();
     bench.ask(&arm_by_force());
