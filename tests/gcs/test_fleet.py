@@ -71,6 +71,20 @@ def test_a_worker_that_dies_changes_no_row(logs, tmp_path):
     assert failures_of(table) == failures_of(expected)
 
 
+def test_ctrl_c_ends_it_without_a_table_or_a_traceback(logs, tmp_path):
+    table = tmp_path / "drives.parquet"
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        command = [sys.executable, FLEET, "--table", table, "--replay", REPLAY, "--batch", "1"]
+        arguments = [*command, "--scheduler", cluster.scheduler_address, logs]
+        fleet = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        tasks = cluster.scheduler.tasks
+        wait_for(lambda: any(task.state == "memory" for task in list(tasks.values())))
+        fleet.send_signal(signal.SIGINT)
+        _, errors = fleet.communicate(timeout=30)
+    assert fleet.returncode == 1 and "Traceback" not in errors, errors
+    assert not table.exists()
+
+
 @pytest.fixture
 def address(logs):
     """Where the logs of the first pack are on the network."""

@@ -2,15 +2,15 @@
 
 use embassy_futures::block_on;
 use nor_flash::SmallFlash;
-use rover_battmon::autopilot::{SamplingProgress, Start};
+use rover_battmon::autopilot::{FlashStore, SamplingProgress, Start};
 use rover_battmon::battery::{RetainedMemory, RetainedRecord, lose_power};
 use rover_battmon::crash::ParameterSource;
-use rover_battmon::memory::storage::{Erase, Storage};
+use rover_battmon::memory::storage::{Erase, Storage, StorageError};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
-use support::commands::{BATTERY_RESET, PREFLIGHT_STORAGE, RESET};
+use support::commands::{BATTERY_RESET, PREFLIGHT_STORAGE, RESET, RUN_PREARM_CHECKS};
 use support::desk::{Desk, conversions};
 use support::frames::texts_of;
 use support::requests::{arm, arm_by_force, command_long, command_long_2, disarm, param_set};
@@ -53,6 +53,23 @@ fn defaults_after_quick_crashes_refuse_arming_until_a_start_reads_the_stored_val
     assert_eq!(desk.parameters().get(TIMEOUT), 5.0);
     assert!(desk.ask(&arm()).iter().all(|frame| frame.text(1, 3) != "Arm"));
     assert_eq!(desk.vehicle().arm_state(), ArmState::Armed);
+}
+
+#[test]
+fn a_prearm_check_names_parameters_that_a_restart_would_lose() {
+    let mut desk = Desk::without_packs();
+    let reported = |desk: &mut Desk| {
+        let texts = texts_of(&desk.ask(&command_long(RUN_PREARM_CHECKS, 0.0)));
+        texts.contains(&"PreArm: Parameters can't be saved: flash worn out?".into())
+    };
+    desk.ask(&param_set("FS_TIMEOUT", 3.0));
+    assert!(!reported(&mut desk), "it is about to be saved");
+    let job = desk.next_flash_job(FlashStore::Parameters).expect("the value");
+    desk.flash_done(&job, Err(StorageError::Corrupt));
+    assert!(reported(&mut desk));
+    assert!(desk.ask(&arm()).iter().all(|frame| frame.text(1, 6) != "PreArm"));
+    desk.flash_done(&job, Ok(None));
+    assert!(!reported(&mut desk));
 }
 
 /// A rover with a 3S pack of 3 Ah, after a start that has found this memory.

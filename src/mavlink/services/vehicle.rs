@@ -4,7 +4,7 @@ use ::mavlink::MessageData;
 use heapless::String;
 
 use super::{Context, LateSticksTexts, TOO_LATE};
-use crate::announce::Severity;
+use crate::announce::{Announce, Severity};
 use crate::mavlink::Peer;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, SET_MODE_DATA};
 use crate::mavlink::event::Event;
@@ -175,7 +175,7 @@ impl<'a> VehicleService<'a> {
         FAILED
     }
 
-    /// Reports everything that keeps the rover from being armed.
+    /// Reports everything that keeps the rover from being armed, and parameters that a restart would lose.
     fn check(&mut self) -> MavResult {
         if self.vehicle.arm_state() == ArmState::Armed {
             return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
@@ -183,6 +183,10 @@ impl<'a> VehicleService<'a> {
         for obstacle in arming_obstacles(self.state, self.parameters, self.vehicle) {
             let text = obstacle.text("PreArm");
             self.outbox.explain(Severity::Critical, &text);
+        }
+        if let Some(failure) = self.parameters.save_failure() {
+            let text: String<64> = text(format_args!("PreArm: {failure}"));
+            self.outbox.explain(failure.severity(), &text);
         }
         ACCEPTED
     }

@@ -21,7 +21,7 @@ pub struct LogFolder {
     path: PathBuf,
     flash: SimulatedFlash,
     /// The files in the flash, by number; without a copy if they began before the folder was opened.
-    known: HashMap<u16, Option<File>>,
+    known: HashMap<u16, Option<(PathBuf, File)>>,
     next_number: u32,
     /// Files whose latest copy has failed.
     behind: HashSet<u16>,
@@ -83,10 +83,14 @@ impl LogFolder {
             let copy = self.new_copy()?;
             self.known.insert(number, Some(copy));
         }
-        match self.known.get_mut(&number) {
-            Some(Some(copy)) => extend(copy, number, ring, &self.flash),
-            _ => Ok(()),
+        let Some(Some((path, copy))) = self.known.get_mut(&number) else {
+            return Ok(());
+        };
+        if !path.exists() {
+            // It was removed, perhaps with its folder: all of it once more.
+            *copy = File::create_new(path)?;
         }
+        extend(copy, number, ring, &self.flash)
     }
 
     /// Present content of the flash.
@@ -95,16 +99,17 @@ impl LogFolder {
     }
 
     /// With the next number that is free.
-    fn new_copy(&mut self) -> io::Result<File> {
+    fn new_copy(&mut self) -> io::Result<(PathBuf, File)> {
         loop {
             let name = format!("{:08}.BIN", self.next_number);
-            match File::create_new(self.path.join(name)) {
+            let path = self.path.join(name);
+            match File::create_new(&path) {
                 // Another simulator uses the folder.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => self.next_number += 1,
                 Err(error) => return Err(error),
                 Ok(copy) => {
                     self.next_number += 1;
-                    return Ok(copy);
+                    return Ok((path, copy));
                 }
             }
         }
@@ -282,6 +287,20 @@ mod tests {
                 file("00000002.BIN", b"first again")
             ]
         );
+    }
+
+    #[test]
+    fn copy_that_was_removed_is_made_once_more() {
+        let (folder, mut recorder) = (Folder::new(), Recorder::new());
+        let mut copies = recorder.folder(&folder);
+        recorder.begin(b"first, ");
+        copies.update().unwrap();
+        fs::remove_dir_all(&folder.0).unwrap();
+        recorder.append(b"second");
+        assert!(copies.update().is_err());
+        fs::create_dir(&folder.0).unwrap();
+        copies.update().unwrap();
+        assert_eq!(files(&folder), [file("00000001.BIN", b"first, second")]);
     }
 
     #[test]
