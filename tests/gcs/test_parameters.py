@@ -116,7 +116,9 @@ def test_what_was_set_outlasts_a_restart_and_the_simulator(start_simulator, tmp_
 def test_a_count_outlasts_a_restart(start_simulator):
     simulator = start_simulator()
     vehicle = connect(simulator.url)
-    set_to(vehicle, "BATT_CURR_PIN", 27)
+    for name, value in (("BATT_MONITOR", 4), ("BATT_CURR_PIN", 27), ("BATT_CELLS", 3), ("BATT_CAPACITY", 2200)):
+        set_to(vehicle, name, value)
+    vehicle = restarted(vehicle, simulator.url)
     time.sleep(3)
     assert command(vehicle, mavlink.MAV_CMD_BATTERY_RESET, 1, 40) == mavlink.MAV_RESULT_ACCEPTED
     used_mah = fresh(vehicle, "BATTERY_STATUS").current_consumed
