@@ -243,6 +243,17 @@ fn the_newest_log_shows_whether_the_power_ended_a_drive() {
     rover.desk.ask(&arm_by_force());
     rover.turn();
     assert!(rover.ends_armed(), "the file goes on");
+    // Also where the command is one too many for the log.
+    for _ in 0..10 {
+        rover.desk.ask(&arm_by_force());
+    }
+    rover.turn();
+    rover.desk.ask(&disarm());
+    rover.turn();
+    assert!(
+        !rover.ends_armed(),
+        "a disarming is written at once, not its command alone"
+    );
 }
 
 #[test]
