@@ -290,7 +290,8 @@ def test_the_guides_script_finds_a_rover_that_was_off_for_minutes(external_rover
     (script,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     script = script.replace("udpin:127.0.0.1:14550", external_rover.udpin)
     later = "import time; now = time.time; time.time = lambda: now() + 600\n"
-    subprocess.run([sys.executable, "-c", later + script], timeout=10, check=True)
+    found = "assert rover.target_system == 1\n"
+    subprocess.run([sys.executable, "-c", later + script + found], timeout=20, check=True)
 
 
 @pytest.mark.parametrize("options", [["--voltage", "12"], ["--readings", "-"]])
