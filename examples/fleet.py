@@ -13,6 +13,7 @@ Exit codes: 0; 1 if it failed; 2 if nothing could be tried, or there is no row: 
 
 import argparse
 import csv
+import logging
 import os
 import pathlib
 import subprocess
@@ -193,6 +194,8 @@ def make_table(chosen):
 
 def main():
     chosen = arguments()
+    # Of Ctrl-C it would report each task that Dask has not finished.
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)
     try:
         make_table(chosen)
     except Failure as failure:

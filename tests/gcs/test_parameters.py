@@ -113,6 +113,30 @@ def test_what_was_set_outlasts_a_restart_and_the_simulator(start_simulator, tmp_
     assert read(vehicle, "SR0_EXTRA1").param_value == 2
 
 
+def test_a_parameter_that_could_not_be_saved_is_named_and_saved_later(start_simulator, tmp_path):
+    folder, away = tmp_path / "flash", tmp_path / "away"
+    folder.mkdir()
+    simulator = start_simulator("--flash", str(folder / "rover"), "--speedup", "10")
+    vehicle = connect(simulator.url)
+
+    def text(beginning, seconds=20):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            said = vehicle.recv_match(type="STATUSTEXT", blocking=True, timeout=1)
+            if said and said.text.startswith(beginning):
+                return said.text
+        raise AssertionError(beginning)
+
+    folder.rename(away)
+    set_to(vehicle, "SR0_EXTRA1", 4)
+    text("Parameters can't be saved")
+    # It is acknowledged behind its texts.
+    vehicle.mav.command_long_send(1, 1, mavlink.MAV_CMD_RUN_PREARM_CHECKS, 0, 0, 0, 0, 0, 0, 0, 0)
+    text("PreArm: Parameters can't be saved: flash worn out?")
+    away.rename(folder)
+    text("Parameters saved")
+
+
 def test_a_count_outlasts_a_restart(start_simulator):
     simulator = start_simulator()
     vehicle = connect(simulator.url)
