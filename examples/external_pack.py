@@ -148,7 +148,7 @@ class Rover:
 
     def open(self):
         """A heartbeat goes first, and another one each second while none of the rover's comes: by UDP the rover may look for
-        whoever answers, and with a key its time may be behind ours, so that pymavlink drops all that it sends until it has
+        any station, and with a key its time may be behind ours, so that pymavlink drops all that it sends until it has
         heard us."""
         self.link = None
         self.monitor = None

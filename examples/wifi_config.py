@@ -97,7 +97,7 @@ def connected(device):
     rover.handle_eof = closed
     end = time.monotonic() + HEARTBEAT_TIMEOUT_S
     while time.monotonic() < end:
-        # By UDP the rover may look for whoever answers.
+        # By UDP the rover may look for any station.
         rover.mav.heartbeat_send(mavutil.mavlink.MAV_TYPE_GCS, mavutil.mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0)
         if rover.wait_heartbeat(timeout=1):
             return rover

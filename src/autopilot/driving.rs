@@ -96,24 +96,22 @@ impl Autopilot {
     }
 
     /// The rover is armed: interruptions are over. One that is still a danger to the drive is announced once more.
-    pub(super) fn end_interruption(&mut self, now: Instant) {
+    fn end_interruption(&mut self, now: Instant) {
         match mem::take(&mut self.last_run.end) {
             RunEnd::Interrupted(Interruption::PowerDip) => self.announce(&Notice::PowerWentOff, now),
             RunEnd::Interrupted(Interruption::Crash) => {
-                let crash = self.last_run.crash.take();
-                if let Some(crash) = &crash {
-                    let text = headline(crash, self.identity().firmware_hash);
+                let running = self.identity().firmware_hash;
+                let crash = self.last_run.crash.as_ref();
+                if let Some(text) = crash.map(|crash| headline(crash, running)) {
                     self.announce(&CrashLine(&text), now);
                 }
-                // The log may have yet to take it.
-                self.last_run.crash = crash;
             }
             _ => {}
         }
     }
 
     /// Records how the last run ended, as a file begins.
-    pub(super) fn record_last_run(&mut self) {
+    fn record_last_run(&mut self) {
         if self.recording.crash_is_due()
             && let Some(crash) = &self.last_run.crash
         {

@@ -68,7 +68,7 @@ impl Autopilot {
     }
 
     /// Sends what interrupted the last run on this link only.
-    pub(super) fn notify_of_interruption(&self, endpoint: &mut Endpoint) {
+    fn notify_of_interruption(&self, endpoint: &mut Endpoint) {
         let running = self.identity().firmware_hash;
         self.last_run
             .report(running, &mut |notice| notify(endpoint, notice));

@@ -22,7 +22,7 @@ pub struct LastRun {
     pub crash: Option<CrashRecord>,
     /// Number of programs that crashed one after the other.
     pub crashes_in_a_row: CrashesInARow,
-    start: StartKind,
+    cause: StartCause,
 }
 
 impl LastRun {
@@ -40,27 +40,24 @@ impl LastRun {
         }
         let crash = retained::crash();
         let is_of_radio = crash.as_ref().is_some_and(|crash| crash.is_during(RADIO_TASK));
-        let start = match reset_reason {
-            ResetReason::WatchdogTimeout | ResetReason::Fault if is_of_radio => StartKind::AfterRadioCrash,
-            ResetReason::WatchdogTimeout | ResetReason::Fault => StartKind::AfterCrash,
-            ResetReason::PowerOn
-            | ResetReason::RunPin
-            | ResetReason::Debugger
-            | ResetReason::Software
-            | ResetReason::Processor => StartKind::Requested,
+        let cause = cause(reset_reason);
+        let start = match cause {
+            StartCause::Crash if is_of_radio => StartKind::AfterRadioCrash,
+            StartCause::Crash => StartKind::AfterCrash,
+            StartCause::Power | StartCause::Reset | StartCause::Request => StartKind::Requested,
         };
         Self {
             reset_reason,
-            end: take_end(cause(reset_reason)),
+            end: take_end(cause),
             crash,
             crashes_in_a_row: count(|before| before.with(start)),
-            start,
+            cause,
         }
     }
 
     /// Whether the last run ended by the crash.
     pub fn has_crashed(&self) -> bool {
-        self.start != StartKind::Requested
+        self.cause == StartCause::Crash
     }
 
     /// Logs everything about the crash.
@@ -93,13 +90,11 @@ fn take_end(cause: StartCause) -> RunEnd {
 
 /// Marks the state of the drive for the next start. Disarmed, an interruption stays marked.
 pub(super) fn mark_drive(arm_state: ArmState) {
-    let before = retained::drive_mark();
-    let now = match arm_state {
-        ArmState::Armed => DriveMark::Armed,
-        ArmState::Disarmed => DriveMark::Disarmed,
-    };
-    if before != Some(now) && (before == Some(DriveMark::Armed) || now == DriveMark::Armed) {
-        retained::set_drive_mark(now);
+    let is_marked_armed = retained::drive_mark() == Some(DriveMark::Armed);
+    match (arm_state, is_marked_armed) {
+        (ArmState::Armed, false) => retained::set_drive_mark(DriveMark::Armed),
+        (ArmState::Disarmed, true) => retained::set_drive_mark(DriveMark::Disarmed),
+        _ => {}
     }
 }
 

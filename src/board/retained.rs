@@ -7,7 +7,7 @@
 
 use super::ResetReason;
 use crate::battery::{RetainedMemory, RetainedRecord, lose_power};
-use crate::crash::{CrashRecord, CrashWords, DriveMark, MarkWords};
+use crate::crash::{CrashRecord, CrashWords, DriveMark};
 use crate::memory::retained::RetainedWords;
 use crate::net::RetainedLeases;
 
@@ -46,11 +46,8 @@ const WORDS: usize = size_of::<CrashWords>() / 4;
 #[unsafe(link_section = ".uninit.CRASH")]
 static CRASH: RetainedWords<WORDS> = RetainedWords::new();
 
-/// Words of a mark.
-const MARK_WORDS: usize = size_of::<MarkWords>() / 4;
-
 #[unsafe(link_section = ".uninit.DRIVE_MARK")]
-static DRIVE_MARK: RetainedWords<MARK_WORDS> = RetainedWords::new();
+static DRIVE_MARK: RetainedWords<3> = RetainedWords::new();
 
 /// State of the drive before this start, or that was noted since.
 pub(super) fn drive_mark() -> Option<DriveMark> {

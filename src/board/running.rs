@@ -15,7 +15,7 @@ use embassy_rp::pac::WATCHDOG;
 use crate::crash::{TaskName, TaskNameWords};
 use crate::log::warn;
 use crate::memory::identity::FirmwareHash;
-use crate::memory::retained::RetainedWords;
+use crate::memory::retained::{RetainedWords, sealed, sealed_value};
 
 /// Content of a register that was not written since power-on or RUN.
 const NOTHING: u32 = 0;
@@ -31,10 +31,12 @@ const ENTRY_WORDS: usize = 1 + size_of::<TaskNameWords>() / 4;
 static NAMES: [RetainedWords<ENTRY_WORDS>; MAX_TASKS] = [const { RetainedWords::new() }; MAX_TASKS];
 static NAMED: AtomicUsize = AtomicUsize::new(0);
 
-/// Hash of the program that runs, once known, and its complement: before it is first written it is arbitrary. Retained as the names
-/// are.
+/// Identifies the hash of a program.
+const FIRMWARE_MAGIC: u32 = u32::from_le_bytes(*b"FWH1");
+
+/// Hash of the program that runs, once known. Retained as the names are.
 #[unsafe(link_section = ".uninit.FIRMWARE")]
-static FIRMWARE: RetainedWords<2> = RetainedWords::new();
+static FIRMWARE: RetainedWords<3> = RetainedWords::new();
 
 /// The note before a task in an interrupt began. Only one executor runs in an interrupt.
 static INTERRUPTED: AtomicU32 = AtomicU32::new(NOTHING);
@@ -58,7 +60,7 @@ pub(super) fn take_notes() -> Option<Notes> {
         overdue: name_of(WATCHDOG.scratch1().read()),
         firmware: firmware(),
     };
-    FIRMWARE.set([0; 2]);
+    FIRMWARE.set([0; 3]);
     WATCHDOG.scratch1().write_value(NOTHING);
     WATCHDOG.scratch0().write_value(MAIN);
     NOTES_WERE_READ.store(true, Ordering::Relaxed);
@@ -87,14 +89,12 @@ pub async fn name_this_task(name: &str) {
 
 /// Notes which program runs, for a crash record.
 pub fn note_firmware(hash: FirmwareHash) {
-    let word = hash.number();
-    FIRMWARE.set([word, !word]);
+    FIRMWARE.set(sealed(hash.number(), FIRMWARE_MAGIC));
 }
 
 /// The program that runs, if noted.
 pub(super) fn firmware() -> Option<FirmwareHash> {
-    let [word, complement] = FIRMWARE.get();
-    FirmwareHash::from_word(word).filter(|_| complement == !word)
+    FirmwareHash::from_word(sealed_value(&FIRMWARE.get(), FIRMWARE_MAGIC)?)
 }
 
 /// The task that is running.

@@ -6,7 +6,7 @@ const LIMIT: u8 = 5;
 /// Uptime that ends a row of quick crashes, in seconds.
 const STABLE_AFTER_S: u64 = 30;
 
-/// Cause of a start.
+/// Kind of a start, for what is counted of crashes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StartKind {
     /// Power-on or a requested restart.

@@ -1,15 +1,9 @@
 //! Ends of a run that its driver did not ask for, and the mark in RAM by which the next start knows of them.
 
-use crate::memory::retained::{is_sealed, seal};
+use crate::memory::retained::{SealedValue, sealed, sealed_value};
 
 /// Identifies this layout.
 const MAGIC: u32 = u32::from_le_bytes(*b"DRV1");
-
-/// Magic number, mark, checksum.
-const MARK_WORDS: usize = 3;
-
-/// A mark as words.
-pub type MarkWords = [u32; MARK_WORDS];
 
 /// End of a run that the driver did not ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,7 +63,7 @@ const RESET: u32 = 4;
 
 impl DriveMark {
     /// The mark as words with magic number and checksum.
-    pub fn to_words(self) -> MarkWords {
+    pub fn to_words(self) -> SealedValue {
         let code = match self {
             Self::Disarmed => DISARMED,
             Self::Armed => ARMED,
@@ -77,15 +71,12 @@ impl DriveMark {
             Self::Interrupted(Interruption::PowerDip | Interruption::PowerOff) => POWER_DIP,
             Self::Interrupted(Interruption::Reset) => RESET,
         };
-        let mut words = [0, code, 0];
-        seal(&mut words, MAGIC);
-        words
+        sealed(code, MAGIC)
     }
 
     /// The mark in `words`, if they are valid.
-    pub fn from_words(words: &MarkWords) -> Option<Self> {
-        let &[_, code, _] = words;
-        let mark = match code {
+    pub fn from_words(words: &SealedValue) -> Option<Self> {
+        let mark = match sealed_value(words, MAGIC)? {
             DISARMED => Self::Disarmed,
             ARMED => Self::Armed,
             CRASH => Self::Interrupted(Interruption::Crash),
@@ -93,7 +84,7 @@ impl DriveMark {
             RESET => Self::Interrupted(Interruption::Reset),
             _ => return None,
         };
-        is_sealed(words, MAGIC).then_some(mark)
+        Some(mark)
     }
 
     /// The mark of a start, by the one `before` it, if that was retained.
@@ -185,7 +176,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_flipped_bit_is_no_mark(index in 0..MARKS.len(), bit in 0..32 * MARK_WORDS) {
+        fn any_flipped_bit_is_no_mark(index in 0..MARKS.len(), bit in 0..96_usize) {
             let mut words = MARKS[index].to_words();
             words[bit / 32] ^= 1 << (bit % 32);
             prop_assert_eq!(DriveMark::from_words(&words), None);

@@ -9,6 +9,6 @@ mod record;
 mod text;
 
 pub use crashes_in_a_row::{CrashesInARow, ParameterSource, StartKind};
-pub use interruption::{DriveMark, Interruption, MarkWords, RunEnd, StartCause};
+pub use interruption::{DriveMark, Interruption, RunEnd, StartCause};
 pub use record::{CrashCause, CrashRecord, CrashWords, FaultSite, STACK_WORDS, TaskName, TaskNameWords};
 pub use text::{call_sites_text, headline};

@@ -48,6 +48,22 @@ pub(crate) fn is_sealed(words: &[u32], magic: u32) -> bool {
     })
 }
 
+/// A single value: magic number, value, checksum.
+pub type SealedValue = [u32; 3];
+
+/// `value` behind `magic`, which identifies it.
+pub(crate) fn sealed(value: u32, magic: u32) -> SealedValue {
+    let mut words = [0, value, 0];
+    seal(&mut words, magic);
+    words
+}
+
+/// The value in `words`, if they are valid.
+pub(crate) fn sealed_value(words: &SealedValue, magic: u32) -> Option<u32> {
+    let &[_, value, _] = words;
+    is_sealed(words, magic).then_some(value)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -510,7 +510,7 @@ struct Restart {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Before {
     Driving,
-    /// For so many seconds.
+    /// For this long, in seconds.
     Parked(f32),
     Unplugged,
     /// It was out, and has not rested since.

@@ -51,7 +51,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// Where no temperature is measured.
+    /// Without a thermometer.
     pub fn of(volts: f64, amperes: f64) -> Self {
         Self {
             volts,
