@@ -8,7 +8,6 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{RetainedMemory, RetainedRecord};
-use rover_battmon::crash::RunEnd;
 use rover_battmon::mavlink::{LinkKind, SIMULATED_LINKS};
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::Buses;
@@ -114,10 +113,7 @@ async fn start<'a>(
     scenario: Option<&'static Scenario>,
     pack: &'a RefCell<SimulatedPack>,
 ) -> (Desk<'a>, Storages<SimulatedFlash>) {
-    let mut start = Start {
-        run_end: RunEnd::Unknown,
-        ..Start::default()
-    };
+    let mut start = Start::default();
     role.set_up(&mut start);
     let storages = boot(flash, &mut start).await;
     if let Some(scenario) = scenario {

@@ -5,7 +5,7 @@ use std::future::pending;
 use embassy_futures::join::join3;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::RetainedMemory;
-use rover_battmon::crash::ParameterSource;
+use rover_battmon::crash::{ParameterSource, RunEnd};
 use rover_battmon::memory::flash_map;
 use rover_battmon::sensor::{AnalogIn, SensorBus};
 use rover_battmon::tasks::{
@@ -64,6 +64,8 @@ where
 /// Reads what `flash` has of `start`.
 pub async fn boot(flash: &SimulatedFlash, start: &mut Start) -> Storages<SimulatedFlash> {
     let mut storages = Storages::of_board(flash.clone(), start.radio);
+    // No mark of a drive is retained: the newest log shows how the last one ended.
+    start.run_end = RunEnd::Unknown;
     storages.boot(ParameterSource::Stored, start).await;
     storages
 }

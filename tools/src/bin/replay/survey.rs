@@ -250,9 +250,8 @@ impl Survey {
         if let Some(((pack, level), time_s)) = announced(text).zip(time_s) {
             self.recorded.levels[usize::from(pack.instance())].reach(level, time_s);
         }
-        let interruptions = [Notice::PowerWentOff, Notice::ResetWhileArmed].map(|notice| notice.to_string());
-        if text.starts_with(CRASH) || interruptions.iter().any(|interruption| text == interruption) {
-            self.run_before.get_or_insert_with(|| text.to_string());
+        if self.run_before.is_none() && is_about_run_before(text) {
+            self.run_before = Some(text.into());
         }
     }
 
@@ -266,6 +265,11 @@ impl Survey {
             learnt[LEARNT_CURVE].copy_from_slice(words);
         }
     }
+}
+
+fn is_about_run_before(text: &str) -> bool {
+    let interruptions = [Notice::PowerWentOff, Notice::ResetWhileArmed];
+    text.starts_with(CRASH) || interruptions.iter().any(|notice| text == notice.to_string())
 }
 
 #[cfg(test)]

@@ -14,7 +14,6 @@ use embassy_futures::select::{Either, select};
 use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{RetainedMemory, RetainedRecord};
-use rover_battmon::crash::RunEnd;
 use rover_battmon::mavlink::LinkId;
 use rover_battmon::sensor::Buses;
 use rover_battmon::tasks::{Link, Shared, reboot_requested, serve_link};
@@ -62,8 +61,6 @@ pub struct SteppedBoard {
     pub indications: History<Indication>,
     /// Restarts since power-up.
     restarts: Cell<usize>,
-    /// As the mark in RAM has it.
-    run_end: Cell<RunEnd>,
 }
 
 impl SteppedVehicle {
@@ -78,7 +75,6 @@ impl SteppedVehicle {
             drives: History::default(),
             indications: History::default(),
             restarts: Cell::new(0),
-            run_end: Cell::new(RunEnd::Unknown),
         });
         Self {
             run: Stepped::new(board.clone().run()),
@@ -93,7 +89,6 @@ impl SteppedVehicle {
         self.epoch_us = self.now_us;
         self.board.flash.chip().power_up();
         self.board.restarts.set(0);
-        self.board.run_end.set(RunEnd::Unknown);
         for port in [&self.board.uart, &self.board.usb, &self.board.serial] {
             port.restart(self.epoch_us);
         }
@@ -130,10 +125,7 @@ impl SteppedBoard {
     }
 
     async fn run_until_restart(&self, memory: &mut RetainedMemory) -> Restart {
-        let mut start = Start {
-            run_end: self.run_end.get(),
-            ..Start::default()
-        };
+        let mut start = Start::default();
         let storages = boot(&self.flash, &mut start).await;
         let shared = Shared::new(&start);
         let uart = Link::of_board(LinkId::Uart0, &shared).with_logs(&self.flash);
@@ -153,12 +145,7 @@ impl SteppedBoard {
         let vehicle = join(hardware.run(storages, self.flash.clone(), memory, &shared), links);
         match select(vehicle, reboot_requested(&shared, || uart.is_idle())).await {
             Either::First((never, _)) => never,
-            Either::Second(restart) => {
-                if shared.with(|autopilot| autopilot.vehicle().armings()) > 0 {
-                    self.run_end.set(RunEnd::Complete);
-                }
-                restart
-            }
+            Either::Second(restart) => restart,
         }
     }
 }
