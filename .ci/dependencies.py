@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks the dependencies: licences against two lists, yanked versions, and that a comment in a Cargo.toml has the use of each."""
+"""Checks the dependencies: licences against two lists, yanked versions, and that each version stands once, with its use."""
 
 import json
 import pathlib
@@ -15,6 +15,12 @@ FIRMWARE = {"MIT", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause
 # Packages without one of these, whose own text allows it: the comment in Cargo.toml.
 BY_OWN_TEXT = {"cyw43-firmware"}
 DESK = FIRMWARE | {"MPL-2.0", "BSL-1.0", "CC0-1.0", "Unicode-3.0"}
+
+# The table of versions, its entries, those below a comment, and entries of any table that have a version of their own.
+TABLE = re.compile(r"^\[workspace\.dependencies\]\n(?:(?!\[).*\n)*", re.MULTILINE)
+ENTRY = re.compile(r"^([A-Za-z0-9_-]+) = ", re.MULTILINE)
+EXPLAINED = re.compile(r"^# \S.*\n([A-Za-z0-9_-]+) = ", re.MULTILINE)
+VERSION = re.compile(r'^([A-Za-z0-9_-]+) = (?:"|\{.*\bversion = )', re.MULTILINE)
 
 
 def cargo(*arguments):
@@ -55,16 +61,18 @@ def direct_dependencies():
     return used - members, [pathlib.Path(package["manifest_path"]) for package in metadata["packages"]]
 
 
-def explained_dependencies(manifest):
-    """The dependencies of a manifest that have a comment on the line above."""
-    return set(re.findall(r"^# \S.*\n([A-Za-z0-9_-]+) = ", manifest, re.MULTILINE))
-
-
-def documentation_complaints():
+def versions_complaints():
+    """The table of all versions has a comment above each, and no dependency besides those in use; no other place has a version."""
     used, manifests = direct_dependencies()
-    explained = set().union(*(explained_dependencies(manifest.read_text()) for manifest in manifests))
+    table = TABLE.search((REPOSITORY / "Cargo.toml").read_text()).group()
+    listed = set(ENTRY.findall(table))
+    explained = set(EXPLAINED.findall(table))
     print(f"  direct dependencies: {len(used)}")
-    yield from (f"{name}: no Cargo.toml has a comment above it that says what it is for" for name in sorted(used - explained))
+    yield from (f"{name}: no comment above it in [workspace.dependencies] says what it is for" for name in sorted(used - explained))
+    yield from (f"{name}: in [workspace.dependencies], and used by no package" for name in sorted(listed - used))
+    for manifest in manifests:
+        elsewhere = used & set(VERSION.findall(manifest.read_text().replace(table, "")))
+        yield from (f"{name}: {manifest} has a version of its own" for name in sorted(elsewhere))
 
 
 def yanked_complaints():
@@ -77,7 +85,7 @@ def main():
     complaints = [
         *licence_complaints("in the firmware", licences("--target", TARGET, "--edges", "normal,no-proc-macro"), FIRMWARE),
         *licence_complaints("on the desk", licences("--target", "all", "--edges", "normal,build,dev"), DESK),
-        *documentation_complaints(),
+        *versions_complaints(),
         *yanked_complaints(),
     ]
     for complaint in complaints:
