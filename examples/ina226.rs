@@ -64,7 +64,7 @@ mod firmware {
 
         let start = now();
         let mut parts = BusDevices::from_parameters(&parameters, start);
-        let settings = PackSettings::from_parameters(&parameters, Pack::First);
+        let settings = parameters.pack(Pack::First).settings();
         let mut monitor = BatteryMonitor::new();
         let mut battery = BatteryState::default();
         let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start);

@@ -117,7 +117,7 @@ mod firmware {
                     now,
                     arm_state: vehicle.arm_state(),
                 };
-                let settings = PackSettings::from_parameters(&parameters, Pack::First);
+                let settings = parameters.pack(Pack::First).settings();
                 let update = monitor.update(&mut battery, tick, reading, &settings);
                 link.announce(Pack::First, &update.events);
             }
@@ -136,7 +136,7 @@ mod firmware {
         now: Instant,
         parameters: &Parameters,
     ) -> Result<Measurement, ReadError> {
-        let divider = AnalogWiring::from_parameters(parameters, Pack::First).divider;
+        let divider = AnalogWiring::from_parameters(parameters.pack(Pack::First)).divider;
         let conversions = pins
             .read(now, WantedReadings::of(AnalogPin::Gp26))
             .pin(AnalogPin::Gp26)?;

@@ -5,9 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, Extremes, LearntPack, Measurement, PackSettings, Tick,
-};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, Extremes, LearntPack, Measurement, Tick};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::recorder::dataflash::{ArmingMethod, Record, opening_record};
@@ -375,7 +373,7 @@ fn log_of_drive() -> Vec<u8> {
         let name = name.as_str();
         bytes.extend(Record::Parameter { name, value, default }.encode(0));
     }
-    let settings = PackSettings::from_parameters(&parameters, Pack::Second);
+    let settings = parameters.pack(Pack::Second).settings();
     let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
     monitor.restore_learnt(LearntPack::of(None));
     let mut arm_state = ArmState::Disarmed;

@@ -237,8 +237,8 @@ mod tests {
     use super::*;
     use crate::announce::announced_text;
     use crate::battery::{
-        Amount, ChargeState, CurrentRange, FailsafeLevel, Faults, Gap, LessonObstacle, PackEvent, PackNotice,
-        ReadError,
+        Amount, ChargeState, CurrentRange, CurrentScale, FailsafeLevel, Faults, Gap, LessonObstacle,
+        PackEvent, PackNotice, ReadError, SupplyEvent,
     };
     use crate::mavlink::{SigningChange, SigningTrouble};
     use crate::memory::storage::FlashFault;
@@ -263,6 +263,7 @@ mod tests {
             voltage_v: Some(1000.0),
             consumed: Some(consumed),
         };
+        let most_faults = Faults::all() - Faults::CELL_DIFFERS - Faults::UNDER_TEMPERATURE;
         for (event, expected) in [
             (
                 PackEvent::CellsDetected { count: 3 },
@@ -278,7 +279,6 @@ mod tests {
                 PackEvent::CurrentLost,
                 "Battery 9 current lost: charge by voltage alone",
             ),
-            (PackEvent::MeasuredBy(192), "Battery 9 measured by component 192"),
             (PackEvent::CurrentReversed, "Battery 9 current sensor reversed?"),
             (PackEvent::ContactLost, "Battery 9 not connected"),
             (PackEvent::ContactRestored, "Battery 9 connected again"),
@@ -297,50 +297,6 @@ mod tests {
             (
                 PackEvent::SensorFailed(ReadError::AddressTaken),
                 "Battery 9 unhealthy: address already in use",
-            ),
-            (
-                PackEvent::PowerLimited(Some(32_767)),
-                "Battery 9 limits the motors: over 32767W",
-            ),
-            (
-                PackEvent::PowerLimited(None),
-                "Battery 9 no longer limits the motors",
-            ),
-            (
-                PackEvent::PowerUnknown,
-                "Battery 9 can't limit the motors: current unknown",
-            ),
-            (
-                PackEvent::NotFound {
-                    address: Some(0x40),
-                    answering: [Some(0x0b), Some(0x41), None, None, None],
-                },
-                "Battery 9 not found at 0x40: the bus answers at 0x0b, 0x41",
-            ),
-            (
-                PackEvent::NotFound {
-                    address: None,
-                    answering: [None; 5],
-                },
-                "Battery 9 not found: nothing answers",
-            ),
-            (
-                PackEvent::Found {
-                    address: 0x0b,
-                    cells: Some(4),
-                },
-                "Battery 9 found at 0x0b, 4 cells",
-            ),
-            (
-                PackEvent::Range {
-                    part: "INA3221",
-                    current_a: 163.84,
-                },
-                "Battery 9 INA3221 up to 163.8 A",
-            ),
-            (
-                PackEvent::ActionTooLate(FailsafeLevel::Unhealthy),
-                "Battery 9 is missing already: acts next time, choose Hold",
             ),
             (PackEvent::SensorRecovered, "Battery 9 healthy again"),
             (PackEvent::PoweringOff, "Battery 9 is powering off"),
@@ -385,7 +341,7 @@ mod tests {
                 "Battery 9 learnt: 2995 mAh, 87 mOhm",
             ),
             (
-                PackEvent::CapacityAboveLabel(Some(BatteryParameter::Shunt)),
+                PackEvent::CapacityAboveLabel(Some(CurrentScale::Shunt)),
                 "Battery 9 check BATT9_SHUNT or BATT9_CAPACITY",
             ),
             (
@@ -397,9 +353,7 @@ mod tests {
                 "Battery 9 reports: bad battery, over temperature",
             ),
             (
-                PackEvent::Faults(Faults::all() - Faults::CELL_DIFFERS - Faults::UNDER_TEMPERATURE)
-                    .split()
-                    .0,
+                PackNotice(Pack::Ninth, &PackEvent::Faults(most_faults)).split().0,
                 "Battery 9 fault: cell failed, deep discharge, over temperature, over current",
             ),
             (
@@ -442,6 +396,58 @@ mod tests {
             (
                 failsafe(FailsafeLevel::Critical, Amount::Ml(-1e9)),
                 "Battery 9 is critical, used -1000000000 ml",
+            ),
+        ] {
+            assert_eq!(PackNotice(Pack::Ninth, &event).text(), expected);
+        }
+        for (event, expected) in [
+            (
+                SupplyEvent::MeasuredBy(192),
+                "Battery 9 measured by component 192",
+            ),
+            (
+                SupplyEvent::PowerLimited(Some(32_767)),
+                "Battery 9 limits the motors: over 32767W",
+            ),
+            (
+                SupplyEvent::PowerLimited(None),
+                "Battery 9 no longer limits the motors",
+            ),
+            (
+                SupplyEvent::PowerUnknown,
+                "Battery 9 can't limit the motors: current unknown",
+            ),
+            (
+                SupplyEvent::NotFound {
+                    address: Some(0x40),
+                    answering: [Some(0x0b), Some(0x41), None, None, None],
+                },
+                "Battery 9 not found at 0x40: the bus answers at 0x0b, 0x41",
+            ),
+            (
+                SupplyEvent::NotFound {
+                    address: None,
+                    answering: [None; 5],
+                },
+                "Battery 9 not found: nothing answers",
+            ),
+            (
+                SupplyEvent::Found {
+                    address: 0x0b,
+                    cells: Some(4),
+                },
+                "Battery 9 found at 0x0b, 4 cells",
+            ),
+            (
+                SupplyEvent::Range {
+                    part: "INA3221",
+                    current_a: 163.84,
+                },
+                "Battery 9 INA3221 up to 163.8 A",
+            ),
+            (
+                SupplyEvent::ActionTooLate(FailsafeLevel::Unhealthy),
+                "Battery 9 is missing already: acts next time, choose Hold",
             ),
         ] {
             assert_eq!(PackNotice(Pack::Ninth, &event).text(), expected);
@@ -496,9 +502,7 @@ mod tests {
             PackEvent::Gap(gap),
             PackEvent::CurrentOverRange(CurrentRange::Over),
             PackEvent::CurrentLost,
-            PackEvent::MeasuredBy(191),
             PackEvent::CurrentReversed,
-            PackEvent::AboveDrivers,
             PackEvent::SensorFailed(ReadError::Timeout),
             PackEvent::SensorRecovered,
             PackEvent::PoweringOff,
@@ -508,7 +512,7 @@ mod tests {
             charge(ChargeState::Emergency),
             PackEvent::Charging,
             learnt,
-            PackEvent::CapacityAboveLabel(Some(BatteryParameter::AmpPervlt)),
+            PackEvent::CapacityAboveLabel(Some(CurrentScale::AmperesPerVolt)),
             PackEvent::CapacityAboveLabel(None),
             PackEvent::NotLearnt(LessonObstacle::NoRest),
             PackEvent::Faults(Faults::SPIKES),
@@ -528,9 +532,7 @@ notice: Battery 1 connected again
 warning: Battery 1 not measured for 3s: consumption too low
 warning: Battery 1 current over range: consumption too low
 warning: Battery 1 current lost: charge by voltage alone
-warning: Battery 1 measured by component 191
 warning: Battery 1 current sensor reversed?
-warning: Battery 1 voltage above MOT_DRV_VOLT
 warning: Battery 1 unhealthy: no reading in time
 notice: Battery 1 healthy again
 warning: Battery 1 is powering off
@@ -569,6 +571,8 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
             SerialNotice::Torqeedo(TorqeedoCondition::default()),
         ];
         let announcements: [&dyn Announce; _] = [
+            &PackNotice(Pack::First, &SupplyEvent::MeasuredBy(191)),
+            &PackNotice(Pack::First, &SupplyEvent::AboveDrivers),
             &VehicleEvent::NeedsPosition(FailsafeAction::Rtl),
             &VehicleEvent::Terminated,
             &VehicleEvent::ControlsTimedOut,
@@ -673,6 +677,8 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
         let serial = serial.iter().map(|notice| notice as &dyn Announce);
         let lines: Vec<_> = announcements.into_iter().chain(serial).map(line).collect();
         let expected = "\
+warning: Battery 1 measured by component 191
+warning: Battery 1 voltage above MOT_DRV_VOLT
 warning: RTL needs a position: Hold
 critical: Terminated by battery failsafe
 warning: Radio Failsafe: Hold

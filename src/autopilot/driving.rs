@@ -5,7 +5,7 @@ use core::mem;
 use super::announcement::{CrashLine, Notice};
 use super::{Autopilot, Work};
 use crate::announce::announced_text;
-use crate::battery::{FailsafeLevel, PackEvent};
+use crate::battery::{FailsafeLevel, SupplyEvent};
 use crate::crash::{Interruption, RunEnd, headline};
 use crate::log::info;
 use crate::pack::Pack;
@@ -61,7 +61,7 @@ impl Autopilot {
     pub(super) fn act_on_failsafe(&mut self, pack: Pack, reached: &[FailsafeLevel]) {
         self.recording.add(&Record::Error(Subsystem::BatteryFailsafe));
         self.mode_reason = ModeReason::BatteryFailsafe;
-        let action = FailsafeAction::from_parameters(&self.parameters, pack, reached);
+        let action = FailsafeAction::from_parameters(self.parameters.pack(pack), reached);
         if let Some(event) = self.vehicle.battery_failsafe(pack, action) {
             self.announce_vehicle(event);
         }
@@ -137,9 +137,9 @@ impl Autopilot {
     /// Announces power limits that do nothing, since the power is not known.
     fn announce_idle_limits(&mut self, now: Instant) {
         for pack in Pack::ALL {
-            let is_limited = PowerLimit::from_parameters(&self.parameters, pack).is_some();
+            let is_limited = PowerLimit::from_parameters(self.parameters.pack(pack)).is_some();
             if is_limited && self.packs.kind(pack).is_some() && self.packs.bank.power_w(pack).is_none() {
-                self.announce_pack(pack, &PackEvent::PowerUnknown, now);
+                self.announce_supply(pack, &SupplyEvent::PowerUnknown, now);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::stores::{FlashJob, FlashResult, FlashStore, PackIdentity};
 use super::{Autopilot, Work};
-use crate::battery::{LearntPack, PackSettings};
+use crate::battery::LearntPack;
 use crate::log::{info, warn};
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
@@ -103,7 +103,7 @@ impl Autopilot {
     fn pack_identity(&self, pack: Pack) -> PackIdentity {
         PackIdentity {
             pack,
-            serial_number: PackSettings::serial_number(&self.parameters, pack),
+            serial_number: self.parameters.pack(pack).serial_number(),
         }
     }
 

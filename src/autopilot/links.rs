@@ -9,7 +9,9 @@ use super::start::ParameterLoad;
 use super::stores::FlashStore;
 use super::{Autopilot, Work, complete};
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Severity, announced_text};
-use crate::battery::{FailsafeLevel, PackEvent, PackNotice, PackSettings, PackStatus, SuggestedThresholds};
+use crate::battery::{
+    FailsafeLevel, MissingSetting, PackEvent, PackNotice, PackStatus, SuggestedThresholds, SupplyEvent,
+};
 use crate::log::{info, warn};
 use crate::mavlink::{
     Action, Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,
@@ -94,7 +96,7 @@ impl Autopilot {
         notify_any(endpoint, self.missing_threshold().map(Notice::FailsafesOff));
         for pack in Pack::ALL {
             if self.packs.not_found & pack.bit() != 0 {
-                let event = PackEvent::NotFound {
+                let event = SupplyEvent::NotFound {
                     address: self.packs.part_addresses[pack as usize],
                     answering: self.packs.answering,
                 };
@@ -117,7 +119,7 @@ impl Autopilot {
                 notify(endpoint, &PackNotice(pack, &event));
             }
             if let limit @ Some(_) = self.vehicle.power_limit_w(pack) {
-                notify(endpoint, &PackNotice(pack, &PackEvent::PowerLimited(limit)));
+                notify(endpoint, &PackNotice(pack, &SupplyEvent::PowerLimited(limit)));
             }
         }
     }
@@ -136,13 +138,11 @@ impl Autopilot {
         let is_monitored = |pack: &Pack| self.battery(*pack).status != PackStatus::Disabled;
         let mut found = None;
         for pack in Pack::ALL.into_iter().filter(is_monitored) {
-            let settings = PackSettings::from_parameters(&self.parameters, pack);
-            let settings = settings.of_kind(pack, self.packs.kind(pack));
-            let missing = settings.failsafe.missing_parameter(self.battery(pack))?;
-            let completes_another =
-                matches!(missing, BatteryParameter::LowTimer | BatteryParameter::Capacity);
+            let settings = self.parameters.pack(pack).settings_of_kind(self.packs.kind(pack));
+            let missing = settings.failsafe.missing_setting(self.battery(pack))?;
+            let completes_another = matches!(missing, MissingSetting::Timer | MissingSetting::Capacity);
             if found.is_none() || completes_another {
-                found = Some(missing.of(pack));
+                found = Some(BatteryParameter::from(missing).of(pack));
             }
         }
         found
@@ -150,7 +150,7 @@ impl Autopilot {
 
     /// Thresholds for a pack that has none.
     pub(super) fn suggestion(&self, pack: Pack) -> Option<Notice> {
-        let settings = PackSettings::from_parameters(&self.parameters, pack);
+        let settings = self.parameters.pack(pack).settings();
         let suggested = SuggestedThresholds::of(self.battery(pack), &settings)?;
         Some(Notice::Suggestion(pack, suggested))
     }
@@ -381,13 +381,13 @@ impl Autopilot {
         let ParameterId::Battery(pack, parameter) = id else {
             return;
         };
-        let reached = self.battery(pack).failsafe.reached_with_action(parameter);
+        let reached = FailsafeAction::level_of(parameter, self.battery(pack).failsafe);
         let Some(level) = reached.filter(|_| self.parameters.has_changed(id)) else {
             return;
         };
-        let action = FailsafeAction::from_parameters(&self.parameters, pack, &[level]);
+        let action = FailsafeAction::from_parameters(self.parameters.pack(pack), &[level]);
         if self.vehicle.would_act(action) {
-            self.announce_pack(pack, &PackEvent::ActionTooLate(level), now);
+            self.announce_supply(pack, &SupplyEvent::ActionTooLate(level), now);
         }
     }
 

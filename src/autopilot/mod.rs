@@ -33,7 +33,7 @@ pub use wiring::Wiring;
 use bitflags::bitflags;
 
 use crate::announce::{Announce, AnnouncementText, announced_text};
-use crate::battery::{BatteryState, PackEvent, PackNotice};
+use crate::battery::{BatteryState, PackEvent, PackNotice, SupplyEvent};
 use crate::log::info;
 use crate::mavlink::{BroadcastCommand, Signing, SigningChange};
 use crate::memory::flash_chip::RegisterWear;
@@ -226,13 +226,9 @@ impl Autopilot {
             PackEvent::Failsafe { .. } => self.broadcast.set_level(pack, *event),
             PackEvent::NotLearnt(_) => {}
             _ => {
-                if let PackEvent::NotFound { answering, .. } = event {
-                    self.packs.not_found |= pack.bit();
-                    self.packs.answering = *answering;
-                }
                 let mut rest = Some(*event);
                 while let Some(event) = rest {
-                    let (event, further) = event.split();
+                    let (event, further) = PackNotice(pack, &event).split();
                     rest = further;
                     // A companion computer may act on the command.
                     if self.announce_limited(&PackNotice(pack, &event), now)
@@ -246,6 +242,15 @@ impl Autopilot {
             }
         }
         self.note_announced(&announced_text(&PackNotice(pack, event)));
+    }
+
+    /// Announces an event of a pack's supply.
+    pub fn announce_supply(&mut self, pack: Pack, event: &SupplyEvent, now: Instant) {
+        if let SupplyEvent::NotFound { answering, .. } = event {
+            self.packs.not_found |= pack.bit();
+            self.packs.answering = *answering;
+        }
+        self.announce_limited(&PackNotice(pack, event), now);
     }
 
     /// Announces a change of the vehicle's state, which has a place of its own, without a limit.
@@ -349,8 +354,11 @@ mod tests {
                 names.split(", ").map(str::to_owned)
             });
             let names: Vec<_> = names.collect();
-            let named = Faults::all().iter().map(|fault| event(fault).to_string());
-            let named = named.filter_map(|text| Some(text.split_once(": ")?.1.to_owned()));
+            let named = Faults::all()
+                .iter()
+                .map(|fault| PackNotice(Pack::Ninth, &event(fault)).to_string());
+            let named = named.filter_map(|text| text.strip_prefix(start).map(str::to_owned));
+            let named = named.filter(|name| !name.is_empty());
             // Each once, and whole.
             let mut expected: Vec<_> = named.collect();
             let mut sorted = names.clone();

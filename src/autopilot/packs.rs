@@ -5,8 +5,7 @@ use core::mem;
 use heapless::Vec;
 
 use crate::battery::{
-    BatteryBank, BatteryMonitor, MAX_ANSWERING, Measurement, Measuring, PackSettings, PackSource, ReadError,
-    SumVoltage, Tick, current_source, current_source_at_boot,
+    BatteryBank, BatteryMonitor, MAX_ANSWERING, Measurement, PackSource, ReadError, SumVoltage, Tick,
 };
 use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
@@ -103,7 +102,7 @@ impl Packs {
     pub fn reset(&mut self, mask: u16, percent: f32, parameters: &Parameters, arm_state: ArmState) {
         for (pack, kind) in &self.order {
             if mask & pack.bit() != 0 {
-                let settings = PackSettings::from_parameters(parameters, *pack).of_kind(*pack, Some(*kind));
+                let settings = parameters.pack(*pack).settings_of_kind(Some(*kind));
                 let (monitor, state) = self.bank.get_mut(*pack);
                 monitor.reset(state, arm_state, percent, &settings);
             }
@@ -113,7 +112,7 @@ impl Packs {
     /// A changed scale of the measurements is one of the estimates.
     pub fn follow_scales(&mut self, parameters: &Parameters) {
         for (pack, kind) in &self.order {
-            if let Some(measuring) = Measuring::from_parameters(parameters, *pack, *kind) {
+            if let Some(measuring) = parameters.pack(*pack).measuring(*kind) {
                 let (monitor, state) = self.bank.get_mut(*pack);
                 monitor.follow(&measuring, state.cell_count);
             }
@@ -134,7 +133,7 @@ impl Packs {
         self.wanted = self.needed_readings(parameters);
         let sources = self.current_sources.iter_mut().zip(self.current_sources_at_boot);
         for (pack, (source, at_boot)) in Pack::ALL.into_iter().zip(sources) {
-            *source = current_source(at_boot, parameters, pack);
+            *source = parameters.pack(pack).current_source(at_boot);
         }
     }
 
@@ -180,7 +179,7 @@ impl Packs {
             wanted.add(pin);
         }
         for (pack, kind) in &self.order {
-            let wiring = AnalogWiring::from_parameters(parameters, *pack);
+            let wiring = AnalogWiring::from_parameters(parameters.pack(*pack));
             for pin in wiring.pins(*kind) {
                 wanted.add(pin);
             }
@@ -204,7 +203,7 @@ impl Packs {
             if !self.is_of_kind(pack, MonitorKind::Esc) {
                 continue;
             }
-            let members = Members::from_parameters(parameters, pack);
+            let members = Members::from_parameters(parameters.pack(pack));
             if let Some(measurement) = self.controllers.measure(members, index, now) {
                 self.add_reading(pack, Ok(measurement), now);
             }
@@ -265,7 +264,7 @@ impl Packs {
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
-                let voltage = SumVoltage::from_parameters(parameters, pack);
+                let voltage = SumVoltage::from_parameters(parameters.pack(pack));
                 // The packs of another sum would count twice.
                 let summable = self.mask_of(|kind| kind != MonitorKind::Sum);
                 self.bank.sum(pack, mask, summable, voltage, tick.arm_state)
@@ -278,7 +277,7 @@ impl Packs {
                     now: tick.now,
                 };
                 // Pulses that are taken meanwhile must not count later.
-                let measured = self.meters[pack as usize].measure(fuel, parameters, pack, &readings);
+                let measured = self.meters[pack as usize].measure(fuel, parameters.pack(pack), &readings);
                 if is_taken {
                     Err(ReadError::PinTaken)
                 } else {
@@ -289,7 +288,7 @@ impl Packs {
             | MonitorKind::AnalogVoltageAndCurrent
             | MonitorKind::SyntheticCurrent
             | MonitorKind::AnalogCurrent => {
-                let wiring = AnalogWiring::from_parameters(parameters, pack);
+                let wiring = AnalogWiring::from_parameters(parameters.pack(pack));
                 let is_taken = self.pins.has_other_use(&wiring, kind);
                 // The voltage goes on.
                 let measured = match kind {
@@ -343,7 +342,7 @@ impl Packs {
             return;
         };
         for pack in Pack::ALL {
-            let reading = tank(share, capacity_ml(parameters, pack));
+            let reading = tank(share, capacity_ml(parameters.pack(pack)));
             self.add(pack, MonitorKind::GeneratorFuel, reading, received_at);
         }
     }
@@ -396,7 +395,7 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
 }
 
 fn sources(parameters: &Parameters) -> [PackSource; MAX_PACKS] {
-    Pack::ALL.map(|pack| PackSource::from_parameters(parameters, pack))
+    Pack::ALL.map(|pack| parameters.pack(pack).source())
 }
 
 fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
@@ -404,7 +403,7 @@ fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
 }
 
 fn current_sources_at_boot(parameters: &Parameters) -> [u16; MAX_PACKS] {
-    Pack::ALL.map(|pack| current_source_at_boot(parameters, pack))
+    Pack::ALL.map(|pack| parameters.pack(pack).current_source_at_boot())
 }
 
 fn part_addresses(parameters: &Parameters) -> [Option<u8>; MAX_PACKS] {

@@ -6,8 +6,8 @@ use super::Autopilot;
 use super::recording::Detail;
 use crate::announce::Announce;
 use crate::battery::{
-    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
-    ReadError, RetainedMemory, Tick, recall, retain,
+    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackStatus, PackUpdate, ReadError,
+    RetainedMemory, SupplyEvent, Tick, recall, retain,
 };
 use crate::log::{info, warn};
 use crate::pack::Pack;
@@ -164,7 +164,7 @@ impl Autopilot {
     fn record_extremes(&mut self, pack: Pack, kind: MonitorKind, readings: &AnalogReadings) {
         let bank = &self.packs.bank;
         if self.recording.takes_records() && bank.monitor(pack).failed_reads() == 0 {
-            let wiring = AnalogWiring::from_parameters(&self.parameters, pack);
+            let wiring = AnalogWiring::from_parameters(self.parameters.pack(pack));
             let measured = wiring.extremes(kind, readings);
             let known = bank.state(pack).readings.known_extremes(measured);
             self.recording.add_extremes(pack, known);
@@ -209,7 +209,7 @@ impl Autopilot {
         // The remaining packs follow, one a second.
         if let Some(pack) = Pack::ALL.into_iter().find(is_news) {
             self.packs.announced_too_high |= pack.bit();
-            self.announce_pack(pack, &PackEvent::AboveDrivers, now);
+            self.announce_supply(pack, &SupplyEvent::AboveDrivers, now);
         }
     }
 
@@ -254,7 +254,7 @@ impl Autopilot {
         tick: Tick,
         reading: Result<Measurement, ReadError>,
     ) {
-        let mut settings = PackSettings::from_parameters(&self.parameters, pack).of_kind(pack, Some(kind));
+        let mut settings = self.parameters.pack(pack).settings_of_kind(Some(kind));
         if !self.vehicle.has_exhausted_power_limit(pack) {
             settings.overload_w = None;
         }
@@ -300,10 +300,10 @@ impl Autopilot {
     /// Limits the motors by the power that a pack supplies, in watts, if this tick has read it: a limit that was set or
     /// removed acts without a reading, too.
     fn limit_power(&mut self, pack: Pack, sampling: &SamplingTick, power_w: Option<f32>) {
-        let limit = PowerLimit::from_parameters(&self.parameters, pack);
+        let limit = PowerLimit::from_parameters(self.parameters.pack(pack));
         if self.vehicle.limit_power(pack, sampling.dt_s, limit, power_w) {
-            let event = PackEvent::PowerLimited(self.vehicle.power_limit_w(pack));
-            self.announce_pack(pack, &event, sampling.tick.now);
+            let event = SupplyEvent::PowerLimited(self.vehicle.power_limit_w(pack));
+            self.announce_supply(pack, &event, sampling.tick.now);
         }
     }
 
@@ -401,7 +401,7 @@ impl Autopilot {
             self.packs.add_reading(pack, Ok(measurement), received_at);
         }
         if admission == Admission::Successor {
-            self.announce_pack(pack, &PackEvent::MeasuredBy(component_id), now);
+            self.announce_supply(pack, &SupplyEvent::MeasuredBy(component_id), now);
         }
         Some(admission)
     }

@@ -2,9 +2,9 @@
 
 use core::fmt;
 
-use super::failsafe::{is_below, is_below_percentage, remaining, voltage_v};
-use super::settings::Thresholds;
-use super::{BatteryState, PackSettings, PackStatus};
+use super::conditions::refusals;
+use super::{BatteryState, FailsafeSettings, PackStatus, Thresholds, is_below};
+use crate::parameter::{BatteryParameter, PackParameters};
 
 /// Why a pack fails the arming checks, in ArduPilot's words and order where it has the check; but *critical* comes before
 /// *low*: an attempt to arm names the first.
@@ -111,49 +111,54 @@ impl ArmingFailure {
     }
 }
 
+impl PackParameters<'_> {
+    /// The least with which a pack may be armed (`BATT_ARM_VOLT` and `BATT_ARM_MAH`).
+    pub fn arming_thresholds(self) -> Thresholds {
+        Thresholds {
+            voltage_v: self.above_zero(BatteryParameter::ArmVolt),
+            remaining_mah: self.above_zero(BatteryParameter::ArmMah),
+            usable_pct: None,
+        }
+    }
+}
+
 /// All failed checks of a pack, by its present values without any timer, and the one that was found elsewhere. A pack that is
 /// not monitored passes, and so does an unknown value.
 ///
 /// A latched failsafe level fails as one of voltage, unless the charge is below its threshold now.
 pub fn arming_failures(
     state: &BatteryState,
-    settings: &PackSettings,
+    failsafe: &FailsafeSettings,
+    arming: &Thresholds,
     found: Option<ArmingFailure>,
 ) -> impl Iterator<Item = ArmingFailure> + use<> {
     let failing = match state.status {
         PackStatus::Disabled => 0,
-        _ => failing(state, settings) | found.map_or(0, ArmingFailure::bit),
+        _ => failing(state, failsafe, arming) | found.map_or(0, ArmingFailure::bit),
     };
     let all = ArmingFailure::ALL.into_iter();
     all.filter(move |failure| failing & failure.bit() != 0)
 }
 
 /// The failed checks, a bit each.
-fn failing(state: &BatteryState, settings: &PackSettings) -> u32 {
-    let (low, critical) = (&settings.failsafe.low, &settings.failsafe.critical);
-    let voltage_v = voltage_v(state, &settings.failsafe);
-    let remaining_mah = remaining(state);
-    let lacks_charge = |thresholds: &Thresholds| {
-        is_below(remaining_mah, thresholds.remaining_mah) || is_below_percentage(state, thresholds.usable_pct)
-    };
-    let (low_capacity, critical_capacity) = (lacks_charge(low), lacks_charge(critical));
-    let latched = state.refusals().filter(|failure| match failure {
+fn failing(state: &BatteryState, failsafe: &FailsafeSettings, arming: &Thresholds) -> u32 {
+    let (low, critical) = (&failsafe.low, &failsafe.critical);
+    let voltage_v = failsafe.compared_voltage_v(state);
+    let (low_capacity, critical_capacity) = (low.lacks_charge(state), critical.lacks_charge(state));
+    let latched = refusals(state).filter(|failure| match failure {
         ArmingFailure::LowVoltage => !low_capacity,
         ArmingFailure::CriticalVoltage => !critical_capacity,
         _ => true,
     });
-    let needs_capacity = [low, critical, &settings.arming]
+    let needs_capacity = [low, critical, arming]
         .iter()
         .any(|thresholds| thresholds.remaining_mah.is_some());
     let by_thresholds = [
         (
-            is_below(state.readings.voltage_v, settings.arming.voltage_v),
+            is_below(state.readings.voltage_v, arming.voltage_v),
             ArmingFailure::BelowArmingVoltage,
         ),
-        (
-            is_below(remaining_mah, settings.arming.remaining_mah),
-            ArmingFailure::BelowArmingCapacity,
-        ),
+        (arming.lacks_charge(state), ArmingFailure::BelowArmingCapacity),
         (is_below(voltage_v, low.voltage_v), ArmingFailure::LowVoltage),
         (low_capacity, ArmingFailure::LowCapacity),
         (
@@ -192,9 +197,9 @@ fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::consequences;
     use crate::battery::{
-        Amount, ChargeSource, ChargeState, Consequences, FailsafeLevel, FailsafeSettings, Faults, Readings,
-        VoltageSource,
+        Amount, ChargeSource, ChargeState, Consequences, FailsafeLevel, Faults, Readings, VoltageSource,
     };
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
@@ -220,7 +225,8 @@ mod tests {
                 cell_count,
                 ..BatteryState::default()
             };
-            let failures: Vec<_> = arming_failures(&state, &PackSettings::default(), None).collect();
+            let failures: Vec<_> =
+                arming_failures(&state, &FailsafeSettings::default(), &Thresholds::default(), None).collect();
             assert_eq!(failures, [failure]);
         }
     }
@@ -232,7 +238,7 @@ mod tests {
             cell_count: Some(3),
             ..state
         };
-        arming_failures(&state, &PackSettings::default(), None).collect()
+        arming_failures(&state, &FailsafeSettings::default(), &Thresholds::default(), None).collect()
     }
 
     #[test]
@@ -281,7 +287,7 @@ mod tests {
                 let mut state = BatteryState::UNKNOWN;
                 state.charge_state = charge_state;
                 state.readings.reported.charge_state = Some(reported);
-                let is_not_ready = state.consequences().contains(Consequences::NOT_READY);
+                let is_not_ready = consequences(&state).contains(Consequences::NOT_READY);
                 assert_eq!(is_not_ready, expected.is_some(), "{reported:?}");
                 let failures = failures_of(state).into_iter().map(|failure| failure.to_string());
                 assert!(failures.eq(expected), "{reported:?}");
@@ -310,15 +316,21 @@ mod tests {
         }
     }
 
-    fn settings() -> PackSettings {
-        PackSettings {
+    /// Thresholds of the failsafe and of arming.
+    #[derive(Default)]
+    struct Settings {
+        failsafe: FailsafeSettings,
+        arming: Thresholds,
+    }
+
+    fn settings() -> Settings {
+        Settings {
             arming: thresholds(11.0, 500.0),
             failsafe: FailsafeSettings {
                 low: thresholds(10.5, 400.0),
                 critical: thresholds(9.9, 200.0),
                 ..FailsafeSettings::default()
             },
-            ..PackSettings::default()
         }
     }
 
@@ -337,8 +349,8 @@ mod tests {
         }
     }
 
-    fn failures(state: &BatteryState, settings: &PackSettings) -> Vec<String> {
-        arming_failures(state, settings, None)
+    fn failures(state: &BatteryState, settings: &Settings) -> Vec<String> {
+        arming_failures(state, &settings.failsafe, &settings.arming, None)
             .map(|failure| failure.to_string())
             .collect()
     }
@@ -388,7 +400,7 @@ mod tests {
             (None, Some(20.0), None),
             (Some(20.0), None, None),
         ] {
-            let mut settings = PackSettings::default();
+            let mut settings = Settings::default();
             settings.failsafe.low.usable_pct = low_pct;
             settings.failsafe.critical.usable_pct = critical_pct;
             let found = failures(&pack(12.6, 100.0), &settings);
@@ -398,7 +410,7 @@ mod tests {
 
     #[test]
     fn disabled_thresholds_and_unknown_values_pass() {
-        assert!(failures(&pack(3.0, 0.0), &PackSettings::default()).is_empty());
+        assert!(failures(&pack(3.0, 0.0), &Settings::default()).is_empty());
         let unknown = BatteryState {
             status: PackStatus::Healthy,
             capacity: Some(Amount::Mah(1000.0)),
@@ -433,22 +445,22 @@ mod tests {
             (None, Some(200.0), None),
             (None, None, Some(500.0)),
         ] {
-            let mut settings = PackSettings {
+            let mut settings = Settings {
                 arming: mah(arming),
-                ..PackSettings::default()
+                ..Settings::default()
             };
             (settings.failsafe.low, settings.failsafe.critical) = (mah(low), mah(critical));
             assert_eq!(failures(&without, &settings), ["no capacity set"]);
             assert!(failures(&learnt, &settings).is_empty());
             assert!(failures(&awaited, &settings).is_empty());
         }
-        assert!(failures(&without, &PackSettings::default()).is_empty());
+        assert!(failures(&without, &Settings::default()).is_empty());
     }
 
     #[test]
     // Requirement: AP-17, PX-3
     fn percentages_refuse_by_the_rule_by_which_they_act() {
-        let mut settings = PackSettings::default();
+        let mut settings = Settings::default();
         settings.failsafe.low.usable_pct = Some(60.0);
         settings.failsafe.critical.usable_pct = Some(45.0);
         let both = ["critical capacity failsafe", "low capacity failsafe"];

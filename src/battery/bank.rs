@@ -1,5 +1,6 @@
 //! The monitors of all packs, their sum, and the most urgent of them.
 
+use super::conditions::has_failed;
 use super::{
     ArmState, BatteryMonitor, BatteryState, ChargeState, Consumed, Contents, Counted, FailsafeLevel,
     Measurement, PackMemory, PackSettings, PackSource, PackStatus, PackUpdate, ReadError, Tick,
@@ -7,7 +8,7 @@ use super::{
 use crate::memory::in_place::in_place;
 use crate::numbers::mean;
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, PackParameters};
 use crate::vehicle::BatteryAlert;
 
 /// All packs: their states, and their monitors.
@@ -207,8 +208,8 @@ const USE_LOWEST: i32 = 1 << 9;
 
 impl SumVoltage {
     /// From the live parameters of the sum.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
-        if parameters.get_whole(BatteryParameter::Options.of(pack)) & USE_LOWEST != 0 {
+    pub fn from_parameters(pack: PackParameters<'_>) -> Self {
+        if pack.get_whole(BatteryParameter::Options) & USE_LOWEST != 0 {
             Self::Lowest
         } else {
             Self::Mean
@@ -271,7 +272,7 @@ fn alert_of(state: &BatteryState) -> BatteryAlert {
     };
     let by_charge = match state.firm_charge_state() {
         ChargeState::Critical | ChargeState::Emergency | ChargeState::Failed => BatteryAlert::Urgent,
-        _ if state.has_failed() => BatteryAlert::Urgent,
+        _ if has_failed(state) => BatteryAlert::Urgent,
         ChargeState::Low => BatteryAlert::Warning,
         _ if !state.readings.faults.is_empty() => BatteryAlert::Warning,
         ChargeState::Charging => BatteryAlert::Charging,

@@ -1,7 +1,7 @@
 //! The charge state, with hysteresis and debouncing.
 
+use super::pack_settings::ChargeLimits;
 use super::reported::Faults;
-use super::settings::ChargeLimits;
 use super::{ArmState, ChargeState, FailsafeLevel, PackStatus};
 
 /// Hysteresis towards a better state, in percent.

@@ -106,32 +106,40 @@ impl Condition {
     }
 }
 
-impl BatteryState {
-    /// The charge state on which something acts.
-    pub(super) fn firm_charge_state(&self) -> ChargeState {
-        self.without_reserve.unwrap_or(self.charge_state)
-    }
+fn conditions(state: &BatteryState) -> impl Iterator<Item = &'static Row> {
+    TABLE.iter().filter(|row| row.condition.holds(state))
+}
 
-    fn conditions(&self) -> impl Iterator<Item = &'static Row> {
-        TABLE.iter().filter(|row| row.condition.holds(self))
-    }
+/// Consequences of all conditions of a pack in this state for ground stations.
+pub fn consequences(state: &BatteryState) -> Consequences {
+    conditions(state).fold(Consequences::empty(), |all, row| all | row.consequences)
+}
 
-    /// Consequences of all present conditions for ground stations.
-    pub fn consequences(&self) -> Consequences {
-        self.conditions()
-            .fold(Consequences::empty(), |all, row| all | row.consequences)
-    }
+/// Reasons for which arming is refused, in any order and perhaps repeatedly.
+pub fn refusals(state: &BatteryState) -> impl Iterator<Item = ArmingFailure> {
+    conditions(state).filter_map(|row| match row.failure {
+        Some(ArmingFailure::WrongCells) if state.has_unclear_cells() => Some(ArmingFailure::UnclearCells),
+        failure => failure,
+    })
+}
 
-    /// Reasons for which arming is refused, in any order and perhaps repeatedly.
-    pub(super) fn refusals(&self) -> impl Iterator<Item = ArmingFailure> {
-        self.conditions().filter_map(|row| match row.failure {
-            Some(ArmingFailure::WrongCells) if self.has_unclear_cells() => Some(ArmingFailure::UnclearCells),
-            failure => failure,
-        })
-    }
+/// Whether a pack in this state must not be used, whatever its charge: a cell has failed, or it reports that it has.
+pub fn has_failed(state: &BatteryState) -> bool {
+    refusals(state).any(|failure| failure == ArmingFailure::Failed)
+}
 
-    /// Whether the pack must not be used, whatever its charge: a cell has failed, or it reports that it has.
-    pub fn has_failed(&self) -> bool {
-        self.refusals().any(|failure| failure == ArmingFailure::Failed)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spikes_and_a_charger_without_sun_have_no_consequence() {
+        let mut state = BatteryState::UNKNOWN;
+        state.status = PackStatus::Healthy;
+        state.readings.faults = Faults::SPIKES;
+        // As DroneCAN chargers report too little voltage.
+        state.readings.reported.faults = Faults::INCOMPATIBLE_VOLTAGE;
+        assert_eq!(consequences(&state), Consequences::empty());
+        assert_eq!(refusals(&state).count(), 0);
     }
 }

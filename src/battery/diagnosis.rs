@@ -2,8 +2,8 @@
 
 use super::chemistry::{Cell, Chemistry};
 use super::failsafe::is_below;
+use super::pack_settings::PackSettings;
 use super::reported::Faults;
-use super::settings::PackSettings;
 use super::{BatteryState, ChargeSource};
 
 /// Debounce time of a fault's beginning and end, in seconds.

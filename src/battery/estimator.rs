@@ -7,9 +7,9 @@ use super::charge::{
 use super::event::PackEvent;
 use super::learnt::LessonObstacle;
 use super::low_pass::MeanThenLowPass;
+use super::pack_settings::PackSettings;
 use super::resistance::ResistanceEstimator;
 use super::rest::{CellCount, RESTING_CURRENT_A};
-use super::settings::PackSettings;
 use super::swap::{AtRest, Doubt};
 use super::{ArmState, Chemistry, CurrentRange, LearntPack};
 

@@ -2,13 +2,12 @@
 
 use core::mem;
 
-use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
+use super::pack_settings::{FailsafeSettings, Thresholds};
 use super::swap::Replacement;
 use super::{
-    ArmState, BatteryState, ChargeSource, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, PackStatus,
-    Tick,
+    ArmState, BatteryState, ChargeSource, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults,
+    MissingSetting, Tick,
 };
-use crate::parameter::BatteryParameter;
 use crate::time::Instant;
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
@@ -203,13 +202,13 @@ impl Failsafe {
     }
 
     /// Looks for a percentage that can't act: by the estimate at arming, or by that of a pack which has been below it for
-    /// long. Returns the parameter to set, unless a threshold in volts acts; once after arming, behind
+    /// long. Returns the setting that is missing, unless a threshold in volts acts; once after arming, behind
     /// [`update`](Self::update).
     pub fn find_inert_percentage(
         &mut self,
         seen: &Observation<'_>,
         settings: &FailsafeSettings,
-    ) -> Option<BatteryParameter> {
+    ) -> Option<MissingSetting> {
         let state = seen.state?;
         if let PercentageCheck::AtArming(unknown_us) = &mut self.percentages {
             *unknown_us = match state.readings.usable_pct {
@@ -234,7 +233,7 @@ impl Failsafe {
             }
         };
         let is_found = is_inert(&self.low, &settings.low) || is_inert(&self.critical, &settings.critical);
-        let found = settings.missing_voltage_parameter().filter(|_| is_found);
+        let found = settings.missing_voltage_setting().filter(|_| is_found);
         self.percentages = match (check, found) {
             (PercentageCheck::Reported, _) | (_, Some(_)) => PercentageCheck::Reported,
             (_, None) => PercentageCheck::WhenPassed,
@@ -297,7 +296,7 @@ impl Failsafe {
     fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> [bool; 2] {
         let (low, critical) = (&settings.low, &settings.critical);
         let limit_us = limit_us(settings);
-        let voltage_v = seen.state.and_then(|state| voltage_v(state, settings));
+        let voltage_v = seen.state.and_then(|state| settings.compared_voltage_v(state));
         // Without a threshold its arithmetic is spared.
         let is_compared = low.remaining_mah.or(critical.remaining_mah).is_some();
         let state = seen.state.filter(|_| is_compared);
@@ -336,6 +335,15 @@ impl Failsafe {
     }
 }
 
+impl Thresholds {
+    /// Whether the charge of a pack in this state is below one of them, timer aside: what is left, or its usable charge where the
+    /// most that may remain is not far above.
+    pub fn lacks_charge(&self, state: &BatteryState) -> bool {
+        is_below(state.remaining_or_counted(), self.remaining_mah)
+            || is_below(credible_usable_pct(state), self.usable_pct) && is_certain(state, self.usable_pct)
+    }
+}
+
 /// Whether both are known and the value is below the threshold.
 pub fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
     value
@@ -348,41 +356,13 @@ fn is_known_above(value: Option<f32>, threshold: Option<f32>) -> bool {
     threshold.is_none() || value.is_some() && !is_below(value, threshold)
 }
 
-/// The voltage the thresholds are compared with.
-pub fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
-    match settings.voltage_source {
-        VoltageSource::Terminal => state.readings.voltage_v,
-        VoltageSource::Resting => state.resting_or_terminal_voltage_v(),
-        VoltageSource::NotMeasured => None,
-    }
-}
-
-/// Remaining charge or fuel by the state of charge; while that is unknown, the most that the source's count leaves, or
-/// capacity minus consumption. In mAh or ml, as the thresholds.
-pub fn remaining(state: &BatteryState) -> Option<f32> {
-    // A sum with a lost member has counted only a part, and a pack that is not connected may be another one.
-    let is_unsure = matches!(state.status, PackStatus::Unhealthy | PackStatus::NotConnected);
-    let counted = state.consumed.filter(|_| !is_unsure);
-    let by_count = || {
-        let (full, counted) = (state.full_capacity()?, counted?.number());
-        Some(state.left_at_most.map_or(full - counted, |most| full * most))
-    };
-    state.remaining().or_else(by_count)
-}
-
-/// The same; without a current sensor at most as much as may be left: an estimate from the voltage alone must not trip a
+/// Remaining charge or fuel, as known; without a current sensor at most as much as may be left: an estimate from the voltage alone must not trip a
 /// threshold by its error.
 fn most_remaining(state: &BatteryState) -> Option<f32> {
     match state.consumed {
-        Some(_) => remaining(state),
+        Some(_) => state.remaining_or_counted(),
         None => Some(state.full_capacity()? * state.remaining_at_most_pct()? / 100.0),
     }
-}
-
-/// Whether the pack is below a percentage that acts, timer aside: its usable charge is, and the most that may remain is
-/// not far above.
-pub fn is_below_percentage(state: &BatteryState, percentage: Option<f32>) -> bool {
-    is_below(credible_usable_pct(state), percentage) && is_certain(state, percentage)
 }
 
 /// The usable charge, in percent; `None` where cells at rest contradict it.
@@ -411,6 +391,7 @@ fn limit_us(settings: &FailsafeSettings) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::VoltageSource;
     use crate::battery::{Amount, ChargeSource};
     use crate::time::at_us;
 
@@ -933,13 +914,13 @@ mod tests {
         settings: &FailsafeSettings,
         seconds: u64,
         state: impl Fn(u64) -> BatteryState,
-    ) -> Vec<(u64, BatteryParameter)> {
+    ) -> Vec<(u64, MissingSetting)> {
         let at = |tick: u64| {
             let state = state(tick / 10);
             let observation = seen(at_us(tick * u64::from(TICK_US)), ArmState::Armed, Some(&state));
             let _ = failsafe.update(&observation, settings);
             let found = failsafe.find_inert_percentage(&observation, settings);
-            found.map(|parameter| (tick / 10, parameter))
+            found.map(|missing| (tick / 10, missing))
         };
         (0..seconds * 10).filter_map(at).collect()
     }
@@ -947,7 +928,7 @@ mod tests {
     #[test]
     // Requirement: PX-3
     fn percentages_that_cant_act_are_found_once() {
-        use BatteryParameter::{LowMah, LowTimer, LowVolt};
+        use MissingSetting::{LowCharge, LowVoltage, Timer};
         let at_voltage = |timer_s, low_v, voltage_source| FailsafeSettings {
             timer_s,
             voltage_source,
@@ -968,15 +949,15 @@ mod tests {
             ..usable(None, None)
         };
         for (settings, state, expected) in [
-            (plain, uncertain, Some(LowVolt)),
-            (plain, usable(None, None), Some(LowVolt)),
+            (plain, uncertain, Some(LowVoltage)),
+            (plain, usable(None, None), Some(LowVoltage)),
             (plain, certain, None),
             (plain, awaited, None),
             // That low can act is not enough: critical can't.
-            (plain, usable(Some(60.0), Some(13.6)), Some(LowVolt)),
+            (plain, usable(Some(60.0), Some(13.6)), Some(LowVoltage)),
             (by_volts, uncertain, None),
-            (without_timer, uncertain, Some(LowTimer)),
-            (tank, usable(None, None), Some(LowMah)),
+            (without_timer, uncertain, Some(Timer)),
+            (tank, usable(None, None), Some(LowCharge)),
             (settings(), uncertain, None),
         ] {
             let mut failsafe = Failsafe::default();
@@ -985,7 +966,7 @@ mod tests {
                 let at_s = if state.readings.usable_pct.is_some() { 0 } else { 2 };
                 assert_eq!(
                     found,
-                    Vec::from_iter(expected.map(|parameter| (at_s, parameter))),
+                    Vec::from_iter(expected.map(|missing| (at_s, missing))),
                     "{state:?}"
                 );
                 let disarmed = seen(Instant::EPOCH, ArmState::Disarmed, Some(&state));
@@ -994,7 +975,7 @@ mod tests {
             }
         }
         // It is passed at 20 s, and acts only where the charge is certain.
-        for (sigma_pct, expected) in [(25.0, &[(90, LowVolt)][..]), (3.0, &[])] {
+        for (sigma_pct, expected) in [(25.0, &[(90, LowVoltage)][..]), (3.0, &[])] {
             let becomes_empty = |second| match second {
                 ..20 => certain,
                 _ => usable(Some(0.0), Some(sigma_pct)),

@@ -16,7 +16,10 @@ mod learnt;
 mod learnt_text;
 mod low_pass;
 mod measurement;
+mod memory;
 mod monitor;
+mod notice;
+mod pack_settings;
 mod reported;
 mod reporters;
 mod resistance;
@@ -24,17 +27,18 @@ mod rest;
 mod retained;
 mod scale;
 mod settings;
+mod sources;
 mod state;
 mod swap;
 
 pub use arming::{ArmingFailure, arming_failures};
 pub use bank::{BatteryBank, SumVoltage};
 pub use chemistry::Chemistry;
-pub use conditions::Consequences;
+pub use conditions::{Consequences, consequences};
 pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
-pub use event::{MAX_ANSWERING, PackEvent, PackEvents, PackNotice};
-pub use failsafe::ReachedLevels;
+pub use event::{PackEvent, PackEvents};
+pub use failsafe::{ReachedLevels, is_below};
 pub use learnt::{
     END_OF_LIFE_LOSS, LEARNT_CURVE, LEARNT_WORDS, LearntPack, LessonObstacle, OLDER_LEARNT_WORDS,
 };
@@ -43,13 +47,16 @@ pub use measurement::{
     Amount, BusError, CellVoltages, Consumed, Contents, Counted, CurrentRange, Extremes, Gauge, GaugeReading,
     MAX_CELLS, Measurement, ReadError, Supply, Thermometer, Tick,
 };
+pub use memory::{PACK_WORDS, PackMemory, PackSource};
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
-pub use reported::{ChargeState, Faults, GaugeReport, Modes, Reported};
-pub use retained::{PackMemory, PackSource, RetainedMemory, RetainedRecord, lose_power, recall, retain};
-pub use scale::{Measuring, MeasuringScale, current_source, current_source_at_boot};
-pub use settings::{
-    ChargeLimits, FailsafeSettings, PackSettings, SuggestedThresholds, Thresholds, VoltageSource,
+pub use notice::{MAX_ANSWERING, PackNotice, SupplyEvent};
+pub use pack_settings::{
+    ChargeLimits, CurrentScale, FailsafeSettings, MissingSetting, PackSettings, SuggestedThresholds,
+    Thresholds, VoltageSource,
 };
+pub use reported::{ChargeState, Faults, GaugeReport, Modes, Reported};
+pub use retained::{RetainedMemory, RetainedRecord, lose_power, recall, retain};
+pub use scale::{Measuring, MeasuringScale};
 pub use state::{
     BatteryState, ChargeSource, FailsafeTimer, FailsafeTimers, PackStatus, Readings, ReportedVoltage,
     Visibility,

@@ -269,6 +269,11 @@ impl BatteryState {
         self.cell_count.is_none() && self.readings.faults.contains(Faults::CELLS_CONFIGURATION)
     }
 
+    /// The charge state on which something acts.
+    pub fn firm_charge_state(&self) -> ChargeState {
+        self.without_reserve.unwrap_or(self.charge_state)
+    }
+
     /// Whether the charge is estimated here.
     pub fn has_estimated_charge(&self) -> bool {
         self.charge_source == ChargeSource::Estimated && self.contents == Contents::Charge
@@ -326,6 +331,18 @@ impl BatteryState {
     /// Remaining charge or fuel by the state of charge, in milliampere-hours or millilitres.
     pub fn remaining(&self) -> Option<f32> {
         Some(self.full_capacity()? * self.readings.remaining_pct? / 100.0)
+    }
+
+    /// The same; while that is unknown, the most that the source's count leaves, or capacity minus consumption.
+    pub fn remaining_or_counted(&self) -> Option<f32> {
+        // A sum with a lost member has counted only a part, and a pack that is not connected may be another one.
+        let is_unsure = matches!(self.status, PackStatus::Unhealthy | PackStatus::NotConnected);
+        let counted = self.consumed.filter(|_| !is_unsure);
+        let by_count = || {
+            let (full, counted) = (self.full_capacity()?, counted?.number());
+            Some(self.left_at_most.map_or(full - counted, |most| full * most))
+        };
+        self.remaining().or_else(by_count)
     }
 
     /// By how much the remaining charge may differ from its estimate, in percent of a full pack; 0 where it is not estimated.

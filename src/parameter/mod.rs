@@ -22,7 +22,7 @@ pub use description_files::DescriptionFile;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
 pub use named::NamedParameter;
 pub(crate) use parameters::checked;
-pub use parameters::{Parameters, Refused, triggers};
+pub use parameters::{PackParameters, Parameters, Refused, triggers};
 pub use stick_channel::{StickChannel, StickChannels};
 pub use table::{
     Access, BatteryParameter, Bearing, FuelKind, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS,

@@ -22,6 +22,32 @@ const MONITOR_DISABLED: f32 = 0.0;
 /// `CAN_P1_DRIVER` without a bus.
 const CAN_DISABLED: f32 = 0.0;
 
+/// The live parameters of one pack: [`Parameters::pack`].
+#[derive(Clone, Copy, Debug)]
+pub struct PackParameters<'a> {
+    /// Those of all.
+    pub all: &'a Parameters,
+    /// The pack.
+    pub pack: Pack,
+}
+
+impl PackParameters<'_> {
+    /// The value, in the parameter's unit.
+    pub fn get(self, parameter: BatteryParameter) -> f32 {
+        self.all.get(parameter.of(self.pack))
+    }
+
+    /// The value of a whole number or bit mask.
+    pub fn get_whole(self, parameter: BatteryParameter) -> i32 {
+        self.all.get_whole(parameter.of(self.pack))
+    }
+
+    /// The value where 0 is disabled or not set.
+    pub fn above_zero(self, parameter: BatteryParameter) -> Option<f32> {
+        Some(self.get(parameter)).filter(|value| *value > 0.0)
+    }
+}
+
 /// The live values of all parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
@@ -186,6 +212,11 @@ impl Parameters {
     /// Index of a parameter in the list; `None` if hidden.
     pub fn listed_index(&self, id: ParameterId) -> Option<usize> {
         self.listed.contains(id).then(|| self.listed.count_before(id))
+    }
+
+    /// Those of a pack.
+    pub fn pack(&self, pack: Pack) -> PackParameters<'_> {
+        PackParameters { all: self, pack }
     }
 
     /// Whether a pack is enabled by the live value of its `BATT_MONITOR`.

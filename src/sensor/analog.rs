@@ -2,20 +2,19 @@
 
 use super::analog_pin::AnalogPin;
 use super::conversions::{ADC_FULL_SCALE, Conversions};
-use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, PackParameters};
 
 /// Pin of an analog level sensor (`BATT_FL_PIN`).
-pub(super) fn level_pin(parameters: &Parameters, pack: Pack) -> Option<AnalogPin> {
-    AnalogPin::from_gpio(parameters.get_whole(BatteryParameter::FlPin.of(pack)))
+pub(super) fn level_pin(pack: PackParameters<'_>) -> Option<AnalogPin> {
+    AnalogPin::from_gpio(pack.get_whole(BatteryParameter::FlPin))
 }
 
 /// GPIO number of the pulse input (`BATT_CURR_PIN`).
 const PULSE_GPIO: i32 = 17;
 
 /// Whether a pack that is measured by pulses is wired to the pulse input (`BATT_CURR_PIN`).
-pub(super) fn uses_pulses(parameters: &Parameters, pack: Pack) -> bool {
-    parameters.get_whole(BatteryParameter::CurrPin.of(pack)) == PULSE_GPIO
+pub(super) fn uses_pulses(pack: PackParameters<'_>) -> bool {
+    pack.get_whole(BatteryParameter::CurrPin) == PULSE_GPIO
 }
 
 /// Analog wiring of a pack.
@@ -78,23 +77,21 @@ impl AnalogWiring {
     }
 
     /// From the live parameters of a pack.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
-        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
-        let pin =
-            |parameter: BatteryParameter| AnalogPin::from_gpio(parameters.get_whole(parameter.of(pack)));
+    pub fn from_parameters(pack: PackParameters<'_>) -> Self {
+        let pin = |parameter| AnalogPin::from_gpio(pack.get_whole(parameter));
         Self {
             voltage_pin: pin(BatteryParameter::VoltPin),
             divider: VoltageDivider {
-                multiplier: value(BatteryParameter::VoltMult),
-                offset_v: value(BatteryParameter::VltOffset),
+                multiplier: pack.get(BatteryParameter::VoltMult),
+                offset_v: pack.get(BatteryParameter::VltOffset),
             },
             current_pin: pin(BatteryParameter::CurrPin),
             current_sensor: CurrentSensor {
-                amperes_per_volt: value(BatteryParameter::AmpPervlt),
-                offset_v: value(BatteryParameter::AmpOffset),
+                amperes_per_volt: pack.get(BatteryParameter::AmpPervlt),
+                offset_v: pack.get(BatteryParameter::AmpOffset),
             },
-            level_pin: level_pin(parameters, pack),
-            full_throttle_voltage_v: value(BatteryParameter::MaxVolt),
+            level_pin: level_pin(pack),
+            full_throttle_voltage_v: pack.get(BatteryParameter::MaxVolt),
         }
     }
 }

@@ -111,13 +111,13 @@ impl PinUse {
     pub fn of_packs(packs: &[(Pack, MonitorKind)], parameters: &Parameters) -> Self {
         let mut pins = Self::default();
         for (pack, kind) in packs {
-            let wiring = AnalogWiring::from_parameters(parameters, *pack);
+            let wiring = AnalogWiring::from_parameters(parameters.pack(*pack));
             let [voltage, current, level] = wiring.pins_by_use(*kind).map(bit);
             pins.voltages |= voltage;
             pins.currents |= current;
             pins.levels |= level;
-            pins.flow |= *kind == FLOW && uses_pulses(parameters, *pack);
-            pins.width |= *kind == WIDTH && uses_pulses(parameters, *pack);
+            pins.flow |= *kind == FLOW && uses_pulses(parameters.pack(*pack));
+            pins.width |= *kind == WIDTH && uses_pulses(parameters.pack(*pack));
         }
         pins
     }
@@ -131,8 +131,8 @@ impl PinUse {
     /// read there.
     pub fn is_taken(&self, kind: MonitorKind, parameters: &Parameters, pack: Pack) -> bool {
         match kind {
-            FLOW | WIDTH => self.flow && self.width && uses_pulses(parameters, pack),
-            _ => self.has_other_use(&AnalogWiring::from_parameters(parameters, pack), kind),
+            FLOW | WIDTH => self.flow && self.width && uses_pulses(parameters.pack(pack)),
+            _ => self.has_other_use(&AnalogWiring::from_parameters(parameters.pack(pack)), kind),
         }
     }
 
@@ -167,7 +167,7 @@ mod tests {
         ] {
             parameters.set(parameter.of(Pack::First), value).unwrap();
         }
-        AnalogWiring::from_parameters(&parameters, Pack::First)
+        AnalogWiring::from_parameters(parameters.pack(Pack::First))
     }
 
     fn readings(gp26: u16, gp27: u16) -> AnalogReadings {

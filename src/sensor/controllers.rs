@@ -2,8 +2,7 @@
 
 use crate::battery::{Consumed, Counted, CurrentRange, Measurement, Thermometer};
 use crate::numbers::mean;
-use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, MAX_CONTROLLERS, Parameters};
+use crate::parameter::{BatteryParameter, MAX_CONTROLLERS, PackParameters};
 use crate::time::Instant;
 
 /// A controller that has been silent for this long has dropped out, in microseconds: as long as a pack without a reading
@@ -47,8 +46,8 @@ pub enum Members {
 
 impl Members {
     /// From the live parameters of a pack.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
-        match parameters.get_whole(BatteryParameter::EscMask.of(pack)) as u16 {
+    pub fn from_parameters(pack: PackParameters<'_>) -> Self {
+        match pack.get_whole(BatteryParameter::EscMask) as u16 {
             0 => Self::All,
             mask => Self::Mask(mask),
         }

@@ -6,8 +6,7 @@ use core::ops::RangeInclusive;
 use super::analog::{level_pin, uses_pulses};
 use super::{AdcCount, AnalogReadings};
 use crate::battery::{Contents, Counted, Gauge, GaugeReading, Measurement, ReadError};
-use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, FuelKind, Parameters, VehicleParameter};
+use crate::parameter::{BatteryParameter, FuelKind, PackParameters, Parameters, VehicleParameter};
 use crate::time::Instant;
 
 /// Inputs of a fuel measurement.
@@ -36,17 +35,15 @@ impl FuelMeter {
     pub fn measure(
         &mut self,
         kind: FuelKind,
-        parameters: &Parameters,
-        pack: Pack,
+        pack: PackParameters<'_>,
         readings: &FuelReadings<'_>,
     ) -> Result<Measurement, ReadError> {
         let now = readings.now;
-        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
-        let capacity_ml = capacity_ml(parameters, pack);
+        let capacity_ml = capacity_ml(pack);
         match kind {
             FuelKind::Flow => {
-                let pulses = pulses(parameters, pack, readings)?;
-                let ml_per_pulse = value(BatteryParameter::AmpPervlt);
+                let pulses = pulses(pack, readings)?;
+                let ml_per_pulse = pack.get(BatteryParameter::AmpPervlt);
                 // Pulses without a scale must not count once it is set.
                 let measurement = self.flow.measure(pulses, ml_per_pulse, now);
                 if ml_per_pulse > 0.0 {
@@ -55,12 +52,10 @@ impl FuelMeter {
                     Err(ReadError::NoScale)
                 }
             }
-            FuelKind::LevelPwm => level_by_pulses(pulses(parameters, pack, readings)?, capacity_ml, now),
+            FuelKind::LevelPwm => level_by_pulses(pulses(pack, readings)?, capacity_ml, now),
             FuelKind::LevelAnalog => {
-                let conversions = readings
-                    .pins
-                    .pin(level_pin(parameters, pack).ok_or(ReadError::NoPin)?)?;
-                let scale = LevelScale::from_parameters(parameters, pack);
+                let conversions = readings.pins.pin(level_pin(pack).ok_or(ReadError::NoPin)?)?;
+                let scale = LevelScale::from_parameters(pack);
                 self.level.measure(&scale, conversions.mean(), capacity_ml, now)
             }
         }
@@ -68,18 +63,13 @@ impl FuelMeter {
 }
 
 /// Capacity of a tank (`BATT_CAPACITY`), in millilitres; `None` if it is not set.
-pub fn capacity_ml(parameters: &Parameters, pack: Pack) -> Option<f32> {
-    let capacity_ml = parameters.get(BatteryParameter::Capacity.of(pack));
-    (capacity_ml > 0.0).then_some(capacity_ml)
+pub fn capacity_ml(pack: PackParameters<'_>) -> Option<f32> {
+    pack.above_zero(BatteryParameter::Capacity)
 }
 
 /// The pulses, if the pack uses the pulse input (`BATT_CURR_PIN`).
-fn pulses<'a>(
-    parameters: &Parameters,
-    pack: Pack,
-    readings: &FuelReadings<'a>,
-) -> Result<&'a Pulses, ReadError> {
-    uses_pulses(parameters, pack)
+fn pulses<'a>(pack: PackParameters<'_>, readings: &FuelReadings<'a>) -> Result<&'a Pulses, ReadError> {
+    uses_pulses(pack)
         .then_some(readings.pulses)
         .ok_or(ReadError::NoPin)
 }
@@ -203,16 +193,15 @@ struct LevelScale {
 
 impl LevelScale {
     /// From the live parameters of a pack.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
-        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+    pub fn from_parameters(pack: PackParameters<'_>) -> Self {
         Self {
-            offset_v: value(BatteryParameter::FlOff),
-            first_order: value(BatteryParameter::FlFf),
-            second_order: value(BatteryParameter::FlFs),
-            third_order: value(BatteryParameter::FlFt),
-            empty_v: value(BatteryParameter::FlVltMin),
-            share_per_volt: value(BatteryParameter::FlVMult),
-            cutoff_hz: Some(value(BatteryParameter::FlFltr)).filter(|cutoff_hz| *cutoff_hz > 0.0),
+            offset_v: pack.get(BatteryParameter::FlOff),
+            first_order: pack.get(BatteryParameter::FlFf),
+            second_order: pack.get(BatteryParameter::FlFs),
+            third_order: pack.get(BatteryParameter::FlFt),
+            empty_v: pack.get(BatteryParameter::FlVltMin),
+            share_per_volt: pack.get(BatteryParameter::FlVMult),
+            cutoff_hz: pack.above_zero(BatteryParameter::FlFltr),
         }
     }
 
@@ -345,6 +334,7 @@ impl EngineReading {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pack::Pack;
     use crate::sensor::{AnalogPin, Conversions};
     use crate::time::at_us;
 
@@ -374,7 +364,7 @@ mod tests {
             pulses: &of_widths(&[1700; 3]),
             now: at_us(100_000),
         };
-        FuelMeter::default().measure(kind, &parameters, Pack::First, &readings)
+        FuelMeter::default().measure(kind, parameters.pack(Pack::First), &readings)
     }
 
     fn remaining_ml(measurement: Result<Measurement, ReadError>) -> f32 {
@@ -455,7 +445,7 @@ mod tests {
                 now: at_us(2),
             };
             let parameters = changed(&changes, Pack::First);
-            let measured = meter.measure(FuelKind::Flow, &parameters, Pack::First, &readings)?;
+            let measured = meter.measure(FuelKind::Flow, parameters.pack(Pack::First), &readings)?;
             Ok(measured.counted)
         };
         for ml_per_pulse in [0.0, -0.5] {
@@ -622,7 +612,7 @@ mod tests {
     }
 
     fn scale(changes: &[(BatteryParameter, f32)]) -> LevelScale {
-        LevelScale::from_parameters(&changed(changes, Pack::Second), Pack::Second)
+        LevelScale::from_parameters(changed(changes, Pack::Second).pack(Pack::Second))
     }
 
     #[track_caller]

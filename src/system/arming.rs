@@ -5,7 +5,7 @@ use core::fmt::Write;
 use heapless::String;
 
 use super::{ArmingReadiness, LogHealth, SystemState};
-use crate::battery::{ArmingFailure, BusError, PackSettings, ReadError, arming_failures};
+use crate::battery::{ArmingFailure, BusError, ReadError, arming_failures};
 use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{
@@ -112,7 +112,7 @@ pub fn above_drivers(state: &SystemState<'_>, parameters: &Parameters, pack: Pac
         return None;
     }
     let battery = state.battery(pack);
-    let wiring = AnalogWiring::from_parameters(parameters, pack);
+    let wiring = AnalogWiring::from_parameters(parameters.pack(pack));
     let range_v = wiring
         .board_divider_range_v()
         .filter(|_| state.pin_packs & pack.bit() != 0);
@@ -139,7 +139,8 @@ pub fn arming_obstacles(
     let packs = Pack::ALL.into_iter().zip(state.batteries);
     let checked = packs.filter(move |_| checks & BATTERY_CHECKED != 0);
     let of_packs = checked.flat_map(move |(pack, battery)| {
-        let settings = PackSettings::from_parameters(parameters, pack);
+        let failsafe = parameters.pack(pack).settings().failsafe;
+        let arming = parameters.pack(pack).arming_thresholds();
         let read_error = battery.read_error;
         let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
         let found = if is_above {
@@ -147,7 +148,7 @@ pub fn arming_obstacles(
         } else {
             sums_a_sum(state.kinds, parameters, pack).then_some(ArmingFailure::SumsASum)
         };
-        arming_failures(battery, &settings, found).map(move |failure| match (failure, read_error) {
+        arming_failures(battery, &failsafe, &arming, found).map(move |failure| match (failure, read_error) {
             (ArmingFailure::Unhealthy, Some(error)) => {
                 let address = state.part_addresses.get(pack as usize).copied().flatten();
                 ArmingObstacle::Sensor(pack, error, address)

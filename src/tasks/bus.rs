@@ -20,7 +20,7 @@ pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &Check
             })
             .await;
         if let Some((pack, event)) = finding {
-            shared.with(|autopilot| autopilot.announce_pack(pack, &event, now()));
+            shared.with(|autopilot| autopilot.announce_supply(pack, &event, now()));
         }
     }
 }

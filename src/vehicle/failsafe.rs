@@ -3,8 +3,7 @@
 use core::fmt;
 
 use crate::announce::{Announce, Severity};
-use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, PackParameters};
 
 /// Failsafe levels in increasing severity, with ArduPilot's numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,26 +21,13 @@ pub enum FailsafeLevel {
     Critical = 3,
 }
 
-impl FailsafeLevel {
-    /// The parameter of its action.
-    fn action_parameter(self) -> Option<BatteryParameter> {
-        match self {
-            Self::None => None,
-            Self::Unhealthy => Some(BatteryParameter::FsUnhAct),
-            Self::Low => Some(BatteryParameter::FsLowAct),
-            Self::Critical => Some(BatteryParameter::FsCrtAct),
-        }
-    }
-
-    /// The level whose action this parameter chooses, if a pack at this level has reached it. A lost pack reaches no
-    /// threshold, and a higher level does not say that it was lost.
-    pub fn reached_with_action(self, parameter: BatteryParameter) -> Option<Self> {
-        let levels: &[Self] = match self {
-            Self::Critical => &[Self::Low, Self::Critical],
-            _ => &[self],
-        };
-        let mut levels = levels.iter().copied();
-        levels.find(|level| level.action_parameter() == Some(parameter))
+/// The parameter of a level's action.
+fn action_parameter(level: FailsafeLevel) -> Option<BatteryParameter> {
+    match level {
+        FailsafeLevel::None => None,
+        FailsafeLevel::Unhealthy => Some(BatteryParameter::FsUnhAct),
+        FailsafeLevel::Low => Some(BatteryParameter::FsLowAct),
+        FailsafeLevel::Critical => Some(BatteryParameter::FsCrtAct),
     }
 }
 
@@ -92,19 +78,28 @@ impl FailsafeAction {
         })
     }
 
-    /// The most severe of the actions set for these levels of `pack`; of equally severe ones that of the last level.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack, levels: &[FailsafeLevel]) -> Self {
-        let actions = levels
-            .iter()
-            .map(|level| Self::of_level(parameters, pack, *level));
+    /// The most severe of the actions set for these levels of a pack; of equally severe ones that of the last level.
+    pub fn from_parameters(pack: PackParameters<'_>, levels: &[FailsafeLevel]) -> Self {
+        let actions = levels.iter().map(|level| Self::of_level(pack, *level));
         actions.max_by_key(|action| action.effect()).unwrap_or(Self::Warn)
     }
 
-    fn of_level(parameters: &Parameters, pack: Pack, level: FailsafeLevel) -> Self {
-        let Some(parameter) = level.action_parameter() else {
+    fn of_level(pack: PackParameters<'_>, level: FailsafeLevel) -> Self {
+        let Some(parameter) = action_parameter(level) else {
             return Self::Warn;
         };
-        Self::from_number(parameters.get_whole(parameter.of(pack))).unwrap_or(Self::Warn)
+        Self::from_number(pack.get_whole(parameter)).unwrap_or(Self::Warn)
+    }
+
+    /// The level whose action this parameter chooses, if a pack at `level` has reached it. A lost pack reaches no threshold, and a
+    /// higher level does not say that it was lost.
+    pub fn level_of(parameter: BatteryParameter, level: FailsafeLevel) -> Option<FailsafeLevel> {
+        let levels: &[FailsafeLevel] = match level {
+            FailsafeLevel::Critical => &[FailsafeLevel::Low, FailsafeLevel::Critical],
+            _ => &[level],
+        };
+        let mut levels = levels.iter().copied();
+        levels.find(|level| action_parameter(*level) == Some(parameter))
     }
 
     /// Its effect without a position.
@@ -177,6 +172,8 @@ impl fmt::Display for VehicleEvent {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pack::Pack;
+    use crate::parameter::Parameters;
 
     #[test]
     // Requirement: AP-19
@@ -204,7 +201,7 @@ mod tests {
     fn each_level_of_each_pack_has_its_action() {
         let mut parameters = Parameters::defaults();
         set(&mut parameters, Pack::Second, 2.0, 5.0);
-        let action = |pack, level| FailsafeAction::from_parameters(&parameters, pack, &[level]);
+        let action = |pack, level| FailsafeAction::from_parameters(parameters.pack(pack), &[level]);
         for (pack, level, expected) in [
             (Pack::Second, FailsafeLevel::Low, FailsafeAction::Hold),
             (Pack::Second, FailsafeLevel::Critical, FailsafeAction::Terminate),
@@ -229,7 +226,7 @@ mod tests {
             let mut parameters = Parameters::defaults();
             set(&mut parameters, Pack::Ninth, low, critical);
             let levels = [FailsafeLevel::Low, FailsafeLevel::Critical];
-            let action = FailsafeAction::from_parameters(&parameters, Pack::Ninth, &levels);
+            let action = FailsafeAction::from_parameters(parameters.pack(Pack::Ninth), &levels);
             assert_eq!(action, expected, "{low} {critical}");
         }
     }

@@ -4,7 +4,7 @@ use core::mem;
 
 use crate::announce::Lasting;
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::parameter::{BatteryParameter, PackParameters, VehicleParameter};
 
 /// Least share of the duties, ArduPilot's: the rover still moves.
 const LEAST_SHARE: f32 = 0.05;
@@ -30,12 +30,12 @@ pub struct PowerLimit {
 
 impl PowerLimit {
     /// From the live parameters; `None` is unlimited.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Option<Self> {
+    pub fn from_parameters(pack: PackParameters<'_>) -> Option<Self> {
         // The table's range is 0 to 32767.
-        let max_w = parameters.get_whole(BatteryParameter::WattMax.of(pack)) as u16;
+        let max_w = pack.get_whole(BatteryParameter::WattMax) as u16;
         (max_w > 0).then(|| Self {
             max_w,
-            time_constant_s: parameters.get(VehicleParameter::MotBatWattTc),
+            time_constant_s: pack.all.get(VehicleParameter::MotBatWattTc),
         })
     }
 

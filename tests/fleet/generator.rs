@@ -4,9 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, Extremes, LearntPack, Measurement, PackSettings, Tick,
-};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, Extremes, LearntPack, Measurement, Tick};
 use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -153,7 +151,7 @@ impl Owned {
     /// The log of the next drive: charged, rested, driven for ten minutes, and rested.
     pub fn drive(&mut self) -> Vec<u8> {
         let parameters = self.parameters();
-        let settings = PackSettings::from_parameters(&parameters, Pack::First);
+        let settings = parameters.pack(Pack::First).settings();
         let mut pack = SimulatedPack::full(self.model());
         let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
         monitor.restore_learnt(self.known);

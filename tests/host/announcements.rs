@@ -1,6 +1,6 @@
 //! Announcements on a link that is too slow for all of them.
 
-use rover_battmon::battery::{BusError, FailsafeLevel, Measurement, PackEvent, ReadError};
+use rover_battmon::battery::{BusError, FailsafeLevel, Measurement, ReadError, SupplyEvent};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
@@ -250,12 +250,12 @@ fn each_station_that_connects_learns_what_answers_in_place_of_a_part_until_that_
     read(&mut desk, Pack::Third, Err(BusError::NoAnswer.into()));
     desk.autopilot.open(&mut desk.endpoint);
     assert_eq!(scans(&mut desk), [""; 0]);
-    let event = PackEvent::NotFound {
+    let event = SupplyEvent::NotFound {
         address: Some(0x40),
         answering: [Some(0x41), Some(0x44), None, None, None],
     };
     let now = desk.now();
-    desk.autopilot.announce_pack(Pack::Second, &event, now);
+    desk.autopilot.announce_supply(Pack::Second, &event, now);
     // The first of two messages.
     const SCAN: &str = "Battery 2 not found at 0x40: the bus answers at 0x";
     // Its own address is the one at which it was asked, whatever is set since.

@@ -9,7 +9,7 @@ use rover_battmon::announce::Severity;
 use rover_battmon::battery::{
     Amount, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Consequences, Contents, Date,
     FailsafeLevel, Faults, MAX_CELLS, Modes, Name, PackDetails, PackStatus, Readings, ReportedVoltage,
-    Visibility,
+    Visibility, consequences,
 };
 use rover_battmon::mavlink::dialect::{
     BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, MavBatteryChargeState,
@@ -701,7 +701,7 @@ fn modes_that_a_pack_reports_have_their_flags_and_leave_it_healthy() {
     ] {
         let mut battery = reporting(Faults::SHORT_CIRCUIT | Faults::SWITCHED_OFF);
         battery.readings.reported.modes = modes;
-        let is_healthy = !battery.consequences().contains(Consequences::NOT_HEALTHY);
+        let is_healthy = !consequences(&battery).contains(Consequences::NOT_HEALTHY);
         assert!(is_healthy, "{modes:?}");
         let flags = status_v2_of(battery).status_flags;
         assert_eq!(flags.bits(), 16_384 | 256 | expected, "{modes:?}");

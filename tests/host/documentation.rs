@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use rover_battmon::autopilot::Notice;
 use rover_battmon::battery::{
-    Amount, ArmingFailure, BusError, ChargeState, CurrentRange, FailsafeLevel, Faults, Gap, PackEvent,
-    PackNotice, ReadError,
+    Amount, ArmingFailure, BusError, ChargeState, CurrentRange, CurrentScale, FailsafeLevel, Faults, Gap,
+    MissingSetting, PackEvent, PackNotice, ReadError, SupplyEvent,
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
@@ -413,10 +413,6 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::ContactRestored,
         gap(Some(3.0)),
         gap(None),
-        PackEvent::PowerLimited(Some(20)),
-        PackEvent::PowerLimited(None),
-        PackEvent::PowerUnknown,
-        PackEvent::ActionTooLate(FailsafeLevel::Low),
         PackEvent::ReportedState {
             state: ChargeState::Failed,
             cause: Faults::empty(),
@@ -424,18 +420,6 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::ReportedState {
             state: ChargeState::Unhealthy,
             cause: Faults::empty(),
-        },
-        PackEvent::NotFound {
-            address: Some(0x40),
-            answering: [Some(0x41), Some(0x44), None, None, None],
-        },
-        PackEvent::Found {
-            address: 0x0b,
-            cells: Some(4),
-        },
-        PackEvent::Range {
-            part: "INA226",
-            current_a: 0.8,
         },
         PackEvent::SensorRecovered,
         PackEvent::PoweringOff,
@@ -451,9 +435,9 @@ fn pack_events() -> Vec<PackEvent> {
             capacity_mah: 2995.0,
             resistance_ohm: 0.087,
         },
-        PackEvent::PercentagesInert(BatteryParameter::LowVolt),
-        PackEvent::CapacityAboveLabel(Some(BatteryParameter::AmpPervlt)),
-        PackEvent::CapacityAboveLabel(Some(BatteryParameter::Shunt)),
+        PackEvent::PercentagesInert(MissingSetting::LowVoltage),
+        PackEvent::CapacityAboveLabel(Some(CurrentScale::AmperesPerVolt)),
+        PackEvent::CapacityAboveLabel(Some(CurrentScale::Shunt)),
         PackEvent::CapacityAboveLabel(None),
     ];
     for (remaining_pct, usable_pct) in [(Some(15.0), Some(15.0)), (Some(15.0), Some(9.0)), (None, None)] {
@@ -476,14 +460,40 @@ fn pack_events() -> Vec<PackEvent> {
     // Some faults are found here, and some reported by packs only.
     let of_faults = [PackEvent::Faults, PackEvent::ReportedFaults].into_iter();
     let of_faults = of_faults.flat_map(|event| Faults::all().iter().map(event));
-    events.extend(of_faults.filter(|event| !event.to_string().is_empty()));
+    // The others have no name.
+    let has_name = |event: &PackEvent| !PackNotice(Pack::First, event).to_string().ends_with(": ");
+    events.extend(of_faults.filter(has_name));
     events.extend(READ_ERRORS.map(PackEvent::SensorFailed));
     events
+}
+
+fn supply_events() -> Vec<SupplyEvent> {
+    vec![
+        SupplyEvent::PowerLimited(Some(20)),
+        SupplyEvent::PowerLimited(None),
+        SupplyEvent::PowerUnknown,
+        SupplyEvent::ActionTooLate(FailsafeLevel::Low),
+        SupplyEvent::NotFound {
+            address: Some(0x40),
+            answering: [Some(0x41), Some(0x44), None, None, None],
+        },
+        SupplyEvent::Found {
+            address: 0x0b,
+            cells: Some(4),
+        },
+        SupplyEvent::Range {
+            part: "INA226",
+            current_a: 0.8,
+        },
+    ]
 }
 
 /// What the firmware says of packs, of arming and of the rover, without its numbers.
 fn announced() -> Vec<String> {
     let packs = pack_events()
+        .into_iter()
+        .map(|event| PackNotice(Pack::First, &event).to_string());
+    let supplies = supply_events()
         .into_iter()
         .map(|event| PackNotice(Pack::First, &event).to_string());
     let of_packs = ARMING_FAILURES.map(|failure| ArmingObstacle::Pack(Pack::First, failure));
@@ -548,6 +558,7 @@ fn announced() -> Vec<String> {
     let id = BatteryParameter::Cells.of(Pack::First);
     let why = Refused::OutOfRange;
     let all = packs
+        .chain(supplies)
         .chain(obstacles)
         .chain(WIFI_REPORTS.map(|report| report.to_string()))
         .chain(CAN_REPORTS.map(|report| report.to_string()))

@@ -1,6 +1,6 @@
 //! Packs that motor controllers measure together: their readings in, the packs' states out.
 
-use rover_battmon::battery::{BatteryState, Consequences, Faults};
+use rover_battmon::battery::{BatteryState, Consequences, Faults, consequences};
 use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{AnalogReadings, ControllerReading};
 use rover_battmon::vehicle::ArmState;
@@ -58,7 +58,7 @@ fn hot_motor_controllers_are_shown_and_keep_no_rover_from_arming() {
         (first.temperature_c, first.readings.faults),
         (Some(70.0), Faults::empty())
     );
-    assert_eq!(first.consequences(), Consequences::empty());
+    assert_eq!(consequences(&first), Consequences::empty());
     let answers = desk.ask(&arm());
     assert_eq!(texts_of(&answers), [""; 0]);
     assert_eq!(desk.vehicle().arm_state(), ArmState::Armed);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use flate2::read::GzDecoder;
 use lzma_rust2::XzReader;
-use rover_battmon::battery::{Amount, BatteryState, PackSettings, PackStatus, arming_failures};
+use rover_battmon::battery::{Amount, BatteryState, PackStatus, Thresholds, arming_failures};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters, documentation};
 use support::repository;
@@ -91,7 +91,7 @@ fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
         let settings = Pack::ALL
             .into_iter()
             .filter(|pack| parameters.is_monitored(*pack))
-            .map(|pack| PackSettings::from_parameters(&parameters, pack));
+            .map(|pack| parameters.pack(pack).settings());
         let armed: Vec<_> = settings
             .filter(|settings| !settings.failsafe.is_disabled(&BatteryState::UNKNOWN))
             .collect();
@@ -103,7 +103,8 @@ fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
                 capacity: settings.capacity_mah.map(Amount::Mah),
                 ..BatteryState::default()
             };
-            let failures: Vec<_> = arming_failures(&well, &settings, None).collect();
+            let failures: Vec<_> =
+                arming_failures(&well, &settings.failsafe, &Thresholds::default(), None).collect();
             assert!(failures.is_empty(), "{file}: {failures:?}");
         }
     }

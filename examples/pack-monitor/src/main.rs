@@ -94,7 +94,7 @@ async fn main(_spawner: Spawner) {
 
     let start = now();
     let mut parts = BusDevices::from_parameters(&parameters, start);
-    let settings = PackSettings::from_parameters(&parameters, Pack::First);
+    let settings = parameters.pack(Pack::First).settings();
     let mut monitor = BatteryMonitor::new();
     let mut battery = BatteryState::default();
     let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start);

@@ -7,8 +7,11 @@ use crate::battery::{
     BusError, ChargeSource, Chemistry, CurrentRange, FailsafeSettings, Faults, Gauge, GaugeReading,
     PackEvent, PackSettings, Thermometer, Thresholds, Tick,
 };
+use crate::parameter::Parameters;
 use crate::time::{Instant, at_us};
 use crate::vehicle::FailsafeAction;
+
+mod lost_current;
 
 /// Two packs in parallel, and a third that is their sum.
 struct BankBench {
@@ -146,9 +149,12 @@ fn parallel_packs_have_mean_voltage_and_summed_current() {
     assert_eq!((readings.voltage_v, readings.current_a), (Some(11.5), Some(5.0)));
     assert_about(state.consumed_mah().expect("counted"), 49.9, 0.1);
     let mut parameters = Parameters::defaults();
-    assert_eq!(SumVoltage::from_parameters(&parameters, SUM), SumVoltage::Mean);
+    assert_eq!(
+        SumVoltage::from_parameters(parameters.pack(SUM)),
+        SumVoltage::Mean
+    );
     parameters.set(BatteryParameter::Options.of(SUM), 512.0).unwrap();
-    let sum = bench.sum_of(SUM, 0b11, SumVoltage::from_parameters(&parameters, SUM));
+    let sum = bench.sum_of(SUM, 0b11, SumVoltage::from_parameters(parameters.pack(SUM)));
     assert_eq!(sum.map(|sum| sum.voltage_v), Ok(Some(11.0)));
 }
 
@@ -679,7 +685,7 @@ proptest! {
                 parameters.set(parameter.of(pack), action).unwrap();
             }
         }
-        let action = |pack, levels: &[_]| severity(FailsafeAction::from_parameters(&parameters, pack, levels));
+        let action = |pack, levels: &[_]| severity(FailsafeAction::from_parameters(parameters.pack(pack), levels));
         let failsafe = FailsafeSettings { timer_s, low, critical, ..FailsafeSettings::default() };
         let settings = PackSettings {
             cell_count: Some(3),

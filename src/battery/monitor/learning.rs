@@ -1,7 +1,7 @@
 //! Learnt properties of a pack, and whether flash holds them.
 
 use crate::battery::event::{PackEvents, push};
-use crate::battery::settings::PackSettings;
+use crate::battery::pack_settings::PackSettings;
 use crate::battery::{LearntPack, MeasuringScale, PackEvent};
 
 /// A new cell has up to so much more than its label says, relative to it; more is a wrong scale or label.

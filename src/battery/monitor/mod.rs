@@ -20,8 +20,8 @@ use super::diagnosis;
 use super::estimator::{Estimator, EstimatorMemory, Reading, ReportedCharge};
 use super::event::push;
 use super::failsafe::ReachedLevels;
+use super::pack_settings::PackSettings;
 use super::reporters::{GapReporter, HealthReporter, LessonReporter};
-use super::settings::PackSettings;
 use super::swap::{AtRest, Doubt, Replacement, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, CurrentRange, LearntPack,

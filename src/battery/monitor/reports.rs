@@ -2,7 +2,7 @@
 
 use super::counting::{GaugeState, has_timed_out};
 use crate::battery::event::push;
-use crate::battery::settings::PackSettings;
+use crate::battery::pack_settings::PackSettings;
 use crate::battery::swap::{Replacement, SerialNumber};
 use crate::battery::{BatteryState, Measurement, PackEvent, PackEvents, ReadError, Supply, Tick};
 use crate::time::Instant;

@@ -1,7 +1,9 @@
 //! BATTERY_STATUS_V2 (369).
 
 use super::units::{amp_hours, finite, number, temperature_cdegc};
-use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, Consequences, Faults, PackStatus};
+use crate::battery::{
+    Amount, BatteryState, ChargeSource, ChargeState, Consequences, Faults, PackStatus, consequences,
+};
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
 use crate::mavlink::requests::{FLAGS_OF_FAULTS, FLAGS_OF_MODES};
 use crate::pack::Pack;
@@ -66,7 +68,7 @@ fn fault_flags(faults: Faults) -> Flags {
 /// QGroundControl shows a pack that is not ready as an emergency; so nothing is set while no pack is there.
 fn readiness_flags(battery: &BatteryState) -> Flags {
     let is_there = matches!(battery.status, PackStatus::Healthy | PackStatus::Unhealthy);
-    if is_there && battery.consequences().contains(Consequences::NOT_READY) {
+    if is_there && consequences(battery).contains(Consequences::NOT_READY) {
         Flags::MAV_BATTERY_STATUS_FLAGS_NOT_READY_TO_USE
     } else {
         Flags::empty()

@@ -1,7 +1,7 @@
 //! SYS_STATUS (1).
 
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
-use crate::battery::{BatteryState, Consequences, PackStatus};
+use crate::battery::{BatteryState, Consequences, PackStatus, consequences};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::pack::Pack;
 use crate::system::{ArmingReadiness, LogHealth, ReceiveStatistics, SystemState};
@@ -98,7 +98,7 @@ fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
 /// announce a bad battery after every start, and without end on a desk. What gives no reading is unhealthy soon.
 fn is_healthy(battery: &BatteryState, arm_state: ArmState) -> bool {
     let is_gone = battery.status == PackStatus::NotConnected && arm_state == ArmState::Armed;
-    !is_gone && !battery.consequences().contains(Consequences::NOT_HEALTHY)
+    !is_gone && !consequences(battery).contains(Consequences::NOT_HEALTHY)
 }
 
 fn pack_voltage_mv(battery: &BatteryState) -> u16 {

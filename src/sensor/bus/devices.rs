@@ -7,7 +7,7 @@ use heapless::Vec;
 use super::part::{FAST_MODE_HZ, Sharing};
 use super::registry::AnyPart;
 use super::{Address, SensorBus, Wiring};
-use crate::battery::{BusError, MAX_ANSWERING, Measurement, PackEvent, ReadError};
+use crate::battery::{BusError, MAX_ANSWERING, Measurement, ReadError, SupplyEvent};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
 use crate::time::{Cadence, Instant};
@@ -84,7 +84,7 @@ impl BusDevices {
         let i2c_clock_hz = bus_clock_hz(parameters);
         for pack in Pack::ALL {
             if let Some(kind) = part_of(parameters, pack) {
-                let wiring = Wiring::from_parameters(parameters, pack, i2c_clock_hz);
+                let wiring = Wiring::from_parameters(parameters.pack(pack), i2c_clock_hz);
                 devices.add(kind, pack, wiring, now);
             }
         }
@@ -159,7 +159,7 @@ impl BusDevices {
         };
         if device.kind.sharing() == Sharing::ByPin {
             for pack in self.packs.iter_mut().filter(|pack| pack.device == number) {
-                pack.wiring = Wiring::from_parameters(parameters, pack.pack, pack.wiring.i2c_clock_hz);
+                pack.wiring = Wiring::from_parameters(parameters.pack(pack.pack), pack.wiring.i2c_clock_hz);
             }
         }
     }
@@ -185,7 +185,7 @@ impl BusDevices {
         now: Instant,
         arm_state: ArmState,
         mut deliver: impl FnMut(Pack, Result<Measurement, ReadError>),
-    ) -> Option<(Pack, PackEvent)> {
+    ) -> Option<(Pack, SupplyEvent)> {
         let mut taken: Vec<Address, MAX_PACKS> = Vec::new();
         for address in self.taken() {
             // There is room for the part of every pack.
@@ -310,22 +310,22 @@ impl BusDevice {
     }
 
     /// A smart battery answers for the first time: which one it is can't be seen otherwise.
-    fn met(&mut self, cells: Option<u8>) -> Option<PackEvent> {
+    fn met(&mut self, cells: Option<u8>) -> Option<SupplyEvent> {
         let address = self.place.number().filter(|_| self.kind.is_announced())?;
         let is_first = !mem::replace(&mut self.was_announced, true);
-        is_first.then_some(PackEvent::Found { address, cells })
+        is_first.then_some(SupplyEvent::Found { address, cells })
     }
 
     /// The range of the current of one of its packs, once for each.
     fn announce_range<'a>(
         &self,
         packs: impl IntoIterator<Item = &'a mut BusPack>,
-    ) -> Option<(Pack, PackEvent)> {
+    ) -> Option<(Pack, SupplyEvent)> {
         let part = self.part.as_ref()?;
         packs.into_iter().find_map(|pack| {
             let was_announced = mem::replace(&mut pack.range_was_announced, true);
             let (part, current_a) = part.range(&pack.wiring).filter(|_| !was_announced)?;
-            Some((pack.pack, PackEvent::Range { part, current_a }))
+            Some((pack.pack, SupplyEvent::Range { part, current_a }))
         })
     }
 
@@ -335,7 +335,7 @@ impl BusDevice {
         bus: &mut impl SensorBus,
         taken: &[Address],
         error: ReadError,
-    ) -> Option<PackEvent> {
+    ) -> Option<SupplyEvent> {
         let is_lost = self.part.is_none() && error == ReadError::Bus(BusError::NoAnswer);
         if !is_lost || self.failures < FAILURES_UNTIL_REST || mem::replace(&mut self.was_announced, true) {
             return None;
@@ -356,7 +356,7 @@ impl BusDevice {
                 *place = Some(number);
             }
         }
-        Some(PackEvent::NotFound {
+        Some(SupplyEvent::NotFound {
             address: self.place.number(),
             answering,
         })

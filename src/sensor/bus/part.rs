@@ -2,8 +2,7 @@
 
 use super::{Address, SensorBus};
 use crate::battery::{Measurement, ReadError};
-use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, PackParameters};
 use crate::sensor::AnalogWiring;
 
 /// A driver of a part on the bus.
@@ -101,18 +100,16 @@ pub struct Wiring {
 
 impl Wiring {
     /// The wiring the parameters of a pack describe, to a bus with this clock.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack, i2c_clock_hz: u32) -> Self {
-        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
-        let whole = |parameter: BatteryParameter| parameters.get_whole(parameter.of(pack));
+    pub fn from_parameters(pack: PackParameters<'_>, i2c_clock_hz: u32) -> Self {
         Self {
             i2c_clock_hz,
-            address: Address::from_parameter(whole(BatteryParameter::I2cAddr)),
-            channel: u8::try_from(whole(BatteryParameter::Channel)).unwrap_or(1),
-            shunt_ohm: value(BatteryParameter::Shunt),
-            max_current_a: value(BatteryParameter::MaxAmps),
-            voltage_pin: whole(BatteryParameter::VoltPin),
-            current_pin: whole(BatteryParameter::CurrPin),
-            analog: AnalogWiring::from_parameters(parameters, pack),
+            address: Address::from_parameter(pack.get_whole(BatteryParameter::I2cAddr)),
+            channel: u8::try_from(pack.get_whole(BatteryParameter::Channel)).unwrap_or(1),
+            shunt_ohm: pack.get(BatteryParameter::Shunt),
+            max_current_a: pack.get(BatteryParameter::MaxAmps),
+            voltage_pin: pack.get_whole(BatteryParameter::VoltPin),
+            current_pin: pack.get_whole(BatteryParameter::CurrPin),
+            analog: AnalogWiring::from_parameters(pack),
         }
     }
 }

@@ -9,8 +9,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     BatteryMonitor, BatteryState, CellVoltages, ChargeState, Chemistry, CurrentRange, Date, Faults,
-    GaugeReading, Measurement, Modes, PackEvent, PackSettings, ReadError, Reported, Supply, Thermometer,
-    Tick,
+    GaugeReading, Measurement, Modes, PackNotice, PackSettings, ReadError, Reported, Supply, SupplyEvent,
+    Thermometer, Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind, Refused};
@@ -201,7 +201,7 @@ fn findings(
     devices: &mut BusDevices,
     bus: &mut impl SensorBus,
     arm_state: ArmState,
-) -> Vec<(Pack, PackEvent)> {
+) -> Vec<(Pack, SupplyEvent)> {
     let mut readings = 0..20;
     std::iter::from_fn(|| {
         readings.next()?;
@@ -225,7 +225,7 @@ fn a_part_that_is_not_found_is_looked_for_once_while_disarmed() {
     }
     let mut bus = wires(tables);
     assert_eq!(findings(&mut devices, &mut bus, ArmState::Armed), []);
-    let event = PackEvent::NotFound {
+    let event = SupplyEvent::NotFound {
         address: Some(0x40),
         answering: [Some(0x41), Some(0x44), None, None, None],
     };
@@ -239,7 +239,7 @@ fn a_smart_battery_is_announced_once() {
     let mut devices = devices_of(PartKind::SmartBattery);
     let (address, cells) = (ADDRESS, Some(2));
     let found = findings(&mut devices, &mut battery(&[]), ArmState::Armed);
-    assert_eq!(found, [(Pack::Second, PackEvent::Found { address, cells })]);
+    assert_eq!(found, [(Pack::Second, SupplyEvent::Found { address, cells })]);
 }
 
 #[test]
@@ -271,7 +271,11 @@ fn the_range_of_a_current_over_a_shunt_is_announced_once_for_each_pack() {
             Instant::EPOCH,
         );
         let found = findings(&mut devices, &mut bus, ArmState::Armed);
-        let texts: Vec<_> = found.iter().map(|(_, event)| event.to_string()).collect();
+        let texts: Vec<_> = found
+            .iter()
+            .map(|(pack, event)| PackNotice(*pack, event).to_string())
+            .collect();
+        let expected = expected.map(|text| format!("Battery 2 {text}"));
         assert_eq!(texts, Vec::from_iter(expected));
     }
     let monitor = MonitorKind::Bus(PartKind::Ina3221).number() as f32;
@@ -294,10 +298,13 @@ fn the_range_of_a_current_over_a_shunt_is_announced_once_for_each_pack() {
     let found = findings(&mut devices, &mut bus, ArmState::Armed);
     let texts = found
         .iter()
-        .map(|(pack, event)| format!("{} {event}", pack.number()));
+        .map(|(pack, event)| PackNotice(*pack, event).to_string());
     assert_eq!(
         Vec::from_iter(texts),
-        ["2 INA3221 up to 327.6 A", "3 INA3221 up to 16.4 A"]
+        [
+            "Battery 2 INA3221 up to 327.6 A",
+            "Battery 3 INA3221 up to 16.4 A"
+        ]
     );
 }
 

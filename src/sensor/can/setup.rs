@@ -7,7 +7,7 @@ use super::event::ChargerPower;
 use super::messages::UNIQUE_ID_BYTES;
 use crate::memory::identity::{BoardId, FirmwareHash, Identity};
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::parameter::{BatteryParameter, PackParameters, Parameters, VehicleParameter};
 use crate::sensor::thermometer::has_can_thermometer;
 use crate::vehicle::ArmState;
 
@@ -139,20 +139,22 @@ impl CanSettings {
         };
         for pack in packs {
             // There is room for all packs.
-            let _ = settings.packs.push(CanPack::from_parameters(parameters, pack));
+            let _ = settings
+                .packs
+                .push(CanPack::from_parameters(parameters.pack(pack)));
         }
         settings
     }
 }
 
 impl CanPack {
-    fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
-        let battery_id = parameters.get_whole(BatteryParameter::SerialNum.of(pack));
+    fn from_parameters(parameters: PackParameters<'_>) -> Self {
+        let battery_id = parameters.get_whole(BatteryParameter::SerialNum);
         Self {
-            pack,
+            pack: parameters.pack,
             battery_id: Some(battery_id).filter(|id| *id >= 0),
-            current_multiplier: parameters.get(BatteryParameter::CurrMult.of(pack)),
-            options: CanOptions::from_bits(parameters.get_whole(BatteryParameter::Options.of(pack))),
+            current_multiplier: parameters.get(BatteryParameter::CurrMult),
+            options: CanOptions::from_bits(parameters.get_whole(BatteryParameter::Options)),
         }
     }
 

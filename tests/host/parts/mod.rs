@@ -512,7 +512,7 @@ impl Bench {
                     }),
             );
         if let Some((pack, event)) = finding {
-            autopilot.announce_pack(pack, &event, now);
+            autopilot.announce_supply(pack, &event, now);
         }
         let first = Times {
             drawn_before_mah: self.drawn_mah(),

@@ -147,7 +147,7 @@ fn the_charge_of_the_pack_before_is_not_kept_for_one_that_has_not_rested() {
         assert_eq!(rover.kept_charge(), Some(before), "{chemistry:?}");
         // Nor does it outlast a restart.
         let memory = rover.bench.record();
-        rover.restart(&memory);
+        rover.restart(Some(&memory));
         rover.run(5.0, IDLE_A);
         assert!(rover.count_mah() < 1.0, "{chemistry:?}");
         rover.run(100.0, IDLE_A);
@@ -298,7 +298,7 @@ fn after_a_restart_without_its_pack_the_next_one_has_a_count_of_its_own() {
             rover.swap(Pack::rested(chemistry, 1.0), 20.0);
             rover.run(rests_s, IDLE_A);
             let memory = rover.bench.record();
-            rover.restart(&memory);
+            rover.restart(Some(&memory));
             if rests_s == 0.0 {
                 rover.unplug(20.0);
             }
@@ -320,7 +320,7 @@ fn after_a_restart_the_same_pack_goes_on() {
         let unplugged = |rover: &mut Rover| {
             rover.unplug(20.0);
             let memory = rover.bench.record();
-            rover.restart(&memory);
+            rover.restart(Some(&memory));
             rover.unplug(20.0);
         };
         let dips: [fn(&mut Rover); 3] = [
@@ -355,7 +355,7 @@ fn after_a_dip_of_power_a_fuller_pack_under_load_is_another_at_once() {
         let mut rover = used(chemistry);
         let memory = rover.bench.record_without_power();
         rover.pack = Pack::rested(chemistry, 1.0);
-        rover.restart(&memory);
+        rover.restart(Some(&memory));
         rover.run(2.0, load_a);
         assert!(
             rover.count_mah() < 2.0,
@@ -439,7 +439,7 @@ fn a_battery_reset_ends_the_doubt_of_a_count() {
     rover.run(0.5, IDLE_A);
     // Within a second of it, too.
     let memory = rover.bench.record();
-    rover.restart(&memory);
+    rover.restart(Some(&memory));
     rover.run(30.0, IDLE_A);
     assert_about(Some(rover.count_mah()), 220.0, 5.0);
     assert_about(Some(rover.reported_pct()), 90.0, 2.0);
@@ -498,8 +498,7 @@ struct Restart {
     reason: Reason,
     /// Time without power, or until the pack is plugged in, in seconds.
     off_s: f32,
-    /// Bits of RAM that are lost.
-    lost_bits: usize,
+    ram: Ram,
     /// By how much the other pack rests above it, in volts of a cell; `None` is the same one.
     other_v: Option<f32>,
     /// Load after the restart, in amperes, for so long, in seconds.
@@ -515,6 +514,13 @@ enum Before {
     Unplugged,
     /// It was out, and has not rested since.
     PluggedIn,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Ram {
+    Kept,
+    /// It was without power for too long.
+    Lost,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -540,18 +546,18 @@ fn any_restart() -> impl Strategy<Value = Restart> {
         before,
         prop_oneof![Just(Reason::Reset), Just(Reason::Power)],
         prop_oneof![Just(0.1_f32), 1.0_f32..600.0],
-        prop_oneof![3 => Just(0), 1 => 1_usize..200],
+        prop_oneof![3 => Just(Ram::Kept), 1 => Just(Ram::Lost)],
         other_v,
         prop_oneof![Just(IDLE_A), 0.6_f32..4.4],
         prop_oneof![Just(1.0_f32), 2.0_f32..120.0],
     )
         .prop_map(
-            |(drives_to, before, reason, off_s, lost_bits, other_v, load_a, loaded_s)| Restart {
+            |(drives_to, before, reason, off_s, ram, other_v, load_a, loaded_s)| Restart {
                 drives_to,
                 before,
                 reason,
                 off_s,
-                lost_bits,
+                ram,
                 other_v,
                 load_a,
                 loaded_s,
@@ -567,15 +573,6 @@ fn soc_at(chemistry: Chemistry, cell_v: f32) -> Option<f32> {
         let is_below = |soc: &i32| curve.voltage_v(*soc as f32 * 1e-4) < cell_v;
         (0..10_000).find(|soc| !is_below(soc)).expect("in range") as f32 * 1e-4
     })
-}
-
-/// Bits of RAM that has lost power for too long.
-fn lose_bits(memory: &mut RetainedMemory, count: usize) {
-    for bit in 0..count {
-        for record in memory.iter_mut() {
-            record.flip(bit.wrapping_mul(0x9E37_79B1));
-        }
-    }
 }
 
 #[test]
@@ -617,16 +614,15 @@ fn over_any_restart_a_count_and_its_charge_are_those_of_the_pack() {
                 rover.run(0.7, IDLE_A);
             }
             let before_mah = rover.bench.monitor.consumed().charge_mah;
-            let mut memory = match restart.reason {
+            let memory = match restart.reason {
                 Reason::Reset => rover.bench.record(),
                 Reason::Power => rover.bench.record_without_power(),
             };
-            lose_bits(&mut memory, restart.lost_bits);
             rover.pack.draw(0.0, restart.off_s);
             if restart.before != Before::PluggedIn {
                 change(&mut rover);
             }
-            rover.restart(&memory);
+            rover.restart(Some(&memory).filter(|_| restart.ram == Ram::Kept));
             if restart.before == Before::Unplugged {
                 rover.unplug(restart.off_s);
             }
@@ -660,17 +656,17 @@ fn over_any_restart_a_count_and_its_charge_are_those_of_the_pack() {
             // A slow sag of the pack before may have gone meanwhile, or not.
             let slow_v = |pack: &Pack| (pack.voltage_v(0.0) / 3.0 - cell_v).abs();
             let unclear_v = 0.05 + 1.6 * slow_v(&same);
-            match (restart.lost_bits, other) {
-                (1.., _) => assert!(is_new, "{what}"),
-                (0, None) => {
+            match (restart.ram, other) {
+                (Ram::Lost, _) => assert!(is_new, "{what}"),
+                (Ram::Kept, None) => {
                     kept += 1;
                     assert!(goes_on, "{what}");
                 }
-                (0, Some((_, above_v))) if above_v.abs() > unclear_v => {
+                (Ram::Kept, Some((_, above_v))) if above_v.abs() > unclear_v => {
                     dropped += 1;
                     assert!(is_new, "{what}");
                 }
-                (0, Some(_)) => assert!(goes_on || is_new, "{what}"),
+                (Ram::Kept, Some(_)) => assert!(goes_on || is_new, "{what}"),
             }
         }
     }

@@ -187,7 +187,7 @@ fn a_first_total_that_the_rest_denies_was_drawn_from_another_pack() {
         for _ in 0..60 {
             pack.run(1.0, 0.0);
             reported.extend(pack.bench.state.readings.remaining_pct);
-            let remaining = crate::battery::failsafe::remaining(&pack.bench.state);
+            let remaining = pack.bench.state.remaining_or_counted();
             assert!(
                 remaining.is_none_or(|mah| mah > 2000.0),
                 "{current:?}: {remaining:?}"

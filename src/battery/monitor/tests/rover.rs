@@ -198,17 +198,19 @@ impl Rover {
     }
 
     /// The board restarts with what RAM and flash hold.
-    pub fn restart(&mut self, memory: &RetainedMemory) {
+    pub fn restart(&mut self, memory: Option<&PackMemory>) {
         self.power_cycle();
         self.bench.arm_state = ArmState::Disarmed;
-        self.bench.recall(memory);
+        if let Some(memory) = memory {
+            self.bench.monitor.restore(memory);
+        }
     }
 
     /// Power fails for a time that RAM outlasts, in which the pack rests.
     pub fn dip_power(&mut self, seconds: f32) {
         let memory = self.bench.record_without_power();
         self.pack.draw(0.0, seconds);
-        self.restart(&memory);
+        self.restart(Some(&memory));
     }
 
     /// The pack is out for this time.
@@ -253,8 +255,7 @@ impl Rover {
     }
 
     pub fn retained_charge(&self) -> Option<f32> {
-        let [pack, ..] = recall(&self.bench.record())?;
-        pack.estimate.charge.map(|charge| charge.soc)
+        self.bench.record().estimate.charge.map(|charge| charge.soc)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use rover_battmon::battery::{
     BatteryMonitor, BatteryState, FailsafeTimers, LearntPack, LessonObstacle, Measurement, PackEvent,
-    PackSettings, PackUpdate, ReadError, Tick,
+    PackNotice, PackSettings, PackUpdate, ReadError, Tick,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, MonitorKind, ParameterId, Parameters, Refused};
@@ -140,7 +140,9 @@ pub struct Replay {
 
 /// The settings of a pack of the kind that is set.
 pub fn settings(parameters: &Parameters, pack: Pack) -> PackSettings {
-    PackSettings::from_parameters(parameters, pack).of_kind(pack, parameters.monitor_kind(pack))
+    parameters
+        .pack(pack)
+        .settings_of_kind(parameters.monitor_kind(pack))
 }
 
 impl Replay {
@@ -251,7 +253,7 @@ pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
         rows.push(Row {
             time_s: sample.time_s,
             state: replay.state,
-            events: announced(&update).map(ToString::to_string).collect(),
+            events: announced(&update).map(|event| text(replay.pack, event)).collect(),
             reached: update.failsafe,
             reported: sample.reported,
         });
@@ -272,6 +274,12 @@ fn announced(update: &PackUpdate) -> impl Iterator<Item = &PackEvent> {
         _ => false,
     };
     update.events.iter().filter(move |event| !is_skipped(event))
+}
+
+/// The text of an event, behind the name of its pack.
+fn text(pack: Pack, event: &PackEvent) -> String {
+    let text = PackNotice(pack, event).to_string();
+    text.splitn(3, ' ').last().unwrap_or_default().to_owned()
 }
 
 fn tick(sample: &Sample) -> Tick {
