@@ -121,6 +121,8 @@ pub enum Prepared {
 struct Log {
     sector: Sector,
     sequence: u32,
+    /// Words of a value.
+    words: u8,
     /// Slots from here on are blank.
     used: u32,
     /// Undamaged: another record may be appended.
@@ -178,7 +180,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         const { assert!(V::WORDS <= MAX_WORDS) }
         Self {
             records: Records {
-                region: Region::new(flash, range, layout, V::WORDS as u8),
+                region: Region::new(flash, range, layout),
                 words: V::WORDS as u8,
                 older_words: None,
                 log: None,
@@ -298,10 +300,13 @@ impl<F: NorFlash> Records<F> {
 
     /// Replaces `record` by the latest readable one of its key; returns whether there is one.
     async fn read_record(&mut self, record: &mut StoredRecord) -> Result<bool, StorageError> {
-        let Some(log) = self.known_log().await? else {
+        let Some(Log {
+            sector, used, words, ..
+        }) = self.known_log().await?
+        else {
             return Ok(false);
         };
-        let is_found = self.region.read_last(log.sector, 0..log.used, record).await?;
+        let is_found = self.region.read_last(sector, 0..used, words, record).await?;
         record.widen(self.words.into());
         Ok(is_found)
     }
@@ -377,7 +382,7 @@ impl<F: NorFlash> Records<F> {
             self.log = Some(log);
             return Ok(Stored::Unchanged);
         }
-        if log.is_intact && log.used < self.slots() && self.region.words() == self.words {
+        if log.is_intact && log.used < self.slots() && log.words == self.words {
             self.region.write_record(log.sector, log.used, &record).await?;
             log.used += 1;
         } else {
@@ -494,7 +499,6 @@ impl<F: NorFlash> Records<F> {
         }
         self.preparation = Preparation::Due { erased: 0 };
         let mut used = 0;
-        let old_words = self.region.words();
         if let NextSector::Moved {
             old,
             newest,
@@ -514,20 +518,16 @@ impl<F: NorFlash> Records<F> {
                     continue;
                 }
                 record.widen(self.words.into());
-                self.region.set_words(self.words);
                 self.region.write_record(sector, used, &record).await?;
-                self.region.set_words(old_words);
                 used += 1;
             }
-            self.region.set_words(self.words);
             if let Some(newest) = newest {
                 self.region.write_record(sector, used, newest).await?;
                 used += 1;
             }
         }
-        self.region.set_words(self.words);
         // Commit: a power cut before this leaves the old sector active, one after it the new sector.
-        self.region.write_sequence(sector, sequence).await?;
+        self.region.write_sequence(sector, sequence, self.words).await?;
         if let Some(old) = next.old() {
             // Marks the old sector as outdated, in case the new one is lost.
             self.region.retire(old.sector).await?;
@@ -535,6 +535,7 @@ impl<F: NorFlash> Records<F> {
         Ok(Log {
             sector,
             sequence,
+            words: self.words,
             used,
             is_intact: true,
             is_trusted: true,
@@ -581,9 +582,8 @@ impl<F: NorFlash> Records<F> {
     async fn find_log(&mut self) -> Result<Option<Log>, StorageError> {
         let mut newest: Option<(Sector, u32, u8)> = None;
         for words in [Some(self.words), self.older_words].into_iter().flatten() {
-            self.region.set_words(words);
             for sector in self.region.sectors() {
-                if let Some(sequence) = self.region.read_sequence(sector).await?
+                if let Some(sequence) = self.region.read_sequence(sector, words).await?
                     && newest.is_none_or(|(_, highest, _)| sequence > highest)
                 {
                     newest = Some((sector, sequence, words));
@@ -591,26 +591,24 @@ impl<F: NorFlash> Records<F> {
             }
         }
         let Some((sector, sequence, words)) = newest else {
-            self.region.set_words(self.words);
             return Ok(None);
         };
-        self.region.set_words(words);
-        self.scan(sector, sequence).await.map(Some)
+        self.scan(sector, sequence, words).await.map(Some)
     }
 
     /// Looks through the slots of the active sector.
-    async fn scan(&mut self, sector: Sector, sequence: u32) -> Result<Log, StorageError> {
+    async fn scan(&mut self, sector: Sector, sequence: u32, words: u8) -> Result<Log, StorageError> {
         let mut used = 0;
         let mut records = 0;
         let mut record = StoredRecord::erased();
         let mut ends_damaged = false;
         // Damaged slots, as far as they can be recognised.
         let mut damaged = 0;
-        for slot in 0..self.region.slots {
-            if slot.is_multiple_of(self.region.slots_of_a_read.into()) {
+        for slot in 0..Region::<F>::slots_in(self.region.layout, words) {
+            if slot.is_multiple_of(Region::<F>::slots_of_a_read(words)) {
                 yield_now().await;
             }
-            match self.region.read_slot(sector, slot, &mut record).await? {
+            match self.region.read_slot(sector, slot, words, &mut record).await? {
                 Slot::Blank => continue,
                 Slot::Record => {
                     // Blank slots before a record are damaged ones.
@@ -631,6 +629,7 @@ impl<F: NorFlash> Records<F> {
         Ok(Log {
             sector,
             sequence,
+            words,
             used,
             is_intact,
             is_trusted: is_intact || is_interrupted_store,
@@ -650,11 +649,14 @@ impl<F: NorFlash> Records<F> {
         slot: u32,
         record: &mut StoredRecord,
     ) -> Result<Option<u32>, StorageError> {
-        for slot in slot..log.used {
+        let Log {
+            sector, used, words, ..
+        } = *log;
+        for slot in slot..used {
             yield_now().await;
-            let content = self.region.read_slot(log.sector, slot, record).await?;
-            let later = slot + 1..log.used;
-            if content == Slot::Record && !self.region.read_last(log.sector, later, record).await? {
+            let content = self.region.read_slot(sector, slot, words, record).await?;
+            let later = slot + 1..used;
+            if content == Slot::Record && !self.region.read_last(sector, later, words, record).await? {
                 return Ok(Some(slot));
             }
         }

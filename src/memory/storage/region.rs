@@ -17,12 +17,6 @@ pub(super) struct Sector(pub u32);
 pub(super) struct Region<F> {
     pub flash: F,
     pub layout: Layout,
-    /// Record slots of a sector.
-    pub slots: u32,
-    /// Slots that are read at once, or in one turn.
-    pub slots_of_a_read: u8,
-    /// Words of a value.
-    words: u8,
     start: u32,
     blocks: u32,
 }
@@ -68,35 +62,18 @@ const END_ERASED_AHEAD: [u8; MARGIN as usize] = {
 impl<F: NorFlash> Region<F> {
     const BLOCK: u32 = F::ERASE_SIZE as u32;
 
-    pub fn new(flash: F, range: Range<u32>, layout: Layout, words: u8) -> Self {
+    pub fn new(flash: F, range: Range<u32>, layout: Layout) -> Self {
         const {
             assert!(WORD.is_multiple_of(F::READ_SIZE) && WORD.is_multiple_of(F::WRITE_SIZE));
             assert!(F::ERASE_SIZE.is_multiple_of(MARGIN as usize) && F::ERASE_SIZE >= 64);
         }
         let first = range.start.div_ceil(Self::BLOCK);
-        let mut region = Self {
+        Self {
             flash,
             layout,
-            slots: 0,
-            slots_of_a_read: 0,
-            words,
             start: first.saturating_mul(Self::BLOCK),
             blocks: (range.end / Self::BLOCK).saturating_sub(first),
-        };
-        region.set_words(words);
-        region
-    }
-
-    /// Words of a value in the sectors that are accessed.
-    pub fn words(&self) -> u8 {
-        self.words
-    }
-
-    /// From here on sectors with values of so many words are accessed.
-    pub fn set_words(&mut self, words: u8) {
-        self.words = words;
-        self.slots = Self::slots_in(self.layout, words);
-        self.slots_of_a_read = (READ_BYTES / StoredRecord::size(words.into())) as u8;
+        }
     }
 
     /// Slots of a sector for values of so many words.
@@ -104,8 +81,9 @@ impl<F: NorFlash> Region<F> {
         (layout.blocks() * Self::BLOCK - 2 * MARGIN) / StoredRecord::size(words as usize) as u32
     }
 
-    fn record_size(&self) -> usize {
-        StoredRecord::size(self.words.into())
+    /// Slots for values of so many words that are read at once, or in one turn.
+    pub const fn slots_of_a_read(words: u8) -> u32 {
+        (READ_BYTES / StoredRecord::size(words as usize)) as u32
     }
 
     /// Whether there is a sector for a move.
@@ -122,22 +100,27 @@ impl<F: NorFlash> Region<F> {
         self.blocks / self.layout.blocks()
     }
 
-    /// Sequence number of a committed sector, from either of its headers.
-    pub async fn read_sequence(&mut self, sector: Sector) -> Result<Option<u32>, StorageError> {
+    /// Sequence number of a committed sector with values of so many words, from either of its headers.
+    pub async fn read_sequence(&mut self, sector: Sector, words: u8) -> Result<Option<u32>, StorageError> {
         for address in self.header_addresses(sector) {
             let mut header = StoredRecord::erased();
             self.read(address, header.bytes_mut(StoredRecord::size(1)))
                 .await?;
-            if let Some(sequence) = header.sequence(self.layout.magic(self.words)) {
+            if let Some(sequence) = header.sequence(self.layout.magic(words)) {
                 return Ok(Some(sequence));
             }
         }
         Ok(None)
     }
 
-    /// Commits a sector.
-    pub async fn write_sequence(&mut self, sector: Sector, sequence: u32) -> Result<(), StorageError> {
-        let header = StoredRecord::new(self.layout.magic(self.words), &[sequence]);
+    /// Commits a sector with values of so many words.
+    pub async fn write_sequence(
+        &mut self,
+        sector: Sector,
+        sequence: u32,
+        words: u8,
+    ) -> Result<(), StorageError> {
+        let header = StoredRecord::new(self.layout.magic(words), &[sequence]);
         for address in self.header_addresses(sector) {
             self.write(address, header.bytes()).await?;
         }
@@ -156,34 +139,40 @@ impl<F: NorFlash> Region<F> {
         self.write(self.retired_address(sector), &[0; WORD]).await
     }
 
-    /// Reads what is in a slot into `record`.
+    /// Reads what is in a slot for a value of so many words into `record`.
     pub async fn read_slot(
         &mut self,
         sector: Sector,
         slot: u32,
+        words: u8,
         record: &mut StoredRecord,
     ) -> Result<Slot, StorageError> {
-        let bytes = record.bytes_mut(self.record_size());
-        self.read(self.slot_address(sector, slot), bytes).await?;
+        let bytes = record.bytes_mut(StoredRecord::size(words.into()));
+        let address = self.slot_address(sector, slot, bytes.len());
+        self.read(address, bytes).await?;
         Ok(Slot::of(bytes))
     }
 
-    /// Replaces `record` by the one of its key in the last of these slots that has one; returns whether one has.
+    /// Replaces `record` by the one of its key in the last of these slots, for values of so many words, that has one; returns
+    /// whether one has.
     pub async fn read_last(
         &mut self,
         sector: Sector,
         slots: Range<u32>,
+        words: u8,
         record: &mut StoredRecord,
     ) -> Result<bool, StorageError> {
         let key = record.key().to_le_bytes();
         let mut buffer = [0; READ_BYTES];
         let mut end = slots.end;
         while end > slots.start {
-            let first = end.saturating_sub(self.slots_of_a_read.into()).max(slots.start);
-            let bytes = (end - first) as usize * self.record_size();
+            let first = end.saturating_sub(Self::slots_of_a_read(words)).max(slots.start);
+            let size = StoredRecord::size(words.into());
+            let bytes = (end - first) as usize * size;
             let records = buffer.get_mut(..bytes).unwrap_or_default();
-            self.read(self.slot_address(sector, first), records).await?;
-            let mut records = records.rchunks(self.record_size());
+            self.read(self.slot_address(sector, first, size), records).await?;
+            // Computed again: if kept over the read, the compiler could not see that it is above zero, and `rchunks` could panic.
+            let mut records = records.rchunks(StoredRecord::size(words.into()));
             // Comparing the key first is cheaper than the CRC.
             if records.any(|bytes| bytes.starts_with(&key) && record.replace(bytes)) {
                 return Ok(true);
@@ -193,16 +182,19 @@ impl<F: NorFlash> Region<F> {
         Ok(false)
     }
 
+    /// Writes `record` to a slot of its own width.
     pub async fn write_record(
         &mut self,
         sector: Sector,
         slot: u32,
         record: &StoredRecord,
     ) -> Result<(), StorageError> {
-        if slot >= self.slots {
+        let bytes = record.bytes();
+        let address = self.slot_address(sector, slot, bytes.len());
+        if address + bytes.len() as u32 > self.addresses(sector).end - MARGIN {
             return Err(StorageError::Full);
         }
-        self.write(self.slot_address(sector, slot), record.bytes()).await
+        self.write(address, bytes).await
     }
 
     /// Whether the region was never used; `None` if a value may have been stored.
@@ -332,8 +324,8 @@ impl<F: NorFlash> Region<F> {
         self.addresses(sector).start + RETIRED
     }
 
-    fn slot_address(&self, sector: Sector, slot: u32) -> u32 {
-        self.addresses(sector).start + MARGIN + slot * self.record_size() as u32
+    fn slot_address(&self, sector: Sector, slot: u32, size: usize) -> u32 {
+        self.addresses(sector).start + MARGIN + slot * size as u32
     }
 }
 

@@ -350,3 +350,37 @@ fn a_power_cut_while_values_are_widened_leaves_all_of_them() {
         }
     }
 }
+
+#[test]
+fn storage_whose_move_to_wider_values_failed_reads_the_older_ones_and_moves_later() {
+    let mut older = WideFlash::blank();
+    for key in 0..3 {
+        store(&mut older, key, key);
+    }
+    for operations in 0.. {
+        let mut flash = older.clone();
+        let mut storage = later(&mut flash);
+        storage.region.flash.refuse_after(operations);
+        if block_on(storage.store(2, widened(20), &Erase::always)).is_ok() {
+            return assert!(operations > 4);
+        }
+        for key in [0, 1] {
+            assert_eq!(
+                block_on(storage.read(key)),
+                Ok(Some(widened(key))),
+                "{operations}"
+            );
+        }
+        assert!(
+            block_on(storage.store(2, widened(20), &Erase::always)).is_ok(),
+            "{operations}"
+        );
+        for (key, number) in [(0, 0), (1, 1), (2, 20)] {
+            assert_eq!(
+                block_on(storage.read(key)),
+                Ok(Some(widened(number))),
+                "{operations}"
+            );
+        }
+    }
+}
