@@ -54,11 +54,10 @@ def licence_complaints(part, packages, allowed):
 
 
 def direct_dependencies():
-    """The dependencies of all packages of the workspace but these themselves, and their manifests."""
+    """The dependencies of all packages of the workspace, and their manifests."""
     metadata = json.loads(cargo("metadata", "--locked", "--no-deps", "--format-version", "1").stdout)
-    members = {package["name"] for package in metadata["packages"]}
     used = {dependency["name"] for package in metadata["packages"] for dependency in package["dependencies"]}
-    return used - members, [pathlib.Path(package["manifest_path"]) for package in metadata["packages"]]
+    return used, [pathlib.Path(package["manifest_path"]) for package in metadata["packages"]]
 
 
 def versions_complaints():
@@ -67,8 +66,8 @@ def versions_complaints():
     table = TABLE.search((REPOSITORY / "Cargo.toml").read_text()).group()
     listed = set(ENTRY.findall(table))
     explained = set(EXPLAINED.findall(table))
-    print(f"  direct dependencies: {len(used)}")
-    yield from (f"{name}: no comment above it in [workspace.dependencies] says what it is for" for name in sorted(used - explained))
+    print(f"  direct dependencies: {len(listed)}")
+    yield from (f"{name}: no comment above it in [workspace.dependencies] says what it is for" for name in sorted(listed - explained))
     yield from (f"{name}: in [workspace.dependencies], and used by no package" for name in sorted(listed - used))
     for manifest in manifests:
         elsewhere = used & set(VERSION.findall(manifest.read_text().replace(table, "")))
@@ -76,8 +75,9 @@ def versions_complaints():
 
 
 def yanked_complaints():
-    """Packing the crate is what has cargo look for yanked versions."""
-    said = cargo("package", "--package", "rover-battmon", "--no-verify", "--allow-dirty", "--target-dir", "target/tmp/package").stderr
+    """Packing what is published is what has cargo look for yanked versions."""
+    arguments = ("publish", "--workspace", "--dry-run", "--no-verify", "--allow-dirty", "--target-dir", "target/tmp/package")
+    said = cargo(*arguments).stderr
     yield from re.findall(r"package `.*` in Cargo.lock is yanked.*", said)
 
 
