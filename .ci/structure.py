@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that imports in src/ and tools/ run one way: between folders, and between files. Test code does not count.
+"""Checks that imports in src/, crates/ and tools/ run one way: between folders, and between files. Test code does not count.
 
 Usage: structure.py [DIRECTORY] [--floors]
 
@@ -9,7 +9,7 @@ it imports; if folders import each other in a circle, the fewest arrows that wou
 is checked among its neighbours, files beside it included, so a new one needs no entry here.
 
 Prints `0 arrows back up, 0 file cycles`, or what is in the way, and fails then. `--floors` also prints the folders
-and files of src/ and of tools/src/ themselves, the top floor first.
+and files of each of these themselves, the top floor first.
 
 Read are `use` items and paths in the code; a method that is called on a value is not an import.
 """
@@ -21,7 +21,7 @@ import re
 import sys
 
 # Where the sources of the libraries are, each with its programs in bin/.
-LIBRARIES = {"rover_battmon": "src", "rover_battmon_tools": "tools/src"}
+LIBRARIES = {"battery_gauge": "crates/battery-gauge/src", "rover_battmon": "src", "rover_battmon_tools": "tools/src"}
 
 # Comments, strings and characters hold no imports. A lifetime is not a character.
 NO_CODE = re.compile(

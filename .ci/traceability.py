@@ -41,7 +41,7 @@ def rows(path):
 def main():
     stated = [item for page in PAGES for item in REQUIREMENT.findall(page.read_text())]
     met = {identifier: not unmet for identifier, unmet in stated}
-    files = [path for folder in ("src", "tools", "tests") for suffix in TEST for path in (REPOSITORY / folder).rglob(f"*{suffix}")]
+    files = [path for folder in ("src", "crates", "tools", "tests") for suffix in TEST for path in (REPOSITORY / folder).rglob(f"*{suffix}")]
     found = [row for path in sorted(files) for row in rows(path)]
     if unknown := sorted({row[0] for row in found} - met.keys()):
         sys.exit(f"on neither page: {', '.join(unknown)}")

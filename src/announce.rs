@@ -3,7 +3,7 @@
 use core::any::TypeId;
 use core::fmt;
 use core::hash::Hash;
-use core::mem::{discriminant, replace, take};
+use core::mem::{discriminant, replace};
 
 use hash32::{FnvHasher, Hasher};
 use heapless::String;
@@ -158,28 +158,6 @@ impl<T: PartialEq> LastAnnounced<T> {
     }
 }
 
-/// Time for which something has lasted without a break, in seconds.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Lasting {
-    seconds: f32,
-}
-
-impl Lasting {
-    /// It does not last.
-    pub const NONE: Self = Self { seconds: 0.0 };
-
-    /// Whether it has lasted for `required_s`, `dt_s` seconds after the call before; if so, or if it does not last, the
-    /// count begins again.
-    pub fn reaches(&mut self, required_s: f32, dt_s: f32, lasts: bool) -> bool {
-        let seconds = take(&mut self.seconds) + dt_s;
-        let is_reached = lasts && seconds >= required_s;
-        if lasts && !is_reached {
-            self.seconds = seconds;
-        }
-        is_reached
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -201,15 +179,5 @@ mod tests {
         assert_eq!([allowed(0), allowed(999_999), allowed(1_000_000)], [3, 0, 1]);
         assert_eq!(allowed(3_000_000), 2);
         assert_eq!(allowed(10_000_000), 3);
-    }
-
-    #[test]
-    fn a_break_begins_the_time_again() {
-        let mut lasting = Lasting::default();
-        let mut reaches = |lasts| lasting.reaches(1.0, 0.5, lasts);
-        assert_eq!(
-            [true, false, true, true, true].map(&mut reaches),
-            [false, false, false, true, false]
-        );
     }
 }

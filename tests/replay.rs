@@ -405,7 +405,15 @@ fn log_of_drive() -> Vec<u8> {
         };
         let now = Instant::from_micros(time_us);
         let timers = battery.failsafe_timers;
-        let _ = monitor.update(&mut battery, Tick { now, arm_state }, Ok(reading), &settings);
+        let _ = monitor.update(
+            &mut battery,
+            Tick {
+                now,
+                load_state: arm_state.into(),
+            },
+            Ok(reading),
+            &settings,
+        );
         let changes = battery.failsafe_timers.changes(timers);
         let timers = changes.map(|(level, timer)| Record::FailsafeTimer(Pack::Second, level, timer));
         let records = timers.chain(Record::of_pack(Pack::Second, &battery, Extremes::default()));

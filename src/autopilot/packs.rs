@@ -104,7 +104,7 @@ impl Packs {
             if mask & pack.bit() != 0 {
                 let settings = parameters.pack(*pack).settings_of_kind(Some(*kind));
                 let (monitor, state) = self.bank.get_mut(*pack);
-                monitor.reset(state, arm_state, percent, &settings);
+                monitor.reset(state, arm_state.into(), percent, &settings);
             }
         }
     }
@@ -267,7 +267,7 @@ impl Packs {
                 let voltage = SumVoltage::from_parameters(parameters.pack(pack));
                 // The packs of another sum would count twice.
                 let summable = self.mask_of(|kind| kind != MonitorKind::Sum);
-                self.bank.sum(pack, mask, summable, voltage, tick.arm_state)
+                self.bank.sum(pack, mask, summable, voltage, tick.load_state)
             }
             MonitorKind::Fuel(fuel) => {
                 let is_taken = self.pins.is_taken(kind, parameters, pack);

@@ -6,8 +6,8 @@ use super::Autopilot;
 use super::recording::Detail;
 use crate::announce::Announce;
 use crate::battery::{
-    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackStatus, PackUpdate, ReadError,
-    RetainedMemory, SupplyEvent, Tick, recall, retain,
+    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, LoadState, Measurement, PackEvent, PackStatus, PackUpdate,
+    ReadError, RetainedMemory, SupplyEvent, Tick, recall, retain,
 };
 use crate::log::{info, warn};
 use crate::pack::Pack;
@@ -19,7 +19,7 @@ use crate::sensor::{
 };
 use crate::system::{MeasuredAt, above_drivers, arming_readiness};
 use crate::time::Instant;
-use crate::vehicle::{ArmState, PowerLimit};
+use crate::vehicle::PowerLimit;
 use crate::wifi::Radio;
 
 /// Interval of sampling ticks: 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
@@ -96,7 +96,7 @@ impl Autopilot {
         let thermometers = &self.packs.thermometers;
         let tick = Tick {
             now: now.before_us(now.as_micros() % SAMPLING_RESOLUTION_US),
-            arm_state: self.vehicle.arm_state(),
+            load_state: self.vehicle.arm_state().into(),
         };
         let before = mem::replace(&mut self.packs.ticked_at, tick.now);
         SamplingTick {
@@ -260,7 +260,7 @@ impl Autopilot {
         }
         self.packs.follow_current(pack);
         let bank = &mut self.packs.bank;
-        if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated_by(pack) {
+        if tick.load_state == LoadState::Off && !self.vehicle.is_terminated_by(pack) {
             bank.get_mut(pack).0.release_unhealthy();
         }
         let shown = |state: &BatteryState| (state.serial_number, state.revision);

@@ -2,7 +2,7 @@
 
 use super::conditions::has_failed;
 use super::{
-    ArmState, BatteryMonitor, BatteryState, ChargeState, Consumed, Contents, Counted, FailsafeLevel,
+    BatteryMonitor, BatteryState, ChargeState, Consumed, Contents, Counted, FailsafeLevel, LoadState,
     Measurement, PackMemory, PackSettings, PackSource, PackStatus, PackUpdate, ReadError, Tick,
 };
 use crate::memory::in_place::in_place;
@@ -92,7 +92,7 @@ impl BatteryBank {
         mask: u16,
         summable: u16,
         voltage: SumVoltage,
-        arm_state: ArmState,
+        load_state: LoadState,
     ) -> Result<Measurement, ReadError> {
         let all_after = !(own.bit() - 1);
         let chosen = summable & !own.bit() & if mask == 0 { all_after } else { mask };
@@ -102,7 +102,7 @@ impl BatteryBank {
         for (pack, state) in Pack::ALL.into_iter().zip(&self.states) {
             let is_present = match state.status {
                 PackStatus::Healthy | PackStatus::Unhealthy => true,
-                PackStatus::NotConnected => arm_state == ArmState::Armed && before & pack.bit() != 0,
+                PackStatus::NotConnected => load_state == LoadState::On && before & pack.bit() != 0,
                 PackStatus::Unknown | PackStatus::Disabled => false,
             };
             if !is_present || chosen & pack.bit() == 0 || state.contents != Contents::Charge {

@@ -2,9 +2,11 @@
 //!
 //! `docs/proof.md` shows it. What is not in it has no consequence.
 
+use core::fmt;
+
 use bitflags::bitflags;
 
-use super::{ArmingFailure, BatteryState, ChargeState, FailsafeLevel, Faults, Modes, PackStatus};
+use super::{BatteryState, ChargeState, FailsafeLevel, Faults, Modes, PackStatus};
 
 bitflags! {
     /// Consequences of a condition for ground stations.
@@ -14,6 +16,111 @@ bitflags! {
         const NOT_READY = 1;
         /// The pack, or its sensor, is not healthy.
         const NOT_HEALTHY = 1 << 1;
+    }
+}
+
+/// Why a pack fails the arming checks, in ArduPilot's words and order where it has the check; but *critical* comes before
+/// *low*: an attempt to arm names the first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ArmingFailure {
+    /// The voltage is above `MOT_DRV_VOLT`, and the pack supplies the motors.
+    AboveDrivers,
+    /// No pack is connected, its sensor has failed, or an unhealthy failsafe is latched.
+    Unhealthy,
+    /// Its mask names another sum, which has no part in it.
+    SumsASum,
+    /// The pack has failed: a cell is broken, or it reports that it has failed or is bad.
+    Failed,
+    /// The voltage does not fit `BATT_CELLS`: what the charge is computed from is wrong.
+    WrongCells,
+    /// The voltage is that of fewer cells than the pack had before, or of as many that are deeply discharged.
+    UnclearCells,
+    /// A cell rests lower than the charge that the pack reports allows.
+    ContradictedCharge,
+    /// The pack is too hot.
+    TooHot,
+    /// The pack reports that it is unhealthy.
+    ReportsUnhealthy,
+    /// The charge state is EMERGENCY, or the pack reports it.
+    Emergency,
+    /// The terminal voltage is below `BATT_ARM_VOLT`.
+    BelowArmingVoltage,
+    /// The remaining charge is below `BATT_ARM_MAH`.
+    BelowArmingCapacity,
+    /// The voltage is below `BATT_CRT_VOLT`, or a critical failsafe is latched.
+    CriticalVoltage,
+    /// The remaining charge is below `BATT_CRT_MAH`.
+    CriticalCapacity,
+    /// The voltage is below `BATT_LOW_VOLT`, or a low failsafe is latched.
+    LowVoltage,
+    /// The remaining charge is below `BATT_LOW_MAH`.
+    LowCapacity,
+    /// A threshold is set in milliampere-hours, and the capacity is known neither to the owner nor to the pack.
+    NoCapacity,
+    /// `BATT_CRT_MAH` is not below `BATT_LOW_MAH`.
+    CapacityOrder,
+    /// `BATT_CRT_VOLT` is not below `BATT_LOW_VOLT`.
+    VoltageOrder,
+    /// `BATT_CRT_PCT` or `BATT_EMR_PCT` is not below `BATT_LOW_PCT`, and they act.
+    PercentageOrder,
+}
+
+impl fmt::Display for ArmingFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::AboveDrivers => "voltage above MOT_DRV_VOLT",
+            Self::Unhealthy => "unhealthy",
+            Self::SumsASum => "sums another sum",
+            Self::Failed => "has failed",
+            Self::WrongCells => "voltage does not fit cells",
+            Self::UnclearCells => "cells unclear",
+            Self::ContradictedCharge => "charge contradicts voltage",
+            Self::TooHot => "over temperature",
+            Self::ReportsUnhealthy => "unhealthy: its own report",
+            Self::Emergency => "is nearly empty",
+            Self::BelowArmingVoltage => "below minimum arming voltage",
+            Self::BelowArmingCapacity => "below minimum arming capacity",
+            Self::LowVoltage => "low voltage failsafe",
+            Self::LowCapacity => "low capacity failsafe",
+            Self::CriticalVoltage => "critical voltage failsafe",
+            Self::CriticalCapacity => "critical capacity failsafe",
+            Self::NoCapacity => "no capacity set",
+            Self::CapacityOrder => "capacity failsafe critical >= low",
+            Self::VoltageOrder => "voltage failsafe critical >= low",
+            Self::PercentageOrder => "percentage failsafe critical >= low",
+        })
+    }
+}
+
+impl ArmingFailure {
+    /// All, in the order in which they are reported.
+    pub(super) const ALL: [Self; 20] = [
+        // First: at full scale the pack is unhealthy, too.
+        Self::AboveDrivers,
+        Self::Unhealthy,
+        Self::SumsASum,
+        Self::Failed,
+        Self::WrongCells,
+        Self::UnclearCells,
+        Self::ContradictedCharge,
+        Self::TooHot,
+        Self::ReportsUnhealthy,
+        Self::Emergency,
+        Self::BelowArmingVoltage,
+        Self::BelowArmingCapacity,
+        Self::CriticalVoltage,
+        Self::CriticalCapacity,
+        Self::LowVoltage,
+        Self::LowCapacity,
+        Self::NoCapacity,
+        Self::CapacityOrder,
+        Self::VoltageOrder,
+        Self::PercentageOrder,
+    ];
+
+    pub(super) fn bit(self) -> u32 {
+        1 << self as u8
     }
 }
 

@@ -15,9 +15,10 @@ mod timed_input;
 )]
 mod vehicle;
 
+pub use battery_gauge::FailsafeLevel;
 pub use controls::{Stick, StickInput};
 pub use driver::{AnotherDrives, ControlMessage, DriverId, Presence};
-pub use failsafe::{FailsafeAction, FailsafeLevel, VehicleEvent};
+pub use failsafe::{FailsafeAction, VehicleEvent};
 pub use indication::{BatteryAlert, Colour, Indication, Indicators, Tone};
 pub use motor::{MotorDrive, Motors, SideDrives};
 pub use power_limit::PowerLimit;

@@ -2,9 +2,9 @@
 
 use core::mem;
 
-use crate::announce::Lasting;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, PackParameters, VehicleParameter};
+use battery_gauge::Lasting;
 
 /// Least share of the duties, ArduPilot's: the rover still moves.
 const LEAST_SHARE: f32 = 0.05;

@@ -1,5 +1,7 @@
 //! State of the vehicle, and a pending restart.
 
+use battery_gauge::LoadState;
+
 /// Whether the rover is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -9,6 +11,15 @@ pub enum ArmState {
     Disarmed,
     /// The motors may turn.
     Armed,
+}
+
+impl From<ArmState> for LoadState {
+    fn from(arm_state: ArmState) -> Self {
+        match arm_state {
+            ArmState::Disarmed => Self::Off,
+            ArmState::Armed => Self::On,
+        }
+    }
 }
 
 /// A mode of ArduPilot's Rover. The others need a position estimate.

@@ -179,7 +179,15 @@ impl Owned {
                 ArmState::Disarmed
             };
             let now = Instant::from_micros(time_us);
-            let _ = monitor.update(&mut battery, Tick { now, arm_state }, Ok(reading), &settings);
+            let _ = monitor.update(
+                &mut battery,
+                Tick {
+                    now,
+                    load_state: arm_state.into(),
+                },
+                Ok(reading),
+                &settings,
+            );
             match tick {
                 ARMED => {
                     log.extend(self.opening(time_us, &parameters, &battery));

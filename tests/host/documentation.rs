@@ -461,7 +461,7 @@ fn pack_events() -> Vec<PackEvent> {
     let of_faults = [PackEvent::Faults, PackEvent::ReportedFaults].into_iter();
     let of_faults = of_faults.flat_map(|event| Faults::all().iter().map(event));
     // The others have no name.
-    let has_name = |event: &PackEvent| !PackNotice(Pack::First, event).to_string().ends_with(": ");
+    let has_name = |event: &PackEvent| PackNotice(Pack::First, event).to_string() != "Battery 1 ";
     events.extend(of_faults.filter(has_name));
     events.extend(READ_ERRORS.map(PackEvent::SensorFailed));
     events
@@ -648,8 +648,8 @@ fn quoted() -> Vec<String> {
 #[test]
 fn every_text_the_guide_quotes_is_said_by_the_firmware_or_its_page() {
     let announced = announced();
-    let literals = string_literals("src", "rs", '"');
-    let literals: Vec<_> = literals.iter().map(|literal| with_gaps(literal)).collect();
+    let literals = ["src", "crates"].map(|folder| string_literals(folder, "rs", '"'));
+    let literals: Vec<_> = literals.iter().flatten().map(|literal| with_gaps(literal)).collect();
     let of_page = string_literals("web", "js", '\'');
     let is_said = |text: &String| {
         // The page appends to what ends so why.
@@ -688,9 +688,10 @@ const REFUSED: [&str; 7] = [
 ];
 
 /// The folders in which refused words are looked for, with the extensions of the files there.
-const CHECKED: [(&str, &[&str]); 6] = [
+const CHECKED: [(&str, &[&str]); 7] = [
     ("docs", &["md", "param"]),
     ("src", &["rs"]),
+    ("crates", &["rs", "md"]),
     ("tools", &["rs"]),
     ("tests", &["rs", "py", "md", "txt", "story"]),
     ("examples", &["rs", "py", "md"]),

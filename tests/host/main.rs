@@ -4,7 +4,6 @@ mod actions_of_others;
 mod adc_to_wire;
 mod announcements;
 mod armed_storage;
-mod battery_traces;
 mod board_check;
 mod builders;
 mod bus_parts;

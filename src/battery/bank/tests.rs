@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    BusError, ChargeSource, Chemistry, CurrentRange, FailsafeSettings, Faults, Gauge, GaugeReading,
-    PackEvent, PackSettings, Thermometer, Thresholds, Tick,
+    BusError, ChargeSource, CurrentRange, FailsafeSettings, Faults, Gauge, GaugeReading, PackEvent,
+    PackSettings, Thermometer, Thresholds, Tick,
 };
 use crate::parameter::Parameters;
 use crate::time::{Instant, at_us};
@@ -21,7 +21,7 @@ struct BankBench {
     settings: PackSettings,
     sum_settings: PackSettings,
     now: Instant,
-    arm_state: ArmState,
+    load_state: LoadState,
     /// Those of the sum.
     events: Vec<PackEvent>,
 }
@@ -52,7 +52,7 @@ impl BankBench {
                 ..settings
             },
             now: Instant::EPOCH,
-            arm_state: ArmState::Armed,
+            load_state: LoadState::On,
             events: Vec::new(),
         }
     }
@@ -63,7 +63,7 @@ impl BankBench {
         bench.run(1.0, readings);
         for pack in [Pack::First, Pack::Second, SUM] {
             let (monitor, state) = bench.bank.get_mut(pack);
-            monitor.reset(state, ArmState::Disarmed, remaining_pct, &bench.settings);
+            monitor.reset(state, LoadState::Off, remaining_pct, &bench.settings);
         }
         bench.run(1.0, readings);
         bench
@@ -74,7 +74,7 @@ impl BankBench {
         self.now = self.now.after_us(100_000);
         let tick = Tick {
             now: self.now,
-            arm_state: self.arm_state,
+            load_state: self.load_state,
         };
         for (pack, reading) in [Pack::First, Pack::Second].into_iter().zip(readings) {
             if let Some(reading) = reading {
@@ -104,7 +104,7 @@ impl BankBench {
 
     /// The sum of the packs of `mask` at this moment, as `own`.
     fn sum_of(&self, own: Pack, mask: u16, voltage: SumVoltage) -> Result<Measurement, ReadError> {
-        self.bank.sum(own, mask, 0b111, voltage, self.arm_state)
+        self.bank.sum(own, mask, 0b111, voltage, self.load_state)
     }
 }
 
@@ -195,7 +195,7 @@ fn sum_has_only_electric_packs_as_members() {
     let members = |own, mask| {
         let sum = bench
             .bank
-            .sum(own, mask, u16::MAX, SumVoltage::Mean, ArmState::Armed);
+            .sum(own, mask, u16::MAX, SumVoltage::Mean, LoadState::On);
         sum.map(|sum| sum.members)
     };
     assert_eq!(members(Pack::Ninth, 0b11), Ok(0b1));
@@ -304,7 +304,7 @@ fn a_pack_unplugged_while_disarmed_leaves_the_sum_until_it_measures() {
     let both = [Ok(at(11.4, 1.0)), Ok(at(11.4, 1.0))];
     let unplugged = [both[0], Ok(at(0.3, 0.0))];
     let mut bench = BankBench::new();
-    bench.arm_state = ArmState::Disarmed;
+    bench.load_state = LoadState::Off;
     bench.run(5.0, &both);
     let state = bench.run(20.0, &unplugged);
     assert_eq!(bench.events, [PackEvent::MembersLeft(0b10)]);
@@ -312,7 +312,7 @@ fn a_pack_unplugged_while_disarmed_leaves_the_sum_until_it_measures() {
     assert_eq!(state.capacity_mah(), Some(2200.0));
     assert!(state.readings.remaining_pct.is_some());
     // It is not lost.
-    bench.arm_state = ArmState::Armed;
+    bench.load_state = LoadState::On;
     assert_eq!(bench.run(20.0, &unplugged).readings.current_a, Some(1.0));
     let state = bench.run(1.0, &both);
     assert_eq!((state.members, state.readings.current_a), (0b11, Some(2.0)));
@@ -320,7 +320,7 @@ fn a_pack_unplugged_while_disarmed_leaves_the_sum_until_it_measures() {
     // Unplugged while armed it is, and leaves when disarmed.
     assert_eq!(bench.run(1.0, &unplugged).readings.current_a, None);
     assert_eq!(bench.events.len(), 1);
-    bench.arm_state = ArmState::Disarmed;
+    bench.load_state = LoadState::Off;
     assert_eq!(bench.run(1.0, &unplugged).readings.current_a, Some(1.0));
     assert_eq!(bench.events[1..], [PackEvent::MembersLeft(0b10)]);
 }
@@ -432,7 +432,7 @@ fn a_sum_follows_the_counts_of_its_packs() {
         ..at(12.0, 0.0)
     };
     let mut bench = BankBench::new();
-    bench.arm_state = ArmState::Disarmed;
+    bench.load_state = LoadState::Off;
     for total_mah in 0..=2200 {
         bench.tick(&[Some(Ok(counted_to(total_mah))); 2]);
     }
@@ -496,7 +496,7 @@ fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
             };
             let _ = bank.update(Pack::First, tick, Ok(reading), &settings);
             let _ = bank.update(Pack::Second, tick, Ok(reading), &settings);
-            let sum = bank.sum(Pack::Third, 3, 7, SumVoltage::Mean, tick.arm_state);
+            let sum = bank.sum(Pack::Third, 3, 7, SumVoltage::Mean, tick.load_state);
             let _ = bank.update(Pack::Third, tick, sum, &settings);
         }
         let [first, second, third, ..] = bank.states().map(|state| state.cell_count);
@@ -528,7 +528,7 @@ fn cells_of_a_sum_follow_a_member_that_is_charged_in_place() {
             };
             let settings = PackSettings::default();
             let _ = bank.update(Pack::First, tick, Ok(at(voltage_v, current_a)), &settings);
-            let sum = bank.sum(Pack::Third, 1, 7, SumVoltage::Mean, tick.arm_state);
+            let sum = bank.sum(Pack::Third, 1, 7, SumVoltage::Mean, tick.load_state);
             let _ = bank.update(Pack::Third, tick, sum, &settings);
         }
         bank.state(Pack::Third).cell_count
@@ -540,18 +540,20 @@ fn cells_of_a_sum_follow_a_member_that_is_charged_in_place() {
 
 #[test]
 fn a_sum_learns_at_once_that_a_member_was_exchanged() {
-    let rested = |soc: f32| Ok(at(3.0 * Chemistry::LiPo.cell().curve.voltage_v(soc), 0.1));
+    // LiPo cells at 90, 60 and 10 %.
+    let [high_v, middle_v, low_v] = [4.099, 3.853, 3.665];
+    let rested = |cell_v: f32| Ok(at(3.0 * cell_v, 0.1));
     let unplugged = Ok(at(0.3, 0.0));
     let mut bench = BankBench::new();
-    bench.arm_state = ArmState::Disarmed;
-    bench.run(60.0, &[rested(0.9), rested(0.9)]);
+    bench.load_state = LoadState::Off;
+    bench.run(60.0, &[rested(high_v), rested(high_v)]);
     assert_about(bench.remaining_pct(), 90.0, 3.0);
-    bench.run(3.0, &[rested(0.9), unplugged]);
+    bench.run(3.0, &[rested(high_v), unplugged]);
     // Too similar to be another pack by its voltage, and one that is.
-    for (soc, expected_pct) in [(0.6, 77.0), (0.1, 60.0)] {
-        bench.run(3.0, &[rested(0.9), unplugged]);
+    for (cell_v, expected_pct) in [(middle_v, 77.0), (low_v, 60.0)] {
+        bench.run(3.0, &[rested(high_v), unplugged]);
         bench.events.clear();
-        bench.run(3.0, &[rested(0.9), rested(soc)]);
+        bench.run(3.0, &[rested(high_v), rested(cell_v)]);
         let restarts = bench
             .events
             .iter()
@@ -559,10 +561,10 @@ fn a_sum_learns_at_once_that_a_member_was_exchanged() {
         assert_eq!(restarts.count(), 1, "{:?}", bench.events);
         assert_about(bench.remaining_pct(), expected_pct, 6.0);
         // Driven off at once.
-        bench.arm_state = ArmState::Armed;
-        bench.run(20.0, &[rested(0.9), rested(soc)]);
+        bench.load_state = LoadState::On;
+        bench.run(20.0, &[rested(high_v), rested(cell_v)]);
         assert_about(bench.remaining_pct(), expected_pct, 6.0);
-        bench.arm_state = ArmState::Disarmed;
+        bench.load_state = LoadState::Off;
         assert_eq!(bench.sum().failsafe, FailsafeLevel::None);
     }
 }
@@ -699,12 +701,12 @@ proptest! {
         for (ticks, [first, second]) in stretches {
             for _ in 0..ticks {
                 now = now.after_us(100_000);
-                let tick = Tick { now, arm_state: ArmState::Armed };
+                let tick = Tick { now, load_state: LoadState::On };
                 for (pack, watched) in [Pack::First, Pack::Second, SUM].into_iter().zip(&mut watched) {
                     let reading = match pack {
                         Pack::First => first,
                         Pack::Second => second,
-                        _ => bank.sum(SUM, 0b11, 0b111, SumVoltage::Mean, ArmState::Armed),
+                        _ => bank.sum(SUM, 0b11, 0b111, SumVoltage::Mean, LoadState::On),
                     };
                     let update = bank.update(pack, tick, reading, &settings);
                     let state = bank.state(pack);

@@ -26,7 +26,7 @@ fn a_sum_keeps_what_was_drawn_from_a_pack_that_loses_its_current() {
         now = now.after_us(1_000_000);
         let tick = Tick {
             now,
-            arm_state: ArmState::Armed,
+            load_state: LoadState::On,
         };
         for (pack, is_known) in [(Pack::First, true), (Pack::Second, second < 300)] {
             let reading = Measurement {
@@ -36,7 +36,7 @@ fn a_sum_keeps_what_was_drawn_from_a_pack_that_loses_its_current() {
             let update = bank.update(pack, tick, Ok(reading), &settings);
             named.extend(update.events.iter().map(|event| (pack, *event)));
         }
-        let sum = bank.sum(Pack::Third, 0b11, 0b111, SumVoltage::Mean, ArmState::Armed);
+        let sum = bank.sum(Pack::Third, 0b11, 0b111, SumVoltage::Mean, LoadState::On);
         let update = bank.update(Pack::Third, tick, sum, &settings);
         named.extend(update.events.iter().map(|event| (Pack::Third, *event)));
         reported.extend(bank.state(Pack::Third).consumed_mah());
@@ -86,7 +86,7 @@ proptest! {
         let mut was_lost = [false; 2];
         for tick in 0..10_000u32 {
             now = now.after_us(100_000);
-            let arm_state = ArmState::Armed;
+            let load_state = LoadState::On;
             let second = tick / 10;
             let load_a = 6.0 * ((second / 7) % 3) as f32;
             for (index, pack) in packs.into_iter().enumerate() {
@@ -110,15 +110,15 @@ proptest! {
                         ..volts(if lost.contains(&Lost::Voltage) { 0.3 } else { 11.6 - 0.03 * load_a })
                     })
                 };
-                let update = bank.update(pack, Tick { now, arm_state }, reading, &settings);
+                let update = bank.update(pack, Tick { now, load_state }, reading, &settings);
                 for event in &update.events {
                     if let PackEvent::Gap(gap) = event {
                         assumed_mah[index] += gap.counted_mah.unwrap_or(0.0);
                     }
                 }
             }
-            let sum = bank.sum(Pack::Third, 0b11, 0b111, SumVoltage::Mean, arm_state);
-            let _ = bank.update(Pack::Third, Tick { now, arm_state }, sum, &settings);
+            let sum = bank.sum(Pack::Third, 0b11, 0b111, SumVoltage::Mean, load_state);
+            let _ = bank.update(Pack::Third, Tick { now, load_state }, sum, &settings);
             for (index, pack) in [Pack::First, Pack::Second, Pack::Third].into_iter().enumerate() {
                 let state = bank.state(pack);
                 if let Some(consumed_mah) = state.consumed_mah() {

@@ -1,13 +1,12 @@
 //! A trace through the monitor, and the parameters it is replayed with.
 
 use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, FailsafeTimers, LearntPack, LessonObstacle, Measurement, PackEvent,
-    PackNotice, PackSettings, PackUpdate, ReadError, Tick,
+    BatteryMonitor, BatteryState, FailsafeTimers, LearntPack, LessonObstacle, LoadState, Measurement,
+    PackEvent, PackNotice, PackSettings, PackUpdate, ReadError, Tick,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, MonitorKind, ParameterId, Parameters, Refused};
 use rover_battmon::time::Instant;
-use rover_battmon::vehicle::ArmState;
 
 use crate::assignments::Assignment;
 use crate::failsafes::{Levels, Timers};
@@ -285,10 +284,10 @@ fn text(pack: Pack, event: &PackEvent) -> String {
 fn tick(sample: &Sample) -> Tick {
     Tick {
         now: Instant::from_micros((sample.time_s * 1e6).round() as u64),
-        arm_state: if sample.armed {
-            ArmState::Armed
+        load_state: if sample.armed {
+            LoadState::On
         } else {
-            ArmState::Disarmed
+            LoadState::Off
         },
     }
 }

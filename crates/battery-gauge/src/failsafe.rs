@@ -1,0 +1,1004 @@
+//! The battery failsafe: its levels, thresholds and timers.
+
+use core::mem;
+
+use crate::settings::{FailsafeSettings, Thresholds};
+use crate::swap::Replacement;
+use crate::time::Instant;
+use crate::{
+    BatteryState, ChargeSource, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, LoadState,
+    MissingSetting, Tick,
+};
+
+/// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
+const UNHEALTHY_AFTER_US: u64 = 5_000_000;
+
+/// After healthy readings for this long, in microseconds, the next loss acts again, and *unhealthy* may be released.
+const HEALTHY_AGAIN_US: u32 = 5_000_000;
+
+/// The levels that are reached in one tick, in increasing severity: *critical* carries *low* if it skips it.
+pub type ReachedLevels = heapless::Vec<FailsafeLevel, 2>;
+
+/// The inputs of one tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Observation<'a> {
+    pub tick: Tick,
+    /// Since the tick before, in microseconds (saturating).
+    pub dt_us: u32,
+    pub last_healthy: Option<Instant>,
+    /// The state with this tick's reading; `None` if the read failed or no pack is connected.
+    pub state: Option<&'a BatteryState>,
+    /// The voltage at rest, in volts, if the pack is at rest.
+    pub resting_v: Option<f32>,
+}
+
+/// The failsafe level of a pack. It latches: it only rises until a battery reset, or until another pack disproves it.
+/// *Unhealthy* alone is released once readings are good again.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Failsafe {
+    level: FailsafeLevel,
+    /// The previous pack reached the level; the present one has neither been under load nor lost contact since the swap.
+    is_of_pack_before: bool,
+    /// The loss of the pack was reported, and it has not been healthy for long enough since.
+    has_reported_loss: bool,
+    percentages: PercentageCheck,
+    /// Time with healthy readings, in microseconds (saturating).
+    healthy_us: u32,
+    low: Watch,
+    critical: Watch,
+}
+
+/// Observation of the thresholds of one level.
+#[derive(Clone, Copy, Debug, Default)]
+struct Watch {
+    voltage: Timer,
+    usable: Timer,
+    /// This pack has reached the level, since the last battery reset.
+    is_reached: bool,
+    /// The timer as others see it.
+    shown: FailsafeTimer,
+}
+
+/// A value that has been below its threshold for this long still counts as below while unknown, in microseconds. A
+/// breaking wire passes through any voltage, but faster.
+const HOLD_WHILE_UNKNOWN_US: u32 = 1_000_000;
+
+/// By how much the charge that may remain can exceed a percentage that acts, in percent: an estimate that is less certain
+/// never ends a drive.
+const MOST_ABOVE_PCT: f32 = 20.0;
+
+/// A percentage that has been passed and does not act for this long after its timer is reported, in microseconds.
+const LATE_US: u32 = 60_000_000;
+
+/// A charge that has been unknown for this long is not awaited any more, in microseconds: a load may begin before the
+/// first estimate.
+const ESTIMATED_WITHIN_US: u32 = 3_000_000;
+
+/// Whether percentages that can't act were reported since arming.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PercentageCheck {
+    /// They are checked at arming. For how long the charge has been unknown, in microseconds (saturating).
+    AtArming(u32),
+    /// They could act at arming.
+    WhenPassed,
+    Reported,
+}
+
+impl Default for PercentageCheck {
+    fn default() -> Self {
+        Self::AtArming(0)
+    }
+}
+
+/// Time below a threshold.
+#[derive(Clone, Copy, Debug, Default)]
+struct Timer {
+    below_us: Option<u32>,
+}
+
+/// Comparison of a value with a threshold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Comparison {
+    Unknown,
+    Below,
+    NotBelow,
+}
+
+impl Comparison {
+    fn of(value: Option<f32>, threshold: Option<f32>) -> Self {
+        match value {
+            None => Self::Unknown,
+            Some(_) if is_below(value, threshold) => Self::Below,
+            Some(_) => Self::NotBelow,
+        }
+    }
+}
+
+impl Timer {
+    /// Whether the value has been below for more than `limit_us`, as far as it is known.
+    fn has_lasted(&self, limit_us: u32) -> bool {
+        self.below_us.is_some_and(|below_us| below_us > limit_us)
+    }
+
+    /// Whether the value has been below for more than `limit_us`. Only a known value starts the timer, lets it expire or
+    /// resets it.
+    // Inlined, the code would be repeated for each threshold.
+    #[inline(never)]
+    fn expires(&mut self, dt_us: u32, comparison: Comparison, limit_us: Option<u32>) -> bool {
+        self.below_us = match (comparison, self.below_us) {
+            (Comparison::NotBelow, _) => None,
+            (Comparison::Below, None) => Some(0),
+            (Comparison::Unknown, Some(below_us)) if below_us >= HOLD_WHILE_UNKNOWN_US => {
+                Some(below_us.saturating_add(dt_us))
+            }
+            (Comparison::Below, Some(below_us)) => Some(below_us.saturating_add(dt_us)),
+            (Comparison::Unknown, before) => before,
+        };
+        limit_us.is_some_and(|limit_us| self.has_lasted(limit_us)) && comparison == Comparison::Below
+    }
+}
+
+impl Watch {
+    /// The load is off.
+    fn stop(&mut self) {
+        self.voltage = Timer::default();
+        self.usable = Timer::default();
+        self.shown = FailsafeTimer::Stopped;
+    }
+}
+
+impl Failsafe {
+    pub fn level(&self) -> FailsafeLevel {
+        self.level
+    }
+
+    pub fn timers(&self) -> FailsafeTimers {
+        FailsafeTimers {
+            low: self.low.shown,
+            critical: self.critical.shown,
+        }
+    }
+
+    /// Processes one tick, and returns the levels that are reached. That the pack is unhealthy is also returned at a higher
+    /// level: no threshold can be reached from then on.
+    pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> ReachedLevels {
+        // A pack may be measured and yet unhealthy: one whose gauge has timed out.
+        self.healthy_us = if seen.state.is_some() && seen.last_healthy == Some(seen.tick.now) {
+            self.healthy_us.saturating_add(seen.dt_us)
+        } else {
+            0
+        };
+        if seen.tick.load_state == LoadState::Off {
+            // A dip before the load was switched off must not count once it is on again.
+            self.low.stop();
+            self.critical.stop();
+            self.has_reported_loss = false;
+            if !matches!(self.percentages, PercentageCheck::AtArming(_)) {
+                self.percentages = PercentageCheck::default();
+            }
+            self.release(seen, settings);
+            return ReachedLevels::new();
+        }
+        self.is_of_pack_before = false;
+        let is_lost = self.is_lost(seen);
+        let [is_low, is_critical] = if is_lost {
+            [false; 2]
+        } else {
+            self.evaluate(seen, settings)
+        };
+        let mut reached = ReachedLevels::new();
+        for (is_reached, level) in [
+            (is_lost, FailsafeLevel::Unhealthy),
+            (is_low, FailsafeLevel::Low),
+            (is_critical, FailsafeLevel::Critical),
+        ] {
+            if is_reached {
+                self.level = self.level.max(level);
+                // There is room: a lost pack reaches no threshold.
+                let _ = reached.push(level);
+            }
+        }
+        reached
+    }
+
+    /// Looks for a percentage that can't act: by the estimate at arming, or by that of a pack which has been below it for
+    /// long. Returns the setting that is missing, unless a threshold in volts acts; once after arming, behind
+    /// [`update`](Self::update).
+    pub fn find_inert_percentage(
+        &mut self,
+        seen: &Observation<'_>,
+        settings: &FailsafeSettings,
+    ) -> Option<MissingSetting> {
+        let state = seen.state?;
+        if let PercentageCheck::AtArming(unknown_us) = &mut self.percentages {
+            *unknown_us = match state.readings.usable_pct {
+                Some(_) => 0,
+                None => unknown_us.saturating_add(seen.dt_us),
+            };
+            let is_awaited = (1..ESTIMATED_WITHIN_US).contains(unknown_us);
+            if is_awaited || seen.tick.load_state == LoadState::Off {
+                return None;
+            }
+        }
+        let late_us = limit_us(settings).unwrap_or(0).saturating_add(LATE_US);
+        let check = self.percentages;
+        let is_inert = |watch: &Watch, thresholds: &Thresholds| {
+            let Some(percentage) = thresholds.usable_pct else {
+                return false;
+            };
+            match check {
+                PercentageCheck::AtArming(_) => !can_act(state, percentage),
+                PercentageCheck::WhenPassed => watch.usable.has_lasted(late_us) && !watch.is_reached,
+                PercentageCheck::Reported => false,
+            }
+        };
+        let is_found = is_inert(&self.low, &settings.low) || is_inert(&self.critical, &settings.critical);
+        let found = settings.missing_voltage_setting().filter(|_| is_found);
+        self.percentages = match (check, found) {
+            (PercentageCheck::Reported, _) | (_, Some(_)) => PercentageCheck::Reported,
+            (_, None) => PercentageCheck::WhenPassed,
+        };
+        found
+    }
+
+    /// Clears level and timers, on a battery reset.
+    pub fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Clears the level *unhealthy*, and no other, of a pack that is healthy again. With the load off only: what
+    /// drives has to react to what was lost.
+    pub fn release_unhealthy(&mut self) {
+        if self.level == FailsafeLevel::Unhealthy && self.healthy_us >= HEALTHY_AGAIN_US {
+            self.clear();
+        }
+    }
+
+    /// The pack was swapped: the new one reaches each level for itself.
+    pub fn replace_pack(&mut self, replacement: Replacement) {
+        self.is_of_pack_before = replacement == Replacement::Certain;
+        self.low = Watch::default();
+        self.critical = Watch::default();
+    }
+
+    /// Clears a level of the previous pack once the present one rests above all thresholds.
+    fn release(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) {
+        let Some(state) = seen.state else {
+            self.is_of_pack_before = false;
+            return;
+        };
+        if !self.is_of_pack_before || seen.resting_v.is_none() {
+            return;
+        }
+        let remaining_mah = state.remaining();
+        let is_above = |thresholds: &Thresholds| {
+            is_known_above(seen.resting_v, thresholds.voltage_v)
+                && is_known_above(remaining_mah, thresholds.remaining_mah)
+                && is_known_above(state.readings.usable_pct, thresholds.usable_pct)
+        };
+        if [settings.low, settings.critical].iter().all(is_above) {
+            self.clear();
+        }
+    }
+
+    /// Whether a loss of the pack begins: there has been no healthy reading for too long.
+    fn is_lost(&mut self, seen: &Observation<'_>) -> bool {
+        let last_healthy = seen.last_healthy.unwrap_or(Instant::EPOCH);
+        let unhealthy_us = seen.tick.now.us_since(last_healthy);
+        if self.healthy_us >= HEALTHY_AGAIN_US {
+            self.has_reported_loss = false;
+        }
+        unhealthy_us > UNHEALTHY_AFTER_US && !mem::replace(&mut self.has_reported_loss, true)
+    }
+
+    /// Whether *low* and *critical* are reached by the thresholds, and were not before. *Low* counts as reached where it is
+    /// skipped: else the faster a voltage falls, the less is done.
+    fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> [bool; 2] {
+        let (low, critical) = (&settings.low, &settings.critical);
+        let limit_us = limit_us(settings);
+        let voltage_v = seen.state.and_then(|state| settings.compared_voltage_v(state));
+        // Without a threshold its arithmetic is spared.
+        let is_compared = low.remaining_mah.or(critical.remaining_mah).is_some();
+        let state = seen.state.filter(|_| is_compared);
+        let remaining_mah = state.and_then(most_remaining);
+        let is_compared = low.usable_pct.or(critical.usable_pct).is_some();
+        let state = seen.state.filter(|_| is_compared);
+        let usable_pct = state.and_then(credible_usable_pct);
+        let is_reached = |watch: &mut Watch, thresholds: &Thresholds, is_skipped: bool| {
+            let by_voltage = Comparison::of(voltage_v, thresholds.voltage_v);
+            let by_usable = match thresholds.usable_pct {
+                Some(_) => Comparison::of(usable_pct, thresholds.usable_pct),
+                None => Comparison::NotBelow,
+            };
+            let is_voltage_low = watch.voltage.expires(seen.dt_us, by_voltage, limit_us);
+            // Without LOW_TIMER a percentage acts at once.
+            let has_lasted = watch.usable.expires(seen.dt_us, by_usable, limit_us)
+                || limit_us.is_none() && by_usable == Comparison::Below;
+            if watch.is_reached {
+                return false;
+            }
+            let is_unusable =
+                has_lasted && state.is_some_and(|state| is_certain(state, thresholds.usable_pct));
+            let has_expired = is_voltage_low || is_unusable;
+            watch.is_reached = has_expired || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
+            watch.shown = match watch.voltage.below_us.or(watch.usable.below_us).and(limit_us) {
+                Some(_) if has_expired => FailsafeTimer::Expired,
+                Some(_) if !watch.is_reached => FailsafeTimer::Running,
+                _ => FailsafeTimer::Stopped,
+            };
+            watch.is_reached
+        };
+        let is_critical = is_reached(&mut self.critical, critical, false);
+        let is_low_in_force = || seen.state.is_some_and(|state| settings.is_in_force(low, state));
+        let is_low = is_reached(&mut self.low, low, is_critical && is_low_in_force());
+        [is_low, is_critical]
+    }
+}
+
+impl Thresholds {
+    /// Whether the charge of a pack in this state is below one of them, timer aside: what is left, or its usable charge where the
+    /// most that may remain is not far above.
+    pub fn lacks_charge(&self, state: &BatteryState) -> bool {
+        is_below(state.remaining_or_counted(), self.remaining_mah)
+            || is_below(credible_usable_pct(state), self.usable_pct) && is_certain(state, self.usable_pct)
+    }
+}
+
+/// Whether both are known and the value is below the threshold.
+pub fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
+    value
+        .zip(threshold)
+        .is_some_and(|(value, threshold)| value < threshold)
+}
+
+/// Whether there is no threshold, or the value is known and not below it.
+fn is_known_above(value: Option<f32>, threshold: Option<f32>) -> bool {
+    threshold.is_none() || value.is_some() && !is_below(value, threshold)
+}
+
+/// Remaining charge or fuel, as known; without a current sensor at most as much as may be left: an estimate from the voltage alone must not trip a
+/// threshold by its error.
+fn most_remaining(state: &BatteryState) -> Option<f32> {
+    match state.consumed {
+        Some(_) => state.remaining_or_counted(),
+        None => Some(state.full_capacity()? * state.remaining_at_most_pct()? / 100.0),
+    }
+}
+
+/// The usable charge, in percent; `None` where cells at rest contradict it.
+fn credible_usable_pct(state: &BatteryState) -> Option<f32> {
+    let is_contradicted = state.readings.faults.intersects(Faults::CONTRADICTIONS);
+    state.readings.usable_pct.filter(|_| !is_contradicted)
+}
+
+/// Whether the most that may remain is not far above the percentage.
+fn is_certain(state: &BatteryState, percentage: Option<f32>) -> bool {
+    let limit_pct = percentage.map(|percentage| percentage + MOST_ABOVE_PCT);
+    is_below(state.remaining_at_most_pct(), limit_pct)
+}
+
+/// Whether an estimate that is as uncertain as this one would act on an empty pack. A gauge's is awaited.
+fn can_act(state: &BatteryState, percentage: f32) -> bool {
+    let is_known = credible_usable_pct(state).is_some() || state.charge_source == ChargeSource::Gauge;
+    is_known && state.remaining_uncertainty_pct() < percentage + MOST_ABOVE_PCT
+}
+
+/// `BATT_LOW_TIMER`, in microseconds, unless it is off.
+fn limit_us(settings: &FailsafeSettings) -> Option<u32> {
+    settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::VoltageSource;
+    use crate::time::at_us;
+    use crate::{Amount, ChargeSource};
+
+    const TICK_US: u32 = 100_000;
+
+    fn settings() -> FailsafeSettings {
+        FailsafeSettings {
+            timer_s: Some(10.0),
+            voltage_source: VoltageSource::Terminal,
+            low: Thresholds {
+                voltage_v: Some(10.5),
+                remaining_mah: Some(400.0),
+                usable_pct: None,
+            },
+            critical: Thresholds {
+                voltage_v: Some(9.9),
+                remaining_mah: Some(200.0),
+                usable_pct: None,
+            },
+        }
+    }
+
+    fn at_voltage(voltage_v: f32) -> BatteryState {
+        let mut state = BatteryState::UNKNOWN;
+        state.readings.voltage_v = Some(voltage_v);
+        state
+    }
+
+    /// A pack of 1000 mAh.
+    fn charged(voltage_v: f32, remaining_pct: Option<f32>) -> BatteryState {
+        let mut battery = at_voltage(voltage_v);
+        battery.capacity = Some(Amount::Mah(1000.0));
+        battery.consumed = Some(Amount::Mah(0.0));
+        battery.readings.remaining_pct = remaining_pct;
+        battery
+    }
+
+    fn seen(now: Instant, load_state: LoadState, state: Option<&BatteryState>) -> Observation<'_> {
+        Observation {
+            tick: Tick { now, load_state },
+            dt_us: TICK_US,
+            last_healthy: Some(now),
+            state,
+            resting_v: None,
+        }
+    }
+
+    /// A pack under load that was healthy at the start only.
+    fn silent(now: Instant) -> Observation<'static> {
+        Observation {
+            last_healthy: Some(Instant::EPOCH),
+            ..seen(now, LoadState::On, None)
+        }
+    }
+
+    /// Runs `seconds` of ticks and returns the levels reached, with their times in seconds.
+    fn run(
+        failsafe: &mut Failsafe,
+        from_s: u64,
+        seconds: u64,
+        load_state: LoadState,
+        state: &BatteryState,
+    ) -> Vec<(u64, FailsafeLevel)> {
+        let mut raised = Vec::new();
+        for tick in 0..seconds * 10 {
+            let now = at_us(from_s * 1_000_000 + tick * u64::from(TICK_US));
+            let reached = failsafe.update(&seen(now, load_state, Some(state)), &settings());
+            raised.extend(reached.into_iter().map(|level| (tick / 10, level)));
+        }
+        raised
+    }
+
+    #[test]
+    // Requirement: AP-18
+    fn voltage_below_threshold_trips_after_the_timer() {
+        let mut failsafe = Failsafe::default();
+        assert_eq!(run(&mut failsafe, 0, 10, LoadState::On, &at_voltage(10.4)), []);
+        assert_eq!(run(&mut failsafe, 10, 1, LoadState::On, &at_voltage(11.0)), []);
+        let raised = run(&mut failsafe, 11, 30, LoadState::On, &at_voltage(10.4));
+        assert_eq!(raised, [(10, FailsafeLevel::Low)]);
+    }
+
+    #[test]
+    fn disarming_resets_the_low_voltage_timer() {
+        let mut failsafe = Failsafe::default();
+        run(&mut failsafe, 0, 5, LoadState::On, &at_voltage(10.4));
+        run(&mut failsafe, 5, 30, LoadState::Off, &at_voltage(10.4));
+        let raised = run(&mut failsafe, 35, 20, LoadState::On, &at_voltage(10.4));
+        assert_eq!(raised, [(10, FailsafeLevel::Low)]);
+    }
+
+    #[test]
+    fn a_timer_is_shown_until_its_level_is_reached() {
+        let mut failsafe = Failsafe::default();
+        let mut low_after = |from_s, load_state, remaining_pct| {
+            run(
+                &mut failsafe,
+                from_s,
+                6,
+                load_state,
+                &charged(10.4, Some(remaining_pct)),
+            );
+            let FailsafeTimers { low, critical } = failsafe.timers();
+            assert_eq!(critical, FailsafeTimer::Stopped);
+            low
+        };
+        assert_eq!(low_after(0, LoadState::On, 50.0), FailsafeTimer::Running);
+        assert_eq!(low_after(6, LoadState::On, 50.0), FailsafeTimer::Expired);
+        assert_eq!(low_after(12, LoadState::Off, 50.0), FailsafeTimer::Stopped);
+        assert_eq!(low_after(18, LoadState::On, 50.0), FailsafeTimer::Stopped);
+        failsafe = Failsafe::default();
+        run(&mut failsafe, 24, 6, LoadState::On, &charged(10.4, Some(50.0)));
+        assert_eq!(failsafe.timers().low, FailsafeTimer::Running);
+        run(&mut failsafe, 30, 1, LoadState::On, &charged(10.4, Some(39.0)));
+        assert_eq!(failsafe.timers().low, FailsafeTimer::Stopped);
+    }
+
+    #[test]
+    fn charge_below_threshold_trips_at_once() {
+        let mut failsafe = Failsafe::default();
+        assert_eq!(run(&mut failsafe, 0, 1, LoadState::On, &at_charge(40.0)), []);
+        let raised = run(&mut failsafe, 1, 1, LoadState::On, &at_charge(39.9));
+        assert_eq!(raised, [(0, FailsafeLevel::Low)]);
+        let raised = run(&mut failsafe, 2, 1, LoadState::On, &at_charge(19.9));
+        assert_eq!(raised, [(0, FailsafeLevel::Critical)]);
+    }
+
+    #[test]
+    fn no_healthy_reading_for_five_seconds_is_unhealthy() {
+        let mut failsafe = Failsafe::default();
+        let mut at = |us| failsafe.update(&silent(at_us(us)), &settings());
+        assert_eq!(at(5_000_000), []);
+        assert_eq!(at(5_100_000), [FailsafeLevel::Unhealthy]);
+    }
+
+    /// Ticks with and without readings with the load off after a loss, and the level at the end.
+    fn level_after_a_loss(
+        lost: &mut Failsafe,
+        is_healthy: impl Fn(u64) -> bool,
+        ticks: u64,
+    ) -> FailsafeLevel {
+        let state = at_voltage(12.0);
+        for tick in 0..ticks {
+            let now = at_us(20_000_000 + tick * u64::from(TICK_US));
+            let state = is_healthy(tick).then_some(&state);
+            lost.update(&seen(now, LoadState::Off, state), &settings());
+            lost.release_unhealthy();
+        }
+        lost.level()
+    }
+
+    fn lost() -> Failsafe {
+        let mut failsafe = Failsafe::default();
+        failsafe.update(&silent(at_us(6_000_000)), &settings());
+        assert_eq!(failsafe.level(), FailsafeLevel::Unhealthy);
+        failsafe
+    }
+
+    #[test]
+    fn unhealthy_is_released_after_five_seconds_of_good_readings() {
+        use FailsafeLevel::{None, Unhealthy};
+        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 49), Unhealthy);
+        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 51), None);
+        let flickers = |tick| tick % 45 != 44;
+        assert_eq!(level_after_a_loss(&mut lost(), flickers, 600), Unhealthy);
+        assert_eq!(level_after_a_loss(&mut lost(), |_| false, 600), Unhealthy);
+    }
+
+    #[test]
+    fn low_and_critical_are_not_released() {
+        let level = level_after_a_loss(&mut critical(), |_| true, 600);
+        assert_eq!(level, FailsafeLevel::Critical);
+        let mut low = Failsafe::default();
+        run(&mut low, 0, 12, LoadState::On, &at_voltage(10.4));
+        assert_eq!(level_after_a_loss(&mut low, |_| true, 600), FailsafeLevel::Low);
+    }
+
+    #[test]
+    fn sag_is_ignored_with_the_resting_voltage_as_source() {
+        let mut sagging = at_voltage(10.0);
+        sagging.readings.resting_voltage_v = Some(11.0);
+        let resting = FailsafeSettings {
+            voltage_source: VoltageSource::Resting,
+            ..settings()
+        };
+        assert_eq!(reached(&mut Failsafe::default(), &resting, &sagging), []);
+    }
+
+    /// Runs `ticks` ticks at the voltages of `at`, and returns the levels reached, with their ticks.
+    fn levels(ticks: u64, at: impl Fn(u64) -> Option<f32>) -> Vec<(u64, FailsafeLevel)> {
+        let mut failsafe = Failsafe::default();
+        let mut raised = Vec::new();
+        for tick in 0..ticks {
+            let state = at(tick).map(at_voltage);
+            let observation = seen(at_us(tick * u64::from(TICK_US)), LoadState::On, state.as_ref());
+            let reached = failsafe.update(&observation, &settings());
+            raised.extend(reached.into_iter().map(|level| (tick, level)));
+        }
+        raised
+    }
+
+    #[test]
+    fn unknown_voltage_does_not_delay_a_low_one() {
+        let always = levels(200, |_| Some(9.0));
+        assert_eq!(
+            always,
+            [(101, FailsafeLevel::Low), (101, FailsafeLevel::Critical)]
+        );
+        let flickering = levels(200, |tick| (tick % 90 != 50).then_some(9.0));
+        assert_eq!(flickering, always);
+    }
+
+    #[test]
+    // Requirement: L-6
+    fn mostly_unknown_low_voltage_still_trips() {
+        // Known once a second: ten seconds until it counts while unknown, and nine more.
+        let raised = levels(1000, |tick| (tick % 10 == 0).then_some(9.0));
+        let [.., (tick, FailsafeLevel::Critical)] = raised[..] else {
+            panic!("{raised:?}");
+        };
+        assert!(tick <= 210, "{tick}");
+    }
+
+    #[test]
+    fn intermittent_sense_wire_does_not_trip() {
+        // In the tick of a break, any voltage between the pack's and zero may be read.
+        let breaks = |tick| match tick % 300 {
+            100 | 250 => Some(6.0),
+            101..250 => None,
+            _ => Some(12.0),
+        };
+        assert_eq!(levels(3000, breaks), []);
+    }
+
+    #[test]
+    fn timer_expires_only_at_a_known_voltage() {
+        let raised = levels(500, |tick| (!(50..300).contains(&tick)).then_some(9.0));
+        assert_eq!(raised.last(), Some(&(300, FailsafeLevel::Critical)));
+    }
+
+    #[test]
+    fn disabling_the_timer_resets_it() {
+        let off = FailsafeSettings {
+            timer_s: None,
+            ..settings()
+        };
+        let mut failsafe = Failsafe::default();
+        run(&mut failsafe, 0, 9, LoadState::On, &at_voltage(9.0));
+        failsafe.update(
+            &seen(Instant::EPOCH, LoadState::On, Some(&at_voltage(12.0))),
+            &off,
+        );
+        assert_eq!(run(&mut failsafe, 20, 9, LoadState::On, &at_voltage(9.0)), []);
+    }
+
+    /// A pack of 1000 mAh with this charge, at a voltage above all thresholds.
+    fn at_charge(remaining_pct: f32) -> BatteryState {
+        charged(12.0, Some(remaining_pct))
+    }
+
+    #[test]
+    fn a_threshold_in_mah_is_of_what_the_pack_holds_now() {
+        let learnt = |capacity_mah, state: BatteryState| BatteryState {
+            learnt_capacity_mah: Some(capacity_mah),
+            ..state
+        };
+        let mut by_voltage = at_charge(0.0);
+        by_voltage.consumed = None;
+        by_voltage.readings.remaining_pct = Some(70.0);
+        by_voltage.readings.remaining_sigma_pct = Some(4.0);
+        let mut by_count = BatteryState {
+            consumed: Some(Amount::Mah(110.0)),
+            ..by_voltage
+        };
+        by_count.readings.remaining_pct = None;
+        let gauged = BatteryState {
+            charge_source: ChargeSource::Gauge,
+            ..at_charge(70.0)
+        };
+        // 70 % of 500 mAh are 350, at most or as far as counted 390; of the gauge's 1000 mAh they are 700.
+        for (state, expected) in [
+            (learnt(500.0, at_charge(70.0)), &BOTH[..1]),
+            (learnt(500.0, by_voltage), &BOTH[..1]),
+            (learnt(500.0, by_count), &BOTH[..1]),
+            (learnt(500.0, gauged), &[]),
+            (at_charge(70.0), &[]),
+            (by_voltage, &[]),
+            (by_count, &[]),
+        ] {
+            let observation = seen(Instant::EPOCH, LoadState::On, Some(&state));
+            let reached = Failsafe::default().update(&observation, &settings());
+            assert_eq!(reached, expected, "{state:?}");
+        }
+    }
+
+    /// The levels that a pack under load reaches within 11 s in this state.
+    fn reached(
+        failsafe: &mut Failsafe,
+        settings: &FailsafeSettings,
+        state: &BatteryState,
+    ) -> Vec<FailsafeLevel> {
+        let at = |tick| at_us(tick * u64::from(TICK_US));
+        (0..110)
+            .flat_map(|tick| failsafe.update(&seen(at(tick), LoadState::On, Some(state)), settings))
+            .collect()
+    }
+
+    const BOTH: [FailsafeLevel; 2] = [FailsafeLevel::Low, FailsafeLevel::Critical];
+
+    #[test]
+    // Requirement: AP-18
+    fn critical_carries_low_where_it_skips_it() {
+        let below = |voltage_v| Thresholds {
+            voltage_v,
+            ..Thresholds::default()
+        };
+        let of_voltage = |low_v, critical_v| FailsafeSettings {
+            low: below(low_v),
+            critical: below(critical_v),
+            ..settings()
+        };
+        let mut only_charge_is_low = settings();
+        only_charge_is_low.low.voltage_v = None;
+        let low_needs_the_timer = FailsafeSettings {
+            timer_s: None,
+            low: below(Some(10.5)),
+            ..settings()
+        };
+        for (settings, state, expected) in [
+            (settings(), at_voltage(9.0), &BOTH[..]),
+            (settings(), at_charge(19.9), &BOTH),
+            // Equal thresholds, and a charge that is unknown.
+            (of_voltage(Some(9.9), Some(9.9)), at_voltage(9.8), &BOTH),
+            (only_charge_is_low, at_voltage(9.0), &BOTH),
+            // Nothing is skipped that has no threshold in force.
+            (of_voltage(None, Some(9.9)), at_voltage(9.0), &BOTH[1..]),
+            (low_needs_the_timer, at_charge(19.9), &BOTH[1..]),
+        ] {
+            let mut failsafe = Failsafe::default();
+            let reached = reached(&mut failsafe, &settings, &state);
+            assert_eq!(reached, expected, "{settings:?}");
+            assert_eq!(failsafe.level(), FailsafeLevel::Critical);
+        }
+    }
+
+    #[test]
+    // Requirement: AP-18
+    fn a_level_latches_and_counts_once_until_a_reset_or_another_pack() {
+        let mut failsafe = Failsafe::default();
+        let reached =
+            |failsafe: &mut Failsafe, voltage_v| reached(failsafe, &settings(), &at_voltage(voltage_v));
+        assert_eq!(reached(&mut failsafe, 10.4), BOTH[..1]);
+        assert_eq!(reached(&mut failsafe, 12.0), []);
+        assert_eq!(reached(&mut failsafe, 9.0), BOTH[1..]);
+        assert_eq!(reached(&mut failsafe, 10.4), []);
+        assert_eq!(reached(&mut failsafe, 12.0), []);
+        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
+        failsafe.clear();
+        assert_eq!(failsafe.level(), FailsafeLevel::None);
+        assert_eq!(reached(&mut failsafe, 9.0), BOTH);
+        failsafe.replace_pack(Replacement::Likely);
+        assert_eq!(reached(&mut failsafe, 10.4), BOTH[..1]);
+        assert_eq!(failsafe.level(), FailsafeLevel::Critical, "it stays");
+        assert_eq!(reached(&mut failsafe, 9.0), BOTH[1..]);
+    }
+
+    #[test]
+    fn a_threshold_that_is_set_while_armed_acts_like_any_other() {
+        let mut settings = settings();
+        (settings.low, settings.critical) = Default::default();
+        let mut failsafe = Failsafe::default();
+        let empty = at_voltage(9.0);
+        assert_eq!(reached(&mut failsafe, &settings, &empty), []);
+        settings.critical.voltage_v = Some(9.9);
+        assert_eq!(reached(&mut failsafe, &settings, &empty), BOTH[1..]);
+        // Critical, which was reached before, did not skip it.
+        settings.low.voltage_v = Some(10.5);
+        assert_eq!(reached(&mut failsafe, &settings, &empty), BOTH[..1]);
+    }
+
+    #[test]
+    fn unhealthy_neither_carries_a_level_nor_is_carried() {
+        let mut failsafe = lost();
+        let reached = reached(&mut failsafe, &settings(), &at_voltage(9.0));
+        assert_eq!(reached, BOTH);
+        let silent = silent(at_us(60_000_000));
+        assert_eq!(failsafe.update(&silent, &settings()), [FailsafeLevel::Unhealthy]);
+    }
+
+    fn critical() -> Failsafe {
+        let mut failsafe = Failsafe::default();
+        run(&mut failsafe, 0, 20, LoadState::On, &at_voltage(9.0));
+        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
+        failsafe
+    }
+
+    fn at_rest(resting_v: f32, remaining_pct: Option<f32>) -> (f32, BatteryState) {
+        (resting_v, charged(resting_v, remaining_pct))
+    }
+
+    fn rest(failsafe: &mut Failsafe, (resting_v, state): &(f32, BatteryState)) -> FailsafeLevel {
+        let observation = Observation {
+            resting_v: Some(*resting_v),
+            ..seen(Instant::EPOCH, LoadState::Off, Some(state))
+        };
+        failsafe.update(&observation, &settings());
+        failsafe.level()
+    }
+
+    #[test]
+    fn swapped_pack_above_all_thresholds_clears_the_level() {
+        for (pack, expected) in [
+            (at_rest(9.8, Some(90.0)), FailsafeLevel::Critical),
+            (at_rest(10.4, Some(90.0)), FailsafeLevel::Critical),
+            (at_rest(12.0, Some(30.0)), FailsafeLevel::Critical),
+            // An unknown charge does not clear a level.
+            (at_rest(12.0, None), FailsafeLevel::Critical),
+            (at_rest(12.0, Some(90.0)), FailsafeLevel::None),
+        ] {
+            let mut failsafe = critical();
+            failsafe.replace_pack(Replacement::Certain);
+            assert_eq!(rest(&mut failsafe, &pack), expected, "{pack:?}");
+        }
+    }
+
+    #[test]
+    fn likely_swap_does_not_clear_the_level() {
+        let full = at_rest(12.6, Some(100.0));
+        let mut failsafe = critical();
+        assert_eq!(rest(&mut failsafe, &full), FailsafeLevel::Critical);
+        failsafe.replace_pack(Replacement::Likely);
+        assert_eq!(rest(&mut failsafe, &full), FailsafeLevel::Critical);
+    }
+
+    #[test]
+    // Requirement: L-5
+    fn arming_or_contact_loss_ends_the_chance_to_clear() {
+        let full = at_rest(12.6, Some(100.0));
+        for (load_state, state) in [(LoadState::Off, None), (LoadState::On, Some(at_voltage(12.6)))] {
+            let mut failsafe = critical();
+            failsafe.replace_pack(Replacement::Certain);
+            failsafe.update(&seen(Instant::EPOCH, load_state, state.as_ref()), &settings());
+            let level = rest(&mut failsafe, &full);
+            assert_eq!(level, FailsafeLevel::Critical, "{load_state:?}");
+        }
+    }
+
+    /// Settings that act by the percentage alone.
+    fn by_percent(timer_s: Option<f32>) -> FailsafeSettings {
+        let percent = |usable_pct| Thresholds {
+            usable_pct: Some(usable_pct),
+            ..Thresholds::default()
+        };
+        FailsafeSettings {
+            timer_s,
+            voltage_source: VoltageSource::Terminal,
+            low: percent(15.0),
+            critical: percent(7.0),
+        }
+    }
+
+    /// A pack with this usable charge, ten percent more of which remain, with this deviation, in percent.
+    fn usable(usable_pct: Option<f32>, sigma_pct: Option<f32>) -> BatteryState {
+        let mut battery = at_voltage(12.0);
+        battery.readings.usable_pct = usable_pct;
+        battery.readings.remaining_pct = usable_pct.map(|usable_pct| usable_pct + 10.0);
+        battery.readings.remaining_sigma_pct = sigma_pct;
+        battery
+    }
+
+    #[test]
+    // Requirement: AP-18, PX-3
+    fn a_percentage_acts_once_it_is_passed_for_the_timer_by_a_charge_that_is_certain_enough() {
+        let none: &[FailsafeLevel] = &[];
+        let mut contradicted = usable(Some(3.0), None);
+        contradicted.readings.faults = Faults::CONTRADICTED_CHARGE;
+        let mut understated = usable(Some(3.0), None);
+        understated.readings.faults = Faults::UNDERSTATED_CHARGE;
+        for (state, expected) in [
+            (usable(Some(14.9), None), &BOTH[..1]),
+            (usable(Some(15.0), None), none),
+            // 20 % remain, at most less than 35.
+            (usable(Some(10.0), Some(7.4)), &BOTH[..1]),
+            (usable(Some(10.0), Some(7.6)), none),
+            // 10 % remain, at most less than 27, or than 35.
+            (usable(Some(0.0), Some(8.4)), &BOTH),
+            (usable(Some(0.0), Some(8.6)), &BOTH[..1]),
+            (usable(Some(0.0), Some(12.6)), none),
+            (usable(None, None), none),
+            (contradicted, none),
+            (understated, none),
+        ] {
+            for timer_s in [Some(10.0), None] {
+                let mut failsafe = Failsafe::default();
+                let reached = reached(&mut failsafe, &by_percent(timer_s), &state);
+                assert_eq!(reached, expected, "{timer_s:?}: {state:?}");
+            }
+        }
+        let mut failsafe = Failsafe::default();
+        let low = usable(Some(10.0), None);
+        let mut at = |tick: u64, settings: &FailsafeSettings| {
+            let now = at_us(tick * u64::from(TICK_US));
+            failsafe.update(&seen(now, LoadState::On, Some(&low)), settings)
+        };
+        for tick in 0..=100 {
+            assert_eq!(at(tick, &by_percent(Some(10.0))), [], "tick {tick}");
+        }
+        assert_eq!(at(101, &by_percent(Some(10.0))), [FailsafeLevel::Low]);
+        let at_once =
+            Failsafe::default().update(&seen(at_us(0), LoadState::On, Some(&low)), &by_percent(None));
+        assert_eq!(at_once, [FailsafeLevel::Low]);
+    }
+
+    /// The settings that are found missing from 0 s to `seconds`, with their times, under load.
+    fn suggested(
+        failsafe: &mut Failsafe,
+        settings: &FailsafeSettings,
+        seconds: u64,
+        state: impl Fn(u64) -> BatteryState,
+    ) -> Vec<(u64, MissingSetting)> {
+        let at = |tick: u64| {
+            let state = state(tick / 10);
+            let observation = seen(at_us(tick * u64::from(TICK_US)), LoadState::On, Some(&state));
+            let _ = failsafe.update(&observation, settings);
+            let found = failsafe.find_inert_percentage(&observation, settings);
+            found.map(|missing| (tick / 10, missing))
+        };
+        (0..seconds * 10).filter_map(at).collect()
+    }
+
+    #[test]
+    // Requirement: PX-3
+    fn percentages_that_cant_act_are_found_once() {
+        use MissingSetting::{LowCharge, LowVoltage, Timer};
+        let at_voltage = |timer_s, low_v, voltage_source| FailsafeSettings {
+            timer_s,
+            voltage_source,
+            low: Thresholds {
+                voltage_v: low_v,
+                ..by_percent(timer_s).low
+            },
+            ..by_percent(timer_s)
+        };
+        let plain = by_percent(Some(10.0));
+        let by_volts = at_voltage(Some(10.0), Some(10.5), VoltageSource::Terminal);
+        let without_timer = at_voltage(None, Some(10.5), VoltageSource::Terminal);
+        let tank = at_voltage(Some(10.0), None, VoltageSource::NotMeasured);
+        let certain = usable(Some(60.0), Some(6.0));
+        let uncertain = usable(Some(60.0), Some(25.0));
+        let awaited = BatteryState {
+            charge_source: ChargeSource::Gauge,
+            ..usable(None, None)
+        };
+        for (settings, state, expected) in [
+            (plain, uncertain, Some(LowVoltage)),
+            (plain, usable(None, None), Some(LowVoltage)),
+            (plain, certain, None),
+            (plain, awaited, None),
+            // That low can act is not enough: critical can't.
+            (plain, usable(Some(60.0), Some(13.6)), Some(LowVoltage)),
+            (by_volts, uncertain, None),
+            (without_timer, uncertain, Some(Timer)),
+            (tank, usable(None, None), Some(LowCharge)),
+            (settings(), uncertain, None),
+        ] {
+            let mut failsafe = Failsafe::default();
+            for _ in 0..2 {
+                let found = suggested(&mut failsafe, &settings, 100, |_| state);
+                let at_s = if state.readings.usable_pct.is_some() { 0 } else { 2 };
+                assert_eq!(
+                    found,
+                    Vec::from_iter(expected.map(|missing| (at_s, missing))),
+                    "{state:?}"
+                );
+                let switched_off = seen(Instant::EPOCH, LoadState::Off, Some(&state));
+                let _ = failsafe.update(&switched_off, &settings);
+                assert_eq!(failsafe.find_inert_percentage(&switched_off, &settings), None);
+            }
+        }
+        // It is passed at 20 s, and acts only where the charge is certain.
+        for (sigma_pct, expected) in [(25.0, &[(90, LowVoltage)][..]), (3.0, &[])] {
+            let becomes_empty = |second| match second {
+                ..20 => certain,
+                _ => usable(Some(0.0), Some(sigma_pct)),
+            };
+            let found = suggested(&mut Failsafe::default(), &plain, 200, becomes_empty);
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    // Requirement: AP-18
+    fn a_percentage_that_acts_has_to_be_above_for_a_level_to_be_released() {
+        for (usable_pct, expected) in [
+            (None, FailsafeLevel::Critical),
+            (Some(14.0), FailsafeLevel::Critical),
+            (Some(90.0), FailsafeLevel::None),
+        ] {
+            let mut failsafe = critical();
+            failsafe.replace_pack(Replacement::Certain);
+            let state = usable(usable_pct, None);
+            let observation = Observation {
+                resting_v: Some(12.0),
+                ..seen(Instant::EPOCH, LoadState::Off, Some(&state))
+            };
+            failsafe.update(&observation, &by_percent(Some(10.0)));
+            assert_eq!(failsafe.level(), expected, "{usable_pct:?}");
+        }
+    }
+}

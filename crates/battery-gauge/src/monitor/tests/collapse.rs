@@ -1,0 +1,122 @@
+//! A pack that collapses under load earlier than expected, and the drives after it.
+
+use super::rover::{Pack, Rover};
+use super::*;
+
+/// The end of a Li-ion cell under load, in volts.
+const END_V: f32 = 3.0;
+
+/// Figures of a drive to the end.
+#[derive(Debug)]
+struct ToTheEnd {
+    /// Charge left at the end, in percent.
+    left_pct: f32,
+    /// Time before the end at which 15 % were usable, in seconds.
+    warned_s: f32,
+    /// Usable charge with half of the pack left, in percent.
+    halfway_pct: f32,
+}
+
+fn weak(weak_below: f32, resistance: f32) -> Pack {
+    Pack {
+        weak_below,
+        resistance,
+        ..Pack::rested(Chemistry::LiIon, 1.0)
+    }
+}
+
+/// Drives until the mean of ten seconds is below the end, or this charge is left; then the pack is parked, charged elsewhere and
+/// the board switched on again.
+fn drive_to_the_end(rover: &mut Rover, lowest_soc: f32) -> ToTheEnd {
+    rover.run(40.0, 0.1);
+    rover.bench.load_state = LoadState::On;
+    let (mut driven_s, mut warned_at_s, mut halfway_pct) = (0.0, None, 0.0);
+    loop {
+        let mut sum_v = 0.0;
+        for current_a in [4.4, 1.1] {
+            rover.run(5.0, current_a);
+            sum_v += rover.pack.voltage_v(current_a);
+        }
+        driven_s += 10.0;
+        let usable_pct = rover.bench.state.readings.usable_pct.expect("known");
+        if usable_pct < 15.0 && warned_at_s.is_none() {
+            warned_at_s = Some(driven_s);
+        }
+        if rover.pack.soc > 0.5 {
+            halfway_pct = usable_pct;
+        }
+        if sum_v / 6.0 < END_V || rover.pack.soc <= lowest_soc {
+            break;
+        }
+    }
+    let drive = ToTheEnd {
+        left_pct: rover.pack.soc * 100.0,
+        warned_s: warned_at_s.map_or(0.0, |warned_at_s| driven_s - warned_at_s),
+        halfway_pct,
+    };
+    rover.bench.load_state = LoadState::Off;
+    rover.run(1800.0, 0.1);
+    rover.power_cycle();
+    rover.pack = rover.pack.recharged();
+    drive
+}
+
+#[test]
+// Requirement: PX-6
+fn after_an_early_collapse_the_next_drive_warns_in_time() {
+    let mut rover = Rover::with(weak(0.35, 0.7));
+    let first = drive_to_the_end(&mut rover, 0.0);
+    let next = drive_to_the_end(&mut rover, 0.0);
+    assert!(first.left_pct > 10.0, "{first:?} is no early collapse");
+    assert!(next.warned_s > first.warned_s + 60.0, "{first:?}, then {next:?}");
+}
+
+#[test]
+// Requirement: PX-6
+fn a_collapse_is_forgotten_once_a_drive_has_passed_its_charge() {
+    let mut sound = Rover::with(weak(0.0, 0.7));
+    let never = drive_to_the_end(&mut sound, 0.45);
+    let mut rover = Rover::with(weak(0.35, 0.7));
+    drive_to_the_end(&mut rover, 0.0);
+    rover.pack.weak_below = 0.0;
+    let passing = drive_to_the_end(&mut rover, 0.05);
+    let after = drive_to_the_end(&mut rover, 0.45);
+    assert!(passing.halfway_pct < never.halfway_pct - 5.0, "{passing:?}");
+    assert!(
+        (after.halfway_pct - never.halfway_pct).abs() < 3.0,
+        "{after:?} after {passing:?}, {never:?}"
+    );
+}
+
+#[test]
+// Requirement: PX-6
+fn a_collapse_in_the_cold_hardly_warns_on_a_warm_day() {
+    let mut rover = Rover::with(weak(0.0, 0.7));
+    let warm = drive_to_the_end(&mut rover, 0.3);
+    rover.pack = weak(0.35, 2.1);
+    let cold = drive_to_the_end(&mut rover, 0.0);
+    rover.pack = weak(0.0, 0.7);
+    let after = drive_to_the_end(&mut rover, 0.3);
+    assert!(cold.left_pct > 15.0, "{cold:?}");
+    assert!(
+        after.halfway_pct > warm.halfway_pct - 12.0,
+        "{after:?} after {cold:?}, {warm:?}"
+    );
+}
+
+#[test]
+// Requirement: PX-6
+fn a_stalled_motor_is_no_collapse() {
+    let mut rover = Rover::with(weak(0.0, 0.7));
+    rover.run(40.0, 0.1);
+    rover.bench.load_state = LoadState::On;
+    rover.run(600.0, 2.2);
+    rover.run(20.0, 40.0);
+    assert!(rover.pack.voltage_v(40.0) < 3.0 * END_V);
+    rover.bench.load_state = LoadState::Off;
+    rover.run(120.0, 0.1);
+    assert_eq!(
+        rover.bench.monitor.learnt().and_then(|learnt| learnt.collapse),
+        None
+    );
+}
