@@ -19,8 +19,8 @@ mod firmware {
     use embassy_time::{Duration, Ticker};
     use panic_probe as _;
     use rover_battmon::battery::{
-        BatteryMonitor, BatteryState, ChargeState, FailsafeSettings, Measurement, PackSettings, Thresholds,
-        Tick,
+        BatteryMonitor, BatteryState, ChargeState, FailsafeSettings, LoadState, Measurement, PackSettings,
+        Thresholds, Tick,
     };
     use rover_battmon::board::{self, AnalogInputs, AnalogPeripherals, TelemetryUart};
     use rover_battmon::mavlink::LinkKind;
@@ -29,7 +29,6 @@ mod firmware {
     use rover_battmon::sensor::{AnalogIn, AnalogPin, VoltageDivider, WantedReadings};
     use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{WiredEndpoint, now};
-    use rover_battmon::vehicle::ArmState;
 
     const BAUD: u32 = 115_200;
 
@@ -98,8 +97,8 @@ mod firmware {
             // Update the pack's state, and announce its events.
             let tick = Tick {
                 now,
-                // Only then failsafes count, and nothing here can be disarmed.
-                arm_state: ArmState::Armed,
+                // Failsafes count while there may be a load, and nothing here shows when it is off.
+                load_state: LoadState::On,
             };
             let update = monitor.update(&mut battery, tick, reading, &settings);
             link.announce(Pack::First, &update.events);

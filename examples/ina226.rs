@@ -17,7 +17,7 @@ mod firmware {
     use embassy_executor::Spawner;
     use embassy_time::{Duration, Ticker};
     use panic_probe as _;
-    use rover_battmon::battery::{BatteryMonitor, BatteryState, PackSettings, Tick};
+    use rover_battmon::battery::{BatteryMonitor, BatteryState, LoadState, Tick};
     use rover_battmon::board::{self, SensorI2c, TelemetryUart};
     use rover_battmon::mavlink::LinkKind;
     use rover_battmon::pack::Pack;
@@ -74,14 +74,14 @@ mod firmware {
             // Read the part, update the pack's state, and announce its events. A part that does not answer is polled less often.
             let tick = Tick {
                 now: now(),
-                // Only then failsafes count, and nothing here can be disarmed.
-                arm_state: ArmState::Armed,
+                // Failsafes count while there may be a load, and nothing here shows when it is off.
+                load_state: LoadState::On,
             };
             let judge = |_, reading| {
                 let update = monitor.update(&mut battery, tick, reading, &settings);
                 link.announce(Pack::First, &update.events);
             };
-            parts.read_next(&mut bus, tick.now, tick.arm_state, judge).await;
+            parts.read_next(&mut bus, tick.now, ArmState::Armed, judge).await;
 
             // Report what is due.
             let batteries = [battery];

@@ -13,7 +13,7 @@ mod firmware {
     use embassy_executor::Spawner;
     use embassy_time::{Duration, with_timeout};
     use panic_probe as _;
-    use rover_battmon::battery::{BatteryMonitor, BatteryState, Measurement, PackSettings, ReadError, Tick};
+    use rover_battmon::battery::{BatteryMonitor, BatteryState, Measurement, ReadError, Tick};
     use rover_battmon::board::{
         self, AnalogInputs, AnalogPeripherals, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart,
     };
@@ -115,7 +115,7 @@ mod firmware {
                 let reading = measure(&mut pins, now, &parameters);
                 let tick = Tick {
                     now,
-                    arm_state: vehicle.arm_state(),
+                    load_state: vehicle.arm_state().into(),
                 };
                 let settings = parameters.pack(Pack::First).settings();
                 let update = monitor.update(&mut battery, tick, reading, &settings);

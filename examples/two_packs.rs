@@ -19,8 +19,8 @@ mod firmware {
     use embassy_time::{Duration, Ticker};
     use panic_probe as _;
     use rover_battmon::battery::{
-        BatteryMonitor, BatteryState, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError,
-        Thresholds, Tick,
+        BatteryMonitor, BatteryState, Chemistry, FailsafeSettings, LoadState, Measurement, PackSettings,
+        ReadError, Thresholds, Tick,
     };
     use rover_battmon::board::{self, AnalogInputs, AnalogPeripherals, TelemetryUart};
     use rover_battmon::mavlink::LinkKind;
@@ -31,7 +31,6 @@ mod firmware {
     };
     use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{WiredEndpoint, now};
-    use rover_battmon::vehicle::ArmState;
 
     const BAUD: u32 = 115_200;
 
@@ -150,8 +149,8 @@ mod firmware {
                 let reading = measure(pack, &readings);
                 let tick = Tick {
                     now,
-                    // Only then failsafes count, and nothing here can be disarmed.
-                    arm_state: ArmState::Armed,
+                    // Failsafes count while there may be a load, and nothing here shows when it is off.
+                    load_state: LoadState::On,
                 };
                 let update = pack
                     .monitor

@@ -12,7 +12,7 @@ use embassy_rp::{Peri, bind_interrupts};
 use embassy_time::{Duration, Ticker, with_timeout};
 use embedded_hal_async::i2c::{I2c as _, Operation};
 use panic_probe as _;
-use rover_battmon::battery::{BatteryMonitor, BatteryState, BusError, PackSettings, Tick};
+use rover_battmon::battery::{BatteryMonitor, BatteryState, BusError, LoadState, Tick};
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind};
@@ -37,6 +37,13 @@ const PACK: [(BatteryParameter, f32); 4] = [
     (BatteryParameter::Cells, 3.0),
     (BatteryParameter::Capacity, 2200.0),
 ];
+
+/// The load counts as switched off after this long without a current: then a current into the pack is a charge, and another one
+/// may be put in. A product with a switch reads that instead, at a pin.
+const SWITCHED_OFF_AFTER_US: u64 = 60_000_000;
+
+/// What is drawn without the load is less, in amperes.
+const LEAST_LOAD_A: f32 = 0.1;
 
 /// As often as the part has a new mean of its conversions.
 const INTERVAL: Duration = Duration::from_millis(25);
@@ -99,19 +106,24 @@ async fn main(_spawner: Spawner) {
     let mut battery = BatteryState::default();
     let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start);
     let mut ticker = Ticker::every(INTERVAL);
+    let mut loaded_at = start;
 
     loop {
-        // Measure, and announce what happened to the pack.
-        let tick = Tick {
-            now: now(),
-            // Failsafes count only while armed, and nothing here can be disarmed.
-            arm_state: ArmState::Armed,
+        // Measure, and announce what happened to the pack. While its current is unknown there may be a load.
+        let now = now();
+        if battery.readings.current_a.is_none_or(|current_a| current_a > LEAST_LOAD_A) {
+            loaded_at = now;
+        }
+        let (load_state, arm_state) = match now.us_since(loaded_at) {
+            ..SWITCHED_OFF_AFTER_US => (LoadState::On, ArmState::Armed),
+            _ => (LoadState::Off, ArmState::Disarmed),
         };
+        let tick = Tick { now, load_state };
         let mut update = |pack: Pack, reading| {
             let update = monitor.update(&mut battery, tick, reading, &settings);
             link.announce(pack, &update.events);
         };
-        parts.read_next(&mut bus, tick.now, tick.arm_state, &mut update).await;
+        parts.read_next(&mut bus, now, arm_state, &mut update).await;
 
         // Send what is due: HEARTBEAT once a second, SYS_STATUS and BATTERY_STATUS twice.
         let batteries = [battery];
