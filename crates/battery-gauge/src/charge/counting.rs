@@ -222,7 +222,7 @@ impl Counting {
             *filter = full;
         }
         if let Some(drive) = &mut self.drive {
-            drive.rest(filter, capacity);
+            drive.rest(filter, &by_voltage, capacity);
         }
     }
 

@@ -179,9 +179,12 @@ impl Drive {
         self.start.sigma += share;
     }
 
-    /// The pack rests with this estimate: a drive that has hardly begun starts from it.
-    pub fn rest(&mut self, estimate: &Filter, capacity: &Capacity) {
-        if self.drawn_ah.abs() < BEGUN * capacity.ah {
+    /// The pack rests with this estimate, at a voltage that alone gives `by_voltage`: a drive that has hardly begun starts from
+    /// it, unless start and count are surer than the voltage. Else stops soon after a full start would leave no lesson.
+    pub fn rest(&mut self, estimate: &Filter, by_voltage: &Filter, capacity: &Capacity) {
+        let (_, counted) = self.soc(capacity);
+        let counted = root_of_squares(counted, REST_DRIFT_PER_H * self.rested_h);
+        if self.drawn_ah.abs() < BEGUN * capacity.ah && by_voltage.sigma() < counted {
             *self = Self::new(estimate);
         }
     }

@@ -4,6 +4,8 @@ use super::cell_model::{Capacity, CellModel, KnownCharge, root_of_squares};
 use super::filter::Filter;
 use super::load::{Block, HOURS_PER_SECOND, Load, Polarisation, Sum};
 use crate::LearntPack;
+use crate::chemistry::SAME_VOLTAGE_V;
+use crate::state::BOUND_SIGMAS;
 
 /// Time at the very start whose voltage is kept, in seconds: of a load that began then only the immediate part of the sag
 /// is in it.
@@ -159,6 +161,7 @@ impl Start {
         self.rested_s += load.duration_s;
         let by_voltage = Filter::from_voltage(load, cell_v, model, capacity);
         let known = full(&by_voltage, Relaxation::Unknown, model, capacity)
+            .filter(|_| !was_used(cell_v, model))
             .or_else(|| remembered(cell_v, model, capacity));
         let found = known.unwrap_or(provisional(by_voltage));
         if self.rested_s >= known.map_or(RESTED_S, |_| CONFIRMED_S) {
@@ -257,7 +260,9 @@ impl First {
             learnt: &LearntPack::UNKNOWN,
             ..*model
         };
-        let resting_v = self.least_resting_v(model, capacity);
+        let resting_v = self
+            .least_resting_v(model, capacity)
+            .filter(|resting_v| !was_used(*resting_v, model));
         let by_voltage =
             resting_v.map(|resting_v| Filter::from_voltage(&Load::NONE, resting_v, &typical, capacity));
         by_voltage
@@ -286,6 +291,14 @@ fn least_sag_v(current_a: f32, model: &CellModel, capacity: &Capacity) -> f32 {
     let rate_per_h = (current_a / capacity.ah).clamp(0.0, 1.0);
     let drop_v = (1.0 - 2.0 * RESISTANCE_SIGMA) * ohm * capacity.ah;
     rate_per_h * drop_v.min(model.cell.ohmic_drop_v)
+}
+
+/// Whether a pack that rests at this voltage of a cell was left below full, and not charged since.
+fn was_used(cell_v: f32, model: &CellModel) -> bool {
+    let last = model.learnt.charge;
+    last.is_some_and(|last| {
+        last.soc < 1.0 - BOUND_SIGMAS * CERTAIN_SIGMA && cell_v <= last.resting_v + SAME_VOLTAGE_V
+    })
 }
 
 /// The estimate for a pack that rests at this voltage of a cell, weighing the kept charge against the voltage.

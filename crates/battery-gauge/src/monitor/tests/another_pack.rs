@@ -105,6 +105,28 @@ fn the_same_pack_goes_on() {
 
 #[test]
 // Requirement: PX-6
+fn a_pack_that_was_used_a_little_before_a_power_cycle_is_not_full_again() {
+    for chemistry in STEEP {
+        for (soc, off_s) in [(0.97, 1.0), (0.97, 7200.0), (0.95, 7200.0), (0.92, 7200.0)] {
+            let mut rover = Rover::parked(Pack::rested(chemistry, 1.0));
+            rover.drive_to(soc);
+            rover.run(600.0, IDLE_A);
+            rover.power_cycle();
+            rover.pack.draw(0.0, off_s);
+            rover.run(60.0, IDLE_A);
+            let sigma_pct = rover.bench.state.readings.remaining_sigma_pct.expect("estimated");
+            let what = format!(
+                "{chemistry:?} {soc}, off for {off_s} s: {} ± {sigma_pct}",
+                rover.reported_pct()
+            );
+            assert!(rover.error_pct().abs() < 3.0, "{what}");
+            assert!(rover.error_pct().abs() <= 2.0 * sigma_pct, "{what}");
+        }
+    }
+}
+
+#[test]
+// Requirement: PX-6
 fn a_pack_charged_elsewhere_keeps_what_was_learnt_once_its_resistance_fits() {
     for chemistry in STEEP {
         for (capacity_ah, is_the_same) in [(2.2, true), (1.2, false)] {

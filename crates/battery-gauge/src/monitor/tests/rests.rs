@@ -272,6 +272,24 @@ fn a_drive_that_goes_on_before_a_power_cut_is_not_ended_by_the_next_start() {
 
 #[test]
 // Requirement: PX-6
+fn stops_soon_after_a_full_start_leave_the_lesson_as_it_began() {
+    for chemistry in STEEP {
+        let mut rover = Rover::parked(Pack::rested(chemistry, 1.0));
+        rover.bench.load_state = LoadState::On;
+        // Half a minute's stop for each 3 %.
+        while rover.pack.soc > 0.3 {
+            rover.run(54.0, 4.4);
+            rover.run(35.0, IDLE_A);
+        }
+        rover.bench.load_state = LoadState::Off;
+        rover.run(600.0, IDLE_A);
+        let learnt_mah = rover.bench.state.learnt_capacity_mah;
+        assert_about(learnt_mah, 2200.0, 0.04 * 2200.0);
+    }
+}
+
+#[test]
+// Requirement: PX-6
 fn a_pack_with_a_board_that_draws_much_is_learnt() {
     for chemistry in STEEP {
         for idle_a in [0.3, 0.42] {
