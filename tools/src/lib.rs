@@ -7,4 +7,5 @@
 pub mod board_check;
 pub mod frames;
 pub mod page_messages;
+pub mod recordings;
 pub mod sim;

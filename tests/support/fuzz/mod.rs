@@ -1,6 +1,7 @@
 //! What is fuzzed: functions that take any bytes and panic when a promise is broken.
 
 pub mod dispatcher;
+pub mod logs;
 pub mod parser;
 pub mod signing;
 pub mod storage;

@@ -31,6 +31,10 @@ pub struct Arguments {
     #[arg(long, value_name = "NUMBER", default_value = "1", value_parser = pack)]
     pub pack: Pack,
 
+    /// Replay the vehicle with this MAVLink id of a ground station's log, not the one with most readings
+    #[arg(long, value_name = "ID")]
+    pub system: Option<u8>,
+
     /// Draw what the monitor made of the recording
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
@@ -76,7 +80,7 @@ impl Arguments {
 }
 
 /// Options for one recording.
-const OF_ONE: [&str; 5] = ["armed", "pack", "plot", "csv", "learned"];
+const OF_ONE: [&str; 6] = ["armed", "pack", "system", "plot", "csv", "learned"];
 
 fn pack(number: &str) -> Result<Pack, String> {
     let found = Pack::ALL

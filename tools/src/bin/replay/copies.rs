@@ -11,8 +11,7 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
-
-use crate::recording::readable_bytes;
+use rover_battmon_tools::recordings::readable_bytes;
 
 /// Length of the block that is hashed, as a power of two: logs of one firmware begin with the same formats, and differ behind.
 const BLOCK_BITS: u32 = 16;

@@ -4,12 +4,29 @@ use std::io;
 
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::ParameterId;
+use rover_battmon_tools::recordings::entry::{Content, Entries, Sample};
 
 use crate::assignments::{Assignment, LogParameters};
-use crate::entry::{Content, Entries};
 use crate::readings::Readings;
-use crate::survey::Survey;
-use crate::trace::{Change, Sample, Trace};
+use crate::survey::{Inputs, Survey};
+
+/// The readings of a pack.
+#[derive(Debug, PartialEq)]
+pub struct Trace {
+    /// As they follow each other.
+    pub samples: Vec<Sample>,
+    /// Parameters that were set between them, in their order.
+    pub changes: Vec<Change>,
+}
+
+/// A parameter that was set during a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// Readings before it.
+    pub readings: usize,
+    /// The parameter and its new value.
+    pub assignment: Assignment,
+}
 
 /// A drive.
 #[derive(Debug)]
@@ -46,6 +63,21 @@ impl Drive {
 }
 
 impl Trace {
+    /// Takes the rover for armed at each reading.
+    pub fn arm_throughout(&mut self) {
+        for sample in &mut self.samples {
+            sample.armed = true;
+        }
+    }
+
+    /// Quantities that were measured in any of its readings.
+    pub fn measured(&self) -> Inputs {
+        Inputs {
+            voltage: true,
+            current: self.samples.iter().any(|sample| sample.current_a.is_some()),
+        }
+    }
+
     /// The readings of a pack in a log.
     fn of_pack(entries: Box<dyn Entries + '_>, pack: Pack, survey: &Survey) -> io::Result<Self> {
         let mut samples = vec![];
@@ -92,20 +124,51 @@ fn no_reading(survey: &Survey, pack: Pack) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
-    use crate::binlog::BinaryRecords;
-    use crate::binlog::tests::{arming, opening, parameter};
-    use crate::dataflash::DataFlash;
-    use crate::trace::Reported;
     use proptest::prelude::*;
     use rover_battmon::battery::{
         Amount, BatteryState, CellVoltages, ChargeState, Extremes, PackStatus, Readings,
     };
     use rover_battmon::parameter::BatteryParameter;
-    use rover_battmon::recorder::dataflash::Record as Recorded;
+    use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded, opening_record};
     use rover_battmon::time::Utc;
     use rover_battmon::vehicle::ArmState;
+    use rover_battmon_tools::recordings::binlog::BinaryRecords;
+    use rover_battmon_tools::recordings::csv::Csv;
+    use rover_battmon_tools::recordings::dataflash::DataFlash;
+    use rover_battmon_tools::recordings::entry::Reported;
+
+    /// Beginning of a file of the board.
+    pub fn opening() -> Vec<u8> {
+        let records = (0..).map_while(|index| opening_record(index, 0));
+        records.flatten().collect()
+    }
+
+    /// The rover is armed or disarmed by a command.
+    pub fn arming(state: ArmState) -> Recorded<'static> {
+        Recorded::Arm {
+            state,
+            enabled_checks: 1,
+            forced: false,
+            method: ArmingMethod::Command,
+        }
+    }
+
+    /// A parameter of the board.
+    pub fn parameter(name: &str, value: f32) -> Recorded<'_> {
+        Recorded::Parameter {
+            name,
+            value,
+            default: 0.0,
+        }
+    }
+
+    /// A trace in columns.
+    pub fn trace_of(text: &str) -> Trace {
+        let drive = Drive::read(|| Ok(Box::new(Csv::of(text.as_bytes()))), Pack::First);
+        drive.expect("a trace").trace
+    }
 
     fn log(records: &[Recorded]) -> Vec<u8> {
         let records = records

@@ -6,7 +6,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::recording::LogFormat;
+use rover_battmon_tools::recordings::Format;
 
 /// Why a path gives no row.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,33 +33,30 @@ impl Files {
     pub fn find(paths: &[PathBuf]) -> Self {
         let mut files = Self::default();
         for path in paths {
-            files.take(path, Named::ByUser);
+            let before = files.logs.len();
+            files.take(path);
+            if path.is_dir() && files.logs.len() == before {
+                files.fail(path, "no log in this folder (.BIN, .log, .tlog, .ulg)");
+            }
         }
         files.logs.sort();
         files
     }
 
-    fn take(&mut self, path: &Path, named: Named) {
-        if let Err(error) = self.try_take(path, named) {
+    fn take(&mut self, path: &Path) {
+        if let Err(error) = self.try_take(path) {
             self.fail(path, &error.to_string());
         }
     }
 
-    fn try_take(&mut self, path: &Path, named: Named) -> io::Result<()> {
-        let is_folder = path.is_dir();
-        let is_meant = is_folder || named == Named::ByUser || is_log(path);
-        if !is_meant || !self.seen.insert(path.canonicalize()?) {
+    fn try_take(&mut self, path: &Path) -> io::Result<()> {
+        if !self.seen.insert(path.canonicalize()?) {
             return Ok(());
         }
-        if !is_folder {
-            self.logs.push(path.into());
-            return Ok(());
+        if path.is_dir() {
+            return self.take_folder(path);
         }
-        let before = self.logs.len();
-        self.take_folder(path)?;
-        if named == Named::ByUser && self.logs.len() == before {
-            self.fail(path, "no log in this folder (.BIN, .log, .tlog, .ulg)");
-        }
+        self.logs.push(path.into());
         Ok(())
     }
 
@@ -70,8 +67,8 @@ impl Files {
             .collect();
         let mut entries = entries?;
         entries.sort();
-        for entry in entries {
-            self.take(&entry, Named::ByFolder);
+        for entry in entries.iter().filter(|entry| entry.is_dir() || is_log(entry)) {
+            self.take(entry);
         }
         Ok(())
     }
@@ -84,22 +81,13 @@ impl Files {
     }
 }
 
-/// Origin of a path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Named {
-    /// It was given as an argument.
-    ByUser,
-    /// It lies in a folder: only logs are meant.
-    ByFolder,
-}
-
 /// Whether a file in a folder is a log by the end of its name. Many other programs write texts that end with `.log`: these
 /// are no logs by their content.
 fn is_log(path: &Path) -> bool {
     let ending = path.extension().map(OsStr::to_ascii_lowercase);
     match ending.as_ref().and_then(|ending| ending.to_str()) {
         Some("bin" | "tlog" | "ulg") => true,
-        Some("log") => LogFormat::of(path).is_ok(),
+        Some("log") => Format::of_log(path).is_ok(),
         _ => false,
     }
 }

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use self::life::{Attention, Life};
 use crate::plot::svg::escaped;
 use crate::table::Row;
-use crate::words::{date, drives};
+use crate::words::{counted, date};
 
 /// Whole in itself; on paper each pack stays on one sheet.
 const HEAD: &str = "<!DOCTYPE html>
@@ -66,7 +66,7 @@ fn headline(needing: usize, all: usize) -> String {
 
 fn extent(rows: &[Row]) -> String {
     let dates_s = || rows.iter().filter_map(|row| row.start_utc_s);
-    let drives = drives(rows.len());
+    let drives = counted(rows.len() as u64, "drive");
     match dates_s()
         .min_by(f64::total_cmp)
         .zip(dates_s().max_by(f64::total_cmp))

@@ -4,41 +4,31 @@
 //! cargo run --bin replay -- --param BATT_CELLS=3 --param BATT_CAPACITY=2200 --plot out.svg trace.csv > out.csv
 //! ```
 //!
-//! A recording is a CSV file with the columns `t_s`, `voltage_v`, `current_a`, `healthy` and `armed`, see [`trace`], or a log
-//! in one of several formats, see [`recording`]: their readers make the same entries of them, see [`entry`]. What the monitor made of each reading goes to a file or to a pipe, in
-//! the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE` the
-//! drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
+//! A recording is read by [`rover_battmon_tools::recordings`]. What the monitor made of each reading goes to a file or to a
+//! pipe, in the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE`
+//! the drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
 //!
 //! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`]; copies
 //! of a log do not count, see [`copies`]. No file is replaced but an earlier output, see [`outputs`].
 mod arguments;
 mod assignments;
-mod binlog;
 mod comparison;
 mod copies;
-mod dataflash;
 mod drive;
-mod entry;
 mod failsafes;
 mod files;
 mod history;
 mod many;
 mod outputs;
 mod plot;
-mod px4;
 mod readings;
-mod recording;
 mod report;
 mod run;
 mod single;
 mod summary;
 mod survey;
 mod table;
-mod tlog;
-mod trace;
-mod ulog;
 mod vehicle;
-mod window;
 mod words;
 
 use std::process::ExitCode;

@@ -3,21 +3,21 @@
 //! All processors work, each on a log at a time. The rows are in the order of the logs' paths, however many processors there are.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use indicatif::ProgressBar;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use rover_battmon::battery::LearntPack;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
+use rover_battmon_tools::recordings::Format;
 
 use crate::arguments::Arguments;
 use crate::assignments::Assignment;
 use crate::files::{Failure, Files};
-use crate::recording::LogFormat;
 use crate::run::{self, Replay};
+use crate::survey::Inputs;
 use crate::table::{self, Drives, Row};
-use crate::trace::Inputs;
 use crate::words::{about, copies, shown};
 use crate::{copies, history, outputs};
 
@@ -25,8 +25,8 @@ use crate::{copies, history, outputs};
 struct Found {
     rows: Vec<Row>,
     failures: Vec<Failure>,
-    /// Logs with readings whose times run backwards.
-    backward: Vec<PathBuf>,
+    /// Lines about times that run backwards and clocks that were set.
+    remarks: Vec<String>,
 }
 
 /// Writes what was asked for.
@@ -46,8 +46,8 @@ pub fn replay(arguments: &Arguments) -> Result<(), String> {
     for Failure { path, reason } in &found.failures {
         eprintln!("{}: {reason}", shown(path));
     }
-    for path in &found.backward {
-        eprintln!("{}: times run backwards", shown(path));
+    for remark in &found.remarks {
+        eprintln!("{remark}");
     }
     if left_out > 0 {
         eprintln!("left out {} of logs", copies(left_out));
@@ -101,15 +101,15 @@ fn read(files: Files, what_if: &[Assignment]) -> Found {
     let mut found = Found {
         rows: vec![],
         failures,
-        backward: vec![],
+        remarks: vec![],
     };
     for (path, result) in logs.into_iter().zip(results) {
         match result {
-            Ok(Drives { rows, backward_steps }) => {
-                found.rows.extend(rows);
-                if backward_steps > 0 {
-                    found.backward.push(path);
-                }
+            Ok(drives) => {
+                found.rows.extend(drives.rows);
+                let backward = (drives.backward_steps > 0).then(|| "times run backwards".into());
+                let remarks = backward.into_iter().chain(drives.clock_text);
+                found.remarks.extend(remarks.map(|text| about(&path, &text)));
             }
             Err(reason) => found.failures.push(Failure { path, reason }),
         }
@@ -118,6 +118,6 @@ fn read(files: Files, what_if: &[Assignment]) -> Found {
 }
 
 fn read_log(path: &Path, what_if: &[Assignment]) -> Result<Drives, String> {
-    let format = LogFormat::of(path)?;
+    let format = Format::of_log(path)?;
     Drives::read(&path.to_string_lossy(), || format.open(path), what_if)
 }

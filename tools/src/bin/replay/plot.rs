@@ -221,8 +221,8 @@ fn marks(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
 
 /// The event.
 fn events(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
-    for (number, (time_s, text)) in report::events(rows).enumerate() {
-        panel.event(svg, time_s, number % EVENT_LINES, &format!("Battery {text}"));
+    for (number, (time_s, event)) in report::events(rows).enumerate() {
+        panel.event(svg, time_s, number % EVENT_LINES, &format!("Battery {event}"));
     }
 }
 
@@ -243,8 +243,8 @@ fn looks(state: ChargeState) -> (&'static str, &'static str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::Reported;
-    use rover_battmon::battery::{BatteryState, ReachedLevels, Thresholds};
+    use rover_battmon::battery::{BatteryState, PackEvent, ReachedLevels, Thresholds};
+    use rover_battmon_tools::recordings::entry::Reported;
 
     fn rows() -> Vec<Row> {
         let row = |sample: u32| Row {
@@ -267,7 +267,10 @@ mod tests {
             },
             reached: ReachedLevels::new(),
             events: if sample == 3000 {
-                vec!["is < low & \"old\"".into()]
+                vec![PackEvent::Range {
+                    part: "< & \"old\"",
+                    current_a: 1.0,
+                }]
             } else {
                 vec![]
             },
@@ -323,7 +326,7 @@ mod tests {
         ] {
             assert!(svg.contains(&format!(">{text}</text>")), "{text}");
         }
-        assert!(svg.contains("is &lt; low &amp; &quot;old&quot;"));
+        assert!(svg.contains("&lt; &amp; &quot;old&quot; up to"));
     }
 
     #[test]

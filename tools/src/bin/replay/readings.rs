@@ -3,9 +3,7 @@
 use rover_battmon::battery::CellVoltages;
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::vehicle::ArmState;
-
-use crate::entry::{Cells, Content, Entry, Estimate, Part};
-use crate::trace::Sample;
+use rover_battmon_tools::recordings::entry::{Content, Entry, Estimate, Part, Sample};
 
 /// Puts readings together. One is whole when the next one of its pack begins, the rover is armed or disarmed, or the file ends.
 #[derive(Debug)]
@@ -36,7 +34,9 @@ impl Readings {
             }
             Content::Reading(pack, sample) => self.begin(*pack, sample, take),
             Content::Estimate(pack, estimate) => self.complete(*pack, |begun| add_estimate(begun, estimate)),
-            Content::Cells(pack, cells) => self.complete(*pack, |begun| add_cells(begun, cells)),
+            Content::Cells(pack, part, millivolts) => {
+                self.complete(*pack, |begun| add_cells(begun, *part, millivolts));
+            }
             _ => {}
         }
     }
@@ -83,10 +83,10 @@ fn add_estimate(sample: &mut Sample, estimate: &Estimate) {
     }
 }
 
-fn add_cells(sample: &mut Sample, cells: &Cells) {
-    let millivolts = [sample.cells.millivolts(), &cells.millivolts].concat();
+fn add_cells(sample: &mut Sample, part: Part, millivolts: &[u16]) {
+    let millivolts = [sample.cells.millivolts(), millivolts].concat();
     sample.cells = CellVoltages::from_millivolts(&millivolts);
-    if cells.part == Part::Further {
+    if part == Part::Further {
         drop_incomplete_cells(sample);
     }
 }

@@ -15,9 +15,8 @@
 
 use std::fmt::Write;
 
-use rover_battmon::battery::{BatteryState, ReachedLevels};
-
-use crate::trace::Reported;
+use rover_battmon::battery::{BatteryState, PackEvent, ReachedLevels};
+use rover_battmon_tools::recordings::entry::Reported;
 
 const COLUMNS: &str = "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistance_ohm,voltage_resting_v,\
                        remaining_pct,remaining_sigma_pct,usable_pct,time_remaining_s,charge_state,failsafe";
@@ -34,15 +33,15 @@ pub struct Row {
     /// The failsafe levels that were just reached.
     pub reached: ReachedLevels,
     /// Events of this moment.
-    pub events: Vec<String>,
+    pub events: Vec<PackEvent>,
     /// The board's own report at this moment, in a log of its own.
     pub reported: Option<Reported>,
 }
 
 /// Events, with their times in seconds since the trace's start.
-pub fn events(rows: &[Row]) -> impl Iterator<Item = (f64, &String)> {
+pub fn events(rows: &[Row]) -> impl Iterator<Item = (f64, &PackEvent)> {
     rows.iter()
-        .flat_map(|row| row.events.iter().map(|text| (row.time_s, text)))
+        .flat_map(|row| row.events.iter().map(|event| (row.time_s, event)))
 }
 
 fn header(reported_columns: &str) -> String {
@@ -94,7 +93,8 @@ fn line(row: &Row) -> String {
                 .unwrap_or_default(),
         ]);
     }
-    fields.push(row.events.join(";").replace(',', ""));
+    let events: Vec<String> = row.events.iter().map(ToString::to_string).collect();
+    fields.push(events.join(";").replace(',', ""));
     fields.join(",")
 }
 
@@ -105,7 +105,7 @@ fn field(value: Option<f32>) -> String {
 #[cfg(test)]
 pub mod tests {
     use super::*;
-    use rover_battmon::battery::{Amount, ChargeState, FailsafeLevel, Readings};
+    use rover_battmon::battery::{Amount, ChargeState, FailsafeLevel, Faults, Readings};
 
     /// A row of which this is known.
     pub fn row(time_s: f64, failsafe: FailsafeLevel) -> Row {
@@ -152,19 +152,24 @@ pub mod tests {
                 failsafe: FailsafeLevel::Low,
                 ..BatteryState::default()
             },
-            events: vec!["is low, very".into(), "swapped".into()],
+            events: vec![
+                PackEvent::Faults(Faults::CELL_FAIL | Faults::SPIKES),
+                PackEvent::Charging,
+            ],
             ..row(2.0, FailsafeLevel::Low)
         };
         assert_eq!(
             csv(&[row]),
-            format!("{COLUMNS}{LAST_COLUMN}2,11,2,3,4,0.5,12,6,1.5,5,7,3,2,is low very;swapped\n")
+            format!(
+                "{COLUMNS}{LAST_COLUMN}2,11,2,3,4,0.5,12,6,1.5,5,7,3,2,fault: cell failed voltage spikes;charging\n"
+            )
         );
     }
 
     #[test]
     fn what_the_board_reported_stands_before_the_events() {
         let row = Row {
-            events: vec!["is low".into()],
+            events: vec![PackEvent::Charging],
             reported: Some(Reported {
                 consumed_mah: Some(3.5),
                 charge_state: Some(2),
@@ -174,7 +179,7 @@ pub mod tests {
         };
         assert_eq!(
             csv(&[row]),
-            format!("{COLUMNS}{REPORTED_COLUMNS}{LAST_COLUMN}2,,,,,,,-1,,,,0,0,3.5,,2,is low\n")
+            format!("{COLUMNS}{REPORTED_COLUMNS}{LAST_COLUMN}2,,,,,,,-1,,,,0,0,3.5,,2,charging\n")
         );
     }
 }

@@ -7,11 +7,13 @@ use rover_battmon::battery::{
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, MonitorKind, ParameterId, Parameters, Refused};
 use rover_battmon::time::Instant;
+use rover_battmon_tools::recordings::entry::Sample;
 
 use crate::assignments::Assignment;
+use crate::drive::Trace;
 use crate::failsafes::{Levels, Timers};
 use crate::report::Row;
-use crate::trace::{Inputs, Sample, Trace};
+use crate::survey::Inputs;
 
 /// `parameters` with these assignments, in their order. `BATT_MONITOR` of `pack` is what is measured, unless it is assigned.
 pub fn assign(
@@ -252,7 +254,7 @@ pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
         rows.push(Row {
             time_s: sample.time_s,
             state: replay.state,
-            events: announced(&update).map(|event| text(replay.pack, event)).collect(),
+            events: announced(&update).copied().collect(),
             reached: update.failsafe,
             reported: sample.reported,
         });
@@ -308,9 +310,10 @@ fn reading(sample: &Sample, inputs: Inputs) -> Result<Measurement, ReadError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::tests::trace_of;
 
     fn assigned(trace: &str, assignments: &[Assignment]) -> Result<Parameters, String> {
-        let trace = Trace::parse(trace.as_bytes()).expect("a trace");
+        let trace = trace_of(trace);
         assign(Parameters::defaults(), assignments, Pack::First, trace.measured())
     }
 

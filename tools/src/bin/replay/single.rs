@@ -7,19 +7,19 @@ use std::path::Path;
 use rover_battmon::battery::LearntPack;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
+use rover_battmon_tools::recordings::Format;
+use rover_battmon_tools::recordings::entry::Bytes;
 
 use crate::arguments::Arguments;
 use crate::comparison::comparison;
 use crate::drive::Drive;
 use crate::failsafes::Timers;
-use crate::recording::{Format, LogFormat};
 use crate::report::Row;
 use crate::run::{Outcome, Replay};
 use crate::summary::Summary;
 use crate::survey::Survey;
-use crate::trace::Trace;
 use crate::vehicle::Vehicle;
-use crate::words::{about, clock, shown, utc};
+use crate::words::{about, clock, counted, shown, utc};
 use crate::{outputs, plot, report, run};
 
 /// Settings without which the charge is not known.
@@ -36,7 +36,7 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
     outputs::check(arguments, &arguments.paths)?;
     let pack = arguments.pack;
     run::check_packs(&arguments.assignments, &[pack])?;
-    let mut drive = read(path, pack)?;
+    let mut drive = read(path, arguments)?;
     if arguments.armed {
         drive.trace.arm_throughout();
     }
@@ -54,6 +54,7 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
         trace: &drive.trace,
         outcome: &outcome,
         pack,
+        assignments: &arguments.assignments,
         known: &known,
         armed_before: drive.survey.armed_before().filter(|_| !arguments.armed),
         recorded: recorded(&drive, arguments, &outcome),
@@ -78,15 +79,26 @@ fn origin(drive: &Drive, arguments: &Arguments) -> String {
         text += &format!("Before: {end}\n");
     }
     if let Some(id) = survey.system_id.filter(|_| !survey.other_systems.is_empty()) {
-        let others: Vec<String> = survey.other_systems.iter().map(ToString::to_string).collect();
-        text += &format!("Replayed vehicle {id}; the log also has {}\n", others.join(", "));
+        let others = survey.other_systems.iter();
+        let others = others.map(|(id, readings)| format!("{id} ({})", counted(*readings, "reading")));
+        let others: Vec<String> = others.collect();
+        text += &format!(
+            "Replayed vehicle {id}; the log also has {} (--system)\n",
+            others.join(", ")
+        );
+    }
+    if survey.is_from_sys_status {
+        text += "Readings are of SYS_STATUS: the log has no BATTERY_STATUS of pack 1\n";
+    }
+    if let Some(steps) = survey.clock_text() {
+        text += &format!("The {steps}\n");
     }
     if survey.is_of_moments(arguments.pack) {
         text += "Voltage and current are of a moment each, not means: an older version recorded them\n";
     }
     if survey.stepped_back > 0 {
         let count = survey.stepped_back;
-        text += &format!("Skipped: {count} readings whose times step back\n");
+        text += &format!("Skipped: {} whose times step back\n", counted(count, "reading"));
     }
     let missing = missing(survey, arguments);
     if !missing.is_empty() {
@@ -214,30 +226,28 @@ fn show(text: &str) {
     let _ = io::stderr().write_all(text.as_bytes());
 }
 
-fn read(path: &Path, pack: Pack) -> Result<Drive, String> {
-    match Format::of(path).map_err(|error| about(path, &error))? {
-        Format::Log(format) => read_log(path, format, pack),
-        Format::Csv => {
-            let bytes = fs::read(path).map_err(|error| about(path, &error))?;
-            Ok(Drive {
-                trace: Trace::parse(&bytes).map_err(|error| about(path, &error))?,
-                survey: Survey::default(),
-            })
-        }
+fn read(path: &Path, arguments: &Arguments) -> Result<Drive, String> {
+    let in_words = |error: String| about(path, &error);
+    let format = Format::of(path, arguments.system).map_err(in_words)?;
+    if format == Format::Csv {
+        // Neither of a vehicle nor of a certain pack.
+        let drive = Drive::read(|| format.open(path), Pack::First).map_err(in_words)?;
+        let survey = Survey::default();
+        return Ok(Drive { survey, ..drive });
     }
-}
-
-fn read_log(path: &Path, format: LogFormat, pack: Pack) -> Result<Drive, String> {
-    let drive = Drive::read(|| format.open(path), pack).map_err(|error| about(path, &error))?;
-    let Survey {
-        read_bytes,
-        skipped_bytes,
-        ..
-    } = drive.survey;
-    if skipped_bytes > 0 {
+    let drive = Drive::read(|| format.open(path), arguments.pack).map_err(in_words)?;
+    let Bytes { read, skipped, cut } = drive.survey.bytes;
+    if skipped > 0 {
         eprintln!(
-            "{}: skipped {skipped_bytes} of {read_bytes} bytes that are not whole records",
+            "{}: skipped {skipped} of {read} bytes that are not whole records",
             shown(path)
+        );
+    }
+    if cut > 0 {
+        eprintln!(
+            "{}: the last record is cut: {}",
+            shown(path),
+            counted(cut, "byte")
         );
     }
     Ok(drive)

@@ -1,24 +1,23 @@
 //! Results of a replay, in words. Anything that was not computed is unknown.
 
 use std::fmt;
+use std::mem::discriminant;
 
 use rover_battmon::battery::{
-    FailsafeLevel, FailsafeSettings, LearntPack, LessonObstacle, PackStatus, SuggestedThresholds,
+    FailsafeLevel, FailsafeSettings, LearntPack, LessonObstacle, PackEvent, PackStatus, SuggestedThresholds,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 
+use crate::assignments::Assignment;
+use crate::drive::{Change, Trace};
 use crate::report::{Row, events};
 use crate::run::Outcome;
 use crate::survey::ArmedBefore;
-use crate::trace::{Change, Trace};
 use crate::words::{clock, duration, quantity, times};
 
 /// The remaining charge lies within this many standard deviations in 19 of 20 cases.
 const SIGMAS: f32 = 2.0;
-
-/// This many announcements are listed.
-const LISTED_EVENTS: usize = 20;
 
 /// This many parameters that were set during the recording are listed.
 const LISTED_CHANGES: usize = 5;
@@ -31,6 +30,8 @@ pub struct Summary<'a> {
     pub outcome: &'a Outcome,
     /// Which pack it is of.
     pub pack: Pack,
+    /// Parameters that the user has set, whatever the recording sets.
+    pub assignments: &'a [Assignment],
     /// Knowledge of the pack before.
     pub known: &'a LearntPack,
     /// Why the vehicle is taken for armed at the beginning, if not by an entry.
@@ -234,6 +235,11 @@ impl Summary<'_> {
     /// Parameters that were set during the recording hold from then on.
     fn changes(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Trace { samples, changes } = self.trace;
+        let is_overridden = |change: &Change| {
+            let mut assigned = self.assignments.iter();
+            assigned.any(|assignment| assignment.id == change.assignment.id)
+        };
+        let changes: Vec<&Change> = changes.iter().filter(|change| !is_overridden(change)).collect();
         if changes.is_empty() {
             return Ok(());
         }
@@ -252,20 +258,48 @@ impl Summary<'_> {
         }
     }
 
+    /// Events that matter, each, and the first of each other kind with the number of its kind.
     fn announced(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let count = events(&self.outcome.rows).count();
-        if count == 0 {
+        let mut lines: Vec<(f64, &PackEvent, usize)> = vec![];
+        for (time_s, event) in events(&self.outcome.rows) {
+            let of_kind = |(_, listed, _): &&mut (f64, &PackEvent, usize)| {
+                discriminant(*listed) == discriminant(event) && !matters(event)
+            };
+            match lines.iter_mut().find(of_kind) {
+                Some((.., count)) => *count += 1,
+                None => lines.push((time_s, event, 1)),
+            }
+        }
+        if lines.is_empty() {
             return writeln!(f, "Announced: nothing");
         }
         writeln!(f, "Announced:")?;
-        for (time_s, text) in events(&self.outcome.rows).take(LISTED_EVENTS) {
-            writeln!(f, "  {:>7}  Battery {} {text}", clock(time_s), self.pack.number())?;
+        for (time_s, event, count) in lines {
+            write!(
+                f,
+                "  {:>7}  Battery {} {event}",
+                clock(time_s),
+                self.pack.number()
+            )?;
+            match count {
+                1 => writeln!(f)?,
+                count => writeln!(f, " ({})", times(count))?,
+            }
         }
-        match count.saturating_sub(LISTED_EVENTS) {
-            0 => Ok(()),
-            more => writeln!(f, "  {more} more, in the rows"),
-        }
+        Ok(())
     }
+}
+
+/// Whether an event is listed however often it occurs: charge states, failsafes and faults.
+fn matters(event: &PackEvent) -> bool {
+    matches!(
+        event,
+        PackEvent::Charge { .. }
+            | PackEvent::Failsafe { .. }
+            | PackEvent::Faults(_)
+            | PackEvent::ReportedFaults(_)
+            | PackEvent::ReportedState { .. }
+    )
 }
 
 /// The thresholds of a level that are in effect, with their values.
@@ -291,11 +325,12 @@ fn thresholds(settings: &FailsafeSettings, level: FailsafeLevel, pack: Pack) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::tests::trace_of as trace;
     use crate::run::{Replay, assign};
-    use crate::trace::Sample;
     use crate::{plot, report, run};
     use proptest::prelude::*;
     use rover_battmon::parameter::Parameters;
+    use rover_battmon_tools::recordings::entry::Sample;
 
     /// Remark on a trace that is replayed with these parameters.
     fn summary(trace: &Trace, assignments: &[&str]) -> String {
@@ -315,15 +350,12 @@ mod tests {
             trace,
             outcome: &outcome,
             pack,
+            assignments: &assignments,
             known: &LearntPack::UNKNOWN,
             armed_before: None,
             recorded: String::new(),
         }
         .to_string()
-    }
-
-    fn trace(text: &str) -> Trace {
-        Trace::parse(text.as_bytes()).expect("a trace")
     }
 
     #[test]
@@ -436,15 +468,19 @@ mod tests {
     }
 
     #[test]
-    fn announcements_beyond_those_listed_are_counted() {
-        let rows: String = (0..1000)
-            .map(|second| format!("{second},11.5,1,{}\n", second / 20 % 2))
-            .collect();
-        let trace = trace(&format!("t_s,voltage_v,current_a,healthy\n{rows}"));
-        let text = summary(&trace, &["BATT_CELLS=3"]);
-        let listed = text.lines().filter(|line| line.contains("  Battery 1 ")).count();
-        assert_eq!(listed, LISTED_EVENTS);
-        assert!(text.contains(" more, in the rows\n"), "{text}");
+    fn announcements_that_repeat_are_counted_and_those_that_matter_are_listed() {
+        // Its sensor fails every 40 s; between its failures it falls, and is low after 600 s.
+        let row = |second: u32| {
+            let volts = if second < 600 { 11.5 } else { 10.4 };
+            format!("{second},{volts},1,{},1\n", second / 20 % 2)
+        };
+        let rows: String = (0..1000).map(row).collect();
+        let trace = trace(&format!("t_s,voltage_v,current_a,healthy,armed\n{rows}"));
+        let text = summary(&trace, &["BATT_CELLS=3", "BATT_LOW_VOLT=10.5"]);
+        let (_, listed) = text.split_once("Announced:\n").expect("announcements");
+        assert_eq!(listed.matches(" healthy again").count(), 1, "{text}");
+        assert!(listed.contains(" healthy again (25 times)\n"), "{text}");
+        assert!(listed.contains(" Battery 1 is low 10.40V"), "{text}");
     }
 
     prop_compose! {

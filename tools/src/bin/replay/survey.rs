@@ -8,12 +8,12 @@ use rover_battmon::battery::{LEARNT_CURVE, LEARNT_WORDS, LearntPack};
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::recordings::entry::{Bytes, CURVE_WORDS, Content, Entries, Entry};
 
 use crate::assignments::LogParameters;
-use crate::entry::{CURVE_WORDS, Content, Entries, Entry};
 use crate::failsafes::{Levels, Timers, announced};
-use crate::trace::Inputs;
 use crate::vehicle::Vehicle;
+use crate::words::{clock, duration, times};
 
 /// Parameters with the system id: that of ArduPilot up to 4.6, and the later one.
 const SYSTEM_ID: [&str; 2] = ["SYSID_THISMAV", "MAV_SYSID"];
@@ -25,6 +25,15 @@ const FROM_ARMING: f64 = 0.0;
 /// The beginning of the board's text about a crash.
 const CRASH: &str = "Crash";
 
+/// The measurement, or what the monitor is given of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inputs {
+    /// The voltage.
+    pub voltage: bool,
+    /// The current.
+    pub current: bool,
+}
+
 /// Facts of a log as a whole; `None` if it lacks one.
 #[derive(Debug, Default)]
 pub struct Survey {
@@ -32,8 +41,12 @@ pub struct Survey {
     pub parameters: Option<Parameters>,
     /// Which vehicle recorded it.
     pub vehicle: Vehicle,
-    /// Other vehicles in it, whose packs are not read.
-    pub other_systems: Vec<u8>,
+    /// Other vehicles in it, whose packs are not read, with their readings.
+    pub other_systems: Vec<(u8, u64)>,
+    /// Readings come from SYS_STATUS.
+    pub is_from_sys_status: bool,
+    /// The first step of the recorder's clock and its time, in seconds, and how many there are.
+    pub clock_steps: Option<(f64, f64, usize)>,
     /// MAVLink's id of the rover.
     pub system_id: Option<i32>,
     /// The board's serial number.
@@ -57,10 +70,8 @@ pub struct Survey {
     lacks_extremes: bool,
     /// Readings that were skipped, since their times step back.
     pub stepped_back: u64,
-    /// All bytes.
-    pub read_bytes: u64,
-    /// Parameters that belong to no entry.
-    pub skipped_bytes: u64,
+    /// Its bytes, readable or not.
+    pub bytes: Bytes,
 }
 
 /// The first of each kind, and the timers, in seconds since the recorder started.
@@ -101,8 +112,7 @@ impl Survey {
         for entry in entries.by_ref() {
             survey.take(&entry?);
         }
-        survey.read_bytes = entries.read_bytes();
-        survey.skipped_bytes = entries.skipped_bytes();
+        survey.bytes = entries.bytes();
         survey.stepped_back = entries.stepped_back();
         Ok(survey)
     }
@@ -177,6 +187,17 @@ impl Survey {
         self.lacks_extremes && kind.is_some_and(|kind| kind.reads_voltage_pin() || kind.reads_current_pin())
     }
 
+    /// The first step of the recorder's clock, and their number: `clock stepped back by 2 h at 0:10 (once)`.
+    pub fn clock_text(&self) -> Option<String> {
+        let (step_s, time_s, count) = self.clock_steps?;
+        let direction = if step_s < 0.0 { "back" } else { "ahead" };
+        let (step, time) = (duration(step_s.abs()), clock(time_s));
+        Some(format!(
+            "clock stepped {direction} by {step} at {time} ({})",
+            times(count)
+        ))
+    }
+
     /// Whether the vehicle is armed at the beginning of the file.
     pub fn initial_arm_state(&self) -> ArmState {
         match self.armed_before() {
@@ -217,7 +238,12 @@ impl Survey {
                 // A ground station hears it all along.
                 self.reports_arm_state = true;
             }
-            Content::OtherSystem(id) => self.other_systems.push(*id),
+            Content::OtherSystem(id, readings) => self.other_systems.push((*id, *readings)),
+            Content::FromSysStatus => self.is_from_sys_status = true,
+            Content::ClockStep(step_s) => {
+                let first = (*step_s, entry.time_s.unwrap_or_default(), 0);
+                self.clock_steps.get_or_insert(first).2 += 1;
+            }
             _ => {}
         }
     }
@@ -304,5 +330,35 @@ mod tests {
         survey.learnt(Pack::First, &pack);
         survey.curve(Pack::First, words[LEARNT_CURVE].try_into().expect("its length"));
         assert_eq!(survey.known(Pack::First), Some(known));
+    }
+
+    #[test]
+    fn a_log_begins_armed_by_its_first_arming_else_by_its_own_parameter_or_events() {
+        let arming = Content::Arming;
+        let recorded = |value| Content::Parameter("LOG_DISARMED".into(), value);
+        let (armed, disarmed) = (arming(ArmState::Armed), arming(ArmState::Disarmed));
+        for (contents, expected) in [
+            (vec![disarmed, armed.clone()], Some(ArmedBefore::FirstIsDisarming)),
+            (vec![recorded(0.0), armed], None),
+            (vec![recorded(0.0)], Some(ArmedBefore::RecordedWhileArmed)),
+            (vec![recorded(1.0), recorded(0.0)], None),
+            (vec![Content::Airborne], Some(ArmedBefore::Airborne)),
+            (
+                vec![recorded(1.0), Content::Airborne],
+                Some(ArmedBefore::Airborne),
+            ),
+            // Of a ground station's log, which hears it all along.
+            (vec![Content::SystemId(1), recorded(0.0)], None),
+            (vec![], None),
+        ] {
+            let mut survey = Survey::default();
+            for content in contents {
+                survey.take(&Entry {
+                    time_s: None,
+                    content,
+                });
+            }
+            assert_eq!(survey.armed_before(), expected);
+        }
     }
 }

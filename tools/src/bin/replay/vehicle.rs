@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use crate::entry::Content;
-use crate::px4;
+use rover_battmon_tools::recordings::entry::Content;
+use rover_battmon_tools::recordings::px4;
 
 /// The beginning of the text by which this board names itself.
 const BOARD: &str = "rover-battmon ";

@@ -20,12 +20,13 @@ pub fn clock(time_s: f64) -> String {
     }
 }
 
-/// A duration: 45 s, 12 min 4 s or 1 h 12 min.
+/// A duration: 45 s, 12 min 4 s, 1 h 12 min or 2 h.
 pub fn duration(duration_s: f64) -> String {
     let (minutes, seconds) = minutes_and_seconds(duration_s.round());
     match (minutes / 60, minutes % 60) {
         (0, 0) => format!("{seconds} s"),
         (0, minutes) => format!("{minutes} min {seconds} s"),
+        (hours, 0) => format!("{hours} h"),
         (hours, minutes) => format!("{hours} h {minutes} min"),
     }
 }
@@ -61,11 +62,11 @@ pub fn times(count: usize) -> String {
     }
 }
 
-/// A number of drives.
-pub fn drives(count: usize) -> String {
+/// A number of drives, readings or whatever `one` is.
+pub fn counted(count: u64, one: &str) -> String {
     match count {
-        1 => "1 drive".into(),
-        count => format!("{count} drives"),
+        1 => format!("1 {one}"),
+        count => format!("{count} {one}s"),
     }
 }
 
@@ -136,6 +137,7 @@ mod tests {
             (59.9, "1 min 0 s"),
             (190.0, "3 min 10 s"),
             (4_320.0, "1 h 12 min"),
+            (7_201.0, "2 h"),
         ] {
             assert_eq!(duration(duration_s), expected);
         }

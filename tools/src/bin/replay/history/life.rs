@@ -6,7 +6,7 @@ use std::ops::Range;
 use rover_battmon::battery::{END_OF_LIFE_LOSS, Faults};
 
 use crate::table::{Estimate, Identity, Row};
-use crate::words::{date, drives};
+use crate::words::{counted, date};
 
 /// A pack at or below this state of health is at the end of its life, by the rule that the board has for it.
 const END_OF_LIFE_PCT: f64 = 100.0 * (1.0 - END_OF_LIFE_LOSS) as f64;
@@ -87,7 +87,7 @@ impl<'a> Life<'a> {
             (!faults.is_empty()).then(|| format!("in the last drive {}", names(faults))),
         ];
         let texts: Vec<String> = texts.into_iter().flatten().collect();
-        let drives = drives(self.drives.len());
+        let drives = counted(self.drives.len() as u64, "drive");
         match texts.as_slice() {
             [] => format!("{drives}: nothing is known of its age."),
             texts => format!("{drives}: {}.", texts.join(", ")),

@@ -4,15 +4,14 @@ use std::io;
 
 use rover_battmon::pack::Pack;
 use rover_battmon::vehicle::ArmState;
+use rover_battmon_tools::recordings::entry::{Content, Entries, Entry, Sample};
 
 use super::pack_drives::{End, PackDrives};
 use super::row::Row;
 use crate::assignments::{Assignment, LogParameters};
-use crate::entry::{Content, Entries, Entry};
 use crate::failsafes::announced;
 use crate::readings::Readings;
 use crate::survey::{ArmedBefore, Survey};
-use crate::trace::Sample;
 
 /// Drives of a pack in a log. The board's log has some hundred at most: each takes the seconds in which it is recorded.
 const MOST_DRIVES: usize = 10_000;
@@ -23,6 +22,8 @@ pub struct Drives {
     pub rows: Vec<Row>,
     /// Readings that are earlier than the one before of the same pack, or were skipped for that.
     pub backward_steps: usize,
+    /// A line about steps of the recorder's clock, if there are any.
+    pub clock_text: Option<String>,
 }
 
 impl Drives {
@@ -54,14 +55,17 @@ impl Drives {
         let mut entries = open().map_err(in_words)?;
         while let Some(entry) = entries.next() {
             let entry = entry.map_err(in_words)?;
-            log.add(&entry, entries.skipped_bytes());
+            log.add(&entry, entries.bytes().skipped);
             if log.packs.iter().any(|pack| pack.count() > MOST_DRIVES) {
                 return Err(format!("more than {MOST_DRIVES} drives"));
             }
         }
-        let mut drives = log.finish(entries.skipped_bytes());
-        drives.backward_steps += entries.stepped_back() as usize;
-        Ok(drives)
+        let drives = log.finish(entries.bytes().skipped);
+        Ok(Self {
+            backward_steps: drives.backward_steps + entries.stepped_back() as usize,
+            clock_text: survey.clock_text(),
+            ..drives
+        })
     }
 }
 
@@ -176,7 +180,11 @@ impl Log {
         let mut rows: Vec<Row> = rows.collect();
         // Room for more would be a multiple of the one row that most logs have.
         rows.shrink_to_fit();
-        Drives { rows, backward_steps }
+        Drives {
+            rows,
+            backward_steps,
+            clock_text: None,
+        }
     }
 }
 
@@ -193,9 +201,7 @@ fn find(packs: &mut [PackDrives], pack: Pack) -> Option<&mut PackDrives> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::binlog::BinaryRecords;
-    use crate::binlog::tests::{arming, opening, parameter};
-    use crate::dataflash::DataFlash;
+    use crate::drive::tests::{arming, opening, parameter};
     use crate::table::row::Remaining;
     use proptest::prelude::*;
     use rover_battmon::battery::{
@@ -203,6 +209,8 @@ mod tests {
     };
     use rover_battmon::recorder::dataflash::{Record as Recorded, Subsystem};
     use rover_battmon::vehicle::ArmState;
+    use rover_battmon_tools::recordings::binlog::BinaryRecords;
+    use rover_battmon_tools::recordings::dataflash::DataFlash;
 
     fn state(voltage_v: f32) -> BatteryState {
         BatteryState {

@@ -5,6 +5,7 @@ use rover_battmon::battery::{
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
+use rover_battmon_tools::recordings::entry::Sample;
 
 use super::row::{Estimate, Remaining, Row, WhatIf};
 use super::statistics::{Extremes, Span, Spread};
@@ -12,7 +13,6 @@ use crate::assignments::Assignment;
 use crate::failsafes::{self, Difference, Levels, Timers};
 use crate::run::{self, Replay};
 use crate::survey::{ArmedBefore, Survey};
-use crate::trace::Sample;
 
 /// Texts of a kind in a row: what is repeated for ever takes no more room.
 const MOST_TEXTS: usize = 20;

@@ -1,17 +1,15 @@
-//! The content of a log, the same for every format that can be read.
+//! The content of a recording, the same for every format that can be read.
 
 use std::io;
 
-use rover_battmon::battery::{Extremes, FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
+use rover_battmon::battery::{CellVoltages, Extremes, FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
 use rover_battmon::vehicle::ArmState;
-
-use crate::trace::Sample;
 
 /// Words of the learnt curve of a pack's cells.
 pub const CURVE_WORDS: usize = 5;
 
-/// An entry of a log.
+/// An entry of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// Seconds since the recorder started; `None` of what has no time.
@@ -27,8 +25,8 @@ pub enum Content {
     Reading(Pack, Box<Sample>),
     /// The estimates that belong to the reading before.
     Estimate(Pack, Estimate),
-    /// Cells that belong to the reading before.
-    Cells(Pack, Cells),
+    /// Voltages of cells that follow each other and belong to the reading before, in millivolts, as far as there are cells.
+    Cells(Pack, Part, Vec<u16>),
     /// The vehicle is armed or disarmed.
     Arming(ArmState),
     /// A report of whether the vehicle is armed, also of one that was armed before the log.
@@ -55,8 +53,12 @@ pub enum Content {
     Version(String),
     /// MAVLink's id of the vehicle.
     SystemId(i32),
-    /// The id of another vehicle, whose packs are not read.
-    OtherSystem(u8),
+    /// The id of another vehicle, whose packs are not read, and how many readings it has.
+    OtherSystem(u8, u64),
+    /// Readings come from MAVLink's SYS_STATUS, since there is no BATTERY_STATUS.
+    FromSysStatus,
+    /// The recorder's clock was set by this many seconds, ahead or back; times of entries go on.
+    ClockStep(f64),
     /// The board's serial number.
     Board(String),
     /// When the recorder started, in seconds since 1970 (UTC).
@@ -82,15 +84,6 @@ pub struct Estimate {
     pub extremes: Option<Extremes>,
 }
 
-/// Voltages of cells that follow each other.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Cells {
-    /// Which part of the pack they are.
-    pub part: Part,
-    /// Their voltages, in millivolts, as far as there are cells.
-    pub millivolts: Vec<u16>,
-}
-
 /// A part of a pack's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -100,13 +93,75 @@ pub enum Part {
     Further,
 }
 
-/// The entries of a log in their order, and how much of it was readable. After an error there are no more.
-pub trait Entries: Iterator<Item = io::Result<Entry>> {
-    /// Bytes so far, of entries and others.
-    fn read_bytes(&self) -> u64;
+/// One reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Seconds since some start.
+    pub time_s: f64,
+    /// Between the pack's terminals.
+    pub voltage_v: Option<f32>,
+    /// Drawn from the pack.
+    pub current_a: Option<f32>,
+    /// The sensor delivered.
+    pub healthy: bool,
+    /// The rover may move.
+    pub armed: bool,
+    /// Of the pack, in degrees Celsius.
+    pub temperature_c: Option<f32>,
+    /// Of each cell.
+    pub cells: CellVoltages,
+    /// The board's own report at this moment, in a log of its own.
+    pub reported: Option<Reported>,
+}
 
-    /// Bytes so far that belong to no entry.
-    fn skipped_bytes(&self) -> u64;
+impl Sample {
+    /// One in which nothing was measured.
+    pub const NONE: Self = Self {
+        time_s: 0.0,
+        voltage_v: None,
+        current_a: None,
+        healthy: true,
+        armed: false,
+        temperature_c: None,
+        cells: CellVoltages::NONE,
+        reported: None,
+    };
+}
+
+/// The board's report of the pack.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reported {
+    /// Charge drawn, in milliampere-hours.
+    pub consumed_mah: Option<f32>,
+    /// Energy drawn, in watt-hours.
+    pub consumed_wh: Option<f32>,
+    /// Remaining charge, in percent: with its fraction where the log has it.
+    pub remaining_pct: Option<f32>,
+    /// State of health, in percent.
+    pub health_pct: Option<f32>,
+    /// Number of the charge state.
+    pub charge_state: Option<u8>,
+    /// Bits of the faults.
+    pub faults: Option<u16>,
+    /// Extremes of single conversions since the earlier report of them.
+    pub extremes: Option<Extremes>,
+}
+
+/// Bytes of a recording so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Bytes {
+    /// All of them.
+    pub read: u64,
+    /// Bytes of no entry, without the next ones.
+    pub skipped: u64,
+    /// Bytes of the last record, which the end of the file cuts.
+    pub cut: u64,
+}
+
+/// The entries of a recording in their order, and how much of it was readable. After an error there are no more.
+pub trait Entries: Iterator<Item = io::Result<Entry>> {
+    /// Bytes so far.
+    fn bytes(&self) -> Bytes;
 
     /// Readings so far that were skipped, since their times step back.
     fn stepped_back(&self) -> u64 {

@@ -6,18 +6,18 @@
 //! PX4's own crate, `px4-ulog` 0.6.1, does not check the lengths of contents, and ends at the first damaged message.
 
 use std::collections::{HashMap, VecDeque};
-use std::io::{self, Read};
+use std::io::Read;
 use std::ops::Range;
 use std::rc::Rc;
 
 use rover_battmon::battery::CellVoltages;
-use rover_battmon::pack::Pack;
+use rover_battmon::pack::{MAX_PACKS, Pack};
+use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::vehicle::ArmState;
 
-use crate::entry::{Content, Entries, Entry};
-use crate::px4;
-use crate::trace::{Reported, Sample};
-use crate::window::Window;
+use super::entry::{Content, Entry, Reported, Sample};
+use super::px4::{self, Replacements};
+use super::window::{Log, Messages};
 
 /// The beginning of a file, before its version.
 const MAGIC: &[u8] = b"ULog\x01\x12\x35";
@@ -26,36 +26,44 @@ const FILE_HEADER_BYTES: usize = 16;
 /// The length of a message's content and its type.
 const HEADER_BYTES: usize = 3;
 
-/// The longest message, and the beginning of the next one.
-const MOST_NEEDED_BYTES: usize = HEADER_BYTES + u16::MAX as usize + HEADER_BYTES;
-
 const TYPES: &[u8] = b"FDIMPARSOLCQB";
 
 /// Topics that are used here.
 const BATTERY: &str = "battery_status";
 const ACTUATORS: &str = "actuator_armed";
+const STATUS: &str = "vehicle_status";
 const GPS: &str = "vehicle_gps_position";
 
-/// UTC is unknown before 2000, in microseconds.
+/// `arming_state` of a vehicle that is armed.
+const STATE_ARMED: f64 = 2.0;
+
+/// UTC is unknown before 2000, in microseconds. Later times of data, as PX4's simulator has them, are since 1970.
 const UTC_FROM_US: f64 = 946_684_800e6;
 
 /// The most cells of which a log has voltages.
 const MOST_CELLS: usize = 14;
 
-/// The entries of a log.
-pub struct ULog<R> {
-    window: Window<R>,
-    found: VecDeque<Entry>,
+/// The messages of a log.
+#[derive(Default)]
+pub struct ULog {
     has_header: bool,
     formats: HashMap<String, Rc<Format>>,
     /// Format of each message of data, by its number.
     topics: HashMap<u16, Topic>,
     is_armed: Option<bool>,
+    has_actuators: bool,
+    /// The first time of data if it is since 1970, in microseconds.
+    start_us: Option<f64>,
+    replacements: Replacements,
+    /// Older parameters of the definitions, until these end without those that replace them.
+    older: Vec<(String, f64)>,
+    has_cells: [bool; MAX_PACKS],
 }
 
 /// A topic that is logged.
+#[derive(Clone)]
 struct Topic {
-    name: String,
+    name: Rc<str>,
     instance: u8,
     format: Rc<Format>,
 }
@@ -86,77 +94,104 @@ struct Data<'a> {
     bytes: &'a [u8],
 }
 
-impl<R: Read> ULog<R> {
-    /// Of a log that `source` delivers.
-    pub fn of(source: R) -> Self {
-        Self {
-            window: Window::of(source),
-            found: VecDeque::from([Entry {
+/// The entries of a log that `source` delivers.
+pub fn read<R: Read>(source: R) -> Log<R, ULog> {
+    Log::of(source, ULog::default())
+}
+
+impl Messages for ULog {
+    const MOST_NEEDED_BYTES: usize = HEADER_BYTES + u16::MAX as usize + HEADER_BYTES;
+
+    fn take(&mut self, bytes: &[u8], _: u64, found: &mut VecDeque<Entry>) -> Option<usize> {
+        if !self.has_header {
+            self.has_header = is_ulog(bytes);
+            let autopilot = self.has_header.then_some(Content::Autopilot(px4::AUTOPILOT));
+            found.extend(autopilot.map(|content| Entry {
                 time_s: None,
-                content: Content::Autopilot(px4::AUTOPILOT),
-            }]),
-            has_header: false,
-            formats: HashMap::new(),
-            topics: HashMap::new(),
-            is_armed: None,
+                content,
+            }));
+            return self.has_header.then_some(FILE_HEADER_BYTES);
         }
+        let (kind, content) = first_message(bytes, &self.topics)?;
+        let _ = self.message(kind, content, found);
+        Some(HEADER_BYTES + content.len())
     }
 
-    fn read_next(&mut self) -> io::Result<Option<Entry>> {
-        loop {
-            if let Some(entry) = self.found.pop_front() {
-                return Ok(Some(entry));
-            }
-            let rest = self.window.look(MOST_NEEDED_BYTES)?;
-            if rest.is_empty() {
-                return Ok(None);
-            }
-            if !self.has_header {
-                self.has_header = true;
-                let is_header = is_ulog(rest);
-                if is_header {
-                    self.window.advance(FILE_HEADER_BYTES);
-                }
-                continue;
-            }
-            let Some((kind, content)) = first_message(rest, &self.topics) else {
-                self.window.skip(1);
-                continue;
-            };
-            let content = content.to_vec();
-            self.window.advance(HEADER_BYTES + content.len());
-            let _ = self.take(kind, &content);
-        }
+    fn is_cut(&self, bytes: &[u8]) -> bool {
+        header(bytes).map_or(bytes.len() < HEADER_BYTES, |(_, length)| {
+            HEADER_BYTES + length > bytes.len()
+        })
     }
 
+    fn finish(&mut self, found: &mut VecDeque<Entry>) {
+        self.end_definitions(found);
+    }
+}
+
+impl ULog {
     /// `None` if the message contradicts itself.
-    fn take(&mut self, kind: u8, content: &[u8]) -> Option<()> {
+    fn message(&mut self, kind: u8, content: &[u8], found: &mut VecDeque<Entry>) -> Option<()> {
         match kind {
             b'F' => self.format(content),
-            b'A' => self.topic(content),
-            b'D' => self.data(content),
-            b'P' => self.parameter(content),
-            b'I' => self.information(content),
+            b'A' => {
+                self.end_definitions(found);
+                self.topic(content)
+            }
+            b'D' => self.data(content, found),
+            b'P' => self.parameter(content, found),
+            b'I' => information(content, found),
             b'L' => {
                 let (header, text) = content.split_at_checked(9)?;
-                let time_s = seconds(u64::from_le_bytes(*header.last_chunk()?));
-                self.push(
-                    Some(time_s),
-                    Content::Text(String::from_utf8_lossy(text).into_owned()),
-                );
+                let time_s = self.time_s(u64::from_le_bytes(*header.last_chunk()?) as f64);
+                let text = String::from_utf8_lossy(text).into_owned();
+                push(found, Some(time_s), Content::Text(text));
                 Some(())
             }
             _ => Some(()),
         }
     }
 
-    fn push(&mut self, time_s: Option<f64>, content: Content) {
-        self.found.push_back(Entry { time_s, content });
+    /// Times since 1970 start at 0.
+    fn time_s(&mut self, time_us: f64) -> f64 {
+        if time_us < UTC_FROM_US {
+            return time_us / 1e6;
+        }
+        let start_us = *self.start_us.get_or_insert(time_us);
+        (time_us - start_us).max(0.0) / 1e6
+    }
+
+    /// Parameters follow each other in any order.
+    fn end_definitions(&mut self, found: &mut VecDeque<Entry>) {
+        for (name, value) in std::mem::take(&mut self.older) {
+            self.setting(&name, value, found);
+        }
+    }
+
+    fn setting(&mut self, name: &str, value: f64, found: &mut VecDeque<Entry>) {
+        if !self.replacements.leave(name) {
+            return;
+        }
+        for (name, value) in px4::translated(name, value) {
+            for (pack, has_cells) in Pack::ALL.into_iter().zip(&mut self.has_cells) {
+                *has_cells |= name == BatteryParameter::Cells.of(pack).name().as_str();
+            }
+            push(found, None, Content::Parameter(name, value));
+        }
+    }
+
+    /// The number of cells, which PX4 knows without a parameter, too.
+    fn cell_count(&mut self, pack: Pack, count: Option<f64>, found: &mut VecDeque<Entry>) {
+        let has_cells = &mut self.has_cells[usize::from(pack.instance())];
+        if let Some(count) = count.filter(|count| *count > 0.0 && !*has_cells) {
+            *has_cells = true;
+            let name = BatteryParameter::Cells.of(pack).name().to_string();
+            push(found, None, Content::Parameter(name, count));
+        }
     }
 
     fn format(&mut self, content: &[u8]) -> Option<()> {
         let (name, fields) = std::str::from_utf8(content).ok()?.split_once(':')?;
-        if [BATTERY, ACTUATORS, GPS].contains(&name) {
+        if [BATTERY, ACTUATORS, STATUS, GPS].contains(&name) {
             self.formats.insert(name.into(), Rc::new(Format::of(fields)));
         }
         Some(())
@@ -177,43 +212,52 @@ impl<R: Read> ULog<R> {
         Some(())
     }
 
-    fn data(&mut self, content: &[u8]) -> Option<()> {
+    fn data(&mut self, content: &[u8], found: &mut VecDeque<Entry>) -> Option<()> {
         let (number, bytes) = content.split_first_chunk()?;
-        let topic = self.topics.get(&u16::from_le_bytes(*number))?;
+        let Topic {
+            name,
+            instance,
+            format,
+        } = self.topics.get(&u16::from_le_bytes(*number))?.clone();
         let data = Data {
-            format: &topic.format,
+            format: &format,
             bytes,
         };
         let time_us = data.number("timestamp")?;
-        let time_s = time_us / 1e6;
-        let content = match topic.name.as_str() {
+        let time_s = self.time_s(time_us);
+        let content = match &*name {
             BATTERY => {
-                let instance = topic.instance;
                 let pack = Pack::ALL.into_iter().find(|pack| pack.instance() == instance)?;
+                self.cell_count(pack, data.number("cell_count"), found);
                 Content::Reading(pack, Box::new(sample(&data, time_s)))
             }
             ACTUATORS => {
-                let is_armed = data.number("armed")? != 0.0;
-                if self.is_armed.replace(is_armed) == Some(is_armed) {
-                    return None;
-                }
-                Content::ArmState(match is_armed {
-                    true => ArmState::Armed,
-                    false => ArmState::Disarmed,
-                })
+                self.has_actuators = true;
+                self.arm_state(data.number("armed")? != 0.0)?
             }
+            STATUS if self.has_actuators => return None,
+            STATUS => self.arm_state(data.number("arming_state")? == STATE_ARMED)?,
             _ => {
                 let utc_us = data
                     .number("time_utc_usec")
                     .filter(|utc_us| *utc_us > UTC_FROM_US)?;
-                Content::StartUtc((utc_us - time_us) / 1e6)
+                Content::StartUtc(utc_us / 1e6 - time_s)
             }
         };
-        self.push(Some(time_s), content);
+        push(found, Some(time_s), content);
         Some(())
     }
 
-    fn parameter(&mut self, content: &[u8]) -> Option<()> {
+    /// `None` if that is known.
+    fn arm_state(&mut self, is_armed: bool) -> Option<Content> {
+        let is_news = self.is_armed.replace(is_armed) != Some(is_armed);
+        is_news.then_some(Content::ArmState(match is_armed {
+            true => ArmState::Armed,
+            false => ArmState::Disarmed,
+        }))
+    }
+
+    fn parameter(&mut self, content: &[u8], found: &mut VecDeque<Entry>) -> Option<()> {
         let (kind, name, bytes) = keyed(content)?;
         let value = match kind {
             "int32_t" => f64::from(i32::from_le_bytes(bytes.try_into().ok()?)),
@@ -223,48 +267,37 @@ impl<R: Read> ULog<R> {
         if !value.is_finite() {
             return None;
         }
+        self.replacements.take(name);
         if name == "MAV_TYPE" {
-            self.push(None, Content::Vehicle(value as u8));
+            push(found, None, Content::Vehicle(value as u8));
         }
-        for (name, value) in px4::translated(name, value) {
-            self.push(None, Content::Parameter(name, value));
-        }
-        Some(())
-    }
-
-    fn information(&mut self, content: &[u8]) -> Option<()> {
-        let (_, name, bytes) = keyed(content)?;
-        match name {
-            "ver_sw_release" => {
-                let [_, patch, minor, major] = u32::from_le_bytes(bytes.try_into().ok()?).to_le_bytes();
-                self.push(None, Content::Version(format!("{major}.{minor}.{patch}")));
-            }
-            "sys_uuid" => {
-                let id = String::from_utf8_lossy(bytes).into_owned();
-                self.push(None, Content::Board(id));
-            }
-            _ => {}
+        // Definitions end with the first topic.
+        match px4::is_older(name) && self.topics.is_empty() {
+            true => self.older.push((name.into(), value)),
+            false => self.setting(name, value, found),
         }
         Some(())
     }
 }
 
-impl<R: Read> Entries for ULog<R> {
-    fn read_bytes(&self) -> u64 {
-        self.window.read_bytes()
+fn information(content: &[u8], found: &mut VecDeque<Entry>) -> Option<()> {
+    let (_, name, bytes) = keyed(content)?;
+    match name {
+        "ver_sw_release" => {
+            let [_, patch, minor, major] = u32::from_le_bytes(bytes.try_into().ok()?).to_le_bytes();
+            push(found, None, Content::Version(format!("{major}.{minor}.{patch}")));
+        }
+        "sys_uuid" => {
+            let id = String::from_utf8_lossy(bytes).into_owned();
+            push(found, None, Content::Board(id));
+        }
+        _ => {}
     }
-
-    fn skipped_bytes(&self) -> u64 {
-        self.window.skipped_bytes()
-    }
+    Some(())
 }
 
-impl<R: Read> Iterator for ULog<R> {
-    type Item = io::Result<Entry>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        self.read_next().transpose()
-    }
+fn push(found: &mut VecDeque<Entry>, time_s: Option<f64>, content: Content) {
+    found.push_back(Entry { time_s, content });
 }
 
 /// Whether a file begins as such a log.
@@ -304,10 +337,6 @@ fn keyed(content: &[u8]) -> Option<(&str, &str, &[u8])> {
     let (key, value) = rest.split_at_checked(usize::from(*length))?;
     let (kind, name) = std::str::from_utf8(key).ok()?.split_once(' ')?;
     Some((kind, name, value))
-}
-
-fn seconds(time_us: u64) -> f64 {
-    time_us as f64 / 1e6
 }
 
 /// A current and a remaining charge are negative while unknown; of a pack without a temperature or cells these are NaN or 0.
@@ -430,6 +459,7 @@ impl Data<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recordings::entry::Entries;
     use proptest::prelude::*;
 
     fn message(kind: u8, content: &[u8]) -> Vec<u8> {
@@ -486,9 +516,9 @@ mod tests {
     }
 
     fn entries(bytes: &[u8]) -> (Vec<Content>, u64) {
-        let mut log = ULog::of(bytes);
+        let mut log = super::read(bytes);
         let entries = log.by_ref().map(|entry| entry.expect("it is readable").content);
-        (entries.collect(), log.skipped_bytes())
+        (entries.collect(), log.bytes().skipped)
     }
 
     /// Voltages, by packs.
@@ -541,6 +571,85 @@ mod tests {
         assert_eq!(second.current_a, None);
     }
 
+    /// A log of one pack with these parameters, and readings with the number of its cells.
+    fn cells_by(parameters: &[(&str, i32)], cell_count: u8) -> Vec<f64> {
+        let parameters = parameters
+            .iter()
+            .map(|(name, count)| keyed(b'P', &format!("int32_t {name}"), count.to_le_bytes()));
+        let time = 1_000_000_u64.to_le_bytes();
+        let reading = message(
+            b'D',
+            &[&[0, 0], &time[..], &22_f32.to_le_bytes(), &[cell_count]].concat(),
+        );
+        let log = [
+            definitions()[..16].to_vec(),
+            message(
+                b'F',
+                b"battery_status:uint64_t timestamp;float voltage_v;uint8_t cell_count;",
+            ),
+            parameters.collect::<Vec<_>>().concat(),
+            topic(0, 0, BATTERY),
+            [reading.clone(), reading].concat(),
+        ];
+        let found = entries(&log.concat())
+            .0
+            .into_iter()
+            .filter_map(|content| match content {
+                Content::Parameter(name, value) if name == "BATT_CELLS" => Some(value),
+                _ => None,
+            });
+        found.collect()
+    }
+
+    #[test]
+    fn older_parameters_count_only_without_those_that_replace_them() {
+        let (older, newer) = ("BAT_N_CELLS", "BAT1_N_CELLS");
+        assert_eq!(cells_by(&[(newer, 6), (older, 3)], 6), [6.0]);
+        assert_eq!(cells_by(&[(older, 3), (newer, 6)], 6), [6.0]);
+        assert_eq!(cells_by(&[(older, 3)], 4), [3.0]);
+        // 0 is unknown; PX4 then knows it all the same.
+        assert_eq!(cells_by(&[(older, 3), (newer, 0)], 4), [4.0]);
+        assert!(cells_by(&[(older, 3), (newer, 0)], 0).is_empty());
+    }
+
+    #[test]
+    fn a_vehicle_is_armed_by_its_state_where_its_actuators_are_not_logged() {
+        let state = |time_s: u64, state: u8| {
+            let time = (time_s * 1_000_000).to_le_bytes();
+            message(b'D', &[&[4, 0], &time[..], &[state]].concat())
+        };
+        let topics = [
+            message(b'F', b"vehicle_status:uint64_t timestamp;uint8_t arming_state;"),
+            topic(0, 4, STATUS),
+        ]
+        .concat();
+        let found = |data: &[Vec<u8>]| {
+            let log = [log(&[]), topics.clone(), data.concat()].concat();
+            let states = entries(&log).0.into_iter().filter_map(|content| match content {
+                Content::ArmState(state) => Some(state == ArmState::Armed),
+                _ => None,
+            });
+            states.collect::<Vec<_>>()
+        };
+        let states = [state(1, 1), state(2, 2), state(3, 2), state(4, 3)];
+        assert_eq!(found(&states), [false, true, false]);
+        assert_eq!(
+            found(&[armed(1, false), state(2, 2), armed(3, true)]),
+            [false, true]
+        );
+        assert!(found(&[]).is_empty());
+    }
+
+    #[test]
+    fn times_since_1970_start_at_0() {
+        let log = log(&[
+            battery(0, 1_700_000_000, 11.5, 1.0),
+            battery(0, 1_700_000_060, 11.5, 1.0),
+        ]);
+        let times = super::read(log.as_slice()).filter_map(|entry| entry.expect("it is readable").time_s);
+        assert_eq!(times.collect::<Vec<_>>(), [0.0, 60.0]);
+    }
+
     #[test]
     fn damage_costs_what_it_hits() {
         let data: Vec<Vec<u8>> = (1..=9)
@@ -550,9 +659,9 @@ mod tests {
         let whole = log(&data);
         let expected: Vec<(u8, f32)> = (1..=9).map(|second| (1, second as f32)).collect();
         assert_eq!(voltages(&whole), expected);
-        let mut torn = ULog::of(&whole[..MAGIC.len()]);
+        let mut torn = read(&whole[..MAGIC.len()]);
         assert!(torn.by_ref().all(|entry| entry.is_ok()));
-        assert_eq!(torn.read_bytes(), MAGIC.len() as u64);
+        assert_eq!(torn.bytes().read, MAGIC.len() as u64);
         // A torn end, a dropout in between, and garbage.
         assert_eq!(voltages(&whole[..whole.len() - 5]), expected[..8]);
         let (front, behind) = whole.split_at(whole.len() - 4 * length);
@@ -598,9 +707,9 @@ mod tests {
             let log = log(&[battery(0, 1, 11.5, 1.0), bytes, battery(0, 2, 11.5, 1.0)]);
             let (_, skipped) = entries(&log);
             prop_assert!(skipped <= log.len() as u64);
-            let mut read = ULog::of(log.as_slice());
+            let mut read = read(log.as_slice());
             prop_assert!(read.by_ref().all(|entry| entry.is_ok()));
-            prop_assert_eq!(read.read_bytes(), log.len() as u64);
+            prop_assert_eq!(read.bytes().read, log.len() as u64);
         }
 
         #[test]

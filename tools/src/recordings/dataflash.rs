@@ -8,13 +8,14 @@ use rover_battmon::pack::Pack;
 use rover_battmon::recorder::dataflash::MESSAGE_BYTES;
 use rover_battmon::vehicle::ArmState;
 
-use crate::binlog::{Record, Records};
-use crate::entry::{CURVE_WORDS, Cells, Content, Entries, Entry, Estimate, Part};
-use crate::trace::{Reported, Sample};
+use super::binlog::{Record, Records};
+use super::entry::{Bytes, CURVE_WORDS, Content, Entries, Entry, Estimate, Part, Reported, Sample};
 
 /// GPS time began with 1980-01-06, in seconds since 1970; since 2017 it is 18 leap seconds ahead of UTC.
 const GPS_EPOCH_S: f64 = 315_964_800.0 - 18.0;
 const WEEK_S: f64 = 7.0 * 86_400.0;
+/// The week in GPS of versions up to 3.2.
+const GPS_WEEK: &str = "Week";
 
 /// BAT: a remaining charge and a state of health that are unknown.
 const REMAINING_UNKNOWN_PCT: f32 = 255.0;
@@ -89,12 +90,8 @@ impl<R: Records> DataFlash<R> {
 }
 
 impl<R: Records> Entries for DataFlash<R> {
-    fn read_bytes(&self) -> u64 {
-        self.records.read_bytes()
-    }
-
-    fn skipped_bytes(&self) -> u64 {
-        self.records.skipped_bytes()
+    fn bytes(&self) -> Bytes {
+        self.records.bytes()
     }
 }
 
@@ -160,6 +157,10 @@ impl Scales {
 
 /// Seconds since the recorder started.
 fn time_s(record: &Record) -> Option<f64> {
+    // GPS of versions up to 3.2: its `TimeMS` is the time of the week.
+    if record.place(GPS_WEEK).is_some() {
+        return record.number("T").map(|time_ms| time_ms / 1e3);
+    }
     let time_us = record.number("TimeUS").map(|time_us| time_us / 1e6);
     time_us.or_else(|| record.number("TimeMS").map(|time_ms| time_ms / 1e3))
 }
@@ -312,13 +313,7 @@ fn cells(record: &Record, pack: Pack, part: Part) -> Content {
     };
     let millivolts = places.map_while(|place| record.number(&format!("V{place}")));
     let millivolts = millivolts.take_while(|mv| *mv > 0.0).map(|mv| mv as u16);
-    Content::Cells(
-        pack,
-        Cells {
-            part,
-            millivolts: millivolts.collect(),
-        },
-    )
+    Content::Cells(pack, part, millivolts.collect())
 }
 
 /// What a PACK record has of it, as flash holds it; NaN is what is not learnt.
@@ -360,16 +355,16 @@ fn curve(record: &Record) -> [u32; CURVE_WORDS] {
 
 /// When the recorder started, by a GPS record. Week 0 is unknown.
 fn started_utc_s(record: &Record) -> Option<f64> {
-    let weeks = record.number("GWk").filter(|weeks| *weeks > 0.0)?;
-    let of_week_s = record.number("GMS")? / 1e3;
+    let either = |name, older| record.number(name).or_else(|| record.number(older));
+    let weeks = either("GWk", GPS_WEEK).filter(|weeks| *weeks > 0.0)?;
+    let of_week_s = either("GMS", "TimeMS")? / 1e3;
     Some(GPS_EPOCH_S + weeks * WEEK_S + of_week_s - time_s(record)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::binlog::{BinaryRecords, field_bytes};
-    use crate::survey::{ArmedBefore, Survey};
+    use crate::recordings::binlog::{BinaryRecords, field_bytes};
 
     /// A record of format 100 on, by its place.
     struct Recorded<'a>(&'a str, &'a [u8]);
@@ -519,41 +514,11 @@ mod tests {
     }
 
     #[test]
-    fn a_log_begins_armed_by_its_first_arming_else_by_its_own_parameter_or_events() {
-        let event = |id: u8| [&TIME[..], &[id]].concat();
-        let parameter = |value: f32| {
-            let mut name = b"LOG_DISARMED".to_vec();
-            name.resize(16, 0);
-            [&TIME[..], &name, &value.to_le_bytes()].concat()
-        };
-        let [armed, disarmed, landed] = [10, 11, 18].map(event);
-        let [while_armed, always] = [0.0, 1.0].map(parameter);
-        let flying = [event(15), event(28)];
-        for (records, expected) in [
-            (
-                vec![Recorded("EV", &disarmed), Recorded("EV", &armed)],
-                Some(ArmedBefore::FirstIsDisarming),
-            ),
-            (vec![Recorded("PARM", &while_armed), Recorded("EV", &armed)], None),
-            (
-                vec![Recorded("PARM", &while_armed)],
-                Some(ArmedBefore::RecordedWhileArmed),
-            ),
-            (
-                vec![Recorded("PARM", &always), Recorded("PARM", &while_armed)],
-                None,
-            ),
-            (vec![Recorded("EV", &flying[0])], Some(ArmedBefore::Airborne)),
-            (
-                vec![Recorded("PARM", &always), Recorded("EV", &flying[1])],
-                Some(ArmedBefore::Airborne),
-            ),
-            (vec![Recorded("EV", &landed)], None),
-        ] {
-            let bytes = log(&[EVENT, ("PARM", "QNf", "TimeUS,Name,Value")], &records);
-            let survey = Survey::of(Box::new(DataFlash::of(BinaryRecords::of(bytes.as_slice()))))
-                .expect("it is readable");
-            assert_eq!(survey.armed_before(), expected);
-        }
+    fn events_of_arming_and_of_a_flight_are_known_by_their_numbers() {
+        let found = |id: u8| entries(&log(&[EVENT], &[Recorded("EV", &[&TIME[..], &[id]].concat())])).pop();
+        assert_eq!(found(10), Some(Content::Arming(ArmState::Armed)));
+        assert_eq!(found(11), Some(Content::Arming(ArmState::Disarmed)));
+        assert_eq!([15, 28].map(found), [const { Some(Content::Airborne) }; 2]);
+        assert_eq!(found(18), None);
     }
 }

@@ -7,7 +7,8 @@ use std::collections::HashMap;
 use std::io::{self, Read};
 use std::rc::Rc;
 
-use crate::window::Window;
+use super::entry::Bytes;
+use super::window::Window;
 
 const SYNCHRONISATION: [u8; 2] = [0xa3, 0x95];
 const HEADER_BYTES: usize = 3;
@@ -43,11 +44,8 @@ enum Payload {
 
 /// A source of records.
 pub trait Records: Iterator<Item = io::Result<Record>> {
-    /// Bytes so far, of records and others.
-    fn read_bytes(&self) -> u64;
-
-    /// Bytes so far that belong to no record.
-    fn skipped_bytes(&self) -> u64;
+    /// Bytes so far.
+    fn bytes(&self) -> Bytes;
 }
 
 #[derive(Debug)]
@@ -84,9 +82,15 @@ impl Record {
     /// The number in a column; `None` also for a text and for NaN. Integers of all lengths are exact in a double but for times
     /// beyond 285 years.
     pub fn number(&self, column: &str) -> Option<f64> {
-        let number = match self.field(column)? {
-            Field::Bytes(field_type, bytes) => number(field_type, bytes),
-            Field::Text(field_type, text) => text.parse().ok().filter(|_| !is_text(field_type)),
+        let place = self.place(column)?;
+        let Column {
+            field_type,
+            place: field,
+            ..
+        } = &self.format.columns[place];
+        let number = match &self.payload {
+            Payload::Bytes(bytes) => number(*field_type, bytes.get(field.clone())?),
+            Payload::Texts(texts) => texts.get(place)?.parse().ok().filter(|_| !is_text(*field_type)),
         };
         number.filter(|number| number.is_finite())
     }
@@ -114,26 +118,17 @@ impl Record {
 
     /// The text in a column.
     pub fn text(&self, column: &str) -> Option<String> {
-        match self.field(column)? {
-            Field::Bytes(field_type, bytes) => is_text(field_type).then(|| text(bytes)),
-            Field::Text(field_type, text) => is_text(field_type).then(|| text.into()),
-        }
-    }
-
-    fn field(&self, column: &str) -> Option<Field<'_>> {
         let place = self.place(column)?;
-        let column = &self.format.columns[place];
+        let column = self
+            .format
+            .columns
+            .get(place)
+            .filter(|column| is_text(column.field_type))?;
         Some(match &self.payload {
-            Payload::Bytes(bytes) => Field::Bytes(column.field_type, bytes.get(column.place.clone())?),
-            Payload::Texts(texts) => Field::Text(column.field_type, texts.get(place)?),
+            Payload::Bytes(bytes) => text(bytes.get(column.place.clone())?),
+            Payload::Texts(texts) => texts.get(place)?.clone(),
         })
     }
-}
-
-/// A field of a record, with its type.
-enum Field<'a> {
-    Bytes(u8, &'a [u8]),
-    Text(u8, &'a str),
 }
 
 impl<R: Read> BinaryRecords<R> {
@@ -153,7 +148,10 @@ impl<R: Read> BinaryRecords<R> {
                 return Ok(None);
             }
             let Some((kind, payload)) = first_record(rest, &self.formats) else {
-                self.window.skip(1);
+                match is_cut(rest, &self.formats) {
+                    true => self.window.skip_cut(),
+                    false => self.window.skip(),
+                }
                 continue;
             };
             let length = HEADER_BYTES + payload.len();
@@ -175,12 +173,8 @@ impl<R: Read> BinaryRecords<R> {
 }
 
 impl<R: Read> Records for BinaryRecords<R> {
-    fn read_bytes(&self) -> u64 {
-        self.window.read_bytes()
-    }
-
-    fn skipped_bytes(&self) -> u64 {
-        self.window.skipped_bytes()
+    fn bytes(&self) -> Bytes {
+        self.window.bytes()
     }
 }
 
@@ -223,35 +217,33 @@ impl<R: Read> TextRecords<R> {
             let (name, fields) = line.split_once(',').unwrap_or((&line, ""));
             if name == "FMT" {
                 let format = Format::of_text(fields).filter(|_| self.formats.len() < MOST_FORMATS);
-                self.pass(length, format.is_some());
+                self.pass(length, end, format.is_some());
                 self.formats
                     .extend(format.map(|format| (format.name.clone(), Rc::new(format))));
                 continue;
             }
             let format = self.formats.get(name).cloned();
             let record = format.and_then(|format| Record::of_text(format, fields));
-            self.pass(length, line.is_empty() || record.is_some());
+            self.pass(length, end, line.is_empty() || record.is_some());
             if record.is_some() {
                 return Ok(record);
             }
         }
     }
 
-    fn pass(&mut self, bytes: usize, is_readable: bool) {
+    /// The last line of a file that is cut has no end.
+    fn pass(&mut self, bytes: usize, end: Option<usize>, is_readable: bool) {
         match is_readable {
             true => self.window.advance(bytes),
-            false => self.window.skip(bytes),
+            false if end.is_none() => (0..bytes).for_each(|_| self.window.skip_cut()),
+            false => (0..bytes).for_each(|_| self.window.skip()),
         }
     }
 }
 
 impl<R: Read> Records for TextRecords<R> {
-    fn read_bytes(&self) -> u64 {
-        self.window.read_bytes()
-    }
-
-    fn skipped_bytes(&self) -> u64 {
-        self.window.skipped_bytes()
+    fn bytes(&self) -> Bytes {
+        self.window.bytes()
     }
 }
 
@@ -278,8 +270,8 @@ impl Record {
     }
 }
 
-/// Number of the format and payload of the record that `bytes` begin with, if they do.
-fn first_record<'a>(bytes: &'a [u8], formats: &Formats) -> Option<(u8, &'a [u8])> {
+/// Number and length of the record that `bytes` begin with, if they do.
+fn header(bytes: &[u8], formats: &Formats) -> Option<(u8, usize)> {
     if !bytes.starts_with(&SYNCHRONISATION) {
         return None;
     }
@@ -288,6 +280,26 @@ fn first_record<'a>(bytes: &'a [u8], formats: &Formats) -> Option<(u8, &'a [u8])
         FORMAT => FORMAT_BYTES,
         _ => HEADER_BYTES + formats[usize::from(kind)].as_ref()?.payload_bytes,
     };
+    Some((kind, length))
+}
+
+/// Whether a record begins here, as far as the file goes, that is longer than the rest of the file.
+fn is_cut(bytes: &[u8], formats: &Formats) -> bool {
+    match header(bytes, formats) {
+        Some((_, length)) => length > bytes.len(),
+        None => {
+            bytes.len() < HEADER_BYTES
+                && bytes
+                    .iter()
+                    .zip(SYNCHRONISATION)
+                    .all(|(byte, expected)| *byte == expected)
+        }
+    }
+}
+
+/// Number of the format and payload of the record that `bytes` begin with, if they do.
+fn first_record<'a>(bytes: &'a [u8], formats: &Formats) -> Option<(u8, &'a [u8])> {
+    let (kind, length) = header(bytes, formats)?;
     let (record, following) = bytes.split_at_checked(length)?;
     // As far as the file goes.
     let is_followed = following
@@ -393,13 +405,13 @@ fn text(bytes: &[u8]) -> String {
 }
 
 #[cfg(test)]
+#[expect(missing_docs, reason = "another file's tests use it")]
 pub mod tests {
     use super::*;
     use proptest::prelude::*;
     use rover_battmon::battery::{BatteryState, Readings};
     use rover_battmon::pack::Pack;
-    use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded, opening_record};
-    use rover_battmon::vehicle::ArmState;
+    use rover_battmon::recorder::dataflash::{Record as Recorded, opening_record};
 
     /// Beginning of a file of the board.
     pub fn opening() -> Vec<u8> {
@@ -407,16 +419,6 @@ pub mod tests {
             .map_while(|index| opening_record(index, 0))
             .flatten()
             .collect()
-    }
-
-    /// The rover is armed or disarmed by a command.
-    pub fn arming(state: ArmState) -> Recorded<'static> {
-        Recorded::Arm {
-            state,
-            enabled_checks: 1,
-            forced: false,
-            method: ArmingMethod::Command,
-        }
     }
 
     /// A parameter of the board.
@@ -438,7 +440,7 @@ pub mod tests {
     /// A file that is read to its end.
     struct Log {
         records: Vec<Record>,
-        skipped_bytes: u64,
+        bytes: Bytes,
     }
 
     impl Log {
@@ -451,7 +453,7 @@ pub mod tests {
             let all = records.by_ref().map(|record| record.expect("it is readable"));
             Self {
                 records: all.collect(),
-                skipped_bytes: records.skipped_bytes(),
+                bytes: records.bytes(),
             }
         }
     }
@@ -486,7 +488,7 @@ pub mod tests {
         bytes.extend(Recorded::Battery(Pack::Second, &state).encode(1 << 40));
         bytes.extend(parameter("BATT_CAPACITY_16", -1.5).encode(1));
         let log = Log::parse(&bytes);
-        assert_eq!(log.skipped_bytes, 0);
+        assert_eq!(log.bytes.skipped, 0);
         let [.., battery, parameter] = log.records.as_slice() else {
             panic!("{:?}", log.records);
         };
@@ -534,8 +536,13 @@ pub mod tests {
         assert_eq!(message.text("Message").as_deref(), Some("low, and critical"));
         assert_eq!((message.number("Message"), first.text("Volt")), (None, None));
         let lost = ["XYZ, 1, 2\n", "BAT, 1200000\n", "MSG, 14"].map(str::len);
-        assert_eq!(records.skipped_bytes(), lost.iter().sum::<usize>() as u64);
-        assert_eq!(records.read_bytes(), text.len() as u64);
+        let [lost, cut] = [lost[..2].iter().sum::<usize>(), lost[2]];
+        let bytes = Bytes {
+            read: text.len() as u64,
+            skipped: lost as u64,
+            cut: cut as u64,
+        };
+        assert_eq!(records.bytes(), bytes);
     }
 
     #[test]
@@ -558,7 +565,7 @@ pub mod tests {
         ];
         let log = Log::parse(&log.concat());
         // The first record comes before its format.
-        assert_eq!(log.skipped_bytes, 7);
+        assert_eq!(log.bytes.skipped, 7);
         let numbers: Vec<_> = log
             .records
             .iter()
@@ -572,7 +579,11 @@ pub mod tests {
         let bytes = file(0..3);
         for cut in 1..75 {
             let log = Log::parse(&bytes[..bytes.len() - cut]);
-            assert_eq!(log.skipped_bytes, 75 - cut as u64, "{cut} bytes cut");
+            assert_eq!(
+                (log.bytes.skipped, log.bytes.cut),
+                (0, 75 - cut as u64),
+                "{cut} bytes cut"
+            );
             assert_eq!(texts(&log), ["0", "1"]);
         }
     }
@@ -584,7 +595,7 @@ pub mod tests {
         bytes.extend(&file(2..4)[opening().len()..]);
         let log = Log::parse(&bytes);
         assert_eq!(texts(&log), ["0", "2", "3"]);
-        assert_eq!(log.skipped_bytes, 575);
+        assert_eq!(log.bytes.skipped, 575);
     }
 
     #[test]
@@ -598,7 +609,7 @@ pub mod tests {
         bytes.extend(Recorded::Message("lost").encode(0));
         let log = Log::parse(&bytes);
         assert!(texts(&log).is_empty());
-        assert_eq!(log.skipped_bytes, 75);
+        assert_eq!(log.bytes.skipped, 75);
     }
 
     proptest! {
@@ -607,10 +618,10 @@ pub mod tests {
             Log::parse(&bytes);
             let mut texts = TextRecords::of(bytes.as_slice());
             prop_assert!(texts.by_ref().all(|record| record.is_ok()));
-            prop_assert_eq!(texts.read_bytes(), bytes.len() as u64);
+            prop_assert_eq!(texts.bytes().read, bytes.len() as u64);
             let after_formats = [opening(), bytes].concat();
             let log = Log::parse(&after_formats);
-            prop_assert!(log.skipped_bytes <= after_formats.len() as u64);
+            prop_assert!(log.bytes.skipped <= after_formats.len() as u64);
         }
 
         #[test]
@@ -621,7 +632,7 @@ pub mod tests {
             let file = [file(0..20), bytes, file(20..40)].concat();
             let [whole, slow] = [Log::parse(&file), Log::read(Slow(&file, few))];
             prop_assert_eq!(texts(&whole), texts(&slow));
-            prop_assert_eq!(whole.skipped_bytes, slow.skipped_bytes);
+            prop_assert_eq!(whole.bytes, slow.bytes);
         }
 
         #[test]

@@ -13,9 +13,14 @@
 //! by commas, or by semicolons or tabs; with the latter two, numbers may have a decimal comma. Empty lines and those that begin
 //! with `#` are skipped.
 
-use rover_battmon::battery::{CellVoltages, Extremes};
+use std::io::{self, Error, ErrorKind::InvalidData, Read};
+use std::mem::replace;
+use std::vec::IntoIter;
 
-use crate::assignments::Assignment;
+use rover_battmon::pack::Pack;
+use rover_battmon::vehicle::ArmState;
+
+use super::entry::{Bytes, Content, Entries, Entry, Sample};
 
 /// Value of some recorders in every row when there is no sensor of the current.
 const NO_SENSOR_A: f32 = -1.0;
@@ -36,138 +41,95 @@ const SEPARATORS: [char; 3] = [';', '\t', ','];
 /// Characters of a field that an error shows.
 const SHOWN_CHARACTERS: usize = 40;
 
-/// A recorded trace.
-#[derive(Debug, PartialEq)]
-pub struct Trace {
-    /// Its readings, as they follow each other.
-    pub samples: Vec<Sample>,
-    /// Parameters that were set between them, in their order.
-    pub changes: Vec<Change>,
+/// The entries of a trace, which is read as a whole: its unit of time and whether it has a current show at its end only.
+pub struct Csv {
+    entries: IntoIter<io::Result<Entry>>,
+    bytes: Bytes,
 }
 
-/// A parameter that was set during a recording.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Change {
-    /// Readings before it.
-    pub readings: usize,
-    /// The parameter and its new value.
-    pub assignment: Assignment,
-}
-
-/// The measurement, or what the monitor is given of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Inputs {
-    /// The voltage.
-    pub voltage: bool,
-    /// The current.
-    pub current: bool,
-}
-
-/// One reading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// Seconds since some start.
-    pub time_s: f64,
-    /// Between the pack's terminals.
-    pub voltage_v: Option<f32>,
-    /// Drawn from the pack.
-    pub current_a: Option<f32>,
-    /// The sensor delivered.
-    pub healthy: bool,
-    /// The rover may move.
-    pub armed: bool,
-    /// Of the pack, in degrees Celsius.
-    pub temperature_c: Option<f32>,
-    /// Of each cell.
-    pub cells: CellVoltages,
-    /// The board's own report at this moment, in a log of its own.
-    pub reported: Option<Reported>,
-}
-
-impl Sample {
-    /// One in which nothing was measured.
-    pub const NONE: Self = Self {
-        time_s: 0.0,
-        voltage_v: None,
-        current_a: None,
-        healthy: true,
-        armed: false,
-        temperature_c: None,
-        cells: CellVoltages::NONE,
-        reported: None,
-    };
-}
-
-/// The board's report of the pack.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reported {
-    /// Charge drawn, in milliampere-hours.
-    pub consumed_mah: Option<f32>,
-    /// Energy drawn, in watt-hours.
-    pub consumed_wh: Option<f32>,
-    /// Remaining charge, in percent: with its fraction where the log has it.
-    pub remaining_pct: Option<f32>,
-    /// State of health, in percent.
-    pub health_pct: Option<f32>,
-    /// Number of the charge state.
-    pub charge_state: Option<u8>,
-    /// Bits of the faults.
-    pub faults: Option<u16>,
-    /// Extremes of single conversions since the earlier report of them.
-    pub extremes: Option<Extremes>,
-}
-
-impl Trace {
-    /// Reads a trace from its file.
-    ///
-    /// # Errors
-    /// The first line that does not belong to a trace, and what it should be.
-    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let at = |line: u32| move |message: String| format!("line {line}: {message}");
-        if BYTE_ORDER_MARKS_OF_UTF16
-            .iter()
-            .any(|mark| bytes.starts_with(mark))
-        {
-            return Err(at(1)("UTF-16 can't be read: save the file as UTF-8".into()));
-        }
-        // Names and notes may be in any encoding: what is read is ASCII.
-        let text = String::from_utf8_lossy(bytes);
-        let text = text.trim_start_matches(BYTE_ORDER_MARK);
-        let mut lines = text.lines().zip(1..).filter(|(line, _)| has_fields(line));
-        let (header, line) = lines.next().unwrap_or(("", 1));
-        let columns = Columns::find(header).map_err(at(line))?;
-        let mut samples = vec![];
-        let mut latest_s = 0.0;
-        for (text, line) in lines {
-            let sample = columns.sample(text, latest_s).map_err(at(line))?;
-            latest_s = sample.time_s;
-            samples.push(sample);
-        }
-        if samples.is_empty() {
-            return Err(at(line)("no reading follows".into()));
-        }
-        leave_out_missing_current(&mut samples);
-        start_unix_time_at_zero(&mut samples);
-        Ok(Self {
-            samples,
-            changes: vec![],
-        })
-    }
-
-    /// Takes the rover for armed at each reading.
-    pub fn arm_throughout(&mut self) {
-        for sample in &mut self.samples {
-            sample.armed = true;
+impl Csv {
+    /// Of a trace that `source` delivers. Its only error is the first line that does not belong to one, and what it should be.
+    pub fn of(mut source: impl Read) -> Self {
+        let mut bytes = vec![];
+        let read = source.read_to_end(&mut bytes);
+        let samples = read.and_then(|_| samples(&bytes).map_err(|text| Error::new(InvalidData, text)));
+        let entries = match samples {
+            Ok(samples) => entries(&samples).map(Ok).collect(),
+            Err(error) => vec![Err(error)],
+        };
+        Self {
+            entries: entries.into_iter(),
+            bytes: Bytes {
+                read: bytes.len() as u64,
+                ..Bytes::default()
+            },
         }
     }
+}
 
-    /// Quantities that were measured in any of its readings.
-    pub fn measured(&self) -> Inputs {
-        Inputs {
-            voltage: true,
-            current: self.samples.iter().any(|sample| sample.current_a.is_some()),
-        }
+impl Entries for Csv {
+    fn bytes(&self) -> Bytes {
+        self.bytes
     }
+}
+
+impl Iterator for Csv {
+    type Item = io::Result<Entry>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.entries.next()
+    }
+}
+
+/// Readings of the first pack, and whether the rover is armed where that changes.
+fn entries(samples: &[Sample]) -> impl Iterator<Item = Entry> {
+    let mut was_armed = false;
+    samples.iter().flat_map(move |sample| {
+        let is_changed = replace(&mut was_armed, sample.armed) != sample.armed;
+        let arm_state = match sample.armed {
+            true => ArmState::Armed,
+            false => ArmState::Disarmed,
+        };
+        let contents = [
+            is_changed.then_some(Content::ArmState(arm_state)),
+            Some(Content::Reading(Pack::First, Box::new(*sample))),
+        ];
+        let time_s = Some(sample.time_s);
+        contents
+            .into_iter()
+            .flatten()
+            .map(move |content| Entry { time_s, content })
+    })
+}
+
+/// The readings of a trace, or the first line that does not belong to one, and what it should be.
+fn samples(bytes: &[u8]) -> Result<Vec<Sample>, String> {
+    let at = |line: u32| move |message: String| format!("line {line}: {message}");
+    if BYTE_ORDER_MARKS_OF_UTF16
+        .iter()
+        .any(|mark| bytes.starts_with(mark))
+    {
+        return Err(at(1)("UTF-16 can't be read: save the file as UTF-8".into()));
+    }
+    // Names and notes may be in any encoding: what is read is ASCII.
+    let text = String::from_utf8_lossy(bytes);
+    let text = text.trim_start_matches([BYTE_ORDER_MARK, '\0']);
+    let mut lines = text.lines().zip(1..).filter(|(line, _)| has_fields(line));
+    let (header, line) = lines.next().unwrap_or(("", 1));
+    let columns = Columns::find(header).map_err(at(line))?;
+    let mut samples = vec![];
+    let mut latest_s = 0.0;
+    for (text, line) in lines {
+        let sample = columns.sample(text, latest_s).map_err(at(line))?;
+        latest_s = sample.time_s;
+        samples.push(sample);
+    }
+    if samples.is_empty() {
+        return Err(at(line)("no reading follows".into()));
+    }
+    leave_out_missing_current(&mut samples);
+    start_unix_time_at_zero(&mut samples);
+    Ok(samples)
 }
 
 /// Whether a line is neither empty, as programs for tables write that, nor a comment.
@@ -390,13 +352,13 @@ mod tests {
     use proptest::prelude::*;
 
     fn only_sample(text: &str) -> Sample {
-        let trace = Trace::parse(text.as_bytes()).expect("a trace");
-        assert_eq!(trace.samples.len(), 1);
-        trace.samples[0]
+        let samples = samples(text.as_bytes()).expect("a trace");
+        assert_eq!(samples.len(), 1);
+        samples[0]
     }
 
     fn message(text: &str) -> String {
-        Trace::parse(text.as_bytes()).expect_err("no trace")
+        samples(text.as_bytes()).expect_err("no trace")
     }
 
     #[test]
@@ -441,18 +403,18 @@ mod tests {
     #[test]
     fn letters_of_another_encoding_do_not_matter() {
         let latin_1 = b"t_s;voltage_v;Temperatur \xb0C\n1;7,9;21\n";
-        let trace = Trace::parse(latin_1).expect("a trace");
-        assert_eq!(trace.samples[0].voltage_v, Some(7.9));
+        let trace = samples(latin_1).expect("a trace");
+        assert_eq!(trace[0].voltage_v, Some(7.9));
         let utf_16 = b"\xff\xfet\x00_\x00s\x00";
-        let error = Trace::parse(utf_16).expect_err("no trace");
+        let error = samples(utf_16).expect_err("no trace");
         assert_eq!(error, "line 1: UTF-16 can't be read: save the file as UTF-8");
     }
 
     #[test]
     fn unix_time_counts_from_the_first_reading() {
         let text = "time,volts\n1763879000.3,7.9\n1763879000.4,7.9\n1763879060.3,7.9\n";
-        let trace = Trace::parse(text.as_bytes()).expect("a trace");
-        let times_s: Vec<f64> = trace.samples.iter().map(|sample| sample.time_s).collect();
+        let trace = samples(text.as_bytes()).expect("a trace");
+        let times_s: Vec<f64> = trace.iter().map(|sample| sample.time_s).collect();
         assert_eq!(times_s, [0.0, 0.1, 60.0]);
     }
 
@@ -470,17 +432,17 @@ mod tests {
     #[test]
     fn a_temperature_is_read_where_it_was_measured() {
         let text = "t_s,voltage_v,Temperature [C]\n1,7.9,-12.5\n2,7.9,\n";
-        let trace = Trace::parse(text.as_bytes()).expect("a trace");
-        let temperatures_c: Vec<_> = trace.samples.iter().map(|sample| sample.temperature_c).collect();
+        let trace = samples(text.as_bytes()).expect("a trace");
+        let temperatures_c: Vec<_> = trace.iter().map(|sample| sample.temperature_c).collect();
         assert_eq!(temperatures_c, [Some(-12.5), None]);
     }
 
     #[test]
     fn minus_one_throughout_is_no_sensor_but_one_reading_of_it_is_a_charger() {
-        let none = Trace::parse(b"t_s,voltage_v,current_a\n0,7.9,-1\n1,7.9,-1.0000\n").unwrap();
-        assert!(!none.measured().current);
-        let charged = Trace::parse(b"t_s,voltage_v,current_a\n0,7.9,-1\n1,7.9,-1.1\n").unwrap();
-        assert_eq!(charged.samples[0].current_a, Some(-1.0));
+        let none = samples(b"t_s,voltage_v,current_a\n0,7.9,-1\n1,7.9,-1.0000\n").unwrap();
+        assert!(none.iter().all(|sample| sample.current_a.is_none()));
+        let charged = samples(b"t_s,voltage_v,current_a\n0,7.9,-1\n1,7.9,-1.1\n").unwrap();
+        assert_eq!(charged[0].current_a, Some(-1.0));
     }
 
     #[test]
@@ -559,16 +521,16 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_are_a_trace_or_none(bytes in prop::collection::vec(any::<u8>(), 0..500)) {
-            let _ = Trace::parse(&bytes);
-            let _ = Trace::parse(&[b"t,v,a\n".as_slice(), &bytes].concat());
+            let _ = samples(&bytes);
+            let _ = samples(&[b"t,v,a\n".as_slice(), &bytes].concat());
         }
 
         #[test]
         fn what_is_read_are_times_that_go_on_and_numbers(bytes in nearly_a_trace()) {
-            if let Ok(trace) = Trace::parse(&bytes) {
-                let times_s: Vec<f64> = trace.samples.iter().map(|sample| sample.time_s).collect();
+            if let Ok(trace) = samples(&bytes) {
+                let times_s: Vec<f64> = trace.iter().map(|sample| sample.time_s).collect();
                 prop_assert!(times_s.is_sorted(), "{times_s:?}");
-                for sample in trace.samples {
+                for sample in trace {
                     let numbers = [sample.voltage_v, sample.current_a];
                     prop_assert!(numbers.into_iter().flatten().all(f32::is_finite), "{sample:?}");
                 }

@@ -1,0 +1,165 @@
+//! A sliding window over a file: a file of any length takes the same memory; and the entries of what is read by it.
+
+use std::collections::VecDeque;
+use std::io::{self, Read};
+
+use super::entry::{Bytes, Entries, Entry};
+
+/// Bytes that are read of a file at once, more than any entry of a log has.
+const BUFFER_BYTES: usize = 1 << 18;
+
+/// The bytes of a file that are not used yet, some at a time.
+pub struct Window<R> {
+    source: R,
+    buffer: Vec<u8>,
+    start: usize,
+    end: usize,
+    is_at_end: bool,
+    bytes: Bytes,
+}
+
+impl<R: Read> Window<R> {
+    /// At the beginning of what `source` delivers.
+    pub fn of(source: R) -> Self {
+        Self {
+            source,
+            buffer: vec![0; BUFFER_BYTES],
+            start: 0,
+            end: 0,
+            is_at_end: false,
+            bytes: Bytes::default(),
+        }
+    }
+
+    /// The next bytes: at least `needed` of them, as far as the file goes. After an error there are no more.
+    pub fn look(&mut self, needed: usize) -> io::Result<&[u8]> {
+        if self.end - self.start < needed && !self.is_at_end {
+            self.fill(needed)?;
+        }
+        Ok(&self.buffer[self.start..self.end])
+    }
+
+    fn fill(&mut self, needed: usize) -> io::Result<()> {
+        self.buffer.copy_within(self.start..self.end, 0);
+        (self.start, self.end) = (0, self.end - self.start);
+        while self.end < needed.min(BUFFER_BYTES) && !self.is_at_end {
+            match self.source.read(&mut self.buffer[self.end..]) {
+                Ok(0) => self.is_at_end = true,
+                Ok(bytes) => self.end += bytes,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => {
+                    (self.start, self.end, self.is_at_end) = (0, 0, true);
+                    return Err(error);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes past bytes of an entry, as far as there are any.
+    pub fn advance(&mut self, bytes: usize) {
+        // The end of the file did not cut what was skipped before.
+        self.bytes.skipped += std::mem::take(&mut self.bytes.cut);
+        self.pass(bytes);
+    }
+
+    /// Goes past a byte that belongs to no entry.
+    pub fn skip(&mut self) {
+        match self.bytes.cut {
+            0 => self.bytes.skipped += 1,
+            _ => self.bytes.cut += 1,
+        }
+        self.pass(1);
+    }
+
+    /// Goes past the first byte of a record that is longer than the rest of the file. Unless another one follows in what its
+    /// length covers, all of it is cut.
+    pub fn skip_cut(&mut self) {
+        self.bytes.cut += 1;
+        self.pass(1);
+    }
+
+    fn pass(&mut self, bytes: usize) {
+        let bytes = bytes.min(self.end - self.start);
+        self.start += bytes;
+        self.bytes.read += bytes as u64;
+    }
+
+    /// Bytes so far.
+    pub fn bytes(&self) -> Bytes {
+        self.bytes
+    }
+}
+
+/// A format in which messages follow each other.
+pub trait Messages {
+    /// The longest message, and what shows that another one follows.
+    const MOST_NEEDED_BYTES: usize;
+
+    /// Takes the message that `bytes` begin with, at `offset` in the file, and returns its length; `None` if there is none.
+    fn take(&mut self, bytes: &[u8], offset: u64, found: &mut VecDeque<Entry>) -> Option<usize>;
+
+    /// Whether a message begins here that is longer than all of `bytes`.
+    fn is_cut(&self, bytes: &[u8]) -> bool;
+
+    /// Gives what waited for more, at the end of the file.
+    fn finish(&mut self, found: &mut VecDeque<Entry>);
+
+    /// Readings so far that were skipped, since their times step back.
+    fn stepped_back(&self) -> u64 {
+        0
+    }
+}
+
+/// The entries of a log whose messages follow each other.
+pub struct Log<R, M> {
+    window: Window<R>,
+    found: VecDeque<Entry>,
+    messages: M,
+}
+
+impl<R: Read, M: Messages> Log<R, M> {
+    /// Of what `source` delivers.
+    pub fn of(source: R, messages: M) -> Self {
+        Self {
+            window: Window::of(source),
+            found: VecDeque::new(),
+            messages,
+        }
+    }
+
+    fn read_next(&mut self) -> io::Result<Option<Entry>> {
+        while self.found.is_empty() {
+            let offset = self.window.bytes().read;
+            let rest = self.window.look(M::MOST_NEEDED_BYTES)?;
+            if rest.is_empty() {
+                self.messages.finish(&mut self.found);
+                break;
+            }
+            match self.messages.take(rest, offset, &mut self.found) {
+                Some(length) => self.window.advance(length),
+                None if self.messages.is_cut(rest) => self.window.skip_cut(),
+                None => self.window.skip(),
+            }
+        }
+        Ok(self.found.pop_front())
+    }
+}
+
+impl<R: Read, M: Messages> Entries for Log<R, M> {
+    fn bytes(&self) -> Bytes {
+        self.window.bytes()
+    }
+
+    fn stepped_back(&self) -> u64 {
+        self.messages.stepped_back()
+    }
+}
+
+impl<R: Read, M: Messages> Iterator for Log<R, M> {
+    type Item = io::Result<Entry>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.read_next().transpose()
+    }
+}
