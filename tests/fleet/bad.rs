@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::os::unix::fs::symlink;
+use std::path::Path;
 
 use crate::generator::{Owned, arming};
 use crate::parquet_file::rows;
@@ -111,6 +112,31 @@ fn times_that_run_backwards_are_said() {
     let run = replay(&[format!("{name}/both.BIN")], 1);
     let said = "\nTimes run backwards: once, first from 11:14 to 1:00; readings are taken";
     assert!(run.errors().contains(said), "{}", run.errors());
+}
+
+/// Of a ground station's log: a delayed reading is skipped, and a clock that was set is no damage.
+#[test]
+fn clocks_of_a_station_that_were_set_are_said() {
+    let folder = folder("clocks");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/logs");
+    fs::copy(data.join("clock_back.tlog"), folder.join("back.tlog")).expect("a file");
+    let mut log = fs::read(data.join("boat.tlog")).expect("a file");
+    // The time of a BATTERY_STATUS in the middle, in microseconds.
+    let header = [1, 1, 147, 0, 0];
+    let middle = log.len() / 2;
+    let time = middle + place(&log[middle..], &header) - 5 - 8;
+    let time_us = u64::from_be_bytes(*log[time..].first_chunk().expect("a time"));
+    log[time..time + 8].copy_from_slice(&(time_us - 2_000_000).to_be_bytes());
+    fs::write(folder.join("delayed.tlog"), log).expect("a file");
+    let name = folder.to_str().expect("a path");
+    let (run, path) = table(&[name], "clocks", 1);
+    let said = format!(
+        "{name}/back.tlog: clock stepped back by 2 h at 0:10 (once)\n{name}/delayed.tlog: times run backwards\n"
+    );
+    assert!(run.errors().starts_with(&said), "{}", run.errors());
+    let rows = rows(&path);
+    assert!((rows[0].number("drawn_mah") - 339.0).abs() < 1.0, "{:?}", rows[0]);
+    assert_eq!(rows[1].number("duration_s"), 88.5);
 }
 
 /// A drive that ends with the power has a row; so has one that never began.

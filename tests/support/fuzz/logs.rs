@@ -1,9 +1,8 @@
 //! The readers of recordings: each reads all bytes to their end, gives nothing that they do not have, and where it sets times
 //! itself these never run back.
 
-use rover_battmon_tools::recordings::binlog::{BinaryRecords, TextRecords};
 use rover_battmon_tools::recordings::csv::Csv;
-use rover_battmon_tools::recordings::dataflash::DataFlash;
+use rover_battmon_tools::recordings::dataflash;
 use rover_battmon_tools::recordings::entry::{Content, Entries, Entry};
 use rover_battmon_tools::recordings::tlog::{self, Heard};
 use rover_battmon_tools::recordings::ulog;
@@ -21,8 +20,8 @@ pub fn run(bytes: &[u8]) {
     };
     let reader = READERS[usize::from(*reader) % READERS.len()];
     let mut entries: Box<dyn Entries + '_> = match reader {
-        "BIN" => Box::new(DataFlash::of(BinaryRecords::of(log))),
-        "log" => Box::new(DataFlash::of(TextRecords::of(log))),
+        "BIN" => Box::new(dataflash::binary(log)),
+        "log" => Box::new(dataflash::text(log)),
         "tlog" => Box::new(tlog::read(log, Heard::of(log, None).expect("it is readable"))),
         "ulg" => Box::new(ulog::read(log)),
         _ => Box::new(Csv::of(log)),

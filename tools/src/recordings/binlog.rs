@@ -4,11 +4,7 @@
 //! else is skipped byte by byte, so that damage costs the records it is in and the one before.
 
 use std::collections::HashMap;
-use std::io::{self, Read};
 use std::rc::Rc;
-
-use super::entry::Bytes;
-use super::window::Window;
 
 const SYNCHRONISATION: [u8; 2] = [0xa3, 0x95];
 const HEADER_BYTES: usize = 3;
@@ -16,9 +12,6 @@ const HEADER_BYTES: usize = 3;
 /// The format of formats, by which a file describes all others and itself.
 const FORMAT: u8 = 128;
 const FORMAT_BYTES: usize = 89;
-
-/// A record, whose length is a byte, and what shows that another one follows.
-const MOST_NEEDED_BYTES: usize = u8::MAX as usize + SYNCHRONISATION.len();
 
 /// Lines of a text log are shorter.
 const LONGEST_LINE_BYTES: usize = 1 << 12;
@@ -42,10 +35,16 @@ enum Payload {
     Texts(Vec<String>),
 }
 
-/// A source of records.
-pub trait Records: Iterator<Item = io::Result<Record>> {
-    /// Bytes so far.
-    fn bytes(&self) -> Bytes;
+/// A form of records.
+pub trait Records {
+    /// The longest record, and what shows that another one follows.
+    const MOST_NEEDED_BYTES: usize;
+
+    /// Length of the record that `bytes` begin with, and the record, unless it describes a format.
+    fn first(&mut self, bytes: &[u8]) -> Option<(usize, Option<Record>)>;
+
+    /// Whether a record begins here that is longer than all of `bytes`.
+    fn is_cut(&self, bytes: &[u8]) -> bool;
 }
 
 #[derive(Debug)]
@@ -64,11 +63,8 @@ struct Column {
     place: std::ops::Range<usize>,
 }
 
-/// The records of a binary log, as they follow each other, without those that describe formats.
-pub struct BinaryRecords<R> {
-    window: Window<R>,
-    formats: Formats,
-}
+/// The records of a binary log, as they follow each other.
+pub struct BinaryRecords(Formats);
 
 /// The formats that were described so far, at the places of their numbers.
 type Formats = [Option<Rc<Format>>; 256];
@@ -131,140 +127,89 @@ impl Record {
     }
 }
 
-impl<R: Read> BinaryRecords<R> {
-    /// The records of what `source` delivers.
-    pub fn of(source: R) -> Self {
-        Self {
-            window: Window::of(source),
-            formats: [const { None }; 256],
-        }
-    }
-
-    /// The next record; `None` at the end of the file.
-    fn read_next(&mut self) -> io::Result<Option<Record>> {
-        loop {
-            let rest = self.window.look(MOST_NEEDED_BYTES)?;
-            if rest.is_empty() {
-                return Ok(None);
-            }
-            let Some((kind, payload)) = first_record(rest, &self.formats) else {
-                match is_cut(rest, &self.formats) {
-                    true => self.window.skip_cut(),
-                    false => self.window.skip(),
-                }
-                continue;
-            };
-            let length = HEADER_BYTES + payload.len();
-            if kind == FORMAT {
-                if let Some((kind, format)) = Format::parse(payload) {
-                    self.formats[usize::from(kind)] = Some(Rc::new(format));
-                }
-                self.window.advance(length);
-            } else if let Some(format) = &self.formats[usize::from(kind)] {
-                let record = Record {
-                    format: format.clone(),
-                    payload: Payload::Bytes(payload.to_vec()),
-                };
-                self.window.advance(length);
-                return Ok(Some(record));
-            }
-        }
+impl Default for BinaryRecords {
+    fn default() -> Self {
+        Self([const { None }; 256])
     }
 }
 
-impl<R: Read> Records for BinaryRecords<R> {
-    fn bytes(&self) -> Bytes {
-        self.window.bytes()
+impl Records for BinaryRecords {
+    const MOST_NEEDED_BYTES: usize = u8::MAX as usize + SYNCHRONISATION.len();
+
+    fn first(&mut self, bytes: &[u8]) -> Option<(usize, Option<Record>)> {
+        let (kind, payload) = first_record(bytes, &self.0)?;
+        let record = match &self.0[usize::from(kind)] {
+            Some(format) if kind != FORMAT => Some(Record {
+                format: format.clone(),
+                payload: Payload::Bytes(payload.to_vec()),
+            }),
+            _ => None,
+        };
+        if let Some((kind, format)) = Format::parse(payload).filter(|_| kind == FORMAT) {
+            self.0[usize::from(kind)] = Some(Rc::new(format));
+        }
+        Some((HEADER_BYTES + payload.len(), record))
     }
-}
 
-impl<R: Read> Iterator for BinaryRecords<R> {
-    type Item = io::Result<Record>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        self.read_next().transpose()
+    fn is_cut(&self, bytes: &[u8]) -> bool {
+        match header(bytes, &self.0) {
+            Some((_, length)) => length > bytes.len(),
+            None => bytes.len() < HEADER_BYTES && begins(bytes),
+        }
     }
 }
 
 /// The records of a text log, as Mission Planner writes it: a line each, with the names and numbers of a binary one.
-pub struct TextRecords<R> {
-    window: Window<R>,
+#[derive(Default)]
+pub struct TextRecords {
     formats: HashMap<String, Rc<Format>>,
+    /// Within a line that is not readable.
+    is_in_line: bool,
+    /// It is the last one, without an end.
+    is_cut: bool,
 }
 
-impl<R: Read> TextRecords<R> {
-    /// The records of what `source` delivers.
-    pub fn of(source: R) -> Self {
-        Self {
-            window: Window::of(source),
-            formats: HashMap::new(),
+impl Records for TextRecords {
+    const MOST_NEEDED_BYTES: usize = LONGEST_LINE_BYTES;
+
+    fn first(&mut self, bytes: &[u8]) -> Option<(usize, Option<Record>)> {
+        if self.is_in_line {
+            self.is_in_line = bytes[0] != b'\n';
+            return None;
         }
-    }
-
-    /// The next record; `None` at the end of the file.
-    fn read_next(&mut self) -> io::Result<Option<Record>> {
-        loop {
-            let rest = self.window.look(LONGEST_LINE_BYTES)?;
-            if rest.is_empty() {
-                return Ok(None);
-            }
-            let end = rest
-                .iter()
-                .take(LONGEST_LINE_BYTES)
-                .position(|byte| *byte == b'\n');
-            let length = end.map_or(rest.len().min(LONGEST_LINE_BYTES), |end| end + 1);
-            let line = String::from_utf8_lossy(&rest[..length]).trim().to_owned();
-            let (name, fields) = line.split_once(',').unwrap_or((&line, ""));
-            if name == "FMT" {
-                let format = Format::of_text(fields).filter(|_| self.formats.len() < MOST_FORMATS);
-                self.pass(length, end, format.is_some());
-                self.formats
-                    .extend(format.map(|format| (format.name.clone(), Rc::new(format))));
-                continue;
-            }
-            let format = self.formats.get(name).cloned();
-            let record = format.and_then(|format| Record::of_text(format, fields));
-            self.pass(length, end, line.is_empty() || record.is_some());
-            if record.is_some() {
-                return Ok(record);
-            }
+        let mut first = bytes.iter().take(LONGEST_LINE_BYTES);
+        let end = first.position(|byte| *byte == b'\n');
+        let length = end.map_or(bytes.len().min(LONGEST_LINE_BYTES), |end| end + 1);
+        let line = String::from_utf8_lossy(&bytes[..length]);
+        let (name, fields) = line.trim().split_once(',').unwrap_or((line.trim(), ""));
+        let format = Format::of_text(fields).filter(|_| name == "FMT" && self.formats.len() < MOST_FORMATS);
+        let described = self.formats.get(name).filter(|_| name != "FMT");
+        let record = described.and_then(|format| Record::of_text(format, fields));
+        if name.is_empty() || format.is_some() || record.is_some() {
+            self.formats
+                .extend(format.map(|format| (format.name.clone(), Rc::new(format))));
+            return Some((length, record));
         }
+        self.is_cut = end.is_none() && bytes.len() < LONGEST_LINE_BYTES;
+        self.is_in_line = bytes[0] != b'\n';
+        None
     }
 
-    /// The last line of a file that is cut has no end.
-    fn pass(&mut self, bytes: usize, end: Option<usize>, is_readable: bool) {
-        match is_readable {
-            true => self.window.advance(bytes),
-            false if end.is_none() => (0..bytes).for_each(|_| self.window.skip_cut()),
-            false => (0..bytes).for_each(|_| self.window.skip()),
-        }
-    }
-}
-
-impl<R: Read> Records for TextRecords<R> {
-    fn bytes(&self) -> Bytes {
-        self.window.bytes()
-    }
-}
-
-impl<R: Read> Iterator for TextRecords<R> {
-    type Item = io::Result<Record>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        self.read_next().transpose()
+    fn is_cut(&self, _: &[u8]) -> bool {
+        self.is_cut
     }
 }
 
 impl Record {
     /// `None` if a field is missing. A text in the last one may have commas.
-    fn of_text(format: Rc<Format>, fields: &str) -> Option<Self> {
+    fn of_text(format: &Rc<Format>, fields: &str) -> Option<Self> {
         let fields: Vec<String> = fields
             .splitn(format.columns.len(), ',')
             .map(|field| field.trim().into())
             .collect();
         let is_whole = fields.len() == format.columns.len();
-        is_whole.then_some(Self {
-            format,
+        is_whole.then(|| Self {
+            format: format.clone(),
             payload: Payload::Texts(fields),
         })
     }
@@ -283,30 +228,19 @@ fn header(bytes: &[u8], formats: &Formats) -> Option<(u8, usize)> {
     Some((kind, length))
 }
 
-/// Whether a record begins here, as far as the file goes, that is longer than the rest of the file.
-fn is_cut(bytes: &[u8], formats: &Formats) -> bool {
-    match header(bytes, formats) {
-        Some((_, length)) => length > bytes.len(),
-        None => {
-            bytes.len() < HEADER_BYTES
-                && bytes
-                    .iter()
-                    .zip(SYNCHRONISATION)
-                    .all(|(byte, expected)| *byte == expected)
-        }
-    }
+/// Whether a record may begin here, as far as the file goes.
+fn begins(bytes: &[u8]) -> bool {
+    bytes
+        .iter()
+        .zip(SYNCHRONISATION)
+        .all(|(byte, expected)| *byte == expected)
 }
 
 /// Number of the format and payload of the record that `bytes` begin with, if they do.
 fn first_record<'a>(bytes: &'a [u8], formats: &Formats) -> Option<(u8, &'a [u8])> {
     let (kind, length) = header(bytes, formats)?;
     let (record, following) = bytes.split_at_checked(length)?;
-    // As far as the file goes.
-    let is_followed = following
-        .iter()
-        .zip(SYNCHRONISATION)
-        .all(|(byte, expected)| *byte == expected);
-    is_followed.then(|| (kind, &record[HEADER_BYTES..]))
+    begins(following).then(|| (kind, &record[HEADER_BYTES..]))
 }
 
 impl Format {
@@ -408,10 +342,14 @@ fn text(bytes: &[u8]) -> String {
 #[expect(missing_docs, reason = "another file's tests use it")]
 pub mod tests {
     use super::*;
+    use crate::recordings::entry::{Bytes, Entries, Entry};
+    use crate::recordings::window::{self, Messages};
     use proptest::prelude::*;
     use rover_battmon::battery::{BatteryState, Readings};
     use rover_battmon::pack::Pack;
     use rover_battmon::recorder::dataflash::{Record as Recorded, opening_record};
+    use std::collections::VecDeque;
+    use std::io::{self, Read};
 
     /// Beginning of a file of the board.
     pub fn opening() -> Vec<u8> {
@@ -437,24 +375,41 @@ pub mod tests {
         bytes
     }
 
-    /// A file that is read to its end.
-    struct Log {
+    /// A file that is read to its end: its records, as they are.
+    #[derive(Default)]
+    struct Log<F> {
+        form: F,
         records: Vec<Record>,
         bytes: Bytes,
     }
 
-    impl Log {
+    impl<F: Records> Messages for Log<F> {
+        const MOST_NEEDED_BYTES: usize = F::MOST_NEEDED_BYTES;
+
+        fn take(&mut self, bytes: &[u8], _: u64, _: &mut VecDeque<Entry>) -> Option<usize> {
+            let (length, record) = self.form.first(bytes)?;
+            self.records.extend(record);
+            Some(length)
+        }
+
+        fn is_cut(&self, bytes: &[u8]) -> bool {
+            self.form.is_cut(bytes)
+        }
+    }
+
+    impl Log<BinaryRecords> {
         fn parse(bytes: &[u8]) -> Self {
             Self::read(bytes)
         }
+    }
 
+    impl<F: Records + Default> Log<F> {
         fn read(source: impl Read) -> Self {
-            let mut records = BinaryRecords::of(source);
-            let all = records.by_ref().map(|record| record.expect("it is readable"));
-            Self {
-                records: all.collect(),
-                bytes: records.bytes(),
-            }
+            let mut log = window::Log::of(source, Self::default());
+            assert!(log.next().is_none());
+            let bytes = log.bytes();
+            let read = log.into_messages();
+            Self { bytes, ..read }
         }
     }
 
@@ -469,7 +424,7 @@ pub mod tests {
     }
 
     /// The texts in a file.
-    fn texts(log: &Log) -> Vec<String> {
+    fn texts(log: &Log<BinaryRecords>) -> Vec<String> {
         let messages = log.records.iter().filter(|record| record.name() == "MSG");
         messages.filter_map(|record| record.text("Message")).collect()
     }
@@ -524,10 +479,9 @@ pub mod tests {
                     BAT, 1200000\n\
                     MSG, 1300000, low, and critical\n\
                     MSG, 14";
-        let mut records = TextRecords::of(text.as_bytes());
-        let found: Vec<Record> = records.by_ref().map(|record| record.expect("a record")).collect();
-        let [first, unknown, message] = &found[..] else {
-            panic!("{found:?}");
+        let log = Log::<TextRecords>::read(text.as_bytes());
+        let [first, unknown, message] = &log.records[..] else {
+            panic!("{:?}", log.records);
         };
         let numbers = |record: &Record| ["TimeUS", "Volt", "Curr"].map(|column| record.number(column));
         assert_eq!(numbers(first), [Some(1e6), Some(11.5), Some(-3.0)]);
@@ -542,7 +496,7 @@ pub mod tests {
             skipped: lost as u64,
             cut: cut as u64,
         };
-        assert_eq!(records.bytes(), bytes);
+        assert_eq!(log.bytes, bytes);
     }
 
     #[test]
@@ -616,9 +570,8 @@ pub mod tests {
         #[test]
         fn any_bytes_can_be_read(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
             Log::parse(&bytes);
-            let mut texts = TextRecords::of(bytes.as_slice());
-            prop_assert!(texts.by_ref().all(|record| record.is_ok()));
-            prop_assert_eq!(texts.bytes().read, bytes.len() as u64);
+            let texts = Log::<TextRecords>::read(bytes.as_slice());
+            prop_assert_eq!(texts.bytes.read, bytes.len() as u64);
             let after_formats = [opening(), bytes].concat();
             let log = Log::parse(&after_formats);
             prop_assert!(log.bytes.skipped <= after_formats.len() as u64);
@@ -630,7 +583,7 @@ pub mod tests {
             few in 1usize..400,
         ) {
             let file = [file(0..20), bytes, file(20..40)].concat();
-            let [whole, slow] = [Log::parse(&file), Log::read(Slow(&file, few))];
+            let [whole, slow] = [Log::parse(&file), Log::<BinaryRecords>::read(Slow(&file, few))];
             prop_assert_eq!(texts(&whole), texts(&slow));
             prop_assert_eq!(whole.bytes, slow.bytes);
         }

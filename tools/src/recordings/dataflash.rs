@@ -1,15 +1,16 @@
 //! Records of ArduPilot's logs, from version 3.2 on, and of this board's, as entries.
 
-use std::collections::HashMap;
-use std::io;
+use std::collections::{HashMap, VecDeque};
+use std::io::Read;
 
 use rover_battmon::battery::{CellVoltages, Extremes, FailsafeLevel, FailsafeTimer, LEARNT_WORDS};
 use rover_battmon::pack::Pack;
 use rover_battmon::recorder::dataflash::MESSAGE_BYTES;
 use rover_battmon::vehicle::ArmState;
 
-use super::binlog::{Record, Records};
-use super::entry::{Bytes, CURVE_WORDS, Content, Entries, Entry, Estimate, Part, Reported, Sample};
+use super::binlog::{BinaryRecords, Record, Records, TextRecords};
+use super::entry::{CURVE_WORDS, Content, Entry, Estimate, Part, Reported, Sample};
+use super::window::{Log, Messages};
 
 /// GPS time began with 1980-01-06, in seconds since 1970; since 2017 it is 18 leap seconds ahead of UTC.
 const GPS_EPOCH_S: f64 = 315_964_800.0 - 18.0;
@@ -46,12 +47,13 @@ const OCCURRED: f64 = 1.0;
 /// Scale of integers in CURR of versions whose logs do not state it.
 const HUNDREDTHS: f64 = 0.01;
 
-/// The entries of a log.
-pub struct DataFlash<R> {
-    records: R,
+/// The records of a log.
+#[derive(Default)]
+pub struct DataFlash<F> {
+    records: F,
     scales: Scales,
-    /// Message that was read behind a text, to see whether that goes on.
-    following: Option<io::Result<Entry>>,
+    /// A text that fills its record: it goes on in one of the same time.
+    text: Option<Entry>,
 }
 
 /// Factors of integers, as far as the log states them.
@@ -63,68 +65,55 @@ struct Scales {
     letters: HashMap<u8, Vec<u8>>,
 }
 
-impl<R: Records> DataFlash<R> {
-    /// Of these records.
-    pub fn of(records: R) -> Self {
-        Self {
-            records,
-            scales: Scales::default(),
-            following: None,
-        }
-    }
+/// The entries of a binary log that `source` delivers.
+pub fn binary<R: Read>(source: R) -> Log<R, DataFlash<BinaryRecords>> {
+    Log::of(source, DataFlash::default())
+}
 
-    /// The next entry; a text of a record by itself.
-    fn read_next(&mut self) -> Option<io::Result<Entry>> {
-        loop {
-            let record = match self.records.next()? {
-                Ok(record) => record,
-                Err(error) => return Some(Err(error)),
-            };
+/// The same of a text log.
+pub fn text<R: Read>(source: R) -> Log<R, DataFlash<TextRecords>> {
+    Log::of(source, DataFlash::default())
+}
+
+impl<F: Records> Messages for DataFlash<F> {
+    const MOST_NEEDED_BYTES: usize = F::MOST_NEEDED_BYTES;
+
+    fn take(&mut self, bytes: &[u8], _: u64, found: &mut VecDeque<Entry>) -> Option<usize> {
+        let (length, record) = self.records.first(bytes)?;
+        if let Some(record) = record {
             self.scales.take(&record);
             if let Some(content) = content(&record, &self.scales) {
                 let time_s = time_s(&record);
-                return Some(Ok(Entry { time_s, content }));
+                self.push(Entry { time_s, content }, found);
             }
         }
+        Some(length)
+    }
+
+    fn is_cut(&self, bytes: &[u8]) -> bool {
+        self.records.is_cut(bytes)
+    }
+
+    fn finish(&mut self, found: &mut VecDeque<Entry>) {
+        found.extend(self.text.take());
     }
 }
 
-impl<R: Records> Entries for DataFlash<R> {
-    fn bytes(&self) -> Bytes {
-        self.records.bytes()
-    }
-}
-
-impl<R: Records> Iterator for DataFlash<R> {
-    type Item = io::Result<Entry>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let mut entry = self.following.take().or_else(|| self.read_next())?;
-        if let Ok(Entry {
-            time_s,
-            content: Content::Text(text),
-        }) = &mut entry
-        {
-            // A text that fills its record goes on in one of the same time.
-            let mut part_bytes = text.len();
-            while part_bytes >= MESSAGE_BYTES {
-                self.following = self.read_next();
-                let Some(Ok(Entry {
-                    time_s: following_s,
-                    content: Content::Text(part),
-                })) = &self.following
-                else {
-                    break;
-                };
-                if following_s != time_s {
-                    break;
-                }
-                part_bytes = part.len();
-                text.push_str(part);
-                self.following = None;
+impl<F> DataFlash<F> {
+    fn push(&mut self, mut entry: Entry, found: &mut VecDeque<Entry>) {
+        let mut is_full = false;
+        if let Content::Text(part) = &mut entry.content {
+            is_full = part.len() >= MESSAGE_BYTES;
+            let begun = self.text.take_if(|begun| begun.time_s == entry.time_s);
+            if let Some(Content::Text(begun)) = begun.map(|begun| begun.content) {
+                part.insert_str(0, &begun);
             }
         }
-        Some(entry)
+        found.extend(self.text.take());
+        match is_full {
+            true => self.text = Some(entry),
+            false => found.push_back(entry),
+        }
     }
 }
 
@@ -364,7 +353,7 @@ fn started_utc_s(record: &Record) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recordings::binlog::{BinaryRecords, field_bytes};
+    use crate::recordings::binlog::field_bytes;
 
     /// A record of format 100 on, by its place.
     struct Recorded<'a>(&'a str, &'a [u8]);
@@ -391,7 +380,7 @@ mod tests {
     }
 
     fn entries(bytes: &[u8]) -> Vec<Content> {
-        let entries = DataFlash::of(BinaryRecords::of(bytes)).map(|entry| entry.expect("it is readable"));
+        let entries = binary(bytes).map(|entry| entry.expect("it is readable"));
         entries.map(|entry| entry.content).collect()
     }
 

@@ -15,9 +15,7 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use self::binlog::{BinaryRecords, TextRecords};
 use self::csv::Csv;
-use self::dataflash::DataFlash;
 use self::entry::Entries;
 use self::tlog::Heard;
 
@@ -140,8 +138,8 @@ impl Format {
     pub fn open(&self, path: &Path) -> io::Result<Box<dyn Entries>> {
         let file = File::open(path)?;
         Ok(match self {
-            Self::DataFlash => Box::new(DataFlash::of(BinaryRecords::of(file))),
-            Self::Text => Box::new(DataFlash::of(TextRecords::of(file))),
+            Self::DataFlash => Box::new(dataflash::binary(file)),
+            Self::Text => Box::new(dataflash::text(file)),
             Self::Telemetry(heard) => Box::new(tlog::read(file, heard.clone())),
             Self::ULog => Box::new(ulog::read(file)),
             Self::Csv => Box::new(Csv::of(file)),

@@ -25,23 +25,10 @@ const OF_PACK: [(&str, BatteryParameter); 2] = [
 /// Parameters of PX4 up to 1.10, with those that replace them. Later versions keep the older ones, whose values mean nothing.
 const REPLACED: [(&str, &str); 2] = [("BAT_N_CELLS", "BAT1_N_CELLS"), ("BAT_CAPACITY", "BAT1_CAPACITY")];
 
-/// Which of the parameters that replace others a log has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Replacements([bool; REPLACED.len()]);
-
-impl Replacements {
-    /// Takes note of a parameter of the log.
-    pub fn take(&mut self, name: &str) {
-        for (is_there, (_, replacement)) in self.0.iter_mut().zip(REPLACED) {
-            *is_there |= name == replacement;
-        }
-    }
-
-    /// Whether a parameter counts: it is not replaced by another one of the log.
-    pub fn leave(&self, name: &str) -> bool {
-        let mut replaced = self.0.iter().zip(REPLACED);
-        !replaced.any(|(is_there, (older, _))| *is_there && name == older)
-    }
+/// The older parameter that a parameter replaces.
+pub fn replaced_by(name: &str) -> Option<&'static str> {
+    let (older, _) = REPLACED.iter().find(|(_, newer)| name == *newer)?;
+    Some(older)
 }
 
 /// Whether a parameter counts only if another one is missing.

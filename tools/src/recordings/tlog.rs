@@ -4,7 +4,7 @@
 //! fields: a number that this version does not know costs nothing.
 
 use std::cmp::Reverse;
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::io::{self, Read};
 
 use ::mavlink::{Message, calculate_crc};
@@ -14,8 +14,8 @@ use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::vehicle::ArmState;
 
 use super::entry::{Content, Entry, Reported, Sample};
-use super::px4::{self, Replacements};
-use super::window::{Log, Messages, Window};
+use super::px4;
+use super::window::{Log, Messages};
 
 const TIME_BYTES: usize = 8;
 const CRC_BYTES: usize = 2;
@@ -53,8 +53,7 @@ const MOST_OF_CELL_MV: u16 = 5000;
 
 /// Characters of a STATUSTEXT; a longer text comes in several with the same id.
 const TEXT_BYTES: usize = 50;
-/// Texts of which parts are awaited, and how long.
-const MOST_TEXTS: usize = 8;
+/// The rest of it is awaited for this long.
 const TEXT_TIMEOUT_S: f64 = 2.0;
 
 /// A step back of up to this is a message that was delayed: the reading is skipped. After a larger one the clock was set.
@@ -71,6 +70,7 @@ const MOST_SENDERS: usize = 64;
 const MOST_STEPS: usize = 10_000;
 
 /// The messages of a log, after a first pass.
+#[derive(Default)]
 pub struct Tlog {
     heard: Heard,
     /// Steps of the clock so far.
@@ -114,13 +114,12 @@ struct Sender {
     component_id: u8,
     /// Type and autopilot of its heartbeats, if it is a vehicle.
     kind: Option<[u8; 2]>,
-    /// Its heartbeats are of no vehicle.
-    is_other: bool,
     heartbeats: u64,
     battery_statuses: u64,
     has_first_pack: bool,
     sys_statuses: u64,
-    replacements: Replacements,
+    /// Parameters that others replace.
+    replaced: HashSet<&'static str>,
     /// Its clock, the steady time and the number of steps at its latest message with a time.
     clock: Option<(i64, i64, usize)>,
     /// The message of its readings by which the usual interval is known, as with [`Self::clock`].
@@ -143,20 +142,11 @@ struct Frame<'a> {
 
 /// The entries of a log that `source` delivers, of which this is known.
 pub fn read<R: Read>(source: R, heard: Heard) -> Log<R, Tlog> {
-    Log::of(
-        source,
-        Tlog {
-            heard,
-            steps: 0,
-            previous_us: None,
-            elapsed_us: 0,
-            latest_us: 0,
-            arm_state: None,
-            latest_s: [0.0; MAX_PACKS],
-            stepped_back: 0,
-            texts: vec![],
-        },
-    )
+    let messages = Tlog {
+        heard,
+        ..Tlog::default()
+    };
+    Log::of(source, messages)
 }
 
 impl Messages for Tlog {
@@ -168,11 +158,8 @@ impl Messages for Tlog {
             self.begin(frame.time_us, found);
         }
         self.advance(frame.time_us, offset, found);
-        let is_of_vehicle = self
-            .heard
-            .vehicle()
-            .is_some_and(|vehicle| vehicle.has_sent(&frame));
-        if is_of_vehicle {
+        let vehicle = self.heard.vehicle();
+        if vehicle.is_some_and(|vehicle| vehicle.has_sent(&frame)) {
             self.message(&frame, found);
         }
         Some(length)
@@ -202,45 +189,32 @@ impl Tlog {
         let mut contents = vec![Content::StartUtc(time_us as f64 / 1e6)];
         if let Some(vehicle) = self.heard.vehicle() {
             contents.push(Content::SystemId(vehicle.system_id.into()));
-            let kind = vehicle
-                .kind
-                .map(|[kind, autopilot]| [Content::Vehicle(kind), Content::Autopilot(autopilot)]);
-            contents.extend(kind.into_iter().flatten());
+            if let Some([kind, autopilot]) = vehicle.kind {
+                contents.extend([Content::Vehicle(kind), Content::Autopilot(autopilot)]);
+            }
             contents.extend(vehicle.uses_sys_status().then_some(Content::FromSysStatus));
         }
-        contents.extend(
-            self.heard
-                .others()
-                .map(|(id, readings)| Content::OtherSystem(id, readings)),
-        );
-        found.extend(contents.into_iter().map(|content| Entry {
-            time_s: None,
-            content,
-        }));
+        let others = self.heard.others();
+        contents.extend(others.map(|(id, readings)| Content::OtherSystem(id, readings)));
+        let time_s = None;
+        found.extend(contents.into_iter().map(|content| Entry { time_s, content }));
     }
 
     /// Takes the time of the next message.
     fn advance(&mut self, time_us: u64, offset: u64, found: &mut VecDeque<Entry>) {
         let step_us = difference_us(time_us, self.previous_us.replace(time_us));
-        let correction = self
-            .heard
-            .vehicle()
-            .and_then(|vehicle| vehicle.corrections.get(self.steps));
-        let set_us = match correction.filter(|(place, ..)| *place == offset) {
-            Some((_, step_us, passed_us)) => {
-                self.steps += 1;
-                self.elapsed_us = self.latest_us + passed_us;
-                Some(step_us - passed_us)
-            }
-            None => {
-                self.elapsed_us += step_us;
-                None
-            }
+        let vehicle = self.heard.vehicle();
+        let correction = vehicle.and_then(|vehicle| vehicle.corrections.get(self.steps));
+        let Some((_, step_us, passed_us)) = correction.filter(|(place, ..)| *place == offset) else {
+            self.elapsed_us += step_us;
+            self.latest_us = self.latest_us.max(self.elapsed_us);
+            return;
         };
-        self.latest_us = self.latest_us.max(self.elapsed_us);
-        if let Some(set_us) = set_us {
-            self.push(Content::ClockStep(set_us as f64 / 1e6), found);
-        }
+        let set_s = (step_us - passed_us) as f64 / 1e6;
+        self.steps += 1;
+        self.latest_us += passed_us;
+        self.elapsed_us = self.latest_us;
+        self.push(Content::ClockStep(set_s), found);
     }
 
     fn time_s(&self) -> f64 {
@@ -306,7 +280,7 @@ impl Tlog {
         let Some(vehicle) = self.heard.vehicle() else {
             return;
         };
-        let (name, bits) = (frame.text(8, 16), u32::from_le_bytes(frame.bytes(0)));
+        let (name, bits) = (frame.parameter_name(), u32::from_le_bytes(frame.bytes(0)));
         let is_px4 = vehicle
             .kind
             .is_some_and(|[_, autopilot]| autopilot == px4::AUTOPILOT);
@@ -318,7 +292,7 @@ impl Tlog {
         if !value.is_finite() {
             return;
         }
-        if is_px4 && vehicle.replacements.leave(&name) {
+        if is_px4 && !vehicle.replaced.contains(name.as_str()) {
             for (name, value) in px4::translated(&name, value) {
                 self.push(Content::Parameter(name, value), found);
             }
@@ -328,14 +302,8 @@ impl Tlog {
 
     /// A part of a text, or all of it: then it has no id.
     fn text(&mut self, frame: &Frame, found: &mut VecDeque<Entry>) {
-        let part: Vec<u8> = (1..=TEXT_BYTES)
-            .map(|place| frame.byte(place))
-            .take_while(|byte| *byte != 0)
-            .collect();
+        let part = frame.characters(1, TEXT_BYTES);
         let (id, number) = (u16::from_le_bytes(frame.bytes(51)), frame.byte(53));
-        if id == 0 {
-            return self.push(Content::Text(String::from_utf8_lossy(&part).into_owned()), found);
-        }
         let place = self.texts.iter().position(|text| text.id == id);
         let place = place.unwrap_or_else(|| {
             self.texts.push(Chunks {
@@ -349,33 +317,41 @@ impl Tlog {
         let text = &mut self.texts[place];
         // Of one that came twice the first counts.
         if number >= text.next {
-            if number > text.next {
-                text.bytes.extend("…".as_bytes());
-            }
-            text.next = number.saturating_add(1);
+            let is_missing = number > text.next;
+            text.bytes.extend(if is_missing { "…" } else { "" }.as_bytes());
             text.bytes.extend(&part);
+            text.next = number.saturating_add(1);
         }
-        if part.len() < TEXT_BYTES {
-            let text = self.texts.remove(place);
-            self.push(text.content(), found);
-        } else if self.texts.len() > MOST_TEXTS {
-            let oldest = self.texts.remove(0);
-            self.push(oldest.content(), found);
+        if id == 0 || part.len() < TEXT_BYTES {
+            self.end_text(place, found);
         }
     }
 
     /// Gives texts that began up to a moment, and whose end is missing or fills its message.
     fn end_texts(&mut self, until_s: f64, found: &mut VecDeque<Entry>) {
         while self.texts.first().is_some_and(|text| text.began_s <= until_s) {
-            let text = self.texts.remove(0);
-            self.push(text.content(), found);
+            self.end_text(0, found);
         }
+    }
+
+    fn end_text(&mut self, place: usize, found: &mut VecDeque<Entry>) {
+        let text = self.texts.remove(place);
+        let text = String::from_utf8_lossy(&text.bytes).into_owned();
+        self.push(Content::Text(text), found);
     }
 }
 
-impl Chunks {
-    fn content(&self) -> Content {
-        Content::Text(String::from_utf8_lossy(&self.bytes).into_owned())
+impl Messages for Heard {
+    const MOST_NEEDED_BYTES: usize = Tlog::MOST_NEEDED_BYTES;
+
+    fn take(&mut self, bytes: &[u8], offset: u64, _: &mut VecDeque<Entry>) -> Option<usize> {
+        let (length, frame) = first_frame(bytes)?;
+        self.hear(&frame, offset);
+        Some(length)
+    }
+
+    fn is_cut(&self, _: &[u8]) -> bool {
+        false
     }
 }
 
@@ -385,27 +361,15 @@ impl Heard {
     /// # Errors
     /// It can't be read.
     pub fn of(source: impl Read, system: Option<u8>) -> io::Result<Self> {
-        let mut heard = Self::default();
-        let mut window = Window::of(source);
-        loop {
-            let offset = window.bytes().read;
-            let rest = window.look(Tlog::MOST_NEEDED_BYTES)?;
-            if rest.is_empty() {
-                break;
-            }
-            match first_frame(rest) {
-                Some((length, frame)) => {
-                    heard.take(&frame, offset);
-                    window.advance(length);
-                }
-                None => window.skip(),
-            }
-        }
+        let mut log = Log::of(source, Self::default());
+        // It gives no entry before the end of the file.
+        log.next().transpose()?;
+        let mut heard = log.into_messages();
         heard.choose(system);
         Ok(heard)
     }
 
-    fn take(&mut self, frame: &Frame, offset: u64) {
+    fn hear(&mut self, frame: &Frame, offset: u64) {
         let step_us = difference_us(frame.time_us, self.previous_us.replace(frame.time_us));
         if (-BACK_US..=DELAYED_US).contains(&step_us) {
             self.steady_us += step_us;
@@ -415,18 +379,17 @@ impl Heard {
         if !is_read(frame.message_id) {
             return;
         }
-        let place = self.senders.iter().position(|sender| sender.has_sent(frame));
-        if place.is_none() && self.senders.len() < MOST_SENDERS {
-            self.senders.push(Sender {
+        let mut senders = self.senders.iter_mut();
+        if let Some(sender) = senders.find(|sender| sender.has_sent(frame)) {
+            sender.hear(frame, self.steady_us, &self.steps);
+        } else if self.senders.len() < MOST_SENDERS {
+            let mut sender = Sender {
                 system_id: frame.system_id,
                 component_id: frame.component_id,
                 ..Sender::default()
-            });
-        }
-        let place = place.unwrap_or(self.senders.len() - 1);
-        let sender = &mut self.senders[place];
-        if sender.has_sent(frame) {
-            sender.take(frame, self.steady_us, &self.steps);
+            };
+            sender.hear(frame, self.steady_us, &self.steps);
+            self.senders.push(sender);
         }
     }
 
@@ -449,7 +412,7 @@ impl Heard {
             )
         });
         if let Some(place) = self.vehicle {
-            self.senders[place].set_aside(&self.steps, 0);
+            self.senders[place].set_aside(&self.steps, 0, is_jump);
         }
         self.steps = vec![];
     }
@@ -466,18 +429,9 @@ impl Heard {
     /// The ids of other vehicles with their readings.
     pub fn others(&self) -> impl Iterator<Item = (u8, u64)> {
         let own = self.vehicle().map(|vehicle| vehicle.system_id);
-        let others = self
-            .senders
-            .iter()
-            .filter(move |sender| sender.is_candidate() && Some(sender.system_id) != own);
-        let mut found: Vec<(u8, u64)> = vec![];
-        for sender in others {
-            match found.iter_mut().find(|(id, _)| *id == sender.system_id) {
-                Some((_, readings)) => *readings += sender.readings(),
-                None => found.push((sender.system_id, sender.readings())),
-            }
-        }
-        found.into_iter()
+        let others = self.senders.iter().filter(|sender| sender.is_candidate());
+        let others = others.filter(move |sender| Some(sender.system_id) != own);
+        others.map(|sender| (sender.system_id, sender.readings()))
     }
 }
 
@@ -486,10 +440,9 @@ impl Sender {
         (self.system_id, self.component_id) == (frame.system_id, frame.component_id)
     }
 
+    /// A vehicle, or an autopilot that does not say of what.
     fn is_candidate(&self) -> bool {
-        let is_silent_autopilot =
-            self.component_id == AUTOPILOT_COMPONENT && !self.is_other && self.readings() > 0;
-        self.kind.is_some() || is_silent_autopilot
+        self.kind.is_some() || (self.component_id == AUTOPILOT_COMPONENT && self.readings() > 0)
     }
 
     fn uses_sys_status(&self) -> bool {
@@ -503,13 +456,12 @@ impl Sender {
         }
     }
 
-    fn take(&mut self, frame: &Frame, steady_us: i64, steps: &[(u64, i64)]) {
+    fn hear(&mut self, frame: &Frame, steady_us: i64, steps: &[(u64, i64)]) {
         match frame.message_id {
             HEARTBEAT if is_vehicle(frame) => {
                 self.kind = Some([frame.byte(4), frame.byte(5)]);
                 self.heartbeats += 1;
             }
-            HEARTBEAT => self.is_other = true,
             BATTERY_STATUS => {
                 self.battery_statuses += 1;
                 self.has_first_pack |= frame.byte(32) == 0;
@@ -519,7 +471,7 @@ impl Sender {
                 self.sys_statuses += 1;
                 self.time_of_reading(frame, steady_us, steps);
             }
-            PARAM_VALUE => self.replacements.take(&frame.text(8, 16)),
+            PARAM_VALUE => self.replaced.extend(px4::replaced_by(&frame.parameter_name())),
             _ => {}
         }
         if let Some(clock_us) = frame.clock_us() {
@@ -561,37 +513,35 @@ impl Sender {
             .clock
             .is_some_and(|(.., steps_before)| steps_before == self.resolved);
         if self.resolved < steps.len() && !has_clock {
-            self.set_aside(steps, self.interval_us - passed_us);
+            self.set_aside(steps, self.interval_us - passed_us, is_jump);
         }
         self.reading = Some((message_id, steady_us, steps.len()));
     }
 
-    /// Resolves new steps that took this long by the vehicle's clock: a message that is missing is a gap.
+    /// Resolves new steps that took this long by the vehicle's clock: if they say the same, messages are missing.
     fn resolve(&mut self, steps: &[(u64, i64)], passed_us: i64) {
-        let mut left_us = passed_us.max(0);
-        let new = &steps[self.resolved..];
-        let sum_us: i64 = new.iter().map(|(_, step_us)| step_us).sum();
-        let is_gap = new.iter().all(|(_, step_us)| *step_us > 0) && (sum_us - left_us).abs() <= DELAYED_US;
-        if !is_gap {
-            for (place, step_us) in new {
-                self.corrections
-                    .push((*place, *step_us, std::mem::take(&mut left_us)));
-            }
-        }
-        self.resolved = steps.len();
+        let mut new = steps[self.resolved..].iter();
+        let sum_us: i64 = new.clone().map(|(_, step_us)| step_us).sum();
+        let is_gap = new.all(|(_, step_us)| *step_us > 0) && (sum_us - passed_us).abs() <= DELAYED_US;
+        self.set_aside(steps, passed_us, |_| !is_gap);
     }
 
-    /// Without the vehicle's clock a long step is a jump, of which the first takes what is left of the usual interval.
-    fn set_aside(&mut self, steps: &[(u64, i64)], left_us: i64) {
-        let mut left_us = left_us.max(0);
+    /// Sets new steps aside that are jumps: the first takes the time that went by.
+    fn set_aside(&mut self, steps: &[(u64, i64)], passed_us: i64, is_jump: impl Fn(i64) -> bool) {
+        let mut left_us = passed_us.max(0);
         for (place, step_us) in &steps[self.resolved..] {
-            if !(-DELAYED_US..=LONGEST_GAP_US).contains(step_us) {
+            if is_jump(*step_us) {
                 self.corrections
                     .push((*place, *step_us, std::mem::take(&mut left_us)));
             }
         }
         self.resolved = steps.len();
     }
+}
+
+/// Whether a step is a jump, as far as can be said without the vehicle's clock.
+fn is_jump(step_us: i64) -> bool {
+    !(-DELAYED_US..=LONGEST_GAP_US).contains(&step_us)
 }
 
 /// Whether a file begins with a message behind its time.
@@ -695,10 +645,14 @@ impl Frame<'_> {
         std::array::from_fn(|offset| self.byte(place + offset))
     }
 
-    fn text(&self, place: usize, length: usize) -> String {
+    /// Up to the first zero.
+    fn characters(&self, place: usize, length: usize) -> Vec<u8> {
         let bytes = (place..place + length).map(|place| self.byte(place));
-        let bytes: Vec<u8> = bytes.take_while(|byte| *byte != 0).collect();
-        String::from_utf8_lossy(&bytes).into_owned()
+        bytes.take_while(|byte| *byte != 0).collect()
+    }
+
+    fn parameter_name(&self) -> String {
+        String::from_utf8_lossy(&self.characters(8, 16)).into_owned()
     }
 
     /// The sender's time since its start.

@@ -5,7 +5,7 @@
 //!
 //! PX4's own crate, `px4-ulog` 0.6.1, does not check the lengths of contents, and ends at the first damaged message.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::io::Read;
 use std::ops::Range;
 use std::rc::Rc;
@@ -16,7 +16,7 @@ use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::vehicle::ArmState;
 
 use super::entry::{Content, Entry, Reported, Sample};
-use super::px4::{self, Replacements};
+use super::px4;
 use super::window::{Log, Messages};
 
 /// The beginning of a file, before its version.
@@ -54,7 +54,8 @@ pub struct ULog {
     has_actuators: bool,
     /// The first time of data if it is since 1970, in microseconds.
     start_us: Option<f64>,
-    replacements: Replacements,
+    /// Parameters that others replace.
+    replaced: HashSet<&'static str>,
     /// Older parameters of the definitions, until these end without those that replace them.
     older: Vec<(String, f64)>,
     has_cells: [bool; MAX_PACKS],
@@ -168,7 +169,7 @@ impl ULog {
     }
 
     fn setting(&mut self, name: &str, value: f64, found: &mut VecDeque<Entry>) {
-        if !self.replacements.leave(name) {
+        if self.replaced.contains(name) {
             return;
         }
         for (name, value) in px4::translated(name, value) {
@@ -267,7 +268,7 @@ impl ULog {
         if !value.is_finite() {
             return None;
         }
-        self.replacements.take(name);
+        self.replaced.extend(px4::replaced_by(name));
         if name == "MAV_TYPE" {
             push(found, None, Content::Vehicle(value as u8));
         }

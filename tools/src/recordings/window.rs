@@ -103,7 +103,7 @@ pub trait Messages {
     fn is_cut(&self, bytes: &[u8]) -> bool;
 
     /// Gives what waited for more, at the end of the file.
-    fn finish(&mut self, found: &mut VecDeque<Entry>);
+    fn finish(&mut self, _: &mut VecDeque<Entry>) {}
 
     /// Readings so far that were skipped, since their times step back.
     fn stepped_back(&self) -> u64 {
@@ -126,6 +126,11 @@ impl<R: Read, M: Messages> Log<R, M> {
             found: VecDeque::new(),
             messages,
         }
+    }
+
+    /// The messages by now.
+    pub fn into_messages(self) -> M {
+        self.messages
     }
 
     fn read_next(&mut self) -> io::Result<Option<Entry>> {

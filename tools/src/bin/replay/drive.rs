@@ -134,9 +134,8 @@ pub mod tests {
     use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded, opening_record};
     use rover_battmon::time::Utc;
     use rover_battmon::vehicle::ArmState;
-    use rover_battmon_tools::recordings::binlog::BinaryRecords;
     use rover_battmon_tools::recordings::csv::Csv;
-    use rover_battmon_tools::recordings::dataflash::DataFlash;
+    use rover_battmon_tools::recordings::dataflash;
     use rover_battmon_tools::recordings::entry::Reported;
 
     /// Beginning of a file of the board.
@@ -180,7 +179,7 @@ pub mod tests {
 
     /// The drive of a pack in these bytes.
     fn drive_of(bytes: &[u8], pack: Pack) -> Result<Drive, String> {
-        Drive::read(|| Ok(Box::new(DataFlash::of(BinaryRecords::of(bytes)))), pack)
+        Drive::read(|| Ok(Box::new(dataflash::binary(bytes))), pack)
     }
 
     fn drive_in(records: &[Recorded], pack: Pack) -> Drive {

@@ -209,8 +209,7 @@ mod tests {
     };
     use rover_battmon::recorder::dataflash::{Record as Recorded, Subsystem};
     use rover_battmon::vehicle::ArmState;
-    use rover_battmon_tools::recordings::binlog::BinaryRecords;
-    use rover_battmon_tools::recordings::dataflash::DataFlash;
+    use rover_battmon_tools::recordings::dataflash;
 
     fn state(voltage_v: f32) -> BatteryState {
         BatteryState {
@@ -232,11 +231,7 @@ mod tests {
     }
 
     fn drives_in(bytes: &[u8], what_if: &[Assignment]) -> Result<Drives, String> {
-        Drives::read(
-            "log",
-            || Ok(Box::new(DataFlash::of(BinaryRecords::of(bytes)))),
-            what_if,
-        )
+        Drives::read("log", || Ok(Box::new(dataflash::binary(bytes))), what_if)
     }
 
     fn rows_of(records: &[Recorded]) -> Vec<Row> {
