@@ -4,7 +4,7 @@
 use rover_battmon_tools::recordings::csv::Csv;
 use rover_battmon_tools::recordings::dataflash;
 use rover_battmon_tools::recordings::entry::{Content, Entries, Entry};
-use rover_battmon_tools::recordings::tlog::{self, Heard};
+use rover_battmon_tools::recordings::tlog::{self, Senders};
 use rover_battmon_tools::recordings::ulog;
 
 /// The end of a file's name for each reader, at the place of the byte that chooses it.
@@ -22,7 +22,7 @@ pub fn run(bytes: &[u8]) {
     let mut entries: Box<dyn Entries + '_> = match reader {
         "BIN" => Box::new(dataflash::binary(log)),
         "log" => Box::new(dataflash::text(log)),
-        "tlog" => Box::new(tlog::read(log, Heard::of(log, None).expect("it is readable"))),
+        "tlog" => Box::new(tlog::read(log, Senders::of(log, None).expect("it is readable"))),
         "ulg" => Box::new(ulog::read(log)),
         _ => Box::new(Csv::of(log)),
     };

@@ -17,7 +17,7 @@ use std::path::Path;
 
 use self::csv::Csv;
 use self::entry::Entries;
-use self::tlog::Heard;
+use self::tlog::Senders;
 
 /// The longest log that is read, in bytes. The board's have 1 MB at most, and ArduPilot's seldom more than 100 MB; reading this
 /// much takes a processor some seconds.
@@ -52,7 +52,7 @@ pub enum Format {
     /// The same as text.
     Text,
     /// A ground station's, with the findings of a first pass.
-    Telemetry(Heard),
+    Telemetry(Senders),
     /// PX4's.
     ULog,
     /// Text in columns.
@@ -96,13 +96,13 @@ impl Format {
     }
 
     fn of_station(path: &Path, system: Option<u8>) -> Result<Self, String> {
-        let heard = File::open(path).and_then(|file| Heard::of(file, system));
-        let heard = heard.map_err(|error| error.to_string())?;
-        if let Some(system) = system.filter(|_| !heard.has_vehicle()) {
-            let others: Vec<String> = heard.others().map(|(id, _)| id.to_string()).collect();
+        let senders = File::open(path).and_then(|file| Senders::of(file, system));
+        let senders = senders.map_err(|error| error.to_string())?;
+        if let Some(system) = system.filter(|_| !senders.has_vehicle()) {
+            let others: Vec<String> = senders.others().map(|(id, _)| id.to_string()).collect();
             return Err(format!("no vehicle {system}, but {}", others.join(", ")));
         }
-        Ok(Self::Telemetry(heard))
+        Ok(Self::Telemetry(senders))
     }
 
     fn of_head(head: &[u8]) -> Result<Self, String> {
@@ -122,9 +122,9 @@ impl Format {
         let text = head.strip_prefix(&[0]).unwrap_or(head);
         match head {
             _ if ulog::is_ulog(text) => Ok(Self::ULog),
-            _ if tlog::is_tlog(head) => Ok(Self::Telemetry(Heard::default())),
+            _ if tlog::is_tlog(head) => Ok(Self::Telemetry(Senders::default())),
             _ if records.any(is_format) => Ok(Self::DataFlash),
-            _ if tlog::has_messages(head) => Ok(Self::Telemetry(Heard::default())),
+            _ if tlog::has_messages(head) => Ok(Self::Telemetry(Senders::default())),
             _ if !is_text(text) => Err(format!("neither {LOGS} nor CSV")),
             _ if lines.any(|line| line.starts_with(FORMAT_LINE)) => Ok(Self::Text),
             _ => Ok(Self::Csv),
@@ -140,7 +140,7 @@ impl Format {
         Ok(match self {
             Self::DataFlash => Box::new(dataflash::binary(file)),
             Self::Text => Box::new(dataflash::text(file)),
-            Self::Telemetry(heard) => Box::new(tlog::read(file, heard.clone())),
+            Self::Telemetry(senders) => Box::new(tlog::read(file, senders.clone())),
             Self::ULog => Box::new(ulog::read(file)),
             Self::Csv => Box::new(Csv::of(file)),
         })

@@ -1,6 +1,6 @@
 //! Logs of ground stations (`.tlog`): MAVLink's messages, each behind the time at which it came, in microseconds since 1970.
 //!
-//! A first pass finds the vehicle, and where the station's clock was set: [`Heard`]. Messages are read by the layout of their
+//! A first pass finds the vehicle, and where the station's clock was set: [`Senders`]. Messages are read by the layout of their
 //! fields: a number that this version does not know costs nothing.
 
 use std::cmp::Reverse;
@@ -72,7 +72,7 @@ const MOST_STEPS: usize = 10_000;
 /// The messages of a log, after a first pass.
 #[derive(Default)]
 pub struct Tlog {
-    heard: Heard,
+    senders: Senders,
     /// Steps of the clock so far.
     steps: usize,
     previous_us: Option<u64>,
@@ -95,9 +95,9 @@ struct Chunks {
 
 /// Findings of a first pass over a log.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Heard {
-    /// All that sent anything of interest.
-    senders: Vec<Sender>,
+pub struct Senders {
+    /// All that sent a message that is read.
+    all: Vec<Sender>,
     /// The one that is read, by its place.
     vehicle: Option<usize>,
     previous_us: Option<u64>,
@@ -141,9 +141,9 @@ struct Frame<'a> {
 }
 
 /// The entries of a log that `source` delivers, of which this is known.
-pub fn read<R: Read>(source: R, heard: Heard) -> Log<R, Tlog> {
+pub fn read<R: Read>(source: R, senders: Senders) -> Log<R, Tlog> {
     let messages = Tlog {
-        heard,
+        senders,
         ..Tlog::default()
     };
     Log::of(source, messages)
@@ -158,7 +158,7 @@ impl Messages for Tlog {
             self.begin(frame.time_us, found);
         }
         self.advance(frame.time_us, offset, found);
-        let vehicle = self.heard.vehicle();
+        let vehicle = self.senders.vehicle();
         if vehicle.is_some_and(|vehicle| vehicle.has_sent(&frame)) {
             self.message(&frame, found);
         }
@@ -187,14 +187,14 @@ impl Tlog {
     /// The facts that the first pass has found.
     fn begin(&mut self, time_us: u64, found: &mut VecDeque<Entry>) {
         let mut contents = vec![Content::StartUtc(time_us as f64 / 1e6)];
-        if let Some(vehicle) = self.heard.vehicle() {
+        if let Some(vehicle) = self.senders.vehicle() {
             contents.push(Content::SystemId(vehicle.system_id.into()));
             if let Some([kind, autopilot]) = vehicle.kind {
                 contents.extend([Content::Vehicle(kind), Content::Autopilot(autopilot)]);
             }
             contents.extend(vehicle.uses_sys_status().then_some(Content::FromSysStatus));
         }
-        let others = self.heard.others();
+        let others = self.senders.others();
         contents.extend(others.map(|(id, readings)| Content::OtherSystem(id, readings)));
         let time_s = None;
         found.extend(contents.into_iter().map(|content| Entry { time_s, content }));
@@ -203,7 +203,7 @@ impl Tlog {
     /// Takes the time of the next message.
     fn advance(&mut self, time_us: u64, offset: u64, found: &mut VecDeque<Entry>) {
         let step_us = difference_us(time_us, self.previous_us.replace(time_us));
-        let vehicle = self.heard.vehicle();
+        let vehicle = self.senders.vehicle();
         let correction = vehicle.and_then(|vehicle| vehicle.corrections.get(self.steps));
         let Some((_, step_us, passed_us)) = correction.filter(|(place, ..)| *place == offset) else {
             self.elapsed_us += step_us;
@@ -237,7 +237,7 @@ impl Tlog {
                     self.reading(pack, frame.sample(), found);
                 }
             }
-            SYS_STATUS if self.heard.vehicle().is_some_and(Sender::uses_sys_status) => {
+            SYS_STATUS if self.senders.vehicle().is_some_and(Sender::uses_sys_status) => {
                 self.reading(Pack::First, frame.sample_of_sys_status(), found);
             }
             PARAM_VALUE => self.parameter(frame, found),
@@ -277,7 +277,7 @@ impl Tlog {
     }
 
     fn parameter(&mut self, frame: &Frame, found: &mut VecDeque<Entry>) {
-        let Some(vehicle) = self.heard.vehicle() else {
+        let Some(vehicle) = self.senders.vehicle() else {
             return;
         };
         let (name, bits) = (frame.parameter_name(), u32::from_le_bytes(frame.bytes(0)));
@@ -341,12 +341,12 @@ impl Tlog {
     }
 }
 
-impl Messages for Heard {
+impl Messages for Senders {
     const MOST_NEEDED_BYTES: usize = Tlog::MOST_NEEDED_BYTES;
 
     fn take(&mut self, bytes: &[u8], offset: u64, _: &mut VecDeque<Entry>) -> Option<usize> {
         let (length, frame) = first_frame(bytes)?;
-        self.hear(&frame, offset);
+        self.note(&frame, offset);
         Some(length)
     }
 
@@ -355,7 +355,7 @@ impl Messages for Heard {
     }
 }
 
-impl Heard {
+impl Senders {
     /// Reads a log to its end. `system` is the id of the vehicle, if the user has chosen one.
     ///
     /// # Errors
@@ -364,12 +364,12 @@ impl Heard {
         let mut log = Log::of(source, Self::default());
         // It gives no entry before the end of the file.
         log.next().transpose()?;
-        let mut heard = log.into_messages();
-        heard.choose(system);
-        Ok(heard)
+        let mut senders = log.into_messages();
+        senders.choose(system);
+        Ok(senders)
     }
 
-    fn hear(&mut self, frame: &Frame, offset: u64) {
+    fn note(&mut self, frame: &Frame, offset: u64) {
         let step_us = difference_us(frame.time_us, self.previous_us.replace(frame.time_us));
         if (-BACK_US..=DELAYED_US).contains(&step_us) {
             self.steady_us += step_us;
@@ -379,30 +379,30 @@ impl Heard {
         if !is_read(frame.message_id) {
             return;
         }
-        let mut senders = self.senders.iter_mut();
+        let mut senders = self.all.iter_mut();
         if let Some(sender) = senders.find(|sender| sender.has_sent(frame)) {
-            sender.hear(frame, self.steady_us, &self.steps);
-        } else if self.senders.len() < MOST_SENDERS {
+            sender.note(frame, self.steady_us, &self.steps);
+        } else if self.all.len() < MOST_SENDERS {
             let mut sender = Sender {
                 system_id: frame.system_id,
                 component_id: frame.component_id,
                 ..Sender::default()
             };
-            sender.hear(frame, self.steady_us, &self.steps);
-            self.senders.push(sender);
+            sender.note(frame, self.steady_us, &self.steps);
+            self.all.push(sender);
         }
     }
 
     /// The autopilot of a vehicle, by its component and type; of several the one with most readings, then most heartbeats, then
     /// the first.
     fn choose(&mut self, system: Option<u8>) {
-        let places = 0..self.senders.len();
+        let places = 0..self.all.len();
         let candidates = places.filter(|place| {
-            let sender = &self.senders[*place];
+            let sender = &self.all[*place];
             sender.is_candidate() && system.is_none_or(|system| sender.system_id == system)
         });
         self.vehicle = candidates.max_by_key(|place| {
-            let sender = &self.senders[*place];
+            let sender = &self.all[*place];
             let is_autopilot = sender.component_id == AUTOPILOT_COMPONENT && sender.kind.is_some();
             (
                 is_autopilot,
@@ -412,13 +412,13 @@ impl Heard {
             )
         });
         if let Some(place) = self.vehicle {
-            self.senders[place].set_aside(&self.steps, 0, is_jump);
+            self.all[place].set_aside(&self.steps, 0, is_jump);
         }
         self.steps = vec![];
     }
 
     fn vehicle(&self) -> Option<&Sender> {
-        self.senders.get(self.vehicle?)
+        self.all.get(self.vehicle?)
     }
 
     /// Whether there is a vehicle that can be read.
@@ -429,7 +429,7 @@ impl Heard {
     /// The ids of other vehicles with their readings.
     pub fn others(&self) -> impl Iterator<Item = (u8, u64)> {
         let own = self.vehicle().map(|vehicle| vehicle.system_id);
-        let others = self.senders.iter().filter(|sender| sender.is_candidate());
+        let others = self.all.iter().filter(|sender| sender.is_candidate());
         let others = others.filter(move |sender| Some(sender.system_id) != own);
         others.map(|sender| (sender.system_id, sender.readings()))
     }
@@ -456,7 +456,7 @@ impl Sender {
         }
     }
 
-    fn hear(&mut self, frame: &Frame, steady_us: i64, steps: &[(u64, i64)]) {
+    fn note(&mut self, frame: &Frame, steady_us: i64, steps: &[(u64, i64)]) {
         match frame.message_id {
             HEARTBEAT if is_vehicle(frame) => {
                 self.kind = Some([frame.byte(4), frame.byte(5)]);
@@ -465,22 +465,22 @@ impl Sender {
             BATTERY_STATUS => {
                 self.battery_statuses += 1;
                 self.has_first_pack |= frame.byte(32) == 0;
-                self.time_of_reading(frame, steady_us, steps);
+                self.note_reading(frame, steady_us, steps);
             }
             SYS_STATUS if frame.sample_of_sys_status().voltage_v.is_some() => {
                 self.sys_statuses += 1;
-                self.time_of_reading(frame, steady_us, steps);
+                self.note_reading(frame, steady_us, steps);
             }
             PARAM_VALUE => self.replaced.extend(px4::replaced_by(&frame.parameter_name())),
             _ => {}
         }
         if let Some(clock_us) = frame.clock_us() {
-            self.time_of_vehicle(clock_us, steady_us, steps);
+            self.note_clock(clock_us, steady_us, steps);
         }
     }
 
     /// The vehicle's clock shows how long a step took, unless it has started again since.
-    fn time_of_vehicle(&mut self, clock_us: i64, steady_us: i64, steps: &[(u64, i64)]) {
+    fn note_clock(&mut self, clock_us: i64, steady_us: i64, steps: &[(u64, i64)]) {
         if let Some((before_us, steady_before_us, steps_before)) = self.clock {
             let passed_us = clock_us - before_us;
             if (-DELAYED_US..0).contains(&passed_us) {
@@ -494,7 +494,7 @@ impl Sender {
     }
 
     /// Without its clock, the usual interval is what went by.
-    fn time_of_reading(&mut self, frame: &Frame, steady_us: i64, steps: &[(u64, i64)]) {
+    fn note_reading(&mut self, frame: &Frame, steady_us: i64, steps: &[(u64, i64)]) {
         let Some((message_id, before_us, steps_before)) = self.reading else {
             self.reading = Some((frame.message_id, steady_us, steps.len()));
             return;
@@ -790,8 +790,8 @@ mod tests {
     }
 
     fn read_for(system: Option<u8>, bytes: &[u8]) -> (Vec<Content>, Log<&[u8], Tlog>) {
-        let heard = Heard::of(bytes, system).expect("it is readable");
-        let mut log = super::read(bytes, heard);
+        let senders = Senders::of(bytes, system).expect("it is readable");
+        let mut log = super::read(bytes, senders);
         let entries = log.by_ref().map(|entry| entry.expect("it is readable").content);
         (entries.collect(), log)
     }
@@ -866,7 +866,7 @@ mod tests {
         assert!(found.contains(&Content::SystemId(8)) && found.contains(&Content::OtherSystem(7, 2)));
         // Nothing but a camera.
         assert!(
-            !Heard::of(&bytes[..80], None)
+            !Senders::of(&bytes[..80], None)
                 .expect("it is readable")
                 .has_vehicle()
         );
