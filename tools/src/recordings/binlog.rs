@@ -343,7 +343,7 @@ fn text(bytes: &[u8]) -> String {
 pub mod tests {
     use super::*;
     use crate::recordings::entry::{Bytes, Entries, Entry};
-    use crate::recordings::window::{self, Messages};
+    use crate::recordings::log::{self, Messages};
     use proptest::prelude::*;
     use rover_battmon::battery::{BatteryState, Readings};
     use rover_battmon::pack::Pack;
@@ -405,7 +405,7 @@ pub mod tests {
 
     impl<F: Records + Default> Log<F> {
         fn read(source: impl Read) -> Self {
-            let mut log = window::Log::of(source, Self::default());
+            let mut log = log::Log::of(source, Self::default());
             assert!(log.next().is_none());
             let bytes = log.bytes();
             let read = log.into_messages();

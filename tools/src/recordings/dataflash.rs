@@ -10,7 +10,7 @@ use rover_battmon::vehicle::ArmState;
 
 use super::binlog::{BinaryRecords, Record, Records, TextRecords};
 use super::entry::{CURVE_WORDS, Content, Entry, Estimate, Part, Reported, Sample};
-use super::window::{Log, Messages};
+use super::log::{Log, Messages};
 
 /// GPS time began with 1980-01-06, in seconds since 1970; since 2017 it is 18 leap seconds ahead of UTC.
 const GPS_EPOCH_S: f64 = 315_964_800.0 - 18.0;

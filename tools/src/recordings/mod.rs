@@ -6,10 +6,10 @@ pub mod binlog;
 pub mod csv;
 pub mod dataflash;
 pub mod entry;
+pub mod log;
 pub mod px4;
 pub mod tlog;
 pub mod ulog;
-pub mod window;
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};

@@ -14,8 +14,8 @@ use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::vehicle::ArmState;
 
 use super::entry::{Content, Entry, Reported, Sample};
+use super::log::{Log, Messages};
 use super::px4;
-use super::window::{Log, Messages};
 
 const TIME_BYTES: usize = 8;
 const CRC_BYTES: usize = 2;
@@ -73,8 +73,8 @@ const MOST_STEPS: usize = 10_000;
 #[derive(Default)]
 pub struct Tlog {
     senders: Senders,
-    /// Steps of the clock so far.
-    steps: usize,
+    /// Number of the clock's jumps so far.
+    jumps: usize,
     previous_us: Option<u64>,
     /// Since the first message; a delayed one is earlier than the latest.
     elapsed_us: i64,
@@ -127,8 +127,18 @@ struct Sender {
     interval_us: i64,
     /// Steps so far that are resolved.
     resolved: usize,
-    /// Steps that are set aside: place in the file, how far, and the time that went by.
-    corrections: Vec<(u64, i64, i64)>,
+    /// Steps that are no time that went by.
+    jumps: Vec<Jump>,
+}
+
+/// A step of times that was no time, but a setting of the station's clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Jump {
+    /// Place in the file of the first message behind it.
+    place: u64,
+    step_us: i64,
+    /// The time that went by meanwhile.
+    passed_us: i64,
 }
 
 /// A message whose checksum is right, or whose checksum is not known. Its payload may lack zeros at the end.
@@ -204,16 +214,16 @@ impl Tlog {
     fn advance(&mut self, time_us: u64, offset: u64, found: &mut VecDeque<Entry>) {
         let step_us = difference_us(time_us, self.previous_us.replace(time_us));
         let vehicle = self.senders.vehicle();
-        let correction = vehicle.and_then(|vehicle| vehicle.corrections.get(self.steps));
-        let Some((_, step_us, passed_us)) = correction.filter(|(place, ..)| *place == offset) else {
+        let jump = vehicle.and_then(|vehicle| vehicle.jumps.get(self.jumps));
+        let Some(jump) = jump.filter(|jump| jump.place == offset).copied() else {
             self.elapsed_us += step_us;
             self.latest_us = self.latest_us.max(self.elapsed_us);
             return;
         };
-        let set_s = (step_us - passed_us) as f64 / 1e6;
-        self.steps += 1;
-        self.latest_us += passed_us;
+        self.jumps += 1;
+        self.latest_us += jump.passed_us;
         self.elapsed_us = self.latest_us;
+        let set_s = (jump.step_us - jump.passed_us) as f64 / 1e6;
         self.push(Content::ClockStep(set_s), found);
     }
 
@@ -529,10 +539,14 @@ impl Sender {
     /// Sets new steps aside that are jumps: the first takes the time that went by.
     fn set_aside(&mut self, steps: &[(u64, i64)], passed_us: i64, is_jump: impl Fn(i64) -> bool) {
         let mut left_us = passed_us.max(0);
-        for (place, step_us) in &steps[self.resolved..] {
-            if is_jump(*step_us) {
-                self.corrections
-                    .push((*place, *step_us, std::mem::take(&mut left_us)));
+        for (place, step_us) in steps[self.resolved..].iter().copied() {
+            if is_jump(step_us) {
+                let passed_us = std::mem::take(&mut left_us);
+                self.jumps.push(Jump {
+                    place,
+                    step_us,
+                    passed_us,
+                });
             }
         }
         self.resolved = steps.len();
@@ -669,14 +683,15 @@ impl Frame<'_> {
         }
     }
 
-    /// SYS_STATUS: −1 is unknown.
+    /// SYS_STATUS: −1 is unknown; PX4 sends −1 A then.
     fn sample_of_sys_status(&self) -> Sample {
         let mv = u16::from_le_bytes(self.bytes(14));
         let centiamperes = i16::from_le_bytes(self.bytes(16));
+        let known_a = Some(centiamperes).filter(|centiamperes| ![-1, -100].contains(centiamperes));
         let pct = self.byte(30) as i8;
         Sample {
             voltage_v: (mv != 0 && mv != NO_CELL_MV).then_some(f32::from(mv) / 1e3),
-            current_a: (centiamperes != -1).then_some(f32::from(centiamperes) / 1e2),
+            current_a: known_a.map(|centiamperes| f32::from(centiamperes) / 1e2),
             reported: Some(Reported {
                 remaining_pct: (pct != -1).then_some(f32::from(pct)),
                 ..Reported::default()
@@ -885,6 +900,7 @@ mod tests {
             status(0, 12_000, 250, 80),
             status(1, 0, -1, -1),
             status(2, u16::MAX, 100, 0),
+            status(3, 11_000, -100, 0),
         ]
         .concat();
         let readings: Vec<_> = samples(&statuses)
@@ -898,6 +914,7 @@ mod tests {
             (Some(12.0), Some(2.5), Some(80.0)),
             (None, None, None),
             (None, Some(1.0), Some(0.0)),
+            (Some(11.0), None, Some(0.0)),
         ];
         assert_eq!(readings, expected);
         let both = [statuses, battery(3, 1, &[11_000])].concat();

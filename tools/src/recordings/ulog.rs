@@ -16,8 +16,8 @@ use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::vehicle::ArmState;
 
 use super::entry::{Content, Entry, Reported, Sample};
+use super::log::{Log, Messages};
 use super::px4;
-use super::window::{Log, Messages};
 
 /// The beginning of a file, before its version.
 const MAGIC: &[u8] = b"ULog\x01\x12\x35";
