@@ -138,17 +138,18 @@ impl Records for BinaryRecords {
 
     fn first(&mut self, bytes: &[u8]) -> Option<(usize, Option<Record>)> {
         let (kind, payload) = first_record(bytes, &self.0)?;
-        let record = match &self.0[usize::from(kind)] {
-            Some(format) if kind != FORMAT => Some(Record {
-                format: format.clone(),
-                payload: Payload::Bytes(payload.to_vec()),
-            }),
-            _ => None,
-        };
-        if let Some((kind, format)) = Format::parse(payload).filter(|_| kind == FORMAT) {
-            self.0[usize::from(kind)] = Some(Rc::new(format));
+        let length = HEADER_BYTES + payload.len();
+        if kind == FORMAT {
+            if let Some((kind, format)) = Format::parse(payload) {
+                self.0[usize::from(kind)] = Some(Rc::new(format));
+            }
+            return Some((length, None));
         }
-        Some((HEADER_BYTES + payload.len(), record))
+        let record = self.0[usize::from(kind)].as_ref().map(|format| Record {
+            format: format.clone(),
+            payload: Payload::Bytes(payload.to_vec()),
+        });
+        Some((length, record))
     }
 
     fn is_cut(&self, bytes: &[u8]) -> bool {
@@ -182,9 +183,11 @@ impl Records for TextRecords {
         let length = end.map_or(bytes.len().min(LONGEST_LINE_BYTES), |end| end + 1);
         let line = String::from_utf8_lossy(&bytes[..length]);
         let (name, fields) = line.trim().split_once(',').unwrap_or((line.trim(), ""));
-        let format = Format::of_text(fields).filter(|_| name == "FMT" && self.formats.len() < MOST_FORMATS);
-        let described = self.formats.get(name).filter(|_| name != "FMT");
-        let record = described.and_then(|format| Record::of_text(format, fields));
+        let (format, record) = match self.formats.get(name) {
+            _ if name == "FMT" && self.formats.len() < MOST_FORMATS => (Format::of_text(fields), None),
+            Some(format) => (None, Record::of_text(format, fields)),
+            None => (None, None),
+        };
         if name.is_empty() || format.is_some() || record.is_some() {
             self.formats
                 .extend(format.map(|format| (format.name.clone(), Rc::new(format))));
