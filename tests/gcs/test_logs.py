@@ -139,7 +139,7 @@ def test_a_ground_stations_log(tmp_path):
     while found := reader.recv_match(type="BATTERY_STATUS"):
         counted += found.get_srcSystem() == 1
     check(path, counted)
-    assert "Replayed vehicle 1; the log also has 2\n" in replay(path)[1]
+    assert f"Replayed vehicle 1; the log also has 2 ({READINGS} readings) (--system)\n" in replay(path)[1]
 
 
 def message(kind, content):
