@@ -57,6 +57,8 @@ pub enum Content {
     OtherSystem(u8, u64),
     /// Readings come from MAVLink's SYS_STATUS, since there is no BATTERY_STATUS.
     FromSysStatus,
+    /// A reading that is skipped, since its time steps back.
+    SteppedBack,
     /// The recorder's clock was set by this many seconds, ahead or back; times of entries go on.
     ClockStep(f64),
     /// The board's serial number.
@@ -162,9 +164,4 @@ pub struct Bytes {
 pub trait Entries: Iterator<Item = io::Result<Entry>> {
     /// Bytes so far.
     fn bytes(&self) -> Bytes;
-
-    /// Readings so far that were skipped, since their times step back.
-    fn stepped_back(&self) -> u64 {
-        0
-    }
 }

@@ -21,11 +21,6 @@ pub trait Messages {
 
     /// Gives what waited for more, at the end of the file.
     fn finish(&mut self, _: &mut VecDeque<Entry>) {}
-
-    /// Readings so far that were skipped, since their times step back.
-    fn stepped_back(&self) -> u64 {
-        0
-    }
 }
 
 /// The entries of a log whose messages follow each other.
@@ -118,10 +113,6 @@ impl<R: Read, M: Messages> Log<R, M> {
 impl<R: Read, M: Messages> Entries for Log<R, M> {
     fn bytes(&self) -> Bytes {
         self.bytes
-    }
-
-    fn stepped_back(&self) -> u64 {
-        self.messages.stepped_back()
     }
 }
 

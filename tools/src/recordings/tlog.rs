@@ -81,7 +81,6 @@ pub struct Tlog {
     latest_us: i64,
     arm_state: Option<ArmState>,
     latest_s: [f64; MAX_PACKS],
-    stepped_back: u64,
     texts: Vec<Chunks>,
 }
 
@@ -187,10 +186,6 @@ impl Messages for Tlog {
     fn finish(&mut self, found: &mut VecDeque<Entry>) {
         self.end_texts(f64::INFINITY, found);
     }
-
-    fn stepped_back(&self) -> u64 {
-        self.stepped_back
-    }
 }
 
 impl Tlog {
@@ -275,8 +270,7 @@ impl Tlog {
     fn reading(&mut self, pack: Pack, sample: Sample, found: &mut VecDeque<Entry>) {
         let latest_s = &mut self.latest_s[usize::from(pack.instance())];
         if (self.elapsed_us as f64 / 1e6) < *latest_s {
-            self.stepped_back += 1;
-            return;
+            return self.push(Content::SteppedBack, found);
         }
         let time_s = self.latest_us as f64 / 1e6;
         *latest_s = time_s;
@@ -987,12 +981,16 @@ mod tests {
                 .collect();
             let bytes = log.concat();
             let times_s: Vec<f64> = samples(&bytes).iter().map(|sample| sample.time_s).collect();
-            let (found, read) = read(&bytes);
+            let (found, _) = read(&bytes);
+            let stepped_back = found
+                .iter()
+                .filter(|content| **content == Content::SteppedBack)
+                .count();
             let steps = found.into_iter().filter_map(|content| match content {
                 Content::ClockStep(step_s) => Some(step_s),
                 _ => None,
             });
-            (times_s, steps.collect::<Vec<_>>(), read.stepped_back())
+            (times_s, steps.collect::<Vec<_>>(), stepped_back)
         };
         assert_eq!(
             times(&[0, 100, 90, 200, 200]),

@@ -113,7 +113,6 @@ impl Survey {
             survey.take(&entry?);
         }
         survey.bytes = entries.bytes();
-        survey.stepped_back = entries.stepped_back();
         Ok(survey)
     }
 
@@ -239,6 +238,7 @@ impl Survey {
                 self.reports_arm_state = true;
             }
             Content::OtherSystem(id, readings) => self.other_systems.push((*id, *readings)),
+            Content::SteppedBack => self.stepped_back += 1,
             Content::FromSysStatus => self.is_from_sys_status = true,
             Content::ClockStep(step_s) => {
                 let first = (*step_s, entry.time_s.unwrap_or_default(), 0);

@@ -62,7 +62,7 @@ impl Drives {
         }
         let drives = log.finish(entries.bytes().skipped);
         Ok(Self {
-            backward_steps: drives.backward_steps + entries.stepped_back() as usize,
+            backward_steps: drives.backward_steps + survey.stepped_back as usize,
             clock_text: survey.clock_text(),
             ..drives
         })
