@@ -222,7 +222,7 @@ fn marks(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
 /// The event.
 fn events(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
     for (number, (time_s, event)) in report::events(rows).enumerate() {
-        panel.event(svg, time_s, number % EVENT_LINES, &format!("Battery {event}"));
+        panel.event(svg, time_s, number % EVENT_LINES, &event.to_string());
     }
 }
 
@@ -244,10 +244,12 @@ fn looks(state: ChargeState) -> (&'static str, &'static str) {
 mod tests {
     use super::*;
     use rover_battmon::battery::{BatteryState, PackEvent, ReachedLevels, Thresholds};
+    use rover_battmon::pack::Pack;
     use rover_battmon_tools::recordings::entry::Reported;
 
     fn rows() -> Vec<Row> {
         let row = |sample: u32| Row {
+            pack: Pack::First,
             time_s: f64::from(sample) / 10.0,
             state: BatteryState {
                 readings: Readings {
@@ -267,10 +269,7 @@ mod tests {
             },
             reached: ReachedLevels::new(),
             events: if sample == 3000 {
-                vec![PackEvent::Range {
-                    part: "< & \"old\"",
-                    current_a: 1.0,
-                }]
+                vec![PackEvent::Charging]
             } else {
                 vec![]
             },
@@ -287,7 +286,7 @@ mod tests {
             },
             ..FailsafeSettings::default()
         };
-        plot(rows, "a trace", "A=1", &failsafe)
+        plot(rows, "< & \"old\" trace", "A=1", &failsafe)
     }
 
     /// Goes through the tags of a document and returns how many it has; fails on one that is not closed.

@@ -13,9 +13,10 @@
 //! | `reported_consumed_mah`, `reported_remaining_pct`, `reported_charge_state` | what the board reported then; in rows of a log of its own only, empty while unknown |
 //! | `events` | what would be announced to a ground station, separated by `;`, without commas |
 
+use rover_battmon::pack::Pack;
 use std::fmt::Write;
 
-use rover_battmon::battery::{BatteryState, PackEvent, ReachedLevels};
+use rover_battmon::battery::{BatteryState, PackEvent, PackNotice, ReachedLevels};
 use rover_battmon_tools::recordings::entry::Reported;
 
 const COLUMNS: &str = "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistance_ohm,voltage_resting_v,\
@@ -28,7 +29,9 @@ const LAST_COLUMN: &str = ",events\n";
 pub struct Row {
     /// Seconds since the trace's start.
     pub time_s: f64,
-    /// The state of the pack.
+    /// The pack.
+    pub pack: Pack,
+    /// Its state.
     pub state: BatteryState,
     /// The failsafe levels that were just reached.
     pub reached: ReachedLevels,
@@ -39,9 +42,22 @@ pub struct Row {
 }
 
 /// Events, with their times in seconds since the trace's start.
-pub fn events(rows: &[Row]) -> impl Iterator<Item = (f64, &PackEvent)> {
-    rows.iter()
-        .flat_map(|row| row.events.iter().map(|event| (row.time_s, event)))
+pub fn events(rows: &[Row]) -> impl Iterator<Item = (f64, PackNotice<'_>)> {
+    rows.iter().flat_map(|row| {
+        row.events
+            .iter()
+            .map(|event| (row.time_s, PackNotice(row.pack, event)))
+    })
+}
+
+/// The text of an event, behind the name of its pack.
+fn text(event: PackNotice<'_>) -> String {
+    event
+        .to_string()
+        .splitn(3, ' ')
+        .last()
+        .unwrap_or_default()
+        .to_owned()
 }
 
 fn header(reported_columns: &str) -> String {
@@ -93,7 +109,11 @@ fn line(row: &Row) -> String {
                 .unwrap_or_default(),
         ]);
     }
-    let events: Vec<String> = row.events.iter().map(ToString::to_string).collect();
+    let events: Vec<String> = row
+        .events
+        .iter()
+        .map(|event| text(PackNotice(row.pack, event)))
+        .collect();
     fields.push(events.join(";").replace(',', ""));
     fields.join(",")
 }
@@ -110,6 +130,7 @@ pub mod tests {
     /// A row of which this is known.
     pub fn row(time_s: f64, failsafe: FailsafeLevel) -> Row {
         Row {
+            pack: Pack::First,
             time_s,
             state: BatteryState {
                 failsafe,

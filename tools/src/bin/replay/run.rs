@@ -2,7 +2,7 @@
 
 use rover_battmon::battery::{
     BatteryMonitor, BatteryState, FailsafeTimers, LearntPack, LessonObstacle, LoadState, Measurement,
-    PackEvent, PackNotice, PackSettings, PackUpdate, ReadError, Tick,
+    PackEvent, PackSettings, PackUpdate, ReadError, Tick,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, MonitorKind, ParameterId, Parameters, Refused};
@@ -253,6 +253,7 @@ pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
         }
         rows.push(Row {
             time_s: sample.time_s,
+            pack: replay.pack,
             state: replay.state,
             events: announced(&update).copied().collect(),
             reached: update.failsafe,
@@ -275,12 +276,6 @@ fn announced(update: &PackUpdate) -> impl Iterator<Item = &PackEvent> {
         _ => false,
     };
     update.events.iter().filter(move |event| !is_skipped(event))
-}
-
-/// The text of an event, behind the name of its pack.
-fn text(pack: Pack, event: &PackEvent) -> String {
-    let text = PackNotice(pack, event).to_string();
-    text.splitn(3, ' ').last().unwrap_or_default().to_owned()
 }
 
 fn tick(sample: &Sample) -> Tick {

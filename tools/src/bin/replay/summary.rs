@@ -4,7 +4,8 @@ use std::fmt;
 use std::mem::discriminant;
 
 use rover_battmon::battery::{
-    FailsafeLevel, FailsafeSettings, LearntPack, LessonObstacle, PackEvent, PackStatus, SuggestedThresholds,
+    FailsafeLevel, FailsafeSettings, LearntPack, LessonObstacle, PackEvent, PackNotice, PackStatus,
+    SuggestedThresholds,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
@@ -260,10 +261,10 @@ impl Summary<'_> {
 
     /// Events that matter, each, and the first of each other kind with the number of its kind.
     fn announced(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut lines: Vec<(f64, &PackEvent, usize)> = vec![];
+        let mut lines: Vec<(f64, PackNotice<'_>, usize)> = vec![];
         for (time_s, event) in events(&self.outcome.rows) {
-            let of_kind = |(_, listed, _): &&mut (f64, &PackEvent, usize)| {
-                discriminant(*listed) == discriminant(event) && !matters(event)
+            let of_kind = |(_, listed, _): &&mut (f64, PackNotice<'_>, usize)| {
+                discriminant(listed.1) == discriminant(event.1) && !matters(event.1)
             };
             match lines.iter_mut().find(of_kind) {
                 Some((.., count)) => *count += 1,
@@ -275,12 +276,7 @@ impl Summary<'_> {
         }
         writeln!(f, "Announced:")?;
         for (time_s, event, count) in lines {
-            write!(
-                f,
-                "  {:>7}  Battery {} {event}",
-                clock(time_s),
-                self.pack.number()
-            )?;
+            write!(f, "  {:>7}  {event}", clock(time_s))?;
             match count {
                 1 => writeln!(f)?,
                 count => writeln!(f, " ({})", times(count))?,
