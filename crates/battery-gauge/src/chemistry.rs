@@ -69,6 +69,9 @@ pub struct Cell {
     pub nominal_v: f32,
     /// Usual end-of-charge voltage, in volts; `None` where chargers do not end by voltage.
     pub charged_v: Option<f32>,
+    /// Only a full cell keeps this voltage for a minute at rest, in volts; `None` where the curve is steep enough to show that,
+    /// or no such voltage is known.
+    pub full_v: Option<f32>,
     /// Maximum voltage of a sound cell, in volts.
     pub max_v: f32,
     /// Usual threshold of a low pack under a moderate load, in volts: about a fifth of the charge is left.
@@ -150,6 +153,7 @@ static LIPO: Cell = Cell {
     max_reserve: 0.5,
     nominal_v: 3.7,
     charged_v: Some(4.2),
+    full_v: None,
     max_v: 4.35,
     low_v: 3.5,
     critical_v: 3.4,
@@ -159,7 +163,7 @@ static LIPO: Cell = Cell {
 
 /// Curve: mean of three cells (a 26650 of 2.3 Ah, Safari and Delacourt 2011, doi:10.1149/1.3567007; Lithium Werks APR18650M1B,
 /// Sunil et al. 2025; BPX's `lfp_18650_cell_BPX.json`, About:Energy 2022), up to 40 mV apart. The drop is 10 mΩ × 2.3 Ah, by
-/// A123's data sheet.
+/// A123's data sheet. A cell at 70 % that has just left its charger shows 3.45 V.
 static LIFE: Cell = Cell {
     curve: Curve([
         2.170, 3.092, 3.194, 3.218, 3.240, 3.260, 3.276, 3.284, 3.289, 3.292, 3.295, 3.299, 3.303, 3.310,
@@ -175,6 +179,7 @@ static LIFE: Cell = Cell {
     max_reserve: 0.5,
     nominal_v: 3.2,
     charged_v: Some(3.65),
+    full_v: Some(3.5),
     max_v: 3.8,
     low_v: 3.0,
     critical_v: 2.8,
@@ -204,6 +209,7 @@ static LIION: Cell = Cell {
     max_reserve: 1.0,
     nominal_v: 3.6,
     charged_v: Some(4.2),
+    full_v: None,
     max_v: 4.35,
     low_v: 3.3,
     critical_v: 3.0,
@@ -229,6 +235,7 @@ static NIMH: Cell = Cell {
     max_reserve: 0.5,
     nominal_v: 1.2,
     charged_v: None,
+    full_v: None,
     max_v: 1.65,
     low_v: 1.1,
     critical_v: 1.0,

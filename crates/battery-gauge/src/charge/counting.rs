@@ -5,7 +5,8 @@ use super::drive::{Drive, Rest};
 use super::filter::Filter;
 use super::load::{Block, CurrentOrigin, HOURS_PER_SECOND, Load, Reserve, SILENCE_S, SagGrowth, Trace};
 use super::start::{
-    Relaxation, charged, full, has_plateau, is_resting, may_have_surface_charge, provisional, was_charged,
+    Relaxation, charged, full, has_plateau, is_resting, kept_full, may_have_surface_charge, provisional,
+    was_charged,
 };
 use super::voltage_only::VoltageOnly;
 use crate::LearntPack;
@@ -218,6 +219,7 @@ impl Counting {
         }
         if has_plateau(model, capacity)
             && let Some(full) = full(&by_voltage, rest.relaxation, model, capacity)
+                .or_else(|| kept_full(rest.rested_s, cell_v, model, capacity))
         {
             *filter = full;
         }

@@ -391,6 +391,8 @@ pub struct RestTimer {
 pub struct Rest {
     /// Since the evaluation before, in seconds.
     pub duration_s: f32,
+    /// Since its beginning, in seconds.
+    pub rested_s: f32,
     pub relaxation: Relaxation,
 }
 
@@ -426,6 +428,7 @@ impl RestTimer {
         let is_relaxed = duration_s >= RELAXED_S && change_v <= RELAXED_V_PER_S * duration_s;
         Some(Rest {
             duration_s,
+            rested_s: self.rested_s,
             relaxation: if is_relaxed {
                 Relaxation::Relaxed
             } else {

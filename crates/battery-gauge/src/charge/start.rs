@@ -34,6 +34,9 @@ const RESTING_CHANGE_V: f32 = 0.006;
 const RESTED_CHANGE_V: f32 = 0.004;
 const RESTED_S: f32 = 20.0;
 
+/// A voltage that only a full cell keeps is kept after this time, in seconds.
+const KEPT_S: f32 = 60.0;
+
 /// A voltage that says more than that of any rest is believed after this time, in seconds.
 const CONFIRMED_S: f32 = 1.5;
 
@@ -74,6 +77,8 @@ pub struct Start {
     /// The voltage of a cell that a rest keeps to, in volts, and for how long, in seconds.
     rest_v: f32,
     rested_s: f32,
+    /// For how long it was one that only a full cell keeps, in seconds.
+    full_s: f32,
     /// The highest estimate of a rest, less what was drawn since.
     at_rest: Option<Filter>,
     provisional: Option<KnownCharge>,
@@ -107,6 +112,7 @@ impl Start {
         before_v: None,
         rest_v: 0.0,
         rested_s: 0.0,
+        full_s: 0.0,
         at_rest: None,
         provisional: None,
     };
@@ -159,6 +165,13 @@ impl Start {
             self.rested_s = 0.0;
         }
         self.rested_s += load.duration_s;
+        if is_above_full(cell_v, model) {
+            self.full_s += load.duration_s;
+            self.rested_s = 0.0;
+        }
+        if let Some(full) = kept_full(self.full_s, cell_v, model, capacity) {
+            return Some(full);
+        }
         let by_voltage = Filter::from_voltage(load, cell_v, model, capacity);
         let known = full(&by_voltage, Relaxation::Unknown, model, capacity)
             .filter(|_| !was_used(cell_v, model))
@@ -176,6 +189,7 @@ impl Start {
 
     fn end_rest(&mut self, load: &Load, capacity: &Capacity) {
         self.rested_s = 0.0;
+        self.full_s = 0.0;
         if let Some(at_rest) = &mut self.at_rest {
             at_rest.draw(load.drawn_ah() / capacity.ah);
         }
@@ -353,6 +367,17 @@ pub fn is_flat(by_voltage: &Filter) -> bool {
 pub enum Relaxation {
     Unknown,
     Relaxed,
+}
+
+/// Whether a cell that keeps this voltage at rest is full.
+fn is_above_full(cell_v: f32, model: &CellModel) -> bool {
+    model.cell.full_v.is_some_and(|full_v| cell_v >= full_v)
+}
+
+/// The estimate for a cell that has kept this voltage for so long at rest, in seconds, if only a full one does.
+pub fn kept_full(rested_s: f32, cell_v: f32, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
+    let is_kept = rested_s >= KEPT_S && is_above_full(cell_v, model);
+    is_kept.then(|| Filter::from_soc(1.0, CERTAIN_SIGMA, model, capacity))
 }
 
 /// The estimate for a voltage that only a full cell has. On a curve with a plateau it is that of a cell that has relaxed.
