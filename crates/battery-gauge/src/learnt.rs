@@ -204,7 +204,7 @@ pub(crate) struct OpenLesson {
     /// At each point of the curve: the voltage of a cell without the fast sag and what the slow one may be, in tenths of a
     /// millivolt, and the charge drawn by then, in 65535ths. Zeros where the drive was not.
     pub points: [[u16; 3]; OFFSET_POINTS],
-    /// The source of its current ([`current_source`](crate::current_source)).
+    /// The source of its current: see [`BatteryMonitor::follow_current`](crate::BatteryMonitor::follow_current).
     pub current_source: u16,
 }
 
