@@ -316,7 +316,7 @@ mod tests {
         let svg = picture(&rows());
         assert!(well_formed_tags(&svg) > 60);
         for text in [
-            "a trace",
+            "&lt; &amp; &quot;old&quot; trace",
             "A=1",
             "Voltage (V)",
             "Current (A)",
@@ -325,7 +325,7 @@ mod tests {
         ] {
             assert!(svg.contains(&format!(">{text}</text>")), "{text}");
         }
-        assert!(svg.contains("&lt; &amp; &quot;old&quot; up to"));
+        assert!(svg.contains("Battery 1 charging"));
     }
 
     #[test]
