@@ -1013,7 +1013,7 @@ mod tests {
     }
 
     #[test]
-    fn the_vehicles_clock_tells_a_gap_from_a_step() {
+    fn the_vehicles_clock_shows_a_gap_that_is_no_step() {
         let attitude =
             |time_ms: i64, boot_ms: u32| (time_ms, message(0, 1, ATTITUDE, &boot_ms.to_le_bytes()));
         let reading = |time_ms: i64| (time_ms, battery(0, 1, &[12_000]));
