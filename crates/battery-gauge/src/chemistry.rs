@@ -69,7 +69,7 @@ pub struct Cell {
     pub nominal_v: f32,
     /// Usual end-of-charge voltage, in volts; `None` where chargers do not end by voltage.
     pub charged_v: Option<f32>,
-    /// Only a full cell keeps this voltage for a minute at rest, in volts; `None` where the curve is steep enough to show that,
+    /// Only a full cell keeps this voltage for half a minute at rest, in volts; `None` where the curve is steep enough to show that,
     /// or no such voltage is known.
     pub full_v: Option<f32>,
     /// Maximum voltage of a sound cell, in volts.

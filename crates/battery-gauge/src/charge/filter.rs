@@ -321,10 +321,12 @@ impl VoltageError {
     fn new(soc: f32, sag: &Sag, model: &CellModel) -> Self {
         let slope_v = model.slope_v(soc);
         let sigma_v = model.curve_sigma_v(soc, slope_v);
-        // Right above a plateau a voltage that is a little too high is that of any charge there.
-        let lower = soc - model.soc(model.voltage_v(soc) - sigma_v);
+        // Beside a plateau a voltage that is a little off is that of any charge there.
+        let resting_v = model.voltage_v(soc);
+        let lower = soc - model.soc(resting_v - sigma_v);
+        let upper = model.soc(resting_v + sigma_v) - soc;
         Self {
-            by_offset: -lower.max(sigma_v / slope_v),
+            by_offset: -lower.max(upper).max(sigma_v / slope_v),
             by_slow_share: sag.slow_v / slope_v,
             slow_variance: square(model.slow_share_sigma()),
             noise: noise_variance(sag.at(model.slow_share())) / square(slope_v),

@@ -34,8 +34,8 @@ const RESTING_CHANGE_V: f32 = 0.006;
 const RESTED_CHANGE_V: f32 = 0.004;
 const RESTED_S: f32 = 20.0;
 
-/// A voltage that only a full cell keeps is kept after this time, in seconds.
-const KEPT_S: f32 = 60.0;
+/// A voltage that only a full cell keeps is kept after this time, in seconds, when a rest is evaluated for the first time.
+const KEPT_S: f32 = 30.0;
 
 /// A voltage that says more than that of any rest is believed after this time, in seconds.
 const CONFIRMED_S: f32 = 1.5;
@@ -167,7 +167,6 @@ impl Start {
         self.rested_s += load.duration_s;
         if is_above_full(cell_v, model) {
             self.full_s += load.duration_s;
-            self.rested_s = 0.0;
         }
         if let Some(full) = kept_full(self.full_s, cell_v, model, capacity) {
             return Some(full);

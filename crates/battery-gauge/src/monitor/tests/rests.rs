@@ -65,13 +65,13 @@ fn a_curve_with_a_plateau_makes_no_pack_full_before_it_has_relaxed() {
 
 #[test]
 // Requirement: PX-6
-fn a_full_pack_with_a_plateau_is_certain_once_it_has_kept_its_voltage_for_a_minute() {
+fn a_full_pack_with_a_plateau_is_certain_once_it_has_kept_its_voltage() {
     let mut rover = Rover::with(just_charged(Chemistry::LiFe, 1.0, 0.05));
-    rover.run(30.0, 0.0);
+    rover.run(20.0, 0.0);
     let is_uncertain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 97.0 && sigma_pct > 10.0;
     let estimate = estimate_pct(&rover);
     assert!(estimate.is_none_or(is_uncertain), "{estimate:?}");
-    rover.run(35.0, 0.0);
+    rover.run(15.0, 0.0);
     let is_certain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 99.0 && sigma_pct < 2.0;
     let estimate = estimate_pct(&rover);
     assert!(estimate.is_some_and(is_certain), "{estimate:?}");
@@ -205,7 +205,7 @@ fn a_drive_that_taught_nothing_says_why() {
 #[test]
 // Requirement: PX-6
 fn a_capacity_that_no_such_pack_has_is_announced_once() {
-    for (label_mah, announced) in [(2200.0, 0), (1800.0, 1)] {
+    for (label_mah, announced) in [(2200.0, 0), (1700.0, 1)] {
         let mut rover = Rover::parked(Pack::rested(Chemistry::LiPo, 1.0));
         rover.bench.settings.capacity_mah = Some(label_mah);
         for _ in 0..3 {
