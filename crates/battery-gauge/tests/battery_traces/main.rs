@@ -12,5 +12,6 @@ mod plausibility;
 mod recordings;
 mod replay;
 mod resistance;
+mod sample;
 mod sample_rate;
 mod start;
