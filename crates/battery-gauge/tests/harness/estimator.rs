@@ -1,6 +1,6 @@
 //! Estimators under judgement, behind one trait.
 
-use battery_gauge::{BatteryMonitor, BatteryState, LearntPack, LoadState, PackEvent, PackSettings};
+use battery_gauge::{BatteryMonitor, BatteryState, Faults, LearntPack, LoadState, PackEvent, PackSettings};
 
 use crate::sample::{Sample, reading, tick};
 
@@ -89,7 +89,7 @@ impl Estimator for Monitor {
             sigma_pct: readings.remaining_sigma_pct,
             usable_pct: readings.usable_pct,
             time_left_s: readings.time_remaining_s,
-            has_fault: !readings.faults.is_empty() || update.events.iter().any(is_fault),
+            has_fault: readings.faults.intersects(DOUBTS) || update.events.iter().any(is_fault),
         }
     }
 
@@ -108,6 +108,9 @@ impl Estimator for Monitor {
     }
 }
 
+/// Faults that a wrong sensor or wrong settings seem to be.
+const DOUBTS: Faults = Faults::CELLS_CONFIGURATION.union(Faults::SPIKES);
+
 /// Whether the owner reads that something is wrong.
 fn is_fault(event: &PackEvent) -> bool {
     matches!(
@@ -118,6 +121,5 @@ fn is_fault(event: &PackEvent) -> bool {
             | PackEvent::CurrentReversed
             | PackEvent::SensorFailed(_)
             | PackEvent::CapacityAboveLabel(_)
-            | PackEvent::Faults(_)
     )
 }

@@ -10,6 +10,7 @@ mod estimator;
 mod goals;
 mod owner;
 mod recordings;
+mod results;
 mod runs;
 #[path = "../battery_traces/sample.rs"]
 mod sample;
@@ -18,7 +19,7 @@ mod simulated;
 mod table;
 
 use estimator::{Estimator, Monitor};
-use goals::{Results, lives};
+use results::{Results, lives};
 
 #[test]
 #[ignore = "takes a minute, optimised"]
@@ -29,5 +30,7 @@ fn goals_of_all_drives() {
     }
     drives.extend(simulated::drives());
     let lives = lives(&drives);
-    table::print(&[(Monitor::NAME, Results::of::<Monitor>(&drives, &lives).rows())]);
+    let results = Results::of::<Monitor>(&drives, &lives);
+    table::print(&[(Monitor::NAME, goals::rows(&results))]);
+    goals::print_weeks(Monitor::NAME, &results);
 }

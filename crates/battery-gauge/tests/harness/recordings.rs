@@ -48,7 +48,7 @@ const CELLS: [(Cell, Temperature); 10] = [
     ),
     (cell("lco", Chemistry::LiIon, Some(5.0), 3.0), Temperature::Named),
     (
-        cell("liion", Chemistry::LiIon, Some(4.2), 3.0),
+        cell(CONSTANT_LOAD, Chemistry::LiIon, Some(4.2), 3.0),
         Temperature::Fixed(25),
     ),
     (cell("lipo", Chemistry::LiPo, None, 3.4), Temperature::Fixed(25)),
@@ -88,6 +88,8 @@ const CELLS: [(Cell, Temperature); 10] = [
 
 /// The cell that was recorded at the most temperatures.
 pub const FIRST_CELL: &str = "pan18650pf";
+/// One whose load is constant.
+pub const CONSTANT_LOAD: &str = "liion";
 /// Cells recorded over their lives.
 pub const COLD_LIFE: &str = "aged_cold";
 pub const COBALT_LIFE: &str = "aged_cs2";

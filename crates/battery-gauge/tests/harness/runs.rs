@@ -51,6 +51,8 @@ pub struct Outcome<'a> {
     pub moved: Vec<(&'static str, Moved)>,
 }
 
+pub const VARIATIONS: [&str; 2] = ["1 mV of noise", "without its first second"];
+
 /// The samples with noise on the voltage.
 pub fn with_noise(samples: &[Sample], seed: u64) -> Vec<Sample> {
     let mut random = Rng::with_seed(seed);
@@ -112,14 +114,11 @@ fn outcome<E: Estimator>(drive: &Drive, start: Start) -> Outcome<'_> {
     let mut moved = Vec::new();
     if !matches!(start, Start::LabelLow | Start::LabelHigh) {
         let noisy = run(&mut estimator.clone(), &settings, &with_noise(&samples, 1));
-        moved.push(("1 mV of noise", Moved::between(&reports, &noisy)));
+        moved.push((VARIATIONS[0], Moved::between(&reports, &noisy)));
         if first == 0 && drive.begins_at_rest() {
             let second = samples.partition_point(|sample| sample.t_s < samples[0].t_s + 1.0);
             let shorter = run(&mut estimator.clone(), &settings, &samples[second..]);
-            moved.push((
-                "without its first second",
-                Moved::between(&reports[second..], &shorter),
-            ));
+            moved.push((VARIATIONS[1], Moved::between(&reports[second..], &shorter)));
         }
     }
     Outcome {
@@ -193,13 +192,19 @@ pub fn teachers<E: Estimator>(drives: &[&Drive]) -> Vec<Teacher> {
     })
 }
 
-/// Means of groups, in the order of their first members.
+/// Means of groups, in the order of their first members, without those that are not a number.
 pub fn by_group(figures: impl Iterator<Item = (String, f64)>) -> Vec<(String, f64)> {
     let mut groups: Vec<(String, Vec<f64>)> = Vec::new();
-    for (group, figure) in figures.filter(|(_, figure)| !figure.is_nan()) {
-        match groups.iter_mut().find(|(name, _)| *name == group) {
-            Some((_, figures)) => figures.push(figure),
-            None => groups.push((group, vec![figure])),
+    for (group, figure) in figures {
+        let number = groups
+            .iter()
+            .position(|(name, _)| *name == group)
+            .unwrap_or(groups.len());
+        if number == groups.len() {
+            groups.push((group, Vec::new()));
+        }
+        if !figure.is_nan() {
+            groups[number].1.push(figure);
         }
     }
     let mean =
@@ -209,23 +214,22 @@ pub fn by_group(figures: impl Iterator<Item = (String, f64)>) -> Vec<(String, f6
 
 /// A cell's drives in their order.
 #[derive(Clone, Debug)]
-pub struct Life<'a> {
+pub struct Life {
     pub name: String,
-    pub drives: Vec<(&'a Drive, Score)>,
+    pub scores: Vec<Score>,
     pub moved: Moved,
 }
 
 /// One pack through all these drives.
-pub fn life<'a, E: Estimator>(name: &str, drives: &[&'a Drive]) -> Life<'a> {
-    let settings = drives[0]
-        .cell
-        .settings(drives[0].cell.label_ah.unwrap_or(drives[0].capacity_ah));
+pub fn life<E: Estimator>(name: &str, drives: &[Drive]) -> Life {
+    let cell = &drives[0].cell;
+    let settings = cell.settings(cell.label_ah.unwrap_or(drives[0].capacity_ah));
     let (mut estimator, mut noisy) = (E::default(), E::default());
     let (mut all, mut all_noisy) = (Vec::<Report>::new(), Vec::new());
     let mut scores = Vec::new();
     for (number, drive) in drives.iter().enumerate() {
         let reports = run(&mut estimator, &settings, &drive.samples);
-        scores.push((*drive, Score::of(drive, 0, &reports)));
+        scores.push(Score::of(drive, 0, &reports));
         all.extend(reports);
         all_noisy.extend(run(
             &mut noisy,
@@ -235,7 +239,7 @@ pub fn life<'a, E: Estimator>(name: &str, drives: &[&'a Drive]) -> Life<'a> {
     }
     Life {
         name: name.into(),
-        drives: scores,
+        scores,
         moved: Moved::between(&all, &all_noisy),
     }
 }
@@ -329,6 +333,7 @@ fn with_gaps(drive: &Drive, mut samples: Vec<Sample>) -> Vec<Sample> {
 pub struct Faulty<'a> {
     pub drive: &'a Drive,
     pub fault: Fault,
+    /// In that drive or the one after it.
     pub is_announced: bool,
     pub is_finite: bool,
     /// The drives after it.
@@ -357,7 +362,7 @@ pub fn faulty<'a, E: Estimator>(drives: &[&'a Drive]) -> Vec<Faulty<'a>> {
         Faulty {
             drive,
             fault: *fault,
-            is_announced: reports.iter().any(|report| report.has_fault),
+            is_announced: after[0].has_fault || reports.iter().any(|report| report.has_fault),
             is_finite: after.iter().all(|score| score.is_finite)
                 && reports.iter().flat_map(numbers).flatten().all(f32::is_finite),
             after,

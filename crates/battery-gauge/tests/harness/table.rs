@@ -16,8 +16,8 @@ pub enum Goal {
 #[derive(Clone, Debug)]
 pub struct Figure {
     pub part: String,
-    /// NaN where nothing was judged.
-    pub value: f64,
+    /// `None` where nothing was judged; NaN where the estimator reported nothing.
+    pub value: Option<f64>,
     pub goal: Goal,
     /// Of which member a worst figure is.
     pub note: String,
@@ -37,7 +37,7 @@ impl Row {
         }
     }
 
-    pub fn add(&mut self, part: impl Into<String>, goal: Goal, value: f64, note: impl Into<String>) {
+    pub fn add(&mut self, part: impl Into<String>, goal: Goal, value: Option<f64>, note: impl Into<String>) {
         self.figures.push(Figure {
             part: part.into(),
             value,
@@ -46,23 +46,33 @@ impl Row {
         });
     }
 
-    /// The worst of several members.
-    pub fn add_worst(&mut self, part: impl Into<String>, goal: Goal, members: &[(String, f64)]) {
-        let is_least = matches!(goal, Goal::AtLeast(_));
-        let worst = members
-            .iter()
-            .filter(|(_, value)| !value.is_nan())
-            .reduce(|worst, member| {
-                if (member.1 < worst.1) == is_least {
-                    member
-                } else {
-                    worst
-                }
-            });
-        match worst {
-            Some((name, value)) => self.add(part, goal, *value, name.clone()),
-            None => self.add(part, goal, f64::NAN, ""),
+    /// A figure of each member, or one that is not judged.
+    pub fn add_each(&mut self, part: &str, goal: Goal, members: &[(String, f64)]) {
+        for (name, value) in members {
+            self.add(format!("{part}, {name}"), goal, Some(*value), "");
         }
+        if members.is_empty() {
+            self.add(part, goal, None, "");
+        }
+    }
+
+    /// The worst of several members that have reported something.
+    pub fn add_worst(&mut self, part: impl Into<String>, goal: Goal, members: &[(String, f64)]) {
+        let is_least = matches!(goal, Goal::AtLeast(_) | Goal::Within(..));
+        let reported = members.iter().filter(|(_, value)| !value.is_nan());
+        let worst = reported.reduce(|worst, member| {
+            if (member.1 < worst.1) == is_least {
+                member
+            } else {
+                worst
+            }
+        });
+        let (name, value) = match (worst, members.first()) {
+            (Some((name, value)), _) => (name.as_str(), Some(*value)),
+            (None, Some(_)) => ("", Some(f64::NAN)),
+            (None, None) => ("", None),
+        };
+        self.add(part, goal, value, name);
     }
 }
 
@@ -89,50 +99,68 @@ impl Goal {
     }
 }
 
-/// Prints the rows of each estimator side by side.
+/// How many figures were judged, and how many of them reach their goals.
+#[derive(Clone, Copy, Debug, Default)]
+struct Count {
+    reached: u32,
+    judged: u32,
+}
+
+/// Prints the rows of each estimator side by side, and how many figures of each row reach their goals.
 pub fn print(estimators: &[(&str, Vec<Row>)]) {
     let names: Vec<&str> = estimators.iter().map(|(name, _)| *name).collect();
+    let (_, first) = &estimators[0];
+    let mut counts = vec![vec![Count::default(); names.len()]; first.len()];
     println!("| row | part | {} | goal |", names.join(" | "));
     println!("|---|---|{}---|", "---|".repeat(names.len()));
-    let mut counts = vec![[0; 2]; names.len()];
-    for (number, row) in estimators[0].1.iter().enumerate() {
+    for (number, row) in first.iter().enumerate() {
         for (part, figure) in row.figures.iter().enumerate() {
-            let cells = estimators.iter().zip(&mut counts).map(|((_, rows), counts)| {
-                let here = &rows[number].figures[part];
-                cell(here, figure.value, counts)
-            });
+            let cells = estimators
+                .iter()
+                .zip(&mut counts[number])
+                .map(|((_, rows), count)| {
+                    let here = &rows[number].figures[part];
+                    assert_eq!(here.part, figure.part, "both have judged the same");
+                    cell(here, figure.value, count)
+                });
             let cells: Vec<String> = cells.collect();
+            let goal = figure.goal.text();
             println!(
-                "| {} | {} | {} | {} |",
+                "| {} | {} | {} | {goal} |",
                 row.name,
                 figure.part,
-                cells.join(" | "),
-                figure.goal.text()
+                cells.join(" | ")
             );
         }
     }
-    for (name, [reached, missed]) in names.iter().zip(counts) {
-        println!("{name}: {reached} figures reach their goals, {missed} do not.");
+    println!("\n| figures that reach their goals | {} |", names.join(" | "));
+    println!("|---|{}", "---|".repeat(names.len()));
+    for (row, counts) in first.iter().zip(&counts) {
+        let counts = counts
+            .iter()
+            .map(|count| format!("{} of {}", count.reached, count.judged));
+        println!("| {} | {} |", row.name, counts.collect::<Vec<_>>().join(" | "));
     }
 }
 
-/// A figure and whether it reaches its goal, which `counts` counts.
-fn cell(figure: &Figure, first: f64, counts: &mut [u32; 2]) -> String {
-    if figure.value.is_nan() {
+/// A figure and whether it reaches its goal, where the first estimator has `first`.
+fn cell(figure: &Figure, first: Option<f64>, count: &mut Count) -> String {
+    let Some(value) = figure.value else {
         return "not judged".into();
-    }
-    let is_reached = figure.goal.is_reached(figure.value, first);
-    let mark = match figure.goal {
-        Goal::None => "",
-        _ => {
-            counts[usize::from(!is_reached)] += 1;
-            if is_reached { " ✓" } else { " ✗" }
-        }
     };
-    let note = if figure.note.is_empty() {
-        String::new()
+    let mut text = if value.is_nan() {
+        "unknown".into()
     } else {
-        format!(" ({})", figure.note)
+        format!("{value:.2}")
     };
-    format!("{:.2}{mark}{note}", figure.value)
+    if !matches!(figure.goal, Goal::None) {
+        let is_reached = figure.goal.is_reached(value, first.unwrap_or(f64::NAN));
+        count.judged += 1;
+        count.reached += u32::from(is_reached);
+        text += if is_reached { " ✓" } else { " ✗" };
+    }
+    if !figure.note.is_empty() {
+        text += &format!(" ({})", figure.note);
+    }
+    text
 }
