@@ -5,11 +5,9 @@
 
 mod charge;
 mod failsafe;
-mod lives;
 mod pack;
 mod percentages;
 mod plausibility;
-mod recordings;
 mod replay;
 mod resistance;
 mod sample;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use battery_gauge::{BatteryMonitor, BatteryState, Chemistry, LearntPack, PackEvent, PackSettings};
+use battery_gauge::{BatteryMonitor, BatteryState, Chemistry, PackEvent, PackSettings};
 
 pub use super::sample::{Sample, drawn_mah, reading, root_mean_square, rows, tick, without_current};
 
@@ -82,21 +82,4 @@ pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &Pack
             }
         })
         .collect()
-}
-
-/// Replays samples through a monitor that knows this of the pack; returns what is known then. `see` sees the state after
-/// each sample, and its number.
-pub fn replay(
-    samples: &[Sample],
-    settings: &PackSettings,
-    learnt: &LearntPack,
-    mut see: impl FnMut(usize, &mut BatteryMonitor, &BatteryState),
-) -> LearntPack {
-    let (mut monitor, mut battery) = (BatteryMonitor::new(), BatteryState::default());
-    monitor.restore_learnt(*learnt);
-    for (number, sample) in samples.iter().enumerate() {
-        let _ = monitor.update(&mut battery, tick(sample), reading(sample), settings);
-        see(number, &mut monitor, &battery);
-    }
-    monitor.unsaved_learnt().copied().unwrap_or(*learnt)
 }

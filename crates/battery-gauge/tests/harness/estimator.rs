@@ -10,12 +10,27 @@ pub struct Report {
     /// State of charge and its standard deviation, in percent.
     pub remaining_pct: Option<f32>,
     pub sigma_pct: Option<f32>,
-    /// Usable charge, in percent.
+    /// Usable charge and its standard deviation, in percent.
     pub usable_pct: Option<f32>,
+    pub usable_sigma_pct: Option<f32>,
     /// Time until the pack can't serve the load, in seconds.
     pub time_left_s: Option<f32>,
     /// Whether it has announced a fault of the pack, its sensor or its settings.
     pub has_fault: bool,
+}
+
+impl Report {
+    /// Whether each number is one.
+    pub fn is_finite(&self) -> bool {
+        let numbers = [
+            self.remaining_pct,
+            self.sigma_pct,
+            self.usable_pct,
+            self.usable_sigma_pct,
+            self.time_left_s,
+        ];
+        numbers.iter().flatten().all(|number| number.is_finite())
+    }
 }
 
 /// An estimator of a pack's charge, with what it keeps over power cycles.
@@ -88,6 +103,7 @@ impl Estimator for Monitor {
             remaining_pct: readings.remaining_pct,
             sigma_pct: readings.remaining_sigma_pct,
             usable_pct: readings.usable_pct,
+            usable_sigma_pct: readings.usable_sigma_pct,
             time_left_s: readings.time_remaining_s,
             has_fault: readings.faults.intersects(DOUBTS) || update.events.iter().any(is_fault),
         }

@@ -48,7 +48,7 @@ fn remaining_rms(_: &Drive, score: &Score) -> f64 {
 }
 
 fn usable_rms(_: &Drive, score: &Score) -> f64 {
-    score.usable_rms
+    score.usable.rms()
 }
 
 fn from_full(results: &Results) -> Row {
@@ -200,7 +200,7 @@ fn aged_warm(results: &Results) -> Row {
             row.add_each(&format!("{part}, {name}"), goal, &means);
         };
         add("told, points", Goal::AtMost(2.5), |score| score.remaining.rms());
-        add("usable, points", Goal::AtMost(3.0), |score| score.usable_rms);
+        add("usable, points", Goal::AtMost(3.0), |score| score.usable.rms());
         add("usable at cut-off, %", Goal::AtMost(5.0), |score| {
             score.usable_at_end
         });
@@ -234,7 +234,7 @@ fn aged_others(results: &Results) -> Row {
         let which = |life: &str| life.starts_with(cell);
         let told = results.life_means(which, from, |score| score.remaining.rms());
         row.add_each(&format!("{part}, told"), remaining, &told);
-        let means = results.life_means(which, from, |score| score.usable_rms);
+        let means = results.life_means(which, from, |score| score.usable.rms());
         row.add_each(&format!("{part}, usable"), usable, &means);
     }
     row

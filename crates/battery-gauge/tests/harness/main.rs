@@ -5,6 +5,7 @@
 //!
 //! Without the folder only the simulated ones are judged.
 
+mod accuracy;
 mod drive;
 mod estimator;
 mod goals;

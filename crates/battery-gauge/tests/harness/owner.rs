@@ -162,7 +162,7 @@ impl<E: Estimator> Owner<E> {
             }
             let reports = run(&mut self.estimator, &self.settings, &session.samples);
             for (report, truth_pct) in reports.iter().zip(&session.truth_pct).skip(120) {
-                errors.add(report, *truth_pct);
+                errors.add_remaining(report, *truth_pct);
             }
             reported_pct = reports.last().and_then(|report| report.remaining_pct);
             true_pct = *session.truth_pct.last().expect("samples");

@@ -348,14 +348,6 @@ pub fn faulty<'a, E: Estimator>(drives: &[&'a Drive]) -> Vec<Faulty<'a>> {
     in_parallel(&jobs, |(drive, fault)| {
         let mut estimator = E::default();
         let reports = run(&mut estimator, &fault.settings(drive), &fault.samples(drive));
-        let numbers = |report: &Report| {
-            [
-                report.remaining_pct,
-                report.sigma_pct,
-                report.usable_pct,
-                report.time_left_s,
-            ]
-        };
         let settings = drive.cell.settings(drive.right_label_ah());
         let after = (0..3).map(|_| Score::of(drive, 0, &run(&mut estimator, &settings, &drive.samples)));
         let after: Vec<Score> = after.collect();
@@ -363,8 +355,7 @@ pub fn faulty<'a, E: Estimator>(drives: &[&'a Drive]) -> Vec<Faulty<'a>> {
             drive,
             fault: *fault,
             is_announced: after[0].has_fault || reports.iter().any(|report| report.has_fault),
-            is_finite: after.iter().all(|score| score.is_finite)
-                && reports.iter().flat_map(numbers).flatten().all(f32::is_finite),
+            is_finite: after.iter().all(|score| score.is_finite) && reports.iter().all(Report::is_finite),
             after,
         }
     })

@@ -35,18 +35,23 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Adds a report; a truth that is not known does not count.
-    pub fn add(&mut self, report: &Report, truth_pct: f64) {
+    /// Adds an estimate with its deviation; a truth that is not known does not count.
+    fn add(&mut self, estimate: Option<(f32, f32)>, truth_pct: f64) {
         if truth_pct.is_nan() {
             return;
         }
         self.samples += 1;
-        let Some((remaining_pct, sigma_pct)) = report.remaining_pct.zip(report.sigma_pct) else {
+        let Some((estimate_pct, sigma_pct)) = estimate else {
             return;
         };
         self.known += usize::from(sigma_pct <= KNOWN_SIGMA_PCT);
-        self.errors_pct.push(f64::from(remaining_pct) - truth_pct);
+        self.errors_pct.push(f64::from(estimate_pct) - truth_pct);
         self.sigmas_pct.push(f64::from(sigma_pct));
+    }
+
+    /// Adds the state of charge of a report.
+    pub fn add_remaining(&mut self, report: &Report, truth_pct: f64) {
+        self.add(report.remaining_pct.zip(report.sigma_pct), truth_pct);
     }
 
     pub fn append(&mut self, other: &Self) {
@@ -93,15 +98,16 @@ pub fn mean(numbers: &[f64]) -> f64 {
 /// Figures of a drive that was run from some sample on.
 #[derive(Clone, Debug)]
 pub struct Score {
+    /// While the load lasts.
     pub remaining: Errors,
-    /// RMS error of the usable charge until the cell is empty, in points.
-    pub usable_rms: f64,
+    /// Of the usable charge until the cell is empty.
+    pub usable: Errors,
     /// Mean error over the last fifth, in points.
     pub last_fifth: f64,
     /// Usable and remaining charge that are reported when the cell is empty, in percent.
     pub usable_at_end: f64,
     pub remaining_at_end: f64,
-    /// How long before the end 15 % are reported, in minutes; infinite if never.
+    /// How long before the end 15 % are reported, in minutes; minus infinity if never.
     pub low_ahead_min: f64,
     /// Time left that is reported half an hour and ten minutes before, in minutes; NaN if none is.
     pub half_hour_min: f64,
@@ -114,77 +120,58 @@ pub struct Score {
 impl Score {
     /// Of reports from the sample `start` on.
     pub fn of(drive: &Drive, start: usize, reports: &[Report]) -> Self {
-        let start_s = drive.seconds(start);
-        let end_s = drive.seconds(drive.empty);
-        let mut remaining = Errors::default();
-        let (mut usable_errors, mut last_errors) = (Vec::new(), Vec::new());
-        let mut next_s = start_s + SCORED_FROM_S;
+        let end = drive.empty.saturating_sub(start).min(reports.len() - 1);
+        let at_end = &reports[end];
+        let before_end = |minutes: f64| {
+            let t_s = drive.samples[drive.empty].t_s - 60.0 * minutes;
+            let next = drive.samples[start..].partition_point(|sample| sample.t_s <= t_s);
+            let report = next.checked_sub(1).map(|at| &reports[at]);
+            or_nan(report.and_then(|report| report.time_left_s)) / 60.0
+        };
+        let is_low = |report: &Report| report.usable_pct.is_some_and(|usable_pct| usable_pct <= LOW_PCT);
+        let low = reports[..=end].iter().position(is_low);
+        let low_ahead_s = low.map(|at| drive.seconds(drive.empty) - drive.seconds(start + at));
         let mut score = Self {
             remaining: Errors::default(),
-            usable_rms: f64::NAN,
+            usable: Errors::default(),
             last_fifth: f64::NAN,
-            usable_at_end: f64::NAN,
-            remaining_at_end: f64::NAN,
-            low_ahead_min: f64::NEG_INFINITY,
-            half_hour_min: f64::NAN,
-            ten_minutes_min: f64::NAN,
-            is_finite: true,
-            has_fault: false,
+            usable_at_end: or_nan(at_end.usable_pct),
+            remaining_at_end: or_nan(at_end.remaining_pct),
+            low_ahead_min: low_ahead_s.map_or(f64::NEG_INFINITY, |ahead_s| ahead_s / 60.0),
+            half_hour_min: before_end(30.0),
+            ten_minutes_min: before_end(10.0),
+            is_finite: reports.iter().all(Report::is_finite),
+            has_fault: reports.iter().any(|report| report.has_fault),
         };
-        for (at, report) in (start..).zip(reports) {
-            let here_s = drive.seconds(at);
-            let numbers = [
-                report.remaining_pct,
-                report.sigma_pct,
-                report.usable_pct,
-                report.time_left_s,
-            ];
-            score.is_finite &= numbers.iter().flatten().all(|number| number.is_finite());
-            score.has_fault |= report.has_fault;
-            if at <= drive.empty {
-                score.usable_at_end = report.usable_pct.map_or(f64::NAN, f64::from);
-                score.remaining_at_end = report.remaining_pct.map_or(f64::NAN, f64::from);
-                let left_min = report
-                    .time_left_s
-                    .map_or(f64::NAN, |left_s| f64::from(left_s) / 60.0);
-                if here_s <= end_s - 1800.0 {
-                    score.half_hour_min = left_min;
-                }
-                if here_s <= end_s - 600.0 {
-                    score.ten_minutes_min = left_min;
-                }
-            }
-            // Once a second: drives weigh by their durations, not by their rates.
-            if here_s < next_s {
-                continue;
-            }
-            next_s = here_s + 0.95;
-            if at <= drive.last_load.max(drive.empty) {
-                remaining.add(report, drive.truth_pct[at]);
-            }
-            if at > drive.empty {
-                continue;
-            }
-            if let Some(usable_pct) = report.usable_pct {
-                let error_pct = f64::from(usable_pct) - drive.usable_pct(at);
-                usable_errors.push(error_pct);
-                if drive.usable_pct(at) <= 20.0 {
-                    last_errors.push(error_pct.abs());
-                }
-                if usable_pct <= LOW_PCT && score.low_ahead_min.is_infinite() {
-                    score.low_ahead_min = (end_s - here_s) / 60.0;
-                }
-            }
-        }
-        Self {
-            remaining,
-            usable_rms: root_mean_square(&usable_errors),
-            last_fifth: mean(&last_errors),
-            ..score
-        }
+        score.compare(drive, start, reports);
+        score
     }
 
-    /// Of one that only counts from full by this capacity, as ArduPilot does.
+    /// Compares with the truth once a second: drives weigh by their durations, not by their rates.
+    fn compare(&mut self, drive: &Drive, start: usize, reports: &[Report]) {
+        let mut next_s = drive.seconds(start) + SCORED_FROM_S;
+        let mut last_errors = Vec::new();
+        for (at, report) in (start..).zip(reports) {
+            if drive.seconds(at) < next_s {
+                continue;
+            }
+            next_s = drive.seconds(at) + 0.95;
+            if at <= drive.last_load.max(drive.empty) {
+                self.remaining.add_remaining(report, drive.truth_pct[at]);
+            }
+            if at <= drive.empty {
+                let truth_pct = drive.usable_pct(at);
+                self.usable
+                    .add(report.usable_pct.zip(report.usable_sigma_pct), truth_pct);
+                if let Some(usable_pct) = report.usable_pct.filter(|_| truth_pct <= 20.0) {
+                    last_errors.push((f64::from(usable_pct) - truth_pct).abs());
+                }
+            }
+        }
+        self.last_fifth = mean(&last_errors);
+    }
+
+    /// RMS error of one that only counts from full by this capacity, as ArduPilot does.
     pub fn of_counting(drive: &Drive, capacity_ah: f64) -> f64 {
         let scored = |at: &usize| drive.seconds(*at) >= SCORED_FROM_S && !drive.truth_pct[*at].is_nan();
         let error = |at: usize| 100.0 * (1.0 - drive.drawn_ah[at] / capacity_ah) - drive.truth_pct[at];
@@ -194,6 +181,10 @@ impl Score {
             .collect();
         root_mean_square(&errors)
     }
+}
+
+fn or_nan(number: Option<f32>) -> f64 {
+    number.map_or(f64::NAN, f64::from)
 }
 
 /// By how much two runs differ of what is told, by the first one's deviations.
