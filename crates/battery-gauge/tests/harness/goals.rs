@@ -6,7 +6,7 @@ use crate::drive::{Drive, Origin};
 use crate::owner::{DAYS, Day, HABITS, Habit, Weeks};
 use crate::recordings::{COBALT_LIFE, COLD_LIFE, CONSTANT_LOAD, LARGE_CELL, WARM_LIFE};
 use crate::results::{EVERY_DRIVE, Member, Results, is_first_cell, is_warm, mean_of, pooled, share};
-use crate::runs::{FAULTS, Fault, Faulty, Repeated, STARTS, Start, VARIATIONS};
+use crate::runs::{FAULTS, Fault, Faulty, Outcome, Repeated, STARTS, Start, VARIATIONS};
 use crate::score::{Errors, Score};
 use crate::table::{Goal, Row};
 
@@ -24,6 +24,7 @@ pub fn rows(results: &Results) -> Vec<Row> {
         aged_others(results),
         usable(results),
         last_fifth(results),
+        usable_to_the_end(results),
         warned(results),
         half_and_voltage(results),
         iron_and_weeks(results),
@@ -297,6 +298,39 @@ fn last_fifth(results: &Results) -> Row {
         results.share_of(simulated, is_within),
         "",
     );
+    row
+}
+
+fn usable_to_the_end(results: &Results) -> Row {
+    let mut row = Row::new("usable to the end, from full, worst drive");
+    for (origin, name) in ORIGINS {
+        let mut add = |part: &str, goal: Goal, figure: fn(&Score) -> f64| {
+            let outcomes = results.started(Start::Full, of(origin));
+            let member = |outcome: &Outcome| (outcome.drive.group.clone(), figure(&outcome.score));
+            row.add_worst(
+                format!("{name}: {part}"),
+                goal,
+                &outcomes.map(member).collect::<Vec<_>>(),
+            );
+        };
+        add(
+            "largest rise in ten minutes, points",
+            Goal::AtMost(3.0),
+            |score| score.usable_rise,
+        );
+        add("when first below critical, %", Goal::AtMost(3.0), |score| {
+            score.usable_at_end
+        });
+        add("ten seconds later, %", Goal::AtMost(0.5), |score| {
+            score.usable_after_end
+        });
+        add("from then on, %", Goal::AtMost(0.5), |score| {
+            score.usable_comes_back
+        });
+        add("true when 0 is reported, %", Goal::AtMost(5.0), |score| {
+            score.usable_at_zero
+        });
+    }
     row
 }
 

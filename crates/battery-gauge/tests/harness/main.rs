@@ -19,8 +19,13 @@ mod score;
 mod simulated;
 mod table;
 
-use estimator::{Estimator, Monitor};
+use battery_gauge::PackSettings;
+
+use drive::Drive;
+use estimator::{Estimator, Monitor, Report};
 use results::{Results, lives};
+use runs::{Start, outcome};
+use sample::Sample;
 
 #[test]
 #[ignore = "takes a minute, optimised"]
@@ -34,4 +39,73 @@ fn goals_of_all_drives() {
     let results = Results::of::<Monitor>(&drives, &lives);
     table::print(&[(Monitor::NAME, goals::rows(&results))]);
     goals::print_weeks(Monitor::NAME, &results);
+}
+
+/// Counts from full by the label, as ArduPilot does.
+#[derive(Clone, Default)]
+struct Counting {
+    label_ah: f64,
+    drawn_ah: f64,
+    before_s: Option<f64>,
+}
+
+impl Estimator for Counting {
+    const NAME: &'static str = "counting";
+
+    fn start(&mut self, settings: &PackSettings) {
+        *self = Self {
+            label_ah: f64::from(settings.capacity_mah.expect("a label")) / 1000.0,
+            ..Self::default()
+        };
+    }
+
+    fn update(&mut self, sample: &Sample) -> Report {
+        let hours = (sample.t_s - self.before_s.replace(sample.t_s).unwrap_or(sample.t_s)) / 3600.0;
+        self.drawn_ah += f64::from(sample.current_a.unwrap_or(0.0)) * hours;
+        let remaining_pct = 100.0 * (1.0 - self.drawn_ah / self.label_ah);
+        Report {
+            remaining_pct: Some(remaining_pct as f32),
+            sigma_pct: Some(2.0),
+            ..Report::default()
+        }
+    }
+
+    fn set_remaining(&mut self, remaining_pct: f32) {
+        self.drawn_ah = self.label_ah * (1.0 - f64::from(remaining_pct) / 100.0);
+    }
+
+    fn capacity_ah(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// A second estimator stands beside the first, and its errors are those that its label explains.
+#[test]
+fn an_estimator_that_counts_is_judged_as_counting() {
+    let drives: Vec<Drive> = simulated::drives()
+        .into_iter()
+        .filter(|drive| drive.number == 0)
+        .collect();
+    for drive in &drives {
+        let off = drive.right_label_ah() / drive.capacity_ah - 1.0;
+        for (start, most) in [
+            (Start::Full, off.abs()),
+            (Start::LabelLow, 0.25),
+            (Start::LabelHigh, 0.17),
+        ] {
+            let score = outcome::<Counting>(drive, start).score;
+            let worst = score
+                .remaining
+                .errors_pct
+                .iter()
+                .fold(0.0_f64, |worst, error| worst.max(error.abs()));
+            assert!(
+                (worst - 100.0 * most).abs() < 3.0,
+                "{} {start:?}: {worst:.1}",
+                drive.group
+            );
+            let is_inside = score.remaining.inside_two() == 1.0;
+            assert_eq!(is_inside, worst <= 4.5, "{} {start:?}: {worst:.1}", drive.group);
+        }
+    }
 }

@@ -77,7 +77,7 @@ pub fn weeks<E: Estimator>() -> Vec<Weeks> {
 }
 
 fn fortnight<E: Estimator>(habit: Habit, chemical: usize, make: u64) -> Weeks {
-    let mut random = Rng::with_seed(100 + make);
+    let mut random = Rng::with_seed(100 + 17 * make + chemical as u64);
     let chemical = CHEMICALS[chemical];
     let mut packs = vec![Pack::any(chemical, &mut random)];
     if habit == Habit::ColdGarage {

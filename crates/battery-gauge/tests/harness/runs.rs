@@ -95,7 +95,7 @@ pub fn outcomes<E: Estimator>(drives: &[Drive]) -> Vec<Outcome<'_>> {
     in_parallel(&jobs, |(drive, start)| outcome::<E>(drive, *start))
 }
 
-fn outcome<E: Estimator>(drive: &Drive, start: Start) -> Outcome<'_> {
+pub fn outcome<E: Estimator>(drive: &Drive, start: Start) -> Outcome<'_> {
     let settings = drive.cell.settings(match start {
         Start::LabelLow => 0.8 * drive.capacity_ah,
         Start::LabelHigh => 1.2 * drive.capacity_ah,
@@ -112,14 +112,12 @@ fn outcome<E: Estimator>(drive: &Drive, start: Start) -> Outcome<'_> {
     }
     let reports = run(&mut estimator.clone(), &settings, &samples);
     let mut moved = Vec::new();
-    if !matches!(start, Start::LabelLow | Start::LabelHigh) {
-        let noisy = run(&mut estimator.clone(), &settings, &with_noise(&samples, 1));
-        moved.push((VARIATIONS[0], Moved::between(&reports, &noisy)));
-        if first == 0 && drive.begins_at_rest() {
-            let second = samples.partition_point(|sample| sample.t_s < samples[0].t_s + 1.0);
-            let shorter = run(&mut estimator.clone(), &settings, &samples[second..]);
-            moved.push((VARIATIONS[1], Moved::between(&reports[second..], &shorter)));
-        }
+    let noisy = run(&mut estimator.clone(), &settings, &with_noise(&samples, 1));
+    moved.push((VARIATIONS[0], Moved::between(&reports, &noisy)));
+    if first == 0 && drive.begins_at_rest() {
+        let second = samples.partition_point(|sample| sample.t_s < samples[0].t_s + 1.0);
+        let shorter = run(&mut estimator.clone(), &settings, &samples[second..]);
+        moved.push((VARIATIONS[1], Moved::between(&reports[second..], &shorter)));
     }
     Outcome {
         drive,

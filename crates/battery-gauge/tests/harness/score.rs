@@ -1,9 +1,12 @@
 //! Figures of one drive.
 
+use std::collections::VecDeque;
+
+use battery_gauge::PackSettings;
+
 use crate::drive::Drive;
 use crate::estimator::{Estimator, Report};
 use crate::sample::{Sample, root_mean_square};
-use battery_gauge::PackSettings;
 
 /// Errors count from here on, in seconds.
 const SCORED_FROM_S: f64 = 60.0;
@@ -107,6 +110,13 @@ pub struct Score {
     /// Usable and remaining charge that are reported when the cell is empty, in percent.
     pub usable_at_end: f64,
     pub remaining_at_end: f64,
+    /// The most that it rises within ten minutes beyond what is charged, in points.
+    pub usable_rise: f64,
+    /// Usable charge that is reported ten seconds after the end, and the most from then on, in percent.
+    pub usable_after_end: f64,
+    pub usable_comes_back: f64,
+    /// True usable charge when 0 is reported first, in percent; NaN if it never is.
+    pub usable_at_zero: f64,
     /// How long before the end 15 % are reported, in minutes; minus infinity if never.
     pub low_ahead_min: f64,
     /// Time left that is reported half an hour and ten minutes before, in minutes; NaN if none is.
@@ -128,6 +138,13 @@ impl Score {
             let report = next.checked_sub(1).map(|at| &reports[at]);
             or_nan(report.and_then(|report| report.time_left_s)) / 60.0
         };
+        let after_s = drive.samples[drive.empty].t_s + 10.0;
+        let after = drive.samples[start..]
+            .partition_point(|sample| sample.t_s < after_s)
+            .min(reports.len() - 1);
+        let later = reports[after..].iter().map(|report| or_nan(report.usable_pct));
+        let is_zero = |report: &Report| report.usable_pct.is_some_and(|usable_pct| usable_pct < 0.5);
+        let zero = reports[..=end].iter().position(is_zero);
         let is_low = |report: &Report| report.usable_pct.is_some_and(|usable_pct| usable_pct <= LOW_PCT);
         let low = reports[..=end].iter().position(is_low);
         let low_ahead_s = low.map(|at| drive.seconds(drive.empty) - drive.seconds(start + at));
@@ -137,6 +154,10 @@ impl Score {
             last_fifth: f64::NAN,
             usable_at_end: or_nan(at_end.usable_pct),
             remaining_at_end: or_nan(at_end.remaining_pct),
+            usable_rise: largest_rise(drive, start, reports),
+            usable_after_end: or_nan(reports[after].usable_pct),
+            usable_comes_back: later.fold(f64::NAN, f64::max),
+            usable_at_zero: zero.map_or(f64::NAN, |at| drive.usable_pct(start + at)),
             low_ahead_min: low_ahead_s.map_or(f64::NEG_INFINITY, |ahead_s| ahead_s / 60.0),
             half_hour_min: before_end(30.0),
             ten_minutes_min: before_end(10.0),
@@ -181,6 +202,39 @@ impl Score {
             .collect();
         root_mean_square(&errors)
     }
+}
+
+/// The most that the usable charge rises within ten minutes, less what is charged, in points; NaN if it is never known.
+fn largest_rise(drive: &Drive, start: usize, reports: &[Report]) -> f64 {
+    const WITHIN_S: f64 = 600.0;
+    let mut largest = f64::NAN;
+    let (mut charged_ah, mut before_ah) = (0.0, drive.drawn_ah[start]);
+    // Candidates for the lowest value of the last ten minutes: times and values, both rising.
+    let mut lowest: VecDeque<(f64, f64)> = VecDeque::new();
+    for (at, report) in (start..).zip(reports) {
+        let drawn_ah = drive.drawn_ah[at];
+        charged_ah += (before_ah - drawn_ah).max(0.0);
+        before_ah = drawn_ah;
+        let Some(usable_pct) = report.usable_pct else {
+            continue;
+        };
+        let (here_s, value) = (
+            drive.seconds(at),
+            f64::from(usable_pct) - 100.0 * charged_ah / drive.capacity_ah,
+        );
+        while lowest
+            .front()
+            .is_some_and(|(from_s, _)| here_s - from_s > WITHIN_S)
+        {
+            lowest.pop_front();
+        }
+        while lowest.back().is_some_and(|(_, before)| *before >= value) {
+            lowest.pop_back();
+        }
+        lowest.push_back((here_s, value));
+        largest = largest.max(value - lowest[0].1);
+    }
+    largest
 }
 
 fn or_nan(number: Option<f32>) -> f64 {

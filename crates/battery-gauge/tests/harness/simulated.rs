@@ -322,7 +322,7 @@ pub fn drives() -> Vec<Drive> {
     for chemical in CHEMICALS {
         for make in 0..MAKES {
             for (temperature_c, ending) in [(25, ""), (0, " cold")] {
-                let mut random = Rng::with_seed(make);
+                let mut random = Rng::with_seed(17 * make + chemical.cell.chemistry as u64);
                 let pack = Pack::any(chemical, &mut random);
                 let mut pack = if temperature_c == 0 { pack.cooled() } else { pack };
                 let style = Style {
