@@ -69,7 +69,7 @@ fn from_full(results: &Results) -> Row {
 }
 
 fn learnt(results: &Results) -> Row {
-    let mut row = Row::new("learnt from half a charge or more, first cell, 25 to 0 °C, points");
+    let mut row = Row::new("learnt from half a charge or more, 25 to 0 °C, points");
     let mut rms: Vec<f64> = results.teachers.iter().map(|teacher| teacher.rms).collect();
     rms.sort_by(f64::total_cmp);
     let median = rms.get(rms.len() / 2).copied();
@@ -194,11 +194,11 @@ fn known(results: &Results) -> Row {
 
 fn aged_warm(results: &Results) -> Row {
     let mut row = Row::new("aged, second half of life at 24 °C");
-    for (is_every, name) in [(true, "every drive"), (false, "as recorded")] {
+    for is_every in [true, false] {
         let which = |life: &str| life.starts_with(WARM_LIFE) && life.ends_with(EVERY_DRIVE) == is_every;
         let mut add = |part: &str, goal: Goal, figure: fn(&Score) -> f64| {
             let means = results.life_means(which, |drives| drives / 2, figure);
-            row.add_each(&format!("{part}, {name}"), goal, &means);
+            row.add_each(part, goal, &means);
         };
         add("told, points", Goal::AtMost(2.5), |score| score.remaining.rms());
         add("usable, points", Goal::AtMost(3.0), |score| score.usable.rms());
@@ -219,7 +219,7 @@ fn aged_warm(results: &Results) -> Row {
 }
 
 fn aged_others(results: &Results) -> Row {
-    let mut row = Row::new("aged LiCoO2, second half; cold aged from the fifth drive on; points");
+    let mut row = Row::new("aged LiCoO2, second half; aged at 4 °C, from the fifth drive on; points");
     let second_half: fn(usize) -> usize = |drives| drives / 2;
     for (cell, part, from, remaining, usable) in [
         (
@@ -304,32 +304,27 @@ fn last_fifth(results: &Results) -> Row {
 fn usable_to_the_end(results: &Results) -> Row {
     let mut row = Row::new("usable to the end, from full, worst drive");
     for (origin, name) in ORIGINS {
-        let mut add = |part: &str, goal: Goal, figure: fn(&Score) -> f64| {
+        let mut add = |part: &str, most: f64, figure: fn(&Score) -> f64| {
             let outcomes = results.started(Start::Full, of(origin));
             let member = |outcome: &Outcome| (outcome.drive.group.clone(), figure(&outcome.score));
-            row.add_worst(
-                format!("{name}: {part}"),
-                goal,
-                &outcomes.map(member).collect::<Vec<_>>(),
+            let members: Vec<Member> = outcomes.map(member).collect();
+            row.add_worst(format!("{name}: {part}"), Goal::AtMost(most), &members);
+            let known = members.iter().filter(|(_, figure)| !figure.is_nan());
+            let reached = share(known.map(|(_, figure)| *figure <= most));
+            row.add(
+                format!("{name}: {part}, share of drives within"),
+                Goal::None,
+                reached,
+                "",
             );
         };
-        add(
-            "largest rise in ten minutes, points",
-            Goal::AtMost(3.0),
-            |score| score.usable_rise,
-        );
-        add("when first below critical, %", Goal::AtMost(3.0), |score| {
-            score.usable_at_end
+        add("largest rise in ten minutes, points", 3.0, |score| {
+            score.usable_rise
         });
-        add("ten seconds later, %", Goal::AtMost(0.5), |score| {
-            score.usable_after_end
-        });
-        add("from then on, %", Goal::AtMost(0.5), |score| {
-            score.usable_comes_back
-        });
-        add("true when 0 is reported, %", Goal::AtMost(5.0), |score| {
-            score.usable_at_zero
-        });
+        add("when first below critical, %", 3.0, |score| score.usable_at_end);
+        add("ten seconds later, %", 0.5, |score| score.usable_after_end);
+        add("from then on, %", 0.5, |score| score.usable_comes_back);
+        add("true when 0 is reported, %", 5.0, |score| score.usable_at_zero);
     }
     row
 }
@@ -424,7 +419,7 @@ fn second_week(results: &Results) -> Row {
 }
 
 fn moved(results: &Results) -> Row {
-    let mut row = Row::new("moved by at most 1 point RMS or a quarter of its deviation, share of runs");
+    let mut row = Row::new("moved by ≤ 1 point RMS or ¼ deviation, share of runs");
     for (origin, name) in ORIGINS {
         for start in STARTS {
             for variation in VARIATIONS {

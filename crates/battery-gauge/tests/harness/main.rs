@@ -37,8 +37,13 @@ fn goals_of_all_drives() {
     drives.extend(simulated::drives());
     let lives = lives(&drives);
     let results = Results::of::<Monitor>(&drives, &lives);
+    // Further estimators are further columns.
     table::print(&[(Monitor::NAME, goals::rows(&results))]);
     goals::print_weeks(Monitor::NAME, &results);
+    assert!(
+        results.faulty.iter().all(|faulty| faulty.is_finite),
+        "something is not a number"
+    );
 }
 
 /// Counts from full by the label, as ArduPilot does.

@@ -140,7 +140,7 @@ impl<E: Estimator> Owner<E> {
         match self.habit {
             Habit::EightyPercent => pack.charge_to(0.8),
             Habit::EarlyCharger => pack.charge_to(0.6 + 0.35 * self.random.f64()),
-            Habit::ThreeMinutes if number % 3 != 0 => {}
+            Habit::ThreeMinutes if !number.is_multiple_of(3) => {}
             _ => pack.charge_to(1.0),
         }
         // Plugged in and switched on at once, or the next morning.

@@ -110,7 +110,7 @@ pub struct Score {
     /// Usable and remaining charge that are reported when the cell is empty, in percent.
     pub usable_at_end: f64,
     pub remaining_at_end: f64,
-    /// The most that it rises within ten minutes beyond what is charged, in points.
+    /// The most that it rises within ten minutes until the end, less what is charged, in points.
     pub usable_rise: f64,
     /// Usable charge that is reported ten seconds after the end, and the most from then on, in percent.
     pub usable_after_end: f64,
@@ -154,7 +154,7 @@ impl Score {
             last_fifth: f64::NAN,
             usable_at_end: or_nan(at_end.usable_pct),
             remaining_at_end: or_nan(at_end.remaining_pct),
-            usable_rise: largest_rise(drive, start, reports),
+            usable_rise: largest_rise(drive, start, &reports[..=end]),
             usable_after_end: or_nan(reports[after].usable_pct),
             usable_comes_back: later.fold(f64::NAN, f64::max),
             usable_at_zero: zero.map_or(f64::NAN, |at| drive.usable_pct(start + at)),

@@ -87,14 +87,14 @@ impl Goal {
         }
     }
 
-    /// Whether a value reaches it, where the first estimator has `first`.
-    fn is_reached(self, value: f64, first: f64) -> bool {
+    /// Whether a value reaches it, where the first estimator has `first`; `None` without a goal.
+    fn is_reached(self, value: f64, first: Option<f64>) -> Option<bool> {
         match self {
-            Self::AtMost(most) => value <= most,
-            Self::AtLeast(least) => value >= least,
-            Self::Within(least, most) => (least..=most).contains(&value),
-            Self::NoWorse(more) => value <= first + more,
-            Self::None => true,
+            Self::AtMost(most) => Some(value <= most),
+            Self::AtLeast(least) => Some(value >= least),
+            Self::Within(least, most) => Some((least..=most).contains(&value)),
+            Self::NoWorse(more) => first.map(|first| value <= first + more),
+            Self::None => None,
         }
     }
 }
@@ -115,14 +115,13 @@ pub fn print(estimators: &[(&str, Vec<Row>)]) {
     println!("|---|---|{}---|", "---|".repeat(names.len()));
     for (number, row) in first.iter().enumerate() {
         for (part, figure) in row.figures.iter().enumerate() {
-            let cells = estimators
-                .iter()
-                .zip(&mut counts[number])
-                .map(|((_, rows), count)| {
-                    let here = &rows[number].figures[part];
-                    assert_eq!(here.part, figure.part, "both have judged the same");
-                    cell(here, figure.value, count)
-                });
+            let columns = estimators.iter().zip(&mut counts[number]).enumerate();
+            let cells = columns.map(|(column, ((_, rows), count))| {
+                let here = &rows[number].figures[part];
+                assert_eq!(here.part, figure.part, "both have judged the same");
+                // Its own figure is no goal for the first.
+                cell(here, figure.value.filter(|_| column > 0), count)
+            });
             let cells: Vec<String> = cells.collect();
             let goal = figure.goal.text();
             println!(
@@ -153,8 +152,7 @@ fn cell(figure: &Figure, first: Option<f64>, count: &mut Count) -> String {
     } else {
         format!("{value:.2}")
     };
-    if !matches!(figure.goal, Goal::None) {
-        let is_reached = figure.goal.is_reached(value, first.unwrap_or(f64::NAN));
+    if let Some(is_reached) = figure.goal.is_reached(value, first) {
         count.judged += 1;
         count.reached += u32::from(is_reached);
         text += if is_reached { " ✓" } else { " ✗" };
