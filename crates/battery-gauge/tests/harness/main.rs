@@ -38,7 +38,9 @@ fn goals_of_all_drives() {
     let lives = lives(&drives);
     let results = Results::of::<Monitor>(&drives, &lives);
     // Further estimators are further columns.
-    table::print(&[(Monitor::NAME, goals::rows(&results))]);
+    let columns = [(Monitor::NAME, goals::rows(&results))];
+    table::print(&columns);
+    table::print_comparison(&columns);
     goals::print_weeks(Monitor::NAME, &results);
     assert!(
         results.faulty.iter().all(|faulty| faulty.is_finite),

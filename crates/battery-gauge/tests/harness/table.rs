@@ -87,15 +87,21 @@ impl Goal {
         }
     }
 
-    /// Whether a value reaches it, where the first estimator has `first`; `None` without a goal.
-    fn is_reached(self, value: f64, first: Option<f64>) -> Option<bool> {
-        match self {
-            Self::AtMost(most) => Some(value <= most),
-            Self::AtLeast(least) => Some(value >= least),
-            Self::Within(least, most) => Some((least..=most).contains(&value)),
-            Self::NoWorse(more) => first.map(|first| value <= first + more),
-            Self::None => None,
-        }
+    /// How far a value is from it, in its unit or in tenths of a share, where the first estimator has `first`; 0 where it is
+    /// reached, infinite of a value that is unknown, `None` without a goal.
+    fn distance(self, value: f64, first: Option<f64>) -> Option<f64> {
+        let beyond = match self {
+            Self::AtMost(most) => value - most,
+            Self::AtLeast(least) => 10.0 * (least - value),
+            Self::Within(least, most) => (least - value).max(value - most),
+            Self::NoWorse(more) => value - (first? + more),
+            Self::None => return None,
+        };
+        Some(if beyond.is_nan() {
+            f64::INFINITY
+        } else {
+            beyond.max(0.0)
+        })
     }
 }
 
@@ -152,7 +158,8 @@ fn cell(figure: &Figure, first: Option<f64>, count: &mut Count) -> String {
     } else {
         format!("{value:.2}")
     };
-    if let Some(is_reached) = figure.goal.is_reached(value, first) {
+    if let Some(distance) = figure.goal.distance(value, first) {
+        let is_reached = distance == 0.0;
         count.judged += 1;
         count.reached += u32::from(is_reached);
         text += if is_reached { " ✓" } else { " ✗" };
@@ -161,4 +168,40 @@ fn cell(figure: &Figure, first: Option<f64>, count: &mut Count) -> String {
         text += &format!(" ({})", figure.note);
     }
     text
+}
+
+/// Prints in how many figures each further estimator is nearer to its goals than the first.
+pub fn print_comparison(estimators: &[(&str, Vec<Row>)]) {
+    let Some(((first_name, first), others)) = estimators.split_first() else {
+        return;
+    };
+    for (name, rows) in others {
+        let figures = first
+            .iter()
+            .flat_map(|row| row.figures.iter().map(move |figure| (row.name, figure)));
+        let pairs = figures.zip(rows.iter().flat_map(|row| &row.figures));
+        let (mut nearer, mut farther, mut much) = (0, 0, Vec::new());
+        for ((row, before), here) in pairs {
+            let Some((before_value, value)) = before.value.zip(here.value) else {
+                continue;
+            };
+            // What the first has is 0 away from itself.
+            let distances = before
+                .goal
+                .distance(before_value, before.value)
+                .zip(here.goal.distance(value, before.value));
+            let Some((before_distance, distance)) = distances else {
+                continue;
+            };
+            nearer += u32::from(before_distance > distance + 0.5);
+            farther += u32::from(distance > before_distance + 0.5);
+            if distance > before_distance + 2.0 {
+                much.push(format!("{row}: {}", here.part));
+            }
+        }
+        println!(
+            "\n{name} is nearer than {first_name} by more than 0.5 in {nearer} figures, farther in {farther}."
+        );
+        println!("Farther by more than 2 in {}:\n{}", much.len(), much.join("\n"));
+    }
 }
