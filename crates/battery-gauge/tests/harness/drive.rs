@@ -141,11 +141,16 @@ impl Drive {
 
     /// The sample at which half of its charge is drawn.
     pub fn middle(&self) -> usize {
-        let half_ah = 0.5 * self.drawn_ah[self.last_load];
+        let half_ah = 0.5 * self.drawn_ah[self.drawn_ah.len() - 1];
         self.drawn_ah
             .iter()
             .position(|ah| *ah >= half_ah)
             .expect("a middle")
+    }
+
+    /// The last sample that is judged: of the load, or the one at which the cell is empty.
+    pub fn end(&self) -> usize {
+        self.last_load.max(self.empty)
     }
 
     /// Charge that the load can still draw at a sample, in percent of all that it could.

@@ -58,7 +58,7 @@ fn from_full(results: &Results) -> Row {
         for (range, goal) in [(10..100, 0.5), (-10..10, 1.0), (-99..-10, 2.0)] {
             let which = |drive: &Drive| of(origin)(drive) && range.contains(&drive.temperature_c);
             let more = |drive: &Drive, score: &Score| {
-                score.remaining.rms() - Score::of_counting(drive, drive.right_label_ah())
+                score.remaining.rms() - Score::of_counting(drive, drive.right_label_ah(), drive.end())
             };
             let groups = results.groups(Start::Full, which, more);
             let part = format!("{name}, {} to {} °C", range.start, range.end - 1);

@@ -103,6 +103,8 @@ pub fn mean(numbers: &[f64]) -> f64 {
 pub struct Score {
     /// While the load lasts.
     pub remaining: Errors,
+    /// Until the end of the recording.
+    pub with_rest: Errors,
     /// Of the usable charge until the cell is empty.
     pub usable: Errors,
     /// Mean error over the last fifth, in points.
@@ -150,6 +152,7 @@ impl Score {
         let low_ahead_s = low.map(|at| drive.seconds(drive.empty) - drive.seconds(start + at));
         let mut score = Self {
             remaining: Errors::default(),
+            with_rest: Errors::default(),
             usable: Errors::default(),
             last_fifth: f64::NAN,
             usable_at_end: or_nan(at_end.usable_pct),
@@ -177,7 +180,8 @@ impl Score {
                 continue;
             }
             next_s = drive.seconds(at) + 0.95;
-            if at <= drive.last_load.max(drive.empty) {
+            self.with_rest.add_remaining(report, drive.truth_pct[at]);
+            if at <= drive.end() {
                 self.remaining.add_remaining(report, drive.truth_pct[at]);
             }
             if at <= drive.empty {
@@ -192,14 +196,11 @@ impl Score {
         self.last_fifth = mean(&last_errors);
     }
 
-    /// RMS error of one that only counts from full by this capacity, as ArduPilot does.
-    pub fn of_counting(drive: &Drive, capacity_ah: f64) -> f64 {
+    /// RMS error until a sample of one that only counts from full by this capacity, as ArduPilot does.
+    pub fn of_counting(drive: &Drive, capacity_ah: f64, until: usize) -> f64 {
         let scored = |at: &usize| drive.seconds(*at) >= SCORED_FROM_S && !drive.truth_pct[*at].is_nan();
         let error = |at: usize| 100.0 * (1.0 - drive.drawn_ah[at] / capacity_ah) - drive.truth_pct[at];
-        let errors: Vec<f64> = (0..=drive.last_load.max(drive.empty))
-            .filter(scored)
-            .map(error)
-            .collect();
+        let errors: Vec<f64> = (0..=until).filter(scored).map(error).collect();
         root_mean_square(&errors)
     }
 }
