@@ -79,6 +79,8 @@ pub struct Drive {
     pub last_load: usize,
     /// The sample at which the cell can't serve its load any more.
     pub empty: usize,
+    /// Whether its voltage shows that.
+    pub has_collapsed: bool,
 }
 
 /// A charge that a test leaves in a cell, relative to its capacity: assumed where no truth says it.
@@ -115,9 +117,9 @@ impl Drive {
             .find(|at| !truth_pct[*at].is_nan())
             .expect("a truth");
         let capacity_ah = 100.0 * drawn_ah[known] / (truth_pct[0] - truth_pct[known]);
-        let empty = match cell.end {
-            End::Critical => first_below(&samples[..last_load], cell.critical_v).unwrap_or(last_load),
-            End::LastLoad => last_load,
+        let collapse = match cell.end {
+            End::Critical => first_below(&samples[..last_load], cell.critical_v),
+            End::LastLoad => None,
         };
         Self {
             cell,
@@ -129,7 +131,8 @@ impl Drive {
             drawn_ah,
             capacity_ah,
             last_load,
-            empty,
+            empty: collapse.unwrap_or(last_load),
+            has_collapsed: collapse.is_some(),
         }
     }
 
@@ -160,6 +163,12 @@ impl Drive {
 
     pub fn seconds(&self, at: usize) -> f64 {
         self.samples[at].t_s - self.samples[0].t_s
+    }
+
+    /// The first sample behind its first second.
+    pub fn after_first_second(&self) -> usize {
+        self.samples
+            .partition_point(|sample| sample.t_s < self.samples[0].t_s + 1.0)
     }
 
     /// Whether it begins with a rest of a second.

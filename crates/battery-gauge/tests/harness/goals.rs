@@ -304,8 +304,8 @@ fn last_fifth(results: &Results) -> Row {
 fn usable_to_the_end(results: &Results) -> Row {
     let mut row = Row::new("usable to the end, from full, worst drive");
     for (origin, name) in ORIGINS {
-        let mut add = |part: &str, most: f64, figure: fn(&Score) -> f64| {
-            let outcomes = results.started(Start::Full, of(origin));
+        let mut add = |part: &str, which: fn(&Drive) -> bool, most: f64, figure: fn(&Score) -> f64| {
+            let outcomes = results.started(Start::Full, |drive| of(origin)(drive) && which(drive));
             let member = |outcome: &Outcome| (outcome.drive.group.clone(), figure(&outcome.score));
             let members: Vec<Member> = outcomes.map(member).collect();
             row.add_worst(format!("{name}: {part}"), Goal::AtMost(most), &members);
@@ -318,13 +318,22 @@ fn usable_to_the_end(results: &Results) -> Row {
                 "",
             );
         };
-        add("largest rise in ten minutes, points", 3.0, |score| {
-            score.usable_rise
+        let rise = |score: &Score| score.usable_rise;
+        add("largest rise in ten minutes, points", |_| true, 3.0, rise);
+        let collapse = |drive: &Drive| drive.has_collapsed;
+        add("when first below critical, %", collapse, 3.0, |score| {
+            score.usable_at_end
         });
-        add("when first below critical, %", 3.0, |score| score.usable_at_end);
-        add("ten seconds later, %", 0.5, |score| score.usable_after_end);
-        add("from then on, %", 0.5, |score| score.usable_comes_back);
-        add("true when 0 is reported, %", 5.0, |score| score.usable_at_zero);
+        add("ten seconds later, %", collapse, 0.5, |score| {
+            score.usable_after_end
+        });
+        add("from then on, %", collapse, 0.5, |score| score.usable_comes_back);
+        add(
+            "true when 0 is reported, %",
+            |_| true,
+            5.0,
+            |score| score.usable_at_zero,
+        );
     }
     row
 }
@@ -452,14 +461,12 @@ fn moved(results: &Results) -> Row {
         }
     }
     for life in &results.lives {
-        let note = format!("{:.2} points, {:.2} σ", life.moved.rms, life.moved.in_deviations);
-        let small = share([life.moved.is_small()].into_iter());
-        row.add(
-            format!("{} in order, {}", life.name, VARIATIONS[0]),
-            Goal::AtLeast(1.0),
-            small,
-            note,
-        );
+        for (variation, moved) in VARIATIONS.iter().zip(&life.moved) {
+            let note = format!("{:.2} points, {:.2} σ", moved.rms, moved.in_deviations);
+            let small = share([moved.is_small()].into_iter());
+            let part = format!("{} in order, {variation}", life.name);
+            row.add(part, Goal::AtLeast(1.0), small, note);
+        }
     }
     row
 }

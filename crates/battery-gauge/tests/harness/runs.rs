@@ -115,7 +115,7 @@ pub fn outcome<E: Estimator>(drive: &Drive, start: Start) -> Outcome<'_> {
     let noisy = run(&mut estimator.clone(), &settings, &with_noise(&samples, 1));
     moved.push((VARIATIONS[0], Moved::between(&reports, &noisy)));
     if first == 0 && drive.begins_at_rest() {
-        let second = samples.partition_point(|sample| sample.t_s < samples[0].t_s + 1.0);
+        let second = drive.after_first_second();
         let shorter = run(&mut estimator.clone(), &settings, &samples[second..]);
         moved.push((VARIATIONS[1], Moved::between(&reports[second..], &shorter)));
     }
@@ -215,30 +215,38 @@ pub fn by_group(figures: impl Iterator<Item = (String, f64)>) -> Vec<(String, f6
 pub struct Life {
     pub name: String,
     pub scores: Vec<Score>,
-    pub moved: Moved,
+    /// By each variation.
+    pub moved: [Moved; VARIATIONS.len()],
 }
 
 /// One pack through all these drives.
 pub fn life<E: Estimator>(name: &str, drives: &[Drive]) -> Life {
     let cell = &drives[0].cell;
     let settings = cell.settings(cell.label_ah.unwrap_or(drives[0].capacity_ah));
-    let (mut estimator, mut noisy) = (E::default(), E::default());
-    let (mut all, mut all_noisy) = (Vec::<Report>::new(), Vec::new());
+    let [mut estimator, mut noisy, mut late] = [E::default(), E::default(), E::default()];
+    let [mut all, mut all_but_seconds, mut all_noisy, mut all_late]: [Vec<Report>; 4] = Default::default();
     let mut scores = Vec::new();
     for (number, drive) in drives.iter().enumerate() {
-        let reports = run(&mut estimator, &settings, &drive.samples);
+        let samples = &drive.samples;
+        let second = if drive.begins_at_rest() {
+            drive.after_first_second()
+        } else {
+            0
+        };
+        let reports = run(&mut estimator, &settings, samples);
         scores.push(Score::of(drive, 0, &reports));
+        all_but_seconds.extend_from_slice(&reports[second..]);
         all.extend(reports);
-        all_noisy.extend(run(
-            &mut noisy,
-            &settings,
-            &with_noise(&drive.samples, number as u64),
-        ));
+        all_noisy.extend(run(&mut noisy, &settings, &with_noise(samples, number as u64)));
+        all_late.extend(run(&mut late, &settings, &samples[second..]));
     }
     Life {
         name: name.into(),
         scores,
-        moved: Moved::between(&all, &all_noisy),
+        moved: [
+            Moved::between(&all, &all_noisy),
+            Moved::between(&all_but_seconds, &all_late),
+        ],
     }
 }
 
