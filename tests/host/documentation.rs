@@ -649,7 +649,11 @@ fn quoted() -> Vec<String> {
 fn every_text_the_guide_quotes_is_said_by_the_firmware_or_its_page() {
     let announced = announced();
     let literals = ["src", "crates"].map(|folder| string_literals(folder, "rs", '"'));
-    let literals: Vec<_> = literals.iter().flatten().map(|literal| with_gaps(literal)).collect();
+    let literals: Vec<_> = literals
+        .iter()
+        .flatten()
+        .map(|literal| with_gaps(literal))
+        .collect();
     let of_page = string_literals("web", "js", '\'');
     let is_said = |text: &String| {
         // The page appends to what ends so why.
