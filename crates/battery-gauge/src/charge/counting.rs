@@ -2,11 +2,10 @@
 
 use super::cell_model::{Capacity, CellModel, KnownCharge};
 use super::drive::{Drive, Rest};
-use super::filter::Filter;
+use super::filter::{Filter, has_plateau};
 use super::load::{Block, CurrentOrigin, HOURS_PER_SECOND, Load, Reserve, SILENCE_S, SagGrowth, Trace};
 use super::start::{
-    Relaxation, charged, full, has_plateau, is_resting, kept_full, may_have_surface_charge, provisional,
-    was_charged,
+    Relaxation, charged, full, is_resting, kept_full, may_have_surface_charge, provisional, was_charged,
 };
 use super::voltage_only::VoltageOnly;
 use crate::LearntPack;
@@ -217,7 +216,7 @@ impl Counting {
             }
             filter.rest(&by_voltage);
         }
-        if has_plateau(model, capacity)
+        if has_plateau(model)
             && let Some(full) = full(&by_voltage, rest.relaxation, model, capacity)
                 .or_else(|| kept_full(rest.rested_s, cell_v, model, capacity))
         {

@@ -12,6 +12,9 @@ type Matrix = [Vector; STATES];
 /// Charge over which the offset of a curve changes: that of neighbouring parts is alike.
 pub const OFFSET_SPAN: f32 = 0.3;
 
+/// A curve on which a voltage gives the charge to this standard deviation is steep.
+pub const STEEP_SIGMA: f32 = 0.12;
+
 /// Time in which the slow share returns to what is typical, in seconds: it was seen at another load.
 const SLOW_SHARE_TIME_CONSTANT_S: f32 = 3000.0;
 
@@ -325,8 +328,13 @@ impl VoltageError {
         let resting_v = model.voltage_v(soc);
         let lower = soc - model.soc(resting_v - sigma_v);
         let upper = model.soc(resting_v + sigma_v) - soc;
+        let beside = if has_plateau(model) {
+            upper.max(lower)
+        } else {
+            lower
+        };
         Self {
-            by_offset: -lower.max(upper).max(sigma_v / slope_v),
+            by_offset: -beside.max(sigma_v / slope_v),
             by_slow_share: sag.slow_v / slope_v,
             slow_variance: square(model.slow_share_sigma()),
             noise: noise_variance(sag.at(model.slow_share())) / square(slope_v),
@@ -337,6 +345,13 @@ impl VoltageError {
         let variance = square(self.by_offset) + square(self.by_slow_share) * self.slow_variance + self.noise;
         variance.min(MAX_VARIANCE)
     }
+}
+
+/// Whether the curve of the chemistry is flat at half charge.
+pub fn has_plateau(model: &CellModel) -> bool {
+    let curve = &model.cell.curve;
+    let rise_v = curve.voltage_v(0.6) - curve.voltage_v(0.4);
+    model.cell.curve_sigma_v > STEEP_SIGMA * rise_v / 0.2
 }
 
 fn typical_covariance(model: &CellModel, capacity: &Capacity) -> Matrix {

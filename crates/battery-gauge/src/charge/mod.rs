@@ -22,9 +22,9 @@ use crate::{CurrentRange, LearntPack, LoadState};
 use cell_model::root_of_squares;
 use counting::Counting;
 use drive::{Drive, Rest, RestTimer};
-use filter::Filter;
+use filter::{Filter, STEEP_SIGMA};
 use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace, Unread};
-use start::{STEEP_SIGMA, Start, is_flat, is_idle, is_resting};
+use start::{Start, is_flat, is_idle, is_resting};
 use voltage_only::VoltageOnly;
 
 /// After a longer time without a reading, in seconds, the load meanwhile is taken for that of the time before: one

@@ -1,7 +1,7 @@
 //! The first estimate of a pack whose current is measured.
 
 use super::cell_model::{Capacity, CellModel, KnownCharge, root_of_squares};
-use super::filter::Filter;
+use super::filter::{Filter, STEEP_SIGMA, has_plateau};
 use super::load::{Block, HOURS_PER_SECOND, Load, Polarisation, Sum};
 use crate::LearntPack;
 use crate::chemistry::SAME_VOLTAGE_V;
@@ -54,9 +54,6 @@ const SURFACE_SIGMA: f32 = 0.15;
 
 /// Change of a stored charge by self-discharge, or by charging that leaves the voltage alone.
 const PAUSE_SIGMA: f32 = 0.03;
-
-/// A curve on which a voltage gives the charge to this standard deviation is steep.
-pub const STEEP_SIGMA: f32 = 0.12;
 
 /// Standard deviation of a measured resistance, relative to it: the noise of the sensors, and its change with load and
 /// charge. The model of the sag has the same.
@@ -388,7 +385,7 @@ pub fn full(
 ) -> Option<Filter> {
     let is_full = by_voltage.soc() >= FULL_SOC
         && !is_flat(by_voltage)
-        && (relaxation == Relaxation::Relaxed || !has_plateau(model, capacity));
+        && (relaxation == Relaxation::Relaxed || !has_plateau(model));
     is_full.then(|| Filter::from_soc(1.0, CERTAIN_SIGMA, model, capacity))
 }
 
@@ -402,12 +399,6 @@ pub fn provisional(mut by_voltage: Filter) -> Filter {
     let beyond = (by_voltage.soc() - SURFACE_SOC) / SURFACE_WIDTH;
     by_voltage.inflate(SURFACE_SIGMA * beyond.clamp(0.0, 1.0));
     by_voltage
-}
-
-/// Whether the curve is flat at half charge.
-pub fn has_plateau(model: &CellModel, capacity: &Capacity) -> bool {
-    let half_v = model.cell.curve.voltage_v(0.5);
-    is_flat(&Filter::from_voltage(&Load::NONE, half_v, model, capacity))
 }
 
 #[cfg(test)]

@@ -205,7 +205,7 @@ fn a_drive_that_taught_nothing_says_why() {
 #[test]
 // Requirement: PX-6
 fn a_capacity_that_no_such_pack_has_is_announced_once() {
-    for (label_mah, announced) in [(2200.0, 0), (1700.0, 1)] {
+    for (label_mah, announced) in [(2200.0, 0), (1800.0, 1)] {
         let mut rover = Rover::parked(Pack::rested(Chemistry::LiPo, 1.0));
         rover.bench.settings.capacity_mah = Some(label_mah);
         for _ in 0..3 {
