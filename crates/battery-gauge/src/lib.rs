@@ -77,7 +77,8 @@
 //! on at once when there is one. Always on, a charge is taken for braking, and another pack for the same one.
 //!
 //! # Rates and costs
-//! Readings were tried from one in ten seconds to 50 a second, also with pauses and in bursts. A pack takes 1.8 KB of RAM
+//! Readings were tried from one in ten seconds to 50 a second, also with pauses. A seldom one should be a mean since the one
+//! before: of a load that changes, single samples each ten seconds cost up to 8 points. A pack takes 1.8 KB of RAM
 //! with its state, and 9,500 (voltage alone) to 13,000 instructions a reading on a Cortex-M0+, most of them in float routines.
 //!
 //! # Names
