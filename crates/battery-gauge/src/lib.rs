@@ -61,8 +61,12 @@
 //! # let (flash, ram) = (None::<LearntPack>, None::<PackMemory>);
 //! let mut monitor = BatteryMonitor::new();
 //! // At the start: what flash holds of this pack, and RAM if it has outlasted the restart.
-//! flash.map(|learnt| monitor.restore_learnt(learnt));
-//! ram.map(|memory| monitor.restore(&memory));
+//! if let Some(learnt) = flash {
+//!     monitor.restore_learnt(learnt);
+//! }
+//! if let Some(memory) = ram {
+//!     monitor.restore(&memory);
+//! }
 //! // At each reading.
 //! let update = monitor.update(&mut battery, tick, reading, &settings);
 //! // Act on `update.failsafe`, announce `update.events`; now and then keep what has to outlast a restart.
