@@ -200,12 +200,16 @@ fn aged_warm(results: &Results) -> Row {
             let means = results.life_means(which, |drives| drives / 2, figure);
             row.add_each(part, goal, &means);
         };
-        add("told, points", Goal::AtMost(2.5), |score| score.remaining.rms());
+        add("estimated, points", Goal::AtMost(2.5), |score| {
+            score.remaining.rms()
+        });
         add("usable, points", Goal::AtMost(3.0), |score| score.usable.rms());
         add("usable at cut-off, %", Goal::AtMost(5.0), |score| {
             score.usable_at_end
         });
-        add("told at cut-off, %", Goal::None, |score| score.remaining_at_end);
+        add("estimated at cut-off, %", Goal::None, |score| {
+            score.remaining_at_end
+        });
         add("low ahead, min", Goal::Within(4.0, 15.0), |score| {
             score.low_ahead_min
         });
@@ -233,8 +237,8 @@ fn aged_others(results: &Results) -> Row {
         (LARGE_CELL, "new, 1 to 3 C", |_| 0, Goal::None, Goal::None),
     ] {
         let which = |life: &str| life.starts_with(cell);
-        let told = results.life_means(which, from, |score| score.remaining.rms());
-        row.add_each(&format!("{part}, told"), remaining, &told);
+        let estimated = results.life_means(which, from, |score| score.remaining.rms());
+        row.add_each(&format!("{part}, estimated"), remaining, &estimated);
         let means = results.life_means(which, from, |score| score.usable.rms());
         row.add_each(&format!("{part}, usable"), usable, &means);
     }
@@ -352,7 +356,7 @@ fn warned(results: &Results) -> Row {
         results.share_of(simulated, is_ahead),
         "",
     );
-    let near = "half an hour before told 15 to 60 min";
+    let near = "half an hour before estimated 15 to 60 min";
     row.add(near, Goal::AtLeast(0.8), results.share_of(first, is_near), "");
     row.add(
         format!("{near}, simulated"),
@@ -420,7 +424,7 @@ fn second_week(results: &Results) -> Row {
             let mean = mean_of(&results.weeks_of(habit, of_week));
             row.add(format!("{name}: {part}"), Goal::None, mean, "");
         };
-        add("told, points", Errors::rms);
+        add("estimated, points", Errors::rms);
         add("inside two deviations, share", Errors::inside_two);
         add("known, share", Errors::known);
     }
@@ -507,10 +511,10 @@ fn bad_input(results: &Results) -> Row {
     row
 }
 
-/// Prints the first week of a pack with each habit: told and true charge at the end of each day, in percent.
+/// Prints the first week of a pack with each habit: estimated and true charge at the end of each day, in percent.
 pub fn print_weeks(name: &str, results: &Results) {
     let days: Vec<String> = (1..=7).map(|day| format!("day {day}")).collect();
-    println!("\n| {name}: told, true at the end | {} |", days.join(" | "));
+    println!("\n| {name}: estimated, true at the end | {} |", days.join(" | "));
     println!("|---|{}", "---|".repeat(days.len()));
     for (habit, name) in HABITS {
         for chemistry in ["LiPo", "Li-ion"] {
@@ -519,10 +523,10 @@ pub fn print_weeks(name: &str, results: &Results) {
                 continue;
             };
             let day = |day: &Day| {
-                let told = day
+                let estimated = day
                     .reported_pct
-                    .map_or("unknown".into(), |told_pct| format!("{told_pct:.0}"));
-                format!("{told}, {:.0}", day.true_pct)
+                    .map_or("unknown".into(), |estimated_pct| format!("{estimated_pct:.0}"));
+                format!("{estimated}, {:.0}", day.true_pct)
             };
             let days: Vec<String> = weeks.days[..7].iter().map(day).collect();
             println!("| {name}, {chemistry} | {} |", days.join(" | "));

@@ -242,7 +242,7 @@ fn or_nan(number: Option<f32>) -> f64 {
     number.map_or(f64::NAN, f64::from)
 }
 
-/// By how much two runs differ of what is told, by the first one's deviations.
+/// By how much the estimates of two runs differ, by the deviations of the first.
 #[derive(Clone, Copy, Debug)]
 pub struct Moved {
     /// In points, RMS.
@@ -269,7 +269,7 @@ impl Moved {
         }
     }
 
-    /// Whether nobody would notice.
+    /// Whether no owner would notice.
     pub fn is_small(&self) -> bool {
         self.rms <= 1.0 || self.in_deviations <= 0.25
     }
