@@ -219,7 +219,8 @@ static LIION: Cell = Cell {
 
 /// Curve: mean of NREL's ADVISOR data sets `ESS_NiMH7_rc_temp.m` (Panasonic 6.5 Ah, measured), `ESS_AnnexVII_SHEV_NIMH28.m` (Ovonic
 /// 28 Ah, without its charge-increasing branch) and `ESS_NIMH93.m` (calculated by A. F. Burke), up to 50 mV apart; the lowest make
-/// has half of the hysteresis of 90 mV. The drop is some 6 mΩ × 3 Ah, an estimate for a sub-C cell.
+/// has half of the hysteresis of 90 mV. The drop is some 6 mΩ × 3 Ah, an estimate for a sub-C cell. At 1.45 V a charge of 14 to 16 h
+/// ends, relaxed cells have at most 1.4 V (VARTA V 250 H, definitions).
 static NIMH: Cell = Cell {
     curve: Curve([
         1.193, 1.218, 1.244, 1.258, 1.272, 1.282, 1.292, 1.299, 1.305, 1.308, 1.310, 1.316, 1.321, 1.327,
@@ -235,7 +236,7 @@ static NIMH: Cell = Cell {
     max_reserve: 0.5,
     nominal_v: 1.2,
     charged_v: None,
-    full_v: None,
+    full_v: Some(1.45),
     max_v: 1.65,
     low_v: 1.1,
     critical_v: 1.0,

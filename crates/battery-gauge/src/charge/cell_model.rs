@@ -5,8 +5,13 @@ use crate::learnt::{LastCharge, LearntPack, Offset};
 use crate::state::BOUND_SIGMAS;
 use crate::{Chemistry, FailsafeSettings, PackSettings, VoltageSource};
 
-/// Standard deviation of a rated capacity, relative to it.
+/// Standard deviation of a rated capacity, relative to it, by which a voltage corrects a count: a larger one would let the curve of
+/// another cell correct more.
 const RATED_SIGMA: f32 = 0.04;
+
+/// What a reported deviation adds to it: a rated capacity is known to 8 % (√(0.08² − 0.04²)), as packs differ from their label and
+/// age.
+const LABEL_SIGMA: f32 = 0.069;
 
 /// The same of a capacity that is inferred from the resistance.
 const INFERRED_SIGMA: f32 = 0.5;
@@ -14,6 +19,9 @@ const INFERRED_SIGMA: f32 = 0.5;
 /// A learnt capacity counts, and a curve is learnt, once the capacity is known to this standard deviation: before, the
 /// label is better.
 pub const MAX_LEARNT_SIGMA: f32 = 0.08;
+
+/// The same where it is below the label by more than its deviation: packs lose capacity, and hardly one gains any.
+const MAX_AGED_SIGMA: f32 = 0.11;
 
 /// Uncertainty of the charge that belongs to a point of a curve: where the curve is steep, it outweighs that of the
 /// voltage.
@@ -141,14 +149,7 @@ impl KnownCharge {
 impl CellModel<'_> {
     /// The capacity: learnt, else set, else inferred from the resistance.
     pub fn capacity(&self) -> Option<Capacity> {
-        let certain = self
-            .learnt
-            .capacity
-            .filter(|learnt| learnt.sigma < MAX_LEARNT_SIGMA);
-        let learnt = certain.map(|learnt| Capacity {
-            ah: learnt.ah(),
-            sigma: learnt.sigma,
-        });
+        let learnt = self.learnt_capacity();
         let rated = self.rated_ah.map(|ah| Capacity {
             ah,
             sigma: RATED_SIGMA,
@@ -158,6 +159,33 @@ impl CellModel<'_> {
             sigma: INFERRED_SIGMA,
         });
         learnt.or(rated).or(inferred)
+    }
+
+    /// The learnt capacity, where it is better than the label.
+    fn learnt_capacity(&self) -> Option<Capacity> {
+        let learnt = self.learnt.capacity?;
+        let capacity = Capacity {
+            ah: learnt.ah(),
+            sigma: learnt.sigma,
+        };
+        let has_aged = self
+            .rated_ah
+            .is_some_and(|rated_ah| capacity.ah < (1.0 - capacity.sigma) * rated_ah);
+        let max_sigma = if has_aged {
+            MAX_AGED_SIGMA
+        } else {
+            MAX_LEARNT_SIGMA
+        };
+        (capacity.sigma < max_sigma).then_some(capacity)
+    }
+
+    /// Standard deviation of the charge after this share of the capacity was counted, beyond that of the estimate: what a label
+    /// alone is worth less than [`RATED_SIGMA`].
+    pub fn label_sigma(&self, used: f32) -> f32 {
+        match (self.learnt_capacity(), self.rated_ah) {
+            (None, Some(_)) => used * LABEL_SIGMA,
+            _ => 0.0,
+        }
     }
 
     /// The resistance of a cell, in ohms: measured, else typical of a cell with this capacity.

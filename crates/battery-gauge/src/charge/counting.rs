@@ -19,6 +19,10 @@ const CONTRADICTION: f32 = 3.0;
 const MAX_EXCESS: f32 = 0.5;
 const MAX_CONTRADICTION_S: f32 = 25.0;
 
+/// A start that was taken too low shows before this charge was drawn, in capacities. A voltage that is too high only later is that
+/// of a cell whose capacity or curve is another.
+const START_SHOWN: f32 = 0.2;
+
 /// An estimate by the current, and what is seen of the pack meanwhile.
 #[derive(Clone, Copy, Debug)]
 pub struct Counting {
@@ -27,6 +31,9 @@ pub struct Counting {
     drive: Option<Drive>,
     relaxation: Relaxation,
     collapse: LastCollapse,
+    /// Whether the load of the block before has passed the expected collapse. One block does not count: a load that ends within it
+    /// lets a collapsed cell recover.
+    was_passing: bool,
     contradicted_s: f32,
 }
 
@@ -38,6 +45,7 @@ impl Counting {
             drive: None,
             relaxation: Relaxation::Unknown,
             collapse: LastCollapse::Learnt,
+            was_passing: false,
             contradicted_s: 0.0,
         }
     }
@@ -123,10 +131,13 @@ impl Counting {
                 let sag_v = model.voltage_v(soc) - cell_v;
                 let reserve = &mut trace.reserve;
                 reserve.update(block.load.duration_s, sag_v);
-                if !is_resting(block.load.current_a, capacity) {
-                    let ohm = self.mean_ohm();
-                    self.collapse.update(soc, cell_v, sag_v, ohm, reserve, model);
+                let is_loaded = !is_resting(block.load.current_a, capacity);
+                let ohm = self.drive.as_ref().and_then(Drive::mean_ohm);
+                let passes = is_loaded && self.collapse.update(soc, cell_v, sag_v, ohm, reserve, model);
+                if passes && self.was_passing {
+                    self.collapse = LastCollapse::Passed;
                 }
+                self.was_passing = passes;
             }
             trace
                 .reserve
@@ -145,18 +156,19 @@ impl Counting {
             self.relaxation = Relaxation::Unknown;
         }
         let is_provisional = self.is_provisional();
-        let filter = &mut self.filter;
         if let Some(drive) = &mut self.drive {
-            drive.add(block, filter.soc(), model, capacity);
+            drive.add(block, self.filter.soc(), model, capacity);
         }
         let compared = Block {
             cell_v: block.cell_v.filter(|_| !is_provisional),
             ..*block
         };
-        if let Some(deviations) = filter.update(&compared, model, capacity) {
-            let excess = (deviations.abs() - CONTRADICTION).min(MAX_EXCESS);
+        if let Some(deviations) = self.filter.update(&compared, model, capacity) {
+            let excess = (self.contradiction(deviations, capacity) - CONTRADICTION).min(MAX_EXCESS);
             self.contradicted_s = (self.contradicted_s + excess * block.load.duration_s).max(0.0);
         }
+        self.keep_to_count(capacity);
+        let filter = &mut self.filter;
         filter.update_voltage_variance(trace.polarisation.lasting_a(), model, capacity);
         if self.contradicted_s >= MAX_CONTRADICTION_S
             && let Some(cell_v) = block.cell_v
@@ -174,6 +186,32 @@ impl Counting {
         }
         if block.load.current_a < 0.0 && filter.soc() >= 1.0 {
             self.drive = Some(Drive::new(filter));
+        }
+    }
+
+    /// The drive, if it began with a charge that was certain.
+    pub fn certain_drive(&self) -> Option<&Drive> {
+        self.drive.as_ref().filter(|_| !self.filter.is_from_voltage())
+    }
+
+    /// By how many standard deviations a voltage that exceeds the expected one by these contradicts the estimate.
+    fn contradiction(&self, deviations: f32, capacity: &Capacity) -> f32 {
+        let has_shown_start = self
+            .certain_drive()
+            .is_some_and(|drive| drive.used(capacity) > START_SHOWN);
+        if has_shown_start && deviations > 0.0 {
+            0.0
+        } else {
+            deviations.abs()
+        }
+    }
+
+    /// Until it contradicts the start, a voltage corrects a count from a certain charge by no more than the standard deviation of
+    /// that count: the curve of this cell may be another one.
+    fn keep_to_count(&mut self, capacity: &Capacity) {
+        if let Some(drive) = self.certain_drive() {
+            let (soc, sigma) = drive.soc(capacity);
+            self.filter.keep_within(soc, sigma);
         }
     }
 
@@ -286,7 +324,7 @@ impl LastCollapse {
     }
 
     /// Takes the mean voltage of a cell over ten seconds of load and its sag, at this state of charge from 0 to 1, in a drive
-    /// with this mean resistance of a cell, in ohms.
+    /// with this mean resistance of a cell, in ohms. Returns whether it is past the expected collapse.
     fn update(
         &mut self,
         soc: f32,
@@ -295,7 +333,7 @@ impl LastCollapse {
         drive_ohm: Option<f32>,
         reserve: &Reserve,
         model: &CellModel,
-    ) {
+    ) -> bool {
         let end_v = model.terminal_end_v();
         if cell_v < end_v + COLLAPSED_V {
             let continues = matches!(self, Self::Seen(seen) if seen.soc() >= soc);
@@ -305,13 +343,12 @@ impl LastCollapse {
             {
                 *self = Self::Seen(collapse);
             }
-        } else if let Some(expected) = self.expected(model.learnt.collapse)
-            && soc < expected.soc_at(model.known_ohm())
+            return false;
+        }
+        let expected = self.expected(model.learnt.collapse);
+        expected.is_some_and(|expected| soc < expected.soc_at(model.known_ohm()))
             && cell_v >= end_v + PASSED_V
             && sag_v >= PASSING_SAG * reserve.peak_v()
-        {
-            *self = Self::Passed;
-        }
     }
 
     /// The next drive counts more by this difference at the same charge. A rest that corrects the estimate alone is no reason:

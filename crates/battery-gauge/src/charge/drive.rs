@@ -52,8 +52,17 @@ pub struct Drive {
     rested_h: f32,
     ohm: Sum,
     parts: [CurvePoint; OFFSET_POINTS],
-    /// Lessons before this drive, once something was learnt from it: each rest is evaluated on its own.
-    before: Option<Lessons>,
+    /// Once something was learnt from it: each rest is evaluated on its own.
+    taught: Option<Taught>,
+}
+
+/// What a drive has taught so far.
+#[derive(Clone, Copy, Debug)]
+struct Taught {
+    /// Lessons before this drive.
+    before: Lessons,
+    /// Standard deviation of the capacity that its surest rest has shown, relative to it.
+    sigma: f32,
 }
 
 /// A [`SeenPoint`], summed over time.
@@ -122,7 +131,7 @@ impl Drive {
             rested_h: 0.0,
             ohm: Sum::NEW,
             parts: [CurvePoint::NEW; OFFSET_POINTS],
-            before: None,
+            taught: None,
         }
     }
 
@@ -137,7 +146,7 @@ impl Drive {
             rested_h: lesson.rested_h,
             ohm,
             parts: lesson.points.map(|point| CurvePoint::of(&point, lesson.drawn_ah)),
-            before: None,
+            taught: None,
         }
     }
 
@@ -232,9 +241,14 @@ impl Drive {
         self.ohm.mean(MIN_DURATION_S)
     }
 
+    /// Charge drawn, in capacities.
+    pub fn used(&self, capacity: &Capacity) -> f32 {
+        self.drawn_ah / capacity.ah
+    }
+
     /// State of charge with this capacity, and its standard deviation.
     pub fn soc(&self, capacity: &Capacity) -> (f32, f32) {
-        let used = self.drawn_ah / capacity.ah;
+        let used = self.used(capacity);
         let sigma = root_of_squares(self.start.sigma, used * capacity.sigma);
         (self.start.soc - used, sigma)
     }
@@ -260,16 +274,16 @@ impl Drive {
 
     /// Whether something was learnt from it.
     pub fn has_taught(&self) -> bool {
-        self.before.is_some()
+        self.taught.is_some()
     }
 
     /// Knowledge before this drive.
     fn kept(&self, model: &CellModel) -> LearntPack {
-        self.before
-            .map_or(*model.learnt, |before| model.learnt.with_lessons(&before))
+        self.taught
+            .map_or(*model.learnt, |taught| model.learnt.with_lessons(&taught.before))
     }
 
-    /// Learns the pack when it rests at this voltage of a cell; `None` if that is not more than is known.
+    /// Learns the pack when it rests at this voltage of a cell; `None` unless that is the surest rest of the drive.
     pub fn learn(&mut self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<LearntPack> {
         if self.obstacle(model).is_some() {
             return None;
@@ -278,18 +292,16 @@ impl Drive {
         let kept = self.kept(model);
         let attempt = |before| Some((before, self.evaluate(ohm, rest, cell_v, &before, model)?));
         // A capacity that contradicts what was learnt is that of another pack.
-        let (before, learnt) = attempt(kept).or_else(|| attempt(LearntPack::UNKNOWN))?;
-        let is_better = match (self.before, model.learnt.capacity, learnt.capacity) {
-            (Some(_), Some(known), Some(new)) => new.sigma < known.sigma,
-            _ => true,
-        };
-        if !is_better {
+        let (before, (learnt, sigma)) = attempt(kept).or_else(|| attempt(LearntPack::UNKNOWN))?;
+        if self.taught.is_some_and(|taught| taught.sigma <= sigma) {
             return None;
         }
-        self.before = Some(before.lessons());
+        let before = before.lessons();
+        self.taught = Some(Taught { before, sigma });
         Some(learnt)
     }
 
+    /// What is known with this rest, and the standard deviation of the capacity that it shows, relative to that.
     fn evaluate(
         &self,
         ohm: f32,
@@ -297,7 +309,7 @@ impl Drive {
         cell_v: f32,
         before: &LearntPack,
         model: &CellModel,
-    ) -> Option<LearntPack> {
+    ) -> Option<(LearntPack, f32)> {
         let rated_ah = model.rated_ah?;
         // The offsets of the curve were learnt with the capacity: they say nothing new of it.
         let typical = LearntPack {
@@ -333,7 +345,7 @@ impl Drive {
                 self.learn_curve(&lesson, &mut learnt);
             }
         }
-        Some(learnt)
+        Some((learnt, shown.sigma))
     }
 
     /// The capacity by the charge between two rests.

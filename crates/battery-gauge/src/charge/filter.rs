@@ -149,6 +149,11 @@ impl Filter {
         deviations
     }
 
+    /// Limits the estimate to this deviation from a state of charge.
+    pub fn keep_within(&mut self, soc: f32, deviation: f32) {
+        self.state[0] = self.state[0].max(soc - deviation).min(soc + deviation);
+    }
+
     /// Takes the current averaged over the longest time, on which the error of a voltage depends.
     pub fn update_voltage_variance(&mut self, lasting_a: f32, model: &CellModel, capacity: &Capacity) {
         let soc = self.soc();

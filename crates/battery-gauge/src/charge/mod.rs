@@ -531,7 +531,8 @@ impl ChargeEstimator {
         let by_itself = self.phase.charge(&self.trace, &model)?;
         let KnownCharge { soc, sigma } = by_itself;
         let soc = soc.min(model.soc_at_most).max(0.0);
-        let sigma = sigma.min(model.soc_at_most);
+        let label_sigma = self.phase.label_sigma(&model);
+        let sigma = root_of_squares(sigma, label_sigma).min(model.soc_at_most);
         Some(ChargeEstimate {
             soc,
             sigma,
@@ -618,6 +619,15 @@ impl Phase {
             Self::Known(charge) => charge.soc = (charge.soc - charge_ah / capacity.ah).max(0.0),
             Self::Counting(counting) => counting.draw(charge_ah, capacity),
         }
+    }
+
+    /// Standard deviation of the charge by what a rated capacity is known worse than the estimate assumes.
+    fn label_sigma(&self, model: &CellModel) -> f32 {
+        let (Self::Counting(counting), Some(capacity)) = (self, model.capacity()) else {
+            return 0.0;
+        };
+        let drive = counting.certain_drive();
+        drive.map_or(0.0, |drive| model.label_sigma(drive.used(&capacity)))
     }
 
     /// The charge now, once there is an estimate.

@@ -73,15 +73,45 @@ fn after_an_early_collapse_the_next_drive_warns_in_time() {
 
 #[test]
 // Requirement: PX-6
+fn a_collapse_stays_when_its_load_ends() {
+    for later_s in 0..10 {
+        let mut rover = Rover::with(weak(0.35, 1.5));
+        rover.run(40.0, 0.1);
+        rover.bench.load_state = LoadState::On;
+        let mut end_s = 0.0;
+        while end_s < 10.0 {
+            rover.run(1.0, 4.4);
+            let is_below = rover.pack.voltage_v(4.4) < 3.0 * END_V;
+            end_s = if is_below { end_s + 1.0 } else { 0.0 };
+        }
+        rover.run(later_s as f32, 4.4);
+        rover.bench.load_state = LoadState::Off;
+        for _ in 0..10 {
+            rover.run(60.0, 0.1);
+            let usable_pct = rover.bench.state.readings.usable_pct.expect("known");
+            assert!(usable_pct < 3.0, "{later_s} s: {usable_pct} %");
+        }
+        let learnt = rover.bench.monitor.learnt().and_then(|learnt| learnt.collapse);
+        assert!(learnt.is_some(), "{later_s} s later");
+    }
+}
+
+#[test]
+// Requirement: PX-6
 fn a_collapse_is_forgotten_once_a_drive_has_passed_its_charge() {
+    // It has learnt from as many drives.
     let mut sound = Rover::with(weak(0.0, 0.7));
+    for lowest_soc in [0.35, 0.05] {
+        drive_to_the_end(&mut sound, lowest_soc);
+    }
     let never = drive_to_the_end(&mut sound, 0.45);
+    let first_halfway_pct = drive_to_the_end(&mut Rover::with(weak(0.0, 0.7)), 0.45).halfway_pct;
     let mut rover = Rover::with(weak(0.35, 0.7));
     drive_to_the_end(&mut rover, 0.0);
     rover.pack.weak_below = 0.0;
     let passing = drive_to_the_end(&mut rover, 0.05);
     let after = drive_to_the_end(&mut rover, 0.45);
-    assert!(passing.halfway_pct < never.halfway_pct - 5.0, "{passing:?}");
+    assert!(passing.halfway_pct < first_halfway_pct - 5.0, "{passing:?}");
     assert!(
         (after.halfway_pct - never.halfway_pct).abs() < 3.0,
         "{after:?} after {passing:?}, {never:?}"

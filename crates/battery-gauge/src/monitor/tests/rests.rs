@@ -306,6 +306,108 @@ fn stops_soon_after_a_full_start_leave_the_lesson_as_it_began() {
 
 #[test]
 // Requirement: PX-6
+fn equal_drives_with_several_rests_teach_the_same_capacity() {
+    // Cells that differ from what is typical: half of the slow sag, and another curve.
+    for (chemistry, slow, full_v) in [(Chemistry::LiIon, 0.5, 0.0), (Chemistry::LiPo, 1.0, 0.05)] {
+        let pack = Pack {
+            slow_share: slow * chemistry.cell().slow_share,
+            offsets_v: [0.0, full_v],
+            ..Pack::rested(chemistry, 1.0)
+        };
+        let mut rover = Rover::parked(pack.clone());
+        let mut learnt_mah = Vec::new();
+        for _ in 0..8 {
+            for soc in [0.6, 0.5, 0.4, 0.3, 0.2] {
+                rover.drive_to(soc);
+                rover.run(130.0, IDLE_A);
+            }
+            learnt_mah.push(rover.bench.state.learnt_capacity_mah.expect("learnt"));
+            rover.power_cycle();
+            rover.pack = pack.clone();
+            rover.run(40.0, IDLE_A);
+        }
+        for mah in &learnt_mah {
+            assert!((mah / 2200.0 - 1.0).abs() < 0.03, "{chemistry:?}: {learnt_mah:?}");
+            assert!(
+                (mah / learnt_mah[0] - 1.0).abs() < 0.01,
+                "{chemistry:?}: {learnt_mah:?}"
+            );
+        }
+    }
+}
+
+#[test]
+// Requirement: PX-6
+fn a_count_from_full_stays_where_a_cell_has_another_curve() {
+    for chemistry in STEEP {
+        for offsets_v in [[0.12, 0.0], [-0.12, 0.0], [0.2, 0.0]] {
+            let mut rover = Rover::parked(Pack {
+                offsets_v,
+                ..Pack::rested(chemistry, 1.0)
+            });
+            for soc in [0.8, 0.6, 0.4, 0.2] {
+                rover.drive_to(soc);
+                rover.assert_error_below(4.5, &format!("{chemistry:?} {offsets_v:?} at {soc}"));
+            }
+        }
+    }
+}
+
+#[test]
+// Requirement: PX-6
+fn a_capacity_by_its_label_is_known_to_eight_percent() {
+    let mut rover = Rover::parked(Pack::rested(Chemistry::LiIon, 1.0));
+    rover.drive_to(0.2);
+    let (_, sigma_pct) = estimate_pct(&rover).expect("known");
+    assert!((6.4..8.0).contains(&sigma_pct), "± {sigma_pct} %");
+    rover.run(1000.0, IDLE_A);
+    rover.power_cycle();
+    rover.pack = rover.pack.recharged();
+    rover.run(40.0, IDLE_A);
+    rover.drive_to(0.2);
+    let (_, learnt_sigma_pct) = estimate_pct(&rover).expect("known");
+    assert!(
+        learnt_sigma_pct < sigma_pct - 1.5,
+        "± {learnt_sigma_pct} % after ± {sigma_pct} %"
+    );
+}
+
+#[test]
+// Requirement: PX-6
+fn an_aged_pack_that_was_parked_with_a_third_left_is_known() {
+    for chemistry in STEEP {
+        let aged = Pack {
+            capacity_ah: 1.76,
+            ..Pack::rested(chemistry, 1.0)
+        };
+        let mut rover = Rover::parked(aged.clone());
+        rover.drive_to(0.3);
+        rover.run(600.0, IDLE_A);
+        rover.power_cycle();
+        rover.pack = aged;
+        rover.run(40.0, IDLE_A);
+        rover.drive_to(0.1);
+        rover.assert_error_below(9.0, &format!("{chemistry:?}"));
+    }
+}
+
+#[test]
+// Requirement: PX-6
+fn a_nimh_pack_from_its_charger_is_full_and_one_a_day_later_unknown() {
+    let mut rover = Rover::with(just_charged(Chemistry::NiMh, 1.0, 0.07));
+    rover.run(40.0, 0.0);
+    let is_certain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 99.0 && sigma_pct < 2.0;
+    let estimate = estimate_pct(&rover);
+    assert!(estimate.is_some_and(is_certain), "{estimate:?}");
+    let mut rover = Rover::with(just_charged(Chemistry::NiMh, 0.7, 0.07));
+    rover.run(40.0, 0.0);
+    let estimate = estimate_pct(&rover);
+    assert!(!estimate.is_some_and(is_certain), "{estimate:?}");
+    assert_honest(&rover, "taken off its charger early");
+}
+
+#[test]
+// Requirement: PX-6
 fn a_pack_with_a_board_that_draws_much_is_learnt() {
     for chemistry in STEEP {
         for idle_a in [0.3, 0.42] {
