@@ -3,7 +3,7 @@
 use super::cell_model::{Capacity, CellModel, KnownCharge};
 use super::drive::{Drive, Rest};
 use super::filter::{Filter, has_plateau};
-use super::load::{Block, CurrentOrigin, HOURS_PER_SECOND, Load, Reserve, SILENCE_S, SagGrowth, Trace};
+use super::load::{Block, CurrentOrigin, HOURS_PER_SECOND, Load, SILENCE_S, SagGrowth, Trace};
 use super::start::{
     Relaxation, charged, full, is_resting, kept_full, may_have_surface_charge, provisional, was_charged,
 };
@@ -31,9 +31,6 @@ pub struct Counting {
     drive: Option<Drive>,
     relaxation: Relaxation,
     collapse: LastCollapse,
-    /// Whether the load of the block before has passed the expected collapse. One block does not count: a load that ends within it
-    /// lets a collapsed cell recover.
-    was_passing: bool,
     contradicted_s: f32,
 }
 
@@ -45,7 +42,6 @@ impl Counting {
             drive: None,
             relaxation: Relaxation::Unknown,
             collapse: LastCollapse::Learnt,
-            was_passing: false,
             contradicted_s: 0.0,
         }
     }
@@ -124,20 +120,21 @@ impl Counting {
         model: &CellModel,
         capacity: &Capacity,
     ) {
+        if let Some(cell_v) = cell_v {
+            trace.reserve.add(cell_v, model);
+        }
         if let Some(block) = trace.block.add(load, cell_v) {
             self.compare(&block, trace, model, capacity);
             if let Some(cell_v) = block.cell_v {
                 let soc = self.filter.soc();
-                let sag_v = model.voltage_v(soc) - cell_v;
-                let reserve = &mut trace.reserve;
-                reserve.update(block.load.duration_s, sag_v);
-                let is_loaded = !is_resting(block.load.current_a, capacity);
-                let ohm = self.drive.as_ref().and_then(Drive::mean_ohm);
-                let passes = is_loaded && self.collapse.update(soc, cell_v, sag_v, ohm, reserve, model);
-                if passes && self.was_passing {
-                    self.collapse = LastCollapse::Passed;
+                let growth = SagGrowth::NearEmpty;
+                let is_carried = trace
+                    .reserve
+                    .update(block.load.duration_s, cell_v, soc, growth, model);
+                if !is_resting(block.load.current_a, capacity) {
+                    let ohm = self.mean_ohm();
+                    self.collapse.update(soc, cell_v, ohm, is_carried, model);
                 }
-                self.was_passing = passes;
             }
             trace
                 .reserve
@@ -179,6 +176,9 @@ impl Counting {
             *filter = provisional(Filter::from_voltage(&block.load, cell_v, model, capacity));
             self.collapse.correct(filter.soc() - estimated);
             trace.reserve.restart();
+        }
+        if was_charged(&block.load, capacity) {
+            trace.reserve.charge();
         }
         if let Some(charged) = charged(block, model, capacity) {
             *filter = charged;
@@ -298,10 +298,6 @@ const HIGHEST: f32 = 0.5;
 /// A cell whose mean over ten seconds is less above the end, in volts, has collapsed: a failsafe may have ended the load meanwhile.
 const COLLAPSED_V: f32 = 0.05;
 
-/// A cell that is this far above the end, in volts, at this share of the largest recent sag has passed its last collapse.
-const PASSED_V: f32 = 0.1;
-const PASSING_SAG: f32 = 0.75;
-
 /// The latest collapse of a pack under load, earlier than its reserve expects, as this drive has shown it: the next drive warns
 /// earlier.
 #[derive(Clone, Copy, Debug)]
@@ -323,19 +319,10 @@ impl LastCollapse {
         }
     }
 
-    /// Takes the mean voltage of a cell over ten seconds of load and its sag, at this state of charge from 0 to 1, in a drive
-    /// with this mean resistance of a cell, in ohms. Returns whether it is past the expected collapse.
-    fn update(
-        &mut self,
-        soc: f32,
-        cell_v: f32,
-        sag_v: f32,
-        drive_ohm: Option<f32>,
-        reserve: &Reserve,
-        model: &CellModel,
-    ) -> bool {
-        let end_v = model.terminal_end_v();
-        if cell_v < end_v + COLLAPSED_V {
+    /// Takes the mean voltage of a cell over ten seconds of load at this state of charge from 0 to 1, and whether that load was
+    /// carried, in a drive with this mean resistance of a cell, in ohms.
+    fn update(&mut self, soc: f32, cell_v: f32, drive_ohm: Option<f32>, is_carried: bool, model: &CellModel) {
+        if cell_v < model.terminal_end_v() + COLLAPSED_V {
             let continues = matches!(self, Self::Seen(seen) if seen.soc() >= soc);
             if !continues
                 && soc < HIGHEST
@@ -343,12 +330,12 @@ impl LastCollapse {
             {
                 *self = Self::Seen(collapse);
             }
-            return false;
+        } else if is_carried
+            && let Some(expected) = self.expected(model.learnt.collapse)
+            && soc < expected.soc_at(model.known_ohm())
+        {
+            *self = Self::Passed;
         }
-        let expected = self.expected(model.learnt.collapse);
-        expected.is_some_and(|expected| soc < expected.soc_at(model.known_ohm()))
-            && cell_v >= end_v + PASSED_V
-            && sag_v >= PASSING_SAG * reserve.peak_v()
     }
 
     /// The next drive counts more by this difference at the same charge. A rest that corrects the estimate alone is no reason:

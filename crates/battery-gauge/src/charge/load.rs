@@ -354,13 +354,27 @@ impl Trace {
     };
 }
 
-/// Time in which a peak of the sag is forgotten, in seconds.
-const FORGETTING_S: f32 = 3600.0;
+/// The largest sag of the last hour is kept by intervals of this duration, in seconds.
+const PEAK_INTERVAL_S: f32 = 600.0;
+const PEAKS: usize = 6;
 
-/// Growth of the sag of the same load from half charge to the end, where the load is measured: impedances of Li-ion cells are much
-/// the same down to 20 % and change at low charge (doi:10.3390/jlpea13020029). Course and amount are assumed.
+/// A voltage that is averaged over this number of seconds ends a drive.
+const RECENT: usize = 10;
+
+/// A cell that is this far above the end, in volts, at this share of the largest recent sag carries its load.
+const CARRYING_V: f32 = 0.1;
+const CARRYING_SAG: f32 = 0.75;
+
+/// A load that has taken a cell to the end is expected to do so again for this time, in seconds.
+const USED_UP_S: f32 = 3600.0;
+
+/// Usable charge until a load has taken a cell to the end, at least: before, a reserve is only expected.
+const MIN_USABLE: f32 = 0.01;
+
+/// Growth of the sag of the same load from this charge to the end, where the load is measured: impedances of Li-ion cells are much
+/// the same down to 20 % and change at low charge (doi:10.3390/jlpea13020029). Its amount, and that it is linear, is assumed.
 const GROWTH_NEAR_EMPTY: f32 = 1.5;
-const GROWS_BELOW: f32 = 0.5;
+const GROWS_BELOW: f32 = 0.2;
 
 /// The same where the load is inferred from the sag, at any charge.
 const INFERRED_GROWTH: f32 = 0.2;
@@ -383,37 +397,101 @@ pub enum SagGrowth {
     Inferred,
 }
 
+/// Growth of a sag from half charge to this state of charge from 0 to 1, relative to it.
+fn near_empty(soc: f32) -> f32 {
+    GROWTH_NEAR_EMPTY * (1.0 - soc / GROWS_BELOW).max(0.0)
+}
+
+impl SagGrowth {
+    /// What a sag at this state of charge from 0 to 1 is at half charge, in volts.
+    fn at_half_charge_v(self, sag_v: f32, soc: f32, model: &CellModel) -> f32 {
+        match self {
+            Self::Inferred => sag_v,
+            Self::NearEmpty => (sag_v / (1.0 + near_empty(soc))).max(sag_v - model.cell.max_growth_v),
+        }
+    }
+}
+
 /// The largest recent sag, and the charge at which it ends the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Reserve {
-    peak_v: f32,
+    /// The largest sag of each interval, the latest one first, in volts.
+    peaks_v: [f32; PEAKS],
+    /// Time in the latest interval, in seconds.
+    interval_s: f32,
     soc: f32,
     /// Standard deviation of the share.
     sigma: f32,
+    /// Voltages of a cell in the last seconds, the latest one first; 0: none.
+    recent_v: [f32; RECENT],
+    /// Time since the load has taken a cell to the end, in seconds; `None` once one as large as any of the last hour is carried.
+    used_up_s: Option<f32>,
+    /// Whether the load of the last measurement was carried.
+    was_carried: bool,
 }
 
 impl Reserve {
     /// No load was seen.
     pub const NEW: Self = Self {
-        peak_v: 0.0,
+        peaks_v: [0.0; PEAKS],
+        interval_s: 0.0,
         soc: 0.0,
         sigma: 0.0,
+        recent_v: [0.0; RECENT],
+        used_up_s: None,
+        was_carried: false,
     };
 
-    /// Takes the sag of a cell over `dt_s` seconds.
-    pub fn update(&mut self, dt_s: f32, sag_v: f32) {
-        let kept = 1.0 - (dt_s / FORGETTING_S).min(1.0);
-        self.peak_v = (self.peak_v * kept).max(sag_v);
+    /// Takes the voltage of a cell in a second of load: the mean of ten ends a drive.
+    pub fn add(&mut self, cell_v: f32, model: &CellModel) {
+        self.recent_v.rotate_right(1);
+        self.recent_v[0] = cell_v;
+        let mean_v = self.recent_v.iter().sum::<f32>() / RECENT as f32;
+        let is_complete = self.recent_v.iter().all(|cell_v| *cell_v > 0.0);
+        if is_complete && mean_v < model.terminal_end_v() {
+            self.used_up_s = Some(0.0);
+        }
     }
 
-    /// Forgets the peak: the resting voltage from which it was taken was wrong.
+    /// Takes the voltage of a cell, averaged over ten seconds (`dt_s`) at this state of charge from 0 to 1. Returns whether its load
+    /// was carried, in this time and the one before: when a load ends, a cell that collapsed recovers within one.
+    pub fn update(&mut self, dt_s: f32, cell_v: f32, soc: f32, growth: SagGrowth, model: &CellModel) -> bool {
+        let sag_v = growth.at_half_charge_v(model.voltage_v(soc) - cell_v, soc, model);
+        self.interval_s += dt_s;
+        if self.interval_s >= PEAK_INTERVAL_S {
+            self.interval_s = 0.0;
+            self.peaks_v.rotate_right(1);
+            self.peaks_v[0] = 0.0;
+        }
+        self.peaks_v[0] = self.peaks_v[0].max(sag_v);
+        let end_v = model.terminal_end_v();
+        let is_carried = sag_v >= CARRYING_SAG * self.peak_v() && cell_v >= end_v + CARRYING_V;
+        let stays_carried = is_carried && self.was_carried;
+        self.used_up_s = self
+            .used_up_s
+            .map(|since_s| since_s + dt_s)
+            .filter(|since_s| !stays_carried || *since_s < USED_UP_S);
+        self.was_carried = is_carried;
+        stays_carried
+    }
+
+    /// Forgets the sags: the resting voltage from which they were taken was wrong.
     pub fn restart(&mut self) {
-        *self = Self::NEW;
+        *self = Self {
+            used_up_s: self.used_up_s,
+            recent_v: self.recent_v,
+            ..Self::NEW
+        };
     }
 
-    /// The largest recent sag, in volts.
-    pub fn peak_v(&self) -> f32 {
-        self.peak_v
+    /// Charge was taken in: the load may go on.
+    pub fn charge(&mut self) {
+        self.used_up_s = None;
+    }
+
+    /// The largest sag of the last hour, in volts.
+    fn peak_v(&self) -> f32 {
+        self.peaks_v.iter().copied().fold(0.0, f32::max)
     }
 
     /// Computes the charge at which such a sag ends the drive: not below that of a collapse that is expected.
@@ -438,10 +516,10 @@ impl Reserve {
     /// The sag of the same load at this state of charge, in volts.
     fn sag_v(&self, soc: f32, growth: SagGrowth, model: &CellModel) -> f32 {
         match growth {
-            SagGrowth::Inferred => self.peak_v * (1.0 + INFERRED_GROWTH),
+            SagGrowth::Inferred => self.peak_v() * (1.0 + INFERRED_GROWTH),
             SagGrowth::NearEmpty => {
-                let growth = GROWTH_NEAR_EMPTY * (1.0 - soc / GROWS_BELOW).max(0.0);
-                self.peak_v + (growth * self.peak_v).min(model.cell.max_growth_v)
+                let peak_v = self.peak_v();
+                peak_v + (near_empty(soc) * peak_v).min(model.cell.max_growth_v)
             }
         }
     }
@@ -462,7 +540,10 @@ impl Reserve {
 
     /// Usable charge at this state of charge, relative to the capacity, from 0 to 1.
     pub fn available(&self, soc: f32) -> f32 {
-        (soc - self.soc).max(0.0)
+        if self.used_up_s.is_some() {
+            return 0.0;
+        }
+        (soc - self.soc).max(MIN_USABLE.min(soc))
     }
 
     /// The same relative to what the load can draw from a full pack.

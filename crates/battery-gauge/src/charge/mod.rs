@@ -24,7 +24,7 @@ use counting::Counting;
 use drive::{Drive, Rest, RestTimer};
 use filter::{Filter, STEEP_SIGMA};
 use load::{Gathering, HOURS_PER_SECOND, Load, Polarisation, Trace, Unread};
-use start::{Start, is_flat, is_idle, is_resting};
+use start::{Start, is_flat, is_idle, is_resting, was_charged};
 use voltage_only::VoltageOnly;
 
 /// After a longer time without a reading, in seconds, the load meanwhile is taken for that of the time before: one
@@ -36,6 +36,9 @@ const MAX_GAP_S: f32 = 600.0;
 
 /// Standard deviation of a load in a gap, in capacities per hour.
 const GAP_RATE_PER_H: f32 = 1.0;
+
+/// Rise of the usable charge while driving, at most, per second: less than 3 points in ten minutes.
+const MAX_RISE_PER_S: f32 = 0.029 / 600.0;
 
 /// Estimates the charge of one pack, and learns the pack.
 #[derive(Clone, Copy, Debug)]
@@ -100,6 +103,18 @@ pub struct ChargeEstimate {
     pub by_itself: KnownCharge,
     /// Whether the pack rests.
     pub rests: bool,
+}
+
+impl ChargeEstimate {
+    /// While driving, what is usable rises slowly: a load that falls for a while may come again.
+    fn limit_rise(&mut self, before: &Self, duration_s: f32) {
+        let rise = MAX_RISE_PER_S * duration_s;
+        let limited = self.usable_soc.min(before.usable_soc + rise);
+        if limited < self.usable_soc {
+            self.available *= limited / self.usable_soc;
+            self.usable_soc = limited;
+        }
+    }
 }
 
 impl ChargeEstimator {
@@ -386,11 +401,19 @@ impl ChargeEstimator {
         } else {
             None
         };
+        let before = self.estimate;
         self.estimate = self.estimate_now(
             kept.as_ref()
                 .map_or(*model, |learnt| CellModel { learnt, ..*model }),
             rests,
         );
+        let is_charged = capacity.is_some_and(|capacity| was_charged(&load, &capacity));
+        if load_state == LoadState::On
+            && !is_charged
+            && let (Some(estimate), Some(before)) = (&mut self.estimate, before)
+        {
+            estimate.limit_rise(&before, second.duration_s);
+        }
         self.refer(&load, second, cell_v, model);
         kept
     }

@@ -171,8 +171,14 @@ impl VoltageOnly {
     ) -> bool {
         let rests = self.update(dt_s, cell_v, trace.polarisation.current_a(), load_state, model);
         trace.polarisation.update(dt_s, self.load_per_h(model));
-        trace.reserve.update(dt_s, self.sag_v);
-        if trace.block.add(&Load::none_for(dt_s), None).is_some() {
+        trace.reserve.add(cell_v, model);
+        if let Some(block) = trace.block.add(&Load::none_for(dt_s), Some(cell_v)) {
+            if let Some(cell_v) = block.cell_v {
+                let growth = SagGrowth::Inferred;
+                trace
+                    .reserve
+                    .update(block.load.duration_s, cell_v, self.soc, growth, model);
+            }
             self.assess(model);
             trace.reserve.compute(SagGrowth::Inferred, None, model);
         }

@@ -1,6 +1,10 @@
 //! A pack that collapses under load earlier than expected, and the drives after it.
 
-use super::rover::{Pack, Rover};
+use std::collections::VecDeque;
+
+use proptest::prelude::*;
+
+use super::rover::{Pack, Rover, Sensors};
 use super::*;
 
 /// The end of a Li-ion cell under load, in volts.
@@ -149,4 +153,93 @@ fn a_stalled_motor_is_no_collapse() {
         rover.bench.monitor.learnt().and_then(|learnt| learnt.collapse),
         None
     );
+}
+
+fn usable_pct(rover: &Rover) -> f32 {
+    rover.bench.state.readings.usable_pct.expect("known")
+}
+
+/// Charge that this current can still draw, relative to what it draws from a full pack, in percent.
+fn true_usable_pct(pack: &Pack, current_a: f32) -> f32 {
+    let draws = |mut pack: Pack| {
+        let start_soc = pack.soc;
+        while pack.voltage_v(current_a) > 3.0 * END_V && pack.soc > 0.0 {
+            pack.draw(current_a, 1.0);
+        }
+        start_soc - pack.soc
+    };
+    100.0 * draws(pack.clone()) / draws(pack.recharged())
+}
+
+#[test]
+// Requirement: PX-6
+fn usable_charge_rises_slowly_after_a_load_has_fallen() {
+    for resistance in [1.0, 3.0] {
+        let mut rover = Rover::with(weak(0.0, resistance));
+        rover.run(40.0, 0.1);
+        rover.bench.load_state = LoadState::On;
+        rover.run(900.0, 2.1);
+        let mut reported_pct = Vec::new();
+        for _ in 0..120 {
+            rover.run(60.0, 0.5);
+            reported_pct.push(usable_pct(&rover));
+            let before_pct = reported_pct[reported_pct.len().saturating_sub(11)..]
+                .iter()
+                .copied()
+                .fold(100.0, f32::min);
+            assert!(usable_pct(&rover) <= before_pct + 3.0, "{reported_pct:?}");
+        }
+        let true_pct = true_usable_pct(&rover.pack, 0.5);
+        assert!(
+            (usable_pct(&rover) - true_pct).abs() < 5.0,
+            "{true_pct}, not {}",
+            usable_pct(&rover)
+        );
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    // Requirement: PX-6
+    fn usable_charge_is_0_from_the_end_on_and_not_before(
+        resistance in 0.5_f32..2.5,
+        weak_below in 0.0_f32..0.4,
+        bursts in prop::collection::vec((1.0_f32..20.0, 0.5_f32..4.4), 4..9),
+        sensors in prop::sample::select(vec![Sensors::VoltageAndCurrent, Sensors::Voltage]),
+    ) {
+        let mut rover = Rover::with(weak(weak_below, resistance));
+        rover.sensors = sensors;
+        rover.run(40.0, 0.1);
+        rover.bench.load_state = LoadState::On;
+        let mut last_v = VecDeque::from([f32::INFINITY; 10]);
+        let each_second = bursts
+            .iter()
+            .cycle()
+            .flat_map(|(seconds, current_a)| std::iter::repeat_n(*current_a, *seconds as usize));
+        for current_a in each_second {
+            rover.run(1.0, current_a);
+            last_v.pop_front();
+            last_v.push_back(rover.pack.voltage_v(current_a));
+            // The mean of a second is a little above its last voltage.
+            match last_v.iter().sum::<f32>() / 30.0 - END_V {
+                ..0.0 => break,
+                0.005.. => prop_assert!(rover.pack.soc < 0.01 || usable_pct(&rover) > 0.0),
+                _ => {}
+            }
+        }
+        rover.run(10.0, 4.4);
+        prop_assert_eq!(usable_pct(&rover), 0.0);
+        rover.bench.load_state = LoadState::Off;
+        for _ in 0..5 {
+            rover.run(300.0, 0.1);
+            prop_assert_eq!(usable_pct(&rover), 0.0);
+        }
+        rover.pack.soc = 0.5;
+        if sensors == Sensors::VoltageAndCurrent {
+            rover.run(900.0, -2.2);
+            prop_assert!(usable_pct(&rover) > 0.0);
+        }
+    }
 }
