@@ -369,7 +369,8 @@ fn percentages_act_before_packs_end_and_not_above_them() {
     for _ in 0..8 {
         for cells in &CELLS {
             for life in [Life::New, Life::Learnt, Life::Aged] {
-                for (has_current_sensor, follows_s) in [(true, 60.0), (false, 180.0)] {
+                // A minute and the timer: from then on a text says that it has not acted.
+                for (has_current_sensor, follows_s) in [(true, 70.0), (false, 180.0)] {
                     let outcome = drive_of(cells, life, has_current_sensor, &mut random);
                     assert!(
                         !outcome.has_silent_level(follows_s),

@@ -3,13 +3,14 @@
 //!
 //! `BATTERY_RECORDINGS=folder cargo test -p battery-gauge --profile harness --test harness -- --ignored --nocapture`
 //!
-//! Without the folder only the simulated ones are judged.
+//! Without the folder only the simulated ones are judged. `ACCEPT=1` writes the documentation's table and picture.
 
 mod accuracy;
 mod drive;
 mod estimator;
 mod goals;
 mod owner;
+mod page;
 mod recordings;
 mod results;
 mod runs;
@@ -18,6 +19,8 @@ mod sample;
 mod score;
 mod simulated;
 mod table;
+
+use std::env;
 
 use battery_gauge::PackSettings;
 
@@ -42,6 +45,10 @@ fn goals_of_all_drives() {
     table::print(&columns);
     table::print_comparison(&columns);
     goals::print_weeks(Monitor::NAME, &results);
+    if env::var_os("ACCEPT").is_some() {
+        let pictured = drives.iter().find(|drive| drive.group == "LiPo" && drive.number == 0);
+        page::write(&columns[0].1, pictured.expect("simulated"));
+    }
     assert!(
         results.faulty.iter().all(|faulty| faulty.is_finite),
         "something is not a number"

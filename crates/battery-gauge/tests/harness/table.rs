@@ -16,6 +16,8 @@ pub enum Goal {
 #[derive(Clone, Debug)]
 pub struct Figure {
     pub part: String,
+    /// Of which member of several, each of which has a figure; empty without.
+    pub member: String,
     /// `None` where nothing was judged; NaN where the estimator reported nothing.
     pub value: Option<f64>,
     pub goal: Goal,
@@ -40,6 +42,7 @@ impl Row {
     pub fn add(&mut self, part: impl Into<String>, goal: Goal, value: Option<f64>, note: impl Into<String>) {
         self.figures.push(Figure {
             part: part.into(),
+            member: String::new(),
             value,
             goal,
             note: note.into(),
@@ -48,9 +51,13 @@ impl Row {
 
     /// A figure of each member, or one that is not judged.
     pub fn add_each(&mut self, part: &str, goal: Goal, members: &[(String, f64)]) {
-        for (name, value) in members {
-            self.add(format!("{part}, {name}"), goal, Some(*value), "");
-        }
+        self.figures.extend(members.iter().map(|(name, value)| Figure {
+            part: part.to_owned(),
+            member: name.clone(),
+            value: Some(*value),
+            goal,
+            note: String::new(),
+        }));
         if members.is_empty() {
             self.add(part, goal, None, "");
         }
@@ -76,7 +83,24 @@ impl Row {
     }
 }
 
+impl Figure {
+    fn title(&self) -> String {
+        match self.member.as_str() {
+            "" => self.part.clone(),
+            member => format!("{}, {member}", self.part),
+        }
+    }
+}
+
 impl Goal {
+    /// As text; none of a goal that is another estimator's figure.
+    pub fn absolute(self) -> String {
+        match self {
+            Self::NoWorse(_) => String::new(),
+            _ => self.text(),
+        }
+    }
+
     fn text(self) -> String {
         match self {
             Self::AtMost(most) => format!("≤ {most}"),
@@ -124,7 +148,7 @@ pub fn print(estimators: &[(&str, Vec<Row>)]) {
             let columns = estimators.iter().zip(&mut counts[number]).enumerate();
             let cells = columns.map(|(column, ((_, rows), count))| {
                 let here = &rows[number].figures[part];
-                assert_eq!(here.part, figure.part, "both have judged the same");
+                assert_eq!(here.title(), figure.title(), "both have judged the same");
                 // Its own figure is no goal for the first.
                 cell(here, figure.value.filter(|_| column > 0), count)
             });
@@ -133,7 +157,7 @@ pub fn print(estimators: &[(&str, Vec<Row>)]) {
             println!(
                 "| {} | {} | {} | {goal} |",
                 row.name,
-                figure.part,
+                figure.title(),
                 cells.join(" | ")
             );
         }
@@ -196,7 +220,7 @@ pub fn print_comparison(estimators: &[(&str, Vec<Row>)]) {
             nearer += u32::from(before_distance > distance + 0.5);
             farther += u32::from(distance > before_distance + 0.5);
             if distance > before_distance + 2.0 {
-                much.push(format!("{row}: {}", here.part));
+                much.push(format!("{row}: {}", here.title()));
             }
         }
         println!(
