@@ -187,7 +187,7 @@ impl Autopilot {
             self.announce_above_drivers(sampling.tick.now);
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
-        self.record_packs();
+        self.record_packs(sampling.tick.now);
     }
 
     /// Hands the levels and alerts of all packs to the vehicle.
@@ -213,8 +213,8 @@ impl Autopilot {
         }
     }
 
-    /// Records the packs whose turn it is.
-    fn record_packs(&mut self) {
+    /// Records the packs whose turn it is, as this tick has read them.
+    fn record_packs(&mut self, now: Instant) {
         self.recording.tick();
         while let Some((turn, detail)) = self.recording.next_pack(self.packs.order.len(), &self.parameters) {
             let Some((pack, _)) = self.packs.order.get(turn) else {
@@ -227,12 +227,12 @@ impl Autopilot {
                 Detail::Everything => usize::MAX,
             };
             for record in records.take(count) {
-                let bytes = self.recording.add(&record);
+                let bytes = self.recording.add_at(&record, now);
                 self.recording.spend(bytes);
             }
             let reported = &self.packs.bank.state(*pack).readings.reported;
             if reported.has_details() && self.recording.takes_report(*pack) {
-                let bytes = self.recording.add(&Record::Report(*pack, reported));
+                let bytes = self.recording.add_at(&Record::Report(*pack, reported), now);
                 self.recording.spend(bytes);
             }
         }
@@ -279,7 +279,7 @@ impl Autopilot {
         if before != shown(state) {
             self.recording.describe(pack);
         }
-        self.recording.add_timers(pack, state.failsafe_timers);
+        self.recording.add_timers(pack, state, tick.now);
         self.keep_learnt(pack);
         for event in &events {
             self.announce_pack(pack, event, tick.now);

@@ -17,7 +17,7 @@ pub use stream::Subject;
 use stream::{Stream, parameter_record};
 
 use crate::announce::{LastAnnounced, RateLimit};
-use crate::battery::{Extremes, FailsafeTimers};
+use crate::battery::{BatteryState, Extremes, FailsafeLevel, FailsafeTimers};
 use crate::log::{info, warn};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterId, ParameterTrouble, Parameters, VehicleParameter};
@@ -104,6 +104,8 @@ pub struct Recording {
     date: Date,
     /// The timers of each pack's failsafe as the file has them.
     timers: [FailsafeTimers; MAX_PACKS],
+    /// The same as they are, and when those of low and critical changed last.
+    latest_timers: [(FailsafeTimers, [Instant; 2]); MAX_PACKS],
     /// When the latest report of each pack in this file was recorded.
     reports_at: [Option<Instant>; MAX_PACKS],
     /// Extremes of each pack since its latest BATX in this file.
@@ -161,6 +163,7 @@ impl Recording {
             command_rate: RateLimit::default(),
             date: Date::default(),
             timers: [FailsafeTimers::STOPPED; MAX_PACKS],
+            latest_timers: [(FailsafeTimers::STOPPED, [Instant::EPOCH; 2]); MAX_PACKS],
             reports_at: [None; MAX_PACKS],
             extremes: [Extremes::default(); MAX_PACKS],
         }
@@ -343,12 +346,17 @@ impl Recording {
 
     /// Takes a record, if records are taken now, and returns its length. After a BATX the pack's extremes begin again.
     pub fn add(&mut self, record: &Record<'_>) -> usize {
+        self.add_at(record, self.now)
+    }
+
+    /// The same of something that was at `at`: readings are of their sampling tick.
+    pub fn add_at(&mut self, record: &Record<'_>, at: Instant) -> usize {
         if self.state != State::Recording {
             return 0;
         }
         // The next start sees by it whether the power has ended a drive.
         self.is_urgent |= matches!(record, Record::Arm { .. });
-        let bytes = record.encode(self.now.as_micros());
+        let bytes = record.encode(at.as_micros());
         let has_room = self.stream.add(&bytes);
         if let Record::Estimate(pack, ..) = record
             && has_room
@@ -391,17 +399,30 @@ impl Recording {
         self.extremes[pack as usize]
     }
 
-    /// Records the timers of a pack's failsafe that are not as the file has them. They are part of the share, since a voltage may
-    /// cross its threshold with every tick; the latest follows when there is room.
-    pub fn add_timers(&mut self, pack: Pack, timers: FailsafeTimers) {
-        if self.state != State::Recording || self.share.is_overdrawn() {
+    /// Records the timers of a pack's failsafe that are not as the file has them, at the tick `now`, each with the time of its
+    /// change; before them the reading, by which a replay has the same voltage cross its threshold in the same tick. They are part of the share,
+    /// since a voltage may cross its threshold with every tick; the latest follows when there is room.
+    pub fn add_timers(&mut self, pack: Pack, state: &BatteryState, now: Instant) {
+        let timers = state.failsafe_timers;
+        let (latest, changed_at) = &mut self.latest_timers[pack as usize];
+        let place = |level| usize::from(level == FailsafeLevel::Critical);
+        for (level, _) in timers.changes(mem::replace(latest, timers)) {
+            changed_at[place(level)] = now;
+        }
+        let changed_at = *changed_at;
+        let before = self.timers[pack as usize];
+        if before == timers || self.state != State::Recording || self.share.is_overdrawn() {
             return;
         }
-        let before = mem::replace(&mut self.timers[pack as usize], timers);
+        self.timers[pack as usize] = timers;
+        let mut bytes = self.add_at(&Record::Battery(pack, state), now);
         for (level, timer) in timers.changes(before) {
-            let bytes = self.add(&Record::FailsafeTimer(pack, level, timer));
-            self.spend(bytes);
+            bytes += self.add_at(
+                &Record::FailsafeTimer(pack, level, timer),
+                changed_at[place(level)],
+            );
         }
+        self.spend(bytes);
     }
 
     /// Records a command, whatever is left of the packs' share, unless there were five in the last seconds.

@@ -890,10 +890,14 @@ fn a_date_that_can_not_be_programmed_ends_the_file_and_the_next_one_has_its_own(
 
 const FAILSAFE_TIMER: [u8; 3] = [0xA3, 0x95, 148];
 
-fn timers(low: FailsafeTimer) -> FailsafeTimers {
-    FailsafeTimers {
-        low,
-        ..FailsafeTimers::STOPPED
+/// A pack whose timer of low is in this state.
+fn timed(low: FailsafeTimer) -> BatteryState {
+    BatteryState {
+        failsafe_timers: FailsafeTimers {
+            low,
+            ..FailsafeTimers::STOPPED
+        },
+        ..BatteryState::UNKNOWN
     }
 }
 
@@ -904,7 +908,7 @@ fn timers_that_change_all_the_time_take_no_more_than_the_share() {
     for tick in 0..600 {
         let low = [FailsafeTimer::Running, FailsafeTimer::Stopped][tick % 2];
         for pack in Pack::ALL {
-            bench.recording.add_timers(pack, timers(low));
+            bench.recording.add_timers(pack, &timed(low), bench.now);
         }
         bench.tick();
         bench.work();
@@ -912,16 +916,64 @@ fn timers_that_change_all_the_time_take_no_more_than_the_share() {
     // Room for the latest of each.
     for _ in 0..10 {
         for pack in Pack::ALL {
-            bench.recording.add_timers(pack, timers(FailsafeTimer::Expired));
+            bench
+                .recording
+                .add_timers(pack, &timed(FailsafeTimer::Expired), bench.now);
         }
         bench.run(1);
     }
     let file = bench.file(1);
     let places = places(&file, FAILSAFE_TIMER);
-    let bytes_per_s = places.len() as f32 * 14.0 / 60.0;
+    // Each with its reading.
+    let bytes_per_s = places.len() as f32 * 55.0 / 60.0;
     assert!((200.0..=265.0).contains(&bytes_per_s), "{bytes_per_s}");
     let latest = places[places.len() - 9..].iter().map(|place| file[place + 13]);
     assert_eq!(latest.collect::<Vec<_>>(), [FailsafeTimer::Expired as u8; 9]);
+}
+
+const BATTERY: [u8; 3] = [0xA3, 0x95, 138];
+
+/// The time of the record at `place` of a file, in microseconds.
+fn time_us(file: &[u8], place: usize) -> u64 {
+    u64::from_le_bytes(file[place + 3..place + 11].try_into().unwrap())
+}
+
+#[test]
+// Requirement: AP-21
+fn a_timer_that_changes_has_the_reading_and_the_time_of_its_tick() {
+    let mut bench = RecordingBench::under_way();
+    // The drive task has been there since.
+    let tick = bench.now.before_us(15_000);
+    let running = timed(FailsafeTimer::Running);
+    bench.recording.add_timers(Pack::Second, &running, tick);
+    bench.run(1);
+    let file = bench.file(1);
+    let [readings, timers] = [BATTERY, FAILSAFE_TIMER].map(|kind| places(&file, kind));
+    assert_eq!((readings.len(), timers.len()), (1, 1));
+    assert_eq!(timers[0], readings[0] + 41, "side by side");
+    for place in [readings[0], timers[0]] {
+        assert_eq!(time_us(&file, place), tick.as_micros());
+        assert_eq!(file[place + 11], Pack::Second.instance());
+    }
+}
+
+#[test]
+// Requirement: AP-21
+fn a_change_that_had_to_wait_has_the_time_at_which_it_happened() {
+    let mut bench = RecordingBench::under_way();
+    bench.recording.spend(600);
+    let changed_at = bench.now;
+    for _ in 0..30 {
+        let running = timed(FailsafeTimer::Running);
+        bench.recording.add_timers(Pack::First, &running, bench.now);
+        bench.run(1);
+    }
+    let file = bench.file(1);
+    let timers = places(&file, FAILSAFE_TIMER);
+    assert_eq!(timers.len(), 1);
+    assert_eq!(time_us(&file, timers[0]), changed_at.as_micros());
+    let reading_at = time_us(&file, places(&file, BATTERY)[0]);
+    assert!(reading_at >= changed_at.as_micros() + 1_000_000, "{reading_at}");
 }
 
 #[test]
@@ -984,8 +1036,8 @@ fn another_file_begins_with_the_timers_that_run() {
     for file in [1, 2] {
         bench.run(2);
         for _ in 0..3 {
-            let running = timers(FailsafeTimer::Running);
-            bench.recording.add_timers(Pack::Second, running);
+            let running = timed(FailsafeTimer::Running);
+            bench.recording.add_timers(Pack::Second, &running, bench.now);
         }
         bench.run(1);
         assert_eq!(places(&bench.file(file), FAILSAFE_TIMER).len(), 1);
