@@ -491,7 +491,7 @@ fn parameters_hold_from_when_they_were_set() {
     let expected = "Set during the recording: BATT2_CELLS=6 at 23:20, BATT2_LOW_VOLT=21 at 23:20\n";
     assert!(text.contains(expected), "{text}");
     assert!(
-        text.contains("\nFailsafe: BATT2_LOW_VOLT 10.8 would have acted at 8:11"),
+        text.contains("\nFailsafe: BATT2_LOW_VOLT 10.8 acted at 8:11, 52 % left (recorded)\n"),
         "{text}"
     );
     assert!(!text.contains("does not fit"), "{text}");
@@ -624,28 +624,53 @@ fn a_log_replayed_agrees_with_what_the_board_reported() {
 }
 
 #[test]
-fn a_log_whose_own_timer_differs_is_warned_of() {
-    const TIMER: [u8; 3] = [0xA3, 0x95, 148];
-    let said = |bytes: &[u8]| said_of(&["--pack", "2", &file_of("timers.BIN", bytes)]);
+fn what_a_log_says_of_its_failsafe_is_not_denied() {
+    let timer = |timer| [[0xA3, 0x95, 148].as_slice(), &[0; 8], &[1, 2, timer]].concat();
+    let tripped = timer(2);
     let mut bytes = log_of_drive();
-    let text = said(&bytes);
-    for name in ["log", "replay"] {
-        let expected = format!(
-            "Timers in the {name}: low started 7:28, low reset 7:32, low started 7:44, low reset 7:52, \
-             low started 8:01, low tripped 8:11, low reset 13:10\n"
-        );
-        assert!(text.contains(&expected), "{text}");
-    }
-    assert!(!text.contains("The replay differs"), "{text}");
-    // A minute earlier.
-    let start = bytes.windows(3).position(|header| header == TIMER).expect("one");
-    let time = &mut bytes[start + 3..start + 11];
+    let is_trip = |record: &[u8]| record[..3] == tripped[..3] && record[11..] == tripped[11..];
+    let place = bytes.windows(tripped.len()).position(is_trip).expect("one");
+    let time = &mut bytes[place + 3..place + 11];
+    // A minute after the readings have it, as if these were few.
     let time_us = u64::from_le_bytes((&*time).try_into().expect("its length"));
-    time.copy_from_slice(&(time_us - 60_000_000).to_le_bytes());
-    let text = said(&bytes);
-    let expected =
-        "\nThe replay differs: low started 6:28 in the log alone; low started 7:28 in the replay alone\n";
-    assert!(text.contains(expected), "{text}");
+    time.copy_from_slice(&(time_us + 60_000_000).to_le_bytes());
+    let log = file_of("timers.BIN", bytes);
+    let said = |parameters: &[&str]| said_of(&[&["--pack", "2"], parameters, &[log.as_str()]].concat());
+    let timers = "Timers in the log: low started 7:28, low reset 7:32, low started 7:44, low reset 7:52, \
+                  low started 8:01, low tripped 9:11, low reset 13:10\n";
+    for (parameters, failsafe) in [
+        (&[][..], "BATT2_LOW_VOLT 10.8 acted at 9:11"),
+        (
+            &["--param", "BATT2_LOW_VOLT=10.8"],
+            "BATT2_LOW_VOLT 10.8 acted at 9:11",
+        ),
+        (
+            &["--param", "BATT2_CRT_VOLT=5"],
+            "BATT2_LOW_VOLT 10.8 acted at 9:11",
+        ),
+        (
+            &["--param", "BATT2_LOW_VOLT=11.1"],
+            "BATT2_LOW_VOLT 11.1 would have acted at 5:30",
+        ),
+        (
+            &["--param", "BATT2_LOW_VOLT=9"],
+            "BATT2_LOW_VOLT 9 is not reached by these readings; in the log low acted at 9:11\n",
+        ),
+    ] {
+        let text = said(parameters);
+        assert!(text.contains(timers), "{text}");
+        assert!(text.contains(&format!("\nFailsafe: {failsafe}")), "{text}");
+        assert!(
+            !text.contains("LOW_VOLT 10.8 would") && !text.contains("The replay differs"),
+            "{text}"
+        );
+    }
+    let rows = printed(replay(&["--pack", "2", &log]));
+    let (_, rows) = table(&rows);
+    let low = rows.iter().filter(|row| row[row.len() - 1].contains("is low"));
+    let times: Vec<&str> = low.map(|row| row[0]).collect();
+    assert_eq!(times.len(), 1);
+    assert!(times[0].starts_with("551."), "{times:?}");
 }
 
 /// The same log of a version whose BATX has no extremes.

@@ -1,4 +1,4 @@
-//! The failsafes that a log has recorded, beside those of its replay.
+//! The failsafes that a log has recorded, and those of its replay.
 
 use std::fmt;
 
@@ -9,6 +9,9 @@ use crate::words::clock;
 
 /// Times of the log and of the replay differ by less if both are the same event: readings are some tenths of a second apart.
 const SAME_S: f64 = 2.0;
+
+/// Records of one tick differ by less, and those of two by more.
+const SAME_TICK_S: f64 = 0.05;
 
 /// Changes of a pack's timers that are kept: those of a voltage that crosses its threshold with every reading are no news.
 const MOST_CHANGES: usize = 1000;
@@ -28,6 +31,10 @@ pub struct Levels {
     /// Critical.
     pub critical_s: Option<f64>,
 }
+
+/// Each time a level of a pack's failsafe is reached, in seconds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reached(Vec<(f64, FailsafeLevel)>);
 
 /// Changes of the timers of a pack's failsafe, with their times in seconds.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -61,7 +68,52 @@ pub fn name(level: FailsafeLevel) -> &'static str {
     }
 }
 
+impl Reached {
+    /// Notes that a level is reached: the trip of its timer and its text are of one tick.
+    pub fn add(&mut self, level: FailsafeLevel, time_s: f64) {
+        let is_same = |(known_s, known): &(f64, FailsafeLevel)| {
+            *known == level && (time_s - known_s).abs() < SAME_TICK_S
+        };
+        if self.0.len() < MOST_CHANGES && !self.0.iter().any(is_same) {
+            self.0.push((time_s, level));
+        }
+    }
+
+    /// The times of a level.
+    pub fn times_s(&self, level: FailsafeLevel) -> impl Iterator<Item = f64> {
+        let of_level = move |(time_s, of): &(f64, FailsafeLevel)| (*of == level).then_some(*time_s);
+        self.0.iter().filter_map(of_level)
+    }
+
+    /// The first time of each level.
+    pub fn levels(&self) -> Levels {
+        let mut levels = Levels::default();
+        for (time_s, level) in &self.0 {
+            levels.reach(*level, *time_s);
+        }
+        levels
+    }
+}
+
 impl Levels {
+    /// When this level was reached.
+    pub fn at_s(&self, level: FailsafeLevel) -> Option<f64> {
+        match level {
+            FailsafeLevel::Low => self.low_s,
+            FailsafeLevel::Critical => self.critical_s,
+            FailsafeLevel::None | FailsafeLevel::Unhealthy => None,
+        }
+    }
+
+    /// Has a level be reached at this time, or not at all.
+    pub fn set(&mut self, level: FailsafeLevel, time_s: Option<f64>) {
+        match level {
+            FailsafeLevel::Low => self.low_s = time_s,
+            FailsafeLevel::Critical => self.critical_s = time_s,
+            FailsafeLevel::None | FailsafeLevel::Unhealthy => {}
+        }
+    }
+
     /// Notes when a level is reached for the first time.
     pub fn reach(&mut self, level: FailsafeLevel, time_s: f64) {
         match level {
@@ -113,24 +165,18 @@ impl Timers {
         }
     }
 
+    /// Has the changes of these levels as another one has them.
+    pub fn follow(&mut self, recorded: &Self, levels: &[FailsafeLevel]) {
+        self.0.retain(|(_, level, _)| !levels.contains(level));
+        let followed = recorded.0.iter().filter(|(_, level, _)| levels.contains(level));
+        self.0.extend(followed);
+        self.0.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+
     /// As in `low started 0:31`.
     pub fn texts(&self, in_words: fn(f64) -> String) -> Vec<String> {
         let text = |place| self.text(place, in_words);
         (0..self.0.len()).map(text).collect()
-    }
-
-    /// The first change that the log has alone, and the first that its replay has alone; nothing without timers in the log.
-    pub fn differences(&self, replayed: &Self, in_words: fn(f64) -> String) -> Vec<String> {
-        if self.0.is_empty() {
-            return vec![];
-        }
-        [(self, replayed, "log"), (replayed, self, "replay")]
-            .into_iter()
-            .filter_map(|(one, other, name)| {
-                let place = (0..one.0.len()).find(|place| one.has_alone(*place, other))?;
-                Some(format!("{} in the {name} alone", one.text(place, in_words)))
-            })
-            .collect()
     }
 
     fn text(&self, place: usize, in_words: fn(f64) -> String) -> String {
@@ -141,24 +187,6 @@ impl Timers {
             FailsafeTimer::Expired => "tripped",
         };
         format!("{} {change} {}", name(level), in_words(time_s))
-    }
-
-    /// Whether `other` has no such change. Between two readings a timer may start and be reset unseen.
-    fn has_alone(&self, place: usize, other: &Self) -> bool {
-        let (time_s, level, timer) = self.0[place];
-        let is_near = |changed_s: f64| (changed_s - time_s).abs() < SAME_S;
-        let opposite = match timer {
-            FailsafeTimer::Stopped => FailsafeTimer::Running,
-            FailsafeTimer::Running => FailsafeTimer::Stopped,
-            FailsafeTimer::Expired => FailsafeTimer::Expired,
-        };
-        let has = |changes: &[(f64, FailsafeLevel, FailsafeTimer)], timer| {
-            changes
-                .iter()
-                .any(|(changed_s, of, change)| (*of, *change) == (level, timer) && is_near(*changed_s))
-        };
-        let is_short = timer != opposite && has(&self.0, opposite);
-        !is_short && !has(&other.0, timer)
     }
 }
 
@@ -239,37 +267,43 @@ mod tests {
         }
     }
 
-    fn timers(changes: &[(f64, FailsafeTimer)]) -> Timers {
-        let changes = changes
-            .iter()
-            .map(|(time_s, timer)| (*time_s, FailsafeLevel::Low, *timer));
-        Timers(changes.collect())
+    #[test]
+    fn a_trip_and_its_text_are_one_and_the_next_is_another() {
+        let mut reached = Reached::default();
+        for (level, time_s) in [
+            (FailsafeLevel::Low, 10.0),
+            (FailsafeLevel::Low, 10.018),
+            (FailsafeLevel::Critical, 12.0),
+            (FailsafeLevel::Low, 500.0),
+        ] {
+            reached.add(level, time_s);
+        }
+        assert!(reached.times_s(FailsafeLevel::Low).eq([10.0, 500.0]));
+        let (low_s, critical_s) = (Some(10.0), Some(12.0));
+        assert_eq!(reached.levels(), Levels { low_s, critical_s });
     }
 
     #[test]
-    fn timers_differ_by_what_one_has_alone() {
-        use FailsafeTimer::{Expired, Running, Stopped};
-        let recorded = [(30.0, Running), (34.0, Stopped), (50.0, Running), (60.0, Expired)];
-        for (replayed, expected) in [
-            (
-                vec![(30.4, Running), (34.3, Stopped), (50.9, Running), (61.0, Expired)],
-                "",
-            ),
-            // A dip between two readings.
-            (
-                [vec![(10.0, Running), (11.0, Stopped)], recorded.to_vec()].concat(),
-                "",
-            ),
-            (
-                vec![(30.0, Running), (40.0, Expired)],
-                "low reset 0:34 in the log alone; low tripped 0:40 in the replay alone",
-            ),
-            (vec![], "low started 0:30 in the log alone"),
-        ] {
-            let differences = timers(&recorded).differences(&timers(&replayed), clock);
-            assert_eq!(differences.join("; "), expected);
-        }
-        let of_older_firmware = timers(&[]).differences(&timers(&recorded), clock);
-        assert_eq!(of_older_firmware, [""; 0]);
+    fn timers_follow_those_of_the_log_for_a_level() {
+        use FailsafeTimer::{Expired, Running};
+        let of = |changes: &[(f64, FailsafeLevel, FailsafeTimer)]| Timers(changes.to_vec());
+        let (low, critical) = (FailsafeLevel::Low, FailsafeLevel::Critical);
+        let mut replayed = of(&[
+            (1.4, low, Running),
+            (2.0, critical, Running),
+            (11.9, low, Expired),
+        ]);
+        let recorded = of(&[
+            (1.0, low, Running),
+            (1.9, critical, Running),
+            (11.0, low, Expired),
+        ]);
+        replayed.follow(&recorded, &[low]);
+        let expected = [
+            (1.0, low, Running),
+            (2.0, critical, Running),
+            (11.0, low, Expired),
+        ];
+        assert_eq!(replayed, of(&expected));
     }
 }

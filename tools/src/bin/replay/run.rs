@@ -1,8 +1,8 @@
 //! A trace through the monitor, and the parameters it is replayed with.
 
 use rover_battmon::battery::{
-    BatteryMonitor, BatteryState, FailsafeTimers, LearntPack, LessonObstacle, LoadState, Measurement,
-    PackEvent, PackSettings, PackUpdate, ReadError, Tick,
+    BatteryMonitor, BatteryState, FailsafeLevel, FailsafeTimers, LearntPack, LessonObstacle, LoadState,
+    Measurement, PackEvent, PackSettings, PackUpdate, ReachedLevels, ReadError, Thresholds, Tick,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, MonitorKind, ParameterId, Parameters, Refused};
@@ -11,7 +11,7 @@ use rover_battmon_tools::recordings::entry::Sample;
 
 use crate::assignments::Assignment;
 use crate::drive::Trace;
-use crate::failsafes::{Levels, Timers};
+use crate::failsafes::{Levels, Reached, Timers};
 use crate::report::Row;
 use crate::survey::Inputs;
 
@@ -211,31 +211,104 @@ pub struct Outcome {
     pub learnt: LearntPack,
     /// Why the last drive taught nothing.
     pub lesson_obstacle: Option<LessonObstacle>,
+    /// When each level was reached.
+    pub levels: Levels,
+    /// Each change of the failsafe's timers.
+    pub timers: Timers,
+    /// The levels of which that is as the log has it.
+    pub recorded: Vec<FailsafeLevel>,
 }
 
 impl Outcome {
-    /// When each level was reached.
-    pub fn levels(&self) -> Levels {
-        let mut levels = Levels::default();
-        for row in &self.rows {
-            row.reached
-                .iter()
-                .for_each(|level| levels.reach(*level, row.time_s));
-        }
-        levels
-    }
-
-    /// Each change of the failsafe's timers.
-    pub fn timers(&self) -> Timers {
-        let mut timers = Timers::default();
+    fn of(rows: Vec<Row>, settings: PackSettings, replay: &Replay) -> Self {
+        let (mut levels, mut timers) = (Levels::default(), Timers::default());
         let mut before = FailsafeTimers::STOPPED;
-        for row in &self.rows {
+        for row in &rows {
+            for level in &row.reached {
+                levels.reach(*level, row.time_s);
+            }
             let changes = row.state.failsafe_timers.changes(before);
             changes.for_each(|change| timers.add(row.time_s, change));
             before = row.state.failsafe_timers;
         }
-        timers
+        Self {
+            rows,
+            settings,
+            learnt: *replay.learnt(),
+            lesson_obstacle: replay.lesson_obstacle(),
+            levels,
+            timers,
+            recorded: vec![],
+        }
     }
+
+    /// Has the failsafe reach these levels when the log says so. Its readings, of which there are few, show that to one of them.
+    pub fn follow(&mut self, levels: Vec<FailsafeLevel>, reached: &Reached, timers: &Timers) {
+        for level in &levels {
+            let times_s: Vec<f64> = match level {
+                FailsafeLevel::Low => self.reached_low(reached),
+                level => reached.times_s(*level).collect(),
+            };
+            self.levels.set(*level, times_s.first().copied());
+            self.place(*level, &times_s);
+        }
+        self.timers.follow(timers, &levels);
+        self.recorded = levels;
+    }
+
+    /// A low level that is skipped has no record: it is reached with the critical one.
+    fn reached_low(&self, reached: &Reached) -> Vec<f64> {
+        let low: Vec<f64> = reached.times_s(FailsafeLevel::Low).collect();
+        let critical_s = reached.times_s(FailsafeLevel::Critical).next();
+        let failsafe = &self.settings.failsafe;
+        let row = critical_s.and_then(|critical_s| self.rows.iter().find(|row| row.time_s >= critical_s));
+        let is_in_force = row.is_some_and(|row| failsafe.is_in_force(&failsafe.low, &row.state));
+        match (low.as_slice(), critical_s) {
+            ([], Some(critical_s)) if is_in_force => vec![critical_s],
+            _ => low,
+        }
+    }
+
+    /// Puts a level into the rows of these times instead of those that were computed.
+    fn place(&mut self, level: FailsafeLevel, times_s: &[f64]) {
+        for row in &mut self.rows {
+            row.reached = row.reached.iter().copied().filter(|of| *of != level).collect();
+            row.events
+                .retain(|event| !matches!(event, PackEvent::Failsafe { level: of, .. } if *of == level));
+        }
+        for time_s in times_s {
+            let place = self.rows.partition_point(|row| row.time_s < *time_s);
+            if let Some(row) = self.rows.get_mut(place) {
+                let mut reached: Vec<FailsafeLevel> = row.reached.iter().copied().chain([level]).collect();
+                reached.sort_unstable();
+                row.reached = ReachedLevels::from_iter(reached);
+                row.events.push(PackEvent::failsafe(
+                    level,
+                    row.state.readings.voltage_v,
+                    &row.state,
+                ));
+            }
+        }
+    }
+}
+
+/// The levels whose thresholds, and all that they are compared with, are the same with both settings.
+pub fn unchanged_levels(own: &PackSettings, changed: &PackSettings) -> Vec<FailsafeLevel> {
+    let of_level = |mut settings: PackSettings, level| {
+        let failsafe = &mut settings.failsafe;
+        let (thresholds, other) = match level {
+            FailsafeLevel::Critical => (failsafe.critical, &mut failsafe.low),
+            _ => (failsafe.low, &mut failsafe.critical),
+        };
+        // The usable charge ends at the critical voltage.
+        if thresholds.usable_pct.is_none() {
+            *other = Thresholds::default();
+        }
+        settings
+    };
+    let mut levels = vec![FailsafeLevel::Low, FailsafeLevel::Critical];
+    levels.retain(|level| of_level(*own, *level) == of_level(*changed, *level));
+    levels
 }
 
 /// Gives the readings of the trace to `replay`, and between them the parameters that it sets.
@@ -260,12 +333,7 @@ pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
             reported: sample.reported,
         });
     }
-    Outcome {
-        rows,
-        settings,
-        learnt: *replay.learnt(),
-        lesson_obstacle: replay.lesson_obstacle(),
-    }
+    Outcome::of(rows, settings, &replay)
 }
 
 /// Events that are announced to ground stations: of the levels that are reached in one tick, the worst.
@@ -305,7 +373,20 @@ fn reading(sample: &Sample, inputs: Inputs) -> Result<Measurement, ReadError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::Drive;
     use crate::drive::tests::trace_of;
+    use embassy_futures::block_on;
+    use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
+    use fastrand::Rng;
+    use nor_flash::FlashModel;
+    use rover_battmon::autopilot::LogStep;
+    use rover_battmon::mavlink::LinkKind;
+    use rover_battmon::recorder::{FlashOutcome, Ring};
+    use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+    use rover_battmon::system::LogReader;
+    use rover_battmon_tools::recordings::dataflash;
+    use support::desk::{DIVIDER, Desk, conversions, start_with};
+    use support::requests::arm_by_force;
 
     fn assigned(trace: &str, assignments: &[Assignment]) -> Result<Parameters, String> {
         let trace = trace_of(trace);
@@ -362,6 +443,32 @@ mod tests {
     }
 
     #[test]
+    fn a_level_is_unchanged_if_nothing_is_that_it_depends_on() {
+        let levels = |set: &[&str]| {
+            let assignments: Vec<Assignment> = set
+                .iter()
+                .map(|text| text.parse().expect("an assignment"))
+                .collect();
+            let own: [Assignment; 1] = ["BATT_LOW_VOLT=10.5".parse().expect("an assignment")];
+            let [own, changed] = [&own[..], &[&own[..], &assignments].concat()]
+                .map(|assignments| assigned(WITH_CURRENT, assignments).expect("in range"));
+            unchanged_levels(&settings(&own, Pack::First), &settings(&changed, Pack::First))
+        };
+        use FailsafeLevel::{Critical, Low};
+        for (set, expected) in [
+            (&[][..], vec![Low, Critical]),
+            (&["BATT_LOW_VOLT=10.5"], vec![Low, Critical]),
+            (&["BATT_LOW_VOLT=10.8"], vec![Critical]),
+            (&["BATT_CRT_MAH=100"], vec![Low]),
+            (&["BATT_CRT_VOLT=9", "BATT_FS_PCT_EN=1"], vec![]),
+            (&["BATT_LOW_TIMER=3"], vec![]),
+            (&["BATT_CAPACITY=2000"], vec![]),
+        ] {
+            assert_eq!(levels(set), expected, "{set:?}");
+        }
+    }
+
+    #[test]
     fn changes_are_parameters_that_differ_once_each() {
         let assignments: [Assignment; 3] = ["BATT_LOW_VOLT=10", "BATT_CELLS=0", "BATT_LOW_VOLT=10.8"]
             .map(|text| text.parse().expect("an assignment"));
@@ -392,6 +499,146 @@ mod tests {
             ),
         ] {
             assert_eq!(inputs(WITH_CURRENT, &[assignment]), Err(expected.into()));
+        }
+    }
+
+    /// A stay of this firmware on a desk, with a pack that a load of this seed draws from full to empty in two minutes: its log, and
+    /// the ticks in which levels were reached.
+    fn driven(seed: u64, set: &[(&str, f32)]) -> (Vec<u8>, Levels) {
+        const CAPACITY_AS: f32 = 0.4 * 3600.0;
+        let mut random = Rng::with_seed(seed);
+        let mut desk = Desk::starting(start_with(set));
+        desk.connect(LinkKind::Direct);
+        let mut flash = FlashModel::<4096, 256, 32>::blank();
+        desk.autopilot.logs_found(block_on(Ring::scan(
+            &mut flash,
+            FlashModel::<4096, 256, 32>::REGION,
+        )));
+        let (mut levels, mut before) = (Levels::default(), FailsafeLevel::None);
+        let (mut drawn_as, mut current_a) = (0.0, 0.0);
+        for turn in 0..6500u64 {
+            // The tasks keep their own time.
+            desk.now_us = 20_000 * turn + 3_300;
+            desk.drive();
+            if turn == 500 {
+                desk.ask(&arm_by_force());
+            }
+            while let Some(step) = desk.autopilot.next_log_step(desk.now()) {
+                match step {
+                    LogStep::Program { address, bytes } => {
+                        block_on(flash.write(address, &bytes)).expect("it works");
+                        desk.autopilot.log_written(FlashOutcome::Done, desk.now());
+                    }
+                    LogStep::Erase(erasure) => {
+                        let from = erasure.address();
+                        block_on(flash.erase(from, from + 4096)).expect("it works");
+                        block_on(flash.write(erasure.mark_address(), &erasure.mark())).expect("it works");
+                        desk.autopilot.log_erased(erasure, FlashOutcome::Done);
+                    }
+                }
+            }
+            if turn % 5 != 0 {
+                continue;
+            }
+            desk.now_us = 20_000 * turn + 15_400;
+            if turn > 500 && random.f32() < 0.04 {
+                current_a = 24.0 * random.f32();
+            }
+            drawn_as += 0.1 * current_a;
+            let open_v = 12.6 - 2.6 * drawn_as / CAPACITY_AS;
+            let voltage_v = open_v - 0.05 * current_a + 0.04 * (random.f32() - 0.5);
+            let mut readings = AnalogReadings::NONE;
+            readings.set(AnalogPin::Gp26, Ok(conversions(voltage_v / DIVIDER)));
+            readings.set(AnalogPin::Gp27, Ok(conversions(current_a / 17.0)));
+            desk.sample(readings);
+            let level = desk.autopilot.battery(Pack::First).failsafe;
+            let tick_s = (desk.now_us / 1000) as f64 / 1e3;
+            for reached in [FailsafeLevel::Low, FailsafeLevel::Critical] {
+                if before < reached && reached <= level {
+                    levels.reach(reached, tick_s);
+                }
+            }
+            before = level;
+        }
+        let mut chip = vec![0; FlashModel::<4096, 256, 32>::REGION.end as usize];
+        block_on(flash.read(0, &mut chip)).expect("it works");
+        let (mut log, reader) = (Vec::new(), LogReader::Browser(0));
+        while let Some(piece) = desk.autopilot.locate_log(1, log.len() as u32, reader, desk.now()) {
+            log.extend_from_slice(&chip[piece.address as usize..][..piece.bytes as usize]);
+        }
+        (log, levels)
+    }
+
+    /// Levels by the readings of a log, and those that follow it.
+    fn replayed(log: &[u8]) -> [Levels; 2] {
+        let Drive { trace, survey } =
+            Drive::read(|| Ok(Box::new(dataflash::binary(log))), Pack::First).expect("a drive");
+        let own = survey.parameters.clone().expect("the log has them");
+        let own = assign(own, &[], Pack::First, trace.measured()).expect("in range");
+        let replay = Replay::new(Pack::First, &own, &[], LearntPack::UNKNOWN).expect("what the log has");
+        let mut outcome = run(&trace, replay);
+        let computed = outcome.levels;
+        let both = vec![FailsafeLevel::Low, FailsafeLevel::Critical];
+        outcome.follow(
+            both,
+            survey.reached(Pack::First),
+            survey.recorded_timers(Pack::First),
+        );
+        [computed, outcome.levels]
+    }
+
+    /// Whether two levels are of the same tick: a text has the time of the drive task, up to 20 ms before.
+    fn is_same_tick(one_s: Option<f64>, other_s: Option<f64>) -> bool {
+        match one_s.zip(other_s) {
+            Some((one_s, other_s)) => (one_s - other_s).abs() < 0.021,
+            None => one_s == other_s,
+        }
+    }
+
+    #[test]
+    fn a_replay_reaches_each_level_in_the_tick_in_which_the_board_did() {
+        let pack = [
+            ("BATT_MONITOR", 4.0),
+            ("BATT_CURR_PIN", 27.0),
+            ("BATT_AMP_PERVLT", 17.0),
+            ("BATT_CELLS", 3.0),
+            ("BATT_CAPACITY", 400.0),
+            ("BATT_LOW_TIMER", 3.0),
+        ];
+        let volts = [("BATT_LOW_VOLT", 10.9), ("BATT_CRT_VOLT", 10.4)];
+        let resting = [volts[0], volts[1], ("BATT_FS_VOLTSRC", 1.0)];
+        let charge = [("BATT_LOW_MAH", 150.0), ("BATT_CRT_MAH", 70.0)];
+        let percent = [
+            ("BATT_FS_PCT_EN", 1.0),
+            ("BATT_LOW_PCT", 40.0),
+            ("BATT_CRT_PCT", 20.0),
+        ];
+        for (name, thresholds) in [
+            ("terminal", &volts[..]),
+            ("resting", &resting),
+            ("mAh", &charge),
+            ("%", &percent),
+        ] {
+            let (mut low, mut critical) = (0, 0);
+            for (seed, rate_hz) in (0..50).flat_map(|seed| [0.0, 1.0, 5.0].map(|rate_hz| (seed, rate_hz))) {
+                let set = [&pack[..], thresholds, &[("LOG_BLK_RATEMAX", rate_hz)]].concat();
+                let (log, levels) = driven(seed, &set);
+                let [computed, followed] = replayed(&log);
+                let case = format!(
+                    "{name}, seed {seed}, {rate_hz} Hz: {levels:?}, computed {computed:?}, followed {followed:?}"
+                );
+                let shown = match name {
+                    "terminal" => vec![computed, followed],
+                    _ => vec![followed],
+                };
+                for replayed in shown {
+                    assert!(is_same_tick(replayed.low_s, levels.low_s), "{case}");
+                    assert!(is_same_tick(replayed.critical_s, levels.critical_s), "{case}");
+                }
+                low += usize::from(levels.low_s.is_some());
+                critical += usize::from(levels.critical_s.is_some());
+            }
+            assert!(low >= 100 && critical >= 75, "{name}: {low}, {critical} of 150");
         }
     }
 }

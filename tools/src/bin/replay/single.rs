@@ -11,8 +11,9 @@ use rover_battmon_tools::recordings::Format;
 use rover_battmon_tools::recordings::entry::Bytes;
 
 use crate::arguments::Arguments;
+use crate::assignments::Assignment;
 use crate::comparison::comparison;
-use crate::drive::Drive;
+use crate::drive::{Change, Drive};
 use crate::failsafes::Timers;
 use crate::report::Row;
 use crate::run::{Outcome, Replay};
@@ -24,6 +25,9 @@ use crate::{outputs, plot, report, run};
 
 /// Settings without which the charge is not known.
 const NEEDED: [BatteryParameter; 2] = [BatteryParameter::Cells, BatteryParameter::Capacity];
+
+/// Low and critical.
+const LEVELS: usize = 2;
 
 /// This many changes of timers are listed.
 const LISTED_TIMERS: usize = 20;
@@ -48,7 +52,10 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
         None => drive.survey.known(pack).unwrap_or(LearntPack::UNKNOWN),
     };
     let replay = Replay::new(pack, &parameters, &arguments.assignments, known)?;
-    let outcome = run::run(&drive.trace, replay);
+    let mut outcome = run::run(&drive.trace, replay);
+    if !arguments.armed {
+        follow(&mut outcome, &drive, pack, &parameters, &arguments.assignments)?;
+    }
     let written = write_files(path, arguments, &outcome)?;
     let summary = Summary {
         trace: &drive.trace,
@@ -57,11 +64,35 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
         assignments: &arguments.assignments,
         known: &known,
         armed_before: drive.survey.armed_before().filter(|_| !arguments.armed),
+        in_log: drive.survey.recorded_levels(pack),
         recorded: recorded(&drive, arguments, &outcome),
     };
     let compared = compared(arguments, &drive, &parameters, &outcome.rows, known)?;
     let origin = origin(&drive, arguments);
     show(&format!("{origin}{summary}{compared}{written}"));
+    Ok(())
+}
+
+/// Has the levels follow the log whose thresholds are its own.
+fn follow(
+    outcome: &mut Outcome,
+    drive: &Drive,
+    pack: Pack,
+    parameters: &Parameters,
+    assignments: &[Assignment],
+) -> Result<(), String> {
+    let Drive { trace, survey } = drive;
+    let is_assigned = |change: &Change| {
+        let mut assigned = assignments.iter();
+        assigned.any(|assignment| assignment.id == change.assignment.id)
+    };
+    if !survey.records_failsafe(pack) || trace.changes.iter().any(is_assigned) {
+        return Ok(());
+    }
+    let own = survey.parameters.clone().unwrap_or_else(Parameters::defaults);
+    let own = run::assign(own, &[], pack, trace.measured())?;
+    let levels = run::unchanged_levels(&run::settings(&own, pack), &run::settings(parameters, pack));
+    outcome.follow(levels, survey.reached(pack), survey.recorded_timers(pack));
     Ok(())
 }
 
@@ -127,20 +158,18 @@ fn recorded(drive: &Drive, arguments: &Arguments, outcome: &Outcome) -> String {
         [] => String::new(),
         events => format!("The log has: {}\n", events.join(", ")),
     };
-    let (timers, replayed) = (survey.recorded_timers(arguments.pack), outcome.timers());
+    let timers = survey.recorded_timers(arguments.pack);
     if *timers != Timers::default() {
-        for (name, timers) in [("log", timers), ("replay", &replayed)] {
-            text += &format!("Timers in the {name}: {}\n", listed(&timers.texts(clock)));
+        text += &format!("Timers in the log: {}\n", listed(&timers.texts(clock)));
+        if outcome.recorded.len() < LEVELS {
+            text += &format!("Timers in the replay: {}\n", listed(&outcome.timers.texts(clock)));
         }
     }
-    if arguments.assignments.is_empty() && !arguments.armed {
-        let levels = match survey.announces_failsafes() {
-            true => levels.differences(&outcome.levels()),
-            false => vec![],
-        };
-        let mut differences: Vec<String> = levels.iter().map(ToString::to_string).collect();
-        differences.extend(timers.differences(&replayed, clock));
+    let is_of_others = !survey.records_failsafe(arguments.pack) && survey.announces_failsafes();
+    if is_of_others && arguments.assignments.is_empty() && !arguments.armed {
+        let differences = levels.differences(&outcome.levels);
         if !differences.is_empty() {
+            let differences: Vec<String> = differences.iter().map(ToString::to_string).collect();
             text += &format!("The replay differs: {}\n", differences.join("; "));
         }
     }
@@ -217,8 +246,12 @@ fn compared(
     if changes.is_empty() {
         return Ok(String::new());
     }
-    let own = run::run(&drive.trace, Replay::new(pack, &own, &[], known)?);
-    Ok(comparison(&changes, &own.rows, rows))
+    let replay = Replay::new(pack, &own, &[], known)?;
+    let mut by_own = run::run(&drive.trace, replay);
+    if !arguments.armed {
+        follow(&mut by_own, drive, pack, &own, &[])?;
+    }
+    Ok(comparison(&changes, &by_own.rows, rows))
 }
 
 /// Shows what a person reads, who may have closed the terminal.

@@ -12,10 +12,11 @@ use rover_battmon::parameter::BatteryParameter;
 
 use crate::assignments::Assignment;
 use crate::drive::{Change, Trace};
+use crate::failsafes::{self, Levels};
 use crate::report::{Row, events};
 use crate::run::Outcome;
 use crate::survey::ArmedBefore;
-use crate::words::{clock, duration, quantity, times};
+use crate::words::{clock, duration, quantity, rounded, times};
 
 /// The remaining charge lies within this many standard deviations in 19 of 20 cases.
 const SIGMAS: f32 = 2.0;
@@ -37,6 +38,8 @@ pub struct Summary<'a> {
     pub known: &'a LearntPack,
     /// Why the vehicle is taken for armed at the beginning, if not by an entry.
     pub armed_before: Option<ArmedBefore>,
+    /// When levels were reached in the log.
+    pub in_log: Levels,
     /// Lines on the failsafes of the log itself.
     pub recorded: String,
 }
@@ -97,7 +100,9 @@ fn voltages(rows: &[Row]) -> String {
         return "unknown".into();
     };
     let current_a = weakest.state.readings.current_a;
-    let load = current_a.map_or(String::new(), |current_a| format!(" at {current_a:.1} A"));
+    let load = current_a.map_or(String::new(), |current_a| {
+        format!(" at {} A", rounded(current_a, 1))
+    });
     format!(
         "{first_v:.2} V at the start, {last_v:.2} V at the end; weakest at {}: {weakest_v:.2} V{load}",
         clock(weakest.time_s)
@@ -107,7 +112,7 @@ fn voltages(rows: &[Row]) -> String {
 fn drawn(rows: &[Row]) -> String {
     let state = rows.last().map(|row| &row.state);
     match state.and_then(|state| state.consumed_mah().zip(state.consumed_wh)) {
-        Some((mah, wh)) => format!("{mah:.0} mAh, {wh:.1} Wh"),
+        Some((mah, wh)) => format!("{} mAh, {} Wh", rounded(mah, 0), rounded(wh, 1)),
         None => quantity(state.and_then(|state| state.consumed_mah()), 0, "mAh"),
     }
 }
@@ -186,15 +191,31 @@ impl Summary<'_> {
         text
     }
 
-    /// When its thresholds would have acted, if it has any.
+    /// When its thresholds have acted, as recorded, or would have; if it has any.
     fn failsafe_level(&self, level: FailsafeLevel) -> Option<String> {
         let names = thresholds(&self.outcome.settings.failsafe, level, self.pack)?;
-        let Some(row) = reached(&self.outcome.rows, level) else {
-            return Some(format!("{names} would not have acted"));
+        let is_recorded = self.outcome.recorded.contains(&level);
+        let left = |row: &Row| {
+            let left_pct = row.state.readings.remaining_pct?;
+            Some(format!(", {} % left", rounded(left_pct, 0)))
         };
-        let left = row.state.readings.remaining_pct;
-        let left = left.map_or(String::new(), |left_pct| format!(", {left_pct:.0} % left"));
-        Some(format!("{names} would have acted at {}{left}", clock(row.time_s)))
+        let left = reached(&self.outcome.rows, level)
+            .and_then(left)
+            .unwrap_or_default();
+        let reached_at = self.outcome.levels.at_s(level).map(clock);
+        let in_log_at = self.in_log.at_s(level).map(clock);
+        Some(match (is_recorded, reached_at, in_log_at) {
+            (true, Some(at), _) => format!("{names} acted at {at}{left} (recorded)"),
+            (true, None, _) => format!("{names} did not act (recorded)"),
+            (false, Some(at), _) => format!("{names} would have acted at {at}{left}"),
+            (false, None, None) => format!("{names} would not have acted"),
+            (false, None, Some(at)) => {
+                format!(
+                    "{names} is not reached by these readings; in the log {} acted at {at}",
+                    failsafes::name(level)
+                )
+            }
+        })
     }
 
     fn suggestion(&self) -> String {
@@ -349,6 +370,7 @@ mod tests {
             assignments: &assignments,
             known: &LearntPack::UNKNOWN,
             armed_before: None,
+            in_log: Levels::default(),
             recorded: String::new(),
         }
         .to_string()

@@ -4,14 +4,14 @@ use std::fmt;
 use std::io;
 
 use rover_battmon::autopilot::Notice;
-use rover_battmon::battery::{LEARNT_CURVE, LEARNT_WORDS, LearntPack};
+use rover_battmon::battery::{FailsafeTimer, LEARNT_CURVE, LEARNT_WORDS, LearntPack};
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::vehicle::ArmState;
 use rover_battmon_tools::recordings::entry::{Bytes, CURVE_WORDS, Content, Entries, Entry};
 
 use crate::assignments::LogParameters;
-use crate::failsafes::{Levels, Timers, announced};
+use crate::failsafes::{Levels, Reached, Timers, announced};
 use crate::vehicle::Vehicle;
 use crate::words::{clock, duration, times};
 
@@ -61,8 +61,12 @@ pub struct Survey {
     known_parameters: LogParameters,
     first_arming: Option<ArmState>,
     log_disarmed: Option<f64>,
-    /// Its failsafes of packs.
-    recorded: RecordedFailsafes,
+    /// Its failsafes of each pack, in seconds since the recorder started.
+    reached: [Reached; MAX_PACKS],
+    timers: [Timers; MAX_PACKS],
+    /// The first one of any pack and level, and the first mode for one.
+    any_failsafe_s: Option<f64>,
+    failsafe_mode_s: Option<f64>,
     has_flown: bool,
     has_texts: bool,
     reports_arm_state: bool,
@@ -72,16 +76,6 @@ pub struct Survey {
     pub stepped_back: u64,
     /// Its bytes, readable or not.
     pub bytes: Bytes,
-}
-
-/// The first of each kind, and the timers, in seconds since the recorder started.
-#[derive(Debug, Default)]
-struct RecordedFailsafes {
-    levels: [Levels; MAX_PACKS],
-    timers: [Timers; MAX_PACKS],
-    /// Of any pack and level.
-    any_s: Option<f64>,
-    mode_s: Option<f64>,
 }
 
 /// Why a log begins armed, though it does not have the arming.
@@ -145,27 +139,36 @@ impl Survey {
 
     /// When the log has a pack reach the levels of its failsafe.
     pub fn recorded_levels(&self, pack: Pack) -> Levels {
-        self.recorded.levels[usize::from(pack.instance())]
+        self.reached(pack).levels()
+    }
+
+    /// Each time the log has a pack reach a level of its failsafe.
+    pub fn reached(&self, pack: Pack) -> &Reached {
+        &self.reached[usize::from(pack.instance())]
+    }
+
+    /// Whether the log has the failsafe of a pack as this firmware has run it, to the tick.
+    pub fn records_failsafe(&self, pack: Pack) -> bool {
+        self.vehicle.is_of_this_firmware() || *self.recorded_timers(pack) != Timers::default()
     }
 
     /// The timers of a pack's failsafe in the log.
     pub fn recorded_timers(&self, pack: Pack) -> &Timers {
-        &self.recorded.timers[usize::from(pack.instance())]
+        &self.timers[usize::from(pack.instance())]
     }
 
     /// When the failsafe of a pack acted in a log that does not say which one.
     pub fn unnamed_failsafe_s(&self) -> Option<f64> {
         let is_named = self
-            .recorded
-            .levels
+            .reached
             .iter()
-            .any(|levels| *levels != Levels::default());
-        self.recorded.any_s.filter(|_| !is_named)
+            .any(|reached| reached.levels() != Levels::default());
+        self.any_failsafe_s.filter(|_| !is_named)
     }
 
     /// When the vehicle took another mode for the failsafe of a pack.
     pub fn failsafe_mode_s(&self) -> Option<f64> {
-        self.recorded.mode_s
+        self.failsafe_mode_s
     }
 
     /// Whether the failsafe of a pack has a text in the log.
@@ -224,11 +227,15 @@ impl Survey {
                 self.has_texts = true;
                 self.announcement(text, entry.time_s);
             }
-            Content::PackFailsafe => self.recorded.any_s = self.recorded.any_s.or(entry.time_s),
-            Content::FailsafeMode => self.recorded.mode_s = self.recorded.mode_s.or(entry.time_s),
+            Content::PackFailsafe => self.any_failsafe_s = self.any_failsafe_s.or(entry.time_s),
+            Content::FailsafeMode => self.failsafe_mode_s = self.failsafe_mode_s.or(entry.time_s),
             Content::FailsafeTimer(pack, change) => {
-                let timers = &mut self.recorded.timers[usize::from(pack.instance())];
-                timers.add(entry.time_s.unwrap_or_default(), *change);
+                let time_s = entry.time_s.unwrap_or_default();
+                let place = usize::from(pack.instance());
+                self.timers[place].add(time_s, *change);
+                if let (level, FailsafeTimer::Expired) = *change {
+                    self.reached[place].add(level, time_s);
+                }
             }
             Content::Airborne => self.has_flown = true,
             Content::ArmState(_) => self.reports_arm_state = true,
@@ -274,7 +281,7 @@ impl Survey {
 
     fn announcement(&mut self, text: &str, time_s: Option<f64>) {
         if let Some(((pack, level), time_s)) = announced(text).zip(time_s) {
-            self.recorded.levels[usize::from(pack.instance())].reach(level, time_s);
+            self.reached[usize::from(pack.instance())].add(level, time_s);
         }
         if self.run_before.is_none() && is_about_run_before(text) {
             self.run_before = Some(text.into());

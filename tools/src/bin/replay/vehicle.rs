@@ -7,6 +7,7 @@ use rover_battmon_tools::recordings::px4;
 
 /// The beginning of the text by which this board names itself.
 const BOARD: &str = "rover-battmon ";
+const THIS_FIRMWARE: &str = "rover-battmon";
 
 /// Beginnings of the text by which ArduPilot names its vehicle, in the order of versions.
 const ARDUPILOT: [&str; 2] = ["Ardu", "APM:"];
@@ -43,6 +44,11 @@ impl Vehicle {
         }
     }
 
+    /// Whether it ran this firmware.
+    pub fn is_of_this_firmware(&self) -> bool {
+        self.firmware.as_deref() == Some(THIS_FIRMWARE)
+    }
+
     /// Whether its texts name the pack and the level of a failsafe: PX4 and ArduPilot before 4.0 have others.
     pub fn announces_failsafes(&self) -> bool {
         let version = self.version.as_deref().unwrap_or_default();
@@ -56,7 +62,7 @@ impl Vehicle {
     /// As in `ArduRover V4.2.3 (abcdef12)` and `APM:Copter V3.5.5`.
     fn text(&mut self, text: &str) {
         if let Some(version) = text.strip_prefix(BOARD) {
-            return self.name("rover-battmon", "rover", version);
+            return self.name(THIS_FIRMWARE, "rover", version);
         }
         let rest = ARDUPILOT
             .iter()

@@ -97,10 +97,19 @@ pub fn shown(name: impl AsRef<OsStr>) -> String {
     text
 }
 
+/// A value as it is shown: what rounds to zero has no sign.
+pub fn rounded(value: f32, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.chars().all(|digit| matches!(digit, '0' | '.')) => zero.into(),
+        _ => text,
+    }
+}
+
 /// A value with its unit, or that it is unknown.
 pub fn quantity(value: Option<f32>, decimals: usize, unit: &str) -> String {
     match value {
-        Some(value) => format!("{value:.decimals$} {unit}"),
+        Some(value) => format!("{} {unit}", rounded(value, decimals)),
         None => "unknown".into(),
     }
 }
@@ -120,6 +129,19 @@ mod tests {
             (45_296.5, "12:34:56"),
         ] {
             assert_eq!(clock(time_s), expected);
+        }
+    }
+
+    #[test]
+    fn what_rounds_to_zero_has_no_sign() {
+        for (value, decimals, expected) in [
+            (-0.4, 0, "0"),
+            (-0.04, 1, "0.0"),
+            (-0.06, 1, "-0.1"),
+            (-10.4, 0, "-10"),
+            (0.4, 0, "0"),
+        ] {
+            assert_eq!(rounded(value, decimals), expected);
         }
     }
 

@@ -169,7 +169,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "low_s",
-        "seconds from arming until the pack is low, replayed; NULL: it is not",
+        "seconds from arming until the pack is low: recorded by this firmware, else replayed; NULL: it is not",
         Value::Number(|row| row.levels.low_s),
     ),
     column(
@@ -179,7 +179,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "timers",
-        "their timers, replayed: `low started 402 s; low tripped 412 s`, also `reset`",
+        "their timers, alike: `low started 402 s; low tripped 412 s`, also `reset`",
         Value::Text(|row| Some(row.timers.join(SEPARATOR))),
     ),
     column(
@@ -189,7 +189,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "failsafes_differ",
-        "levels and timers recorded at another time than replayed",
+        "levels that a log of others has at another time than replayed",
         Value::Text(|row| Some(row.differences.join(SEPARATOR))),
     ),
     column(
@@ -229,7 +229,7 @@ pub const COLUMNS: &[Column] = &[
     ),
     column(
         "what_if_low_s",
-        "`low_s` with these",
+        "`low_s` with these, replayed: good to one reading",
         Value::Number(|row| row.what_if.as_ref()?.levels.low_s),
     ),
     column(

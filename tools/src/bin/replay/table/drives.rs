@@ -358,36 +358,32 @@ mod tests {
     }
 
     #[test]
-    fn timers_of_the_log_stand_beside_those_of_the_replay() {
+    fn timers_and_levels_are_those_of_the_log_if_it_has_them() {
         let [low, high] = [state(10.4), state(11.0)];
         let timer = |timer| Recorded::FailsafeTimer(Pack::First, FailsafeLevel::Low, timer);
-        let row = |second_start: &[Recorded]| {
-            let [low, high] = [&low, &high].map(|state| [reading(state); 5]);
+        let rows = |trip: &[Recorded]| {
             let records = [
                 &armed()[..],
                 &[timer(FailsafeTimer::Running)],
-                &low,
+                &[reading(&low); 5],
                 &[timer(FailsafeTimer::Stopped)],
-                &high,
-                second_start,
-                &low,
-            ]
-            .concat();
-            rows_of(&records).remove(0)
+                // By the few readings low for long enough.
+                &[reading(&low); 15],
+                trip,
+                &[reading(&high); 5],
+            ];
+            rows_if("BATT_LOW_TIMER=8", &records.concat()).remove(0)
         };
-        let replayed = ["low started 2 s", "low reset 8 s", "low started 13 s"];
-        let same = row(&[timer(FailsafeTimer::Running)]);
-        let mut shifted = replayed.map(String::from);
-        shifted[2] = "low started 14 s".into();
-        assert_eq!(same.timers, shifted);
+        let row = rows(&[timer(FailsafeTimer::Expired)]);
+        let timers = ["low started 1 s", "low reset 7 s", "low tripped 23 s"];
         assert_eq!(
-            same.recorded_timers,
-            ["low started 1 s", "low reset 7 s", "low started 13 s"]
+            (&row.timers[..], &row.recorded_timers[..]),
+            (&timers.map(String::from)[..], &row.timers[..])
         );
-        assert_eq!(same.differences, [""; 0]);
-        let other = row(&[]);
-        assert_eq!(other.timers, replayed);
-        assert_eq!(other.differences, ["low started 13 s in the replay alone"]);
+        assert_eq!((row.levels.low_s, row.differences.len()), (Some(23.0), 0));
+        let what_if_low_s = row.what_if.expect("it was asked for").levels.low_s;
+        assert_eq!(what_if_low_s, Some(11.0), "replayed");
+        assert_eq!(rows(&[]).levels.low_s, None);
     }
 
     #[test]

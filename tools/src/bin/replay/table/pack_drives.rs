@@ -1,5 +1,7 @@
 //! The drives of one pack in a log, as its readings come.
 
+use std::mem;
+
 use rover_battmon::battery::{
     BatteryState, FailsafeLevel, FailsafeTimer, Faults, LearntPack, PackStatus, ReachedLevels,
 };
@@ -39,6 +41,8 @@ pub struct PackDrives {
     /// Of the first drive.
     armed_before: Option<ArmedBefore>,
     announces_failsafes: bool,
+    /// The log has its failsafe as it was, to the tick.
+    records_failsafe: bool,
     refusals: Vec<String>,
     /// The present drive; before the first one the log so far.
     drive: Option<Trip>,
@@ -49,6 +53,7 @@ pub struct PackDrives {
 #[derive(Default)]
 struct Trip {
     is_armed: bool,
+    has_reading: bool,
     start_s: f64,
     end_s: f64,
     drawn_mah: Span,
@@ -114,6 +119,7 @@ impl PackDrives {
                 started_utc_s: survey.started_utc_s,
                 armed_before: survey.armed_before(),
                 announces_failsafes: survey.announces_failsafes(),
+                records_failsafe: survey.records_failsafe(pack),
                 refusals: vec![],
                 drive: None,
                 rows: vec![],
@@ -148,7 +154,7 @@ impl PackDrives {
             self.drive.get_or_insert_with(|| Trip::starting(sample.time_s));
         }
         if let Some(drive) = &mut self.drive {
-            drive.add(sample, &self.own.state, &reached);
+            drive.add(sample, &self.own.state, &reached, self.records_failsafe);
             let since_s = drive.since_start_s(sample.time_s);
             let changes = self.own.state.failsafe_timers.changes(timers);
             changes.for_each(|change| drive.timers.add(since_s, change));
@@ -200,9 +206,22 @@ impl PackDrives {
     /// The log has that this pack reaches a level.
     pub fn reach(&mut self, level: FailsafeLevel, time_s: f64) {
         self.failsafe(failsafes::name(level), time_s);
-        if let Some(drive) = &mut self.drive {
-            let since_s = drive.since_start_s(time_s);
-            drive.recorded.reach(level, since_s);
+        self.note(level, time_s);
+    }
+
+    /// The log has it by a text, or by its timer. A low level that is skipped is reached with the critical one.
+    fn note(&mut self, level: FailsafeLevel, time_s: f64) {
+        let Some(drive) = &mut self.drive else {
+            return;
+        };
+        let since_s = drive.since_start_s(time_s);
+        drive.recorded.reach(level, since_s);
+        if self.records_failsafe {
+            let failsafe = &self.own.settings().failsafe;
+            if level == FailsafeLevel::Critical && failsafe.is_in_force(&failsafe.low, &self.own.state) {
+                drive.levels.reach(FailsafeLevel::Low, since_s);
+            }
+            drive.levels.reach(level, since_s);
         }
     }
 
@@ -210,6 +229,9 @@ impl PackDrives {
     pub fn timer(&mut self, time_s: f64, change: (FailsafeLevel, FailsafeTimer)) {
         if let Some(drive) = &mut self.drive {
             drive.recorded_timers.add(drive.since_start_s(time_s), change);
+        }
+        if let (level, FailsafeTimer::Expired) = change {
+            self.note(level, time_s);
         }
     }
 
@@ -244,7 +266,13 @@ impl PackDrives {
             levels: drive.what_if_levels,
         });
         let resistance = drive.resistance_mohm;
-        let differences = drive.differences(self.announces_failsafes);
+        let (differences, timers) = if self.records_failsafe {
+            (vec![], &drive.recorded_timers)
+        } else {
+            (drive.differences(self.announces_failsafes), &drive.timers)
+        };
+        let [timers, recorded_timers] =
+            [timers, &drive.recorded_timers].map(|timers| timers.texts(in_seconds));
         self.rows.push(Row {
             start_utc_s: self.started_utc_s.map(|started_s| started_s + drive.start_s),
             start_s: drive.start_s,
@@ -261,15 +289,15 @@ impl PackDrives {
                 sigma: resistance.sigma(),
             },
             failsafes: drive.failsafes,
-            arming_refusals: std::mem::take(&mut self.refusals),
+            arming_refusals: mem::take(&mut self.refusals),
             faults: drive.recorded_faults.unwrap_or(drive.replayed_faults),
             levels: drive.levels,
             remaining: drive.remaining,
             remaining_low: drive.remaining_low.unwrap_or_default(),
             remaining_critical: drive.remaining_critical.unwrap_or_default(),
             differences,
-            timers: drive.timers.texts(in_seconds),
-            recorded_timers: drive.recorded_timers.texts(in_seconds),
+            timers,
+            recorded_timers,
             armed_before: self.armed_before.take(),
             what_if,
             ..self.common.clone()
@@ -294,16 +322,17 @@ impl Trip {
         }
     }
 
-    /// Levels and timers that the log has at another time than the replay.
+    /// Levels that the log has at another time than the replay.
     fn differences(&self, announces_failsafes: bool) -> Vec<String> {
-        let levels = match announces_failsafes {
-            true => self.recorded.differences(&self.reached),
+        match announces_failsafes {
+            true => self
+                .recorded
+                .differences(&self.reached)
+                .iter()
+                .map(Difference::in_seconds)
+                .collect(),
             false => vec![],
-        };
-        let levels = levels.iter().map(Difference::in_seconds);
-        levels
-            .chain(self.recorded_timers.differences(&self.timers, in_seconds))
-            .collect()
+        }
     }
 
     /// To the microsecond.
@@ -311,9 +340,16 @@ impl Trip {
         ((time_s - self.start_s) * 1e6).round() / 1e6
     }
 
-    fn add(&mut self, sample: &Sample, state: &BatteryState, reached: &ReachedLevels) {
+    fn add(&mut self, sample: &Sample, state: &BatteryState, reached: &ReachedLevels, is_recorded: bool) {
         self.end_s = sample.time_s;
-        self.reach(sample, reached, state.failsafe, |drive| &mut drive.levels);
+        let is_first = !mem::replace(&mut self.has_reading, true);
+        if !is_recorded {
+            self.reach(sample, reached, state.failsafe, |drive| &mut drive.levels);
+        } else if is_first && reached.is_empty() {
+            // Latched in an earlier drive.
+            self.levels
+                .reach(state.failsafe, self.since_start_s(sample.time_s));
+        }
         self.replayed_faults |= state.faults_to_show();
         let reported = sample.reported.unwrap_or_default();
         self.remaining = Remaining {

@@ -57,9 +57,9 @@ pub struct Row {
     pub faults: Faults,
     /// When the pack was low and critical by the log's parameters.
     pub levels: Levels,
-    /// Changes of the failsafe's timers in the replay, with the seconds since the drive began.
+    /// Changes of the failsafe's timers, as the log of this firmware has them, else in the replay, with the seconds since the drive began.
     pub timers: Vec<String>,
-    /// The same as the log has it.
+    /// The same as any log has it.
     pub recorded_timers: Vec<String>,
     /// Remaining charge at the end.
     pub remaining: Remaining,
