@@ -14,7 +14,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 use rover_battmon::sensor::{ADC_REFERENCE_V, AnalogPin, AnalogReadings};
 use rover_battmon::time::Instant;
-use rover_battmon::vehicle::{MotorDrive, Restart, SideDrives};
+use rover_battmon::vehicle::{ArmState, MotorDrive, Restart, SideDrives};
 use rover_battmon_tools::board_check::{
     CHECKS, Divider, Multimeter, Plan, Port, Report, Verdict, hash_of_elf, run,
 };
@@ -25,7 +25,7 @@ use support::frames::{
     TIMESYNC, encode_v2, encode_v2_from, resealed,
 };
 use support::page::assert_part;
-use support::requests::request_data_stream;
+use support::requests::{arm_by_force, request_data_stream};
 
 /// Of the stepped time.
 const STEP_US: u64 = 5_000;
@@ -95,6 +95,7 @@ enum Fault {
     CurrentOfMoment(f32),
     LightMotors,
     NoCurrentSensor,
+    Armed,
 }
 
 /// The board: the core in stepped time.
@@ -139,6 +140,9 @@ impl DeskBoard {
             fault,
         };
         board.open();
+        if fault == Fault::Armed {
+            board.desk.ask(&arm_by_force());
+        }
         board
     }
 
@@ -624,6 +628,18 @@ fn each_fault_fails_its_check_and_no_other() {
         .map(|check| check.name)
         .filter(|name| *name != "serial number");
     assert_eq!(failing, all.collect(), "every check has a fault that fails it");
+}
+
+#[test]
+fn an_armed_rover_is_not_checked() {
+    let mut owner = Watcher::default();
+    let (report, line) = check_beside(&mut owner, Fault::Armed, &EVERYTHING);
+    assert_eq!(report.verdict(), Verdict::Armed);
+    let said = "The rover is armed, and a check restarts it: disarm it first.";
+    assert_eq!(owner.shown, ["Waiting for the board's heartbeat", said]);
+    // It was asked nothing, and goes on.
+    assert_eq!(line.board.started_us, 0);
+    assert_eq!(line.board.desk.vehicle().arm_state(), ArmState::Armed);
 }
 
 #[test]

@@ -274,6 +274,9 @@ fn main() -> ExitCode {
         lines: asks.then(read_lines),
     };
     let report = run(&mut port, &mut terminal, &arguments.plan());
+    if report.verdict() == Verdict::Armed {
+        return ExitCode::FAILURE;
+    }
     let text = report.markdown(&arguments.port);
     match fs::write(&arguments.report, &text) {
         Ok(()) => println!("The report is in {file}."),
@@ -284,7 +287,7 @@ fn main() -> ExitCode {
     }
     match report.verdict() {
         Verdict::Passed => ExitCode::SUCCESS,
-        Verdict::Failed => ExitCode::from(1),
+        Verdict::Failed | Verdict::Armed => ExitCode::FAILURE,
         Verdict::NotConnected => ExitCode::from(2),
     }
 }

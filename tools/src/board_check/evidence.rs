@@ -126,6 +126,8 @@ pub enum Interruption {
     Stopped,
     /// The port was lost and did not come back.
     Lost,
+    /// The rover is armed: a check restarts it.
+    Armed,
 }
 
 /// Result of a restart.

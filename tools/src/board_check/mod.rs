@@ -29,11 +29,18 @@ pub fn run(port: &mut dyn Port, owner: &mut dyn Owner, plan: &Plan) -> Report {
     let mut evidence = plan.nothing_yet();
     let mut session = Session::new(port, owner);
     evidence.ended = go_through(&mut session, &mut evidence, plan).err();
-    if evidence.ended == Some(Interruption::Stopped) {
-        session.show("Stopped. What was not reached is not measured.");
+    match evidence.ended {
+        Some(Interruption::Stopped) => session.show("Stopped. What was not reached is not measured."),
+        Some(Interruption::Armed) => {
+            session.show("The rover is armed, and a check restarts it: disarm it first.")
+        }
+        Some(Interruption::Lost) | None => {}
     }
     evidence.record = session.into_record();
     let report = Report::of(&evidence);
+    if report.verdict() == Verdict::Armed {
+        return report;
+    }
     for line in report.findings() {
         owner.show(&line);
     }

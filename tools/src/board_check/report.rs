@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::checks::{Check, Outcome, judge_all};
-use super::evidence::{Evidence, Text};
+use super::evidence::{Evidence, Interruption, Text};
 
 /// Beginning of each report.
 pub const REPORT_HEAD: &str = "# Board check\n";
@@ -17,6 +17,8 @@ pub enum Verdict {
     Failed,
     /// There was no board.
     NotConnected,
+    /// The rover is armed, so nothing was checked.
+    Armed,
 }
 
 /// Result of each check.
@@ -36,6 +38,7 @@ impl Report {
             .any(|(_, outcome)| matches!(outcome, Outcome::Failed { .. }));
         let verdict = match evidence.board {
             None => Verdict::NotConnected,
+            Some(_) if evidence.ended == Some(Interruption::Armed) => Verdict::Armed,
             Some(_) if has_failed || evidence.ended.is_some() => Verdict::Failed,
             Some(_) => Verdict::Passed,
         };

@@ -11,7 +11,7 @@ use super::evidence::{
 use super::plan::{Multimeter, Plan};
 use super::session::Session;
 use parameters::{answer_of, post_set, read, set};
-use rover_battmon::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavCmd, MavMessage};
+use rover_battmon::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavCmd, MavMessage, MavModeFlag};
 use rover_battmon::parameter::{ParameterId, VehicleParameter};
 
 pub(super) use parameters::download;
@@ -23,15 +23,19 @@ const HEARTBEAT_TIMEOUT_US: u64 = 5_000_000;
 const VERSION_TIMEOUT_US: u64 = 1_000_000;
 const ATTEMPTS: usize = 3;
 
-/// Waits for an autopilot's heartbeat.
+/// Waits for an autopilot's heartbeat. It says whether the rover is armed.
 pub(super) fn connect(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
     let began = session.now();
-    session.wait_for(HEARTBEAT_TIMEOUT_US, |message| {
-        matches!(message, MavMessage::HEARTBEAT(_)).then_some(())
+    let mode = session.wait_for(HEARTBEAT_TIMEOUT_US, |message| match message {
+        MavMessage::HEARTBEAT(heartbeat) => Some(heartbeat.base_mode),
+        _ => None,
     })?;
     evidence.board = session.board();
     evidence.connected_after_us = session.now().us_since(began);
-    Ok(())
+    match mode {
+        Some(mode) if mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED) => Err(Interruption::Armed),
+        _ => Ok(()),
+    }
 }
 
 /// Asks for AUTOPILOT_VERSION.
