@@ -100,9 +100,12 @@ fn the_history_finds_the_packs_that_age_and_no_other() {
     };
     let sections: Vec<&str> = text.split("<section").skip(1).collect();
     assert_eq!(sections.len(), packs.len());
-    let needing = sections
-        .iter()
-        .filter(|section| section.starts_with(" class=\"attention\""));
+    let needing = sections.iter().filter(|section| {
+        section
+            .lines()
+            .next()
+            .is_some_and(|tag| tag.ends_with(" class=\"attention\">"))
+    });
     let found: BTreeSet<i32> = needing.map(named).collect();
     let aged = packs.iter().filter(|pack| pack.ages()).map(Owned::serial_number);
     assert_eq!(found, aged.collect());

@@ -8,9 +8,16 @@ pub mod svg;
 use rover_battmon::battery::{ChargeState, Extremes, FailsafeSettings, Readings};
 
 use self::axis::Axis;
-use self::panel::{LEFT, PANEL_HEIGHT, Panel, Series, WIDTH};
+use self::panel::{LEFT, PANEL_HEIGHT, Panel, Series};
 use self::svg::{Anchor, Svg};
 use crate::report::{self, Row};
+
+/// Of the picture, and where its diagrams end, in pixels: names of limits are beside them.
+const WIDTH: f64 = 1000.0;
+const RIGHT: f64 = WIDTH - 115.0;
+
+/// A background that is narrower, in pixels, can't be seen, and would only have a legend.
+const LEAST_BAND: f64 = 1.0;
 
 /// Above the diagrams, in pixels.
 const HEAD_HEIGHT: f64 = 56.0;
@@ -57,9 +64,9 @@ pub fn is_plot(head: &str) -> bool {
     head.lines().next() == sheet().finish().lines().next()
 }
 
-/// Top of a diagram, counted from that of the page.
-fn offset(place: u32) -> f64 {
-    HEAD_HEIGHT + f64::from(place) * PANEL_HEIGHT
+/// Right edge and top of a diagram.
+fn place(number: u32) -> (f64, f64) {
+    (RIGHT, HEAD_HEIGHT + f64::from(number) * PANEL_HEIGHT)
 }
 
 fn series<'a>(
@@ -91,7 +98,7 @@ fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSetting
     let values = lines.iter().chain(&band).flat_map(Series::values);
     let panel = Panel::new(
         "Voltage (V)",
-        offset(0),
+        place(0),
         time,
         Axis::over(values.chain(limits_v), 6),
     );
@@ -108,7 +115,7 @@ fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
         Some((now.current_a?, extremes.highest_current_a?))
     });
     let values = lines.iter().chain(&band).flat_map(Series::values);
-    let panel = Panel::new("Current (A)", offset(1), time, Axis::over(values, 6));
+    let panel = Panel::new("Current (A)", place(1), time, Axis::over(values, 6));
     draw_on_band(svg, &panel, &lines, &band);
     marks(svg, &panel, rows);
 }
@@ -152,8 +159,7 @@ fn extremes(rows: &[Row]) -> Vec<Extremes> {
 }
 
 fn draw_on_band(svg: &mut Svg, panel: &Panel, lines: &[Series], [lower, upper]: &[Series; 2]) {
-    let is_known = lower.values().next().is_some();
-    let legend = is_known.then_some((CONVERSIONS, lower.colour));
+    let legend = lower.is_known().then_some((CONVERSIONS, lower.colour));
     panel.between(svg, lower, upper);
     panel.draw(svg, lines, legend.as_slice());
 }
@@ -166,12 +172,15 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     lines.extend(reported(rows));
     let panel = Panel::new(
         "Remaining charge (%)",
-        offset(2),
+        place(2),
         time,
         Axis::over([0.0, 100.0], 5),
     );
-    let mut shown = vec![(BAND, BAND_COLOUR)];
+    let mut shown = vec![];
     for (from_s, to_s, state) in bands(rows) {
+        if panel.width(from_s, to_s) < LEAST_BAND {
+            continue;
+        }
         let (name, colour) = looks(state);
         panel.band(svg, from_s, to_s, colour);
         if !shown.contains(&(name, colour)) {
@@ -185,6 +194,9 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
         })
     });
     panel.between(svg, &lower, &upper);
+    if lower.is_known() {
+        shown.insert(0, (BAND, BAND_COLOUR));
+    }
     panel.draw(svg, &lines, &shown);
     marks(svg, &panel, rows);
     events(svg, &panel, rows);
@@ -199,17 +211,21 @@ fn reported(rows: &[Row]) -> Option<Series<'static>> {
     })
 }
 
-/// From when to when each charge state lasted.
+/// From when to when each charge state lasted. A charge that is not known is not fine.
 fn bands(rows: &[Row]) -> impl Iterator<Item = (f64, f64, ChargeState)> {
-    let starts = || {
-        rows.chunk_by(|a, b| a.state.charge_state == b.state.charge_state)
+    let state = |row: &Row| match (row.state.charge_state, row.state.readings.remaining_pct) {
+        (ChargeState::Ok, None) => ChargeState::Undefined,
+        (state, _) => state,
+    };
+    let starts = move || {
+        rows.chunk_by(move |a, b| state(a) == state(b))
             .filter_map(<[Row]>::first)
     };
     // Each lasts until the next begins.
     let ends = starts().skip(1).chain(rows.last());
     starts()
         .zip(ends)
-        .map(|(start, end)| (start.time_s, end.time_s, start.state.charge_state))
+        .map(move |(start, end)| (start.time_s, end.time_s, state(start)))
 }
 
 /// When something happened.
@@ -229,7 +245,7 @@ fn events(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
 /// The name and the colour of a charge state.
 fn looks(state: ChargeState) -> (&'static str, &'static str) {
     match state {
-        ChargeState::Undefined => ("undefined", "#f0f0f0"),
+        ChargeState::Undefined => ("unknown", "#f0f0f0"),
         ChargeState::Ok => ("ok", "#e3f4e3"),
         ChargeState::Low => ("low", "#fff3c4"),
         ChargeState::Critical => ("critical", "#ffdcc2"),
@@ -345,6 +361,37 @@ mod tests {
             assert!(svg.contains(looks(state).1), "{state:?}");
         }
         assert!(!svg.contains(looks(ChargeState::Critical).1));
+    }
+
+    #[test]
+    fn what_is_not_known_has_no_colour_and_no_legend() {
+        let mut rows = rows();
+        for row in &mut rows {
+            row.state.readings.usable_pct = None;
+            row.state.readings.remaining_sigma_pct = None;
+        }
+        for row in &mut rows[..1000] {
+            row.state.readings.remaining_pct = None;
+        }
+        let svg = picture(&rows);
+        for absent in ["usable charge", BAND] {
+            assert!(!svg.contains(&format!(">{absent}</text>")), "{absent}");
+        }
+        let band = |state| {
+            let (_, colour) = looks(state);
+            let is_band = |line: &&str| {
+                line.starts_with("<rect") && line.contains(colour) && line.contains("y=\"616.0\"")
+            };
+            svg.lines().find(is_band).expect("a band")
+        };
+        // From 0 to 100 s, and from then on to 300 s, of 600.
+        for (state, from, width) in [
+            (ChargeState::Undefined, 60.0, 137.5),
+            (ChargeState::Ok, 197.5, 275.0),
+        ] {
+            let place = format!("<rect x=\"{from:.1}\" y=\"616.0\" width=\"{width:.1}\"");
+            assert!(band(state).starts_with(&place), "{}", band(state));
+        }
     }
 
     #[test]

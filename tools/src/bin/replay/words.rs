@@ -98,7 +98,8 @@ pub fn shown(name: impl AsRef<OsStr>) -> String {
 }
 
 /// A value as it is shown: what rounds to zero has no sign.
-pub fn rounded(value: f32, decimals: usize) -> String {
+pub fn rounded(value: impl Into<f64>, decimals: usize) -> String {
+    let value = value.into();
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
         Some(zero) if zero.chars().all(|digit| matches!(digit, '0' | '.')) => zero.into(),
@@ -135,7 +136,7 @@ mod tests {
     #[test]
     fn what_rounds_to_zero_has_no_sign() {
         for (value, decimals, expected) in [
-            (-0.4, 0, "0"),
+            (-0.4_f32, 0, "0"),
             (-0.04, 1, "0.0"),
             (-0.06, 1, "-0.1"),
             (-10.4, 0, "-10"),

@@ -6,7 +6,7 @@ use std::ops::Range;
 use rover_battmon::battery::{END_OF_LIFE_LOSS, Faults};
 
 use crate::table::{Estimate, Identity, Row};
-use crate::words::{counted, date};
+use crate::words::{counted, date, utc};
 
 /// A pack at or below this state of health is at the end of its life, by the rule that the board has for it.
 const END_OF_LIFE_PCT: f64 = 100.0 * (1.0 - END_OF_LIFE_LOSS) as f64;
@@ -92,6 +92,30 @@ impl<'a> Life<'a> {
             [] => format!("{drives}: nothing is known of its age."),
             texts => format!("{drives}: {}.", texts.join(", ")),
         }
+    }
+
+    /// Whether nothing is known of its age, and nothing is to be looked at.
+    pub fn is_unknown(&self) -> bool {
+        let is_known = |row: &&Row| {
+            row.capacity_mah
+                .value
+                .or(row.resistance_mohm.value)
+                .or(row.health_pct.value)
+                .is_some()
+        };
+        self.attention() == Attention::NotNeeded && !self.drives.iter().any(is_known)
+    }
+
+    /// Its last drive: when, with which rover and in which log.
+    pub fn last_drive(&self) -> String {
+        let Some(row) = self.drives.last() else {
+            return String::new();
+        };
+        let when = row.start_utc_s.map(|start_s| format!(" on {}", utc(start_s)));
+        let rover = row.system_id.map(|id| format!(" with rover {id}"));
+        let board = row.board_id.as_ref().map(|id| format!(", board {id}"));
+        let texts = [when, rover, board].map(Option::unwrap_or_default);
+        format!("Last drive{}: {}.", texts.concat(), row.path)
     }
 
     fn capacity(&self) -> Option<String> {

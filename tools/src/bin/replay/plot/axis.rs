@@ -1,6 +1,6 @@
 //! A scale with round numbers.
 
-use crate::words::clock;
+use crate::words::{clock, date, rounded};
 
 const MINUTE_S: f64 = 60.0;
 const HOUR_S: f64 = 3600.0;
@@ -10,14 +10,17 @@ const TIME_STEPS_S: [f64; 13] = [
     1.0, 2.0, 5.0, 10.0, 15.0, 30.0, MINUTE_S, 120.0, 300.0, 600.0, 900.0, 1800.0, HOUR_S,
 ];
 
+/// Least extent of a scale: of its largest value, and at all. Values that are all the same are in its middle.
+const LEAST_SHARE: f64 = 0.02;
+const LEAST_EXTENT: f64 = 0.1;
+
 /// A scale from one round number to another.
-#[derive(Clone, Copy, Debug)]
 pub struct Axis {
     lowest: f64,
     highest: f64,
     step: f64,
     /// Writes a value, given the distance of ticks.
-    label: fn(f64, f64) -> String,
+    label: Box<dyn Fn(f64, f64) -> String>,
     /// Name of the values, unless the title of the diagram has it.
     pub caption: &'static str,
 }
@@ -25,44 +28,57 @@ pub struct Axis {
 impl Axis {
     /// A scale that holds all of these values, with about this many ticks.
     pub fn over(values: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
-        Self::with_steps(values, ticks, round_step, decimal)
+        let (lowest, highest) = ends(values);
+        let least = (LEAST_SHARE * lowest.abs().max(highest.abs())).max(LEAST_EXTENT);
+        let missing = (least - (highest - lowest)).max(0.0);
+        // What is never negative has no negative scale.
+        let widened = lowest - 0.5 * missing;
+        let from = if lowest >= 0.0 { widened.max(0.0) } else { widened };
+        Self::with_steps(
+            (from, from + (highest - lowest) + missing),
+            ticks,
+            round_step,
+            decimal,
+        )
     }
 
     /// The same for moments in seconds, which are written in minutes and seconds.
     pub fn over_time(times_s: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
         Self {
             caption: "time (min:s)",
-            ..Self::with_steps(times_s, ticks, time_step_s, |time_s, _| clock(time_s))
+            ..Self::with_steps(ends(times_s), ticks, time_step_s, |time_s, _| clock(time_s))
         }
     }
 
-    /// The same for things that are counted from 1, called `caption`.
-    pub fn over_counted(count: usize, ticks: u32, caption: &'static str) -> Self {
+    /// The same for drives, counted from 1, by the dates of those that have one, in seconds since 1970.
+    pub fn over_drives(dates_s: Vec<Option<f64>>, ticks: u32) -> Self {
         let whole_step = |step: f64| round_step(step.max(1.0));
+        let count = dates_s.len() as f64;
+        let label = move |number: f64, _| match dates_s.get((number as usize).wrapping_sub(1)) {
+            Some(Some(date_s)) => date(*date_s),
+            Some(None) => number.to_string(),
+            // A scale may begin before the first drive and end behind the last.
+            None => String::new(),
+        };
         Self {
-            caption,
-            ..Self::with_steps([1.0, count as f64], ticks, whole_step, decimal)
+            caption: "drive",
+            ..Self::with_steps((1.0, count), ticks, whole_step, label)
         }
     }
 
     fn with_steps(
-        values: impl IntoIterator<Item = f64>,
+        (lowest, highest): (f64, f64),
         ticks: u32,
         round: fn(f64) -> f64,
-        label: fn(f64, f64) -> String,
+        label: impl Fn(f64, f64) -> String + 'static,
     ) -> Self {
-        let (lowest, highest) = values
-            .into_iter()
-            .map(|value| (value, value))
-            .reduce(|(lowest, highest), (value, _)| (f64::min(lowest, value), f64::max(highest, value)))
-            .unwrap_or((0.0, 1.0));
         let step = round((highest - lowest) / f64::from(ticks));
         let lowest = (lowest / step).floor() * step;
         Self {
             lowest,
             highest: ((highest / step).ceil() * step).max(lowest + step),
             step,
-            label,
+            label: Box::new(label),
             caption: "",
         }
     }
@@ -74,25 +90,27 @@ impl Axis {
 
     /// The round numbers of the scale, with how each is written.
     pub fn ticks(&self) -> impl Iterator<Item = (f64, String)> {
-        let Self {
-            lowest,
-            highest,
-            step,
-            label,
-            ..
-        } = *self;
-        let count = ((highest - lowest) / step).round() as u32;
-        (0..=count).map(move |number| {
-            let value = lowest + f64::from(number) * step;
-            (value, label(value, step))
+        let count = ((self.highest - self.lowest) / self.step).round() as u32;
+        (0..=count).map(|number| {
+            let value = self.lowest + f64::from(number) * self.step;
+            (value, (self.label)(value, self.step))
         })
     }
+}
+
+/// The lowest and the highest of these values.
+fn ends(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    values
+        .into_iter()
+        .map(|value| (value, value))
+        .reduce(|(lowest, highest), (value, _)| (f64::min(lowest, value), f64::max(highest, value)))
+        .unwrap_or((0.0, 1.0))
 }
 
 /// A value with the decimals of its step.
 fn decimal(value: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).max(0.0) as usize;
-    format!("{value:.decimals$}")
+    rounded(value, decimals)
 }
 
 /// The next distance of ticks that divides a minute or an hour, or the next whole number of hours that is round.
@@ -136,9 +154,19 @@ mod tests {
                 "0:00 2:00:00 4:00:00 6:00:00 8:00:00 10:00:00",
             ),
             (Axis::over_time([2.3, 2.4], 5), "0:02 0:03"),
-            (Axis::over_counted(1, 5, "drive"), "1 2"),
-            (Axis::over_counted(3, 5, "drive"), "1 2 3"),
-            (Axis::over_counted(20, 5, "drive"), "0 5 10 15 20"),
+            (Axis::over_drives(vec![None], 5), "1 "),
+            (
+                Axis::over_drives(vec![Some(0.0), None, Some(86_400.0 * 40.0)], 5),
+                "1970-01-01 2 1970-02-10",
+            ),
+            // A steady value is no drama.
+            (
+                Axis::over([5.0004, 5.0004], 6),
+                "4.94 4.96 4.98 5.00 5.02 5.04 5.06",
+            ),
+            (Axis::over([0.0, 0.0], 6), "0.00 0.02 0.04 0.06 0.08 0.10"),
+            (Axis::over([-0.01, 0.03], 6), "-0.04 -0.02 0.00 0.02 0.04 0.06"),
+            (Axis::over([2200.0], 4), "2160 2180 2200 2220 2240"),
         ] {
             let ticks: Vec<String> = axis.ticks().map(|(_, text)| text).collect();
             assert_eq!(ticks.join(" "), expected);

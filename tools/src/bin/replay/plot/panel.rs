@@ -3,14 +3,11 @@
 use super::axis::Axis;
 use super::svg::{Anchor, Svg};
 
-/// Of a picture, in pixels.
-pub const WIDTH: f64 = 1000.0;
-/// Of a diagram in it.
+/// Height of a diagram, in pixels.
 pub const PANEL_HEIGHT: f64 = 260.0;
 
 /// Left edge of the diagrams, in pixels.
 pub const LEFT: f64 = 60.0;
-const RIGHT: f64 = WIDTH - 115.0;
 const MARGIN_TOP: f64 = 40.0;
 const MARGIN_BOTTOM: f64 = 40.0;
 
@@ -29,6 +26,7 @@ const ENTRY_GAP: f64 = 12.0;
 /// A diagram over time.
 pub struct Panel<'a> {
     title: &'a str,
+    right: f64,
     top: f64,
     bottom: f64,
     time: &'a Axis,
@@ -36,10 +34,11 @@ pub struct Panel<'a> {
 }
 
 impl<'a> Panel<'a> {
-    /// The diagram that begins at this height, in pixels from the top.
-    pub fn new(title: &'a str, offset: f64, time: &'a Axis, values: Axis) -> Self {
+    /// The diagram that begins at this height and ends at `right`, in pixels from the top left.
+    pub fn new(title: &'a str, (right, offset): (f64, f64), time: &'a Axis, values: Axis) -> Self {
         Self {
             title,
+            right,
             top: offset + MARGIN_TOP,
             bottom: offset + PANEL_HEIGHT - MARGIN_BOTTOM,
             time,
@@ -48,7 +47,7 @@ impl<'a> Panel<'a> {
     }
 
     fn x(&self, time_s: f64) -> f64 {
-        LEFT + self.time.share(time_s) * (RIGHT - LEFT)
+        LEFT + self.time.share(time_s) * (self.right - LEFT)
     }
 
     fn y(&self, value: f64) -> f64 {
@@ -64,10 +63,11 @@ impl<'a> Panel<'a> {
                 svg.polyline(&points, line.colour, line.name);
             }
         }
-        let of_lines = lines.iter().map(|line| (line.name, line.colour));
+        let drawn = || lines.iter().filter(|line| line.is_known());
+        let of_lines = drawn().map(|line| (line.name, line.colour));
         self.legend(svg, of_lines.chain(colours.iter().copied()));
-        if lines.iter().all(|line| line.values().next().is_none()) {
-            let middle = (0.5 * (LEFT + RIGHT), 0.5 * (self.top + self.bottom));
+        if drawn().next().is_none() {
+            let middle = (0.5 * (LEFT + self.right), 0.5 * (self.top + self.bottom));
             svg.text(middle, Anchor::Middle, "not known");
         }
     }
@@ -82,7 +82,7 @@ impl<'a> Panel<'a> {
     fn axes(&self, svg: &mut Svg) {
         for (value, text) in self.values.ticks() {
             let y = self.y(value);
-            svg.line((LEFT, y), (RIGHT, y), GRID);
+            svg.line((LEFT, y), (self.right, y), GRID);
             svg.text((LEFT - 6.0, y + 4.0), Anchor::End, &text);
         }
         for (time_s, text) in self.time.ticks() {
@@ -91,7 +91,7 @@ impl<'a> Panel<'a> {
             svg.text((x, self.bottom + LINE_HEIGHT), Anchor::Middle, &text);
         }
         svg.text(
-            (RIGHT, self.bottom + 2.0 * LINE_HEIGHT),
+            (self.right, self.bottom + 2.0 * LINE_HEIGHT),
             Anchor::End,
             self.time.caption,
         );
@@ -100,8 +100,13 @@ impl<'a> Panel<'a> {
 
     /// Colours the background from one time to another.
     pub fn band(&self, svg: &mut Svg, from_s: f64, to_s: f64, colour: &str) {
-        let (from, to) = (self.x(from_s), self.x(to_s));
-        svg.rectangle((from, self.top), (to - from, self.bottom - self.top), colour);
+        let size = (self.width(from_s, to_s), self.bottom - self.top);
+        svg.rectangle((self.x(from_s), self.top), size, colour);
+    }
+
+    /// The distance of two times, in pixels.
+    pub fn width(&self, from_s: f64, to_s: f64) -> f64 {
+        self.x(to_s) - self.x(from_s)
     }
 
     /// Colours what lies between two lines that are known at the same times.
@@ -128,8 +133,8 @@ impl<'a> Panel<'a> {
     /// Draws a limit of the values, with its name beside the diagram.
     pub fn limit(&self, svg: &mut Svg, value: f64, text: &str) {
         let y = self.y(value);
-        svg.dashes((LEFT, y), (RIGHT, y), EVENT);
-        svg.text((RIGHT + 6.0, y + 4.0), Anchor::Start, text);
+        svg.dashes((LEFT, y), (self.right, y), EVENT);
+        svg.text((self.right + 6.0, y + 4.0), Anchor::Start, text);
     }
 
     /// Marks when something happened.
@@ -171,6 +176,11 @@ impl<'a> Series<'a> {
     /// The values at these times, as far as they are known.
     pub fn new(name: &'a str, colour: &'a str, points: Vec<(f64, Option<f64>)>) -> Self {
         Self { name, colour, points }
+    }
+
+    /// Whether any value is known.
+    pub fn is_known(&self) -> bool {
+        self.values().next().is_some()
     }
 
     /// All values that are known.
