@@ -5,6 +5,7 @@ minutes. `.ci/documented_commands.py --empty-target README.md` does.
 """
 
 import contextlib
+import re
 import sys
 import time
 
@@ -28,6 +29,13 @@ def way_to_the_session(clone):
     """The blocks of the README that a newcomer goes through before a session with the ground station."""
     before, _ = section_of((clone / "README.md").read_text(encoding="utf-8"), SECTION)
     return documented.blocks_of("README.md", before)
+
+
+def test_what_a_newcomer_installs_is_what_is_tested():
+    page = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    tested = (REPOSITORY / "tests/gcs/requirements.txt").read_text(encoding="utf-8").splitlines()
+    installed = re.search(r"^target/gcs-venv/bin/pip install --quiet (.+)$", page, re.MULTILINE)[1].split()
+    assert installed and set(installed) <= set(tested), installed
 
 
 def follow(block, clone, environment, stack):
