@@ -32,10 +32,11 @@ def way_to_the_session(clone):
 
 
 def test_what_a_newcomer_installs_is_what_is_tested():
-    page = (REPOSITORY / "README.md").read_text(encoding="utf-8")
     tested = (REPOSITORY / "tests/gcs/requirements.txt").read_text(encoding="utf-8").splitlines()
-    installed = re.search(r"^target/gcs-venv/bin/pip install --quiet (.+)$", page, re.MULTILINE)[1].split()
-    assert installed and set(installed) <= set(tested), installed
+    for page in ["README.md", "docs/ground-stations.md"]:
+        text = (REPOSITORY / page).read_text(encoding="utf-8")
+        installed = re.search(r"^target/gcs-venv/bin/pip install --quiet (.+)$", text, re.MULTILINE)[1].split()
+        assert installed and set(installed) <= set(tested), (page, installed)
 
 
 def follow(block, clone, environment, stack):
