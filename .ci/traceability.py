@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prints a table: which tests show each requirement of docs/parity.md and each numbered item of docs/proof.md.
+"""Prints a table: which tests show each row of docs/requirements.md.
 
 A test names the requirements that it shows in a comment between its attributes and its name:
 
@@ -8,7 +8,7 @@ A test names the requirements that it shows in a comment between its attributes 
     fn the_rate_follows_the_parameter() {
 
 In Python the comment begins with `#` and stands above `def`. Fails for a requirement that no test names, unless the page
-marks it `(not met)`, and for a comment that names what the pages do not have, or that is not at a test. With --check it
+marks it `(not met)`, and for a comment that names what the page does not have, or that is not at a test. With --check it
 prints only how many there are.
 """
 
@@ -17,16 +17,15 @@ import re
 import sys
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
-PAGES = [REPOSITORY / "docs/parity.md", REPOSITORY / "docs/proof.md"]
+PAGE = REPOSITORY / "docs/requirements.md"
 
-REQUIREMENT = re.compile(r"^- ([A-Z0-9]+-\d+)( \(not met\))?: ", re.MULTILINE)
+REQUIREMENT = re.compile(r"^\| ([A-Z0-9]+-\d+)( \(not met\))? \| ", re.MULTILINE)
 COMMENT = re.compile(r"^\s*(?://|#) Requirement: ", re.MULTILINE)
 OTHER_LINES = r"(?:\s*(?:#\[.*\]|//.*)\n)*?"
 TEST = {
     ".rs": re.compile(rf"#\[test\]\n{OTHER_LINES}\s*// Requirement: (.+)\n{OTHER_LINES}\s*fn (\w+)\("),
     ".py": re.compile(r"^# Requirement: (.+)\ndef (test_\w+)\(", re.MULTILINE),
 }
-
 
 def rows(path):
     """The requirements and tests of a file of tests: (requirement, file, test)."""
@@ -37,14 +36,13 @@ def rows(path):
         sys.exit(f"{name}: a requirement is named where no test is")
     return [(requirement, name, test) for requirements, test in tests for requirement in requirements.split(", ")]
 
-
 def main():
-    stated = [item for page in PAGES for item in REQUIREMENT.findall(page.read_text())]
+    stated = REQUIREMENT.findall(PAGE.read_text())
     met = {identifier: not unmet for identifier, unmet in stated}
     files = [path for folder in ("src", "crates", "tools", "tests") for suffix in TEST for path in (REPOSITORY / folder).rglob(f"*{suffix}")]
     found = [row for path in sorted(files) for row in rows(path)]
     if unknown := sorted({row[0] for row in found} - met.keys()):
-        sys.exit(f"on neither page: {', '.join(unknown)}")
+        sys.exit(f"not on the page: {', '.join(unknown)}")
     shown = {row[0] for row in found}
     if untested := [identifier for identifier, is_met in met.items() if is_met and identifier not in shown]:
         sys.exit(f"no test names {', '.join(untested)}")
@@ -55,7 +53,6 @@ def main():
         return
     for row in [("requirement", "file", "test"), *found]:
         print(",".join(row))
-
 
 if __name__ == "__main__":
     main()
