@@ -1,5 +1,5 @@
 //! Descriptions of the parameters for ground stations, by MAVLink's component metadata: files that are part of the firmware.
-//! `docs/parameters.json` is what they are made of.
+//! `parameters_json` of the documentation is what they are made of.
 
 use crate::memory::flash_map::constant_file;
 

@@ -158,7 +158,7 @@ fn other_default(id: ParameterId) -> String {
     }
 }
 
-/// The file `docs/apm.pdef.xml`, in the format of ArduPilot's parameter metadata.
+/// The file `apm.pdef.xml` of a release, in the format of ArduPilot's parameter metadata.
 pub fn apm_pdef_xml() -> String {
     let mut xml = String::from(
         "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n\

@@ -2,6 +2,7 @@
 
 import base64
 import contextlib
+import gzip
 import hashlib
 import json
 import os
@@ -22,7 +23,7 @@ from pymavlink.dialects.v20.all import mavlink_map, x25crc
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 
-DESCRIPTIONS = REPOSITORY / "docs" / "parameters.json"
+DESCRIPTIONS = json.loads(gzip.decompress((REPOSITORY / "docs" / "parameters.json.gz").read_bytes()))
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 CHROMEDRIVER = shutil.which("chromedriver")
@@ -245,7 +246,7 @@ class Stage(Page):
     """The page as it was built, and in place of a rover the messages that a test has it hear: states that no simulator reaches soon."""
 
     def __init__(self):
-        files = {"/parameters.json": json.loads(DESCRIPTIONS.read_text())}
+        files = {"/parameters.json": DESCRIPTIONS}
         super().__init__("about:blank", script=STAGE + f"window.files = {json.dumps(files)};")
 
     def start(self, parameters=(), size=PHONE, script=""):
@@ -302,7 +303,7 @@ class Stage(Page):
 
     def parameters(self, values):
         """The whole list: these, and of the first pack those that a rover has by default."""
-        described = json.loads(DESCRIPTIONS.read_text())["parameters"]
+        described = DESCRIPTIONS["parameters"]
         packs = {name.split("_")[0] for name, value in values.items() if name.startswith("BATT") and (name[-7:], value) != ("MONITOR", 0)} | {"BATT"}
         values = {
             **{one["name"].replace("BATT", pack): one["default"] for one in described if one["name"].startswith("BATT_") for pack in packs},

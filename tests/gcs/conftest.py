@@ -4,6 +4,7 @@ With `--board PORT` they talk to the board, or to a simulator that runs already,
 are marked `board`, each from default parameters. The parameters it had are set again at the end.
 """
 
+import functools
 import os
 import pathlib
 import re
@@ -11,8 +12,10 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+from xml.etree import ElementTree
 
 import pytest
 
@@ -28,6 +31,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 PARAMS = REPOSITORY / "docs" / "params"
 MAVPROXY = pathlib.Path(sys.executable).parent / "mavproxy.py"
+
+
+@functools.cache
+def parameter_metadata():
+    """The descriptions of parameters that a release has for ground stations."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["cargo", "run", "--quiet", "--example", "parameter_docs", "--", folder]
+        subprocess.run(command, cwd=REPOSITORY, check=True)
+        return ElementTree.parse(pathlib.Path(folder, "apm.pdef.xml"))
 
 
 def free_port():

@@ -2,13 +2,11 @@
 
 import re
 import time
-from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from pymavlink import mavutil
 
-from conftest import failed_start
+from conftest import failed_start, parameter_metadata
 from station import command, connect, fresh, read, read_list, receive, restarted, set_to
 
 mavlink = mavutil.mavlink
@@ -21,8 +19,7 @@ def vehicle(start_simulator):
 
 def described():
     """The names in the metadata file for ground stations."""
-    metadata = ElementTree.parse(Path(__file__).parents[2] / "docs" / "apm.pdef.xml")
-    return {param.get("name").removeprefix("Rover:") for param in metadata.iter("param")}
+    return {param.get("name").removeprefix("Rover:") for param in parameter_metadata().iter("param")}
 
 
 # What sets up a CAN bus, a protocol of the second serial port or a thermometer that is not in use, or a pack that is measured so.

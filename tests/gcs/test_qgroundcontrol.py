@@ -6,11 +6,10 @@ that need no time follow on the same rover.
 """
 
 import time
-from xml.etree import ElementTree
 
 import pytest
 
-from conftest import REPOSITORY, EmulatedBoard, Simulator
+from conftest import EmulatedBoard, Simulator, parameter_metadata
 from oracle import FLY_VIEW, PAGES, described_kinds, description_of, missing_on_page
 from qgroundcontrol import (
     FILE_NOT_FOUND,
@@ -130,8 +129,7 @@ def test_the_version_is_that_of_the_release_whose_names_are_kept(session):
 
 
 def test_every_kind_of_monitor_has_a_name(session):
-    metadata = ElementTree.parse(REPOSITORY / "docs" / "apm.pdef.xml")
-    (monitor,) = [param for param in metadata.iter("param") if param.get("name") == "Rover:BATT_MONITOR"]
+    (monitor,) = [param for param in parameter_metadata().iter("param") if param.get("name") == "Rover:BATT_MONITOR"]
     kinds = {int(value.get("code")) for value in monitor.iter("value")}
     assert kinds - described_kinds(session.script.version, session.script.descriptions) == set()
 

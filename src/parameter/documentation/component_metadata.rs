@@ -15,7 +15,7 @@ const TYPE_PARAMETER: u8 = 1;
 /// Stands for a pack's or thermometer's number in a name.
 const INDEX: &str = "{n}";
 
-/// The file `docs/parameters.json`.
+/// The file `parameters.json`, which is served compressed.
 ///
 /// A pack's parameter has two rows: by the name that it has of the first pack, and by one with an index for all others. That of a
 /// thermometer has one for all. The index has more characters than the digit it stands for, so such a name may be longer than
