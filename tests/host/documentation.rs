@@ -1,5 +1,6 @@
 //! What the documents name exists: paths, links, pins, and what the firmware is said to say.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -115,6 +116,93 @@ fn every_relative_link_leads_somewhere() {
     }
     assert!(broken.is_empty(), "{broken:#?}");
     assert!(followed > 0, "no link was found");
+}
+
+/// A recipe for an addition in CONTRIBUTING.md, and the last one that was made by it.
+struct Recipe {
+    name: &'static str,
+    /// A file with the rows of its kind, and the last of them.
+    rows: (&'static str, &'static str),
+    /// By its name in the sources, or on the wire.
+    is_named_in: fn(&str) -> bool,
+    /// The name of its own file, which the page has as `<part>`.
+    file: &'static str,
+}
+
+const RECIPES: [Recipe; 2] = [
+    Recipe {
+        name: "part",
+        rows: ("src/sensor/bus/registry.rs", "        Bebop = ();\n    }\n}\n"),
+        is_named_in: |text| text.contains("Bebop") && !text.contains("const RECIPES"),
+        file: "bebop",
+    },
+    Recipe {
+        name: "message",
+        rows: (
+            "src/mavlink/messages/mod.rs",
+            "build_usable_charge;\n    }\n    answers {\n",
+        ),
+        is_named_in: |text| {
+            let mut words = text.split(|c: char| !c.is_ascii_alphanumeric());
+            text.contains("UsableCharge")
+                || text.contains("build_usable_charge")
+                || words.any(|word| word == "USABL")
+        },
+        file: "named_value_float",
+    },
+];
+
+/// Pages that explain how to add something, name a part as an example or have what was added.
+const OF_ALL_ADDITIONS: [&str; 3] = ["CHANGELOG.md", "CONTRIBUTING.md", "docs/extending.md"];
+
+/// What is compressed, or has a checksum of that, names nothing.
+fn is_compressed(path: &str) -> bool {
+    path == "docs/general.json" || path.ends_with(".gz") || path.ends_with(".xz")
+}
+
+impl Recipe {
+    /// The files that the page lists.
+    fn listed(&self) -> BTreeSet<String> {
+        let page = read(&repository().join("CONTRIBUTING.md"));
+        let [begin, end] = ["begins", "ends"].map(|what| format!("<!-- {} {what} -->", self.name));
+        let (_, rest) = page.split_once(&begin).expect("a recipe");
+        let (rows, _) = rest.split_once(&end).expect("its end");
+        let spans = rows.split('`').skip(1).step_by(2);
+        spans
+            .filter(|span| span.contains('/') && span.contains('.') && !span.contains(' '))
+            .map(|path| path.replace(&format!("<{}>", self.name), self.file))
+            .collect()
+    }
+
+    /// The files that name what was added last.
+    fn naming(&self) -> BTreeSet<String> {
+        let kinds = ["rs", "md", "csv", "py", "js", "html"].into_iter();
+        kinds
+            .flat_map(|extension| files_below(repository(), extension))
+            .filter(|path| (self.is_named_in)(&read(path)))
+            .map(|path| {
+                let name = path.strip_prefix(repository()).expect("it is below");
+                name.display().to_string()
+            })
+            .filter(|name| !OF_ALL_ADDITIONS.contains(&name.as_str()))
+            .collect()
+    }
+}
+
+#[test]
+fn a_recipe_has_every_file_that_the_last_addition_is_in() {
+    for recipe in RECIPES {
+        let (table, last) = recipe.rows;
+        assert!(
+            read(&repository().join(table)).contains(last),
+            "{table}: compare the recipe with the row that is the last now"
+        );
+        let mut listed = recipe.listed();
+        let missing = listed.iter().find(|path| !repository().join(path).exists());
+        assert_eq!(missing, None);
+        listed.retain(|path| !is_compressed(path));
+        assert_eq!(listed, recipe.naming(), "{}", recipe.name);
+    }
 }
 
 /// Where `Cargo.toml` says the sources are.
