@@ -447,7 +447,7 @@ mod tests {
             ),
             (
                 SupplyEvent::ActionTooLate(FailsafeLevel::Unhealthy),
-                "Battery 9 is missing already: acts next time, choose Hold",
+                "Battery 9 is unhealthy already: acts next time, choose Hold",
             ),
         ] {
             assert_eq!(PackNotice(Pack::Ninth, &event).text(), expected);

@@ -282,11 +282,12 @@ impl fmt::Display for PackNotice<'_, SupplyEvent> {
                 write!(f, "{part} up to {}.{} A", tenths / 10, tenths % 10)
             }
             SupplyEvent::ActionTooLate(level) => {
-                write!(
-                    f,
-                    "is {} already: acts next time, choose Hold",
-                    level_name(*level)
-                )
+                let name = match level {
+                    // By its own report, perhaps.
+                    FailsafeLevel::Unhealthy => "unhealthy",
+                    level => level_name(*level),
+                };
+                write!(f, "is {name} already: acts next time, choose Hold")
             }
         }
     }

@@ -6,13 +6,13 @@ use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
-use rover_battmon::vehicle::ArmState;
+use rover_battmon::vehicle::{Alert, ArmState, Mode};
 use support::charge_states::OK;
 use support::commands::{ACCEPTED, BATTERY_RESET, FAILED, REQUEST_MESSAGE};
 use support::desk::{Desk, start_with};
 use support::frames::{BATTERY_STATUS_V2, last_of, of_message, texts_of};
 use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, health_report, report_v2};
-use support::requests::{arm, arm_by_force, command_long_2, disarm, setup_signing};
+use support::requests::{arm, arm_by_force, command_long_2, disarm, manual_mode, setup_signing};
 use support::signer::{NEW_YEAR, OWNER, STRANGER, Signer};
 
 const TICK_US: u64 = 100_000;
@@ -189,6 +189,87 @@ fn a_state_that_a_companion_reports_while_driving_is_announced_once_with_its_cau
         // It says so and drives on, and its HEARTBEAT does not say CRITICAL.
         assert!(desk.autopilot.vehicle().arm_state() == ArmState::Armed);
     }
+}
+
+/// A desk that has driven in MANUAL with this action of `BATT_FS_UNH_ACT`, and its texts, after `count` ticks of a report with this
+/// charge state.
+fn after_reports_while_driving(action: f32, charge_state: u8, count: usize) -> (Desk, Vec<String>) {
+    let mut desk = desk();
+    desk.set(BatteryParameter::FsUnhAct.of(Pack::First), action);
+    desk.set(BatteryParameter::LowVolt.of(Pack::First), 10.5);
+    ticks(&mut desk, 10, &half_full(12_000));
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
+    desk.ask(&manual_mode());
+    announced(&mut desk);
+    let mut texts = Vec::new();
+    for _ in 0..count {
+        tick(&mut desk, &[reporting(12_000, charge_state)]);
+        texts.extend(announced(&mut desk));
+    }
+    (desk, texts)
+}
+
+/// Half full, with a charge state of its own.
+fn reporting(voltage_mv: u16, charge_state: u8) -> Vec<u8> {
+    let mut report = of_voltage(voltage_mv);
+    report.remaining_pct = 50;
+    report.charge_state = charge_state;
+    report.frame()
+}
+
+#[test]
+// Requirement: AP-11
+fn a_pack_that_reports_for_five_seconds_that_it_is_failed_or_unhealthy_acts() {
+    const HOLD: f32 = 2.0;
+    for (state, name) in [(5, "failed"), (6, "unhealthy")] {
+        let (desk, _) = after_reports_while_driving(HOLD, state, 50);
+        assert_eq!(desk.autopilot.vehicle().status().mode, Mode::Manual, "{state}");
+        let (mut desk, texts) = after_reports_while_driving(HOLD, state, 52);
+        assert_eq!(desk.autopilot.vehicle().status().mode, Mode::Hold, "{state}");
+        assert_eq!(texts, [format!("Battery 1 reports: {name}")]);
+        let unhealthy = *desk.autopilot.battery(Pack::First);
+        assert_eq!(unhealthy.failsafe, FailsafeLevel::Unhealthy);
+        assert_eq!(unhealthy.charge_state as u8, state);
+        // Once: the driver may go on. A threshold acts as before.
+        desk.ask(&manual_mode());
+        ticks(&mut desk, 300, &reporting(12_000, state));
+        assert_eq!(desk.autopilot.vehicle().status().mode, Mode::Manual, "{state}");
+        desk.set(BatteryParameter::FsLowAct.of(Pack::First), HOLD);
+        let low = ticks(&mut desk, 110, &reporting(10_000, state));
+        assert_eq!(low.failsafe, FailsafeLevel::Low);
+        assert_eq!(desk.autopilot.vehicle().status().mode, Mode::Hold, "{state}");
+    }
+}
+
+#[test]
+fn a_pack_that_reports_itself_unhealthy_only_warns_by_default() {
+    let (desk, texts) = after_reports_while_driving(0.0, 6, 300);
+    assert_eq!(desk.autopilot.vehicle().status().mode, Mode::Manual);
+    assert_eq!(texts, ["Battery 1 reports: unhealthy"]);
+    assert_eq!(
+        desk.autopilot.vehicle().status().alert,
+        Alert::None,
+        "its HEARTBEAT"
+    );
+}
+
+#[test]
+fn a_level_by_a_report_ends_disarmed_after_five_seconds_of_better_ones() {
+    let (mut desk, _) = after_reports_while_driving(2.0, 5, 60);
+    desk.ask(&disarm());
+    assert_eq!(
+        ticks(&mut desk, 100, &reporting(12_000, 5)).failsafe,
+        FailsafeLevel::Unhealthy
+    );
+    assert_eq!(
+        ticks(&mut desk, 45, &half_full(12_000)).failsafe,
+        FailsafeLevel::Unhealthy
+    );
+    assert_eq!(
+        ticks(&mut desk, 10, &half_full(12_000)).failsafe,
+        FailsafeLevel::None
+    );
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
 }
 
 #[test]

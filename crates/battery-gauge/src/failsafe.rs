@@ -6,7 +6,7 @@ use crate::settings::{FailsafeSettings, Thresholds};
 use crate::swap::Replacement;
 use crate::time::Instant;
 use crate::{
-    BatteryState, ChargeSource, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, LoadState,
+    BatteryState, ChargeSource, ChargeState, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, LoadState,
     MissingSetting, Tick,
 };
 
@@ -16,8 +16,11 @@ const UNHEALTHY_AFTER_US: u64 = 5_000_000;
 /// After healthy readings for this long, in microseconds, the next loss acts again, and *unhealthy* may be released.
 const HEALTHY_AGAIN_US: u32 = 5_000_000;
 
+/// A pack that has reported FAILED or UNHEALTHY for longer is unhealthy, in microseconds: as one that is lost.
+const REPORTED_FOR_US: u32 = 5_000_000;
+
 /// The levels that are reached in one tick, in increasing severity: *critical* carries *low* if it skips it.
-pub type ReachedLevels = heapless::Vec<FailsafeLevel, 2>;
+pub type ReachedLevels = heapless::Vec<FailsafeLevel, 3>;
 
 /// The inputs of one tick.
 #[derive(Clone, Copy, Debug)]
@@ -32,8 +35,15 @@ pub struct Observation<'a> {
     pub resting_v: Option<f32>,
 }
 
+impl Observation<'_> {
+    /// Whether there was a healthy reading. A pack may be measured and yet unhealthy: one whose gauge has timed out.
+    fn is_healthy(&self) -> bool {
+        self.state.is_some() && self.last_healthy == Some(self.tick.now)
+    }
+}
+
 /// The failsafe level of a pack. It latches: it only rises until a battery reset, or until another pack disproves it.
-/// *Unhealthy* alone is released once readings are good again.
+/// *Unhealthy* alone is released once readings, and what the pack reports of itself, are good again.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Failsafe {
     level: FailsafeLevel,
@@ -41,6 +51,11 @@ pub struct Failsafe {
     is_of_pack_before: bool,
     /// The loss of the pack was reported, and it has not been healthy for long enough since.
     has_reported_loss: bool,
+    /// The pack reports FAILED or UNHEALTHY; for how long it has reported that or not, in microseconds (saturating).
+    reports_unfit: bool,
+    reported_us: u32,
+    /// *Unhealthy* was reached by that report, and the pack has not reported better for long enough since.
+    has_acted_on_report: bool,
     percentages: PercentageCheck,
     /// Time with healthy readings, in microseconds (saturating).
     healthy_us: u32,
@@ -162,17 +177,18 @@ impl Failsafe {
     /// Processes one tick, and returns the levels that are reached. That the pack is unhealthy is also returned at a higher
     /// level: no threshold can be reached from then on.
     pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> ReachedLevels {
-        // A pack may be measured and yet unhealthy: one whose gauge has timed out.
-        self.healthy_us = if seen.state.is_some() && seen.last_healthy == Some(seen.tick.now) {
+        self.healthy_us = if seen.is_healthy() {
             self.healthy_us.saturating_add(seen.dt_us)
         } else {
             0
         };
+        let is_unfit = self.is_unfit_by_report(seen);
         if seen.tick.load_state == LoadState::Off {
             // A dip before the load was switched off must not count once it is on again.
             self.low.stop();
             self.critical.stop();
             self.has_reported_loss = false;
+            self.has_acted_on_report = false;
             if !matches!(self.percentages, PercentageCheck::AtArming(_)) {
                 self.percentages = PercentageCheck::default();
             }
@@ -187,14 +203,15 @@ impl Failsafe {
             self.evaluate(seen, settings)
         };
         let mut reached = ReachedLevels::new();
+        let acts_on_report = is_unfit && !mem::replace(&mut self.has_acted_on_report, true);
         for (is_reached, level) in [
-            (is_lost, FailsafeLevel::Unhealthy),
+            (is_lost || acts_on_report, FailsafeLevel::Unhealthy),
             (is_low, FailsafeLevel::Low),
             (is_critical, FailsafeLevel::Critical),
         ] {
             if is_reached {
                 self.level = self.level.max(level);
-                // There is room: a lost pack reaches no threshold.
+                // There is room for each.
                 let _ = reached.push(level);
             }
         }
@@ -249,7 +266,8 @@ impl Failsafe {
     /// Clears the level *unhealthy*, and no other, of a pack that is healthy again. With the load off only: what
     /// drives has to react to what was lost.
     pub fn release_unhealthy(&mut self) {
-        if self.level == FailsafeLevel::Unhealthy && self.healthy_us >= HEALTHY_AGAIN_US {
+        let reports_better = !self.reports_unfit && self.reported_us >= HEALTHY_AGAIN_US;
+        if self.level == FailsafeLevel::Unhealthy && self.healthy_us >= HEALTHY_AGAIN_US && reports_better {
             self.clear();
         }
     }
@@ -289,6 +307,27 @@ impl Failsafe {
             self.has_reported_loss = false;
         }
         unhealthy_us > UNHEALTHY_AFTER_US && !mem::replace(&mut self.has_reported_loss, true)
+    }
+
+    /// Whether the pack has reported FAILED or UNHEALTHY for long enough to act on it.
+    fn is_unfit_by_report(&mut self, seen: &Observation<'_>) -> bool {
+        let Some(state) = seen.state.filter(|_| seen.is_healthy()) else {
+            return false;
+        };
+        let is_unfit = matches!(
+            state.readings.reported.charge_state,
+            Some(ChargeState::Failed | ChargeState::Unhealthy)
+        );
+        self.reported_us = if is_unfit == self.reports_unfit {
+            self.reported_us.saturating_add(seen.dt_us)
+        } else {
+            0
+        };
+        self.reports_unfit = is_unfit;
+        if !is_unfit && self.reported_us >= HEALTHY_AGAIN_US {
+            self.has_acted_on_report = false;
+        }
+        is_unfit && self.reported_us >= REPORTED_FOR_US
     }
 
     /// Whether *low* and *critical* are reached by the thresholds, and were not before. *Low* counts as reached where it is

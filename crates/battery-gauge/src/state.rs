@@ -16,7 +16,7 @@ pub enum FailsafeLevel {
     /// No failsafe.
     #[default]
     None = 0,
-    /// No healthy reading any more.
+    /// No healthy reading any more, or the pack reports that it is FAILED or UNHEALTHY.
     Unhealthy = 1,
     /// Below `BATT_LOW_VOLT` or `BATT_LOW_MAH`.
     Low = 2,

@@ -8,7 +8,7 @@ use crate::reporters::ChargeReporter;
 use crate::settings::PackSettings;
 use crate::swap::Replacement;
 use crate::time::Instant;
-use crate::{BatteryState, Faults, LoadState, PackEvent, PackEvents, Tick};
+use crate::{BatteryState, FailsafeLevel, Faults, LoadState, PackEvent, PackEvents, Tick};
 
 /// Evaluates the state of one pack after every tick.
 #[derive(Clone, Debug, Default)]
@@ -108,7 +108,11 @@ impl Evaluation {
         {
             push(events, PackEvent::PercentagesInert(parameter));
         }
-        for level in &reached {
+        // A state that the pack reports is announced as such.
+        let is_by_report = |level: FailsafeLevel| {
+            level == FailsafeLevel::Unhealthy && basis.last_healthy == Some(basis.tick.now)
+        };
+        for level in reached.iter().filter(|level| !is_by_report(**level)) {
             push(events, PackEvent::failsafe(*level, basis.last_voltage_v, state));
         }
         reached
