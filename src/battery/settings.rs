@@ -16,8 +16,9 @@ const OVERLOAD: f32 = 1.1;
 /// `BATT_FS_PCT_EN`: thresholds in percent act.
 const PERCENT_ACTS: i32 = 1;
 
-/// `BATT_FS_VOLTSRC`: the resting voltage.
+/// `BATT_FS_VOLTSRC`: the resting voltage, as in ArduPilot, and the weakest cell.
 const SAG_COMPENSATED: i32 = 1;
+const WEAKEST_CELL: i32 = 2;
 
 impl PackParameters<'_> {
     /// The serial number, which says whose learnt data a pack has.
@@ -60,10 +61,10 @@ impl PackParameters<'_> {
             charge_limits,
             failsafe: FailsafeSettings {
                 timer_s: above_zero(BatteryParameter::LowTimer),
-                voltage_source: if whole(BatteryParameter::FsVoltsrc) == SAG_COMPENSATED {
-                    VoltageSource::Resting
-                } else {
-                    VoltageSource::Terminal
+                voltage_source: match whole(BatteryParameter::FsVoltsrc) {
+                    SAG_COMPENSATED => VoltageSource::Resting,
+                    WEAKEST_CELL => VoltageSource::WeakestCell,
+                    _ => VoltageSource::Terminal,
                 },
                 low: Thresholds {
                     voltage_v: above_zero(BatteryParameter::LowVolt),

@@ -273,6 +273,37 @@ fn a_level_by_a_report_ends_disarmed_after_five_seconds_of_better_ones() {
 }
 
 #[test]
+fn the_weakest_cell_of_a_pack_reaches_its_threshold() {
+    const WEAKEST_CELL: f32 = 2.0;
+    for (source, level) in [(0.0, FailsafeLevel::None), (WEAKEST_CELL, FailsafeLevel::Low)] {
+        let mut desk = desk();
+        for (parameter, value) in [
+            (BatteryParameter::FsVoltsrc, source),
+            (BatteryParameter::LowVolt, 11.1),
+            (BatteryParameter::LowTimer, 3.0),
+        ] {
+            desk.set(parameter.of(Pack::First), value);
+        }
+        let mut report = of_voltage(3900);
+        report.remaining_pct = 50;
+        report.voltages_mv[1..3].copy_from_slice(&[3900, 3900]);
+        ticks(&mut desk, 10, &report.frame());
+        assert_eq!(desk.result_of(&arm()), ACCEPTED);
+        report.voltages_mv[1] = 3650;
+        let state = ticks(&mut desk, 32, &report.frame());
+        assert_eq!(state.failsafe, level, "{source}");
+        desk.ask(&disarm());
+        // Above its threshold as a whole, and refused by its cell.
+        let result = if level == FailsafeLevel::None {
+            ACCEPTED
+        } else {
+            FAILED
+        };
+        assert_eq!(desk.result_of(&arm()), result, "{source}");
+    }
+}
+
+#[test]
 fn one_report_a_second_is_enough() {
     let mut desk = desk();
     let mut report = of_voltage(12_000);

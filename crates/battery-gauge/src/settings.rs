@@ -105,6 +105,7 @@ impl FailsafeSettings {
         match self.voltage_source {
             VoltageSource::Terminal => state.readings.voltage_v,
             VoltageSource::Resting => state.resting_or_terminal_voltage_v(),
+            VoltageSource::WeakestCell => state.voltage_by_weakest_cell_v().or(state.readings.voltage_v),
             VoltageSource::NotMeasured => None,
         }
     }
@@ -153,6 +154,8 @@ pub enum VoltageSource {
     Terminal,
     /// The resting voltage; the terminal voltage while that is unknown.
     Resting,
+    /// The voltage of a pack whose cells are all like its weakest one; the terminal voltage unless every cell is measured.
+    WeakestCell,
     /// None: what is monitored has no voltage, such as a tank.
     NotMeasured,
 }
@@ -185,7 +188,33 @@ impl SuggestedThresholds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Amount, ChargeSource, PackStatus};
+    use crate::{Amount, CellVoltages, ChargeSource, PackStatus};
+
+    #[test]
+    fn the_weakest_cell_counts_once_every_cell_is_measured() {
+        let settings = FailsafeSettings {
+            voltage_source: VoltageSource::WeakestCell,
+            ..FailsafeSettings::default()
+        };
+        for (cells_mv, cell_count, compared_v) in [
+            (&[3900, 3400, 3900][..], Some(3), 10.2),
+            (&[3900, 0, 3900], Some(3), 0.0),
+            // One of three is unknown, or their number; none is measured.
+            (&[3900, 3400], Some(3), 11.2),
+            (&[3900, 3400, 3900], None, 11.2),
+            (&[], Some(3), 11.2),
+        ] {
+            let mut state = BatteryState {
+                cell_count,
+                cells: CellVoltages::from_millivolts(cells_mv),
+                ..BatteryState::UNKNOWN
+            };
+            assert_eq!(settings.compared_voltage_v(&state), None);
+            state.readings.voltage_v = Some(11.2);
+            let compared = settings.compared_voltage_v(&state).unwrap();
+            assert!((compared - compared_v).abs() < 1e-4, "{cells_mv:?} {compared}");
+        }
+    }
 
     #[test]
     fn failsafe_misses_a_threshold_or_what_it_is_compared_with() {

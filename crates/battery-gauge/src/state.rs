@@ -387,6 +387,15 @@ impl BatteryState {
         self.readings.resting_voltage_v.or(self.readings.voltage_v)
     }
 
+    /// The voltage of the weakest cell times the number of cells, in volts; `None` unless the pack is measured, and every cell.
+    pub fn voltage_by_weakest_cell_v(&self) -> Option<f32> {
+        self.readings.voltage_v?;
+        let cells = self
+            .cell_count
+            .filter(|_| self.cells.number() == self.cell_count)?;
+        Some(self.cells.lowest_v()? * f32::from(cells))
+    }
+
     /// The voltage to report, in volts.
     pub fn voltage_to_report_v(&self) -> Option<f32> {
         match self.reported_voltage {

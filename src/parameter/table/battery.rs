@@ -239,9 +239,15 @@ parameters! {
         name: "FS_VOLTSRC",
         kind: Kind::Int8,
         default: 0.0,
-        range: Range::OneOf(&[(0, means("Raw Voltage")), (1, means("Sag Compensated Voltage"))]),
+        range: Range::OneOf(&[
+            (0, means("Raw Voltage")),
+            (1, means("Sag Compensated Voltage")),
+            (2, means("Weakest Cell")),
+        ]),
         label: "Voltage for the thresholds",
-        description: "Voltage compared with the thresholds: as measured, or compensated for the sag under load.",
+        description: "Voltage compared with the thresholds: as measured, compensated for the sag under load, or that of \
+                      the weakest measured cell times the number of cells. Without a current or without each cell it \
+                      is as measured. (ArduPilot has no 2.)",
     }
     LowVolt {
         key: 80,
@@ -527,8 +533,9 @@ parameters! {
         default: 0.0,
         range: FAILSAFE_ACTIONS,
         label: "Action when unhealthy",
-        description: "Action when an armed rover has had no healthy reading of the pack for 5 s: no threshold can be \
-                      reached then. Chosen when it is missing already, it acts the next time. (ArduPilot has no such parameter and warns.)",
+        description: "Action when an armed rover has had no healthy reading of the pack for 5 s, or when the pack has \
+                      reported for 5 s that it is failed or unhealthy. Chosen when it is unhealthy already, it acts the \
+                      next time. (ArduPilot has no such parameter and warns.)",
     }
     LrnCap {
         key: 106,

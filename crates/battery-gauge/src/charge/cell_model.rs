@@ -212,7 +212,9 @@ impl CellModel<'_> {
     /// The terminal voltage of a cell at which a drive ends, in volts: where the resting voltage ends it, deep discharge.
     pub fn terminal_end_v(&self) -> f32 {
         match self.end.source {
-            VoltageSource::Terminal | VoltageSource::NotMeasured => self.end.cell_v,
+            VoltageSource::Terminal | VoltageSource::WeakestCell | VoltageSource::NotMeasured => {
+                self.end.cell_v
+            }
             VoltageSource::Resting => self.cell.deep_discharge_v,
         }
     }
