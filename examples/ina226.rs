@@ -7,8 +7,8 @@
 //! | GP0 (pin 1) | RX of a USB adapter, 115200 baud; a radio mostly has 57600 |
 //! | GND | ground of all |
 //!
-//! Flash it with `cargo run --release --target thumbv6m-none-eabi --example ina226`. The same driver reads INA228, INA231,
-//! INA238 and INA260; for another part on the bus name another `PartKind`.
+//! Flash it with `cargo run --release --target thumbv6m-none-eabi --example ina226`. The same driver reads INA219, INA228,
+//! INA231, INA238 and INA260; for another part on the bus name another `PartKind`.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

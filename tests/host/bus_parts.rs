@@ -11,7 +11,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_hal_async::i2c::Operation;
 use embedded_hal_async::spi::{ErrorType, Operation as SpiOperation, SpiDevice};
 use emulator::i2c_devices::{
-    Ad7091r5, Bq76952, Garbled, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec, Reads,
+    Ad7091r5, Bq76952, Garbled, Ina219, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec, Reads,
     SmartBattery,
 };
 use emulator::spi_devices::Ina239;
@@ -298,6 +298,19 @@ fn an_ina231_measures_the_pack_and_is_known_by_its_set_up_when_the_board_restart
         let rover = Rover::with(&wires, &[("BATT2_MONITOR", INA2XX), ("BATT2_SHUNT", 0.002)]);
         rover.assert_measures(Pack::Second, (11.1, STEP), (4.0, STEP));
     }
+}
+
+#[test]
+// Requirement: AP-6
+fn an_ina219_measures_the_pack_and_is_known_by_its_set_up_when_the_board_restarts() {
+    let part = device(Ina219::new(0.1), |part| part.set(7.416, 1.25));
+    let wires = Wires::with([(MONITOR_AT, part.clone() as Device)]);
+    for _ in 0..2 {
+        let rover = Rover::with(&wires, &[("BATT2_MONITOR", INA2XX), ("BATT2_SHUNT", 0.1)]);
+        rover.assert_measures(Pack::Second, (7.416, 4e-3), (1.25, 1e-4));
+    }
+    // 32 V, 320 mV, 16 samples of each, continuously.
+    assert_eq!(part.borrow().configuration(), 0x3e67);
 }
 
 fn ina239() -> Ina239 {

@@ -247,6 +247,7 @@ fn the_range_of_a_current_over_a_shunt_is_announced_once_for_each_pack() {
     for (part, shunt_ohm, expected) in [
         (ina226(), 0.1, Some("INA226 up to 0.8 A")),
         (ina231(), 0.0005, Some("INA231 up to 163.8 A")),
+        (ina219(), 0.1, Some("INA219 up to 3.2 A")),
         (ina238(), 0.1, Some("INA238 up to 1.6 A")),
         (ina260(), 0.1, None),
         // Its counters end at BATT_MAX_AMPS, 90 A.
@@ -748,6 +749,10 @@ fn ina231() -> Recorded {
     ina(PartKind::Ina2xx, &[], &[(0, 0x44df)])
 }
 
+fn ina219() -> Recorded {
+    ina(PartKind::Ina2xx, &[], &[(0, 0x3e67)])
+}
+
 fn ina260() -> Recorded {
     ina(PartKind::Ina2xx, &[(0xfe, TI), (0xff, 0x2270)], &[(0, 0x64df)])
 }
@@ -789,6 +794,7 @@ fn a_part_is_read_once_the_first_conversion_after_its_set_up_is_over() {
     // the most.
     for (part, conversion_ms) in [
         (ina226(), 18.8),
+        (ina219(), 17.0),
         (ina238(), 17.3),
         (ina3221(), 56.5),
         (ltc2946(), 65.6),

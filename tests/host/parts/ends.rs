@@ -2,7 +2,8 @@
 //! the data sheets.
 
 use emulator::i2c_devices::{
-    Ad7091r5, Bebop, Bq76952, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec, SmartBattery,
+    Ad7091r5, Bebop, Bq76952, Ina219, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec,
+    SmartBattery,
 };
 use rover_battmon::battery::{Counted, CurrentRange, Supply, Thermometer};
 
@@ -277,6 +278,59 @@ fn an_ina231_at_its_ends() {
     ];
     let part = row("INA231", 0x40, || monitor(Ina231::new(0.002)), &SHUNT);
     assert_fields(&part, &fields, 14);
+}
+
+#[test]
+// Requirement: S-3, AP-6
+fn an_ina219_at_its_ends() {
+    let fields = [
+        // 10 uV up to ±320 mV (SBOS448G 8.6.3.1).
+        field(
+            "shunt current",
+            word_at::<1>,
+            amperes,
+            &[
+                (0, Is(0.0)),
+                (1, Is(5e-3)),
+                (31_999, Is(159.995)),
+                (32_000, Over(160.0)),
+                (-31_999, Is(-159.995)),
+                (-32_000, Over(-160.0)),
+                (-0x8000, Over(-163.84)),
+                // All ones.
+                (-1, Is(-5e-3)),
+            ],
+        ),
+        // 4 mV from bit 3 on, of which the part stands 26 V; below, a bit without a meaning, CNVR, and OVF.
+        field(
+            "voltage",
+            word_at::<2>,
+            volts,
+            &[
+                (0, Is(0.0)),
+                (7, Is(0.0)),
+                (3000 << 3, Is(12.0)),
+                (3000 << 3 | 7, Is(12.0)),
+                (6500 << 3, Is(26.0)),
+                (8000 << 3, Is(32.0)),
+                // All ones.
+                (-1, Fails(OverRange)),
+            ],
+        ),
+        field(
+            "configuration",
+            word_at::<0>,
+            volts,
+            &[
+                (0x3e67, Is(12.0)),
+                (0, Fails(OtherPart)),
+                (0x399f, Fails(OtherPart)),
+                (0xffff, Fails(OtherPart)),
+            ],
+        ),
+    ];
+    let part = row("INA219", 0x40, || monitor(Ina219::new(0.002)), &SHUNT);
+    assert_fields(&part, &fields, 19);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! did, and nothing was counted that did not flow.
 
 use emulator::i2c_devices::{
-    Ad7091r5, Bebop, Bq76952, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec,
+    Ad7091r5, Bebop, Bq76952, Ina219, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec,
     SMART_BATTERY_ADDRESS, SmartBattery,
 };
 
@@ -36,7 +36,7 @@ fn connect_battery(battery: &mut SmartBattery, amperes: f64, drawn_mah: f64) {
 
 const FOUR_CELLS: [u8; 8] = [0xb8, 0x0b, 0xb8, 0x0b, 0xb8, 0x0b, 0xb8, 0x0b];
 
-static ROWS: [Row; 19] = [
+static ROWS: [Row; 20] = [
     row(
         "INA226",
         0x40,
@@ -47,6 +47,12 @@ static ROWS: [Row; 19] = [
         "INA231",
         0x41,
         || monitor(Ina231::new(0.0005)),
+        &[("BATT2_MONITOR", 21.0)],
+    ),
+    row(
+        "INA219",
+        0x40,
+        || monitor(Ina219::new(0.0005)),
         &[("BATT2_MONITOR", 21.0)],
     ),
     row(
@@ -454,7 +460,7 @@ fn three_seconds_after_any_of_its_first_transfers_failed_a_part_is_one_that_neve
             }
         }
     }
-    runs.assert_all_recovered(5491);
+    runs.assert_all_recovered(5629);
 }
 
 #[test]
@@ -537,5 +543,5 @@ fn after_a_random_transfer_failed_under_a_changing_load_nothing_is_counted_that_
             runs.run(row, &reference, first..first + transfers, fault, changing_load);
         }
     }
-    runs.assert_all_recovered(1953);
+    runs.assert_all_recovered(2064);
 }

@@ -1,5 +1,5 @@
-//! Texas Instruments' power monitors with one channel: INA226 (SBOS547), INA228 (SLYS021), INA231 (SBOS644),
-//! INA238 (SLYS025), INA260 (SBOS656), and by SPI INA239 (SLYS027).
+//! Texas Instruments' power monitors with one channel: INA219 (SBOS448), INA226 (SBOS547), INA228 (SLYS021),
+//! INA231 (SBOS644), INA238 (SLYS025), INA260 (SBOS656), and by SPI INA239 (SLYS027).
 //!
 //! They differ in where their registers are and how fine they are, so one driver reads them by a table. The current comes
 //! from the voltage over the shunt, not from the part's current register: that one needs a calibration, which a part whose
@@ -64,6 +64,10 @@ struct Quantity {
 enum Width {
     /// Two bytes.
     Bits16,
+    /// Two bytes, whose codes end at ±32,000.
+    Decimal,
+    /// The upper 13 bits of two bytes, without a sign; flags follow.
+    Bits13,
     /// The upper 20 bits of three bytes; the others are always 0.
     Bits20,
 }
@@ -72,6 +76,8 @@ impl Width {
     /// The ends of the codes, which everything beyond them reads as, too.
     fn ends(self) -> RangeInclusive<i32> {
         let bits = match self {
+            Self::Decimal => return -32_000..=32_000,
+            Self::Bits13 => return -1..=(1 << 13) - 1,
             Self::Bits16 => 16,
             Self::Bits20 => 20,
         };
@@ -138,7 +144,7 @@ const fn numbered(manufacturer_register: u8, register: u8, number: u16) -> Ident
     }
 }
 
-static I2C_MODELS: [Model; 5] = [
+static I2C_MODELS: [Model; 6] = [
     INA226,
     Model {
         name: "INA260",
@@ -186,11 +192,30 @@ static I2C_MODELS: [Model; 5] = [
         }),
     },
     INA238,
-    // Without a number of its own it comes last.
+    // Those without numbers come last.
     Model {
         name: "INA231",
         identity: Identity::Configured(0x4127),
         ..INA226
+    },
+    Model {
+        name: "INA219",
+        identity: Identity::Configured(0x399f),
+        range_register: None,
+        configuration_register: 0x00,
+        // The wide ranges, 32 V and 320 mV; 16 times 532 µs for each of both voltages: 17 ms.
+        configuration: 0x3e67,
+        voltage: Quantity {
+            register: 0x02,
+            width: Width::Bits13,
+            step: 4e-3,
+        },
+        current: Current::OverShunt(Quantity {
+            register: 0x01,
+            width: Width::Decimal,
+            step: 10e-6,
+        }),
+        counters: None,
     },
 ];
 
@@ -404,7 +429,8 @@ impl Quantity {
         registers: &mut Registers<'_, B>,
     ) -> Result<(f32, CurrentRange), ReadError> {
         let code = match self.width {
-            Width::Bits16 => i32::from(registers.read_u16(self.register).await? as i16),
+            Width::Bits13 => i32::from(registers.read_u16(self.register).await? >> 3),
+            Width::Bits16 | Width::Decimal => i32::from(registers.read_u16(self.register).await? as i16),
             Width::Bits20 => {
                 let [high, middle, low] = registers.read(self.register).await?;
                 // Shifting back brings the sign along.

@@ -10,7 +10,7 @@ use super::super::bench::*;
 use super::super::board::Board;
 use super::super::clock::{CLK_SYS_HZ, Cycle, cycles};
 use super::super::i2c::I2cDevice;
-use super::super::i2c::devices::{Ad7091r5, Ina226, Ina228, Ltc2946, driver};
+use super::super::i2c::devices::{Ad7091r5, Ina219, Ina226, Ina228, Ltc2946, driver};
 use super::super::thumb::{adds, back, board, idle_board, store};
 use super::*;
 
@@ -508,6 +508,17 @@ fn monitors_give_the_means_of_their_conversions() {
     // 35.2 ms are no whole number of periods.
     assert_close(read(1) * 2.5e-6 / 0.01, means.amperes, 0.03 * means.amperes);
     assert_close(read(2) * 1.25e-3, means.volts, 0.01);
+
+    // Sixteen samples of 532 us of both: 17 ms are no whole number of periods, either.
+    let mut ina219 = Ina219::new(0.01).measuring_circuit();
+    driver::write_at(&mut ina219, 0, 0x3e67, 0);
+    let device = Rc::new(RefCell::new(ina219));
+    let (board, means) = run_with(&device);
+    let now = board.time_cycles();
+    let read = |pointer| driver::read_at(&mut *device.borrow_mut(), pointer, 2, now);
+    let (shunt, bus) = (read(1) as f64, (read(2) >> 3) as f64);
+    assert_close(shunt * 10e-6 / 0.01, means.amperes, 0.06 * means.amperes);
+    assert_close(bus * 4e-3, means.volts, 0.02);
 
     let device = Rc::new(RefCell::new(Ltc2946::new(0.01).measuring_circuit()));
     let (board, means) = run_with(&device);

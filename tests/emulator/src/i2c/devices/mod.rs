@@ -13,6 +13,7 @@ mod bebop;
 mod bq76952;
 mod converter;
 mod garbled;
+mod ina219;
 mod ina226;
 mod ina228;
 mod ina231;
@@ -27,6 +28,7 @@ pub use ad7091r5::Ad7091r5;
 pub use bebop::Bebop;
 pub use bq76952::Bq76952;
 pub use garbled::{Garbled, Reads};
+pub use ina219::Ina219;
 pub use ina226::Ina226;
 pub use ina228::Ina228;
 pub use ina231::Ina231;
@@ -207,6 +209,11 @@ mod tests {
         );
         assert_forgets(
             set(Ina231::new(0.002)),
+            [0, 2],
+            &[RegisterMap::power_cycle, bit_15],
+        );
+        assert_forgets(
+            set(Ina219::new(0.002)),
             [0, 2],
             &[RegisterMap::power_cycle, bit_15],
         );
