@@ -809,6 +809,71 @@ fn every_parameter_that_a_replay_reads_is_taken() {
     }
 }
 
+/// A recording of a pack of two cells with 2 Ah and 0.1 Ω, which rest 0.9 V lower when empty than when full, and the load in amperes.
+fn discharge(name: &str, full_v: f64, load_a: f64) -> String {
+    let mut text = "t_s,voltage_v,current_a\n".to_owned();
+    for seconds in (0..).step_by(10) {
+        let current_a = if seconds < 120 { 0.0 } else { load_a };
+        let left = 1.0 - load_a * f64::from(seconds - 120).max(0.0) / 3600.0 / 2.0;
+        if left < 0.0 {
+            break;
+        }
+        let voltage_v = 2.0 * (full_v - 0.9 * (1.0 - left)) - 0.1 * current_a;
+        text += &format!("{seconds},{voltage_v:.4},{current_a}\n");
+    }
+    let path = root().join("target/tmp").join(name);
+    fs::create_dir_all(path.parent().expect("a folder")).expect("created");
+    fs::write(&path, text).expect("written");
+    path.to_str().expect("text").into()
+}
+
+#[test]
+fn a_curve_is_read_from_a_slow_discharge_and_makes_the_charge_right() {
+    let path = discharge("curve.csv", 4.3, 0.2);
+    let of_pack = ["--param", "BATT_CHEM=3", "--param", "BATT_CELLS=2"];
+    let lines = printed(replay(&[&of_pack[..], &["--curve", &path]].concat()));
+    let lines: Vec<_> = lines.lines().filter(|line| !line.starts_with('#')).collect();
+    let values = [(10, 3.49), (30, 3.67), (50, 3.85), (70, 4.03), (90, 4.21)];
+    let expected = values.map(|(percent, volts)| format!("BATT_CURVE_{percent},{volts}"));
+    assert_eq!(lines[0], "BATT_CHEM,3");
+    assert_eq!(lines[1..], expected);
+    // By the voltage alone, half of it is left after five hours.
+    let assigned: Vec<_> = lines.iter().map(|line| line.replace(',', "=")).collect();
+    let mut arguments = vec!["--param", "BATT_MONITOR=3", "--param", "BATT_CAPACITY=2000"];
+    arguments.extend(of_pack);
+    let left_pct = |arguments: &[&str]| {
+        let text = printed(replay(&[arguments, &[&path]].concat()));
+        let (_, rows) = table(&text);
+        rows[(120 + 5 * 3600) / 10][REMAINING_PCT]
+            .parse::<f64>()
+            .expect("a percentage")
+    };
+    let by_chemistry = left_pct(&arguments);
+    arguments.extend(assigned.iter().flat_map(|assignment| ["--param", assignment]));
+    let by_curve = left_pct(&arguments);
+    assert!((by_curve - 50.0).abs() < 3.0, "{by_curve} %");
+    assert!((by_chemistry - 50.0).abs() > 8.0, "{by_chemistry} %");
+}
+
+#[test]
+fn what_is_no_curve_is_refused_and_said() {
+    let of_pack = ["--curve", "--param", "BATT_CHEM=3"];
+    let with_cells = ["--param", "BATT_CELLS=2"];
+    let fast = discharge("fast.csv", 4.2, 1.0);
+    let high = discharge("high.csv", 4.6, 0.2);
+    for (path, said) in [
+        (fast.as_str(), "a discharge of 2.0 h is too fast: 5 h are needed"),
+        (high.as_str(), "BATT_CURVE_90 can't be 4.51: 0, 0.8 to 4.35"),
+        (TRACE, "a discharge of 0.1 h is too fast: 5 h are needed"),
+    ] {
+        let errors = refused(&[&of_pack[..], &with_cells, &[path]].concat());
+        assert!(errors.ends_with(&format!("{said}\n")), "{errors}");
+    }
+    let point = ["--param", "BATT_CURVE_50=1.3", TRACE];
+    let errors = refused(&[&of_pack[..], &point].concat());
+    assert_eq!(errors, "error: BATT_CURVE_50 can't be 1.3 with this BATT_CHEM\n");
+}
+
 #[test]
 fn rows_go_to_standard_output_also_by_name() {
     let text = printed(replay(&["--csv", "-", TRACE]));

@@ -154,6 +154,7 @@ impl fmt::Display for Notice {
             ),
             Self::ParameterRefused { id, why } => match why {
                 Refused::OutOfRange => write!(f, "{} refused: valid {}", id.name(), id.row().range),
+                Refused::OtherChemistry => write!(f, "{} refused: no such cell by its CHEM", id.name()),
                 // ArduPilot's text.
                 Refused::ReadOnly => write!(f, "Param write denied ({})", id.name()),
                 Refused::Armed => write!(f, "{} refused: not raised while armed", id.name()),
@@ -650,6 +651,7 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
                 ids: [255, 190],
             },
             &refused(Refused::OutOfRange),
+            &refused(Refused::OtherChemistry),
             &refused(Refused::ReadOnly),
             &refused(Refused::Armed),
             &refused(Refused::NotWhileArmed),
@@ -744,6 +746,7 @@ warning: UART: not signed with the key, ignored: 5
 warning: UART: signed frames too old: does the station hear the rover?
 warning: UART: two stations are 255/190? Give each its own id
 warning: BATT_CAPACITY refused: valid 0 to 1000000
+warning: BATT_CAPACITY refused: no such cell by its CHEM
 warning: Param write denied (BATT_CAPACITY)
 warning: BATT_CAPACITY refused: not raised while armed
 warning: BATT_CAPACITY refused: not changed while armed

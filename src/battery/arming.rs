@@ -1,7 +1,7 @@
 //! Arming checks of a pack.
 
 use super::conditions::{ArmingFailure, refusals};
-use super::{BatteryState, FailsafeSettings, PackStatus, Thresholds, is_below};
+use super::{BatteryState, PackSettings, PackStatus, Thresholds, is_below};
 use crate::parameter::{BatteryParameter, PackParameters};
 
 impl PackParameters<'_> {
@@ -21,20 +21,21 @@ impl PackParameters<'_> {
 /// A latched failsafe level fails as one of voltage, unless the charge is below its threshold now.
 pub fn arming_failures(
     state: &BatteryState,
-    failsafe: &FailsafeSettings,
+    settings: &PackSettings,
     arming: &Thresholds,
     found: Option<ArmingFailure>,
 ) -> impl Iterator<Item = ArmingFailure> + use<> {
     let failing = match state.status {
         PackStatus::Disabled => 0,
-        _ => failing(state, failsafe, arming) | found.map_or(0, ArmingFailure::bit),
+        _ => failing(state, settings, arming) | found.map_or(0, ArmingFailure::bit),
     };
     let all = ArmingFailure::ALL.into_iter();
     all.filter(move |failure| failing & failure.bit() != 0)
 }
 
 /// The failed checks, a bit each.
-fn failing(state: &BatteryState, failsafe: &FailsafeSettings, arming: &Thresholds) -> u32 {
+fn failing(state: &BatteryState, settings: &PackSettings, arming: &Thresholds) -> u32 {
+    let failsafe = &settings.failsafe;
     let (low, critical) = (&failsafe.low, &failsafe.critical);
     let voltage_v = failsafe.compared_voltage_v(state);
     let (low_capacity, critical_capacity) = (low.lacks_charge(state), critical.lacks_charge(state));
@@ -75,6 +76,7 @@ fn failing(state: &BatteryState, failsafe: &FailsafeSettings, arming: &Threshold
             is_inverted(low.voltage_v, critical.voltage_v),
             ArmingFailure::VoltageOrder,
         ),
+        (!settings.is_curve_possible(), ArmingFailure::CurveOrder),
     ];
     let thresholds = by_thresholds.into_iter().filter(|(fails, _)| *fails);
     latched
@@ -92,7 +94,8 @@ mod tests {
     use super::*;
     use crate::battery::consequences;
     use crate::battery::{
-        Amount, ChargeSource, ChargeState, Consequences, FailsafeLevel, Faults, Readings, VoltageSource,
+        Amount, ChargeSource, ChargeState, Consequences, FailsafeLevel, FailsafeSettings, Faults, Readings,
+        VoltageSource,
     };
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
@@ -119,7 +122,7 @@ mod tests {
                 ..BatteryState::default()
             };
             let failures: Vec<_> =
-                arming_failures(&state, &FailsafeSettings::default(), &Thresholds::default(), None).collect();
+                arming_failures(&state, &PackSettings::default(), &Thresholds::default(), None).collect();
             assert_eq!(failures, [failure]);
         }
     }
@@ -131,7 +134,7 @@ mod tests {
             cell_count: Some(3),
             ..state
         };
-        arming_failures(&state, &FailsafeSettings::default(), &Thresholds::default(), None).collect()
+        arming_failures(&state, &PackSettings::default(), &Thresholds::default(), None).collect()
     }
 
     #[test]
@@ -209,20 +212,23 @@ mod tests {
         }
     }
 
-    /// Thresholds of the failsafe and of arming.
+    /// Of a pack, and of arming.
     #[derive(Default)]
     struct Settings {
-        failsafe: FailsafeSettings,
+        pack: PackSettings,
         arming: Thresholds,
     }
 
     fn settings() -> Settings {
         Settings {
             arming: thresholds(11.0, 500.0),
-            failsafe: FailsafeSettings {
-                low: thresholds(10.5, 400.0),
-                critical: thresholds(9.9, 200.0),
-                ..FailsafeSettings::default()
+            pack: PackSettings {
+                failsafe: FailsafeSettings {
+                    low: thresholds(10.5, 400.0),
+                    critical: thresholds(9.9, 200.0),
+                    ..FailsafeSettings::default()
+                },
+                ..PackSettings::default()
             },
         }
     }
@@ -243,7 +249,7 @@ mod tests {
     }
 
     fn failures(state: &BatteryState, settings: &Settings) -> Vec<String> {
-        arming_failures(state, &settings.failsafe, &settings.arming, None)
+        arming_failures(state, &settings.pack, &settings.arming, None)
             .map(|failure| failure.to_string())
             .collect()
     }
@@ -260,7 +266,7 @@ mod tests {
     // Requirement: AP-17, PX-4
     fn failures_have_ardupilots_words_and_order() {
         let mut settings = settings();
-        settings.failsafe.critical = thresholds(10.5, 400.0);
+        settings.pack.failsafe.critical = thresholds(10.5, 400.0);
         let state = BatteryState {
             status: PackStatus::Unhealthy,
             ..pack(9.0, 10.0)
@@ -294,8 +300,8 @@ mod tests {
             (Some(20.0), None, None),
         ] {
             let mut settings = Settings::default();
-            settings.failsafe.low.usable_pct = low_pct;
-            settings.failsafe.critical.usable_pct = critical_pct;
+            settings.pack.failsafe.low.usable_pct = low_pct;
+            settings.pack.failsafe.critical.usable_pct = critical_pct;
             let found = failures(&pack(12.6, 100.0), &settings);
             assert_eq!(found, Vec::from_iter(expected), "{low_pct:?} {critical_pct:?}");
         }
@@ -342,7 +348,7 @@ mod tests {
                 arming: mah(arming),
                 ..Settings::default()
             };
-            (settings.failsafe.low, settings.failsafe.critical) = (mah(low), mah(critical));
+            (settings.pack.failsafe.low, settings.pack.failsafe.critical) = (mah(low), mah(critical));
             assert_eq!(failures(&without, &settings), ["no capacity set"]);
             assert!(failures(&learnt, &settings).is_empty());
             assert!(failures(&awaited, &settings).is_empty());
@@ -354,8 +360,8 @@ mod tests {
     // Requirement: AP-17, PX-3
     fn percentages_refuse_by_the_rule_by_which_they_act() {
         let mut settings = Settings::default();
-        settings.failsafe.low.usable_pct = Some(60.0);
-        settings.failsafe.critical.usable_pct = Some(45.0);
+        settings.pack.failsafe.low.usable_pct = Some(60.0);
+        settings.pack.failsafe.critical.usable_pct = Some(45.0);
         let both = ["critical capacity failsafe", "low capacity failsafe"];
         for (remaining_pct, sigma_pct, expected) in [
             (34.0, Some(9.0), &both[..]),
@@ -403,7 +409,7 @@ mod tests {
         let mut settings = settings();
         let both = ["below minimum arming voltage", "low voltage failsafe"];
         assert_eq!(failures(&sagging, &settings), both);
-        settings.failsafe.voltage_source = VoltageSource::Resting;
+        settings.pack.failsafe.voltage_source = VoltageSource::Resting;
         assert_eq!(failures(&sagging, &settings), both[..1]);
     }
 

@@ -64,6 +64,8 @@ pub enum ArmingFailure {
     VoltageOrder,
     /// `BATT_CRT_PCT` or `BATT_EMR_PCT` is not below `BATT_LOW_PCT`, and they act.
     PercentageOrder,
+    /// The owner's curve falls, has equal points, or is of cells of another chemistry: it is not used.
+    CurveOrder,
 }
 
 impl fmt::Display for ArmingFailure {
@@ -89,13 +91,14 @@ impl fmt::Display for ArmingFailure {
             Self::CapacityOrder => "capacity failsafe critical >= low",
             Self::VoltageOrder => "voltage failsafe critical >= low",
             Self::PercentageOrder => "percentage failsafe critical >= low",
+            Self::CurveOrder => "curve does not rise, or fit its cells",
         })
     }
 }
 
 impl ArmingFailure {
     /// All, in the order in which they are reported.
-    pub(super) const ALL: [Self; 20] = [
+    pub(super) const ALL: [Self; 21] = [
         // First: at full scale the pack is unhealthy, too.
         Self::AboveDrivers,
         Self::Unhealthy,
@@ -117,6 +120,7 @@ impl ArmingFailure {
         Self::CapacityOrder,
         Self::VoltageOrder,
         Self::PercentageOrder,
+        Self::CurveOrder,
     ];
 
     pub(super) fn bit(self) -> u32 {

@@ -1,8 +1,8 @@
 //! Settings of a pack's monitor by its parameters.
 
 use super::{
-    ChargeLimits, Chemistry, CurrentScale, FailsafeSettings, MissingSetting, PackSettings, ReportedVoltage,
-    Thresholds, Visibility, VoltageSource,
+    ChargeLimits, CurrentScale, FailsafeSettings, MissingSetting, PackSettings, ReportedVoltage, Thresholds,
+    Visibility, VoltageSource,
 };
 use crate::parameter::{BatteryParameter, MonitorKind, PackParameters, PartKind};
 
@@ -40,10 +40,11 @@ impl PackParameters<'_> {
         let percent_acts = whole(BatteryParameter::FsPctEn) == PERCENT_ACTS;
         let if_it_acts = |limit_pct: Option<f32>| limit_pct.filter(|_| percent_acts);
         PackSettings {
-            chemistry: Chemistry::from_number(whole(BatteryParameter::Chem)).unwrap_or_default(),
+            chemistry: self.chemistry(),
             cell_count: u8::try_from(whole(BatteryParameter::Cells))
                 .ok()
                 .filter(|count| *count > 0),
+            curve_v: BatteryParameter::CURVE.map(above_zero),
             capacity_mah: above_zero(BatteryParameter::Capacity),
             current_scale: None,
             overload_w: above_zero(BatteryParameter::WattMax).map(|max_w| OVERLOAD * max_w),
@@ -143,7 +144,7 @@ impl From<MissingSetting> for BatteryParameter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Amount, BatteryState, PackStatus};
+    use crate::battery::{Amount, BatteryState, Chemistry, PackStatus};
     use crate::pack::Pack;
     use crate::parameter::{Parameters, Range};
 
@@ -230,6 +231,9 @@ mod tests {
         for (parameter, value) in [
             (BatteryParameter::Chem, 3.0),
             (BatteryParameter::Cells, 2.0),
+            (BatteryParameter::Curve10, 3.2),
+            (BatteryParameter::Curve50, 3.7),
+            (BatteryParameter::Curve90, 4.1),
             (BatteryParameter::Capacity, 5200.0),
             (BatteryParameter::WattMax, 90.0),
             (BatteryParameter::SerialNum, 7.0),
@@ -250,6 +254,7 @@ mod tests {
         let expected = PackSettings {
             chemistry: Chemistry::LiIon,
             cell_count: Some(2),
+            curve_v: [Some(3.2), None, Some(3.7), None, Some(4.1)],
             capacity_mah: Some(5200.0),
             current_scale: None,
             overload_w: Some(99.0),

@@ -9,6 +9,8 @@ use super::{
     Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, MonitorInput, MonitorKind,
     ParameterId, ParameterIdSet, ThermometerParameter, VehicleParameter,
 };
+use battery_gauge::Chemistry;
+
 use crate::memory::storage::StorageError;
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
@@ -40,6 +42,18 @@ impl PackParameters<'_> {
     /// The value of a whole number or bit mask.
     pub fn get_whole(self, parameter: BatteryParameter) -> i32 {
         self.all.get_whole(parameter.of(self.pack))
+    }
+
+    /// Whether its owner has set a point of a curve (`BATT_CURVE_10` to `BATT_CURVE_90`).
+    fn has_curve(self) -> bool {
+        BatteryParameter::CURVE
+            .iter()
+            .any(|point| self.get(*point) != 0.0)
+    }
+
+    /// Cell chemistry (`BATT_CHEM`).
+    pub fn chemistry(self) -> Chemistry {
+        Chemistry::from_number(self.get_whole(BatteryParameter::Chem)).unwrap_or_default()
     }
 
     /// The value where 0 is disabled or not set.
@@ -98,6 +112,8 @@ impl PartialEq for Revision {
 pub enum Refused {
     /// It is out of the parameter's range, or there is no such parameter.
     OutOfRange,
+    /// No cell of the pack's chemistry rests at this voltage.
+    OtherChemistry,
     /// The parameter is constant, or shows a value of the firmware's own.
     ReadOnly,
     /// A time-out is not raised while the rover is armed.
@@ -261,6 +277,8 @@ impl Parameters {
             Listed::WithThermometer => matches!(id, ParameterId::Thermometer(sensor, _)
                 if self.get(ThermometerParameter::Type.of(sensor)) != THERMOMETER_DISABLED),
             Listed::WithMonitor(kind) => monitor == Some(kind.number() as f32),
+            Listed::WithCurve => matches!(id, ParameterId::Battery(pack, _)
+                if monitor != Some(MONITOR_DISABLED) && self.pack(pack).has_curve()),
         }
     }
 
@@ -281,6 +299,9 @@ impl Parameters {
             // Whether others are in use depends on these; all of them would take a millisecond.
             ParameterId::Battery(pack, BatteryParameter::Monitor) => {
                 self.update_listed(BatteryParameter::ALL.iter().map(|parameter| parameter.of(pack)));
+            }
+            ParameterId::Battery(pack, parameter) if parameter.row().listed == Listed::WithCurve => {
+                self.update_listed(BatteryParameter::CURVE.iter().map(|point| point.of(pack)));
             }
             ParameterId::Thermometer(sensor, ThermometerParameter::Type) => {
                 self.update_listed(
@@ -304,7 +325,7 @@ impl Parameters {
     pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), Refused> {
         let id = id.into();
         let value = match id.row().access {
-            Access::Setting(_) => checked(id, value)?,
+            Access::Setting(_) => self.check_curve(id, checked(id, value)?)?,
             Access::ReadOnly | Access::Constant => return Err(Refused::ReadOnly),
             Access::Trigger => return checked(id, value).map(drop),
         };
@@ -317,6 +338,24 @@ impl Parameters {
             self.write(id, value);
         }
         Ok(())
+    }
+
+    /// `value`, unless it is a point of a curve that no cell of the pack's chemistry has.
+    fn check_curve(&self, id: ParameterId, value: f32) -> Result<f32, Refused> {
+        match id {
+            ParameterId::Battery(pack, parameter)
+                if value != 0.0
+                    && parameter.row().listed == Listed::WithCurve
+                    && !self
+                        .pack(pack)
+                        .chemistry()
+                        .resting_cell_voltages_v()
+                        .contains(&value) =>
+            {
+                Err(Refused::OtherChemistry)
+            }
+            _ => Ok(value),
+        }
     }
 
     /// Sets the live value while the rover is armed: a time-out that is raised would let a rover without a driver go on for longer,
@@ -447,9 +486,56 @@ mod tests {
         assert_eq!(parameters, Parameters::defaults());
     }
 
+    #[test]
+    fn a_curve_is_listed_while_one_of_its_points_is_set_and_the_pack_monitored() {
+        let mut parameters = Parameters::defaults();
+        let listed = |parameters: &Parameters, pack| {
+            let points = BatteryParameter::CURVE.map(|point| parameters.listed_index(point.of(pack)));
+            points.iter().flatten().count()
+        };
+        let by_default = parameters.listed_count();
+        for (pack, count) in [(Pack::First, 5), (Pack::Second, 0)] {
+            let point = BatteryParameter::Curve50.of(pack);
+            assert_eq!(listed(&parameters, pack), 0);
+            parameters.set(point, 3.7).unwrap();
+            assert_eq!(listed(&parameters, pack), count, "{pack:?}");
+            assert_eq!(parameters.listed_count(), by_default + count);
+            parameters.set(point, 0.0).unwrap();
+            assert_eq!(parameters.listed_count(), by_default);
+        }
+        parameters
+            .set(BatteryParameter::Curve90.of(Pack::Second), 4.0)
+            .unwrap();
+        parameters
+            .set(BatteryParameter::Monitor.of(Pack::Second), 3.0)
+            .unwrap();
+        assert_eq!(listed(&parameters, Pack::Second), 5);
+    }
+
+    #[test]
+    fn a_point_that_no_cell_of_the_chemistry_has_is_refused_and_changes_nothing() {
+        let mut parameters = Parameters::defaults();
+        let [first, second] = [Pack::First, Pack::Second].map(|pack| BatteryParameter::Curve50.of(pack));
+        parameters
+            .set(BatteryParameter::Chem.of(Pack::Second), 4.0)
+            .unwrap();
+        for (point, value, result) in [
+            (first, 3.7, Ok(())),
+            (first, 1.3, Err(Refused::OtherChemistry)),
+            (first, 4.36, Err(Refused::OutOfRange)),
+            (second, 1.3, Ok(())),
+            (second, 3.7, Err(Refused::OtherChemistry)),
+        ] {
+            let before = parameters.get(point);
+            assert_eq!(parameters.set(point, value), result, "{value}");
+            let live = if result.is_ok() { value } else { before };
+            assert_eq!(parameters.get(point), live);
+        }
+    }
+
     /// Rows of what is not in use by default.
     const UNUSED_OF_VEHICLE: usize = 10;
-    const UNUSED_OF_PACK: usize = 2;
+    const UNUSED_OF_PACK: usize = 7;
 
     /// The vehicle's, those of the first pack, `MONITOR` of the others, and the simulator's.
     const LISTED_BY_DEFAULT: usize = VehicleParameter::COUNT - UNUSED_OF_VEHICLE

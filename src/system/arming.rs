@@ -139,7 +139,7 @@ pub fn arming_obstacles(
     let packs = Pack::ALL.into_iter().zip(state.batteries);
     let checked = packs.filter(move |_| checks & BATTERY_CHECKED != 0);
     let of_packs = checked.flat_map(move |(pack, battery)| {
-        let failsafe = parameters.pack(pack).settings().failsafe;
+        let settings = parameters.pack(pack).settings();
         let arming = parameters.pack(pack).arming_thresholds();
         let read_error = battery.read_error;
         let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
@@ -148,7 +148,7 @@ pub fn arming_obstacles(
         } else {
             sums_a_sum(state.kinds, parameters, pack).then_some(ArmingFailure::SumsASum)
         };
-        arming_failures(battery, &failsafe, &arming, found).map(move |failure| match (failure, read_error) {
+        arming_failures(battery, &settings, &arming, found).map(move |failure| match (failure, read_error) {
             (ArmingFailure::Unhealthy, Some(error)) => {
                 let address = state.part_addresses.get(pack as usize).copied().flatten();
                 ArmingObstacle::Sensor(pack, error, address)

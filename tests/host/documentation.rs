@@ -456,7 +456,7 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 20] = [
+const ARMING_FAILURES: [ArmingFailure; 21] = [
     ArmingFailure::AboveDrivers,
     ArmingFailure::Unhealthy,
     ArmingFailure::SumsASum,
@@ -477,6 +477,7 @@ const ARMING_FAILURES: [ArmingFailure; 20] = [
     ArmingFailure::CapacityOrder,
     ArmingFailure::VoltageOrder,
     ArmingFailure::PercentageOrder,
+    ArmingFailure::CurveOrder,
 ];
 
 fn pack_events() -> Vec<PackEvent> {

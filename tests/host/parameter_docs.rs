@@ -101,8 +101,7 @@ fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
                 capacity: settings.capacity_mah.map(Amount::Mah),
                 ..BatteryState::default()
             };
-            let failures: Vec<_> =
-                arming_failures(&well, &settings.failsafe, &Thresholds::default(), None).collect();
+            let failures: Vec<_> = arming_failures(&well, &settings, &Thresholds::default(), None).collect();
             assert!(failures.is_empty(), "{file}: {failures:?}");
         }
     }

@@ -29,6 +29,8 @@ use crate::builders::healthy;
 const DO_SET_MODE: u16 = 176;
 const SET_MODE: u16 = 11;
 
+/// MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+const OUT_OF_RANGE: u8 = 2;
 /// MAV_PARAM_ERROR_PERMISSION_DENIED
 const PERMISSION_DENIED: u8 = 3;
 
@@ -591,6 +593,20 @@ fn prearm_check_reports_all_failures_of_all_packs() {
     armed.assert_ack(&checks, RUN_PREARM_CHECKS, TEMPORARILY_REJECTED);
 }
 
+#[test]
+fn arming_names_a_curve_that_falls_until_all_of_its_points_rise() {
+    let [curve_10, curve_50] =
+        [BatteryParameter::Curve10, BatteryParameter::Curve50].map(|point| point.of(Pack::First));
+    let mut rover = Rover::new().with(curve_50, 3.7).with(curve_10, 3.7);
+    rover.0.set_batteries(&[healthy(12.0)]);
+    let checks = command_long(RUN_PREARM_CHECKS, f32::NAN);
+    let texts = rover.ask(&checks, RUN_PREARM_CHECKS, ACCEPTED);
+    let expected = "PreArm: Battery 1 curve does not rise, or fit its cells";
+    assert_eq!(texts, [(CRITICAL, expected.to_string())]);
+    let mut rover = rover.with(curve_10, 3.5);
+    assert_eq!(rover.ask(&checks, RUN_PREARM_CHECKS, ACCEPTED), []);
+}
+
 /// The readiness to arm that SYS_STATUS reports is the answer that an attempt gets.
 #[test]
 // Requirement: AP-17
@@ -725,6 +741,25 @@ fn time_outs_of_the_driver_are_lowered_but_not_raised_while_armed() {
         let answers = rover.0.ask(&param_set(name, lowered));
         assert_eq!(answers.len(), 1, "{answers:?}");
         assert_eq!(ParamValue(&answers[0]).value(), lowered);
+    }
+}
+
+#[test]
+fn a_point_of_a_curve_that_no_cell_of_the_chemistry_has_is_refused_by_name() {
+    let mut rover = Rover::new();
+    for (value, text) in [
+        (1.3, "BATT_CURVE_50 refused: no such cell by its CHEM"),
+        (5.0, "BATT_CURVE_50 refused: valid 0, 0.8 to 4.35"),
+    ] {
+        let answers = rover.0.ask(&param_set("BATT_CURVE_50", value));
+        assert_eq!(
+            of_message(&answers, PARAM_ERROR)[0].u8(20),
+            OUT_OF_RANGE,
+            "{value}"
+        );
+        assert_eq!(rover.wait(20_000), [text]);
+        let point = BatteryParameter::Curve50.of(Pack::First);
+        assert_eq!(rover.0.autopilot.parameters().get(point), 0.0);
     }
 }
 

@@ -1,5 +1,7 @@
 //! Cells: chemistries, their limits and their discharge curves.
 
+use core::ops::RangeInclusive;
+
 /// A cell that rests within this of its last rest was neither charged nor used, in volts: some percent of its charge.
 pub const SAME_VOLTAGE_V: f32 = 0.015;
 
@@ -123,6 +125,12 @@ impl Chemistry {
     /// Usual end-of-charge cell voltage, in volts; `None` where chargers do not end by voltage.
     pub fn charged_cell_voltage_v(self) -> Option<f32> {
         self.cell().charged_v
+    }
+
+    /// The voltages at which a sound cell can rest, in volts.
+    pub fn resting_cell_voltages_v(self) -> RangeInclusive<f32> {
+        let cell = self.cell();
+        cell.min_v..=cell.max_v
     }
 
     pub(super) fn cell(self) -> &'static Cell {

@@ -1,5 +1,6 @@
 //! Faults that are found in a pack.
 
+use crate::charge::measured_height_v;
 use crate::chemistry::{Cell, Chemistry};
 use crate::failsafe::is_below;
 use crate::reported::Faults;
@@ -98,7 +99,7 @@ impl Diagnosis {
         settings: &PackSettings,
     ) -> Faults {
         let mut present = conditions(state, settings);
-        let contradiction = contradiction(state, at_rest, settings.chemistry.cell());
+        let contradiction = contradiction(state, at_rest, settings);
         present |= temperature_conditions(state, self.faults);
         // As of the others below, until the next rest nothing is known.
         present |= contradiction.unwrap_or(self.faults & Faults::CONTRADICTIONS);
@@ -199,13 +200,15 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
 
 /// The fault if a resting cell is lower than any is at the charge that the pack reports, or all are higher; `None` while that is
 /// unknown.
-fn contradiction(state: &BatteryState, at_rest: &AtRest, cell: &Cell) -> Option<Faults> {
+fn contradiction(state: &BatteryState, at_rest: &AtRest, settings: &PackSettings) -> Option<Faults> {
     if state.charge_source == ChargeSource::Estimated {
         return Some(Faults::empty());
     }
     let mean_v = at_rest.voltage_v? / f32::from(state.cell_count?);
     let lowest_v = state.cells.lowest_v().unwrap_or(mean_v);
     let state_of_charge = state.readings.remaining_pct? / 100.0;
+    let cell = settings.chemistry.cell();
+    let lowest_v = lowest_v - measured_height_v(settings, state_of_charge);
     Some(if lowest_v < cell.lowest_resting_v(state_of_charge) {
         Faults::CONTRADICTED_CHARGE
     } else if lowest_v > cell.highest_resting_v(state_of_charge) {

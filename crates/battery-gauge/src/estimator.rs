@@ -2,7 +2,7 @@
 
 use crate::charge::{
     CellModel, ChargeEstimate, ChargeEstimator, Comparison, CurrentOrigin, EndVoltage, KnownCharge,
-    Reference, Sample, Second,
+    Reference, Sample, Second, measured_offsets,
 };
 use crate::event::PackEvent;
 use crate::learnt::LessonObstacle;
@@ -297,6 +297,7 @@ impl Estimator {
             measured_ohm: self.cell_resistance_ohm(settings),
             end: EndVoltage::new(settings, cell_count),
             soc_at_most: 1.0,
+            measured: measured_offsets(settings),
             learnt,
         }
     }

@@ -309,6 +309,11 @@ impl Offset {
         (point, position - point as f32)
     }
 
+    /// The state of charge of a point, from 0 to 1.
+    pub fn soc(point: usize) -> f32 {
+        (point as f32 + 0.5) / OFFSET_POINTS as f32
+    }
+
     /// In volts.
     pub fn mean_v(&self) -> f32 {
         f32::from(self.mean_100uv) * 1e-4

@@ -1,5 +1,6 @@
 //! Settings of a pack, and thresholds for one whose owner has set none.
 
+use crate::learnt::OFFSET_POINTS;
 use crate::{BatteryState, Chemistry, ReportedVoltage, Visibility};
 
 /// Settings of a pack, with the parameters that ArduPilot has for them. `None` is not set or disabled.
@@ -9,6 +10,9 @@ pub struct PackSettings {
     pub chemistry: Chemistry,
     /// Cells in series (`BATT_CELLS`); `None` detects them.
     pub cell_count: Option<u8>,
+    /// Measured resting voltages of a cell at 10, 30, 50, 70 and 90 % of its charge (`BATT_CURVE_10` to `BATT_CURVE_90`), in volts.
+    /// They are used together, while those that are known rise and are possible for the chemistry.
+    pub curve_v: [Option<f32>; OFFSET_POINTS],
     /// Full capacity (`BATT_CAPACITY`), in milliampere-hours; millilitres of fuel.
     pub capacity_mah: Option<f32>,
     /// The setting that scales the measured current, if there is one: to be checked where a capacity can't be.
@@ -25,6 +29,16 @@ pub struct PackSettings {
     pub charge_limits: ChargeLimits,
     /// Thresholds of the failsafe.
     pub failsafe: FailsafeSettings,
+}
+
+impl PackSettings {
+    /// Whether the measured curve, as far as it is known, rises and is possible for the chemistry.
+    pub fn is_curve_possible(&self) -> bool {
+        let possible_v = self.chemistry.resting_cell_voltages_v();
+        let measured_v = || self.curve_v.iter().flatten();
+        measured_v().all(|voltage_v| possible_v.contains(voltage_v))
+            && measured_v().is_sorted_by(|lower_v, higher_v| lower_v < higher_v)
+    }
 }
 
 /// A setting that scales a measured current.

@@ -112,7 +112,9 @@ pub fn set(name: Name, value: f32, from: Peer, context: &mut Context<'_>) -> Eve
         }
         Err(refused) => {
             outbox.answer(error(match refused {
-                Refused::OutOfRange => MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
+                Refused::OutOfRange | Refused::OtherChemistry => {
+                    MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+                }
                 Refused::ReadOnly => MavParamError::MAV_PARAM_ERROR_READ_ONLY,
                 Refused::Armed | Refused::NotWhileArmed => MavParamError::MAV_PARAM_ERROR_PERMISSION_DENIED,
             }));

@@ -30,6 +30,9 @@ const VOLTAGE_PINS: Range = Range::OneOf(&[
     (53, means("AD7091R-5, channel 3")),
 ]);
 
+/// Cells of any chemistry; which of these a pack may have, its `CHEM` says.
+const CELL_VOLTAGES: Range = Range::ZeroOrBetween(0.8, 4.35);
+
 /// Also the pulse input.
 const CURRENT_PINS: Range = Range::OneOf(&[
     (-1, means("none")),
@@ -606,4 +609,77 @@ parameters! {
                       usable charge was below for LOW_TIMER (0: at once) and remaining charge plus two standard \
                       deviations is below that + 20 %. (ArduPilot has no such parameter.)",
     }
+    Curve10 {
+        key: 112,
+        name: "CURVE_10",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: CELL_VOLTAGES,
+        listed: Listed::WithCurve,
+        step: 0.001,
+        unit: "V",
+        label: "Curve: cell at 10 %",
+        description: "Resting voltage of a cell at 10 % of its charge. Those that are set take the place of the chemistry's \
+                      curve, if they rise. 0: not set. All five are listed once one is set. (ArduPilot has no such \
+                      parameter.)",
+    }
+    Curve30 {
+        key: 113,
+        name: "CURVE_30",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: CELL_VOLTAGES,
+        listed: Listed::WithCurve,
+        step: 0.001,
+        unit: "V",
+        label: "Curve: cell at 30 %",
+        description: "See CURVE_10.",
+    }
+    Curve50 {
+        key: 114,
+        name: "CURVE_50",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: CELL_VOLTAGES,
+        listed: Listed::WithCurve,
+        step: 0.001,
+        unit: "V",
+        label: "Curve: cell at 50 %",
+        description: "See CURVE_10.",
+    }
+    Curve70 {
+        key: 115,
+        name: "CURVE_70",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: CELL_VOLTAGES,
+        listed: Listed::WithCurve,
+        step: 0.001,
+        unit: "V",
+        label: "Curve: cell at 70 %",
+        description: "See CURVE_10.",
+    }
+    Curve90 {
+        key: 116,
+        name: "CURVE_90",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: CELL_VOLTAGES,
+        listed: Listed::WithCurve,
+        step: 0.001,
+        unit: "V",
+        label: "Curve: cell at 90 %",
+        description: "See CURVE_10.",
+    }
+}
+
+impl BatteryParameter {
+    /// The points of the owner's curve, from 10 to 90 %.
+    pub const CURVE: [Self; 5] = [
+        Self::Curve10,
+        Self::Curve30,
+        Self::Curve50,
+        Self::Curve70,
+        Self::Curve90,
+    ];
 }

@@ -186,6 +186,8 @@ pub enum Listed {
     WithThermometer,
     /// While the pack's `MONITOR` is this.
     WithMonitor(MonitorKind),
+    /// While the pack is monitored and a point of its curve is set.
+    WithCurve,
 }
 
 /// When a change of a parameter takes effect.

@@ -1,7 +1,7 @@
 //! Model of a pack's cells: chemistry, learnt properties, and known charges.
 
 use crate::chemistry::{Cell, POINTS, SAME_VOLTAGE_V};
-use crate::learnt::{LastCharge, LearntPack, Offset};
+use crate::learnt::{LastCharge, LearntPack, OFFSET_POINTS, Offset};
 use crate::state::BOUND_SIGMAS;
 use crate::{Chemistry, FailsafeSettings, PackSettings, VoltageSource};
 
@@ -27,6 +27,9 @@ const MAX_AGED_SIGMA: f32 = 0.11;
 /// voltage.
 const CURVE_SHARE_SIGMA: f32 = 0.015;
 
+/// Standard deviation of a curve that the owner has measured, in volts.
+const MEASURED_SIGMA_V: f32 = 0.010;
+
 /// Width over which the slope of the curve is taken: its corners must not count.
 const SLOPE_WIDTH: f32 = 0.05;
 
@@ -45,6 +48,48 @@ const HIGHEST_END: f32 = 0.3;
 /// State of charge between two points of the curve.
 const POINT_WIDTH: f32 = 1.0 / (POINTS - 1) as f32;
 
+/// Heights of a measured curve above that of the chemistry.
+pub type MeasuredOffsets = [Offset; OFFSET_POINTS];
+
+/// The owner's curve at the points where one is learnt, if it can be used: between the points that are measured it is
+/// interpolated, beyond them its height stays.
+pub fn measured_offsets(settings: &PackSettings) -> Option<MeasuredOffsets> {
+    let measured_v = &settings.curve_v;
+    if *measured_v == [None; OFFSET_POINTS] || !settings.is_curve_possible() {
+        return None;
+    }
+    let curve = &settings.chemistry.cell().curve;
+    let height_v = |point: usize| {
+        let measured_v = measured_v.get(point).copied().flatten()?;
+        Some((point, measured_v - curve.voltage_v(Offset::soc(point))))
+    };
+    Some(core::array::from_fn(|point| {
+        let below = (0..=point).rev().find_map(height_v);
+        let above = (point..OFFSET_POINTS).find_map(height_v);
+        let height_v = match (below, above) {
+            (Some((low, low_v)), Some((high, high_v))) if low < high => {
+                low_v + (high_v - low_v) * (point - low) as f32 / (high - low) as f32
+            }
+            (low, high) => low.or(high).map_or(0.0, |(_, height_v)| height_v),
+        };
+        Offset::from_v(height_v, MEASURED_SIGMA_V)
+    }))
+}
+
+/// Height of the owner's curve above that of the chemistry at a state of charge from 0 to 1, in volts; 0 without one.
+pub fn measured_height_v(settings: &PackSettings, soc: f32) -> f32 {
+    measured_offsets(settings).map_or(0.0, |offsets| {
+        interpolated(soc, |point| offsets.get(point).map_or(0.0, Offset::mean_v))
+    })
+}
+
+/// A property of the points of a curve between these; constant beyond the first and last.
+fn interpolated(soc: f32, at: impl Fn(usize) -> f32) -> f32 {
+    let (point, weight) = Offset::position(soc);
+    let (low, high) = (at(point), at(point + 1));
+    low + (high - low) * weight
+}
+
 /// A cell as far as known.
 #[derive(Clone, Copy, Debug)]
 pub struct CellModel<'a> {
@@ -62,6 +107,8 @@ pub struct CellModel<'a> {
     pub end: EndVoltage,
     /// The most that can be left by a count at the source, from 0 to 1.
     pub soc_at_most: f32,
+    /// The curve that the owner has measured, if it can be used: it counts where none is learnt.
+    pub measured: Option<MeasuredOffsets>,
     /// Learnt properties of this pack.
     pub learnt: &'a LearntPack,
 }
@@ -278,16 +325,32 @@ impl CellModel<'_> {
         root_of_squares(sigma_v, steep_v)
     }
 
-    /// A property of the offsets between their points; constant beyond the first and last.
+    /// Height of the curve above that of the chemistry where none is learnt, and its standard deviation, in volts.
+    pub fn unlearnt_height_v(&self, soc: f32) -> (f32, f32) {
+        match &self.measured {
+            Some(offsets) => {
+                let height_v = interpolated(soc, |point| offsets.get(point).map_or(0.0, Offset::mean_v));
+                (height_v, MEASURED_SIGMA_V)
+            }
+            None => (0.0, self.cell.curve_sigma_v),
+        }
+    }
+
+    /// A property of the offsets, as learnt, else as measured.
     fn interpolate(&self, soc: f32, property: impl Fn(&Offset) -> f32) -> f32 {
-        if self.learnt.capacity.is_none() {
-            // Nothing is learnt: the offsets are alike.
+        if self.learnt.capacity.is_none() && self.measured.is_none() {
+            // Nothing is known: the offsets are alike.
             return property(&Offset::default());
         }
-        let (point, weight) = Offset::position(soc);
-        let at = |point: usize| self.learnt.offsets.get(point).map_or(0.0, &property);
-        let (low, high) = (at(point), at(point + 1));
-        low + (high - low) * weight
+        interpolated(soc, |point| {
+            let learnt = self
+                .learnt
+                .offsets
+                .get(point)
+                .filter(|offset| offset.sigma_v().is_some());
+            let measured = || self.measured.as_ref()?.get(point);
+            property(learnt.or_else(measured).unwrap_or(&Offset::default()))
+        })
     }
 }
 
@@ -322,6 +385,7 @@ mod tests {
                         source: VoltageSource::Terminal,
                     },
                     soc_at_most: 1.0,
+                    measured: None,
                     learnt,
                 };
                 for percent in 0..=100 {

@@ -383,6 +383,7 @@ fn known<'a>(model: &CellModel, learnt: &'a LearntPack, ohm: f32) -> CellModel<'
         rated_ah: model.rated_ah,
         end: model.end,
         soc_at_most: model.soc_at_most,
+        measured: model.measured,
     }
 }
 

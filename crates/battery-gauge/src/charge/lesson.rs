@@ -207,7 +207,7 @@ impl CurveLesson<'_> {
         let soc = self.start.soc - drawn;
         let (before_v, before_sigma_v) = match before.sigma_v() {
             Some(sigma_v) => (before.mean_v(), sigma_v + OFFSET_DRIFT_V),
-            None => (0.0, model.cell.curve_sigma_v),
+            None => model.unlearnt_height_v(soc),
         };
         let by_start_v = model.slope_v(soc) * self.start.sigma;
         let by_sag_v = match self.slow_sag {

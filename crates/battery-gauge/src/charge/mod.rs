@@ -12,7 +12,7 @@ mod reference;
 mod start;
 mod voltage_only;
 
-pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge};
+pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge, measured_height_v, measured_offsets};
 pub use load::{CurrentOrigin, SILENCE_S, Second};
 pub use reference::{Comparison, Reference};
 

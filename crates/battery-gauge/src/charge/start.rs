@@ -420,6 +420,7 @@ mod tests {
             measured_ohm,
             end: EndVoltage::new(&PackSettings::default(), None),
             soc_at_most: 1.0,
+            measured: None,
             learnt,
         }
     }

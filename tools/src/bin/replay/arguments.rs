@@ -43,6 +43,10 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.csv")]
     pub csv: Option<PathBuf>,
 
+    /// Print the curve of the pack's cells, as lines of a file of parameters: of a discharge over 5 h or more, from full to empty
+    #[arg(long, conflicts_with_all = ["plot", "csv", "learned", "table", "history"])]
+    pub curve: bool,
+
     /// What was learnt of the pack: read before the drive, if there is such a file, and written after it
     #[arg(long, value_name = "FILE")]
     pub learned: Option<PathBuf>,

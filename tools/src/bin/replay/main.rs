@@ -6,7 +6,8 @@
 //!
 //! A recording is read by [`rover_battmon_tools::recordings`]. What the monitor made of each reading goes to a file or to a
 //! pipe, in the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE`
-//! the drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
+//! the drives of one pack follow each other: what was learnt of it is read before the drive and written after it. `--curve` prints
+//! the curve of its cells instead, see [`curve`].
 //!
 //! Many logs at once make a table of their drives, see [`table`], and a page with the life of each pack, see [`history`]; copies
 //! of a log do not count, see [`copies`]. No file is replaced but an earlier output, see [`outputs`].
@@ -14,6 +15,7 @@ mod arguments;
 mod assignments;
 mod comparison;
 mod copies;
+mod curve;
 mod drive;
 mod failsafes;
 mod files;

@@ -36,6 +36,7 @@ pub fn assign(
             Refused::OutOfRange => {
                 format!("{} can't be {value}: {}", id.name(), id.row().range)
             }
+            Refused::OtherChemistry => format!("{} can't be {value} with this BATT_CHEM", id.name()),
             _ => format!("{} can't be set", id.name()),
         })?;
     }

@@ -21,7 +21,7 @@ use crate::summary::Summary;
 use crate::survey::Survey;
 use crate::vehicle::Vehicle;
 use crate::words::{about, clock, counted, shown, utc};
-use crate::{outputs, plot, report, run};
+use crate::{curve, outputs, plot, report, run};
 
 /// Settings without which the charge is not known.
 const NEEDED: [BatteryParameter; 2] = [BatteryParameter::Cells, BatteryParameter::Capacity];
@@ -53,6 +53,12 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
     };
     let replay = Replay::new(pack, &parameters, &arguments.assignments, known)?;
     let mut outcome = run::run(&drive.trace, replay);
+    if arguments.curve {
+        let cells = outcome.rows.last().and_then(|row| row.state.cell_count);
+        let lines =
+            curve::lines(&drive.trace, &parameters, pack, cells).map_err(|error| about(path, &error))?;
+        return print(&lines).map_err(|error| format!("standard output: {error}"));
+    }
     if !arguments.armed {
         follow(&mut outcome, &drive, pack, &parameters, &arguments.assignments)?;
     }
@@ -224,7 +230,7 @@ fn write_files(recording: &Path, arguments: &Arguments, outcome: &Outcome) -> Re
         written += &format!("wrote {}\n", shown(path));
     }
     if arguments.prints_rows() {
-        print(&outcome.rows).map_err(|error| format!("standard output: {error}"))?;
+        print(&report::csv(&outcome.rows)).map_err(|error| format!("standard output: {error}"))?;
     }
     Ok(written)
 }
@@ -308,9 +314,9 @@ fn picture(recording: &Path, arguments: &Arguments, outcome: &Outcome) -> String
     )
 }
 
-fn print(rows: &[Row]) -> io::Result<()> {
-    match io::stdout().write_all(report::csv(rows).as_bytes()) {
-        // The reader of the rows has closed the pipe.
+fn print(text: &str) -> io::Result<()> {
+    match io::stdout().write_all(text.as_bytes()) {
+        // Its reader has closed the pipe.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         result => result,
     }

@@ -423,3 +423,64 @@ fn a_pack_with_a_board_that_draws_much_is_learnt() {
         }
     }
 }
+
+#[test]
+fn the_charge_of_cells_that_rest_off_their_chemistrys_curve_is_right_with_a_measured_one() {
+    for sensors in [Sensors::Voltage, Sensors::VoltageAndCurrent] {
+        let errors_pct = [false, true].map(|is_measured| {
+            let mut pack = Pack::rested(Chemistry::LiIon, 0.5);
+            pack.offsets_v = [0.3, 0.2];
+            let mut rover = Rover::with(pack);
+            rover.sensors = sensors;
+            rover.bench.settings.cell_count = Some(3);
+            if is_measured {
+                let curve = &Chemistry::LiIon.cell().curve;
+                // The other points lie between.
+                rover.bench.settings.curve_v = [
+                    Some((0.1, 0.29)),
+                    None,
+                    Some((0.5, 0.25)),
+                    None,
+                    Some((0.9, 0.21)),
+                ]
+                .map(|point| point.map(|(soc, height_v)| curve.voltage_v(soc) + height_v));
+            }
+            rover.run(120.0, IDLE_A);
+            let at_rest = rover.error_pct();
+            rover.drive_to(0.3);
+            rover.run(1800.0, IDLE_A);
+            [at_rest, rover.error_pct()].map(f32::abs)
+        });
+        let [by_chemistry, by_curve] = errors_pct;
+        assert!(
+            by_chemistry.iter().all(|error| *error > 10.0),
+            "{sensors:?} {errors_pct:?}"
+        );
+        assert!(
+            by_curve.iter().all(|error| *error < 4.0),
+            "{sensors:?} {errors_pct:?}"
+        );
+    }
+}
+
+#[test]
+fn a_curve_that_falls_or_is_of_another_chemistry_is_not_used() {
+    for (curve_v, is_possible) in [
+        ([None; 5], true),
+        ([Some(3.3), None, Some(3.7), None, Some(4.1)], true),
+        ([None, None, Some(3.7), None, None], true),
+        ([Some(3.3), None, Some(3.2), None, None], false),
+        ([None, Some(3.7), Some(3.7), None, None], false),
+        ([None, None, Some(4.36), None, None], false),
+        ([Some(1.79), None, None, None, None], false),
+    ] {
+        let settings = PackSettings {
+            chemistry: Chemistry::LiIon,
+            curve_v,
+            ..PackSettings::default()
+        };
+        assert_eq!(settings.is_curve_possible(), is_possible, "{curve_v:?}");
+        let is_used = crate::charge::measured_offsets(&settings).is_some();
+        assert_eq!(is_used, is_possible && curve_v != [None; 5], "{curve_v:?}");
+    }
+}
