@@ -182,12 +182,26 @@ impl Autopilot {
             self.packs.follow_scales(&self.parameters);
             self.packs.follow_thermometers(&self.parameters);
             self.record_health();
+            self.follow_below_critical();
             let state = self.system_state(sampling.tick.now);
             self.own_state.readiness = arming_readiness(&state, &self.parameters, &self.vehicle);
             self.announce_above_drivers(sampling.tick.now);
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
         self.record_packs(sampling.tick.now);
+    }
+
+    /// Hands to the vehicle whether a pack is below its critical threshold, which may be forgotten.
+    fn follow_below_critical(&mut self) {
+        let Self {
+            packs, parameters, ..
+        } = self;
+        let is_below = |(pack, kind): &(Pack, MonitorKind)| {
+            let settings = parameters.pack(*pack).settings_of_kind(Some(*kind));
+            settings.failsafe.is_below_critical(packs.bank.state(*pack))
+        };
+        let is_below = packs.order.iter().any(is_below);
+        self.vehicle.update_below_critical(is_below);
     }
 
     /// Hands the levels and alerts of all packs to the vehicle.

@@ -6,7 +6,8 @@ use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
-use rover_battmon::vehicle::{Alert, ArmState, Mode};
+use rover_battmon::time::Instant;
+use rover_battmon::vehicle::{Alert, ArmState, Colour, Mode};
 use support::charge_states::OK;
 use support::commands::{ACCEPTED, BATTERY_RESET, FAILED, REQUEST_MESSAGE};
 use support::desk::{Desk, start_with};
@@ -300,6 +301,37 @@ fn the_weakest_cell_of_a_pack_reaches_its_threshold() {
             FAILED
         };
         assert_eq!(desk.result_of(&arm()), result, "{source}");
+    }
+}
+
+#[test]
+fn a_pack_below_its_critical_voltage_is_forgotten_after_ten_minutes_until_a_charger_comes() {
+    let shown = |desk: &Desk| {
+        desk.autopilot
+            .vehicle()
+            .indication(Instant::from_micros(desk.now_us))
+            .colour
+    };
+    let seconds = |desk: &mut Desk, count: usize, frame: &[u8]| {
+        for _ in 0..count {
+            tick(desk, &[frame.to_vec()]);
+            silence(desk, 9);
+        }
+    };
+    for (voltage_mv, is_forgotten) in [(9_800, true), (10_000, false)] {
+        let mut desk = desk();
+        desk.set(BatteryParameter::CrtVolt.of(Pack::First), 9.9);
+        seconds(&mut desk, 590, &half_full(voltage_mv));
+        assert_ne!(shown(&desk), Colour::Off);
+        // Off the moment of a flash.
+        seconds(&mut desk, 20, &half_full(voltage_mv));
+        silence(&mut desk, 3);
+        assert_eq!(shown(&desk) == Colour::Off, is_forgotten, "{voltage_mv} mV");
+        let mut charging = of_voltage(voltage_mv);
+        (charging.remaining_pct, charging.current_ca) = (50, -200);
+        seconds(&mut desk, 5, &charging.frame());
+        silence(&mut desk, 3);
+        assert_ne!(shown(&desk), Colour::Off);
     }
 }
 

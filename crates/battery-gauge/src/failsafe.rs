@@ -383,6 +383,20 @@ impl Thresholds {
     }
 }
 
+impl FailsafeSettings {
+    /// Whether a pack that is not being charged is below its critical threshold now, timer aside, or its charge is critical.
+    pub fn is_below_critical(&self, state: &BatteryState) -> bool {
+        match state.firm_charge_state() {
+            ChargeState::Charging => false,
+            ChargeState::Critical | ChargeState::Emergency => true,
+            _ => {
+                is_below(self.compared_voltage_v(state), self.critical.voltage_v)
+                    || self.critical.lacks_charge(state)
+            }
+        }
+    }
+}
+
 /// Whether both are known and the value is below the threshold.
 pub fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
     value

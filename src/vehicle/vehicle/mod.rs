@@ -25,6 +25,13 @@ const WARNING_PERIOD_US: u64 = 2_000_000;
 const URGENT_PERIOD_US: u64 = 1_000_000;
 const URGENT_TONES: u64 = 3;
 const SHORT_TONE_US: u64 = 100_000;
+/// A disarmed rover with a pack below its critical threshold is forgotten after this long without a station or a stick, in
+/// microseconds.
+const FORGOTTEN_AFTER_US: u64 = 600_000_000;
+/// Its periods of three short tones and of a flash of the lamps: the rest would drain the pack.
+const FORGOTTEN_PERIOD_US: u64 = 60_000_000;
+const FLASH_PERIOD_US: u64 = 10_000_000;
+const FLASH_US: u64 = 100_000;
 
 /// Why the rover was not armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,6 +71,10 @@ pub struct Vehicle {
     reversals: Reversals,
     /// The most urgent alert of all packs.
     battery_alert: BatteryAlert,
+    /// A pack that is not being charged is below its critical threshold.
+    is_below_critical: bool,
+    /// When it was armed, a station or a stick was there, or no pack was below its critical threshold.
+    attended_at: Instant,
     /// Packs whose failsafe has terminated the drive and that still have a failsafe level, a bit each.
     terminated_by: u16,
     refused_at: Option<Instant>,
@@ -158,6 +169,7 @@ impl Vehicle {
         throttle: StickInput,
         steering: StickInput,
     ) -> Result<Option<Stick>, AnotherDrives> {
+        self.attended_at = self.attended_at.max(received_at);
         let was_driven = self.seat.is_taken() && self.arm_state == ArmState::Armed;
         if let Admitted::NewDriver(sticks) = self.seat.admit(from, received_at, throttle, steering)? {
             self.driver_lost |= was_driven && self.controls.deflected().is_some();
@@ -192,6 +204,7 @@ impl Vehicle {
 
     /// A ground station's heartbeat.
     pub fn ground_station_seen(&mut self, received_at: Instant) {
+        self.attended_at = self.attended_at.max(received_at);
         self.ground_stations.receive(received_at, ());
     }
 
@@ -231,6 +244,11 @@ impl Vehicle {
         self.terminated_by &= at_a_level;
     }
 
+    /// Updates whether a pack that is not being charged is below its critical threshold.
+    pub fn update_below_critical(&mut self, is_below: bool) {
+        self.is_below_critical = is_below;
+    }
+
     /// Follows changed channels of the sticks while disarmed. Positions from before mean something else now.
     fn follow_channels(&mut self, channels: StickChannels) {
         if self.arm_state == ArmState::Disarmed && channels != self.channels {
@@ -242,6 +260,9 @@ impl Vehicle {
     /// Updates time-outs, channels of the sticks and the slew rate limiter. Returns an event if an input has timed out.
     pub fn update(&mut self, now: Instant, settings: &VehicleSettings) -> Option<VehicleEvent> {
         self.follow_channels(settings.channels);
+        if self.arm_state == ArmState::Armed || !self.is_below_critical {
+            self.attended_at = now;
+        }
         self.seat.expire(now, settings.timeout_us);
         let event = self.check_time_outs(now, settings);
         if event.is_some() {
@@ -326,7 +347,11 @@ impl Vehicle {
             return Indication::default();
         }
         Indication {
-            colour: self.colour(),
+            colour: match self.is_forgotten(now) {
+                true if now.as_micros() % FLASH_PERIOD_US < FLASH_US => Colour::Red,
+                true => Colour::Off,
+                false => self.colour(),
+            },
             tone: if self.sounds(now) {
                 Tone::Sounding
             } else {
@@ -353,12 +378,18 @@ impl Vehicle {
         let was_refused = |at| now.us_since(at) < REFUSED_TONE_US;
         if self.refused_at.is_some_and(was_refused) {
             true
+        } else if self.is_forgotten(now) {
+            sounds_three_tones(now, FORGOTTEN_PERIOD_US)
         } else if self.is_urgent() {
-            let slot = now.as_micros() % URGENT_PERIOD_US / SHORT_TONE_US;
-            slot.is_multiple_of(2) && slot < 2 * URGENT_TONES
+            sounds_three_tones(now, URGENT_PERIOD_US)
         } else {
             self.is_warning() && now.as_micros() % WARNING_PERIOD_US < SHORT_TONE_US
         }
+    }
+
+    /// Whether a pack is drained below its critical threshold, without a station or a stick for long.
+    fn is_forgotten(&self, now: Instant) -> bool {
+        self.is_below_critical && now.us_since(self.attended_at) >= FORGOTTEN_AFTER_US
     }
 
     fn is_urgent(&self) -> bool {
@@ -418,6 +449,12 @@ impl Vehicle {
     fn has_timed_out(&self) -> bool {
         self.driver_lost || self.controls.have_timed_out() || self.ground_stations.has_timed_out()
     }
+}
+
+/// Whether one of three short tones at the beginning of each period sounds now.
+fn sounds_three_tones(now: Instant, period_us: u64) -> bool {
+    let slot = now.as_micros() % period_us / SHORT_TONE_US;
+    slot.is_multiple_of(2) && slot < 2 * URGENT_TONES
 }
 
 #[cfg(test)]

@@ -365,6 +365,43 @@ fn lamps_and_buzzer_indicate_the_state() {
 }
 
 #[test]
+fn a_forgotten_pack_flashes_every_ten_seconds_and_sounds_each_minute_until_it_is_attended() {
+    const MINUTE_US: u64 = 60_000_000;
+    let mut vehicle = Vehicle::new();
+    vehicle.update_below_critical(true);
+    let at = |vehicle: &mut Vehicle, now_us: u64| {
+        vehicle.update(at_us(now_us), &SETTINGS);
+        vehicle.indication(at_us(now_us))
+    };
+    assert_eq!(at(&mut vehicle, 10 * MINUTE_US - 1).colour, Colour::Green);
+    let shown: Vec<_> = (0..600)
+        .map(|step| at(&mut vehicle, 10 * MINUTE_US + step * 100_000 + 50_000))
+        .collect();
+    let flashes: Vec<_> = (0..600)
+        .filter(|step| shown[*step].colour != Colour::Off)
+        .collect();
+    assert_eq!(flashes, [0, 100, 200, 300, 400, 500]);
+    assert!(flashes.iter().all(|step| shown[*step].colour == Colour::Red));
+    let tones: Vec<_> = (0..600)
+        .filter(|step| shown[*step].tone == Tone::Sounding)
+        .collect();
+    assert_eq!(tones, [0, 2, 4]);
+    let now_us = 12 * MINUTE_US + 1_000_000;
+    let station = |vehicle: &mut Vehicle| vehicle.ground_station_seen(at_us(now_us));
+    let stick = |vehicle: &mut Vehicle| drive(vehicle, at_us(now_us), 0);
+    let charger = |vehicle: &mut Vehicle| vehicle.update_below_critical(false);
+    let arm = |vehicle: &mut Vehicle| vehicle.arm(at_us(now_us), Fitness::Forced).unwrap();
+    let ways: [&dyn Fn(&mut Vehicle); 4] = [&station, &stick, &charger, &arm];
+    for comes in ways {
+        let mut vehicle = vehicle.clone();
+        assert_eq!(at(&mut vehicle, now_us).colour, Colour::Off);
+        comes(&mut vehicle);
+        assert_ne!(at(&mut vehicle, now_us).colour, Colour::Off);
+        assert_ne!(at(&mut vehicle, now_us + 9 * MINUTE_US).colour, Colour::Off);
+    }
+}
+
+#[test]
 fn a_charge_state_is_indicated_without_a_failsafe() {
     let mut vehicle = Vehicle::new();
     for (alert, colour, expected_tones) in [
