@@ -16,7 +16,7 @@ def test_the_session_ends_with_the_failsafe_and_is_drawn_whole(monkeypatch):
     # Lines may come in another order than they are drawn.
     monkeypatch.setattr(draw_mavproxy, "QUIET_S", 0.8)
     lines = record()
-    assert re.search(r"^AP: Battery 1 is low 10\.\d+V", "\n".join(lines), re.MULTILINE), lines
+    assert re.search(r"^AP: Battery 1 is low 6\.\d+V", "\n".join(lines), re.MULTILINE), lines
     assert lines[-1].endswith("Mode HOLD")
     picture = ElementTree.fromstring(draw(lines, "A session"))
     drawn = [element.text for element in picture.iter() if element.text]

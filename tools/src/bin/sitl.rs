@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use clap::Parser;
 use embassy_executor::Executor;
 use embassy_time::{Duration, Ticker, Timer};
+use rover_battmon::parameter::ParameterId;
 use rover_battmon_tools::sim::{
     self, Clients, Fleet, LogFolder, MAX_ROVERS, Role, Scenario, Setup, SimulatedFlash, UdpWire, clock,
     console,
@@ -19,6 +20,7 @@ use rover_battmon_tools::sim::{
 const EXAMPLES: &str = "\
 Examples (`cargo run --` instead of the name in a clone):
   rover-battmon-sitl                             the rover with a full pack, for a ground station
+  rover-battmon-sitl --pack 2s-18650             the same with the kit's pack, set up by its file
   rover-battmon-sitl --scenario drain            see the pack run empty and the rover stop, in a minute
   rover-battmon-sitl --scenario swap --for 70    the same with a swapped pack, then end
   rover-battmon-sitl --speedup 20 --log logs     an hour in three minutes, with log files
@@ -48,6 +50,11 @@ struct Arguments {
     /// Play what happens to a rover: drain, swap, cold or loose-wire. Nothing that it sets is kept
     #[arg(long, value_name = "NAME", value_parser = scenario, conflicts_with = "flash")]
     scenario: Option<&'static Scenario>,
+
+    /// Simulate the full pack of docs/params/NAME.param instead of a 3S LiPo, and start with the parameters in it; alone, or
+    /// to drain it
+    #[arg(long, value_name = "NAME", value_parser = pack, conflicts_with = "rovers")]
+    pack: Option<&'static [(ParameterId, f32)]>,
 
     /// Simulate this many rovers, with packs and system ids of their own. All send by UDP; TCP and page are the first
     /// one's
@@ -128,6 +135,10 @@ fn scenario(name: &str) -> Result<&'static Scenario, String> {
         let names = Scenario::ALL.map(|scenario| scenario.name);
         format!("there are {}", names.join(", "))
     })
+}
+
+fn pack(name: &str) -> Result<&'static [(ParameterId, f32)], String> {
+    sim::ready_pack(name).map(|parameters| &**forever(parameters))
 }
 
 fn rovers(text: &str) -> Result<u8, String> {
@@ -218,7 +229,7 @@ async fn end_after(time: Duration) {
 /// The folder for the logs of the rover in this role.
 fn open_log_folder(path: &Path, role: Role<'_>, flash: &SimulatedFlash) -> Result<LogFolder, String> {
     let path = match role {
-        Role::Alone(_) => path.to_owned(),
+        Role::Alone(..) => path.to_owned(),
         Role::Member(_, number) => path.join(format!("rover-{number:02}")),
     };
     LogFolder::open(path, flash.clone()).map_err(|error| format!("Can't use the log folder: {error}."))
@@ -273,14 +284,17 @@ fn forever<T>(value: T) -> &'static T {
 }
 
 /// What each rover is among others, and the fleet, if there is one.
-fn roles(rovers: Option<u8>) -> (Vec<Role<'static>>, Option<&'static Fleet>) {
-    if rovers.is_some() {
+fn roles(arguments: &Arguments) -> (Vec<Role<'static>>, Option<&'static Fleet>) {
+    if arguments.rovers.is_some() {
         // The log does not say which rover it is of.
         console::print_only_warnings();
     }
     let output = console::use_terminal();
-    let Some(count) = rovers else {
-        return (vec![Role::Alone(output)], None);
+    let Some(count) = arguments.rovers else {
+        return (
+            vec![Role::Alone(output, arguments.pack.unwrap_or_default())],
+            None,
+        );
     };
     let fleet: &Fleet = forever(Fleet::of(count));
     (fleet.roles().collect(), Some(fleet))
@@ -324,8 +338,16 @@ fn rover(arguments: &Arguments, role: Role<'static>) -> Result<Setup<'static>, S
 
 /// Runs the simulator until it is stopped, or says why it can't.
 fn simulate(arguments: Arguments) -> Result<(), String> {
+    if let (Some(scenario), Some(_)) = (arguments.scenario, arguments.pack)
+        && !scenario.takes_any_pack()
+    {
+        return Err(format!(
+            "The scenario {} has a pack of its own: no --pack.",
+            scenario.name
+        ));
+    }
     let listeners: &Listeners = forever(listen(&arguments)?);
-    let (roles, fleet) = roles(arguments.rovers);
+    let (roles, fleet) = roles(&arguments);
     let rovers = roles.iter().map(|role| rover(&arguments, *role));
     let mut rovers = rovers.collect::<Result<Vec<_>, _>>()?;
     if let Some(first) = rovers.first_mut() {

@@ -54,10 +54,7 @@ pub struct Setup<'a> {
 /// Runs the vehicle, and restarts it at a ground station's request. Pack, flash and retained RAM survive a restart, connections don't.
 /// Returns when a ground station requests the boot loader, which is not simulated.
 pub async fn run(setup: Setup<'_>) {
-    let pack = RefCell::new(match setup.scenario {
-        Some(scenario) => scenario.pack.clone(),
-        None => setup.role.pack(),
-    });
+    let pack = RefCell::new(setup.role.pack(setup.scenario));
     let rover = SimulatedRover::default();
     let mut scenario = setup.scenario;
     let mut memory = [RetainedRecord::BLANK; 2];
@@ -114,11 +111,12 @@ async fn start<'a>(
     pack: &'a RefCell<SimulatedPack>,
 ) -> (Desk<'a>, Storages<SimulatedFlash>) {
     let mut start = Start::default();
-    role.set_up(&mut start);
-    let storages = boot(flash, &mut start).await;
     if let Some(scenario) = scenario {
         scenario.set_up(&mut start.parameters);
     }
+    // The thresholds of its own pack count, not those of the scenario's.
+    role.set_up(&mut start);
+    let storages = boot(flash, &mut start).await;
     (Desk::new(&start, pack, flash), storages)
 }
 

@@ -1,21 +1,24 @@
 //! A fleet: what distinguishes its rovers, and one status line for all of them.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fmt;
+use std::fs;
+use std::io;
 
 use embassy_time::{Duration, Ticker};
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::FailsafeLevel;
+use rover_battmon::battery::{Chemistry, FailsafeLevel};
 use rover_battmon::memory::identity::BoardId;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{
-    BatteryParameter, ParameterId, Parameters, SimulationParameter, VehicleParameter,
+    BatteryParameter, MonitorKind, ParameterId, Parameters, PartKind, SimulationParameter, VehicleParameter,
 };
 use rover_battmon::vehicle::{Alert, ArmState};
 
 use super::console::{Level, Output, print_event, print_line, print_status};
 use super::status::Status;
-use super::{PackModel, SimulatedPack};
+use super::{PackModel, SHUNT_OHM, Scenario, SimulatedPack};
 
 /// System ids above belong to ground stations: MAVSDK's is 245, that of most others 255.
 pub const MAX_ROVERS: usize = 240;
@@ -29,11 +32,85 @@ const CHARGES: [f32; 10] = [1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.5
 /// Highest supply of the simulated motor drivers, in volts: the simulated 3S packs are below it.
 const DRIVER_LIMIT_V: f32 = 13.0;
 
+/// The files of ready parameters.
+const READY_FILES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/params");
+
+/// Kinds of monitors of which the simulator has the hardware: the board's divider with a current sensor, and an INA226.
+const MEASURED_BY: [MonitorKind; 4] = [
+    MonitorKind::AnalogVoltage,
+    MonitorKind::AnalogVoltageAndCurrent,
+    MonitorKind::SyntheticCurrent,
+    MonitorKind::Bus(PartKind::Ina2xx),
+];
+
+/// The parameters of a rover with the pack of a ready file, `docs/params/{name}.param`. Without a capacity in the file it is that of a
+/// usual cell.
+///
+/// # Errors
+/// There is no such file, or its pack can't be simulated, in words.
+pub fn ready_pack(name: &str) -> Result<Vec<(ParameterId, f32)>, String> {
+    let files = ready_files().map_err(|error| format!("{READY_FILES}: {error}"))?;
+    let can_be = files.iter().filter(|(_, text)| parameters_of(text).is_some());
+    let names: Vec<_> = can_be.map(|(name, _)| name.as_str()).collect();
+    let names = names.join(", ");
+    match files.get(name) {
+        Some(text) => parameters_of(text).ok_or_else(|| {
+            format!("{name}.param has no cells and chemistry, or a monitor that is not simulated; there are {names}")
+        }),
+        None => Err(format!("there are {names}")),
+    }
+}
+
+/// The ready files' texts by their names.
+fn ready_files() -> io::Result<BTreeMap<String, String>> {
+    let mut files = BTreeMap::new();
+    for entry in fs::read_dir(READY_FILES)? {
+        let path = entry?.path();
+        if let Some(name) = path.file_stem() {
+            files.insert(name.to_string_lossy().into_owned(), fs::read_to_string(&path)?);
+        }
+    }
+    Ok(files)
+}
+
+/// The parameters in the text of a file, and what it leaves to its owner; `None` if its first pack can't be simulated.
+fn parameters_of(text: &str) -> Option<Vec<(ParameterId, f32)>> {
+    let mut parameters = vec![];
+    for line in text.lines().filter(|line| !line.starts_with('#')) {
+        let (name, value) = line.split_once(',')?;
+        parameters.push((ParameterId::from_name(name.as_bytes())?, value.parse().ok()?));
+    }
+    let model = model_of(&parameters)?;
+    let kind = MonitorKind::from_number(value_of(&parameters, BatteryParameter::Monitor)? as i32)?;
+    parameters.extend([
+        (
+            BatteryParameter::Capacity.of(Pack::First),
+            model.capacity_ah * 1e3,
+        ),
+        (BatteryParameter::Shunt.of(Pack::First), SHUNT_OHM),
+        (SimulationParameter::BattCapAh.into(), model.capacity_ah),
+    ]);
+    MEASURED_BY.contains(&kind).then_some(parameters)
+}
+
+/// The first pack of these parameters.
+fn model_of(parameters: &[(ParameterId, f32)]) -> Option<PackModel> {
+    let cells = value_of(parameters, BatteryParameter::Cells)?;
+    let chemistry = Chemistry::from_number(value_of(parameters, BatteryParameter::Chem)? as i32)?;
+    let capacity_ah = value_of(parameters, BatteryParameter::Capacity).map(|mah| mah / 1e3);
+    Some(PackModel::usual(chemistry, cells as u8, capacity_ah))
+}
+
+fn value_of(parameters: &[(ParameterId, f32)], wanted: BatteryParameter) -> Option<f32> {
+    let found = parameters.iter().find(|(id, _)| *id == wanted.of(Pack::First));
+    found.map(|(_, value)| *value)
+}
+
 /// What a simulated rover is among others.
 #[derive(Clone, Copy)]
 pub enum Role<'a> {
-    /// The only one, with a full pack; its lines go here.
-    Alone(Output),
+    /// The only one, with a full pack, that of [`ready_pack`] if there are such parameters; its lines go here.
+    Alone(Output, &'a [(ParameterId, f32)]),
     /// The one with this number, from 1 on, which is its system id.
     Member(&'a Fleet, u8),
 }
@@ -41,15 +118,19 @@ pub enum Role<'a> {
 impl Role<'_> {
     fn number(self) -> u8 {
         match self {
-            Self::Alone(_) => 1,
+            Self::Alone(..) => 1,
             Self::Member(_, number) => number,
         }
     }
 
-    /// Its pack.
-    pub(super) fn pack(self) -> SimulatedPack {
+    /// Its pack at the start of a scenario, or without one.
+    pub(super) fn pack(self, scenario: Option<&Scenario>) -> SimulatedPack {
         match self {
-            Self::Alone(_) => SimulatedPack::full(PackModel::LIPO_3S_2200),
+            Self::Alone(_, parameters) => match (model_of(parameters), scenario) {
+                (Some(model), _) => SimulatedPack::full(model),
+                (None, Some(scenario)) => scenario.pack.clone(),
+                (None, None) => SimulatedPack::full(PackModel::LIPO_3S_2200),
+            },
             Self::Member(_, number) => {
                 let model = PackModel {
                     capacity_ah: capacity_ah(number),
@@ -66,7 +147,10 @@ impl Role<'_> {
         start
             .parameters
             .set_default(VehicleParameter::MotDrvVolt.into(), DRIVER_LIMIT_V);
-        let Self::Member(_, number) = self else { return };
+        let number = match self {
+            Self::Alone(_, parameters) => return restore(&mut start.parameters, parameters),
+            Self::Member(_, number) => number,
+        };
         let own: [(ParameterId, f32); 4] = [
             (VehicleParameter::SysidThismav.into(), number.into()),
             (SimulationParameter::BattCapAh.into(), capacity_ah(number)),
@@ -84,13 +168,13 @@ impl Role<'_> {
 
     /// Whether its announcements are shown. Those of the only rover are in the log, which lines in a file have beside them.
     pub(super) fn shows_announcements(self) -> bool {
-        matches!(self, Self::Alone(Output::Terminal) | Self::Member(..))
+        matches!(self, Self::Alone(Output::Terminal, _) | Self::Member(..))
     }
 
     /// Shows what it announces; of a fleet's rover what is urgent.
     pub(super) fn show_event(self, level: Level, text: &str) {
         match self {
-            Self::Alone(_) => print_event(level, text),
+            Self::Alone(..) => print_event(level, text),
             Self::Member(..) if level == Level::Info => {}
             Self::Member(_, number) => print_event(level, &format!("rover {number}: {text}")),
         }
@@ -99,7 +183,7 @@ impl Role<'_> {
     /// Shows something that has happened to the simulator.
     pub(super) fn show_line(self, line: &str) {
         match self {
-            Self::Alone(_) => print_line(line),
+            Self::Alone(..) => print_line(line),
             Self::Member(_, number) => print_line(&format!("rover {number}: {line}")),
         }
     }
@@ -107,8 +191,8 @@ impl Role<'_> {
     /// Shows its status; that of a fleet's rover in the line of the fleet.
     pub(super) fn show_status(self, status: Status) {
         match self {
-            Self::Alone(Output::Terminal) => print_status(status.comparison.level(), &status.short()),
-            Self::Alone(Output::Lines) => print_status(status.comparison.level(), &status.long()),
+            Self::Alone(Output::Terminal, _) => print_status(status.comparison.level(), &status.short()),
+            Self::Alone(Output::Lines, _) => print_status(status.comparison.level(), &status.long()),
             Self::Member(fleet, number) => fleet.report(number, status),
         }
     }
@@ -230,7 +314,7 @@ mod tests {
             let system_id = start.parameters.get_whole(VehicleParameter::SysidThismav);
             assert!(ids.insert(system_id) && ids.insert(-i32::from(role.number())));
             assert_eq!(start.identity.board_id, Some(board_id(role.number())));
-            let pack = role.pack();
+            let pack = role.pack(None);
             let is_new = packs.insert((pack.capacity_ah().to_bits(), pack.charge().to_bits()));
             assert!(is_new || role.number() > 20, "{system_id}");
         }
@@ -239,7 +323,7 @@ mod tests {
     #[test]
     fn the_drivers_of_every_rover_stand_its_full_pack() {
         let full_v = SimulatedPack::full(PackModel::LIPO_3S_2200).voltage_v();
-        for role in [Role::Alone(Output::Lines), Role::Member(&Fleet::of(1), 1)] {
+        for role in [Role::Alone(Output::Lines, &[]), Role::Member(&Fleet::of(1), 1)] {
             let mut start = Start::default();
             role.set_up(&mut start);
             let limit_v = |start: &Start| start.parameters.get(VehicleParameter::MotDrvVolt);

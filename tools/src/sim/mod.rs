@@ -26,7 +26,7 @@ mod test_folder;
 pub use bus::{POWER_MONITOR_ADDRESS, SHUNT_OHM, SMART_BATTERY_ADDRESS, SimulatedBus};
 pub use desk::{Setup, run};
 pub use flash::SimulatedFlash;
-pub use fleet::{Fleet, MAX_ROVERS, Role};
+pub use fleet::{Fleet, MAX_ROVERS, Role, ready_pack};
 pub use links::{Client, Clients, UdpReceiver, UdpWire};
 pub use log_folder::LogFolder;
 pub use pack::{PackModel, SimulatedPack};

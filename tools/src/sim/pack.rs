@@ -1,10 +1,32 @@
-//! Model of a lithium-polymer pack.
+//! Model of a pack.
 
-/// Resting voltage of a LiPo cell from 0 % to 100 % charge in steps of 5 %, in volts: the usual "LiPo voltage chart" of
-/// chargers and pack manufacturers (0.05 C discharge at room temperature).
-const CELL_RESTING_V: [f32; 21] = [
+use rover_battmon::battery::Chemistry;
+
+/// Points of a table of resting voltages: 0 %, 5 %, …, 100 %.
+const POINTS: usize = 21;
+
+/// The usual "LiPo voltage chart" of chargers and pack manufacturers (0.05 C discharge at room temperature).
+static LIPO_RESTING_V: [f32; POINTS] = [
     3.27, 3.61, 3.69, 3.71, 3.73, 3.75, 3.77, 3.79, 3.80, 3.82, 3.84, 3.85, 3.87, 3.91, 3.95, 3.98, 4.02,
     4.08, 4.11, 4.15, 4.20,
+];
+
+/// LG M50: Chen et al. 2020 (doi:10.1149/1945-7111/ab9050), from 2.5 to 4.2 V.
+static LI_ION_RESTING_V: [f32; POINTS] = [
+    2.50, 3.11, 3.30, 3.43, 3.49, 3.53, 3.58, 3.63, 3.67, 3.71, 3.75, 3.80, 3.84, 3.89, 3.95, 3.99, 4.04,
+    4.08, 4.10, 4.12, 4.20,
+];
+
+/// LiFePO4 of Afshar et al. 2017 (arXiv:1709.03970), against graphite of Mohtat et al. 2020 (doi:10.1149/1945-7111/aba5d1).
+static LIFE_RESTING_V: [f32; POINTS] = [
+    2.17, 3.08, 3.17, 3.20, 3.24, 3.27, 3.273, 3.274, 3.275, 3.276, 3.277, 3.28, 3.30, 3.309, 3.31, 3.311,
+    3.312, 3.313, 3.314, 3.315, 3.55,
+];
+
+/// An eneloop AA of 2 Ah in the equation of Tremblay and Dessaint 2009 (doi:10.3390/wevj3020289).
+static NIMH_RESTING_V: [f32; POINTS] = [
+    0.90, 1.054, 1.179, 1.22, 1.241, 1.254, 1.262, 1.268, 1.272, 1.276, 1.279, 1.282, 1.284, 1.287, 1.291,
+    1.296, 1.304, 1.318, 1.342, 1.386, 1.466,
 ];
 
 const SECONDS_PER_HOUR: f32 = 3600.0;
@@ -12,6 +34,8 @@ const SECONDS_PER_HOUR: f32 = 3600.0;
 /// Parameters of a pack.
 #[derive(Clone, Copy, Debug)]
 pub struct PackModel {
+    /// Resting voltage of a cell from 0 % to 100 % charge in steps of 5 %, in volts.
+    pub cell_resting_v: &'static [f32; POINTS],
     /// Cells in series.
     pub cells: u8,
     /// Full capacity, in ampere-hours.
@@ -32,6 +56,7 @@ const COLD_RESISTANCE_FACTOR: f32 = 2.19;
 impl PackModel {
     /// A 3S pack of 2200 mAh, with typical resistances of 25 C hobby packs.
     pub const LIPO_3S_2200: Self = Self {
+        cell_resting_v: &LIPO_RESTING_V,
         cells: 3,
         capacity_ah: 2.2,
         ohmic_resistance_ohm: 0.036,
@@ -45,6 +70,42 @@ impl PackModel {
         polarization_resistance_ohm: Self::LIPO_3S_2200.polarization_resistance_ohm * COLD_RESISTANCE_FACTOR,
         ..Self::LIPO_3S_2200
     };
+
+    /// A pack of usual cells; without a capacity, in ampere-hours, that of one such cell.
+    ///
+    /// Resistances times capacity, in Ω·Ah, by data sheets: 13 to 40 mΩ of 18650s with 3 to 3.5 Ah, 10 mΩ of an A123 26650 with
+    /// 2.3 Ah; that of NiMH is assumed. The slow part of all but hobby packs is that of Chen and Rincón-Mora 2006
+    /// (doi:10.1109/TEC.2006.874229), whose two resistances are one here.
+    pub fn usual(chemistry: Chemistry, cells: u8, capacity_ah: Option<f32>) -> Self {
+        let (cell_resting_v, usual_ah, ohm_ah) = match chemistry {
+            Chemistry::LiPo => (&LIPO_RESTING_V, 2.2, 0.026),
+            Chemistry::LiIon => (&LI_ION_RESTING_V, 2.6, 0.085),
+            Chemistry::LiFe => (&LIFE_RESTING_V, 2.3, 0.023),
+            Chemistry::NiMh => (&NIMH_RESTING_V, 2.0, 0.020),
+        };
+        let (slow_share, polarization_time_s) = match chemistry {
+            Chemistry::LiPo => (0.5, 8.0),
+            Chemistry::LiIon | Chemistry::LiFe | Chemistry::NiMh => (1.3, 130.0),
+        };
+        let capacity_ah = capacity_ah.unwrap_or(usual_ah);
+        let ohmic_resistance_ohm = f32::from(cells) * ohm_ah / capacity_ah;
+        Self {
+            cell_resting_v,
+            cells,
+            capacity_ah,
+            ohmic_resistance_ohm,
+            polarization_resistance_ohm: slow_share * ohmic_resistance_ohm,
+            polarization_time_s,
+        }
+    }
+
+    fn resting_cell_voltage_v(&self, charge: f32) -> f32 {
+        let table_v = self.cell_resting_v;
+        let position = charge.clamp(0.0, 1.0) * (POINTS - 1) as f32;
+        let below = (position as usize).min(POINTS - 2);
+        let share = position - below as f32;
+        table_v[below] * (1.0 - share) + table_v[below + 1] * share
+    }
 }
 
 /// State of a pack.
@@ -152,7 +213,7 @@ impl SimulatedPack {
         if !self.is_plugged_in {
             return 0.0;
         }
-        let by_charge_v = resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);
+        let by_charge_v = self.model.resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);
         let resting_v = self.open_circuit_v.unwrap_or(by_charge_v);
         let sag_v = self.current_a * self.model.ohmic_resistance_ohm + self.polarization_v;
         resting_v - sag_v - self.first_cell_drop_v
@@ -166,13 +227,6 @@ impl SimulatedPack {
             _ => (index < self.model.cells).then_some(sound_v),
         }
     }
-}
-
-fn resting_cell_voltage_v(charge: f32) -> f32 {
-    let position = charge.clamp(0.0, 1.0) * (CELL_RESTING_V.len() - 1) as f32;
-    let below = (position as usize).min(CELL_RESTING_V.len() - 2);
-    let share = position - below as f32;
-    CELL_RESTING_V[below] * (1.0 - share) + CELL_RESTING_V[below + 1] * share
 }
 
 #[cfg(test)]

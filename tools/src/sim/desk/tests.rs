@@ -5,11 +5,11 @@ use std::collections::HashSet;
 
 use embassy_time::Instant;
 use rover_battmon::autopilot::Autopilot;
-use rover_battmon::parameter::VehicleParameter;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use rover_battmon::system::ArmingReadiness;
 
-use super::super::Fleet;
 use super::super::console::Output;
+use super::super::{Fleet, ready_pack};
 use super::*;
 use crate::sim::clock;
 
@@ -23,12 +23,17 @@ struct Shown {
 
 /// Everything that a scenario shows, to its closing sentence.
 fn shown(name: &str) -> Vec<Shown> {
+    shown_with(&[], name)
+}
+
+/// The same with the pack of these parameters.
+fn shown_with(parameters: &[(ParameterId, f32)], name: &str) -> Vec<Shown> {
     let scenario = Scenario::named(name).expect(name);
+    let alone = Role::Alone(Output::Lines, parameters);
     let shown = RefCell::new(Vec::new());
     let (flash, rover) = (SimulatedFlash::open(None).unwrap(), SimulatedRover::default());
-    let pack = RefCell::new(scenario.pack.clone());
+    let pack = RefCell::new(alone.pack(Some(scenario)));
     clock::run_for(Duration::from_secs(u64::from(scenario.end_s) + 2), async {
-        let alone = Role::Alone(Output::Lines);
         let (desk, storages) = start(alone, &flash, Some(scenario), &pack).await;
         let show = |level, text: &str| {
             shown.borrow_mut().push(Shown {
@@ -54,7 +59,7 @@ fn after_ten_seconds<R>(number: u8, look: impl FnOnce(&Autopilot) -> R) -> R {
         SimulatedRover::default(),
     );
     let role = Role::Member(&fleet, number);
-    let pack = RefCell::new(role.pack());
+    let pack = RefCell::new(role.pack(None));
     let seen = clock::run_for(Duration::from_secs(11), async {
         let (desk, storages) = start(role, &flash, None, &pack).await;
         let look = async {
@@ -137,6 +142,63 @@ fn a_drained_pack_is_low_then_critical_and_the_rover_stops() {
     assert!(!shown.iter().any(|shown| shown.text.contains("Failsafe: Hold")));
     let failsafe = shown.iter().find(|shown| shown.text.contains("is critical"));
     assert_eq!(failsafe.map(|shown| shown.level), Some(Level::Critical));
+}
+
+#[test]
+fn the_pack_of_the_kit_is_drained_to_its_own_threshold_which_stops_the_rover() {
+    let shown = shown_with(&ready_pack("2s-18650").unwrap(), "drain");
+    let times = times(
+        &shown,
+        &[
+            "MANUAL, armed",
+            "Battery 1 is low 6.",
+            "HOLD, armed",
+            "the driver disarms",
+            "Seen: low at ",
+        ],
+    );
+    // 2.6 Ah at 4.2 A are 37 minutes, of which a third is left at 6.6 V under that load.
+    assert!((1200..1800).contains(&times[1]), "{times:?}");
+    assert!(times[2] - times[1] <= 1, "{times:?}");
+}
+
+#[test]
+fn a_ready_file_with_cells_and_chemistry_is_a_full_pack_of_those_and_others_are_refused_by_name() {
+    for (name, cells, full_v, capacity_ah) in [
+        ("2s-18650", 2, 8.4, 2.6),
+        ("3s-lipo", 3, 12.6, 2.2),
+        ("3s-life", 3, 10.65, 2.3),
+        ("6s-nimh", 6, 8.8, 2.0),
+        ("ina226", 3, 12.6, 2.2),
+    ] {
+        let parameters = ready_pack(name).unwrap();
+        let role = Role::Alone(Output::Lines, &parameters);
+        let pack = role.pack(None);
+        assert_eq!((pack.cells(), pack.capacity_ah()), (cells, capacity_ah), "{name}");
+        assert!(
+            (pack.voltage_v() - full_v).abs() < 0.01,
+            "{name}: {} V",
+            pack.voltage_v()
+        );
+        let mut start = Start::default();
+        role.set_up(&mut start);
+        let cells_set = BatteryParameter::Cells.of(Pack::First);
+        assert_eq!(start.parameters.get_whole(cells_set), i32::from(cells), "{name}");
+    }
+    let all = "there are 2s-18650, 3s-life, 3s-lipo, 6s-nimh, analog-current, ina226, synthetic-current, two-packs-and-sum";
+    for (name, why) in [
+        (
+            "smart-battery",
+            "smart-battery.param has no cells and chemistry, or a monitor that is not simulated; ",
+        ),
+        (
+            "dronecan",
+            "dronecan.param has no cells and chemistry, or a monitor that is not simulated; ",
+        ),
+        ("../params/2s-18650", ""),
+    ] {
+        assert_eq!(ready_pack(name).unwrap_err(), format!("{why}{all}"));
+    }
 }
 
 #[test]

@@ -60,6 +60,11 @@ pub enum Action {
 }
 
 impl Scenario {
+    /// Whether it can be played with another pack: its own is in no step, and does not have what the story is about.
+    pub fn takes_any_pack(&self) -> bool {
+        self.name == "drain"
+    }
+
     /// Sets its parameters.
     pub fn set_up(&self, parameters: &mut Parameters) {
         for (name, value) in self.parameters {
