@@ -91,6 +91,50 @@ fn reports_the_estimates_for_each_reading() {
     );
 }
 
+#[test]
+// Requirement: PX-6
+fn what_the_estimator_assumes_is_explained_at_any_moment() {
+    let assigned = ASSIGNMENTS.map(|assignment| ["--param", assignment]);
+    let at = |time: &str| {
+        let explain = ["--explain", time, TRACE];
+        replay(&[assigned.as_flattened(), &explain].concat())
+    };
+    let output = at("5:00");
+    let (rows, explained) = [output.stdout, output.stderr]
+        .map(|text| String::from_utf8(text).expect("text"))
+        .into();
+    let (_, rows) = table(&rows);
+    let row = rows.iter().find(|row| row[0] == "300").expect("a reading");
+    let (pct, sigma_pct): (f64, f64) = (
+        row[REMAINING_PCT].parse().expect("known"),
+        row[REMAINING_PCT + 1].parse().expect("known"),
+    );
+    let line = format!("  state of charge, %: {pct:.1} ± {sigma_pct:.1}, -");
+    assert!(explained.contains(&line), "{line}\n{explained}");
+    assert!(
+        explained.contains("At 5:00 the current is counted from a charge that is certain:\n"),
+        "{explained}"
+    );
+    for quantity in [
+        "usable charge, %",
+        "capacity, mAh: 2200.0 ± 88.0",
+        "resistance of a cell, mΩ",
+    ] {
+        assert!(explained.contains(quantity), "{explained}");
+    }
+    // Before the load there is nothing to compare with.
+    let first = String::from_utf8(at("0").stderr).expect("text");
+    assert!(first.contains("At 0:00 no charge is known yet:\n"), "{first}");
+    for (time, error) in [
+        ("11:00", "no reading at 11:00: it has 0:00 to 10:00"),
+        ("a", "90, 1:30 or 1:02:30"),
+    ] {
+        let output = at(time);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && errors.contains(error), "{errors}");
+    }
+}
+
 /// The blocks of a page that run `replay`, and what it shows below each.
 fn documented(page: &str) -> Vec<(String, Option<String>)> {
     let text = fs::read_to_string(root().join(page)).expect("the page");

@@ -1,5 +1,6 @@
 //! Estimates of a pack: resistance, resting voltage, cell count, state of charge, remaining time.
 
+use crate::charge::Quantity;
 use crate::charge::{
     CellModel, ChargeEstimate, ChargeEstimator, Comparison, CurrentOrigin, EndVoltage, KnownCharge,
     Reference, Sample, Second, measured_offsets,
@@ -278,6 +279,16 @@ impl Estimator {
     /// Why the drive so far has taught nothing; `None` if it has.
     pub fn lesson_obstacle(&self, settings: &PackSettings, learnt: &LearntPack) -> Option<LessonObstacle> {
         self.charge.lesson_obstacle(&self.model(settings, learnt))
+    }
+
+    /// See [`crate::BatteryMonitor::explain`].
+    pub fn explain<'a>(
+        &'a self,
+        settings: &PackSettings,
+        learnt: &'a LearntPack,
+    ) -> (&'static str, impl Iterator<Item = Quantity> + 'a) {
+        let model = self.model(settings, learnt);
+        (self.charge.method(), self.charge.explain(model))
     }
 
     fn report(&mut self) {

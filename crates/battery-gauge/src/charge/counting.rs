@@ -1,5 +1,6 @@
 //! Counting of the current from a charge that was found, corrected by the voltage.
 
+use super::Quantity;
 use super::cell_model::{Capacity, CellModel, KnownCharge};
 use super::drive::{Drive, Rest};
 use super::filter::{Filter, has_plateau};
@@ -279,6 +280,50 @@ impl Counting {
             self.filter = Filter::counted_to(soc, sigma, &model, &capacity);
         }
         Some(learnt)
+    }
+
+    /// See [`ChargeEstimator::explain`](super::ChargeEstimator::explain).
+    pub fn explain(&self, model: &CellModel) -> impl Iterator<Item = Quantity> + use<> {
+        let [capacity, offset, slow_share] = self.filter.corrections(model);
+        let drive = self
+            .drive
+            .as_ref()
+            .zip(model.capacity())
+            .map(|(drive, capacity)| {
+                let (soc, sigma) = drive.soc(&capacity);
+                let drawn_pct = 100.0 * drive.used(&capacity);
+                [
+                    ("drawn since a charge was certain, %", drawn_pct, None),
+                    (
+                        "charge by counting from there, %",
+                        100.0 * soc,
+                        Some(100.0 * sigma),
+                    ),
+                ]
+            });
+        let corrections = [
+            (
+                "capacity, corrected, %",
+                100.0 * capacity.0,
+                Some(100.0 * capacity.1),
+            ),
+            (
+                "curve above the expected one, mV",
+                1e3 * offset.0,
+                Some(1e3 * offset.1),
+            ),
+            (
+                "slow sag relative to the fast one, %",
+                100.0 * slow_share.0,
+                Some(100.0 * slow_share.1),
+            ),
+            (
+                "contradicted by the voltage, % of a restart",
+                100.0 * self.contradicted_s / MAX_CONTRADICTION_S,
+                None,
+            ),
+        ];
+        drive.into_iter().flatten().chain(corrections)
     }
 
     /// The drive so far.

@@ -115,6 +115,18 @@ impl Filter {
         }
     }
 
+    /// Capacity relative to the assumed one, the curve's offset in volts, and the slow share, each with its standard deviation.
+    pub fn corrections(&self, model: &CellModel) -> [(f32, f32); 3] {
+        let [soc, inverse_capacity, offset, slow_share] = self.state;
+        let sigma = |index: usize| libm::sqrtf(self.covariance[index][index]);
+        let offset_v = model.curve_sigma_v(soc, model.slope_v(soc));
+        [
+            (1.0 / (1.0 + inverse_capacity), sigma(1)),
+            (offset * offset_v, sigma(2) * offset_v),
+            (slow_share, sigma(3)),
+        ]
+    }
+
     /// A charge was drawn, in capacities.
     pub fn draw(&mut self, drawn: f32) {
         self.state[0] -= drawn;

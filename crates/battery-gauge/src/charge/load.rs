@@ -2,6 +2,7 @@
 //!
 //! All that follows a second runs once a second, at any sampling rate.
 
+use super::Quantity;
 use super::cell_model::{CellModel, root_of_squares};
 use crate::VoltageSource;
 use crate::learnt::Collapse;
@@ -487,6 +488,22 @@ impl Reserve {
     /// Charge was taken in: the load may go on.
     pub fn charge(&mut self) {
         self.used_up_s = None;
+    }
+
+    /// See [`ChargeEstimator::explain`](super::ChargeEstimator::explain).
+    pub fn explain(&self) -> [Quantity; 2] {
+        [
+            (
+                "charge at which the load ends the drive, %",
+                100.0 * self.soc,
+                Some(100.0 * self.sigma),
+            ),
+            (
+                "largest sag of a cell in the last hour, mV",
+                1e3 * self.peak_v(),
+                None,
+            ),
+        ]
     }
 
     /// The largest sag of the last hour, in volts.

@@ -40,6 +40,9 @@ const GAP_RATE_PER_H: f32 = 1.0;
 /// Rise of the usable charge while driving, at most, per second: less than 3 points in ten minutes.
 const MAX_RISE_PER_S: f32 = 0.029 / 600.0;
 
+/// A quantity of an explanation, with its unit; its value; its standard deviation, where it has one.
+pub type Quantity = (&'static str, f32, Option<f32>);
+
 /// Estimates the charge of one pack, and learns the pack.
 #[derive(Clone, Copy, Debug)]
 pub struct ChargeEstimator {
@@ -548,6 +551,54 @@ impl ChargeEstimator {
         });
         // Without what is implausible, as flash would give it back.
         LearntPack::from_words(&kept.to_words())
+    }
+
+    /// What the estimator assumes, for people.
+    pub fn explain<'a>(&'a self, model: CellModel<'a>) -> impl Iterator<Item = Quantity> + 'a {
+        let pct = |share: f32| 100.0 * share;
+        let estimate = self.estimate.map(|estimate| {
+            [
+                ("state of charge, %", pct(estimate.soc), Some(pct(estimate.sigma))),
+                (
+                    "usable charge, %",
+                    pct(estimate.usable_soc),
+                    Some(pct(estimate.usable_sigma)),
+                ),
+            ]
+        });
+        let capacity = model.capacity().map(|capacity| {
+            (
+                "capacity, mAh",
+                1e3 * capacity.ah,
+                Some(1e3 * capacity.ah * capacity.sigma),
+            )
+        });
+        let resistance = model
+            .known_ohm()
+            .map(|ohm| ("resistance of a cell, mΩ", 1e3 * ohm, None));
+        let counting = match &self.phase {
+            Phase::Counting(counting) => Some(counting.explain(&model)),
+            Phase::Starting(_) | Phase::Known(_) | Phase::VoltageOnly(_) => None,
+        };
+        let estimate = estimate.into_iter().flatten();
+        estimate
+            .chain(self.trace.reserve.explain())
+            .chain(capacity)
+            .chain(resistance)
+            .chain(counting.into_iter().flatten())
+    }
+
+    /// How the charge is estimated, for people.
+    pub fn method(&self) -> &'static str {
+        match &self.phase {
+            Phase::Starting(_) => "no charge is known yet",
+            Phase::Known(_) => "the charge is one that was kept or set",
+            Phase::Counting(counting) if counting.filter.is_from_voltage() => {
+                "the current is counted from a charge that a voltage has shown"
+            }
+            Phase::Counting(_) => "the current is counted from a charge that is certain",
+            Phase::VoltageOnly(_) => "the load is inferred from the voltage",
+        }
     }
 
     fn estimate_now(&self, model: CellModel, rests: bool) -> Option<ChargeEstimate> {

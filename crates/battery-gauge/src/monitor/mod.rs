@@ -14,6 +14,7 @@ use learning::Learnt;
 use reports::Reports;
 
 use crate::charge::Comparison;
+use crate::charge::Quantity;
 use crate::chemistry::SAME_VOLTAGE_V;
 use crate::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds, was_off};
 use crate::diagnosis;
@@ -553,6 +554,19 @@ impl BatteryMonitor {
         let learnt = self.learnt.as_ref().filter(|_| self.can_learn(state))?;
         let learnt = Learnt::of(Some(learnt), settings, self.estimator.cell_count(settings));
         self.estimator.lesson_obstacle(settings, learnt)
+    }
+
+    /// How the charge is estimated, and by what: a line of text, and quantities. For people at a host.
+    pub fn explain<'a>(
+        &'a self,
+        settings: &PackSettings,
+    ) -> (&'static str, impl Iterator<Item = Quantity> + 'a) {
+        let learnt = Learnt::of(
+            self.learnt.as_ref(),
+            settings,
+            self.estimator.cell_count(settings),
+        );
+        self.estimator.explain(settings, learnt)
     }
 
     /// Cells of the pack that flash holds.

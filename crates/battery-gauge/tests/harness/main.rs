@@ -46,7 +46,9 @@ fn goals_of_all_drives() {
     table::print_comparison(&columns);
     goals::print_weeks(Monitor::NAME, &results);
     if env::var_os("ACCEPT").is_some() {
-        let pictured = drives.iter().find(|drive| drive.group == "LiPo" && drive.number == 0);
+        let pictured = drives
+            .iter()
+            .find(|drive| drive.group == "LiPo" && drive.number == 0);
         page::write(&columns[0].1, pictured.expect("simulated"));
     }
     assert!(

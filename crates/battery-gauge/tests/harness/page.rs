@@ -16,7 +16,9 @@ const ENDS: &str = "<!-- accuracy ends -->";
 const NOT_SHOWN: [&str; 3] = ["moved by", "bad input", "simulated weeks"];
 
 fn document(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../docs")
+        .join(name)
 }
 
 /// Writes the table into the page, and the picture beside it.
@@ -88,7 +90,11 @@ fn picture(drive: &Drive) -> String {
         let reports = run(&mut estimator, &settings, &drive.samples);
         let learnt_ah = estimator.capacity_ah().expect("a drive that teaches");
         let under = if number == 1 {
-            format!("label {:.2} Ah, true {:.2} Ah", 1.2 * drive.capacity_ah, drive.capacity_ah)
+            format!(
+                "label {:.2} Ah, true {:.2} Ah",
+                1.2 * drive.capacity_ah,
+                drive.capacity_ah
+            )
         } else {
             format!("learnt by now: {learnt_ah:.2} Ah")
         };

@@ -51,6 +51,10 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub learned: Option<PathBuf>,
 
+    /// Print what the estimator assumes at this time of the recording: 90, 1:30 or 1:02:30
+    #[arg(long, value_name = "TIME", value_parser = moment)]
+    pub explain: Option<f64>,
+
     /// Write a row for each pack and drive of many logs
     #[arg(long, value_name = "FILE.parquet", conflicts_with_all = OF_ONE)]
     pub table: Option<PathBuf>,
@@ -84,11 +88,22 @@ impl Arguments {
 }
 
 /// Options for one recording.
-const OF_ONE: [&str; 6] = ["armed", "pack", "system", "plot", "csv", "learned"];
+const OF_ONE: [&str; 7] = ["armed", "pack", "system", "plot", "csv", "learned", "explain"];
 
 fn pack(number: &str) -> Result<Pack, String> {
     let found = Pack::ALL
         .into_iter()
         .find(|pack| pack.number().to_string() == number);
     found.ok_or_else(|| "1 to 9".into())
+}
+
+/// Seconds, minutes and seconds, or hours, minutes and seconds.
+fn moment(text: &str) -> Result<f64, String> {
+    let parts: Result<Vec<f64>, _> = text.split(':').map(str::parse).collect();
+    let parts = parts.unwrap_or_default();
+    let is_time = |part: &f64| part.is_finite() && *part >= 0.0;
+    if !(1..=3).contains(&parts.len()) || !parts.iter().all(is_time) {
+        return Err("90, 1:30 or 1:02:30".into());
+    }
+    Ok(parts.iter().fold(0.0, |time_s, part| 60.0 * time_s + part))
 }

@@ -14,6 +14,7 @@ use crate::drive::Trace;
 use crate::failsafes::{Levels, Reached, Timers};
 use crate::report::Row;
 use crate::survey::Inputs;
+use crate::words::{clock, rounded};
 
 /// `parameters` with these assignments, in their order. `BATT_MONITOR` of `pack` is what is measured, unless it is assigned.
 pub fn assign(
@@ -315,13 +316,8 @@ pub fn unchanged_levels(own: &PackSettings, changed: &PackSettings) -> Vec<Fails
 /// Gives the readings of the trace to `replay`, and between them the parameters that it sets.
 pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
     let mut settings = *replay.settings();
-    let mut changes = trace.changes.iter().peekable();
     let mut rows = Vec::with_capacity(trace.samples.len());
-    for sample in &trace.samples {
-        while let Some(change) = changes.next_if(|change| change.readings <= rows.len()) {
-            replay.set(change.assignment);
-        }
-        let update = replay.update(sample);
+    feed(trace, &mut replay, |replay, sample, update| {
         if sample.armed {
             settings = *replay.settings();
         }
@@ -333,9 +329,67 @@ pub fn run(trace: &Trace, mut replay: Replay) -> Outcome {
             reached: update.failsafe,
             reported: sample.reported,
         });
-    }
+    });
     Outcome::of(rows, settings, &replay)
 }
+
+fn feed(trace: &Trace, replay: &mut Replay, mut each: impl FnMut(&Replay, &Sample, PackUpdate)) {
+    let mut changes = trace.changes.iter().peekable();
+    for (readings, sample) in trace.samples.iter().enumerate() {
+        while let Some(change) = changes.next_if(|change| change.readings <= readings) {
+            replay.set(change.assignment);
+        }
+        let update = replay.update(sample);
+        each(replay, sample, update);
+    }
+}
+
+/// What the estimator assumes at a time of the trace, in seconds, and what the block and the minute before have changed.
+///
+/// # Errors
+/// A time outside of the trace, in words.
+pub fn explain(trace: &Trace, mut replay: Replay, at_s: f64) -> Result<String, String> {
+    let times_s =
+        [trace.samples.first(), trace.samples.last()].map(|sample| sample.map(|sample| sample.time_s));
+    let [Some(first_s), Some(last_s)] = times_s else {
+        return Err("no reading".into());
+    };
+    if !(first_s..=last_s).contains(&at_s) {
+        let (first, last) = (clock(first_s), clock(last_s));
+        return Err(format!("no reading at {}: it has {first} to {last}", clock(at_s)));
+    }
+    let mut method = "";
+    let mut quantities = EXPLAINED_AGO_S.map(|_| Vec::new());
+    feed(trace, &mut replay, |replay, sample, _| {
+        for (ago_s, quantities) in EXPLAINED_AGO_S.iter().zip(&mut quantities) {
+            if sample.time_s <= at_s - ago_s {
+                let assumed = replay.monitor.explain(&replay.settings);
+                method = assumed.0;
+                *quantities = assumed.1.collect();
+            }
+        }
+    });
+    let [minute_ago, block_ago, now] = quantities;
+    let mut text = format!("At {} {method}:\n", clock(at_s));
+    for (name, value, sigma) in now {
+        text += &format!("  {name}: {}", rounded(value, 1));
+        if let Some(sigma) = sigma {
+            text += &format!(" ± {}", rounded(sigma, 1));
+        }
+        for (ago, before) in [("10 s", &block_ago), ("a minute", &minute_ago)] {
+            if let Some((_, before, _)) = before.iter().find(|(of, ..)| *of == name) {
+                let change = rounded(value - before, 1);
+                let plus = if change.starts_with('-') { "" } else { "+" };
+                text += &format!(", {plus}{change} in {ago}");
+            }
+        }
+        text.push('\n');
+    }
+    Ok(text)
+}
+
+/// Times at which assumptions are compared, before the one that is explained, in seconds: a minute, and a block of the estimator.
+const EXPLAINED_AGO_S: [f64; 3] = [60.0, 10.0, 0.0];
 
 /// Events that are announced to ground stations: of the levels that are reached in one tick, the worst.
 fn announced(update: &PackUpdate) -> impl Iterator<Item = &PackEvent> {

@@ -74,8 +74,15 @@ pub fn replay(path: &Path, arguments: &Arguments) -> Result<(), String> {
         recorded: recorded(&drive, arguments, &outcome),
     };
     let compared = compared(arguments, &drive, &parameters, &outcome.rows, known)?;
+    let explained = match arguments.explain {
+        Some(at_s) => {
+            let replay = Replay::new(pack, &parameters, &arguments.assignments, known)?;
+            run::explain(&drive.trace, replay, at_s).map_err(|error| about(path, &error))?
+        }
+        None => String::new(),
+    };
     let origin = origin(&drive, arguments);
-    show(&format!("{origin}{summary}{compared}{written}"));
+    show(&format!("{origin}{summary}{compared}{explained}{written}"));
     Ok(())
 }
 
