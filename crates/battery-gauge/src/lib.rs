@@ -75,6 +75,48 @@
 //! # let _ = (update, ram, flash);
 //! ```
 //!
+//! # Acting at a charge
+//! Thresholds are settings, too: here one of 20 % usable charge, which acts as soon as the estimate is certain enough.
+//!
+//! ```
+//! use battery_gauge::{FailsafeLevel, FailsafeSettings, PackSettings, Thresholds};
+//! # use battery_gauge::{BatteryMonitor, BatteryState, Instant, LoadState, Measurement, Tick};
+//!
+//! let settings = PackSettings {
+//!     cell_count: Some(3),
+//!     capacity_mah: Some(2200.0),
+//!     failsafe: FailsafeSettings {
+//!         low: Thresholds {
+//!             usable_pct: Some(20.0),
+//!             ..Thresholds::default()
+//!         },
+//!         ..FailsafeSettings::default()
+//!     },
+//!     ..PackSettings::default()
+//! };
+//! # let (mut monitor, mut battery, mut acted_pct) = (BatteryMonitor::new(), BatteryState::default(), None);
+//! # for second in 0..2000 {
+//! #     let is_driven = second >= 60;
+//! #     let drawn = if is_driven { (second - 60) as f32 * 4.0 / 3.6 / 2200.0 } else { 0.0 };
+//! #     let reading = Measurement {
+//! #         voltage_v: Some(if is_driven { 12.3 - 2.2 * drawn } else { 12.6 }),
+//! #         current_a: Some(if is_driven { 4.0 } else { 0.0 }),
+//! #         ..Measurement::default()
+//! #     };
+//! #     for tenth in 0..10 {
+//! #         let now = Instant::from_micros(second * 1_000_000 + tenth * 100_000);
+//! #         let load_state = if is_driven { LoadState::On } else { LoadState::Off };
+//! #         let update = monitor.update(&mut battery, Tick { now, load_state }, Ok(reading), &settings);
+//! // At each reading.
+//! if update.failsafe.contains(&FailsafeLevel::Low) {
+//!     println!("{:?} % are usable: stop", battery.readings.usable_pct);
+//! #   acted_pct = battery.readings.usable_pct;
+//! }
+//! #     }
+//! # }
+//! # assert!(acted_pct.is_some_and(|usable_pct| (19.0..=20.0).contains(&usable_pct)), "{acted_pct:?}");
+//! ```
+//!
 //! # Load on or off
 //! [`LoadState`] decides about the meaning of a current into the pack, of a missing voltage and of a rest. A product that knows
 //! when its load is switched off passes that; one that does not calls it off after a minute without a current worth mentioning, and
