@@ -241,8 +241,8 @@ class Rover:
             print(line, flush=True)
         self.said = line
 
-    def feed(self, reading):
-        """Whether the reading was sent."""
+    def feed(self, reading, send=send):
+        """Whether the reading was sent, by a function of link, pack and reading."""
         if self.link is None or not self.takes_readings:
             return False
         try:
@@ -364,17 +364,12 @@ def source(text):
         raise argparse.ArgumentTypeError(f"{text}: {error.strerror}") from error
 
 
-def parse_arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def link_parser(description):
+    """The arguments of the link to the rover, and of the pack."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("connection", help="as pymavlink has it: tcp:127.0.0.1:5760, udpin:…, /dev/ttyUSB0")
     parser.add_argument("--baud", type=int, default=115200)
     parser.add_argument("--pack", type=int, default=1, choices=range(1, 10), help="1 is BATT_, 2 is BATT2_")
-    readings = parser.add_mutually_exclusive_group(required=True)
-    readings.add_argument("--voltage", type=float, help="V, always the same")
-    readings.add_argument("--readings", type=source, metavar="FILE", help="a line for each reading; - for a pipe")
-    parser.add_argument("--current", type=float, help="A, beside --voltage")
-    parser.add_argument("--remaining", type=float, help="percent, beside --voltage")
-    parser.add_argument("--rate", type=rate, default=10, help="readings a second (%(default)s)")
     parser.add_argument("--system", type=int, default=1, help="the rover's SYSID_THISMAV (%(default)s)")
     parser.add_argument(
         "--component",
@@ -383,16 +378,32 @@ def parse_arguments():
         help="of this sender, none but 1, the rover's (%(default)s)",
     )
     parser.add_argument("--passphrase", help="of the signing key, where the rover has one")
+    return parser
+
+
+def parse_link(parser):
     arguments = parser.parse_args()
+    if not 1 <= arguments.system <= 255:
+        parser.error("--system: 1 to 255")
+    if not 2 <= arguments.component <= 255:
+        parser.error("--component: 2 to 255")
+    return arguments
+
+
+def parse_arguments():
+    parser = link_parser(__doc__)
+    readings = parser.add_mutually_exclusive_group(required=True)
+    readings.add_argument("--voltage", type=float, help="V, always the same")
+    readings.add_argument("--readings", type=source, metavar="FILE", help="a line for each reading; - for a pipe")
+    parser.add_argument("--current", type=float, help="A, beside --voltage")
+    parser.add_argument("--remaining", type=float, help="percent, beside --voltage")
+    parser.add_argument("--rate", type=rate, default=10, help="readings a second (%(default)s)")
+    arguments = parse_link(parser)
     fixed = Reading(arguments.voltage, arguments.current, arguments.remaining)
     for name in fixed.sendable()[1]:
         parser.error(f"{OPTIONS[name]}: {getattr(fixed, name)} can't be sent")
     if arguments.readings is not None and fixed != Reading(None):
         parser.error("--current and --remaining: beside --voltage only")
-    if not 1 <= arguments.system <= 255:
-        parser.error("--system: 1 to 255")
-    if not 2 <= arguments.component <= 255:
-        parser.error("--component: 2 to 255")
     return arguments, fixed
 
 
