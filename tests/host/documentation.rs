@@ -155,7 +155,7 @@ const RECIPES: [Recipe; 2] = [
 /// Pages that explain how to add something, name a part as an example or have what was added.
 const OF_ALL_ADDITIONS: [&str; 3] = ["CHANGELOG.md", "CONTRIBUTING.md", "docs/extending.md"];
 
-/// What is compressed, or has a checksum of that, names nothing.
+/// Compressed files, and checksums of them, name nothing.
 fn is_compressed(path: &str) -> bool {
     path == "docs/general.json" || path.ends_with(".gz") || path.ends_with(".xz")
 }

@@ -9,7 +9,7 @@ use crate::{Chemistry, FailsafeSettings, PackSettings, VoltageSource};
 /// another cell correct more.
 const RATED_SIGMA: f32 = 0.04;
 
-/// What a reported deviation adds to it: a rated capacity is known to 8 % (√(0.08² − 0.04²)), as packs differ from their label and
+/// A reported deviation adds this to it: a rated capacity is known to 8 % (√(0.08² − 0.04²)), as packs differ from their label and
 /// age.
 const LABEL_SIGMA: f32 = 0.069;
 

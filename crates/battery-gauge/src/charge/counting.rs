@@ -1,10 +1,9 @@
 //! Counting of the current from a charge that was found, corrected by the voltage.
 
-use super::Quantity;
 use super::cell_model::{Capacity, CellModel, KnownCharge};
 use super::drive::{Drive, Rest};
 use super::filter::{Filter, has_plateau};
-use super::load::{Block, CurrentOrigin, HOURS_PER_SECOND, Load, SILENCE_S, SagGrowth, Trace};
+use super::load::{Block, CurrentOrigin, HOURS_PER_SECOND, Load, Quantity, SILENCE_S, SagGrowth, Trace};
 use super::start::{
     Relaxation, charged, full, is_resting, kept_full, may_have_surface_charge, provisional, was_charged,
 };

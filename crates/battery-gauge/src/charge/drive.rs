@@ -52,17 +52,9 @@ pub struct Drive {
     rested_h: f32,
     ohm: Sum,
     parts: [CurvePoint; OFFSET_POINTS],
-    /// Once something was learnt from it: each rest is evaluated on its own.
-    taught: Option<Taught>,
-}
-
-/// What a drive has taught so far.
-#[derive(Clone, Copy, Debug)]
-struct Taught {
-    /// Lessons before this drive.
-    before: Lessons,
-    /// Standard deviation of the capacity that its surest rest has shown, relative to it.
-    sigma: f32,
+    /// Once something was learnt from it: lessons before this drive, as each rest is evaluated on its own, and the standard
+    /// deviation of the capacity that its surest rest has shown, relative to it.
+    taught: Option<(Lessons, f32)>,
 }
 
 /// A [`SeenPoint`], summed over time.
@@ -280,7 +272,7 @@ impl Drive {
     /// Knowledge before this drive.
     fn kept(&self, model: &CellModel) -> LearntPack {
         self.taught
-            .map_or(*model.learnt, |taught| model.learnt.with_lessons(&taught.before))
+            .map_or(*model.learnt, |(before, _)| model.learnt.with_lessons(&before))
     }
 
     /// Learns the pack when it rests at this voltage of a cell; `None` unless that is the surest rest of the drive.
@@ -293,15 +285,14 @@ impl Drive {
         let attempt = |before| Some((before, self.evaluate(ohm, rest, cell_v, &before, model)?));
         // A capacity that contradicts what was learnt is that of another pack.
         let (before, (learnt, sigma)) = attempt(kept).or_else(|| attempt(LearntPack::UNKNOWN))?;
-        if self.taught.is_some_and(|taught| taught.sigma <= sigma) {
+        if self.taught.is_some_and(|(_, surest)| surest <= sigma) {
             return None;
         }
-        let before = before.lessons();
-        self.taught = Some(Taught { before, sigma });
+        self.taught = Some((before.lessons(), sigma));
         Some(learnt)
     }
 
-    /// What is known with this rest, and the standard deviation of the capacity that it shows, relative to that.
+    /// Knowledge with this rest, and the standard deviation of the capacity that it shows, relative to that.
     fn evaluate(
         &self,
         ohm: f32,

@@ -2,7 +2,6 @@
 //!
 //! All that follows a second runs once a second, at any sampling rate.
 
-use super::Quantity;
 use super::cell_model::{CellModel, root_of_squares};
 use crate::VoltageSource;
 use crate::learnt::Collapse;
@@ -191,6 +190,9 @@ pub struct Load {
     /// ([`Polarisation::current_a`]).
     pub slow_a: f32,
 }
+
+/// A quantity of an explanation, with its unit; its value; its standard deviation, where it has one.
+pub type Quantity = (&'static str, f32, Option<f32>);
 
 /// Means over a block.
 #[derive(Clone, Copy, Debug)]
@@ -404,7 +406,7 @@ fn near_empty(soc: f32) -> f32 {
 }
 
 impl SagGrowth {
-    /// What a sag at this state of charge from 0 to 1 is at half charge, in volts.
+    /// The sag at half charge of a load with this one at a state of charge from 0 to 1, in volts.
     fn at_half_charge_v(self, sag_v: f32, soc: f32, model: &CellModel) -> f32 {
         match self {
             Self::Inferred => sag_v,

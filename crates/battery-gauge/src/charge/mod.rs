@@ -13,7 +13,7 @@ mod start;
 mod voltage_only;
 
 pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge, measured_height_v, measured_offsets};
-pub use load::{CurrentOrigin, SILENCE_S, Second};
+pub use load::{CurrentOrigin, Quantity, SILENCE_S, Second};
 pub use reference::{Comparison, Reference};
 
 use crate::learnt::{LastCharge, LessonObstacle, OpenLesson};
@@ -39,9 +39,6 @@ const GAP_RATE_PER_H: f32 = 1.0;
 
 /// Rise of the usable charge while driving, at most, per second: less than 3 points in ten minutes.
 const MAX_RISE_PER_S: f32 = 0.029 / 600.0;
-
-/// A quantity of an explanation, with its unit; its value; its standard deviation, where it has one.
-pub type Quantity = (&'static str, f32, Option<f32>);
 
 /// Estimates the charge of one pack, and learns the pack.
 #[derive(Clone, Copy, Debug)]
@@ -553,7 +550,7 @@ impl ChargeEstimator {
         LearntPack::from_words(&kept.to_words())
     }
 
-    /// What the estimator assumes, for people.
+    /// The assumptions of the estimator, for people.
     pub fn explain<'a>(&'a self, model: CellModel<'a>) -> impl Iterator<Item = Quantity> + 'a {
         let pct = |share: f32| 100.0 * share;
         let estimate = self.estimate.map(|estimate| {
@@ -588,7 +585,7 @@ impl ChargeEstimator {
             .chain(counting.into_iter().flatten())
     }
 
-    /// How the charge is estimated, for people.
+    /// The method of the estimate, for people.
     pub fn method(&self) -> &'static str {
         match &self.phase {
             Phase::Starting(_) => "no charge is known yet",

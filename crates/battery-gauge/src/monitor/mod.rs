@@ -556,7 +556,7 @@ impl BatteryMonitor {
         self.estimator.lesson_obstacle(settings, learnt)
     }
 
-    /// How the charge is estimated, and by what: a line of text, and quantities. For people at a host.
+    /// Method and assumptions of the estimate, for people at a host.
     pub fn explain<'a>(
         &'a self,
         settings: &PackSettings,

@@ -1,4 +1,4 @@
-//! What the documentation says of the crate's estimator: a table of its accuracy, and a picture of two drives.
+//! The documentation of the crate's accuracy: a table of its accuracy, and a picture of two drives.
 
 use std::fmt::Write;
 use std::fs;

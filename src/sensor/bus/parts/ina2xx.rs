@@ -192,7 +192,7 @@ static I2C_MODELS: [Model; 6] = [
         }),
     },
     INA238,
-    // Those without numbers come last.
+    // Models without numbers come last.
     Model {
         name: "INA231",
         identity: Identity::Configured(0x4127),

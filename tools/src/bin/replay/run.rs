@@ -344,7 +344,7 @@ fn feed(trace: &Trace, replay: &mut Replay, mut each: impl FnMut(&Replay, &Sampl
     }
 }
 
-/// What the estimator assumes at a time of the trace, in seconds, and what the block and the minute before have changed.
+/// Explains the estimate at a time of the trace, in seconds: its assumptions, and their changes in ten seconds and in a minute.
 ///
 /// # Errors
 /// A time outside of the trace, in words.

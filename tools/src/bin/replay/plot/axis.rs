@@ -31,7 +31,7 @@ impl Axis {
         let (lowest, highest) = ends(values);
         let least = (LEAST_SHARE * lowest.abs().max(highest.abs())).max(LEAST_EXTENT);
         let missing = (least - (highest - lowest)).max(0.0);
-        // What is never negative has no negative scale.
+        // A quantity that is never negative has no negative scale.
         let widened = lowest - 0.5 * missing;
         let from = if lowest >= 0.0 { widened.max(0.0) } else { widened };
         Self::with_steps(
