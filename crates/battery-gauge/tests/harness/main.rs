@@ -6,6 +6,10 @@
 //! Without the folder only the simulated ones are judged. `ACCEPT=1` writes the documentation's table and picture.
 
 mod accuracy;
+mod challenger;
+#[allow(dead_code, reason = "the challenger uses curves")]
+#[path = "../../src/chemistry.rs"]
+mod chemistry;
 mod drive;
 mod estimator;
 mod goals;
@@ -24,6 +28,7 @@ use std::env;
 
 use battery_gauge::PackSettings;
 
+use challenger::Challenger;
 use drive::Drive;
 use estimator::{Estimator, Monitor, Report};
 use results::{Results, lives};
@@ -40,8 +45,12 @@ fn goals_of_all_drives() {
     drives.extend(simulated::drives());
     let lives = lives(&drives);
     let results = Results::of::<Monitor>(&drives, &lives);
-    // Further estimators are further columns.
-    let columns = [(Monitor::NAME, goals::rows(&results))];
+    let mut columns = vec![(Monitor::NAME, goals::rows(&results))];
+    // It takes as long again.
+    if std::env::var_os("BATTERY_CHALLENGER").is_some() {
+        let results = Results::of::<Challenger>(&drives, &lives);
+        columns.push((Challenger::NAME, goals::rows(&results)));
+    }
     table::print(&columns);
     table::print_comparison(&columns);
     goals::print_weeks(Monitor::NAME, &results);
