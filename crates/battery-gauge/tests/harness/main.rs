@@ -3,7 +3,8 @@
 //!
 //! `BATTERY_RECORDINGS=folder cargo test -p battery-gauge --profile harness --test harness -- --ignored --nocapture`
 //!
-//! Without the folder only the simulated ones are judged. `ACCEPT=1` writes the documentation's table and picture.
+//! Without the folder only the simulated ones are judged. `ACCEPT=1` writes the documentation's table and picture, and
+//! `BATTERY_CHALLENGER=1` judges the challenger, too.
 
 mod accuracy;
 mod challenger;

@@ -220,12 +220,17 @@ pub fn print_comparison(estimators: &[(&str, Vec<Row>)]) {
             nearer += u32::from(before_distance > distance + 0.5);
             farther += u32::from(distance > before_distance + 0.5);
             if distance > before_distance + 2.0 {
-                much.push(format!("{row}: {}", here.title()));
+                much.push(format!("{row}: {}: {before_value:.2}, {value:.2}", here.title()));
             }
         }
         println!(
             "\n{name} is nearer than {first_name} by more than 0.5 in {nearer} figures, farther in {farther}."
         );
         println!("Farther by more than 2 in {}:\n{}", much.len(), much.join("\n"));
+        let is_better = nearer >= 2 * farther && much.is_empty();
+        println!(
+            "{name} {} it.",
+            if is_better { "replaces" } else { "does not replace" }
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::chemistry::POINTS;
 
-use super::kinds::Kind;
+use super::kinds::{Kind, RESISTANCE_MEAN};
 use super::states::{
     CHARGE, FAST, FINE, GROWTH, Gaussian, KNOT, KNOTS, RESISTANCE, SAG, SLOW, STATES, Vector,
 };
@@ -11,6 +11,10 @@ const SEGMENTS: f64 = (POINTS - 1) as f64;
 
 /// Below this charge the sag of a load grows: chosen on recordings.
 const GROWS_BELOW: f64 = 0.4;
+
+/// Slow parts of the sag grow in the cold by more than the fast one does, as a power of the resistance: diffusion by three to 0 °C
+/// (Arrhenius, 35 kJ/mol), where resistance has grown by 2.2. So does the growth towards empty.
+const COLD_POWER: f64 = 0.39;
 
 /// A slope of less charge than this is that of a wiggle: chosen on recordings.
 const WIGGLE: f64 = 0.05;
@@ -89,7 +93,7 @@ impl Cell {
 
     /// Sag of a load at a charge without its relative error, in volts.
     pub fn sag_v(&self, charge: f64, states: &Vector, load: &Load) -> f64 {
-        self.ohm(states) * weighted_a(states, load) * (1.0 + states[GROWTH] * growth(charge))
+        self.ohm(states) * weighted_a(states, load) * grown(charge, states)
     }
 
     /// Voltage at this charge with the other states.
@@ -98,6 +102,26 @@ impl Cell {
         let deviation_v = states[KNOT + knot] * (1.0 - towards) + states[KNOT + knot + 1] * towards;
         let sag_v = self.sag_v(charge, states, load) * (1.0 + states[SAG]);
         self.open_v(charge) + deviation_v - sag_v + states[FINE]
+    }
+
+    /// Voltage at this charge without a load, but for errors of the moment.
+    pub fn resting_v(&self, charge: f64, states: &Vector) -> f64 {
+        let (knot, towards) = knot_below(charge);
+        self.open_v(charge) + states[KNOT + knot] * (1.0 - towards) + states[KNOT + knot + 1] * towards
+    }
+
+    /// The charge at which a sag, that grows towards empty, takes the voltage to critical.
+    pub fn charge_under(&self, sag_v: f64, states: &Vector) -> f64 {
+        let (mut low, mut high) = (-0.02, 1.0);
+        for _ in 0..14 {
+            let middle = 0.5 * (low + high);
+            if self.resting_v(middle, states) - sag_v * grown(middle, states) < self.critical_v {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
     }
 
     /// Statistical linearisation over a deviation of the charge.
@@ -128,13 +152,17 @@ impl Cell {
 
     fn gradient(&self, at: &Vector, slope_v: f64, load: &Load) -> Vector {
         let mut gradient = [0.0; STATES];
-        let (grows, error) = (growth(at[CHARGE]), 1.0 + at[SAG]);
-        let grown = 1.0 + at[GROWTH] * grows;
+        let (error, by_cold) = (1.0 + at[SAG], slowed_by_cold(at));
+        let (grows, grown) = (growth(at[CHARGE]) * by_cold, grown(at[CHARGE], at));
         let (ohm, total_a) = (self.ohm(at), weighted_a(at, load));
+        let slow_a = by_cold * load.slow_a;
+        // What the resistance changes, itself and by what the cold slows.
+        let by_slow_a = COLD_POWER * at[SLOW] * slow_a * grown;
+        let by_growth_a = COLD_POWER * total_a * at[GROWTH] * grows;
         gradient[CHARGE] = slope_v;
-        gradient[RESISTANCE] = -ohm * error * total_a * grown;
+        gradient[RESISTANCE] = -ohm * error * (total_a * grown + by_slow_a + by_growth_a);
         gradient[FAST] = -ohm * error * load.fast_a * grown;
-        gradient[SLOW] = -ohm * error * load.slow_a * grown;
+        gradient[SLOW] = -ohm * error * slow_a * grown;
         gradient[GROWTH] = -ohm * error * total_a * grows;
         gradient[FINE] = 1.0;
         gradient[SAG] = -ohm * total_a * grown;
@@ -193,14 +221,24 @@ impl Cell {
 }
 
 /// Share by which the sag has grown: 0 above, 1 at empty.
-pub fn growth(charge: f64) -> f64 {
+fn growth(charge: f64) -> f64 {
     let below = (1.0 - charge / GROWS_BELOW).clamp(0.0, 1.0);
     below * below
 }
 
+/// The sag over that of a fuller cell.
+pub fn grown(charge: f64, states: &Vector) -> f64 {
+    1.0 + states[GROWTH] * slowed_by_cold(states) * growth(charge)
+}
+
+/// Factor of all that the cold slows.
+fn slowed_by_cold(states: &Vector) -> f64 {
+    (COLD_POWER * (states[RESISTANCE] - RESISTANCE_MEAN)).exp()
+}
+
 /// The current whose fast sag is that of the whole load, in amperes.
 fn weighted_a(states: &Vector, load: &Load) -> f64 {
-    load.now_a + states[FAST] * load.fast_a + states[SLOW] * load.slow_a
+    load.now_a + states[FAST] * load.fast_a + states[SLOW] * slowed_by_cold(states) * load.slow_a
 }
 
 /// The knot below a charge, and the way from it to the next.

@@ -4,6 +4,9 @@ use super::states::{STATES, Vector};
 
 const PAIRS: usize = STATES * (STATES + 1) / 2;
 
+/// Below this eigenvalue of the correlations, all states get more doubt of their own: assumed.
+const LEAST_EIGENVALUE: f64 = 0.002;
+
 #[derive(Clone, Debug)]
 pub struct Covariance([f64; PAIRS]);
 
@@ -88,4 +91,48 @@ impl Covariance {
             *variance = variance.max(least_variance);
         }
     }
+
+    /// No state becomes a combination of others.
+    pub fn keep_apart(&mut self) {
+        if !self.is_above(LEAST_EIGENVALUE) {
+            for state in 0..STATES {
+                self.0[pair(state, state)] *= 1.0 + 2.0 * LEAST_EIGENVALUE;
+            }
+        }
+    }
+
+    /// Whether the smallest eigenvalue of the correlations is above a limit: the rest has a Cholesky factor.
+    pub fn is_above(&self, least_eigenvalue: f64) -> bool {
+        let sigma: Vector = std::array::from_fn(|state| self.get(state, state).sqrt());
+        let mut factor = [[0.0; STATES]; STATES];
+        for row in 0..STATES {
+            for column in 0..=row {
+                let done: f64 = (0..column)
+                    .map(|inner| factor[row][inner] * factor[column][inner])
+                    .sum();
+                let left = self.get(row, column) / (sigma[row] * sigma[column]) - done;
+                if row > column {
+                    factor[row][column] = left / factor[column][column];
+                } else if left > least_eigenvalue {
+                    factor[row][row] = (left - least_eigenvalue).sqrt();
+                } else {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Two states that are alike but for a little have an eigenvalue of that little.
+#[test]
+fn the_smallest_eigenvalue_of_the_correlations_is_bounded() {
+    let mut covariance = Covariance::ZERO;
+    covariance.add_product(4.0, &std::array::from_fn(|state| f64::from(state < 2)));
+    for state in 0..STATES {
+        covariance.add(state, state, if state < 2 { 0.02 } else { 1e-6 });
+    }
+    let smallest = 0.02 / 4.02;
+    assert!(covariance.is_above(0.99 * smallest));
+    assert!(!covariance.is_above(1.01 * smallest));
 }

@@ -7,7 +7,7 @@ use super::predict::Shape;
 use super::states::{CAPACITY, CHARGE, FAST, FINE, GROWTH, Gaussian, KNOT, KNOTS, RESISTANCE, SAG, SLOW};
 use super::usable::Collapse;
 
-/// All chosen on recordings: deviations that come with a drive, of the logarithms of capacity and resistance, the slow shares and
+/// All chosen on recordings: deviations that come with the charge of a drive, of the logarithms of capacity and resistance, the slow shares and
 /// the knots, in volts; share by which slow shares and curve return to the chemistry's.
 const DRIVE_CAPACITY: f64 = 0.03;
 const DRIVE_RESISTANCE: f64 = 0.3;
@@ -22,6 +22,10 @@ const OWN_SHARE: f64 = 0.5;
 /// Most that the logarithm of the warm resistance rises in a drive: chosen on recordings.
 const WARM_RISE: f64 = 0.02;
 
+/// A pack that was not found full, and whose voltages were this far from what was expected, in deviations, is forgotten: a fault of
+/// the sensor was learnt, or it is another pack. Assumed.
+const FORGOTTEN_FROM: f64 = 1.5;
+
 #[derive(Clone, Debug)]
 pub struct Kept {
     kind: &'static Kind,
@@ -32,6 +36,18 @@ pub struct Kept {
     /// Logarithm of the resistance in warm drives.
     warm: f64,
     pub collapse: Option<Collapse>,
+    /// Charge drawn since it was last learnt, relative to the capacity.
+    drawn: f64,
+    /// The last rest.
+    pub last: Option<LastRest>,
+}
+
+/// A charge at rest with its voltage.
+#[derive(Clone, Copy, Debug)]
+pub struct LastRest {
+    pub voltage_v: f64,
+    pub charge: f64,
+    pub sigma: f64,
 }
 
 /// What a drive returns to.
@@ -52,6 +68,8 @@ impl Kept {
             drives: 0,
             warm: 0.0,
             collapse: None,
+            drawn: 0.0,
+            last: None,
         }
     }
 
@@ -79,14 +97,21 @@ impl Kept {
         let merged = cycle.hypotheses.merged();
         let resistance = merged.mean[RESISTANCE];
         let mut kept = self.clone();
-        kept.warm = if self.drives > 0 {
+        let capacity_ah = self.label_ah * merged.mean[CAPACITY].exp();
+        let is_full = cycle.hypotheses.best().found == Found::Full;
+        let drawn_before = if is_full { 0.0 } else { self.drawn };
+        kept.drawn = drawn_before + (cycle.drawn_ah / capacity_ah).clamp(0.0, 1.0);
+        kept.last = cycle.last_rest;
+        kept.warm = if kept.drives > 0 {
             resistance.min(self.warm + WARM_RISE)
         } else {
             resistance
         };
-        if cycle.hypotheses.best().found == Found::Full {
+        if is_full {
             kept.gaussian = merged;
             kept.drives += 1;
+        } else if cycle.worst_surprise > FORGOTTEN_FROM {
+            return Self::new(self.kind, self.label_ah);
         } else {
             kept.gaussian.mean[RESISTANCE] = resistance;
         }
@@ -111,27 +136,35 @@ impl Kept {
         gaussian
     }
 
+    /// What ages grows by the charge that was drawn since; the resistance changes with the temperature of a day.
     fn age(&self, gaussian: &mut Gaussian) {
-        let Gaussian { mean, covariance } = gaussian;
+        let covariance = &mut gaussian.covariance;
+        covariance.add(RESISTANCE, RESISTANCE, DRIVE_RESISTANCE * DRIVE_RESISTANCE);
         for (state, sigma) in [
             (CAPACITY, DRIVE_CAPACITY),
-            (RESISTANCE, DRIVE_RESISTANCE),
             (FAST, DRIVE_SHARE),
             (SLOW, DRIVE_SHARE),
         ] {
-            covariance.add(state, state, sigma * sigma);
+            covariance.add(state, state, sigma * sigma * self.drawn);
         }
         for (row, here) in KNOTS.iter().enumerate() {
             for (column, there) in KNOTS.iter().enumerate().take(row + 1) {
                 let apart = (here - there) / DRIVE_KNOT_REACH;
                 let alike = (-0.5 * apart * apart).exp();
-                covariance.add(KNOT + row, KNOT + column, DRIVE_KNOT_V * DRIVE_KNOT_V * alike);
+                let variance = DRIVE_KNOT_V * DRIVE_KNOT_V * alike * self.drawn;
+                covariance.add(KNOT + row, KNOT + column, variance);
             }
         }
+        self.forget(gaussian);
+    }
+
+    /// Slow shares and curve return towards the chemistry's.
+    fn forget(&self, gaussian: &mut Gaussian) {
+        let Gaussian { mean, covariance } = gaussian;
         let new = self.kind.prior();
-        let stays = 1.0 - DRIVE_FORGETS;
-        for state in FAST..FINE {
-            mean[state] = new.mean[state] + stays * (mean[state] - new.mean[state]);
+        let stays = 1.0 - (DRIVE_FORGETS * self.drawn).min(1.0);
+        for (mean, usual) in mean[FAST..FINE].iter_mut().zip(&new.mean[FAST..FINE]) {
+            *mean = usual + stays * (*mean - usual);
         }
         for state in (FAST..FINE).chain(KNOT..KNOT + KNOTS.len()) {
             covariance.scale(state, stays);

@@ -4,13 +4,16 @@ use super::block::Block;
 use super::cell::Cell;
 use super::states::{CAPACITY, CHARGE, FAST, FINE, Gaussian, RESISTANCE, SAG};
 
-/// The curve's fine error, all chosen on recordings: charge over which it changes; charge that a point of the curve is displaced by;
+/// The curve's fine error, all chosen on recordings: time constant, in seconds; charge over which it changes; charge that a point of the curve is displaced by;
 /// its part of the sag.
+const FINE_TAU_S: f64 = 3000.0;
 const FINE_CHARGE: f64 = 0.08;
 const FINE_SLOPE: f64 = 0.012;
 const FINE_SAG: f64 = 0.08;
 
-/// Time constant of the sag's relative error, in seconds, and the sag at which the error has doubled, in volts: chosen on recordings.
+/// The sag's relative error, all chosen on recordings: its deviation, its time constant, in seconds, and the sag at which it has
+/// doubled, in volts.
+const SAG_SIGMA: f64 = 0.1;
 const SAG_TAU_S: f64 = 1000.0;
 const SAG_LARGE_V: f64 = 1.0;
 
@@ -23,8 +26,9 @@ const RESISTANCE_WALK: f64 = 0.01;
 /// Deviation of a charge that may be anything: 1/√12.
 const ANY_CHARGE: f64 = 0.29;
 
-/// Resistance by steps of the load, chosen on recordings: relative error; root of the sum of the squared steps of a block
+/// Resistance by steps of the load, chosen on recordings: noise of a reading, in volts; relative error; root of the sum of the squared steps of a block
 /// that measures something, in capacities per hour; the least deviation of the logarithm; deviations by which an outlier pulls.
+const STEP_NOISE_V: f64 = 0.003;
 const STEP_RELATIVE: f64 = 0.25;
 const STEP_LEAST_PER_H: f64 = 0.1;
 const STEP_FLOOR: f64 = 0.02;
@@ -36,7 +40,7 @@ const STEP_LEAST_SHARE: f64 = 0.05;
 pub type Shape = [(f64, f64); 3];
 
 /// By how much larger the error of a large sag is.
-pub fn enlarged(sag_v: f64) -> f64 {
+fn enlarged(sag_v: f64) -> f64 {
     1.0 + (sag_v / SAG_LARGE_V).min(1.0).powi(2)
 }
 
@@ -48,7 +52,8 @@ pub fn fine_sigma_v(charge: f64, sag_v: f64, cell: &Cell) -> f64 {
 }
 
 /// The error of the sag changes with time.
-pub fn drift_sag(gaussian: &mut Gaussian, duration_s: f64, sigma: f64) {
+pub fn drift_sag(gaussian: &mut Gaussian, duration_s: f64, sag_v: f64) {
+    let sigma = SAG_SIGMA * enlarged(sag_v);
     gaussian.revert(SAG, (-duration_s / SAG_TAU_S).exp(), 0.0, sigma);
 }
 
@@ -67,18 +72,11 @@ pub fn warm(gaussian: &mut Gaussian, duration_s: f64) {
 }
 
 /// A charge is drawn, in ampere-hours, within some time.
-pub fn draw(
-    gaussian: &mut Gaussian,
-    charge_ah: f64,
-    duration_s: f64,
-    fine_sigma_v: f64,
-    fine_tau_s: f64,
-    label_ah: f64,
-) {
+pub fn draw(gaussian: &mut Gaussian, charge_ah: f64, duration_s: f64, fine_sigma_v: f64, label_ah: f64) {
     let drawn = charge_ah / (label_ah * gaussian.mean[CAPACITY].exp());
     gaussian.mean[CHARGE] -= drawn;
     gaussian.covariance.add_state(CHARGE, drawn, CAPACITY);
-    let left = (-duration_s / fine_tau_s - drawn.abs() / FINE_CHARGE).exp();
+    let left = (-duration_s / FINE_TAU_S - drawn.abs() / FINE_CHARGE).exp();
     gaussian.revert(FINE, left, 0.0, fine_sigma_v);
     let sigma = gaussian.sigma(CHARGE);
     if sigma > ANY_CHARGE {
@@ -86,8 +84,8 @@ pub fn draw(
     }
 }
 
-/// Takes the resistance that a block's steps from second to second show; noise of a reading in volts.
-pub fn measure_resistance(gaussian: &mut Gaussian, block: &Block, noise_v: f64, cell: &Cell) {
+/// Takes the resistance that a block's steps from second to second show.
+pub fn measure_resistance(gaussian: &mut Gaussian, block: &Block, cell: &Cell) {
     let is_small = block.steps <= (STEP_LEAST_PER_H * cell.label_ah).powi(2);
     let variance = gaussian.covariance.get(RESISTANCE, RESISTANCE);
     if is_small
@@ -97,7 +95,7 @@ pub fn measure_resistance(gaussian: &mut Gaussian, block: &Block, noise_v: f64, 
         return;
     }
     let ohm = block.steps_v / block.steps;
-    let noise = 2.0 * noise_v * noise_v / (block.steps * ohm * ohm) + STEP_RELATIVE * STEP_RELATIVE;
+    let noise = 2.0 * STEP_NOISE_V * STEP_NOISE_V / (block.steps * ohm * ohm) + STEP_RELATIVE * STEP_RELATIVE;
     let innovation = (ohm / cell.typical_ohm).ln() - gaussian.mean[RESISTANCE];
     let total = (variance + noise).max(innovation * innovation / (STEP_OUTLIER * STEP_OUTLIER));
     let with_resistance = gaussian.covariance.row(RESISTANCE);

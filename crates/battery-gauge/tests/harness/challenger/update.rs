@@ -27,7 +27,6 @@ pub enum Learning {
     All,
     /// All but the slow shares and the growth of the sag.
     NoShape,
-    ChargeOnly,
 }
 
 impl Learning {
@@ -35,7 +34,6 @@ impl Learning {
         match self {
             Self::All => true,
             Self::NoShape => !(FAST..FINE).contains(&state),
-            Self::ChargeOnly => state == CHARGE,
         }
     }
 }

@@ -1,7 +1,9 @@
 //! Charge that the load can still draw, and the time until then.
 
-use super::block::Block;
-use super::cell::{Cell, Load};
+use std::collections::VecDeque;
+
+use super::block::{Block, Second};
+use super::cell::{Cell, Load, grown};
 use super::states::{CAPACITY, Gaussian};
 
 /// Bins of the loads of the last hour: logarithmic, from the least load, in capacities per hour, over this range.
@@ -26,6 +28,8 @@ const LEAST_MEAN_PER_H: f64 = 0.005;
 
 /// A load from here on takes the voltage below critical, in capacities per hour.
 const COLLAPSING_PER_H: f64 = 0.1;
+/// The voltage is critical by the mean over this time, less what the sampling interval may vary, in seconds.
+const END_S: f64 = 9.99;
 /// Highest charge that such an end is kept at.
 const HIGHEST_END: f64 = 0.7;
 
@@ -67,6 +71,9 @@ pub struct Usable {
 #[derive(Clone, Debug)]
 pub struct Loads {
     histogram: [f64; BINS],
+    /// The largest sag of a block lately, as it would be above where it grows, in volts.
+    peak_v: f64,
+    recent: VecDeque<Second>,
     shown: Option<f64>,
     mean_a: f64,
     mean_s: f64,
@@ -74,6 +81,8 @@ pub struct Loads {
     pub collapse: Option<Collapse>,
     /// Likewise in an earlier one.
     before: Option<Collapse>,
+    /// Whether the load has ended the drive: nothing is usable from then on.
+    pub has_ended: bool,
     /// The least charge that was estimated.
     pub least: f64,
 }
@@ -82,11 +91,14 @@ impl Loads {
     pub fn new(before: Option<Collapse>) -> Self {
         Self {
             histogram: [0.0; BINS],
+            peak_v: 0.0,
+            recent: VecDeque::new(),
             shown: None,
             mean_a: 0.0,
             mean_s: 0.0,
             collapse: None,
             before,
+            has_ended: false,
             least: 1.0,
         }
     }
@@ -101,13 +113,15 @@ impl Loads {
         cell: &Cell,
     ) -> Usable {
         let peak_a = self.largest_a(block, cell);
+        let by_peak = self.end_by_sag(block, states, charge, cell);
         let (mut end, gradient) = if peak_a > 0.0 {
             let load = Load {
                 now_a: peak_a,
                 fast_a: slow_a,
                 slow_a,
             };
-            cell.ending_charge(states, &load)
+            let (end, gradient) = cell.ending_charge(states, &load);
+            (0.5 * (end + by_peak), gradient)
         } else {
             let mut charge_alone = [0.0; _];
             charge_alone[super::states::CHARGE] = 1.0;
@@ -126,7 +140,7 @@ impl Loads {
         let most = self
             .shown
             .map_or(1.0, |shown| shown + RECOVERY * block.duration_s / 10.0);
-        let usable = usable.min(most);
+        let usable = if self.has_ended { 0.0 } else { usable.min(most) };
         self.shown = Some(usable);
         self.mean_s += block.duration_s;
         self.mean_a +=
@@ -144,6 +158,32 @@ impl Loads {
             end,
             mean_a: Some(self.mean_a).filter(|mean_a| *mean_a > LEAST_MEAN_PER_H * cell.label_ah),
         }
+    }
+
+    /// The charge at which the largest sag of a block lately ends the drive.
+    fn end_by_sag(&mut self, block: &Block, states: &Gaussian, charge: f64, cell: &Cell) -> f64 {
+        if block.current_a > COUNTED_PER_H * cell.label_ah {
+            let sag_v = cell.resting_v(charge, &states.mean) - block.voltage_v;
+            let kept = 1.0 - (block.duration_s / FORGETTING_S).min(1.0);
+            self.peak_v = (self.peak_v * kept).max(sag_v / grown(charge, &states.mean));
+        }
+        cell.charge_under(self.peak_v, &states.mean)
+    }
+
+    /// Takes a second: the load has ended the drive once the mean of ten seconds is critical.
+    pub fn see_end(&mut self, second: Second, cell: &Cell) {
+        self.recent.push_back(second);
+        let duration_s: f64 = self.recent.iter().map(|one| one.duration_s).sum();
+        if duration_s < END_S {
+            return;
+        }
+        let mean = |what: fn(&Second) -> f64| {
+            let sum: f64 = self.recent.iter().map(|one| one.duration_s * what(one)).sum();
+            sum / duration_s
+        };
+        let is_loaded = mean(|one| one.current_a) > COLLAPSING_PER_H * cell.label_ah;
+        self.has_ended |= is_loaded && mean(|one| one.voltage_v) < cell.critical_v;
+        self.recent.pop_front();
     }
 
     fn note_collapse(&mut self, block: &Block, charge: f64, ohm: f64, load_a: f64, cell: &Cell) {
