@@ -542,7 +542,7 @@ mod tests {
             ("BATT_CELLS=three", "\"three\" is not a number for BATT_CELLS"),
             ("BATT_CELLS=99", "BATT_CELLS can't be 99: 0 to 16"),
             ("BATT_CAPACITY=NaN", "BATT_CAPACITY can't be NaN: 0 to 1000000"),
-            ("BATT_FS_VOLTSRC=3", "BATT_FS_VOLTSRC can't be 3: 0, 1, 2"),
+            ("BATT_FS_VOLTSRC=3", "BATT_FS_VOLTSRC can't be 3: 0 to 2"),
             (
                 "BATT_SUM_MASK=512",
                 "BATT_SUM_MASK can't be 512: a sum of 1, 2, 4, 8, 16, 32, 64, 128, 256",
