@@ -72,8 +72,8 @@ pub fn count_of(kind: FlashOperationKind, operations: &[FlashOperation]) -> usiz
 /// The parameters of the vehicle, of its sticks and of its thermometers that are listed by default: ten more set up what is not in use then.
 pub const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10 + StickParameter::COUNT + THERMOMETER_COUNT;
 
-/// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
-pub const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;
+/// The parameters that are listed of a pack with an analog sensor: two more are of other sensors, and five of a curve of its own.
+pub const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2 - 5;
 
 /// Those of the vehicle and of the first pack, the switches of the other packs, and the constants.
 pub const LISTED_BY_DEFAULT: usize =
