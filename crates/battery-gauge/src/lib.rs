@@ -50,7 +50,7 @@
 //! let remaining_pct = battery.readings.remaining_pct.expect("it has rested");
 //! let sigma_pct = battery.readings.remaining_sigma_pct.expect("it is estimated");
 //! println!("{remaining_pct:.0} ± {sigma_pct:.0} % left");
-//! # assert_eq!(format!("{remaining_pct:.0} ± {sigma_pct:.0}"), "85 ± 1");
+//! # assert_eq!(format!("{remaining_pct:.0} ± {sigma_pct:.0}"), "85 ± 2");
 //! ```
 //!
 //! # The life of a monitor
