@@ -11,9 +11,9 @@ param BATT_FS_CRT_ACT 2
 expect 580.3 says~2 Battery 1 low: *% usable
 expect 587.3 low
 expect 587.3 says~2 Battery 1 is low
-expect 643.3 says~2 Battery 1 critical: *% usable
-expect 648.3 says~2 Battery 1 emergency: *% usable
-expect 650.3 critical
-expect 650.3 says~2 Battery 1 is critical
-expect 650.4 brake
+expect 644.4 says~2 Battery 1 critical: *% usable
+expect 653.4 says~2 Battery 1 emergency: *% usable
+expect 651.4 critical
+expect 651.4 says~2 Battery 1 is critical
+expect 651.5 brake
 end 740

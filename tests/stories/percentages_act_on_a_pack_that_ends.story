@@ -10,8 +10,9 @@ param BATT_FS_CRT_ACT 2
 expect 583.3 says~2 Battery 1 low: *% usable
 expect 600.2 low
 expect 600.2 says~2 Battery 1 is low
-expect 633.3 says~2 Battery 1 emergency: *% usable
-expect 640.4 critical
-expect 640.4 says~2 Battery 1 is critical
-expect 640.5 brake
+expect 635.4 says~2 Battery 1 critical: *% usable
+expect 642.4 critical
+expect 642.4 says~2 Battery 1 is critical
+expect 642.5 brake
+expect 643.4 says~2 Battery 1 emergency: *% usable
 end 740
