@@ -418,15 +418,16 @@ impl SagGrowth {
 /// The largest recent sag, and the charge at which it ends the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Reserve {
-    /// The largest sag of each interval, the latest one first, in volts.
+    /// The largest sag of each interval, the latest one first, and of all, in volts.
     peaks_v: [f32; PEAKS],
+    peak_v: f32,
     /// Time in the latest interval, in seconds.
     interval_s: f32,
     soc: f32,
     /// Standard deviation of the share.
     sigma: f32,
-    /// Voltages of a cell in the last seconds, the latest one first; 0: none.
-    recent_v: [f32; RECENT],
+    /// Voltages of a cell in the last seconds, the latest one first, in millivolts; 0: none.
+    recent_mv: [u16; RECENT],
     /// Time since the load has taken a cell to the end, in seconds; `None` once one as large as any of the last hour is carried.
     used_up_s: Option<f32>,
     /// Whether the load of the last measurement was carried.
@@ -437,21 +438,22 @@ impl Reserve {
     /// No load was seen.
     pub const NEW: Self = Self {
         peaks_v: [0.0; PEAKS],
+        peak_v: 0.0,
         interval_s: 0.0,
         soc: 0.0,
         sigma: 0.0,
-        recent_v: [0.0; RECENT],
+        recent_mv: [0; RECENT],
         used_up_s: None,
         was_carried: false,
     };
 
     /// Takes the voltage of a cell in a second of load: the mean of ten ends a drive.
     pub fn add(&mut self, cell_v: f32, model: &CellModel) {
-        self.recent_v.rotate_right(1);
-        self.recent_v[0] = cell_v;
-        let mean_v = self.recent_v.iter().sum::<f32>() / RECENT as f32;
-        let is_complete = self.recent_v.iter().all(|cell_v| *cell_v > 0.0);
-        if is_complete && mean_v < model.terminal_end_v() {
+        self.recent_mv.rotate_right(1);
+        self.recent_mv[0] = (1e3 * cell_v) as u16;
+        let sum_mv: u32 = self.recent_mv.iter().copied().map(u32::from).sum();
+        let is_complete = !self.recent_mv.contains(&0);
+        if is_complete && sum_mv as f32 * (1e-3 / RECENT as f32) < model.terminal_end_v() {
             self.used_up_s = Some(0.0);
         }
     }
@@ -467,8 +469,9 @@ impl Reserve {
             self.peaks_v[0] = 0.0;
         }
         self.peaks_v[0] = self.peaks_v[0].max(sag_v);
+        self.peak_v = self.peaks_v.iter().copied().fold(0.0, f32::max);
         let end_v = model.terminal_end_v();
-        let is_carried = sag_v >= CARRYING_SAG * self.peak_v() && cell_v >= end_v + CARRYING_V;
+        let is_carried = sag_v >= CARRYING_SAG * self.peak_v && cell_v >= end_v + CARRYING_V;
         let stays_carried = is_carried && self.was_carried;
         self.used_up_s = self
             .used_up_s
@@ -482,7 +485,7 @@ impl Reserve {
     pub fn restart(&mut self) {
         *self = Self {
             used_up_s: self.used_up_s,
-            recent_v: self.recent_v,
+            recent_mv: self.recent_mv,
             ..Self::NEW
         };
     }
@@ -502,15 +505,10 @@ impl Reserve {
             ),
             (
                 "largest sag of a cell in the last hour, mV",
-                1e3 * self.peak_v(),
+                1e3 * self.peak_v,
                 None,
             ),
         ]
-    }
-
-    /// The largest sag of the last hour, in volts.
-    fn peak_v(&self) -> f32 {
-        self.peaks_v.iter().copied().fold(0.0, f32::max)
     }
 
     /// Computes the charge at which such a sag ends the drive: not below that of a collapse that is expected.
@@ -535,9 +533,9 @@ impl Reserve {
     /// The sag of the same load at this state of charge, in volts.
     fn sag_v(&self, soc: f32, growth: SagGrowth, model: &CellModel) -> f32 {
         match growth {
-            SagGrowth::Inferred => self.peak_v() * (1.0 + INFERRED_GROWTH),
+            SagGrowth::Inferred => self.peak_v * (1.0 + INFERRED_GROWTH),
             SagGrowth::NearEmpty => {
-                let peak_v = self.peak_v();
+                let peak_v = self.peak_v;
                 peak_v + (near_empty(soc) * peak_v).min(model.cell.max_growth_v)
             }
         }
