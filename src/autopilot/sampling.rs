@@ -182,26 +182,12 @@ impl Autopilot {
             self.packs.follow_scales(&self.parameters);
             self.packs.follow_thermometers(&self.parameters);
             self.record_health();
-            self.follow_below_critical();
             let state = self.system_state(sampling.tick.now);
             self.own_state.readiness = arming_readiness(&state, &self.parameters, &self.vehicle);
             self.announce_above_drivers(sampling.tick.now);
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
         self.record_packs(sampling.tick.now);
-    }
-
-    /// Hands to the vehicle whether a pack is below its critical threshold, which may be forgotten.
-    fn follow_below_critical(&mut self) {
-        let Self {
-            packs, parameters, ..
-        } = self;
-        let is_below = |(pack, kind): &(Pack, MonitorKind)| {
-            let settings = parameters.pack(*pack).settings_of_kind(Some(*kind));
-            settings.failsafe.is_below_critical(packs.bank.state(*pack))
-        };
-        let is_below = packs.order.iter().any(is_below);
-        self.vehicle.update_below_critical(is_below);
     }
 
     /// Hands the levels and alerts of all packs to the vehicle.
@@ -284,6 +270,8 @@ impl Autopilot {
             error,
             failsafe,
         } = bank.update(pack, tick, reading, &settings);
+        let is_below_critical = settings.failsafe.is_below_critical(bank.state(pack));
+        self.vehicle.update_below_critical(pack, is_below_critical);
         match error {
             Some(error) => log_failure(pack, error, bank.monitor(pack).failed_reads()),
             None => self.packs.silences[pack as usize].confirm(),

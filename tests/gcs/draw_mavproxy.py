@@ -32,6 +32,9 @@ SESSION = [
     for typed, shown in session_of((REPOSITORY / "README.md").read_text(encoding="utf-8"), SECTION)
 ]
 
+# The pack with which the page starts the simulator.
+PACK = ["--pack", "2s-18650"]
+
 # So long nothing more may come before the next line is typed.
 QUIET_S = 1.5
 TIMEOUT_S = 40
@@ -133,7 +136,7 @@ def lines_of(shown):
 
 def record(port=None):
     """Runs the session with the simulator on this port or a free one; returns the lines of the terminal."""
-    simulator = Simulator(port=port)
+    simulator = Simulator(*PACK, port=port)
     with tempfile.TemporaryDirectory() as home:
         terminal = Terminal([sys.executable, str(MAVPROXY), "--master", simulator.url], home)
         try:
@@ -208,7 +211,7 @@ def draw(lines, title):
 
 
 def main():
-    title = f"MAVProxy {version('mavproxy')} and the simulator (cargo run)"
+    title = f"MAVProxy {version('mavproxy')} and the simulator (cargo run -- {' '.join(PACK)})"
     PICTURE.parent.mkdir(exist_ok=True)
     # The simulator's default port.
     PICTURE.write_text(draw(record(5760), title))

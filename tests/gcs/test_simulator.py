@@ -135,6 +135,9 @@ def test_what_another_simulator_has_is_said_with_ports_that_are_free(start_simul
         (["--rovers", "241"], "a number from 1 to 240 is needed"),
         (["--rovers", "2", "--flash", "x"], "cannot be used with"),
         (["--rovers", "2", "--scenario", "drain"], "cannot be used with"),
+        (["--pack", "4s-lipo"], "there are 2s-18650, "),
+        (["--pack", "smart-battery"], "smart-battery.param has no cells and chemistry, or a monitor that is not simulated; "),
+        (["--pack", "2s-18650", "--rovers", "2"], "cannot be used with"),
     ],
 )
 def test_an_argument_that_does_not_fit_is_explained(arguments, expected):
@@ -142,6 +145,12 @@ def test_an_argument_that_does_not_fit_is_explained(arguments, expected):
         simulator_command(free_port(), *arguments), cwd=REPOSITORY, capture_output=True, text=True, timeout=60
     )
     assert ended.returncode == 2 and expected in ended.stderr, ended
+
+
+def test_a_scenario_with_a_pack_of_its_own_takes_no_other():
+    command = simulator_command(free_port(), "--scenario", "swap", "--pack", "2s-18650")
+    ended = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (1, "The scenario swap has a pack of its own: no --pack.\n")
 
 
 def test_help_says_what_it_is_and_gives_examples():

@@ -243,6 +243,22 @@ fn a_pack_that_reports_for_five_seconds_that_it_is_failed_or_unhealthy_acts() {
 }
 
 #[test]
+fn a_pack_that_reports_once_a_second_that_it_is_failed_acts_as_soon() {
+    let mut desk = desk();
+    desk.set(BatteryParameter::FsUnhAct.of(Pack::First), 2.0);
+    ticks(&mut desk, 10, &half_full(12_000));
+    assert_eq!(desk.result_of(&arm()), ACCEPTED);
+    desk.ask(&manual_mode());
+    for second in 0..8 {
+        tick(&mut desk, &[reporting(12_000, 5)]);
+        silence(&mut desk, 9);
+        let mode = desk.autopilot.vehicle().status().mode;
+        let expected = if second < 5 { Mode::Manual } else { Mode::Hold };
+        assert_eq!(mode, expected, "{second}");
+    }
+}
+
+#[test]
 fn a_pack_that_reports_itself_unhealthy_only_warns_by_default() {
     let (desk, texts) = after_reports_while_driving(0.0, 6, 300);
     assert_eq!(desk.autopilot.vehicle().status().mode, Mode::Manual);

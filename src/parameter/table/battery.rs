@@ -619,9 +619,8 @@ parameters! {
         step: 0.001,
         unit: "V",
         label: "Curve: cell at 10 %",
-        description: "Resting voltage of a cell at 10 % of its charge. Those that are set take the place of the chemistry's \
-                      curve, if they rise. 0: not set. All five are listed once one is set. (ArduPilot has no such \
-                      parameter.)",
+        description: "Resting voltage of a cell at this charge. Those that are set replace the chemistry's curve, if they \
+                      rise. 0: not set. (ArduPilot has no such parameter.)",
     }
     Curve30 {
         key: 113,

@@ -71,8 +71,8 @@ pub struct Vehicle {
     reversals: Reversals,
     /// The most urgent alert of all packs.
     battery_alert: BatteryAlert,
-    /// A pack that is not being charged is below its critical threshold.
-    is_below_critical: bool,
+    /// Packs that are not being charged and are below their critical threshold, a bit each.
+    below_critical: u16,
     /// When it was armed, a station or a stick was there, or no pack was below its critical threshold.
     attended_at: Instant,
     /// Packs whose failsafe has terminated the drive and that still have a failsafe level, a bit each.
@@ -244,9 +244,10 @@ impl Vehicle {
         self.terminated_by &= at_a_level;
     }
 
-    /// Updates whether a pack that is not being charged is below its critical threshold.
-    pub fn update_below_critical(&mut self, is_below: bool) {
-        self.is_below_critical = is_below;
+    /// Updates whether this pack is not being charged and below its critical threshold.
+    pub fn update_below_critical(&mut self, pack: Pack, is_below: bool) {
+        self.below_critical &= !pack.bit();
+        self.below_critical |= u16::from(is_below) << pack.instance();
     }
 
     /// Follows changed channels of the sticks while disarmed. Positions from before mean something else now.
@@ -260,7 +261,7 @@ impl Vehicle {
     /// Updates time-outs, channels of the sticks and the slew rate limiter. Returns an event if an input has timed out.
     pub fn update(&mut self, now: Instant, settings: &VehicleSettings) -> Option<VehicleEvent> {
         self.follow_channels(settings.channels);
-        if self.arm_state == ArmState::Armed || !self.is_below_critical {
+        if self.arm_state == ArmState::Armed || self.below_critical == 0 {
             self.attended_at = now;
         }
         self.seat.expire(now, settings.timeout_us);
@@ -389,7 +390,7 @@ impl Vehicle {
 
     /// Whether a pack is drained below its critical threshold, without a station or a stick for long.
     fn is_forgotten(&self, now: Instant) -> bool {
-        self.is_below_critical && now.us_since(self.attended_at) >= FORGOTTEN_AFTER_US
+        self.below_critical != 0 && now.us_since(self.attended_at) >= FORGOTTEN_AFTER_US
     }
 
     fn is_urgent(&self) -> bool {

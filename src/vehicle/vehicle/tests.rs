@@ -368,7 +368,7 @@ fn lamps_and_buzzer_indicate_the_state() {
 fn a_forgotten_pack_flashes_every_ten_seconds_and_sounds_each_minute_until_it_is_attended() {
     const MINUTE_US: u64 = 60_000_000;
     let mut vehicle = Vehicle::new();
-    vehicle.update_below_critical(true);
+    vehicle.update_below_critical(Pack::First, true);
     let at = |vehicle: &mut Vehicle, now_us: u64| {
         vehicle.update(at_us(now_us), &SETTINGS);
         vehicle.indication(at_us(now_us))
@@ -389,7 +389,7 @@ fn a_forgotten_pack_flashes_every_ten_seconds_and_sounds_each_minute_until_it_is
     let now_us = 12 * MINUTE_US + 1_000_000;
     let station = |vehicle: &mut Vehicle| vehicle.ground_station_seen(at_us(now_us));
     let stick = |vehicle: &mut Vehicle| drive(vehicle, at_us(now_us), 0);
-    let charger = |vehicle: &mut Vehicle| vehicle.update_below_critical(false);
+    let charger = |vehicle: &mut Vehicle| vehicle.update_below_critical(Pack::First, false);
     let arm = |vehicle: &mut Vehicle| vehicle.arm(at_us(now_us), Fitness::Forced).unwrap();
     let ways: [&dyn Fn(&mut Vehicle); 4] = [&station, &stick, &charger, &arm];
     for comes in ways {

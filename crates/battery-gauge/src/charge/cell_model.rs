@@ -54,26 +54,22 @@ pub type MeasuredOffsets = [Offset; OFFSET_POINTS];
 /// The owner's curve at the points where one is learnt, if it can be used: between the points that are measured it is
 /// interpolated, beyond them its height stays.
 pub fn measured_offsets(settings: &PackSettings) -> Option<MeasuredOffsets> {
-    let measured_v = &settings.curve_v;
-    if *measured_v == [None; OFFSET_POINTS] || !settings.is_curve_possible() {
+    if settings.curve_v == [None; OFFSET_POINTS] || !settings.is_curve_possible() {
         return None;
     }
     let curve = &settings.chemistry.cell().curve;
-    let height_v = |point: usize| {
-        let measured_v = measured_v.get(point).copied().flatten()?;
-        Some((point, measured_v - curve.voltage_v(Offset::soc(point))))
-    };
-    Some(core::array::from_fn(|point| {
-        let below = (0..=point).rev().find_map(height_v);
-        let above = (point..OFFSET_POINTS).find_map(height_v);
-        let height_v = match (below, above) {
-            (Some((low, low_v)), Some((high, high_v))) if low < high => {
-                low_v + (high_v - low_v) * (point - low) as f32 / (high - low) as f32
-            }
-            (low, high) => low.or(high).map_or(0.0, |(_, height_v)| height_v),
-        };
-        Offset::from_v(height_v, MEASURED_SIGMA_V)
-    }))
+    let mut heights_v = [0.0; OFFSET_POINTS];
+    let mut below = None;
+    for (point, measured_v) in settings.curve_v.iter().enumerate() {
+        let Some(measured_v) = measured_v else { continue };
+        let height_v = measured_v - curve.voltage_v(Offset::soc(point));
+        let (from, from_v) = below.replace((point, height_v)).unwrap_or((0, height_v));
+        let width = (point - from).max(1) as f32;
+        for (above, filled_v) in heights_v.iter_mut().skip(from).enumerate() {
+            *filled_v = from_v + (height_v - from_v) * (above as f32 / width).min(1.0);
+        }
+    }
+    Some(heights_v.map(|height_v| Offset::from_v(height_v, MEASURED_SIGMA_V)))
 }
 
 /// Height of the owner's curve above that of the chemistry at a state of charge from 0 to 1, in volts; 0 without one.
@@ -342,15 +338,16 @@ impl CellModel<'_> {
             // Nothing is known: the offsets are alike.
             return property(&Offset::default());
         }
-        interpolated(soc, |point| {
-            let learnt = self
-                .learnt
-                .offsets
-                .get(point)
-                .filter(|offset| offset.sigma_v().is_some());
-            let measured = || self.measured.as_ref()?.get(point);
-            property(learnt.or_else(measured).unwrap_or(&Offset::default()))
-        })
+        interpolated(soc, |point| property(&self.offset(point)))
+    }
+
+    /// The offset of a point, as learnt, else as measured.
+    fn offset(&self, point: usize) -> Offset {
+        let learnt = self.learnt.offsets.get(point).copied();
+        learnt
+            .filter(|offset| offset.sigma_v().is_some())
+            .or(self.measured.and_then(|offsets| offsets.get(point).copied()))
+            .unwrap_or_default()
     }
 }
 

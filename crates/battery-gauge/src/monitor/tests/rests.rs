@@ -464,6 +464,21 @@ fn the_charge_of_cells_that_rest_off_their_chemistrys_curve_is_right_with_a_meas
 }
 
 #[test]
+fn a_measured_curve_waits_for_the_number_of_cells() {
+    let mut pack = Pack::rested(Chemistry::LiIon, 0.5);
+    pack.offsets_v = [0.25, 0.25];
+    let mut rover = Rover::with(pack);
+    rover.bench.settings.curve_v[2] = Some(Chemistry::LiIon.cell().curve.voltage_v(0.5) + 0.25);
+    rover.bench.settings.cell_count = None;
+    rover.run(1.0, IDLE_A);
+    let state = rover.bench.state;
+    assert_eq!((state.cell_count, state.readings.remaining_pct), (None, None));
+    rover.run(60.0, IDLE_A);
+    assert_eq!(rover.bench.state.cell_count, Some(3));
+    assert!(rover.error_pct().abs() < 4.0, "{}", rover.error_pct());
+}
+
+#[test]
 fn a_curve_that_falls_or_is_of_another_chemistry_is_not_used() {
     for (curve_v, is_possible) in [
         ([None; 5], true),
