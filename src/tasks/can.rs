@@ -16,7 +16,7 @@ const POLL_INTERVAL_US: u64 = 100_000;
 
 /// Frames that are taken in one turn. On a full bus at 1 Mbit/s one comes every 130 µs, and a turn of the other tasks can take
 /// longer.
-const FRAMES_A_TURN: usize = 16;
+const FRAMES_A_TURN: usize = 32;
 
 /// Hands what the nodes on the bus report to the battery task, and takes part in the bus as a node. Without a bus there is
 /// nothing to do.
