@@ -346,6 +346,7 @@ impl ChargeEstimator {
             }
         }
         let was_starting = matches!(self.phase, Phase::Starting(_));
+        let was_settled = self.phase.is_settled();
         // A count that may be another pack's is not corrected by this one's voltage: the rest has to deny it.
         let is_retained = self.reference.is_some_and(|before| before.is_retained);
         let counted_v = cell_v.filter(|_| !is_retained || !self.is_of_pack_before());
@@ -409,6 +410,7 @@ impl ChargeEstimator {
         );
         let is_charged = capacity.is_some_and(|capacity| was_charged(&load, &capacity));
         if load_state == LoadState::On
+            && was_settled
             && !is_charged
             && let (Some(estimate), Some(before)) = (&mut self.estimate, before)
         {
@@ -649,6 +651,15 @@ impl Phase {
                 }
             }
             Self::Counting(counting) => counting.update(load, cell_v, trace, model, capacity),
+        }
+    }
+
+    /// Whether the charge is found. Until then the estimate of a pack under load rises to what its voltages show.
+    fn is_settled(&self) -> bool {
+        match self {
+            Self::Starting(_) => false,
+            Self::Known(_) | Self::Counting(_) => true,
+            Self::VoltageOnly(estimate) => estimate.is_settled(),
         }
     }
 

@@ -138,6 +138,11 @@ impl VoltageOnly {
         })
     }
 
+    /// Whether the voltages since the start have shown the charge.
+    pub fn is_settled(&self) -> bool {
+        self.unsettled_s <= 0.0
+    }
+
     fn is_known(&self) -> bool {
         self.unsettled_s <= SETTLING_S - FIRST_ESTIMATE_S
     }

@@ -198,6 +198,28 @@ fn usable_charge_rises_slowly_after_a_load_has_fallen() {
     }
 }
 
+#[test]
+// Requirement: PX-6
+fn usable_charge_of_a_pack_found_under_load_rises_until_its_charge_is_found() {
+    for sensors in [Sensors::VoltageAndCurrent, Sensors::Voltage] {
+        let mut rover = Rover::with(Pack {
+            soc: 0.7,
+            slow_a: [2.2; 3],
+            ..weak(0.0, 1.5)
+        });
+        rover.sensors = sensors;
+        rover.bench.load_state = LoadState::On;
+        rover.run(20.0, 4.4);
+        rover.run(60.0, 0.5);
+        let readings = rover.bench.state.readings;
+        let (usable_pct, remaining_pct) = readings.usable_pct.zip(readings.remaining_pct).expect("known");
+        assert!(
+            usable_pct > remaining_pct - 25.0,
+            "{sensors:?}: {usable_pct} of {remaining_pct} %"
+        );
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
