@@ -121,7 +121,7 @@ impl Counting {
         capacity: &Capacity,
     ) {
         if let Some(cell_v) = cell_v {
-            trace.reserve.add(cell_v, model);
+            trace.reserve.add(cell_v, self.filter.soc(), model);
         }
         if let Some(block) = trace.block.add(load, cell_v) {
             self.compare(&block, trace, model, capacity);

@@ -371,6 +371,9 @@ const CARRYING_SAG: f32 = 0.75;
 /// A load that has taken a cell to the end is expected to do so again for this time, in seconds.
 const USED_UP_S: f32 = 3600.0;
 
+/// A pack whose state of charge is that much higher again was charged, unseen by a current sensor: no rest corrects so much.
+const RECHARGED: f32 = 0.4;
+
 /// Usable charge until a load has taken a cell to the end, at least: before, a reserve is only expected.
 const MIN_USABLE: f32 = 0.01;
 
@@ -428,8 +431,9 @@ pub struct Reserve {
     sigma: f32,
     /// Voltages of a cell in the last seconds, the latest one first, in millivolts; 0: none.
     recent_mv: [u16; RECENT],
-    /// Time since the load has taken a cell to the end, in seconds; `None` once one as large as any of the last hour is carried.
-    used_up_s: Option<f32>,
+    /// Time since the load has taken a cell to the end, in seconds, and the state of charge then; `None` once one as large as any of
+    /// the last hour is carried.
+    used_up: Option<(f32, f32)>,
     /// Whether the load of the last measurement was carried.
     was_carried: bool,
 }
@@ -443,18 +447,18 @@ impl Reserve {
         soc: 0.0,
         sigma: 0.0,
         recent_mv: [0; RECENT],
-        used_up_s: None,
+        used_up: None,
         was_carried: false,
     };
 
     /// Takes the voltage of a cell in a second of load: the mean of ten ends a drive.
-    pub fn add(&mut self, cell_v: f32, model: &CellModel) {
+    pub fn add(&mut self, cell_v: f32, soc: f32, model: &CellModel) {
         self.recent_mv.rotate_right(1);
         self.recent_mv[0] = (1e3 * cell_v) as u16;
         let sum_mv: u32 = self.recent_mv.iter().copied().map(u32::from).sum();
         let is_complete = !self.recent_mv.contains(&0);
         if is_complete && sum_mv as f32 * (1e-3 / RECENT as f32) < model.terminal_end_v() {
-            self.used_up_s = Some(0.0);
+            self.used_up = Some((0.0, soc));
         }
     }
 
@@ -473,10 +477,10 @@ impl Reserve {
         let end_v = model.terminal_end_v();
         let is_carried = sag_v >= CARRYING_SAG * self.peak_v && cell_v >= end_v + CARRYING_V;
         let stays_carried = is_carried && self.was_carried;
-        self.used_up_s = self
-            .used_up_s
-            .map(|since_s| since_s + dt_s)
-            .filter(|since_s| !stays_carried || *since_s < USED_UP_S);
+        self.used_up = self
+            .used_up
+            .map(|(since_s, at)| (since_s + dt_s, at))
+            .filter(|(since_s, at)| soc < at + RECHARGED && !(stays_carried && *since_s >= USED_UP_S));
         self.was_carried = is_carried;
         stays_carried
     }
@@ -484,7 +488,7 @@ impl Reserve {
     /// Forgets the sags: the resting voltage from which they were taken was wrong.
     pub fn restart(&mut self) {
         *self = Self {
-            used_up_s: self.used_up_s,
+            used_up: self.used_up,
             recent_mv: self.recent_mv,
             ..Self::NEW
         };
@@ -492,7 +496,7 @@ impl Reserve {
 
     /// Charge was taken in: the load may go on.
     pub fn charge(&mut self) {
-        self.used_up_s = None;
+        self.used_up = None;
     }
 
     /// See [`ChargeEstimator::explain`](super::ChargeEstimator::explain).
@@ -557,7 +561,7 @@ impl Reserve {
 
     /// Usable charge at this state of charge, relative to the capacity, from 0 to 1.
     pub fn available(&self, soc: f32) -> f32 {
-        if self.used_up_s.is_some() {
+        if self.used_up.is_some() {
             return 0.0;
         }
         (soc - self.soc).max(MIN_USABLE.min(soc))

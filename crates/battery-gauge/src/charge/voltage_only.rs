@@ -176,7 +176,7 @@ impl VoltageOnly {
     ) -> bool {
         let rests = self.update(dt_s, cell_v, trace.polarisation.current_a(), load_state, model);
         trace.polarisation.update(dt_s, self.load_per_h(model));
-        trace.reserve.add(cell_v, model);
+        trace.reserve.add(cell_v, self.soc, model);
         if let Some(block) = trace.block.add(&Load::none_for(dt_s), Some(cell_v)) {
             if let Some(cell_v) = block.cell_v {
                 let growth = SagGrowth::Inferred;
