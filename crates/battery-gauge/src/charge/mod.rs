@@ -654,11 +654,10 @@ impl Phase {
         }
     }
 
-    /// Whether the charge is found. Until then the estimate of a pack under load rises to what its voltages show.
+    /// Whether the charge is found. Until then the estimate by the voltage alone of a pack under load rises to what that shows.
     fn is_settled(&self) -> bool {
         match self {
-            Self::Starting(_) => false,
-            Self::Known(_) | Self::Counting(_) => true,
+            Self::Starting(_) | Self::Known(_) | Self::Counting(_) => true,
             Self::VoltageOnly(estimate) => estimate.is_settled(),
         }
     }
