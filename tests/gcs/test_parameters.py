@@ -22,8 +22,9 @@ def described():
     return {param.get("name").removeprefix("Rover:") for param in parameter_metadata().iter("param")}
 
 
-# What sets up a CAN bus, a protocol of the second serial port or a thermometer that is not in use, or a pack that is measured so.
-NOT_IN_USE = r"CAN_(?!P1_DRIVER)|TEMP\d_(?!TYPE)|GEN_TYPE|EFI_|TRQD1_|SERIAL1_BAUD|BATT\d?_(CURR_MULT|ESC_MASK)"
+# What sets up a CAN bus, a protocol of the second serial port or a thermometer that is not in use, a pack that is measured so, or a
+# curve of its own.
+NOT_IN_USE = r"CAN_(?!P1_DRIVER)|TEMP\d_(?!TYPE)|GEN_TYPE|EFI_|TRQD1_|SERIAL1_BAUD|BATT\d?_(CURR_MULT|ESC_MASK|CURVE_)"
 
 
 def visible(packs):
