@@ -5,15 +5,14 @@
 
 use super::super::super::clock::{Cycle, cycles};
 use super::converter::{Converter, Setup};
-use super::register_map::{RegisterMap, Registers};
-use super::{Load, field_of};
+use super::field_of;
+use super::register_map::{OneConverter, RegisterMap, Registers};
 
 const CONFIGURATION: u8 = 0x00;
 const SHUNT_VOLTAGE: u8 = 0x01;
 const BUS_VOLTAGE: u8 = 0x02;
 
 const CONFIGURATION_RESET: u16 = 0x399f;
-const RESET: u16 = 1 << 15;
 /// BRNG: 32 V, else 16 V.
 const WIDE_BUS: u16 = 1 << 13;
 const SHUNT_LSB_V: f64 = 10e-6;
@@ -48,17 +47,6 @@ impl Ina219 {
 
     pub fn configuration(&self) -> u16 {
         self.configuration
-    }
-
-    fn configure(&mut self, configuration: u16) {
-        self.configuration = configuration;
-        self.has_converted = false;
-        self.converter.restart(0);
-    }
-
-    fn reset(&mut self) {
-        self.configure(CONFIGURATION_RESET);
-        (self.shunt, self.bus) = (0, 0);
     }
 
     /// The most of the shunt's voltage, by the gain: 40 to 320 mV.
@@ -99,8 +87,12 @@ fn conversion_us(adc: u16) -> u64 {
     }
 }
 
-impl Registers for Ina219 {
-    fn read(&self, pointer: u8) -> u64 {
+impl OneConverter for Ina219 {
+    fn converter(&mut self) -> &mut Converter {
+        &mut self.converter
+    }
+
+    fn register(&self, pointer: u8) -> u64 {
         match pointer {
             CONFIGURATION => self.configuration.into(),
             SHUNT_VOLTAGE => field_of(self.shunt, 16),
@@ -110,15 +102,18 @@ impl Registers for Ina219 {
         }
     }
 
-    fn write(&mut self, pointer: u8, value: u16) {
-        match pointer {
-            CONFIGURATION if value & RESET != 0 => self.reset(),
-            CONFIGURATION => self.configure(value),
-            _ => {}
-        }
+    fn configure(&mut self, configuration: u16) {
+        self.configuration = configuration;
+        self.has_converted = false;
+        self.converter.restart(0);
     }
 
-    fn note_time(&mut self, now: Cycle) {
+    fn reset(&mut self) {
+        self.configure(CONFIGURATION_RESET);
+        (self.shunt, self.bus) = (0, 0);
+    }
+
+    fn convert(&mut self, now: Cycle) {
         let setup = self.setup();
         let most = self.most_shunt_v();
         for results in self.converter.advance(now, &setup) {
@@ -131,15 +126,6 @@ impl Registers for Ina219 {
             }
             self.has_converted = true;
         }
-    }
-
-    fn set_load(&mut self, volts: f64, amperes: f64) {
-        self.converter.set_load(Load::of(volts, amperes));
-    }
-
-    fn power_cycle(&mut self) {
-        self.reset();
-        self.converter.power_cycle();
     }
 }
 

@@ -3,9 +3,9 @@
 //! Left out: alerts, and the calibration. Current and power read zero, as they do without one.
 
 use super::super::super::clock::Cycle;
-use super::register_map::{RegisterMap, Registers};
+use super::register_map::{OneConverter, RegisterMap, Registers};
 use super::{
-    Converter, Load, TEXAS_INSTRUMENTS, field_of, setup_of_ina226, shunt_range, signed_code, unsigned_code,
+    Converter, TEXAS_INSTRUMENTS, field_of, setup_of_ina226, shunt_range, signed_code, unsigned_code,
 };
 
 const CONFIGURATION: u8 = 0x00;
@@ -15,7 +15,6 @@ const MANUFACTURER_ID: u8 = 0xfe;
 const DIE_ID: u8 = 0xff;
 
 const CONFIGURATION_RESET: u16 = 0x4127;
-const RESET: u16 = 1 << 15;
 const SHUNT_LSB_V: f64 = 2.5e-6;
 const BUS_LSB_V: f64 = 1.25e-3;
 /// The ADC's range; the pin must not be above 36 V.
@@ -58,20 +57,14 @@ impl Ina226 {
     pub fn configuration(&self) -> u16 {
         self.configuration
     }
-
-    fn configure(&mut self, configuration: u16) {
-        self.configuration = configuration;
-        self.converter.restart(0);
-    }
-
-    fn reset(&mut self) {
-        self.configure(CONFIGURATION_RESET);
-        (self.shunt, self.bus) = (0, 0);
-    }
 }
 
-impl Registers for Ina226 {
-    fn read(&self, pointer: u8) -> u64 {
+impl OneConverter for Ina226 {
+    fn converter(&mut self) -> &mut Converter {
+        &mut self.converter
+    }
+
+    fn register(&self, pointer: u8) -> u64 {
         match pointer {
             CONFIGURATION => self.configuration.into(),
             SHUNT_VOLTAGE => field_of(self.shunt, 16),
@@ -82,15 +75,17 @@ impl Registers for Ina226 {
         }
     }
 
-    fn write(&mut self, pointer: u8, value: u16) {
-        match pointer {
-            CONFIGURATION if value & RESET != 0 => self.reset(),
-            CONFIGURATION => self.configure(value),
-            _ => {}
-        }
+    fn configure(&mut self, configuration: u16) {
+        self.configuration = configuration;
+        self.converter.restart(0);
     }
 
-    fn note_time(&mut self, now: Cycle) {
+    fn reset(&mut self) {
+        self.configure(CONFIGURATION_RESET);
+        (self.shunt, self.bus) = (0, 0);
+    }
+
+    fn convert(&mut self, now: Cycle) {
         let amperes = shunt_range(SHUNT_LSB_V, 16, self.shunt_ohm);
         let setup = setup_of_ina226(self.configuration, MOST_VOLTS, amperes);
         for results in self.converter.advance(now, &setup) {
@@ -102,15 +97,6 @@ impl Registers for Ina226 {
                 self.bus = unsigned_code(results.volts, BUS_LSB_V, 15);
             }
         }
-    }
-
-    fn set_load(&mut self, volts: f64, amperes: f64) {
-        self.converter.set_load(Load::of(volts, amperes));
-    }
-
-    fn power_cycle(&mut self) {
-        self.reset();
-        self.converter.power_cycle();
     }
 }
 

@@ -1,8 +1,8 @@
 //! INA260: power monitor with a shunt of its own (SBOS656C 8.6). Left out: power and alerts.
 
 use super::super::super::clock::Cycle;
-use super::register_map::{RegisterMap, Registers};
-use super::{Converter, Load, TEXAS_INSTRUMENTS, field_of, setup_of_ina226, signed_code, unsigned_code};
+use super::register_map::{OneConverter, RegisterMap, Registers};
+use super::{Converter, TEXAS_INSTRUMENTS, field_of, setup_of_ina226, signed_code, unsigned_code};
 
 const CONFIGURATION: u8 = 0x00;
 const CURRENT: u8 = 0x01;
@@ -11,7 +11,6 @@ const MANUFACTURER_ID: u8 = 0xfe;
 const DIE_ID: u8 = 0xff;
 
 const CONFIGURATION_RESET: u16 = 0x6127;
-const RESET: u16 = 1 << 15;
 const CURRENT_LSB_A: f64 = 1.25e-3;
 const BUS_LSB_V: f64 = 1.25e-3;
 /// The ADC's ranges; the shunt stands 15 A, the pin 36 V.
@@ -39,20 +38,14 @@ impl Ina260 {
     pub fn set(&mut self, volts: f64, amperes: f64) {
         self.set_load(volts, amperes);
     }
-
-    fn configure(&mut self, configuration: u16) {
-        self.configuration = configuration;
-        self.converter.restart(0);
-    }
-
-    fn reset(&mut self) {
-        self.configure(CONFIGURATION_RESET);
-        (self.current, self.bus) = (0, 0);
-    }
 }
 
-impl Registers for Ina260 {
-    fn read(&self, pointer: u8) -> u64 {
+impl OneConverter for Ina260 {
+    fn converter(&mut self) -> &mut Converter {
+        &mut self.converter
+    }
+
+    fn register(&self, pointer: u8) -> u64 {
         match pointer {
             CONFIGURATION => self.configuration.into(),
             CURRENT => field_of(self.current, 16),
@@ -63,15 +56,17 @@ impl Registers for Ina260 {
         }
     }
 
-    fn write(&mut self, pointer: u8, value: u16) {
-        match pointer {
-            CONFIGURATION if value & RESET != 0 => self.reset(),
-            CONFIGURATION => self.configure(value),
-            _ => {}
-        }
+    fn configure(&mut self, configuration: u16) {
+        self.configuration = configuration;
+        self.converter.restart(0);
     }
 
-    fn note_time(&mut self, now: Cycle) {
+    fn reset(&mut self) {
+        self.configure(CONFIGURATION_RESET);
+        (self.current, self.bus) = (0, 0);
+    }
+
+    fn convert(&mut self, now: Cycle) {
         let setup = setup_of_ina226(self.configuration, MOST_VOLTS, AMPERES);
         for results in self.converter.advance(now, &setup) {
             if setup.measures_current {
@@ -81,15 +76,6 @@ impl Registers for Ina260 {
                 self.bus = unsigned_code(results.volts, BUS_LSB_V, 15);
             }
         }
-    }
-
-    fn set_load(&mut self, volts: f64, amperes: f64) {
-        self.converter.set_load(Load::of(volts, amperes));
-    }
-
-    fn power_cycle(&mut self) {
-        self.reset();
-        self.converter.power_cycle();
     }
 }
 

@@ -5,6 +5,7 @@ use std::ops::{Deref, DerefMut};
 use super::super::super::circuit::{Circuit, Meter};
 use super::super::super::clock::Cycle;
 use super::super::device::{Ack, I2cDevice, I2cDirection};
+use super::{Converter, Load};
 
 pub trait Registers {
     /// Size of a register in bytes.
@@ -24,6 +25,50 @@ pub trait Registers {
 
     /// The supply is gone, and back when it is addressed next.
     fn power_cycle(&mut self);
+}
+
+/// A monitor with one converter, of whose registers only the configuration is written.
+pub trait OneConverter {
+    fn converter(&mut self) -> &mut Converter;
+
+    fn register(&self, pointer: u8) -> u64;
+
+    fn configure(&mut self, configuration: u16);
+
+    fn reset(&mut self);
+
+    /// Results until this time go to its registers.
+    fn convert(&mut self, now: Cycle);
+}
+
+const CONFIGURATION: u8 = 0x00;
+const RESET: u16 = 1 << 15;
+
+impl<M: OneConverter> Registers for M {
+    fn read(&self, pointer: u8) -> u64 {
+        self.register(pointer)
+    }
+
+    fn write(&mut self, pointer: u8, value: u16) {
+        match pointer {
+            CONFIGURATION if value & RESET != 0 => self.reset(),
+            CONFIGURATION => self.configure(value),
+            _ => {}
+        }
+    }
+
+    fn note_time(&mut self, now: Cycle) {
+        self.convert(now);
+    }
+
+    fn set_load(&mut self, volts: f64, amperes: f64) {
+        self.converter().set_load(Load::of(volts, amperes));
+    }
+
+    fn power_cycle(&mut self) {
+        self.reset();
+        self.converter().power_cycle();
+    }
 }
 
 /// The byte after the address sets the pointer, two more are written to its register; a read gives
