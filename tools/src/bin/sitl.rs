@@ -339,7 +339,7 @@ fn rover(arguments: &Arguments, role: Role<'static>) -> Result<Setup<'static>, S
 /// Runs the simulator until it is stopped, or says why it can't.
 fn simulate(arguments: Arguments) -> Result<(), String> {
     if let (Some(scenario), Some(_)) = (arguments.scenario, arguments.pack)
-        && !scenario.takes_any_pack()
+        && !scenario.takes_any_pack
     {
         return Err(format!(
             "The scenario {} has a pack of its own: no --pack.",

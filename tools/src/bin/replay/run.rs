@@ -359,10 +359,14 @@ pub fn explain(trace: &Trace, mut replay: Replay, at_s: f64) -> Result<String, S
         return Err(format!("no reading at {}: it has {first} to {last}", clock(at_s)));
     }
     let mut method = "";
+    let readings_until = |time_s| trace.samples.partition_point(|sample| sample.time_s <= time_s);
+    let explained_after = EXPLAINED_AGO_S.map(|ago_s| readings_until(at_s - ago_s));
     let mut quantities = EXPLAINED_AGO_S.map(|_| Vec::new());
-    feed(trace, &mut replay, |replay, sample, _| {
-        for (ago_s, quantities) in EXPLAINED_AGO_S.iter().zip(&mut quantities) {
-            if sample.time_s <= at_s - ago_s {
+    let mut readings = 0;
+    feed(trace, &mut replay, |replay, _, _| {
+        readings += 1;
+        for (after, quantities) in explained_after.iter().zip(&mut quantities) {
+            if readings == *after {
                 let assumed = replay.monitor.explain(&replay.settings);
                 method = assumed.0;
                 *quantities = assumed.1.collect();

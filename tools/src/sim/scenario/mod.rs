@@ -27,6 +27,8 @@ pub struct Scenario {
     pub speedup: f64,
     /// The pack at the start.
     pub pack: SimulatedPack,
+    /// Whether it can be played with another one: its own is in no step, and does not have what the story is about.
+    pub takes_any_pack: bool,
     /// Parameters with which the vehicle starts, as if they were in its flash. They are not written there.
     pub parameters: &'static [(&'static str, f32)],
     /// Steps in the order of time.
@@ -60,11 +62,6 @@ pub enum Action {
 }
 
 impl Scenario {
-    /// Whether it can be played with another pack: its own is in no step, and does not have what the story is about.
-    pub fn takes_any_pack(&self) -> bool {
-        self.name == "drain"
-    }
-
     /// Sets its parameters.
     pub fn set_up(&self, parameters: &mut Parameters) {
         for (name, value) in self.parameters {

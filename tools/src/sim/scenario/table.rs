@@ -35,6 +35,7 @@ static DRAIN: Scenario = Scenario {
     summary: "a full pack is driven at full throttle until the monitor calls it low, then critical, and stops the rover.",
     speedup: 35.0,
     pack: SimulatedPack::full(PackModel::LIPO_3S_2200),
+    takes_any_pack: true,
     parameters: &drain_parameters(2.2),
     steps: &drive_until(2100),
     end_s: 2105,
@@ -82,6 +83,7 @@ static COLD: Scenario = Scenario {
     summary: "the drive of `drain` at −10 °C, simplified: 2.2 times the resistance, and 75 % of the capacity that the monitor is given; low comes some ten minutes earlier.",
     speedup: 25.0,
     pack: SimulatedPack::full(PackModel::LIPO_3S_2200_COLD),
+    takes_any_pack: false,
     parameters: &drain_parameters(COLD_CAPACITY_AH),
     steps: &drive_until(1500),
     end_s: 1505,
@@ -94,6 +96,7 @@ static SWAP: Scenario = Scenario {
     summary: "a pack with 35 % left is unplugged from the disarmed rover, which USB keeps running, and a full one plugged in.",
     speedup: 1.0,
     pack: SimulatedPack::charged(PackModel::LIPO_3S_2200, 0.35),
+    takes_any_pack: false,
     parameters: &[
         ("BATT_CELLS", 3.0),
         ("BATT_CAPACITY", 2200.0),
@@ -117,6 +120,7 @@ static LOOSE_WIRE: Scenario = Scenario {
     summary: "a wire of the power monitor comes loose while driving; the last voltage is held, after 5 s the rover stops (BATT_FS_UNH_ACT), then the wire is put back.",
     speedup: 1.0,
     pack: SimulatedPack::charged(PackModel::LIPO_3S_2200, 0.8),
+    takes_any_pack: false,
     parameters: &[
         // The INA226.
         ("BATT_MONITOR", 21.0),
