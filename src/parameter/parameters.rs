@@ -2,6 +2,8 @@
 
 use core::iter;
 
+use battery_gauge::Chemistry;
+
 use super::stick_channel::Sticks;
 use super::table::THERMOMETER_DISABLED;
 use super::trouble::{CHECKED, Doubts, HalfFile};
@@ -9,8 +11,6 @@ use super::{
     Access, BatteryParameter, Bearing, ForEachParameter, Kind, Listed, MonitorInput, MonitorKind,
     ParameterId, ParameterIdSet, ThermometerParameter, VehicleParameter,
 };
-use battery_gauge::Chemistry;
-
 use crate::memory::storage::StorageError;
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;

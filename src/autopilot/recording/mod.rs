@@ -400,8 +400,8 @@ impl Recording {
     }
 
     /// Records the timers of a pack's failsafe that are not as the file has them, at the tick `now`, each with the time of its
-    /// change; before them the reading, by which a replay has the same voltage cross its threshold in the same tick. They are part of the share,
-    /// since a voltage may cross its threshold with every tick; the latest follows when there is room.
+    /// change; before them the reading, by which a replay has the same voltage cross its threshold in the same tick. They are part
+    /// of the share, since a voltage may cross its threshold with every tick; the latest follows when there is room.
     pub fn add_timers(&mut self, pack: Pack, state: &BatteryState, now: Instant) {
         let timers = state.failsafe_timers;
         let (latest, changed_at) = &mut self.latest_timers[pack as usize];
