@@ -37,7 +37,7 @@ pub struct Observation<'a> {
 
 impl Observation<'_> {
     /// Whether there was a healthy reading. A pack may be measured and yet unhealthy: one whose gauge has timed out.
-    fn is_healthy(&self) -> bool {
+    pub fn is_healthy(&self) -> bool {
         self.state.is_some() && self.last_healthy == Some(self.tick.now)
     }
 }

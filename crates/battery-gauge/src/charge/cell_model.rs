@@ -74,9 +74,12 @@ pub fn measured_offsets(settings: &PackSettings) -> Option<MeasuredOffsets> {
 
 /// Height of the owner's curve above that of the chemistry at a state of charge from 0 to 1, in volts; 0 without one.
 pub fn measured_height_v(settings: &PackSettings, soc: f32) -> f32 {
-    measured_offsets(settings).map_or(0.0, |offsets| {
-        interpolated(soc, |point| offsets.get(point).map_or(0.0, Offset::mean_v))
-    })
+    measured_offsets(settings).map_or(0.0, |offsets| height_v(&offsets, soc))
+}
+
+/// Height of a measured curve at a state of charge from 0 to 1, in volts.
+fn height_v(offsets: &MeasuredOffsets, soc: f32) -> f32 {
+    interpolated(soc, |point| offsets.get(point).map_or(0.0, Offset::mean_v))
 }
 
 /// A property of the points of a curve between these; constant beyond the first and last.
@@ -324,10 +327,7 @@ impl CellModel<'_> {
     /// Height of the curve above that of the chemistry where none is learnt, and its standard deviation, in volts.
     pub fn unlearnt_height_v(&self, soc: f32) -> (f32, f32) {
         match &self.measured {
-            Some(offsets) => {
-                let height_v = interpolated(soc, |point| offsets.get(point).map_or(0.0, Offset::mean_v));
-                (height_v, MEASURED_SIGMA_V)
-            }
+            Some(offsets) => (height_v(offsets, soc), MEASURED_SIGMA_V),
             None => (0.0, self.cell.curve_sigma_v),
         }
     }

@@ -109,10 +109,9 @@ impl Evaluation {
             push(events, PackEvent::PercentagesInert(parameter));
         }
         // A state that the pack reports is announced as such.
-        let is_by_report = |level: FailsafeLevel| {
-            level == FailsafeLevel::Unhealthy && basis.last_healthy == Some(basis.tick.now)
-        };
-        for level in reached.iter().filter(|level| !is_by_report(**level)) {
+        let is_by_report =
+            |level: &&FailsafeLevel| **level == FailsafeLevel::Unhealthy && observation.is_healthy();
+        for level in reached.iter().filter(|level| !is_by_report(level)) {
             push(events, PackEvent::failsafe(*level, basis.last_voltage_v, state));
         }
         reached
