@@ -2,7 +2,7 @@
 
 use crate::reported::Faults;
 use crate::settings::ChargeLimits;
-use crate::{ChargeState, FailsafeLevel, LoadState, PackStatus};
+use crate::{BatteryState, ChargeState, FailsafeLevel, LoadState, PackStatus};
 
 /// Hysteresis towards a better state, in percent.
 const HYSTERESIS_PCT: f32 = 3.0;
@@ -19,22 +19,6 @@ const CHARGING_A: f32 = 0.1;
 /// Share of that current down to which charging goes on: a charger lowers it at the end.
 const CHARGING_HYSTERESIS: f32 = 0.5;
 
-/// The inputs of the charge state.
-#[derive(Clone, Copy, Debug)]
-pub struct Inputs {
-    pub status: PackStatus,
-    pub faults: Faults,
-    /// State as reported by the pack.
-    pub reported: Option<ChargeState>,
-    pub failsafe: FailsafeLevel,
-    pub usable_pct: Option<f32>,
-    pub remaining_pct: Option<f32>,
-    pub limits: ChargeLimits,
-    pub load_state: LoadState,
-    pub current_a: Option<f32>,
-    pub capacity_mah: Option<f32>,
-}
-
 /// The charge state of one pack.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ChargeStateMachine {
@@ -47,10 +31,17 @@ pub struct ChargeStateMachine {
 }
 
 impl ChargeStateMachine {
-    pub fn update(&mut self, dt_s: f32, inputs: &Inputs) -> ChargeState {
-        self.by_charge = by_charge(self.by_charge, inputs.usable_pct, &inputs.limits);
-        let wanted = self.wanted(inputs);
-        let by_failsafe = by_failsafe(inputs.failsafe);
+    /// Takes one tick's state, with its faults and failsafe level. Returns the charge state.
+    pub fn update(
+        &mut self,
+        dt_s: f32,
+        load_state: LoadState,
+        battery: &BatteryState,
+        limits: &ChargeLimits,
+    ) -> ChargeState {
+        self.by_charge = by_charge(self.by_charge, battery.readings.usable_pct, limits);
+        let wanted = self.wanted(load_state, battery);
+        let by_failsafe = by_failsafe(battery.failsafe);
         if self.state != ChargeState::Charging && needs_debounce(self.state) && wanted >= by_failsafe {
             // The failsafe has debounced already, with its own timer.
             self.state = self.state.max(by_failsafe);
@@ -74,39 +65,39 @@ impl ChargeStateMachine {
     }
 
     /// Whether a better state is entered if it lasts.
-    pub fn is_improving(&self, inputs: &Inputs) -> bool {
-        self.wanted(inputs) < self.state
+    pub fn is_improving(&self, load_state: LoadState, battery: &BatteryState) -> bool {
+        self.wanted(load_state, battery) < self.state
     }
 
     /// The state by what remains, if the reserve makes it worse: LOW at least.
-    pub fn without_reserve(&mut self, inputs: &Inputs) -> Option<ChargeState> {
+    pub fn without_reserve(&mut self, battery: &BatteryState, limits: &ChargeLimits) -> Option<ChargeState> {
         if !matches!(self.state, ChargeState::Critical | ChargeState::Emergency) {
             self.by_remaining = ChargeState::Undefined;
             return None;
         }
-        self.by_remaining = by_charge(self.by_remaining, inputs.remaining_pct, &inputs.limits);
-        let by_level = self.by_remaining.max(worst_level(inputs)).max(ChargeState::Low);
+        self.by_remaining = by_charge(self.by_remaining, battery.readings.remaining_pct, limits);
+        let by_level = self.by_remaining.max(worst_level(battery)).max(ChargeState::Low);
         (self.state > by_level).then_some(by_level)
     }
 
-    fn wanted(&self, inputs: &Inputs) -> ChargeState {
-        match inputs.status {
+    fn wanted(&self, load_state: LoadState, battery: &BatteryState) -> ChargeState {
+        match battery.status {
             PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => {
                 return ChargeState::Undefined;
             }
             PackStatus::Unhealthy => return ChargeState::Unhealthy,
             PackStatus::Healthy => {}
         }
-        let by_condition = by_condition(inputs);
-        if is_charging(inputs, self.state) {
+        let by_condition = by_condition(battery);
+        if is_charging(self.state, load_state, battery) {
             return by_condition.unwrap_or(ChargeState::Charging);
         }
-        let by_level = self.by_charge.max(worst_level(inputs));
+        let by_level = self.by_charge.max(worst_level(battery));
         if by_level > ChargeState::Ok {
             // Never hidden by a fault: the driver has to know what is left.
             return by_level;
         }
-        let is_reported = inputs.reported == Some(ChargeState::Charging);
+        let is_reported = battery.readings.reported.charge_state == Some(ChargeState::Charging);
         by_condition
             .or(is_reported.then_some(ChargeState::Charging))
             .unwrap_or(ChargeState::Ok)
@@ -115,11 +106,12 @@ impl ChargeStateMachine {
 
 /// FAILED or UNHEALTHY, by the faults found here and the state that the pack reports. Faults that it reports change
 /// nothing.
-fn by_condition(inputs: &Inputs) -> Option<ChargeState> {
-    let is_reported = |state| inputs.reported == Some(state);
-    if inputs.faults.intersects(Faults::FAILING) || is_reported(ChargeState::Failed) {
+fn by_condition(battery: &BatteryState) -> Option<ChargeState> {
+    let faults = battery.readings.faults;
+    let is_reported = |state| battery.readings.reported.charge_state == Some(state);
+    if faults.intersects(Faults::FAILING) || is_reported(ChargeState::Failed) {
         Some(ChargeState::Failed)
-    } else if inputs.faults.intersects(Faults::UNFIT) || is_reported(ChargeState::Unhealthy) {
+    } else if faults.intersects(Faults::UNFIT) || is_reported(ChargeState::Unhealthy) {
         Some(ChargeState::Unhealthy)
     } else {
         None
@@ -127,10 +119,10 @@ fn by_condition(inputs: &Inputs) -> Option<ChargeState> {
 }
 
 /// The minimum charge state, whatever the charge.
-fn worst_level(inputs: &Inputs) -> ChargeState {
-    by_failsafe(inputs.failsafe)
-        .max(reported_level(inputs.reported))
-        .max(by_deep_discharge(inputs.faults))
+fn worst_level(battery: &BatteryState) -> ChargeState {
+    by_failsafe(battery.failsafe)
+        .max(reported_level(battery.readings.reported.charge_state))
+        .max(by_deep_discharge(battery.readings.faults))
 }
 
 /// The minimum charge state by what the pack reports.
@@ -193,14 +185,14 @@ fn by_charge(before: ChargeState, remaining_pct: Option<f32>, limits: &ChargeLim
         .min(worst(remaining_pct - HYSTERESIS_PCT))
 }
 
-fn is_charging(inputs: &Inputs, before: ChargeState) -> bool {
-    let (LoadState::Off, Some(current_a)) = (inputs.load_state, inputs.current_a) else {
+fn is_charging(before: ChargeState, load_state: LoadState, battery: &BatteryState) -> bool {
+    let (LoadState::Off, Some(current_a)) = (load_state, battery.readings.current_a) else {
         return false;
     };
     if current_a.is_sign_positive() {
         return false;
     }
-    let begins_at_a = inputs.capacity_mah.map_or(CHARGING_A, |capacity_mah| {
+    let begins_at_a = battery.capacity_mah().map_or(CHARGING_A, |capacity_mah| {
         CHARGING_RATE_PER_H * AH_PER_MAH * capacity_mah
     });
     let threshold_a = match before {
@@ -213,30 +205,40 @@ fn is_charging(inputs: &Inputs, before: ChargeState) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Amount;
 
-    fn healthy(remaining_pct: f32) -> Inputs {
-        Inputs {
-            status: PackStatus::Healthy,
-            faults: Faults::empty(),
-            reported: None,
-            failsafe: FailsafeLevel::None,
-            usable_pct: Some(remaining_pct),
-            remaining_pct: Some(remaining_pct),
-            limits: ChargeLimits {
-                low_pct: Some(15.0),
-                critical_pct: Some(7.0),
-                emergency_pct: Some(5.0),
-            },
-            load_state: LoadState::Off,
-            current_a: Some(0.1),
-            capacity_mah: Some(2200.0),
-        }
+    const LIMITS: ChargeLimits = ChargeLimits {
+        low_pct: Some(15.0),
+        critical_pct: Some(7.0),
+        emergency_pct: Some(5.0),
+    };
+
+    /// A pack of 2200 mAh with this charge.
+    fn healthy(remaining_pct: f32) -> BatteryState {
+        let mut battery = BatteryState::UNKNOWN;
+        battery.status = PackStatus::Healthy;
+        battery.capacity = Some(Amount::Mah(2200.0));
+        battery.readings.usable_pct = Some(remaining_pct);
+        battery.readings.remaining_pct = Some(remaining_pct);
+        battery.readings.current_a = Some(0.1);
+        battery
     }
 
-    fn after(machine: &mut ChargeStateMachine, seconds: f32, inputs: &Inputs) -> ChargeState {
+    /// This pack after `change`.
+    fn with(mut battery: BatteryState, change: impl Fn(&mut BatteryState)) -> BatteryState {
+        change(&mut battery);
+        battery
+    }
+
+    fn update(machine: &mut ChargeStateMachine, battery: &BatteryState) -> ChargeState {
+        machine.update(0.1, LoadState::Off, battery, &LIMITS)
+    }
+
+    /// The state after `seconds` with the load off.
+    fn after(machine: &mut ChargeStateMachine, seconds: f32, battery: &BatteryState) -> ChargeState {
         let mut state = machine.state;
         for _ in 0..(seconds * 10.0) as u32 {
-            state = machine.update(0.1, inputs);
+            state = update(machine, battery);
         }
         state
     }
@@ -272,7 +274,7 @@ mod tests {
         let mut changes = 0;
         let mut before = ChargeState::Undefined;
         for tick in 0..6000 {
-            let state = machine.update(0.1, &healthy(if tick % 7 < 3 { 14.0 } else { 16.0 }));
+            let state = update(&mut machine, &healthy(if tick % 7 < 3 { 14.0 } else { 16.0 }));
             changes += u32::from(state != before);
             before = state;
         }
@@ -282,26 +284,23 @@ mod tests {
     #[test]
     fn only_a_charger_counts_as_charging_not_braking() {
         let mut machine = ChargeStateMachine::default();
-        let charging = Inputs {
-            current_a: Some(-1.0),
-            ..healthy(50.0)
-        };
+        let charging = with(healthy(50.0), |battery| battery.readings.current_a = Some(-1.0));
         after(&mut machine, 1.0, &healthy(50.0));
         assert_eq!(after(&mut machine, 1.0, &charging), ChargeState::Ok);
         assert_eq!(after(&mut machine, 4.0, &charging), ChargeState::Charging);
-        let driving = Inputs {
-            load_state: LoadState::On,
-            ..charging
-        };
-        assert_eq!(after(&mut machine, 4.0, &driving), ChargeState::Ok);
+        for _ in 0..40 {
+            machine.update(0.1, LoadState::On, &charging, &LIMITS);
+        }
+        assert_eq!(machine.state, ChargeState::Ok);
     }
 
     #[test]
     fn charging_goes_on_while_the_charger_lowers_the_current() {
         let mut machine = ChargeStateMachine::default();
-        let charged_by = |amperes: f32| Inputs {
-            current_a: Some(-amperes),
-            ..healthy(50.0)
+        let charged_by = |amperes: f32| {
+            with(healthy(50.0), |battery| {
+                battery.readings.current_a = Some(-amperes)
+            })
         };
         after(&mut machine, 4.0, &charged_by(0.05));
         assert_eq!(machine.state, ChargeState::Charging);
@@ -317,35 +316,30 @@ mod tests {
     // Requirement: AP-23
     fn a_limit_of_zero_disables_its_state() {
         let mut machine = ChargeStateMachine::default();
-        let inputs = Inputs {
-            limits: ChargeLimits {
-                critical_pct: Some(7.0),
-                ..ChargeLimits::default()
-            },
-            ..healthy(3.0)
+        let mut after = |limits: &ChargeLimits| {
+            for _ in 0..40 {
+                machine.update(0.1, LoadState::Off, &healthy(3.0), limits);
+            }
+            machine.state
         };
-        assert_eq!(after(&mut machine, 4.0, &inputs), ChargeState::Critical);
-        let none = Inputs {
-            limits: ChargeLimits::default(),
-            ..inputs
+        let only_critical = ChargeLimits {
+            critical_pct: Some(7.0),
+            ..ChargeLimits::default()
         };
-        assert_eq!(after(&mut machine, 4.0, &none), ChargeState::Ok);
+        assert_eq!(after(&only_critical), ChargeState::Critical);
+        assert_eq!(after(&ChargeLimits::default()), ChargeState::Ok);
     }
 
     #[test]
     fn failed_sensor_and_failed_cell_take_effect_at_once() {
         let mut machine = ChargeStateMachine::default();
         after(&mut machine, 1.0, &healthy(50.0));
-        let unhealthy = Inputs {
-            status: PackStatus::Unhealthy,
-            ..healthy(50.0)
-        };
-        assert_eq!(machine.update(0.1, &unhealthy), ChargeState::Unhealthy);
-        let failed = Inputs {
-            faults: Faults::CELL_FAIL,
-            ..healthy(50.0)
-        };
-        assert_eq!(machine.update(0.1, &failed), ChargeState::Failed);
+        let unhealthy = with(healthy(50.0), |battery| battery.status = PackStatus::Unhealthy);
+        assert_eq!(update(&mut machine, &unhealthy), ChargeState::Unhealthy);
+        let failed = with(healthy(50.0), |battery| {
+            battery.readings.faults = Faults::CELL_FAIL
+        });
+        assert_eq!(update(&mut machine, &failed), ChargeState::Failed);
     }
 
     #[test]
@@ -356,11 +350,8 @@ mod tests {
             (FailsafeLevel::Low, ChargeState::Low),
             (FailsafeLevel::Critical, ChargeState::Critical),
         ] {
-            let inputs = Inputs {
-                failsafe,
-                ..healthy(50.0)
-            };
-            assert_eq!(machine.update(0.1, &inputs), expected);
+            let battery = with(healthy(50.0), |battery| battery.failsafe = failsafe);
+            assert_eq!(update(&mut machine, &battery), expected);
         }
         // After a battery reset.
         assert_eq!(after(&mut machine, 4.0, &healthy(50.0)), ChargeState::Ok);
@@ -374,12 +365,10 @@ mod tests {
             (4.0, ChargeState::Emergency),
         ] {
             for faults in Faults::all() {
-                let inputs = Inputs {
-                    faults: faults - Faults::DEEP_DISCHARGE,
-                    ..healthy(remaining_pct)
-                };
+                let faults = faults - Faults::DEEP_DISCHARGE;
+                let battery = with(healthy(remaining_pct), |battery| battery.readings.faults = faults);
                 let mut machine = ChargeStateMachine::default();
-                assert_eq!(after(&mut machine, 4.0, &inputs), expected, "{faults:?}");
+                assert_eq!(after(&mut machine, 4.0, &battery), expected, "{faults:?}");
             }
         }
     }
@@ -393,12 +382,9 @@ mod tests {
                 Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE => ChargeState::Unhealthy,
                 _ => ChargeState::Ok,
             };
-            let inputs = Inputs {
-                faults: fault,
-                ..healthy(90.0)
-            };
+            let battery = with(healthy(90.0), |battery| battery.readings.faults = fault);
             let mut machine = ChargeStateMachine::default();
-            assert_eq!(after(&mut machine, 4.0, &inputs), expected, "{fault:?}");
+            assert_eq!(after(&mut machine, 4.0, &battery), expected, "{fault:?}");
         }
     }
 
@@ -416,12 +402,11 @@ mod tests {
             (Charging, Charging, Low),
         ] {
             for (remaining_pct, expected) in [(90.0, at_90_pct), (14.0, at_14_pct)] {
-                let inputs = Inputs {
-                    reported: Some(reported),
-                    ..healthy(remaining_pct)
-                };
+                let battery = with(healthy(remaining_pct), |battery| {
+                    battery.readings.reported.charge_state = Some(reported);
+                });
                 let mut machine = ChargeStateMachine::default();
-                assert_eq!(after(&mut machine, 4.0, &inputs), expected, "{reported:?}");
+                assert_eq!(after(&mut machine, 4.0, &battery), expected, "{reported:?}");
             }
         }
     }
@@ -437,43 +422,37 @@ mod tests {
             (0.0, 4.0, None),
         ] {
             let mut machine = ChargeStateMachine::default();
-            let inputs = Inputs {
-                usable_pct: Some(usable_pct),
-                ..healthy(remaining_pct)
-            };
-            after(&mut machine, 4.0, &inputs);
+            let battery = with(healthy(remaining_pct), |battery| {
+                battery.readings.usable_pct = Some(usable_pct);
+            });
+            after(&mut machine, 4.0, &battery);
             assert_eq!(
-                machine.without_reserve(&inputs),
+                machine.without_reserve(&battery, &LIMITS),
                 expected,
                 "{usable_pct} % of {remaining_pct} %"
             );
         }
         let mut machine = ChargeStateMachine::default();
-        let reported = Inputs {
-            usable_pct: Some(0.0),
-            reported: Some(ChargeState::Emergency),
-            ..healthy(60.0)
-        };
+        let reported = with(healthy(60.0), |battery| {
+            battery.readings.usable_pct = Some(0.0);
+            battery.readings.reported.charge_state = Some(ChargeState::Emergency);
+        });
         after(&mut machine, 4.0, &reported);
-        assert_eq!(machine.without_reserve(&reported), None);
+        assert_eq!(machine.without_reserve(&reported, &LIMITS), None);
     }
 
     #[test]
     fn unknown_charge_is_not_low() {
         let mut machine = ChargeStateMachine::default();
-        let unknown = Inputs {
-            usable_pct: None,
-            remaining_pct: None,
-            ..healthy(0.0)
-        };
+        let unknown = with(healthy(0.0), |battery| {
+            battery.readings.usable_pct = None;
+            battery.readings.remaining_pct = None;
+        });
         assert_eq!(after(&mut machine, 1.0, &unknown), ChargeState::Ok);
         // Nor does it end a low state.
         after(&mut machine, 4.0, &healthy(10.0));
         assert_eq!(after(&mut machine, 10.0, &unknown), ChargeState::Low);
-        let nothing = Inputs {
-            status: PackStatus::NotConnected,
-            ..unknown
-        };
-        assert_eq!(machine.update(0.1, &nothing), ChargeState::Undefined);
+        let nothing = with(unknown, |battery| battery.status = PackStatus::NotConnected);
+        assert_eq!(update(&mut machine, &nothing), ChargeState::Undefined);
     }
 }

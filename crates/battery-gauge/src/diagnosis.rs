@@ -1,5 +1,6 @@
 //! Faults that are found in a pack.
 
+use crate::basis::Basis;
 use crate::charge::measured_height_v;
 use crate::chemistry::{Cell, Chemistry};
 use crate::failsafe::is_below;
@@ -47,15 +48,6 @@ pub const FAULTS: [Faults; 11] = [
     Faults::UNDERSTATED_CHARGE,
 ];
 
-/// Observations that need a pack at rest.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct AtRest {
-    /// Its voltage, in volts.
-    pub voltage_v: Option<f32>,
-    /// By how much the highest voltage of a sum's packs exceeds the lowest, relative to it.
-    pub spread: Option<f32>,
-}
-
 /// The faults of one pack, debounced.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Diagnosis {
@@ -91,27 +83,21 @@ impl Diagnosis {
     }
 
     /// Updates the faults of a connected pack from its other values.
-    pub fn update(
-        &mut self,
-        dt_s: f32,
-        state: &BatteryState,
-        at_rest: &AtRest,
-        settings: &PackSettings,
-    ) -> Faults {
+    pub fn update(&mut self, basis: &Basis, state: &BatteryState, settings: &PackSettings) -> Faults {
         let mut present = conditions(state, settings);
-        let contradiction = contradiction(state, at_rest, settings);
+        let contradiction = contradiction(basis.resting_v, state, settings);
         present |= temperature_conditions(state, self.faults);
         // As of the others below, until the next rest nothing is known.
         present |= contradiction.unwrap_or(self.faults & Faults::CONTRADICTIONS);
         for (fault, is_present) in [
             (
                 Faults::INCOMPATIBLE_VOLTAGE,
-                at_rest.spread.map(|spread| spread > MAX_SPREAD),
+                basis.members_spread.map(|spread| spread > MAX_SPREAD),
             ),
             (
                 Faults::CELL_DIFFERS,
-                at_rest
-                    .voltage_v
+                basis
+                    .resting_v
                     .and(state.cells.imbalance_v())
                     .map(|imbalance_v| imbalance_v > NOTED_IMBALANCE_V && imbalance_v <= MAX_IMBALANCE_V),
             ),
@@ -135,7 +121,7 @@ impl Diagnosis {
                 *changing_s = 0.0;
                 continue;
             }
-            *changing_s += dt_s;
+            *changing_s += basis.dt_s;
             // A spike is shorter than the debounce time.
             let debounce_s = match fault {
                 Faults::CONTRADICTED_CHARGE | Faults::UNDERSTATED_CHARGE => CONTRADICTION_S,
@@ -200,11 +186,11 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
 
 /// The fault if a resting cell is lower than any is at the charge that the pack reports, or all are higher; `None` while that is
 /// unknown.
-fn contradiction(state: &BatteryState, at_rest: &AtRest, settings: &PackSettings) -> Option<Faults> {
+fn contradiction(resting_v: Option<f32>, state: &BatteryState, settings: &PackSettings) -> Option<Faults> {
     if state.charge_source == ChargeSource::Estimated {
         return Some(Faults::empty());
     }
-    let mean_v = at_rest.voltage_v? / f32::from(state.cell_count?);
+    let mean_v = resting_v? / f32::from(state.cell_count?);
     let lowest_v = state.cells.lowest_v().unwrap_or(mean_v);
     let state_of_charge = state.readings.remaining_pct? / 100.0;
     let cell = settings.chemistry.cell();

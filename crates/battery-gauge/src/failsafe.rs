@@ -2,12 +2,13 @@
 
 use core::mem;
 
+use crate::basis::Basis;
 use crate::settings::{FailsafeSettings, Thresholds};
 use crate::swap::Replacement;
 use crate::time::Instant;
 use crate::{
     BatteryState, ChargeSource, ChargeState, FailsafeLevel, FailsafeTimer, FailsafeTimers, Faults, LoadState,
-    MissingSetting, Tick,
+    MissingSetting,
 };
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
@@ -21,26 +22,6 @@ const REPORTED_FOR_US: u32 = 5_000_000;
 
 /// The levels that are reached in one tick, in increasing severity: *critical* carries *low* if it skips it.
 pub type ReachedLevels = heapless::Vec<FailsafeLevel, 3>;
-
-/// The inputs of one tick.
-#[derive(Clone, Copy, Debug)]
-pub struct Observation<'a> {
-    pub tick: Tick,
-    /// Since the tick before, in microseconds (saturating).
-    pub dt_us: u32,
-    pub last_healthy: Option<Instant>,
-    /// The state with this tick's reading; `None` if the read failed or no pack is connected.
-    pub state: Option<&'a BatteryState>,
-    /// The voltage at rest, in volts, if the pack is at rest.
-    pub resting_v: Option<f32>,
-}
-
-impl Observation<'_> {
-    /// Whether there was a healthy reading. A pack may be measured and yet unhealthy: one whose gauge has timed out.
-    pub fn is_healthy(&self) -> bool {
-        self.state.is_some() && self.last_healthy == Some(self.tick.now)
-    }
-}
 
 /// The failsafe level of a pack. It latches: it only rises until a battery reset, or until another pack disproves it.
 /// *Unhealthy* alone is released once readings, and what the pack reports of itself, are good again.
@@ -120,11 +101,45 @@ enum Comparison {
 }
 
 impl Comparison {
+    /// No value is below a threshold that is off.
     fn of(value: Option<f32>, threshold: Option<f32>) -> Self {
-        match value {
-            None => Self::Unknown,
-            Some(_) if is_below(value, threshold) => Self::Below,
-            Some(_) => Self::NotBelow,
+        match (value, threshold) {
+            (_, None) => Self::NotBelow,
+            (None, Some(_)) => Self::Unknown,
+            (Some(value), Some(threshold)) if value < threshold => Self::Below,
+            (Some(_), Some(_)) => Self::NotBelow,
+        }
+    }
+}
+
+/// The values of one tick that are compared with the thresholds. All are unknown in a tick without a reading.
+#[derive(Clone, Copy, Debug, Default)]
+struct Values<'a> {
+    state: Option<&'a BatteryState>,
+    voltage_v: Option<f32>,
+    remaining_mah: Option<f32>,
+    usable_pct: Option<f32>,
+}
+
+impl<'a> Values<'a> {
+    fn of(state: &'a BatteryState, settings: &FailsafeSettings) -> Self {
+        let (low, critical) = (&settings.low, &settings.critical);
+        // Without a threshold its arithmetic is spared.
+        let needs_remaining = low.remaining_mah.or(critical.remaining_mah).is_some();
+        let needs_usable = low.usable_pct.or(critical.usable_pct).is_some();
+        Self {
+            state: Some(state),
+            voltage_v: settings.compared_voltage_v(state),
+            remaining_mah: if needs_remaining {
+                most_remaining(state)
+            } else {
+                None
+            },
+            usable_pct: if needs_usable {
+                credible_usable_pct(state)
+            } else {
+                None
+            },
         }
     }
 }
@@ -154,6 +169,48 @@ impl Timer {
 }
 
 impl Watch {
+    /// Takes one tick's values. Returns whether the level is reached by one of its thresholds, and was not before.
+    fn update(
+        &mut self,
+        dt_us: u32,
+        values: &Values<'_>,
+        thresholds: &Thresholds,
+        limit_us: Option<u32>,
+    ) -> bool {
+        let by_voltage = Comparison::of(values.voltage_v, thresholds.voltage_v);
+        let by_usable = Comparison::of(values.usable_pct, thresholds.usable_pct);
+        let voltage_expires = self.voltage.expires(dt_us, by_voltage, limit_us);
+        let usable_expires = self.usable.expires(dt_us, by_usable, limit_us);
+        if self.is_reached {
+            return false;
+        }
+        // Without LOW_TIMER a percentage acts at once.
+        let is_usable_low = usable_expires || limit_us.is_none() && by_usable == Comparison::Below;
+        let has_expired = voltage_expires
+            || is_usable_low
+                && values
+                    .state
+                    .is_some_and(|state| is_certain(state, thresholds.usable_pct));
+        self.is_reached = has_expired || is_below(values.remaining_mah, thresholds.remaining_mah);
+        let is_running = limit_us.is_some() && self.voltage.below_us.or(self.usable.below_us).is_some();
+        self.shown = match (is_running, has_expired, self.is_reached) {
+            (true, true, _) => FailsafeTimer::Expired,
+            (true, false, false) => FailsafeTimer::Running,
+            _ => FailsafeTimer::Stopped,
+        };
+        self.is_reached
+    }
+
+    /// A higher level is reached, which carries this one. Returns whether it was not reached before.
+    fn carry(&mut self) -> bool {
+        if self.is_reached {
+            return false;
+        }
+        self.is_reached = true;
+        self.shown = FailsafeTimer::Stopped;
+        true
+    }
+
     /// The load is off.
     fn stop(&mut self) {
         self.voltage = Timer::default();
@@ -176,14 +233,19 @@ impl Failsafe {
 
     /// Processes one tick, and returns the levels that are reached. That the pack is unhealthy is also returned at a higher
     /// level: no threshold can be reached from then on.
-    pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> ReachedLevels {
-        self.healthy_us = if seen.is_healthy() {
-            self.healthy_us.saturating_add(seen.dt_us)
+    pub fn update(
+        &mut self,
+        basis: &Basis,
+        state: &BatteryState,
+        settings: &FailsafeSettings,
+    ) -> ReachedLevels {
+        self.healthy_us = if basis.is_healthy() {
+            self.healthy_us.saturating_add(basis.dt_us)
         } else {
             0
         };
-        let is_unfit = self.is_unfit_by_report(seen);
-        if seen.tick.load_state == LoadState::Off {
+        let is_unfit = self.is_unfit_by_report(basis, state);
+        if basis.tick.load_state == LoadState::Off {
             // A dip before the load was switched off must not count once it is on again.
             self.low.stop();
             self.critical.stop();
@@ -192,15 +254,15 @@ impl Failsafe {
             if !matches!(self.percentages, PercentageCheck::AtArming(_)) {
                 self.percentages = PercentageCheck::default();
             }
-            self.release(seen, settings);
+            self.release(basis, state, settings);
             return ReachedLevels::new();
         }
         self.is_of_pack_before = false;
-        let is_lost = self.is_lost(seen);
+        let is_lost = self.is_lost(basis);
         let [is_low, is_critical] = if is_lost {
             [false; 2]
         } else {
-            self.evaluate(seen, settings)
+            self.evaluate(basis, state, settings)
         };
         let mut reached = ReachedLevels::new();
         let acts_on_report = is_unfit && !mem::replace(&mut self.has_acted_on_report, true);
@@ -223,17 +285,20 @@ impl Failsafe {
     /// [`update`](Self::update).
     pub fn find_inert_percentage(
         &mut self,
-        seen: &Observation<'_>,
+        basis: &Basis,
+        state: &BatteryState,
         settings: &FailsafeSettings,
     ) -> Option<MissingSetting> {
-        let state = seen.state?;
+        if !basis.is_fresh {
+            return None;
+        }
         if let PercentageCheck::AtArming(unknown_us) = &mut self.percentages {
             *unknown_us = match state.readings.usable_pct {
                 Some(_) => 0,
-                None => unknown_us.saturating_add(seen.dt_us),
+                None => unknown_us.saturating_add(basis.dt_us),
             };
             let is_awaited = (1..ESTIMATED_WITHIN_US).contains(unknown_us);
-            if is_awaited || seen.tick.load_state == LoadState::Off {
+            if is_awaited || basis.tick.load_state == LoadState::Off {
                 return None;
             }
         }
@@ -280,17 +345,17 @@ impl Failsafe {
     }
 
     /// Clears a level of the previous pack once the present one rests above all thresholds.
-    fn release(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) {
-        let Some(state) = seen.state else {
+    fn release(&mut self, basis: &Basis, state: &BatteryState, settings: &FailsafeSettings) {
+        if !basis.is_fresh {
             self.is_of_pack_before = false;
             return;
-        };
-        if !self.is_of_pack_before || seen.resting_v.is_none() {
+        }
+        if !self.is_of_pack_before || basis.resting_v.is_none() {
             return;
         }
         let remaining_mah = state.remaining();
         let is_above = |thresholds: &Thresholds| {
-            is_known_above(seen.resting_v, thresholds.voltage_v)
+            is_known_above(basis.resting_v, thresholds.voltage_v)
                 && is_known_above(remaining_mah, thresholds.remaining_mah)
                 && is_known_above(state.readings.usable_pct, thresholds.usable_pct)
         };
@@ -300,9 +365,9 @@ impl Failsafe {
     }
 
     /// Whether a loss of the pack begins: there has been no healthy reading for too long.
-    fn is_lost(&mut self, seen: &Observation<'_>) -> bool {
-        let last_healthy = seen.last_healthy.unwrap_or(Instant::EPOCH);
-        let unhealthy_us = seen.tick.now.us_since(last_healthy);
+    fn is_lost(&mut self, basis: &Basis) -> bool {
+        let last_healthy = basis.last_healthy.unwrap_or(Instant::EPOCH);
+        let unhealthy_us = basis.tick.now.us_since(last_healthy);
         if self.healthy_us >= HEALTHY_AGAIN_US {
             self.has_reported_loss = false;
         }
@@ -310,16 +375,16 @@ impl Failsafe {
     }
 
     /// Whether the pack has reported FAILED or UNHEALTHY for long enough to act on it.
-    fn is_unfit_by_report(&mut self, seen: &Observation<'_>) -> bool {
-        let Some(state) = seen.state.filter(|_| seen.is_healthy()) else {
+    fn is_unfit_by_report(&mut self, basis: &Basis, state: &BatteryState) -> bool {
+        if !basis.is_healthy() {
             return false;
-        };
+        }
         let is_unfit = matches!(
             state.readings.reported.charge_state,
             Some(ChargeState::Failed | ChargeState::Unhealthy)
         );
         self.reported_us = if is_unfit == self.reports_unfit {
-            self.reported_us.saturating_add(seen.dt_us)
+            self.reported_us.saturating_add(basis.dt_us)
         } else {
             0
         };
@@ -332,44 +397,19 @@ impl Failsafe {
 
     /// Whether *low* and *critical* are reached by the thresholds, and were not before. *Low* counts as reached where it is
     /// skipped: else the faster a voltage falls, the less is done.
-    fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> [bool; 2] {
+    fn evaluate(&mut self, basis: &Basis, state: &BatteryState, settings: &FailsafeSettings) -> [bool; 2] {
         let (low, critical) = (&settings.low, &settings.critical);
         let limit_us = limit_us(settings);
-        let voltage_v = seen.state.and_then(|state| settings.compared_voltage_v(state));
-        // Without a threshold its arithmetic is spared.
-        let is_compared = low.remaining_mah.or(critical.remaining_mah).is_some();
-        let state = seen.state.filter(|_| is_compared);
-        let remaining_mah = state.and_then(most_remaining);
-        let is_compared = low.usable_pct.or(critical.usable_pct).is_some();
-        let state = seen.state.filter(|_| is_compared);
-        let usable_pct = state.and_then(credible_usable_pct);
-        let is_reached = |watch: &mut Watch, thresholds: &Thresholds, is_skipped: bool| {
-            let by_voltage = Comparison::of(voltage_v, thresholds.voltage_v);
-            let by_usable = match thresholds.usable_pct {
-                Some(_) => Comparison::of(usable_pct, thresholds.usable_pct),
-                None => Comparison::NotBelow,
-            };
-            let is_voltage_low = watch.voltage.expires(seen.dt_us, by_voltage, limit_us);
-            // Without LOW_TIMER a percentage acts at once.
-            let has_lasted = watch.usable.expires(seen.dt_us, by_usable, limit_us)
-                || limit_us.is_none() && by_usable == Comparison::Below;
-            if watch.is_reached {
-                return false;
-            }
-            let is_unusable =
-                has_lasted && state.is_some_and(|state| is_certain(state, thresholds.usable_pct));
-            let has_expired = is_voltage_low || is_unusable;
-            watch.is_reached = has_expired || is_below(remaining_mah, thresholds.remaining_mah) || is_skipped;
-            watch.shown = match watch.voltage.below_us.or(watch.usable.below_us).and(limit_us) {
-                Some(_) if has_expired => FailsafeTimer::Expired,
-                Some(_) if !watch.is_reached => FailsafeTimer::Running,
-                _ => FailsafeTimer::Stopped,
-            };
-            watch.is_reached
+        let values = if basis.is_fresh {
+            Values::of(state, settings)
+        } else {
+            Values::default()
         };
-        let is_critical = is_reached(&mut self.critical, critical, false);
-        let is_low_in_force = || seen.state.is_some_and(|state| settings.is_in_force(low, state));
-        let is_low = is_reached(&mut self.low, low, is_critical && is_low_in_force());
+        let is_critical = self.critical.update(basis.dt_us, &values, critical, limit_us);
+        let mut is_low = self.low.update(basis.dt_us, &values, low, limit_us);
+        if is_critical && settings.is_in_force(low, state) {
+            is_low |= self.low.carry();
+        }
         [is_low, is_critical]
     }
 }
@@ -446,7 +486,7 @@ mod tests {
     use super::*;
     use crate::VoltageSource;
     use crate::time::at_us;
-    use crate::{Amount, ChargeSource};
+    use crate::{Amount, ChargeSource, Tick};
 
     const TICK_US: u32 = 100_000;
 
@@ -482,22 +522,41 @@ mod tests {
         battery
     }
 
-    fn seen(now: Instant, load_state: LoadState, state: Option<&BatteryState>) -> Observation<'_> {
-        Observation {
+    /// A tick, healthy if there is a reading.
+    fn seen(now: Instant, load_state: LoadState, state: Option<&BatteryState>) -> (Basis, BatteryState) {
+        let basis = Basis {
             tick: Tick { now, load_state },
             dt_us: TICK_US,
+            dt_s: 0.1,
+            is_fresh: state.is_some(),
             last_healthy: Some(now),
-            state,
+            last_voltage_v: None,
+            cells_are_doubtful: false,
             resting_v: None,
-        }
+            members_spread: None,
+        };
+        (basis, state.copied().unwrap_or(BatteryState::UNKNOWN))
+    }
+
+    fn update(
+        failsafe: &mut Failsafe,
+        (basis, state): &(Basis, BatteryState),
+        settings: &FailsafeSettings,
+    ) -> ReachedLevels {
+        failsafe.update(basis, state, settings)
     }
 
     /// A pack under load that was healthy at the start only.
-    fn silent(now: Instant) -> Observation<'static> {
-        Observation {
-            last_healthy: Some(Instant::EPOCH),
-            ..seen(now, LoadState::On, None)
-        }
+    fn silent(now: Instant) -> (Basis, BatteryState) {
+        let (basis, state) = seen(now, LoadState::On, None);
+        let last_healthy = Some(Instant::EPOCH);
+        (
+            Basis {
+                last_healthy,
+                ..basis
+            },
+            state,
+        )
     }
 
     /// Runs `seconds` of ticks and returns the levels reached, with their times in seconds.
@@ -511,7 +570,7 @@ mod tests {
         let mut raised = Vec::new();
         for tick in 0..seconds * 10 {
             let now = at_us(from_s * 1_000_000 + tick * u64::from(TICK_US));
-            let reached = failsafe.update(&seen(now, load_state, Some(state)), &settings());
+            let reached = update(failsafe, &seen(now, load_state, Some(state)), &settings());
             raised.extend(reached.into_iter().map(|level| (tick / 10, level)));
         }
         raised
@@ -575,7 +634,7 @@ mod tests {
     #[test]
     fn no_healthy_reading_for_five_seconds_is_unhealthy() {
         let mut failsafe = Failsafe::default();
-        let mut at = |us| failsafe.update(&silent(at_us(us)), &settings());
+        let mut at = |us| update(&mut failsafe, &silent(at_us(us)), &settings());
         assert_eq!(at(5_000_000), []);
         assert_eq!(at(5_100_000), [FailsafeLevel::Unhealthy]);
     }
@@ -590,7 +649,7 @@ mod tests {
         for tick in 0..ticks {
             let now = at_us(20_000_000 + tick * u64::from(TICK_US));
             let state = is_healthy(tick).then_some(&state);
-            lost.update(&seen(now, LoadState::Off, state), &settings());
+            update(lost, &seen(now, LoadState::Off, state), &settings());
             lost.release_unhealthy();
         }
         lost.level()
@@ -598,7 +657,7 @@ mod tests {
 
     fn lost() -> Failsafe {
         let mut failsafe = Failsafe::default();
-        failsafe.update(&silent(at_us(6_000_000)), &settings());
+        update(&mut failsafe, &silent(at_us(6_000_000)), &settings());
         assert_eq!(failsafe.level(), FailsafeLevel::Unhealthy);
         failsafe
     }
@@ -639,8 +698,8 @@ mod tests {
         let mut raised = Vec::new();
         for tick in 0..ticks {
             let state = at(tick).map(at_voltage);
-            let observation = seen(at_us(tick * u64::from(TICK_US)), LoadState::On, state.as_ref());
-            let reached = failsafe.update(&observation, &settings());
+            let seen = seen(at_us(tick * u64::from(TICK_US)), LoadState::On, state.as_ref());
+            let reached = update(&mut failsafe, &seen, &settings());
             raised.extend(reached.into_iter().map(|level| (tick, level)));
         }
         raised
@@ -693,7 +752,8 @@ mod tests {
         };
         let mut failsafe = Failsafe::default();
         run(&mut failsafe, 0, 9, LoadState::On, &at_voltage(9.0));
-        failsafe.update(
+        update(
+            &mut failsafe,
             &seen(Instant::EPOCH, LoadState::On, Some(&at_voltage(12.0))),
             &off,
         );
@@ -734,8 +794,8 @@ mod tests {
             (by_voltage, &[]),
             (by_count, &[]),
         ] {
-            let observation = seen(Instant::EPOCH, LoadState::On, Some(&state));
-            let reached = Failsafe::default().update(&observation, &settings());
+            let seen = seen(Instant::EPOCH, LoadState::On, Some(&state));
+            let reached = update(&mut Failsafe::default(), &seen, &settings());
             assert_eq!(reached, expected, "{state:?}");
         }
     }
@@ -748,7 +808,7 @@ mod tests {
     ) -> Vec<FailsafeLevel> {
         let at = |tick| at_us(tick * u64::from(TICK_US));
         (0..110)
-            .flat_map(|tick| failsafe.update(&seen(at(tick), LoadState::On, Some(state)), settings))
+            .flat_map(|tick| update(failsafe, &seen(at(tick), LoadState::On, Some(state)), settings))
             .collect()
     }
 
@@ -831,7 +891,10 @@ mod tests {
         let reached = reached(&mut failsafe, &settings(), &at_voltage(9.0));
         assert_eq!(reached, BOTH);
         let silent = silent(at_us(60_000_000));
-        assert_eq!(failsafe.update(&silent, &settings()), [FailsafeLevel::Unhealthy]);
+        assert_eq!(
+            update(&mut failsafe, &silent, &settings()),
+            [FailsafeLevel::Unhealthy]
+        );
     }
 
     fn critical() -> Failsafe {
@@ -845,12 +908,15 @@ mod tests {
         (resting_v, charged(resting_v, remaining_pct))
     }
 
+    /// A tick of a pack at rest.
+    fn resting(resting_v: f32, state: &BatteryState) -> (Basis, BatteryState) {
+        let (basis, state) = seen(Instant::EPOCH, LoadState::Off, Some(state));
+        let resting_v = Some(resting_v);
+        (Basis { resting_v, ..basis }, state)
+    }
+
     fn rest(failsafe: &mut Failsafe, (resting_v, state): &(f32, BatteryState)) -> FailsafeLevel {
-        let observation = Observation {
-            resting_v: Some(*resting_v),
-            ..seen(Instant::EPOCH, LoadState::Off, Some(state))
-        };
-        failsafe.update(&observation, &settings());
+        update(failsafe, &resting(*resting_v, state), &settings());
         failsafe.level()
     }
 
@@ -886,7 +952,11 @@ mod tests {
         for (load_state, state) in [(LoadState::Off, None), (LoadState::On, Some(at_voltage(12.6)))] {
             let mut failsafe = critical();
             failsafe.replace_pack(Replacement::Certain);
-            failsafe.update(&seen(Instant::EPOCH, load_state, state.as_ref()), &settings());
+            update(
+                &mut failsafe,
+                &seen(Instant::EPOCH, load_state, state.as_ref()),
+                &settings(),
+            );
             let level = rest(&mut failsafe, &full);
             assert_eq!(level, FailsafeLevel::Critical, "{load_state:?}");
         }
@@ -947,14 +1017,17 @@ mod tests {
         let low = usable(Some(10.0), None);
         let mut at = |tick: u64, settings: &FailsafeSettings| {
             let now = at_us(tick * u64::from(TICK_US));
-            failsafe.update(&seen(now, LoadState::On, Some(&low)), settings)
+            update(&mut failsafe, &seen(now, LoadState::On, Some(&low)), settings)
         };
         for tick in 0..=100 {
             assert_eq!(at(tick, &by_percent(Some(10.0))), [], "tick {tick}");
         }
         assert_eq!(at(101, &by_percent(Some(10.0))), [FailsafeLevel::Low]);
-        let at_once =
-            Failsafe::default().update(&seen(at_us(0), LoadState::On, Some(&low)), &by_percent(None));
+        let at_once = update(
+            &mut Failsafe::default(),
+            &seen(at_us(0), LoadState::On, Some(&low)),
+            &by_percent(None),
+        );
         assert_eq!(at_once, [FailsafeLevel::Low]);
     }
 
@@ -967,9 +1040,9 @@ mod tests {
     ) -> Vec<(u64, MissingSetting)> {
         let at = |tick: u64| {
             let state = state(tick / 10);
-            let observation = seen(at_us(tick * u64::from(TICK_US)), LoadState::On, Some(&state));
-            let _ = failsafe.update(&observation, settings);
-            let found = failsafe.find_inert_percentage(&observation, settings);
+            let seen = seen(at_us(tick * u64::from(TICK_US)), LoadState::On, Some(&state));
+            let _ = update(failsafe, &seen, settings);
+            let found = failsafe.find_inert_percentage(&seen.0, &seen.1, settings);
             found.map(|missing| (tick / 10, missing))
         };
         (0..seconds * 10).filter_map(at).collect()
@@ -1020,8 +1093,9 @@ mod tests {
                     "{state:?}"
                 );
                 let switched_off = seen(Instant::EPOCH, LoadState::Off, Some(&state));
-                let _ = failsafe.update(&switched_off, &settings);
-                assert_eq!(failsafe.find_inert_percentage(&switched_off, &settings), None);
+                let _ = update(&mut failsafe, &switched_off, &settings);
+                let (basis, state) = &switched_off;
+                assert_eq!(failsafe.find_inert_percentage(basis, state, &settings), None);
             }
         }
         // It is passed at 20 s, and acts only where the charge is certain.
@@ -1046,11 +1120,7 @@ mod tests {
             let mut failsafe = critical();
             failsafe.replace_pack(Replacement::Certain);
             let state = usable(usable_pct, None);
-            let observation = Observation {
-                resting_v: Some(12.0),
-                ..seen(Instant::EPOCH, LoadState::Off, Some(&state))
-            };
-            failsafe.update(&observation, &by_percent(Some(10.0)));
+            update(&mut failsafe, &resting(12.0, &state), &by_percent(Some(10.0)));
             assert_eq!(failsafe.level(), expected, "{usable_pct:?}");
         }
     }

@@ -133,6 +133,7 @@
 //! With the feature `defmt` what a log shows has its formats.
 #![cfg_attr(not(test), no_std)]
 
+mod basis;
 mod charge;
 mod charge_state;
 mod chemistry;

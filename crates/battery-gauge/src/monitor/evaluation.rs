@@ -1,14 +1,14 @@
 //! Evaluation of a pack's state: faults, failsafe level and charge state, and their announcements.
 
-use crate::charge_state::{ChargeStateMachine, Inputs};
-use crate::diagnosis::{AtRest, Diagnosis};
+use crate::basis::Basis;
+use crate::charge_state::ChargeStateMachine;
+use crate::diagnosis::Diagnosis;
 use crate::event::push;
-use crate::failsafe::{Failsafe, Observation, ReachedLevels};
+use crate::failsafe::{Failsafe, ReachedLevels};
 use crate::reporters::ChargeReporter;
 use crate::settings::PackSettings;
 use crate::swap::Replacement;
-use crate::time::Instant;
-use crate::{BatteryState, FailsafeLevel, Faults, LoadState, PackEvent, PackEvents, Tick};
+use crate::{BatteryState, FailsafeLevel, Faults, LoadState, PackEvent, PackEvents};
 
 /// Evaluates the state of one pack after every tick.
 #[derive(Clone, Debug, Default)]
@@ -17,24 +17,6 @@ pub struct Evaluation {
     pub(super) failsafe: Failsafe,
     charge_state: ChargeStateMachine,
     charge_reporter: ChargeReporter,
-}
-
-/// Inputs of a tick's evaluation, beside the state.
-#[derive(Clone, Copy, Debug)]
-pub struct Basis {
-    pub tick: Tick,
-    /// Since the tick before, in microseconds.
-    pub dt_us: u64,
-    /// The same, in seconds.
-    pub dt_s: f32,
-    /// Whether the state shows this tick's reading.
-    pub is_fresh: bool,
-    pub last_healthy: Option<Instant>,
-    /// The latest voltage while connected, in volts.
-    pub last_voltage_v: Option<f32>,
-    /// Whether the detected cells may be fewer than there are.
-    pub cells_are_doubtful: bool,
-    pub at_rest: AtRest,
 }
 
 impl Evaluation {
@@ -48,7 +30,7 @@ impl Evaluation {
     ) -> ReachedLevels {
         let Basis { tick, dt_s, .. } = *basis;
         if basis.is_fresh {
-            state.readings.faults = self.diagnosis.update(dt_s, state, &basis.at_rest, settings);
+            state.readings.faults = self.diagnosis.update(basis, state, settings);
             if basis.cells_are_doubtful {
                 state.readings.faults |= Faults::CELLS_CONFIGURATION;
             }
@@ -70,21 +52,10 @@ impl Evaluation {
         state: &mut BatteryState,
         settings: &PackSettings,
     ) -> bool {
-        let inputs = Inputs {
-            status: state.status,
-            faults: state.readings.faults,
-            reported: state.readings.reported.charge_state,
-            failsafe: state.failsafe,
-            usable_pct: state.readings.usable_pct,
-            remaining_pct: state.readings.remaining_pct,
-            limits: settings.charge_limits,
-            load_state,
-            current_a: state.readings.current_a,
-            capacity_mah: state.capacity_mah(),
-        };
-        state.charge_state = self.charge_state.update(dt_s, &inputs);
-        state.without_reserve = self.charge_state.without_reserve(&inputs);
-        self.charge_state.is_improving(&inputs)
+        let limits = &settings.charge_limits;
+        state.charge_state = self.charge_state.update(dt_s, load_state, state, limits);
+        state.without_reserve = self.charge_state.without_reserve(state, limits);
+        self.charge_state.is_improving(load_state, state)
     }
 
     fn update_failsafe(
@@ -94,25 +65,19 @@ impl Evaluation {
         settings: &PackSettings,
         events: &mut PackEvents,
     ) -> ReachedLevels {
-        let observation = Observation {
-            tick: basis.tick,
-            dt_us: u32::try_from(basis.dt_us).unwrap_or(u32::MAX),
-            last_healthy: basis.last_healthy,
-            state: basis.is_fresh.then_some(state),
-            resting_v: basis.at_rest.voltage_v,
-        };
-        let reached = self.failsafe.update(&observation, &settings.failsafe);
+        let reached = self.failsafe.update(basis, state, &settings.failsafe);
         if let Some(parameter) = self
             .failsafe
-            .find_inert_percentage(&observation, &settings.failsafe)
+            .find_inert_percentage(basis, state, &settings.failsafe)
         {
             push(events, PackEvent::PercentagesInert(parameter));
         }
-        // A state that the pack reports is announced as such.
-        let is_by_report =
-            |level: &&FailsafeLevel| **level == FailsafeLevel::Unhealthy && observation.is_healthy();
-        for level in reached.iter().filter(|level| !is_by_report(level)) {
-            push(events, PackEvent::failsafe(*level, basis.last_voltage_v, state));
+        for level in &reached {
+            // A state that the pack reports is announced as such.
+            let is_by_report = *level == FailsafeLevel::Unhealthy && basis.is_healthy();
+            if !is_by_report {
+                push(events, PackEvent::failsafe(*level, basis.last_voltage_v, state));
+            }
         }
         reached
     }

@@ -9,12 +9,12 @@ mod source_counter;
 use core::mem;
 
 use counting::{ChargeCounter, GaugeState};
-use evaluation::{Basis, Evaluation};
+use evaluation::Evaluation;
 use learning::Learnt;
 use reports::Reports;
 
-use crate::charge::Comparison;
-use crate::charge::Quantity;
+use crate::basis::Basis;
+use crate::charge::{Comparison, Quantity};
 use crate::chemistry::SAME_VOLTAGE_V;
 use crate::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds, was_off};
 use crate::diagnosis;
@@ -757,16 +757,14 @@ impl BatteryMonitor {
     fn basis(&self, turn: &Turn<'_>, dt_us: u64, is_fresh: bool) -> Basis {
         Basis {
             tick: turn.tick,
-            dt_us,
+            dt_us: u32::try_from(dt_us).unwrap_or(u32::MAX),
             dt_s: microseconds(dt_us) * 1e-6,
             is_fresh,
             last_healthy: self.last_healthy,
             last_voltage_v: self.last_voltage_v,
             cells_are_doubtful: self.estimator.cells_are_doubtful(),
-            at_rest: diagnosis::AtRest {
-                voltage_v: self.swap_detector.resting_v(),
-                spread: self.reports.members_spread,
-            },
+            resting_v: self.swap_detector.resting_v(),
+            members_spread: self.reports.members_spread,
         }
     }
 
