@@ -11,21 +11,54 @@ use crate::{Chemistry, MeasuringScale};
 pub const OFFSET_POINTS: usize = 5;
 
 /// Words of a [`LearntPack`] in flash.
-pub const LEARNT_WORDS: usize = 34;
+pub const LEARNT_WORDS: usize = word::COLLAPSE + 1;
 
 /// The words of the curve among them.
-pub const LEARNT_CURVE: Range<usize> = 9..14;
+pub const LEARNT_CURVE: Range<usize> = word::CURVE..word::VOLT_MULTIPLIER;
 
-const OPEN_LESSON_WORDS: usize = 12;
+const OPEN_LESSON_WORDS: usize = word::COLLAPSE - word::OPEN_LESSON;
 
 /// The first words of these, which firmware before the scale stored.
-pub const OLDER_LEARNT_WORDS: u8 = 14;
+pub const OLDER_LEARNT_WORDS: u8 = word::VOLT_MULTIPLIER as u8;
 
-/// Plausibility limits: of a capacity in milliampere-hours, of a resistance in ohms, of a cell in volts, of an offset in millivolts.
+/// Position of each value among the words of a [`LearntPack`]: numbers are `f32`, in the units of their fields. Others follow
+/// behind these, where older records have zeros.
+mod word {
+    /// Chemistry, cells, and the number of drives in two bytes, the low one first.
+    pub const KIND: usize = 0;
+    pub const SERIAL_NUMBER: usize = 1;
+    pub const CAPACITY_MAH: usize = 2;
+    pub const CAPACITY_SIGMA: usize = 3;
+    pub const NOW_OHM: usize = 4;
+    pub const FIRST_OHM: usize = 5;
+    /// Negative while no charge is kept: 0 is that of an empty pack.
+    pub const SOC: usize = 6;
+    pub const SOC_SIGMA: usize = 7;
+    pub const RESTING_V: usize = 8;
+    /// A word for each of its points.
+    pub const CURVE: usize = 9;
+    pub const VOLT_MULTIPLIER: usize = 14;
+    pub const VOLT_OFFSET_V: usize = 15;
+    pub const AMPERES_PER_VOLT: usize = 16;
+    pub const SLOW_SHARE: usize = 17;
+    pub const SLOW_SIGMA: usize = 18;
+    pub const SEEN_MAH: usize = 19;
+    pub const SEEN_SIGMA: usize = 20;
+    pub const OPEN_LESSON: usize = 21;
+    /// As two numbers of 16 bits.
+    pub const COLLAPSE: usize = 33;
+
+    const _: () = assert!(CURVE + super::OFFSET_POINTS == VOLT_MULTIPLIER);
+}
+
+/// Plausibility limits: of a capacity in milliampere-hours, of a resistance in ohms, of a cell in volts, of an offset in millivolts;
+/// of a charge or standard deviation relative to a whole, and of the slow part of a sag relative to the fast one.
 const CAPACITIES_MAH: RangeInclusive<f32> = 1.0..=10_000_000.0;
 const RESISTANCES_OHM: RangeInclusive<f32> = 1e-6..=100.0;
 const CELL_VOLTAGES_V: RangeInclusive<f32> = 0.1..=10.0;
 const HIGHEST_OFFSET_MV: i16 = 1_000;
+const SHARES: RangeInclusive<f32> = 0.0..=1.0;
+const SLOW_SHARES: RangeInclusive<f32> = 0.0..=10.0;
 const MAX_RESTED_H: f32 = 1000.0;
 
 /// A learnt capacity that differs from the rated one by a larger factor is that of another pack.
@@ -76,7 +109,7 @@ pub struct LearntCapacity {
     pub capacity_mah: f32,
     /// Standard deviation, relative to the capacity.
     pub sigma: f32,
-    /// The same as drives have shown it, with the error that they have in common, in milliampere-hours; 0: not known.
+    /// The capacity as drives have shown it, with the error that they have in common, in milliampere-hours; 0: not known.
     pub seen_mah: f32,
     /// Standard deviation of the best of them, relative to it.
     pub seen_sigma: f32,
@@ -92,6 +125,15 @@ impl LearntCapacity {
     pub fn seen_ah(&self) -> f32 {
         self.seen_mah * 1e-3
     }
+
+    /// Without an implausible one of the drives.
+    fn if_plausible(mut self) -> Option<Self> {
+        if !(CAPACITIES_MAH.contains(&self.seen_mah) && SHARES.contains(&self.seen_sigma)) {
+            self.seen_mah = 0.0;
+            self.seen_sigma = 0.0;
+        }
+        (CAPACITIES_MAH.contains(&self.capacity_mah) && SHARES.contains(&self.sigma)).then_some(self)
+    }
 }
 
 /// A cell's resistance when warm.
@@ -103,12 +145,28 @@ pub struct LearntResistance {
     pub first_ohm: f32,
 }
 
+impl LearntResistance {
+    fn if_plausible(self) -> Option<Self> {
+        let is_plausible =
+            RESISTANCES_OHM.contains(&self.now_ohm) && RESISTANCES_OHM.contains(&self.first_ohm);
+        is_plausible.then_some(self)
+    }
+}
+
 /// The slow part of a cell's sag relative to the fast one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LearntSlowShare {
     pub share: f32,
     /// Standard deviation.
     pub sigma: f32,
+}
+
+impl LearntSlowShare {
+    fn if_plausible(self) -> Option<Self> {
+        let is_plausible =
+            SLOW_SHARES.contains(&self.share) && self.sigma > 0.0 && SHARES.contains(&self.sigma);
+        is_plausible.then_some(self)
+    }
 }
 
 /// Height of the cell's curve above that of its chemistry at one charge, in tenths of a millivolt.
@@ -163,7 +221,7 @@ impl Collapse {
         self.soc() * ohm.map_or(1.0, |ohm| (ohm / self.ohm()).min(1.0))
     }
 
-    /// The same at a state of charge that is higher by this difference.
+    /// A collapse at a state of charge that is higher by this difference, with this one's resistance.
     pub fn corrected(&self, difference: f32) -> Option<Self> {
         Self::new(self.soc() + difference, self.ohm())
     }
@@ -269,7 +327,7 @@ pub enum LessonObstacle {
     /// The charge was not known at the start: the pack had not rested, or its curve is flat. Or too much of the charge since
     /// then was assumed.
     UnknownStart,
-    /// Less than a third of the capacity was drawn.
+    /// Less than 35 % of the capacity was drawn.
     LittleDrawn,
     /// The resistance is unknown, as the load has hardly changed, or over four times a typical one.
     Resistance,
@@ -294,6 +352,13 @@ impl fmt::Display for LessonObstacle {
 }
 
 impl LastCharge {
+    fn if_plausible(self) -> Option<Self> {
+        let is_plausible = SHARES.contains(&self.soc)
+            && SHARES.contains(&self.sigma)
+            && CELL_VOLTAGES_V.contains(&self.resting_v);
+        is_plausible.then_some(self)
+    }
+
     fn is_like(&self, other: &Self) -> bool {
         (self.soc - other.soc).abs() < LIKE_SOC && (self.resting_v - other.resting_v).abs() < LIKE_VOLTAGE_V
     }
@@ -498,7 +563,7 @@ impl LearntPack {
         has_like_charge && self.without_charge() == other.without_charge()
     }
 
-    /// The same without the last charge, which another charging has overtaken.
+    /// Without the last charge, which another charging has overtaken.
     pub(super) fn without_charge(&self) -> Self {
         Self {
             charge: None,
@@ -517,7 +582,7 @@ impl LearntPack {
         }
     }
 
-    /// The same pack after these.
+    /// The pack after these lessons.
     pub(super) fn with_lessons(&self, lessons: &Lessons) -> Self {
         Self {
             drives: lessons.drives,
@@ -529,12 +594,12 @@ impl LearntPack {
         }
     }
 
-    /// The same without a drive that its next rest would end.
+    /// Without a drive that its next rest would end.
     pub(super) fn without_open_lesson(&self) -> Self {
         Self { open: None, ..*self }
     }
 
-    /// The same under another scale of its measurements: what is in ampere-hours and ohms is converted. Small offsets of the
+    /// What is known under another scale of its measurements: what is in ampere-hours and ohms is converted. Small offsets of the
     /// curve, and the voltage of a rest, do not outlast another scale of the voltage.
     ///
     /// `None` if it is the same, or differs by less than what is known of a voltage.
@@ -588,142 +653,99 @@ impl LearntPack {
         Self::from_words(&rescaled.to_words())
     }
 
-    /// As words for flash.
+    /// As words for flash. What is not learnt is 0.
     pub fn to_words(&self) -> [u32; LEARNT_WORDS] {
-        let capacity = self.capacity.unwrap_or(LearntCapacity {
-            capacity_mah: 0.0,
-            sigma: 0.0,
-            seen_mah: 0.0,
-            seen_sigma: 0.0,
-        });
-        let resistance = self.resistance.unwrap_or(LearntResistance {
-            now_ohm: 0.0,
-            first_ohm: 0.0,
-        });
-        let charge = self.charge.unwrap_or(LastCharge {
-            soc: -1.0,
-            sigma: 0.0,
-            resting_v: 0.0,
-        });
-        let scale = self.scale.unwrap_or(MeasuringScale {
-            volt_multiplier: 0.0,
-            volt_offset_v: 0.0,
-            amperes_per_volt: 0.0,
-        });
-        let slow = self.slow.unwrap_or(LearntSlowShare {
-            share: 0.0,
-            sigma: 0.0,
-        });
-        let [drives_low, drives_high] = self.drives.to_le_bytes();
-        let kind = [self.chemistry as u8, self.cell_count, drives_low, drives_high];
-        let [a, b, c, d, e] = self.offsets.map(Offset::to_word);
-        let known = [
-            u32::from_le_bytes(kind),
-            self.serial_number.unwrap_or(NO_SERIAL_NUMBER) as u32,
-            capacity.capacity_mah.to_bits(),
-            capacity.sigma.to_bits(),
-            resistance.now_ohm.to_bits(),
-            resistance.first_ohm.to_bits(),
-            charge.soc.to_bits(),
-            charge.sigma.to_bits(),
-            charge.resting_v.to_bits(),
-            a,
-            b,
-            c,
-            d,
-            e,
-            scale.volt_multiplier.to_bits(),
-            scale.volt_offset_v.to_bits(),
-            scale.amperes_per_volt.to_bits(),
-            slow.share.to_bits(),
-            slow.sigma.to_bits(),
-            capacity.seen_mah.to_bits(),
-            capacity.seen_sigma.to_bits(),
-        ];
-        let open = self.open.map_or([0; OPEN_LESSON_WORDS], OpenLesson::to_words);
-        let collapse = self.collapse.map_or(0, |collapse| {
-            let [soc, ohm] = collapse.to_numbers();
-            pair(soc, ohm)
-        });
         let mut words = [0; LEARNT_WORDS];
-        let stored = known.into_iter().chain(open).chain([collapse]);
-        for (word, stored) in words.iter_mut().zip(stored) {
-            *word = stored;
+        let [drives_low, drives_high] = self.drives.to_le_bytes();
+        words[word::KIND] =
+            u32::from_le_bytes([self.chemistry as u8, self.cell_count, drives_low, drives_high]);
+        words[word::SERIAL_NUMBER] = self.serial_number.unwrap_or(NO_SERIAL_NUMBER) as u32;
+        if let Some(capacity) = &self.capacity {
+            words[word::CAPACITY_MAH] = capacity.capacity_mah.to_bits();
+            words[word::CAPACITY_SIGMA] = capacity.sigma.to_bits();
+            words[word::SEEN_MAH] = capacity.seen_mah.to_bits();
+            words[word::SEEN_SIGMA] = capacity.seen_sigma.to_bits();
+        }
+        if let Some(resistance) = &self.resistance {
+            words[word::NOW_OHM] = resistance.now_ohm.to_bits();
+            words[word::FIRST_OHM] = resistance.first_ohm.to_bits();
+        }
+        words[word::SOC] = (-1.0_f32).to_bits();
+        if let Some(charge) = &self.charge {
+            words[word::SOC] = charge.soc.to_bits();
+            words[word::SOC_SIGMA] = charge.sigma.to_bits();
+            words[word::RESTING_V] = charge.resting_v.to_bits();
+        }
+        for (word, offset) in words.iter_mut().skip(word::CURVE).zip(self.offsets) {
+            *word = offset.to_word();
+        }
+        if let Some(scale) = &self.scale {
+            words[word::VOLT_MULTIPLIER] = scale.volt_multiplier.to_bits();
+            words[word::VOLT_OFFSET_V] = scale.volt_offset_v.to_bits();
+            words[word::AMPERES_PER_VOLT] = scale.amperes_per_volt.to_bits();
+        }
+        if let Some(slow) = &self.slow {
+            words[word::SLOW_SHARE] = slow.share.to_bits();
+            words[word::SLOW_SIGMA] = slow.sigma.to_bits();
+        }
+        if let Some(open) = self.open {
+            for (word, open) in words.iter_mut().skip(word::OPEN_LESSON).zip(open.to_words()) {
+                *word = open;
+            }
+        }
+        if let Some(collapse) = self.collapse {
+            let [soc, ohm] = collapse.to_numbers();
+            words[word::COLLAPSE] = pair(soc, ohm);
         }
         words
     }
 
-    /// `None` if no pack has these words. An older record ends before the scale, and has zeros there.
+    /// `None` if no pack has these words; a part that no pack has is not learnt.
     pub fn from_words(words: &[u32; LEARNT_WORDS]) -> Option<Self> {
-        let [kind, serial_number, _, _, _, _, _, _, _, a, b, c, d, e, ..] = words;
-        let [before_collapse @ .., collapse] = words;
-        let [
-            _,
-            _,
-            capacity_mah,
-            capacity_sigma,
-            now_ohm,
-            first_ohm,
-            soc,
-            sigma,
-            resting_v,
-            _,
-            _,
-            _,
-            _,
-            _,
-            volt_multiplier,
-            volt_offset_v,
-            amperes_per_volt,
-            slow_share,
-            slow_sigma,
-            seen_mah,
-            seen_sigma,
-            ..,
-        ] = words.map(f32::from_bits);
-        let [chemistry, cell_count, drives @ ..] = kind.to_le_bytes();
-        let is_seen = CAPACITIES_MAH.contains(&seen_mah) && (0.0..=1.0).contains(&seen_sigma);
-        let (seen_mah, seen_sigma) = if is_seen {
-            (seen_mah, seen_sigma)
-        } else {
-            (0.0, 0.0)
-        };
-        let is_sigma = |sigma: f32| (0.0..=1.0).contains(&sigma);
+        let values = words.map(f32::from_bits);
+        let [chemistry, cell_count, drives @ ..] = words[word::KIND].to_le_bytes();
+        let serial_number = words[word::SERIAL_NUMBER] as i32;
+        let mut offsets = [Offset::default(); OFFSET_POINTS];
+        for (offset, word) in offsets.iter_mut().zip(words.iter().skip(word::CURVE)) {
+            *offset = Offset::from_word(*word).unwrap_or_default();
+        }
+        let [open @ .., collapse]: &[u32; OPEN_LESSON_WORDS + 1] = words.last_chunk()?;
         Some(Self {
             chemistry: Chemistry::from_number(chemistry.into())?,
             cell_count,
-            serial_number: Some(*serial_number as i32).filter(|number| *number != NO_SERIAL_NUMBER),
+            serial_number: (serial_number != NO_SERIAL_NUMBER).then_some(serial_number),
             drives: u16::from_le_bytes(drives),
-            capacity: (CAPACITIES_MAH.contains(&capacity_mah) && is_sigma(capacity_sigma)).then_some(
-                LearntCapacity {
-                    capacity_mah,
-                    sigma: capacity_sigma,
-                    seen_mah,
-                    seen_sigma,
-                },
-            ),
-            resistance: (RESISTANCES_OHM.contains(&now_ohm) && RESISTANCES_OHM.contains(&first_ohm))
-                .then_some(LearntResistance { now_ohm, first_ohm }),
-            offsets: [a, b, c, d, e].map(|word| Offset::from_word(*word).unwrap_or_default()),
-            charge: ((0.0..=1.0).contains(&soc) && is_sigma(sigma) && CELL_VOLTAGES_V.contains(&resting_v))
-                .then_some(LastCharge {
-                    soc,
-                    sigma,
-                    resting_v,
-                }),
-            slow: ((0.0..=10.0).contains(&slow_share) && slow_sigma > 0.0 && is_sigma(slow_sigma)).then_some(
-                LearntSlowShare {
-                    share: slow_share,
-                    sigma: slow_sigma,
-                },
-            ),
-            scale: MeasuringScale {
-                volt_multiplier,
-                volt_offset_v,
-                amperes_per_volt,
+            capacity: LearntCapacity {
+                capacity_mah: values[word::CAPACITY_MAH],
+                sigma: values[word::CAPACITY_SIGMA],
+                seen_mah: values[word::SEEN_MAH],
+                seen_sigma: values[word::SEEN_SIGMA],
             }
             .if_plausible(),
-            open: before_collapse.last_chunk().and_then(OpenLesson::from_words),
+            resistance: LearntResistance {
+                now_ohm: values[word::NOW_OHM],
+                first_ohm: values[word::FIRST_OHM],
+            }
+            .if_plausible(),
+            offsets,
+            charge: LastCharge {
+                soc: values[word::SOC],
+                sigma: values[word::SOC_SIGMA],
+                resting_v: values[word::RESTING_V],
+            }
+            .if_plausible(),
+            slow: LearntSlowShare {
+                share: values[word::SLOW_SHARE],
+                sigma: values[word::SLOW_SIGMA],
+            }
+            .if_plausible(),
+            scale: MeasuringScale {
+                volt_multiplier: values[word::VOLT_MULTIPLIER],
+                volt_offset_v: values[word::VOLT_OFFSET_V],
+                amperes_per_volt: values[word::AMPERES_PER_VOLT],
+            }
+            .if_plausible(),
+            open: OpenLesson::from_words(open),
             collapse: Collapse::from_numbers(halves_of(*collapse)),
         })
     }
