@@ -2,7 +2,7 @@
 
 use crate::charge::Quantity;
 use crate::charge::{
-    CellModel, ChargeEstimate, ChargeEstimator, Comparison, CurrentOrigin, EndVoltage, KnownCharge,
+    CellModel, ChargeEstimate, ChargeEstimator, CurrentOrigin, EndVoltage, KnownCharge, PackIdentity,
     Reference, Sample, Second, measured_offsets,
 };
 use crate::event::PackEvent;
@@ -69,10 +69,17 @@ impl Reading {
 pub struct Findings {
     /// Cell detection ended.
     pub event: Option<PackEvent>,
+    /// Those of a second, if the reading completes one.
+    pub second: Option<SecondFindings>,
+}
+
+/// Outcome of a second.
+#[derive(Clone, Copy, Debug)]
+pub struct SecondFindings {
     /// Whether the pack is the one that was counted before a restart.
-    pub comparison: Comparison,
-    /// A second is complete, with what is to be kept of the pack, if it was learnt or rests.
-    pub second: Option<Option<LearntPack>>,
+    pub identity: PackIdentity,
+    /// The record to keep of the pack, if that has changed.
+    pub kept: Option<LearntPack>,
 }
 
 /// Chemistry and number of cells by the settings.
@@ -184,14 +191,9 @@ impl Estimator {
             unmeasured_ah: reading.unmeasured_mah * AH_PER_MAH,
             missed_s: reading.missed_s,
         });
-        let second = second.map(|second| self.update_second(&second, reading, settings, learnt));
-        let comparison = second
-            .as_ref()
-            .map_or(Comparison::Same, |(comparison, _)| *comparison);
         Findings {
             event,
-            comparison,
-            second: second.map(|(_, kept)| kept),
+            second: second.map(|second| self.update_second(&second, reading, settings, learnt)),
         }
     }
 
@@ -214,7 +216,7 @@ impl Estimator {
         reading: &Reading,
         settings: &PackSettings,
         learnt: &LearntPack,
-    ) -> (Comparison, Option<LearntPack>) {
+    ) -> SecondFindings {
         self.resistance.solve();
         if let Some(current_a) = second.current_a {
             self.average_current.update(second.duration_s, current_a);
@@ -224,17 +226,17 @@ impl Estimator {
             soc_at_most: reading.soc_at_most,
             ..self.model(settings, learnt)
         };
-        let mut comparison = Comparison::Same;
+        let mut identity = PackIdentity::Same;
         if self.charge.is_exceeded_by(second, reading.doubt, &model) {
             self.charge = ChargeEstimator::new();
             self.cells = CellCount::new();
-            comparison = Comparison::Another;
+            identity = PackIdentity::Another;
         }
         let kept = self
             .charge
             .update(second, reading.load_state, reading.doubt, &model);
         self.report();
-        (comparison, kept)
+        SecondFindings { identity, kept }
     }
 
     /// Averages the load of a drive, pauses included.
@@ -254,26 +256,26 @@ impl Estimator {
         reading: &Reading,
         settings: &PackSettings,
         learnt: &LearntPack,
-    ) -> Comparison {
+    ) -> PackIdentity {
         let model = self.model(settings, learnt);
         if let AtRest::Rescaled(_) = at_rest {
             // Others may fit.
             self.cells = CellCount::new();
         }
         let Some(count) = model.cell_count else {
-            return Comparison::Same;
+            return PackIdentity::Same;
         };
         let cell = |resting_v: f32| resting_v / f32::from(count);
         let current_a = reading.current_a.unwrap_or(0.0);
-        let comparison = match *at_rest {
-            AtRest::Replaced(_) => Comparison::Another,
+        let identity = match *at_rest {
+            AtRest::Replaced(_) => PackIdentity::Another,
             AtRest::Similar(resting_v) => self.charge.compare(cell(resting_v), current_a, &model),
             AtRest::Rescaled(resting_v) => self.charge.rescale(cell(resting_v), current_a, &model),
         };
-        if comparison == Comparison::Another {
+        if identity == PackIdentity::Another {
             self.cells = CellCount::new();
         }
-        comparison
+        identity
     }
 
     /// Why the drive so far has taught nothing; `None` if it has.
@@ -328,7 +330,7 @@ impl Estimator {
         self.resistance.resistance_ohm()
     }
 
-    /// The same of a cell.
+    /// Resistance of a cell, in ohms, once it is known.
     pub fn cell_resistance_ohm(&self, settings: &PackSettings) -> Option<f32> {
         Some(self.resistance_ohm()? / f32::from(self.cell_count(settings)?))
     }
@@ -343,7 +345,7 @@ impl Estimator {
         self.reported.and(self.charge.estimate())
     }
 
-    /// The same as it is reported.
+    /// The estimate as it is reported, if it is certain enough.
     pub fn reported(&self) -> Option<&ReportedCharge> {
         self.charge.estimate().and(self.reported.as_ref())
     }

@@ -13,14 +13,15 @@ const RATED_SIGMA: f32 = 0.04;
 /// age.
 const LABEL_SIGMA: f32 = 0.069;
 
-/// The same of a capacity that is inferred from the resistance.
+/// Standard deviation of a capacity that is inferred from the resistance, relative to it.
 const INFERRED_SIGMA: f32 = 0.5;
 
 /// A learnt capacity counts, and a curve is learnt, once the capacity is known to this standard deviation: before, the
 /// label is better.
 pub const MAX_LEARNT_SIGMA: f32 = 0.08;
 
-/// The same where it is below the label by more than its deviation: packs lose capacity, and hardly one gains any.
+/// A learnt capacity below the label by more than its deviation counts at up to this one: packs lose capacity, and hardly one
+/// gains any.
 const MAX_AGED_SIGMA: f32 = 0.11;
 
 /// Uncertainty of the charge that belongs to a point of a curve: where the curve is steep, it outweighs that of the

@@ -382,7 +382,7 @@ const MIN_USABLE: f32 = 0.01;
 const GROWTH_NEAR_EMPTY: f32 = 1.5;
 const GROWS_BELOW: f32 = 0.2;
 
-/// The same where the load is inferred from the sag, at any charge.
+/// Growth of the sag at any charge where the load is inferred from it.
 const INFERRED_GROWTH: f32 = 0.2;
 
 /// Standard deviation of the sag that ends a drive, relative to it: that of its growth, and of the peak. Assumed.
@@ -567,7 +567,7 @@ impl Reserve {
         (soc - self.soc).max(MIN_USABLE.min(soc))
     }
 
-    /// The same relative to what the load can draw from a full pack.
+    /// Usable charge relative to what the load can draw from a full pack, from 0 to 1.
     pub fn usable(&self, soc: f32) -> f32 {
         (self.available(soc) / self.span()).min(1.0)
     }

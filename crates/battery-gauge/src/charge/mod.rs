@@ -14,7 +14,7 @@ mod voltage_only;
 
 pub use cell_model::{Capacity, CellModel, EndVoltage, KnownCharge, measured_height_v, measured_offsets};
 pub use load::{CurrentOrigin, Quantity, SILENCE_S, Second};
-pub use reference::{Comparison, Reference};
+pub use reference::{PackIdentity, Reference};
 
 use crate::learnt::{LastCharge, LessonObstacle, OpenLesson};
 use crate::swap::Doubt;
@@ -93,7 +93,7 @@ pub struct ChargeEstimate {
     pub sigma: f32,
     /// Usable charge: how much such a load can still draw, relative to the capacity, from 0 to 1.
     pub available: f32,
-    /// The same relative to what it can draw from a full pack.
+    /// Usable charge, relative to what such a load can draw from a full pack, from 0 to 1.
     pub usable_soc: f32,
     /// Its standard deviation.
     pub usable_sigma: f32,
@@ -204,9 +204,9 @@ impl ChargeEstimator {
 
     /// A pack rests at this voltage of a cell and current after its contact was lost. If it is not the one whose current was
     /// counted, or was charged meanwhile, the estimate restarts; else it is as uncertain as the voltage leaves it.
-    pub fn compare(&mut self, cell_v: f32, current_a: f32, model: &CellModel) -> Comparison {
+    pub fn compare(&mut self, cell_v: f32, current_a: f32, model: &CellModel) -> PackIdentity {
         let (Some(before), Some(estimate)) = (&self.reference, &self.estimate) else {
-            return Comparison::Same;
+            return PackIdentity::Same;
         };
         let load = Load {
             current_a,
@@ -214,13 +214,13 @@ impl ChargeEstimator {
             ..Load::NONE
         };
         let now = Reference::new(estimate.by_itself.soc, cell_v, &load, model);
-        let (comparison, contradiction) = before.compare(&now, model);
-        if comparison != Comparison::Same {
+        let (identity, contradiction) = before.compare(&now, model);
+        if identity != PackIdentity::Same {
             *self = Self::new();
         } else if let Phase::Counting(counting) = &mut self.phase {
             counting.inflate(contradiction);
         }
-        comparison
+        identity
     }
 
     /// Whether a pack whose charge was retained over a restart can't be the one that was counted, as its voltage in this
@@ -237,9 +237,9 @@ impl ChargeEstimator {
 
     /// A pack rests at this voltage of a cell after the scale of its voltage was changed: an estimate that was based on the
     /// old one restarts. On a flat curve a count is better, but it may have started from a wrong voltage.
-    pub fn rescale(&mut self, cell_v: f32, current_a: f32, model: &CellModel) -> Comparison {
+    pub fn rescale(&mut self, cell_v: f32, current_a: f32, model: &CellModel) -> PackIdentity {
         match (&mut self.phase, model.capacity()) {
-            (Phase::Starting(_) | Phase::Known(_), _) => return Comparison::Same,
+            (Phase::Starting(_) | Phase::Known(_), _) => return PackIdentity::Same,
             (Phase::Counting(counting), Some(capacity)) => {
                 let load = Load {
                     current_a,
@@ -251,13 +251,13 @@ impl ChargeEstimator {
                     |load: &Load, cell_v: f32| is_flat(&Filter::from_voltage(load, cell_v, model, &capacity));
                 if is_flat_at(&load, cell_v) || is_flat_at(&Load::NONE, counted_v) {
                     counting.inflate(STEEP_SIGMA);
-                    return Comparison::Same;
+                    return PackIdentity::Same;
                 }
             }
             _ => {}
         }
         *self = Self::new();
-        Comparison::OtherCharge
+        PackIdentity::OtherCharge
     }
 
     /// Discards the observations so far: they must not be learnt.
@@ -322,7 +322,10 @@ impl ChargeEstimator {
         self.gathering.add(dt_s, voltage_v, current_a, sample.origin)
     }
 
-    /// Takes a second. Returns what is to be kept of the pack, when it was learnt or came to rest.
+    /// Takes a second. Returns the record to keep of the pack, if this second changes it.
+    ///
+    /// Each step reads what those before it have left: the charge is drawn, the rest is timed, what a rest shows is learnt, and
+    /// the estimate is made of all that.
     pub fn update(
         &mut self,
         second: &Second,
@@ -332,52 +335,23 @@ impl ChargeEstimator {
     ) -> Option<LearntPack> {
         let count = f32::from(model.cell_count?);
         let cell_v = second.voltage_v.map(|voltage_v| voltage_v / count);
-        let was_switched_off = core::mem::replace(&mut self.load_state, load_state) == LoadState::On
-            && load_state == LoadState::Off;
-        self.doubt = doubt;
         let capacity = model.capacity();
-        if let Some(capacity) = &capacity {
-            self.phase.draw(second.unread.unmeasured_ah, capacity);
-            if let Phase::Counting(counting) = &mut self.phase {
-                counting.assume(second.unread.assumed_ah, capacity);
-                if second.unread.over_range_ah > 0.0 {
-                    counting.exceed_range(second.unread.over_range_ah, capacity);
-                }
-            }
-        }
+        let was_loaded = core::mem::replace(&mut self.load_state, load_state) == LoadState::On;
         let was_starting = matches!(self.phase, Phase::Starting(_));
         let was_settled = self.phase.is_settled();
-        // A count that may be another pack's is not corrected by this one's voltage: the rest has to deny it.
-        let is_retained = self.reference.is_some_and(|before| before.is_retained);
-        let counted_v = cell_v.filter(|_| !is_retained || !self.is_of_pack_before());
-        let trace = &mut self.trace;
-        let (load, rests) = match (second.current_a, capacity) {
-            (Some(current_a), Some(capacity)) => {
-                trace.polarisation.update(second.duration_s, current_a);
-                let load = Load {
-                    duration_s: second.duration_s,
-                    current_a,
-                    slow_a: trace.polarisation.current_a(),
-                };
-                self.phase.count(&load, counted_v, trace, model, &capacity);
-                let rests = is_resting(current_a, &capacity)
-                    || load_state == LoadState::Off && is_idle(&load, &trace.polarisation, model, &capacity);
-                (load, rests)
-            }
-            _ => {
-                let rests = cell_v.is_some_and(|cell_v| {
-                    self.phase
-                        .infer(second.duration_s, cell_v, load_state, trace, model)
-                });
-                (Load::none_for(second.duration_s), rests)
-            }
-        };
-        let is_charged =
-            |cell_v| second.origin == CurrentOrigin::SourceCounter && self.rest.has_risen(cell_v);
-        if !rests || cell_v.is_some_and(is_charged) {
+        self.doubt = doubt;
+        if let Some(capacity) = &capacity {
+            self.draw_unread(&second.unread, capacity);
+        }
+        let (load, rests) = self.follow_load(second, cell_v, capacity.as_ref(), model);
+        // A source that only counts shows a charger by the voltage.
+        let is_charged = second.origin == CurrentOrigin::SourceCounter
+            && cell_v.is_some_and(|cell_v| self.rest.has_risen(cell_v));
+        if !rests || is_charged {
             self.rest = RestTimer::new();
         }
-        let kept = if let Some(cell_v) = cell_v
+        let mut kept = None;
+        if let Some(cell_v) = cell_v
             && !self.is_of_pack_before()
             && doubt != Doubt::Rescaled
         {
@@ -387,42 +361,78 @@ impl ChargeEstimator {
             } else {
                 None
             };
-            match rest {
-                Some(rest) => {
-                    let learnt = self.evaluate(&rest, &load, cell_v, second.origin, model);
-                    self.record(&load, cell_v, learnt, model)
-                }
-                None if was_switched_off => self.record(&load, cell_v, None, model),
-                None if has_open_lesson && load_state == LoadState::On => {
-                    Some(model.learnt.without_open_lesson())
-                }
-                None if has_open_lesson && was_starting && rests => self.end_lesson(&load, cell_v, model),
-                None => None,
+            if let Some(rest) = rest {
+                let learnt = self.evaluate(&rest, &load, cell_v, second.origin, model);
+                kept = self.record(&load, cell_v, learnt, model);
+            } else if was_loaded && load_state == LoadState::Off {
+                kept = self.record(&load, cell_v, None, model);
+            } else if has_open_lesson && load_state == LoadState::On {
+                kept = Some(model.learnt.without_open_lesson());
+            } else if has_open_lesson && was_starting && rests {
+                kept = self.end_lesson(&load, cell_v, model);
             }
-        } else {
-            None
-        };
+        }
         let before = self.estimate;
-        self.estimate = self.estimate_now(
-            kept.as_ref()
-                .map_or(*model, |learnt| CellModel { learnt, ..*model }),
-            rests,
-        );
-        let is_charged = capacity.is_some_and(|capacity| was_charged(&load, &capacity));
+        let learnt = kept.as_ref().unwrap_or(model.learnt);
+        self.estimate = self.estimate_now(CellModel { learnt, ..*model }, rests);
+        let brakes = capacity.is_some_and(|capacity| was_charged(&load, &capacity));
         if load_state == LoadState::On
             && was_settled
-            && !is_charged
+            && !brakes
             && let (Some(estimate), Some(before)) = (&mut self.estimate, before)
         {
             estimate.limit_rise(&before, second.duration_s);
         }
-        self.refer(&load, second, cell_v, model);
+        self.update_reference(&load, second, cell_v, model);
         kept
     }
 
-    /// Keeps the pack as it is counted. While that may not be this one, the estimate is as uncertain as the voltage of a cell
-    /// contradicts it.
-    fn refer(&mut self, load: &Load, second: &Second, cell_v: Option<f32>, model: &CellModel) {
+    /// Draws the charge of a second that no measured current shows.
+    fn draw_unread(&mut self, unread: &Unread, capacity: &Capacity) {
+        self.phase.draw(unread.unmeasured_ah, capacity);
+        if let Phase::Counting(counting) = &mut self.phase {
+            counting.assume(unread.assumed_ah, capacity);
+            if unread.over_range_ah > 0.0 {
+                counting.exceed_range(unread.over_range_ah, capacity);
+            }
+        }
+    }
+
+    /// Counts the load of a second, or infers it from the voltage of a cell. Returns it, and whether the pack rests.
+    fn follow_load(
+        &mut self,
+        second: &Second,
+        cell_v: Option<f32>,
+        capacity: Option<&Capacity>,
+        model: &CellModel,
+    ) -> (Load, bool) {
+        // A count that may be another pack's is not corrected by this one's voltage: the rest has to deny it.
+        let is_retained = self.reference.is_some_and(|before| before.is_retained);
+        let credible_v = cell_v.filter(|_| !is_retained || !self.is_of_pack_before());
+        let is_off = self.load_state == LoadState::Off;
+        let trace = &mut self.trace;
+        if let (Some(current_a), Some(capacity)) = (second.current_a, capacity) {
+            trace.polarisation.update(second.duration_s, current_a);
+            let load = Load {
+                duration_s: second.duration_s,
+                current_a,
+                slow_a: trace.polarisation.current_a(),
+            };
+            self.phase.count(&load, credible_v, trace, model, capacity);
+            let rests = is_resting(current_a, capacity)
+                || is_off && is_idle(&load, &trace.polarisation, model, capacity);
+            return (load, rests);
+        }
+        let rests = cell_v.is_some_and(|cell_v| {
+            self.phase
+                .infer(second.duration_s, cell_v, self.load_state, trace, model)
+        });
+        (Load::none_for(second.duration_s), rests)
+    }
+
+    /// Keeps the pack as it is counted now. While that may not be this one, the estimate is as uncertain as the voltage of a
+    /// cell contradicts it.
+    fn update_reference(&mut self, load: &Load, second: &Second, cell_v: Option<f32>, model: &CellModel) {
         let (Some(estimate), Some(cell_v)) = (&mut self.estimate, cell_v) else {
             return;
         };
@@ -521,10 +531,10 @@ impl ChargeEstimator {
         drive.obstacle(model).or(Some(by_rest))
     }
 
-    /// The record of a pack that rests, for flash.
+    /// The record of the pack under this load, for flash: with what was learnt, if its rest has taught something.
     fn record(
         &self,
-        rest: &Load,
+        load: &Load,
         cell_v: f32,
         learnt: Option<LearntPack>,
         model: &CellModel,
@@ -546,7 +556,7 @@ impl ChargeEstimator {
         kept.charge = Some(LastCharge {
             soc: estimate.soc,
             sigma: estimate.sigma,
-            resting_v: cell_v + rest.sag_v(ohm, model.slow_share()),
+            resting_v: cell_v + load.sag_v(ohm, model.slow_share()),
         });
         // Without what is implausible, as flash would give it back.
         LearntPack::from_words(&kept.to_words())

@@ -13,13 +13,13 @@ const MAX_VALUE: f32 = 1e4;
 const UNSEEN_SHARE: f32 = 0.5;
 const UNSEEN_SIGMA: f32 = 0.7;
 
-/// Whether a pack is the one that was counted.
+/// Whether a pack at rest is the one that was counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Comparison {
+pub enum PackIdentity {
     Same,
-    /// It has another charge, or its voltage another scale.
+    /// That pack with another charge, or with its voltage under another scale.
     OtherCharge,
-    /// Or the same after charging.
+    /// Another pack, or that one after charging.
     Another,
 }
 
@@ -61,7 +61,7 @@ impl Reference {
     /// Whether count and relaxation predict the voltage of the present cell; and by how much it shows that cell fuller or
     /// emptier than is estimated, relative to the capacity.
     #[inline(never)]
-    pub fn compare(&self, now: &Self, model: &CellModel) -> (Comparison, f32) {
+    pub fn compare(&self, now: &Self, model: &CellModel) -> (PackIdentity, f32) {
         let ohm = resistance_ohm(model);
         let slow_ohm = model.slow_share() * ohm;
         let mut slow_a = now.slow_a;
@@ -75,14 +75,14 @@ impl Reference {
         tolerance_v += ohm * model.slow_share_sigma() * relaxed_a.abs();
         let unexplained_v = now.cell_v - self.cell_v - slow_ohm * relaxed_a;
         let shown = model.soc(model.voltage_v(self.soc) + unexplained_v);
-        let comparison = if unexplained_v.abs() <= tolerance_v {
-            Comparison::Same
+        let identity = if unexplained_v.abs() <= tolerance_v {
+            PackIdentity::Same
         } else if self.is_retained {
-            Comparison::Another
+            PackIdentity::Another
         } else {
-            Comparison::OtherCharge
+            PackIdentity::OtherCharge
         };
-        (comparison, (shown - now.soc).abs())
+        (identity, (shown - now.soc).abs())
     }
 
     /// The highest voltage at which such a cell can rest, in volts.

@@ -14,11 +14,11 @@ use learning::Learnt;
 use reports::Reports;
 
 use crate::basis::Basis;
-use crate::charge::{Comparison, Quantity};
+use crate::charge::{PackIdentity, Quantity};
 use crate::chemistry::SAME_VOLTAGE_V;
 use crate::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds, was_off};
 use crate::diagnosis;
-use crate::estimator::{Estimator, EstimatorMemory, Reading, ReportedCharge};
+use crate::estimator::{Estimator, EstimatorMemory, Findings, Reading, ReportedCharge};
 use crate::event::push;
 use crate::failsafe::ReachedLevels;
 use crate::reporters::{GapReporter, HealthReporter, LessonReporter};
@@ -92,6 +92,8 @@ struct Turn<'a> {
     tick: Tick,
     /// Since the tick before, in microseconds.
     tick_us: u64,
+    /// Since the latest valid reading of a pack, in microseconds.
+    reading_us: u64,
     /// The owner's, overridden by what the pack reports of itself.
     settings: &'a PackSettings,
     state: &'a mut BatteryState,
@@ -154,9 +156,8 @@ impl BatteryMonitor {
         let mut update = PackUpdate::default();
         let events = &mut update.events;
         let since = |time: Option<Instant>| time.map_or(0, |time| tick.now.us_since(time));
-        let dt_us = since(self.last_reading.map(|(time, _)| time));
+        let reading_us = since(self.last_reading.map(|(time, _)| time));
         let tick_us = since(self.last_tick.replace(tick.now));
-        let dt_s = microseconds(tick_us) * 1e-6;
         let reading = reading
             .as_ref()
             .map_err(|error| *error)
@@ -169,6 +170,7 @@ impl BatteryMonitor {
         let turn = &mut Turn {
             tick,
             tick_us,
+            reading_us,
             settings,
             state,
             events,
@@ -177,36 +179,44 @@ impl BatteryMonitor {
         let error = match reading {
             Ok(measurement) => {
                 self.failed_reads = 0;
-                is_fresh = self.take(turn, dt_us, measurement);
+                is_fresh = self.accept(turn, measurement);
+                // A pack whose charge is unknown is read all the same: that is no failed read.
                 self.judge_health(turn)
             }
             Err(error) => {
                 self.reject(turn.state);
+                update.error = Some(error);
                 Some(error)
             }
         };
         turn.state.read_error = error;
-        let status = turn.state.status;
-        if let Some(event) = self.health.sensor(dt_s, status, error) {
-            push(turn.events, event);
-        }
-        let has_lost_current = self.lost_count(tick.now, turn.state) == Some(ReadError::CurrentLost);
-        if let Some(event) = self.health.current(dt_s, status, has_lost_current) {
-            push(turn.events, event);
-        }
-        if let Some(event) = self.health.contact(dt_s, status, error, tick.load_state) {
-            push(turn.events, event);
-        }
+        self.report_health(turn, error);
         // A sum without healthy members has not lost a contact: it can't be swapped itself.
         if !is_fresh && error != Some(ReadError::NoHealthyMember) {
+            let dt_s = microseconds(tick_us) * 1e-6;
             self.swap_detector.lose_contact(dt_s, tick.load_state);
         }
         self.show_settings(turn);
-        let basis = self.basis(turn, tick_us, is_fresh);
+        let basis = self.basis(turn, is_fresh);
         update.failsafe = self.evaluation.update(&basis, turn.state, settings, turn.events);
-        // A pack whose charge is unknown is read all the same.
-        update.error = error.filter(|_| self.failed_reads > 0);
         update
+    }
+
+    /// Announces what has changed of the sensor, the current and the contact.
+    fn report_health(&mut self, turn: &mut Turn<'_>, error: Option<ReadError>) {
+        let Turn { tick, tick_us, .. } = *turn;
+        let dt_s = microseconds(tick_us) * 1e-6;
+        let status = turn.state.status;
+        let has_lost_current = self.lost_count(tick.now, turn.state) == Some(ReadError::CurrentLost);
+        let health = &mut self.health;
+        let changes = [
+            health.sensor(dt_s, status, error),
+            health.current(dt_s, status, has_lost_current),
+            health.contact(dt_s, status, error, tick.load_state),
+        ];
+        for event in changes.into_iter().flatten() {
+            push(turn.events, event);
+        }
     }
 
     /// Estimates and knowledge follow the scale of the measurements, at least once a second: before a voltage has rested.
@@ -290,27 +300,29 @@ impl BatteryMonitor {
     }
 
     /// Follows whether the charge of a pack whose current was known is counted. A time without readings is no loss.
-    fn follow_count(&mut self, now: Instant, dt_us: u64, measurement: &Measurement) {
+    fn follow_count(&mut self, now: Instant, reading_us: u64, measurement: &Measurement) {
         let is_counted_at_source = match measurement.counted {
             Some(Counted::Members { drawn_mah, .. }) => drawn_mah.is_some(),
             Some(_) => self.counting.source_counts(),
             None => false,
         };
-        let goes_on = is_counted_at_source || dt_us > counting::TIMEOUT_US;
+        let goes_on = is_counted_at_source || reading_us > counting::TIMEOUT_US;
         if measurement.rate().is_some() || goes_on && self.counted_at.is_some() {
             self.counted_at = Some(now);
         }
     }
 
-    /// Takes a valid reading. Returns whether it is that of a pack.
-    fn take(&mut self, turn: &mut Turn<'_>, dt_us: u64, measurement: &Measurement) -> bool {
+    /// Processes a valid reading. Returns whether it is that of a pack: at a voltage near zero none is connected, unless a
+    /// current shows that only the wire which measures the voltage is loose.
+    fn accept(&mut self, turn: &mut Turn<'_>, measurement: &Measurement) -> bool {
         turn.state.temperature_c = measurement.possible_temperature_c();
         turn.state.thermometer = measurement.thermometer;
+        // Who measures no voltage, as a sensor of fuel, can't miss it.
         let is_missing = |voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V;
         if !measurement.voltage_v.is_some_and(is_missing) {
             self.sensor_has_power = false;
             turn.state.status = PackStatus::Healthy;
-            self.accept(turn, dt_us, measurement);
+            self.estimate(turn, measurement);
             return true;
         }
         // While driving the wire that measures the voltage may be loose.
@@ -323,7 +335,7 @@ impl BatteryMonitor {
         self.sensor_has_power =
             may_be_loaded && was_missing && measurement.shows_powered_sensor(self.sensor_has_power);
         if let Some(drawn) = &drawn {
-            self.accept(turn, dt_us, drawn);
+            self.estimate(turn, drawn);
         } else {
             // The voltage at the pin means nothing: the values become unknown, the pack is not empty. Until one is read
             // again it is a gap.
@@ -336,96 +348,131 @@ impl BatteryMonitor {
         drawn.is_some()
     }
 
-    fn accept(&mut self, turn: &mut Turn<'_>, dt_us: u64, measurement: &Measurement) {
-        let Turn { tick, settings, .. } = *turn;
-        let previous_a = self.last_reading.and_then(|(_, rate)| rate);
-        let mut reading = Reading {
-            dt_s: microseconds(dt_us) * 1e-6,
+    /// Processes a reading of a pack: counts its charge, estimates what is left, and shows both in the state.
+    fn estimate(&mut self, turn: &mut Turn<'_>, measurement: &Measurement) {
+        self.report_range(turn, measurement.current_range);
+        self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
+        let mut reading = self.reading(turn, measurement);
+        let mut identity = self.identify(turn, measurement, &reading);
+        reading.doubt = self.swap_detector.doubt();
+        self.count(turn, measurement, &mut reading);
+        reading.known_cells = reading.known_cells.or(self.kept_cells());
+        let settings = turn.settings;
+        let (estimator, learnt) = self.estimator_of(turn);
+        let Findings { event, second } = estimator.update(&reading, settings, learnt);
+        if let Some(second) = &second
+            && second.identity != PackIdentity::Same
+        {
+            self.swap_detector.reset();
+            identity = second.identity;
+        }
+        self.follow_identity(identity, turn.events);
+        self.limit_by_count(turn, second.is_some());
+        self.update_state(turn, measurement);
+        if let Some(event) = event {
+            turn.state.revision = turn.state.revision.wrapping_add(1);
+            push(turn.events, event);
+        }
+        if let Some(second) = second {
+            self.end_second(turn, measurement, second.kept);
+        }
+        self.remember(turn.tick.now, measurement);
+    }
+
+    /// Announces a current beyond its sensor's range, once for each way.
+    fn report_range(&mut self, turn: &mut Turn<'_>, range: CurrentRange) {
+        turn.state.current_range = range;
+        if range > self.announced_range {
+            self.announced_range = range;
+            push(turn.events, PackEvent::CurrentOverRange(range));
+        }
+    }
+
+    /// A measurement as the estimators read it, before the charge is counted.
+    fn reading(&self, turn: &Turn<'_>, measurement: &Measurement) -> Reading {
+        let Turn {
+            tick,
+            tick_us,
+            reading_us,
+            ..
+        } = *turn;
+        let mut mean_a = None;
+        if let Some(current_a) = measurement.rate()
+            && !self.current_is_reversed
+        {
+            let before_a = self.last_reading.and_then(|(_, rate)| rate);
+            let parked_a = (tick.load_state == LoadState::Off).then_some(current_a);
+            mean_a = if was_off(measurement.contents, reading_us) {
+                Some(0.0)
+            } else {
+                mean_current_a(reading_us, before_a, current_a).or(parked_a)
+            };
+        }
+        Reading {
+            dt_s: microseconds(reading_us) * 1e-6,
             voltage_v: measurement.voltage_v,
             current_a: measurement.rate(),
             current_range: measurement.current_range,
-            mean_current_a: measurement
-                .rate()
-                .filter(|_| !self.current_is_reversed)
-                .and_then(|current_a| {
-                    if was_off(measurement.contents, dt_us) {
-                        return Some(0.0);
-                    }
-                    let parked_a = (tick.load_state == LoadState::Off).then_some(current_a);
-                    mean_current_a(dt_us, previous_a, current_a).or(parked_a)
-                }),
+            mean_current_a: mean_a,
             unmeasured_mah: 0.0,
             // A source that reports seldom has missed none.
-            missed_s: match dt_us {
+            missed_s: match reading_us {
                 0..=MAX_INTERVAL_US => 0.0,
-                _ => microseconds(dt_us.saturating_sub(turn.tick_us)) * 1e-6,
+                _ => microseconds(reading_us.saturating_sub(tick_us)) * 1e-6,
             },
             soc_at_most: 1.0,
             known_cells: measurement.doubtful_cells,
             load_state: tick.load_state,
             doubt: Doubt::None,
-        };
-        turn.state.current_range = measurement.current_range;
-        if measurement.current_range > self.announced_range {
-            self.announced_range = measurement.current_range;
-            push(
-                turn.events,
-                PackEvent::CurrentOverRange(measurement.current_range),
-            );
         }
-        self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
-        let mut comparison = Comparison::Same;
-        match self.detect_swap(&reading) {
+    }
+
+    /// Detects a swap, and resolves a doubt once the pack rests. Returns whether it is the one that was counted.
+    fn identify(
+        &mut self,
+        turn: &mut Turn<'_>,
+        measurement: &Measurement,
+        reading: &Reading,
+    ) -> PackIdentity {
+        match self.detect_swap(reading) {
             Some(AtRest::Replaced(replacement)) => {
                 if let Some(learnt) = &mut self.learnt {
-                    learnt.swap(settings.serial_number);
+                    learnt.swap(turn.settings.serial_number);
                 }
                 self.replace_pack(replacement, turn.state, turn.events);
-                self.reports.gauge.update(tick.now, measurement.gauge);
+                self.reports.gauge.update(turn.tick.now, measurement.gauge);
+                PackIdentity::Same
             }
             Some(at_rest) => {
                 // A pack that rests near the voltage of the one before may still have another charge.
+                let settings = turn.settings;
                 let (estimator, learnt) = self.estimator_of(turn);
-                comparison = estimator.resolve(&at_rest, &reading, settings, learnt);
+                estimator.resolve(&at_rest, reading, settings, learnt)
             }
-            None => {}
+            None => PackIdentity::Same,
         }
-        reading.doubt = self.swap_detector.doubt();
-        self.count(turn, dt_us, measurement, &mut reading);
-        reading.known_cells = reading.known_cells.or(self.kept_cells());
-        let (estimator, learnt) = self.estimator_of(turn);
-        let findings = estimator.update(&reading, settings, learnt);
-        if findings.comparison != Comparison::Same {
-            self.swap_detector.reset();
-            comparison = findings.comparison;
-        }
-        self.follow_comparison(comparison, turn.events);
-        self.limit_by_count(turn, findings.second.is_some());
-        self.update_state(turn, measurement);
-        if let Some(event) = findings.event {
-            turn.state.revision = turn.state.revision.wrapping_add(1);
+    }
+
+    /// Once a second, behind the estimate: keeps what was learnt, and updates what takes long to compute.
+    fn end_second(&mut self, turn: &mut Turn<'_>, measurement: &Measurement, kept: Option<LearntPack>) {
+        self.notice_reversed_current(turn);
+        self.lesson.follow(turn.tick.load_state);
+        if kept.is_some()
+            && let Some(obstacle) = self.lesson_obstacle(turn.state, turn.settings)
+            && let Some(event) = self.lesson.report(obstacle)
+        {
             push(turn.events, event);
         }
-        if let Some(kept) = findings.second {
-            self.notice_reversed_current(turn);
-            self.lesson.follow(tick.load_state);
-            if kept.is_some()
-                && let Some(obstacle) = self.lesson_obstacle(turn.state, settings)
-                && let Some(event) = self.lesson.report(obstacle)
-            {
-                push(turn.events, event);
-            }
-            self.persist(turn, kept);
-            if measurement.time_remaining_s.is_none() {
-                self.update_time_remaining(turn.state);
-            }
+        self.persist(turn, kept);
+        if measurement.time_remaining_s.is_none() {
+            self.update_time_remaining(turn.state);
         }
-        self.remember(tick.now, measurement);
     }
 
     /// Counts the charge of a reading, and corrects the reading by what the source has counted.
-    fn count(&mut self, turn: &mut Turn<'_>, dt_us: u64, measurement: &Measurement, reading: &mut Reading) {
+    fn count(&mut self, turn: &mut Turn<'_>, measurement: &Measurement, reading: &mut Reading) {
         let now = turn.tick.now;
+        let reading_us = turn.reading_us;
         let capacity_mah = largest_capacity_mah(turn.state, turn.settings);
         let gauge = &self.reports.gauge;
         let count = self
@@ -436,17 +483,17 @@ impl BatteryMonitor {
         }
         match count.at_source_mah {
             Some(counted_mah) => {
-                let is_measured = measurement.rate().is_some() && dt_us <= SLOWEST_PERIOD_US;
+                let is_measured = measurement.rate().is_some() && reading_us <= SLOWEST_PERIOD_US;
                 self.counting.correct(reading, counted_mah, is_measured);
             }
-            None => self.counting.complete(now, dt_us, reading),
+            None => self.counting.complete(now, reading_us, reading),
         }
         if let Some(charged_mah) = reading.charged_mah() {
             self.counting.add_charged(charged_mah, capacity_mah);
         }
         turn.state.left_at_most = self.counting.soc_at_most(capacity_mah);
         reading.soc_at_most = turn.state.left_at_most.unwrap_or(1.0);
-        self.follow_count(now, dt_us, measurement);
+        self.follow_count(now, reading_us, measurement);
         if self.lost_count(now, turn.state) == Some(ReadError::CurrentLost) {
             let (estimator, learnt) = self.estimator_of(turn);
             estimator.lose_current(turn.settings, learnt);
@@ -502,11 +549,11 @@ impl BatteryMonitor {
     }
 
     /// Knowledge of another pack starts over. While the board runs a count goes on unless a pack was swapped for certain.
-    fn follow_comparison(&mut self, comparison: Comparison, events: &mut PackEvents) {
-        if comparison == Comparison::Same {
+    fn follow_identity(&mut self, identity: PackIdentity, events: &mut PackEvents) {
+        if identity == PackIdentity::Same {
             return;
         }
-        if comparison == Comparison::Another {
+        if identity == PackIdentity::Another {
             self.counting.replace_pack();
         }
         self.exchanges = self.exchanges.wrapping_add(1);
@@ -754,11 +801,11 @@ impl BatteryMonitor {
     }
 
     /// Inputs of a tick's evaluation. `is_fresh`: the state shows this tick's reading.
-    fn basis(&self, turn: &Turn<'_>, dt_us: u64, is_fresh: bool) -> Basis {
+    fn basis(&self, turn: &Turn<'_>, is_fresh: bool) -> Basis {
         Basis {
             tick: turn.tick,
-            dt_us: u32::try_from(dt_us).unwrap_or(u32::MAX),
-            dt_s: microseconds(dt_us) * 1e-6,
+            dt_us: u32::try_from(turn.tick_us).unwrap_or(u32::MAX),
+            dt_s: microseconds(turn.tick_us) * 1e-6,
             is_fresh,
             last_healthy: self.last_healthy,
             last_voltage_v: self.last_voltage_v,
@@ -832,12 +879,12 @@ impl BatteryMonitor {
         self.learnt.as_ref().map(Learnt::pack)
     }
 
-    /// The same, unless the pack was swapped and may be another one.
+    /// Learnt properties of the pack, unless it was swapped and may be another one.
     pub fn shown_learnt(&self) -> Option<&LearntPack> {
         self.learnt.as_ref()?.shown()
     }
 
-    /// The same, unless the pack's state says that it was learnt of another one.
+    /// Learnt properties of the pack, unless it was swapped, or its state says that they are those of another one.
     pub fn learnt_of_this(&self, state: &BatteryState) -> Option<&LearntPack> {
         self.shown_learnt()
             .filter(|learnt| learnt.matches(state.chemistry, state.cell_count, state.capacity_mah()))
