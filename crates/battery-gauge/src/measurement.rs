@@ -567,7 +567,7 @@ impl CellVoltages {
         self.count.into()
     }
 
-    /// The same, unless none is measured.
+    /// Number of measured cells; `None` if none is measured.
     pub fn number(&self) -> Option<u8> {
         (self.count > 0).then_some(self.count)
     }

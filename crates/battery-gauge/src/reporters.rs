@@ -67,10 +67,12 @@ impl Condition {
 /// the link.
 const SENSOR_RECOVERY_S: f32 = 5.0;
 
-/// The same of a contact: a loose wire may hold for longer while driving.
+/// A contact has to hold for this long before its recovery is reported, in seconds: while driving a loose wire may hold for
+/// longer than a sensor works.
 const CONTACT_RECOVERY_S: f32 = 30.0;
 
-/// The same of a current: its sensor may have a loose wire, too.
+/// A current has to be measured for this long before its recovery is reported, in seconds: its sensor may have a loose wire,
+/// too.
 const CURRENT_RECOVERY_S: f32 = 30.0;
 
 /// The reported faults of one pack.

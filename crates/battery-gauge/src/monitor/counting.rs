@@ -238,7 +238,7 @@ impl ChargeCounter {
         self.consumption.charge_mah()
     }
 
-    /// The same in watt-hours.
+    /// Energy drawn since the start or the last battery reset, in watt-hours.
     pub fn energy_wh(&self) -> f32 {
         self.consumption.energy_wh()
     }

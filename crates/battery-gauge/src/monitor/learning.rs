@@ -20,9 +20,9 @@ pub struct Learnt {
 /// State of the learnt properties relative to flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Standing {
-    /// The same.
+    /// Flash holds them.
     Saved,
-    /// It has to be written.
+    /// They have to be written.
     Unsaved,
     /// The pack was swapped, or charged elsewhere. What is kept is hidden until this one has the same resistance, or is learnt.
     Swapped,
@@ -119,7 +119,7 @@ impl Learnt {
         }
     }
 
-    /// The same, or that nothing is known.
+    /// What is known of the pack, as [`known`](Self::known); a record without knowledge if there is none.
     pub fn of<'a>(
         learnt: Option<&'a Self>,
         settings: &PackSettings,

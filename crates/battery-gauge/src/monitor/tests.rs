@@ -51,7 +51,7 @@ impl MonitorBench {
         self.tick_after(0.1, reading)
     }
 
-    /// The same, some seconds after the tick before.
+    /// Takes a reading some seconds after the tick before.
     fn tick_after(&mut self, seconds: f32, reading: Result<Measurement, ReadError>) -> Option<ReadError> {
         self.now = self.now.after_us((seconds * 1e6) as u64);
         let tick = Tick {
@@ -85,7 +85,7 @@ impl MonitorBench {
         PackMemory::from_words(&memory.to_words())
     }
 
-    /// The same after a loss of power.
+    /// The record after a loss of power.
     fn record_without_power(&self) -> PackMemory {
         let mut memory = self.record();
         memory.lose_power();

@@ -34,7 +34,7 @@ pub fn rows<const COLUMNS: usize>(text: &str) -> impl Iterator<Item = [f64; COLU
     })
 }
 
-/// The same samples without a current sensor.
+/// These samples without a current sensor.
 pub fn without_current(samples: &[Sample]) -> Vec<Sample> {
     samples
         .iter()

@@ -55,7 +55,7 @@ fn rms(score: &Score) -> f64 {
     score.with_rest.rms()
 }
 
-/// The same of a new pack with its label.
+/// RMS error of the remaining charge of a new pack with its label.
 fn new_rms(drive: &Drive, start: usize) -> f64 {
     rms(&score(
         drive,

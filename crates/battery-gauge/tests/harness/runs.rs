@@ -20,7 +20,7 @@ const NOISE_V: f64 = 0.001;
 pub enum Start {
     /// Full, with the right label.
     Full,
-    /// The same drive once more.
+    /// Full, after this drive was learnt from.
     Again,
     /// Found with half of its charge, under load.
     Half,

@@ -78,7 +78,7 @@ impl Errors {
         inside as f64 / self.errors_pct.len() as f64
     }
 
-    /// The same, with the margin for rounding.
+    /// Share of errors inside two deviations, with a margin for rounding.
     pub fn inside_two(&self) -> f64 {
         self.inside(ROUNDED_PCT)
     }

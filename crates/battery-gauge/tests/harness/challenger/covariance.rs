@@ -37,7 +37,7 @@ impl Covariance {
         self.add_product_where(weight, vector, |_, _| true);
     }
 
-    /// The same for some pairs of states.
+    /// Adds the weighted product of `vector` with itself for some pairs of states.
     pub fn add_product_where(&mut self, weight: f64, vector: &Vector, which: impl Fn(usize, usize) -> bool) {
         for row in 0..STATES {
             for column in 0..=row {

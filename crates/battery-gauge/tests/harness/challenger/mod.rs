@@ -209,7 +209,7 @@ fn correlations_stay_far_from_singular() {
     }
 }
 
-/// The same readings give the same estimates, also of a copy that was made between two drives.
+/// Equal readings give equal estimates, also of a copy that was made between two drives.
 #[test]
 fn equal_readings_give_equal_estimates() {
     let bits = |report: Report| {
