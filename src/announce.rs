@@ -95,12 +95,12 @@ impl Limit {
         }
     }
 
-    /// The same for each pack by itself.
+    /// Limits the events of each pack by itself.
     pub(crate) fn of_pack(self, pack: Option<Pack>) -> Self {
         Self { pack, ..self }
     }
 
-    /// The same for a state that comes and goes: its latest text replaces all before.
+    /// Limits a state that comes and goes: its latest text replaces all before.
     pub(crate) fn one_at_once(self) -> Self {
         Self { at_once: 1, ..self }
     }
@@ -119,7 +119,7 @@ impl<const INTERVAL_US: u64> RateLimit<INTERVAL_US> {
         self.restored_at.us_since(now) <= u64::from(at_once.saturating_sub(1)) * INTERVAL_US
     }
 
-    /// The same; an event that is allowed counts.
+    /// Whether an event is allowed at `now`, of `at_once` at the start. One that is allowed counts.
     pub fn take_of(&mut self, at_once: u8, now: Instant) -> bool {
         let is_allowed = self.allows(at_once, now);
         if is_allowed {

@@ -717,7 +717,7 @@ fn what_a_log_says_of_its_failsafe_is_not_denied() {
     assert!(times[0].starts_with("551."), "{times:?}");
 }
 
-/// The same log of a version whose BATX has no extremes.
+/// This log by a version whose BATX has no extremes.
 fn without_extremes(log: &[u8]) -> Vec<u8> {
     const FORMAT: u8 = 128;
     const ESTIMATE: u8 = 141;

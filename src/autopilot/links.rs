@@ -124,7 +124,7 @@ impl Autopilot {
         }
     }
 
-    /// The same for a station that was away, unless they were reported on its link since.
+    /// Sends the levels to a station that was away, unless they were reported on its link since.
     fn repeat_levels(&self, endpoint: &mut Endpoint, now: Instant) {
         if now.us_since(endpoint.levels_reported_at) >= STATION_SILENCE_US {
             endpoint.levels_reported_at = now;

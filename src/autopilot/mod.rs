@@ -197,7 +197,7 @@ impl Autopilot {
         self.announce_limited(event, now);
     }
 
-    /// The same; returns whether it was announced.
+    /// Announces an event, unless it is repeated too often; returns whether it was announced.
     fn announce_limited(&mut self, event: &dyn Announce, now: Instant) -> bool {
         let limit = event.limit();
         let text = match self.limit.count(limit, now) {

@@ -137,7 +137,7 @@ impl AnalogInputs {
         looks.find_map(|written| written).ok_or(ReadError::Conversion)
     }
 
-    /// The same, if all that was converted is in the ring, and the channel that comes next has the next place.
+    /// The conversions so far, if all of them are in the ring, and the channel that comes next has the next place.
     fn written_in_order(&self) -> Option<u32> {
         let written = self.ring.written();
         let next = pac::ADC.cs().read().ainsel();

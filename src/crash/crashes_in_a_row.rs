@@ -13,7 +13,7 @@ pub enum StartKind {
     Requested,
     /// The previous run crashed.
     AfterCrash,
-    /// The same during the radio's turn.
+    /// The previous run crashed during the radio's turn.
     AfterRadioCrash,
 }
 

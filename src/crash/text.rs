@@ -18,7 +18,7 @@ const CALL_SITES: usize = 8;
 /// The firmware that crashed, compared with the one that runs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Version {
-    /// The same, or it crashed before its hash was known.
+    /// The one that runs, or it crashed before its hash was known.
     Same,
     Another,
     /// The hash of the one that runs is not known yet.

@@ -14,7 +14,7 @@ pub enum Event {
     Ignored,
     /// A ground station gave a sign of life.
     GroundStationHeard,
-    /// The same of one that is new on its link, or was silent for 30 s.
+    /// A ground station that is new on its link, or was silent for 30 s, gave a sign of life.
     GroundStationIntroduced,
     /// A ground station said what time it is.
     TimeHeard(Utc),

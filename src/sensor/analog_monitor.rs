@@ -136,7 +136,7 @@ impl PinUse {
         }
     }
 
-    /// The same of the current and level that are read at analog pins.
+    /// Whether a pin of the current or level that are read at analog pins has another use.
     pub fn has_other_use(&self, wiring: &AnalogWiring, kind: MonitorKind) -> bool {
         let [_, current, level] = wiring.pins_by_use(kind).map(bit);
         current & self.voltages != 0 || level & (self.voltages | self.currents) != 0

@@ -133,7 +133,7 @@ impl Conversions {
         }
     }
 
-    /// The same conversions, if the voltage may be what they show.
+    /// These conversions, if the voltage may be what they show.
     ///
     /// # Errors
     /// The signal was above the converter's range.

@@ -266,7 +266,7 @@ mod tests {
         let in_time = now.before_us(LAST_IN_TIME_US);
         assert_eq!(source.admit(FIRST, &report(), in_time, now), Admission::New);
         assert!(!source.is_lost(now) && source.is_lost(now.after_us(1)));
-        // The same component by a faster link, then again by the slow one.
+        // That component by a faster link, then again by the slow one.
         assert_eq!(source.admit(FIRST, &report(), now, now), Admission::Known);
         assert_eq!(source.admit(FIRST, &report(), in_time, now), Admission::Known);
         assert!(!source.is_lost(now.after_us(LAST_IN_TIME_US)));

@@ -48,19 +48,19 @@ impl<'a> Link<'a> {
         Self::new(id.name(), id.kind(), id.bytes_per_second(baud))
     }
 
-    /// The same link, which offers downloads of logs read from `source`.
+    /// This link, which offers downloads of logs read from `source`.
     pub fn with_logs(mut self, source: &'a dyn LogSource) -> Self {
         self.log = Some(source);
         self
     }
 
-    /// The same link, whose first frame has this sequence number: it goes on from what the ground station has heard before.
+    /// This link, whose first frame has this sequence number: it goes on from what the ground station has heard before.
     pub fn with_first_sequence(mut self, first_sequence: u8) -> Self {
         self.first_sequence = first_sequence;
         self
     }
 
-    /// The same link, at whose other end someone with this access is.
+    /// This link, at whose other end someone with this access is.
     pub fn with_access(mut self, access: Access) -> Self {
         self.endpoint.get_mut().set_access(access);
         self

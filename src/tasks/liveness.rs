@@ -26,7 +26,7 @@ impl CheckIn {
         }
     }
 
-    /// The same task, which has another deadline while the vehicle is armed.
+    /// This task, with another deadline while the vehicle is armed.
     pub const fn while_armed(self, deadline_ms: u32) -> Self {
         Self {
             deadline_while_armed_us: deadline_ms.saturating_mul(1_000),

@@ -73,7 +73,7 @@ impl SideDrives {
         }
     }
 
-    /// The same, each side limited while it reverses.
+    /// These drives, each side limited while it reverses.
     pub(super) fn limited(self, reversals: &Reversals) -> Self {
         Self {
             left: reversals.left.limit(self.left),

@@ -164,7 +164,7 @@ fn line_of(frame: &CanFrame) -> Vec<u8> {
     line.into_bytes()
 }
 
-/// The same without its first letter.
+/// The frame of a line without its first letter.
 fn frame_of(text: &str) -> Option<CanFrame> {
     let (id, rest) = text.split_at_checked(8)?;
     let id = u32::from_str_radix(id, 16).ok().filter(|id| *id < 1 << 29)?;

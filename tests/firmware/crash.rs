@@ -294,7 +294,7 @@ fn ends_since(bench: &mut Bench, from_us: u64) -> Vec<String> {
     texts
 }
 
-/// The same in the two seconds after a request.
+/// The texts in the two seconds after a request that report how a drive ended.
 fn ends_after(bench: &mut Bench, request: &[u8]) -> Vec<String> {
     let from_us = bench.time_us();
     bench.uart_send(0, from_us, request);

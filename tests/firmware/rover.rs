@@ -19,7 +19,7 @@ const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
 /// The watchdog's quarter of a second while armed, and some time to spare.
 const HANG_US: u64 = 350 * MILLISECOND;
 
-/// The same after a task that may be late by 150 ms.
+/// The longest hang after a task that may be late by 150 ms.
 const DRIVE_HANG_US: u64 = 450 * MILLISECOND;
 
 /// Three LiPo cells at 3.8 V, and at 3.2 V.

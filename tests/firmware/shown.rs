@@ -73,7 +73,7 @@ fn record(situation: &str, station: Station, mut bench: Bench, happen: impl Fn(&
     bench.frames()
 }
 
-/// The same with both, one board after the other.
+/// Records with both, one board after the other.
 fn record_both(situation: &str, board: impl Fn() -> Bench, happen: impl Fn(&mut Bench)) -> Vec<Frame> {
     record(situation, Station::New, board(), &happen);
     record(situation, Station::Old, board(), &happen)

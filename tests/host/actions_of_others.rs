@@ -136,7 +136,7 @@ fn the_system_id_is_not_changed_while_armed() {
     let texts = texts_of(&desk.sent());
     assert_eq!(texts, ["SYSID_THISMAV refused: not changed while armed"]);
     assert_eq!(desk.parameters().system_id(), 1);
-    // The same value changes nothing.
+    // An equal value changes nothing.
     desk.ask(&param_set("SYSID_THISMAV", 1.0));
     desk.post_due(desk.now_us);
     assert!(texts_of(&desk.sent()).is_empty());

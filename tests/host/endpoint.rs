@@ -496,7 +496,7 @@ fn sent_for(desk: &mut Desk, seconds: u64) -> Vec<Frame> {
     sent_until(desk, desk.now_us + seconds * 1_000_000, usize::MAX)
 }
 
-/// The same until a time, by a link that is free for `messages` at each due time.
+/// The frames that are sent at due times until a time, by a link that is free for `messages` at each due time.
 fn sent_until(desk: &mut Desk, until_us: u64, messages: usize) -> Vec<Frame> {
     let mut sent = Vec::new();
     while desk.next_due_us() < until_us {

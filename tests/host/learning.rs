@@ -254,7 +254,7 @@ fn a_pack_that_was_met_cold_first_keeps_its_capacity_and_shows_its_resistance_wa
     let (warm_mah, warm_mohm) = (rover.learnt_mah(), rover.parameter("BATT_LRN_RES"));
     rover.assert_learnt_about(cold_mah, 0.05 * cold_mah);
     assert!(warm_mohm < 0.6 * cold_mohm, "{cold_mohm}, then {warm_mohm}");
-    // The same pack.
+    // It is that pack.
     rover.assert_announced(1);
     // Cold once more, it spoils nothing.
     rover.power_cycle();

@@ -478,7 +478,7 @@ fn a_file_that_is_cut_at_any_block_refuses_arming_until_a_whole_one_or_a_confirm
     assert!(refused > 5, "{refused}");
 }
 
-/// The same file, whose header announces another number of parameters.
+/// This file, whose header announces another number of parameters.
 fn announcing(parameters: u16, mut file: Vec<u8>) -> Vec<u8> {
     file[2..4].copy_from_slice(&parameters.to_le_bytes());
     file

@@ -132,7 +132,7 @@ fn old_commands_of_the_page_are_refused_with_a_text() {
                     "{case}"
                 );
                 assert_eq!(page.desk.vehicle().status(), before, "{case}");
-                // The same request in time is obeyed.
+                // In time this request is obeyed.
                 let (_, texts) = page.send(LEAST_DELAY_MS, &request);
                 assert!(!texts.contains(&TOO_LATE.into()), "{case}");
             }

@@ -36,7 +36,7 @@ impl Limited {
         Self::with(|_| {})
     }
 
-    /// The same after this change.
+    /// Armed in MANUAL after this change.
     fn with(change: impl FnOnce(&mut Self)) -> Self {
         let start = start_with(&[
             ("BATT_MONITOR", INA2XX),

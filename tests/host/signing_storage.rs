@@ -55,7 +55,7 @@ fn run(seconds: u64, flash: &SmallFlash, requests: &[(u64, Vec<u8>)]) -> Run {
     run_while(seconds, flash, requests, pending())
 }
 
-/// The same, while something else happens.
+/// Runs such a vehicle while something else happens.
 fn run_while(
     seconds: u64,
     flash: &SmallFlash,

@@ -45,7 +45,7 @@ fn packs_with(file: &str, more: &[(&str, f32)]) -> [BatteryState; 3] {
     packs_after(file, more, &[])
 }
 
-/// The same, a while after something was set.
+/// Those packs a while after something was set.
 fn packs_after(file: &str, more: &[(&str, f32)], then: &[(&str, f32)]) -> [BatteryState; 3] {
     let mut parameters = Parameters::defaults();
     for (name, value) in settings(file) {

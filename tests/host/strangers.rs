@@ -84,7 +84,7 @@ fn no_unsigned_request_ends_an_upload_that_was_opened_with_the_key() {
                 assert_eq!(answer(&mut desk, &from(sender, &ending)).0, NAK, "{sender:?}");
                 let write = owner.sign(&ftp(3, WRITE, second.len() as u8, 21, second));
                 assert_eq!(answer(&mut desk, &write).0, ACK);
-                // The same number as the owner's next one.
+                // With the number of the owner's next one.
                 answer(&mut desk, &from(sender, &ftp(4, TERMINATE, 0, 0, &[])));
                 let end = owner.sign(&ftp(4, TERMINATE, 0, 0, &[]));
                 let (result, texts) = answer(&mut desk, &end);

@@ -357,12 +357,12 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize, const FIRST: 
         self.chip().region().to_vec()
     }
 
-    /// The same content in a chip that works.
+    /// This content in a chip that works.
     pub fn repaired(&self) -> Self {
         Self::with(&self.bytes())
     }
 
-    /// The same content in a chip that works, with one bit changed.
+    /// This content in a chip that works, with one bit changed.
     pub fn with_flipped_bit(&self, bit: usize) -> Self {
         let mut bytes = self.bytes();
         bytes[bit / 8] ^= 1 << (bit % 8);

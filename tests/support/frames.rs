@@ -161,7 +161,7 @@ fn append_checksum(frame: &mut Vec<u8>) {
     frame.extend(checksum(frame, message_id(frame)));
 }
 
-/// The same frame as one that says that it is signed; what signs it is missing.
+/// This frame as one that says that it is signed; what signs it is missing.
 pub fn declare_signed(frame: &[u8]) -> Vec<u8> {
     let mut declared = frame.to_vec();
     declared[2] |= SIGNED;
@@ -175,7 +175,7 @@ pub fn resealed(frame: &[u8]) -> Vec<u8> {
     sealed
 }
 
-/// The same as a MAVLink 1 frame.
+/// A message as a MAVLink 1 frame.
 pub fn encode_v1(message_id: u32, payload: &[u8]) -> Vec<u8> {
     let mut frame = vec![0xfe, payload.len() as u8, 0, 255, 190, message_id as u8];
     frame.extend(payload);

@@ -159,7 +159,7 @@ pub fn stated_time(boot_ms: u32) -> Vec<u8> {
     stated_times(boot_ms, 0)
 }
 
-/// The same, and what time it is, in µs since 1970.
+/// A station states its time since its own start, in ms, and what time it is, in µs since 1970.
 pub fn stated_times(boot_ms: u32, unix_us: u64) -> Vec<u8> {
     encode_v2(
         SYSTEM_TIME,
@@ -172,7 +172,7 @@ pub fn radio_status(buffer_free: u8) -> Vec<u8> {
     radio_status_from(SIK_RADIO, buffer_free)
 }
 
-/// The same report by another sender.
+/// Such a report by another sender.
 pub fn radio_status_from(sender: [u8; 2], buffer_free: u8) -> Vec<u8> {
     let payload = [0, 0, 0, 0, 180, 170, buffer_free, 20, 20];
     encode_v2_from(sender, RADIO_STATUS, &payload)

@@ -148,7 +148,7 @@ impl Bench {
         Self::power_up_with_flash_seeded(code, offset, bytes, 1)
     }
 
-    /// The same, with the seed for whatever is left to chance.
+    /// Switches on such a board, with the seed for whatever is left to chance.
     pub fn power_up_with_flash_seeded(code: u16, offset: u32, bytes: &[u8], seed: u64) -> Self {
         Self::with_firmware(code, firmware().with_flash(offset, bytes), seed)
     }

@@ -104,7 +104,7 @@ pub struct Recording {
     date: Date,
     /// The timers of each pack's failsafe as the file has them.
     timers: [FailsafeTimers; MAX_PACKS],
-    /// The same as they are, and when those of low and critical changed last.
+    /// The timers as they are, and when those of low and critical changed last.
     latest_timers: [(FailsafeTimers, [Instant; 2]); MAX_PACKS],
     /// When the latest report of each pack in this file was recorded.
     reports_at: [Option<Instant>; MAX_PACKS],
@@ -349,7 +349,7 @@ impl Recording {
         self.add_at(record, self.now)
     }
 
-    /// The same of something that was at `at`: readings are of their sampling tick.
+    /// Takes a record of something that was at `at`, and returns its length: readings are of their sampling tick.
     pub fn add_at(&mut self, record: &Record<'_>, at: Instant) -> usize {
         if self.state != State::Recording {
             return 0;

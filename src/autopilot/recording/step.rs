@@ -13,7 +13,7 @@ use crate::time::Instant;
 /// With the interval at which the flash is looked after, at most a second is lost when the power goes.
 const FLUSH_INTERVAL_US: u64 = 700_000;
 
-/// The same with erases in between: each may take 400 ms, and a pause as long follows.
+/// The interval with erases in between: each may take 400 ms, and a pause as long follows.
 const FLUSH_INTERVAL_WITH_ERASES_US: u64 = 150_000;
 
 /// A flash operation of the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),

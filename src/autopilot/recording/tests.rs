@@ -60,7 +60,7 @@ impl RecordingBench {
         }
     }
 
-    /// The same flash after the power was off.
+    /// This flash after the power was off.
     fn restarted(mut self) -> Self {
         self.flash.power_up();
         let ring = block_on(Ring::scan(&mut self.flash, Flash::REGION));
@@ -75,7 +75,7 @@ impl RecordingBench {
         bench
     }
 
-    /// The same two seconds later.
+    /// An armed bench two seconds later.
     fn under_way() -> Self {
         let mut bench = Self::armed();
         bench.run(2);

@@ -57,7 +57,7 @@ impl BankBench {
         }
     }
 
-    /// The same after a battery reset, with these readings.
+    /// A bench after a battery reset, with these readings.
     fn reset_to(remaining_pct: f32, readings: &Readings) -> Self {
         let mut bench = Self::new();
         bench.run(1.0, readings);

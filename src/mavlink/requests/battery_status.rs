@@ -147,7 +147,7 @@ pub fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
     })
 }
 
-/// The same of BATTERY_STATUS_V2.
+/// The reading of a BATTERY_STATUS_V2.
 pub fn pack_reading_v2(payload: &Payload<'_>) -> Option<ExternalReading> {
     let known = |offset: usize| Some(payload.f32(offset)).filter(|value| value.is_finite());
     let flags = Flags::from_bits_truncate(payload.u32(v2::STATUS_FLAGS));

@@ -27,7 +27,7 @@ const STORAGE_RESET: f32 = 2.0;
 const REBOOT_AUTOPILOT: f32 = 1.0;
 const REBOOT_TO_BOOT_LOADER: f32 = 3.0;
 
-/// The same command, parameters 1 to 4: execute what is not a code. ArduPilot's numbers for it.
+/// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, parameters 1 to 4: execute what is not a code. ArduPilot's numbers for it.
 const PROVOKE_FAULT: [f32; 4] = [42.0, 24.0, 71.0, 94.0];
 
 /// MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES and its like, parameter 1: send it.

@@ -43,7 +43,7 @@ impl Downloads {
             .find_map(|is_of_files| self.step(is_of_files, state, parameters))
     }
 
-    /// The same of MAVLink FTP or of the log protocol.
+    /// Builds the next message of MAVLink FTP, or of the log protocol, if that needs no log to be read, else returns what to read.
     fn step(
         &mut self,
         is_of_files: bool,

@@ -32,7 +32,7 @@ pub enum Access {
     /// All that its kind of link allows.
     #[default]
     Full,
-    /// The same, by the age of what it sends: the vehicle's own web page, which states its time.
+    /// Full access, by the age of what it sends: the vehicle's own web page, which states its time.
     Page,
     /// It hears what is sent, and nothing that it sends is obeyed or answered without the right signature: a web page of
     /// someone else, in a browser that reaches the vehicle.
@@ -75,7 +75,7 @@ pub(in crate::mavlink) enum Authenticity {
     Unprotected,
     /// It is signed with our key and was never heard before.
     Proven,
-    /// The same, by a sender heard since the start, but over a minute old: it may stop the rover.
+    /// It is signed with our key and was never heard before, by a sender heard since the start, but over a minute old: it may stop the rover.
     Late,
     /// It is signed with our key, and too old to be obeyed.
     TooOld,

@@ -171,7 +171,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         Self::with_layout(flash, range, Layout::Single)
     }
 
-    /// The same in sectors of two blocks each, for twice the values.
+    /// Storage in sectors of two blocks each, for twice the values.
     pub fn of_double_sectors(flash: F, range: Range<u32>) -> Self {
         Self::with_layout(flash, range, Layout::Double)
     }
@@ -229,7 +229,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         self.store_replacing(key.into(), value, &|_| false, may_erase)
     }
 
-    /// The same for any key, where `is_dispensable` returns whether the value of a key may be lost if there is no room: the one that
+    /// Stores the value of any key, where `is_dispensable` returns whether the value of a key may be lost if there is no room: the one that
     /// was stored first is.
     ///
     /// # Errors

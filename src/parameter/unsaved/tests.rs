@@ -43,7 +43,7 @@ fn save(
     (written, reports)
 }
 
-/// The same with a flash that works; returns the writes.
+/// Saves with a flash that works; returns the writes.
 fn save_all(parameters: &mut Parameters) -> Vec<Unsaved> {
     save(parameters, |_| Ok(())).0
 }

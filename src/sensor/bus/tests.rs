@@ -1485,7 +1485,7 @@ fn capacities_follow_the_mode_in_which_they_are_read() {
     let mut bus = battery(&[]);
     let mut devices = devices_of(PartKind::SmartBattery);
     read_one(&mut devices, &mut bus).expect("it answers");
-    // The same in steps of 10 mWh at 7.2 V.
+    // These capacities in steps of 10 mWh at 7.2 V.
     for (command, word) in [(0x03, 1u16 << 15), (0x0f, 936), (0x10, 1872), (0x18, 2340)] {
         bus.i2c.set(0x0b, command, &word.to_le_bytes());
     }

@@ -188,7 +188,7 @@ const MOTOR_ERRORS: u16 = 0x06FF;
 const TEMPERATURE_WARNING: u16 = 1 << 14;
 const NEARLY_EMPTY: u16 = 1 << 15;
 
-/// The same bits in the flags of the system state.
+/// The bits of these two in the flags of the system state.
 const STATE_TEMPERATURE_WARNING: u16 = 1 << 8;
 const STATE_NEARLY_EMPTY: u16 = 1 << 10;
 

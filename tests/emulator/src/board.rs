@@ -101,7 +101,7 @@ impl Board {
         micros(self.bus.now)
     }
 
-    /// The same in cycles of `clk_sys`.
+    /// Cycles of `clk_sys` since power-up.
     pub fn time_cycles(&self) -> Cycle {
         self.bus.now
     }
@@ -366,7 +366,7 @@ impl Board {
         self.lowest_stack_pointer
     }
 
-    /// The same as bytes of the firmware's stack. What the boot ROM's own functions take is not in it: they are
+    /// The most bytes of the firmware's stack that were used. What the boot ROM's own functions take is not in it: they are
     /// not executed instruction by instruction.
     pub fn stack_used_bytes(&self) -> u32 {
         self.symbol("_stack_start")

@@ -27,7 +27,7 @@ struct Contents {
     log_table: Option<&'static Table>,
 }
 
-/// The same file with the same bytes in flash.
+/// Equal are files with equal bytes in flash.
 impl PartialEq for Firmware {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.contents, &other.contents) && self.flash == other.flash
@@ -89,7 +89,7 @@ impl Firmware {
         }
     }
 
-    /// The same firmware with other bytes in flash at an offset, where it keeps its data for
+    /// This firmware with other bytes in flash at an offset, where it keeps its data for
     /// example. Panics past the end of flash.
     pub fn with_flash(&self, offset: u32, bytes: &[u8]) -> Self {
         let mut flash = self.flash.to_vec();

@@ -16,7 +16,7 @@ pub fn with_can(parameters: &[(&str, f32)]) -> (Bench, CanRig) {
     with_can_at(BITS_PER_SECOND, parameters)
 }
 
-/// The same on a bus of this bit rate.
+/// A board with a CAN controller on a bus of this bit rate, set up with these parameters.
 pub fn with_can_at(bits_per_second: u64, parameters: &[(&str, f32)]) -> (Bench, CanRig) {
     let mut bench = Bench::running(DIVIDER_CODE);
     let rig = CanRig::new(&mut bench, CRYSTAL_HZ, bits_per_second);
@@ -29,12 +29,12 @@ pub fn with_can_at(bits_per_second: u64, parameters: &[(&str, f32)]) -> (Bench, 
     (bench, rig)
 }
 
-/// The same with a second pack that battery 1 measures.
+/// A board with a CAN controller, and a second pack that is measured by a node with battery id 1.
 pub fn with_battery() -> (Bench, CanRig) {
     with_battery_at(BITS_PER_SECOND)
 }
 
-/// The same on a bus of this bit rate.
+/// [`with_battery`] on a bus of this bit rate.
 pub fn with_battery_at(bits_per_second: u64) -> (Bench, CanRig) {
     let parameters = [("BATT2_MONITOR", DRONECAN), ("BATT2_SERIAL_NUM", 1.0)];
     with_can_at(bits_per_second, &parameters)

@@ -75,7 +75,7 @@ impl Ground {
         Self::around(bench)
     }
 
-    /// The same with this bench, which has not run yet.
+    /// A ground around this bench, which has not run yet.
     pub fn of(mut bench: Bench) -> Self {
         bench.attach_wifi();
         let mut ground = Self::around(bench);

@@ -105,7 +105,7 @@ impl<'a> Session<'a> {
     pub fn send(&mut self, message: &MavMessage) {
         let bytes = frame(self.sequence, message);
         self.sequence = self.sequence.wrapping_add(1);
-        // The same line is gone for `receive`, which reports it.
+        // That line is gone for `receive`, too, which reports it.
         let _ = self.port.send(&bytes);
     }
 

@@ -70,7 +70,7 @@ pub fn binary<R: Read>(source: R) -> Log<R, DataFlash<BinaryRecords>> {
     Log::of(source, DataFlash::default())
 }
 
-/// The same of a text log.
+/// The entries of a text log that `source` delivers.
 pub fn text<R: Read>(source: R) -> Log<R, DataFlash<TextRecords>> {
     Log::of(source, DataFlash::default())
 }

@@ -49,7 +49,7 @@ const WITHOUT_TIMES: &str = ".raw";
 pub enum Format {
     /// A log of ArduPilot or this board.
     DataFlash,
-    /// The same as text.
+    /// A log of ArduPilot as text.
     Text,
     /// A ground station's, with the findings of a first pass.
     Telemetry(Senders),

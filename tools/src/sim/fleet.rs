@@ -213,7 +213,7 @@ fn capacity_ah(number: u8) -> f32 {
     of_number(&CAPACITIES_AH, number)
 }
 
-/// The same in each run: `SIM`, then the number.
+/// An id that is equal in each run: `SIM`, then the number.
 fn board_id(number: u8) -> BoardId {
     let [s, i, m] = *b"SIM";
     BoardId([s, i, m, 0, 0, 0, 0, number])

@@ -64,7 +64,7 @@ impl PackModel {
         polarization_time_s: 8.0,
     };
 
-    /// The same pack at −10 °C. Its capacity there is a parameter: `SIM_BATT_CAP_AH`.
+    /// [`LIPO_3S_2200`](Self::LIPO_3S_2200) at −10 °C. Its capacity there is a parameter: `SIM_BATT_CAP_AH`.
     pub const LIPO_3S_2200_COLD: Self = Self {
         ohmic_resistance_ohm: Self::LIPO_3S_2200.ohmic_resistance_ohm * COLD_RESISTANCE_FACTOR,
         polarization_resistance_ohm: Self::LIPO_3S_2200.polarization_resistance_ohm * COLD_RESISTANCE_FACTOR,

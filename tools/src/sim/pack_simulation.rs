@@ -134,7 +134,7 @@ const AMPERES_PER_VOLT: f32 = 17.0;
 /// Peak noise referred to the pack's terminals, in volts: ripple of the rail and ADC noise.
 const NOISE_V: f32 = 0.008;
 
-/// The same with the noise fault of `SIM_BATT_FAULT`.
+/// Peak noise with the noise fault of `SIM_BATT_FAULT`, in volts.
 const FAULTY_NOISE_V: f32 = 0.5;
 
 /// Conversions of a pin in a tick.

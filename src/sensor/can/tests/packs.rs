@@ -287,7 +287,7 @@ fn batteries_go_to_the_packs_with_their_ids() {
         (40, 3, 13.0),
         (41, 7, 14.0),
         (42, 9, 15.0),
-        // The same id from another node.
+        // An id that another node has.
         (43, 7, 16.0),
     ] {
         let battery = Battery {

@@ -226,7 +226,7 @@ impl Air {
         self.run_until(board, duration_us, |_, _| false);
     }
 
-    /// The same until the condition holds, at most for this time. Returns whether it does.
+    /// Lets the board run until the condition holds, at most for this time. Returns whether it does.
     pub fn run_until(
         &mut self,
         board: &mut Board,

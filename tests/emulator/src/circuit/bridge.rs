@@ -36,7 +36,7 @@ impl Motor {
         },
     };
 
-    /// The same motor, blocked.
+    /// This motor, blocked.
     pub const fn stalled(self) -> Self {
         Self {
             shaft: Shaft::Held { back_emf_v: 0.0 },

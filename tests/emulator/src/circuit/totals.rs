@@ -9,7 +9,7 @@ pub struct Totals {
     pub at: Cycle,
     /// Charge that the pack has given, in coulombs.
     pub coulombs: f64,
-    /// The same of a current that is cut off at the ends of a monitor's range.
+    /// Charge by a current that is cut off at the ends of a monitor's range.
     pub shown_coulombs: f64,
     /// Energy that the pack has given at its terminals, in joules.
     pub joules: f64,

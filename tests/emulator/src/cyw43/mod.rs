@@ -63,7 +63,7 @@ impl Cyw43 {
         Self::expecting(Expected::PUBLISHED, seed)
     }
 
-    /// The same with a program of a test's own.
+    /// A chip that expects a program of a test's own.
     fn expecting(expected: Expected, seed: u64) -> Self {
         Self {
             expected,

@@ -93,7 +93,7 @@ pub struct SerialChip {
     make: FlashMake,
     /// Status registers 1 and 2, until the power fails.
     status: [u8; 2],
-    /// The same from then on.
+    /// Status registers 1 and 2 from then on.
     stored_status: [u8; 2],
     status_writes: u64,
     busy_until: Cycle,

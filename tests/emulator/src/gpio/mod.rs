@@ -84,7 +84,7 @@ impl Gpio {
         self.follow_levels();
     }
 
-    /// The same at a time to come.
+    /// Connects a wire at a time to come.
     pub fn schedule(&mut self, at: Cycle, pin: usize, wire: PinWire) {
         self.wires.schedule(at, pin, wire);
     }

@@ -39,9 +39,9 @@ enum Outcome {
     Done,
     /// The instruction has set the program counter.
     Jumped,
-    /// The same again in the next cycle.
+    /// This instruction again in the next cycle.
     Retry,
-    /// The same again, but not before something from outside has changed.
+    /// This instruction again, but not before something from outside has changed.
     Stalled,
 }
 

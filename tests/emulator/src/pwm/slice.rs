@@ -69,7 +69,7 @@ impl Slice {
         }
     }
 
-    /// The same slice later.
+    /// This slice later.
     pub fn at(mut self, now: Cycle) -> Self {
         self.advance(now);
         self

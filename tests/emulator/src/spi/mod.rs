@@ -85,7 +85,7 @@ impl Spi {
         self.wires.attach(select, None, device);
     }
 
-    /// The same with a device whose interrupt output leads to the pin `interrupt`.
+    /// Attaches a device whose interrupt output leads to the pin `interrupt`.
     pub fn attach_with_interrupt(&mut self, select: usize, interrupt: usize, device: Box<dyn SpiDevice>) {
         self.wires.attach(select, Some(interrupt), device);
     }

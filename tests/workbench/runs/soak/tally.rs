@@ -36,7 +36,7 @@ pub struct Tally {
     pub marks: u64,
     /// Flash operations for what is learnt of the packs.
     pub learnt: u64,
-    /// The same for the log.
+    /// Flash operations for the log.
     pub logged: u64,
     /// Log files at the end, and whole records in them.
     pub log_files: usize,

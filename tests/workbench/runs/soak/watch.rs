@@ -43,7 +43,7 @@ impl Rig {
         self.look_at_drive();
     }
 
-    /// The same after a reset that was caused.
+    /// Looks at the board after a reset that was caused.
     pub fn look_at_reset(&mut self, causes: &[ResetCause]) {
         let reset = self.bench.resets()[self.resets];
         assert!(causes.contains(&reset.cause), "{reset:?}");

@@ -26,7 +26,7 @@ fn shown(name: &str) -> Vec<Shown> {
     shown_with(&[], name)
 }
 
-/// The same with the pack of these parameters.
+/// Everything that a scenario shows with the pack of these parameters.
 fn shown_with(parameters: &[(ParameterId, f32)], name: &str) -> Vec<Shown> {
     let scenario = Scenario::named(name).expect(name);
     let alone = Role::Alone(Output::Lines, parameters);

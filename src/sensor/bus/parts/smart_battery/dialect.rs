@@ -47,7 +47,7 @@ pub(super) enum Voltage {
 pub(super) enum Current {
     /// A word in milliamperes.
     Word,
-    /// The same, and newer ones have a word in tenths of an ampere for what does not fit it.
+    /// A word in milliamperes; newer ones have a word in tenths of an ampere for what does not fit it.
     WordOrTenths { tenths: u8 },
     /// Four bytes in milliamperes.
     Long { command: u8, framing: Framing },

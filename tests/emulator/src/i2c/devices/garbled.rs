@@ -12,7 +12,7 @@ use super::super::device::{Ack, I2cDevice, I2cDirection};
 pub enum Reads {
     /// What the device says.
     Own,
-    /// The same byte whatever was asked for.
+    /// This byte, whatever was asked for.
     Fixed(u8),
     /// Pseudo-random bytes.
     Noise(Random),

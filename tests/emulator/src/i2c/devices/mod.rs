@@ -155,7 +155,7 @@ fn signed_code(value: f64, lsb: f64, bits: u32) -> i64 {
     (value / lsb).round().clamp(-limit, limit - 1.0) as i64
 }
 
-/// The same for a value that is never negative.
+/// A value that is never negative as a code of `bits` bits, held at the ends of its range.
 fn unsigned_code(value: f64, lsb: f64, bits: u32) -> i64 {
     let limit = (1i64 << bits) as f64;
     (value / lsb).round().clamp(0.0, limit - 1.0) as i64

@@ -42,7 +42,7 @@ impl Axis {
         )
     }
 
-    /// The same for moments in seconds, which are written in minutes and seconds.
+    /// An axis of moments in seconds, which are written in minutes and seconds.
     pub fn over_time(times_s: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
         Self {
             caption: "time (min:s)",
@@ -50,7 +50,7 @@ impl Axis {
         }
     }
 
-    /// The same for drives, counted from 1, by the dates of those that have one, in seconds since 1970.
+    /// An axis of drives, counted from 1, by the dates of those that have one, in seconds since 1970.
     pub fn over_drives(dates_s: Vec<Option<f64>>, ticks: u32) -> Self {
         let whole_step = |step: f64| round_step(step.max(1.0));
         let count = dates_s.len() as f64;

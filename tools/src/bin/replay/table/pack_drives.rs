@@ -69,7 +69,7 @@ struct Trip {
     what_if_levels: Levels,
     /// Levels that are reached in this drive, without those of an earlier one.
     reached: Levels,
-    /// The same as the log has it.
+    /// Levels that are reached in this drive by the log.
     recorded: Levels,
     timers: Timers,
     recorded_timers: Timers,

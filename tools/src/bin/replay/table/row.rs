@@ -59,7 +59,7 @@ pub struct Row {
     pub levels: Levels,
     /// Changes of the failsafe's timers, as the log of this firmware has them, else in the replay, with the seconds since the drive began.
     pub timers: Vec<String>,
-    /// The same as any log has it.
+    /// Changes of the failsafe's timers as any log has them.
     pub recorded_timers: Vec<String>,
     /// Remaining charge at the end.
     pub remaining: Remaining,
@@ -69,7 +69,7 @@ pub struct Row {
     pub remaining_critical: Remaining,
     /// Failsafes that the log has at other times than the replay.
     pub differences: Vec<String>,
-    /// The same by other ones.
+    /// The drive by other parameters.
     pub what_if: Option<WhatIf>,
 }
 
