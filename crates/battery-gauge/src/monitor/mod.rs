@@ -317,7 +317,7 @@ impl BatteryMonitor {
     fn accept(&mut self, turn: &mut Turn<'_>, measurement: &Measurement) -> bool {
         turn.state.temperature_c = measurement.possible_temperature_c();
         turn.state.thermometer = measurement.thermometer;
-        // Who measures no voltage, as a sensor of fuel, can't miss it.
+        // A sensor that measures no voltage, as one of fuel, has not lost it.
         let is_missing = |voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V;
         if !measurement.voltage_v.is_some_and(is_missing) {
             self.sensor_has_power = false;
