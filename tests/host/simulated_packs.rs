@@ -45,7 +45,7 @@ fn packs_with(file: &str, more: &[(&str, f32)]) -> [BatteryState; 3] {
     packs_after(file, more, &[])
 }
 
-/// Those packs a while after something was set.
+/// The packs of such a rover a while after something was set.
 fn packs_after(file: &str, more: &[(&str, f32)], then: &[(&str, f32)]) -> [BatteryState; 3] {
     let mut parameters = Parameters::defaults();
     for (name, value) in settings(file) {

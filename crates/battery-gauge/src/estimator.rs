@@ -69,7 +69,7 @@ impl Reading {
 pub struct Findings {
     /// Cell detection ended.
     pub event: Option<PackEvent>,
-    /// Those of a second, if the reading completes one.
+    /// Outcome of the second, if the reading completes one.
     pub second: Option<SecondFindings>,
 }
 

@@ -599,7 +599,7 @@ impl LearntPack {
         Self { open: None, ..*self }
     }
 
-    /// What is known under another scale of its measurements: what is in ampere-hours and ohms is converted. Small offsets of the
+    /// The knowledge under another scale of its measurements: values in ampere-hours and ohms are converted. Small offsets of the
     /// curve, and the voltage of a rest, do not outlast another scale of the voltage.
     ///
     /// `None` if it is the same, or differs by less than what is known of a voltage.

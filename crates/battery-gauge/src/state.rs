@@ -349,7 +349,7 @@ impl BatteryState {
         Some(self.full_capacity()? * self.readings.remaining_pct? / 100.0)
     }
 
-    /// What remains; while that is unknown, the most that the source's count leaves, or capacity minus consumption.
+    /// Remaining charge or fuel; while that is unknown, the most that the source's count leaves, or capacity minus consumption.
     pub fn remaining_or_counted(&self) -> Option<f32> {
         // A sum with a lost member has counted only a part, and a pack that is not connected may be another one.
         let is_unsure = matches!(self.status, PackStatus::Unhealthy | PackStatus::NotConnected);

@@ -119,7 +119,7 @@ impl Learnt {
         }
     }
 
-    /// What is known of the pack, as [`known`](Self::known); a record without knowledge if there is none.
+    /// The knowledge of the pack, as [`known`](Self::known); a record without any if there is none.
     pub fn of<'a>(
         learnt: Option<&'a Self>,
         settings: &PackSettings,
