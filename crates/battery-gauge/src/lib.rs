@@ -153,7 +153,6 @@ mod reported;
 mod reporters;
 mod resistance;
 mod rest;
-mod scale;
 mod settings;
 mod state;
 mod swap;
@@ -171,12 +170,11 @@ pub use learnt::{
 pub use learnt_text::LearntTextError;
 pub use measurement::{
     Amount, BusError, CellVoltages, Consumed, Contents, Counted, CurrentRange, Extremes, Gauge, GaugeReading,
-    LoadState, MAX_CELLS, Measurement, ReadError, Supply, Thermometer, Tick,
+    LoadState, MAX_CELLS, Measurement, Measuring, MeasuringScale, ReadError, Supply, Thermometer, Tick,
 };
 pub use memory::{PACK_WORDS, PackMemory, PackSource};
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
 pub use reported::{ChargeState, Faults, GaugeReport, Modes, Reported};
-pub use scale::{Measuring, MeasuringScale};
 pub use settings::{
     ChargeLimits, CurrentScale, FailsafeSettings, MissingSetting, PackSettings, SuggestedThresholds,
     Thresholds, VoltageSource,
