@@ -1,6 +1,6 @@
 //! The page and MAVLink for browsers ([`web`](crate::web)), by TCP.
 //!
-//! Any connection may become a WebSocket, but two links are all there is memory for: its place says which one it has.
+//! Any connection may become a WebSocket, but two links are all there is memory for: its slot says which one it has.
 
 use core::cell::{Cell, RefCell};
 
@@ -16,9 +16,7 @@ use crate::log::info;
 use crate::mavlink::{Access, LinkId};
 use crate::numbers::text;
 use crate::tasks::{ByteSource, Link};
-use crate::web::{
-    Attended, BUFFER_BYTES, Place, Places, Site, WEB_SOCKETS, attend, refuse, serve_web_socket,
-};
+use crate::web::{BUFFER_BYTES, Site, Slot, Slots, WEB_SOCKETS, refuse, serve_request, serve_web_socket};
 
 /// The port of HTTP.
 const PORT: u16 = 80;
@@ -36,11 +34,11 @@ const SENT_BYTES: usize = 1024;
 const REFUSED_RECEIVED_BYTES: usize = 128;
 const REFUSED_SENT_BYTES: usize = 192;
 
-/// Time for a browser to receive what was sent last and to close its side.
-const FAREWELL: Duration = Duration::from_secs(3);
+/// Time-out of a browser that is to receive what was sent last and to close its side.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// The same of the one that gets 503: another one may come.
-const REFUSED_FAREWELL: Duration = Duration::from_millis(250);
+const REFUSED_CLOSE_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// The buffers of the connections.
 pub(super) struct BrowserMemory {
@@ -72,7 +70,7 @@ impl BrowserMemory {
     }
 }
 
-/// The link of a place for a WebSocket.
+/// The link of a WebSocket's slot.
 struct LinkSlot<'m, 'a> {
     id: LinkId,
     /// Memory in which the link is built; `None` while a connection uses it.
@@ -81,22 +79,22 @@ struct LinkSlot<'m, 'a> {
 
 /// Serves browsers.
 pub(super) async fn serve_browsers(stack: Stack<'_>, memory: &mut BrowserMemory, service: &Service<'_>) {
-    let places = Places::new();
+    let slots = Slots::new();
     let (mut first, mut second) = (None, None);
-    let slot = |id, memory| LinkSlot {
+    let link = |id, memory| LinkSlot {
         id,
         memory: Cell::new(Some(memory)),
     };
-    let links: [_; WEB_SOCKETS] = [slot(LinkId::Web1, &mut first), slot(LinkId::Web2, &mut second)];
+    let links: [_; WEB_SOCKETS] = [link(LinkId::Web1, &mut first), link(LinkId::Web2, &mut second)];
     let BrowserMemory { connections, refused } = memory;
     let [one, two, three, four] = connections;
     join5(
-        serve_connection(stack, one, &links, &places, service),
-        serve_connection(stack, two, &links, &places, service),
-        serve_connection(stack, three, &links, &places, service),
-        serve_connection(stack, four, &links, &places, service),
+        serve_connection(stack, one, &links, &slots, service),
+        serve_connection(stack, two, &links, &slots, service),
+        serve_connection(stack, three, &links, &slots, service),
+        serve_connection(stack, four, &links, &slots, service),
         // Last: a new connection goes to the first socket that listens.
-        refuse_surplus(stack, refused, &places),
+        refuse_surplus(stack, refused, &slots),
     )
     .await;
 }
@@ -106,7 +104,7 @@ async fn serve_connection<'a>(
     stack: Stack<'_>,
     memory: &mut ConnectionMemory,
     links: &[LinkSlot<'_, 'a>; WEB_SOCKETS],
-    places: &Places,
+    slots: &Slots,
     service: &Service<'a>,
 ) {
     let ConnectionMemory {
@@ -118,45 +116,45 @@ async fn serve_connection<'a>(
     let site = Site {
         shared: service.shared,
         logs: service.logs,
-        places,
+        slots,
     };
     loop {
         accept(socket, PORT).await;
         let name = own_address(socket);
-        let attended = attend(TcpTransmitter(socket), socket, buffer, &[&name], site).await;
-        if let Attended::WebSocket(place) = attended
-            && let Some(slot) = links.get(place.index)
+        let slot = serve_request(TcpTransmitter(socket), socket, buffer, &[&name], site).await;
+        if let Some(slot) = slot
+            && let Some(link) = links.get(slot.index)
         {
-            serve_place(socket, &place, slot, service).await;
+            serve_link(socket, &slot, link, service).await;
         }
-        close(socket, FAREWELL).await;
+        close(socket, CLOSE_TIMEOUT).await;
     }
 }
 
 /// Serves a connection that has become a WebSocket.
-async fn serve_place<'a>(
+async fn serve_link<'a>(
     socket: &RefCell<TcpSocket<'_>>,
-    place: &Place<'_>,
-    slot: &LinkSlot<'_, 'a>,
+    slot: &Slot<'_>,
+    link_slot: &LinkSlot<'_, 'a>,
     service: &Service<'a>,
 ) {
-    // A place has one holder.
-    let Some(memory) = slot.memory.take() else {
+    // A slot has one holder.
+    let Some(memory) = link_slot.memory.take() else {
         return;
     };
-    let link = open(slot.id, place.sender.access(), memory, service);
-    info!("{}: connected", slot.id.name());
+    let link = open(link_slot.id, slot.sender.access(), memory, service);
+    info!("{}: connected", link_slot.id.name());
     serve_web_socket(
         TcpTransmitter(socket),
         socket,
-        place,
+        slot,
         link,
         service.shared,
         service.check_in,
     )
     .await;
-    info!("{}: disconnected", slot.id.name());
-    slot.memory.set(Some(memory));
+    info!("{}: disconnected", link_slot.id.name());
+    link_slot.memory.set(Some(memory));
 }
 
 /// Opens a link.
@@ -180,14 +178,14 @@ fn own_address(socket: &RefCell<TcpSocket<'_>>) -> String<15> {
 }
 
 /// Answers 503 to those who come while all other connections are in use.
-async fn refuse_surplus(stack: Stack<'_>, (received, sent): &mut RefusedMemory, places: &Places) {
+async fn refuse_surplus(stack: Stack<'_>, (received, sent): &mut RefusedMemory, slots: &Slots) {
     let socket = &RefCell::new(socket(stack, received, sent));
     loop {
         accept(socket, PORT).await;
-        refuse(TcpTransmitter(socket), places).await;
+        refuse(TcpTransmitter(socket), slots).await;
         let receive_rest = async { while { socket }.receive(&mut [0; 32]).await.is_ok() {} };
         socket.borrow_mut().close();
-        let _ = with_timeout(REFUSED_FAREWELL, receive_rest).await;
-        close(socket, REFUSED_FAREWELL).await;
+        let _ = with_timeout(REFUSED_CLOSE_TIMEOUT, receive_rest).await;
+        close(socket, REFUSED_CLOSE_TIMEOUT).await;
     }
 }

@@ -14,7 +14,7 @@ use super::tcp::{CLIENTS, TcpMemory};
 use super::udp::{SlotMemory, UdpLinks};
 
 /// UDP: one that receives, one that looks for ground stations, one for each of two stations; TCP: one for each of two clients,
-/// those for browsers, and one for who is refused; and two of the DHCP server, or one of the DHCP client.
+/// those for browsers, and one that answers 503; and two of the DHCP server, or one of the DHCP client.
 const SOCKETS: usize = 9 + CONNECTIONS;
 
 /// A little more than a link's queue, so that what is lost there is counted.

@@ -151,7 +151,7 @@ pub enum LogProtocol {
 pub enum LogReader {
     /// The link of this number.
     Link(u16, LogProtocol),
-    /// The browser that has this place.
+    /// The browser whose transfer has this slot.
     Browser(u8),
 }
 

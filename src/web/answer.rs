@@ -38,9 +38,9 @@ pub enum Answer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LogPart {
     pub file: LogFile,
-    /// The place of the first byte.
+    /// Offset of the first byte.
     pub first: u32,
-    /// The place behind the last one.
+    /// Offset behind the last byte.
     pub end: u32,
     /// Whether the whole was asked for.
     pub status: Status,
@@ -134,7 +134,7 @@ impl LogPart {
     }
 }
 
-/// A log's name, for who keeps it: there may be several rovers. The day is that of UTC, if it is known.
+/// A log's name, which differs from those of other rovers. The day is that of UTC, if it is known.
 fn log_name(file: &LogFile, board_id: Option<BoardId>) -> LogName {
     let board = fmt::from_fn(|f| match board_id {
         Some(id) => write!(f, "{}-", id.serial_number()),
@@ -148,10 +148,10 @@ fn log_name(file: &LogFile, board_id: Option<BoardId>) -> LogName {
     text(format_args!("rover-{board}{day}{:08}.BIN", file.number))
 }
 
-/// An entry of the list of logs, behind what separates it from the one before: the one at `place`, from the oldest one on.
-pub fn list_entry(place: usize, autopilot: &Autopilot) -> Option<Entry> {
-    let separator = if place == 0 { "[" } else { "," };
-    let described = description(autopilot.logs().get(place)?, autopilot.identity().board_id);
+/// The entry of the list of logs with this index, from the oldest one on, behind what separates it from the one before.
+pub fn list_entry(index: usize, autopilot: &Autopilot) -> Option<Entry> {
+    let separator = if index == 0 { "[" } else { "," };
+    let described = description(autopilot.logs().get(index)?, autopilot.identity().board_id);
     Some(text(format_args!("{separator}\n{described}")))
 }
 

@@ -3,7 +3,7 @@
 /// One range of bytes (RFC 9110, 14.1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ByteRange {
-    /// From a place on, to the place `last` or the end.
+    /// From the offset `first` on, to the offset `last` or the end.
     From { first: u32, last: Option<u32> },
     /// The last bytes, as many as this.
     Last(u32),
@@ -29,7 +29,7 @@ impl ByteRange {
         }
     }
 
-    /// The places of the first byte and behind the last one in a file of this length; `None` if it has no such bytes.
+    /// The offsets of the first byte and behind the last one in a file of this length; `None` if it has no such bytes.
     pub fn within(self, bytes: u32) -> Option<(u32, u32)> {
         let (first, end) = match self {
             Self::From { first, last } => (

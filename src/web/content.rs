@@ -43,13 +43,13 @@ impl Content {
                 *rest = after;
                 copy(piece, buffer)
             }
-            Self::LogList(place) => match shared.with(|autopilot| list_entry(*place, autopilot)) {
+            Self::LogList(index) => match shared.with(|autopilot| list_entry(*index, autopilot)) {
                 Some(entry) => {
-                    *place += 1;
+                    *index += 1;
                     copy(entry.as_bytes(), buffer)
                 }
                 None => {
-                    let end: &[u8] = if *place == 0 { b"[\n]\n" } else { b"\n]\n" };
+                    let end: &[u8] = if *index == 0 { b"[\n]\n" } else { b"\n]\n" };
                     *self = Self::Bytes(&[]);
                     copy(end, buffer)
                 }
@@ -78,8 +78,8 @@ impl Content {
 /// Writes `piece` into `buffer`, where it fits, and returns its length.
 fn copy(piece: &[u8], buffer: &mut [u8]) -> usize {
     match buffer.get_mut(..piece.len()) {
-        Some(place) => {
-            place.copy_from_slice(piece);
+        Some(start) => {
+            start.copy_from_slice(piece);
             piece.len()
         }
         None => 0,

@@ -22,8 +22,8 @@ const FINAL: u8 = 0x80;
 pub enum End {
     /// The other side has closed it.
     Closed,
-    /// The place is wanted by another page.
-    PlaceWanted,
+    /// Another page takes the slot over.
+    SlotTaken,
     /// Bytes that are not a client's frame, or not in order.
     ProtocolError,
     /// Text: MAVLink is binary.
@@ -36,7 +36,7 @@ impl End {
     pub fn code(self) -> u16 {
         match self {
             Self::Closed => 1000,
-            Self::PlaceWanted => 1001,
+            Self::SlotTaken => 1001,
             Self::ProtocolError => 1002,
             Self::Unsupported => 1003,
             Self::TooLong => 1009,
@@ -94,8 +94,8 @@ impl FrameDecoder {
             let byte = received.get(index).copied().unwrap_or_default();
             if let Some(data) = self.take(byte) {
                 // Never ahead of what is read.
-                if let Some(place) = received.get_mut(length) {
-                    *place = data;
+                if let Some(byte) = received.get_mut(length) {
+                    *byte = data;
                 }
                 length += 1;
             }

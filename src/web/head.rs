@@ -59,7 +59,7 @@ impl Status {
     }
 }
 
-/// Why a request is refused: a status, and a sentence for who reads it.
+/// Why a request is refused: a status, and a sentence for the user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refusal {
     pub status: Status,
@@ -109,8 +109,8 @@ impl<'a> HeadWriter<'a> {
 impl Write for HeadWriter<'_> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         let end = self.length + text.len();
-        let place = self.buffer.get_mut(self.length..end).ok_or(fmt::Error)?;
-        place.copy_from_slice(text.as_bytes());
+        let free = self.buffer.get_mut(self.length..end).ok_or(fmt::Error)?;
+        free.copy_from_slice(text.as_bytes());
         self.length = end;
         Ok(())
     }

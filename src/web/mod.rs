@@ -4,17 +4,17 @@
 //! WebSocket are pieces of MAVLink's stream of bytes. Who may ask for what: `docs/decisions.md#browsers`.
 
 mod answer;
-mod attend;
 mod byte_range;
 mod content;
 mod decoder;
 mod files;
 mod head;
-mod places;
 mod request;
+mod serve;
+mod slots;
 mod web_socket;
 
-pub use attend::{Attended, BUFFER_BYTES, Site, attend, refuse};
-pub use places::{Place, Places, WEB_SOCKETS};
 pub use request::Sender;
+pub use serve::{BUFFER_BYTES, Site, refuse, serve_request};
+pub use slots::{Slot, Slots, WEB_SOCKETS};
 pub use web_socket::serve_web_socket;

@@ -8,22 +8,23 @@ use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{Error, ErrorKind, ErrorType, Write};
 
 use super::decoder::{End, FrameDecoder, header};
-use super::places::Place;
 use super::request::Sender;
+use super::slots::Slot;
 use crate::mavlink::Access;
 use crate::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, serve_link};
 
-/// A browser that takes nothing for so long has left. Until then it loses what its own link has no room for.
-const READER_PATIENCE: Duration = Duration::from_secs(12);
+/// Time-out of each write: a browser that takes nothing for this long has left. Until then it loses what its own link has no room
+/// for.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(12);
 
-/// Time for the last frame, which says why it ends.
-const FAREWELL: Duration = Duration::from_millis(500);
+/// Time-out of the close frame, which has the reason.
+const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Serves `link` on a connection that has become a WebSocket, until it is closed or its place is wanted.
+/// Serves `link` on a connection that has become a WebSocket, until it is closed or its slot has to be released.
 pub async fn serve_web_socket(
     mut writer: impl Write,
     reader: impl ByteSource,
-    place: &Place<'_>,
+    slot: &Slot<'_>,
     link: &Link<'_>,
     shared: &Shared,
     check_in: &CheckIn,
@@ -37,19 +38,19 @@ pub async fn serve_web_socket(
         reader,
         decoder: &decoder,
         link,
-        place,
+        slot,
         frames: 0,
     };
     let serving = serve_link(transmitter, receiver, shared, link, check_in);
-    let end = match select(serving, place.is_wanted()).await {
+    let end = match select(serving, slot.release_requested()).await {
         Either::First(()) => decoder.borrow().end(),
-        Either::Second(()) => Some(End::PlaceWanted),
+        Either::Second(()) => Some(End::SlotTaken),
     };
     if let Some(end) = end {
         let [high, low] = end.code().to_be_bytes();
         let mut close = header(FrameType::Close, 2);
         let _ = close.extend_from_slice(&[high, low]);
-        let _ = with_timeout(FAREWELL, writer.write_all(&close)).await;
+        let _ = with_timeout(CLOSE_TIMEOUT, writer.write_all(&close)).await;
     }
 }
 
@@ -72,7 +73,7 @@ struct FrameWriter<'a, W> {
 
 impl<W: Write> FrameWriter<'_, W> {
     async fn send(&mut self, bytes: &[u8]) -> Result<(), ErrorKind> {
-        match with_timeout(READER_PATIENCE, self.writer.write_all(bytes)).await {
+        match with_timeout(WRITE_TIMEOUT, self.writer.write_all(bytes)).await {
             Ok(sent) => sent.map_err(|error| error.kind()),
             Err(_) => Err(ErrorKind::TimedOut),
         }
@@ -111,7 +112,7 @@ struct FrameReader<'a, R> {
     reader: R,
     decoder: &'a RefCell<FrameDecoder>,
     link: &'a Link<'a>,
-    place: &'a Place<'a>,
+    slot: &'a Slot<'a>,
     /// MAVLink frames that were received, valid by their checksums.
     frames: u32,
 }
@@ -121,7 +122,7 @@ impl<R: ByteSource> ByteSource for FrameReader<'_, R> {
         let frames = self.link.statistics().received.frames;
         if frames != self.frames {
             self.frames = frames;
-            self.place.note_use();
+            self.slot.note_use();
         }
         if self.decoder.borrow().end().is_some() {
             return Err(ReceiveError::Closed);

@@ -18,9 +18,7 @@ use rover_battmon::mavlink::{Endpoint, LinkKind};
 use rover_battmon::recorder::{LogSource, ReadFailed, Ring};
 use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, now};
 use rover_battmon::vehicle::ArmState;
-use rover_battmon::web::{
-    Attended, BUFFER_BYTES, Place, Places, Sender, Site, attend, refuse, serve_web_socket,
-};
+use rover_battmon::web::{BUFFER_BYTES, Sender, Site, Slot, Slots, refuse, serve_request, serve_web_socket};
 use rover_battmon_tools::frames::{FrameReader, frame};
 use rover_battmon_tools::sim::clock::run_for;
 use support::desk::LOW_VOLT;
@@ -131,19 +129,19 @@ fn play<R>(scene: impl AsyncFnOnce(Site<'_>) -> R) -> R {
 fn play_with<R>(logs: &Chip, scene: impl AsyncFnOnce(Site<'_>) -> R) -> R {
     let played = run_for(Duration::from_secs(600), async {
         let shared = Shared::new(&Start::default());
-        let places = Places::new();
+        let slots = Slots::new();
         let site = Site {
             shared: &shared,
             logs,
-            places: &places,
+            slots: &slots,
         };
         scene(site).await
     });
     played.expect("it ends within ten minutes")
 }
 
-async fn serve<'a>(wire: &Wire, site: Site<'a>) -> Attended<'a> {
-    attend(wire, wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await
+async fn serve<'a>(wire: &Wire, site: Site<'a>) -> Option<Slot<'a>> {
+    serve_request(wire, wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await
 }
 
 /// The answer to this request, which comes at once. One that is understood as a WebSocket is answered, too.
@@ -354,7 +352,7 @@ fn a_slow_request_is_not_waited_for() {
         serve(&in_pieces, site).await;
         assert_eq!(status(&in_pieces.text()), "200");
         let gone = Wire::default();
-        attend(&gone, Gone, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
+        serve_request(&gone, Gone, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
         assert_eq!(gone.text(), "");
     });
 }
@@ -438,7 +436,7 @@ fn arming_breaks_off_a_log_also_where_the_browser_took_nothing_meanwhile() {
         let wire = Wire::default();
         wire.send(get("/logs/1.BIN", "").as_bytes());
         let mut buffer = [0; BUFFER_BYTES];
-        let sending = attend(Slow(&wire), &wire, &mut buffer, &["192.168.4.1"], site);
+        let sending = serve_request(Slow(&wire), &wire, &mut buffer, &["192.168.4.1"], site);
         let arming = async {
             Timer::after_secs(5).await;
             ask_by_cable(site, &arm_by_force());
@@ -458,7 +456,7 @@ fn each_browser_keeps_its_log_until_it_is_complete() {
         let wire = Wire::default();
         wire.send(get("/logs/1.BIN", "").as_bytes());
         let mut buffer = [0; BUFFER_BYTES];
-        let sending = attend(Slow(&wire), &wire, &mut buffer, &["192.168.4.1"], site);
+        let sending = serve_request(Slow(&wire), &wire, &mut buffer, &["192.168.4.1"], site);
         let erasing = async {
             Timer::after_secs(7).await;
             // Another browser's is complete.
@@ -507,19 +505,19 @@ impl Write for Stuck {
 async fn stuck_until_ms(site: Site<'_>) -> u64 {
     let wire = Wire::default();
     wire.send(get("/", "").as_bytes());
-    attend(Stuck, &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
+    serve_request(Stuck, &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
     Instant::now().as_millis()
 }
 
 #[test]
-fn two_files_are_sent_at_a_time_and_who_takes_nothing_makes_room() {
+fn two_files_are_sent_at_a_time_and_a_stalled_transfer_is_ended_for_another() {
     play(async |site| {
         let third = async {
             Timer::after_millis(2_900).await;
             let answer = text_for(site, &get("/", "")).await;
             assert_eq!(status(&answer), "503", "{answer}");
             assert!(answer.contains("two browsers at a time"), "a sentence");
-            // An answer that is no file needs no place.
+            // A refusal needs no slot.
             assert_eq!(status(&text_for(site, &get("/x", "")).await), "404");
             Timer::after_millis(200).await;
             assert_eq!(status(&text_for(site, &get("/", "")).await), "200");
@@ -539,7 +537,7 @@ fn stalled_transfers_end_when_all_connections_are_in_use() {
             for at_ms in [2_900, 3_100] {
                 Timer::at(Instant::from_millis(at_ms)).await;
                 let wire = Wire::default();
-                refuse(&wire, site.places).await;
+                refuse(&wire, site.slots).await;
                 assert_eq!(status(&wire.text()), "503");
             }
         };
@@ -567,12 +565,12 @@ impl Write for Slow<'_> {
 }
 
 #[test]
-fn a_slow_download_that_goes_on_keeps_its_place() {
+fn a_slow_download_that_goes_on_keeps_its_slot() {
     play(async |site| {
         let slow = || async {
             let wire = Wire::default();
             wire.send(get("/", "").as_bytes());
-            attend(Slow(&wire), &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
+            serve_request(Slow(&wire), &wire, &mut [0; BUFFER_BYTES], &["192.168.4.1"], site).await;
             let page = fs::read(repository().join("web/page.html.gz")).expect("it can be read");
             assert!(wire.sent().ends_with(&page), "it is whole");
         };
@@ -586,19 +584,19 @@ fn a_slow_download_that_goes_on_keeps_its_place() {
     });
 }
 
-/// A place for a WebSocket, if there is one.
-async fn open<'a>(site: Site<'a>, headers: &str) -> Option<Place<'a>> {
+/// A slot for a WebSocket, if there is one.
+async fn open<'a>(site: Site<'a>, headers: &str) -> Option<Slot<'a>> {
     let wire = Wire::default();
     wire.send(get("/", &format!("{UPGRADE}{headers}")).as_bytes());
     match serve(&wire, site).await {
-        Attended::WebSocket(place) => {
+        Some(slot) => {
             assert!(
                 wire.text()
                     .contains("Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=\r\n")
             );
-            Some(place)
+            Some(slot)
         }
-        Attended::Answered => {
+        None => {
             assert_eq!(status(&wire.text()), "503");
             None
         }
@@ -607,17 +605,17 @@ async fn open<'a>(site: Site<'a>, headers: &str) -> Option<Place<'a>> {
 
 const FOREIGN: &str = "Origin: https://firmware.example\r\n";
 
-/// The place that one of ours gets while this one is given up as soon as that is asked for.
-async fn open_instead_of<'a>(site: Site<'a>, given_up: Place<'_>) -> Option<Place<'a>> {
-    let gives_way = async {
-        given_up.is_wanted().await;
-        drop(given_up);
+/// The slot that one of ours gets while this one is released as soon as that is requested.
+async fn open_instead_of<'a>(site: Site<'a>, released: Slot<'_>) -> Option<Slot<'a>> {
+    let release = async {
+        released.release_requested().await;
+        drop(released);
     };
-    join(open(site, ""), gives_way).await.0
+    join(open(site, ""), release).await.0
 }
 
 #[test]
-fn there_are_two_web_sockets_and_a_foreign_page_gives_way_to_ours() {
+fn there_are_two_web_sockets_and_our_page_takes_over_that_of_a_foreign_one() {
     play(async |site| {
         let ours = open(site, "Origin: http://192.168.4.1\r\n")
             .await
@@ -629,12 +627,12 @@ fn there_are_two_web_sockets_and_a_foreign_page_gives_way_to_ours() {
         assert_eq!(foreign.sender, Sender::Foreign);
         assert!(open(site, FOREIGN).await.is_none(), "foreign ones wait");
         let second = open_instead_of(site, foreign).await;
-        assert!(second.is_some(), "it has the place of the foreign one");
+        assert!(second.is_some(), "it has the slot of the foreign one");
     });
 }
 
 #[test]
-fn a_web_socket_that_was_silent_for_longest_gives_way_after_three_seconds() {
+fn the_web_socket_that_was_silent_for_longest_is_taken_over_after_three_seconds() {
     play(async |site| {
         let first = open(site, "").await.expect("it is the first");
         Timer::after_secs(1).await;
@@ -646,18 +644,18 @@ fn a_web_socket_that_was_silent_for_longest_gives_way_after_three_seconds() {
         first.note_use();
         Timer::after_millis(1).await;
         let third = open_instead_of(site, second).await;
-        let third = third.expect("it has the place of the second");
+        let third = third.expect("it has the slot of the second");
         Timer::after_secs(1).await;
         third.note_use();
         Timer::after_secs(2).await;
         let fourth = open_instead_of(site, first).await;
-        assert!(fourth.is_some(), "it has the place of the first");
+        assert!(fourth.is_some(), "it has the slot of the first");
         assert!(open(site, "").await.is_none(), "the third was heard");
     });
 }
 
 #[test]
-fn a_place_waits_for_three_seconds_for_one_of_ours_that_was_refused() {
+fn a_slot_is_reserved_for_three_seconds_for_one_of_ours_that_was_refused() {
     play(async |site| {
         let first = open(site, "").await.expect("it is the first");
         let second = open(site, "").await.expect("it is the second");
@@ -721,11 +719,11 @@ async fn served_at(
     coming: &[Vec<u8>],
     seconds: u64,
 ) -> (Vec<(u8, Vec<u8>)>, bool) {
-    let place = open(site, sender).await.expect("there is one");
+    let slot = open(site, sender).await.expect("there is one");
     let wire = Wire::default();
     coming.iter().for_each(|bytes| wire.send(bytes));
-    let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(place.sender.access());
-    let serving = serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN);
+    let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(slot.sender.access());
+    let serving = serve_web_socket(&wire, &wire, &slot, &link, site.shared, &CHECK_IN);
     let end = select(serving, Timer::after_secs(seconds)).await;
     (sent_frames(&wire.sent()), matches!(end, Either::First(())))
 }
@@ -788,11 +786,11 @@ fn only_a_browser_is_judged_by_the_time_that_it_states() {
     let arm = masked(BINARY, &arm_by_force());
     for (sender, is_armed) in [("", true), ("Origin: http://192.168.4.1\r\n", false)] {
         play(async |site| {
-            let place = open(site, sender).await.expect("it is the first");
+            let slot = open(site, sender).await.expect("it is the first");
             // MAVProxy states its time every ten seconds.
             let wire = Wire::with([(100, stated.clone()), (8_000, arm.clone())]);
-            let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(place.sender.access());
-            let serving = serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN);
+            let link = Link::new("WEB", LinkKind::Wifi, 100_000).with_access(slot.sender.access());
+            let serving = serve_web_socket(&wire, &wire, &slot, &link, site.shared, &CHECK_IN);
             select(serving, Timer::after_secs(9)).await;
             let arm_state = site.shared.with(|autopilot| autopilot.vehicle().arm_state());
             assert_eq!(arm_state == ArmState::Armed, is_armed, "{sender}");
@@ -808,7 +806,7 @@ fn only_a_browser_is_judged_by_the_time_that_it_states() {
 }
 
 #[test]
-fn only_mavlink_frames_of_right_checksum_keep_a_place() {
+fn only_mavlink_frames_of_right_checksum_keep_a_slot() {
     let request = read_parameter("BATT_CAPACITY");
     let mut broken = request.clone();
     broken[12] ^= 1;
@@ -820,13 +818,13 @@ fn only_mavlink_frames_of_right_checksum_keep_a_place() {
         (request[..20].to_vec(), PING, false),
     ] {
         play(async |site| {
-            let place = open(site, "").await.expect("it is the first");
+            let slot = open(site, "").await.expect("it is the first");
             let other = open(site, "").await.expect("it is the second");
             let wire = Wire::with((1..10).map(|second| (1_000 * second, masked(kind, &payload))));
             let link = Link::new("WEB", LinkKind::Wifi, 100_000);
             let serving = async {
-                serve_web_socket(&wire, &wire, &place, &link, site.shared, &CHECK_IN).await;
-                drop(place);
+                serve_web_socket(&wire, &wire, &slot, &link, site.shared, &CHECK_IN).await;
+                drop(slot);
                 pending::<()>().await;
             };
             let asking = async {
@@ -866,14 +864,14 @@ impl ByteSource for &Flood {
 fn a_flood_of_pings_or_empty_frames_leaves_others_their_turn() {
     for frame in [masked(PING, b""), masked(BINARY, b"")] {
         play(async |site| {
-            let place = open(site, "").await.expect("it is the first");
+            let slot = open(site, "").await.expect("it is the first");
             let link = Link::new("WEB", LinkKind::Wifi, 100_000);
             let flood = Flood {
                 frame,
                 left: Cell::new(1_000),
             };
             let wire = Wire::default();
-            let serving = serve_web_socket(&wire, &flood, &place, &link, site.shared, &CHECK_IN);
+            let serving = serve_web_socket(&wire, &flood, &slot, &link, site.shared, &CHECK_IN);
             let others = async {
                 let mut turns = 0;
                 while flood.left.get() > 0 {

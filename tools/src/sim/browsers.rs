@@ -8,7 +8,7 @@ use embassy_futures::join::{join, join_array};
 use embassy_time::Timer;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::tasks::{Link, Shared};
-use rover_battmon::web::{Attended, Place, Places, Site, attend, refuse, serve_web_socket};
+use rover_battmon::web::{Site, Slot, Slots, refuse, serve_request, serve_web_socket};
 
 use super::console::print_line;
 use super::links::{LINK_BYTES_PER_SECOND, POLL_MS, UNWATCHED};
@@ -23,7 +23,7 @@ const BUFFER_BYTES: usize = 16_384;
 /// Browsers, and the links they have.
 pub(super) struct Browsers<'a> {
     flash: &'a SimulatedFlash,
-    places: Places,
+    slots: Slots,
     connections: Cell<usize>,
     links: RefCell<Vec<Rc<Link<'a>>>>,
 }
@@ -32,7 +32,7 @@ impl<'a> Browsers<'a> {
     pub fn new(flash: &'a SimulatedFlash) -> Self {
         Self {
             flash,
-            places: Places::new(),
+            slots: Slots::new(),
             connections: Cell::new(0),
             links: RefCell::default(),
         }
@@ -59,7 +59,7 @@ impl<'a> Browsers<'a> {
         let site = Site {
             shared,
             logs: self.flash,
-            places: &self.places,
+            slots: &self.slots,
         };
         let mut buffer = vec![0; BUFFER_BYTES];
         loop {
@@ -67,8 +67,8 @@ impl<'a> Browsers<'a> {
             self.connections.update(|count| count + 1);
             let names = names(&client);
             let names: Vec<_> = names.iter().map(String::as_str).collect();
-            if let Attended::WebSocket(place) = attend(&client, &client, &mut buffer, &names, site).await {
-                self.serve_link(&client, &place, shared).await;
+            if let Some(slot) = serve_request(&client, &client, &mut buffer, &names, site).await {
+                self.serve_link(&client, &slot, shared).await;
             }
             client.close().await;
             self.connections.update(|count| count - 1);
@@ -81,21 +81,21 @@ impl<'a> Browsers<'a> {
             while self.connections.get() == CONNECTIONS
                 && let Some(client) = clients.try_next()
             {
-                refuse(&client, &self.places).await;
+                refuse(&client, &self.slots).await;
                 client.refuse();
             }
             Timer::after_millis(POLL_MS).await;
         }
     }
 
-    async fn serve_link(&self, client: &Client, place: &Place<'_>, shared: &Shared) {
+    async fn serve_link(&self, client: &Client, slot: &Slot<'_>, shared: &Shared) {
         print_line(&format!("{} connected by WebSocket", client.address));
         let link = Link::new("WEB", LinkKind::Wifi, LINK_BYTES_PER_SECOND)
             .with_logs(self.flash)
-            .with_access(place.sender.access());
+            .with_access(slot.sender.access());
         let link = Rc::new(link);
         self.links.borrow_mut().push(link.clone());
-        serve_web_socket(client, client, place, &link, shared, &UNWATCHED).await;
+        serve_web_socket(client, client, slot, &link, shared, &UNWATCHED).await;
         self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
         print_line(&format!("{} disconnected", client.address));
     }

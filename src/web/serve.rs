@@ -1,4 +1,4 @@
-//! Serves a connection.
+//! Serves the request of a connection.
 
 use core::future::pending;
 
@@ -9,8 +9,8 @@ use embedded_io_async::Write;
 use super::answer::{Answer, answer};
 use super::content::Content;
 use super::head::{Refusal, Status, refusal};
-use super::places::{Place, Places, Purpose};
 use super::request::{Method, Request};
+use super::slots::{Purpose, Slot, Slots};
 use crate::recorder::LogSource;
 use crate::system::LogReader;
 use crate::tasks::{ByteSource, Shared};
@@ -19,27 +19,27 @@ use crate::tasks::{ByteSource, Shared};
 /// pieces of a log.
 pub const BUFFER_BYTES: usize = 1024;
 
-/// A request comes within this time. Browsers also open connections in advance, and send nothing.
-const REQUEST_PATIENCE: Duration = Duration::from_secs(3);
+/// Time-out of a request. Browsers also open connections in advance, and send nothing.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Write time-out of an answer.
-const READER_PATIENCE: Duration = Duration::from_secs(12);
+/// Time-out of each write of an answer.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(12);
 
 const HEAD_END: &[u8] = b"\r\n\r\n";
 
-macro_rules! no_place {
+macro_rules! no_slot {
     () => {
         "The rover serves two browsers at a time: close another one, or try again."
     };
 }
 
-const NO_PLACE: Refusal = refusal(Status::ServiceUnavailable, no_place!());
+const NO_SLOT: Refusal = refusal(Status::ServiceUnavailable, no_slot!());
 
 /// The same without a buffer.
 const NO_CONNECTION: &str = concat!(
     "HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nRetry-After: 1\r\n",
     "Content-Type: text/plain; charset=utf-8\r\n\r\n",
-    no_place!()
+    no_slot!()
 );
 
 /// Content of a server.
@@ -49,16 +49,8 @@ pub struct Site<'a> {
     pub shared: &'a Shared,
     /// The recorded files.
     pub logs: &'a dyn LogSource,
-    /// Limit of connections that are served at a time.
-    pub places: &'a Places,
-}
-
-/// Result of a connection.
-pub enum Attended<'a> {
-    /// It is to be closed.
-    Answered,
-    /// It is a WebSocket now.
-    WebSocket(Place<'a>),
+    /// Limits the connections that are served at a time.
+    pub slots: &'a Slots,
 }
 
 /// Why a request has not come whole.
@@ -67,35 +59,37 @@ enum NoHead {
     Refused(Refusal),
 }
 
-/// Reads the request of a connection to one of the `names` that are ours, and answers it, but for what follows on a WebSocket.
-/// `buffer` has [`BUFFER_BYTES`] at least.
-pub async fn attend<'a>(
+/// Reads the request of a connection to one of the `names` that are ours, and answers it. `buffer` has [`BUFFER_BYTES`] at least.
+///
+/// Returns the slot of a connection that has become a WebSocket, for [`serve_web_socket`](super::serve_web_socket). Any other one is
+/// to be closed.
+pub async fn serve_request<'a>(
     mut writer: impl Write,
     mut reader: impl ByteSource,
     buffer: &mut [u8],
     names: &[&str],
     site: Site<'a>,
-) -> Attended<'a> {
+) -> Option<Slot<'a>> {
     let request = match read_head(&mut reader, buffer).await {
         Ok(head) => Request::parse(head, names),
         Err(NoHead::Refused(refusal)) => Err(refusal),
-        Err(NoHead::Closed) => return Attended::Answered,
+        Err(NoHead::Closed) => return None,
     };
-    let admitted = match request {
-        Ok(request) => admit(&request, site).await,
-        Err(refusal) => Admitted::refused(refusal),
+    let response = match request {
+        Ok(request) => respond(&request, site).await,
+        Err(refusal) => Response::refused(refusal),
     };
     // A client that has left needs no answer.
-    let sent = send_answer(&admitted, &mut writer, buffer, site).await;
-    match (admitted.answer, admitted.place, sent) {
-        (Answer::WebSocket(_), Some(place), Some(())) => Attended::WebSocket(place),
-        _ => Attended::Answered,
+    send_response(&response, &mut writer, buffer, site).await?;
+    match response.answer {
+        Answer::WebSocket(_) => response.slot,
+        _ => None,
     }
 }
 
-/// Refuses a connection whatever its request is, because all others are in use.
-pub async fn refuse(mut writer: impl Write, places: &Places) {
-    places.end_stalled_files();
+/// Answers 503 to a connection whatever its request is, because all others are in use.
+pub async fn refuse(mut writer: impl Write, slots: &Slots) {
+    slots.end_stalled_files();
     // A client that has left needs no answer.
     let _ = send(NO_CONNECTION.as_bytes(), &mut writer).await;
 }
@@ -103,7 +97,7 @@ pub async fn refuse(mut writer: impl Write, places: &Places) {
 /// Reads the head of a request.
 async fn read_head<'a>(reader: &mut impl ByteSource, buffer: &'a mut [u8]) -> Result<&'a [u8], NoHead> {
     let mut length = 0;
-    let read = with_timeout(REQUEST_PATIENCE, read_to_end_of_head(reader, buffer, &mut length)).await;
+    let read = with_timeout(REQUEST_TIMEOUT, read_to_end_of_head(reader, buffer, &mut length)).await;
     match read {
         Ok(Ok(())) => Ok(buffer.get(..length).unwrap_or_default()),
         Ok(Err(why)) => Err(why),
@@ -141,78 +135,76 @@ async fn read_to_end_of_head(
     }
 }
 
-/// An answer to be sent, and the place that it needs if it is more than a sentence.
-struct Admitted<'a> {
+/// An answer to be sent, and the slot that it needs if it is not a refusal.
+struct Response<'a> {
     answer: Answer,
     method: Method,
-    place: Option<Place<'a>>,
+    slot: Option<Slot<'a>>,
 }
 
-impl Admitted<'_> {
+impl Response<'_> {
     fn refused(refusal: Refusal) -> Self {
         Self {
             answer: Answer::Refused(refusal),
             method: Method::Get,
-            place: None,
+            slot: None,
         }
     }
 }
 
-/// The answer to a request: a refusal if it needs a place and gets none.
-async fn admit<'a>(request: &Request, site: Site<'a>) -> Admitted<'a> {
+/// The answer to a request: a refusal if it needs a slot and gets none.
+async fn respond<'a>(request: &Request, site: Site<'a>) -> Response<'a> {
     let answer = site.shared.with(|autopilot| answer(request, autopilot));
     let purpose = match answer {
-        Answer::Refused(refusal) => return Admitted::refused(refusal),
+        Answer::Refused(refusal) => return Response::refused(refusal),
         Answer::WebSocket(_) => Purpose::WebSocket,
         _ => Purpose::File,
     };
-    match site.places.take(purpose, request.sender).await {
-        Some(place) => Admitted {
+    match site.slots.take(purpose, request.sender).await {
+        Some(slot) => Response {
             answer,
             method: request.method,
-            place: Some(place),
+            slot: Some(slot),
         },
-        None => Admitted::refused(NO_PLACE),
+        None => Response::refused(NO_SLOT),
     }
 }
 
 /// Sends `bytes`; `None` if the peer has left, or does not read.
 async fn send(bytes: &[u8], writer: &mut impl Write) -> Option<()> {
-    let sent = with_timeout(READER_PATIENCE, writer.write_all(bytes)).await;
+    let sent = with_timeout(WRITE_TIMEOUT, writer.write_all(bytes)).await;
     sent.ok()?.ok()
 }
 
-/// Sends an answer piece by piece, each of which may take its time; `None` if it ends early, as when its place is wanted.
-async fn send_answer(
-    admitted: &Admitted<'_>,
+/// Sends an answer piece by piece, each with a time-out of its own; `None` if it ends early, as when its slot has to be released.
+async fn send_response(
+    response: &Response<'_>,
     writer: &mut impl Write,
     buffer: &mut [u8],
     site: Site<'_>,
 ) -> Option<()> {
-    let Admitted {
-        answer,
-        method,
-        place,
-    } = admitted;
-    // A log needs a place.
-    let reader = LogReader::Browser(place.as_ref().map_or(0, |place| place.index as u8));
+    let Response { answer, method, slot } = response;
+    // A log needs a slot.
+    let reader = LogReader::Browser(slot.as_ref().map_or(0, |slot| slot.index as u8));
     let send_pieces = async {
         let mut content = Content::of(answer, *method);
         let mut bytes = answer.head(buffer).len();
         while bytes > 0 {
             send(buffer.get(..bytes).unwrap_or_default(), writer).await?;
-            place.iter().for_each(Place::note_use);
+            if let Some(slot) = slot {
+                slot.note_use();
+            }
             bytes = content.next_piece(buffer, reader, site.logs, site.shared);
         }
         Some(())
     };
-    let is_wanted = async {
-        match place {
-            Some(place) => place.is_wanted().await,
+    let release_requested = async {
+        match slot {
+            Some(slot) => slot.release_requested().await,
             None => pending().await,
         }
     };
-    match select(send_pieces, is_wanted).await {
+    match select(send_pieces, release_requested).await {
         Either::First(sent) => sent,
         Either::Second(()) => None,
     }
