@@ -11,14 +11,14 @@ use super::socket::until;
 /// The board's own address where it is the access point.
 pub(super) const ACCESS_POINT: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 
-/// The most addresses that are given to others.
+/// The most addresses that are given to DHCP clients.
 pub(super) const MAX_CLIENTS: usize = 8;
 
 /// The network of the access point has 254 addresses.
 const ACCESS_POINT_PREFIX: u8 = 24;
 
 /// Time without an answer of a DHCP server until that is reported.
-const DHCP_PATIENCE: Duration = Duration::from_secs(30);
+const DHCP_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Source of the board's address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ pub(super) async fn report_address(stack: Stack<'_>, mut report: impl FnMut(NetR
 /// Waits for an address, and reports once that there is none.
 async fn obtain(stack: Stack<'_>, report: &mut impl FnMut(NetReport)) -> Ipv4Cidr {
     let obtained = until(|| address(stack).is_some());
-    if let Either::Second(()) = select(obtained, Timer::after(DHCP_PATIENCE)).await {
+    if let Either::Second(()) = select(obtained, Timer::after(DHCP_TIMEOUT)).await {
         report(NetReport::NoAddress);
     }
     loop {

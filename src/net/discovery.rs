@@ -1,4 +1,4 @@
-//! Being found by ground stations.
+//! Discovery: HEARTBEATs by which ground stations find the board.
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
@@ -7,18 +7,17 @@ use embassy_time::{Duration, Ticker};
 use heapless::Vec;
 
 use super::address::{MAX_CLIENTS, broadcast_address};
-use super::greetings::Greetings;
 use super::sender::Sender;
 use super::service::Service;
-use super::stations::Search;
+use super::stations::{Discovery, Search};
 use super::udp::{PORT, UdpLinks};
 use crate::mavlink::{Framer, LinkKind};
 use crate::tasks::{mark, now};
 
-/// Sends a HEARTBEAT each second to those who may be ground stations. While there is none, to all by broadcast, and every other
+/// Sends a HEARTBEAT each second to possible ground stations. While there is none, to all by broadcast, and every other
 /// time to each address that was given away, since a phone may take no broadcasts; a phone that takes both counts no loss. Then to
-/// those who have an address and no link yet, until no link is free. `clients` are the addresses that were given to others.
-pub(super) async fn be_found(
+/// those that have an address and no link yet, until no link is free. `clients` returns the addresses of the DHCP clients.
+pub(super) async fn send_heartbeats(
     stack: Stack<'_>,
     mut sender: Sender<'_>,
     links: &UdpLinks,
@@ -32,7 +31,7 @@ pub(super) async fn be_found(
         seconds.next().await;
         turn = turn.wrapping_add(1);
         mark(service.check_in);
-        // A station that gets a link meanwhile is not greeted.
+        // Before the choice of addresses: a station that gets a link meanwhile is not among them.
         let _ = sender.make_room().await;
         let search = links.stations.borrow().search();
         let mut others = clients();
@@ -45,12 +44,12 @@ pub(super) async fn be_found(
         };
         // Addresses behind one that does not answer are not reached in the same turn.
         let first = turn / 2 % addresses.len().max(1);
-        greet(
+        send_heartbeat(
             &mut sender,
             addresses,
             first,
             &mut framer,
-            &links.greetings,
+            &links.discovery,
             service,
         )
         .await;
@@ -58,25 +57,25 @@ pub(super) async fn be_found(
 }
 
 /// Sends one HEARTBEAT to each of `addresses`. Where `first` is another one each time, none is always the last.
-async fn greet(
+async fn send_heartbeat(
     sender: &mut Sender<'_>,
     addresses: &[Ipv4Addr],
     first: usize,
     framer: &mut Framer,
-    greetings: &Greetings,
+    discovery: &Discovery,
     service: &Service<'_>,
 ) {
     if addresses.is_empty() {
         return;
     }
     let in_turn = addresses.iter().cycle().skip(first).take(addresses.len());
-    greetings.begin(framer.next_sequence(), in_turn.copied());
+    discovery.begin(framer.next_sequence(), in_turn.copied());
     let shared = service.shared;
     let heartbeat = shared.with(|autopilot| autopilot.heartbeat_frame(framer, LinkKind::Wifi, now()));
-    while !greetings.is_over() {
+    while !discovery.is_done() {
         // A lost one comes again in a second.
         let _ = sender.make_room().await;
-        if let Some(address) = greetings.next_address() {
+        if let Some(address) = discovery.next_address() {
             let _ = sender.hand_over(heartbeat, SocketAddrV4::new(address, PORT));
         }
     }

@@ -39,7 +39,7 @@ const OPTIONS: usize = 240;
 /// A message with no more than its type and an address.
 const SHORT_MESSAGE_BYTES: usize = OPTIONS + 10;
 
-/// The addresses of the access point's network, and who has them.
+/// The addresses of the access point's network, and the clients that have them.
 ///
 /// A phone that keeps its address while the board restarts need not ask for it again. After a reset it has it still. After power-up,
 /// an address that is free is lent to the first that uses it: one to each computer, for as long as a lease from before can last. A loan
@@ -150,8 +150,8 @@ impl Leases {
         clients
     }
 
-    /// Whether this client has this address from us at `now_ms`. One that is free may be lent to it.
-    pub fn admits(&mut self, client: [u8; 6], address: Ipv4Addr, now_ms: u64) -> bool {
+    /// Whether this client may use this address at `now_ms`: it has it from us, or the address is free and is lent to it.
+    pub fn accepts(&mut self, client: [u8; 6], address: Ipv4Addr, now_ms: u64) -> bool {
         self.has(client, address, now_ms) || self.lend(client, address, now_ms)
     }
 
@@ -202,8 +202,8 @@ impl Leases {
     fn holders(&self) -> Holders {
         let mut holders = Holders::default();
         for lease in self.server.leases() {
-            let place = place(lease.ip).and_then(|place| holders.get_mut(place));
-            if let Some(holder) = place.filter(|_| lease.bound && !self.is_loan(&lease)) {
+            let holder = index_of(lease.ip).and_then(|index| holders.get_mut(index));
+            if let Some(holder) = holder.filter(|_| lease.bound && !self.is_loan(&lease)) {
                 *holder = lease.mac;
             }
         }
@@ -216,14 +216,14 @@ fn is_valid(lease: &Lease, now_ms: u64) -> bool {
 }
 
 /// Index of an address among those that are given to others.
-fn place(address: Ipv4Addr) -> Option<usize> {
-    let place = address.to_bits().checked_sub(FIRST.to_bits())? as usize;
-    (place < MAX_CLIENTS).then_some(place)
+fn index_of(address: Ipv4Addr) -> Option<usize> {
+    let index = address.to_bits().checked_sub(FIRST.to_bits())? as usize;
+    (index < MAX_CLIENTS).then_some(index)
 }
 
 /// The bit of an address; 0 if it is not given to others.
 fn bit(address: Ipv4Addr) -> u8 {
-    place(address).map_or(0, |place| 1 << place)
+    index_of(address).map_or(0, |index| 1 << index)
 }
 
 /// A DHCPREQUEST for an address that the client has had before.
@@ -233,8 +233,8 @@ fn request(client: [u8; 6], address: Ipv4Addr) -> [u8; SHORT_MESSAGE_BYTES] {
     let [a, b, c, d] = address.octets();
     let mut message = [0; SHORT_MESSAGE_BYTES];
     let mut put = |at: usize, bytes: &[u8]| {
-        if let Some(place) = message.get_mut(at..at + bytes.len()) {
-            place.copy_from_slice(bytes);
+        if let Some(field) = message.get_mut(at..at + bytes.len()) {
+            field.copy_from_slice(bytes);
         }
     };
     put(0, &START);
@@ -367,13 +367,13 @@ mod tests {
     #[test]
     fn who_declines_frees_its_own_address_and_withholds_none() {
         let mut leases = fresh();
-        let [driver, guest] = [1, 2].map(|client| join(&mut leases, client, 0).unwrap());
+        let [driver, passenger] = [1, 2].map(|client| join(&mut leases, client, 0).unwrap());
         for last in 2..10 {
             let declined = message(DECLINE, 2, Some([192, 168, 4, last].into()));
             assert_eq!(answer(&mut leases, &declined, 1), None);
         }
         assert!(leases.has(mac(1), driver, 1));
-        assert!(!leases.has(mac(2), guest, 1));
+        assert!(!leases.has(mac(2), passenger, 1));
         for client in 3..10 {
             assert!(join(&mut leases, client, 2).is_some(), "client {client}");
         }
@@ -422,27 +422,27 @@ mod tests {
         leases.answer(&message(DECLINE, 2, Some(two)), 6_000);
 
         let mut leases = Leases::new(retained);
-        assert!(!leases.admits(mac(9), one, 0), "a stranger");
-        assert!(leases.admits(mac(1), one, 0));
+        assert!(!leases.accepts(mac(9), one, 0), "another client");
+        assert!(leases.accepts(mac(1), one, 0));
         assert_eq!(leases.clients(0).as_slice(), [one]);
         for client in 10..17 {
             assert!(join(&mut leases, client, 1).is_some());
         }
         assert_eq!(join(&mut leases, 17, 1), None, "it is not a loan");
-        assert!(leases.admits(mac(1), one, 599_999));
-        assert!(!leases.admits(mac(1), one, 600_000));
+        assert!(leases.accepts(mac(1), one, 599_999));
+        assert!(!leases.accepts(mac(1), one, 600_000));
     }
 
     #[test]
     fn one_address_is_lent_to_each_computer_and_each_to_one() {
         let mut leases = fresh();
         for last in (0..=255).filter(|last| !(2..=9).contains(last)) {
-            assert!(!leases.admits(mac(1), address(last), 1), "{last}");
+            assert!(!leases.accepts(mac(1), address(last), 1), "{last}");
         }
-        assert!(!leases.admits(mac(1), Ipv4Addr::new(192, 168, 5, 2), 1));
+        assert!(!leases.accepts(mac(1), Ipv4Addr::new(192, 168, 5, 2), 1));
         for last in 2..=9 {
-            assert_eq!(leases.admits(mac(1), address(last), 1), last == 2);
-            assert_eq!(leases.admits(mac(2), address(last), 1), last == 3);
+            assert_eq!(leases.accepts(mac(1), address(last), 1), last == 2);
+            assert_eq!(leases.accepts(mac(2), address(last), 1), last == 3);
         }
         assert_eq!(leases.clients(1).len(), 2);
     }
@@ -452,36 +452,36 @@ mod tests {
         let mut leases = fresh();
         let leased = join(&mut leases, 1, 0).unwrap();
         let (_, offered) = answer(&mut leases, &message(DISCOVER, 2, None), 0).unwrap();
-        assert!(!leases.admits(mac(3), leased, 1));
-        assert!(!leases.admits(mac(3), offered, 1));
-        assert!(!leases.admits(mac(1), address(4), 1), "it has one");
-        assert!(leases.admits(mac(3), offered, 60_000), "not taken in time");
+        assert!(!leases.accepts(mac(3), leased, 1));
+        assert!(!leases.accepts(mac(3), offered, 1));
+        assert!(!leases.accepts(mac(1), address(4), 1), "it has one");
+        assert!(leases.accepts(mac(3), offered, 60_000), "not taken in time");
     }
 
     #[test]
     fn a_loan_ends_ten_minutes_after_the_start_whatever_comes() {
         let mut leases = fresh();
         for second in 0..600 {
-            assert!(leases.admits(mac(1), FIRST, second * 1_000), "{second}");
+            assert!(leases.accepts(mac(1), FIRST, second * 1_000), "{second}");
         }
-        assert!(leases.admits(mac(2), LAST, 599_999));
-        assert!(!leases.admits(mac(1), FIRST, 600_000));
-        assert!(!leases.admits(mac(2), LAST, 600_000));
-        assert!(!leases.admits(mac(3), FIRST, 1_000_000));
+        assert!(leases.accepts(mac(2), LAST, 599_999));
+        assert!(!leases.accepts(mac(1), FIRST, 600_000));
+        assert!(!leases.accepts(mac(2), LAST, 600_000));
+        assert!(!leases.accepts(mac(3), FIRST, 1_000_000));
         assert_eq!(join(&mut leases, 4, 600_001), Some(FIRST));
     }
 
     #[test]
     fn a_loan_becomes_a_lease_when_it_is_asked_for() {
         let mut leases = fresh();
-        assert!(leases.admits(mac(1), FIRST, 1));
+        assert!(leases.accepts(mac(1), FIRST, 1));
         let renewed = answer(&mut leases, &message(REQUEST, 1, Some(FIRST)), 300_000);
         assert_eq!(renewed, Some((ACK, FIRST)));
         for client in 2..9 {
             assert!(join(&mut leases, client, 300_000).is_some());
         }
         assert_eq!(join(&mut leases, 9, 300_000), None);
-        assert!(leases.admits(mac(1), FIRST, 899_999));
+        assert!(leases.accepts(mac(1), FIRST, 899_999));
     }
 
     #[test]
@@ -489,14 +489,14 @@ mod tests {
         let mut leases = fresh();
         let leased = join(&mut leases, 1, 0).unwrap();
         for last in 3..=9 {
-            assert!(leases.admits(mac(last.into()), address(last), 1));
+            assert!(leases.accepts(mac(last.into()), address(last), 1));
         }
         for client in 100..107 {
             let (kind, _) = answer(&mut leases, &message(DISCOVER, client, None), 1).unwrap();
             assert_eq!(kind, OFFER);
         }
         for last in 3..=9 {
-            assert!(!leases.admits(mac(last.into()), address(last), 1));
+            assert!(!leases.accepts(mac(last.into()), address(last), 1));
         }
         for client in 100..107 {
             let offered = answer(&mut leases, &message(DISCOVER, client, None), 2);
@@ -505,14 +505,14 @@ mod tests {
             assert_eq!(taken, Some((ACK, offered)));
         }
         assert_eq!(join(&mut leases, 8, 2), None);
-        assert!(leases.admits(mac(1), leased, 2));
+        assert!(leases.accepts(mac(1), leased, 2));
     }
 
     #[test]
     fn a_loan_is_not_retained() {
         let retained = Box::leak(Box::<RetainedLeases>::default());
         let mut leases = Leases::new(retained);
-        assert!(leases.admits(mac(1), FIRST, 1));
+        assert!(leases.accepts(mac(1), FIRST, 1));
         let leased = join(&mut leases, 2, 1).unwrap();
         let leases = Leases::new(retained);
         assert_eq!(leases.clients(0).as_slice(), [leased]);
@@ -565,14 +565,14 @@ mod tests {
             for (act, pause_ms) in acts {
                 now_ms = (now_ms + pause_ms).min(599_999);
                 match act {
-                    Act::Use(client, last) => { leases.admits(mac(client), address(last), now_ms); }
+                    Act::Use(client, last) => { leases.accepts(mac(client), address(last), now_ms); }
                     Act::Message(kind, client, wanted) => {
                         leases.answer(&message(kind, client, wanted.map(address)), now_ms);
                     }
                 }
                 let table: Vec<Lease, MAX_CLIENTS> = leases.server.leases().collect();
                 for (at, lease) in table.iter().enumerate() {
-                    prop_assert!(place(lease.ip).is_some());
+                    prop_assert!(index_of(lease.ip).is_some());
                     prop_assert!(table[..at].iter().all(|other| other.ip != lease.ip && other.mac != lease.mac));
                 }
                 prop_assert!(leases.has(mac(100), driver, now_ms));

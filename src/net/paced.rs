@@ -1,10 +1,10 @@
-//! The network device: it leaves the other tasks their turn, and lets in what means something to the board.
+//! The network device: it leaves the other tasks their turn, and filters received frames.
 
 use core::task::Context;
 
 use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken};
 
-use super::door::Door;
+use super::ingress_filter::IngressFilter;
 
 /// A device that gives one received frame, and takes one to send, each time the network is polled. Without that all frames that
 /// wait would be handled in one go, and the sampling of the packs would wait meanwhile.
@@ -12,7 +12,7 @@ use super::door::Door;
 /// A frame stays with the device when the token for it is dropped.
 pub(super) struct Paced<'a, D> {
     device: D,
-    door: Door<'a>,
+    filter: IngressFilter<'a>,
     received: FrameSlot,
     sent: FrameSlot,
 }
@@ -32,25 +32,25 @@ impl FrameSlot {
 }
 
 impl<'a, D> Paced<'a, D> {
-    pub fn new(device: D, door: Door<'a>) -> Self {
+    pub fn new(device: D, filter: IngressFilter<'a>) -> Self {
         Self {
             device,
-            door,
+            filter,
             received: FrameSlot::Open,
             sent: FrameSlot::Open,
         }
     }
 }
 
-/// A frame that is looked at before it is handed over.
-pub(super) struct GuardedToken<'a, T> {
+/// A received frame that passes the filter before it is processed.
+pub(super) struct FilteredToken<'a, T> {
     token: T,
-    door: &'a Door<'a>,
+    filter: &'a IngressFilter<'a>,
 }
 
-impl<T: RxToken> RxToken for GuardedToken<'_, T> {
+impl<T: RxToken> RxToken for FilteredToken<'_, T> {
     fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, take: F) -> R {
-        self.token.consume(|frame| match self.door.admits(frame) {
+        self.token.consume(|frame| match self.filter.accepts(frame) {
             true => take(frame),
             // An empty frame is ignored.
             false => take(&mut []),
@@ -60,7 +60,7 @@ impl<T: RxToken> RxToken for GuardedToken<'_, T> {
 
 impl<D: Driver> Driver for Paced<'_, D> {
     type RxToken<'a>
-        = GuardedToken<'a, D::RxToken<'a>>
+        = FilteredToken<'a, D::RxToken<'a>>
     where
         Self: 'a;
     type TxToken<'a>
@@ -80,8 +80,8 @@ impl<D: Driver> Driver for Paced<'_, D> {
         }
         let (token, answer) = frame?;
         self.received = FrameSlot::Used;
-        let door = &self.door;
-        Some((GuardedToken { token, door }, answer))
+        let filter = &self.filter;
+        Some((FilteredToken { token, filter }, answer))
     }
 
     fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {
@@ -90,11 +90,11 @@ impl<D: Driver> Driver for Paced<'_, D> {
             context.waker().wake_by_ref();
             return None;
         }
-        let place = self.device.transmit(context);
-        if place.is_some() {
+        let token = self.device.transmit(context);
+        if token.is_some() {
             self.sent = FrameSlot::Used;
         }
-        place
+        token
     }
 
     fn link_state(&mut self, context: &mut Context<'_>) -> LinkState {
@@ -123,7 +123,7 @@ mod tests {
 
     struct Received<'a>(&'a mut u32);
 
-    struct Place;
+    struct Sent;
 
     impl RxToken for Received<'_> {
         fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, use_frame: F) -> R {
@@ -132,7 +132,7 @@ mod tests {
         }
     }
 
-    impl TxToken for Place {
+    impl TxToken for Sent {
         fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, _: usize, write: F) -> R {
             write(&mut [])
         }
@@ -140,14 +140,14 @@ mod tests {
 
     impl Driver for Waiting {
         type RxToken<'a> = Received<'a>;
-        type TxToken<'a> = Place;
+        type TxToken<'a> = Sent;
 
-        fn receive(&mut self, _: &mut Context<'_>) -> Option<(Received<'_>, Place)> {
-            (self.0 > 0).then_some((Received(&mut self.0), Place))
+        fn receive(&mut self, _: &mut Context<'_>) -> Option<(Received<'_>, Sent)> {
+            (self.0 > 0).then_some((Received(&mut self.0), Sent))
         }
 
-        fn transmit(&mut self, _: &mut Context<'_>) -> Option<Place> {
-            Some(Place)
+        fn transmit(&mut self, _: &mut Context<'_>) -> Option<Sent> {
+            Some(Sent)
         }
 
         fn link_state(&mut self, _: &mut Context<'_>) -> LinkState {
@@ -177,7 +177,7 @@ mod tests {
         let wakes = Arc::new(Wakes::default());
         let waker = Waker::from(wakes.clone());
         let mut context = Context::from_waker(&waker);
-        let mut device = Paced::new(Waiting(3), Door::new(None));
+        let mut device = Paced::new(Waiting(3), IngressFilter::new(None));
         for expected_wakes in [1, 2, 2, 2] {
             if let Some((frame, _)) = device.receive(&mut context) {
                 frame.consume(|_| ());
@@ -193,7 +193,7 @@ mod tests {
         let wakes = Arc::new(Wakes::default());
         let waker = Waker::from(wakes.clone());
         let mut context = Context::from_waker(&waker);
-        let mut device = Paced::new(Waiting(0), Door::new(None));
+        let mut device = Paced::new(Waiting(0), IngressFilter::new(None));
         for turn in 1..4 {
             assert!(device.transmit(&mut context).is_some());
             assert!(device.transmit(&mut context).is_none());

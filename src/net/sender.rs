@@ -10,8 +10,8 @@ use embassy_time::{Duration, with_timeout};
 
 use super::socket::{PacketQueue, until};
 
-/// Time for which a datagram waits for the radio, or for the receiver's hardware address, while another one waits behind it.
-const PATIENCE: Duration = Duration::from_millis(100);
+/// Time-out of a datagram that waits for the radio, or for the receiver's hardware address, while another one waits behind it.
+const SEND_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// A datagram could not be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +42,7 @@ impl<'d> Sender<'d> {
     /// It was lost. There is room now, too.
     pub async fn make_room(&mut self) -> Result<(), DatagramLost> {
         let room = until(|| self.socket.may_send());
-        let in_time = with_timeout(PATIENCE, room).await;
+        let in_time = with_timeout(SEND_TIMEOUT, room).await;
         in_time.map_err(|_| self.discard())
     }
 

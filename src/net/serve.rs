@@ -1,4 +1,4 @@
-//! All that runs on the network.
+//! Starts everything that runs on the network.
 
 use core::future::pending;
 use core::pin::pin;
@@ -13,8 +13,8 @@ use heapless::Vec;
 use super::address::{NetReport, Role, report_address};
 use super::browsers::serve_browsers;
 use super::dhcp::{give_addresses, now_ms};
-use super::discovery::be_found;
-use super::door::Door;
+use super::discovery::send_heartbeats;
+use super::ingress_filter::IngressFilter;
 use super::memory::NetMemory;
 use super::paced::Paced;
 use super::sender::Sender;
@@ -35,11 +35,11 @@ pub async fn serve<D: Driver>(
     report: impl FnMut(NetReport),
 ) -> ! {
     let (links, leases) = (&memory.links, &memory.leases);
-    let guests = match role {
+    let own_leases = match role {
         Role::AccessPoint => Some(leases),
         Role::Station => None,
     };
-    let device = Paced::new(device, Door::new(guests));
+    let device = Paced::new(device, IngressFilter::new(own_leases));
     let (stack, mut runner) = start(device, role, seed, &mut memory.stack);
     links.reset();
     // The one that receives comes first: all have the same port.
@@ -57,12 +57,12 @@ pub async fn serve<D: Driver>(
             Role::Station => pending().await,
         }
     };
-    let clients = || guests.map_or_else(Vec::new, |leases| leases.borrow().clients(now_ms()));
+    let clients = || own_leases.map_or_else(Vec::new, |leases| leases.borrow().clients(now_ms()));
     // Pinned where they are built: moved, they may be built on the stack, which has no room for them.
     let members = pin!(join5(
         join(report_address(stack, report), give_addresses),
         receive(received, links),
-        be_found(stack, heartbeat, links, clients, service),
+        send_heartbeats(stack, heartbeat, links, clients, service),
         join(
             serve_stations(0, LinkId::Udp1, sender_1, &mut slot_1.datagram, links, service),
             serve_stations(1, LinkId::Udp2, sender_2, &mut slot_2.datagram, links, service),

@@ -1,11 +1,16 @@
-//! Which ground stations have a link by UDP.
+//! Which ground stations have a link by UDP, and which are sent a HEARTBEAT without one.
 
-use core::net::SocketAddrV4;
+use core::cell::{Cell, RefCell};
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use heapless::Vec;
+
+use super::address::MAX_CLIENTS;
 
 /// Ground stations that can have a link by UDP at a time.
 pub(super) const SLOTS: usize = 2;
 
-/// Result for a ground station that was heard.
+/// Result of a station's request for a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Admission {
     /// It has this slot.
@@ -59,7 +64,7 @@ impl Stations {
     }
 
     /// Whether a station sends from this address.
-    pub fn has_address(&self, address: core::net::Ipv4Addr) -> bool {
+    pub fn has_address(&self, address: Ipv4Addr) -> bool {
         self.slots
             .iter()
             .flatten()
@@ -67,7 +72,7 @@ impl Stations {
     }
 }
 
-/// Which ground stations are to be looked for.
+/// Which ground stations the discovery looks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Search {
     /// There is none yet: a broadcast reaches all.
@@ -78,10 +83,60 @@ pub(super) enum Search {
     NoOne,
 }
 
+/// The HEARTBEAT that is being sent to addresses without a link.
+pub(super) struct Discovery {
+    next_sequence: Cell<u8>,
+    /// Addresses that it has not been sent to yet.
+    waiting: RefCell<Vec<Ipv4Addr, MAX_CLIENTS>>,
+}
+
+impl Discovery {
+    pub fn new() -> Self {
+        Self {
+            next_sequence: Cell::new(0),
+            waiting: RefCell::default(),
+        }
+    }
+
+    /// The sequence number of the first frame on the link that `station` has got. It is sent no more HEARTBEATs of the discovery: they
+    /// would arrive between the frames of its link, and count as a loss of many.
+    pub fn end_for(&self, station: Ipv4Addr) -> u8 {
+        let mut waiting = self.waiting.borrow_mut();
+        let next_sequence = self.next_sequence.get();
+        match waiting.iter().position(|address| *address == station) {
+            Some(index) => {
+                waiting.swap_remove(index);
+                next_sequence.wrapping_sub(1)
+            }
+            None => next_sequence,
+        }
+    }
+
+    /// Begins to send a HEARTBEAT with this sequence number to `addresses`.
+    pub fn begin(&self, sequence: u8, addresses: impl Iterator<Item = Ipv4Addr>) {
+        self.next_sequence.set(sequence.wrapping_add(1));
+        let mut waiting = self.waiting.borrow_mut();
+        waiting.clear();
+        for address in addresses {
+            // There are no more clients than that.
+            let _ = waiting.push(address);
+        }
+    }
+
+    /// The address that it is sent to next.
+    pub fn next_address(&self) -> Option<Ipv4Addr> {
+        self.waiting.borrow_mut().pop()
+    }
+
+    /// Whether it was sent to all of them.
+    pub fn is_done(&self) -> bool {
+        self.waiting.borrow().is_empty()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::net::Ipv4Addr;
     use proptest::prelude::*;
 
     fn station(number: u8) -> SocketAddrV4 {
@@ -126,6 +181,19 @@ mod tests {
         assert!(!stations.has_address(*station(3).ip()));
     }
 
+    #[test]
+    fn a_link_begins_after_the_last_heartbeat_that_was_sent_to_its_station() {
+        let [two, three] = [2, 3].map(|number| Ipv4Addr::new(192, 168, 4, number));
+        let discovery = Discovery::new();
+        assert_eq!(discovery.end_for(two), 0);
+        discovery.begin(255, [two, three].into_iter());
+        assert_eq!(discovery.next_address(), Some(three));
+        assert_eq!(discovery.end_for(three), 0);
+        assert_eq!(discovery.end_for(two), 255);
+        assert!(discovery.is_done());
+        assert_eq!(discovery.next_address(), None);
+    }
+
     proptest! {
         #[test]
         fn no_station_has_two_slots_and_none_loses_its_own(steps in prop::collection::vec((0_u8..6, any::<bool>()), 0..60)) {
@@ -133,9 +201,9 @@ mod tests {
             let mut model: [Option<SocketAddrV4>; SLOTS] = [None; SLOTS];
             for (number, comes) in steps {
                 let station = station(number);
-                let place = model.iter().position(|slot| *slot == Some(station));
-                prop_assert_eq!(stations.slot_of(station), place);
-                match (comes, place) {
+                let taken = model.iter().position(|slot| *slot == Some(station));
+                prop_assert_eq!(stations.slot_of(station), taken);
+                match (comes, taken) {
                     (true, None) => {
                         let free = model.iter().position(Option::is_none);
                         match (stations.admit(station), free) {

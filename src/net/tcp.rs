@@ -31,13 +31,13 @@ const TCP_SENT_BYTES: usize = 1024;
 const KEEP_ALIVE: Duration = Duration::from_secs(3);
 
 /// A client that has not answered that for this long has left.
-const SILENCE: Duration = Duration::from_secs(12);
+const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(12);
 
 /// Time for a client to receive what was sent last and to close its side.
-const FAREWELL: Duration = Duration::from_secs(1);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Time for which a reset waits for the radio.
-const RESET_PATIENCE: Duration = Duration::from_millis(100);
+/// Time-out of a reset, which waits for the radio.
+const RESET_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// The buffers of a TCP socket.
 pub(super) struct TcpMemory {
@@ -55,8 +55,8 @@ impl TcpMemory {
     }
 }
 
-/// Serves one client after the other. While this serves one, the next has to find another place to be served; when there is
-/// none, its connection is reset.
+/// Serves one client after the other on a socket of its own. While all of these serve a client, the connection of another one is
+/// reset.
 pub(super) async fn serve_clients(
     id: LinkId,
     stack: Stack<'_>,
@@ -70,7 +70,7 @@ pub(super) async fn serve_clients(
         let link = service.open(id, 0, Access::Full);
         service.serve(TcpTransmitter(&socket), &socket, &link).await;
         info!("{}: disconnected", id.name());
-        close(&socket, FAREWELL).await;
+        close(&socket, CLOSE_TIMEOUT).await;
     }
 }
 
@@ -78,7 +78,7 @@ pub(super) async fn serve_clients(
 pub(super) fn socket<'s>(stack: Stack<'s>, received: &'s mut [u8], sent: &'s mut [u8]) -> TcpSocket<'s> {
     let mut socket = TcpSocket::new(stack, received, sent);
     socket.set_keep_alive(Some(KEEP_ALIVE));
-    socket.set_timeout(Some(SILENCE));
+    socket.set_timeout(Some(KEEP_ALIVE_TIMEOUT));
     // A frame does not wait for the next one.
     socket.set_nagle_enabled(false);
     socket
@@ -91,14 +91,14 @@ pub(super) async fn accept(socket: &RefCell<TcpSocket<'_>>, port: u16) {
     until(|| !matches!(socket.borrow().state(), State::Listen | State::SynReceived)).await;
 }
 
-/// Lets the client take what was sent last, for so long, then forgets it.
-pub(super) async fn close(socket: &RefCell<TcpSocket<'_>>, farewell: Duration) {
+/// Closes the connection. A client that has not taken what was sent last within `timeout` is reset.
+pub(super) async fn close(socket: &RefCell<TcpSocket<'_>>, timeout: Duration) {
     socket.borrow_mut().close();
     let closed = until(|| matches!(socket.borrow().state(), State::Closed | State::TimeWait));
-    let _ = with_timeout(farewell, closed).await;
+    let _ = with_timeout(timeout, closed).await;
     socket.borrow_mut().abort();
     let reset = until(|| socket.borrow().remote_endpoint().is_none());
-    let _ = with_timeout(RESET_PATIENCE, reset).await;
+    let _ = with_timeout(RESET_TIMEOUT, reset).await;
 }
 
 /// The way to a client.

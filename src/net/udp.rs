@@ -15,12 +15,11 @@ use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Write};
 
 use super::datagram::{DATAGRAM_BYTES, Datagram};
-use super::door::{RefusalLog, may_log};
-use super::greetings::Greetings;
+use super::ingress_filter::{RefusalLog, may_log};
 use super::sender::Sender;
 use super::service::Service;
 use super::socket::{PacketQueue, until};
-use super::stations::{Admission, SLOTS, Stations};
+use super::stations::{Admission, Discovery, SLOTS, Stations};
 use crate::log::{info, warn};
 use crate::mavlink::{Access, LinkId, begins_with_frame};
 use crate::tasks::{ByteSource, Link, ReceiveError, now};
@@ -33,7 +32,7 @@ pub(super) const PORT: u16 = 14550;
 const QUEUE_BYTES: usize = 768;
 
 /// A station that was not heard for this long has left. Its time-outs have acted long before.
-const SILENCE: Duration = Duration::from_secs(10);
+const STATION_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Buffers of the way to a station.
 pub(super) struct SlotMemory {
@@ -53,11 +52,11 @@ impl SlotMemory {
     }
 }
 
-/// The links by UDP, and who has them.
+/// The links by UDP, and the stations that have them.
 pub(super) struct UdpLinks {
     pub stations: RefCell<Stations>,
     slots: [Slot; SLOTS],
-    pub greetings: Greetings,
+    pub discovery: Discovery,
     refusal_log: RefusalLog,
 }
 
@@ -74,7 +73,7 @@ impl UdpLinks {
         Self {
             stations: RefCell::default(),
             slots: [const { Slot::new() }; SLOTS],
-            greetings: Greetings::new(),
+            discovery: Discovery::new(),
             refusal_log: RefusalLog::default(),
         }
     }
@@ -103,7 +102,7 @@ impl UdpLinks {
         }
     }
 
-    /// Gives a slot to who sends MAVLink, if one is free.
+    /// Gives a slot to a station that sends MAVLink, if one is free.
     fn admit(&self, datagram: &[u8], station: SocketAddrV4) -> Option<usize> {
         if !begins_with_frame(datagram) {
             return None;
@@ -187,7 +186,7 @@ pub(super) async fn serve_stations(
     loop {
         let station = slot.opened.wait().await;
         info!("{}: {:?} connected", id.name(), station.ip().octets());
-        let first_sequence = links.greetings.end_for(*station.ip());
+        let first_sequence = links.discovery.end_for(*station.ip());
         let link = service.open(id, first_sequence, Access::Full);
         datagram.clear();
         let transmitter = UdpTransmitter {
@@ -204,11 +203,11 @@ pub(super) async fn serve_stations(
     }
 }
 
-/// Waits until no good frame has come for [`SILENCE`].
+/// Waits until no good frame has come for [`STATION_TIMEOUT`].
 async fn until_silent(link: &Link<'_>) {
     let mut frames = link.statistics().received.frames;
     let mut heard_at = now();
-    while now().us_since(heard_at) < SILENCE.as_micros() {
+    while now().us_since(heard_at) < STATION_TIMEOUT.as_micros() {
         Timer::after_secs(1).await;
         let frames_now = link.statistics().received.frames;
         if frames_now != frames {

@@ -6,8 +6,8 @@ use super::{Shared, now};
 use crate::log::info;
 use crate::vehicle::Restart;
 
-/// Before a restart, answers and values get this long to be sent and saved.
-const PATIENCE: Duration = Duration::from_secs(3);
+/// Time-out of the answers to be sent and the values to be saved before a restart.
+const SAVE_TIMEOUT: Duration = Duration::from_secs(3);
 
 const LOOK_INTERVAL: Duration = Duration::from_millis(20);
 
@@ -19,7 +19,7 @@ const WIRE_DELAY: Duration = Duration::from_millis(250);
 pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) -> Restart {
     shared.to_reboot.wait().await;
     shared.with(|autopilot| autopilot.prepare_restart(now()));
-    let deadline = now().after_us(PATIENCE.as_micros());
+    let deadline = now().after_us(SAVE_TIMEOUT.as_micros());
     while (shared.with(|autopilot| autopilot.has_unsaved()) || !all_sent()) && now() < deadline {
         Timer::after(LOOK_INTERVAL).await;
     }

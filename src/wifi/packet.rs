@@ -54,7 +54,7 @@ pub enum PacketFault {
 /// A packet that the driver may see.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PacketKind {
-    /// An event: a station is no longer in its network, or a guest has left the access point.
+    /// An event: a station is no longer in its network, or a client has left the access point.
     Exclusion,
     /// Any other.
     Other,

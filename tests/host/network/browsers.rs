@@ -88,7 +88,7 @@ fn a_browser_that_has_vanished_gives_its_place_after_three_seconds() {
 }
 
 #[test]
-fn slow_connections_delay_a_page_by_three_seconds_and_their_farewell() {
+fn slow_connections_delay_a_page_by_three_seconds_and_the_close_timeout() {
     // The answer to the last one is never taken.
     for begin in ["GET / HTTP/1.1\r\nX: ", "G", "", &get("/", "")] {
         play(Role::AccessPoint, async |room| {

@@ -57,7 +57,7 @@ async fn is_heard(room: &Room<'_>, mac: [u8; 6], address: Ipv4Addr) -> bool {
     frames.iter().any(is_answer)
 }
 
-/// Whether the board serves a phone that greets it, within half a second.
+/// Whether the board serves a phone that sends it a HEARTBEAT, within half a second.
 async fn is_served(room: &Room<'_>, phone: &mut Phone) -> bool {
     let station = phone.listen(14550);
     is_station_served(room, phone, station).await

@@ -1,4 +1,4 @@
-//! Ingress filter: whose frames are let in.
+//! Ingress filter: which received frames are processed.
 
 use core::cell::{Cell, RefCell};
 use core::net::Ipv4Addr;
@@ -29,7 +29,7 @@ const DHCP_CLIENT_MAC: usize = 8 + 28;
 /// Minimum interval between log lines about refused frames or stations.
 const LOG_INTERVAL_US: u64 = 10_000_000;
 
-/// Limit of the lines about strangers of one kind.
+/// Rate limit of the log lines about refused frames, or about refused stations.
 pub(super) type RefusalLog = Cell<RateLimit<LOG_INTERVAL_US>>;
 
 /// Whether a line is written now; then it counts.
@@ -40,19 +40,19 @@ pub(super) fn may_log(limit: &RefusalLog) -> bool {
     is_allowed
 }
 
-/// Lets frames in that mean something to the board.
+/// Accepts IPv4 and ARP, and at the board's own access point only from senders that use the address they have been given.
 ///
-/// At its own access point the board knows which address it has given to which computer. Frames with another sender are refused there: those
-/// who invent addresses would push the others out of the list of neighbours, and occupy the places for connections. A DHCP message on behalf of
-/// another computer is refused, too: it could release that one's address. So is ARP on behalf of another: it could be lent every free address.
-pub(super) struct Door<'a> {
-    /// Of the access point; `None` in another's network.
+/// At its own access point the board knows which address it has given to which computer. Frames with another sender are refused there:
+/// spoofed addresses would push the others out of the ARP cache, and occupy the sockets. A DHCP message on behalf of another computer is
+/// refused, too: it could release that one's address. ARP on behalf of another could be lent every free address.
+pub(super) struct IngressFilter<'a> {
+    /// Leases of the access point; `None` in another's network.
     leases: Option<&'a RefCell<Leases>>,
     refused: Cell<u32>,
     log: RefusalLog,
 }
 
-impl<'a> Door<'a> {
+impl<'a> IngressFilter<'a> {
     pub fn new(leases: Option<&'a RefCell<Leases>>) -> Self {
         Self {
             leases,
@@ -61,23 +61,23 @@ impl<'a> Door<'a> {
         }
     }
 
-    /// Whether a frame comes in.
-    pub fn admits(&self, frame: &[u8]) -> bool {
-        let is_admitted = match part(frame, ETHERTYPE) {
+    /// Whether a frame is to be processed. Counts one that is refused.
+    pub fn accepts(&self, frame: &[u8]) -> bool {
+        let is_accepted = match part(frame, ETHERTYPE) {
             Some(ETHERTYPE_ARP) => {
                 let sender = part(frame, SOURCE_MAC);
                 part(frame, ARP_SENDER) == sender && self.is_known(sender, part(frame, ARP_SENDER_IP))
             }
             Some(ETHERTYPE_IPV4) => match to_dhcp_server(frame) {
-                Some(message) => self.leases.is_none() || speaks_for_itself(frame, message),
+                Some(message) => self.leases.is_none() || is_about_sender(frame, message),
                 None => self.is_known(part(frame, SOURCE_MAC), part(frame, IP_SOURCE)),
             },
             _ => return false,
         };
-        if !is_admitted {
+        if !is_accepted {
             self.count();
         }
-        is_admitted
+        is_accepted
     }
 
     /// Whether the sender has the address from us.
@@ -89,7 +89,7 @@ impl<'a> Door<'a> {
             None => true,
             Some(leases) => leases
                 .try_borrow_mut()
-                .is_ok_and(|mut leases| leases.admits(mac, Ipv4Addr::from(address), now_ms())),
+                .is_ok_and(|mut leases| leases.accepts(mac, Ipv4Addr::from(address), now_ms())),
         }
     }
 
@@ -102,7 +102,7 @@ impl<'a> Door<'a> {
     }
 }
 
-/// The UDP datagram of a message to the DHCP server, which also hears who has no address yet.
+/// The UDP datagram of a message to the DHCP server, which also serves clients without an address.
 fn to_dhcp_server(frame: &[u8]) -> Option<&[u8]> {
     let header_bytes = usize::from(frame.get(IP_HEADER)? & 0x0f) * 4;
     let datagram = frame.get(IP_HEADER + header_bytes..)?;
@@ -111,8 +111,8 @@ fn to_dhcp_server(frame: &[u8]) -> Option<&[u8]> {
     is_to_server.then_some(datagram)
 }
 
-/// Whether a DHCP message is about the computer that sends it.
-fn speaks_for_itself(frame: &[u8], datagram: &[u8]) -> bool {
+/// Whether the client of a DHCP message is the computer that sends it.
+fn is_about_sender(frame: &[u8], datagram: &[u8]) -> bool {
     part::<6>(datagram, DHCP_CLIENT_MAC).is_some_and(|client| part(frame, SOURCE_MAC) == Some(client))
 }
 
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     const PHONE: [u8; 6] = [2, 0, 0, 0, 0, 1];
-    const STRANGER: [u8; 6] = [2, 0, 0, 0, 0, 2];
+    const UNKNOWN: [u8; 6] = [2, 0, 0, 0, 0, 2];
     const ADDRESS: [u8; 4] = [192, 168, 4, 2];
     const OTHER: [u8; 4] = [192, 168, 4, 200];
 
@@ -157,19 +157,19 @@ mod tests {
         RefCell::new(leases)
     }
 
-    fn admits(leases: Option<&RefCell<Leases>>, frame: &[u8]) -> bool {
-        Door::new(leases).admits(frame)
+    fn accepts(leases: Option<&RefCell<Leases>>, frame: &[u8]) -> bool {
+        IngressFilter::new(leases).accepts(frame)
     }
 
     #[test]
-    fn at_the_access_point_only_those_come_in_who_have_their_address_from_it() {
+    fn at_the_access_point_only_senders_with_an_address_from_it_are_accepted() {
         let leases = leased();
         for make in [arp, |mac, address| datagram(mac, address, 14550)] {
-            assert!(admits(Some(&leases), &make(PHONE, ADDRESS)));
-            assert!(!admits(Some(&leases), &make(PHONE, OTHER)));
-            assert!(!admits(Some(&leases), &make(STRANGER, ADDRESS)));
-            assert!(!admits(Some(&leases), &make(STRANGER, OTHER)));
-            assert!(admits(None, &make(STRANGER, OTHER)), "in another's network");
+            assert!(accepts(Some(&leases), &make(PHONE, ADDRESS)));
+            assert!(!accepts(Some(&leases), &make(PHONE, OTHER)));
+            assert!(!accepts(Some(&leases), &make(UNKNOWN, ADDRESS)));
+            assert!(!accepts(Some(&leases), &make(UNKNOWN, OTHER)));
+            assert!(accepts(None, &make(UNKNOWN, OTHER)), "in another's network");
         }
     }
 
@@ -182,11 +182,11 @@ mod tests {
     }
 
     #[test]
-    fn a_dhcp_message_comes_in_if_it_is_about_its_sender() {
+    fn a_dhcp_message_is_accepted_if_it_is_about_its_sender() {
         let leases = leased();
-        let at_access_point = |frame: &[u8]| admits(Some(&leases), frame);
+        let at_access_point = |frame: &[u8]| accepts(Some(&leases), frame);
         assert!(
-            at_access_point(&dhcp(STRANGER, [0; 4], STRANGER)),
+            at_access_point(&dhcp(UNKNOWN, [0; 4], UNKNOWN)),
             "it asks for an address"
         );
         assert!(
@@ -194,12 +194,12 @@ mod tests {
             "it renews its lease"
         );
         for address in [[0; 4], ADDRESS, OTHER] {
-            assert!(!at_access_point(&dhcp(STRANGER, address, PHONE)));
-            assert!(!at_access_point(&dhcp(PHONE, address, STRANGER)));
+            assert!(!at_access_point(&dhcp(UNKNOWN, address, PHONE)));
+            assert!(!at_access_point(&dhcp(PHONE, address, UNKNOWN)));
         }
         assert!(!at_access_point(&dhcp(PHONE, ADDRESS, PHONE)[..75]), "cut short");
         assert!(
-            admits(None, &dhcp(STRANGER, OTHER, PHONE)),
+            accepts(None, &dhcp(UNKNOWN, OTHER, PHONE)),
             "in another's network"
         );
         let mut with_options = dhcp(PHONE, ADDRESS, PHONE);
@@ -211,32 +211,32 @@ mod tests {
     }
 
     #[test]
-    fn arp_on_behalf_of_another_stays_outside() {
+    fn arp_on_behalf_of_another_is_refused() {
         let leases = leased();
-        // The other address would be lent to the stranger.
+        // The other address would be lent to the unknown sender.
         for address in [ADDRESS, [192, 168, 4, 3]] {
             let mut frame = arp(PHONE, address);
-            frame[SOURCE_MAC..12].copy_from_slice(&STRANGER);
-            assert!(!admits(Some(&leases), &frame), "{address:?}");
+            frame[SOURCE_MAC..12].copy_from_slice(&UNKNOWN);
+            assert!(!accepts(Some(&leases), &frame), "{address:?}");
         }
     }
 
     #[test]
-    fn what_is_neither_arp_nor_ipv4_stays_outside() {
+    fn other_protocols_than_arp_and_ipv4_are_refused() {
         let mut frame = datagram(PHONE, ADDRESS, 14550);
         frame[ETHERTYPE..14].copy_from_slice(&[0x86, 0xdd]);
-        assert!(!admits(None, &frame));
+        assert!(!accepts(None, &frame));
     }
 
     proptest! {
         #[test]
-        fn nothing_that_comes_breaks_it(frame in prop::collection::vec(any::<u8>(), 0..80), kind in 0..3) {
+        fn no_frame_makes_it_panic(frame in prop::collection::vec(any::<u8>(), 0..80), kind in 0..3) {
             let mut frame = frame;
             let kinds = [ETHERTYPE_ARP, ETHERTYPE_IPV4, [0, 0]];
             if frame.len() >= 14 {
                 frame[ETHERTYPE..14].copy_from_slice(&kinds[kind as usize]);
             }
-            admits(Some(&leased()), &frame);
+            accepts(Some(&leased()), &frame);
         }
     }
 }
