@@ -1,8 +1,12 @@
 //! The page and MAVLink for browsers ([`web`](crate::web)), by TCP.
 //!
-//! Any connection may become a WebSocket, but two links are all there is memory for: its slot says which one it has.
+//! There are five sockets. Four of them serve a connection each; while all of these are in use the fifth one answers 503. A connection
+//! that is served needs a slot of [`Slots`] to get a page or a file, or to become a WebSocket; without a free one it gets 503 as well.
+//!
+//! Any of the four connections may become a WebSocket, but there is memory for two links only. So the links belong to the slots of
+//! WebSockets, and a connection borrows that of its slot.
 
-use core::cell::{Cell, RefCell};
+use core::cell::RefCell;
 
 use embassy_futures::join::join5;
 use embassy_net::Stack;
@@ -21,7 +25,7 @@ use crate::web::{BUFFER_BYTES, Site, Slot, Slots, WEB_SOCKETS, refuse, serve_req
 /// The port of HTTP.
 const PORT: u16 = 80;
 
-/// Connections of WebSockets, and two that get a page or a file. One more gets 503.
+/// Connections that are served at a time: one for each slot, of a WebSocket or of a file.
 pub(super) const CONNECTIONS: usize = 4;
 
 /// Room for bytes from a browser while its link is busy.
@@ -30,17 +34,17 @@ const RECEIVED_BYTES: usize = 512;
 /// Room for bytes to a browser until it confirms them.
 const SENT_BYTES: usize = 1024;
 
-/// The same of the one that gets 503.
+/// The same of the connection that gets 503.
 const REFUSED_RECEIVED_BYTES: usize = 128;
 const REFUSED_SENT_BYTES: usize = 192;
 
 /// Time-out of a browser that is to receive what was sent last and to close its side.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// The same of the one that gets 503: another one may come.
+/// The same of the connection that gets 503: another one may come.
 const REFUSED_CLOSE_TIMEOUT: Duration = Duration::from_millis(250);
 
-/// The buffers of the connections.
+/// The buffers of the sockets.
 pub(super) struct BrowserMemory {
     connections: [ConnectionMemory; CONNECTIONS],
     /// Of the connection that gets 503: received and sent bytes.
@@ -52,6 +56,7 @@ type RefusedMemory = ([u8; REFUSED_RECEIVED_BYTES], [u8; REFUSED_SENT_BYTES]);
 struct ConnectionMemory {
     received: [u8; RECEIVED_BYTES],
     sent: [u8; SENT_BYTES],
+    /// Of the request and the pieces of the answer.
     buffer: [u8; BUFFER_BYTES],
 }
 
@@ -70,94 +75,116 @@ impl BrowserMemory {
     }
 }
 
-/// The link of a WebSocket's slot.
-struct LinkSlot<'m, 'a> {
+/// The server: what its sockets share.
+struct Server<'s, 'a> {
+    stack: Stack<'s>,
+    service: &'s Service<'a>,
+    /// Which connections may get a file or become a WebSocket.
+    slots: Slots,
+    /// The link of each slot for a WebSocket, by the slot's index.
+    links: [WebSocketLink<'s, 'a>; WEB_SOCKETS],
+}
+
+/// The link of a slot for a WebSocket.
+struct WebSocketLink<'s, 'a> {
     id: LinkId,
-    /// Memory in which the link is built; `None` while a connection uses it.
-    memory: Cell<Option<&'m mut Option<Link<'a>>>>,
+    /// The link is built here; borrowed while a connection has the slot.
+    memory: RefCell<&'s mut Option<Link<'a>>>,
+}
+
+impl<'s, 'a> WebSocketLink<'s, 'a> {
+    fn new(id: LinkId, memory: &'s mut Option<Link<'a>>) -> Self {
+        let memory = RefCell::new(memory);
+        Self { id, memory }
+    }
 }
 
 /// Serves browsers.
 pub(super) async fn serve_browsers(stack: Stack<'_>, memory: &mut BrowserMemory, service: &Service<'_>) {
-    let slots = Slots::new();
+    // Not in the server: it would be built on the stack, which has no room for links, and moved.
     let (mut first, mut second) = (None, None);
-    let link = |id, memory| LinkSlot {
-        id,
-        memory: Cell::new(Some(memory)),
+    let server = Server {
+        stack,
+        service,
+        slots: Slots::new(),
+        links: [
+            WebSocketLink::new(LinkId::Web1, &mut first),
+            WebSocketLink::new(LinkId::Web2, &mut second),
+        ],
     };
-    let links: [_; WEB_SOCKETS] = [link(LinkId::Web1, &mut first), link(LinkId::Web2, &mut second)];
     let BrowserMemory { connections, refused } = memory;
     let [one, two, three, four] = connections;
     join5(
-        serve_connection(stack, one, &links, &slots, service),
-        serve_connection(stack, two, &links, &slots, service),
-        serve_connection(stack, three, &links, &slots, service),
-        serve_connection(stack, four, &links, &slots, service),
+        server.serve_connections(one),
+        server.serve_connections(two),
+        server.serve_connections(three),
+        server.serve_connections(four),
         // Last: a new connection goes to the first socket that listens.
-        refuse_surplus(stack, refused, &slots),
+        server.refuse_connections(refused),
     )
     .await;
 }
 
-/// Serves one request after the other.
-async fn serve_connection<'a>(
-    stack: Stack<'_>,
-    memory: &mut ConnectionMemory,
-    links: &[LinkSlot<'_, 'a>; WEB_SOCKETS],
-    slots: &Slots,
-    service: &Service<'a>,
-) {
-    let ConnectionMemory {
-        received,
-        sent,
-        buffer,
-    } = memory;
-    let socket = &RefCell::new(socket(stack, received, sent));
-    let site = Site {
-        shared: service.shared,
-        logs: service.logs,
-        slots,
-    };
-    loop {
-        accept(socket, PORT).await;
-        let name = own_address(socket);
-        let slot = serve_request(TcpTransmitter(socket), socket, buffer, &[&name], site).await;
-        if let Some(slot) = slot
-            && let Some(link) = links.get(slot.index)
-        {
-            serve_link(socket, &slot, link, service).await;
+impl<'a> Server<'_, 'a> {
+    /// Serves one connection after the other, on a socket with this memory.
+    async fn serve_connections(&self, memory: &mut ConnectionMemory) {
+        let ConnectionMemory {
+            received,
+            sent,
+            buffer,
+        } = memory;
+        let socket = &RefCell::new(socket(self.stack, received, sent));
+        let site = Site {
+            shared: self.service.shared,
+            logs: self.service.logs,
+            slots: &self.slots,
+        };
+        loop {
+            accept(socket, PORT).await;
+            let name = own_address(socket);
+            let web_socket = serve_request(TcpTransmitter(socket), socket, buffer, &[&name], site).await;
+            if let Some(slot) = web_socket {
+                self.serve_web_socket(socket, &slot).await;
+            }
+            close(socket, CLOSE_TIMEOUT).await;
         }
-        close(socket, CLOSE_TIMEOUT).await;
+    }
+
+    /// Serves the link of `slot` on a connection that has become a WebSocket.
+    #[expect(
+        clippy::await_holding_refcell_ref,
+        reason = "the slot's holder alone borrows it"
+    )]
+    async fn serve_web_socket(&self, socket: &RefCell<TcpSocket<'_>>, slot: &Slot<'_>) {
+        let Some(WebSocketLink { id, memory }) = self.links.get(slot.index) else {
+            return;
+        };
+        // It is not borrowed, as a slot has one holder.
+        let Ok(mut memory) = memory.try_borrow_mut() else {
+            return;
+        };
+        let link = open(*id, slot.sender.access(), &mut memory, self.service);
+        info!("{}: connected", id.name());
+        let (shared, check_in) = (self.service.shared, self.service.check_in);
+        serve_web_socket(TcpTransmitter(socket), socket, slot, link, shared, check_in).await;
+        info!("{}: disconnected", id.name());
+    }
+
+    /// Answers 503 to connections that come while all other sockets are in use.
+    async fn refuse_connections(&self, (received, sent): &mut RefusedMemory) {
+        let socket = &RefCell::new(socket(self.stack, received, sent));
+        loop {
+            accept(socket, PORT).await;
+            refuse(TcpTransmitter(socket), &self.slots).await;
+            let receive_rest = async { while { socket }.receive(&mut [0; 32]).await.is_ok() {} };
+            socket.borrow_mut().close();
+            let _ = with_timeout(REFUSED_CLOSE_TIMEOUT, receive_rest).await;
+            close(socket, REFUSED_CLOSE_TIMEOUT).await;
+        }
     }
 }
 
-/// Serves a connection that has become a WebSocket.
-async fn serve_link<'a>(
-    socket: &RefCell<TcpSocket<'_>>,
-    slot: &Slot<'_>,
-    link_slot: &LinkSlot<'_, 'a>,
-    service: &Service<'a>,
-) {
-    // A slot has one holder.
-    let Some(memory) = link_slot.memory.take() else {
-        return;
-    };
-    let link = open(link_slot.id, slot.sender.access(), memory, service);
-    info!("{}: connected", link_slot.id.name());
-    serve_web_socket(
-        TcpTransmitter(socket),
-        socket,
-        slot,
-        link,
-        service.shared,
-        service.check_in,
-    )
-    .await;
-    info!("{}: disconnected", link_slot.id.name());
-    link_slot.memory.set(Some(memory));
-}
-
-/// Opens a link.
+/// Opens a link in `memory`.
 // Not inlined: it is built on the stack, and would take room there all the time.
 #[inline(never)]
 fn open<'s, 'a>(
@@ -174,18 +201,5 @@ fn own_address(socket: &RefCell<TcpSocket<'_>>) -> String<15> {
     match socket.borrow().local_endpoint() {
         Some(endpoint) => text(format_args!("{}", endpoint.addr)),
         None => String::new(),
-    }
-}
-
-/// Answers 503 to those who come while all other connections are in use.
-async fn refuse_surplus(stack: Stack<'_>, (received, sent): &mut RefusedMemory, slots: &Slots) {
-    let socket = &RefCell::new(socket(stack, received, sent));
-    loop {
-        accept(socket, PORT).await;
-        refuse(TcpTransmitter(socket), slots).await;
-        let receive_rest = async { while { socket }.receive(&mut [0; 32]).await.is_ok() {} };
-        socket.borrow_mut().close();
-        let _ = with_timeout(REFUSED_CLOSE_TIMEOUT, receive_rest).await;
-        close(socket, REFUSED_CLOSE_TIMEOUT).await;
     }
 }

@@ -1,6 +1,6 @@
 //! MAVLink by UDP and TCP, and a page for browsers, over a network device; addresses for others on the network.
 //!
-//! All of it runs in one task: the network first, then who waits for it (`until` in `socket.rs`).
+//! All of it runs in one task ([`serve`]): in each turn the network stack, then everything that waits for it (`until` in `socket.rs`).
 
 mod address;
 mod browsers;

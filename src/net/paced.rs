@@ -1,5 +1,6 @@
 //! The network device: it leaves the other tasks their turn, and filters received frames.
 
+use core::mem;
 use core::task::Context;
 
 use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken};
@@ -13,22 +14,10 @@ use super::ingress_filter::IngressFilter;
 pub(super) struct Paced<'a, D> {
     device: D,
     filter: IngressFilter<'a>,
-    received: FrameSlot,
-    sent: FrameSlot,
-}
-
-/// Whether this turn's frame has passed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum FrameSlot {
-    Open,
-    Used,
-}
-
-impl FrameSlot {
-    /// Whether a frame may pass. After one that did the next may not, and is let through in the next turn.
-    fn take(&mut self) -> bool {
-        core::mem::replace(self, Self::Open) == Self::Open
-    }
+    /// This turn's frame has been received: the next one is refused once, and passes in the next turn.
+    has_received: bool,
+    /// The same of the frame to send.
+    has_sent: bool,
 }
 
 impl<'a, D> Paced<'a, D> {
@@ -36,8 +25,8 @@ impl<'a, D> Paced<'a, D> {
         Self {
             device,
             filter,
-            received: FrameSlot::Open,
-            sent: FrameSlot::Open,
+            has_received: false,
+            has_sent: false,
         }
     }
 }
@@ -69,9 +58,8 @@ impl<D: Driver> Driver for Paced<'_, D> {
         Self: 'a;
 
     fn receive(&mut self, context: &mut Context<'_>) -> Option<(Self::RxToken<'_>, Self::TxToken<'_>)> {
-        let may_pass = self.received.take();
         let frame = self.device.receive(context);
-        if !may_pass {
+        if mem::take(&mut self.has_received) {
             // Another one waits. Otherwise the device wakes the task when one comes.
             if frame.is_some() {
                 context.waker().wake_by_ref();
@@ -79,21 +67,19 @@ impl<D: Driver> Driver for Paced<'_, D> {
             return None;
         }
         let (token, answer) = frame?;
-        self.received = FrameSlot::Used;
+        self.has_received = true;
         let filter = &self.filter;
         Some((FilteredToken { token, filter }, answer))
     }
 
     fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {
-        if !self.sent.take() {
+        if mem::take(&mut self.has_sent) {
             // There is another one to send.
             context.waker().wake_by_ref();
             return None;
         }
         let token = self.device.transmit(context);
-        if token.is_some() {
-            self.sent = FrameSlot::Used;
-        }
+        self.has_sent = token.is_some();
         token
     }
 
