@@ -27,7 +27,7 @@ const CLOCK_REGISTER: u32 = 0x1_000e;
 const LOW_POWER_CLOCK_REQUEST: u8 = 1 << 3;
 const LOW_POWER_CLOCK: u32 = 1 << 6;
 
-/// There, too. The driver writes a value, and asserts that it reads the same.
+/// There, too.
 const WATERMARK_REGISTER: u32 = 0x1_0008;
 const WATERMARK: u32 = 0x10;
 
@@ -40,11 +40,6 @@ const CORE_RESET: u32 = 1;
 
 /// In the status register: the chip's program takes packets.
 const PACKETS_READY: u32 = 1 << 5;
-
-/// The driver asks a hundred times for the clock and a thousand times for packets, once in a millisecond, and panics then.
-/// By time and not by number: of the status it asks the bus every other time only, and after a pause it catches up.
-const CLOCK_TIMEOUT_MS: u32 = 90;
-const PACKETS_TIMEOUT_MS: u32 = 900;
 
 /// Words read from a line that the chip does not drive.
 const SILENCE: [u32; 2] = [0, u32::MAX];
@@ -73,8 +68,8 @@ pub(super) struct ChipState {
     pub refusals: Cell<Refusals>,
     /// It has refused, and that is not a fault.
     pub refused: Signal<NoopRawMutex, ()>,
-    /// The driver's wait while it starts the chip.
-    waiting: Cell<Waiting>,
+    /// Of the chip's start.
+    progress: Cell<StartProgress>,
 }
 
 impl ChipState {
@@ -86,20 +81,21 @@ impl ChipState {
             role,
             refusals: Cell::new(Refusals::AreFaults),
             refused: Signal::new(),
-            waiting: Cell::default(),
+            progress: Cell::default(),
         }
     }
 }
 
-/// A wait of the driver. It is with the owner, since the bus lies in the driver's future several times.
+/// What the driver has done last while it starts the chip. It is with the owner, since the bus lies in the driver's future several
+/// times.
 #[derive(Clone, Copy, Default)]
-struct Waiting {
+struct StartProgress {
     /// The value written last to [`CLOCK_REGISTER`].
     clock_request: u8,
     /// The read before this one was of [`CORE_CLOCK_REGISTER`].
     was_core_clock: bool,
-    /// Since when the driver repeats a request without success, in ms modulo 2^32.
-    since_ms: Option<u32>,
+    /// Since when it has been waiting for a required answer, in ms modulo 2^32.
+    waiting_since_ms: Option<u32>,
 }
 
 /// Meaning of a control request that the chip refuses.
@@ -132,7 +128,7 @@ impl Stage {
     }
 }
 
-/// A bus on which no one but the driver waits for long, and on which the driver sees nothing that it would give up at.
+/// A bus on which only the driver waits for long, and on which the driver sees nothing that it would panic at.
 ///
 /// The driver asserts what it reads, and polls without an end. So a transfer after which the chip does not answer never ends
 /// here: the fault is reported, and the caller of the driver drops it.
@@ -164,15 +160,27 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
         }
     }
 
+    /// Checks what was read before the driver sees it:
+    ///
+    /// | stage | read of | required | otherwise |
+    /// |---|---|---|---|
+    /// | waking | test register | – | the driver repeats it until it gets the test word |
+    /// | waking | anything else | a line that the chip drives | [`BusFault::Silent`] |
+    /// | starting | anything | the chip still answers | [`BusFault::Silent`] |
+    /// | starting | a register that the driver waits for | its value in time: [`StartProgress::is_overdue`] | [`BusFault::NotReady`] |
+    /// | running | a packet | a valid one: [`check_packet`](Self::check_packet) | it is blanked, or [`BusFault::Refused`] |
+    /// | running | status | a line that the chip drives, or the chip still answers | [`BusFault::Silent`] |
     async fn check_answer(&mut self, command: Command, words: &mut [u32]) {
         match self.chip.stage.get() {
-            // Before anything else the driver repeats this until it gets the test word.
             Stage::Waking if command.address == TEST_REGISTER => Timer::after_millis(WAKING_MS).await,
             Stage::Waking if is_silence(words) => self.fail(BusFault::Silent).await,
             Stage::Waking => {}
             Stage::Starting => {
                 self.require_answer().await;
-                if self.has_waited_enough(command, words) {
+                let mut progress = self.chip.progress.get();
+                let is_overdue = progress.is_overdue(command, words, Instant::now().as_millis() as u32);
+                self.chip.progress.set(progress);
+                if is_overdue {
                     self.fail(BusFault::NotReady).await;
                 }
             }
@@ -186,30 +194,17 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
         }
     }
 
-    /// Whether this answer ends the time that the driver may go on asking.
-    fn has_waited_enough(&self, command: Command, words: &[u32]) -> bool {
-        let answer = words.last().copied().unwrap_or(0) & command.mask();
-        let mut waiting = self.chip.waiting.get();
-        let patience_ms = waiting.patience_ms(command, answer);
-        let now_ms = Instant::now().as_millis() as u32;
-        let since_ms = waiting.since_ms.unwrap_or(now_ms);
-        waiting.since_ms = patience_ms.map(|_| since_ms);
-        waiting.was_core_clock = command.is_of(Function::Backplane, CORE_CLOCK_REGISTER);
-        self.chip.waiting.set(waiting);
-        patience_ms.is_some_and(|patience_ms| now_ms.wrapping_sub(since_ms) >= patience_ms)
-    }
-
     fn note_write(&self, command: Command, words: &[u32]) {
         let stage = self.chip.stage.get().after_write(command);
         self.chip.stage.set(stage);
-        let mut waiting = Waiting {
-            clock_request: self.chip.waiting.get().clock_request,
-            ..Waiting::default()
+        let mut progress = StartProgress {
+            clock_request: self.chip.progress.get().clock_request,
+            ..StartProgress::default()
         };
         if command.is_of(Function::Backplane, CLOCK_REGISTER) {
-            waiting.clock_request = words.get(1).map_or(0, |word| *word as u8);
+            progress.clock_request = words.get(1).map_or(0, |word| *word as u8);
         }
-        self.chip.waiting.set(waiting);
+        self.chip.progress.set(progress);
     }
 
     /// Blanks a packet that makes no sense, which the driver then ignores.
@@ -273,25 +268,37 @@ impl<B: SpiBusCyw43> SpiBusCyw43 for CheckedBus<'_, B> {
     }
 }
 
-impl Waiting {
-    /// Time for which the driver may go on asking for what it has not got by this answer; `None`: it goes on.
-    fn patience_ms(&self, command: Command, answer: u32) -> Option<u32> {
-        let (is_ready, patience_ms) = match (command.function, command.address) {
+impl StartProgress {
+    /// Takes over an answer, read at `now_ms`. Whether the driver would panic now, as it requires another one and has waited for it
+    /// for too long.
+    fn is_overdue(&mut self, command: Command, words: &[u32], now_ms: u32) -> bool {
+        // Of each required answer the bits that count, their value, and the time in ms for which the driver may repeat the read. By
+        // time and not by number: of the status it asks the bus every other time only, and after a pause it catches up.
+        let (mask, value, timeout_ms) = match (command.function, command.address) {
+            // The driver asks a hundred times, once in a millisecond.
             (Function::Backplane, CLOCK_REGISTER) if self.clock_request == LOW_POWER_CLOCK_REQUEST => {
-                (answer & LOW_POWER_CLOCK != 0, CLOCK_TIMEOUT_MS)
+                (LOW_POWER_CLOCK, LOW_POWER_CLOCK, 90)
             }
-            (Function::Backplane, WATERMARK_REGISTER) => (answer == WATERMARK, 0),
-            // The driver reads this register twice, and then the other one, only to see whether the core runs.
+            // It reads the value that it has written.
+            (Function::Backplane, WATERMARK_REGISTER) => (u32::MAX, WATERMARK, 0),
+            // It reads the clock twice and then the reset only to see whether the core runs.
             (Function::Backplane, CORE_CLOCK_REGISTER) if self.was_core_clock => {
-                (answer & CORE_CLOCK_MASK == CORE_CLOCK_ON, 0)
+                (CORE_CLOCK_MASK, CORE_CLOCK_ON, 0)
             }
-            (Function::Backplane, CORE_RESET_REGISTER) if self.was_core_clock => {
-                (answer & CORE_RESET == 0, 0)
-            }
-            (Function::Bus, STATUS_REGISTER) => (answer & PACKETS_READY != 0, PACKETS_TIMEOUT_MS),
-            _ => return None,
+            (Function::Backplane, CORE_RESET_REGISTER) if self.was_core_clock => (CORE_RESET, 0, 0),
+            // It asks a thousand times, once in a millisecond.
+            (Function::Bus, STATUS_REGISTER) => (PACKETS_READY, PACKETS_READY, 900),
+            // Any answer will do.
+            _ => (0, 0, 0),
         };
-        (!is_ready).then_some(patience_ms)
+        self.was_core_clock = command.is_of(Function::Backplane, CORE_CLOCK_REGISTER);
+        let answer = words.last().copied().unwrap_or(0) & command.mask();
+        if answer & mask == value {
+            self.waiting_since_ms = None;
+            return false;
+        }
+        let since_ms = *self.waiting_since_ms.get_or_insert(now_ms);
+        now_ms.wrapping_sub(since_ms) >= timeout_ms
     }
 }
 

@@ -12,7 +12,7 @@ use embassy_rp::pio::Pio;
 use embassy_rp::{Peri, dma};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embassy_time::{Duration, Timer, with_timeout};
 
 use super::bus::{BusFault, CheckedBus, ChipState, Refusals, Stage};
 use super::find::{BoardKind, note_that_no_radio_answers};
@@ -21,7 +21,8 @@ use crate::board::Irqs;
 use crate::memory::in_place::in_place;
 use crate::net::{self, NetMemory, NetReport, Role, Service};
 use crate::tasks::{self, Shared};
-use crate::wifi::{Network, PowerSave, WifiMode, WifiReport, WifiSetup};
+use crate::time::Instant;
+use crate::wifi::{Network, PowerSave, RadioAction, RadioEvent, RadioState, WifiMode, WifiReport, WifiSetup};
 
 /// Switching on, the chip's program and its start take 0.6 s.
 const START_TIMEOUT: Duration = Duration::from_secs(3);
@@ -41,7 +42,6 @@ const RETRY_DELAY: Duration = Duration::from_secs(10);
 
 /// Between two attempts to join a network. A failed one takes a few seconds itself.
 const JOIN_DELAY: Duration = Duration::from_secs(2);
-const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Of the chip's own GPIOs: high, the regulator of a Pico W switches at a fixed frequency (Pico W datasheet, "Power chain").
 /// Its ripple is on the converter's reference.
@@ -50,12 +50,6 @@ const REGULATOR_GPIO: u8 = 1;
 /// Another of them: it senses the USB port's supply, and its pull-up keeps the port's supply pin at 1.4 V while the pack feeds the
 /// board. A USB-C host then does not switch its supply on, as it takes the cable for fed; low, it does.
 const USB_SUPPLY_GPIO: u8 = 2;
-
-/// A network that gives no address for this long is left, and joined again.
-const ADDRESS_PATIENCE: Duration = Duration::from_secs(25);
-
-/// The limit over all attempts, and over faults of the radio meanwhile: then the board has its own network instead.
-const NETWORK_PATIENCE: Duration = Duration::from_secs(60);
 
 /// Time for which the board has its own network, before it looks for the other one again if no ground station is connected.
 const FALLBACK_TIME: Duration = Duration::from_secs(300);
@@ -89,43 +83,8 @@ pub struct Wifi {
     network: &'static mut NetMemory,
 }
 
-/// Why a run of the radio has ended.
-#[derive(Clone, Copy)]
-enum End {
-    /// The owner wants something else.
-    SetUpAnew,
-    /// The network to join was not found, or has not let the board in, for [`NETWORK_PATIENCE`].
-    NotJoined,
-    /// It is time to look for the network again.
-    LookAgain,
-    /// The radio has to be restarted.
-    Failed(WifiReport),
-}
-
-/// When the board gives up to look for its network. `None`: it does not look for it, or was in it.
-type GiveUpAt = Option<Instant>;
-
-/// Why the network was not joined.
-enum NotJoined {
-    /// By the driver.
-    Failed(JoinError),
-    /// The chip has refused a control request.
-    Refused,
-    /// Within [`JOIN_TIMEOUT`].
-    TimedOut,
-}
-
 /// The latest of what the network stack has reported of the board's address.
 type Address = Signal<NoopRawMutex, NetReport>;
-
-/// Plan for the radio's run: the network to be in.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Plan {
-    /// The owner's choice.
-    AsSetUp,
-    /// An access point, because the network is not there.
-    Fallback,
-}
 
 impl Wifi {
     /// The radio at these pins. What driver and network stack keep stays where it is.
@@ -160,23 +119,14 @@ impl Wifi {
 
     async fn keep_up(&mut self, service: &Service<'_>) -> ! {
         let shared = service.shared;
-        let mut plan = Plan::AsSetUp;
-        let mut give_up_at = None;
+        let mut state = RadioState::AsSetUp;
         loop {
             let setup = self.wanted(shared).await;
-            let end = self.run_once(&setup, plan, &mut give_up_at, service).await;
-            plan = match end {
-                End::SetUpAnew | End::LookAgain => Plan::AsSetUp,
-                End::NotJoined => Plan::Fallback,
-                End::Failed(_) => plan,
-            };
-            if let End::Failed(report) = end {
-                let report = self.judge_absence().unwrap_or(report);
+            if let Err(fault) = self.run_once(&setup, &mut state, service).await {
+                let report = self.judge_absence().unwrap_or(fault);
                 shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
                 let _off = self.held_off();
                 select(Timer::after(RETRY_DELAY), changed(shared, &setup)).await;
-            } else {
-                give_up_at = None;
             }
         }
     }
@@ -202,16 +152,18 @@ impl Wifi {
         (self.board == BoardKind::PicoW).then(|| Output::new(power.reborrow(), Level::Low))
     }
 
-    /// Switches the radio on and serves until something else has to be done. It is off afterwards.
+    /// Switches the radio on and serves until it has to be restarted. It is off afterwards.
+    ///
+    /// # Errors
+    /// The radio has failed.
     async fn run_once(
         &mut self,
         setup: &WifiSetup,
-        plan: Plan,
-        give_up_at: &mut GiveUpAt,
+        state: &mut RadioState,
         service: &Service<'_>,
-    ) -> End {
+    ) -> Result<(), WifiReport> {
         forget(self.driver);
-        let chip = ChipState::new(role(setup, plan));
+        let chip = ChipState::new(role(setup, *state));
         let parts = &mut self.peripherals;
         let power = Output::new(parts.power.reborrow(), Level::Low);
         let select_pin = Output::new(parts.select.reborrow(), Level::High);
@@ -234,38 +186,40 @@ impl Wifi {
         let run = async {
             let start = cyw43::new(self.driver, power, bus, &PROGRAM, &BOARD_DATA);
             let Ok((device, control, driver)) = with_timeout(START_TIMEOUT, start).await else {
-                return End::Failed(start_failure(&chip));
+                return Err(start_failure(&chip));
             };
             let mut operation = Operation {
                 control,
                 chip: &chip,
                 setup,
-                plan,
-                give_up_at,
+                state: &mut *state,
                 service,
             };
             // Pinned where it is built: moved, it may be built on the stack, which has no room for it.
             let operating = pin!(operation.run(device, self.network));
             match select(driver.run(), operating).await {
                 Either::First(never) => never,
-                Either::Second(end) => end,
+                Either::Second(result) => result,
             }
         };
-        let end = match select3(chip.fault.wait(), changed(service.shared, setup), run).await {
+        let result = match select3(chip.fault.wait(), changed(service.shared, setup), run).await {
             Either3::First(fault) => {
                 defmt::warn!("Wi-Fi: {}", fault);
-                End::Failed(match fault {
+                Err(match fault {
                     BusFault::NotReady => WifiReport::DownloadFailed,
                     BusFault::Silent | BusFault::Refused(_) => WifiReport::NoAnswer,
                 })
             }
-            Either3::Second(()) => End::SetUpAnew,
-            Either3::Third(end) => end,
+            Either3::Second(()) => {
+                state.next(RadioEvent::SetUpAgain, tasks::now());
+                Ok(())
+            }
+            Either3::Third(result) => result,
         };
         if chip.stage.get() != Stage::Waking {
             self.board = BoardKind::PicoW;
         }
-        end
+        result
     }
 
     /// Whether a radio that has failed to start is there at all. If not, nothing switches it on again, and its pins are free.
@@ -295,8 +249,8 @@ fn start_failure(chip: &ChipState) -> WifiReport {
 }
 
 /// Waits until the board should look for its network again: not while it is driven, or a ground station is served.
-async fn until_over(plan: Plan, shared: &Shared) {
-    if plan == Plan::AsSetUp {
+async fn until_over(state: RadioState, shared: &Shared) {
+    if state != RadioState::Fallback {
         pending::<()>().await;
     }
     Timer::after(FALLBACK_TIME).await;
@@ -315,9 +269,9 @@ async fn changed(shared: &Shared, setup: &WifiSetup) {
 }
 
 /// Role of the board in its network.
-fn role(setup: &WifiSetup, plan: Plan) -> Role {
-    match (setup.mode, &setup.network, plan) {
-        (WifiMode::Station, Some(_), Plan::AsSetUp) => Role::Station,
+fn role(setup: &WifiSetup, state: RadioState) -> Role {
+    match (setup.mode, &setup.network, state) {
+        (WifiMode::Station, Some(_), RadioState::AsSetUp | RadioState::Joining { .. }) => Role::Station,
         _ => Role::AccessPoint,
     }
 }
@@ -327,15 +281,15 @@ struct Operation<'a> {
     control: Control<'a>,
     chip: &'a ChipState,
     setup: &'a WifiSetup,
-    plan: Plan,
-    give_up_at: &'a mut GiveUpAt,
+    state: &'a mut RadioState,
     service: &'a Service<'a>,
 }
 
 impl Operation<'_> {
-    async fn run(&mut self, device: NetDriver<'_>, network: &mut NetMemory) -> End {
+    /// Serves until the radio has to be restarted.
+    async fn run(&mut self, device: NetDriver<'_>, network: &mut NetMemory) -> Result<(), WifiReport> {
         if with_timeout(SET_UP_TIMEOUT, self.set_up()).await.is_err() {
-            return End::Failed(WifiReport::NoAnswer);
+            return Err(WifiReport::NoAnswer);
         }
         let (service, role) = (self.service, self.chip.role);
         let address = Address::new();
@@ -358,7 +312,7 @@ impl Operation<'_> {
         ));
         match select(serving, self.watch(&address)).await {
             Either::First(never) => never,
-            Either::Second(end) => end,
+            Either::Second(result) => result,
         }
     }
 
@@ -377,9 +331,9 @@ impl Operation<'_> {
             // The log's reader has the board in hand.
             defmt::info!("Wi-Fi: access point {=str}, password {=str}", name, password);
             self.control.start_ap_wpa2(name, password, setup.channel).await;
-            self.report(match self.plan {
-                Plan::AsSetUp => WifiReport::AccessPointUp,
-                Plan::Fallback => WifiReport::FallbackToAccessPoint,
+            self.report(match self.state {
+                RadioState::Fallback => WifiReport::FallbackToAccessPoint,
+                RadioState::AsSetUp | RadioState::Joining { .. } => WifiReport::AccessPointUp,
             });
         }
     }
@@ -390,14 +344,17 @@ impl Operation<'_> {
             .with(|autopilot| autopilot.wifi_report(report, tasks::now()));
     }
 
-    async fn watch(&mut self, address: &Address) -> End {
+    async fn watch(&mut self, address: &Address) -> Result<(), WifiReport> {
         match (self.chip.role, &self.setup.network) {
             (Role::Station, Some(network)) => self.stay_joined(network, address).await,
             (Role::Station | Role::AccessPoint, _) => {
-                let over = until_over(self.plan, self.service.shared);
+                let over = until_over(*self.state, self.service.shared);
                 match select(self.look_for_life(), over).await {
-                    Either::First(fault) => End::Failed(fault),
-                    Either::Second(()) => End::LookAgain,
+                    Either::First(fault) => Err(fault),
+                    Either::Second(()) => {
+                        self.state.next(RadioEvent::SetUpAgain, tasks::now());
+                        Ok(())
+                    }
                 }
             }
         }
@@ -417,40 +374,26 @@ impl Operation<'_> {
     }
 
     /// Joins the network whenever the board is not in it. Ends when it has had no address for too long.
-    async fn stay_joined(&mut self, network: &Network, address: &Address) -> End {
+    ///
+    /// # Errors
+    /// The chip does not answer any more.
+    async fn stay_joined(&mut self, network: &Network, address: &Address) -> Result<(), WifiReport> {
+        let mut event = RadioEvent::NotInNetwork;
         loop {
-            let give_up_at = *self
-                .give_up_at
-                .get_or_insert_with(|| Instant::now() + NETWORK_PATIENCE);
-            if Instant::now() >= give_up_at {
-                return End::NotJoined;
-            }
-            address.reset();
-            match self.join(network, give_up_at).await {
-                Ok(()) => {
-                    self.report(WifiReport::Joined);
-                    if let Err(fault) = self.stay(address).await {
-                        return End::Failed(fault);
-                    }
+            event = match self.state.next(event, tasks::now()) {
+                RadioAction::Join { by } => {
+                    address.reset();
+                    self.join(network, by).await
                 }
-                Err(reason) => self.report(match reason {
-                    NotJoined::Failed(JoinError::AuthenticationFailure) => WifiReport::WrongPassword,
-                    NotJoined::Failed(JoinError::NetworkNotFound) => WifiReport::NetworkNotFound,
-                    NotJoined::Failed(JoinError::JoinFailure(_))
-                    | NotJoined::Refused
-                    | NotJoined::TimedOut => WifiReport::JoinFailed,
-                }),
-            }
-            // A chip that is still in a network takes no other password.
-            if let Err(fault) = self.leave().await {
-                return End::Failed(fault);
-            }
-            Timer::after(JOIN_DELAY).await;
+                RadioAction::Stay { leave_at } => self.stay(address, leave_at).await?,
+                RadioAction::Leave => self.leave().await?,
+                RadioAction::Restart => return Ok(()),
+            };
         }
     }
 
-    /// Joins the network, by `give_up_at`. After an error the chip may still be in it.
-    async fn join(&mut self, network: &Network, give_up_at: Instant) -> Result<(), NotJoined> {
+    /// Tries to join the network, until `by` at the latest. If that fails the chip may still be in it.
+    async fn join(&mut self, network: &Network, by: Instant) -> RadioEvent {
         let options = match &network.password {
             Some(password) => JoinOptions::new(password.as_str().as_bytes()),
             None => JoinOptions::new_open(),
@@ -458,54 +401,56 @@ impl Operation<'_> {
         let chip = self.chip;
         chip.refusals.set(Refusals::AreReported);
         chip.refused.reset();
-        let end = give_up_at.min(Instant::now() + JOIN_TIMEOUT);
         let joining = self.control.join(network.ssid.as_str(), options);
-        match select3(joining, chip.refused.wait(), Timer::at(end)).await {
+        let (event, report) = match select3(joining, chip.refused.wait(), tasks::timer_at(by)).await {
             Either3::First(Ok(())) => {
                 chip.refusals.set(Refusals::AreFaults);
-                Ok(())
+                (RadioEvent::Joined, WifiReport::Joined)
             }
-            Either3::First(Err(error)) => Err(NotJoined::Failed(error)),
-            Either3::Second(()) => Err(NotJoined::Refused),
-            Either3::Third(()) => Err(NotJoined::TimedOut),
-        }
+            Either3::First(Err(JoinError::AuthenticationFailure)) => {
+                (RadioEvent::JoinFailed, WifiReport::WrongPassword)
+            }
+            Either3::First(Err(JoinError::NetworkNotFound)) => {
+                (RadioEvent::JoinFailed, WifiReport::NetworkNotFound)
+            }
+            Either3::First(Err(JoinError::JoinFailure(_))) | Either3::Second(()) | Either3::Third(()) => {
+                (RadioEvent::JoinFailed, WifiReport::JoinFailed)
+            }
+        };
+        self.report(report);
+        event
     }
 
-    /// Leaves the network. A chip that is in none may refuse that.
+    /// Leaves the network, which a chip that is in none may refuse, and waits for [`JOIN_DELAY`].
     ///
     /// # Errors
     /// The chip does not answer any more.
-    async fn leave(&mut self) -> Result<(), WifiReport> {
+    async fn leave(&mut self) -> Result<RadioEvent, WifiReport> {
         self.chip.refusals.set(Refusals::AreReported);
         let left = with_timeout(ANSWER_TIMEOUT, self.control.leave()).await;
         self.chip.refusals.set(Refusals::AreFaults);
-        left.map_err(|_| WifiReport::NoAnswer)
+        left.map_err(|_| WifiReport::NoAnswer)?;
+        Timer::after(JOIN_DELAY).await;
+        Ok(RadioEvent::NotInNetwork)
     }
 
-    /// Stays in the network until the address there is lost, or none comes in time.
+    /// Stays in the network until the board has an address there or loses it, until `leave_at` at the latest.
     ///
     /// # Errors
     /// The chip does not answer any more.
-    async fn stay(&mut self, address: &Address) -> Result<(), WifiReport> {
-        let mut leave_at = Instant::now() + ADDRESS_PATIENCE;
+    async fn stay(&mut self, address: &Address, leave_at: Instant) -> Result<RadioEvent, WifiReport> {
         loop {
-            match select3(address.wait(), Timer::at(leave_at), self.look_for_life()).await {
-                Either3::First(NetReport::AddressObtained(_)) => {
-                    *self.give_up_at = None;
-                    leave_at = Instant::MAX;
-                }
-                Either3::First(NetReport::AddressLost) => {
-                    self.report(WifiReport::NetworkLost);
-                    return Ok(());
-                }
-                // The next attempt to join may be under way by now.
-                Either3::First(NetReport::NoAddress) => {}
-                Either3::Second(()) => {
-                    self.report(WifiReport::NoAddress);
-                    return Ok(());
-                }
+            let report = match select3(address.wait(), tasks::timer_at(leave_at), self.look_for_life()).await
+            {
+                Either3::First(NetReport::AddressObtained(_)) => return Ok(RadioEvent::AddressObtained),
+                // It may be of the attempt before.
+                Either3::First(NetReport::NoAddress) => continue,
+                Either3::First(NetReport::AddressLost) => WifiReport::NetworkLost,
+                Either3::Second(()) => WifiReport::NoAddress,
                 Either3::Third(fault) => return Err(fault),
-            }
+            };
+            self.report(report);
+            return Ok(RadioEvent::NoAddress);
         }
     }
 }
