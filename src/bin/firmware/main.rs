@@ -11,8 +11,10 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_executor::{SendSpawner, SpawnError, SpawnToken, Spawner};
     use embassy_futures::yield_now;
+    use embassy_rp::peripherals::{FLASH, I2C1, PIN_2, PIN_14, PIN_15, PIN_16, PIN_22, PIO1, USB, WATCHDOG};
+    use embassy_rp::{Peri, Peripherals};
     use panic_probe as _;
-    use rover_battmon::autopilot::Start;
+    use rover_battmon::autopilot::{Start, Wiring};
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, AnalogPeripherals, BoardCan, BoardFlash, BoardIndicators, BoardKind, BoardMotors,
@@ -216,32 +218,35 @@ mod firmware {
         future.poll(context)
     }
 
+    /// Starts everything, in the order of the sections.
     async fn start_all(spawner: Spawner) -> (UsbPort, &'static BoardFlash, &'static Shared) {
+        // The processor, and how it was started.
         board::guard_stack();
         let last_run = LastRun::take();
+        let reset_reason = last_run.reset_reason;
         board::name_this_task("main").await;
         board::use_rom_floats();
-        let mut peripherals = embassy_rp::init(Default::default());
-        let mut watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
+        let mut parts = Parts::from(embassy_rp::init(Default::default()));
+        let mut watchdog = BoardWatchdog::start(parts.watchdog);
         info!(
             "rover-battmon {}, started by {}",
             env!("CARGO_PKG_VERSION"),
-            last_run.reset_reason
+            reset_reason
         );
         last_run.log();
-
         let kind = board::find_board(
-            last_run.reset_reason,
-            peripherals.ADC.reborrow(),
-            peripherals.PIN_25.reborrow(),
-            peripherals.PIN_29.reborrow(),
+            reset_reason,
+            parts.analog.adc.reborrow(),
+            parts.radio.select.reborrow(),
+            parts.radio.clock.reborrow(),
         );
         let radio = kind.radio();
         info!("Wi-Fi radio: {}", radio);
-        let flash_driver = FLASH_DRIVER.init(board::flash_driver(peripherals.FLASH));
+
+        // Storage, and the core with what it has kept.
+        let flash_driver = FLASH_DRIVER.init(board::flash_driver(parts.flash));
         let chip = FlashChip::read(flash_driver);
-        let id = chip.board_id;
-        if let Some(id) = id {
+        if let Some(id) = chip.board_id {
             info!("board {}", id.serial_number().as_str());
         }
         let flash = BoardFlash::new(flash_driver);
@@ -251,113 +256,69 @@ mod firmware {
         watchdog
             .feed_during(pin!(storages.boot(source, &mut stored)))
             .await;
-        stored.radio = radio;
-        stored.flash_wear = chip.wear;
-        stored.identity.board_id = id;
-        stored.run_end = last_run.end;
-        stored.has_crashed = last_run.has_crashed();
-        stored.crash = last_run.crash;
-        stored.program_code = board::program_code();
-        stored.radio_crashes = last_run.crashes_in_a_row.of_radio();
+        add_facts(&mut stored, &chip, last_run, radio);
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
-
         let logs: &BoardFlash = LOGS.init(flash);
         let link = open_telemetry(shared, logs);
-        let telemetry_parts = TelemetryUart {
-            uart: peripherals.UART0,
-            tx_pin: peripherals.PIN_0,
-            rx_pin: peripherals.PIN_1,
-            tx_dma: peripherals.DMA_CH0,
-            rx_dma: (peripherals.DMA_CH8, peripherals.DMA_CH9),
-        };
-        let (transmitter, receiver) = board::telemetry_uart(telemetry_parts, wiring.telemetry_baud);
-        let usb_port = UsbPort::new(peripherals.USB, id);
-        let (gp29, wifi_pins) = match radio {
-            Radio::Absent => (Some(peripherals.PIN_29), None),
-            Radio::Present => {
-                let pins = WifiPeripherals {
-                    power: peripherals.PIN_23,
-                    data: peripherals.PIN_24,
-                    select: peripherals.PIN_25,
-                    clock: peripherals.PIN_29,
-                    pio: peripherals.PIO0,
-                    dma: peripherals.DMA_CH1,
-                };
-                (None, Some(pins))
-            }
-        };
-        let pins = AnalogInputs::new(AnalogPeripherals {
-            adc: peripherals.ADC,
-            gp26: peripherals.PIN_26,
-            gp27: peripherals.PIN_27,
-            gp28: peripherals.PIN_28,
-            gp29,
-            dma: (peripherals.DMA_CH2, peripherals.DMA_CH3),
-        });
 
-        let spi: &SharedSpi = SPI.init(SharedSpi::new(SpiPeripherals {
-            spi: peripherals.SPI1,
-            clock: peripherals.PIN_10,
-            to_part: peripherals.PIN_11,
-            from_part: peripherals.PIN_12,
-        }));
-        // One pin for two purposes.
-        let (monitor_select, driver_enable) = match wiring.serial.map(|setup| setup.driver_enable) {
-            Some(DriverEnable::Gp22) => (None, Some(peripherals.PIN_22)),
-            Some(DriverEnable::None) | None => {
-                let select = wiring.uses_spi_part.then(|| peripherals.PIN_22.into());
-                (select, None)
-            }
-        };
-        let sensor_bus = Buses {
-            i2c: SensorI2c::new(
-                peripherals.I2C1,
-                peripherals.PIN_14,
-                peripherals.PIN_15,
-                wiring.i2c_clock_hz,
-            ),
-            spi: SensorSpi::new(spi, monitor_select),
-        };
-
-        // Their pins stay untouched while no pack needs them.
-        let serial_parts = SerialUart {
-            uart: peripherals.UART1,
-            tx_pin: peripherals.PIN_4,
-            rx_pin: peripherals.PIN_5,
-            rx_dma: (peripherals.DMA_CH10, peripherals.DMA_CH11),
-            driver_enable,
-        };
-        let serial_port = wiring.serial.map(|setup| board::serial_uart(serial_parts, setup));
-        // The interrupt line of the CAN controller is the pulse input.
-        let (controller, pulse_input) = match wiring.can {
-            Some(timing) => {
-                let pins = CanPins {
-                    select: peripherals.PIN_13,
-                    interrupt: peripherals.PIN_17,
-                };
-                (Some(CanController::new(spi, pins, timing)), None)
-            }
-            None => {
-                let pin = wiring.uses_pulses.then(|| board::pulse_input(peripherals.PIN_17));
-                (None, pin)
-            }
-        };
-        let can_bus = controller.is_some().then(board::can_exchange);
-
-        let motors = BoardMotors::new(MotorPeripherals {
-            left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),
-            left_rear: (peripherals.PWM_SLICE2, peripherals.PIN_21, peripherals.PIN_20),
-            right_rear: (peripherals.PWM_SLICE3, peripherals.PIN_7, peripherals.PIN_6),
-            right_front: (peripherals.PWM_SLICE4, peripherals.PIN_9, peripherals.PIN_8),
-        });
-        let (indicators, sounder) =
-            board::indicators(peripherals.PIN_2, peripherals.PIO1, peripherals.PIN_16);
-
-        let memory = board::retained_memory(last_run.reset_reason);
-        start(spawner, DRIVE.name(), drive(motors, indicators, shared));
-        start(spawner, "buzzer", buzzer(sounder));
+        // Tasks, with the parts that they take. Pins of sensors that no pack needs stay untouched, and some have two purposes.
+        let mut radio_pins = None;
+        match radio {
+            Radio::Absent => parts.analog.gp29 = Some(parts.radio.clock),
+            Radio::Present => radio_pins = Some(parts.radio),
+        }
+        let mut monitor_select = None;
+        match wiring.serial.map(|setup| setup.driver_enable) {
+            Some(DriverEnable::Gp22) => parts.serial.driver_enable = Some(parts.gp22),
+            Some(DriverEnable::None) | None => monitor_select = Some(parts.gp22),
+        }
+        start_drive(spawner, parts.motors, parts.indicators, shared);
+        let pins = AnalogInputs::new(parts.analog);
+        let memory = board::retained_memory(reset_reason);
         start(spawner, BATTERY.name(), battery(pins, memory, shared));
+        start_telemetry(spawner, parts.telemetry, &wiring, shared, link);
+        let spi: &SharedSpi = SPI.init(SharedSpi::new(parts.spi));
+        start_bus(spawner, parts.i2c, spi, monitor_select, &wiring, shared);
+        let serial_port = wiring.serial.map(|setup| board::serial_uart(parts.serial, setup));
+        start(spawner, SERIAL.name(), serial(serial_port, shared));
+        start_can_or_pulses(spawner, parts.can, spi, &wiring, shared);
+        start(
+            spawner,
+            FLASH.name(),
+            self::flash(storages, flash, chip.board_id, shared),
+        );
+        if let Some(pins) = radio_pins {
+            start(spawner, WIFI.name(), wifi(open_wifi(kind, pins), logs, shared));
+        }
+        start(spawner, STATUS.name(), status(shared, link));
+        start(spawner, "reboot", reboot(shared, link));
+        start(spawner, "program hash", hash_program(shared));
+        start(spawner, "supervisor", supervisor(shared, watchdog, radio));
+        (UsbPort::new(parts.usb, chip.board_id), logs, shared)
+    }
+
+    fn start_drive(
+        spawner: Spawner,
+        motors: MotorPeripherals,
+        indicators: IndicatorParts,
+        shared: &'static Shared,
+    ) {
+        let (buzzer, pio, lamps) = indicators;
+        let motors = BoardMotors::new(motors);
+        let (indicators, sounder) = board::indicators(buzzer, pio, lamps);
+        start(spawner, DRIVE.name(), drive(motors, indicators, shared));
+        start(spawner, "buzzer", self::buzzer(sounder));
+    }
+
+    fn start_telemetry(
+        spawner: Spawner,
+        uart: TelemetryUart,
+        wiring: &Wiring,
+        shared: &'static Shared,
+        link: &'static Link<'static>,
+    ) {
+        let (transmitter, receiver) = board::telemetry_uart(uart, wiring.telemetry_baud);
         start(spawner, TELEMETRY.name(), telemetry(shared, link));
         start(
             spawner,
@@ -365,28 +326,148 @@ mod firmware {
             uart0_writer(transmitter, shared, link),
         );
         start(spawner, UART0_READER.name(), uart0_reader(receiver, shared, link));
-        start(spawner, BUS.name(), bus(sensor_bus, shared));
-        start(spawner, CAN.name(), can(can_bus, shared));
+    }
+
+    /// Sensors on I2C, and one on SPI.
+    fn start_bus(
+        spawner: Spawner,
+        (i2c, sda, scl): I2cParts,
+        spi: &'static SharedSpi,
+        monitor_select: Option<Peri<'static, PIN_22>>,
+        wiring: &Wiring,
+        shared: &'static Shared,
+    ) {
+        let select = monitor_select.filter(|_| wiring.uses_spi_part);
+        let buses = Buses {
+            i2c: SensorI2c::new(i2c, sda, scl, wiring.i2c_clock_hz),
+            spi: SensorSpi::new(spi, select.map(|pin| pin.into())),
+        };
+        start(spawner, BUS.name(), bus(buses, shared));
+    }
+
+    /// The CAN controller or, as its interrupt line is the same pin, the pulse input.
+    fn start_can_or_pulses(
+        spawner: Spawner,
+        pins: CanPins,
+        spi: &'static SharedSpi,
+        wiring: &Wiring,
+        shared: &'static Shared,
+    ) {
         let interrupts = board::interrupt_spawner();
-        if let Some(controller) = controller {
-            start_in_interrupt(interrupts, "CAN controller", can_controller(controller));
+        let (mut can_bus, mut seen) = (None, None);
+        match wiring.can {
+            Some(timing) => {
+                can_bus = Some(board::can_exchange());
+                let controller = CanController::new(spi, pins, timing);
+                start_in_interrupt(interrupts, "CAN controller", can_controller(controller));
+            }
+            None if wiring.uses_pulses => {
+                seen = Some(&board::PULSES_SEEN);
+                let pin = board::pulse_input(pins.interrupt);
+                start_in_interrupt(interrupts, "pulse pin", pulse_pin(pin));
+            }
+            None => {}
         }
-        start(spawner, SERIAL.name(), serial(serial_port, shared));
-        let seen = pulse_input.is_some().then_some(&board::PULSES_SEEN);
+        start(spawner, CAN.name(), can(can_bus, shared));
         start(spawner, PULSES.name(), pulses(seen, shared));
-        // Not with the CAN controller, which has the pin then.
-        if let Some(pin) = pulse_input {
-            start_in_interrupt(interrupts, "pulse pin", pulse_pin(pin));
+    }
+
+    /// Adds to what was stored what is known of the chip and the last run.
+    fn add_facts(start: &mut Start, chip: &FlashChip, last_run: LastRun, radio: Radio) {
+        start.radio = radio;
+        start.flash_wear = chip.wear;
+        start.identity.board_id = chip.board_id;
+        start.run_end = last_run.end;
+        start.has_crashed = last_run.has_crashed();
+        start.crash = last_run.crash;
+        start.program_code = board::program_code();
+        start.radio_crashes = last_run.crashes_in_a_row.of_radio();
+    }
+
+    /// The peripherals and pins, by the part that takes them.
+    struct Parts {
+        watchdog: Peri<'static, WATCHDOG>,
+        flash: Peri<'static, FLASH>,
+        usb: Peri<'static, USB>,
+        telemetry: TelemetryUart,
+        /// Without GP29, which is a pin of the radio.
+        analog: AnalogPeripherals,
+        i2c: I2cParts,
+        spi: SpiPeripherals,
+        /// Without GP22.
+        serial: SerialUart,
+        /// Selects the power monitor on SPI, or switches the transceiver of the serial port.
+        gp22: Peri<'static, PIN_22>,
+        /// Its interrupt line is the pulse input as well.
+        can: CanPins,
+        motors: MotorPeripherals,
+        indicators: IndicatorParts,
+        radio: WifiPeripherals,
+    }
+
+    /// The peripheral, data and clock.
+    type I2cParts = (Peri<'static, I2C1>, Peri<'static, PIN_14>, Peri<'static, PIN_15>);
+
+    /// The buzzer, and what the lamps are on.
+    type IndicatorParts = (Peri<'static, PIN_2>, Peri<'static, PIO1>, Peri<'static, PIN_16>);
+
+    impl From<Peripherals> for Parts {
+        fn from(peripherals: Peripherals) -> Self {
+            Self {
+                watchdog: peripherals.WATCHDOG,
+                flash: peripherals.FLASH,
+                usb: peripherals.USB,
+                telemetry: TelemetryUart {
+                    uart: peripherals.UART0,
+                    tx_pin: peripherals.PIN_0,
+                    rx_pin: peripherals.PIN_1,
+                    tx_dma: peripherals.DMA_CH0,
+                    rx_dma: (peripherals.DMA_CH8, peripherals.DMA_CH9),
+                },
+                analog: AnalogPeripherals {
+                    adc: peripherals.ADC,
+                    gp26: peripherals.PIN_26,
+                    gp27: peripherals.PIN_27,
+                    gp28: peripherals.PIN_28,
+                    gp29: None,
+                    dma: (peripherals.DMA_CH2, peripherals.DMA_CH3),
+                },
+                i2c: (peripherals.I2C1, peripherals.PIN_14, peripherals.PIN_15),
+                spi: SpiPeripherals {
+                    spi: peripherals.SPI1,
+                    clock: peripherals.PIN_10,
+                    to_part: peripherals.PIN_11,
+                    from_part: peripherals.PIN_12,
+                },
+                serial: SerialUart {
+                    uart: peripherals.UART1,
+                    tx_pin: peripherals.PIN_4,
+                    rx_pin: peripherals.PIN_5,
+                    rx_dma: (peripherals.DMA_CH10, peripherals.DMA_CH11),
+                    driver_enable: None,
+                },
+                gp22: peripherals.PIN_22,
+                can: CanPins {
+                    select: peripherals.PIN_13,
+                    interrupt: peripherals.PIN_17,
+                },
+                motors: MotorPeripherals {
+                    left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),
+                    left_rear: (peripherals.PWM_SLICE2, peripherals.PIN_21, peripherals.PIN_20),
+                    right_rear: (peripherals.PWM_SLICE3, peripherals.PIN_7, peripherals.PIN_6),
+                    right_front: (peripherals.PWM_SLICE4, peripherals.PIN_9, peripherals.PIN_8),
+                },
+                indicators: (peripherals.PIN_2, peripherals.PIO1, peripherals.PIN_16),
+                radio: WifiPeripherals {
+                    power: peripherals.PIN_23,
+                    data: peripherals.PIN_24,
+                    select: peripherals.PIN_25,
+                    clock: peripherals.PIN_29,
+                    pio: peripherals.PIO0,
+                    dma: peripherals.DMA_CH1,
+                },
+            }
         }
-        start(spawner, FLASH.name(), self::flash(storages, flash, id, shared));
-        if let Some(pins) = wifi_pins {
-            start(spawner, WIFI.name(), wifi(open_wifi(kind, pins), logs, shared));
-        }
-        start(spawner, STATUS.name(), status(shared, link));
-        start(spawner, "reboot", reboot(shared, link));
-        start(spawner, "program hash", hash_program(shared));
-        start(spawner, "supervisor", supervisor(shared, watchdog, radio));
-        (usb_port, logs, shared)
     }
 
     // Built where they stay: on the stack of `main` they would take several times their size.
