@@ -5,10 +5,10 @@
 macro_rules! messages {
     (
         streams of the vehicle {
-            $($vehicle:ident($vehicle_data:ty): $vehicle_rate:ident $(($vehicle_group:ident))?, $build_vehicle:path;)+
+            $($vehicle:ident($vehicle_data:ty): $vehicle_rate:expr, $build_vehicle:path;)+
         }
         streams of packs {
-            $($pack:ident($pack_data:ty): $pack_rate:ident $(($pack_group:ident))?, $subject:ident, $build_pack:path;)+
+            $($pack:ident($pack_data:ty): $pack_rate:expr, $subject:expr, $build_pack:path;)+
         }
         answers {
             $($answer:ident($answer_data:ty);)+
@@ -48,8 +48,8 @@ macro_rules! messages {
             /// Its rate unless a ground station asks for another interval.
             pub const fn default_rate(self) -> DefaultRate {
                 match self {
-                    $(Self::$vehicle => DefaultRate::$vehicle_rate $((StreamGroup::$vehicle_group))?,)+
-                    $(Self::$pack => DefaultRate::$pack_rate $((StreamGroup::$pack_group))?,)+
+                    $(Self::$vehicle => $vehicle_rate,)+
+                    $(Self::$pack => $pack_rate,)+
                 }
             }
 
@@ -57,7 +57,7 @@ macro_rules! messages {
             pub const fn subject(self) -> Subject {
                 match self {
                     $(Self::$vehicle => Subject::Vehicle,)+
-                    $(Self::$pack => Subject::$subject,)+
+                    $(Self::$pack => $subject,)+
                 }
             }
 

@@ -47,26 +47,26 @@ use super::dialect::{
     PARAM_VALUE_DATA, PING_DATA, PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA,
     SYS_STATUS_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
-use crate::pack::Pack;
+use crate::pack::{MAX_PACKS, Pack};
 use crate::system::SystemState;
 
 // Each row of a stream: the message, its default rate, of packs also which ones, its builder. When the wire is shared,
 // streams take turns in this order.
 declare::messages! {
     streams of the vehicle {
-        Heartbeat(HEARTBEAT_DATA): EverySecond, build_heartbeat;
-        SysStatus(SYS_STATUS_DATA): Extra1(ExtendedStatus), build_sys_status;
+        Heartbeat(HEARTBEAT_DATA): DefaultRate::EverySecond, build_heartbeat;
+        SysStatus(SYS_STATUS_DATA): DefaultRate::Extra1(StreamGroup::ExtendedStatus), build_sys_status;
     }
     streams of packs {
-        BatteryStatus(BATTERY_STATUS_DATA): Extra1(Extra3), EachPack, build_battery_status;
-        BatteryStatusV2(BATTERY_STATUS_V2_DATA): OnRequest, EachPack, build_battery_status_v2;
-        BatteryInfo(BATTERY_INFO_DATA): OnChange, EachPack, build_battery_info;
-        SmartBatteryInfo(SMART_BATTERY_INFO_DATA): OnChange, EachPack, build_smart_battery_info;
-        FuelStatus(FUEL_STATUS_DATA): OnRequest, EachTank, build_fuel_status;
-        Resistance(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownResistance, build_resistance;
-        RestingVoltage(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownRestingVoltage, build_resting_voltage;
-        ChargeDeviation(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownDeviation, build_charge_deviation;
-        UsableCharge(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownUsableCharge, build_usable_charge;
+        BatteryStatus(BATTERY_STATUS_DATA): DefaultRate::Extra1(StreamGroup::Extra3), Subject::EachPack, build_battery_status;
+        BatteryStatusV2(BATTERY_STATUS_V2_DATA): DefaultRate::OnRequest, Subject::EachPack, build_battery_status_v2;
+        BatteryInfo(BATTERY_INFO_DATA): DefaultRate::OnChange, Subject::EachPack, build_battery_info;
+        SmartBatteryInfo(SMART_BATTERY_INFO_DATA): DefaultRate::OnChange, Subject::EachPack, build_smart_battery_info;
+        FuelStatus(FUEL_STATUS_DATA): DefaultRate::OnRequest, Subject::EachTank, build_fuel_status;
+        Resistance(NAMED_VALUE_FLOAT_DATA): DefaultRate::OnRequest, Subject::EachKnownResistance, build_resistance;
+        RestingVoltage(NAMED_VALUE_FLOAT_DATA): DefaultRate::OnRequest, Subject::EachKnownRestingVoltage, build_resting_voltage;
+        ChargeDeviation(NAMED_VALUE_FLOAT_DATA): DefaultRate::OnRequest, Subject::EachKnownDeviation, build_charge_deviation;
+        UsableCharge(NAMED_VALUE_FLOAT_DATA): DefaultRate::OnRequest, Subject::EachKnownUsableCharge, build_usable_charge;
     }
     answers {
         Ping(PING_DATA);
@@ -87,6 +87,46 @@ declare::messages! {
         MissionAck(MISSION_ACK_DATA);
         AvailableModes(AVAILABLE_MODES_DATA);
         ComponentMetadata(ComponentMetadata);
+    }
+}
+
+impl StreamKind {
+    /// The streams with this message id: none unless it can be sent regularly, several of NAMED_VALUE_FLOAT.
+    pub fn with_message_id(message_id: u32) -> impl Iterator<Item = Self> {
+        let kinds = Self::ALL.into_iter();
+        kinds.filter(move |kind| kind.message_id() == message_id)
+    }
+
+    /// Its streams: one of the vehicle, or one of each pack that can be.
+    pub fn streams(self) -> impl Iterator<Item = Stream> + Clone {
+        let count = match self.subject() {
+            Subject::Vehicle => 1,
+            _ => MAX_PACKS,
+        };
+        let packs = Pack::ALL.into_iter().take(count);
+        packs.map(move |pack| self.of(pack))
+    }
+
+    /// Its streams that have something to report.
+    pub(in crate::mavlink) fn reported_in(self, state: &SystemState<'_>) -> impl Iterator<Item = Stream> {
+        self.streams().filter(|stream| stream.is_reported_in(state))
+    }
+}
+
+impl Stream {
+    /// Whether there is something to report.
+    pub(in crate::mavlink) fn is_reported_in(self, state: &SystemState<'_>) -> bool {
+        let Some(pack) = self.pack() else { return true };
+        let battery = state.battery(pack);
+        state.is_reported(pack)
+            && match self.kind().subject() {
+                Subject::Vehicle | Subject::EachPack => true,
+                Subject::EachTank => state.is_tank(pack),
+                Subject::EachKnownResistance => battery.resistance_ohm.is_some(),
+                Subject::EachKnownRestingVoltage => battery.readings.resting_voltage_v.is_some(),
+                Subject::EachKnownDeviation => battery.readings.remaining_sigma_pct.is_some(),
+                Subject::EachKnownUsableCharge => battery.readings.usable_pct.is_some(),
+            }
     }
 }
 
@@ -136,5 +176,19 @@ impl ToFrame for Outgoing {
             Self::Message(message) => message.write(header, frame),
             Self::FileData(data) => frame.serialize_message_data(header, data),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_stream_leads_back_to_its_row() {
+        for kind in StreamKind::ALL {
+            assert!(StreamKind::with_message_id(kind.message_id()).any(|other| other == kind));
+            assert!(kind.streams().all(|stream| stream.kind() == kind), "{kind:?}");
+        }
+        assert_eq!(StreamKind::with_message_id(30).next(), None);
     }
 }
