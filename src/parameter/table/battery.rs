@@ -68,9 +68,10 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(MONITOR_CHOICES),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Battery monitoring",
         description: "Kind of sensor. While it is 0, the pack's other parameters are not listed.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     VoltPin {
         key: 65,
@@ -78,6 +79,7 @@ parameters! {
         kind: Kind::Int8,
         default: 26.0,
         range: VOLTAGE_PINS,
+    } Documentation {
         label: "Battery voltage pin",
         description: "Pin that measures the pack's voltage. The Freenove board has its divider on GP26.",
     }
@@ -87,10 +89,11 @@ parameters! {
         kind: Kind::Real32,
         default: 3.95,
         range: Range::Between(0.1, 100.0),
-        step: 0.01,
+    } Documentation {
         label: "Voltage multiplier",
         description: "The battery's voltage divided by the pin's. To calibrate, multiply it by the voltage a \
                       multimeter shows and divide by the one reported.",
+        step: 0.01,
     }
     VltOffset {
         key: 67,
@@ -98,10 +101,11 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(-3.3, 3.3),
-        step: 0.01,
-        unit: "V",
+    } Documentation {
         label: "Voltage offset",
         description: "The voltage at the pin when the battery's voltage is zero.",
+        unit: "V",
+        step: 0.01,
     }
     Capacity {
         key: 68,
@@ -109,10 +113,11 @@ parameters! {
         kind: Kind::Int32,
         default: 3300.0,
         range: Range::Between(0.0, 1_000_000.0),
-        step: 50.0,
-        unit: "mAh",
+    } Documentation {
         label: "Capacity",
         description: "Capacity of the full pack; of a tank, in millilitres. 0: unknown.",
+        unit: "mAh",
+        step: 50.0,
     }
     CurrPin {
         key: 69,
@@ -120,6 +125,7 @@ parameters! {
         kind: Kind::Int8,
         default: -1.0,
         range: CURRENT_PINS,
+    } Documentation {
         label: "Battery current pin",
         description: "Pin of the current sensor. The Freenove board has none. GP17 is only for the pulses of a fuel \
                       sensor (FuelFlow, FuelLevelPWM).",
@@ -130,10 +136,11 @@ parameters! {
         kind: Kind::Real32,
         default: 17.0,
         range: Range::Between(-1000.0, 1000.0),
-        step: 0.1,
-        unit: "A/V",
+    } Documentation {
         label: "Current sensor scale",
         description: "Amperes per volt at the current pin; for FuelFlow, millilitres per pulse.",
+        unit: "A/V",
+        step: 0.1,
     }
     AmpOffset {
         key: 71,
@@ -141,10 +148,11 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(-3.3, 3.3),
-        step: 0.001,
-        unit: "V",
+    } Documentation {
         label: "Current sensor offset",
         description: "Voltage at the current pin at zero current.",
+        unit: "V",
+        step: 0.001,
     }
     Options {
         key: 72,
@@ -164,6 +172,7 @@ parameters! {
             (9, means("Sum uses the lowest voltage")),
             (10, means("Allow DroneCAN dynamic node update on hot-swap")),
         ]),
+    } Documentation {
         label: "Options",
         description: "The resting voltage is the voltage without load. A pack for internal use is monitored but not \
                       reported. Without bit 9 a sum of packs reports the mean of their voltages.",
@@ -175,6 +184,7 @@ parameters! {
         default: -1.0,
         // A float represents every whole number in this range.
         range: Range::Between(-1.0, 16_777_215.0),
+    } Documentation {
         label: "Serial number",
         description: "Serial number that identifies this pack. -1: none.",
     }
@@ -194,6 +204,7 @@ parameters! {
             (7, means("pack 8")),
             (8, means("pack 9")),
         ]),
+    } Documentation {
         label: "Packs of a sum",
         description: "Members of a sum of packs. 0: all packs with a higher number, without other sums.",
     }
@@ -203,10 +214,11 @@ parameters! {
         kind: Kind::Real32,
         default: 12.6,
         range: Range::Between(7.0, 100.0),
-        step: 0.1,
-        unit: "V",
+    } Documentation {
         label: "Voltage when full",
         description: "Resting voltage of the full pack, for the synthetic current sensor.",
+        unit: "V",
+        step: 0.1,
     }
     Chem {
         key: 76,
@@ -214,6 +226,7 @@ parameters! {
         kind: Kind::Int8,
         default: 1.0,
         range: Range::OneOf(&[(1, means("LiPo")), (2, means("LiFe")), (3, means("Li-ion")), (4, means("NiMH"))]),
+    } Documentation {
         label: "Chemistry",
         description: "Cell chemistry. (ArduPilot has no such parameter.)",
     }
@@ -223,6 +236,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::Between(0.0, 16.0),
+    } Documentation {
         label: "Cells in series",
         description: "Number of cells in series. 0: detected from the resting voltage, LiPo and Li-ion only. \
                       (ArduPilot has no such parameter.)",
@@ -233,9 +247,10 @@ parameters! {
         kind: Kind::Int8,
         default: 10.0,
         range: Range::Between(0.0, 120.0),
-        unit: "s",
+    } Documentation {
         label: "Low voltage timer",
         description: "Time the voltage has to stay below a threshold. 0 disables both voltage thresholds.",
+        unit: "s",
     }
     FsVoltsrc {
         key: 79,
@@ -247,6 +262,7 @@ parameters! {
             (1, means("Sag Compensated Voltage")),
             (2, means("Weakest Cell")),
         ]),
+    } Documentation {
         label: "Voltage for the thresholds",
         description: "Voltage compared with the thresholds: as measured, compensated for the sag under load, or that of \
                       the weakest measured cell times the number of cells. Without a current or without each cell it \
@@ -258,11 +274,12 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(0.0, 120.0),
-        step: 0.1,
-        unit: "V",
+    } Documentation {
         label: "Low voltage",
         description: "Below this voltage for longer than LOW_TIMER an armed rover executes FS_LOW_ACT. Below it a \
                       rover does not arm. 0: disabled.",
+        unit: "V",
+        step: 0.1,
     }
     LowMah {
         key: 81,
@@ -270,12 +287,13 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(0.0, 1_000_000.0),
-        step: 50.0,
-        unit: "mAh",
+    } Documentation {
         label: "Low charge",
         description: "With less remaining charge than this an armed rover executes FS_LOW_ACT, and a disarmed one \
                       does not arm. Without a current sensor FS_LOW_ACT waits until the charge is surely less. \
                       0: disabled.",
+        unit: "mAh",
+        step: 50.0,
     }
     CrtVolt {
         key: 82,
@@ -283,11 +301,12 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(0.0, 120.0),
-        step: 0.1,
-        unit: "V",
+    } Documentation {
         label: "Critical voltage",
         description: "Below this voltage for longer than LOW_TIMER an armed rover executes FS_CRT_ACT. Below it a \
                       rover does not arm. 0: disabled.",
+        unit: "V",
+        step: 0.1,
     }
     CrtMah {
         key: 83,
@@ -295,12 +314,13 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(0.0, 1_000_000.0),
-        step: 50.0,
-        unit: "mAh",
+    } Documentation {
         label: "Critical charge",
         description: "With less remaining charge than this an armed rover executes FS_CRT_ACT, and a disarmed one \
                       does not arm. Without a current sensor FS_CRT_ACT waits until the charge is surely less. \
                       0: disabled.",
+        unit: "mAh",
+        step: 50.0,
     }
     WattMax {
         key: 84,
@@ -308,10 +328,11 @@ parameters! {
         kind: Kind::Int16,
         default: 0.0,
         range: Range::Between(0.0, 32_767.0),
-        unit: "W",
+    } Documentation {
         label: "Maximum power",
         description: "Limits the motors so that the pack supplies at most this power, to 5 % of their duty at the least. A load \
                       that stays more than 10 % above it then is an over-current fault. 0: disabled.",
+        unit: "W",
     }
     FsLowAct {
         key: 85,
@@ -319,6 +340,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: FAILSAFE_ACTIONS,
+    } Documentation {
         label: "Action when low",
         description: "Action when the pack is low. RTL, SmartRTL and Loiter need a position and enter Hold. Terminate \
                       disarms until a restart, a battery reset or a fuller pack. Chosen when the pack is low already, it \
@@ -330,6 +352,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: FAILSAFE_ACTIONS,
+    } Documentation {
         label: "Action when critical",
         description: "Action when the pack is critical. RTL, SmartRTL and Loiter need a position and enter Hold. \
                       Terminate disarms until a restart, a battery reset or a fuller pack. Chosen when the pack is \
@@ -341,10 +364,11 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(0.0, 120.0),
-        step: 0.1,
-        unit: "V",
+    } Documentation {
         label: "Minimum voltage to arm",
         description: "The rover does not arm below this measured voltage. 0: disabled.",
+        unit: "V",
+        step: 0.1,
     }
     ArmMah {
         key: 88,
@@ -352,10 +376,11 @@ parameters! {
         kind: Kind::Int32,
         default: 0.0,
         range: Range::Between(0.0, 1_000_000.0),
-        step: 50.0,
-        unit: "mAh",
+    } Documentation {
         label: "Minimum charge to arm",
         description: "The rover does not arm with less remaining charge. 0: disabled.",
+        unit: "mAh",
+        step: 50.0,
     }
     I2cBus {
         key: 89,
@@ -363,9 +388,10 @@ parameters! {
         kind: Kind::Int8,
         default: 1.0,
         range: Range::OneOf(&[(1, means("I2C1: SDA GP14, SCL GP15"))]),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "I2C bus",
         description: "Bus of the pack's power monitor or smart battery.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     I2cAddr {
         key: 90,
@@ -374,10 +400,11 @@ parameters! {
         default: 0.0,
         // Others are reserved (I2C specification UM10204, table 4).
         range: Range::ZeroOrBetween(8.0, 119.0),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "I2C address",
         description: "Address on the bus. 0: the usual addresses of its kind are probed. With several of a kind, set \
                       each address.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     Shunt {
         key: 91,
@@ -385,11 +412,12 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0005,
         range: Range::Between(0.0001, 1.0),
-        step: 0.0001,
-        unit: "Ohm",
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Shunt resistor",
         description: "Shunt resistor of the power monitor. The INA260 has its own.",
+        unit: "Ohm",
+        step: 0.0001,
+        takes_effect: TakesEffect::AfterReboot,
     }
     MaxAmps {
         key: 92,
@@ -397,12 +425,13 @@ parameters! {
         kind: Kind::Real32,
         default: 90.0,
         range: Range::Between(0.1, 400.0),
-        step: 0.1,
-        unit: "A",
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Maximum current",
         description: "Full scale of the INA228's current and counters, at most 163.84 mV across the shunt. Other \
                       power monitors ignore it.",
+        unit: "A",
+        step: 0.1,
+        takes_effect: TakesEffect::AfterReboot,
     }
     Channel {
         key: 93,
@@ -410,9 +439,10 @@ parameters! {
         kind: Kind::Int8,
         default: 1.0,
         range: Range::Between(1.0, 3.0),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Channel",
         description: "Channel of the INA3221 that measures the pack. Packs with the same address share the chip.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     FlVltMin {
         key: 94,
@@ -420,10 +450,11 @@ parameters! {
         kind: Kind::Real32,
         default: 0.5,
         range: Range::Between(0.01, 10.0),
-        step: 0.01,
-        unit: "V",
+    } Documentation {
         label: "Fuel level: voltage when empty",
         description: "Voltage of the empty tank, after linearisation by FL_FF, FL_FS, FL_FT and FL_OFF.",
+        unit: "V",
+        step: 0.01,
     }
     FlVMult {
         key: 95,
@@ -431,9 +462,10 @@ parameters! {
         kind: Kind::Real32,
         default: 0.5,
         range: Range::Between(0.01, 10.0),
-        step: 0.01,
+    } Documentation {
         label: "Fuel level: voltage multiplier",
         description: "Reciprocal of the voltage difference between full and empty tank.",
+        step: 0.01,
     }
     FlFltr {
         key: 96,
@@ -441,10 +473,11 @@ parameters! {
         kind: Kind::Real32,
         default: 0.3,
         range: Range::Between(-1.0, 1.0),
-        step: 0.1,
-        unit: "Hz",
+    } Documentation {
         label: "Fuel level: filter",
         description: "Cutoff frequency of the filter against sloshing, usually 0.2 to 0.5 Hz. -1: disabled.",
+        unit: "Hz",
+        step: 0.1,
     }
     FlPin {
         key: 97,
@@ -452,6 +485,7 @@ parameters! {
         kind: Kind::Int8,
         default: -1.0,
         range: ANALOG_PINS,
+    } Documentation {
         label: "Fuel level: pin",
         description: "Pin of the fuel level sensor.",
     }
@@ -461,9 +495,10 @@ parameters! {
         kind: Kind::Real32,
         default: 1.0,
         range: Range::Between(-10.0, 10.0),
-        step: 0.01,
+    } Documentation {
         label: "Fuel level: first order term",
         description: "The pin's voltage V is linearised: FL_OFF + FL_FF * V + FL_FS * V^2 + FL_FT * V^3.",
+        step: 0.01,
     }
     FlFs {
         key: 99,
@@ -471,9 +506,10 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(-10.0, 10.0),
-        step: 0.01,
+    } Documentation {
         label: "Fuel level: second order term",
         description: "See FL_FF.",
+        step: 0.01,
     }
     FlFt {
         key: 100,
@@ -481,9 +517,10 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(-10.0, 10.0),
-        step: 0.01,
+    } Documentation {
         label: "Fuel level: third order term",
         description: "See FL_FF.",
+        step: 0.01,
     }
     FlOff {
         key: 101,
@@ -491,10 +528,11 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(-10.0, 10.0),
-        step: 0.01,
-        unit: "V",
+    } Documentation {
         label: "Fuel level: offset term",
         description: "See FL_FF.",
+        unit: "V",
+        step: 0.01,
     }
     LowPct {
         key: 102,
@@ -502,10 +540,11 @@ parameters! {
         kind: Kind::Real32,
         default: 15.0,
         range: Range::Between(0.0, 100.0),
-        unit: "%",
+    } Documentation {
         label: "Low charge state",
         description: "Below this remaining charge the pack is announced as low; armed it acts with FS_PCT_EN. 0: \
                       disabled. (ArduPilot has no such parameter; PX4's is BAT_LOW_THR.)",
+        unit: "%",
     }
     CrtPct {
         key: 103,
@@ -513,10 +552,11 @@ parameters! {
         kind: Kind::Real32,
         default: 7.0,
         range: Range::Between(0.0, 100.0),
-        unit: "%",
+    } Documentation {
         label: "Critical charge state",
         description: "Below this remaining charge the pack is announced as critical; armed it acts with FS_PCT_EN. \
                       0: disabled. (ArduPilot has no such parameter; PX4's is BAT_CRIT_THR.)",
+        unit: "%",
     }
     EmrPct {
         key: 104,
@@ -524,10 +564,11 @@ parameters! {
         kind: Kind::Real32,
         default: 5.0,
         range: Range::Between(0.0, 100.0),
-        unit: "%",
+    } Documentation {
         label: "Emergency charge state",
         description: "Below this remaining charge the pack is announced as nearly empty, and a disarmed rover does \
                       not arm. 0: disabled. (ArduPilot has no such parameter; PX4's is BAT_EMERGEN_THR.)",
+        unit: "%",
     }
     FsUnhAct {
         key: 105,
@@ -535,6 +576,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: FAILSAFE_ACTIONS,
+    } Documentation {
         label: "Action when unhealthy",
         description: "Action when an armed rover has had no healthy reading of the pack for 5 s, or when the pack has \
                       reported for 5 s that it is failed or unhealthy. Chosen when it is unhealthy already, it acts the \
@@ -547,10 +589,11 @@ parameters! {
         default: 0.0,
         range: Range::Between(0.0, 10_000_000.0),
         access: Access::ReadOnly,
-        unit: "mAh",
+    } Documentation {
         label: "Learnt capacity",
         description: "Capacity of the full pack, learnt from its drives. 0: not learnt. (ArduPilot has no such \
                       parameter.)",
+        unit: "mAh",
     }
     LrnRes {
         key: 107,
@@ -559,11 +602,12 @@ parameters! {
         default: 0.0,
         range: Range::Between(0.0, 100_000_000.0),
         access: Access::ReadOnly,
-        step: 0.1,
-        unit: "mOhm",
+    } Documentation {
         label: "Learnt resistance",
         description: "Resistance of the warm pack, learnt from its drives. 0: not learnt. (ArduPilot has no such \
                       parameter.)",
+        unit: "mOhm",
+        step: 0.1,
     }
     LrnErase {
         key: 108,
@@ -572,6 +616,7 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Keep")), (1, means("Erase"))]),
         access: Access::Trigger,
+    } Documentation {
         label: "Erase what is learnt",
         description: "Set to 1, it erases what is learnt of the pack with the present SERIAL_NUM, and reads 0 again. \
                       A reset of all parameters keeps it. (ArduPilot has no such parameter.)",
@@ -583,9 +628,10 @@ parameters! {
         default: 1.0,
         range: Range::Between(0.1, 10.0),
         listed: Listed::WithMonitor(MonitorKind::Can),
-        step: 0.1,
+    } Documentation {
         label: "Current multiplier",
         description: "Factor applied to the current that a DroneCAN battery or charger reports.",
+        step: 0.1,
     }
     EscMask {
         key: 110,
@@ -595,6 +641,7 @@ parameters! {
         // A float represents every whole number in this range.
         range: Range::Between(0.0, ((1 << MAX_CONTROLLERS) - 1) as f32),
         listed: Listed::WithMonitor(MonitorKind::Esc),
+    } Documentation {
         label: "ESC mask",
         description: "Motor controllers that supply this pack's measurement, one bit each from bit 0. 0: all.",
     }
@@ -604,6 +651,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Announce only")), (1, means("Act"))]),
+    } Documentation {
         label: "Failsafe by percent",
         description: "1: an armed rover executes FS_LOW_ACT below LOW_PCT and FS_CRT_ACT below CRT_PCT or EMR_PCT, once \
                       usable charge was below for LOW_TIMER (0: at once) and remaining charge plus two standard \
@@ -616,11 +664,12 @@ parameters! {
         default: 0.0,
         range: CELL_VOLTAGES,
         listed: Listed::WithCurve,
-        step: 0.001,
-        unit: "V",
+    } Documentation {
         label: "Curve: cell at 10 %",
         description: "Resting voltage of a cell at this charge. Those that are set replace the chemistry's curve, if they \
                       rise. 0: not set. (ArduPilot has no such parameter.)",
+        unit: "V",
+        step: 0.001,
     }
     Curve30 {
         key: 113,
@@ -629,10 +678,11 @@ parameters! {
         default: 0.0,
         range: CELL_VOLTAGES,
         listed: Listed::WithCurve,
-        step: 0.001,
-        unit: "V",
+    } Documentation {
         label: "Curve: cell at 30 %",
         description: "See CURVE_10.",
+        unit: "V",
+        step: 0.001,
     }
     Curve50 {
         key: 114,
@@ -641,10 +691,11 @@ parameters! {
         default: 0.0,
         range: CELL_VOLTAGES,
         listed: Listed::WithCurve,
-        step: 0.001,
-        unit: "V",
+    } Documentation {
         label: "Curve: cell at 50 %",
         description: "See CURVE_10.",
+        unit: "V",
+        step: 0.001,
     }
     Curve70 {
         key: 115,
@@ -653,10 +704,11 @@ parameters! {
         default: 0.0,
         range: CELL_VOLTAGES,
         listed: Listed::WithCurve,
-        step: 0.001,
-        unit: "V",
+    } Documentation {
         label: "Curve: cell at 70 %",
         description: "See CURVE_10.",
+        unit: "V",
+        step: 0.001,
     }
     Curve90 {
         key: 116,
@@ -665,10 +717,11 @@ parameters! {
         default: 0.0,
         range: CELL_VOLTAGES,
         listed: Listed::WithCurve,
-        step: 0.001,
-        unit: "V",
+    } Documentation {
         label: "Curve: cell at 90 %",
         description: "See CURVE_10.",
+        unit: "V",
+        step: 0.001,
     }
 }
 

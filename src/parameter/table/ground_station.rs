@@ -1,8 +1,8 @@
 //! Parameters that ground stations ask for before they call a rover set up, but which set nothing here: each is a constant.
 
-use super::{Access, Kind, Listed, Meaning, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
-use super::{Documentation, TakesEffect};
+use super::Documentation;
+use super::{Access, Kind, Meaning, Parameter, Range, means};
 
 const HOLD: f32 = 4.0;
 
@@ -148,14 +148,12 @@ const fn row(
         default: value,
         range: Range::Between(value, value),
         access: Access::Constant,
-        listed: Listed::Always,
         #[cfg(not(target_os = "none"))]
         documentation: Documentation {
-            step: 1.0,
-            unit: "",
-            takes_effect: TakesEffect::AtOnce,
             label: "For ground stations",
             description: about.text(),
+            ..Documentation::DEFAULT
         },
+        ..Parameter::DEFAULT
     }
 }

@@ -1,10 +1,9 @@
 //! Parameter tables: of the vehicle, of its sticks, of thermometers, of a pack, of the simulator, and constants for ground stations.
 
-/// Declares a table: an enum of its parameters, and a row for each. Without `access` a parameter is a setting that bears on the
-/// drive, without `listed` it is in every list, without `step` it goes by whole numbers, without `unit` it is a plain number,
-/// without `takes_effect` it acts at once.
+/// Declares a table: an enum of its parameters, and a row for each. A row names further fields of [`Parameter`] and
+/// [`Documentation`] if they differ from [`Parameter::DEFAULT`] and [`Documentation::DEFAULT`].
 ///
-/// Documentation fields are left out of the firmware, where they would take 7 KB of flash.
+/// Documentation is left out of the firmware, where it would take 7 KB of flash.
 macro_rules! parameters {
     ($(#[$about:meta])* $group:ident $($id:ident {
         key: $key:expr,
@@ -12,13 +11,11 @@ macro_rules! parameters {
         kind: $kind:expr,
         default: $default:expr,
         range: $range:expr,
-        $(access: $access:expr,)?
-        $(listed: $listed:expr,)?
-        $(step: $step:expr,)?
-        $(unit: $unit:expr,)?
-        $(takes_effect: $takes_effect:expr,)?
+        $($option:ident: $option_value:expr,)*
+    } Documentation {
         label: $label:expr,
-        description: $description:expr $(,)?
+        description: $description:expr,
+        $($detail:ident: $detail_value:expr,)*
     })*) => {
         $(#[$about])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,6 +47,7 @@ macro_rules! parameters {
             }
 
             /// Row in the table.
+            #[allow(clippy::needless_update, reason = "a row may name all fields")]
             pub const fn row(self) -> &'static Parameter {
                 match self {
                     $(Self::$id => const {
@@ -59,16 +57,15 @@ macro_rules! parameters {
                             kind: $kind,
                             default: $default,
                             range: $range,
-                            access: [$($access,)? $crate::parameter::Access::Setting($crate::parameter::Bearing::Drive)][0],
-                            listed: [$($listed,)? Listed::Always][0],
+                            $($option: $option_value,)*
                             #[cfg(not(target_os = "none"))]
                             documentation: Documentation {
-                                step: [$($step,)? 1.0][0],
-                                unit: [$($unit,)? ""][0],
-                                takes_effect: [$($takes_effect,)? TakesEffect::AtOnce][0],
                                 label: $label,
                                 description: $description,
+                                $($detail: $detail_value,)*
+                                ..Documentation::DEFAULT
                             },
+                            ..Parameter::DEFAULT
                         }
                     },)*
                 }
@@ -122,6 +119,21 @@ pub struct Parameter {
     pub documentation: Documentation,
 }
 
+impl Parameter {
+    /// A setting that bears on the drive and is in every list. What each row has of its own is empty.
+    const DEFAULT: Self = Self {
+        key: 0,
+        name: "",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[]),
+        access: Access::Setting(Bearing::Drive),
+        listed: Listed::Always,
+        #[cfg(not(target_os = "none"))]
+        documentation: Documentation::DEFAULT,
+    };
+}
+
 /// Documentation of a parameter for users; not in the firmware.
 #[cfg(not(target_os = "none"))]
 #[derive(Clone, Copy, Debug)]
@@ -136,6 +148,18 @@ pub struct Documentation {
     pub label: &'static str,
     /// Description.
     pub description: &'static str,
+}
+
+#[cfg(not(target_os = "none"))]
+impl Documentation {
+    /// A plain whole number that takes effect at once. The texts are empty.
+    const DEFAULT: Self = Self {
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "",
+        description: "",
+    };
 }
 
 /// Type of a parameter. On the wire every value is a float.

@@ -1,6 +1,6 @@
 //! Parameters of the simulated pack; not on the board.
 
-use super::{Access, Bearing, Documentation, Kind, Listed, Parameter, Range, TakesEffect, means};
+use super::{Access, Bearing, Documentation, Kind, Parameter, Range, means};
 
 parameters! {
     /// A parameter of the simulated pack.
@@ -13,11 +13,12 @@ parameters! {
         default: 0.0,
         range: Range::Between(0.0, 60.0),
         access: Access::Setting(Bearing::Service),
-        step: 0.1,
-        unit: "V",
+    } Documentation {
         label: "Simulated pack voltage",
         description: "Resting voltage of the simulated pack. 0: from its state of charge. \
                       The simulated divider saturates at 13 V, as the board's.",
+        unit: "V",
+        step: 0.1,
     }
     BattCapAh {
         key: 2049,
@@ -26,10 +27,11 @@ parameters! {
         default: 2.2,
         range: Range::Between(0.1, 1000.0),
         access: Access::Setting(Bearing::Service),
-        step: 0.1,
-        unit: "Ah",
+    } Documentation {
         label: "Simulated pack capacity",
         description: "Full capacity of the simulated pack. A change keeps the state of charge.",
+        unit: "Ah",
+        step: 0.1,
     }
     BattCurrent {
         key: 2050,
@@ -38,10 +40,11 @@ parameters! {
         default: 0.0,
         range: Range::Between(-100.0, 500.0),
         access: Access::Setting(Bearing::Service),
-        step: 0.1,
-        unit: "A",
+    } Documentation {
         label: "Simulated extra load",
         description: "Load in addition to the rover's own; negative to charge the pack.",
+        unit: "A",
+        step: 0.1,
     }
     BattFault {
         key: 2051,
@@ -57,6 +60,7 @@ parameters! {
             (5, means("I2C wire disconnected")),
         ]),
         access: Access::Setting(Bearing::Service),
+    } Documentation {
         label: "Simulated fault",
         description: "Fault of the simulated pack or its sensor. Cells are measured by its smart battery only.",
     }

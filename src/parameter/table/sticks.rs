@@ -1,8 +1,8 @@
 //! Parameters of the driver's sticks: which channels of RC_CHANNELS_OVERRIDE they are, and what their pulses mean.
 
 #[cfg(not(target_os = "none"))]
-use super::{Documentation, TakesEffect};
-use super::{Kind, Listed, Parameter, Range, means};
+use super::Documentation;
+use super::{Kind, Parameter, Range, means};
 
 /// Channels that an axis can have: those of RC_CHANNELS_OVERRIDE in MAVLink 1.
 const CHANNELS: Range = Range::Between(1.0, 8.0);
@@ -29,6 +29,7 @@ macro_rules! sticks {
                 kind: Kind::Int8,
                 default: $channel,
                 range: CHANNELS,
+            } Documentation {
                 label: $label,
                 description: concat!($about, " Arming is refused while the throttle or the steering shares its channel. A change takes effect when the rover is disarmed."),
             })*
@@ -38,13 +39,14 @@ macro_rules! sticks {
                 kind: Kind::Int16,
                 default: 1000.0,
                 range: Range::Between(SHORTEST_US, LONGEST_US - 2.0 * LEAST_TRAVEL_US),
-                unit: "µs",
+            } Documentation {
                 label: concat!("Channel ", $number, ": shortest pulse"),
                 description: concat!(
                     "Pulse in RC_CHANNELS_OVERRIDE that is a stick's full deflection back or left, at least 100 µs shorter \
                      than RC", $number, "_TRIM. A change takes effect when the rover is disarmed; a stick has to be neutral \
                      once then."
                 ),
+                unit: "µs",
             }
             $max {
                 key: $key + 1,
@@ -52,12 +54,13 @@ macro_rules! sticks {
                 kind: Kind::Int16,
                 default: 2000.0,
                 range: Range::Between(SHORTEST_US + 2.0 * LEAST_TRAVEL_US, LONGEST_US),
-                unit: "µs",
+            } Documentation {
                 label: concat!("Channel ", $number, ": longest pulse"),
                 description: concat!(
                     "Pulse of a stick's full deflection ahead or right, at least 100 µs longer than RC", $number, "_TRIM. A \
                      change takes effect when the rover is disarmed."
                 ),
+                unit: "µs",
             }
             $trim {
                 key: $key + 2,
@@ -65,9 +68,10 @@ macro_rules! sticks {
                 kind: Kind::Int16,
                 default: 1500.0,
                 range: Range::Between(SHORTEST_US + LEAST_TRAVEL_US, LONGEST_US - LEAST_TRAVEL_US),
-                unit: "µs",
+            } Documentation {
                 label: concat!("Channel ", $number, ": neutral pulse"),
                 description: "Pulse of a stick that is neutral. A change takes effect when the rover is disarmed.",
+                unit: "µs",
             }
             $reversed {
                 key: $key + 3,
@@ -75,6 +79,7 @@ macro_rules! sticks {
                 kind: Kind::Int8,
                 default: 0.0,
                 range: Range::OneOf(&[(0, means("Normal")), (1, means("Reversed"))]),
+            } Documentation {
                 label: concat!("Channel ", $number, ": direction"),
                 description: "Whether longer pulses are back or left. A change takes effect when the rover is disarmed.",
             })*

@@ -1,7 +1,7 @@
 //! Parameters of thermometers for packs without one, with ArduPilot's names.
 
 #[cfg(not(target_os = "none"))]
-use super::{Documentation, TakesEffect};
+use super::Documentation;
 use super::{Kind, Listed, Parameter, Range, means};
 
 /// Number of thermometers.
@@ -57,6 +57,7 @@ macro_rules! thermometer {
                 kind: Kind::Int8,
                 default: THERMOMETER_DISABLED,
                 range: Range::OneOf(&[(0, means("Disabled")), (5, means("Analog")), (6, means("DroneCAN"))]),
+            } Documentation {
                 label: "Thermometer: type",
                 description: "Sensor of a pack's temperature, for a pack whose own sensor has none.",
             }
@@ -67,6 +68,7 @@ macro_rules! thermometer {
                 default: -1.0,
                 range: super::battery::ANALOG_PINS,
                 listed: Listed::WithThermometer,
+            } Documentation {
                 label: "Thermometer: pin",
                 description: "Pin of an analog thermometer, which is pulled up, so sensors with an output of their own (LM35, TMP36) do not work. Arming is refused while anything else is read there.",
             }
@@ -77,10 +79,11 @@ macro_rules! thermometer {
                 default: 0.0,
                 range: COEFFICIENTS,
                 listed: Listed::WithThermometer,
-                step: 0.0001,
+            } Documentation {
                 label: concat!("Thermometer: coefficient ", $power),
                 description: concat!("Factor of the pin's voltage to the power of ", $power, " in the temperature in °C. While \
                                       all are 0, it is unknown."),
+                step: 0.0001,
             })*
             MessageId {
                 key: 1224,
@@ -89,6 +92,7 @@ macro_rules! thermometer {
                 default: 0.0,
                 range: Range::Between(0.0, 65_535.0),
                 listed: Listed::WithThermometer,
+            } Documentation {
                 label: "Thermometer: message id",
                 description: "Device id in the Temperature messages of a DroneCAN thermometer.",
             }
@@ -99,6 +103,7 @@ macro_rules! thermometer {
                 default: 0.0,
                 range: Range::OneOf(&[(0, means("None")), (3, means("Battery Index"))]),
                 listed: Listed::WithThermometer,
+            } Documentation {
                 label: "Thermometer: source",
                 description: "What the temperature is of.",
             }
@@ -109,6 +114,7 @@ macro_rules! thermometer {
                 default: 0.0,
                 range: Range::Between(0.0, crate::pack::MAX_PACKS as f32),
                 listed: Listed::WithThermometer,
+            } Documentation {
                 label: "Thermometer: pack",
                 description: "Number of the pack, from 1. 0: none.",
             }

@@ -23,6 +23,7 @@ parameters! {
         kind: Kind::Int16,
         default: 1.0,
         range: Range::Between(1.0, 255.0),
+    } Documentation {
         label: "MAVLink system id",
         description: "System id of this vehicle, unique on the link.",
     }
@@ -44,9 +45,10 @@ parameters! {
             (500, means("500000")),
             (921, means("921600")),
         ]),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Telemetry baud rate",
         description: "Baud rate of the telemetry port UART0, in ArduPilot's coding.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     Sr0Extra1 {
         key: 3,
@@ -55,11 +57,12 @@ parameters! {
         default: 2.0,
         range: Range::Between(0.0, 50.0),
         access: SERVICE,
-        unit: "Hz",
+    } Documentation {
         label: "Rate of the battery telemetry",
         description: "Rate of SYS_STATUS and each BATTERY_STATUS. 0: off. A ground station's stream requests change its \
                       link's rates until this is set: EXTENDED_STATUS that of SYS_STATUS, EXTRA3 that of \
                       BATTERY_STATUS, EXTRA1 and ALL both.",
+        unit: "Hz",
     }
     Sr0Params {
         key: 4,
@@ -68,9 +71,10 @@ parameters! {
         default: 10.0,
         range: Range::Between(1.0, 50.0),
         access: SERVICE,
-        unit: "Hz",
+    } Documentation {
         label: "Rate of parameter lists",
         description: "Rate of batches of a parameter list, which takes at most 30 % of the link.",
+        unit: "Hz",
     }
     ArmingCheck {
         key: 5,
@@ -78,6 +82,7 @@ parameters! {
         kind: Kind::Int32,
         default: 1.0,
         range: Range::Bits(&[(0, means("All")), (6, means("RC Channels")), (8, means("Battery Level")), (10, means("Logging"))]),
+    } Documentation {
         label: "Checks before arming",
         description: "Arming checks. 0: none.",
     }
@@ -87,10 +92,11 @@ parameters! {
         kind: Kind::Real32,
         default: 1.5,
         range: Range::Between(1.0, 100.0),
-        step: 0.5,
-        unit: "s",
+    } Documentation {
         label: "Time-out of control inputs",
         description: "Without control inputs for longer, once there were any, an armed rover enters Hold.",
+        unit: "s",
+        step: 0.5,
     }
     FsGcsTimeout {
         key: 8,
@@ -98,10 +104,11 @@ parameters! {
         kind: Kind::Real32,
         default: 5.0,
         range: Range::Between(2.0, 120.0),
-        unit: "s",
+    } Documentation {
         label: "Time-out of ground stations",
         description: "Without a ground station's heartbeat for longer, once there was one, an armed rover enters Hold. \
                       Heartbeats are sent once a second.",
+        unit: "s",
     }
     SignUartAllow {
         key: 9,
@@ -109,6 +116,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: UNSIGNED_ALLOWED,
+    } Documentation {
         label: "Unsigned messages on the telemetry port",
         description: "Unsigned messages accepted on the telemetry port while a signing key is set, besides \
                       RADIO_STATUS.",
@@ -119,6 +127,7 @@ parameters! {
         kind: Kind::Int8,
         default: 2.0,
         range: UNSIGNED_ALLOWED,
+    } Documentation {
         label: "Unsigned messages on USB",
         description: "Unsigned messages accepted on USB while a signing key is set. Unless everything is, a lost key \
                       can't be replaced.",
@@ -129,6 +138,7 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: UNSIGNED_ALLOWED,
+    } Documentation {
         label: "Unsigned messages by Wi-Fi",
         description: "Unsigned messages accepted by Wi-Fi while a signing key is set.",
     }
@@ -138,9 +148,10 @@ parameters! {
         kind: Kind::Int16,
         default: 100.0,
         range: Range::Between(0.0, 1000.0),
-        unit: "%/s",
+    } Documentation {
         label: "Throttle slew rate",
         description: "Maximum rate of change of the throttle, towards neutral at least 100 %/s. 0: unlimited.",
+        unit: "%/s",
     }
     MotBatWattTc {
         key: 54,
@@ -148,10 +159,11 @@ parameters! {
         kind: Kind::Real32,
         default: 2.0,
         range: Range::Between(0.1, 10.0),
-        step: 0.1,
-        unit: "s",
+    } Documentation {
         label: "Time constant of the power limit",
         description: "How fast the motors are limited and released by BATT_WATT_MAX.",
+        unit: "s",
+        step: 0.1,
     }
     MotDrvVolt {
         key: 53,
@@ -160,11 +172,12 @@ parameters! {
         // The highest recommended motor supply of a DRV8837 (TI SLVSBA4).
         default: 11.0,
         range: Range::Between(0.0, 60.0),
-        step: 0.1,
-        unit: "V",
+    } Documentation {
         label: "Voltage limit of the motor drivers",
         description: "Above it a pack at the board's divider does not arm; another one is announced once. 0: no limit. \
                       (ArduPilot has no such parameter.)",
+        unit: "V",
+        step: 0.1,
     }
     LogBitmask {
         key: 11,
@@ -173,6 +186,7 @@ parameters! {
         default: 520.0,
         range: Range::Bits(&[(3, means("System Performance")), (9, means("Battery Monitor"))]),
         access: SERVICE,
+    } Documentation {
         label: "Log bitmask",
         description: "Records of the log, besides parameters, messages, events and modes. 0: no log.",
     }
@@ -183,6 +197,7 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
         access: SERVICE,
+    } Documentation {
         label: "Logging while disarmed",
         description: "Logs while disarmed, too. Otherwise the log goes on for 15 s after disarming.",
     }
@@ -193,10 +208,11 @@ parameters! {
         default: 0.0,
         range: Range::Between(0.0, 1000.0),
         access: SERVICE,
-        unit: "Hz",
+    } Documentation {
         label: "Maximum logging rate",
         description: "Maximum rate of each pack's records in the log. 0: as many as the log's share of 250 bytes per \
                       second allows, of all packs together.",
+        unit: "Hz",
     }
     LogFileDsrmrot {
         key: 14,
@@ -205,6 +221,7 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
         access: SERVICE,
+    } Documentation {
         label: "New log after disarming",
         description: "Ends the log file after disarming; the next arming begins another one.",
     }
@@ -215,6 +232,7 @@ parameters! {
         default: 1.0,
         range: Range::OneOf(&[(0, means("Off")), (1, means("Access point")), (2, means("Station"))]),
         access: SERVICE,
+    } Documentation {
         label: "Wi-Fi mode",
         description: "Wi-Fi of a board that has a radio. An access point has a network of its own; a station joins the \
                       network set by WIFI_CONFIG_AP. A change of any WIFI_ parameter while armed takes effect at \
@@ -227,6 +245,7 @@ parameters! {
         default: 6.0,
         range: Range::Between(1.0, 11.0),
         access: SERVICE,
+    } Documentation {
         label: "Wi-Fi channel",
         description: "Channel of the access point in the 2.4 GHz band. A station uses its network's. (ArduPilot has no \
                       such parameter.)",
@@ -238,6 +257,7 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
         access: SERVICE,
+    } Documentation {
         label: "Wi-Fi power save",
         description: "Lets the radio sleep between packets, which delays what it receives. (ArduPilot has no such \
                       parameter.)",
@@ -249,6 +269,7 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Hide")), (1, means("Show"))]),
         access: Access::Trigger,
+    } Documentation {
         label: "Show the Wi-Fi password",
         description: "Set to 1 by USB, it shows the name and the password of the access point as messages on USB, and \
                       reads 0 again. (ArduPilot has no such parameter.)",
@@ -264,10 +285,11 @@ parameters! {
             (30, means("Generator")),
             (39, means("Torqeedo")),
         ]),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Protocol of the second serial port",
         description: "What is connected to UART1 (GP4, GP5). The pins stay untouched while no pack is measured by it. \
                       (ArduPilot's default is MAVLink2.)",
+        takes_effect: TakesEffect::AfterReboot,
     }
     Serial1Baud {
         key: 29,
@@ -283,10 +305,11 @@ parameters! {
             (115, means("115200")),
         ]),
         listed: Listed::WithSerialProtocol(30.0),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Baud rate of the second serial port",
         description: "Baud rate of a generator at UART1, in ArduPilot's coding; the other protocols have a rate of their \
                       own. (ArduPilot's default is 57.)",
+        takes_effect: TakesEffect::AfterReboot,
     }
     GenType {
         key: 21,
@@ -300,9 +323,10 @@ parameters! {
             (3, means("Richenpower")),
         ]),
         listed: Listed::WithSerialProtocol(30.0),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Generator type",
         description: "Kind of generator at the second serial port.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     EfiType {
         key: 22,
@@ -311,9 +335,10 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("None")), (1, means("Serial-MS"))]),
         listed: Listed::WithSerialProtocol(24.0),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "EFI type",
         description: "Kind of engine control unit at the second serial port.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     EfiCoef1 {
         key: 30,
@@ -322,10 +347,11 @@ parameters! {
         default: 0.0,
         range: Range::Between(0.0, 1.0),
         listed: Listed::WithSerialProtocol(24.0),
-        step: 0.001,
+    } Documentation {
         label: "EFI calibration coefficient 1",
         description: "Flow of fuel for each percent of the injectors' duty cycle, in cm³ per minute. 0: not calibrated, the \
                       flow is unknown.",
+        step: 0.001,
     }
     EfiCoef2 {
         key: 31,
@@ -334,9 +360,10 @@ parameters! {
         default: 0.0,
         range: Range::Between(0.0, 10.0),
         listed: Listed::WithSerialProtocol(24.0),
-        step: 0.01,
+    } Documentation {
         label: "EFI calibration coefficient 2",
         description: "Subtracted from the flow of fuel that EFI_COEF1 gives, in cm³ per minute.",
+        step: 0.01,
     }
     Trqd1Type {
         key: 23,
@@ -345,9 +372,10 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Tiller")), (2, means("Motor"))]),
         listed: Listed::WithSerialProtocol(39.0),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Torqeedo connection type",
         description: "Place of this board on the bus of the Torqeedo motor at the second serial port.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     Trqd1DePin {
         key: 24,
@@ -356,10 +384,11 @@ parameters! {
         default: -1.0,
         range: Range::OneOf(&[(-1, means("None, the transceiver switches by itself")), (22, means("GP22"))]),
         listed: Listed::WithSerialProtocol(39.0),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Torqeedo DE pin",
         description: "Pin that is high while this board sends: the driver enable of the RS-485 transceiver. An \
                       INA239 can't be selected then.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     CanP1Driver {
         key: 25,
@@ -367,10 +396,11 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("First driver"))]),
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "CAN bus",
         description: "Whether an MCP2515 (SPI1, chip select GP13, interrupt GP17) connects the board to a DroneCAN bus. \
                       GP17 takes no pulses of a fuel sensor then. Disabled, the pins stay untouched.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     CanP1Bitrate {
         key: 26,
@@ -384,10 +414,11 @@ parameters! {
             (1_000_000, means("1 Mbit/s, 16 MHz crystal only")),
         ]),
         listed: Listed::WithCan,
-        unit: "bit/s",
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "CAN bit rate",
         description: "Bit rate of the CAN bus, the same for everything on it.",
+        unit: "bit/s",
+        takes_effect: TakesEffect::AfterReboot,
     }
     CanP1Crystal {
         key: 27,
@@ -396,11 +427,12 @@ parameters! {
         default: 16.0,
         range: Range::OneOf(&[(8, means("8 MHz")), (16, means("16 MHz"))]),
         listed: Listed::WithCan,
-        unit: "MHz",
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "CAN controller's crystal",
         description: "Frequency of the MCP2515's crystal, which is printed on it. With 8 MHz the bit rate is 500 kbit/s at \
                       most. (ArduPilot has no such parameter.)",
+        unit: "MHz",
+        takes_effect: TakesEffect::AfterReboot,
     }
     CanD1UcNode {
         key: 28,
@@ -409,10 +441,11 @@ parameters! {
         default: 10.0,
         range: Range::Between(0.0, 125.0),
         listed: Listed::WithCan,
-        takes_effect: TakesEffect::AfterReboot,
+    } Documentation {
         label: "Own DroneCAN node id",
         description: "Node id of this board, unique on the bus. With an id of its own the board also assigns ids to nodes \
                       that have none. 0: assigned by another node.",
+        takes_effect: TakesEffect::AfterReboot,
     }
     ParamChecked {
         key: 52,
@@ -421,6 +454,7 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Keep")), (1, means("Confirm"))]),
         access: Access::Trigger,
+    } Documentation {
         label: "Confirm the parameters",
         description: "Set to 1, it lets the rover arm with parameters that were damaged, half loaded or out of range, and reads \
                       0 again. (ArduPilot has no such parameter.)",
