@@ -34,14 +34,14 @@ const RECEIVED_BYTES: usize = 512;
 /// Room for bytes to a browser until it confirms them.
 const SENT_BYTES: usize = 1024;
 
-/// The same of the connection that gets 503.
+/// Room for bytes from and to the connection that gets 503.
 const REFUSED_RECEIVED_BYTES: usize = 128;
 const REFUSED_SENT_BYTES: usize = 192;
 
 /// Time-out of a browser that is to receive what was sent last and to close its side.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// The same of the connection that gets 503: another one may come.
+/// Time-out of a browser that got 503: another one may come.
 const REFUSED_CLOSE_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// The buffers of the sockets.

@@ -16,7 +16,7 @@ pub(super) struct Paced<'a, D> {
     filter: IngressFilter<'a>,
     /// This turn's frame has been received: the next one is refused once, and passes in the next turn.
     has_received: bool,
-    /// The same of the frame to send.
+    /// This turn's frame has been sent, likewise.
     has_sent: bool,
 }
 

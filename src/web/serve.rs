@@ -35,7 +35,7 @@ macro_rules! no_slot {
 
 const NO_SLOT: Refusal = refusal(Status::ServiceUnavailable, no_slot!());
 
-/// The same without a buffer.
+/// The answer without a free slot, for a connection without a buffer.
 const NO_CONNECTION: &str = concat!(
     "HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nRetry-After: 1\r\n",
     "Content-Type: text/plain; charset=utf-8\r\n\r\n",

@@ -502,7 +502,7 @@ mod firmware {
         }
     }
 
-    /// The same for a task that must not wait for the others.
+    /// Starts a task that must not wait for the others.
     fn start_in_interrupt<S: Send>(
         spawner: SendSpawner,
         name: &str,

@@ -468,7 +468,7 @@ const BOARD_DATA_LINES: &[u8] = include_bytes!("nvram.txt");
 /// A zero after each line and one at the end, filled up to whole words.
 const BOARD_DATA_BYTES: usize = (BOARD_DATA_LINES.len() + 1).next_multiple_of(4);
 
-/// The same as the chip reads it.
+/// The board data as the chip reads it.
 pub(super) static BOARD_DATA: Aligned<A4, [u8; BOARD_DATA_BYTES]> = Aligned(ended_by_zeros(BOARD_DATA_LINES));
 
 const fn ended_by_zeros(lines: &[u8]) -> [u8; BOARD_DATA_BYTES] {
