@@ -43,7 +43,7 @@ pub enum PackEvent {
     SensorRecovered,
     /// Its power button is held.
     PoweringOff,
-    /// These packs have left the sum, one bit per instance from bit 0: they are not connected.
+    /// These members have left the sum, a bit each as in its measurements: they are not connected.
     MembersLeft(u16),
     /// A worse charge state was entered than before: LOW, CRITICAL or EMERGENCY.
     Charge {

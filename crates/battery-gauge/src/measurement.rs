@@ -109,7 +109,7 @@ pub struct Measurement {
     pub time_remaining_s: Option<f32>,
     /// Whether the pack is about to power off.
     pub supply: Supply,
-    /// The members of a sum, one bit per instance from bit 0; 0 for a sensor.
+    /// The members of a sum, a bit each, which the caller chooses; 0 for a sensor.
     pub members: u16,
     /// The lost ones of them: unhealthy, or unplugged under load.
     pub lost_members: u16,

@@ -227,7 +227,7 @@ pub struct BatteryState {
     pub reported_voltage: ReportedVoltage,
     /// Whether the pack is to be reported.
     pub visibility: Visibility,
-    /// The members of a sum, one bit per instance from bit 0; 0 for a pack with a sensor.
+    /// The members of a sum, a bit each, as its measurements have them; 0 for a pack with a sensor.
     pub members: u16,
     /// Changes when the pack was swapped or its cells were detected.
     pub revision: u8,
