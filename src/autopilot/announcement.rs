@@ -8,7 +8,7 @@ use crate::announce::{Announce, Limit, Severity};
 use crate::battery::SuggestedThresholds;
 use crate::memory::storage::StorageError;
 use crate::numbers::{Hundredths, round_to_i32};
-use crate::pack::{Pack, write_packs};
+use crate::pack::{Pack, PackSet};
 use crate::parameter::{BatteryParameter, ParameterId, Refused, VehicleParameter};
 
 /// An announcement of the autopilot itself.
@@ -65,8 +65,8 @@ pub enum Notice {
     BatteriesReset {
         /// Its link.
         link: &'static str,
-        /// The packs, a bit each.
-        mask: u16,
+        /// The packs.
+        packs: PackSet,
         /// Their charge, in percent.
         percent: f32,
     },
@@ -166,9 +166,8 @@ impl fmt::Display for Notice {
                 parameter.row().name,
                 Hundredths(*seconds)
             ),
-            Self::BatteriesReset { link, mask, percent } => {
-                write!(f, "{link}: reset to {}%, battery ", round_to_i32(*percent))?;
-                write_packs(f, *mask)
+            Self::BatteriesReset { link, packs, percent } => {
+                write!(f, "{link}: reset to {}%, battery {packs}", round_to_i32(*percent))
             }
             Self::LogsErased { link } => write!(f, "{link}: logs erased"),
             Self::LearntErased { link, pack } => {
@@ -657,7 +656,7 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
             &refused(Refused::NotWhileArmed),
             &Notice::BatteriesReset {
                 link: "UART",
-                mask: 0b101,
+                packs: PackSet::from_bits(0b101),
                 percent: 100.0,
             },
             &Notice::LogsErased { link: "UART" },

@@ -95,7 +95,7 @@ impl Autopilot {
         notify_any(endpoint, self.log_wears_flash().then_some(Notice::LogWearsFlash));
         notify_any(endpoint, self.missing_threshold().map(Notice::FailsafesOff));
         for pack in Pack::ALL {
-            if self.packs.not_found & pack.bit() != 0 {
+            if self.packs.not_found.contains(pack) {
                 let event = SupplyEvent::NotFound {
                     address: self.packs.part_addresses[pack as usize],
                     answering: self.packs.answering,
@@ -429,12 +429,12 @@ impl Autopilot {
                 self.charger_switch = Some(power);
                 Work::empty()
             }
-            Action::ResetBatteries { mask, percent } => {
+            Action::ResetBatteries { packs, percent } => {
                 self.packs
-                    .reset(mask, percent, &self.parameters, self.vehicle.arm_state());
+                    .reset(packs, percent, &self.parameters, self.vehicle.arm_state());
                 self.update_vehicle();
                 self.was_reset = true;
-                self.announce(&Notice::BatteriesReset { link, mask, percent }, now);
+                self.announce(&Notice::BatteriesReset { link, packs, percent }, now);
                 Work::DRIVE
             }
         }

@@ -42,7 +42,7 @@ use crate::memory::in_place::in_place;
 use crate::memory::save_state::SaveState;
 use crate::numbers::text;
 use crate::pack::Pack;
-use crate::parameter::{MonitorKind, Parameters};
+use crate::parameter::Parameters;
 use crate::recorder::LogFile;
 use crate::recorder::dataflash::ModeReason;
 use crate::sensor::ChargerPower;
@@ -247,7 +247,7 @@ impl Autopilot {
     /// Announces an event of a pack's supply.
     pub fn announce_supply(&mut self, pack: Pack, event: &SupplyEvent, now: Instant) {
         if let SupplyEvent::NotFound { answering, .. } = event {
-            self.packs.not_found |= pack.bit();
+            self.packs.not_found.insert(pack);
             self.packs.answering = *answering;
         }
         self.announce_limited(&PackNotice(pack, event), now);
@@ -281,9 +281,6 @@ fn complete<'a>(
 ) -> SystemState<'a> {
     SystemState {
         batteries: packs.bank.states(),
-        external_packs: packs.mask_of(|kind| kind == MonitorKind::External),
-        can_packs: packs.mask_of(|kind| kind == MonitorKind::Can),
-        pin_packs: packs.mask_of(MonitorKind::reads_voltage_pin),
         kinds: &packs.order,
         part_addresses: &packs.part_addresses,
         vehicle: vehicle.status(),

@@ -8,8 +8,8 @@ use crate::battery::{
     BatteryBank, BatteryMonitor, MAX_ANSWERING, Measurement, PackSource, ReadError, SumVoltage, Tick,
 };
 use crate::memory::in_place::in_place;
-use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, MonitorKind, Parameters};
+use crate::pack::{MAX_PACKS, Pack, PackSet};
+use crate::parameter::{MonitorKind, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
     FuelReadings, Members, PinPull, PinUse, Pulses, Samples, Thermometers, WantedReadings, capacity_ml,
@@ -27,8 +27,8 @@ pub struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
-    /// Packs announced to have a voltage above `MOT_DRV_VOLT`, a bit each.
-    pub announced_too_high: u16,
+    /// Packs announced to have a voltage above `MOT_DRV_VOLT`.
+    pub announced_too_high: PackSet,
     /// Sources of the packs, by the parameters at boot.
     pub read_from: [PackSource; MAX_PACKS],
     /// Sources of their currents, by the parameters at boot.
@@ -44,12 +44,12 @@ pub struct Packs {
     pub thermometers: Thermometers,
     /// Addresses on the I2C bus, by the parameters at boot, where a pack's part can have one only.
     pub part_addresses: [Option<u8>; MAX_PACKS],
-    /// Packs whose part was announced as not found and has not answered since, a bit each.
-    pub not_found: u16,
+    /// Packs whose part was announced as not found and has not answered since.
+    pub not_found: PackSet,
     /// Addresses that answered then.
     pub answering: [Option<u8>; MAX_ANSWERING],
-    /// The packs that had a thermometer a second ago, a bit each.
-    with_thermometer: u16,
+    /// The packs that had a thermometer a second ago.
+    with_thermometer: PackSet,
     /// Present pulls of the analog pins.
     pub pulls: PinPulls,
     /// Revision of the parameters by which the three below are, once there is one.
@@ -71,7 +71,7 @@ impl Packs {
     pub fn new(parameters: &Parameters) -> Self {
         Self {
             order: in_place(|| sampling_order(parameters)),
-            announced_too_high: 0,
+            announced_too_high: PackSet::NONE,
             read_from: in_place(|| sources(parameters)),
             current_sources_at_boot: in_place(|| current_sources_at_boot(parameters)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
@@ -83,7 +83,7 @@ impl Packs {
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
             thermometers: Thermometers::default(),
             part_addresses: in_place(|| part_addresses(parameters)),
-            not_found: 0,
+            not_found: PackSet::NONE,
             answering: [None; MAX_ANSWERING],
             with_thermometer: packs_with_thermometer(parameters),
             pulls: PinPulls::default(),
@@ -98,10 +98,10 @@ impl Packs {
         }
     }
 
-    /// Battery reset of the packs in `mask` (one bit per instance), which is in force when this returns.
-    pub fn reset(&mut self, mask: u16, percent: f32, parameters: &Parameters, arm_state: ArmState) {
+    /// Battery reset of these packs, which is in force when this returns.
+    pub fn reset(&mut self, packs: PackSet, percent: f32, parameters: &Parameters, arm_state: ArmState) {
         for (pack, kind) in &self.order {
-            if mask & pack.bit() != 0 {
+            if packs.contains(*pack) {
                 let settings = parameters.pack(*pack).settings_of_kind(Some(*kind));
                 let (monitor, state) = self.bank.get_mut(*pack);
                 monitor.reset(state, arm_state.into(), percent, &settings);
@@ -146,10 +146,12 @@ impl Packs {
     /// A pack whose thermometer was taken away is not too hot any more, nor is a sum that it is a member of.
     pub fn follow_thermometers(&mut self, parameters: &Parameters) {
         let with_thermometer = packs_with_thermometer(parameters);
-        let without = mem::replace(&mut self.with_thermometer, with_thermometer) & !with_thermometer;
+        let before = mem::replace(&mut self.with_thermometer, with_thermometer);
+        let without = before - with_thermometer;
         for pack in Pack::ALL {
             let (monitor, state) = self.bank.get_mut(pack);
-            if without & (pack.bit() | state.members) != 0 {
+            let members = PackSet::from_bits(state.members);
+            if without.contains(pack) || !(without & members).is_empty() {
                 monitor.forget_temperature();
             }
         }
@@ -263,11 +265,13 @@ impl Packs {
             // Parts on the bus have no reading yet.
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
-                let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
-                let voltage = SumVoltage::from_parameters(parameters.pack(pack));
+                let settings = parameters.pack(pack);
+                let voltage = SumVoltage::from_parameters(settings);
                 // The packs of another sum would count twice.
-                let summable = self.mask_of(|kind| kind != MonitorKind::Sum);
-                self.bank.sum(pack, mask, summable, voltage, tick.load_state)
+                let others = self.order.iter().filter(|(_, kind)| *kind != MonitorKind::Sum);
+                let summable = others.map(|(pack, _)| *pack).collect();
+                self.bank
+                    .sum(pack, settings.named_members(), summable, voltage, tick.load_state)
             }
             MonitorKind::Fuel(fuel) => {
                 let is_taken = self.pins.is_taken(kind, parameters, pack);
@@ -319,7 +323,7 @@ impl Packs {
     pub fn add_reading(&mut self, pack: Pack, reading: Result<Measurement, ReadError>, received_at: Instant) {
         self.samples[pack as usize].add(reading);
         if reading.is_ok() {
-            self.not_found &= !pack.bit();
+            self.not_found.remove(pack);
             self.silences[pack as usize].hear(received_at);
         }
     }
@@ -363,12 +367,6 @@ impl Packs {
     /// Whether a pack is of this kind since boot.
     pub fn is_of_kind(&self, pack: Pack, kind: MonitorKind) -> bool {
         self.order.contains(&(pack, kind))
-    }
-
-    /// The packs of these kinds since boot, a bit each.
-    pub fn mask_of(&self, is_meant: fn(MonitorKind) -> bool) -> u16 {
-        let meant = self.order.iter().filter(|(_, kind)| is_meant(*kind));
-        meant.fold(0, |mask, (pack, _)| mask | pack.bit())
     }
 
     /// The packs that are of this kind since boot, in the order of their instances.

@@ -202,13 +202,13 @@ impl Autopilot {
     fn announce_above_drivers(&mut self, now: Instant) {
         let state = self.system_state(now);
         let is_news = |pack: &Pack| {
-            self.packs.announced_too_high & pack.bit() == 0
+            !self.packs.announced_too_high.contains(*pack)
                 && above_drivers(&state, &self.parameters, *pack) == Some(MeasuredAt::Elsewhere)
                 && !self.packs.is_of_kind(*pack, MonitorKind::Sum)
         };
         // The remaining packs follow, one a second.
         if let Some(pack) = Pack::ALL.into_iter().find(is_news) {
-            self.packs.announced_too_high |= pack.bit();
+            self.packs.announced_too_high.insert(pack);
             self.announce_supply(pack, &SupplyEvent::AboveDrivers, now);
         }
     }

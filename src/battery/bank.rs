@@ -7,7 +7,7 @@ use super::{
 };
 use crate::memory::in_place::in_place;
 use crate::numbers::mean;
-use crate::pack::{MAX_PACKS, Pack};
+use crate::pack::{MAX_PACKS, Pack, PackSet};
 use crate::parameter::{BatteryParameter, PackParameters};
 use crate::vehicle::BatteryAlert;
 
@@ -80,37 +80,41 @@ impl BatteryBank {
         monitor.update(state, tick, reading, settings)
     }
 
-    /// The sum of the packs in `mask` (`BATT_SUM_MASK`) that are among the `summable` ones, by their latest states. Bit 0 is the
-    /// first; an empty mask means all packs after `own`. A sum never includes itself. A pack that is unplugged while disarmed is no
-    /// member until it measures again.
+    /// The sum of the packs that are `named` (`BATT_SUM_MASK`) and among the `summable` ones, by their latest states. If none is
+    /// named, all packs after `own` are meant. A sum never includes itself. A pack that is unplugged while disarmed is no member
+    /// until it measures again.
     ///
     /// # Errors
     /// No member is healthy.
     pub fn sum(
         &self,
         own: Pack,
-        mask: u16,
-        summable: u16,
+        named: PackSet,
+        summable: PackSet,
         voltage: SumVoltage,
         load_state: LoadState,
     ) -> Result<Measurement, ReadError> {
-        let all_after = !(own.bit() - 1);
-        let chosen = summable & !own.bit() & if mask == 0 { all_after } else { mask };
-        let before = self.state(own).members;
-        let (mut members, mut lost_members) = (0, 0);
+        let mut chosen = if named.is_empty() {
+            summable.iter().filter(|pack| *pack > own).collect()
+        } else {
+            summable & named
+        };
+        chosen.remove(own);
+        let before = PackSet::from_bits(self.state(own).members);
+        let (mut members, mut lost_members) = (PackSet::NONE, PackSet::NONE);
         let mut summed = heapless::Vec::<Pack, MAX_PACKS>::new();
         for (pack, state) in Pack::ALL.into_iter().zip(&self.states) {
             let is_present = match state.status {
                 PackStatus::Healthy | PackStatus::Unhealthy => true,
-                PackStatus::NotConnected => load_state == LoadState::On && before & pack.bit() != 0,
+                PackStatus::NotConnected => load_state == LoadState::On && before.contains(pack),
                 PackStatus::Unknown | PackStatus::Disabled => false,
             };
-            if !is_present || chosen & pack.bit() == 0 || state.contents != Contents::Charge {
+            if !is_present || !chosen.contains(pack) || state.contents != Contents::Charge {
                 continue;
             }
-            members |= pack.bit();
+            members.insert(pack);
             if !supplies(state) {
-                lost_members |= pack.bit();
+                lost_members.insert(pack);
             }
             // There is room for all.
             let _ = summed.push(pack);
@@ -122,8 +126,8 @@ impl BatteryBank {
         let drawn_mah = summed.iter().map(|pack| self.drawn_mah(*pack)).sum();
         Ok(Measurement {
             counted: counted.map(|consumed| Counted::Members { consumed, drawn_mah }),
-            members,
-            lost_members,
+            members: members.bits(),
+            lost_members: lost_members.bits(),
             members_capacity_mah: states().map(BatteryState::full_capacity).sum(),
             members_spread: spread(monitors().map(BatteryMonitor::resting_v)),
             doubtful_cells: monitors().filter_map(BatteryMonitor::doubtful_cells).max(),
@@ -133,8 +137,8 @@ impl BatteryBank {
     }
 
     /// Exchanges of these packs, whether or not they are connected (wraps).
-    fn exchanges(&self, packs: u16) -> u8 {
-        let chosen = self.monitors().filter(|(pack, _)| packs & pack.bit() != 0);
+    fn exchanges(&self, packs: PackSet) -> u8 {
+        let chosen = self.monitors().filter(|(pack, _)| packs.contains(*pack));
         chosen.fold(0, |sum, (_, monitor)| sum.wrapping_add(monitor.exchanges()))
     }
 
@@ -145,11 +149,11 @@ impl BatteryBank {
         is_counted.then(|| self.monitor(member).drawn_mah())
     }
 
-    /// The packs that have a failsafe level, a bit each.
-    pub fn at_a_level(&self) -> u16 {
+    /// The packs that have a failsafe level.
+    pub fn at_a_level(&self) -> PackSet {
         let packs = Pack::ALL.into_iter().zip(&self.states);
         let at_a_level = packs.filter(|(_, state)| state.failsafe != FailsafeLevel::None);
-        at_a_level.fold(0, |mask, (pack, _)| mask | pack.bit())
+        at_a_level.map(|(pack, _)| pack).collect()
     }
 
     /// The most urgent alert of all packs.

@@ -5,7 +5,7 @@ use core::fmt;
 use super::{Amount, ChargeState, CurrentRange, FailsafeLevel, Faults, Gap, PackEvent};
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Limit, Severity};
 use crate::numbers::{Hundredths, round_to_i32};
-use crate::pack::{Pack, write_packs};
+use crate::pack::{Pack, PackSet};
 use crate::parameter::BatteryParameter;
 
 /// An event of a pack that its monitor does not see: of its sensor, and of the motors that it supplies.
@@ -159,7 +159,7 @@ impl fmt::Display for PackNotice<'_> {
             PackEvent::PoweringOff => f.write_str("is powering off"),
             PackEvent::MembersLeft(left) => {
                 f.write_str("sums without battery ")?;
-                write_packs(f, *left)
+                write!(f, "{}", PackSet::from_bits(*left))
             }
             PackEvent::Charge {
                 state,

@@ -4,6 +4,7 @@ use super::{
     ChargeLimits, CurrentScale, FailsafeSettings, MissingSetting, PackSettings, ReportedVoltage, Thresholds,
     Visibility, VoltageSource,
 };
+use crate::pack::PackSet;
 use crate::parameter::{BatteryParameter, MonitorKind, PackParameters, PartKind};
 
 /// Bits of `BATT_OPTIONS`, as in ArduPilot.
@@ -25,6 +26,11 @@ impl PackParameters<'_> {
     pub fn serial_number(self) -> Option<i32> {
         let number = self.get_whole(BatteryParameter::SerialNum);
         Some(number).filter(|number| *number >= 0)
+    }
+
+    /// The packs that a sum names as its members (`BATT_SUM_MASK`).
+    pub fn named_members(self) -> PackSet {
+        PackSet::from_bits(self.get_whole(BatteryParameter::SumMask) as u16)
     }
 
     /// The settings of the pack's monitor, whatever its kind.

@@ -6,15 +6,15 @@ use hash32::{FnvHasher, Hasher};
 
 use crate::announce::LastAnnounced;
 use crate::battery::PackDetails;
-use crate::pack::{MAX_PACKS, Pack};
+use crate::pack::{MAX_PACKS, Pack, PackSet};
 
 /// The details of each pack that were reported last on one link, by their hash: each link has one of these, and the details
 /// themselves would take twenty times as much.
 #[derive(Debug, Default)]
 pub struct DetailsChangeDetector {
     reported: [LastAnnounced<Option<u32>>; MAX_PACKS],
-    /// Packs of which a BATTERY_INFO was sent, a bit each.
-    described: u16,
+    /// Packs of which a BATTERY_INFO was sent.
+    described: PackSet,
     revisions: [u8; MAX_PACKS],
 }
 
@@ -28,21 +28,20 @@ fn hash_of(details: &PackDetails) -> u32 {
 impl DetailsChangeDetector {
     /// A BATTERY_INFO of `pack` is sent, which has this revision.
     pub fn describe(&mut self, pack: Pack, revision: u8) {
-        if self.described & pack.bit() == 0 {
-            self.described |= pack.bit();
+        if self.described.insert(pack) {
             self.revisions[pack as usize] = revision;
         }
     }
 
     /// Whether a BATTERY_INFO was sent of any pack. A link on which none was sent has nothing to correct.
     pub fn has_described(&self) -> bool {
-        self.described != 0
+        !self.described.is_empty()
     }
 
     /// Whether `pack` was swapped or its cells were detected since the last BATTERY_INFO; then that counts as described.
     pub fn is_outdated(&mut self, pack: Pack, revision: u8) -> bool {
         let described = &mut self.revisions[pack as usize];
-        self.described & pack.bit() != 0 && core::mem::replace(described, revision) != revision
+        self.described.contains(pack) && core::mem::replace(described, revision) != revision
     }
 
     /// Whether `details` of `pack` differ from those that were reported last; then they count as reported. A pack without

@@ -18,6 +18,8 @@ use super::services::{
 use super::signing::{Access, Authenticity, Effect, LinkKind, Role};
 use super::{COMPONENT_ID, Message, build_available_mode};
 use crate::announce::Severity;
+use crate::parameter::MonitorKind;
+use crate::system::SystemState;
 use crate::vehicle::{ArmState, ControlMessage, Mode, Presence, VehicleStatus};
 
 /// The type in the HEARTBEAT of a ground station.
@@ -74,7 +76,7 @@ pub fn dispatch(frame: &ReceivedFrame<'_>, services: &mut Services, context: &mu
         system_id: frame.system_id,
         component_id: frame.component_id,
     };
-    if !target.is_ours(system_id) || !is_expected(&request, from, system_id, context.state.external_packs) {
+    if !target.is_ours(system_id) || !is_expected(&request, from, system_id, context.state) {
         return Event::Ignored;
     }
     let authenticity = context.changeable.signing.check(frame, context.now);
@@ -201,13 +203,13 @@ fn refuse(request: &Request<'_>, authenticity: Authenticity, unauthorized: &mut 
 
 /// Whether a BATTERY_STATUS or BATTERY_INFO is of a pack that another component of this vehicle measures, and by one: other
 /// packs and vehicles have theirs, which do not concern this one, signed or not.
-fn is_expected(request: &Request<'_>, from: Peer, system_id: u8, external_packs: u16) -> bool {
+fn is_expected(request: &Request<'_>, from: Peer, system_id: u8, state: &SystemState<'_>) -> bool {
     let Request::PackReport(report) = request else {
         return true;
     };
     from.system_id == system_id
         && from.component_id != COMPONENT_ID
-        && external_packs & report.pack().bit() != 0
+        && state.kind(report.pack()) == Some(MonitorKind::External)
 }
 
 /// Does what was asked for.

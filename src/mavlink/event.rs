@@ -1,5 +1,6 @@
 //! Events of received messages, beyond their answers.
 
+use crate::pack::PackSet;
 use crate::parameter::{ParameterId, Refused};
 use crate::sensor::{ChargerPower, ExternalReport};
 use crate::time::Utc;
@@ -94,8 +95,8 @@ pub enum Action {
     SwitchChargers(ChargerPower),
     /// The failsafe levels of these packs end, and they have this much charge now, unless they report it themselves.
     ResetBatteries {
-        /// One bit for each instance, bit 0 for the first; only packs that are monitored.
-        mask: u16,
+        /// Only packs that are monitored.
+        packs: PackSet,
         /// The charge in percent of a full pack, 0 to 100.
         percent: f32,
     },

@@ -8,7 +8,7 @@ use super::dialect::{MavResult, STATUSTEXT_DATA};
 use super::messages::chunks_of;
 use super::{CommandAck, DefaultRate, Message, Peer, Stream, StreamKind, status_texts};
 use crate::announce::Severity;
-use crate::pack::Pack;
+use crate::pack::{Pack, PackSet};
 use crate::system::ArmingObstacle;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
@@ -42,11 +42,11 @@ pub struct Outbox {
     /// Why arming was refused last, until that is the urgent text.
     refused_arming: Option<ArmingObstacle>,
     replies: Deque<Message, REPLIES>,
-    /// Which streams of each message wait, in the order of [`StreamKind::ALL`]: a bit for each pack, bit 0 for the first
-    /// one and for the vehicle.
-    waiting: [u16; StreamKind::COUNT],
-    /// The kind, by its place in [`StreamKind::ALL`], and the first pack whose turn it is.
-    turn: (usize, u32),
+    /// The packs whose stream of each message waits, in the order of [`StreamKind::ALL`]. One of the vehicle is as that of the
+    /// first pack.
+    waiting: [PackSet; StreamKind::COUNT],
+    /// The kind, by its place in [`StreamKind::ALL`], and the instance of the first pack whose turn it is.
+    turn: (usize, u8),
     /// Messages of the link that were dropped.
     dropped: u32,
     /// Long texts so far, of which each has a number.
@@ -64,12 +64,10 @@ impl Outbox {
     /// Has the next message of `stream` wait, and says what was dropped for it, if anything.
     pub fn post(&mut self, stream: Stream) -> Posted {
         let waiting = &mut self.waiting[stream.kind() as usize];
-        let before = *waiting;
-        *waiting |= stream.pack().unwrap_or(Pack::First).bit();
-        if *waiting == before {
-            Posted::Replaced
-        } else {
+        if waiting.insert(stream.pack().unwrap_or(Pack::First)) {
             Posted::Queued
+        } else {
+            Posted::Replaced
         }
     }
 
@@ -187,7 +185,7 @@ impl Outbox {
     /// Takes out the HEARTBEAT, which has to leave before anything else.
     pub fn take_heartbeat(&mut self) -> Option<Stream> {
         let waiting = &mut self.waiting[StreamKind::Heartbeat as usize];
-        (mem::take(waiting) != 0).then_some(Stream::Heartbeat)
+        (!mem::take(waiting).is_empty()).then_some(Stream::Heartbeat)
     }
 
     /// Takes out the oldest answer.
@@ -203,17 +201,15 @@ impl Outbox {
 
     /// Takes out the next stream of the message whose turn it is. If none waits, it is the next message's turn.
     fn take_in_turn(&mut self) -> Option<Stream> {
-        let (place, from_pack) = self.turn;
+        let (place, from_instance) = self.turn;
         let kind = *StreamKind::ALL.get(place)?;
         let waiting = &mut self.waiting[kind as usize];
-        let in_turn = *waiting & u16::MAX << from_pack;
-        // Without a bit there are sixteen zeros, which is not a pack.
-        let Some(pack) = Pack::from_instance(in_turn.trailing_zeros() as u8) else {
+        let Some(pack) = waiting.iter().find(|pack| pack.instance() >= from_instance) else {
             self.turn = ((place + 1) % StreamKind::COUNT, 0);
             return None;
         };
-        *waiting &= !pack.bit();
-        self.turn = (place, pack as u32 + 1);
+        waiting.remove(pack);
+        self.turn = (place, pack.instance() + 1);
         Some(kind.of(pack))
     }
 
@@ -222,7 +218,7 @@ impl Outbox {
         self.urgent.is_empty()
             && self.refused_arming.is_none()
             && self.replies.is_empty()
-            && self.waiting == [0; StreamKind::COUNT]
+            && self.waiting == [PackSet::NONE; StreamKind::COUNT]
     }
 }
 

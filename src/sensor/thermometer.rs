@@ -2,7 +2,7 @@
 
 use super::{AdcCount, AnalogPin, AnalogReadings, PinUse};
 use crate::battery::{Measurement, Thermometer};
-use crate::pack::Pack;
+use crate::pack::{Pack, PackSet};
 use crate::parameter::{Parameters, THERMOMETER_COUNT, TemperatureSensor, ThermometerParameter};
 use crate::time::Instant;
 
@@ -49,14 +49,12 @@ fn pack_of(parameters: &Parameters, sensor: TemperatureSensor) -> Option<Pack> {
     Pack::from_instance(number.checked_sub(1)?).filter(|_| is_of_pack)
 }
 
-/// The packs that have a thermometer, a bit each, whether or not it measures.
-pub fn packs_with_thermometer(parameters: &Parameters) -> u16 {
+/// The packs that have a thermometer, whether or not it measures.
+pub fn packs_with_thermometer(parameters: &Parameters) -> PackSet {
     let in_use = TemperatureSensor::ALL
         .into_iter()
         .filter(|sensor| Input::from_parameters(parameters, *sensor).is_some());
-    in_use
-        .filter_map(|sensor| pack_of(parameters, sensor))
-        .fold(0, |packs, pack| packs | pack.bit())
+    in_use.filter_map(|sensor| pack_of(parameters, sensor)).collect()
 }
 
 /// The analog thermometers in use that have a pin.

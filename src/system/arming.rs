@@ -115,7 +115,7 @@ pub fn above_drivers(state: &SystemState<'_>, parameters: &Parameters, pack: Pac
     let wiring = AnalogWiring::from_parameters(parameters.pack(pack));
     let range_v = wiring
         .board_divider_range_v()
-        .filter(|_| state.pin_packs & pack.bit() != 0);
+        .filter(|_| state.kind(pack).is_some_and(MonitorKind::reads_voltage_pin));
     let voltage_v = match (battery.read_error, range_v) {
         (Some(ReadError::OverRange), Some(range_v)) => range_v,
         _ => battery.readings.voltage_v?,
@@ -193,9 +193,8 @@ fn sums_a_sum(kinds: &[(Pack, MonitorKind)], parameters: &Parameters, pack: Pack
     if !is_sum(pack) {
         return false;
     }
-    let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
-    let mut others = Pack::ALL.into_iter().filter(|other| *other != pack);
-    others.any(|other| mask & other.bit() != 0 && is_sum(other))
+    let mut named = parameters.pack(pack).named_members().iter();
+    named.any(|other| other != pack && is_sum(other))
 }
 
 /// Whether the vehicle would be armed on request now.

@@ -2,7 +2,7 @@
 
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::memory::identity::Identity;
-use crate::pack::Pack;
+use crate::pack::{Pack, PackSet};
 use crate::parameter::MonitorKind;
 use crate::recorder::LogFile;
 use crate::time::Instant;
@@ -14,12 +14,6 @@ use crate::vehicle::VehicleStatus;
 pub struct SystemState<'a> {
     /// The packs by their instance; the first one is the primary pack.
     pub batteries: &'a [BatteryState],
-    /// The packs that another component measures, a bit each, bit 0 for the first.
-    pub external_packs: u16,
-    /// The packs on the CAN bus, a bit each, bit 0 for the first.
-    pub can_packs: u16,
-    /// The packs whose voltage is read at an analog pin, a bit each, bit 0 for the first.
-    pub pin_packs: u16,
     /// The packs that are monitored, and their kinds, since boot.
     pub kinds: &'a [(Pack, MonitorKind)],
     /// Addresses of the packs' parts on the I2C bus, by their instance, where they are known.
@@ -47,6 +41,12 @@ pub struct SystemState<'a> {
 }
 
 impl SystemState<'_> {
+    /// The kind of a pack's monitor since boot; `None` if it is not monitored.
+    pub fn kind(&self, pack: Pack) -> Option<MonitorKind> {
+        let own = self.kinds.iter().find(|(monitored, _)| *monitored == pack);
+        own.map(|(_, kind)| *kind)
+    }
+
     /// The state of `pack`; of one that does not exist nothing is known.
     pub fn battery(&self, pack: Pack) -> &BatteryState {
         self.batteries
@@ -66,30 +66,30 @@ impl SystemState<'_> {
             .filter(|battery| battery.status != PackStatus::Disabled)
     }
 
-    /// The packs that are monitored, a bit each, bit 0 for the first.
-    pub fn monitored_mask(&self) -> u16 {
-        self.mask_of(|battery| battery.status != PackStatus::Disabled)
+    /// The packs that are monitored.
+    pub fn monitored_packs(&self) -> PackSet {
+        self.packs_that(|battery| battery.status != PackStatus::Disabled)
     }
 
-    /// The packs whose charge can't be set, a bit each, bit 0 for the first: it is known from a gauge of their own or reported by
-    /// another component, or their cells are unclear.
-    pub fn gauged_mask(&self) -> u16 {
-        self.mask_of(|battery| {
+    /// The packs whose charge can't be set: it is known from a gauge of their own or reported by another component, or their
+    /// cells are unclear.
+    pub fn gauged_packs(&self) -> PackSet {
+        self.packs_that(|battery| {
             battery.charge_source != ChargeSource::Estimated || battery.has_unclear_cells()
         })
     }
 
-    /// The packs in `mask` and the monitored ones that they are the sum of, a bit each, bit 0 for the first.
-    pub fn with_members(&self, mask: u16) -> u16 {
-        let members = |mask: u16| {
-            let packs = Pack::ALL.iter().zip(self.batteries);
-            let named = packs.filter(move |(pack, _)| mask & pack.bit() != 0);
-            named.fold(mask, |mask, (_, battery)| {
-                mask | battery.members & self.monitored_mask()
-            })
-        };
+    /// These packs and the monitored ones that they are the sum of.
+    pub fn with_members(&self, mut packs: PackSet) -> PackSet {
+        let monitored = self.monitored_packs();
         // A sum may be of sums, each of which adds a pack at least.
-        self.batteries.iter().fold(mask, |mask, _| members(mask))
+        for _ in self.batteries {
+            for pack in packs.iter() {
+                let members = PackSet::from_bits(self.battery(pack).members);
+                packs = packs | members & monitored;
+            }
+        }
+        packs
     }
 
     /// Whether `pack` is a tank whose capacity is known.
@@ -97,11 +97,10 @@ impl SystemState<'_> {
         self.battery(pack).capacity_ml().is_some()
     }
 
-    fn mask_of(&self, is_meant: impl Fn(&BatteryState) -> bool) -> u16 {
-        let packs = Pack::ALL.iter().zip(self.batteries);
-        packs
-            .filter(|(_, battery)| is_meant(battery))
-            .fold(0, |mask, (pack, _)| mask | pack.bit())
+    fn packs_that(&self, is_meant: impl Fn(&BatteryState) -> bool) -> PackSet {
+        let packs = Pack::ALL.into_iter().zip(self.batteries);
+        let meant = packs.filter(|(_, battery)| is_meant(battery));
+        meant.map(|(pack, _)| pack).collect()
     }
 
     /// The packs that have a BATTERY_STATUS of their own: those monitored and not kept on board.

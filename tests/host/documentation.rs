@@ -12,7 +12,7 @@ use rover_battmon::battery::{
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
 use rover_battmon::memory::identity::FirmwareHash;
-use rover_battmon::pack::Pack;
+use rover_battmon::pack::{Pack, PackSet};
 use rover_battmon::parameter::{BatteryParameter, ParameterTrouble, Refused, StickParameter};
 use rover_battmon::sensor::{CanReport, FuelCellState};
 use rover_battmon::system::ArmingObstacle;
@@ -658,7 +658,7 @@ fn announced() -> Vec<String> {
                 Notice::ParameterRefused { id, why },
                 Notice::BatteriesReset {
                     link: "UART0",
-                    mask: Pack::First.bit(),
+                    packs: PackSet::from_iter([Pack::First]),
                     percent: 100.0,
                 },
                 Notice::LogsErased { link: "UDP 1" },

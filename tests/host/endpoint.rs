@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use rover_battmon::announce::Severity;
 use rover_battmon::battery::{BatteryState, PackDetails, PackStatus};
 use rover_battmon::mavlink::{Action, Event, LinkKind};
-use rover_battmon::pack::{MAX_PACKS, Pack};
+use rover_battmon::pack::{MAX_PACKS, Pack, PackSet};
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Unsaved};
 use rover_battmon::sensor::ChargerPower;
 use support::commands::{
@@ -439,7 +439,10 @@ fn a_battery_reset_reaches_the_packs_that_exist() {
             let mut desk = Desk::with_packs(&packs_with_a_gap());
             let events = desk.receive_in_chunks(&request, 64);
             let expected = match reset {
-                Some(mask) => Event::Command(Action::ResetBatteries { mask, percent: 56.0 }),
+                Some(mask) => Event::Command(Action::ResetBatteries {
+                    packs: PackSet::from_bits(mask),
+                    percent: 56.0,
+                }),
                 None => Event::CommandRefused(BATTERY_RESET),
             };
             assert_eq!(events, [expected], "{mask}");

@@ -4,16 +4,13 @@ use heapless::Deque;
 
 use crate::autopilot::packs::Packs;
 use crate::memory::identity::BoardId;
-use crate::pack::Pack;
+use crate::pack::{Pack, PackSet};
 use crate::parameter::{ParameterId, Parameters};
 use crate::recorder::dataflash::{Record, RecordBytes, opening_record};
 use crate::time::Instant;
 
 /// A second of records at the log's share, the announcements of all packs in one tick, and an erase of 400 ms.
 const QUEUE_BYTES: usize = 2048;
-
-/// All packs, a bit each.
-const ALL_PACKS: u16 = u16::MAX;
 
 /// Subject of a log file.
 #[derive(Clone, Copy, Debug)]
@@ -28,8 +25,8 @@ pub struct Subject<'a> {
 pub struct Stream {
     queue: Queue,
     opening: Opening,
-    /// Packs to describe, a bit each.
-    packs: u16,
+    /// Packs to describe.
+    packs: PackSet,
     /// The time of the formats: what happens meanwhile follows them.
     began: Instant,
     /// Of the opening's current record, what has not left yet.
@@ -58,7 +55,7 @@ impl Stream {
         self.part.clear();
         self.left = 0;
         self.opening = Opening::Formats(0);
-        self.packs = ALL_PACKS;
+        self.packs = PackSet::ALL;
     }
 
     /// When the file began.
@@ -73,7 +70,7 @@ impl Stream {
 
     /// Describes a pack once more.
     pub fn describe(&mut self, pack: Pack) {
-        self.packs |= pack.bit();
+        self.packs.insert(pack);
     }
 
     /// Writes all parameters once more.
@@ -91,7 +88,7 @@ impl Stream {
     /// Whether this many bytes could leave now.
     pub fn has(&self, bytes: usize) -> bool {
         self.opening != Opening::Done
-            || self.packs != 0
+            || !self.packs.is_empty()
             || self.queue.len() + self.part.len() - self.left >= bytes
     }
 
@@ -133,18 +130,18 @@ impl Stream {
     /// The records of the next pack to describe.
     fn next_pack(&mut self, subject: &Subject<'_>, now: Instant) -> Option<RecordBytes> {
         // It is called for each byte that waits.
-        if self.packs == 0 {
+        if self.packs.is_empty() {
             return None;
         }
         let mut due = subject
             .packs
             .monitors()
-            .filter(|(pack, _)| self.packs & pack.bit() != 0);
+            .filter(|(pack, _)| self.packs.contains(*pack));
         let Some((pack, monitor)) = due.next() else {
-            self.packs = 0;
+            self.packs = PackSet::NONE;
             return None;
         };
-        self.packs &= !pack.bit();
+        self.packs.remove(pack);
         let state = subject.packs.bank.state(pack);
         let learnt = monitor.learnt_of_this(state);
         let mut records = Record::Pack(pack, state, learnt).encode(now.as_micros());

@@ -28,6 +28,9 @@ struct BankBench {
 
 const SUM: Pack = Pack::Third;
 
+/// Its members.
+const BOTH: PackSet = PackSet::from_bits(0b11);
+
 /// Time for which the charge of a sum is held when a member is lost, in seconds.
 const TIMEOUT_S: f32 = 12.0;
 
@@ -104,7 +107,8 @@ impl BankBench {
 
     /// The sum of the packs of `mask` at this moment, as `own`.
     fn sum_of(&self, own: Pack, mask: u16, voltage: SumVoltage) -> Result<Measurement, ReadError> {
-        self.bank.sum(own, mask, 0b111, voltage, self.load_state)
+        let named = PackSet::from_bits(mask);
+        self.bank.sum(own, named, PackSet::ALL, voltage, self.load_state)
     }
 }
 
@@ -193,9 +197,13 @@ fn sum_has_only_electric_packs_as_members() {
     assert_eq!((readings.voltage_v, readings.current_a), (Some(12.0), Some(2.0)));
     assert_eq!(state.members, 0b1);
     let members = |own, mask| {
-        let sum = bench
-            .bank
-            .sum(own, mask, u16::MAX, SumVoltage::Mean, LoadState::On);
+        let sum = bench.bank.sum(
+            own,
+            PackSet::from_bits(mask),
+            PackSet::ALL,
+            SumVoltage::Mean,
+            LoadState::On,
+        );
         sum.map(|sum| sum.members)
     };
     assert_eq!(members(Pack::Ninth, 0b11), Ok(0b1));
@@ -496,7 +504,7 @@ fn the_cells_of_a_sum_are_unclear_while_those_of_a_member_are() {
             };
             let _ = bank.update(Pack::First, tick, Ok(reading), &settings);
             let _ = bank.update(Pack::Second, tick, Ok(reading), &settings);
-            let sum = bank.sum(Pack::Third, 3, 7, SumVoltage::Mean, tick.load_state);
+            let sum = bank.sum(Pack::Third, BOTH, PackSet::ALL, SumVoltage::Mean, tick.load_state);
             let _ = bank.update(Pack::Third, tick, sum, &settings);
         }
         let [first, second, third, ..] = bank.states().map(|state| state.cell_count);
@@ -528,7 +536,13 @@ fn cells_of_a_sum_follow_a_member_that_is_charged_in_place() {
             };
             let settings = PackSettings::default();
             let _ = bank.update(Pack::First, tick, Ok(at(voltage_v, current_a)), &settings);
-            let sum = bank.sum(Pack::Third, 1, 7, SumVoltage::Mean, tick.load_state);
+            let sum = bank.sum(
+                Pack::Third,
+                PackSet::from_bits(1),
+                PackSet::ALL,
+                SumVoltage::Mean,
+                tick.load_state,
+            );
             let _ = bank.update(Pack::Third, tick, sum, &settings);
         }
         bank.state(Pack::Third).cell_count
@@ -706,7 +720,7 @@ proptest! {
                     let reading = match pack {
                         Pack::First => first,
                         Pack::Second => second,
-                        _ => bank.sum(SUM, 0b11, 0b111, SumVoltage::Mean, LoadState::On),
+                        _ => bank.sum(SUM, BOTH, PackSet::ALL, SumVoltage::Mean, LoadState::On),
                     };
                     let update = bank.update(pack, tick, reading, &settings);
                     let state = bank.state(pack);

@@ -14,7 +14,8 @@ use crate::mavlink::{
     Message, Stream, StreamKind, build_autopilot_version, build_available_mode, build_component_metadata,
     build_protocol_version,
 };
-use crate::pack::Pack;
+use crate::pack::{Pack, PackSet};
+use crate::parameter::MonitorKind;
 use crate::sensor::ChargerPower;
 use crate::system::SystemState;
 use crate::time::Instant;
@@ -297,7 +298,7 @@ impl Command {
             SWITCH_MIDDLE => return ACCEPTED.into(),
             _ => return DENIED.into(),
         };
-        if state.can_packs == 0 {
+        if !state.kinds.iter().any(|(_, kind)| *kind == MonitorKind::Can) {
             return FAILED.into();
         }
         Action::SwitchChargers(power).into()
@@ -307,29 +308,33 @@ impl Command {
     /// named does not exist, unless it lies beyond the last one that does; or if it reports its own charge, which is not
     /// overridden. All the others are reset all the same, and the level of such a pack ends, too.
     fn reset_batteries(&self, state: &SystemState<'_>) -> CommandOutcome {
-        let Some(asked) = pack_mask(self.param1).filter(|_| self.param2.is_finite()) else {
+        let Some(asked) = packs_named_by(self.param1).filter(|_| self.param2.is_finite()) else {
             return DENIED.into();
         };
         let asked = state.with_members(asked);
-        let existing = state.monitored_mask();
-        let up_to_last = u16::MAX.checked_shr(existing.leading_zeros()).unwrap_or(0);
-        let mask = asked & existing;
+        let existing = state.monitored_packs();
+        let packs = asked & existing;
+        if packs.is_empty() {
+            return FAILED.into();
+        }
+        let last = existing.iter().last();
+        let misses_one = (asked - existing).iter().any(|pack| Some(pack) < last);
+        let is_complete = !misses_one && (packs & state.gauged_packs()).is_empty();
         let percent = self.param2.clamp(0.0, 100.0);
-        let complete = mask != 0 && asked & up_to_last == mask & !state.gauged_mask();
         CommandOutcome {
-            result: if complete { ACCEPTED } else { FAILED },
+            result: if is_complete { ACCEPTED } else { FAILED },
             answer: None,
-            action: (mask != 0).then_some(Action::ResetBatteries { mask, percent }),
+            action: Some(Action::ResetBatteries { packs, percent }),
         }
     }
 }
 
-/// The packs parameter 1 of MAV_CMD_BATTERY_RESET names.
-fn pack_mask(parameter: f32) -> Option<u16> {
+/// The packs that parameter 1 of MAV_CMD_BATTERY_RESET names.
+fn packs_named_by(parameter: f32) -> Option<PackSet> {
     let mask = parameter as u16;
     match parameter {
-        ALL_PACKS => Some(u16::MAX),
-        _ => (f32::from(mask) == parameter).then_some(mask),
+        ALL_PACKS => Some(PackSet::ALL),
+        _ => (f32::from(mask) == parameter).then_some(PackSet::from_bits(mask)),
     }
 }
 
@@ -484,10 +489,11 @@ mod tests {
     }
 
     fn reset(result: MavResult, mask: u16, percent: f32) -> CommandOutcome {
+        let packs = PackSet::from_bits(mask);
         CommandOutcome {
             result,
             answer: None,
-            action: Some(Action::ResetBatteries { mask, percent }),
+            action: Some(Action::ResetBatteries { packs, percent }),
         }
     }
 

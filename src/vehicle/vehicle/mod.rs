@@ -13,7 +13,7 @@ use super::{
     Mode, PowerLimit, Presence, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings,
     VehicleStatus,
 };
-use crate::pack::Pack;
+use crate::pack::{Pack, PackSet};
 use crate::parameter::StickChannels;
 use crate::time::Instant;
 
@@ -71,12 +71,12 @@ pub struct Vehicle {
     reversals: Reversals,
     /// The most urgent alert of all packs.
     battery_alert: BatteryAlert,
-    /// Packs that are not being charged and are below their critical threshold, a bit each.
-    below_critical: u16,
+    /// Packs that are not being charged and are below their critical threshold.
+    below_critical: PackSet,
     /// When it was armed, a station or a stick was there, or no pack was below its critical threshold.
     attended_at: Instant,
-    /// Packs whose failsafe has terminated the drive and that still have a failsafe level, a bit each.
-    terminated_by: u16,
+    /// Packs whose failsafe has terminated the drive and that still have a failsafe level.
+    terminated_by: PackSet,
     refused_at: Option<Instant>,
     pending_restart: Option<Restart>,
 }
@@ -222,7 +222,7 @@ impl Vehicle {
             }
             Effect::Terminate => {
                 self.disarm();
-                self.terminated_by |= pack.bit();
+                self.terminated_by.insert(pack);
                 Some(VehicleEvent::Terminated)
             }
         }
@@ -237,17 +237,20 @@ impl Vehicle {
         self.arm_state == ArmState::Armed && action.effect() > present
     }
 
-    /// Updates the packs that have a failsafe level, a bit each, and the most urgent alert of all. A termination ends when
+    /// Updates the packs that have a failsafe level, and the most urgent alert of all. A termination ends when
     /// each pack that has caused it has none, after a battery reset or swap.
-    pub fn update_batteries(&mut self, at_a_level: u16, alert: BatteryAlert) {
+    pub fn update_batteries(&mut self, at_a_level: PackSet, alert: BatteryAlert) {
         self.battery_alert = alert;
-        self.terminated_by &= at_a_level;
+        self.terminated_by = self.terminated_by & at_a_level;
     }
 
     /// Updates whether this pack is not being charged and below its critical threshold.
     pub fn update_below_critical(&mut self, pack: Pack, is_below: bool) {
-        self.below_critical &= !pack.bit();
-        self.below_critical |= u16::from(is_below) << pack.instance();
+        if is_below {
+            self.below_critical.insert(pack);
+        } else {
+            self.below_critical.remove(pack);
+        }
     }
 
     /// Follows changed channels of the sticks while disarmed. Positions from before mean something else now.
@@ -261,7 +264,7 @@ impl Vehicle {
     /// Updates time-outs, channels of the sticks and the slew rate limiter. Returns an event if an input has timed out.
     pub fn update(&mut self, now: Instant, settings: &VehicleSettings) -> Option<VehicleEvent> {
         self.follow_channels(settings.channels);
-        if self.arm_state == ArmState::Armed || self.below_critical == 0 {
+        if self.arm_state == ArmState::Armed || self.below_critical.is_empty() {
             self.attended_at = now;
         }
         self.seat.expire(now, settings.timeout_us);
@@ -390,7 +393,7 @@ impl Vehicle {
 
     /// Whether a pack is drained below its critical threshold, without a station or a stick for long.
     fn is_forgotten(&self, now: Instant) -> bool {
-        self.below_critical != 0 && now.us_since(self.attended_at) >= FORGOTTEN_AFTER_US
+        !self.below_critical.is_empty() && now.us_since(self.attended_at) >= FORGOTTEN_AFTER_US
     }
 
     fn is_urgent(&self) -> bool {
@@ -429,12 +432,12 @@ impl Vehicle {
 
     /// Whether a failsafe has terminated the drive: disarmed until a restart or a battery reset.
     pub fn is_terminated(&self) -> bool {
-        self.terminated_by != 0
+        !self.terminated_by.is_empty()
     }
 
     /// Whether the failsafe of this pack has.
     pub fn is_terminated_by(&self, pack: Pack) -> bool {
-        self.terminated_by & pack.bit() != 0
+        self.terminated_by.contains(pack)
     }
 
     /// The program after a pending restart.

@@ -298,7 +298,6 @@ fn an_action_that_ends_in_hold_holds_again_whatever_held_before() {
 
 #[test]
 fn a_termination_ends_once_each_pack_that_caused_it_has_no_level() {
-    let bits = |packs: &[Pack]| packs.iter().fold(0, |mask, pack| mask | pack.bit());
     let (first, second, third) = (Pack::First, Pack::Second, Pack::Third);
     let mut vehicle = armed_in(Mode::Manual);
     // The third pack only holds.
@@ -306,15 +305,15 @@ fn a_termination_ends_once_each_pack_that_caused_it_has_no_level() {
     vehicle.battery_failsafe(first, FailsafeAction::Terminate);
     vehicle.battery_failsafe(second, FailsafeAction::Terminate);
     for (at_a_level, is_terminated) in [
-        (bits(&[first, second, third]), true),
-        (bits(&[second, third]), true),
+        (PackSet::from_iter([first, second, third]), true),
+        (PackSet::from_iter([second, third]), true),
         // A level of the first that is reached later terminates nothing.
-        (bits(&[first, second, third]), true),
-        (bits(&[first, third]), false),
-        (bits(&[second]), false),
+        (PackSet::from_iter([first, second, third]), true),
+        (PackSet::from_iter([first, third]), false),
+        (PackSet::from_iter([second]), false),
     ] {
         vehicle.update_batteries(at_a_level, BatteryAlert::Urgent);
-        assert_eq!(vehicle.is_terminated(), is_terminated, "{at_a_level:b}");
+        assert_eq!(vehicle.is_terminated(), is_terminated, "{at_a_level}");
     }
     assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
 }
@@ -323,11 +322,11 @@ fn a_termination_ends_once_each_pack_that_caused_it_has_no_level() {
 fn battery_reset_ends_termination() {
     let mut vehicle = armed_in(Mode::Manual);
     vehicle.battery_failsafe(Pack::First, FailsafeAction::Terminate);
-    vehicle.update_batteries(Pack::First.bit(), BatteryAlert::Urgent);
+    vehicle.update_batteries(PackSet::from_iter([Pack::First]), BatteryAlert::Urgent);
     assert_eq!(vehicle.status().alert, Alert::Terminated);
     let armed = vehicle.arm(Instant::EPOCH, Fitness::Checked);
     assert_eq!(armed, Err(ArmingRefused::Terminated));
-    vehicle.update_batteries(0, BatteryAlert::None);
+    vehicle.update_batteries(PackSet::NONE, BatteryAlert::None);
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
 }
@@ -355,11 +354,11 @@ fn lamps_and_buzzer_indicate_the_state() {
     assert_eq!(tones(&vehicle, 1_000_000, 10), "xxxxx.....");
     vehicle.arm(at_us(3_000_000), Fitness::Checked).unwrap();
     assert_eq!(colour(&vehicle), Colour::Blue);
-    vehicle.update_batteries(Pack::First.bit(), BatteryAlert::Warning);
+    vehicle.update_batteries(PackSet::from_iter([Pack::First]), BatteryAlert::Warning);
     assert_eq!(colour(&vehicle), Colour::Yellow);
     let expected = "x...................x...................";
     assert_eq!(tones(&vehicle, 4_000_000, 40), expected);
-    vehicle.update_batteries(Pack::First.bit(), BatteryAlert::Urgent);
+    vehicle.update_batteries(PackSet::from_iter([Pack::First]), BatteryAlert::Urgent);
     assert_eq!(colour(&vehicle), Colour::Red);
     assert_eq!(tones(&vehicle, 4_000_000, 20), "x.x.x.....x.x.x.....");
 }
@@ -410,7 +409,7 @@ fn a_charge_state_is_indicated_without_a_failsafe() {
         (BatteryAlert::Urgent, Colour::Red, "x.x.x.....x.x.x....."),
         (BatteryAlert::None, Colour::Green, "...................."),
     ] {
-        vehicle.update_batteries(0, alert);
+        vehicle.update_batteries(PackSet::NONE, alert);
         assert_eq!(vehicle.indication(Instant::EPOCH).colour, colour);
         assert_eq!(tones(&vehicle, 4_000_000, 20), expected_tones);
         assert_eq!(vehicle.status().alert, Alert::None, "{alert:?} is not a failsafe");
@@ -427,7 +426,7 @@ enum Input {
     GroundStation,
     Failsafe(i32),
     /// Packs at a failsafe level.
-    Batteries(u16),
+    Batteries(PackSet),
     Wait(u64),
 }
 
@@ -447,7 +446,7 @@ fn input() -> impl Strategy<Value = Input> {
         (stick_input(), stick_input()).prop_map(|(throttle, steering)| Input::Control(throttle, steering)),
         Just(Input::GroundStation),
         (0..=6).prop_map(Input::Failsafe),
-        (0u16..4).prop_map(Input::Batteries),
+        (0u16..4).prop_map(|bits| Input::Batteries(PackSet::from_bits(bits))),
         (0u64..3_000_000).prop_map(Input::Wait),
     ]
 }
@@ -500,7 +499,7 @@ proptest! {
 #[test]
 fn lamps_and_buzzer_are_off_before_the_boot_loader_alone() {
     let mut vehicle = Vehicle::new();
-    vehicle.update_batteries(Pack::First.bit(), BatteryAlert::Urgent);
+    vehicle.update_batteries(PackSet::from_iter([Pack::First]), BatteryAlert::Urgent);
     vehicle.prepare_restart(Restart::Firmware);
     assert_eq!(vehicle.indication(Instant::EPOCH).colour, Colour::Red);
     vehicle.prepare_restart(Restart::BootLoader);

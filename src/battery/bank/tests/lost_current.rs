@@ -36,7 +36,7 @@ fn a_sum_keeps_what_was_drawn_from_a_pack_that_loses_its_current() {
             let update = bank.update(pack, tick, Ok(reading), &settings);
             named.extend(update.events.iter().map(|event| (pack, *event)));
         }
-        let sum = bank.sum(Pack::Third, 0b11, 0b111, SumVoltage::Mean, LoadState::On);
+        let sum = bank.sum(Pack::Third, BOTH, PackSet::ALL, SumVoltage::Mean, LoadState::On);
         let update = bank.update(Pack::Third, tick, sum, &settings);
         named.extend(update.events.iter().map(|event| (Pack::Third, *event)));
         reported.extend(bank.state(Pack::Third).consumed_mah());
@@ -117,7 +117,7 @@ proptest! {
                     }
                 }
             }
-            let sum = bank.sum(Pack::Third, 0b11, 0b111, SumVoltage::Mean, load_state);
+            let sum = bank.sum(Pack::Third, BOTH, PackSet::ALL, SumVoltage::Mean, load_state);
             let _ = bank.update(Pack::Third, Tick { now, load_state }, sum, &settings);
             for (index, pack) in [Pack::First, Pack::Second, Pack::Third].into_iter().enumerate() {
                 let state = bank.state(pack);
