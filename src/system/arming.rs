@@ -2,7 +2,7 @@
 
 use core::fmt::Write;
 
-use heapless::String;
+use heapless::{String, Vec};
 
 use super::{ArmingReadiness, LogHealth, SystemState};
 use crate::battery::{ArmingFailure, BusError, ReadError, arming_failures};
@@ -93,6 +93,9 @@ impl ArmingObstacle {
     }
 }
 
+/// The obstacles at a moment: more than a link has room for. Those that do not fit are left out.
+pub type ArmingObstacles = Vec<ArmingObstacle, 64>;
+
 /// Place of a pack's voltage measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeasuredAt {
@@ -126,75 +129,97 @@ pub fn above_drivers(state: &SystemState<'_>, parameters: &Parameters, pack: Pac
     })
 }
 
-/// Everything that keeps the vehicle from being armed now, as far as it is checked (`ARMING_CHECK`).
+/// Everything that keeps the vehicle from being armed now, as far as it is checked (`ARMING_CHECK`), the most important first.
 pub fn arming_obstacles(
     state: &SystemState<'_>,
     parameters: &Parameters,
     vehicle: &Vehicle,
-) -> impl Iterator<Item = ArmingObstacle> {
+) -> ArmingObstacles {
     let checks = parameters.get_whole(VehicleParameter::ArmingCheck);
-    let terminated = vehicle.is_terminated().then_some(ArmingObstacle::Terminated);
-    let restarting = vehicle.pending_restart().map(|_| ArmingObstacle::Restarting);
-    let of_parameters = parameters.trouble().map(ArmingObstacle::Parameters);
-    let packs = Pack::ALL.into_iter().zip(state.batteries);
-    let checked = packs.filter(move |_| checks & BATTERY_CHECKED != 0);
-    let of_packs = checked.flat_map(move |(pack, battery)| {
+    let mut found = ArmingObstacles::new();
+    add_unconditional(&mut found, parameters, vehicle);
+    if checks & BATTERY_CHECKED != 0 {
+        add_of_packs(&mut found, state, parameters);
+        add_of_pins(&mut found, state, parameters);
+    }
+    if checks & STICKS_CHECKED != 0 {
+        add_of_sticks(&mut found, parameters, vehicle);
+    }
+    if checks & LOG_CHECKED != 0 && state.log == LogHealth::Failed {
+        let _ = found.push(ArmingObstacle::Logging);
+    }
+    found
+}
+
+/// What no setting of `ARMING_CHECK` leaves out.
+fn add_unconditional(found: &mut ArmingObstacles, parameters: &Parameters, vehicle: &Vehicle) {
+    if vehicle.is_terminated() {
+        let _ = found.push(ArmingObstacle::Terminated);
+    }
+    if vehicle.pending_restart().is_some() {
+        let _ = found.push(ArmingObstacle::Restarting);
+    }
+    if let Some(trouble) = parameters.trouble() {
+        let _ = found.push(ArmingObstacle::Parameters(trouble));
+    }
+}
+
+fn add_of_packs(found: &mut ArmingObstacles, state: &SystemState<'_>, parameters: &Parameters) {
+    for (pack, battery) in Pack::ALL.into_iter().zip(state.batteries) {
         let settings = parameters.pack(pack).settings();
-        let arming = parameters.pack(pack).arming_thresholds();
-        let read_error = battery.read_error;
-        let is_above = above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector);
-        let found = if is_above {
-            Some(ArmingFailure::AboveDrivers)
-        } else {
-            sums_a_sum(state.kinds, parameters, pack).then_some(ArmingFailure::SumsASum)
-        };
-        arming_failures(battery, &settings, &arming, found).map(move |failure| match (failure, read_error) {
-            (ArmingFailure::Unhealthy, Some(error)) => {
-                let address = state.part_addresses.get(pack as usize).copied().flatten();
-                ArmingObstacle::Sensor(pack, error, address)
-            }
-            _ => ArmingObstacle::Pack(pack, failure),
-        })
-    });
+        let thresholds = parameters.pack(pack).arming_thresholds();
+        let by_others = failure_by_others(state, parameters, pack);
+        for failure in arming_failures(battery, &settings, &thresholds, by_others) {
+            let _ = found.push(match (failure, battery.read_error) {
+                (ArmingFailure::Unhealthy, Some(error)) => {
+                    let address = state.part_addresses.get(pack as usize).copied().flatten();
+                    ArmingObstacle::Sensor(pack, error, address)
+                }
+                _ => ArmingObstacle::Pack(pack, failure),
+            });
+        }
+    }
+}
+
+/// A failure of a pack by what it supplies, or by what it is the sum of.
+fn failure_by_others(state: &SystemState<'_>, parameters: &Parameters, pack: Pack) -> Option<ArmingFailure> {
+    if above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector) {
+        Some(ArmingFailure::AboveDrivers)
+    } else if sums_a_sum(state, parameters, pack) {
+        Some(ArmingFailure::SumsASum)
+    } else {
+        None
+    }
+}
+
+fn add_of_pins(found: &mut ArmingObstacles, state: &SystemState<'_>, parameters: &Parameters) {
     let pins = PinUse::of_packs(state.kinds, parameters);
-    // Of a pack that can't be read without this pin, the latest reading says so before long.
-    let is_taken = move |(pack, kind): &&(Pack, MonitorKind)| {
-        state.battery(*pack).read_error != Some(ReadError::PinTaken)
-            && pins.is_taken(*kind, parameters, *pack)
-    };
-    let of_pins = state.kinds.iter().filter(is_taken);
-    let of_pins = of_pins.map(|(pack, _)| ArmingObstacle::Sensor(*pack, ReadError::PinTaken, None));
-    let of_thermometer = thermometer_on_shared_pin(parameters, &pins).map(ArmingObstacle::PinTaken);
-    let of_pins = of_pins
-        .chain(of_thermometer)
-        .filter(move |_| checks & BATTERY_CHECKED != 0);
-    let stick = vehicle.deflected_stick();
-    let deflected = stick.map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));
-    let misfits = parameters.stick_misfits();
-    let of_sticks = misfits
-        .map(|(one, other)| ArmingObstacle::SticksMisfit(one, other))
-        .chain(deflected)
-        .filter(move |_| checks & STICKS_CHECKED != 0);
-    let log =
-        (state.log == LogHealth::Failed && checks & LOG_CHECKED != 0).then_some(ArmingObstacle::Logging);
-    terminated
-        .into_iter()
-        .chain(restarting)
-        .chain(of_parameters)
-        .chain(of_packs)
-        .chain(of_pins)
-        .chain(of_sticks)
-        .chain(log)
+    for (pack, kind) in state.kinds {
+        // Of a pack that can't be read without this pin, the latest reading says so before long.
+        let is_found = state.battery(*pack).read_error == Some(ReadError::PinTaken);
+        if !is_found && pins.is_taken(*kind, parameters, *pack) {
+            let _ = found.push(ArmingObstacle::Sensor(*pack, ReadError::PinTaken, None));
+        }
+    }
+    if let Some(sensor) = thermometer_on_shared_pin(parameters, &pins) {
+        let _ = found.push(ArmingObstacle::PinTaken(sensor));
+    }
+}
+
+fn add_of_sticks(found: &mut ArmingObstacles, parameters: &Parameters, vehicle: &Vehicle) {
+    for (one, other) in parameters.stick_misfits() {
+        let _ = found.push(ArmingObstacle::SticksMisfit(one, other));
+    }
+    if let Some(stick) = vehicle.deflected_stick() {
+        let _ = found.push(ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));
+    }
 }
 
 /// Whether this pack is a sum whose mask names another sum.
-fn sums_a_sum(kinds: &[(Pack, MonitorKind)], parameters: &Parameters, pack: Pack) -> bool {
-    let is_sum = |pack: Pack| kinds.contains(&(pack, MonitorKind::Sum));
-    if !is_sum(pack) {
-        return false;
-    }
+fn sums_a_sum(state: &SystemState<'_>, parameters: &Parameters, pack: Pack) -> bool {
+    let is_sum = |pack: Pack| state.kind(pack) == Some(MonitorKind::Sum);
     let mut named = parameters.pack(pack).named_members().iter();
-    named.any(|other| other != pack && is_sum(other))
+    is_sum(pack) && named.any(|other| other != pack && is_sum(other))
 }
 
 /// Whether the vehicle would be armed on request now.
@@ -204,7 +229,7 @@ pub fn arming_readiness(
     vehicle: &Vehicle,
 ) -> ArmingReadiness {
     let is_armed = vehicle.arm_state() == ArmState::Armed;
-    if is_armed || arming_obstacles(state, parameters, vehicle).next().is_none() {
+    if is_armed || arming_obstacles(state, parameters, vehicle).is_empty() {
         ArmingReadiness::Ready
     } else {
         ArmingReadiness::NotReady

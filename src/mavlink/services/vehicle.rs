@@ -160,7 +160,8 @@ impl<'a> VehicleService<'a> {
         if self.vehicle.arm_state() == ArmState::Armed {
             return ACCEPTED;
         }
-        let obstacle = arming_obstacles(self.state, self.parameters, self.vehicle).next();
+        let obstacles = arming_obstacles(self.state, self.parameters, self.vehicle);
+        let obstacle = obstacles.first();
         let fitness = match obstacle {
             _ if forced => Fitness::Forced,
             Some(_) => Fitness::Unfit,
@@ -170,7 +171,7 @@ impl<'a> VehicleService<'a> {
             return ACCEPTED;
         }
         if let Some(obstacle) = obstacle {
-            self.outbox.refuse_arming(obstacle);
+            self.outbox.refuse_arming(*obstacle);
         }
         FAILED
     }
