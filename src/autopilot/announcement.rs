@@ -4,6 +4,7 @@ use core::fmt;
 
 use super::recording::{LOG_FULL, LogFailure};
 use super::start::ParameterLoad;
+use super::stores::FlashStore;
 use crate::announce::{Announce, Limit, Severity};
 use crate::battery::SuggestedThresholds;
 use crate::memory::storage::StorageError;
@@ -22,10 +23,8 @@ pub enum Notice {
     ParametersReset,
     /// Parameters can be written again.
     ParametersSaved,
-    /// Learnt data of a pack can't be written to flash.
-    LearntNotSaved(StorageError),
-    /// Names or passwords of Wi-Fi networks can't be written to flash.
-    WifiNotSaved(StorageError),
+    /// Data of a store can't be written to flash.
+    NotSaved(FlashStore, StorageError),
     /// Messages were ignored since they were not signed with the key.
     Unauthorized {
         /// The link they came from.
@@ -128,14 +127,13 @@ impl fmt::Display for Notice {
             ),
             Self::ParametersReset => f.write_str("All parameters reset to their defaults"),
             Self::ParametersSaved => f.write_str("Parameters saved"),
-            Self::LearntNotSaved(StorageError::NoErasedSpace) => {
-                f.write_str("Learnt battery data not saved until disarmed")
+            Self::NotSaved(store, error) => {
+                f.write_str(store.content())?;
+                f.write_str(match error {
+                    StorageError::NoErasedSpace => " not saved until disarmed",
+                    _ => " not saved: flash worn out?",
+                })
             }
-            Self::LearntNotSaved(_) => f.write_str("Learnt battery data not saved: flash worn out?"),
-            Self::WifiNotSaved(StorageError::NoErasedSpace) => {
-                f.write_str("Wi-Fi settings not saved until disarmed")
-            }
-            Self::WifiNotSaved(_) => f.write_str("Wi-Fi settings not saved: flash worn out?"),
             Self::Unauthorized { link, count } => {
                 write!(f, "{link}: not signed with the key, ignored: {count}")
             }
@@ -599,10 +597,10 @@ critical: Battery 1 is critical 10.00V used 900 mAh";
             &not_saved(StorageError::Full),
             &not_saved(flash),
             &Notice::ParametersSaved,
-            &Notice::LearntNotSaved(StorageError::NoErasedSpace),
-            &Notice::LearntNotSaved(flash),
-            &Notice::WifiNotSaved(StorageError::NoErasedSpace),
-            &Notice::WifiNotSaved(flash),
+            &Notice::NotSaved(FlashStore::Learnt, StorageError::NoErasedSpace),
+            &Notice::NotSaved(FlashStore::Learnt, flash),
+            &Notice::NotSaved(FlashStore::Wifi, StorageError::NoErasedSpace),
+            &Notice::NotSaved(FlashStore::Wifi, flash),
             &WifiReport::NoAnswer,
             &WifiReport::DownloadFailed,
             &WifiReport::NoRadio,

@@ -86,10 +86,10 @@ impl Autopilot {
         notify_any(endpoint, self.parameters.trouble());
         notify_any(endpoint, self.parameters.save_failure());
         notify_any(endpoint, self.signing.trouble());
-        let learnt = self.save_failure(FlashStore::Learnt);
-        notify_any(endpoint, learnt.map(Notice::LearntNotSaved));
-        let wifi = self.save_failure(FlashStore::Wifi);
-        notify_any(endpoint, wifi.map(Notice::WifiNotSaved));
+        for store in [FlashStore::Learnt, FlashStore::Wifi] {
+            let failure = self.save_failure(store);
+            notify_any(endpoint, failure.map(|error| Notice::NotSaved(store, error)));
+        }
         notify_any(endpoint, self.wifi.trouble());
         notify_any(endpoint, self.can.trouble());
         notify_any(endpoint, self.log_wears_flash().then_some(Notice::LogWearsFlash));

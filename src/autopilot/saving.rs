@@ -73,16 +73,11 @@ impl Autopilot {
     }
 
     fn write_failed(&mut self, job: &FlashJob, error: StorageError, now: Instant) {
-        let (store, name) = match job {
-            FlashJob::Parameter(_) => (FlashStore::Parameters, "parameter"),
-            FlashJob::Signing(_) => (FlashStore::Signing, "signing"),
-            FlashJob::ReadLearnt(_) | FlashJob::WriteLearnt(..) => (FlashStore::Learnt, "learnt data"),
-            FlashJob::Wifi(_) => (FlashStore::Wifi, "Wi-Fi"),
-        };
+        let store = job.store();
         // To wait until the vehicle is disarmed is not a fault.
         match error {
-            StorageError::NoErasedSpace => info!("{} storage: no erased space until disarmed", name),
-            error => warn!("{} storage: {:?}", name, error),
+            StorageError::NoErasedSpace => info!("{} not saved until disarmed", store.content()),
+            error => warn!("{} not saved: {:?}", store.content(), error),
         }
         let state = &mut self.save_states[store as usize];
         let is_repeated = state.failure().is_some();
@@ -94,14 +89,9 @@ impl Autopilot {
                 }
             }
             FlashJob::Signing(_) => self.signing_failed(error, is_repeated, now),
-            FlashJob::ReadLearnt(_) | FlashJob::WriteLearnt(..) => {
+            FlashJob::ReadLearnt(_) | FlashJob::WriteLearnt(..) | FlashJob::Wifi(_) => {
                 if let Some(error) = to_announce {
-                    self.announce(&Notice::LearntNotSaved(error), now);
-                }
-            }
-            FlashJob::Wifi(_) => {
-                if let Some(error) = to_announce {
-                    self.announce(&Notice::WifiNotSaved(error), now);
+                    self.announce(&Notice::NotSaved(store, error), now);
                 }
             }
         }

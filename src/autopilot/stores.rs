@@ -35,6 +35,16 @@ pub enum FlashStore {
 impl FlashStore {
     /// Every store, in the order of their turns.
     pub const ALL: [Self; 4] = [Self::Parameters, Self::Signing, Self::Learnt, Self::Wifi];
+
+    /// Its content, in words for users.
+    pub fn content(self) -> &'static str {
+        match self {
+            Self::Parameters => "Parameters",
+            Self::Signing => "Signing",
+            Self::Learnt => "Learnt battery data",
+            Self::Wifi => "Wi-Fi settings",
+        }
+    }
 }
 
 /// An operation in flash.
@@ -50,6 +60,18 @@ pub enum FlashJob {
     WriteLearnt(PackIdentity, LearntPack),
     /// Store a name or password.
     Wifi(WifiRecord),
+}
+
+impl FlashJob {
+    /// The store that it is for.
+    pub fn store(&self) -> FlashStore {
+        match self {
+            Self::Parameter(_) => FlashStore::Parameters,
+            Self::Signing(_) => FlashStore::Signing,
+            Self::ReadLearnt(_) | Self::WriteLearnt(..) => FlashStore::Learnt,
+            Self::Wifi(_) => FlashStore::Wifi,
+        }
+    }
 }
 
 /// Result of a [`FlashJob`]; of a read, the words that are stored.

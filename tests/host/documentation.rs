@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rover_battmon::autopilot::Notice;
+use rover_battmon::autopilot::{FlashStore, Notice};
 use rover_battmon::battery::{
     Amount, ArmingFailure, BusError, ChargeState, CurrentRange, CurrentScale, FailsafeLevel, Faults, Gap,
     MissingSetting, PackEvent, PackNotice, ReadError, SupplyEvent,
@@ -12,6 +12,7 @@ use rover_battmon::battery::{
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
 use rover_battmon::memory::identity::FirmwareHash;
+use rover_battmon::memory::storage::StorageError;
 use rover_battmon::pack::{Pack, PackSet};
 use rover_battmon::parameter::{BatteryParameter, ParameterTrouble, Refused, StickParameter};
 use rover_battmon::sensor::{CanReport, FuelCellState};
@@ -646,6 +647,12 @@ fn announced() -> Vec<String> {
     let of_another_version = headline(&of_another_version, running).to_string();
     let id = BatteryParameter::Cells.of(Pack::First);
     let why = Refused::OutOfRange;
+    let not_saved = [FlashStore::Learnt, FlashStore::Wifi]
+        .into_iter()
+        .flat_map(|store| {
+            [StorageError::NoErasedSpace, StorageError::Corrupt]
+                .map(|error| Notice::NotSaved(store, error).to_string())
+        });
     let all = packs
         .chain(supplies)
         .chain(obstacles)
@@ -653,6 +660,7 @@ fn announced() -> Vec<String> {
         .chain(CAN_REPORTS.map(|report| report.to_string()))
         .chain(FUEL_CELL_STATES.map(|state| state.to_string()))
         .chain(logging)
+        .chain(not_saved)
         .chain(
             [
                 Notice::ParameterRefused { id, why },
