@@ -12,7 +12,7 @@ use crate::mavlink::{AcceptUnsigned, LinkKind, SigningChange, SigningTrouble, To
 use crate::memory::save_state::SaveState;
 use crate::memory::storage::{Erase, StorageError};
 use crate::parameter::Unsaved;
-use crate::recorder::{Erasure, FlashOutcome, LogFile, Piece, Ring};
+use crate::recorder::{Erasure, LogFile, Piece, Ring};
 use crate::system::LogReader;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
@@ -259,12 +259,12 @@ impl Autopilot {
     }
 
     /// The outcome of programming a page.
-    pub fn log_written(&mut self, outcome: FlashOutcome, now: Instant) {
+    pub fn log_written(&mut self, outcome: Result<(), ()>, now: Instant) {
         self.recording.written(outcome, now);
     }
 
     /// The outcome of an erase.
-    pub fn log_erased(&mut self, erasure: Erasure, outcome: FlashOutcome) {
+    pub fn log_erased(&mut self, erasure: Erasure, outcome: Result<(), ()>) {
         self.recording.erased(erasure, outcome);
     }
 

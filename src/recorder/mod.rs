@@ -45,7 +45,7 @@ mod source;
 pub use directory::{LogFile, MAX_FILES};
 pub use front::PAYLOAD_BYTES;
 pub use geometry::{MAX_SECTORS, SECTOR_BYTES};
-pub use ring::{AppendError, Erasure, FlashOutcome, NoErasedSpace, Piece, Program, Ring};
+pub use ring::{AppendError, Erasure, Piece, Program, Ring};
 pub use source::{LogSource, ReadFailed};
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ const PAGE_BYTES: u32 = 256;
 /// A ring of log files in flash.
 ///
 /// ```
-/// use rover_battmon::recorder::{FlashOutcome, PAYLOAD_BYTES, Ring};
+/// use rover_battmon::recorder::{PAYLOAD_BYTES, Ring};
 ///
 /// // Sixteen sectors that were never used, on a flash that is a piece of RAM here.
 /// let mut flash = [0xFF_u8; 16 * 4096];
@@ -26,7 +26,7 @@ const PAGE_BYTES: u32 = 256;
 /// while let Some(erasure) = ring.next_erase(4) {
 ///     flash[erasure.address() as usize..][..4096].fill(0xFF);
 ///     flash[erasure.mark_address() as usize..][..8].copy_from_slice(&erasure.mark());
-///     ring.erased(erasure, FlashOutcome::Done);
+///     ring.erased(erasure, Ok(()));
 /// }
 /// assert_eq!(ring.room(), 4 * PAYLOAD_BYTES);
 ///
@@ -36,7 +36,7 @@ const PAGE_BYTES: u32 = 256;
 ///     let program = ring.next_program(record).unwrap();
 ///     let place = program.address() as usize;
 ///     flash[place..][..program.bytes().len()].copy_from_slice(program.bytes());
-///     let appended = ring.programmed(FlashOutcome::Done);
+///     let appended = ring.programmed(Ok(()));
 ///     record = &record[appended..];
 /// }
 /// let piece = ring.locate(number, 9).unwrap();
@@ -89,28 +89,14 @@ pub struct Piece {
     pub bytes: u32,
 }
 
-/// Result of a flash operation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FlashOutcome {
-    /// It was done.
-    Done,
-    /// The flash reported an error, or reads back otherwise. What it holds is unknown.
-    Failed,
-}
-
-/// No sector is erased: erase [`Ring::next_erase`] first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub struct NoErasedSpace;
-
-/// Why nothing can be appended.
+/// Why no file can be opened, or nothing can be appended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum AppendError {
     /// No file is open: none was opened, or it ended because of a failed operation or an unusable sector. Another one can
     /// be opened.
     Closed,
-    /// The next sector is not erased. The file stays open.
+    /// The next sector is not erased: erase [`Ring::next_erase`] first. An open file stays open.
     NoErasedSpace,
 }
 
@@ -202,11 +188,11 @@ impl Ring {
     /// Begins a file, and returns its number. One that is open is closed, and removed if it is empty.
     ///
     /// # Errors
-    /// No sector is erased. No file is open then.
-    pub fn open(&mut self) -> Result<u16, NoErasedSpace> {
+    /// [`AppendError::NoErasedSpace`]: no file is open then.
+    pub fn open(&mut self) -> Result<u16, AppendError> {
         self.close();
         if !self.is_ready(self.next) {
-            return Err(NoErasedSpace);
+            return Err(AppendError::NoErasedSpace);
         }
         let number = self.next_number;
         self.next_number = after(number);
@@ -318,18 +304,19 @@ impl Ring {
 
     /// Takes the outcome of the last [`next_program`](Self::next_program) or [`next_date`](Self::next_date), and returns how
     /// many bytes of the data are in the file now: none if it was a header or a date, if it failed, which closes the file, or
-    /// if the file was closed meanwhile.
-    pub fn programmed(&mut self, outcome: FlashOutcome) -> usize {
+    /// if the file was closed meanwhile. It has failed if the flash reported an error, or reads back otherwise: what it holds is
+    /// unknown then.
+    pub fn programmed(&mut self, outcome: Result<(), ()>) -> usize {
         let Some(open) = &mut self.open else {
             return 0;
         };
         match (open.in_flight, outcome) {
             (None, _) => 0,
-            (Some(_), FlashOutcome::Failed) => {
+            (Some(_), Err(())) => {
                 self.close();
                 0
             }
-            (Some(InFlight::Header), FlashOutcome::Done) => {
+            (Some(InFlight::Header), Ok(())) => {
                 *open = OpenFile {
                     begun: open.begun.saturating_add(1),
                     in_flight: None,
@@ -337,12 +324,12 @@ impl Ring {
                 self.spend_sector();
                 0
             }
-            (Some(InFlight::Data(bytes)), FlashOutcome::Done) => {
+            (Some(InFlight::Data(bytes)), Ok(())) => {
                 open.in_flight = None;
                 self.directory.grow(bytes);
                 bytes as usize
             }
-            (Some(InFlight::Date(began_utc_s)), FlashOutcome::Done) => {
+            (Some(InFlight::Date(began_utc_s)), Ok(())) => {
                 open.in_flight = None;
                 self.directory.date(began_utc_s);
                 0
@@ -398,13 +385,13 @@ impl Ring {
 
     /// Takes the outcome of an erase and its mark. After a failure the sector is left out for this lap, and the next one is
     /// tried: a caller that gets failures only has to stop.
-    pub fn erased(&mut self, erasure: Erasure, outcome: FlashOutcome) {
+    pub fn erased(&mut self, erasure: Erasure, outcome: Result<(), ()>) {
         if erasure.sequence != self.erased_to {
             // Reported already.
             return;
         }
         self.erased_to += 1;
-        if outcome == FlashOutcome::Done {
+        if outcome.is_ok() {
             self.ready.insert(self.geometry.position(erasure.sequence));
         }
         self.skip_unusable();

@@ -22,7 +22,7 @@ use crate::memory::flash_map;
 use crate::memory::storage::{Condition, Erase, MayErase, Prepared, Records, Storage, StorageError};
 use crate::parameter::{Parameters, Refused, Unsaved, VehicleParameter};
 use crate::recorder::dataflash::LastArming;
-use crate::recorder::{Erasure, FlashOutcome, LogFile, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
+use crate::recorder::{Erasure, LogFile, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 use crate::wifi::{Radio, StoredWifi, WIFI_WORDS};
 
 /// Interval of checks for work without a request: of the log, or because a retry is due.
@@ -338,7 +338,7 @@ async fn keep_log<F: NorFlash>(flash: &mut F, shared: &Shared) -> Duration {
         None => IDLE_CHECK,
         Some(LogStep::Program { address, bytes }) => {
             let written = flash.write(address, &bytes).await;
-            shared.with(|autopilot| autopilot.log_written(outcome(written), now()));
+            shared.with(|autopilot| autopilot.log_written(written.map_err(drop), now()));
             Duration::MIN
         }
         Some(LogStep::Erase(erasure)) => erase(erasure, flash, shared).await,
@@ -357,7 +357,7 @@ async fn erase<F: NorFlash>(erasure: Erasure, flash: &mut F, shared: &Shared) ->
     if erased.is_ok() {
         erased = flash.write(erasure.mark_address(), &erasure.mark()).await;
     }
-    shared.with(|autopilot| autopilot.log_erased(erasure, outcome(erased)));
+    shared.with(|autopilot| autopilot.log_erased(erasure, erased.map_err(drop)));
     let pause = if is_blank { Duration::MIN } else { LEAST_PAUSE };
     Duration::from_micros(now().us_since(began)).max(pause)
 }
@@ -373,11 +373,4 @@ async fn is_blank<F: NorFlash>(from: u32, flash: &mut F) -> bool {
         }
     }
     true
-}
-
-fn outcome<E>(result: Result<(), E>) -> FlashOutcome {
-    match result {
-        Ok(()) => FlashOutcome::Done,
-        Err(_) => FlashOutcome::Failed,
-    }
 }

@@ -8,7 +8,7 @@ use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, Interruption, Run
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::recorder::dataflash::LastArming;
-use rover_battmon::recorder::{FlashOutcome, LogFile, Ring};
+use rover_battmon::recorder::{LogFile, Ring};
 use support::desk::Desk;
 use support::frames::{STATUSTEXT, of_message, texts_of};
 use support::requests::{
@@ -291,10 +291,7 @@ fn a_log_that_could_not_be_written_any_more_shows_nothing() {
             match step {
                 LogStep::Program { bytes, .. } if !bytes.starts_with(b"LOG1") => {
                     failures += 1;
-                    rover
-                        .desk
-                        .autopilot
-                        .log_written(FlashOutcome::Failed, rover.desk.now());
+                    rover.desk.autopilot.log_written(Err(()), rover.desk.now());
                 }
                 step => rover.obey(step),
             }

@@ -5,7 +5,7 @@ use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use nor_flash::FlashModel;
 use rover_battmon::autopilot::LogStep;
 use rover_battmon::mavlink::LinkKind;
-use rover_battmon::recorder::{FlashOutcome, Ring};
+use rover_battmon::recorder::Ring;
 use rover_battmon::system::LogReader;
 use support::desk::Desk;
 use support::requests::{arm_by_force, disarm};
@@ -61,13 +61,13 @@ impl Rover {
             LogStep::Program { address, bytes } => {
                 block_on(self.flash.write(address, &bytes)).expect("it works");
                 let now = self.desk.now();
-                self.desk.autopilot.log_written(FlashOutcome::Done, now);
+                self.desk.autopilot.log_written(Ok(()), now);
             }
             LogStep::Erase(erasure) => {
                 let from = erasure.address();
                 block_on(self.flash.erase(from, from + 4096)).expect("it works");
                 block_on(self.flash.write(erasure.mark_address(), &erasure.mark())).expect("it works");
-                self.desk.autopilot.log_erased(erasure, FlashOutcome::Done);
+                self.desk.autopilot.log_erased(erasure, Ok(()));
             }
         }
     }

@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, ReadNorFlash};
 use rover_battmon::memory::flash_map;
-use rover_battmon::recorder::{Erasure, FlashOutcome, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
+use rover_battmon::recorder::{Erasure, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 
 /// The ring of a board, and its flash.
 pub struct LogFlash {
@@ -40,7 +40,7 @@ impl LogFlash {
         let mark = erasure.mark();
         self.place(erasure.mark_address(), mark.len())
             .copy_from_slice(&mark);
-        self.ring.erased(erasure, FlashOutcome::Done);
+        self.ring.erased(erasure, Ok(()));
     }
 
     /// Adds a file.
@@ -51,7 +51,7 @@ impl LogFlash {
             let program = self.ring.next_program(rest).expect("there is room");
             let start = (program.address() - flash_map::LOG.start) as usize;
             self.bytes[start..][..program.bytes().len()].copy_from_slice(program.bytes());
-            rest = &rest[self.ring.programmed(FlashOutcome::Done)..];
+            rest = &rest[self.ring.programmed(Ok(()))..];
         }
         self.ring.close();
     }

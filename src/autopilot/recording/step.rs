@@ -7,7 +7,7 @@ use super::stream::Subject;
 use super::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
 use crate::log::warn;
 use crate::memory::storage::Erase;
-use crate::recorder::{AppendError, Erasure, FlashOutcome, LogFile, Program};
+use crate::recorder::{AppendError, Erasure, LogFile, Program};
 use crate::time::Instant;
 
 /// With the interval at which the flash is looked after, at most a second is lost when the power goes.
@@ -132,12 +132,12 @@ impl Recording {
     }
 
     /// The outcome of programming.
-    pub fn written(&mut self, outcome: FlashOutcome, now: Instant) {
+    pub fn written(&mut self, outcome: Result<(), ()>, now: Instant) {
         let Some(ring) = &mut self.ring else { return };
         let bytes = ring.programmed(outcome);
         let rest = Chunk::from_slice(self.chunk.get(bytes..).unwrap_or_default());
         self.chunk = rest.unwrap_or_default();
-        if outcome == FlashOutcome::Failed {
+        if outcome.is_err() {
             warn!("log: a page can't be written");
             self.stop(LogFailure::NotWritten);
         } else if self.chunk.is_empty() && !self.stream.has(1) {
@@ -156,12 +156,12 @@ impl Recording {
     }
 
     /// The outcome of an erase.
-    pub fn erased(&mut self, erasure: Erasure, outcome: FlashOutcome) {
+    pub fn erased(&mut self, erasure: Erasure, outcome: Result<(), ()>) {
         let Some(ring) = &mut self.ring else { return };
         ring.erased(erasure, outcome);
         match outcome {
-            FlashOutcome::Done => self.failed_erases = 0,
-            FlashOutcome::Failed => {
+            Ok(()) => self.failed_erases = 0,
+            Err(()) => {
                 warn!("log: a sector can't be erased");
                 self.failed_erases = self.failed_erases.saturating_add(1);
                 if self.failed_erases == MOST_FAILED_ERASES {

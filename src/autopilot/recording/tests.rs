@@ -16,7 +16,7 @@ use crate::memory::storage::Erase;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record};
-use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
+use crate::recorder::{LogFile, PAYLOAD_BYTES, Ring};
 use crate::time::{Instant, Utc, at_us};
 use crate::vehicle::{ArmState, Fitness, Restart, Vehicle};
 use nor_flash::FlashModel;
@@ -178,14 +178,16 @@ impl RecordingBench {
         match step {
             LogStep::Program { address, bytes } => {
                 let written = block_on(self.flash.write(address, &bytes));
-                self.recording.written(outcome(written.is_ok()), self.now);
+                self.recording.written(written.map_err(drop), self.now);
             }
             LogStep::Erase(erasure) => {
                 assert_eq!(self.vehicle.arm_state(), ArmState::Disarmed);
                 let from = erasure.address();
-                let erased = block_on(self.flash.erase(from, from + 4096)).is_ok()
-                    && block_on(self.flash.write(erasure.mark_address(), &erasure.mark())).is_ok();
-                self.recording.erased(erasure, outcome(erased));
+                let mut erased = block_on(self.flash.erase(from, from + 4096));
+                if erased.is_ok() {
+                    erased = block_on(self.flash.write(erasure.mark_address(), &erasure.mark()));
+                }
+                self.recording.erased(erasure, erased.map_err(drop));
             }
         }
     }
@@ -202,13 +204,6 @@ impl RecordingBench {
             content.extend_from_slice(&bytes[skipped..][..piece.bytes as usize]);
         }
         content
-    }
-}
-
-fn outcome(is_done: bool) -> FlashOutcome {
-    match is_done {
-        true => FlashOutcome::Done,
-        false => FlashOutcome::Failed,
     }
 }
 
@@ -881,7 +876,7 @@ fn a_date_that_can_not_be_programmed_ends_the_file_and_the_next_one_has_its_own(
     bench.hear_time();
     let (_, date) = bench.run_until_program_of(8);
     assert_eq!(date.len(), 8);
-    bench.recording.written(FlashOutcome::Failed, bench.now);
+    bench.recording.written(Err(()), bench.now);
     bench.run(20);
     assert_eq!(bench.announced, [LogFailure::NotWritten]);
     assert_eq!(bench.dates().len(), 2);

@@ -118,7 +118,7 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         self.flash.assert_margins_are_untouched();
     }
 
-    fn open(&mut self) -> Result<u16, NoErasedSpace> {
+    fn open(&mut self) -> Result<u16, AppendError> {
         self.close();
         let number = self.ring.open()?;
         // Only headers that contradict one another have a newer file with a lower number.
@@ -172,7 +172,7 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
                 "the sector at {address:#x} is half erased"
             );
             let is_data = data.starts_with(bytes);
-            let outcome = outcome(block_on(self.flash.write(address, bytes)));
+            let outcome = block_on(self.flash.write(address, bytes)).map_err(drop);
             if self.flash.is_powered_off() {
                 let in_flight = if is_data { bytes.to_vec() } else { Content::new() };
                 return Err(PowerLost { in_flight });
@@ -197,7 +197,7 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         let Some(program) = self.ring.next_date(began_utc_s(file.number)) else {
             return Ok(());
         };
-        let outcome = outcome(block_on(self.flash.write(program.address(), program.bytes())));
+        let outcome = block_on(self.flash.write(program.address(), program.bytes())).map_err(drop);
         if self.flash.is_powered_off() {
             return Err(PowerLost {
                 in_flight: Content::new(),
@@ -205,7 +205,7 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         }
         assert_eq!(self.ring.programmed(outcome), 0);
         self.note_closed();
-        if outcome == FlashOutcome::Done {
+        if outcome.is_ok() {
             self.dated.insert(file.number);
         }
         Ok(())
@@ -249,18 +249,16 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         self.files.drain(..removed);
         self.assert_files();
 
-        let mut outcome = outcome(block_on(self.flash.erase(sector.start, sector.end)));
-        if outcome == FlashOutcome::Done {
-            outcome = self::outcome(block_on(
-                self.flash.write(erasure.mark_address(), &erasure.mark()),
-            ));
+        let mut outcome = block_on(self.flash.erase(sector.start, sector.end));
+        if outcome.is_ok() {
+            outcome = block_on(self.flash.write(erasure.mark_address(), &erasure.mark()));
         }
         if self.flash.is_powered_off() {
             return Err(PowerLost {
                 in_flight: Content::new(),
             });
         }
-        self.ring.erased(erasure, outcome);
+        self.ring.erased(erasure, outcome.map_err(drop));
         Ok(Erased::One)
     }
 
@@ -290,13 +288,6 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
 enum Erased {
     One,
     None,
-}
-
-fn outcome<E>(result: Result<(), E>) -> FlashOutcome {
-    match result {
-        Ok(()) => FlashOutcome::Done,
-        Err(_) => FlashOutcome::Failed,
-    }
 }
 
 /// When the file with this number began.
@@ -387,7 +378,7 @@ fn empty_files_are_not_listed() {
     recorder.open().unwrap();
     let header = recorder.ring.next_program(&[1]).unwrap();
     block_on(recorder.flash.write(header.address(), header.bytes())).unwrap();
-    recorder.ring.programmed(FlashOutcome::Done);
+    recorder.ring.programmed(Ok(()));
     recorder.restart();
     assert_eq!(recorder.ring.files(), []);
     assert_eq!(recorder.ring.open(), Ok(3));
@@ -431,7 +422,7 @@ fn outcome_for_a_file_that_was_closed_meanwhile_is_ignored() {
         block_on(recorder.flash.write(program.address(), program.bytes())).unwrap();
         recorder.erase_all();
         recorder.open().unwrap();
-        assert_eq!(recorder.ring.programmed(FlashOutcome::Done), 0);
+        assert_eq!(recorder.ring.programmed(Ok(())), 0);
         assert_eq!(recorder.append(&bytes(1, 300)), Ok(Ok(())));
         recorder.assert_files();
     }
@@ -521,7 +512,7 @@ fn ring_without_sectors_has_no_room() {
     ] {
         let mut ring = block_on(Ring::scan(&mut Flash::<4>::blank(), start..end));
         assert!(ring.next_erase(5).is_none());
-        assert_eq!(ring.open(), Err(NoErasedSpace));
+        assert_eq!(ring.open(), Err(AppendError::NoErasedSpace));
         assert!(ring.next_program(&[1]).is_err());
         ring.erase_all();
         assert!(ring.next_erase(5).is_none());

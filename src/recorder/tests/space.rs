@@ -28,11 +28,11 @@ fn room_is_what_can_be_appended_without_an_erase() {
 #[test]
 fn no_file_is_opened_without_erased_space() {
     let mut recorder = Recorder::<4>::new();
-    assert_eq!(recorder.open(), Err(NoErasedSpace));
+    assert_eq!(recorder.open(), Err(AppendError::NoErasedSpace));
     assert_eq!(recorder.append(&[1]), Ok(Err(AppendError::Closed)));
     recorder.erase(1);
     assert_eq!(recorder.record(&[1]), 1);
-    assert_eq!(recorder.open(), Err(NoErasedSpace));
+    assert_eq!(recorder.open(), Err(AppendError::NoErasedSpace));
 }
 
 #[test]

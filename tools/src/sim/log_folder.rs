@@ -142,7 +142,6 @@ mod tests {
 
     use super::super::test_folder::Folder;
     use super::*;
-    use rover_battmon::recorder::FlashOutcome;
 
     /// A flash with a log that is written by the recorder's own means.
     struct Recorder {
@@ -162,7 +161,7 @@ mod tests {
         fn erase_ahead(&mut self) {
             while let Some(erasure) = self.ring.next_erase(10) {
                 block_on(self.flash.write(erasure.mark_address(), &erasure.mark())).unwrap();
-                self.ring.erased(erasure, FlashOutcome::Done);
+                self.ring.erased(erasure, Ok(()));
             }
         }
 
@@ -176,7 +175,7 @@ mod tests {
             while !content.is_empty() {
                 let program = self.ring.next_program(content).unwrap();
                 block_on(self.flash.write(program.address(), program.bytes())).unwrap();
-                let appended = self.ring.programmed(FlashOutcome::Done);
+                let appended = self.ring.programmed(Ok(()));
                 content = &content[appended..];
             }
         }

@@ -440,7 +440,7 @@ mod tests {
     use nor_flash::FlashModel;
     use rover_battmon::autopilot::LogStep;
     use rover_battmon::mavlink::LinkKind;
-    use rover_battmon::recorder::{FlashOutcome, Ring};
+    use rover_battmon::recorder::Ring;
     use rover_battmon::sensor::{AnalogPin, AnalogReadings};
     use rover_battmon::system::LogReader;
     use rover_battmon_tools::recordings::dataflash;
@@ -586,13 +586,13 @@ mod tests {
                 match step {
                     LogStep::Program { address, bytes } => {
                         block_on(flash.write(address, &bytes)).expect("it works");
-                        desk.autopilot.log_written(FlashOutcome::Done, desk.now());
+                        desk.autopilot.log_written(Ok(()), desk.now());
                     }
                     LogStep::Erase(erasure) => {
                         let from = erasure.address();
                         block_on(flash.erase(from, from + 4096)).expect("it works");
                         block_on(flash.write(erasure.mark_address(), &erasure.mark())).expect("it works");
-                        desk.autopilot.log_erased(erasure, FlashOutcome::Done);
+                        desk.autopilot.log_erased(erasure, Ok(()));
                     }
                 }
             }
