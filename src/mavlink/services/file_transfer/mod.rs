@@ -22,7 +22,7 @@ use reading::{BurstRead, Checksum, Job, PartOf, PartRequest};
 pub(in crate::mavlink) use request::writes;
 use request::{Operation, ends_session, path_of};
 use session::{Bytes, OpenFile, Session};
-use upload::{NotSet, Upload, Written};
+use upload::{BlockError, NotSet, Upload};
 
 use super::Context;
 use super::log_download::{LogRead, Refusal, Step};
@@ -350,9 +350,9 @@ impl FileTransfers {
             rates.parameter_set(id);
         });
         let outcome = match written {
-            Ok(Written::Taken) => Some(FileOutcome::Done),
-            Ok(Written::TooEarly) => None,
-            Err(_) => Some(FileOutcome::Failed(FileError::Fail)),
+            Ok(()) => Some(FileOutcome::Done),
+            Err(BlockError::TooEarly) => None,
+            Err(BlockError::BadFormat) => Some(FileOutcome::Failed(FileError::Fail)),
         };
         Ok(Handled {
             event: Ok(event),

@@ -106,34 +106,30 @@ struct Expected {
     bytes: u16,
 }
 
-/// Result of a block.
+/// Why a block was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Written {
-    /// It was taken, now or before.
-    Taken,
+pub(super) enum BlockError {
     /// There is a gap before it: the blocks in between have to come first.
     TooEarly,
+    /// The file is not one of parameters. What was set before is.
+    BadFormat,
 }
-
-/// The file is not in the format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct BadFormat;
 
 impl Upload {
     /// Takes a block that belongs at `offset`, and calls `on_set` for each parameter that it sets. Bytes that have come before
     /// are skipped, since a block is sent again when its answer is lost.
     ///
     /// # Errors
-    /// This is not a file of parameters. What was set before is.
+    /// The block was not taken, or only in part.
     pub fn write(
         &mut self,
         offset: u32,
         bytes: impl Iterator<Item = u8>,
         parameters: &mut Parameters,
         mut on_set: impl FnMut(ParameterId),
-    ) -> Result<Written, BadFormat> {
+    ) -> Result<(), BlockError> {
         let Some(known) = self.position.checked_sub(offset) else {
-            return Ok(Written::TooEarly);
+            return Err(BlockError::TooEarly);
         };
         for byte in bytes.skip(known as usize) {
             self.position += 1;
@@ -141,12 +137,12 @@ impl Upload {
                 on_set(id);
             }
         }
-        Ok(Written::Taken)
+        Ok(())
     }
 
     /// Takes a byte, and returns the parameter that it sets.
-    fn take(&mut self, byte: u8, parameters: &mut Parameters) -> Result<Option<ParameterId>, BadFormat> {
-        self.pending.push(byte).map_err(|_| BadFormat)?;
+    fn take(&mut self, byte: u8, parameters: &mut Parameters) -> Result<Option<ParameterId>, BlockError> {
+        self.pending.push(byte).map_err(|_| BlockError::BadFormat)?;
         if self.expected.is_none() {
             self.take_header()?;
             return Ok(None);
@@ -158,12 +154,12 @@ impl Upload {
         self.take_record(parameters)
     }
 
-    fn take_header(&mut self) -> Result<(), BadFormat> {
+    fn take_header(&mut self) -> Result<(), BlockError> {
         let Ok([a, b, c, d, e, f]) = <[u8; HEADER_BYTES]>::try_from(self.pending.as_slice()) else {
             return Ok(());
         };
         if u16::from_le_bytes([a, b]) != MAGIC {
-            return Err(BadFormat);
+            return Err(BlockError::BadFormat);
         }
         self.expected = Some(Expected {
             records: u16::from_le_bytes([c, d]),
@@ -174,23 +170,25 @@ impl Upload {
     }
 
     /// Takes the record that is pending if it is complete.
-    fn take_record(&mut self, parameters: &mut Parameters) -> Result<Option<ParameterId>, BadFormat> {
+    fn take_record(&mut self, parameters: &mut Parameters) -> Result<Option<ParameterId>, BlockError> {
         let [type_and_flags, lengths, rest @ ..] = self.pending.as_slice() else {
             return Ok(None);
         };
-        let packed_type = PackedType::from_number(*type_and_flags).ok_or(BadFormat)?;
+        let packed_type = PackedType::from_number(*type_and_flags).ok_or(BlockError::BadFormat)?;
         let own_bytes = usize::from(lengths >> 4) + 1;
         if rest.len() < own_bytes + packed_type.value_bytes() {
             return Ok(None);
         }
-        let (own, value) = rest.split_at_checked(own_bytes).ok_or(BadFormat)?;
+        let (own, value) = rest.split_at_checked(own_bytes).ok_or(BlockError::BadFormat)?;
         let value = packed_type.unpack(value);
         let common_bytes = usize::from(lengths & 0xf);
         if common_bytes > self.name_before.len() {
-            return Err(BadFormat);
+            return Err(BlockError::BadFormat);
         }
         self.name_before.truncate(common_bytes);
-        self.name_before.extend_from_slice(own).map_err(|_| BadFormat)?;
+        self.name_before
+            .extend_from_slice(own)
+            .map_err(|_| BlockError::BadFormat)?;
         self.pending.clear();
         self.records = self.records.saturating_add(1);
         let set = self.set(value, parameters);

@@ -36,7 +36,7 @@ fn write(upload: &mut Upload, file: &[u8], block: usize, parameters: &mut Parame
     for (place, bytes) in file.chunks(block).enumerate() {
         let offset = (place * block) as u32;
         let written = upload.write(offset, bytes.iter().copied(), parameters, |id| set.push(id));
-        assert_eq!(written, Ok(Written::Taken));
+        assert_eq!(written, Ok(()));
     }
     set
 }
@@ -68,15 +68,11 @@ fn lost_and_repeated_blocks_are_put_right() {
     let mut put = |offset: u32, bytes: &[u8], upload: &mut Upload| {
         upload.write(offset, bytes.iter().copied(), &mut parameters, |_| {})
     };
-    assert_eq!(put(20, second, &mut upload), Ok(Written::TooEarly));
-    assert_eq!(put(0, first, &mut upload), Ok(Written::Taken));
-    assert_eq!(
-        put(0, first, &mut upload),
-        Ok(Written::Taken),
-        "its answer was lost"
-    );
+    assert_eq!(put(20, second, &mut upload), Err(BlockError::TooEarly));
+    assert_eq!(put(0, first, &mut upload), Ok(()));
+    assert_eq!(put(0, first, &mut upload), Ok(()), "its answer was lost");
     assert!(!upload.is_complete());
-    assert_eq!(put(10, &file[10..], &mut upload), Ok(Written::Taken), "overlaps");
+    assert_eq!(put(10, &file[10..], &mut upload), Ok(()), "overlaps");
     assert!(upload.is_complete());
     assert_eq!(parameters.get(EXTRA1), 7.0);
 }
@@ -235,10 +231,10 @@ fn anything_else_is_no_file_of_parameters() {
     for records in [with_default, common_with_none, unknown_type, too_long] {
         let file = file_of(&[good.clone(), records]);
         let written = Upload::default().write(0, file.into_iter(), &mut Parameters::defaults(), |_| {});
-        assert_eq!(written, Err(BadFormat));
+        assert_eq!(written, Err(BlockError::BadFormat));
     }
     let written = Upload::default().write(0, [0; 6].into_iter(), &mut Parameters::defaults(), |_| {});
-    assert_eq!(written, Err(BadFormat));
+    assert_eq!(written, Err(BlockError::BadFormat));
 }
 
 #[test]
