@@ -154,15 +154,15 @@ pub enum LogReader {
     Browser(u8),
 }
 
-/// A reader, the number of its file, and when it read last.
+/// The latest read of a reader: of the file with this number, at this moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct LogReading {
+struct LatestRead {
     reader: LogReader,
     file: u16,
     at: Instant,
 }
 
-impl LogReading {
+impl LatestRead {
     fn is_active(&self, now: Instant) -> bool {
         now.us_since(self.at) < LOG_READER_SILENCE_US
     }
@@ -176,7 +176,7 @@ const LOG_READERS: usize = 8;
 
 /// The latest readers of log files, which keep theirs from being erased.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LogReaders([Option<LogReading>; LOG_READERS]);
+pub struct LogReaders([Option<LatestRead>; LOG_READERS]);
 
 impl LogReaders {
     /// Nothing is being read.
@@ -184,16 +184,16 @@ impl LogReaders {
 
     /// A piece of a file is read at `now`. Returns whether there is room for its reader: without it the file would not be kept.
     pub fn note(&mut self, reader: LogReader, file: u16, now: Instant) -> bool {
-        let rank = |reading: &Option<LogReading>| match reading {
-            Some(reading) if reading.reader == reader => 0,
-            Some(reading) if reading.is_active(now) => 2,
+        let rank = |latest: &Option<LatestRead>| match latest {
+            Some(read) if read.reader == reader => 0,
+            Some(read) if read.is_active(now) => 2,
             Some(_) | None => 1,
         };
-        let place = self.0.iter_mut().min_by_key(|reading| rank(reading));
-        let Some(place) = place.filter(|reading| rank(reading) < 2) else {
+        let place = self.0.iter_mut().min_by_key(|latest| rank(latest));
+        let Some(place) = place.filter(|latest| rank(latest) < 2) else {
             return false;
         };
-        *place = Some(LogReading {
+        *place = Some(LatestRead {
             reader,
             file,
             at: now,
@@ -203,25 +203,25 @@ impl LogReaders {
 
     /// A reader has its file.
     pub fn end(&mut self, reader: LogReader) {
-        for reading in &mut self.0 {
-            reading.take_if(|reading| reading.reader == reader);
+        for latest in &mut self.0 {
+            latest.take_if(|read| read.reader == reader);
         }
     }
 
     /// Whether the file of this number is being read.
     pub fn is_read(&self, file: u16, now: Instant) -> bool {
-        self.active(now).any(|reading| reading.file == file)
+        self.active(now).any(|read| read.file == file)
     }
 
     /// Whether anything is being read, but on this link.
     pub fn is_read_for_another(&self, link: u16, now: Instant) -> bool {
         let is_of_link = |reader| matches!(reader, LogReader::Link(number, _) if number == link);
-        self.active(now).any(|reading| !is_of_link(reading.reader))
+        self.active(now).any(|read| !is_of_link(read.reader))
     }
 
-    fn active(&self, now: Instant) -> impl Iterator<Item = &LogReading> {
-        let readings = self.0.iter().flatten();
-        readings.filter(move |reading| reading.is_active(now))
+    fn active(&self, now: Instant) -> impl Iterator<Item = &LatestRead> {
+        let latest = self.0.iter().flatten();
+        latest.filter(move |read| read.is_active(now))
     }
 }
 

@@ -111,11 +111,11 @@ impl<'a> Link<'a> {
         shared.with(|autopilot| self.with(|endpoint| serve(autopilot, endpoint)))
     }
 
-    /// Reads what the next message of a download needs, if anything.
-    pub(super) fn read_log(&self, shared: &Shared) -> LogReading {
+    /// Reads what the next message of a download needs, and returns whether it needs anything: there may be another piece then.
+    pub(super) fn read_log(&self, shared: &Shared) -> bool {
         let next = self.serve(shared, |autopilot, endpoint| autopilot.next_read(endpoint, now()));
         let Some(read) = next else {
-            return LogReading::NothingToRead;
+            return false;
         };
         let mut bytes = [0; u8::MAX as usize];
         let wanted = bytes.get_mut(..read.bytes.into()).unwrap_or_default();
@@ -128,7 +128,7 @@ impl<'a> Link<'a> {
         };
         let bytes = bytes.get(..filled).unwrap_or_default();
         self.with(|endpoint| endpoint.supply(read, bytes));
-        LogReading::Read
+        true
     }
 }
 
@@ -158,13 +158,4 @@ pub fn read_file(
         filled += bytes;
     }
     filled
-}
-
-/// Result of looking for something to read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LogReading {
-    /// No download needs anything.
-    NothingToRead,
-    /// A piece was read; there may be another one.
-    Read,
 }

@@ -3,7 +3,6 @@
 use embassy_futures::yield_now;
 use embedded_io_async::Write;
 
-use super::link::LogReading;
 use super::{CheckIn, Link, Shared, mark, now};
 use crate::mavlink::Framer;
 
@@ -20,25 +19,24 @@ pub async fn write_frames<W: Write>(
 ) -> Result<(), W::Error> {
     let mut framer = Framer::starting_at(link.first_sequence);
     loop {
-        match next_frame(&mut framer, shared, link) {
-            Ok(frame) => wire.write_all(frame).await?,
-            Err(LogReading::Read) => yield_now().await,
-            Err(LogReading::NothingToRead) => {
-                wire.flush().await?;
-                link.to_write.wait().await;
-            }
+        let has_read = link.read_log(shared);
+        if let Some(frame) = next_frame(&mut framer, shared, link) {
+            wire.write_all(frame).await?;
+        } else if has_read {
+            yield_now().await;
+        } else {
+            wire.flush().await?;
+            link.to_write.wait().await;
         }
         mark(check_in);
     }
 }
 
-/// The frame of the message that leaves next. If there is none, whether a part of one was read.
+/// The frame of the message that leaves next.
 // Not inlined: there is a writer for each kind of wire.
 #[inline(never)]
-fn next_frame<'a>(framer: &'a mut Framer, shared: &Shared, link: &Link<'_>) -> Result<&'a [u8], LogReading> {
-    let reading = link.read_log(shared);
-    let frame = link.serve(shared, |autopilot, endpoint| {
+fn next_frame<'a>(framer: &'a mut Framer, shared: &Shared, link: &Link<'_>) -> Option<&'a [u8]> {
+    link.serve(shared, |autopilot, endpoint| {
         autopilot.next_frame(endpoint, framer, now())
-    });
-    frame.ok_or(reading)
+    })
 }
