@@ -14,7 +14,7 @@ use crate::battery::{
 };
 use crate::log::{info, warn};
 use crate::mavlink::{
-    Action, Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Outgoing, STATION_SILENCE_US, Stream,
+    Action, Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Message, STATION_SILENCE_US, Stream,
 };
 use crate::memory::flash_chip::RegisterWear;
 use crate::pack::Pack;
@@ -188,22 +188,24 @@ impl Autopilot {
 
     /// Posts the next urgent announcement once the one before has left.
     fn post_urgent(&self, endpoint: &mut Endpoint) {
-        if endpoint.has_room_for_urgent()
+        if endpoint.outbox.has_room_for_urgent()
             && let Some((severity, text)) = self.broadcast.next_urgent(&mut endpoint.position)
         {
-            endpoint.say_urgently(severity, &text);
+            endpoint.outbox.say_urgently(severity, &text);
         }
     }
 
     /// Announcements for which there is no room wait for the next call.
     fn post_announcements(&self, endpoint: &mut Endpoint) {
         self.post_urgent(endpoint);
-        while endpoint.has_room_to_announce(ANNOUNCEMENT_BYTES) {
+        while endpoint.outbox.has_room_to_announce(ANNOUNCEMENT_BYTES) {
             match self.broadcast.next(&mut endpoint.position) {
                 Some(Next::Announced(Announced::Text(severity, text))) => {
                     endpoint.say(*severity, text);
                 }
-                Some(Next::Announced(Announced::Command(command))) => endpoint.command(*command),
+                Some(Next::Announced(Announced::Command(command))) => {
+                    endpoint.outbox.answer(Message::BroadcastCommand(*command));
+                }
                 Some(Next::Lost(lost)) => {
                     warn!("{}: busy, {} announcements were not sent", endpoint.name(), lost);
                 }
@@ -219,12 +221,6 @@ impl Autopilot {
         endpoint.next_read(&self.system_state(now), &self.parameters)
     }
 
-    /// The message that leaves next.
-    pub fn take(&self, endpoint: &mut Endpoint, now: Instant) -> Option<Outgoing> {
-        self.post_urgent(endpoint);
-        endpoint.take(&self.system_state(now), &self.parameters)
-    }
-
     /// The frame of the message that leaves next, signed if there is a key.
     pub fn next_frame<'a>(
         &mut self,
@@ -232,7 +228,8 @@ impl Autopilot {
         framer: &'a mut Framer,
         now: Instant,
     ) -> Option<&'a [u8]> {
-        let message = self.take(endpoint, now);
+        self.post_urgent(endpoint);
+        let message = endpoint.next_message(&self.system_state(now), &self.parameters);
         // By reference: a message is large, and each move copies it.
         let message = message.as_ref()?;
         let system_id = self.parameters.system_id();

@@ -5,7 +5,6 @@ use core::iter;
 use super::details_change::DetailsChangeDetector;
 use super::dispatcher::{Services, dispatch};
 use super::event::Event;
-use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
@@ -15,7 +14,7 @@ use super::services::log_download::LogRead;
 use super::services::{Changeable, Context};
 use super::signing::{Access, Authenticity, LinkKind};
 use super::stations::Stations;
-use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
+use super::{Message, Outgoing, Stream, StreamKind};
 use crate::announce::{LastAnnounced, RateLimit, Severity};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{ParameterIdSet, Parameters, VehicleParameter};
@@ -51,7 +50,8 @@ pub struct Endpoint {
     parser: FrameParser,
     rates: Rates,
     services: Services,
-    outbox: Outbox,
+    /// Messages that wait for the wire.
+    pub(crate) outbox: Outbox,
     details: DetailsChangeDetector,
     stations: Stations,
     clocks: SenderClocks,
@@ -223,7 +223,7 @@ impl Endpoint {
 
     /// The read of the log that a download's next message needs, if one is needed. [`Self::supply`] takes what
     /// was read; until then it is asked for again. One message may need several reads, so this is called until it returns
-    /// `None`, before each [`Self::take`].
+    /// `None`, before each [`Self::next_message`].
     pub fn next_read(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<LogRead> {
         self.services.downloads.next_read(state, parameters)
     }
@@ -241,35 +241,39 @@ impl Endpoint {
         self.sent_bytes = self.sent_bytes.wrapping_add(frame.len() as u32);
     }
 
-    /// The message that leaves next: HEARTBEAT, urgent texts, answers, the share of a parameter list, downloads and telemetry in turn.
-    /// Telemetry is built now, from `state` and the link's own counters.
-    pub fn take(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Outgoing> {
+    /// Takes out the message that leaves next, and counts it as sent. Telemetry is built now, from `state` and the link's own
+    /// counters.
+    pub fn next_message(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Outgoing> {
         // Messages that need no read are sent without a caller that reads.
         let _ = self.next_read(state, parameters);
+        self.outbox.say_refused_arming();
         let state = SystemState {
             link: self.statistics(),
             ..*state
         };
-        if let Some(obstacle) = self.outbox.take_refused_arming() {
-            let text = obstacle.text("Arm");
-            self.outbox.say_urgently(Severity::Critical, &text);
-        }
-        let message = if let Some(stream) = self.outbox.take_heartbeat() {
-            Some(Outgoing::Message(stream.build(&state)))
-        } else if let Some(text) = self.outbox.take_urgent() {
-            Some(Outgoing::Message(text))
-        } else if let Some(reply) = self.outbox.take_reply() {
-            if let Message::BatteryInfo(info) = &reply {
-                self.note_described(Pack::from_instance(info.id), &state);
-            }
-            Some(Outgoing::Message(reply))
-        } else if let Some(value) = self.services.list.take(parameters) {
-            Some(Outgoing::Message(value))
-        } else {
-            self.take_in_turn(&state)
-        };
+        let message = self.take_by_priority(&state, parameters);
         self.sent = self.sent.wrapping_add(u32::from(message.is_some()));
         message
+    }
+
+    /// HEARTBEAT, urgent texts, answers, the share of a parameter list; then downloads and telemetry in turn.
+    fn take_by_priority(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Outgoing> {
+        if let Some(heartbeat) = self.outbox.take_heartbeat() {
+            return Some(Outgoing::Message(heartbeat.build(state)));
+        }
+        if let Some(text) = self.outbox.take_urgent() {
+            return Some(Outgoing::Message(text));
+        }
+        if let Some(answer) = self.outbox.take_reply() {
+            if let Message::BatteryInfo(info) = &answer {
+                self.note_described(Pack::from_instance(info.id), state);
+            }
+            return Some(Outgoing::Message(answer));
+        }
+        if let Some(value) = self.services.list.take(parameters) {
+            return Some(Outgoing::Message(value));
+        }
+        self.take_in_turn(state)
     }
 
     /// The next message of a download or of a stream. If there is none of whose turn it is, the other one's.
@@ -310,22 +314,6 @@ impl Endpoint {
         self.outbox.is_empty()
     }
 
-    /// Whether an announcement of this many bytes can be said now, without losing a part of it, and without taking the room
-    /// that is left for answers.
-    pub fn has_room_to_announce(&self, text_bytes: usize) -> bool {
-        self.outbox.room_for_announcements() >= chunks_of(text_bytes)
-    }
-
-    /// Whether an urgent text can be said now.
-    pub fn has_room_for_urgent(&self) -> bool {
-        self.outbox.has_room_for_urgent()
-    }
-
-    /// Sends a text before all answers. It has two messages at most; the rest is cut off.
-    pub fn say_urgently(&mut self, severity: Severity, text: &str) {
-        self.outbox.say_urgently(severity, text);
-    }
-
     /// Sends a text, in as many messages as it needs.
     pub fn say(&mut self, severity: Severity, text: &str) {
         self.outbox.say(severity, text);
@@ -337,20 +325,10 @@ impl Endpoint {
         self.services.list.report(changed, now);
     }
 
-    /// Sends a command to every component in reach.
-    pub fn command(&mut self, command: BroadcastCommand) {
-        self.outbox.answer(Message::BroadcastCommand(command));
-    }
-
     /// Takes as many of the received `bytes` as there is room for, and says how many; at least one after
     /// [`Self::handle_next`] has answered `None`.
     pub fn push(&mut self, bytes: &[u8]) -> usize {
         self.parser.push(bytes)
-    }
-
-    /// This many frames were lost on their way to the wire.
-    pub fn count_lost(&mut self, frames: u32) {
-        self.outbox.count_dropped(frames);
     }
 
     /// Bytes were lost before they could be pushed.

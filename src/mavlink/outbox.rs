@@ -146,9 +146,10 @@ impl Outbox {
         REPLIES - self.replies.len()
     }
 
-    /// Free room for messages of announcements, without the room for answers.
-    pub fn room_for_announcements(&self) -> usize {
-        self.room_for_replies().saturating_sub(FOR_ANSWERS)
+    /// Whether an announcement of this many bytes can be said now, without losing a part of it, and without taking the room
+    /// that is left for answers.
+    pub fn has_room_to_announce(&self, text_bytes: usize) -> bool {
+        self.room_for_replies().saturating_sub(FOR_ANSWERS) >= chunks_of(text_bytes)
     }
 
     /// Has a refused arming wait for its place, instead of an earlier one.
@@ -156,9 +157,11 @@ impl Outbox {
         self.refused_arming = Some(obstacle);
     }
 
-    /// Takes out why arming was refused, once it can be the urgent text.
-    pub fn take_refused_arming(&mut self) -> Option<ArmingObstacle> {
-        self.refused_arming.take_if(|_| self.urgent.is_empty())
+    /// Makes the reason of a refused arming the urgent text, once there is room for it.
+    pub fn say_refused_arming(&mut self) {
+        if let Some(obstacle) = self.refused_arming.take_if(|_| self.urgent.is_empty()) {
+            self.say_urgently(Severity::Critical, &obstacle.text("Arm"));
+        }
     }
 
     /// Whether there is room for an urgent text.

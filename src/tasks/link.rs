@@ -73,7 +73,7 @@ impl<'a> Link<'a> {
 
     /// This many frames were lost on their way to the wire.
     pub fn count_lost(&self, frames: u32) {
-        self.with(|endpoint| endpoint.count_lost(frames));
+        self.with(|endpoint| endpoint.outbox.count_dropped(frames));
     }
 
     /// The link's name in the log.

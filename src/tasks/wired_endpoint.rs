@@ -48,7 +48,7 @@ impl<W: Write> WiredEndpoint<W> {
     ) -> Result<(), W::Error> {
         self.endpoint.post_due(now, state, parameters);
         let system_id = parameters.system_id();
-        while let Some(message) = self.endpoint.take(state, parameters) {
+        while let Some(message) = self.endpoint.next_message(state, parameters) {
             self.wire
                 .write_all(self.framer.frame(&message, system_id))
                 .await?;

@@ -489,7 +489,7 @@ fn each_instance_has_its_own_values_and_the_first_is_in_sys_status() {
 fn a_text_is_byte_exact() {
     let mut endpoint = Endpoint::new("bench", LinkKind::Radio, 100_000, Instant::EPOCH);
     endpoint.say(Severity::Warning, "Battery 1 is low 10.40V used 36 mAh");
-    let text = endpoint.take(&SystemState::default(), &Parameters::defaults());
+    let text = endpoint.next_message(&SystemState::default(), &Parameters::defaults());
     assert_golden("statustext_low", &text.expect("the text waits"));
 }
 

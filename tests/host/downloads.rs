@@ -125,7 +125,7 @@ impl Bench {
             let bytes = &rest[..rest.len().min(read.bytes.into())];
             self.endpoint.supply(read, bytes);
         }
-        let message = self.endpoint.take(&state, &self.parameters)?;
+        let message = self.endpoint.next_message(&state, &self.parameters)?;
         let system_id = self.parameters.system_id();
         Some(self.framer.frame(&message, system_id).to_vec())
     }
