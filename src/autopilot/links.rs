@@ -275,67 +275,52 @@ impl Autopilot {
         if endpoint.kind() == LinkKind::Wifi {
             self.wifi.heard_at = Some(now);
         }
-        let work = self.react(&event, endpoint, now, received_at);
-        self.work |= work;
+        self.react(&event, endpoint, now, received_at);
         let has_own = matches!(event, Event::ParameterSet(_) | Event::ParametersSet);
         self.report_changes(has_own.then(|| endpoint.number()));
         Some(event)
     }
 
-    /// Acts on a handled frame, and returns the tasks to wake.
-    fn react(&mut self, event: &Event, endpoint: &mut Endpoint, now: Instant, received_at: Instant) -> Work {
+    /// Acts on a handled frame.
+    fn react(&mut self, event: &Event, endpoint: &mut Endpoint, now: Instant, received_at: Instant) {
+        let link = endpoint.name();
         match *event {
             Event::Ignored | Event::Answered | Event::GroundStationHeard => {}
             Event::GroundStationIntroduced => {
                 self.greet(endpoint, now);
                 self.repeat_levels(endpoint, now);
             }
-            Event::TimeHeard(utc) => self.recording.set_time(utc, now),
-            Event::Driven => return Work::DRIVE,
             Event::ListRequested => {
                 endpoint.say(Severity::Info, BANNER);
                 self.send_notices(endpoint);
             }
+            Event::TimeHeard(utc) => self.recording.set_time(utc, now),
+            Event::Driven => self.work |= Work::DRIVE,
+            Event::Command(action) => {
+                info!("{}: {:?}", link, action);
+                self.act(action, link, now);
+            }
             Event::ParameterSet(id) => {
                 self.announce_late_action(id, now);
-                return self.parameter_set(id, endpoint);
-            }
-            Event::Triggered(id) => return self.triggered(id, endpoint, now),
-            Event::Command(action) => {
-                info!("{}: {:?}", endpoint.name(), action);
-                return self.act(action, endpoint.name(), now);
-            }
-            Event::LogsErased => {
-                self.recording.erase_all();
-                let link = endpoint.name();
-                self.announce(&Notice::LogsErased { link }, now);
+                self.parameter_set(id, link);
             }
             Event::ParametersSet => {
-                info!("{}: parameters set by a file", endpoint.name());
-                self.recording.add_all_parameters();
-                return self.parameters_changed();
+                info!("{}: parameters set by a file", link);
+                self.all_parameters_set();
             }
+            Event::Triggered(id) => self.trigger(id, endpoint, now),
             Event::SigningSetUp(change) => {
-                info!("{}: signing: {:?}", endpoint.name(), change);
+                info!("{}: signing: {:?}", link, change);
                 self.save_signing(change);
             }
             Event::WifiSetUp(mode) => {
-                info!("{}: Wi-Fi: {:?}", endpoint.name(), mode);
-                let work = self.parameter_set(VehicleParameter::WifiMode.into(), endpoint);
+                info!("{}: Wi-Fi: {:?}", link, mode);
+                self.parameter_set(VehicleParameter::WifiMode.into(), link);
                 self.wifi_set_up();
-                return work;
             }
-            Event::Unauthorized { count } => {
-                let link = endpoint.name();
-                self.announce(&Notice::Unauthorized { link, count }, now);
-            }
-            Event::TooOld => {
-                let link = endpoint.name();
-                if let Some(ids) = self.signing.overtaken() {
-                    self.announce(&Notice::SharedIds { link, ids }, now);
-                } else if self.signing.reports_old() {
-                    self.announce(&Notice::TooOld { link }, now);
-                }
+            Event::LogsErased => {
+                self.recording.erase_all();
+                self.announce(&Notice::LogsErased { link }, now);
             }
             Event::Measured {
                 component_id,
@@ -345,32 +330,50 @@ impl Autopilot {
                     log_admission(admission, component_id, report.pack(), endpoint, now);
                 }
             }
+            Event::Unauthorized { count } => self.announce(&Notice::Unauthorized { link, count }, now),
+            Event::TooOld => self.announce_too_old(link, now),
+            Event::ParameterRefused(id, why) => self.announce(&Notice::ParameterRefused { id, why }, now),
             Event::CommandRefused(command) => {
                 // Some ground stations repeat for as long as they run what this rover does not have.
                 if endpoint.refused_command.has_changed(Some(command)) {
-                    warn!("{}: refused: {:?}", endpoint.name(), *event);
+                    warn!("{}: refused: {:?}", link, *event);
                 }
-            }
-            Event::ParameterRefused(id, why) => {
-                self.announce(&Notice::ParameterRefused { id, why }, now);
             }
             Event::ParameterUnknown
             | Event::ControlTooLate
             | Event::SigningRefused(_)
             | Event::WifiRefused(_) => {
                 if endpoint.refusal_log.take(now) {
-                    warn!("{}: refused: {:?}", endpoint.name(), *event);
+                    warn!("{}: refused: {:?}", link, *event);
                 }
             }
         }
-        Work::empty()
     }
 
-    fn parameter_set(&mut self, id: ParameterId, endpoint: &Endpoint) -> Work {
+    /// Announces that signed messages are too old: because another sender with their ids has signed later ones, if that is so.
+    fn announce_too_old(&mut self, link: &'static str, now: Instant) {
+        if let Some(ids) = self.signing.overtaken() {
+            self.announce(&Notice::SharedIds { link, ids }, now);
+        } else if self.signing.reports_old() {
+            self.announce(&Notice::TooOld { link }, now);
+        }
+    }
+
+    fn parameter_set(&mut self, id: ParameterId, link: &'static str) {
         let value = self.parameters.get(id);
-        info!("{}: {} set to {}", endpoint.name(), id.name().as_str(), value);
+        info!("{}: {} set to {}", link, id.name().as_str(), value);
         self.recording.add_parameter(id, &self.parameters);
-        self.parameters_changed()
+        self.parameters_changed();
+    }
+
+    fn all_parameters_set(&mut self) {
+        self.recording.add_all_parameters();
+        self.parameters_changed();
+    }
+
+    fn parameters_changed(&mut self) {
+        self.follow_wifi_parameters();
+        self.work |= Work::SAVE;
     }
 
     /// Announces that a failsafe action was chosen too late to act now: the pack has reached its level before.
@@ -388,17 +391,13 @@ impl Autopilot {
         }
     }
 
-    fn parameters_changed(&mut self) -> Work {
-        self.follow_wifi_parameters();
-        Work::SAVE
-    }
-
-    fn triggered(&mut self, id: ParameterId, endpoint: &mut Endpoint, now: Instant) -> Work {
-        info!("{}: {}", endpoint.name(), id.name().as_str());
+    /// Does what a parameter triggers.
+    fn trigger(&mut self, id: ParameterId, endpoint: &mut Endpoint, now: Instant) {
+        let link = endpoint.name();
+        info!("{}: {}", link, id.name().as_str());
         match id {
             ParameterId::Battery(pack, BatteryParameter::LrnErase) => {
                 self.erase_learnt(pack);
-                let link = endpoint.name();
                 self.announce(&Notice::LearntErased { link, pack }, now);
             }
             ParameterId::Vehicle(VehicleParameter::WifiShow) => self.show_wifi(endpoint),
@@ -406,33 +405,28 @@ impl Autopilot {
                 self.parameters.confirm();
                 // There may be another one.
                 notify_any(endpoint, self.parameters.trouble());
-                return Work::SAVE;
+                self.work |= Work::SAVE;
             }
             _ => {}
         }
-        Work::empty()
     }
 
-    fn act(&mut self, action: Action, link: &'static str, now: Instant) -> Work {
+    fn act(&mut self, action: Action, link: &'static str, now: Instant) {
         match action {
-            Action::Restart(_) => Work::RESTART,
+            Action::Restart(_) => self.work |= Work::RESTART,
             Action::ResetParameters => {
                 self.parameters.reset();
                 self.announce(&Notice::ParametersReset, now);
-                self.recording.add_all_parameters();
-                self.parameters_changed()
+                self.all_parameters_set();
             }
-            Action::SwitchChargers(power) => {
-                self.charger_switch = Some(power);
-                Work::empty()
-            }
+            Action::SwitchChargers(power) => self.charger_switch = Some(power),
             Action::ResetBatteries { packs, percent } => {
                 self.packs
                     .reset(packs, percent, &self.parameters, self.vehicle.arm_state());
                 self.update_vehicle();
                 self.was_reset = true;
                 self.announce(&Notice::BatteriesReset { link, packs, percent }, now);
-                Work::DRIVE
+                self.work |= Work::DRIVE;
             }
         }
     }
