@@ -109,7 +109,7 @@ impl BusDevices {
 
     fn place_of(&self, wiring: &Wiring) -> DeviceAddress {
         match wiring.address {
-            Some(address) if self.taken().any(|taken| taken == address) => DeviceAddress::Taken,
+            Some(address) if self.taken().contains(&address) => DeviceAddress::Taken,
             Some(address) => DeviceAddress::Set(address),
             None => DeviceAddress::Unknown,
         }
@@ -153,8 +153,7 @@ impl BusDevices {
 
     /// Packs at the pins of the part that is due next follow the parameters.
     pub fn follow(&mut self, parameters: &Parameters) {
-        let devices = self.devices.iter().enumerate();
-        let Some((number, device)) = devices.min_by_key(|(_, device)| device.cadence.due()) else {
+        let Some((number, device)) = self.next_device() else {
             return;
         };
         if device.kind.sharing() == Sharing::ByPin {
@@ -164,17 +163,27 @@ impl BusDevices {
         }
     }
 
-    fn taken(&self) -> impl Iterator<Item = Address> {
-        self.devices.iter().filter_map(|device| match device.place {
-            DeviceAddress::Set(address) | DeviceAddress::Found(address) => Some(address),
-            DeviceAddress::Unknown | DeviceAddress::Taken => None,
-        })
+    /// The part that is due next, with its number.
+    fn next_device(&self) -> Option<(usize, &BusDevice)> {
+        let devices = self.devices.iter().enumerate();
+        devices.min_by_key(|(_, device)| device.cadence.due())
     }
 
     /// When the next part has to be read.
     pub fn next_due(&self) -> Option<Instant> {
-        let due = self.devices.iter().map(|device| device.cadence.due());
-        due.min()
+        self.next_device().map(|(_, device)| device.cadence.due())
+    }
+
+    /// The addresses of parts that are set or were found.
+    fn taken(&self) -> Vec<Address, MAX_PACKS> {
+        let mut taken = Vec::new();
+        for device in &self.devices {
+            if let DeviceAddress::Set(address) | DeviceAddress::Found(address) = device.place {
+                // There is room for the part of every pack.
+                let _ = taken.push(address);
+            }
+        }
+        taken
     }
 
     /// Reads the part that has waited longest, if it is due at `now`, and hands over its reading of each of its packs. Returns
@@ -186,39 +195,40 @@ impl BusDevices {
         arm_state: ArmState,
         mut deliver: impl FnMut(Pack, Result<Measurement, ReadError>),
     ) -> Option<(Pack, SupplyEvent)> {
-        let mut taken: Vec<Address, MAX_PACKS> = Vec::new();
-        for address in self.taken() {
-            // There is room for the part of every pack.
-            let _ = taken.push(address);
-        }
-        let devices = self.devices.iter_mut().enumerate();
-        let (number, device) = devices.min_by_key(|(_, device)| device.cadence.due())?;
+        let taken = self.taken();
+        let (number, _) = self.next_device()?;
+        let device = self.devices.get_mut(number)?;
         if !device.cadence.take(now) {
             return None;
         }
-        let mut cells = None;
         let packs = self.packs.iter().filter(|pack| pack.device == number);
-        let mut noted = |pack, reading: Result<Measurement, ReadError>| {
+        let first = packs.clone().next()?.pack;
+        // Of the latest reading, if it is valid.
+        let mut cells = None;
+        let mut note_and_deliver = |pack, reading: Result<Measurement, ReadError>| {
             cells = reading.ok().map(|measurement| measurement.cells.number());
             deliver(pack, reading);
         };
-        let result = device.read(bus, now, packs.clone(), &taken, &mut noted).await;
+        let result = device
+            .read(bus, now, packs.clone(), &taken, &mut note_and_deliver)
+            .await;
         device.note(result, now);
-        if let Err(error) = result {
-            packs.clone().for_each(|pack| deliver(pack.pack, Err(error)));
-        }
-        let pack = packs.clone().next()?.pack;
-        let event = match result {
+        match result {
             Ok(()) => match cells.and_then(|cells| device.met(cells)) {
-                None => {
-                    return device.announce_range(self.packs.iter_mut().filter(|pack| pack.device == number));
-                }
-                found => found,
+                Some(met) => Some((first, met)),
+                None => device.announce_range(self.packs.iter_mut().filter(|pack| pack.device == number)),
             },
-            Err(_) if arm_state == ArmState::Armed => None,
-            Err(error) => device.look_for_others(bus, &taken, error).await,
-        };
-        event.map(|event| (pack, event))
+            Err(error) => {
+                for pack in packs {
+                    deliver(pack.pack, Err(error));
+                }
+                if arm_state == ArmState::Armed {
+                    return None;
+                }
+                let others = device.look_for_others(bus, &taken, error).await?;
+                Some((first, others))
+            }
+        }
     }
 }
 
