@@ -7,7 +7,7 @@ use super::broadcast::{Announced, Next};
 use super::recording::is_on;
 use super::start::ParameterLoad;
 use super::stores::FlashStore;
-use super::{Autopilot, Work, complete};
+use super::{Autopilot, Work, with_borrowed};
 use crate::announce::{ANNOUNCEMENT_BYTES, Announce, Severity, announced_text};
 use crate::battery::{
     FailsafeLevel, MissingSetting, PackEvent, PackNotice, PackStatus, SuggestedThresholds, SupplyEvent,
@@ -254,7 +254,7 @@ impl Autopilot {
         now: Instant,
         received_at: Instant,
     ) -> Option<Event> {
-        let state = complete(&self.own_state, &self.packs, &self.recording, &self.vehicle, now);
+        let state = with_borrowed(self.own_state_at(now), &self.packs, &self.recording);
         let mut command = None;
         let event = endpoint.handle_next(
             now,

@@ -67,7 +67,7 @@ pub struct Autopilot {
     was_reset: bool,
     vehicle: Vehicle,
     signing: Signing,
-    /// The part of the [`system_state`](Self::system_state) that is not borrowed. The arming checks run once a second.
+    /// Load, identity and readiness by the latest arming checks, which run once a second.
     own_state: SystemState<'static>,
     flash_wear: RegisterWear,
     /// To be known by every ground station that connects, unless loaded.
@@ -189,7 +189,17 @@ impl Autopilot {
 
     /// Everything telemetry reports at `now`, apart from a link's own counters.
     pub fn system_state(&self, now: Instant) -> SystemState<'_> {
-        complete(&self.own_state, &self.packs, &self.recording, &self.vehicle, now)
+        with_borrowed(self.own_state_at(now), &self.packs, &self.recording)
+    }
+
+    /// The part of the [`system_state`](Self::system_state) that is not borrowed.
+    fn own_state_at(&self, now: Instant) -> SystemState<'static> {
+        SystemState {
+            vehicle: self.vehicle.status(),
+            armings: self.vehicle.armings(),
+            now,
+            ..self.own_state
+        }
     }
 
     /// Announces an event to all connected ground stations at `now`, once. One that is repeated too often is left out.
@@ -271,25 +281,20 @@ impl Autopilot {
     }
 }
 
-/// See [`Autopilot::system_state`]. While a request is handled, the vehicle changes, and so does what is not lent here.
-fn complete<'a>(
-    own_state: &SystemState<'a>,
+/// The [`Autopilot::system_state`]. It borrows packs and log alone: what else there is changes while a request is handled.
+fn with_borrowed<'a>(
+    own_state: SystemState<'static>,
     packs: &'a Packs,
     recording: &'a Recording,
-    vehicle: &Vehicle,
-    now: Instant,
 ) -> SystemState<'a> {
     SystemState {
         batteries: packs.bank.states(),
         kinds: &packs.order,
         part_addresses: &packs.part_addresses,
-        vehicle: vehicle.status(),
         logs: recording.files(),
         log: recording.health(),
         log_readers: &recording.readers,
-        armings: vehicle.armings(),
-        now,
-        ..*own_state
+        ..own_state
     }
 }
 
