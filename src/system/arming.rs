@@ -151,7 +151,7 @@ pub fn arming_obstacles(
     found
 }
 
-/// What no setting of `ARMING_CHECK` leaves out.
+/// Obstacles that no setting of `ARMING_CHECK` leaves out.
 fn add_unconditional(found: &mut ArmingObstacles, parameters: &Parameters, vehicle: &Vehicle) {
     if vehicle.is_terminated() {
         let _ = found.push(ArmingObstacle::Terminated);

@@ -43,7 +43,7 @@ pub enum RadioEvent {
     SetUpAgain,
 }
 
-/// What has to be done.
+/// The next step of the radio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RadioAction {
     /// Join the network, by then.

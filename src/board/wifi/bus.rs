@@ -86,7 +86,7 @@ impl ChipState {
     }
 }
 
-/// What the driver has done last while it starts the chip. It is with the owner, since the bus lies in the driver's future several
+/// The latest steps of the driver while it starts the chip. It is with the owner, since the bus lies in the driver's future several
 /// times.
 #[derive(Clone, Copy, Default)]
 struct StartProgress {
