@@ -168,8 +168,8 @@ fn add_of_packs(found: &mut ArmingObstacles, state: &SystemState<'_>, parameters
     for (pack, battery) in Pack::ALL.into_iter().zip(state.batteries) {
         let settings = parameters.pack(pack).settings();
         let thresholds = parameters.pack(pack).arming_thresholds();
-        let by_others = failure_by_others(state, parameters, pack);
-        for failure in arming_failures(battery, &settings, &thresholds, by_others) {
+        let wiring = wiring_failure(state, parameters, pack);
+        for failure in arming_failures(battery, &settings, &thresholds, wiring) {
             let _ = found.push(match (failure, battery.read_error) {
                 (ArmingFailure::Unhealthy, Some(error)) => {
                     let address = state.part_addresses.get(pack as usize).copied().flatten();
@@ -181,8 +181,8 @@ fn add_of_packs(found: &mut ArmingObstacles, state: &SystemState<'_>, parameters
     }
 }
 
-/// A failure of a pack by what it supplies, or by what it is the sum of.
-fn failure_by_others(state: &SystemState<'_>, parameters: &Parameters, pack: Pack) -> Option<ArmingFailure> {
+/// A failure of a pack by the motors that it supplies, or by the packs that it is the sum of.
+fn wiring_failure(state: &SystemState<'_>, parameters: &Parameters, pack: Pack) -> Option<ArmingFailure> {
     if above_drivers(state, parameters, pack) == Some(MeasuredAt::BatteryConnector) {
         Some(ArmingFailure::AboveDrivers)
     } else if sums_a_sum(state, parameters, pack) {
@@ -196,8 +196,8 @@ fn add_of_pins(found: &mut ArmingObstacles, state: &SystemState<'_>, parameters:
     let pins = PinUse::of_packs(state.kinds, parameters);
     for (pack, kind) in state.kinds {
         // Of a pack that can't be read without this pin, the latest reading says so before long.
-        let is_found = state.battery(*pack).read_error == Some(ReadError::PinTaken);
-        if !is_found && pins.is_taken(*kind, parameters, *pack) {
+        let is_listed = state.battery(*pack).read_error == Some(ReadError::PinTaken);
+        if !is_listed && pins.is_taken(*kind, parameters, *pack) {
             let _ = found.push(ArmingObstacle::Sensor(*pack, ReadError::PinTaken, None));
         }
     }

@@ -21,11 +21,12 @@ const OPEN_LESSON_WORDS: usize = word::COLLAPSE - word::OPEN_LESSON;
 /// The first words of these, which firmware before the scale stored.
 pub const OLDER_LEARNT_WORDS: u8 = word::VOLT_MULTIPLIER as u8;
 
-/// Position of each value among the words of a [`LearntPack`]: numbers are `f32`, in the units of their fields. Others follow
-/// behind these, where older records have zeros.
+/// Position of each value among the words of a [`LearntPack`]. Without another note it is an `f32` in the unit of its field. A
+/// value to come has its word behind these, where older records have zeros.
 mod word {
     /// Chemistry, cells, and the number of drives in two bytes, the low one first.
     pub const KIND: usize = 0;
+    /// A whole number, [`NO_SERIAL_NUMBER`](super::NO_SERIAL_NUMBER) without one.
     pub const SERIAL_NUMBER: usize = 1;
     pub const CAPACITY_MAH: usize = 2;
     pub const CAPACITY_SIGMA: usize = 3;
@@ -35,7 +36,7 @@ mod word {
     pub const SOC: usize = 6;
     pub const SOC_SIGMA: usize = 7;
     pub const RESTING_V: usize = 8;
-    /// A word for each of its points.
+    /// A word for each of its points: mean and deviation, of 16 bits each.
     pub const CURVE: usize = 9;
     pub const VOLT_MULTIPLIER: usize = 14;
     pub const VOLT_OFFSET_V: usize = 15;
@@ -44,6 +45,7 @@ mod word {
     pub const SLOW_SIGMA: usize = 18;
     pub const SEEN_MAH: usize = 19;
     pub const SEEN_SIGMA: usize = 20;
+    /// Twelve words: see [`OpenLesson`](super::OpenLesson).
     pub const OPEN_LESSON: usize = 21;
     /// As two numbers of 16 bits.
     pub const COLLAPSE: usize = 33;
@@ -653,7 +655,7 @@ impl LearntPack {
         Self::from_words(&rescaled.to_words())
     }
 
-    /// As words for flash. What is not learnt is 0.
+    /// As words for flash. Parts that are not learnt are 0, but for the charge and the serial number.
     pub fn to_words(&self) -> [u32; LEARNT_WORDS] {
         let mut words = [0; LEARNT_WORDS];
         let [drives_low, drives_high] = self.drives.to_le_bytes();

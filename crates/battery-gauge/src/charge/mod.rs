@@ -362,13 +362,17 @@ impl ChargeEstimator {
                 None
             };
             if let Some(rest) = rest {
+                // The pack has rested for long enough: the drive may have taught something.
                 let learnt = self.evaluate(&rest, &load, cell_v, second.origin, model);
                 kept = self.record(&load, cell_v, learnt, model);
             } else if was_loaded && load_state == LoadState::Off {
+                // It may be taken out before it has rested.
                 kept = self.record(&load, cell_v, None, model);
             } else if has_open_lesson && load_state == LoadState::On {
+                // It has not rested between the drives.
                 kept = Some(model.learnt.without_open_lesson());
             } else if has_open_lesson && was_starting && rests {
+                // This start is the rest behind the drive before.
                 kept = self.end_lesson(&load, cell_v, model);
             }
         }

@@ -327,15 +327,15 @@ impl BatteryMonitor {
         }
         // While driving the wire that measures the voltage may be loose.
         let may_be_loaded = turn.tick.load_state == LoadState::On;
-        let drawn = measurement
+        let by_current = measurement
             .without_voltage(self.sensor_has_power)
             .filter(|_| may_be_loaded);
         // The first reading of a loss is a mean that includes the time before it.
         let was_missing = turn.state.status == PackStatus::NotConnected;
         self.sensor_has_power =
             may_be_loaded && was_missing && measurement.shows_powered_sensor(self.sensor_has_power);
-        if let Some(drawn) = &drawn {
-            self.estimate(turn, drawn);
+        if let Some(by_current) = &by_current {
+            self.estimate(turn, by_current);
         } else {
             // The voltage at the pin means nothing: the values become unknown, the pack is not empty. Until one is read
             // again it is a gap.
@@ -345,7 +345,7 @@ impl BatteryMonitor {
             };
         }
         turn.state.status = PackStatus::NotConnected;
-        drawn.is_some()
+        by_current.is_some()
     }
 
     /// Processes a reading of a pack: counts its charge, estimates what is left, and shows both in the state.
@@ -427,7 +427,8 @@ impl BatteryMonitor {
         }
     }
 
-    /// Detects a swap, and resolves a doubt once the pack rests. Returns whether it is the one that was counted.
+    /// Acts on a swap, by which a count of this pack begins, or resolves a doubt once the pack rests. Returns whether it is the pack
+    /// that is counted.
     fn identify(
         &mut self,
         turn: &mut Turn<'_>,
