@@ -2,40 +2,18 @@
 
 use core::cell::Cell;
 
-use proptest::prelude::*;
-
 use super::damage::assert_recovers;
-use super::power_cuts::{Step, cut_everywhere, run_until_power_cut, step};
 use super::*;
 use crate::parameter::{Access, ParameterId};
 
-/// Twenty-six records in a sector of two blocks, and two such sectors.
-type SmallDoubleFlash = Flash<176, 64, 4>;
-
-const BOARD_SLOTS: u32 = Region::<<BoardFlash as Reboot>::Chip>::slots_in(Layout::Double, 1);
-
-const SMALL_SLOTS: u32 = Region::<<SmallDoubleFlash as Reboot>::Chip>::slots_in(Layout::Double, 1);
-
-/// Erased, to be used in sectors of two blocks.
-fn blank<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>() -> Flash<SECTOR, PAGE, SECTORS> {
-    Flash::in_sectors(Layout::Double)
-}
-
-/// A region whose active sector is full: its next store moves.
+/// Of two blocks a sector.
 fn full() -> (SmallDoubleFlash, Values) {
-    let mut flash = blank();
-    let mut expected = Values::new();
-    for number in 0..SMALL_SLOTS {
-        let key = u16::try_from(number % 3).unwrap();
-        assert_eq!(flash.store(key, number), Ok(Stored::Written));
-        expected.insert(key, number);
-    }
-    (flash, expected)
+    super::full(Layout::Double)
 }
 
 #[test]
 fn every_setting_of_nine_packs_is_kept_and_can_be_changed() {
-    let mut flash: BoardFlash = blank();
+    let mut flash = BoardFlash::in_sectors(Layout::Double);
     let settings = || ParameterId::all().filter(|id| matches!(id.row().access, Access::Setting(_)));
     assert!(settings().count() >= 352);
     for round in 1..=3 {
@@ -52,20 +30,6 @@ fn every_setting_of_nine_packs_is_kept_and_can_be_changed() {
         assert_eq!(flash.load(), (expected.collect(), Ok(())));
     }
     flash.assert_margins_are_untouched();
-}
-
-#[test]
-fn sector_of_680_records_costs_an_erase_of_each_block() {
-    let mut flash: BoardFlash = blank();
-    assert_eq!(BOARD_SLOTS, 680);
-    assert_eq!(flash.storage().slots(), BOARD_SLOTS);
-    let rounds = 3;
-    let mut storage = flash.storage();
-    for number in 0..rounds * 2 * BOARD_SLOTS {
-        block_on(storage.store(1, number, &Erase::always)).unwrap();
-    }
-    // The first sector was blank at its first use.
-    assert_eq!(flash.erases, [rounds - 1, rounds - 1, rounds, rounds]);
 }
 
 #[test]
@@ -156,21 +120,6 @@ fn permission_is_asked_before_each_block_of_a_move() {
 }
 
 #[test]
-fn power_cut_in_any_operation_leaves_old_or_new_value() {
-    let steps: Vec<Step> = (0..90_u16)
-        .map(|number| match number {
-            40 => Step::Clear,
-            41 => Step::Store(9, u32::MAX),
-            _ => Step::Store(number % 5, u32::from(number)),
-        })
-        .collect();
-    let flash: SmallDoubleFlash = blank();
-    cut_everywhere(&flash, &steps, 100);
-    let steps: Vec<Step> = steps.into_iter().flat_map(|step| [step, Step::Prepare]).collect();
-    cut_everywhere(&flash, &steps, 60);
-}
-
-#[test]
 fn flipped_bit_loses_at_most_one_record() {
     let (flash, expected) = full();
     for bit in 0..4 * 176 * 8 {
@@ -182,21 +131,5 @@ fn flipped_bit_loses_at_most_one_record() {
             .filter(|&(key, value)| found.get(key) != Some(value));
         assert!(differing.count() <= 1, "bit {bit}");
         assert_recovers(spoiled);
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
-
-    #[test]
-    fn arbitrary_stores_survive_power_cuts(
-        before in prop::collection::vec(step(), 0..50),
-        mut steps in prop::collection::vec(step(), 0..40),
-    ) {
-        let mut flash: SmallDoubleFlash = blank();
-        let mut values = Values::new();
-        run_until_power_cut(&mut flash, &before, &mut values);
-        steps.push(Step::Store(99, 1));
-        cut_everywhere(&flash, &steps, 8);
     }
 }

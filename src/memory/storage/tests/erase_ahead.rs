@@ -14,21 +14,9 @@ fn erases(chip: &<SmallFlash as Reboot>::Chip) -> u32 {
     chip.erases.iter().sum()
 }
 
-/// A region whose active sector is full: its next store moves.
-fn full() -> (SmallFlash, Values) {
-    let mut flash = SmallFlash::blank();
-    let mut expected = Values::new();
-    for number in 0..SMALL_SLOTS {
-        let key = u16::try_from(number % 3).unwrap();
-        flash.store(key, number).unwrap();
-        expected.insert(key, number);
-    }
-    (flash, expected)
-}
-
 #[test]
 fn store_that_needs_a_forbidden_erase_changes_nothing_and_works_later() {
-    let (mut flash, mut expected) = full();
+    let (mut flash, mut expected): (SmallFlash, _) = full(Layout::Single);
     let before = flash.operations();
     let mut storage = flash.storage();
     for _ in 0..3 {
@@ -57,7 +45,7 @@ fn store_that_needs_a_forbidden_erase_changes_nothing_and_works_later() {
 
 #[test]
 fn prepared_sector_takes_a_move_without_an_erase_and_then_there_is_none() {
-    let (mut flash, mut expected) = full();
+    let (mut flash, mut expected): (SmallFlash, _) = full(Layout::Single);
     flash.prepare().unwrap();
     let before = erases(&flash);
     let mut storage = flash.storage();
@@ -83,7 +71,7 @@ fn prepared_sector_takes_a_clear_without_an_erase() {
         |storage| block_on(storage.start_over(&forbidden)),
     ];
     for clear in clears {
-        let (mut flash, _) = full();
+        let (mut flash, _): (SmallFlash, _) = full(Layout::Single);
         flash.prepare().unwrap();
         let before = erases(&flash);
         assert_eq!(clear(&mut flash.storage()), Ok(()));
@@ -113,7 +101,7 @@ fn preparing_at_every_start_and_after_every_store_wears_no_more() {
 
 #[test]
 fn sector_that_reads_as_blank_after_an_interrupted_erase_is_erased_again() {
-    let (mut flash, _) = full();
+    let (mut flash, _): (SmallFlash, _) = full(Layout::Single);
     flash.prepare().unwrap();
     assert_eq!(flash.erases, [0, 1, 0]);
     // The erase was interrupted, and so the mark behind it was not written.
@@ -131,7 +119,7 @@ fn sector_that_reads_as_blank_after_an_interrupted_erase_is_erased_again() {
 
 #[test]
 fn permission_is_asked_immediately_before_each_erase() {
-    let (flash, expected) = full();
+    let (flash, expected): (SmallFlash, _) = full(Layout::Single);
     // The vehicle is armed after the question was answered this often.
     for answers in 0..3 {
         let mut flash = flash.clone();
@@ -152,7 +140,7 @@ fn permission_is_asked_immediately_before_each_erase() {
 
 #[test]
 fn armed_after_the_turn_of_others_is_not_erased() {
-    let (mut flash, _) = full();
+    let (mut flash, _): (SmallFlash, _) = full(Layout::Single);
     let armed = Cell::new(Erase::Allowed);
     let may_erase = || armed.get();
     let mut storage = flash.storage();
@@ -175,7 +163,7 @@ fn armed_after_the_turn_of_others_is_not_erased() {
 
 #[test]
 fn sector_that_can_not_be_erased_is_tried_once_ahead_and_again_when_it_is_needed() {
-    let (mut flash, mut expected) = full();
+    let (mut flash, mut expected): (SmallFlash, _) = full(Layout::Single);
     flash.stuck = Some((2 * 176 + 40, 1));
     let mut storage = flash.storage();
     let failure = Err(StorageError::Flash(FlashFault::NotVerified));

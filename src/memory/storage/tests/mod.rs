@@ -55,6 +55,8 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> DerefMut for 
 type BoardFlash = Flash<4096, 256, 4>;
 /// Twelve records per sector, so that a few stores wrap around the ring.
 type SmallFlash = Flash<176, 64, 3>;
+/// Twenty-six records in a sector of two blocks, and two such sectors.
+type SmallDoubleFlash = Flash<176, 64, 4>;
 
 const BOARD_SLOTS: u32 = Region::<<BoardFlash as Reboot>::Chip>::slots_in(Layout::Single, 1);
 
@@ -101,6 +103,20 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Reboot for Fl
 fn prepare<F: NorFlash>(storage: &mut Storage<F>, may_erase: MayErase<'_>) -> Result<(), StorageError> {
     while block_on(storage.prepare(may_erase))? == Prepared::Partly {}
     Ok(())
+}
+
+/// A region whose active sector is full: its next store moves.
+fn full<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
+    layout: Layout,
+) -> (Flash<SECTOR, PAGE, SECTORS>, Values) {
+    let mut flash = Flash::in_sectors(layout);
+    let mut expected = Values::new();
+    for number in 0..flash.storage().slots() {
+        let key = u16::try_from(number % 3).unwrap();
+        assert_eq!(flash.store(key, number), Ok(Stored::Written));
+        expected.insert(key, number);
+    }
+    (flash, expected)
 }
 
 fn values(pairs: &[(u16, u32)]) -> Values {
@@ -211,23 +227,25 @@ fn record_with_a_wider_key_is_skipped_and_kept() {
 }
 
 #[test]
-fn one_erase_per_338_stores_and_even_wear() {
-    let mut flash = BoardFlash::blank();
-    assert_eq!(BOARD_SLOTS, 338);
+fn one_erase_of_each_block_per_338_or_680_stores_and_even_wear() {
     let rounds = 4;
-    let mut storage = flash.storage();
-    for number in 0..rounds * 4 * BOARD_SLOTS {
-        assert_eq!(
-            block_on(storage.store(1, number, &Erase::always)),
-            Ok(Stored::Written)
-        );
+    for (layout, slots, sectors) in [(Layout::Single, 338, 4), (Layout::Double, 680, 2)] {
+        let mut flash = BoardFlash::in_sectors(layout);
+        let mut storage = flash.storage();
+        assert_eq!(storage.slots(), slots);
+        let stores = rounds * sectors * slots;
+        for number in 0..stores {
+            assert_eq!(
+                block_on(storage.store(1, number, &Erase::always)),
+                Ok(Stored::Written)
+            );
+        }
+        assert_eq!(flash.load(), (Values::from([(1, stores - 1)]), Ok(())));
+        // The first sector was blank at its first use; the others are erased in any case.
+        let blocks_of_first = 4 / sectors as usize;
+        let expected = core::array::from_fn(|block| rounds - u32::from(block < blocks_of_first));
+        assert_eq!(flash.erases, expected);
     }
-    assert_eq!(
-        flash.load(),
-        (Values::from([(1, rounds * 4 * BOARD_SLOTS - 1)]), Ok(()))
-    );
-    // The first sector was blank at its first use; the others are erased in any case.
-    assert_eq!(flash.erases, [rounds - 1, rounds, rounds, rounds]);
 }
 
 #[test]

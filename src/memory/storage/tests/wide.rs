@@ -1,7 +1,5 @@
 //! Values of 14 words, as of what is learnt of a pack, where a value may give way to another.
 
-use std::collections::BTreeSet;
-
 use proptest::prelude::*;
 
 use super::*;
@@ -228,25 +226,6 @@ proptest! {
     fn arbitrary_stores_of_words_survive_power_cuts(keys in prop::collection::vec(0..10_u32, 1..25)) {
         cut_in_every_operation(&keys, 3, Ahead::Never);
         cut_in_every_operation(&keys, 3, Ahead::BeforeEachStore);
-    }
-
-    #[test]
-    fn damage_never_yields_words_that_were_not_stored(
-        damage in prop::collection::vec((0..400 * 3_usize, any::<u8>()), 1..60),
-    ) {
-        let mut flash = WideFlash::blank();
-        let mut ever = BTreeSet::new();
-        for number in 0..40 {
-            store(&mut flash, number % 5, number);
-            ever.insert((number % 5, words(number)));
-        }
-        for (byte, value) in damage {
-            flash.region()[byte] = value;
-        }
-        for key in 0..5 {
-            let found = read(&mut flash, key);
-            prop_assert!(found.is_none_or(|found| ever.contains(&(key, found))));
-        }
     }
 }
 
