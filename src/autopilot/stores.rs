@@ -149,15 +149,6 @@ mod tests {
     const FLASH: StorageError = StorageError::Flash(FlashFault::NotVerified);
 
     #[test]
-    fn error_is_reported_once() {
-        let mut reports = SaveReports::default();
-        assert_eq!(reports.take(Instant::EPOCH), None);
-        reports.add(FLASH, Instant::EPOCH);
-        assert_eq!(reports.take(Instant::EPOCH), Some(FLASH));
-        assert_eq!(reports.take(Instant::MAX), None);
-    }
-
-    #[test]
     // Requirement: L-18
     fn reports_are_five_seconds_apart_and_the_latest_is_kept() {
         let mut reports = SaveReports::default();

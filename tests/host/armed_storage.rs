@@ -12,11 +12,13 @@ use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
 use rover_battmon::vehicle::ArmState;
+use rover_battmon::wifi::Radio;
 use support::commands::{PREFLIGHT_STORAGE, RESET};
 use support::desk::LOW_VOLT;
 use support::frames::texts_of;
 use support::requests::{
     VEHICLE, arm_by_force, command_long, disarm, param_request_list, param_set, reboot, setup_signing,
+    wifi_config,
 };
 
 use crate::regions::{Regions, Vehicle};
@@ -184,6 +186,51 @@ fn what_flash_refused_is_saved_before_a_restart() {
     });
     assert_eq!(stored(&regions, CAPACITY), CAPACITY.default_value());
     assert_eq!(stored(&regions, LOW_VOLT), 10.5);
+}
+
+#[test]
+// Requirement: L-18
+fn a_failed_write_is_announced_once_and_repeated_a_minute_later_in_each_region() {
+    let regions = Regions {
+        wifi: Some(SmallFlash::blank()),
+        ..Regions::blank()
+    };
+    let wifi = regions.wifi.as_ref().expect("a board with a radio");
+    for (chip, request, announced) in [
+        (&regions.parameters, param_set("BATT_CAPACITY", 777.0), NOT_SAVED),
+        (
+            &regions.learnt,
+            param_set("BATT_LRN_ERASE", 1.0),
+            "Learnt battery data not saved: flash worn out?",
+        ),
+        (
+            wifi,
+            wifi_config("home", "at home 1", 2),
+            "Wi-Fi settings not saved: flash worn out?",
+        ),
+    ] {
+        let start = Start {
+            radio: Radio::Present,
+            ..Start::default()
+        };
+        regions.run(start, async |station| {
+            station.wait(2).await;
+            let before = chip.bytes();
+            chip.chip().refuse_all_after(0);
+            let mut texts = texts_of(&station.ask(&request));
+            texts.extend(station.wait(90).await);
+            let times = texts.iter().filter(|text| *text == announced).count();
+            assert_eq!(times, 1, "{texts:?}");
+            chip.chip().power_up();
+            station.wait(25).await;
+            assert!(
+                chip.bytes() == before,
+                "{announced}: not within the second minute"
+            );
+            station.wait(10).await;
+            assert!(chip.bytes() != before, "{announced}");
+        });
+    }
 }
 
 #[test]

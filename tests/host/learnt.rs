@@ -15,7 +15,6 @@ use support::desk::Desk;
 use support::frames::{Frame, PARAM_VALUE, ParamValue, of_message, texts_of};
 use support::learnt_record::learnt_words;
 use support::requests::{command_long, param_read_by_name, param_set, reboot};
-use support::time::MINUTE_US;
 
 use crate::regions::{Regions, Vehicle};
 
@@ -276,30 +275,18 @@ fn a_parameter_reset_keeps_what_is_learnt() {
 }
 
 #[test]
-fn failed_write_is_announced_once_and_repeated_after_a_minute() {
+fn what_could_not_be_written_has_a_last_chance_before_a_restart() {
     let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
     let erased = LearntPack::of(None);
-    for attempt in 0..3 {
-        assert_eq!(job(&mut desk), erasure_of(Pack::First, None), "attempt {attempt}");
-        written(&mut desk, &erased, FAILED);
-        assert_eq!(job(&mut desk), None);
-        assert!(
-            !desk.autopilot.has_unsaved(),
-            "a restart does not wait for the retry"
-        );
-        let failed_us = desk.now_us;
-        let texts = texts_of(&posted(&mut desk));
-        let announced = texts.iter().filter(|text| *text == NOT_SAVED).count();
-        assert_eq!(announced, usize::from(attempt == 0), "{texts:?}");
-        desk.now_us = failed_us + MINUTE_US - 1;
-        assert_eq!(job(&mut desk), None);
-        desk.now_us += 1;
-    }
-    job(&mut desk);
+    assert_eq!(job(&mut desk), erasure_of(Pack::First, None));
     written(&mut desk, &erased, FAILED);
+    assert!(
+        !desk.autopilot.has_unsaved(),
+        "a restart does not wait for the retry"
+    );
     desk.autopilot.prepare_restart(desk.now());
-    assert!(desk.autopilot.has_unsaved(), "a last chance");
+    assert!(desk.autopilot.has_unsaved());
     assert_eq!(job(&mut desk), erasure_of(Pack::First, None));
     written(&mut desk, &erased, Ok(()));
     assert_eq!(job(&mut desk), None);
@@ -403,27 +390,6 @@ fn the_task_reads_at_once_and_erases_before_a_restart() {
     );
     assert_eq!(run_task(&flash, async |_| {}), 0.0);
     assert_eq!(run_task(&flash, set_serial_number), 1000.0, "another pack");
-}
-
-#[test]
-fn the_task_writes_again_a_minute_after_a_failure() {
-    let flash = SmallFlash::blank();
-    store(&flash, of(Pack::First, None), 2950.0);
-    let erase = async |vehicle: &Vehicle, until_s| {
-        Timer::after_millis(100).await;
-        flash.chip().refuse_all_after(0);
-        vehicle.ask(&param_set("BATT_LRN_ERASE", 1.0));
-        Timer::after_secs(1).await;
-        flash.chip().power_up();
-        Timer::after_secs(until_s).await;
-    };
-    for (until_s, expected) in [
-        (58, learnt_words(None, 2950.0)),
-        (62, LearntPack::of(None).to_words()),
-    ] {
-        run_task(&flash, async |vehicle| erase(vehicle, until_s).await);
-        assert_eq!(stored(&flash, of(Pack::First, None)), Some(expected));
-    }
 }
 
 proptest! {

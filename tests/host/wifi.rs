@@ -3,12 +3,12 @@
 use embassy_futures::block_on;
 use embassy_time::Timer;
 use nor_flash::SmallFlash;
-use rover_battmon::autopilot::{FlashJob, FlashResult, FlashStore, Start, Work};
+use rover_battmon::autopilot::{FlashJob, FlashStore, Start, Work};
 use rover_battmon::battery::{PackStatus, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::mavlink::{AcceptUnsigned, Event, LinkId, LinkKind, SigningChange};
 use rover_battmon::memory::identity::{BoardId, Identity};
-use rover_battmon::memory::storage::{FlashFault, Storage, StorageError};
+use rover_battmon::memory::storage::Storage;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
@@ -25,7 +25,6 @@ use support::requests::{
     arm_by_force, command_long, disarm, param_set, setup_signing, wifi_config, wifi_config_payload,
 };
 use support::signer::{NEW_YEAR, Signer};
-use support::time::MINUTE_US;
 
 use crate::regions::Regions;
 
@@ -417,34 +416,6 @@ fn a_ground_station_that_connects_later_is_sent_what_is_wrong_now() {
     assert_eq!(notices(&mut desk), ["Wi-Fi radio does not answer"]);
     desk.autopilot.wifi_report(WifiReport::AccessPointUp, desk.now());
     assert_eq!(notices(&mut desk), [""; 0]);
-}
-
-#[test]
-fn a_failed_write_is_announced_once_and_repeated_after_a_minute() {
-    const FAILED: FlashResult = Err(StorageError::Flash(FlashFault::NotVerified));
-    let mut desk = desk(LinkKind::Direct);
-    desk.ask(&wifi_config("home", "at home 1", STATION));
-    desk.ask(&wifi_config("", "another one", ACCESS_POINT));
-    let own = FlashJob::Wifi(WifiRecord::OwnPassword(password("another one")));
-    let other = FlashJob::Wifi(WifiRecord::Network(network("home", "at home 1")));
-    for round in 0..3 {
-        assert_eq!(desk.next_flash_job(FlashStore::Wifi).as_ref(), Some(&own));
-        desk.flash_done(&own, FAILED);
-        desk.post_due(desk.now_us);
-        let texts = texts_of(&desk.sent());
-        let announced = texts
-            .iter()
-            .filter(|text| text.contains("Wi-Fi settings not saved: flash worn out?"));
-        assert_eq!(announced.count(), usize::from(round == 0));
-        desk.now_us += MINUTE_US - 1;
-        assert_eq!(desk.next_flash_job(FlashStore::Wifi), None);
-        desk.now_us += 1;
-    }
-    for job in [own, other] {
-        assert_eq!(desk.next_flash_job(FlashStore::Wifi).as_ref(), Some(&job));
-        desk.flash_done(&job, Ok(None));
-    }
-    assert_eq!(desk.next_flash_job(FlashStore::Wifi), None);
 }
 
 #[test]

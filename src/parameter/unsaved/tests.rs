@@ -207,18 +207,6 @@ fn reset_clears_failed_changes() {
     assert_eq!(parameters.save_failure(), None);
 }
 
-#[test]
-fn texts_fit_one_message() {
-    for (error, text) in [
-        (Full, "Parameters can't be saved: too many changed"),
-        (Corrupt, "Parameters can't be saved: flash worn out?"),
-        (NoErasedSpace, "Parameters: 388 not saved until disarmed"),
-    ] {
-        assert_eq!(SaveFailure { error, changes: 388 }.to_string(), text);
-        assert!(text.len() <= 50);
-    }
-}
-
 /// A request of a ground station, or an attempt to write.
 #[derive(Clone, Debug)]
 enum Step {
