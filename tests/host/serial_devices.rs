@@ -1,11 +1,15 @@
-//! Devices on the second serial port: the state of their packs at the ends of each field, and after any frame that is damaged,
-//! late or missing. The limits are the tables' own.
+//! Devices on the second serial port: frames among garbage, the state of their packs at the ends of each field, and after any
+//! frame that is damaged, late or missing. The limits are the tables' own.
+
+use std::ops::Range;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{BatteryState, ChargeSource, CurrentRange, ReadError};
 use rover_battmon::pack::Pack;
-use rover_battmon::sensor::{AnalogReadings, SerialDevice};
+use rover_battmon::sensor::{AnalogReadings, SerialDevice, SerialReading};
+use rover_battmon::time::Instant;
 use support::desk::{Desk, start_with};
+use support::time::SECOND;
 
 const TICK_US: u64 = 100_000;
 
@@ -147,17 +151,17 @@ fn mega_squirt(injection_us: u16, speed_rpm: u16) -> Vec<u8> {
 }
 
 fn small_cell(tank_pct: i64, battery_pct: i64) -> Vec<u8> {
-    format!("<{tank_pct},{battery_pct},2,0>\n").into_bytes()
+    format!("<{tank_pct},{battery_pct},2,0>").into_bytes()
 }
 
 fn large_cell(tank_bar: i64, voltage_v: i64, power_w: i64) -> Vec<u8> {
-    format!("<{tank_bar},{voltage_v},0,0,{power_w},2,0>\n").into_bytes()
+    format!("<{tank_bar},{voltage_v},0,0,{power_w},2,0>").into_bytes()
 }
 
 fn protocol_4(tank_pct: i64, voltage_v: i64, power_w: i64) -> Vec<u8> {
     let body = format!("<{tank_pct},6.1,{voltage_v},0,0,0,{power_w},2,0,0,,");
     let sum = body.bytes().fold(0u8, u8::wrapping_add);
-    format!("{body}{}>\n", 255 - sum).into_bytes()
+    format!("{body}{}>", 255 - sum).into_bytes()
 }
 
 /// Outcome of a field.
@@ -548,7 +552,10 @@ struct Stream {
     period_us: u64,
     /// Answers a request that ends so; others are not answered.
     answers: Option<&'static [u8]>,
-    has_checksum: bool,
+    /// Bytes of a frame that no checksum protects.
+    unprotected: Range<usize>,
+    /// The longest pause within a frame, in us, if a longer one ends it.
+    longest_pause_us: Option<u64>,
     frame: fn(u16) -> Vec<u8>,
 }
 
@@ -557,14 +564,16 @@ const STREAMS: &[Stream] = &[
         settings: KISS,
         period_us: 30_000,
         answers: None,
-        has_checksum: true,
+        unprotected: 0..0,
+        longest_pause_us: Some(5_000),
         frame: |index| kiss(30, 1600 + index % 7, 500 + index % 5, index),
     },
     Stream {
         settings: TILLER,
         period_us: 500_000,
         answers: None,
-        has_checksum: true,
+        unprotected: 0..0,
+        longest_pause_us: None,
         frame: |index| system_state(80, 2400 + index % 7, 50 + index % 5, 30),
     },
     Stream {
@@ -572,45 +581,137 @@ const STREAMS: &[Stream] = &[
         period_us: 400_000,
         // For parameters.
         answers: Some(&[0x30, 0x03, 0xCF, 0xAD]),
-        has_checksum: true,
+        unprotected: 0..0,
+        longest_pause_us: None,
         frame: |index| motor_parameters(2400 + index % 7, 50 + index % 5, 300),
     },
     Stream {
         settings: RICHEN_POWER,
         period_us: 1_000_000,
         answers: None,
-        has_checksum: false,
+        unprotected: 12..66,
+        longest_pause_us: Some(200_000),
         frame: |index| richen_power(4800 + index % 7, 500 + index % 5),
     },
     Stream {
         settings: MEGA_SQUIRT,
         period_us: 100_000,
         answers: Some(&[]),
-        has_checksum: true,
+        unprotected: 0..0,
+        longest_pause_us: None,
         frame: |index| mega_squirt(3000 + index % 7, 3000),
     },
     Stream {
         settings: SMALL_CELL,
         period_us: 500_000,
         answers: None,
-        has_checksum: false,
+        unprotected: 0..usize::MAX,
+        longest_pause_us: Some(200_000),
         frame: |index| small_cell(50 + i64::from(index % 7), 60),
     },
     Stream {
         settings: LARGE_CELL,
         period_us: 500_000,
         answers: None,
-        has_checksum: false,
+        unprotected: 0..usize::MAX,
+        longest_pause_us: Some(200_000),
         frame: |index| large_cell(150, 48 + i64::from(index % 7), -500),
     },
     Stream {
         settings: LARGE_CELL,
         period_us: 500_000,
         answers: None,
-        has_checksum: true,
+        unprotected: 0..0,
+        longest_pause_us: Some(200_000),
         frame: |index| protocol_4(50 + i64::from(index % 7), 48, -500),
     },
 ];
+
+impl Stream {
+    /// Readings of bytes that are received at these times, by a device that was not heard before; its own state is left out.
+    fn readings(&self, received: &[(u64, &[u8])]) -> Vec<SerialReading> {
+        let parameters = start_with(self.settings).parameters;
+        let mut device = SerialDevice::from_parameters(&parameters).expect("a device");
+        let mut readings = Vec::new();
+        for (at_us, bytes) in received {
+            device.receive(bytes, Instant::from_micros(*at_us), |reading| {
+                readings.push(reading)
+            });
+        }
+        readings.retain(|reading| !matches!(reading, SerialReading::Notice(_)));
+        readings
+    }
+}
+
+#[test]
+fn of_two_frames_at_once_both_are_read_and_a_damaged_one_or_a_line_held_low_is_none() {
+    for stream in STREAMS {
+        let [first, second] = [1, 2].map(stream.frame);
+        let expected = stream.readings(&[(SECOND, &first), (2 * SECOND, &second)]);
+        let both = [&first[..], &second].concat();
+        assert_eq!(stream.readings(&[(SECOND, &both)]), expected, "{stream:?}");
+        assert!(!expected.is_empty(), "{stream:?}");
+        for (place, bit) in (0..first.len()).flat_map(|place| (0..8).map(move |bit| (place, bit))) {
+            let mut damaged = first.clone();
+            damaged[place] ^= 1 << bit;
+            if !stream.unprotected.contains(&place) {
+                assert_eq!(
+                    stream.readings(&[(SECOND, &damaged)]),
+                    [],
+                    "{stream:?} {place}.{bit}"
+                );
+            }
+        }
+        assert_eq!(stream.readings(&[(SECOND, &[0; 500])]), [], "{stream:?}");
+    }
+}
+
+#[test]
+fn a_frame_is_read_with_the_longest_pause_in_it_and_dropped_with_a_longer_one() {
+    for stream in STREAMS {
+        let frame = (stream.frame)(1);
+        let expected = stream.readings(&[(SECOND, &frame)]);
+        for cut in 1..frame.len() {
+            let (start, rest) = frame.split_at(cut);
+            let after = |pause_us| stream.readings(&[(SECOND, start), (SECOND + pause_us, rest)]);
+            match stream.longest_pause_us {
+                Some(longest_us) => {
+                    assert_eq!(after(longest_us), expected, "{stream:?} {cut}");
+                    assert_eq!(after(longest_us + 1), [], "{stream:?} {cut}");
+                }
+                None => assert_eq!(after(10 * SECOND), expected, "{stream:?} {cut}"),
+            }
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_frame_is_read_right_behind_garbage_and_a_part_of_another_one(
+        garbage in prop::collection::vec(
+            prop_oneof![any::<u8>(), prop::sample::select(b"<>[],.-0123456789x\xAC\xAD\xAE\xAA\x55\0\x07".to_vec())],
+            0..100,
+        ),
+        index: u16,
+        share: u8,
+    ) {
+        for stream in STREAMS {
+            let frame = (stream.frame)(index);
+            let part = &frame[..frame.len() * usize::from(share) / 256];
+            let before = [&garbage[..], part].concat();
+            // By chance garbage is a frame, which takes the beginning of this one along.
+            let all_but_its_end = [&before[..], &frame[..frame.len() - 1]].concat();
+            if !stream.readings(&[(SECOND, &all_but_its_end)]).is_empty() {
+                continue;
+            }
+            let expected = stream.readings(&[(SECOND, &frame)]);
+            let found = stream.readings(&[(SECOND, &[&before[..], &frame].concat())]);
+            prop_assert_eq!(&found, &expected, "{:?}", stream);
+            let after_a_pause = stream.readings(&[(SECOND, &before), (2 * SECOND, &frame)]);
+            prop_assert_eq!(after_a_pause, expected, "{:?}", stream);
+        }
+    }
+}
 
 /// Fault of one frame.
 #[derive(Clone, Copy, Debug)]
@@ -719,7 +820,7 @@ proptest! {
         fault in any_fault(),
     ) {
         let stream = &STREAMS[stream];
-        prop_assume!(stream.has_checksum || !matches!(fault, Fault::Corrupt(..)));
+        prop_assume!(stream.unprotected.is_empty() || !matches!(fault, Fault::Corrupt(..)));
         let frames = LAST_FAULT_US / stream.period_us;
         let index = (frames * u64::from(share) / 256) as u16;
         let (expected, _) = stream.run(None);

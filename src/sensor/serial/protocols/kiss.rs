@@ -106,9 +106,6 @@ fn valid(frame: &[u8; FRAME_BYTES]) -> Option<[u8; FRAME_BYTES]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::time::at_us;
-    use proptest::prelude::*;
-
     fn sealed(body: [u8; FRAME_BYTES - 1]) -> [u8; FRAME_BYTES] {
         let mut frame = [0; FRAME_BYTES];
         frame[..FRAME_BYTES - 1].copy_from_slice(&body);
@@ -156,63 +153,6 @@ mod tests {
         ] {
             let readings = read(&mut telemetry, &frame(counted_mah));
             assert_eq!(readings[0].drawn_mah, drawn_mah, "{counted_mah}");
-        }
-    }
-
-    #[test]
-    fn line_held_low_is_no_frame() {
-        assert_eq!(read(&mut Kiss::new(&()), &[0; 100]), []);
-    }
-
-    #[test]
-    fn gap_drops_a_partial_frame() {
-        let mut telemetry = Kiss::new(&());
-        telemetry.begin(Instant::EPOCH);
-        assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
-        telemetry.begin(at_us(4_000));
-        assert_eq!(
-            read(&mut telemetry, &frame(1)[4..]).len(),
-            1,
-            "within the maximum gap"
-        );
-        assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
-        telemetry.begin(at_us(10_000));
-        assert_eq!(read(&mut telemetry, &frame(1)[4..]), []);
-    }
-
-    /// Whether a window that starts within `garbage` is a valid frame by chance.
-    fn has_false_frame(bytes: &[u8], garbage: usize) -> bool {
-        let windows = bytes.windows(FRAME_BYTES).take(garbage);
-        windows
-            .filter(|window| smbus_pec::pec(&window[..9]) == window[9])
-            .any(|window| window[1] != 0 || window[2] != 0)
-    }
-
-    proptest! {
-        #[test]
-        fn valid_frame_is_found_right_after_garbage(
-            garbage in prop::collection::vec(any::<u8>(), 0..40),
-            body: [u8; 9],
-        ) {
-            let voltage = u16::from_be_bytes([body[1], body[2]]);
-            prop_assume!(![0, u16::MAX].contains(&voltage));
-            let bytes = [&garbage[..], &sealed(body)].concat();
-            prop_assume!(!has_false_frame(&bytes, garbage.len()));
-            let found = read(&mut Kiss::new(&()), &bytes);
-            prop_assert_eq!(found.len(), 1);
-            prop_assert_eq!(found[0].voltage_v, Some(f32::from(voltage) * 0.01));
-        }
-
-        #[test]
-        fn valid_frame_is_found_after_garbage_and_a_gap(
-            garbage in prop::collection::vec(any::<u8>(), 0..200),
-            counted_mah: u16,
-        ) {
-            let mut telemetry = Kiss::new(&());
-            telemetry.begin(at_us(1_000_000));
-            read(&mut telemetry, &garbage);
-            telemetry.begin(at_us(1_032_000));
-            prop_assert_eq!(read(&mut telemetry, &frame(counted_mah)).len(), 1);
         }
     }
 }

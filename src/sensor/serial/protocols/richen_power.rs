@@ -114,9 +114,6 @@ fn measured(voltage: u16, current: u16) -> Result<Measurement, ReadError> {
 mod tests {
     use super::*;
     use crate::announce::{Announce, Severity};
-    use crate::time::at_us;
-    use proptest::prelude::*;
-
     /// A frame of an H2's controller: 43.81 V, 0 A, low battery voltage (ArduPilot/ardupilot, a comment in
     /// libraries/AP_Generator/AP_Generator_RichenPower.cpp).
     const RECORDED: [u8; FRAME_BYTES] = {
@@ -200,75 +197,6 @@ mod tests {
             };
             let expected = expected.map(|(text, severity)| (text.to_string(), severity));
             assert_eq!(notice, expected, "{errors:#x}");
-        }
-    }
-
-    #[test]
-    fn damaged_frame_is_none() {
-        for place in (0..12).chain(66..FRAME_BYTES) {
-            let mut damaged = frame(0, 5000, 0);
-            damaged[place] ^= 0x10;
-            assert_eq!(read(&mut RichenPower::new(&()), &damaged), [], "{place}");
-        }
-        assert_eq!(read(&mut RichenPower::new(&()), &[0; 500]), []);
-    }
-
-    #[test]
-    fn gap_drops_a_partial_frame() {
-        let mut protocol = RichenPower::new(&());
-        let frame = frame(0, 5000, 0);
-        protocol.begin(at_us(1_000_000));
-        assert_eq!(read(&mut protocol, &frame[..40]), []);
-        protocol.begin(at_us(1_200_000));
-        assert_eq!(read(&mut protocol, &frame[40..]).len(), 1);
-        assert_eq!(read(&mut protocol, &frame[..40]), []);
-        protocol.begin(at_us(1_400_001));
-        assert_eq!(read(&mut protocol, &frame[40..]), []);
-    }
-
-    #[test]
-    // Requirement: S-3
-    fn the_highest_current_of_a_word_is_over_range() {
-        for (centiamperes, range) in [
-            (0, CurrentRange::Within),
-            (20_000, CurrentRange::Within),
-            (0xffff, CurrentRange::Over),
-        ] {
-            let found = read(&mut RichenPower::new(&()), &frame(0, 4381, centiamperes));
-            let [SerialReading::GeneratorElectrical(measurement)] = found[..] else {
-                panic!("{found:?}");
-            };
-            assert_eq!(measurement.current_range, range, "{centiamperes}");
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn valid_frame_is_found_right_after_garbage(
-            garbage in prop::collection::vec(any::<u8>(), 0..200),
-            centivolts in 0..=10_000u16,
-            centiamperes in 0..=20_000u16,
-        ) {
-            let frame = frame(0, centivolts, centiamperes);
-            let bytes = [&garbage[..], &frame].concat();
-            let found = read(&mut RichenPower::new(&()), &bytes);
-            let expected = output(f32::from(centivolts) * 0.01, f32::from(centiamperes) * 0.01);
-            prop_assert_eq!(found, [expected]);
-        }
-
-        #[test]
-        fn garbage_is_no_frame(
-            mut garbage in prop::collection::vec(any::<u8>(), 2..400),
-            headers in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
-        ) {
-            // Headers and footers everywhere do not make a checksum.
-            for header in headers {
-                let place = header.index(garbage.len() - 1);
-                garbage[place..place + 2].copy_from_slice(&HEADER);
-            }
-            let is_frame = garbage.windows(FRAME_BYTES).any(|window| decode(window.try_into().unwrap()).is_some());
-            let found = read(&mut RichenPower::new(&()), &garbage);
-            prop_assert_eq!(found.is_empty(), !is_frame);
         }
     }
 }
