@@ -8,9 +8,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    BatteryMonitor, BatteryState, CellVoltages, ChargeState, Chemistry, CurrentRange, Date, Faults,
-    GaugeReading, Measurement, Modes, PackNotice, PackSettings, ReadError, Reported, Supply, SupplyEvent,
-    Thermometer, Tick,
+    BatteryMonitor, BatteryState, ChargeState, Chemistry, Date, Faults, GaugeReading, Measurement, Modes,
+    PackNotice, PackSettings, ReadError, Reported, Supply, SupplyEvent, Thermometer, Tick,
 };
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, MonitorKind, Parameters, PartKind, Refused};
@@ -542,28 +541,6 @@ fn a_smart_battery_introduces_itself() {
     assert_eq!(details.manufactured, Some(date));
 }
 
-#[test]
-fn a_battery_that_counts_energy_has_its_charge_at_its_design_voltage() {
-    // 1.3 × 10 Wh at 7.2 V.
-    let reading = read_battery(battery(&[(0x03, 1 << 15)]));
-    let gauge = reading.gauge.read().expect("it has one");
-    assert_near(Some(gauge.remaining_mah), 13_000.0 / 7.2);
-}
-
-#[test]
-fn a_large_battery_counts_in_larger_steps() {
-    // Voltages in steps of 10 mV, currents and capacities in steps of 100.
-    let reading = read_battery(battery(&[(0x1a, 0x2121), (0x09, 740)]));
-    assert_near(reading.voltage_v, 7.4);
-    assert_near(reading.current_a, 150.0);
-    assert_eq!(reading.gauge.read().unwrap().full_mah, 260_000.0);
-}
-
-#[test]
-fn a_milliampere_is_a_current_and_no_blank_word() {
-    assert_eq!(read_battery(battery(&[(0x0a, 0xffff)])).current_a, Some(0.001));
-}
-
 /// Report of a smart battery once each of its slow words was read.
 fn reported_by(words: &[(u8, u16)]) -> Reported {
     let mut devices = devices_of(PartKind::SmartBattery);
@@ -662,13 +639,6 @@ fn commands_a_maker_uses_for_something_else_are_no_cells() {
     // A third one that would be a cell by itself is not one of two that amount to the pack's voltage.
     let reading = read_battery(battery(&[(0x3d, 3700)]));
     assert_eq!(reading.cells.millivolts().len(), 2);
-}
-
-#[test]
-fn a_battery_of_an_unknown_scale_is_refused() {
-    let mut devices = devices_of(PartKind::SmartBattery);
-    let mut bus = battery(&[(0x1a, 0x4021)]);
-    assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::OtherPart));
 }
 
 /// An INA228 at 0x40 that was set up, with these counters.
@@ -894,44 +864,6 @@ fn the_second_of_two_packs_at_one_channel_has_its_address_taken() {
 }
 
 #[test]
-// Requirement: S-3
-fn the_ends_of_a_word_are_over_range_and_what_counts_itself_goes_on() {
-    use CurrentRange::{Over, OverAndCounted, Within};
-    for (word, range) in [
-        (0, Within),
-        (-1, Within),
-        (i16::MIN, OverAndCounted),
-        (i16::MIN + 1, Within),
-        (i16::MAX - 1, Within),
-        (i16::MAX, OverAndCounted),
-    ] {
-        let (mut devices, mut bus) = on_stack(Stack::new(
-            &stack_words(INPUTS_MV, 1500, word),
-            [0; 12],
-            [5, 0, 0],
-        ));
-        let reading = read_next(&mut devices, &mut bus)[0].1.expect("it answers");
-        assert_eq!(reading.current_range, range, "stack, {word}");
-        let reading = read_battery(battery(&[(0x0a, word as u16)]));
-        assert_eq!(reading.current_range, range, "battery, {word}");
-        let without_gauge = read_battery(battery(&[(0x0a, word as u16), (0x0f, 0xffff)]));
-        let expected = if range == Within { Within } else { Over };
-        assert_eq!(without_gauge.current_range, expected, "without gauge, {word}");
-        // The word that is used alone counts.
-        let answers = vec![(0x41, self::word(-800)), (0x0a, self::word(word))];
-        let (mut devices, mut bus) = dialect(PartKind::Rotoye, &answers);
-        let reading = read_one(&mut devices, &mut bus).expect("it answers");
-        assert_eq!(reading.current_range, Within, "in tenths, {word}");
-    }
-    for (stack, voltage_v) in [(0x7ffe, Ok(Some(327.66))), (0x7fff, Err(ReadError::OverRange))] {
-        let (mut devices, mut bus) =
-            on_stack(Stack::new(&stack_words(INPUTS_MV, stack, 0), [0; 12], [5, 0, 0]));
-        let reading = read_next(&mut devices, &mut bus)[0].1;
-        assert_eq!(reading.map(|reading| reading.voltage_v), voltage_v);
-    }
-}
-
-#[test]
 fn a_part_that_is_refused_three_times_is_given_time() {
     let mut devices = devices_of(PartKind::Ina2xx);
     let mut bus = wires(Tables::default());
@@ -1104,38 +1036,8 @@ fn a_motor_board_of_another_number_of_motors_is_no_bebops() {
     assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::OtherPart));
 }
 
-/// Where smart batteries are, which are plugged in after the start below.
+/// Where smart batteries are.
 const ADDRESS: u8 = 0x0b;
-
-const SMART: [PartKind; 7] = [
-    PartKind::SmartBattery,
-    PartKind::Solo,
-    PartKind::Sui3Cells,
-    PartKind::Sui6Cells,
-    PartKind::NeoDesign,
-    PartKind::Maxell,
-    PartKind::Rotoye,
-];
-
-/// Two or four cells of 3.7 V, and 1.5 A, with the packet error code of each answer behind it.
-fn answers(kind: PartKind) -> Tables {
-    // Its currents and capacities are in steps of ten.
-    let mut tables = battery(&[(0x1a, 0x1031)]).i2c;
-    let cells = [3700u16; 4].map(u16::to_le_bytes).concat();
-    let current = (-1500i32).to_le_bytes();
-    tables.set(ADDRESS, 0x28, &block(&cells));
-    match kind {
-        PartKind::Solo => tables.set(ADDRESS, 0x2a, &block(&current)),
-        _ => tables.set(ADDRESS, 0x2a, &current),
-    }
-    tables.set(ADDRESS, 0x23, &block(&[0; 6]));
-    tables.set(ADDRESS, 0x5c, &2u16.to_le_bytes());
-    for cell in [0x30, 0x31] {
-        tables.set(ADDRESS, cell, &3700u16.to_le_bytes());
-    }
-    add_codes(&mut tables);
-    tables
-}
 
 fn add_codes(tables: &mut Tables) {
     for ((_, command), bytes) in &mut tables.0 {
@@ -1246,10 +1148,12 @@ fn each_dialect_is_read_as_its_maker_has_it() {
 #[test]
 // Requirement: AP-20
 fn a_solo_powers_off_while_its_button_is_held_for_seven_readings() {
-    let (mut devices, mut bus) = bench(PartKind::Solo, |_| Ok(0));
+    let cells = block(&[4100u16; 4].map(u16::to_le_bytes).concat());
+    let idle = vec![(0x28, cells), (0x2a, block(&[0; 4])), (0x23, block(&[0; 6]))];
+    let (mut devices, mut bus) = dialect(PartKind::Solo, &idle);
     let mut press = |buttons: u8, readings: usize| {
         let answer = with_code(0x23, &block(&[0, buttons, 0, 0, 0, 0]));
-        bus.i2c.battery.set(ADDRESS, 0x23, &answer);
+        bus.i2c.set(ADDRESS, 0x23, &answer);
         let supplies = (0..readings).map(|_| read_next(&mut devices, &mut bus)[0].1.unwrap().supply);
         supplies.collect::<Vec<_>>()
     };
@@ -1258,171 +1162,6 @@ fn a_solo_powers_off_while_its_button_is_held_for_seven_readings() {
     let held = press(8, 9);
     assert_eq!((held[5], &held[6..]), (Supply::On, &[Supply::PoweringOff; 3][..]));
     assert_eq!(press(0, 1), [Supply::On]);
-}
-
-/// A battery whose contacts are bad: by the number of each transfer that fails, or the bits of its first byte that are inverted.
-struct Contacts<F> {
-    battery: Tables,
-    transfers: usize,
-    fault: F,
-}
-
-impl<F: Fn(usize) -> Result<u8, BusError>> I2cBus for Contacts<F> {
-    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
-        self.transfers += 1;
-        let inverted = (self.fault)(self.transfers)?;
-        self.battery.transfer(address, operations).await?;
-        for operation in operations {
-            if let Operation::Read([first, ..]) = operation {
-                *first ^= inverted;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// They close and open.
-fn closed(are_closed: bool) -> Result<u8, BusError> {
-    if are_closed {
-        Ok(0)
-    } else {
-        Err(BusError::NoAnswer)
-    }
-}
-
-type BusBench<F> = (BusDevices, Buses<Contacts<F>, NoSpi>);
-
-fn bench<F: Fn(usize) -> Result<u8, BusError>>(kind: PartKind, fault: F) -> BusBench<F> {
-    let bus = Contacts {
-        battery: answers(kind),
-        transfers: 0,
-        fault,
-    };
-    (devices_of(kind), Buses::i2c(bus))
-}
-
-fn read<F: Fn(usize) -> Result<u8, BusError>>(
-    (devices, bus): &mut BusBench<F>,
-) -> Result<Measurement, ReadError> {
-    read_next(devices, bus)[0].1
-}
-
-/// What is known when everything has been read.
-fn settled<F: Fn(usize) -> Result<u8, BusError>>(bench: &mut BusBench<F>) -> Measurement {
-    let readings: Vec<_> = (0..30).map(|_| read(bench)).collect();
-    readings[readings.len() - 1].expect("it answers")
-}
-
-/// The battery that was there at the start, and how many transfers its first reading takes.
-fn known(kind: PartKind) -> (Measurement, usize) {
-    let mut bench = bench(kind, |_| Ok(0));
-    read(&mut bench).expect("it answers");
-    let transfers = bench.1.i2c.transfers;
-    (settled(&mut bench), transfers)
-}
-
-#[test]
-// Requirement: S-6
-fn what_is_plugged_in_after_the_start_is_known_like_what_was_there() {
-    for kind in SMART {
-        let (expected, _) = known(kind);
-        assert_ne!(
-            expected.cells == CellVoltages::NONE,
-            kind != PartKind::Sui6Cells,
-            "{kind:?}"
-        );
-        assert_eq!(expected.details.state_of_health_pct, Some(80), "{kind:?}");
-        let mut bench = bench(kind, |transfer| closed(transfer > 10));
-        while bench.1.i2c.transfers < 10 {
-            assert_eq!(read(&mut bench), Err(BusError::NoAnswer.into()), "{kind:?}");
-        }
-        assert_eq!(settled(&mut bench), expected, "{kind:?}");
-        // What has a packet error code is checked by it.
-        let (_, bus) = &mut bench;
-        let voltage = bus.i2c.battery.0.get_mut(&(ADDRESS, 0x09)).unwrap();
-        *voltage.last_mut().unwrap() ^= 1;
-        let has_code = ![PartKind::Sui3Cells, PartKind::Sui6Cells].contains(&kind);
-        let checked = (0..4).all(|_| read(&mut bench) == Err(BusError::Checksum.into()));
-        assert_eq!(checked, has_code, "{kind:?}");
-    }
-}
-
-#[test]
-// Requirement: S-6
-fn contacts_that_bounce_leave_nothing_unknown() {
-    for kind in SMART {
-        let (expected, transfers) = known(kind);
-        for opens in 1..=transfers {
-            for length in 1..=3 {
-                let gap = 10 + opens..10 + opens + length;
-                let mut bench = bench(kind, |transfer| closed(transfer > 10 && !gap.contains(&transfer)));
-                while bench.1.i2c.transfers < gap.end {
-                    let _ = read(&mut bench);
-                }
-                assert_eq!(settled(&mut bench), expected, "{kind:?}, {gap:?}");
-            }
-        }
-    }
-}
-
-/// A reading of a battery after a fault: as that of one without, or unknown in part.
-fn assert_is_part_of(reading: &Measurement, expected: &Measurement, context: &str) {
-    assert_eq!(reading.voltage_v, expected.voltage_v, "{context}");
-    let is_current = [None, expected.current_a].contains(&reading.current_a);
-    let is_gauge = [GaugeReading::Missing, expected.gauge].contains(&reading.gauge);
-    let are_cells = [CellVoltages::NONE, expected.cells].contains(&reading.cells);
-    assert!(is_current && is_gauge && are_cells, "{context}: {reading:?}");
-}
-
-#[test]
-// Requirement: S-6
-fn three_seconds_after_any_transfer_failed_a_battery_is_known_like_one_that_never_failed() {
-    const SECOND_US: u64 = 1_000_000;
-    let refused = Err(BusError::NoAnswer);
-    for kind in SMART {
-        let (expected, of_set_up) = known(kind);
-        let has_code = ![PartKind::Sui3Cells, PartKind::Sui6Cells].contains(&kind);
-        let later = (1..40).map(|number| of_set_up + 5 * number);
-        for first in (1..=of_set_up).chain(later) {
-            for (fault, transfers) in [
-                (refused, 1),
-                (refused, 4),
-                // Without its supply for seconds.
-                (refused, 15),
-                (refused, 120),
-                (Err(BusError::Timeout), 1),
-                (Ok(1), 1),
-                (Ok(0x10), 1),
-                (Ok(0xff), 1),
-            ] {
-                if fault.is_ok() && !has_code {
-                    continue;
-                }
-                let context = format!("{kind:?}: {fault:?} from transfer {first} on");
-                let faulty = first..first + transfers;
-                let mut bench = bench(kind, |transfer| match faulty.contains(&transfer) {
-                    true => fault,
-                    false => Ok(0),
-                });
-                let mut answers_again = None;
-                let mut last = None;
-                loop {
-                    let now = bench.0.next_due().expect("there is a part");
-                    if bench.1.i2c.transfers + 1 >= faulty.end {
-                        let since = *answers_again.get_or_insert(now);
-                        if now.us_since(since) > 3 * SECOND_US {
-                            break;
-                        }
-                    }
-                    last = Some(read(&mut bench));
-                    if let Some(Ok(reading)) = &last {
-                        assert_is_part_of(reading, &expected, &context);
-                    }
-                }
-                assert_eq!(last, Some(Ok(expected)), "{context}");
-            }
-        }
-    }
 }
 
 /// Reads a battery for `seconds`, and returns the latest reading and their number.
@@ -1538,12 +1277,12 @@ fn a_battery_that_was_silent_for_a_second_is_introduced_anew() {
 fn a_name_that_is_too_long_or_fails_its_checksum_is_none_and_keeps_nothing_from_being_read() {
     let bad_names = [vec![33, b'A', b'B'], vec![0xff], with_code(0x21, b"\x02XY")];
     for (mut bad, code) in bad_names.into_iter().zip([0, 0, 1]) {
-        let mut bus = wires(answers(PartKind::SmartBattery));
+        let (mut devices, mut bus) = dialect(PartKind::SmartBattery, &vec![]);
         if let Some(last) = bad.last_mut() {
             *last ^= code;
         }
         bus.i2c.set(ADDRESS, 0x21, &bad);
-        let reading = read_one(&mut devices_of(PartKind::SmartBattery), &mut bus).expect("it answers");
+        let reading = read_one(&mut devices, &mut bus).expect("it answers");
         assert!(reading.details.device.is_empty(), "{bad:?}");
         assert_eq!(reading.details.manufacturer.as_bytes(), b"Acme");
         assert_near(reading.voltage_v, 7.4);

@@ -2,8 +2,7 @@
 //! the data sheets.
 
 use emulator::i2c_devices::{
-    Ad7091r5, Bebop, Bq76952, Ina219, Ina226, Ina228, Ina231, Ina238, Ina260, Ina3221, Ltc2946, Pec,
-    SmartBattery,
+    Ad7091r5, Bebop, Bq76952, Ina219, Ina226, Ina228, Ina238, Ina3221, Ltc2946, Pec, SmartBattery,
 };
 use rover_battmon::battery::{Counted, CurrentRange, Supply, Thermometer};
 
@@ -206,6 +205,20 @@ const SHUNT_OF_226: &[(i64, Outcome)] = &[
     (-1, Is(-1.25e-3)),
 ];
 
+/// Bus voltage in 1.25 mV, of which an INA226 and an INA260 stand 36 V, and an INA231 28 V.
+const BUS_OF_226: &[(i64, Outcome)] = &[
+    (0, Is(0.0)),
+    (1, Is(1.25e-3)),
+    (22_400, Is(28.0)),
+    (22_401, Is(28.001_25)),
+    (28_800, Is(36.0)),
+    (28_801, Is(36.001_25)),
+    (0x7ffe, Is(40.957_5)),
+    (0x7fff, Fails(OverRange)),
+    (-0x8000, Fails(Implausible)),
+    (-1, Fails(Implausible)),
+];
+
 /// A field that is not as it was set up, or another part.
 const CONFIGURATION_OF_226: &[(i64, Outcome)] = &[
     (0x44df, Is(12.0)),
@@ -219,22 +232,7 @@ const CONFIGURATION_OF_226: &[(i64, Outcome)] = &[
 fn an_ina226_at_its_ends() {
     let fields = [
         field("shunt current", word_at::<1>, amperes, SHUNT_OF_226),
-        // 1.25 mV, of which the part stands 36 V.
-        field(
-            "voltage",
-            word_at::<2>,
-            volts,
-            &[
-                (0, Is(0.0)),
-                (1, Is(1.25e-3)),
-                (28_800, Is(36.0)),
-                (28_801, Is(36.001_25)),
-                (0x7ffe, Is(40.957_5)),
-                (0x7fff, Fails(OverRange)),
-                (-0x8000, Fails(Implausible)),
-                (-1, Fails(Implausible)),
-            ],
-        ),
+        field("voltage", word_at::<2>, volts, BUS_OF_226),
         field("configuration", word_at::<0>, volts, CONFIGURATION_OF_226),
         // "TI"; any other is none of the parts that have numbers.
         field(
@@ -252,7 +250,7 @@ fn an_ina226_at_its_ends() {
         ),
     ];
     let part = row("INA226", 0x40, || monitor(Ina226::new(0.002)), &SHUNT);
-    assert_fields(&part, &fields, 25);
+    assert_fields(&part, &fields, 27);
 }
 
 #[test]
@@ -260,24 +258,10 @@ fn an_ina226_at_its_ends() {
 fn an_ina231_at_its_ends() {
     let fields = [
         field("shunt current", word_at::<1>, amperes, SHUNT_OF_226),
-        // 1.25 mV, of which the part stands 28 V.
-        field(
-            "voltage",
-            word_at::<2>,
-            volts,
-            &[
-                (0, Is(0.0)),
-                (22_400, Is(28.0)),
-                (22_401, Is(28.001_25)),
-                (0x7ffe, Is(40.957_5)),
-                (0x7fff, Fails(OverRange)),
-                (-0x8000, Fails(Implausible)),
-                (-1, Fails(Implausible)),
-            ],
-        ),
+        field("voltage", word_at::<2>, volts, BUS_OF_226),
     ];
-    let part = row("INA231", 0x40, || monitor(Ina231::new(0.002)), &SHUNT);
-    assert_fields(&part, &fields, 14);
+    let part = row("INA231", 0x40, || monitor(Ina226::ina231(0.002)), &SHUNT);
+    assert_fields(&part, &fields, 17);
 }
 
 #[test]
@@ -355,19 +339,7 @@ fn an_ina260_at_its_ends() {
                 (-1, Is(-1.25e-3)),
             ],
         ),
-        field(
-            "voltage",
-            word_at::<2>,
-            volts,
-            &[
-                (0, Is(0.0)),
-                (28_800, Is(36.0)),
-                (28_801, Is(36.001_25)),
-                (0x7fff, Fails(OverRange)),
-                (-0x8000, Fails(Implausible)),
-                (-1, Fails(Implausible)),
-            ],
-        ),
+        field("voltage", word_at::<2>, volts, BUS_OF_226),
         field(
             "configuration",
             word_at::<0>,
@@ -380,8 +352,8 @@ fn an_ina260_at_its_ends() {
             ],
         ),
     ];
-    let part = row("INA260", 0x40, || monitor(Ina260::new()), &SHUNT);
-    assert_fields(&part, &fields, 20);
+    let part = row("INA260", 0x40, || monitor(Ina226::ina260()), &SHUNT);
+    assert_fields(&part, &fields, 24);
 }
 
 /// VBUS in 3.125 mV up to 85 V (SLYS025 table 8-1).
@@ -552,11 +524,9 @@ const BUS_OF_3221: &[(i64, Outcome)] = &[
 // Requirement: S-3, AP-6
 fn each_channel_of_an_ina3221_at_its_ends() {
     let make = || {
-        Box::new(Part {
-            device: Ina3221::new(0.002),
-            power_cycle,
-            connect: |device, amperes, _| (1..=3).for_each(|channel| device.set(channel, VOLTS, amperes)),
-        }) as Box<dyn Emulated>
+        wired(Ina3221::new(0.002), power_cycle, |device, amperes, _| {
+            (1..=3).for_each(|channel| device.set(channel, VOLTS, amperes))
+        })
     };
     let channels: [(Settings, [Setter; 2]); 3] = [
         (
@@ -704,11 +674,9 @@ fn an_ltc2946_at_its_ends() {
         ),
     ];
     let make = || {
-        Box::new(Part {
-            device: Ltc2946::new(0.002),
-            power_cycle: Ltc2946::power_cycle,
-            connect: |device, amperes, _| device.set(VOLTS, amperes),
-        }) as Box<dyn Emulated>
+        wired(Ltc2946::new(0.002), Ltc2946::power_cycle, |device, amperes, _| {
+            device.set(VOLTS, amperes)
+        })
     };
     let part = row(
         "LTC2946",
@@ -778,11 +746,7 @@ fn an_ad7091r5_at_its_ends() {
     let make = || {
         let mut device = Ad7091r5::new(3.3);
         (0..4).for_each(|channel| device.set(channel, 2.0));
-        Box::new(Part {
-            device,
-            power_cycle: Ad7091r5::power_cycle,
-            connect: |_, _, _| (),
-        }) as Box<dyn Emulated>
+        wired(device, Ad7091r5::power_cycle, |_, _, _| ())
     };
     let settings = &[
         ("BATT2_MONITOR", 28.0),
@@ -957,11 +921,7 @@ fn a_bq76952_at_its_ends() {
         let mut device = Bq76952::new();
         device.set(&[1000; 12], 0.0, 25.0);
         device.set_up_units(5, 0xffff);
-        Box::new(Part {
-            device,
-            power_cycle: Bq76952::power_cycle,
-            connect: |_, _, _| (),
-        }) as Box<dyn Emulated>
+        wired(device, Bq76952::power_cycle, |_, _, _| ())
     };
     assert_fields(
         &row("BQ76952", 0x08, make, &[("BATT2_MONITOR", 32.0)]),
@@ -984,13 +944,7 @@ fn a_motor_board_of_a_bebop_at_its_ends() {
             (0xffff, Fails(OverRange)),
         ],
     )];
-    let make = || {
-        Box::new(Part {
-            device: Bebop::new(12_000),
-            power_cycle: |_| (),
-            connect: |_, _, _| (),
-        }) as Box<dyn Emulated>
-    };
+    let make = || idle(Bebop::new(12_000));
     assert_fields(&row("Bebop", 0x08, make, &[("BATT2_MONITOR", 6.0)]), &fields, 4);
 }
 
@@ -998,11 +952,7 @@ fn a_motor_board_of_a_bebop_at_its_ends() {
 fn battery(set_up: fn(&mut SmartBattery)) -> Box<dyn Emulated> {
     let mut device = SmartBattery::new(Pec::Right);
     set_up(&mut device);
-    Box::new(Part {
-        device,
-        power_cycle: |_| (),
-        connect: |_, _, _| (),
-    })
+    idle(device)
 }
 
 fn word<const COMMAND: u8>(bench: &mut Bench, code: i64) {
@@ -1412,6 +1362,26 @@ fn batteries_of_makers_at_their_ends() {
 }
 
 #[test]
+// Requirement: S-3
+fn a_current_that_nothing_else_counts_or_that_is_not_used_at_its_ends() {
+    let milliamperes = |codes| [field("current", word::<0x0a>, amperes, codes)];
+    let without_gauge = milliamperes(&[
+        (0x7ffe, Is(-32.766)),
+        (0x7fff, Over(-32.767)),
+        (0x8001, Is(32.767)),
+        (0x8000, Over(32.768)),
+    ]);
+    let make = || battery(|battery| battery.set_word(0x0f, 0xffff));
+    let part = row("smart battery", 0x0b, make, &[("BATT2_MONITOR", 7.0)]);
+    assert_fields(&part, &without_gauge, 4);
+    // The word of tenths of an ampere is used alone.
+    let in_tenths = milliamperes(&[(0x7fff, Is(80.0)), (0x8000, Is(80.0))]);
+    let make = || battery(|battery| battery.set_word(0x41, -800i16 as u16));
+    let part = row("Rotoye", 0x0b, make, &[("BATT2_MONITOR", 19.0)]);
+    assert_fields(&part, &in_tenths, 2);
+}
+
+#[test]
 fn more_than_the_full_charge_of_a_battery_is_100_percent() {
     let part = row(
         "smart battery",
@@ -1450,11 +1420,7 @@ fn peaks_above_the_range_of_a_part_are_cut_off_before_it_averages_and_show_no_en
     type Pulses = (&'static str, u8, fn() -> Box<dyn Emulated>, f32, f32, f32, f32);
     fn pulsed<D: I2cDevice + 'static>(mut device: D, set: fn(&mut D)) -> Box<dyn Emulated> {
         set(&mut device);
-        Box::new(Part {
-            device,
-            power_cycle: |_| (),
-            connect: |_, _, _| (),
-        })
+        idle(device)
     }
     let table: [Pulses; 6] = [
         // 81.92 mV over 0.1 Ohm: 0.82 of 4 A.

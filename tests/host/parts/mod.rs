@@ -83,6 +83,23 @@ impl<D: I2cDevice + 'static> Emulated for Part<D> {
     }
 }
 
+/// A device that is connected to nothing, and keeps its supply.
+fn idle<D: I2cDevice + 'static>(device: D) -> Box<dyn Emulated> {
+    wired(device, |_| (), |_, _, _| ())
+}
+
+fn wired<D: I2cDevice + 'static>(
+    device: D,
+    power_cycle: fn(&mut D),
+    connect: fn(&mut D, f64, f64),
+) -> Box<dyn Emulated> {
+    Box::new(Part {
+        device,
+        power_cycle,
+        connect,
+    })
+}
+
 /// The part behind the chip select.
 struct AtSpi(Ina239);
 
@@ -122,11 +139,7 @@ fn connect<R: Registers>(device: &mut RegisterMap<R>, amperes: f64, _: f64) {
 
 /// A power monitor of Texas Instruments'.
 fn monitor<R: Registers + 'static>(device: RegisterMap<R>) -> Box<dyn Emulated> {
-    Box::new(Part {
-        device,
-        power_cycle,
-        connect,
-    })
+    wired(device, power_cycle, connect)
 }
 
 /// A fault of one transfer, or of a few.

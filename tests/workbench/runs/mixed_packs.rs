@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, SECOND, TestedVehicle};
 use crate::i2c_bus::BUS;
-use emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
+use emulator::i2c_devices::{Ina226, Ina228, Ina3221, Pec, SmartBattery};
 use emulator::{AdcInput, LogLevel};
 use support::frames::{HEARTBEAT, SYS_STATUS, of_message, statuses_of};
 
@@ -75,7 +75,8 @@ pub fn run(parameters: &[(&str, f32)], voltages_mv: &[u32], length_us: u64) {
 
 /// The parts on the bus for [`MIXED`].
 pub fn plug_in(bench: &mut Bench) {
-    let (mut monitor, mut inside, mut counting) = (Ina226::new(0.0005), Ina260::new(), Ina228::new(0.0005));
+    let (mut monitor, mut inside, mut counting) =
+        (Ina226::new(0.0005), Ina226::ina260(), Ina228::new(0.0005));
     monitor.set(12.0, 1.0);
     inside.set(11.0, 2.0);
     counting.set(10.0, 3.0, 25.0);
