@@ -16,7 +16,7 @@ use support::commands::REQUEST_MESSAGE;
 use support::desk::EXTRA1;
 use support::frames::{
     COMPONENT_METADATA, FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY,
-    LOG_REQUEST_DATA, LOG_REQUEST_END, STATUSTEXT, SYS_STATUS, encode_v2_from, frames, of_message, texts_of,
+    LOG_REQUEST_END, STATUSTEXT, SYS_STATUS, encode_v2_from, frames, of_message, texts_of,
 };
 use support::repository;
 use support::requests::{VEHICLE, command_long, log_data, log_erase, log_list};
@@ -276,11 +276,17 @@ fn of_a_log_that_is_gone_there_is_a_text_and_no_data() {
     let sent = bench.sent();
     assert_eq!(texts_of(&sent), ["Log can't be read: download broken off"]);
     assert!(of_message(&sent, LOG_DATA).len() <= 1, "what was built leaves");
-    for (seconds, texts) in [(0, &[GONE][..]), (1, &[]), (5, &[GONE])] {
-        bench.now_us = seconds * SECOND;
+    for (us, texts) in [
+        (0, &[GONE][..]),
+        (0, &[]),
+        (5 * SECOND - 1, &[]),
+        (5 * SECOND, &[GONE]),
+        (6 * SECOND, &[]),
+    ] {
+        bench.now_us = us;
         let sent = bench.ask(&log_data(1, 900, 180));
-        assert_eq!(texts_of(&sent), texts, "{seconds}");
-        assert_eq!(of_message(&sent, LOG_DATA).len(), 0, "{seconds}");
+        assert_eq!(texts_of(&sent), texts, "{us}");
+        assert_eq!(of_message(&sent, LOG_DATA).len(), 0, "{us}");
     }
     let sent = bench.ask(&log_data(2, 0, u32::MAX));
     let mut whole = vec![0; 500];
@@ -380,23 +386,6 @@ fn erasing_is_up_to_the_core() {
     assert!(bench.sent().is_empty());
     bench.arm();
     assert_eq!(bench.handle(&log_erase()), [Event::Answered]);
-}
-
-#[test]
-fn the_second_station_on_a_link_is_refused_until_the_first_ends() {
-    let part = [900_u32, 90].map(u32::to_le_bytes).concat();
-    let payload = [&part[..], &1_u16.to_le_bytes(), &VEHICLE].concat();
-    let other_request = encode_v2_from(OTHER_STATION, LOG_REQUEST_DATA, &payload);
-    let mut bench = Bench::new(&[9000]);
-    bench.handle(&log_data(1, 0, u32::MAX));
-    bench.handle(&other_request);
-    let sent = bench.sent();
-    assert_eq!(sent[0].text(1, 50), "Log download in use by another station");
-    assert_eq!(of_message(&sent, LOG_DATA).len(), 101);
-    bench.handle(&log_end(OTHER_STATION));
-    assert!(bench.ask(&other_request).is_empty());
-    bench.handle(&log_end(GROUND_STATION));
-    assert_eq!(bench.ask(&other_request).len(), 1);
 }
 
 #[test]
@@ -583,8 +572,13 @@ fn logs_are_listed_in_their_directory() {
         opcode == ACK && with_times.starts_with(expected),
         "{with_times:?}"
     );
-    let (opcode, root) = client.with_path(&mut bench, LIST, "/");
-    assert!(opcode == ACK && root.starts_with(b"DLOGS\0"), "{root:?}");
+    for (list, expected) in [
+        (LIST, &b"DLOGS\0Fgeneral.json\t"[..]),
+        (LIST_WITH_TIME, b"DLOGS\t0\0Fgeneral.json\t"),
+    ] {
+        let (opcode, root) = client.with_path(&mut bench, list, "/");
+        assert!(opcode == ACK && root.starts_with(expected), "{root:?}");
+    }
     assert_eq!(client.with_path(&mut bench, LIST, "/etc"), (NAK, vec![NOT_FOUND]));
     assert_eq!(client.one(&mut bench, LIST, 0, 0, &[]), (NAK, vec![INVALID_SIZE]));
 }

@@ -260,43 +260,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn log_files_have_name_and_size() {
-        let logs = [(7, 1234), (65535, u32::MAX)].map(|(number, bytes)| undated(number, bytes));
-        let expected = b"F00000007.BIN\t1234\0F00065535.BIN\t4294967295\0";
-        assert_eq!(
-            list(Directory::Logs, Listed::Sizes, 0, &logs).as_slice(),
-            expected
-        );
-        assert_eq!(
-            list(Directory::Logs, Listed::Sizes, 1, &logs).as_slice(),
-            &expected[19..]
-        );
-        assert!(list(Directory::Logs, Listed::Sizes, 2, &logs).is_empty());
-        assert!(list(Directory::Logs, Listed::Sizes, u32::MAX, &logs).is_empty());
-    }
-
-    #[test]
-    fn times_are_listed_where_they_are_known() {
-        let dated = LogFile {
-            began_utc_s: NonZeroU32::new(u32::MAX),
-            ..undated(65535, u32::MAX)
-        };
-        assert_eq!(
-            list(
-                Directory::Logs,
-                Listed::SizesAndTimes,
-                0,
-                &[undated(7, 1234), dated]
-            )
-            .as_slice(),
-            b"F00000007.BIN\t1234\t0\0F00065535.BIN\t4294967295\t4294967295\0"
-        );
-        assert!(
-            list(Directory::Root, Listed::SizesAndTimes, 0, &[]).starts_with(b"DLOGS\t0\0Fgeneral.json\t")
-        );
-    }
-
     proptest! {
         #[test]
         fn any_path_is_parsed(path in "\\PC*", query in "[?&=a-z0-9]{0,40}") {
