@@ -559,28 +559,6 @@ mod tests {
     }
 
     #[test]
-    fn who_drives_or_has_armed_is_never_forgotten() {
-        let mut streams = Streams::after(Timestamp::default());
-        let (driver, armed_by) = (sender(0), sender(1));
-        for (id, role) in [(driver, Role::Drives), (armed_by, Role::Armed)] {
-            streams.hear(id, time(1000), time(1000), Instant::EPOCH);
-            streams.keep(id, role);
-        }
-        for number in 2..=255 {
-            let time = time(1000 + u64::from(number));
-            let authenticity = streams.hear(sender(number), time, time, at_us(u64::from(number) << 16));
-            assert_eq!(authenticity, Authenticity::Proven);
-        }
-        let much_later = time(100_000_000);
-        for id in [driver, armed_by] {
-            assert_eq!(
-                streams.hear(id, time(1001), much_later, at_us(300 << 16)),
-                Authenticity::Late
-            );
-        }
-    }
-
-    #[test]
     fn a_sender_may_be_a_minute_behind_and_no_more_unless_it_is_known() {
         let ours = time(100_000_000);
         let mut streams = Streams::after(Timestamp::default());

@@ -94,20 +94,6 @@ fn found(signing: Signing) -> Found {
 }
 
 #[test]
-// Requirement: L-13
-fn a_key_is_found_again_and_so_is_that_there_is_none() {
-    let mut set: Vec<Option<SigningKey>> = Vec::new();
-    assert_eq!(found(flash_with(&set).restore()), Found::NoKey);
-    for byte in [1, 2, 3, 3, 0, 4, 0, 0, 5] {
-        set.push((byte > 0).then(|| key(byte)));
-        let expected = (byte > 0).then(|| key(byte)).map_or(Found::NoKey, Found::Key);
-        let signing = flash_with(&set).restore();
-        assert!(!signing.is_key_unsaved());
-        assert_eq!(found(signing), expected);
-    }
-}
-
-#[test]
 fn a_power_cut_leaves_the_old_key_or_the_new_one() {
     for cut_after in 0..40 {
         let mut words = flash_with(&[Some(key(1))]);
@@ -166,28 +152,6 @@ fn no_power_cut_takes_the_time_back_for_the_key_from_before() {
 }
 
 #[test]
-fn a_power_cut_while_the_first_key_is_written_never_leaves_the_vehicle_open() {
-    for before in [vec![], vec![Some(key(1)), None]] {
-        for cut_after in 0..40 {
-            let mut words = flash_with(&before);
-            let untouched = words.0.len();
-            let mut signing = words.restore();
-            set_up(&mut signing, Some(key(2)));
-            save(&mut signing, &mut words, cut_after);
-            if cut_after == 0 {
-                assert_eq!(words.0.len(), untouched);
-                continue;
-            }
-            let found = found(words.restore());
-            assert!(
-                [Found::LostKey, Found::Key(key(2))].contains(&found),
-                "{cut_after}"
-            );
-        }
-    }
-}
-
-#[test]
 fn a_choice_whose_second_record_is_missing_gets_it_after_the_start() {
     for last in [Some(key(2)), None] {
         let mut words = flash_with(&[Some(key(1)), last.clone()]);
@@ -230,41 +194,6 @@ fn damage_leaves_the_same_choice_or_a_lost_key() {
                 assert!(signing.has_lost_key());
             }
         }
-    }
-}
-
-#[test]
-fn flash_that_can_not_be_read_holds_a_lost_key_unless_it_is_blank() {
-    for stored in [StoredSigning::default(), flash_with(&[Some(key(1)), None]).read()] {
-        for condition in [Condition::OneRecordDamaged, Condition::Damaged] {
-            assert!(stored.restore(condition).has_lost_key());
-        }
-    }
-    assert!(
-        StoredSigning::default().restore(Condition::Intact).has_lost_key(),
-        "no choice"
-    );
-    let blank = StoredSigning::default().restore(Condition::Blank);
-    assert_eq!(found(blank), Found::NoKey);
-}
-
-#[test]
-fn a_lost_key_stays_lost_until_another_choice_is_complete() {
-    for choice in [Some(key(2)), None] {
-        let mut words = flash_with(&[Some(key(1)), None]);
-        let mut signing = words.read().restore(Condition::Damaged);
-        assert_eq!(signing.trouble(), Some(SigningTrouble::KeyLost));
-        assert_eq!(
-            signing.next_unsaved(Instant::EPOCH, 0),
-            None,
-            "what is there is left alone"
-        );
-        set_up(&mut signing, choice.clone());
-        assert_eq!(signing.trouble(), Some(SigningTrouble::NotSaved));
-        assert_eq!(signing.next_unsaved(Instant::EPOCH, 0), Some(ToStore::Nothing));
-        assert!(save(&mut signing, &mut words, usize::MAX));
-        assert_eq!(signing.trouble(), None);
-        assert_eq!(found(words.restore()), choice.map_or(Found::NoKey, Found::Key));
     }
 }
 
