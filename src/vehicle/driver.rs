@@ -371,18 +371,6 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_that_lets_go_leaves_the_seat_and_others_can_not_make_it() {
-        let mut seat = DriverSeat::default();
-        let release =
-            |seat: &mut DriverSeat, from| admit(seat, from, 100, StickInput::Released, StickInput::Released);
-        assert_eq!(send(&mut seat, ONE, 0, 1000), Ok(()));
-        assert_eq!(release(&mut seat, TWO), IGNORED);
-        assert_eq!(send(&mut seat, TWO, 1, 500), reported(ONE));
-        assert_eq!(release(&mut seat, ONE), Ok(()));
-        assert_eq!(send(&mut seat, TWO, 2, 500), Ok(()));
-    }
-
-    #[test]
     fn who_moves_no_stick_takes_no_seat() {
         let mut seat = DriverSeat::default();
         let nothing = StickInput::Unchanged;
@@ -416,17 +404,6 @@ mod tests {
         seat.vacate();
         assert_eq!(admit(&mut seat, TWO, 200, released, released), IGNORED);
         assert_eq!(admit(&mut seat, ONE, 300, released, released), Ok(()));
-    }
-
-    #[test]
-    fn a_closed_link_leaves_the_seat() {
-        let on_link = |link| DriverId { link, ..ONE };
-        let mut seat = DriverSeat::default();
-        assert_eq!(send(&mut seat, on_link(1), 0, 900), Ok(()));
-        assert_eq!(send(&mut seat, on_link(2), 10, 900), reported(on_link(1)));
-        assert!(!seat.close_link(2));
-        assert!(seat.close_link(1));
-        assert_eq!(send(&mut seat, on_link(3), 20, 900), Ok(()));
     }
 
     #[test]
