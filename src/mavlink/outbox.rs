@@ -280,43 +280,6 @@ mod tests {
         assert_eq!(outbox.post(BATTERY), Posted::Queued);
     }
 
-    #[test]
-    fn each_stream_has_its_turn_however_often_all_are_posted() {
-        let mut outbox = Outbox::new();
-        let mut taken = Vec::new();
-        for round in 0..40 {
-            for stream in streams() {
-                outbox.post(stream);
-            }
-            // Another number each time, so that a round ends anywhere.
-            taken.extend((0..1 + round % 4).filter_map(|_| outbox.take_stream()));
-        }
-        let in_turn: Vec<_> = streams().cycle().take(100).collect();
-        assert_eq!(taken, in_turn);
-    }
-
-    /// The streams that take turns: all but HEARTBEAT.
-    fn streams() -> impl Iterator<Item = Stream> + Clone {
-        let all = StreamKind::ALL.into_iter().flat_map(StreamKind::streams);
-        all.filter(|stream| *stream != Stream::Heartbeat)
-    }
-
-    #[test]
-    fn no_room_is_said() {
-        let mut outbox = Outbox::new();
-        assert_eq!(outbox.room_for_replies(), REPLIES);
-        for _ in 0..REPLIES {
-            outbox.answer(answer("x"));
-        }
-        assert_eq!(outbox.dropped(), 0);
-        outbox.answer(answer("y"));
-        assert_eq!(outbox.dropped(), 1);
-        assert_eq!(outbox.room_for_replies(), 0);
-        for stream in streams() {
-            assert_eq!(outbox.post(stream), Posted::Queued);
-        }
-    }
-
     /// Sixteen wait on each link: bytes of files, which are longer, must not be among them.
     #[test]
     fn no_message_is_longer_than_battery_info() {

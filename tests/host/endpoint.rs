@@ -714,17 +714,6 @@ fn smart_batteries_are_described_to_each_new_ground_station_once() {
 }
 
 #[test]
-// Requirement: L-16
-fn strangers_with_changing_ids_have_batteries_described_every_ten_seconds_at_most() {
-    let mut desk = Desk::with_packs(&[with_cycles(1); MAX_PACKS]);
-    assert_eq!(described(&sent_for(&mut desk, 1)).len(), MAX_PACKS, "on change");
-    let strangers: Vec<_> = (0..=u8::MAX).map(|id| [id, id.wrapping_mul(7)]).collect();
-    let sent = described_to(&mut desk, GCS, &strangers, 60);
-    assert_eq!(sent, [0, 1, 2, 3, 4, 5, 6, 7, 8].repeat(6));
-    assert_eq!(desk.statistics().dropped, 0);
-}
-
-#[test]
 // Requirement: V2-5
 fn descriptions_come_every_ten_seconds_by_the_default_interval() {
     let mut desk = Desk::with_packs(&[healthy(), healthy()]);
