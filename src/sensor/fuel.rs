@@ -691,12 +691,6 @@ mod tests {
         );
     }
 
-    #[test]
-    fn level_needs_a_capacity() {
-        let measured = LevelMeter::default().measure(&scale(&[]), count(1.0), None, Instant::EPOCH);
-        assert_eq!(measured, Err(ReadError::NoCapacity));
-    }
-
     /// The level of a tank of 2000 ml at a moment in microseconds, by three pulses from the start.
     fn level_of_width(width_us: u64, us: u64) -> Result<Measurement, ReadError> {
         level_by_pulses(&of_widths(&[width_us; 3]), Some(2000.0), at_us(us))

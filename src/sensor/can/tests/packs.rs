@@ -106,23 +106,6 @@ fn current_is_multiplied() {
 }
 
 #[test]
-fn what_the_battery_does_not_know_is_unknown() {
-    let battery = Battery {
-        temperature_k: 0.0,
-        current_a: f32::NAN,
-        charge_pct: 127,
-        full_wh: 0.0,
-        ..Battery::new(42, 0)
-    };
-    let expected = Measurement {
-        voltage_v: Some(12.0),
-        gauge: GaugeReading::Missing,
-        ..Measurement::default()
-    };
-    assert_eq!(reading_of(battery), expected);
-}
-
-#[test]
 // AP_Periph sends 0 for all that it does not know, and never sends energies.
 fn no_charge_beside_no_energies_is_unknown_until_another_charge_was_reported() {
     let of = |charge_pct, remaining_wh, full_wh| Battery {
