@@ -11,7 +11,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_hal_async::i2c::Operation;
 use embedded_hal_async::spi::{ErrorType, Operation as SpiOperation, SpiDevice};
 use emulator::i2c_devices::{
-    Ad7091r5, Bq76952, Garbled, Ina219, Ina226, Ina228, Ina238, Ina3221, Ltc2946, Pec, Reads, SmartBattery,
+    Ad7091r5, Bq76952, Garbled, Ina219, Ina226, Ina228, Ina3221, Ltc2946, Pec, Reads, SmartBattery,
 };
 use emulator::spi_devices::Ina239;
 use emulator::{Ack, I2cDevice, I2cDirection, Random, SpiClock, SpiDevice as _, SpiMode};
@@ -260,7 +260,7 @@ fn each_part_measures_voltage_and_current_within_a_step() {
     let charging = device(Ina226::new(0.002), |part| part.set(7.3, -2.5));
     let ina260 = device(Ina226::ina260(), |part| part.set(12.345, 4.2));
     let ina228 = device(Ina228::new(SHUNT_OHM), |part| part.set(12.0, 36.0, 60.0));
-    let ina238 = device(Ina238::new(SHUNT_OHM), |part| part.set(12.5, 30.0, 60.0));
+    let ina238 = device(Ina228::ina238(SHUNT_OHM), |part| part.set(12.5, 30.0, 60.0));
     let ltc2946 = device(Ltc2946::new(SHUNT_OHM), |part| part.set(12.0, 36.0));
     let counter = ina228.clone();
     let shunt = [("BATT2_SHUNT", 0.002)];
@@ -614,7 +614,7 @@ fn configure(part: &Device, now_us: u64, word: u16) {
 fn a_narrow_range_that_was_set_before_or_comes_later_shows_no_other_current() {
     let narrow = 1 << 4;
     let ina228 = device(Ina228::new(SHUNT_OHM), |part| part.set(12.0, 36.0, 60.0));
-    let ina238 = device(Ina238::new(SHUNT_OHM), |part| part.set(12.0, 36.0, 60.0));
+    let ina238 = device(Ina228::ina238(SHUNT_OHM), |part| part.set(12.0, 36.0, 60.0));
     for part in [ina228 as Device, ina238 as Device] {
         configure(&part, 0, narrow);
         let wires = Wires::with([(MONITOR_AT, part.clone())]);

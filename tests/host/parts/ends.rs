@@ -2,7 +2,7 @@
 //! the data sheets.
 
 use emulator::i2c_devices::{
-    Ad7091r5, Bebop, Bq76952, Ina219, Ina226, Ina228, Ina238, Ina3221, Ltc2946, Pec, SmartBattery,
+    Ad7091r5, Bebop, Bq76952, Ina219, Ina226, Ina228, Ina3221, Ltc2946, Pec, SmartBattery,
 };
 use rover_battmon::battery::{Counted, CurrentRange, Supply, Thermometer};
 
@@ -484,7 +484,7 @@ const FIELDS_OF_238: [Field; 4] = [
 #[test]
 // Requirement: S-3, AP-6
 fn an_ina238_and_an_ina239_at_their_ends() {
-    let part = row("INA238", 0x40, || monitor(Ina238::new(0.002)), &SHUNT);
+    let part = row("INA238", 0x40, || monitor(Ina228::ina238(0.002)), &SHUNT);
     assert_fields(&part, &FIELDS_OF_238, 22);
     let at_spi = row(
         "INA239",
@@ -1457,7 +1457,7 @@ fn peaks_above_the_range_of_a_part_are_cut_off_before_it_averages_and_show_no_en
             "INA238",
             0x40,
             || {
-                pulsed(Ina238::new(0.1), |device| {
+                pulsed(Ina228::ina238(0.1), |device| {
                     device.set(VOLTS, 4.0, 25.0);
                     device.set_pulses(0.25);
                 })

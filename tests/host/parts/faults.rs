@@ -2,7 +2,7 @@
 //! did, and nothing was counted that did not flow.
 
 use emulator::i2c_devices::{
-    Ad7091r5, Bebop, Bq76952, Ina219, Ina226, Ina228, Ina238, Ina3221, Ltc2946, Pec, SMART_BATTERY_ADDRESS,
+    Ad7091r5, Bebop, Bq76952, Ina219, Ina226, Ina228, Ina3221, Ltc2946, Pec, SMART_BATTERY_ADDRESS,
     SmartBattery,
 };
 
@@ -66,7 +66,7 @@ static ROWS: [Row; 20] = [
     row(
         "INA238",
         0x40,
-        || monitor(Ina238::new(0.0005)),
+        || monitor(Ina228::ina238(0.0005)),
         &[("BATT2_MONITOR", 21.0)],
     ),
     row(

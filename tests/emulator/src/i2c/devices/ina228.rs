@@ -1,4 +1,6 @@
 //! INA228: 20-bit power, energy and charge monitor with an external shunt (SLYS021A: registers in table 7-3, ranges in table 8-1).
+//! An INA238 has the same registers with 16 bits, and none for energy and charge (SLYS025: registers in table 7-3, ranges in table
+//! 8-1).
 //!
 //! Energy and charge take CURRENT, and so its end, with each conversion. Left out: the conversion delay and the temperature
 //! coefficient, power, alerts. The temperature is there at once.
@@ -23,16 +25,46 @@ const DEVICE_ID: u8 = 0x3f;
 
 const ADC_CONFIG_RESET: u16 = 0xfb68;
 
-const SHUNT_LSB_V: f64 = 312.5e-9;
-const BUS_LSB_V: f64 = 195.3125e-6;
-const TEMPERATURE_LSB_C: f64 = 7.8125e-3;
 /// The ADC's range; the pin must not be above 85 V.
 const MOST_VOLTS: f64 = 102.4;
 /// Steps of energy in steps of current (equations 5 and 6).
 const ENERGY_STEPS: f64 = 16.0 * 3.2;
 const ACCUMULATOR_BITS: u32 = 40;
 
+/// What differs between the parts.
+#[derive(Clone, Copy)]
+struct Kind {
+    device_id: u16,
+    /// Of the codes of the shunt's voltage and the current; VBUS has one less, with no sign.
+    bits: u32,
+    shunt_lsb_v: f64,
+    bus_lsb_v: f64,
+    /// Those of DIETEMP that have the temperature, the upper ones.
+    temperature_bits: u32,
+    temperature_lsb_c: f64,
+}
+
+const INA228: Kind = Kind {
+    device_id: 0x2281,
+    bits: 20,
+    shunt_lsb_v: 312.5e-9,
+    bus_lsb_v: 195.3125e-6,
+    temperature_bits: 16,
+    temperature_lsb_c: 7.8125e-3,
+};
+
+/// Its revision is not confirmed.
+const INA238: Kind = Kind {
+    device_id: 0x2381,
+    bits: 16,
+    shunt_lsb_v: 5e-6,
+    bus_lsb_v: 3.125e-3,
+    temperature_bits: 12,
+    temperature_lsb_c: 125e-3,
+};
+
 pub struct Ina228 {
+    kind: Kind,
     shunt_ohm: f64,
     converter: Converter,
     config: u16,
@@ -47,12 +79,22 @@ pub struct Ina228 {
 
 impl Ina228 {
     pub fn new(shunt_ohm: f64) -> RegisterMap<Self> {
-        RegisterMap::of(Self::after_reset(shunt_ohm, Converter::default()))
+        RegisterMap::of(Self::after_reset(INA228, shunt_ohm, Converter::default()))
     }
 
-    fn after_reset(shunt_ohm: f64, mut converter: Converter) -> Self {
+    pub fn ina238(shunt_ohm: f64) -> RegisterMap<Self> {
+        RegisterMap::of(Self::identified(INA238.device_id, shunt_ohm))
+    }
+
+    /// The registers of an INA238 that calls itself something else.
+    pub fn identified(device_id: u16, shunt_ohm: f64) -> Self {
+        Self::after_reset(Kind { device_id, ..INA238 }, shunt_ohm, Converter::default())
+    }
+
+    fn after_reset(kind: Kind, shunt_ohm: f64, mut converter: Converter) -> Self {
         converter.restart(0);
         Self {
+            kind,
             shunt_ohm,
             converter,
             config: 0,
@@ -84,7 +126,21 @@ impl Ina228 {
     }
 
     fn current_code(&self) -> i64 {
-        current_code(self.shunt, self.shunt_cal, 20)
+        current_code(self.shunt, self.shunt_cal, self.kind.bits)
+    }
+
+    fn temperature(&self) -> u64 {
+        let bits = self.kind.temperature_bits;
+        let code = signed_code(self.converter.load().celsius, self.kind.temperature_lsb_c, bits);
+        field_of(code, bits) << (16 - bits)
+    }
+
+    /// 20 bits are sent in three bytes, from bit 4 on.
+    fn sent(&self, code: i64) -> u64 {
+        match self.kind.bits {
+            20 => field_of(code, 20) << 4,
+            bits => field_of(code, bits),
+        }
     }
 
     fn configure(&mut self, value: u16) {
@@ -101,34 +157,34 @@ impl Ina228 {
     }
 
     fn reset(&mut self) {
-        *self = Self::after_reset(self.shunt_ohm, self.converter);
+        *self = Self::after_reset(self.kind, self.shunt_ohm, self.converter);
     }
 }
 
 impl Registers for Ina228 {
     fn size(&self, pointer: u8) -> usize {
         match pointer {
-            VSHUNT | VBUS | CURRENT => 3,
+            VSHUNT | VBUS | CURRENT if self.kind.bits == 20 => 3,
             ENERGY | CHARGE => 5,
             _ => 2,
         }
     }
 
-    /// The 20-bit registers have their value from bit 4 on; energy and charge overflow and start again from 0.
+    /// Energy and charge overflow and start again from 0.
     fn read(&self, pointer: u8) -> u64 {
-        let celsius = self.converter.load().celsius;
         match pointer {
             CONFIG => self.config.into(),
             ADC_CONFIG => self.adc_config.into(),
             SHUNT_CAL => self.shunt_cal.into(),
-            VSHUNT => field_of(self.shunt, 20) << 4,
-            VBUS => field_of(self.bus, 20) << 4,
-            DIETEMP => field_of(signed_code(celsius, TEMPERATURE_LSB_C, 16), 16),
-            CURRENT => field_of(self.current_code(), 20) << 4,
+            VSHUNT => self.sent(self.shunt),
+            VBUS => self.sent(self.bus),
+            DIETEMP => self.temperature(),
+            CURRENT => self.sent(self.current_code()),
+            ENERGY | CHARGE if self.kind.bits != 20 => 0,
             ENERGY => field_of(self.energy as i64, ACCUMULATOR_BITS),
             CHARGE => field_of(self.charge as i64, ACCUMULATOR_BITS),
             MANUFACTURER_ID => TEXAS_INSTRUMENTS,
-            DEVICE_ID => 0x2281,
+            DEVICE_ID => self.kind.device_id.into(),
             _ => 0,
         }
     }
@@ -144,23 +200,21 @@ impl Registers for Ina228 {
     }
 
     fn note_time(&mut self, now: Cycle) {
-        let step_v = shunt_step(self.config, SHUNT_LSB_V);
-        let setup = setup_of_ina228(
-            self.adc_config,
-            MOST_VOLTS,
-            shunt_range(step_v, 20, self.shunt_ohm),
-        );
+        let kind = self.kind;
+        let step_v = shunt_step(self.config, kind.shunt_lsb_v);
+        let amperes = shunt_range(step_v, kind.bits, self.shunt_ohm);
+        let setup = setup_of_ina228(self.adc_config, MOST_VOLTS, amperes);
         for results in self.converter.advance(now, &setup) {
             if setup.measures_current {
-                self.shunt = signed_code(results.amperes * self.shunt_ohm, step_v, 20);
+                self.shunt = signed_code(results.amperes * self.shunt_ohm, step_v, kind.bits);
             }
             if setup.measures_voltage {
-                self.bus = unsigned_code(results.volts, BUS_LSB_V, 19);
+                self.bus = unsigned_code(results.volts, kind.bus_lsb_v, kind.bits - 1);
             }
             let seconds = (results.count * setup.result) as f64 / CLK_SYS_HZ as f64;
             let charge = self.current_code() as f64 * seconds;
             self.charge += charge;
-            self.energy += charge.abs() * self.bus as f64 * BUS_LSB_V / ENERGY_STEPS;
+            self.energy += charge.abs() * self.bus as f64 * kind.bus_lsb_v / ENERGY_STEPS;
         }
     }
 
@@ -269,5 +323,36 @@ mod tests {
         assert_eq!(read_at(&mut device, CHARGE, 5, 2 * HOUR), 0);
         assert_eq!(read_at(&mut device, ENERGY, 5, 2 * HOUR), 0);
         assert_near(read_at(&mut device, CHARGE, 5, 3 * HOUR), 1_132_462_080);
+    }
+
+    #[test]
+    fn six_amperes_at_48_volts_read_as_the_equations_of_an_ina238_say() {
+        let mut device = Ina228::ina238(0.0162);
+        device.set(48.0, 6.0, 25.0);
+        for (pointer, value) in [
+            (ADC_CONFIG, 0xfb68),
+            // 97.2 mV in 5 uV.
+            (VSHUNT, 19_440),
+            (VBUS, 15_360),
+            (DIETEMP, 200 << 4),
+            (MANUFACTURER_ID, 0x5449),
+            (DEVICE_ID, 0x2381),
+        ] {
+            assert_eq!(read(&mut device, pointer, 2), value, "{pointer:#x}");
+        }
+    }
+
+    #[test]
+    fn negative_values_of_an_ina238_are_in_two_s_complement_and_out_of_range_is_held() {
+        let mut device = Ina228::ina238(0.001);
+        device.set(12.0, -10.0, -5.0);
+        assert_eq!(read(&mut device, VSHUNT, 2), 0x1_0000 - 2000);
+        assert_eq!(read(&mut device, DIETEMP, 2), (0x1000 - 40) << 4);
+        // 163.84 mV and 102.4 V at the most.
+        for (amperes, shunt) in [(200.0, 0x7fff), (-200.0, 0x8000)] {
+            device.set(200.0, amperes, 25.0);
+            let values = [VSHUNT, VBUS, CURRENT].map(|pointer| read(&mut device, pointer, 2));
+            assert_eq!(values, [shunt, 0x7fff, shunt]);
+        }
     }
 }

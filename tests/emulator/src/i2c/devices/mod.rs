@@ -16,7 +16,6 @@ mod garbled;
 mod ina219;
 mod ina226;
 mod ina228;
-mod ina238;
 mod ina3221;
 mod ltc2946;
 mod register_map;
@@ -29,7 +28,6 @@ pub use garbled::{Garbled, Reads};
 pub use ina219::Ina219;
 pub use ina226::Ina226;
 pub use ina228::Ina228;
-pub use ina238::Ina238;
 pub use ina3221::Ina3221;
 pub use ltc2946::Ltc2946;
 #[cfg(test)]
@@ -212,16 +210,9 @@ mod tests {
             [0, 2],
             &[RegisterMap::power_cycle, bit_15],
         );
-        assert_forgets(
-            set(Ina228::new(0.002)),
-            [1, 5],
-            &[RegisterMap::power_cycle, bit_15],
-        );
-        assert_forgets(
-            set(Ina238::new(0.002)),
-            [1, 5],
-            &[RegisterMap::power_cycle, bit_15],
-        );
+        for device in [Ina228::new(0.002), Ina228::ina238(0.002)] {
+            assert_forgets(set(device), [1, 5], &[RegisterMap::power_cycle, bit_15]);
+        }
     }
 
     #[test]

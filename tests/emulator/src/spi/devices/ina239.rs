@@ -4,7 +4,7 @@
 use std::ops::{Deref, DerefMut};
 
 use super::super::super::clock::Cycle;
-use super::super::super::i2c::devices::{Ina238, Registers};
+use super::super::super::i2c::devices::{Ina228, Registers};
 use super::super::device::{SpiClock, SpiDevice, SpiMode};
 
 /// Its revision is not confirmed.
@@ -14,7 +14,7 @@ const READ: u8 = 1;
 const ALWAYS_ZERO: u8 = 1 << 1;
 
 pub struct Ina239 {
-    registers: Ina238,
+    registers: Ina228,
     /// Bytes since it was selected.
     received: Vec<u8>,
     /// What the register held when the command was over: bytes to be sent, the last first.
@@ -24,7 +24,7 @@ pub struct Ina239 {
 impl Ina239 {
     pub fn new(shunt_ohm: f64) -> Self {
         Self {
-            registers: Ina238::identified(DEVICE_ID, shunt_ohm),
+            registers: Ina228::identified(DEVICE_ID, shunt_ohm),
             received: Vec::new(),
             answer: Vec::new(),
         }
@@ -56,15 +56,15 @@ impl Ina239 {
 }
 
 impl Deref for Ina239 {
-    type Target = Ina238;
+    type Target = Ina228;
 
-    fn deref(&self) -> &Ina238 {
+    fn deref(&self) -> &Ina228 {
         &self.registers
     }
 }
 
 impl DerefMut for Ina239 {
-    fn deref_mut(&mut self) -> &mut Ina238 {
+    fn deref_mut(&mut self) -> &mut Ina228 {
         &mut self.registers
     }
 }
