@@ -290,7 +290,7 @@ proptest! {
             let end = offset.saturating_add(bytes);
             let expected = content(file.number, offset, end.min(file.bytes).saturating_sub(offset));
             let mut parts: Vec<_> = expected.chunks(DATA_BYTES).map(<[u8]>::to_vec).collect();
-            if end > file.bytes && expected.len() % DATA_BYTES == 0 {
+            if end > file.bytes && expected.len().is_multiple_of(DATA_BYTES) {
                 parts.push(vec![]);
             }
             let offsets = (offset..).step_by(DATA_BYTES);

@@ -156,22 +156,14 @@ fn power_cut_during_a_move_of_the_boards_sectors() {
 
 #[test]
 fn failed_operation_or_one_without_effect_is_an_error_and_leaves_old_or_new_value() {
-    let faults: [(fn(&mut SmallFlash, u64), _); 2] = [
-        (
-            |flash, operation| flash.refuse_after(operation),
-            FlashFault::Other,
-        ),
-        (
-            |flash, operation| flash.slip_after(operation),
-            FlashFault::NotVerified,
-        ),
-    ];
-    for (operation, (fail_after, fault)) in
-        (0..60).flat_map(|operation| faults.map(|fault| (operation, fault)))
-    {
+    let faults = [FlashFault::Other, FlashFault::NotVerified];
+    for (operation, fault) in (0..60).flat_map(|operation| faults.map(|fault| (operation, fault))) {
         let mut flash = SmallFlash::blank();
         let mut expected = Values::new();
-        fail_after(&mut flash, operation);
+        match fault {
+            FlashFault::NotVerified => flash.slip_after(operation),
+            _ => flash.refuse_after(operation),
+        }
         let mut storage = flash.storage();
         let mut failures = 0;
         for number in 0..60_u16 {
