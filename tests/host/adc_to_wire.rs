@@ -291,23 +291,6 @@ fn a_link_that_is_too_slow_loses_the_oldest_and_no_other_link_does() {
     assert_eq!(of_message(&slow, HEARTBEAT).len(), 20);
 }
 
-#[test]
-fn a_notice_about_the_start_is_sent_to_a_link_that_opens_later() {
-    let check_in = CheckIn::new("", u32::MAX);
-    let port = Port::new(byte_us(57_600));
-    clock::run_for(Duration::from_secs(5), async {
-        let (shared, link) = (
-            Shared::new(&start_with(&[])),
-            Link::new("late", LinkKind::Radio, 5_760),
-        );
-        shared.announce(&CrashLine("before there was a link"));
-        serve_link(&port, &port, &shared, &link, &check_in).await
-    });
-    let late = texts(&frames(&port.sent()));
-    assert_eq!(late.len(), 1, "{late:?}");
-    assert_eq!(late[0].1, "Battery failsafes are off: set BATT_LOW_VOLT");
-}
-
 /// When it was fed, and who has kept it from being fed since then.
 #[derive(Default)]
 struct Fed {

@@ -3,7 +3,7 @@
 use embassy_futures::block_on;
 use nor_flash::SmallFlash;
 use rover_battmon::autopilot::{FlashStore, SamplingProgress, Start};
-use rover_battmon::battery::{RetainedMemory, RetainedRecord, lose_power};
+use rover_battmon::battery::{RetainedMemory, RetainedRecord};
 use rover_battmon::crash::ParameterSource;
 use rover_battmon::memory::storage::{Erase, Storage, StorageError};
 use rover_battmon::pack::Pack;
@@ -11,7 +11,7 @@ use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Vehicl
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::ArmState;
 use support::commands::{BATTERY_RESET, PREFLIGHT_STORAGE, RESET, RUN_PREARM_CHECKS};
-use support::desk::{Desk, conversions};
+use support::desk::{DIVIDER, Desk, conversions};
 use support::frames::texts_of;
 use support::requests::{arm, arm_by_force, command_long, command_long_2, disarm, param_set};
 
@@ -90,14 +90,9 @@ fn with_pack(memory: &RetainedMemory) -> Desk {
 
 /// Samples the resting pack in `ticks`.
 fn sample(desk: &mut Desk, ticks: u64, memory: &mut RetainedMemory) {
-    sample_at(desk, ticks, 11.5, 0.0, memory);
-}
-
-/// Samples the pack at this voltage, and with this voltage at the pin of its current sensor, in `ticks`.
-fn sample_at(desk: &mut Desk, ticks: u64, pack_v: f32, current_pin_v: f32, memory: &mut RetainedMemory) {
     let mut readings = AnalogReadings::NONE;
-    readings.set(AnalogPin::Gp26, Ok(conversions(pack_v / 3.95)));
-    readings.set(AnalogPin::Gp28, Ok(conversions(current_pin_v)));
+    readings.set(AnalogPin::Gp26, Ok(conversions(11.5 / DIVIDER)));
+    readings.set(AnalogPin::Gp28, Ok(conversions(0.0)));
     for _ in 0..ticks {
         desk.now_us += 100_000;
         let mut sampling = desk.autopilot.begin_sampling(desk.now(), readings);
@@ -120,29 +115,5 @@ fn a_battery_reset_within_the_last_second_before_a_restart_holds() {
         let readings = desk.autopilot.battery(Pack::First).readings;
         let remaining_pct = readings.remaining_pct.unwrap();
         assert!((remaining_pct - 60.0).abs() < 1.0, "{ticks}: {remaining_pct}");
-    }
-}
-
-#[test]
-// Requirement: PX-6, L-11
-fn a_dip_of_power_keeps_the_count_of_the_same_pack_only() {
-    for (after_v, is_kept) in [(11.5, true), (12.3, false), (10.9, false)] {
-        let mut memory = [RetainedRecord::BLANK; 2];
-        let mut desk = with_pack(&memory);
-        sample(&mut desk, 250, &mut memory);
-        // By 17 A a volt.
-        sample_at(&mut desk, 600, 11.4, 0.3, &mut memory);
-        sample(&mut desk, 600, &mut memory);
-        let consumed_mah = |desk: &Desk| desk.autopilot.battery(Pack::First).consumed_mah().unwrap();
-        let before_mah = consumed_mah(&desk);
-        assert!(before_mah > 80.0, "{before_mah}");
-
-        lose_power(&mut memory);
-        let mut desk = with_pack(&memory);
-        sample_at(&mut desk, 1, after_v, 0.0, &mut memory);
-        assert_eq!(consumed_mah(&desk), before_mah, "until the pack has rested");
-        sample_at(&mut desk, 50, after_v, 0.0, &mut memory);
-        let expected_mah = if is_kept { before_mah } else { 0.0 };
-        assert_eq!(consumed_mah(&desk), expected_mah, "{after_v} V");
     }
 }

@@ -232,8 +232,11 @@ fn what_is_set_up_can_be_requested_on_any_link() {
 fn a_board_without_a_radio_says_so() {
     let mut cable = desk_of(Radio::Absent, LinkKind::Direct);
     assert_eq!(cable.autopilot.wifi_setup(), None);
-    let sent = cable.ask(&wifi_config("home", "at home 1", STATION));
-    assert_eq!(answer(&sent).2, MODE_ERROR);
+    for change_arming in [arm_by_force(), disarm()] {
+        cable.ask(&change_arming);
+        let sent = cable.ask(&wifi_config("home", "at home 1", STATION));
+        assert_eq!(answer(&sent).2, MODE_ERROR);
+    }
     assert_eq!(mode(&cable), 1.0);
     let sent = cable.ask(&command_long(REQUEST_MESSAGE, WIFI_CONFIG_AP as f32));
     assert_eq!((sent.len(), sent[0].u8(2)), (1, 2), "denied");

@@ -417,19 +417,6 @@ fn a_parameter_set_in_a_pause_is_recorded() {
 
 #[test]
 // Requirement: AP-22
-fn another_file_begins_after_disarming_with_dsrmrot() {
-    let mut bench = RecordingBench::armed();
-    bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
-    bench.run(2);
-    bench.disarm_for(20);
-    bench.arm();
-    bench.run(2);
-    assert_eq!(bench.numbers(), [1, 2]);
-    assert!(contains(&bench.file(2), GREETING));
-}
-
-#[test]
-// Requirement: AP-22
 fn the_log_ends_and_begins_with_the_bitmask() {
     let mut bench = RecordingBench::under_way();
     bench.say("the last");
@@ -778,21 +765,6 @@ fn a_file_gets_the_date_of_its_beginning_when_the_time_is_heard() {
 }
 
 #[test]
-fn files_that_begin_later_have_their_dates_at_once() {
-    let mut bench = RecordingBench::new();
-    bench.run(1);
-    bench.hear_time();
-    bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
-    for _ in 0..2 {
-        bench.arm();
-        bench.run(2);
-        bench.disarm_for(28);
-    }
-    assert_eq!(bench.dates(), [Some(utc_s(0.1)), Some(utc_s(30.1))]);
-    assert_eq!((bench.times(1).len(), bench.times(2).len()), (1, 1));
-}
-
-#[test]
 fn a_file_that_waits_for_the_next_arming_gets_its_date() {
     let mut bench = RecordingBench::under_way();
     bench.disarm_for(58);
@@ -1025,6 +997,7 @@ fn extremes_are_kept_while_records_are_taken_until_a_batx_has_room() {
 }
 
 #[test]
+// Requirement: AP-22
 fn another_file_begins_with_the_timers_that_run() {
     let mut bench = RecordingBench::armed();
     bench.set(VehicleParameter::LogFileDsrmrot, 1.0);

@@ -137,47 +137,6 @@ fn without_a_known_network_a_blank_name_is_none() {
     assert_eq!(refused, Err(WifiRefused::Ssid));
 }
 
-#[test]
-fn neither_an_armed_rover_nor_a_board_without_a_radio_is_set_up() {
-    let mut parameters = Parameters::defaults();
-    let bytes = payload(b"home", b"12345678", MODE_STATION);
-    let armed = super::set(
-        &request(&bytes),
-        ArmState::Armed,
-        &mut credentials(),
-        &mut parameters,
-    );
-    assert_eq!(armed, Err(WifiRefused::Armed));
-    for arm_state in [ArmState::Armed, ArmState::Disarmed] {
-        let absent = super::set(
-            &request(&bytes),
-            arm_state,
-            &mut WifiCredentials::absent(),
-            &mut parameters,
-        );
-        assert_eq!(absent, Err(WifiRefused::Mode));
-    }
-    assert_eq!(parameters, Parameters::defaults());
-    assert_eq!(current(&WifiCredentials::absent(), &parameters), None);
-}
-
-#[test]
-fn an_answer_has_the_name_and_no_password() {
-    let mut parameters = Parameters::defaults();
-    for (mode, name) in [(0.0, ""), (1.0, "rover"), (2.0, "home")] {
-        parameters.set(VehicleParameter::WifiMode, mode).unwrap();
-        let Some(Message::WifiConfig(answer)) = current(&credentials(), &parameters) else {
-            panic!("there is a radio");
-        };
-        assert_eq!(answer.ssid.to_str().unwrap(), name);
-        assert_eq!(answer.password, [0; 64].into());
-        assert_eq!(
-            answer.response,
-            WifiConfigApResponse::WIFI_CONFIG_AP_RESPONSE_ACCEPTED
-        );
-    }
-}
-
 proptest! {
     #[test]
     fn any_bytes_are_set_up_whole_or_not_at_all(bytes in prop::collection::vec(any::<u8>(), 0..=98), mode in 0u8..6) {
