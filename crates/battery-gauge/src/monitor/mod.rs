@@ -208,13 +208,13 @@ impl BatteryMonitor {
         let dt_s = microseconds(tick_us) * 1e-6;
         let status = turn.state.status;
         let has_lost_current = self.lost_count(tick.now, turn.state) == Some(ReadError::CurrentLost);
-        let health = &mut self.health;
-        let changes = [
-            health.sensor(dt_s, status, error),
-            health.current(dt_s, status, has_lost_current),
-            health.contact(dt_s, status, error, tick.load_state),
-        ];
-        for event in changes.into_iter().flatten() {
+        if let Some(event) = self.health.sensor(dt_s, status, error) {
+            push(turn.events, event);
+        }
+        if let Some(event) = self.health.current(dt_s, status, has_lost_current) {
+            push(turn.events, event);
+        }
+        if let Some(event) = self.health.contact(dt_s, status, error, tick.load_state) {
             push(turn.events, event);
         }
     }
