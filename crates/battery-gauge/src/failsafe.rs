@@ -484,9 +484,8 @@ fn limit_us(settings: &FailsafeSettings) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::VoltageSource;
     use crate::time::at_us;
-    use crate::{Amount, ChargeSource, Tick};
+    use crate::{Amount, Tick, VoltageSource};
 
     const TICK_US: u32 = 100_000;
 
@@ -522,8 +521,14 @@ mod tests {
         battery
     }
 
+    /// A pack of 1000 mAh with this charge, at a voltage above all thresholds.
+    fn at_charge(remaining_pct: f32) -> BatteryState {
+        charged(12.0, Some(remaining_pct))
+    }
+
     /// A tick, healthy if there is a reading.
-    fn seen(now: Instant, load_state: LoadState, state: Option<&BatteryState>) -> (Basis, BatteryState) {
+    fn seen(load_state: LoadState, state: Option<BatteryState>) -> (Basis, BatteryState) {
+        let now = Instant::EPOCH;
         let basis = Basis {
             tick: Tick { now, load_state },
             dt_us: TICK_US,
@@ -535,7 +540,7 @@ mod tests {
             resting_v: None,
             members_spread: None,
         };
-        (basis, state.copied().unwrap_or(BatteryState::UNKNOWN))
+        (basis, state.unwrap_or(BatteryState::UNKNOWN))
     }
 
     fn update(
@@ -548,87 +553,95 @@ mod tests {
 
     /// A pack under load that was healthy at the start only.
     fn silent(now: Instant) -> (Basis, BatteryState) {
-        let (basis, state) = seen(now, LoadState::On, None);
-        let last_healthy = Some(Instant::EPOCH);
-        (
-            Basis {
-                last_healthy,
-                ..basis
-            },
-            state,
-        )
+        let (mut basis, state) = seen(LoadState::On, None);
+        basis.tick.now = now;
+        (basis, state)
     }
 
-    /// Runs `seconds` of ticks and returns the levels reached, with their times in seconds.
+    /// The levels that are reached under load in this number of ticks, with their ticks.
     fn run(
         failsafe: &mut Failsafe,
-        from_s: u64,
-        seconds: u64,
-        load_state: LoadState,
-        state: &BatteryState,
+        settings: &FailsafeSettings,
+        ticks: u64,
+        at: impl Fn(u64) -> Option<BatteryState>,
     ) -> Vec<(u64, FailsafeLevel)> {
         let mut raised = Vec::new();
-        for tick in 0..seconds * 10 {
-            let now = at_us(from_s * 1_000_000 + tick * u64::from(TICK_US));
-            let reached = update(failsafe, &seen(now, load_state, Some(state)), &settings());
-            raised.extend(reached.into_iter().map(|level| (tick / 10, level)));
+        for tick in 0..ticks {
+            let reached = update(failsafe, &seen(LoadState::On, at(tick)), settings);
+            raised.extend(reached.into_iter().map(|level| (tick, level)));
         }
         raised
     }
 
+    /// The levels that a pack under load reaches within 11 s in this state.
+    fn reached(
+        failsafe: &mut Failsafe,
+        settings: &FailsafeSettings,
+        state: &BatteryState,
+    ) -> Vec<FailsafeLevel> {
+        let raised = run(failsafe, settings, 110, |_| Some(*state));
+        raised.into_iter().map(|(_, level)| level).collect()
+    }
+
+    const BOTH: [FailsafeLevel; 2] = [FailsafeLevel::Low, FailsafeLevel::Critical];
+
     #[test]
-    // Requirement: AP-18
-    fn voltage_below_threshold_trips_after_the_timer() {
-        let mut failsafe = Failsafe::default();
-        assert_eq!(run(&mut failsafe, 0, 10, LoadState::On, &at_voltage(10.4)), []);
-        assert_eq!(run(&mut failsafe, 10, 1, LoadState::On, &at_voltage(11.0)), []);
-        let raised = run(&mut failsafe, 11, 30, LoadState::On, &at_voltage(10.4));
-        assert_eq!(raised, [(10, FailsafeLevel::Low)]);
+    // Requirement: AP-18, L-6
+    fn a_low_voltage_acts_once_it_has_lasted_for_the_timer_and_is_known() {
+        type Course = fn(u64) -> Option<f32>;
+        let courses: [(Course, Option<u64>); 7] = [
+            (|_| Some(10.4), Some(101)),
+            (|_| Some(10.5), None),
+            (|tick| Some(if tick == 100 { 10.5 } else { 10.4 }), Some(202)),
+            // Unknown for a tick, for long, and in nine ticks of ten: ten seconds until it counts while unknown, and ten more.
+            (|tick| (tick % 90 != 50).then_some(10.4), Some(101)),
+            (|tick| (!(50..300).contains(&tick)).then_some(10.4), Some(300)),
+            (|tick| (tick % 10 == 0).then_some(10.4), Some(200)),
+            // In the tick of a break, any voltage between the pack's and zero may be read.
+            (
+                |tick| match tick % 300 {
+                    100 | 250 => Some(6.0),
+                    101..250 => None,
+                    _ => Some(12.0),
+                },
+                None,
+            ),
+        ];
+        for (number, (at, expected)) in courses.into_iter().enumerate() {
+            let state = |tick| at(tick).map(at_voltage);
+            let raised = run(&mut Failsafe::default(), &settings(), 1000, state);
+            let expected = Vec::from_iter(expected.map(|tick| (tick, FailsafeLevel::Low)));
+            assert_eq!(raised, expected, "course {number}");
+        }
     }
 
     #[test]
-    fn disarming_resets_the_low_voltage_timer() {
+    fn a_timer_is_shown_until_its_level_is_reached_and_begins_again_after_disarming() {
+        use FailsafeTimer::{Expired, Running, Stopped};
         let mut failsafe = Failsafe::default();
-        run(&mut failsafe, 0, 5, LoadState::On, &at_voltage(10.4));
-        run(&mut failsafe, 5, 30, LoadState::Off, &at_voltage(10.4));
-        let raised = run(&mut failsafe, 35, 20, LoadState::On, &at_voltage(10.4));
-        assert_eq!(raised, [(10, FailsafeLevel::Low)]);
-    }
-
-    #[test]
-    fn a_timer_is_shown_until_its_level_is_reached() {
-        let mut failsafe = Failsafe::default();
-        let mut low_after = |from_s, load_state, remaining_pct| {
-            run(
-                &mut failsafe,
-                from_s,
-                6,
-                load_state,
-                &charged(10.4, Some(remaining_pct)),
-            );
-            let FailsafeTimers { low, critical } = failsafe.timers();
-            assert_eq!(critical, FailsafeTimer::Stopped);
-            low
-        };
-        assert_eq!(low_after(0, LoadState::On, 50.0), FailsafeTimer::Running);
-        assert_eq!(low_after(6, LoadState::On, 50.0), FailsafeTimer::Expired);
-        assert_eq!(low_after(12, LoadState::Off, 50.0), FailsafeTimer::Stopped);
-        assert_eq!(low_after(18, LoadState::On, 50.0), FailsafeTimer::Stopped);
-        failsafe = Failsafe::default();
-        run(&mut failsafe, 24, 6, LoadState::On, &charged(10.4, Some(50.0)));
-        assert_eq!(failsafe.timers().low, FailsafeTimer::Running);
-        run(&mut failsafe, 30, 1, LoadState::On, &charged(10.4, Some(39.0)));
-        assert_eq!(failsafe.timers().low, FailsafeTimer::Stopped);
-    }
-
-    #[test]
-    fn charge_below_threshold_trips_at_once() {
-        let mut failsafe = Failsafe::default();
-        assert_eq!(run(&mut failsafe, 0, 1, LoadState::On, &at_charge(40.0)), []);
-        let raised = run(&mut failsafe, 1, 1, LoadState::On, &at_charge(39.9));
-        assert_eq!(raised, [(0, FailsafeLevel::Low)]);
-        let raised = run(&mut failsafe, 2, 1, LoadState::On, &at_charge(19.9));
-        assert_eq!(raised, [(0, FailsafeLevel::Critical)]);
+        // Six seconds each.
+        for (load_state, remaining_pct, expected) in [
+            (LoadState::On, 50.0, Running),
+            (LoadState::Off, 50.0, Stopped),
+            (LoadState::On, 50.0, Running),
+            (LoadState::On, 50.0, Expired),
+            (LoadState::Off, 50.0, Stopped),
+            (LoadState::On, 50.0, Stopped),
+        ] {
+            let low = seen(load_state, Some(charged(10.4, Some(remaining_pct))));
+            for _ in 0..60 {
+                update(&mut failsafe, &low, &settings());
+            }
+            assert_eq!(failsafe.timers().low, expected);
+            assert_eq!(failsafe.timers().critical, Stopped);
+        }
+        failsafe.clear();
+        for (remaining_pct, expected) in [(50.0, Running), (39.0, Stopped)] {
+            run(&mut failsafe, &settings(), 60, |_| {
+                Some(charged(10.4, Some(remaining_pct)))
+            });
+            assert_eq!(failsafe.timers().low, expected, "the charge acts at once");
+        }
     }
 
     #[test]
@@ -639,22 +652,6 @@ mod tests {
         assert_eq!(at(5_100_000), [FailsafeLevel::Unhealthy]);
     }
 
-    /// Ticks with and without readings with the load off after a loss, and the level at the end.
-    fn level_after_a_loss(
-        lost: &mut Failsafe,
-        is_healthy: impl Fn(u64) -> bool,
-        ticks: u64,
-    ) -> FailsafeLevel {
-        let state = at_voltage(12.0);
-        for tick in 0..ticks {
-            let now = at_us(20_000_000 + tick * u64::from(TICK_US));
-            let state = is_healthy(tick).then_some(&state);
-            update(lost, &seen(now, LoadState::Off, state), &settings());
-            lost.release_unhealthy();
-        }
-        lost.level()
-    }
-
     fn lost() -> Failsafe {
         let mut failsafe = Failsafe::default();
         update(&mut failsafe, &silent(at_us(6_000_000)), &settings());
@@ -662,111 +659,36 @@ mod tests {
         failsafe
     }
 
-    #[test]
-    fn unhealthy_is_released_after_five_seconds_of_good_readings() {
-        use FailsafeLevel::{None, Unhealthy};
-        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 49), Unhealthy);
-        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 51), None);
-        let flickers = |tick| tick % 45 != 44;
-        assert_eq!(level_after_a_loss(&mut lost(), flickers, 600), Unhealthy);
-        assert_eq!(level_after_a_loss(&mut lost(), |_| false, 600), Unhealthy);
-    }
-
-    #[test]
-    fn low_and_critical_are_not_released() {
-        let level = level_after_a_loss(&mut critical(), |_| true, 600);
-        assert_eq!(level, FailsafeLevel::Critical);
-        let mut low = Failsafe::default();
-        run(&mut low, 0, 12, LoadState::On, &at_voltage(10.4));
-        assert_eq!(level_after_a_loss(&mut low, |_| true, 600), FailsafeLevel::Low);
-    }
-
-    #[test]
-    fn sag_is_ignored_with_the_resting_voltage_as_source() {
-        let mut sagging = at_voltage(10.0);
-        sagging.readings.resting_voltage_v = Some(11.0);
-        let resting = FailsafeSettings {
-            voltage_source: VoltageSource::Resting,
-            ..settings()
-        };
-        assert_eq!(reached(&mut Failsafe::default(), &resting, &sagging), []);
-    }
-
-    /// Runs `ticks` ticks at the voltages of `at`, and returns the levels reached, with their ticks.
-    fn levels(ticks: u64, at: impl Fn(u64) -> Option<f32>) -> Vec<(u64, FailsafeLevel)> {
+    /// A failsafe after eleven seconds at this voltage.
+    fn after(voltage_v: f32) -> Failsafe {
         let mut failsafe = Failsafe::default();
-        let mut raised = Vec::new();
-        for tick in 0..ticks {
-            let state = at(tick).map(at_voltage);
-            let seen = seen(at_us(tick * u64::from(TICK_US)), LoadState::On, state.as_ref());
-            let reached = update(&mut failsafe, &seen, &settings());
-            raised.extend(reached.into_iter().map(|level| (tick, level)));
+        reached(&mut failsafe, &settings(), &at_voltage(voltage_v));
+        failsafe
+    }
+
+    #[test]
+    fn unhealthy_alone_is_released_after_five_seconds_of_good_readings() {
+        use FailsafeLevel::{Critical, Low, Unhealthy};
+        let always: fn(u64) -> bool = |_| true;
+        for (mut failsafe, is_healthy, ticks, expected) in [
+            (lost(), always, 49, Unhealthy),
+            (lost(), always, 51, FailsafeLevel::None),
+            (lost(), |tick| tick % 45 != 44, 600, Unhealthy),
+            (lost(), |_| false, 600, Unhealthy),
+            (after(9.0), always, 600, Critical),
+            (after(10.4), always, 600, Low),
+        ] {
+            for tick in 0..ticks {
+                let state = is_healthy(tick).then_some(at_voltage(12.0));
+                update(&mut failsafe, &seen(LoadState::Off, state), &settings());
+                failsafe.release_unhealthy();
+            }
+            assert_eq!(failsafe.level(), expected, "after {ticks} ticks");
         }
-        raised
     }
 
     #[test]
-    fn unknown_voltage_does_not_delay_a_low_one() {
-        let always = levels(200, |_| Some(9.0));
-        assert_eq!(
-            always,
-            [(101, FailsafeLevel::Low), (101, FailsafeLevel::Critical)]
-        );
-        let flickering = levels(200, |tick| (tick % 90 != 50).then_some(9.0));
-        assert_eq!(flickering, always);
-    }
-
-    #[test]
-    // Requirement: L-6
-    fn mostly_unknown_low_voltage_still_trips() {
-        // Known once a second: ten seconds until it counts while unknown, and nine more.
-        let raised = levels(1000, |tick| (tick % 10 == 0).then_some(9.0));
-        let [.., (tick, FailsafeLevel::Critical)] = raised[..] else {
-            panic!("{raised:?}");
-        };
-        assert!(tick <= 210, "{tick}");
-    }
-
-    #[test]
-    fn intermittent_sense_wire_does_not_trip() {
-        // In the tick of a break, any voltage between the pack's and zero may be read.
-        let breaks = |tick| match tick % 300 {
-            100 | 250 => Some(6.0),
-            101..250 => None,
-            _ => Some(12.0),
-        };
-        assert_eq!(levels(3000, breaks), []);
-    }
-
-    #[test]
-    fn timer_expires_only_at_a_known_voltage() {
-        let raised = levels(500, |tick| (!(50..300).contains(&tick)).then_some(9.0));
-        assert_eq!(raised.last(), Some(&(300, FailsafeLevel::Critical)));
-    }
-
-    #[test]
-    fn disabling_the_timer_resets_it() {
-        let off = FailsafeSettings {
-            timer_s: None,
-            ..settings()
-        };
-        let mut failsafe = Failsafe::default();
-        run(&mut failsafe, 0, 9, LoadState::On, &at_voltage(9.0));
-        update(
-            &mut failsafe,
-            &seen(Instant::EPOCH, LoadState::On, Some(&at_voltage(12.0))),
-            &off,
-        );
-        assert_eq!(run(&mut failsafe, 20, 9, LoadState::On, &at_voltage(9.0)), []);
-    }
-
-    /// A pack of 1000 mAh with this charge, at a voltage above all thresholds.
-    fn at_charge(remaining_pct: f32) -> BatteryState {
-        charged(12.0, Some(remaining_pct))
-    }
-
-    #[test]
-    fn a_threshold_in_mah_is_of_what_the_pack_holds_now() {
+    fn a_threshold_in_mah_acts_at_once_on_what_the_pack_holds_now() {
         let learnt = |capacity_mah, state: BatteryState| BatteryState {
             learnt_capacity_mah: Some(capacity_mah),
             ..state
@@ -790,33 +712,22 @@ mod tests {
             (learnt(500.0, by_voltage), &BOTH[..1]),
             (learnt(500.0, by_count), &BOTH[..1]),
             (learnt(500.0, gauged), &[]),
-            (at_charge(70.0), &[]),
+            (at_charge(40.0), &[]),
+            (at_charge(39.9), &BOTH[..1]),
+            (at_charge(20.0), &BOTH[..1]),
+            (at_charge(19.9), &BOTH),
             (by_voltage, &[]),
             (by_count, &[]),
         ] {
-            let seen = seen(Instant::EPOCH, LoadState::On, Some(&state));
+            let seen = seen(LoadState::On, Some(state));
             let reached = update(&mut Failsafe::default(), &seen, &settings());
             assert_eq!(reached, expected, "{state:?}");
         }
     }
 
-    /// The levels that a pack under load reaches within 11 s in this state.
-    fn reached(
-        failsafe: &mut Failsafe,
-        settings: &FailsafeSettings,
-        state: &BatteryState,
-    ) -> Vec<FailsafeLevel> {
-        let at = |tick| at_us(tick * u64::from(TICK_US));
-        (0..110)
-            .flat_map(|tick| update(failsafe, &seen(at(tick), LoadState::On, Some(state)), settings))
-            .collect()
-    }
-
-    const BOTH: [FailsafeLevel; 2] = [FailsafeLevel::Low, FailsafeLevel::Critical];
-
     #[test]
     // Requirement: AP-18
-    fn critical_carries_low_where_it_skips_it() {
+    fn critical_carries_low_where_it_skips_it_and_nothing_acts_that_is_off_or_sag() {
         let below = |voltage_v| Thresholds {
             voltage_v,
             ..Thresholds::default()
@@ -833,6 +744,16 @@ mod tests {
             low: below(Some(10.5)),
             ..settings()
         };
+        let without_timer = FailsafeSettings {
+            timer_s: None,
+            ..settings()
+        };
+        let by_resting = FailsafeSettings {
+            voltage_source: VoltageSource::Resting,
+            ..settings()
+        };
+        let mut sagging = at_voltage(9.0);
+        sagging.readings.resting_voltage_v = Some(11.0);
         for (settings, state, expected) in [
             (settings(), at_voltage(9.0), &BOTH[..]),
             (settings(), at_charge(19.9), &BOTH),
@@ -842,11 +763,13 @@ mod tests {
             // Nothing is skipped that has no threshold in force.
             (of_voltage(None, Some(9.9)), at_voltage(9.0), &BOTH[1..]),
             (low_needs_the_timer, at_charge(19.9), &BOTH[1..]),
+            (without_timer, at_voltage(9.0), &[]),
+            (by_resting, sagging, &[]),
         ] {
             let mut failsafe = Failsafe::default();
             let reached = reached(&mut failsafe, &settings, &state);
             assert_eq!(reached, expected, "{settings:?}");
-            assert_eq!(failsafe.level(), FailsafeLevel::Critical);
+            assert_eq!(failsafe.level(), expected.last().copied().unwrap_or_default());
         }
     }
 
@@ -888,78 +811,9 @@ mod tests {
     #[test]
     fn unhealthy_neither_carries_a_level_nor_is_carried() {
         let mut failsafe = lost();
-        let reached = reached(&mut failsafe, &settings(), &at_voltage(9.0));
-        assert_eq!(reached, BOTH);
-        let silent = silent(at_us(60_000_000));
-        assert_eq!(
-            update(&mut failsafe, &silent, &settings()),
-            [FailsafeLevel::Unhealthy]
-        );
-    }
-
-    fn critical() -> Failsafe {
-        let mut failsafe = Failsafe::default();
-        run(&mut failsafe, 0, 20, LoadState::On, &at_voltage(9.0));
-        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
-        failsafe
-    }
-
-    fn at_rest(resting_v: f32, remaining_pct: Option<f32>) -> (f32, BatteryState) {
-        (resting_v, charged(resting_v, remaining_pct))
-    }
-
-    /// A tick of a pack at rest.
-    fn resting(resting_v: f32, state: &BatteryState) -> (Basis, BatteryState) {
-        let (basis, state) = seen(Instant::EPOCH, LoadState::Off, Some(state));
-        let resting_v = Some(resting_v);
-        (Basis { resting_v, ..basis }, state)
-    }
-
-    fn rest(failsafe: &mut Failsafe, (resting_v, state): &(f32, BatteryState)) -> FailsafeLevel {
-        update(failsafe, &resting(*resting_v, state), &settings());
-        failsafe.level()
-    }
-
-    #[test]
-    fn swapped_pack_above_all_thresholds_clears_the_level() {
-        for (pack, expected) in [
-            (at_rest(9.8, Some(90.0)), FailsafeLevel::Critical),
-            (at_rest(10.4, Some(90.0)), FailsafeLevel::Critical),
-            (at_rest(12.0, Some(30.0)), FailsafeLevel::Critical),
-            // An unknown charge does not clear a level.
-            (at_rest(12.0, None), FailsafeLevel::Critical),
-            (at_rest(12.0, Some(90.0)), FailsafeLevel::None),
-        ] {
-            let mut failsafe = critical();
-            failsafe.replace_pack(Replacement::Certain);
-            assert_eq!(rest(&mut failsafe, &pack), expected, "{pack:?}");
-        }
-    }
-
-    #[test]
-    fn likely_swap_does_not_clear_the_level() {
-        let full = at_rest(12.6, Some(100.0));
-        let mut failsafe = critical();
-        assert_eq!(rest(&mut failsafe, &full), FailsafeLevel::Critical);
-        failsafe.replace_pack(Replacement::Likely);
-        assert_eq!(rest(&mut failsafe, &full), FailsafeLevel::Critical);
-    }
-
-    #[test]
-    // Requirement: L-5
-    fn arming_or_contact_loss_ends_the_chance_to_clear() {
-        let full = at_rest(12.6, Some(100.0));
-        for (load_state, state) in [(LoadState::Off, None), (LoadState::On, Some(at_voltage(12.6)))] {
-            let mut failsafe = critical();
-            failsafe.replace_pack(Replacement::Certain);
-            update(
-                &mut failsafe,
-                &seen(Instant::EPOCH, load_state, state.as_ref()),
-                &settings(),
-            );
-            let level = rest(&mut failsafe, &full);
-            assert_eq!(level, FailsafeLevel::Critical, "{load_state:?}");
-        }
+        assert_eq!(reached(&mut failsafe, &settings(), &at_voltage(9.0)), BOTH);
+        let reached = update(&mut failsafe, &silent(at_us(60_000_000)), &settings());
+        assert_eq!(reached, [FailsafeLevel::Unhealthy]);
     }
 
     /// Settings that act by the percentage alone.
@@ -1013,22 +867,11 @@ mod tests {
                 assert_eq!(reached, expected, "{timer_s:?}: {state:?}");
             }
         }
-        let mut failsafe = Failsafe::default();
         let low = usable(Some(10.0), None);
-        let mut at = |tick: u64, settings: &FailsafeSettings| {
-            let now = at_us(tick * u64::from(TICK_US));
-            update(&mut failsafe, &seen(now, LoadState::On, Some(&low)), settings)
-        };
-        for tick in 0..=100 {
-            assert_eq!(at(tick, &by_percent(Some(10.0))), [], "tick {tick}");
+        for (timer_s, at) in [(Some(10.0), 101), (None, 0)] {
+            let raised = run(&mut Failsafe::default(), &by_percent(timer_s), 110, |_| Some(low));
+            assert_eq!(raised, [(at, FailsafeLevel::Low)]);
         }
-        assert_eq!(at(101, &by_percent(Some(10.0))), [FailsafeLevel::Low]);
-        let at_once = update(
-            &mut Failsafe::default(),
-            &seen(at_us(0), LoadState::On, Some(&low)),
-            &by_percent(None),
-        );
-        assert_eq!(at_once, [FailsafeLevel::Low]);
     }
 
     /// The settings that are found missing from 0 s to `seconds`, with their times, under load.
@@ -1040,7 +883,7 @@ mod tests {
     ) -> Vec<(u64, MissingSetting)> {
         let at = |tick: u64| {
             let state = state(tick / 10);
-            let seen = seen(at_us(tick * u64::from(TICK_US)), LoadState::On, Some(&state));
+            let seen = seen(LoadState::On, Some(state));
             let _ = update(failsafe, &seen, settings);
             let found = failsafe.find_inert_percentage(&seen.0, &seen.1, settings);
             found.map(|missing| (tick / 10, missing))
@@ -1092,7 +935,7 @@ mod tests {
                     Vec::from_iter(expected.map(|missing| (at_s, missing))),
                     "{state:?}"
                 );
-                let switched_off = seen(Instant::EPOCH, LoadState::Off, Some(&state));
+                let switched_off = seen(LoadState::Off, Some(state));
                 let _ = update(&mut failsafe, &switched_off, &settings);
                 let (basis, state) = &switched_off;
                 assert_eq!(failsafe.find_inert_percentage(basis, state, &settings), None);
@@ -1110,18 +953,45 @@ mod tests {
     }
 
     #[test]
-    // Requirement: AP-18
-    fn a_percentage_that_acts_has_to_be_above_for_a_level_to_be_released() {
-        for (usable_pct, expected) in [
-            (None, FailsafeLevel::Critical),
-            (Some(14.0), FailsafeLevel::Critical),
-            (Some(90.0), FailsafeLevel::None),
+    // Requirement: L-5, AP-18
+    fn only_another_pack_that_rests_above_all_thresholds_clears_a_level_until_it_is_under_load_or_lost() {
+        use FailsafeLevel::Critical;
+        let certain = Some(Replacement::Certain);
+        let rest = |resting_v, remaining_pct| (resting_v, charged(resting_v, remaining_pct));
+        let (volts, full) = (settings(), rest(12.6, Some(100.0)));
+        let percent = by_percent(Some(10.0));
+        let usable = |usable_pct| (12.0, usable(usable_pct, None));
+        let armed = Some(seen(LoadState::On, Some(at_voltage(12.6))));
+        let unplugged = Some(seen(LoadState::Off, None));
+        for (settings, replacement, between, (resting_v, state), expected) in [
+            (volts, certain, None, rest(9.8, Some(90.0)), Critical),
+            (volts, certain, None, rest(10.4, Some(90.0)), Critical),
+            (volts, certain, None, rest(12.0, Some(30.0)), Critical),
+            (volts, certain, None, rest(12.0, None), Critical),
+            (volts, certain, None, rest(12.0, Some(90.0)), FailsafeLevel::None),
+            (percent, certain, None, usable(None), Critical),
+            (percent, certain, None, usable(Some(14.0)), Critical),
+            (percent, certain, None, usable(Some(90.0)), FailsafeLevel::None),
+            (volts, None, None, full, Critical),
+            (volts, Some(Replacement::Likely), None, full, Critical),
+            (volts, certain, armed, full, Critical),
+            (volts, certain, unplugged, full, Critical),
         ] {
-            let mut failsafe = critical();
-            failsafe.replace_pack(Replacement::Certain);
-            let state = usable(usable_pct, None);
-            update(&mut failsafe, &resting(12.0, &state), &by_percent(Some(10.0)));
-            assert_eq!(failsafe.level(), expected, "{usable_pct:?}");
+            let mut failsafe = after(9.0);
+            if let Some(replacement) = replacement {
+                failsafe.replace_pack(replacement);
+            }
+            if let Some(between) = between {
+                update(&mut failsafe, &between, &settings);
+            }
+            let (mut basis, state) = seen(LoadState::Off, Some(state));
+            basis.resting_v = Some(resting_v);
+            failsafe.update(&basis, &state, &settings);
+            assert_eq!(
+                failsafe.level(),
+                expected,
+                "{replacement:?} {between:?} {state:?}"
+            );
         }
     }
 }
