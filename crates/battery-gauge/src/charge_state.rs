@@ -269,47 +269,28 @@ mod tests {
     }
 
     #[test]
-    fn charge_flapping_at_a_threshold_changes_state_once() {
+    fn only_a_charger_counts_as_charging_until_its_current_has_fallen() {
         let mut machine = ChargeStateMachine::default();
-        let mut changes = 0;
-        let mut before = ChargeState::Undefined;
-        for tick in 0..6000 {
-            let state = update(&mut machine, &healthy(if tick % 7 < 3 { 14.0 } else { 16.0 }));
-            changes += u32::from(state != before);
-            before = state;
+        for (ticks, load_state, current_a, expected) in [
+            (10, LoadState::Off, 0.1, ChargeState::Ok),
+            (10, LoadState::Off, -0.05, ChargeState::Ok),
+            (40, LoadState::Off, -0.05, ChargeState::Charging),
+            (100, LoadState::Off, -0.03, ChargeState::Charging),
+            (40, LoadState::Off, -0.02, ChargeState::Ok),
+            (100, LoadState::Off, -0.03, ChargeState::Ok),
+            (40, LoadState::Off, -1.0, ChargeState::Charging),
+            // Braking.
+            (40, LoadState::On, -1.0, ChargeState::Ok),
+            (100, LoadState::On, -1.0, ChargeState::Ok),
+        ] {
+            let battery = with(healthy(50.0), |battery| {
+                battery.readings.current_a = Some(current_a)
+            });
+            for _ in 0..ticks {
+                machine.update(0.1, load_state, &battery, &LIMITS);
+            }
+            assert_eq!(machine.state, expected, "{current_a} A {load_state:?}");
         }
-        assert!(changes <= 2, "{changes} changes");
-    }
-
-    #[test]
-    fn only_a_charger_counts_as_charging_not_braking() {
-        let mut machine = ChargeStateMachine::default();
-        let charging = with(healthy(50.0), |battery| battery.readings.current_a = Some(-1.0));
-        after(&mut machine, 1.0, &healthy(50.0));
-        assert_eq!(after(&mut machine, 1.0, &charging), ChargeState::Ok);
-        assert_eq!(after(&mut machine, 4.0, &charging), ChargeState::Charging);
-        for _ in 0..40 {
-            machine.update(0.1, LoadState::On, &charging, &LIMITS);
-        }
-        assert_eq!(machine.state, ChargeState::Ok);
-    }
-
-    #[test]
-    fn charging_goes_on_while_the_charger_lowers_the_current() {
-        let mut machine = ChargeStateMachine::default();
-        let charged_by = |amperes: f32| {
-            with(healthy(50.0), |battery| {
-                battery.readings.current_a = Some(-amperes)
-            })
-        };
-        after(&mut machine, 4.0, &charged_by(0.05));
-        assert_eq!(machine.state, ChargeState::Charging);
-        assert_eq!(
-            after(&mut machine, 10.0, &charged_by(0.03)),
-            ChargeState::Charging
-        );
-        assert_eq!(after(&mut machine, 4.0, &charged_by(0.02)), ChargeState::Ok);
-        assert_eq!(after(&mut machine, 10.0, &charged_by(0.03)), ChargeState::Ok);
     }
 
     #[test]
@@ -331,60 +312,57 @@ mod tests {
     }
 
     #[test]
-    fn failed_sensor_and_failed_cell_take_effect_at_once() {
+    fn a_failed_sensor_a_failed_cell_and_a_failsafe_take_effect_at_once() {
         let mut machine = ChargeStateMachine::default();
-        after(&mut machine, 1.0, &healthy(50.0));
-        let unhealthy = with(healthy(50.0), |battery| battery.status = PackStatus::Unhealthy);
-        assert_eq!(update(&mut machine, &unhealthy), ChargeState::Unhealthy);
-        let failed = with(healthy(50.0), |battery| {
-            battery.readings.faults = Faults::CELL_FAIL
-        });
-        assert_eq!(update(&mut machine, &failed), ChargeState::Failed);
-    }
-
-    #[test]
-    fn failsafe_level_takes_effect_at_once() {
-        let mut machine = ChargeStateMachine::default();
-        after(&mut machine, 1.0, &healthy(50.0));
-        for (failsafe, expected) in [
-            (FailsafeLevel::Low, ChargeState::Low),
-            (FailsafeLevel::Critical, ChargeState::Critical),
-        ] {
-            let battery = with(healthy(50.0), |battery| battery.failsafe = failsafe);
-            assert_eq!(update(&mut machine, &battery), expected);
-        }
-        // After a battery reset.
-        assert_eq!(after(&mut machine, 4.0, &healthy(50.0)), ChargeState::Ok);
-    }
-
-    #[test]
-    fn faults_never_hide_that_a_pack_is_low_critical_or_nearly_empty() {
-        for (remaining_pct, expected) in [
-            (14.0, ChargeState::Low),
-            (6.5, ChargeState::Critical),
-            (4.0, ChargeState::Emergency),
-        ] {
-            for faults in Faults::all() {
-                let faults = faults - Faults::DEEP_DISCHARGE;
-                let battery = with(healthy(remaining_pct), |battery| battery.readings.faults = faults);
-                let mut machine = ChargeStateMachine::default();
-                assert_eq!(after(&mut machine, 4.0, &battery), expected, "{faults:?}");
-            }
+        type Change = fn(&mut BatteryState);
+        let changes: [(Change, ChargeState); 4] = [
+            (|battery| battery.failsafe = FailsafeLevel::Low, ChargeState::Low),
+            (
+                |battery| battery.failsafe = FailsafeLevel::Critical,
+                ChargeState::Critical,
+            ),
+            (
+                |battery| battery.status = PackStatus::Unhealthy,
+                ChargeState::Unhealthy,
+            ),
+            (
+                |battery| battery.readings.faults = Faults::CELL_FAIL,
+                ChargeState::Failed,
+            ),
+        ];
+        for (change, expected) in changes {
+            // After a battery reset, too.
+            assert_eq!(after(&mut machine, 4.0, &healthy(50.0)), ChargeState::Ok);
+            assert_eq!(update(&mut machine, &with(healthy(50.0), change)), expected);
         }
     }
 
     #[test]
-    fn which_faults_change_the_charge_state_of_a_full_pack() {
+    fn which_faults_change_the_charge_state_of_a_full_pack_and_none_hides_a_low_one() {
         for fault in Faults::all() {
-            let expected = match fault {
+            let of_full = match fault {
                 Faults::CELL_FAIL => ChargeState::Failed,
-                Faults::DEEP_DISCHARGE => ChargeState::Emergency,
                 Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE => ChargeState::Unhealthy,
                 _ => ChargeState::Ok,
             };
-            let battery = with(healthy(90.0), |battery| battery.readings.faults = fault);
-            let mut machine = ChargeStateMachine::default();
-            assert_eq!(after(&mut machine, 4.0, &battery), expected, "{fault:?}");
+            for (remaining_pct, of_charge) in [
+                (90.0, of_full),
+                (14.0, ChargeState::Low),
+                (6.5, ChargeState::Critical),
+                (4.0, ChargeState::Emergency),
+            ] {
+                let expected = match fault {
+                    Faults::DEEP_DISCHARGE => ChargeState::Emergency,
+                    _ => of_charge,
+                };
+                let battery = with(healthy(remaining_pct), |battery| battery.readings.faults = fault);
+                let mut machine = ChargeStateMachine::default();
+                assert_eq!(
+                    after(&mut machine, 4.0, &battery),
+                    expected,
+                    "{fault:?} at {remaining_pct} %"
+                );
+            }
         }
     }
 
