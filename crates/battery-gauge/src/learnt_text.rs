@@ -247,6 +247,32 @@ mod tests {
 
     use super::*;
 
+    const TEXT: &str = "chemistry 3
+cells 3
+serial_number 7
+drives 258
+capacity_mah_sigma 2950 0.02
+shown_mah_sigma 3010 0.015
+resistance_ohm_now_first 0.03 0.028
+offsets_100uv_sigma -400 80 -200 81 0 82 100 83 350 84
+charge_sigma_resting_v 0.6 0.03 3.71
+slow_share_sigma 0.4 0.06
+scale_volt_mult_offset_amp_pervlt 3.95 -0.01 -17
+open_drawn_ah_rested_h_ohm 1.9 0.1 0.029
+open_start_1e4_points 9990 120 0 0 0 36120 210 65535 37000 200 40000 1 2 3 41000 0 9
+open_current_source 4711
+collapse_1e4_10uohm 2300 4100
+";
+
+    #[test]
+    fn words_and_text_restore_what_was_learnt() {
+        let learnt: LearntPack = TEXT.parse().expect("a pack");
+        assert_eq!(learnt.to_string(), TEXT);
+        for learnt in [learnt, LearntPack::UNKNOWN] {
+            assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
+        }
+    }
+
     #[test]
     fn what_is_left_out_is_not_learnt() {
         let learnt: LearntPack = "# a pack\n\ndrives 3\ncapacity_mah_sigma 2900 0.05\n"
@@ -293,6 +319,8 @@ mod tests {
             words[0] = words[0] & !0xff | u32::from(chemistry);
             let learnt = LearntPack::from_words(&words).expect("a chemistry");
             prop_assert_eq!(learnt.to_string().parse(), Ok(learnt));
+            prop_assert!(learnt.capacity_mah().is_none_or(|capacity_mah| capacity_mah >= 1.0));
+            prop_assert!(learnt.charge.is_none_or(|charge| (0.0..=1.0).contains(&charge.soc)));
         }
 
         #[test]
