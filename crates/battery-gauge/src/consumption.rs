@@ -181,21 +181,6 @@ mod tests {
     use super::*;
 
     #[test]
-    // Requirement: AP-15
-    fn one_ampere_for_an_hour_is_one_ampere_hour() {
-        let mut consumption = Consumption::default();
-        for _ in 0..36_000 {
-            assert_eq!(consumption.integrate(100_000, 1.0, 1.0, Some(10.0), None), None);
-        }
-        assert!(
-            (consumption.charge_mah() - 1000.0).abs() < 0.01,
-            "{}",
-            consumption.charge_mah()
-        );
-        assert!((consumption.energy_wh() - 10.0).abs() < 1e-4);
-    }
-
-    #[test]
     fn microampere_is_counted_on_top_of_100_ampere_hours() {
         let mut consumption = Consumption::default();
         consumption.restart(Consumed {
@@ -228,25 +213,17 @@ mod tests {
     }
 
     #[test]
-    fn short_gap_is_interpolated_and_returned() {
-        let mut consumption = Consumption::default();
-        let gap = consumption
-            .integrate(10_000_000, 3.0, 5.0, Some(10.0), None)
-            .expect("a gap");
-        assert_eq!(gap.duration_s, 10.0);
-        let counted_mah = gap.counted_mah.expect("counted");
-        assert!((counted_mah - 4.0 * 10.0 / 3.6).abs() < 1e-3);
-        assert_eq!(consumption.charge_mah(), counted_mah);
-    }
-
-    #[test]
-    fn long_gap_is_returned_but_not_counted() {
-        let mut consumption = Consumption::default();
-        let gap = consumption
-            .integrate(61_000_000, 3.0, 5.0, Some(10.0), None)
-            .expect("a gap");
-        assert_eq!(gap.counted_mah, None);
-        assert_eq!(consumption, Consumption::default());
+    fn a_gap_is_returned_and_interpolated_unless_it_is_long() {
+        // 4 A for ten seconds.
+        for (duration_s, expected_mah) in [(10, Some(11.111_111)), (61, None)] {
+            let mut consumption = Consumption::default();
+            let gap = consumption
+                .integrate(duration_s * 1_000_000, 3.0, 5.0, Some(10.0), None)
+                .expect("a gap");
+            assert_eq!(gap.duration_s, duration_s as f32);
+            assert_eq!(gap.counted_mah, expected_mah);
+            assert_eq!(consumption.charge_mah(), expected_mah.unwrap_or(0.0));
+        }
     }
 
     #[test]

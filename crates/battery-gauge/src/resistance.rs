@@ -226,23 +226,20 @@ mod tests {
     }
 
     #[test]
-    fn one_load_step_suffices_at_every_sample_rate() {
-        for rate_hz in [5.0, 10.0, 50.0] {
-            let estimated = estimated_from(7.0, rate_hz, |t_s| {
-                let current_a = square(t_s, 1.0, 3.0);
+    fn load_steps_suffice_at_every_sample_rate() {
+        // One step each, and a reading every ten seconds.
+        for (rate_hz, seconds, slower) in [
+            (5.0, 7.0, 1.0),
+            (10.0, 7.0, 1.0),
+            (50.0, 7.0, 1.0),
+            (0.1, 600.0, 20.0),
+        ] {
+            let estimated = estimated_from(seconds, rate_hz, |t_s| {
+                let current_a = square(t_s / slower, 1.0, 3.0);
                 (12.0 - 0.05 * current_a, current_a)
             });
             assert_close(estimated, 0.05, 0.01);
         }
-    }
-
-    #[test]
-    fn a_reading_every_ten_seconds_shows_steps() {
-        let estimated = estimated_from(600.0, 0.1, |t_s| {
-            let current_a = square(t_s / 20.0, 1.0, 3.0);
-            (12.0 - 0.05 * current_a, current_a)
-        });
-        assert_close(estimated, 0.05, 0.01);
     }
 
     #[test]
@@ -258,10 +255,13 @@ mod tests {
 
     #[test]
     fn voltage_falling_at_constant_load_is_ignored() {
-        assert_eq!(
-            estimated_from(60.0, RATE_HZ, |t_s| (if t_s < 20.0 { 11.1 } else { 9.8 }, 5.0)),
-            None
-        );
+        for ripple_a in [0.0, 0.25] {
+            let estimated = estimated_from(60.0, RATE_HZ, |t_s| {
+                let voltage_v = if t_s < 20.0 { 11.1 } else { 9.8 };
+                (voltage_v, 5.0 + ripple_a * (2.0 * t_s).sin())
+            });
+            assert_eq!(estimated, None, "{ripple_a} A");
+        }
         let estimated = estimated_from(60.0, RATE_HZ, |t_s| {
             let current_a = if t_s < 20.0 { square(t_s, 2.0, 6.0) } else { 6.0 };
             let fall_v = 0.1 * (t_s - 20.0).max(0.0);

@@ -210,29 +210,31 @@ mod tests {
     }
 
     #[test]
-    fn one_to_three_cells_are_detected_at_rest() {
-        for (voltage_v, count) in [
-            (3.7, 1),
-            (4.2, 1),
-            (6.4, 2),
-            (8.4, 2),
-            (8.7, 2),
-            (9.0, 3),
-            (11.1, 3),
-            (12.6, 3),
+    fn one_to_three_cells_are_detected_at_rest_unless_their_voltage_is_ambiguous() {
+        use Chemistry::{LiFe, LiIon, LiPo, NiMh};
+        for (chemistry, voltage_v, count) in [
+            (LiPo, 3.7, Some(1)),
+            (LiPo, 4.2, Some(1)),
+            (LiIon, 4.7, None),
+            (LiPo, 6.4, Some(2)),
+            (LiPo, 8.7, Some(2)),
+            (LiIon, 8.85, None),
+            (LiPo, 9.0, Some(3)),
+            (LiPo, 12.6, Some(3)),
+            (LiIon, 14.8, None),
+            (LiIon, 25.2, None),
+            // Flat curves.
+            (LiFe, 9.9, None),
+            (NiMh, 9.9, None),
         ] {
-            let events = events(Chemistry::LiPo, None, |_| voltage_v);
-            assert_eq!(events, [PackEvent::CellsDetected { count }], "{voltage_v} V");
-        }
-    }
-
-    #[test]
-    fn ambiguous_voltage_is_reported() {
-        for voltage_v in [4.7, 8.85, 14.8, 25.2] {
-            let events = events(Chemistry::LiIon, None, |_| voltage_v);
-            assert!(
-                matches!(events[..], [PackEvent::CellsAmbiguous { .. }]),
-                "{voltage_v} V"
+            let expected = match count {
+                Some(count) => PackEvent::CellsDetected { count },
+                None => PackEvent::CellsAmbiguous { voltage_v },
+            };
+            assert_eq!(
+                events(chemistry, None, |_| voltage_v),
+                [expected],
+                "{chemistry:?}"
             );
         }
     }
@@ -241,13 +243,5 @@ mod tests {
     fn no_detection_under_load_or_at_a_changing_voltage() {
         assert_eq!(events(Chemistry::LiPo, Some(3.0), |_| 11.1), []);
         assert_eq!(events(Chemistry::LiPo, None, |t_s| 12.6 - 0.2 * t_s), []);
-    }
-
-    #[test]
-    fn flat_curves_are_ambiguous() {
-        for chemistry in [Chemistry::LiFe, Chemistry::NiMh] {
-            let events = events(chemistry, None, |_| 9.9);
-            assert!(matches!(events[..], [PackEvent::CellsAmbiguous { .. }]));
-        }
     }
 }

@@ -452,23 +452,26 @@ mod tests {
     }
 
     #[test]
-    fn a_full_pack_under_load_is_certain_once_its_resistance_is_measured() {
+    fn a_full_pack_under_load_is_certain_once_its_resistance_is_known() {
         let unknown = LearntPack::UNKNOWN;
-        assert!(!is_full(found(4.06, 2.8, &li_ion(None, &unknown))));
-        assert!(is_full(found(4.06, 2.8, &li_ion(Some(0.12), &unknown))));
-        // Two standard deviations less would not be full.
-        assert!(!is_full(found(4.06, 2.8, &li_ion(Some(0.02), &unknown))));
-    }
-
-    #[test]
-    fn a_kept_resistance_counts_for_the_pack_with_its_serial_number() {
-        assert!(is_full(found(4.06, 2.8, &li_ion(None, &kept(Some(7))))));
-        assert!(!is_full(found(4.06, 2.8, &li_ion(None, &kept(None)))));
-    }
-
-    #[test]
-    fn a_pack_that_is_charged_is_not_full_by_its_voltage() {
-        assert!(is_full(found(4.19, 1.0, &li_ion(None, &LearntPack::UNKNOWN))));
-        assert!(!is_full(found(4.19, -1.0, &li_ion(None, &LearntPack::UNKNOWN))));
+        for (cell_v, current_a, measured_ohm, learnt, expected) in [
+            (4.06, 2.8, None, unknown, false),
+            (4.06, 2.8, Some(0.12), unknown, true),
+            // Two standard deviations less would not be full.
+            (4.06, 2.8, Some(0.02), unknown, false),
+            // A kept resistance counts for the pack with its serial number.
+            (4.06, 2.8, None, kept(Some(7)), true),
+            (4.06, 2.8, None, kept(None), false),
+            // One that is charged is not full by its voltage.
+            (4.19, 1.0, None, unknown, true),
+            (4.19, -1.0, None, unknown, false),
+        ] {
+            let found = found(cell_v, current_a, &li_ion(measured_ohm, &learnt));
+            assert_eq!(
+                is_full(found),
+                expected,
+                "{cell_v} V {current_a} A {measured_ohm:?}"
+            );
+        }
     }
 }
