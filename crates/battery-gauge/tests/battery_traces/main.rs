@@ -7,7 +7,6 @@ mod charge;
 mod failsafe;
 mod pack;
 mod percentages;
-mod plausibility;
 mod replay;
 mod resistance;
 mod sample;

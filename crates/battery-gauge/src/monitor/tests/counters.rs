@@ -13,22 +13,11 @@ struct Counted3S {
     counted_mah: f32,
     /// Between two readings, in seconds.
     period_s: f32,
-    current: Current,
-    counter: Counter,
+    /// Share of the current that its sensor shows, if there is one.
+    shown: Option<f32>,
+    has_counter: bool,
     /// Time of the load's profile, in seconds.
     time_s: f32,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Current {
-    Measured,
-    Unknown,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Counter {
-    Present,
-    Absent,
 }
 
 impl Counted3S {
@@ -42,8 +31,8 @@ impl Counted3S {
             step_mah,
             counted_mah: 0.0,
             period_s: 0.1,
-            current: Current::Measured,
-            counter: Counter::Present,
+            shown: Some(1.0),
+            has_counter: true,
             time_s: 0.0,
         }
     }
@@ -58,8 +47,8 @@ impl Counted3S {
         let resting_v = 3.0 * Chemistry::LiPo.cell().curve.voltage_v(self.soc());
         let total_mah = (self.counted_mah / self.step_mah).floor() * self.step_mah;
         Measurement {
-            current_a: (self.current == Current::Measured).then_some(current_a),
-            counted: (self.counter == Counter::Present).then_some(Counted::TotalCharge(total_mah)),
+            current_a: self.shown.map(|shown| shown * current_a),
+            counted: self.has_counter.then_some(Counted::TotalCharge(total_mah)),
             ..volts(resting_v - current_a * resistance_ohm)
         }
     }
@@ -94,9 +83,9 @@ impl Counted3S {
     fn excess_pct(&self) -> f32 {
         let error_pct = (self.remaining_pct() - self.soc() * 100.0).abs();
         let step_pct = self.step_mah / self.capacity_mah * 100.0;
-        let allowed_pct = match self.current {
-            Current::Measured => 2.0,
-            Current::Unknown => step_pct + 2.0f32.max(self.bench.state.remaining_uncertainty_pct()),
+        let allowed_pct = match self.shown {
+            Some(_) => 2.0,
+            None => step_pct + 2.0f32.max(self.bench.state.remaining_uncertainty_pct()),
         };
         error_pct - allowed_pct
     }
@@ -113,12 +102,8 @@ fn steps_of_a_counter_are_not_counted_on_top_of_the_current() {
         let mut pack = Counted3S::full(5000.0, step_mah);
         pack.run(30.0, 0.0);
         pack.drive(1800.0, 4.0);
-        println!(
-            "{step_mah} mAh: {} of {}",
-            pack.remaining_pct(),
-            pack.soc() * 100.0
-        );
-        assert!(pack.excess_pct() < 0.0);
+        let excess_pct = pack.excess_pct();
+        assert!(excess_pct < 0.0, "{step_mah} mAh: {excess_pct} points");
         assert_about(pack.bench.state.consumed_mah(), 2000.0, step_mah + 1.0);
     }
 }
@@ -127,60 +112,39 @@ fn steps_of_a_counter_are_not_counted_on_top_of_the_current() {
 fn what_a_counter_shows_beyond_the_current_is_drawn_whatever_its_step() {
     for step_mah in [1.0, 20.0] {
         let mut pack = Counted3S::full(5000.0, step_mah);
+        pack.shown = Some(0.5);
         pack.run(30.0, 0.0);
-        pack.bench.load_state = LoadState::On;
-        for _ in 0..18_000 {
-            pack.left_mah -= 4.0 * 0.1 / 3.6;
-            pack.counted_mah += 4.0 * 0.1 / 3.6;
-            // A sensor that shows half.
-            let reading = Measurement {
-                current_a: Some(2.0),
-                ..pack.reading(4.0)
-            };
-            pack.bench.tick(Ok(reading));
-        }
-        assert!(
-            (pack.remaining_pct() - 60.0).abs() < 3.0,
-            "{step_mah}: {}",
-            pack.remaining_pct()
-        );
+        pack.drive(1800.0, 4.0);
+        assert_about(Some(pack.remaining_pct()), 60.0, 3.0);
     }
 }
 
 #[test]
 // Requirement: S-10
 fn a_pack_that_is_charged_in_place_has_what_it_was_charged_to() {
-    for current in [Current::Measured, Current::Unknown] {
+    for shown in [Some(1.0), None] {
         let mut pack = Counted3S::full(5000.0, 1.0);
-        pack.current = current;
+        pack.shown = shown;
         pack.run(30.0, 0.0);
         pack.drive(3600.0, 3.0);
-        assert!(
-            (pack.remaining_pct() - 40.0).abs() < 10.0,
-            "{}",
-            pack.remaining_pct()
-        );
+        assert_about(Some(pack.remaining_pct()), 40.0, 10.0);
         pack.run(3600.0, -3.0);
         pack.run(120.0, 0.0);
         let remaining_pct = pack.remaining_pct();
-        println!("{current:?}: {remaining_pct} of {}", pack.soc() * 100.0);
+        println!("{shown:?}: {remaining_pct} of {}", pack.soc() * 100.0);
         assert!(remaining_pct > 85.0);
         // The counter stays a limit of what is left from there.
         pack.drive(1800.0, 3.0);
-        assert!(
-            (pack.remaining_pct() - 70.0).abs() < 12.0,
-            "{current:?}: {}",
-            pack.remaining_pct()
-        );
+        assert_about(Some(pack.remaining_pct()), 70.0, 12.0);
     }
 }
 
 #[test]
 // Requirement: S-10
 fn a_first_total_that_the_rest_denies_was_drawn_from_another_pack() {
-    for current in [Current::Measured, Current::Unknown] {
+    for shown in [Some(1.0), None] {
         let mut pack = Counted3S::full(2200.0, 1.0);
-        pack.current = current;
+        pack.shown = shown;
         pack.bench.settings.failsafe.low.remaining_mah = Some(500.0);
         pack.counted_mah = 3000.0;
         let mut reported = Vec::new();
@@ -190,24 +154,17 @@ fn a_first_total_that_the_rest_denies_was_drawn_from_another_pack() {
             let remaining = pack.bench.state.remaining_or_counted();
             assert!(
                 remaining.is_none_or(|mah| mah > 2000.0),
-                "{current:?}: {remaining:?}"
+                "{shown:?}: {remaining:?}"
             );
         }
-        assert!(
-            reported.iter().all(|pct| *pct > 90.0),
-            "{current:?}: {reported:?}"
-        );
+        assert!(reported.iter().all(|pct| *pct > 90.0), "{shown:?}: {reported:?}");
         assert!(reported.len() > 49, "within ten seconds");
         assert_eq!(pack.bench.state.consumed_mah(), Some(3000.0), "as it is sent");
         let states = [ChargeState::Undefined, ChargeState::Ok];
         assert!(states.contains(&pack.bench.state.charge_state));
         pack.drive(600.0, 3.0);
         let expected = pack.soc() * 100.0;
-        assert!(
-            (pack.remaining_pct() - expected).abs() < 5.0,
-            "{current:?}: {}",
-            pack.remaining_pct()
-        );
+        assert_about(Some(pack.remaining_pct()), expected, 5.0);
     }
 }
 
@@ -216,11 +173,7 @@ fn a_first_total_that_fits_the_rest_is_this_packs() {
     let mut pack = Counted3S::full(5000.0, 1.0);
     (pack.left_mah, pack.counted_mah) = (2000.0, 3000.0);
     pack.run(30.0, 0.0);
-    assert!(
-        (pack.remaining_pct() - 40.0).abs() < 5.0,
-        "{}",
-        pack.remaining_pct()
-    );
+    assert_about(Some(pack.remaining_pct()), 40.0, 5.0);
     assert!(pack.bench.state.left_at_most.expect("counted") < 0.5);
 }
 
@@ -338,12 +291,12 @@ proptest! {
         // whatever counts. A drive may draw some more than at its mean, so to be full takes longer.
         recharged in prop::option::of(prop_oneof![0.3..0.92f32, Just(1.2)]),
     ) {
-        let current = if is_measured { Current::Measured } else { Current::Unknown };
-        let run = |counter| {
+        let shown = is_measured.then_some(1.0);
+        let run = |has_counter| {
             let mut pack = Counted3S {
                 period_s,
-                current,
-                counter,
+                shown,
+                has_counter,
                 ..Counted3S::full(capacity_mah, step_mah)
             };
             pack.bench.monitor.restore_learnt(LearntPack::UNKNOWN);
@@ -367,10 +320,10 @@ proptest! {
             }
             (worst_pct, learnt_mah)
         };
-        let (excess_pct, learnt_mah) = run(Counter::Present);
+        let (excess_pct, learnt_mah) = run(true);
         prop_assert!(excess_pct <= 0.0, "{excess_pct} points too far");
         if is_measured {
-            let (_, without_mah) = run(Counter::Absent);
+            let (_, without_mah) = run(false);
             let ratio = learnt_mah.zip(without_mah).map(|(with, without)| with / without);
             prop_assert!(ratio.is_none_or(|ratio| (0.97..1.03).contains(&ratio)), "{ratio:?}");
             prop_assert_eq!(learnt_mah.is_some(), without_mah.is_some());

@@ -65,32 +65,39 @@ fn a_curve_with_a_plateau_makes_no_pack_full_before_it_has_relaxed() {
 
 #[test]
 // Requirement: PX-6
-fn a_full_pack_with_a_plateau_is_certain_once_it_has_kept_its_voltage() {
-    let mut rover = Rover::with(just_charged(Chemistry::LiFe, 1.0, 0.05));
-    rover.run(20.0, 0.0);
-    let is_uncertain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 97.0 && sigma_pct > 10.0;
-    let estimate = estimate_pct(&rover);
-    assert!(estimate.is_none_or(is_uncertain), "{estimate:?}");
-    rover.run(15.0, 0.0);
-    let is_certain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 99.0 && sigma_pct < 2.0;
-    let estimate = estimate_pct(&rover);
-    assert!(estimate.is_some_and(is_certain), "{estimate:?}");
-    rover.drive_to(0.4);
-    rover.assert_error_below(4.0, "driven");
-    assert_honest(&rover, "driven");
-}
-
-#[test]
-// Requirement: PX-6
-fn a_full_pack_with_a_plateau_is_certain_once_it_has_relaxed() {
-    let mut rover = Rover::with(just_charged(Chemistry::LiFe, 1.0, -0.12));
-    rover.run(60.0, 0.0);
-    let is_certain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 99.0 && sigma_pct < 2.0;
-    let estimate = estimate_pct(&rover);
-    assert!(!estimate.is_some_and(is_certain), "{estimate:?}");
-    rover.run(4.0 * 3600.0, 0.0);
-    let estimate = estimate_pct(&rover);
-    assert!(estimate.is_some_and(is_certain), "{estimate:?}");
+fn a_full_pack_with_a_plateau_is_certain_once_it_has_kept_its_voltage_or_relaxed() {
+    const HOURS_S: f32 = 3600.0;
+    for (chemistry, soc, surface_v, times) in [
+        (Chemistry::LiFe, 1.0, 0.05, [(20.0, false), (15.0, true)]),
+        (
+            Chemistry::LiFe,
+            1.0,
+            -0.12,
+            [(60.0, false), (4.0 * HOURS_S, true)],
+        ),
+        // From its charger, and taken off early.
+        (Chemistry::NiMh, 1.0, 0.07, [(20.0, false), (20.0, true)]),
+        (Chemistry::NiMh, 0.7, 0.07, [(20.0, false), (20.0, false)]),
+    ] {
+        let mut rover = Rover::with(just_charged(chemistry, soc, surface_v));
+        for (seconds, is_certain) in times {
+            rover.run(seconds, 0.0);
+            let estimate = estimate_pct(&rover);
+            let what = format!("{chemistry:?} {soc} {surface_v}, {seconds} s later: {estimate:?}");
+            assert_honest(&rover, &what);
+            if is_certain {
+                assert!(
+                    estimate.is_some_and(|(pct, sigma_pct)| pct > 99.0 && sigma_pct < 2.0),
+                    "{what}"
+                );
+                rover.drive_to(0.4);
+                rover.assert_error_below(4.0, &what);
+                assert_honest(&rover, &what);
+            } else {
+                assert!(estimate.is_none_or(|(_, sigma_pct)| sigma_pct > 10.0), "{what}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -248,10 +255,7 @@ fn the_next_start_ends_a_drive_that_did_not_rest() {
         let mut rover = switched_off_at(chemistry, 0.35);
         assert_eq!(rover.bench.state.learnt_capacity_mah, None);
         let learnt_mah = learnt_mah_next_day(&mut rover, 0.35).expect("learnt");
-        assert!(
-            (learnt_mah / 2200.0 - 1.0).abs() < 0.05,
-            "{chemistry:?}: {learnt_mah} mAh"
-        );
+        assert_about(Some(learnt_mah), 2200.0, 0.05 * 2200.0);
         assert!(
             rover.bench.monitor.learnt().is_some_and(LearntPack::has_curve),
             "{chemistry:?}"
@@ -393,21 +397,6 @@ fn an_aged_pack_that_was_parked_with_a_third_left_is_known() {
 
 #[test]
 // Requirement: PX-6
-fn a_nimh_pack_from_its_charger_is_full_and_one_a_day_later_unknown() {
-    let mut rover = Rover::with(just_charged(Chemistry::NiMh, 1.0, 0.07));
-    rover.run(40.0, 0.0);
-    let is_certain = |(remaining_pct, sigma_pct): (f32, f32)| remaining_pct > 99.0 && sigma_pct < 2.0;
-    let estimate = estimate_pct(&rover);
-    assert!(estimate.is_some_and(is_certain), "{estimate:?}");
-    let mut rover = Rover::with(just_charged(Chemistry::NiMh, 0.7, 0.07));
-    rover.run(40.0, 0.0);
-    let estimate = estimate_pct(&rover);
-    assert!(!estimate.is_some_and(is_certain), "{estimate:?}");
-    assert_honest(&rover, "taken off its charger early");
-}
-
-#[test]
-// Requirement: PX-6
 fn a_pack_with_a_board_that_draws_much_is_learnt() {
     for chemistry in STEEP {
         for idle_a in [0.3, 0.42] {
@@ -416,10 +405,7 @@ fn a_pack_with_a_board_that_draws_much_is_learnt() {
             rover.drive_to(0.3);
             rover.run(1000.0, idle_a);
             let learnt_mah = rover.bench.state.learnt_capacity_mah.expect("learnt");
-            assert!(
-                (learnt_mah / 2200.0 - 1.0).abs() < 0.05,
-                "{chemistry:?}: {learnt_mah} mAh"
-            );
+            assert_about(Some(learnt_mah), 2200.0, 0.05 * 2200.0);
         }
     }
 }

@@ -22,6 +22,14 @@ fn half_full(gauge: GaugeReading) -> Measurement {
     }
 }
 
+/// A reading without the gauge's report, and with this charge.
+fn missing(state_of_charge: Option<f32>) -> Measurement {
+    Measurement {
+        state_of_charge,
+        ..half_full(GaugeReading::Missing)
+    }
+}
+
 const HALF_OF_20_AH: GaugeReading = GaugeReading::Read(Gauge {
     remaining_mah: 10_000.0,
     full_mah: 20_000.0,
@@ -31,10 +39,7 @@ const HALF_OF_20_AH: GaugeReading = GaugeReading::Read(Gauge {
 // Requirement: L-12
 fn readings_without_the_gauge_trip_no_threshold_in_mah() {
     for soc in [None, Some(0.5)] {
-        let missing = Measurement {
-            state_of_charge: soc,
-            ..half_full(GaugeReading::Missing)
-        };
+        let missing = missing(soc);
         let mut bench = gauged_bench();
         bench.run(1.0, half_full(HALF_OF_20_AH));
         let state = bench.run(0.1, missing);
@@ -52,10 +57,7 @@ fn readings_without_the_gauge_trip_no_threshold_in_mah() {
 #[test]
 fn before_the_first_report_of_a_gauge_its_capacity_is_unknown() {
     for soc in [None, Some(0.5)] {
-        let missing = Measurement {
-            state_of_charge: soc,
-            ..half_full(GaugeReading::Missing)
-        };
+        let missing = missing(soc);
         let mut bench = gauged_bench();
         let state = bench.run(GAUGE_TIMEOUT_S - 1.0, missing);
         assert_eq!(
@@ -71,12 +73,22 @@ fn before_the_first_report_of_a_gauge_its_capacity_is_unknown() {
 }
 
 #[test]
-fn a_source_that_never_reports_its_gauge_has_none() {
-    let mut bench = MonitorBench::new();
-    let state = bench.run(GAUGE_TIMEOUT_S + 1.0, half_full(GaugeReading::Missing));
-    assert_eq!(state.charge_source, ChargeSource::Estimated);
-    assert_eq!(state.capacity_mah(), Some(2200.0));
-    assert!(state.readings.remaining_pct.is_some());
+fn a_gauge_that_never_reports_or_is_not_to_be_used_is_none() {
+    for (first, then, seconds) in [
+        (
+            GaugeReading::Missing,
+            GaugeReading::Missing,
+            GAUGE_TIMEOUT_S - 4.0,
+        ),
+        (HALF_OF_20_AH, GaugeReading::Absent, 0.1),
+    ] {
+        let mut bench = MonitorBench::new();
+        bench.run(5.0, half_full(first));
+        let state = bench.run(seconds, half_full(then));
+        assert_eq!(state.charge_source, ChargeSource::Estimated);
+        assert_eq!(state.capacity_mah(), Some(2200.0));
+        assert!(state.readings.remaining_pct.is_some());
+    }
 }
 
 #[test]
@@ -157,15 +169,6 @@ fn timed_out_gauge_is_unhealthy_and_announced_while_a_threshold_needs_it() {
     assert_eq!(bench.events.last(), Some(&PackEvent::SensorRecovered));
 }
 
-#[test]
-fn gauge_that_is_not_to_be_used_is_estimated_at_once() {
-    let mut bench = MonitorBench::new();
-    bench.run(5.0, half_full(HALF_OF_20_AH));
-    let state = bench.run(0.1, half_full(GaugeReading::Absent));
-    assert_eq!(state.charge_source, ChargeSource::Estimated);
-    assert_eq!(state.capacity_mah(), Some(2200.0));
-}
-
 /// A reading of a companion computer that counts, and may measure the current.
 fn companion(total_mah: f32, current_a: Option<f32>) -> Measurement {
     Measurement {
@@ -209,24 +212,6 @@ fn a_count_beyond_the_capacity_leaves_nothing_whatever_the_voltage() {
 }
 
 #[test]
-fn a_count_without_a_current_feeds_the_estimate() {
-    let mut bench = MonitorBench::new();
-    let at_full = |total_mah| Measurement {
-        voltage_v: Some(12.6),
-        ..companion(total_mah, None)
-    };
-    bench.run(60.0, at_full(0.0));
-    bench.load_state = LoadState::On;
-    // A tenth of 2200 mAh, at 2.2 A.
-    for tick in 0..=3600 {
-        bench.tick(Ok(at_full((220.0 * tick as f32 / 3600.0).floor())));
-    }
-    let state = bench.state;
-    assert_about(state.readings.remaining_pct, 90.0, 1.0);
-    assert_about(state.consumed_mah(), 220.0, 2.0);
-}
-
-#[test]
 fn of_a_count_and_a_current_the_larger_counts() {
     for (counted_a, measured_a) in [(2.2, 1.0), (1.0, 2.2)] {
         let mut bench = MonitorBench::new();
@@ -239,27 +224,34 @@ fn of_a_count_and_a_current_the_larger_counts() {
 }
 
 #[test]
-fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
-    let reading = |charge_mah: f32, current_a| Measurement {
+fn what_a_controller_counted_while_silent_is_drawn_when_it_returns_and_is_no_gap() {
+    let reading = |soc: f32, charge_mah: f32, current_a| Measurement {
         counted: Some(Counted::Increment(Consumed {
             charge_mah,
             energy_wh: charge_mah * 0.012,
         })),
         current_a,
-        ..volts(12.6)
+        ..volts(3.0 * Chemistry::LiPo.cell().curve.voltage_v(soc))
     };
-    let mut bench = MonitorBench::new();
-    bench.run(1.0, reading(0.01, Some(0.36)));
-    bench.reset(100.0);
-    bench.run(60.0, reading(0.0, None));
-    let half_full = |charge_mah: f32| Measurement {
-        voltage_v: Some(3.0 * Chemistry::LiPo.cell().curve.voltage_v(0.5)),
-        ..reading(charge_mah, Some(0.36))
-    };
-    bench.tick(Ok(half_full(1100.0)));
-    let state = bench.run(10.0, half_full(0.01));
-    assert_about(state.readings.remaining_pct, 50.0, 1.0);
-    assert_about(state.consumed_mah(), 1101.0, 1.0);
+    // Without a current, or without any reading.
+    for (silent, tolerance_pct) in [
+        (Ok(reading(1.0, 0.0, None)), 1.0),
+        (Err(ReadError::Bus(BusError::NoAnswer)), 3.0),
+    ] {
+        let mut bench = MonitorBench::new();
+        bench.run(1.0, reading(1.0, 0.01, Some(0.36)));
+        bench.reset(100.0);
+        for _ in 0..600 {
+            bench.tick(silent);
+        }
+        bench.tick(Ok(reading(0.5, 1100.0, Some(0.36))));
+        let state = bench.run(10.0, reading(0.5, 0.01, Some(0.36)));
+        assert_about(state.readings.remaining_pct, 50.0, tolerance_pct);
+        assert_about(state.consumed_mah(), 1101.0, 1.0);
+        assert_about(state.consumed_wh, 1101.0 * 0.012, 0.1);
+        let is_gap = |event: &PackEvent| matches!(event, PackEvent::Gap(_));
+        assert!(!bench.events.iter().any(is_gap), "{:?}", bench.events);
+    }
 }
 
 #[test]
@@ -318,13 +310,16 @@ fn a_swapped_pack_has_none_of_the_count_of_the_one_before() {
 }
 
 #[test]
-fn after_a_processor_reset_a_count_goes_on() {
+fn after_a_processor_reset_a_count_and_the_detected_cells_go_on() {
     let mut before = MonitorBench::new();
-    before.run(1.0, companion(1000.0, Some(0.0)));
+    before.settings.cell_count = None;
+    before.run(5.0, companion(1000.0, Some(0.0)));
     // The companion has restarted.
     before.run(1.0, companion(0.0, Some(0.0)));
     count(&mut before, 60.0, 0.0, 6.0, None);
     let mut after = before.after_processor_reset();
+    after.tick(Ok(companion(100.0, None)));
+    assert_eq!(after.state.cell_count, Some(3));
     after.run(1.0, companion(100.0, None));
     assert_about(after.state.consumed_mah(), 1099.0, 2.0);
 }
