@@ -32,45 +32,35 @@ fn rms_error_pct(moments: &[Moment], truth_pct: &[f64]) -> (f64, usize) {
     (root_mean_square(&errors), errors.len())
 }
 
-#[track_caller]
-fn assert_voltage_alone_is_sufficient(settings: &PackSettings) {
-    let samples = trace(DISCHARGE);
-    let moments = run(&without_current(&samples), settings);
-    let (rms_pct, count) = rms_error_pct(&moments, &truth_pct(&samples));
-    let states = moments.windows(2);
-    let changes = states.filter(|pair| pair[0].state.charge_state != pair[1].state.charge_state);
-    let changes = changes.count();
-    println!("voltage only: {rms_pct:.2} % rms, {changes} changes of charge_state");
-    assert!(
-        count > samples.len() * 9 / 10,
-        "only {count} samples have an estimate"
-    );
-    assert!(rms_pct <= 5.0, "{rms_pct} % rms");
-    assert!(changes <= 2, "{changes} changes");
-}
-
 #[test]
 // Requirement: OWN-1
 fn charge_by_voltage_alone_is_within_5_percent() {
-    assert_voltage_alone_is_sufficient(&cells_set());
-}
-
-#[test]
-fn charge_with_detected_cells_is_within_5_percent() {
-    let detected = run(&without_current(&trace(DISCHARGE)), &PackSettings::default());
-    let events: Vec<_> = detected.iter().flat_map(|moment| &moment.events).collect();
-    assert_eq!(events, [&PackEvent::CellsDetected { count: 3 }]);
-    assert_voltage_alone_is_sufficient(&PackSettings::default());
-}
-
-/// Standing still between loads is not a rest whose voltage is believed.
-#[test]
-fn charge_by_voltage_alone_does_not_need_the_arm_state() {
     let samples = trace(DISCHARGE);
-    let disarmed = disarmed(without_current(&samples));
-    let (rms_pct, _) = rms_error_pct(&run(&disarmed, &cells_set()), &truth_pct(&samples));
-    println!("voltage only, disarmed: {rms_pct:.2} % rms");
-    assert!(rms_pct <= 5.0, "{rms_pct} % rms");
+    let truth_pct = truth_pct(&samples);
+    let detected = PackEvent::CellsDetected { count: 3 };
+    let armed = without_current(&samples);
+    // Disarmed, standing still between loads is not a rest whose voltage is believed.
+    for (seen, settings, detects) in [
+        (disarmed(armed.clone()), cells_set(), false),
+        (armed.clone(), cells_set(), false),
+        (armed, PackSettings::default(), true),
+    ] {
+        let moments = run(&seen, &settings);
+        let (rms_pct, count) = rms_error_pct(&moments, &truth_pct);
+        let states = moments.windows(2);
+        let changes = states.filter(|pair| pair[0].state.charge_state != pair[1].state.charge_state);
+        let changes = changes.count();
+        println!("voltage only: {rms_pct:.2} % rms, {changes} changes of charge_state");
+        assert!(
+            count > samples.len() * 9 / 10,
+            "only {count} samples have an estimate"
+        );
+        assert!(rms_pct <= 5.0, "{rms_pct} % rms");
+        assert!(changes <= 2, "{changes} changes");
+        let events = moments.iter().flat_map(|moment| &moment.events);
+        let times = events.filter(|event| **event == detected).count();
+        assert_eq!(times, usize::from(detects), "cells are detected once");
+    }
 }
 
 #[test]
@@ -116,33 +106,24 @@ fn charge_from_boot_in_mid_drive_is_within_8_percent() {
 }
 
 #[test]
-// Requirement: OWN-1
-fn consumption_is_the_integral_of_the_current() {
+// Requirement: OWN-1, AP-15
+fn consumption_is_the_integral_of_current_and_power() {
     let samples = trace(DISCHARGE);
     let expected_mah = *drawn_mah(&samples).last().unwrap();
+    let energy_wh = |pair: &[Sample]| {
+        let power_w = f64::from(pair[1].voltage_v * pair[1].current_a.unwrap());
+        power_w * (pair[1].t_s - pair[0].t_s) / 3600.0
+    };
+    let expected_wh: f64 = samples.windows(2).map(energy_wh).sum();
     let moments = run(&samples, &cells_and_capacity_set());
-    let consumed_mah = f64::from(moments.last().unwrap().state.consumed_mah().expect("consumption"));
-    let error = (consumed_mah / expected_mah - 1.0).abs();
-    println!("consumption: {consumed_mah:.4} mAh, {:.5} % off", error * 100.0);
-    assert!(error <= 5e-5, "{consumed_mah} instead of {expected_mah} mAh");
-}
-
-#[test]
-fn energy_is_the_integral_of_the_power() {
-    let samples = trace(DISCHARGE);
-    let expected_wh: f64 = samples
-        .windows(2)
-        .map(|pair| {
-            let power_w = f64::from(pair[1].voltage_v * pair[1].current_a.unwrap());
-            power_w * (pair[1].t_s - pair[0].t_s) / 3600.0
-        })
-        .sum();
-    let moments = run(&samples, &cells_and_capacity_set());
-    let consumed_wh = f64::from(moments.last().unwrap().state.consumed_wh.expect("energy"));
-    assert!(
-        (consumed_wh / expected_wh - 1.0).abs() <= 5e-5,
-        "{consumed_wh} instead of {expected_wh} Wh"
-    );
+    let last = &moments.last().unwrap().state;
+    let consumed_mah = f64::from(last.consumed_mah().expect("consumption"));
+    let consumed_wh = f64::from(last.consumed_wh.expect("energy"));
+    for (consumed, expected) in [(consumed_mah, expected_mah), (consumed_wh, expected_wh)] {
+        let error = (consumed / expected - 1.0).abs();
+        println!("consumption: {consumed:.4}, {:.5} % off", error * 100.0);
+        assert!(error <= 5e-5, "{consumed} instead of {expected}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use battery_gauge::{BatteryMonitor, BatteryState, Chemistry, PackEvent, PackSettings};
+use battery_gauge::{BatteryMonitor, BatteryState, PackEvent, PackSettings};
 
 pub use super::sample::{Sample, drawn_mah, reading, root_mean_square, rows, tick, without_current};
 
@@ -50,16 +50,6 @@ pub fn cells_and_capacity_set() -> PackSettings {
     PackSettings {
         capacity_mah: Some(2200.0),
         ..cells_set()
-    }
-}
-
-/// One Li-ion cell with this label.
-pub fn li_ion_cell(label_mah: f32) -> PackSettings {
-    PackSettings {
-        chemistry: Chemistry::LiIon,
-        cell_count: Some(1),
-        capacity_mah: Some(label_mah),
-        ..PackSettings::default()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use battery_gauge::PackSettings;
 
-use super::replay::{Moment, Sample, run, trace};
+use super::replay::{Moment, run, trace};
 
 #[test]
 // Requirement: AP-15, OWN-1
@@ -45,21 +45,6 @@ fn voltage_falling_at_constant_load_is_not_sag() {
         moments.iter().all(is_unknown),
         "no resistance from a constant load"
     );
-}
-
-#[test]
-fn current_ripple_does_not_explain_a_falling_voltage() {
-    let ripple_a = |t_s: f64| 0.25 * (2.0 * t_s).sin() as f32;
-    let samples: Vec<Sample> = trace("trace_failsafe_voltage.csv")
-        .into_iter()
-        .map(|sample| Sample {
-            current_a: sample.current_a.map(|current_a| current_a + ripple_a(sample.t_s)),
-            ..sample
-        })
-        .collect();
-    for moment in run(&samples, &PackSettings::default()) {
-        assert_eq!(moment.state.resistance_ohm, None, "at {} s", moment.t_s);
-    }
 }
 
 #[test]

@@ -1,60 +1,18 @@
 //! A pack is switched on under load: simulated cells whose sag develops as that of an 18650 does.
 
-use battery_gauge::{BatteryMonitor, BatteryState, Chemistry, PackSettings};
+use battery_gauge::{BatteryMonitor, BatteryState, PackSettings};
 use proptest::prelude::*;
 
-use super::replay::{Sample, li_ion_cell, reading, tick};
+use super::percentages::{CELLS, Cells};
+use super::replay::{Sample, reading, tick};
 
 const CAPACITY_AH: f64 = 2.9;
 const RATE_HZ: u32 = 10;
+const LI_ION: &Cells = &CELLS[2];
 
 /// Time constants of the sag, in seconds, and what it develops with each, relative to the resistance within a second.
 const FAST_PARTS: [(f64, f64); 1] = [(0.2, 0.6)];
 const SLOW_PARTS: [(f64, f64); 3] = [(10.0, 0.25), (100.0, 0.25), (1000.0, 0.5)];
-
-/// Typical cells by `src/battery/chemistry.rs`: resting voltages when full and half empty, voltage that a load of a capacity an
-/// hour takes off within a second, and the slow sag relative to that.
-#[derive(Clone, Copy, Debug)]
-struct Kind {
-    chemistry: Chemistry,
-    full_v: f64,
-    half_v: f64,
-    drop_v: f64,
-    slow_share: f64,
-}
-
-const LI_ION: Kind = Kind {
-    chemistry: Chemistry::LiIon,
-    full_v: 4.199,
-    half_v: 3.720,
-    drop_v: 0.090,
-    slow_share: 1.75,
-};
-
-const KINDS: [Kind; 4] = [
-    Kind {
-        chemistry: Chemistry::LiPo,
-        full_v: 4.200,
-        half_v: 3.817,
-        drop_v: 0.026,
-        slow_share: 0.5,
-    },
-    Kind {
-        chemistry: Chemistry::LiFe,
-        full_v: 3.589,
-        half_v: 3.295,
-        drop_v: 0.023,
-        slow_share: 1.0,
-    },
-    LI_ION,
-    Kind {
-        chemistry: Chemistry::NiMh,
-        full_v: 1.404,
-        half_v: 1.310,
-        drop_v: 0.018,
-        slow_share: 1.0,
-    },
-];
 
 /// A cell under load.
 struct Cell {
@@ -65,13 +23,13 @@ struct Cell {
 }
 
 impl Cell {
-    /// Of a kind, with a resistance relative to that of a typical warm one: up to five when cold.
-    fn new(kind: &Kind, resting_v: f64, relative_resistance: f64) -> Self {
-        let slow = SLOW_PARTS.map(|(time_s, share)| (time_s, kind.slow_share * share));
+    /// Of a chemistry, with a resistance relative to that of a typical warm one: up to five when cold.
+    fn new(cells: &Cells, resting_v: f64, relative_resistance: f64) -> Self {
+        let slow = SLOW_PARTS.map(|(time_s, share)| (time_s, cells.slow_share * share));
         let parts = FAST_PARTS.into_iter().chain(slow);
         Self {
             resting_v,
-            ohm: relative_resistance * kind.drop_v / CAPACITY_AH,
+            ohm: relative_resistance * cells.drop_v / CAPACITY_AH,
             parts: parts.map(|(time_s, share)| (time_s, share, 0.0)).collect(),
         }
     }
@@ -95,10 +53,12 @@ fn load_a(peak_a: f64, t_s: f64) -> f64 {
 }
 
 /// What the monitor reports in two minutes, after a time under load that it did not see: the charge and its deviation.
-fn reported(kind: &Kind, mut cell: Cell, peak_a: f64, unseen_s: f64, charging: bool) -> Vec<(f32, f32)> {
+fn reported(cells: &Cells, mut cell: Cell, peak_a: f64, unseen_s: f64, charging: bool) -> Vec<(f32, f32)> {
     let settings = PackSettings {
-        chemistry: kind.chemistry,
-        ..li_ion_cell((CAPACITY_AH * 1e3) as f32)
+        chemistry: cells.chemistry,
+        cell_count: Some(1),
+        capacity_mah: Some((CAPACITY_AH * 1e3) as f32),
+        ..PackSettings::default()
     };
     let dt_s = 1.0 / f64::from(RATE_HZ);
     let sign = if charging { -1.0 } else { 1.0 };
@@ -125,7 +85,7 @@ proptest! {
     /// Warm or cold, with any load, from its beginning or after a restart in it.
     #[test]
     fn a_half_empty_pack_under_load_never_reads_full(
-        kind in prop::sample::select(&KINDS),
+        cells in prop::sample::select(&CELLS),
         relative_resistance in 0.5..6.0_f64,
         peak_per_h in 0.2..10.0_f64,
         unseen_s in prop_oneof![Just(0.0), 0.0..1200.0],
@@ -137,8 +97,8 @@ proptest! {
         } else {
             (relative_resistance, peak_per_h)
         };
-        let cell = Cell::new(&kind, kind.half_v, relative_resistance);
-        for (remaining_pct, sigma_pct) in reported(&kind, cell, peak_per_h * CAPACITY_AH, unseen_s, charging) {
+        let cell = Cell::new(&cells, cells.curve[5], relative_resistance);
+        for (remaining_pct, sigma_pct) in reported(&cells, cell, peak_per_h * CAPACITY_AH, unseen_s, charging) {
             prop_assert!(remaining_pct < 95.0 || sigma_pct > 15.0, "{remaining_pct} ± {sigma_pct} %");
         }
     }
@@ -146,8 +106,8 @@ proptest! {
     /// Without its resistance at −20 °C it would be 10 to 16 % low.
     #[test]
     fn a_full_pack_found_under_load_is_full(relative_resistance in 1.0..4.0, peak_a in 1.7..2.8) {
-        let cell = Cell::new(&LI_ION, LI_ION.full_v, relative_resistance);
-        let reported = reported(&LI_ION, cell, peak_a, 0.0, false);
+        let cell = Cell::new(LI_ION, LI_ION.curve[10], relative_resistance);
+        let reported = reported(LI_ION, cell, peak_a, 0.0, false);
         let (remaining_pct, sigma_pct) = *reported.last().expect("an estimate");
         // Two minutes draw up to 3 %.
         prop_assert!(remaining_pct > 96.0 && sigma_pct < 2.0, "{remaining_pct} ± {sigma_pct} %");
