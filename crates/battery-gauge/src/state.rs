@@ -410,3 +410,16 @@ impl Default for BatteryState {
         Self::UNKNOWN
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_pack_that_is_not_monitored_only_that_is_known() {
+        let disabled = BatteryState::disabled();
+        assert_eq!(disabled.status, PackStatus::Disabled);
+        let status = BatteryState::UNKNOWN.status;
+        assert_eq!(BatteryState { status, ..disabled }, BatteryState::UNKNOWN);
+    }
+}
