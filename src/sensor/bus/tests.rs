@@ -1036,7 +1036,7 @@ fn a_motor_board_of_another_number_of_motors_is_no_bebops() {
     assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::OtherPart));
 }
 
-/// Where smart batteries are.
+/// Address of smart batteries.
 const ADDRESS: u8 = 0x0b;
 
 fn add_codes(tables: &mut Tables) {

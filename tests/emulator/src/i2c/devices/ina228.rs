@@ -31,7 +31,7 @@ const MOST_VOLTS: f64 = 102.4;
 const ENERGY_STEPS: f64 = 16.0 * 3.2;
 const ACCUMULATOR_BITS: u32 = 40;
 
-/// What differs between the parts.
+/// Differences between the parts.
 #[derive(Clone, Copy)]
 struct Kind {
     device_id: u16,
@@ -39,7 +39,7 @@ struct Kind {
     bits: u32,
     shunt_lsb_v: f64,
     bus_lsb_v: f64,
-    /// Those of DIETEMP that have the temperature, the upper ones.
+    /// Upper bits of DIETEMP, which have the temperature.
     temperature_bits: u32,
     temperature_lsb_c: f64,
 }
