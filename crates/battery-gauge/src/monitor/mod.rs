@@ -90,8 +90,9 @@ pub struct BatteryMonitor {
 /// One update of a pack.
 struct Turn<'a> {
     tick: Tick,
-    /// Since the tick before, in microseconds.
+    /// Since the tick before, in microseconds and in seconds.
     tick_us: u64,
+    tick_s: f32,
     /// Since the latest valid reading of a pack, in microseconds.
     reading_us: u64,
     /// The owner's, overridden by what the pack reports of itself.
@@ -170,6 +171,7 @@ impl BatteryMonitor {
         let turn = &mut Turn {
             tick,
             tick_us,
+            tick_s: microseconds(tick_us) * 1e-6,
             reading_us,
             settings,
             state,
@@ -193,8 +195,7 @@ impl BatteryMonitor {
         self.report_health(turn, error);
         // A sum without healthy members has not lost a contact: it can't be swapped itself.
         if !is_fresh && error != Some(ReadError::NoHealthyMember) {
-            let dt_s = microseconds(tick_us) * 1e-6;
-            self.swap_detector.lose_contact(dt_s, tick.load_state);
+            self.swap_detector.lose_contact(turn.tick_s, tick.load_state);
         }
         self.show_settings(turn);
         let basis = self.basis(turn, is_fresh);
@@ -204,17 +205,16 @@ impl BatteryMonitor {
 
     /// Announces what has changed of the sensor, the current and the contact.
     fn report_health(&mut self, turn: &mut Turn<'_>, error: Option<ReadError>) {
-        let Turn { tick, tick_us, .. } = *turn;
-        let dt_s = microseconds(tick_us) * 1e-6;
+        let Turn { tick, tick_s, .. } = *turn;
         let status = turn.state.status;
         let has_lost_current = self.lost_count(tick.now, turn.state) == Some(ReadError::CurrentLost);
-        if let Some(event) = self.health.sensor(dt_s, status, error) {
+        if let Some(event) = self.health.sensor(tick_s, status, error) {
             push(turn.events, event);
         }
-        if let Some(event) = self.health.current(dt_s, status, has_lost_current) {
+        if let Some(event) = self.health.current(tick_s, status, has_lost_current) {
             push(turn.events, event);
         }
-        if let Some(event) = self.health.contact(dt_s, status, error, tick.load_state) {
+        if let Some(event) = self.health.contact(tick_s, status, error, tick.load_state) {
             push(turn.events, event);
         }
     }
@@ -806,7 +806,7 @@ impl BatteryMonitor {
         Basis {
             tick: turn.tick,
             dt_us: u32::try_from(turn.tick_us).unwrap_or(u32::MAX),
-            dt_s: microseconds(turn.tick_us) * 1e-6,
+            dt_s: turn.tick_s,
             is_fresh,
             last_healthy: self.last_healthy,
             last_voltage_v: self.last_voltage_v,
